@@ -1,0 +1,148 @@
+"""Every way the outside world can fail, sorted by who must act; one code, its fields, one catalogue."""
+
+from __future__ import annotations
+
+import functools
+import tomllib
+from importlib import resources
+from typing import ClassVar
+
+
+@functools.cache
+def catalogue(language: str = "en") -> dict[str, dict[str, str]]:
+    """Return the message catalogue: code -> {"what", "do"}, the rooms' own files read as one."""
+    merged: dict[str, dict[str, str]] = {}
+    folder = resources.files("drivers").joinpath("messages", language)
+    for entry in sorted(folder.iterdir(), key=lambda item: item.name):
+        if entry.name.endswith(".toml"):
+            merged.update(tomllib.loads(entry.read_text(encoding="utf-8")))
+    return merged
+
+
+class TrueflankError(Exception):
+    """Root of all our exceptions: a stable code with fields, rendered from the catalogue.
+
+    ``where`` names the device, file or room; ``fields`` fill the catalogue's text; ``exit_code`` says to a
+    shell who must act; ``retryable`` is true only where trying the same *read* again may help.
+    """
+
+    exit_code: ClassVar[int] = 1
+
+    def __init__(self, code: str, where: str = "", *, retryable: bool = False, **fields: object) -> None:
+        super().__init__(code, where, fields)
+        self.code = code
+        self.where = where
+        self.fields = fields
+        self.retryable = retryable
+
+    @property
+    def what(self) -> str:
+        """What happened and which limit it broke, in words."""
+        return self._render("what")
+
+    @property
+    def hint(self) -> str:
+        """What to do about it, in words."""
+        return self._render("do")
+
+    def _render(self, part: str) -> str:
+        entry = catalogue().get(self.code)
+        if entry is None:
+            details = ", ".join(f"{key}={value}" for key, value in self.fields.items())
+            return f"{self.code} {details}".strip() if part == "what" else ""
+        return entry[part].format_map(_Fields(self.fields))
+
+    def __str__(self) -> str:
+        place = f" [{self.where}]" if self.where else ""
+        hint = self.hint
+        return f"{self.code}{place}: {self.what}" + (f" -> {hint}" if hint else "")
+
+    def as_record(self) -> dict[str, object]:
+        """The error as data, for logs, run folders and ``--json``."""
+        fields = {key: str(value) for key, value in self.fields.items()}
+        return {"code": self.code, "where": self.where, "fields": fields, "what": self.what, "do": self.hint}
+
+
+class _Fields(dict[str, object]):
+    def __missing__(self, key: str) -> str:
+        return f"<{key}>"
+
+
+class ConfigError(TrueflankError):
+    """Who wrote the file must act: file, key and why are in the fields."""
+
+    exit_code = 2
+
+
+class TransportError(TrueflankError):
+    """The wire failed; the supervisor reopens it."""
+
+    exit_code = 3
+
+
+class DeadlineExceeded(TransportError):
+    """The caller's deadline passed; what the peer did meanwhile is unknown."""
+
+
+class LinkBroken(TransportError):
+    """An exchange was interrupted, so later answers could belong to earlier questions."""
+
+
+class ProtocolError(TrueflankError):
+    """One side broke the rules of the dialect."""
+
+    exit_code = 4
+
+
+class LocalProtocolError(ProtocolError):
+    """We were about to send something illegal."""
+
+
+class RemoteProtocolError(ProtocolError):
+    """The peer sent something illegal; the offending bytes are in the fields."""
+
+
+class DeviceError(TrueflankError):
+    """The operator must act at the device."""
+
+    exit_code = 5
+
+
+class DeviceRefused(DeviceError):
+    """The device understood and said no."""
+
+
+class BeamObstructed(DeviceError):
+    """The laser lost its beam; nothing counted after that is valid."""
+
+
+class NotReferenced(DeviceError):
+    """An axis or instrument has no reference."""
+
+
+class UnsupportedDevice(DeviceError):
+    """Something answered, but it is not what the site file names."""
+
+
+class FileFormatError(TrueflankError):
+    """A vendor file is wrong: file, line and reason are in the fields; the operator must give another."""
+
+    exit_code = 2
+
+
+class TableError(TrueflankError):
+    """A compensation table that the controller could not hold or should not get."""
+
+    exit_code = 7
+
+
+class TooManyPoints(TableError):
+    """More interpolation points than the controller reserved."""
+
+
+class ValueOutOfRange(TableError):
+    """A value, slope or change beyond its limit."""
+
+
+class Gap(TableError):
+    """A table with missing or inconsistent points."""

@@ -1,0 +1,54 @@
+"""Names to drivers: each is loaded only when chosen, and third parties add theirs by entry points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.metadata import entry_points
+from typing import Any
+
+from drivers.errors import ConfigError
+
+GROUP = "trueflank.drivers"
+
+
+@dataclass(frozen=True, slots=True)
+class DriverSpec:
+    """Where a driver lives ("module:attribute") and which role it plays."""
+
+    name: str
+    role: str
+    target: str
+
+    def load(self) -> Any:
+        """Import the driver's class or factory now."""
+        module, _, attribute = self.target.partition(":")
+        return getattr(import_module(module), attribute)
+
+
+_OWN = (
+    DriverSpec("sinumerik-opcua", "controller", "drivers.sinumerik.opcua:SinumerikOpcUa"),
+    DriverSpec("umd", "instrument", "drivers.umd.device:UmdCounter"),
+    DriverSpec("bridge", "instrument", "drivers.bridge.device:BridgeInstrument"),
+    DriverSpec("rtl", "file", "drivers.files.rtl:RtlFormat"),
+    DriverSpec("rta", "file", "drivers.files.rtl:RtaFormat"),
+    DriverSpec("csv", "file", "drivers.files.csvmap:CsvFormat"),
+    DriverSpec("sinumerik-tables", "table-file", "drivers.sinumerik.tables:TableFiles"),
+)
+
+
+def known(role: str | None = None) -> dict[str, DriverSpec]:
+    """All drivers by name, our own and those installed beside us; a name of ours cannot be taken over."""
+    specs = {spec.name: spec for spec in _OWN}
+    for point in entry_points(group=GROUP):
+        role_name, _, name = point.name.rpartition(".")
+        specs.setdefault(name, DriverSpec(name, role_name or "instrument", point.value))
+    return {name: spec for name, spec in specs.items() if role in (None, spec.role)}
+
+
+def load(name: str, role: str) -> Any:
+    """Load a driver by name. Raises ConfigError (E-CFG-DRIVER) naming those that exist."""
+    specs = known(role)
+    if name not in specs:
+        raise ConfigError("E-CFG-DRIVER", name, role=role, known=", ".join(sorted(specs)))
+    return specs[name].load()

@@ -1,0 +1,305 @@
+"""Frozen records that cross a port: what a device tells the gateway and what the gateway hands it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.units import AxisUnit, DeviationUnit, deviation_unit
+
+FloatArray = NDArray[np.float64]
+Approach = Literal[1, -1]
+CompensatedFor = Literal["nothing", "air", "air+material"]
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """Who a device says it is. ``fingerprint`` holds what must stay the same for a controller."""
+
+    driver: str
+    model: str
+    serial: str
+    firmware: str = ""
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class MachineIdentity:
+    """The fingerprint of a machine: three fields and more, all of them compared before every write."""
+
+    serial: str
+    nck_version: str
+    axis_names: tuple[str, ...]
+    unit_system: Literal["metric", "inch"] = "metric"
+
+    def differences(self, other: MachineIdentity) -> tuple[str, ...]:
+        """Names of the fields that differ."""
+        names = ("serial", "nck_version", "axis_names", "unit_system")
+        return tuple(name for name in names if getattr(self, name) != getattr(other, name))
+
+
+@dataclass(frozen=True, slots=True)
+class Ambient:
+    """Air and material readings. None means not connected; never assumed to be 20 degC."""
+
+    air_degc: float | None = None
+    pressure_hpa: float | None = None
+    humidity_pct: float | None = None
+    material_degc: tuple[float, ...] = ()
+    age_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class SampleBlock:
+    """A block of consecutive readings of one instrument, stamped in instrument time.
+
+    ``time_s`` shape (n,): instrument time, sequence number / sample frequency or the bridge's time stamp.
+    ``values`` shape (n, len(channels)), in the unit that ends each channel's name.
+    ``valid`` shape (n,): false while the beam is obstructed or the sample is marked bad.
+    ``lost`` counts samples the instrument skipped just before this block.
+    """
+
+    channels: tuple[str, ...]
+    time_s: FloatArray
+    values: FloatArray
+    valid: NDArray[np.bool_]
+    lost: int = 0
+    events: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return int(self.time_s.shape[0])
+
+
+@dataclass(frozen=True, slots=True)
+class Optics:
+    """What is mounted in the beam, as far as the instrument itself can tell ("unknown" else)."""
+
+    kind: str = "unknown"
+    detail: str = ""
+
+
+class ChannelStatus(Enum):
+    """State of the NC channel (chanStatus)."""
+
+    RESET = 0
+    ACTIVE = 1
+    INTERRUPTED = 2
+
+
+@dataclass(frozen=True, slots=True)
+class AxisState:
+    """One axis as the controller reports it. ``in_position`` is aaStat 4 (exact stop fine)."""
+
+    name: str
+    position: float
+    referenced: bool
+    in_position: bool
+    encoder_compensation: float
+    cross_compensation: float
+    unit: AxisUnit
+
+
+@dataclass(frozen=True, slots=True)
+class MachineState:
+    """The controller's state in one read; ``axes`` by machine axis name."""
+
+    channel: ChannelStatus
+    mode: str
+    message: str
+    alarms: tuple[int, ...]
+    access_level: int
+    axes: Mapping[str, AxisState]
+    program: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class TableLimits:
+    """What the controller can hold for one axis or table: reserved points and the resolution of a value."""
+
+    reserved_points: int
+    resolution: float
+    max_value: float
+
+
+@dataclass(frozen=True, slots=True)
+class CompensationTable:
+    """A compensation table as *deviations* d = -q that it cancels, in um (linear) or arcsec (rotary).
+
+    ``minimum``, ``maximum``, ``step`` are in the input axis' unit; ``deviations`` has k+1 values for
+    k = (maximum-minimum)/step, in the deviation unit of the *output* axis. EEC has input = output.
+    ``index`` is the encoder index e for EEC ($AA_ENC_COMP[e,N,AX]) and the table number t for CEC.
+    ``direction`` 0 both, +1/-1 one travel direction of the input axis (CEC only).
+    """
+
+    function: Literal["EEC", "CEC"]
+    input_axis: str
+    output_axis: str
+    minimum: float
+    maximum: float
+    step: float
+    deviations: tuple[float, ...]
+    modulo: bool = False
+    index: int = 0
+    input_unit: AxisUnit = "mm"
+    output_unit: AxisUnit = "mm"
+    direction: Literal[-1, 0, 1] = 0
+    multiply_by: int = 0
+    table_type: int = 0
+
+    @property
+    def deviation_unit(self) -> DeviationUnit:
+        """Unit of ``deviations``."""
+        return deviation_unit(self.output_unit)
+
+    @property
+    def positions(self) -> FloatArray:
+        """Interpolation points in the input axis' unit, shape (k+1,)."""
+        return self.minimum + self.step * np.arange(len(self.deviations), dtype=np.float64)
+
+    @property
+    def name(self) -> str:
+        """Short name, output first: X(X), C(Z)."""
+        return f"{self.output_axis}({self.input_axis})"
+
+    def at(self, positions: FloatArray) -> FloatArray:
+        """Deviation at input positions, shape as given: linear between points, clamped or modulo outside."""
+        values = np.asarray(self.deviations, dtype=np.float64)
+        wanted = np.asarray(positions, dtype=np.float64)
+        if self.modulo:
+            wanted = self.minimum + np.mod(wanted - self.minimum, self.maximum - self.minimum)
+        return np.interp(wanted, self.positions, values)
+
+
+@dataclass(frozen=True, slots=True)
+class LiveTable:
+    """A table found in the controller with its switch; ``enabled`` is MD32700 or SD41300 and MD32710."""
+
+    table: CompensationTable
+    enabled: bool
+
+
+@dataclass(frozen=True, slots=True)
+class LiveSet:
+    """Everything that compensates one axis right now: tables, switches, backlash; and the text as read.
+
+    ``backlash`` is MD32450 in the axis unit. ``native`` is the loadable back-up exactly as the controller
+    wrote it; ``digest`` its sha256. An EEC table of an axis that never had one is all zero and disabled.
+    """
+
+    axis: str
+    eec: LiveTable
+    cec: tuple[LiveTable, ...]
+    backlash: float
+    native: str
+    digest: str
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """One place where the axis stands and waits to be measured.
+
+    ``target`` in the axis unit, approached in direction ``approach``. ``switch`` turns the axis' EEC on or
+    off before the reading (None leaves it). ``label`` says what the stop is for (an index in the plan).
+    """
+
+    target: float
+    approach: Approach
+    repetition: int = 0
+    label: int = 0
+    switch: bool | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class StopPlan:
+    """A motion programme of one axis: stop, hand-shake, next stop. Positions are machine coordinates.
+
+    ``setup`` is the operator's message shown before the M0 that precedes the first move ("" for none).
+    ``feed`` in mm/min or deg/min; ``overrun`` moves beyond reversal so that each stop is approached from
+    its own side; ``dwell_s`` passes before each hand-shake; ``save_tables`` writes the live tables first.
+    """
+
+    name: str
+    axis: str
+    letter: str
+    unit: AxisUnit
+    rotary: bool
+    stops: tuple[Stop, ...]
+    feed: float
+    overrun: float
+    dwell_s: float
+    setup: str = ""
+    save_tables: bool = True
+    encoder: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class StopReached:
+    """The controller stands at a stop and waits: ``counter`` must be echoed to let it go on."""
+
+    counter: int
+    repetition: int
+    label: int
+    approach: Approach
+    target: float
+    encoder_compensation: float
+    cross_compensation: float
+
+
+@dataclass(frozen=True, slots=True)
+class SignProof:
+    """How this machine's compensation acts, measured: +1 a positive stored value moves the axis negative.
+
+    ``slope`` is measured step / commanded deviation with standard uncertainty ``slope_u``; ``machine`` the
+    fingerprint it holds for; ``sign`` is what `drivers.sinumerik.tables` multiplies d with (EEC: +1).
+    """
+
+    machine: MachineIdentity
+    function: Literal["EEC", "CEC"]
+    output_axis: str
+    slope: float
+    slope_u: float
+    sign: Literal[1, -1]
+    date_utc: str
+
+
+@dataclass(frozen=True, slots=True)
+class PushOrder:
+    """One table to load. ``transaction`` is the number the controller must echo before it enables.
+
+    ``purpose`` "table" needs a `SignProof` in ``proof``; "sign-proof" and "restore" do not. For "restore"
+    ``native`` is the back-up text to play back and ``enable`` the switch it had.
+    ``agreeing_position`` is where old and new table agree and the axis must stand.
+    """
+
+    transaction: int
+    table: CompensationTable
+    letter: str
+    rotary: bool
+    enable: bool
+    agreeing_position: float
+    purpose: Literal["table", "sign-proof", "restore"]
+    proof: SignProof | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class MeasuredSet:
+    """A result file as a record: deviations (m, n, 2) with NaN where missing; last axis is + then -.
+
+    ``targets`` shape (m,) in the axis unit, relative to the file's own zero (a vendor file has no machine
+    datum); ``deviations`` in um or arcsec.
+    """
+
+    targets: FloatArray
+    deviations: FloatArray
+    axis_unit: AxisUnit
+    ambient_start: Ambient = field(default_factory=Ambient)
+    ambient_end: Ambient = field(default_factory=Ambient)
+    compensated_for: CompensatedFor = "air+material"
+    expansion_ppm_per_k: float | None = None
+    header: Mapping[str, str] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()

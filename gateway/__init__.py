@@ -1,0 +1,1 @@
+"""Our thinking: from measured axes to the tooth and back into the controller."""

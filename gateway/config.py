@@ -1,0 +1,184 @@
+"""Site file -> validated tree: the one place where configuration is read, and its JSON schema comes from."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from drivers.errors import ConfigError
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Site(_Section):
+    """Whose machine this is and where runs are kept."""
+
+    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", description="what --machine must say")
+    store: Path = Field(default=Path("runs"), description="run folders, relative to the site file")
+
+
+class ControllerSection(_Section):
+    """How to reach the control."""
+
+    driver: str = "sinumerik-opcua"
+    url: str
+    serial: str = Field(min_length=1, description="serial number this machine must answer with")
+    timeout_s: float = Field(default=5.0, gt=0)
+    settings: dict[str, Any] = Field(default_factory=dict, description="driver's own keys")
+
+
+class InstrumentSection(_Section):
+    """One instrument and its wire."""
+
+    name: str
+    driver: str
+    url: str
+    serial: str = Field(default="", description="serial number it must answer with; empty accepts any")
+    timeout_s: float = Field(default=5.0, gt=0)
+    settings: dict[str, Any] = Field(default_factory=dict, description="driver's own keys")
+
+
+class Targets(_Section):
+    """Target positions in machine coordinates: evenly spaced with seeded random offsets, or given."""
+
+    first: float = 0.0
+    last: float = 0.0
+    count: int = Field(default=0, ge=0)
+    offset_fraction: float = Field(default=0.0, ge=0.0, le=0.3, description="of the interval, random")
+    seed: int = 1
+    positions: tuple[float, ...] = ()
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Targets:
+        if bool(self.positions) == bool(self.count):
+            raise ValueError("give either positions or first, last and count")
+        if self.count == 1:
+            raise ValueError("count must be 2 or more")
+        return self
+
+
+class MeasureSection(_Section):
+    """How one axis is measured. ``dead_path_mm`` is the beam from interferometer to reflector at datum."""
+
+    instrument: str = ""
+    component: str
+    targets: Targets | None = None
+    repetitions: int = Field(default=5, ge=1)
+    overrun: float = Field(default=5.0, gt=0)
+    feed: float = Field(gt=0)
+    dwell_s: float = Field(default=1.0, gt=0)
+    settle_s: float = Field(default=1.0, ge=0, description="instrument time after arrival")
+    average_s: float = Field(default=1.0, gt=0, description="instrument time averaged")
+    stable: float = Field(gt=0, description="largest allowed sigma in the window, um or arcsec")
+    dead_path_mm: float = Field(default=0.0, ge=0)
+    expansion_ppm_per_k: float = Field(default=11.5, description="of the scale, to 20 degC")
+    jog: float = Field(default=10.0, description="sense proof move in mm; rotary 0.1 deg")
+    file: Path | None = Field(default=None, description=".rtl/.rta/.csv in place of a live capture")
+    file_datum: float | None = Field(default=None, description="machine coordinate of the file's zero")
+    file_axis_sense: Literal[1, -1] = Field(default=1, description="file direction against the axis")
+    file_unit: Literal["", "mrad", "urad", "arcsec"] = Field(default="", description=".rta only, confirmed")
+
+    @model_validator(mode="after")
+    def _one_source(self) -> MeasureSection:
+        if self.file is None:
+            if not self.instrument or self.targets is None:
+                raise ValueError("a live capture needs instrument and targets")
+        elif self.file_datum is None:
+            raise ValueError("a file holds no machine datum: give file_datum, the machine coordinate of its zero")
+        return self
+
+
+class TableSection(_Section):
+    """The controller's grid for one axis."""
+
+    minimum: float
+    maximum: float
+    step: float = Field(gt=0)
+
+    @model_validator(mode="after")
+    def _divides(self) -> TableSection:
+        intervals = (self.maximum - self.minimum) / self.step
+        if intervals < 1 or abs(intervals - round(intervals)) > 1e-9:
+            raise ValueError("step must divide maximum - minimum")
+        return self
+
+
+class AxisSection(_Section):
+    """One machine axis: ``name`` as in MD10000 (X1), ``letter`` its ISO 230-1 and program name (X)."""
+
+    name: str
+    letter: str = Field(pattern=r"^[A-Z]$")
+    kind: Literal["linear", "rotary"]
+    travel: tuple[float, float]
+    reference: float = 0.0
+    modulo: bool = False
+    encoder: int = Field(default=0, ge=0, le=1)
+    measure: MeasureSection
+    table: TableSection
+
+    @model_validator(mode="after")
+    def _ordered(self) -> AxisSection:
+        if self.travel[0] >= self.travel[1]:
+            raise ValueError("travel must be [low, high]")
+        return self
+
+    @property
+    def unit(self) -> Literal["mm", "deg"]:
+        """Unit of the axis."""
+        return "mm" if self.kind == "linear" else "deg"
+
+
+class Operator(_Section):
+    """How long the run waits for people, in seconds of the gateway's clock."""
+
+    start_timeout_s: float = Field(default=600.0, gt=0)
+    stop_timeout_s: float = Field(default=120.0, gt=0)
+
+
+class SiteFile(_Section):
+    """A whole site file."""
+
+    site: Site
+    controller: ControllerSection
+    instruments: tuple[InstrumentSection, ...] = ()
+    axes: tuple[AxisSection, ...] = Field(min_length=1)
+    operator: Operator = Operator()
+
+    @model_validator(mode="after")
+    def _names(self) -> SiteFile:
+        names = [instrument.name for instrument in self.instruments]
+        if len(set(names)) != len(names):
+            raise ValueError("two instruments have the same name")
+        for axis in self.axes:
+            if axis.measure.instrument and axis.measure.instrument not in names:
+                raise ValueError(f"axis {axis.name}: no instrument is called {axis.measure.instrument!r}")
+        return self
+
+
+def load_site(path: Path) -> SiteFile:
+    """Read a site file. Raises ConfigError (E-CFG-READ, E-CFG-TOML, E-CFG-VALUE) with file, key and why."""
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError("E-CFG-READ", str(path), why=str(error)) from error
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError("E-CFG-TOML", str(path), why=str(error)) from error
+    try:
+        return SiteFile.model_validate(data)
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(str(part) for part in first["loc"]) or "(file)"
+        more = error.error_count() - 1
+        raise ConfigError("E-CFG-VALUE", str(path), key=key, why=first["msg"], more=more) from error
+
+
+def schema() -> dict[str, Any]:
+    """The site file's JSON schema."""
+    return SiteFile.model_json_schema()

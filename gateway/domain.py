@@ -1,0 +1,190 @@
+"""Frozen records of a run: each stage takes some and makes the next, and all of them are stored."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.types import Ambient, CompensationTable, LiveSet, MachineIdentity, SignProof
+from drivers.units import AxisUnit, DeviationUnit, deviation_unit
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class SenseProof:
+    """How an instrument's sense was proved: ``sense`` multiplies its readings; scale is reading / jog."""
+
+    instrument: str
+    axis: str
+    sense: Literal[1, -1]
+    scale: float
+    evidence: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Corrections:
+    """What was applied to raw readings, by whom, with which coefficients; applied once, refused twice."""
+
+    air: str
+    expansion: str
+    dead_path: str
+    drift: str
+    details: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Capture:
+    """Deviations of one axis as captured, corrected, in um or arcsec.
+
+    ``targets`` (m,) machine coordinates in the axis unit. ``deviations`` (m, n, 2): target, repetition,
+    approach + then -, NaN where missing. ``reading_u`` is the standard uncertainty of one averaged reading
+    as seen in its own window. ``suspects`` lists (target, repetition, approach index) out of line.
+    ``live`` is what compensated the axis while it was measured.
+    """
+
+    axis: str
+    component: str
+    axis_unit: AxisUnit
+    targets: FloatArray
+    deviations: FloatArray
+    reading_u: float
+    ambient_start: Ambient
+    ambient_end: Ambient
+    corrections: Corrections
+    live: LiveSet | None
+    sense: SenseProof | None
+    suspects: tuple[tuple[int, int, int], ...] = ()
+    source: str = "live"
+    started_utc: str = ""
+    ended_utc: str = ""
+    notes: tuple[str, ...] = ()
+
+    @property
+    def unit(self) -> DeviationUnit:
+        """Unit of the deviations."""
+        return deviation_unit(self.axis_unit)
+
+
+@dataclass(frozen=True, slots=True)
+class Evaluation:
+    """ISO 230-2 results of one axis; None where the data do not allow a parameter.
+
+    Arrays have shape (m,) with NaN for what does not exist; scalars in the capture's deviation unit.
+    """
+
+    standard: str
+    unit: DeviationUnit
+    targets: FloatArray
+    mean_up: FloatArray
+    mean_down: FloatArray
+    s_up: FloatArray
+    s_down: FloatArray
+    B_i: FloatArray
+    R_i: FloatArray
+    B: float | None
+    B_mean: float | None
+    M: float | None
+    E: float | None
+    E_up: float | None
+    E_down: float | None
+    R: float | None
+    R_up: float | None
+    R_down: float | None
+    A: float | None
+    A_up: float | None
+    A_down: float | None
+    U: Mapping[str, float] = field(default_factory=dict)
+    flags: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Component:
+    """A fitted error motion, e.g. ECC over C: basis, coefficients and their covariance.
+
+    ``basis`` is "polynomial", "fourier", "bspline", "piecewise"; ``domain`` the fitted range (lo, hi) in
+    the axis unit. Values come from `gateway.model.components.value` and `standard_uncertainty`.
+    """
+
+    name: str
+    axis: str
+    axis_unit: AxisUnit
+    basis: str
+    domain: tuple[float, float]
+    coefficients: FloatArray
+    covariance: FloatArray
+    parameters: Mapping[str, object] = field(default_factory=dict)
+    residual_rms: float = 0.0
+
+    @property
+    def unit(self) -> DeviationUnit:
+        """Unit of the values: the deviation unit of the axis for a positioning component."""
+        return deviation_unit(self.axis_unit)
+
+
+@dataclass(frozen=True, slots=True)
+class TableChange:
+    """One proposed table: the old one as live, the new one merged, and what the axis will then show.
+
+    ``predicted`` (m,) mean deviation expected at ``targets`` after the push, with expanded uncertainty
+    ``predicted_U`` (k = 2). ``skipped`` says why nothing is proposed ("" when something is).
+    """
+
+    axis: str
+    old: CompensationTable
+    new: CompensationTable
+    old_enabled: bool
+    base_digest: str
+    targets: FloatArray
+    predicted: FloatArray
+    predicted_U: FloatArray
+    findings: tuple[str, ...] = ()
+    skipped: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Proposal:
+    """All table changes of a run, for one machine, made from captures named by their hashes."""
+
+    machine: MachineIdentity
+    changes: tuple[TableChange, ...]
+    parents: tuple[str, ...]
+    created_utc: str
+
+
+@dataclass(frozen=True, slots=True)
+class PushRecord:
+    """What a push did to one axis: the outcome in one word and every step with its time."""
+
+    transaction: int
+    axis: str
+    outcome: Literal["committed", "already-applied", "rolled-back", "held", "refused", "skipped"]
+    steps: tuple[str, ...]
+    backup_path: str
+    effect: tuple[tuple[float, float, float], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class AxisVerdict:
+    """Before and after of one axis in the words of ISO 230-2, and whether the prediction held."""
+
+    axis: str
+    unit: DeviationUnit
+    before: Evaluation
+    after: Evaluation
+    improved: bool
+    within_prediction: bool
+    words: str
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """The run's answer: every axis, and one word for all."""
+
+    axes: tuple[AxisVerdict, ...]
+    outcome: Literal["better", "unchanged", "worse", "not-pushed"]
+    proofs: tuple[SignProof, ...] = ()

@@ -1,0 +1,77 @@
+"""The gateway's own exceptions, sorted by who must act; messages come from the drivers' catalogue."""
+
+from __future__ import annotations
+
+from drivers.errors import TrueflankError
+
+
+class CaptureError(TrueflankError):
+    """The measurement itself is not good enough; the operator must look at the set-up."""
+
+    exit_code = 6
+
+
+class Incomplete(CaptureError):
+    """Targets are missing."""
+
+
+class Unstable(CaptureError):
+    """A reading never settled inside its window."""
+
+
+class AmbientOutOfRange(CaptureError):
+    """Temperature, pressure or humidity is missing or impossible."""
+
+
+class ModelError(TrueflankError):
+    """The numbers do not allow what was asked of them."""
+
+    exit_code = 7
+
+
+class NotIdentifiable(ModelError):
+    """The data cannot separate what was asked for."""
+
+
+class WriteRefused(TrueflankError):
+    """Nothing was written; every reason at once is in the fields."""
+
+    exit_code = 8
+
+
+class VerifyError(TrueflankError):
+    """The controller does not hold what was written; the difference is in the fields."""
+
+    exit_code = 9
+
+
+class RollbackFailed(TrueflankError):
+    """The old table could not be restored by itself; the back-up's place is in the fields."""
+
+    exit_code = 9
+
+
+class BusyError(TrueflankError):
+    """One run at a time."""
+
+    exit_code = 10
+
+
+class IllegalTransition(TrueflankError):
+    """The run is not in a state from which this may be done."""
+
+    exit_code = 10
+
+
+class StoreError(TrueflankError):
+    """The run store cannot be read or written."""
+
+    exit_code = 11
+
+
+class CorruptRecord(StoreError):
+    """A stored record does not match its hash."""
+
+
+class FutureSchema(StoreError):
+    """A stored record was written by a newer program."""
