@@ -19,6 +19,14 @@ def catalogue(language: str = "en") -> dict[str, dict[str, str]]:
     return merged
 
 
+def words(code: str, **fields: object) -> str:
+    """A catalogue text that is no error: progress, findings, verdicts. Unknown codes show their fields."""
+    entry = catalogue().get(code)
+    if entry is None:
+        return f"{code} {fields}"
+    return entry["what"].format_map(_Fields(fields))
+
+
 class TrueflankError(Exception):
     """Root of all our exceptions: a stable code with fields, rendered from the catalogue.
 
@@ -46,11 +54,10 @@ class TrueflankError(Exception):
         return self._render("do")
 
     def _render(self, part: str) -> str:
-        entry = catalogue().get(self.code)
-        if entry is None:
-            details = ", ".join(f"{key}={value}" for key, value in self.fields.items())
-            return f"{self.code} {details}".strip() if part == "what" else ""
-        return entry[part].format_map(_Fields(self.fields))
+        if part == "what":
+            return words(self.code, **self.fields)
+        entry = catalogue().get(self.code, {})
+        return entry.get(part, "").format_map(_Fields(self.fields))
 
     def __str__(self) -> str:
         place = f" [{self.where}]" if self.where else ""

@@ -1,0 +1,233 @@
+"""Names of the control <-> OPC UA node identifiers of the SinumerikVarProvider name space, and their types.
+
+The paths are those of the Access MyMachine /OPC UA manuals (10/2015 to 05/2022) as far as they are public.
+Array elements of machine data are 1-based there and 0-based in NC programs: this is the one place that
+converts. Not public, hence keys of the site file: the serial number (`SERIAL_NUMBER`, MD18030) and the
+setting data folder `_N_NC_SEA_ACX`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+NAMESPACE_URI = "SinumerikVarProvider"
+METHODS = ("/Methods", "/Methods/Filehandling")
+FILE_SYSTEM = "Sinumerik/FileSystem"
+
+Kind = Literal["Double", "String", "UInt16", "UInt32", "Boolean"]
+
+R_FIRST, R_LAST = 0, 32535
+CHANNEL_AREA = "/Channel/Parameter"
+MACHINE_DATA = {
+    "$MA_": "/NC/_N_AX_TEA_ACX",
+    "$MC_": "/NC/_N_CH_TEA_ACX",
+    "$MN_": "/NC/_N_NC_TEA_ACX",
+    "$SN_": "/NC/_N_NC_SEA_ACX",
+}
+ACCESS_LEVEL = "/Nck/Configuration/accessLevel"
+BASIC_LENGTH_UNIT = "/Nck/Configuration/basicLengthUnit"
+NCK_VERSION = "/Nck/Configuration/nckVersion"
+SERIAL_NUMBER = "/NC/_N_NC_TEA_ACX/$MN_HW_SERIAL_NUMBER[u1,1]"
+OPERATING_MODE = "/Bag/State/opMode[u1]"
+MODES = ("JOG", "MDA", "AUTO")
+
+_PATH = re.compile(
+    r"(?P<area>(?:/[A-Za-z][A-Za-z0-9_]*|/_N_[A-Z0-9_]+)+)/(?P<name>\$?[A-Za-z_][A-Za-z0-9_]*)"
+    r"(?:\[(?:u(?P<unit>\d{1,3}))?(?:, ?)?(?P<first>\d{1,5})?(?:, ?(?P<count>#)?(?P<last>\d{1,5}))?\])?"
+)
+_NC_NAME = re.compile(r"(?P<name>R|\$[A-Z]{2}_[A-Z0-9_]+)(?:\[(?P<inside>[A-Za-z0-9_, ]+)\])?")
+_DIRECTORIES = {"Part Program": "_N_MPF_DIR", "Sub Program": "_N_SPF_DIR", "Work Pieces": "_N_WKS_DIR"}
+_EXTENSIONS = frozenset({"MPF", "SPF", "WPF", "WPD"})
+
+
+@dataclass(frozen=True, slots=True)
+class Address:
+    """A node identifier taken apart: area, name, unit (axis or channel, 1-based), element or block."""
+
+    area: str
+    name: str
+    unit: int | None = None
+    first: int | None = None
+    last: int | None = None
+
+    @property
+    def path(self) -> str:
+        """The identifier to put after ``ns=n;s=``."""
+        inside = [f"u{self.unit}"] if self.unit is not None else []
+        inside += [str(number) for number in (self.first, self.last) if number is not None]
+        return f"{self.area}/{self.name}" + (f"[{','.join(inside)}]" if inside else "")
+
+    @property
+    def elements(self) -> tuple[int, ...]:
+        """Element numbers this address names; empty for a scalar."""
+        if self.first is None:
+            return ()
+        return tuple(range(self.first, (self.first if self.last is None else self.last) + 1))
+
+
+def parse(path: str) -> Address | None:
+    """Take an identifier apart; None when it is not of the control's form. A blank after a comma is allowed."""
+    match = _PATH.fullmatch(path)
+    if match is None or path.endswith("[]"):
+        return None
+    unit, first, last = (int(match[key]) if match[key] else None for key in ("unit", "first", "last"))
+    if match["count"] and first is not None and last is not None:
+        last = first + last - 1
+    if last is not None and (first is None or last < first):
+        return None
+    return Address(match["area"], match["name"], unit, first, last)
+
+
+def r_parameter(number: int, channel: int = 1) -> str:
+    """Identifier of one R parameter (Double)."""
+    return Address(CHANNEL_AREA, "R", channel, number).path
+
+
+def r_block(first: int, count: int, channel: int = 1) -> str:
+    """Identifier of ``count`` consecutive R parameters, read as one array."""
+    return Address(CHANNEL_AREA, "R", channel, first, first + count - 1).path
+
+
+def in_channel(name: str, channel: int = 1, block: str = "State") -> str:
+    """Identifier of a channel variable: chanStatus, progStatus; block ProgramInfo: msg, progName."""
+    return Address(f"/Channel/{block}", name, None if channel == 1 else channel).path
+
+
+def of_axis(name: str, axis_number: int, channel: int = 1) -> str:
+    """Identifier of a machine axis variable; ``axis_number`` counts from 1: aaStat, aaRef, actToolBasePos."""
+    return Address("/Channel/MachineAxis", name, channel, axis_number).path
+
+
+def alarm_number(place: int) -> str:
+    """Identifier of the number of the ``place``-th pending alarm, 1-based; 0 there means none."""
+    return Address("/Nck/SequencedAlarms", "alarmNo", 1, place).path
+
+
+def alarm_text(place: int) -> str:
+    """Identifier of the first fill text of the ``place``-th pending alarm."""
+    return Address("/Nck/SequencedAlarms", "fillText1", 1, place).path
+
+
+def axis_name(place: int) -> str:
+    """Identifier of MD10000, the name of machine axis ``place``, 1-based."""
+    return Address(MACHINE_DATA["$MN_"], "$MN_AXCONF_MACHAX_NAME_TAB", 1, place).path
+
+
+def to_path(name: str, axes: Sequence[str], channel: int = 1) -> str | None:
+    """An NC program's name of an R parameter, machine or setting datum -> identifier; None if it has none.
+
+    ``axes`` are the machine axis names in order. ``$AA_ENC_COMP`` and ``$AN_CEC`` have no public node.
+    """
+    match = _NC_NAME.fullmatch(name)
+    if match is None:
+        return None
+    inside = [part.strip() for part in (match["inside"] or "").split(",") if part.strip()]
+    if match["name"] == "R":
+        return r_parameter(int(inside[0]), channel) if len(inside) == 1 and inside[0].isdigit() else None
+    area = MACHINE_DATA.get(match["name"][:4])
+    return _datum_path(area, match["name"], inside, axes, channel) if area else None
+
+
+def _datum_path(area: str, name: str, inside: list[str], axes: Sequence[str], channel: int) -> str | None:
+    unit = channel if name.startswith("$MC_") else 1
+    if name.startswith("$MA_"):
+        if not inside or inside[-1] not in axes:
+            return None
+        unit = list(axes).index(inside.pop()) + 1
+    elif not inside:
+        return Address(area, name, unit if unit != 1 else None).path
+    if len(inside) > 1 or not all(part.isdigit() for part in inside):
+        return None
+    return Address(area, name, unit, int(inside[0]) + 1 if inside else None).path
+
+
+def to_names(address: Address, axes: Sequence[str]) -> tuple[str, ...]:
+    """The NC names behind an identifier, one for each element; empty when it is not such a datum."""
+    if (address.area, address.name) == (CHANNEL_AREA, "R"):
+        return tuple(f"R[{number}]" for number in address.elements if R_FIRST <= number <= R_LAST)
+    if MACHINE_DATA.get(address.name[:4]) != address.area:
+        return ()
+    axis = ""
+    if address.name.startswith("$MA_"):
+        if not 1 <= (address.unit or 1) <= len(axes):
+            return ()
+        axis = axes[(address.unit or 1) - 1]
+    if not address.elements:
+        return (f"{address.name}[{axis}]" if axis else address.name,)
+    if address.elements[0] < 1:
+        return ()
+    tail = f",{axis}" if axis else ""
+    return tuple(f"{address.name}[{number - 1}{tail}]" for number in address.elements)
+
+
+def kind_of(path: str) -> Kind:
+    """The variant type a value of this identifier carries on the wire."""
+    address = parse(path)
+    if address is None:
+        return "String"
+    if address.name in _KINDS:
+        return _KINDS[address.name]
+    return "Double"
+
+
+_KINDS: dict[str, Kind] = {
+    "chanStatus": "UInt16",
+    "progStatus": "UInt16",
+    "opMode": "UInt16",
+    "aaStat": "UInt16",
+    "aaRef": "UInt16",
+    "numAlarms": "UInt16",
+    "accessLevel": "UInt16",
+    "basicLengthUnit": "UInt16",
+    "alarmNo": "UInt32",
+    "actLineNumber": "UInt32",
+    "msg": "String",
+    "progName": "String",
+    "selectedWorkPProg": "String",
+    "fillText1": "String",
+    "nckVersion": "String",
+    "$MN_HW_SERIAL_NUMBER": "String",
+    "$MN_AXCONF_MACHAX_NAME_TAB": "String",
+    "$MA_ENC_COMP_ENABLE": "Boolean",
+    "$MA_CEC_ENABLE": "Boolean",
+    "$SN_CEC_TABLE_ENABLE": "Boolean",
+    "$MA_IS_ROT_AX": "Boolean",
+    "$MA_ROT_IS_MODULO": "Boolean",
+    "$MN_SCALING_SYSTEM_IS_METRIC": "Boolean",
+    "$MA_MM_ENC_COMP_MAX_POINTS": "UInt32",
+    "$MN_MM_CEC_MAX_POINTS": "UInt32",
+}
+
+
+def to_file(nck_path: str) -> str | None:
+    """A file of the control (``/_N_MPF_DIR/_N_NAME_MPF``) -> its path in the server's file system."""
+    parts = nck_path.split("/")
+    folders = {directory: label for label, directory in _DIRECTORIES.items()}
+    if len(parts) < 3 or parts[0] or parts[1] not in folders:
+        return None
+    names = []
+    for part in parts[2:]:
+        stem, separator, extension = part.removeprefix("_N_").rpartition("_")
+        if not part.startswith("_N_") or not separator or extension not in _EXTENSIONS:
+            return None
+        names.append(f"{stem}.{extension}")
+    return "/".join((FILE_SYSTEM, folders[parts[1]], *names))
+
+
+def from_file(path: str) -> str | None:
+    """A path in the server's file system -> the control's own name; None for a wrong tree or extension."""
+    if not path.startswith(FILE_SYSTEM + "/"):
+        return None
+    folder, *names = path.removeprefix(FILE_SYSTEM + "/").split("/")
+    if folder not in _DIRECTORIES or not names:
+        return None
+    parts = []
+    for name in names:
+        stem, _, extension = name.upper().partition(".")
+        if not re.fullmatch(r"[A-Z0-9_]{1,24}", stem) or extension not in _EXTENSIONS:
+            return None
+        parts.append(f"_N_{stem}_{extension}")
+    return "/" + "/".join((_DIRECTORIES[folder], *parts))

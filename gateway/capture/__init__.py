@@ -1,0 +1,1 @@
+"""Capture: targets, settling, averaging, attribution; from a live instrument or a result file."""

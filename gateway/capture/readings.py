@@ -1,0 +1,190 @@
+"""Readings: an instrument's stream as settled averages, counted in instrument time, never wall time."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from drivers.clock import Clock
+from drivers.errors import BeamObstructed, DeadlineExceeded, TrueflankError
+from drivers.ports import Instrument
+from drivers.types import FloatArray, SampleBlock
+from gateway.errors import Unstable
+
+History = Callable[[FloatArray], FloatArray]
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """A settled average: channel means, their window's standard deviations, its centre in instrument time."""
+
+    values: FloatArray
+    sigma: FloatArray
+    count: int
+    time_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Window:
+    """When a reading counts as settled: instrument times in s, ``stable`` the largest sigma per channel unit."""
+
+    settle_s: float
+    average_s: float
+    stable: float
+    timeout_s: float
+
+
+class Readings:
+    """Keeps the newest stretch of a stream and answers "what does it read now that it stands still?"."""
+
+    KEEP_S = 30.0
+
+    def __init__(self, instrument: Instrument, clock: Clock, combine: History) -> None:
+        """`combine` turns raw channel columns (n, c) into the one quantity (n,) that must stand still."""
+        self._instrument = instrument
+        self._clock = clock
+        self._combine = combine
+        self._blocks: deque[SampleBlock] = deque()
+        self._news = asyncio.Event()
+        self._failure: TrueflankError | None = None
+        self._task: asyncio.Task[None] | None = None
+        self._last_reading_s = -np.inf
+        self.broken_since: float | None = None
+        self.lost = 0
+
+    async def __aenter__(self) -> Self:
+        self._task = asyncio.create_task(self._follow(), name=f"readings of {self._instrument.name}")
+        return self
+
+    async def __aexit__(self, *_exc: object) -> None:
+        if self._task is not None:
+            self._task.cancel()
+            await asyncio.gather(self._task, return_exceptions=True)
+
+    async def _follow(self) -> None:
+        stream = self._instrument.blocks()
+        try:
+            async for block in stream:
+                self._take(block)
+        except TrueflankError as error:
+            self._failure = error
+        finally:
+            self._news.set()
+            closer = getattr(stream, "aclose", None)
+            if closer is not None:
+                await closer()
+
+    def _take(self, block: SampleBlock) -> None:
+        if not len(block):
+            return
+        self.lost += block.lost
+        if not bool(block.valid.all()):
+            self.broken_since = float(block.time_s[int(np.argmin(block.valid))])
+        self._blocks.append(block)
+        oldest = float(block.time_s[-1]) - self.KEEP_S
+        while len(self._blocks) > 1 and self._blocks[0].time_s[-1] < oldest:
+            self._blocks.popleft()
+        self._news.set()
+
+    @property
+    def latest_s(self) -> float:
+        """Instrument time of the newest sample; minus infinity before the first."""
+        return float(self._blocks[-1].time_s[-1]) if self._blocks else -np.inf
+
+    async def _next_block(self, timeout_s: float) -> None:
+        self._raise_failure()
+        self._news.clear()
+        async with self._clock.deadline(timeout_s, self._instrument.name):
+            await self._news.wait()
+        self._raise_failure()
+
+    def _raise_failure(self) -> None:
+        if self._failure is not None:
+            raise self._failure
+        if self._task is not None and self._task.done():
+            raise DeadlineExceeded("E-CAP-STREAM", self._instrument.name)
+
+    def _between(self, start_s: float, end_s: float) -> tuple[FloatArray, FloatArray]:
+        times = [block.time_s for block in self._blocks]
+        values = [block.values for block in self._blocks]
+        time_s, value = np.concatenate(times), np.concatenate(values)
+        inside = (time_s >= start_s) & (time_s <= end_s)
+        return time_s[inside], value[inside]
+
+    async def settled(
+        self, window: Window, *, expect: tuple[float, float] | None = None, moved_from: tuple[float, float] | None = None
+    ) -> Reading:
+        """Wait for a stable window that begins after now and return its average.
+
+        ``expect`` (value, tolerance): the combined value must lie there; a stale or foreign stop does not.
+        ``moved_from`` (value, distance): the stream must first have left that value by that distance, so
+        that samples delivered late from the last stop cannot stand for this one.
+        Raises BeamObstructed, Unstable (naming the condition that is missing), or the wire's own error.
+        """
+        start_wait = self._clock.now()
+        await self._next_block(window.timeout_s)
+        left_at = self._left_since(moved_from)
+        begin = self.latest_s + window.settle_s
+        missing = "no samples"
+        while self._clock.now() - start_wait < window.timeout_s:
+            self._check_beam()
+            if left_at is None:
+                left_at = self._left_since(moved_from)
+            if self.latest_s >= begin + window.average_s:
+                missing, reading = self._judge(begin, window, expect, left_at)
+                if reading is not None:
+                    self._last_reading_s = begin + window.average_s
+                    return reading
+                begin = max(begin + window.average_s, self.latest_s - window.average_s)
+            else:
+                await self._next_block(window.timeout_s)
+        raise Unstable("E-CAP-UNSTABLE", self._instrument.name, missing=missing, timeout_s=window.timeout_s)
+
+    def _judge(
+        self, begin: float, window: Window, expect: tuple[float, float] | None, left_at: float | None
+    ) -> tuple[str, Reading | None]:
+        time_s, values = self._between(begin, begin + window.average_s)
+        if len(time_s) < 3:
+            return "too few samples in the window", None
+        combined = self._combine(values)
+        sigma, mean = float(np.std(combined, ddof=1)), float(np.mean(combined))
+        if left_at is None or left_at > begin:
+            return "the axis has not been seen to move", None
+        if expect is not None and abs(mean - expect[0]) > expect[1]:
+            return f"reading {mean:.6f} is not within {expect[1]:.6f} of {expect[0]:.6f}", None
+        if sigma > window.stable or self._drifts(combined, sigma, window.stable):
+            return f"sigma {sigma:.3g} is above {window.stable:.3g}", None
+        centre = float(np.mean(time_s))
+        return "", Reading(values.mean(axis=0), values.std(axis=0, ddof=1), len(time_s), centre)
+
+    @staticmethod
+    def _drifts(combined: FloatArray, sigma: float, stable: float) -> bool:
+        half = len(combined) // 2
+        step = abs(float(np.mean(combined[:half]) - np.mean(combined[half:])))
+        return step > max(stable, 3.0 * sigma)
+
+    def _left_since(self, moved_from: tuple[float, float] | None) -> float | None:
+        if moved_from is None:
+            return -np.inf
+        value, distance = moved_from
+        for block in self._blocks:
+            if block.time_s[-1] <= self._last_reading_s:
+                continue
+            away = np.abs(self._combine(block.values) - value) >= distance
+            away &= block.time_s > self._last_reading_s
+            if away.any():
+                return float(block.time_s[int(np.argmax(away))])
+        return None
+
+    def _check_beam(self) -> None:
+        if self.broken_since is not None:
+            raise BeamObstructed("E-CAP-BEAM", self._instrument.name, at_s=f"{self.broken_since:.3f}")
+
+    def datum(self) -> None:
+        """Forget a break of the beam: the next reading starts a new count."""
+        self.broken_since = None

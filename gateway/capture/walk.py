@@ -1,0 +1,74 @@
+"""Walks a stop plan with the controller: every stop once, in order, each released only after its reading."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+
+from drivers.clock import Clock
+from drivers.errors import DeviceRefused, TrueflankError
+from drivers.ports import Controller
+from drivers.types import Stop, StopPlan, StopReached
+from gateway.domain import Say, silence
+from gateway.errors import Incomplete
+
+AtStop = Callable[[int, Stop, StopReached], Awaitable[None]]
+POSITION_TOLERANCE = 1e-4
+
+
+@dataclass(frozen=True, slots=True)
+class Patience:
+    """Seconds of the gateway's clock: for a person to press NC START, and for one move to end."""
+
+    start_s: float
+    stop_s: float
+
+
+async def walk(
+    controller: Controller, plan: StopPlan, at_stop: AtStop, clock: Clock, patience: Patience, say: Say = silence
+) -> None:
+    """Send the plan's program and visit its stops.
+
+    `at_stop` is awaited while the axis stands; the hand-shake counter is echoed after it returns.
+    Raises Incomplete when the program ends early, DeviceRefused when its stops are not the plan's, and
+    whatever the wire or `at_stop` raises; on any of these the waiting program is asked to end.
+    """
+    await controller.prepare_stops(plan)
+    say("P-START", axis=plan.axis, program=plan.name, setup=plan.setup)
+    counter = 0
+    try:
+        for index, stop in enumerate(plan.stops):
+            timeout_s = patience.start_s if index == 0 else patience.stop_s
+            reached = await controller.wait_stop(counter, timeout_s)
+            if reached is None:
+                raise Incomplete("E-CAP-ENDED", plan.axis, done=index, total=len(plan.stops))
+            _check(plan, index, stop, reached, counter)
+            await at_stop(index, stop, reached)
+            counter = reached.counter
+            await controller.release_stop(counter)
+            say("P-STOP", axis=plan.axis, program=plan.name, done=index + 1, total=len(plan.stops))
+        if await controller.wait_stop(counter, patience.stop_s) is not None:
+            raise DeviceRefused("E-CAP-ORDER", plan.axis, expected="the end", found="another stop")
+    except BaseException:
+        with contextlib.suppress(TrueflankError):
+            await controller.abort_program()
+        raise
+    finally:
+        await _settle(clock)
+
+
+def _check(plan: StopPlan, index: int, stop: Stop, reached: StopReached, counter: int) -> None:
+    expected = (counter + 1, stop.repetition, stop.label, stop.approach)
+    found = (reached.counter, reached.repetition, reached.label, reached.approach)
+    if expected != found or abs(reached.target - stop.target) > POSITION_TOLERANCE:
+        raise DeviceRefused(
+            "E-CAP-ORDER",
+            plan.axis,
+            expected=f"stop {index}: {expected} at {stop.target}",
+            found=f"{found} at {reached.target}",
+        )
+
+
+async def _settle(clock: Clock) -> None:
+    await clock.sleep(0)

@@ -1,0 +1,70 @@
+"""Starts a simulated cell as a child process and, for the demo, runs the main job against it."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import typer
+
+from drivers.clock import LoopClock
+from drivers.errors import ConfigError
+from gateway.cli.running import run_site_command
+
+GRACE_S = 10.0
+
+
+@contextmanager
+def cell_process(cell: str, site: Path, speed: float, seed: int | None) -> Iterator[subprocess.Popen[str]]:
+    """A cell in a process of its own, ready and with its site file written; ended when the block ends."""
+    site.parent.mkdir(parents=True, exist_ok=True)
+    command = [sys.executable, "-m", "simulators.cell", cell, "--site", str(site), "--speed", str(speed)]
+    if seed is not None:
+        command += ["--seed", str(seed)]
+    # The cell ends by itself when its standard input closes, so no orphan outlives us on any system.
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as child:  # noqa: S603
+        try:
+            if child.stdout is None or child.stdin is None:
+                raise ConfigError("E-CLI-CELL", cell, why="it has no pipes")
+            _ready(child, cell)
+            yield child
+        finally:
+            if child.stdin is not None:
+                child.stdin.close()
+            try:
+                child.wait(GRACE_S)
+            except subprocess.TimeoutExpired:
+                child.kill()
+
+
+def _ready(child: subprocess.Popen[str], cell: str) -> dict[str, object]:
+    line = child.stdout.readline() if child.stdout is not None else ""
+    try:
+        answer = json.loads(line)
+    except ValueError as error:
+        why = f"it said {line!r} and ended with code {child.poll()}"
+        raise ConfigError("E-CLI-CELL", cell, why=why) from error
+    return dict(answer)
+
+
+def run_demo(folder: Path, cell: str, speed: float, seed: int | None, *, as_json: bool) -> None:
+    """The whole main job on a simulated machine: measure, correct, prove; prints the table and the paths."""
+    site = folder / "site.toml"
+    clock = LoopClock()
+    with cell_process(cell, site, speed, seed):
+        run_site_command(site, True, "", as_json=as_json, typed_by_demo=True, clock=clock)
+
+
+def run_cell(cell: str, site: Path, speed: float, seed: int | None) -> None:
+    """Run a cell until Ctrl-C."""
+    with cell_process(cell, site, speed, seed) as child:
+        typer.echo(f"cell {cell} runs at {speed:g} x wall time; site file: {site}")
+        typer.echo(f"try: trueflank check {site} --connect   or   trueflank run {site}")
+        try:
+            child.wait()
+        except KeyboardInterrupt:
+            typer.echo("ending the cell")

@@ -1,0 +1,1 @@
+"""Machine model: the kinematic chain, its error motions, and their fitting."""

@@ -1,0 +1,40 @@
+"""The report of a run: material in, one self-contained HTML page and the same figures as data out.
+
+Drawing and templates are loaded when a report is made, not when this package is imported.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from pathlib import Path
+from typing import cast
+
+from gateway.report.material import AxisMaterial, FileUsed, InstrumentNote, ReportMaterial
+from gateway.report.parameters import ParameterRow, parameter_rows
+
+__all__ = [
+    "AxisMaterial",
+    "FileUsed",
+    "InstrumentNote",
+    "ParameterRow",
+    "ReportMaterial",
+    "as_json",
+    "before_after_png",
+    "parameter_rows",
+    "render",
+]
+
+
+def render(material: ReportMaterial) -> str:
+    """The report as one HTML document without any foreign request; plots are inline SVG."""
+    return cast(str, import_module("gateway.report.page").render(material))
+
+
+def as_json(material: ReportMaterial) -> dict[str, object]:
+    """The report as data that `json.dumps(..., allow_nan=False)` takes; NaN becomes None."""
+    return cast("dict[str, object]", import_module("gateway.report.data").as_json(material))
+
+
+def before_after_png(material: ReportMaterial, path: Path) -> None:
+    """Draw the before-after curves, one row per axis. Raises StoreError (E-REPORT-WRITE)."""
+    import_module("gateway.report.plots").before_after_png(material, path)

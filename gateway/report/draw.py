@@ -1,0 +1,189 @@
+"""What is drawn: curves of deviations, tables and predictions onto given matplotlib figures.
+
+Forward is solid, reverse dashed; bands are mean +/- 2 s; greys throughout, one dark blue for the new state.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import FigureBase
+from matplotlib.projections.polar import PolarAxes
+
+from gateway.domain import Evaluation, FloatArray, TableChange
+from gateway.report.material import AxisMaterial
+
+INK = "#22282e"
+QUIET = "#6d757d"
+RULE = "#b4babf"
+FAINT = "#e4e7e9"
+OLD = "#8a9299"
+NEW = "#1f4e79"
+REVERSE = "#5f86ab"
+SIGN = {"um": "µm", "arcsec": "″"}
+
+
+
+def before_after(figure: FigureBase, axis: AxisMaterial, heading: bool = False) -> None:
+    """Two panels, before and after, on one scale of deviation."""
+    left, right = figure.subplots(1, 2, sharey=True)
+    figure.subplots_adjust(left=0.1, right=0.985, top=0.84, bottom=0.19, wspace=0.05)
+    limits = _limits([part for item in (axis.before, axis.after) if item is not None for part in _bands(item)])
+    for panel, evaluation, title in ((left, axis.before, "Before"), (right, axis.after, "After")):
+        _panel(panel, evaluation, title, axis)
+    left.set_ylim(*limits)
+    left.set_ylabel(f"deviation  {SIGN[axis.deviation_unit]}")
+    right.tick_params(labelleft=False)
+    left.legend(**_legend(), bbox_to_anchor=(2.05, 1.16), ncols=3)
+    if heading:
+        figure.text(0.1, 0.93, f"{axis.axis}  {axis.component}", fontsize=10, weight="bold", color=INK)
+
+
+def _panel(panel: Axes, evaluation: Evaluation | None, title: str, axis: AxisMaterial) -> None:
+    _calm(panel)
+    panel.set_title(title, loc="left", color=QUIET, pad=4)
+    panel.set_xlabel(f"{axis.letter}  {axis.unit}", labelpad=2)
+    if evaluation is None:
+        panel.text(0.5, 0.5, "not measured", transform=panel.transAxes, ha="center", va="center", color=QUIET)
+        return
+    _curve(panel, evaluation.targets, evaluation.mean_up, evaluation.s_up, NEW, "-", ">", "forward")
+    _curve(panel, evaluation.targets, evaluation.mean_down, evaluation.s_down, REVERSE, "--", "<", "reverse")
+
+
+def _curve(
+    panel: Axes, x: FloatArray, mean: FloatArray, s: FloatArray, colour: str, line: str, mark: str, name: str
+) -> None:
+    if not np.isfinite(mean).any():
+        return
+    order = np.argsort(x, kind="stable")
+    x, mean, band = x[order], mean[order], 2.0 * s[order]
+    if np.isfinite(band).any():
+        label = "mean ± 2s" if name == "forward" else None
+        panel.fill_between(x, mean - band, mean + band, color=colour, alpha=0.17, lw=0, label=label)
+    panel.plot(x, mean, line, color=colour, lw=1.15, marker=mark, ms=2.6, mew=0, label=name)
+
+
+def _bands(evaluation: Evaluation) -> list[FloatArray]:
+    parts = []
+    for mean, s in ((evaluation.mean_up, evaluation.s_up), (evaluation.mean_down, evaluation.s_down)):
+        spread = 2.0 * np.nan_to_num(s)
+        parts += [mean - spread, mean + spread]
+    return parts
+
+
+def _limits(parts: list[FloatArray]) -> tuple[float, float]:
+    """Common limits with a margin; zero is always inside."""
+    values = np.concatenate([np.zeros(1), *parts])
+    values = values[np.isfinite(values)]
+    low, high = float(values.min()), float(values.max())
+    margin = 0.07 * (high - low) or 1.0
+    return low - margin, high + margin
+
+
+def _calm(panel: Axes) -> None:
+    panel.grid(True, color=FAINT, lw=0.5)
+    panel.set_axisbelow(True)
+    panel.axhline(0.0, color=RULE, lw=0.8, zorder=1)
+    panel.spines[["top", "right"]].set_visible(False)
+    panel.tick_params(length=2.5, width=0.6, pad=2, labelsize=7)
+    panel.margins(x=0.02)
+
+
+def _legend() -> dict[str, object]:
+    return {
+        "loc": "upper right",
+        "frameon": False,
+        "fontsize": 7,
+        "handlelength": 2.2,
+        "columnspacing": 1.4,
+        "borderaxespad": 0.0,
+        "labelcolor": INK,
+    }
+
+
+def table_change(figure: FigureBase, change: TableChange) -> None:
+    """Old and new table as steps; beneath, what is new minus old at the new table's points."""
+    top, low = figure.subplots(2, 1, sharex=True, height_ratios=(2.1, 1.0))
+    figure.subplots_adjust(left=0.075, right=0.99, top=0.9, bottom=0.14, hspace=0.13)
+    unit = SIGN[change.new.deviation_unit]
+    for panel, label in ((top, f"table  {unit}"), (low, f"new − old  {unit}")):
+        _calm(panel)
+        panel.set_ylabel(label)
+    points = change.new.positions
+    old = np.asarray(change.old.deviations, dtype=np.float64)
+    new = np.asarray(change.new.deviations, dtype=np.float64)
+    state = "" if change.old_enabled else " (was disabled)"
+    top.step(change.old.positions, old, where="mid", color=OLD, lw=1.0, label=f"old{state}")
+    top.step(points, new, where="mid", color=NEW, lw=1.2, label="new")
+    top.legend(**_legend(), bbox_to_anchor=(1.0, 1.16), ncols=2)
+    difference = new - change.old.at(points)
+    low.fill_between(points, difference, step="mid", color=NEW, alpha=0.25, lw=0)
+    low.step(points, difference, where="mid", color=NEW, lw=0.9)
+    low.set_xlabel(f"{change.new.input_axis}  {change.new.input_unit}", labelpad=2)
+    figure.align_ylabels([top, low])
+
+
+def prediction(figure: FigureBase, axis: AxisMaterial, change: TableChange) -> None:
+    """The mean of both directions as predicted, with U (k = 2), and as measured after the push."""
+    panel = figure.subplots(1, 1)
+    figure.subplots_adjust(left=0.075, right=0.99, top=0.87, bottom=0.18)
+    _calm(panel)
+    low, high = change.predicted - change.predicted_U, change.predicted + change.predicted_U
+    panel.fill_between(change.targets, low, high, color=OLD, alpha=0.3, lw=0, label="predicted ± U (k = 2)")
+    panel.plot(change.targets, change.predicted, color=OLD, lw=1.0, label="predicted")
+    if axis.after is not None:
+        panel.plot(
+            axis.after.targets, mean(axis.after), "o", color=NEW, ms=2.8, mew=0, label="measured, mean of both"
+        )
+    panel.legend(**_legend(), bbox_to_anchor=(1.0, 1.2), ncols=3)
+    panel.set_ylabel(f"deviation  {SIGN[axis.deviation_unit]}")
+    panel.set_xlabel(f"{axis.letter}  {axis.unit}", labelpad=2)
+
+
+def mean(evaluation: Evaluation) -> FloatArray:
+    """Mean of both directions, shape (m,); where one direction is missing, the other alone."""
+    both = np.stack([evaluation.mean_up, evaluation.mean_down])
+    count = np.isfinite(both).sum(axis=0)
+    total = np.nansum(both, axis=0)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
+def polar(figure: FigureBase, axis: AxisMaterial) -> None:
+    """Mean of both directions around the turn on one scale; the dashed circle is zero deviation."""
+    panel = figure.add_subplot(projection="polar")
+    figure.subplots_adjust(left=0.08, right=0.92, top=0.86, bottom=0.06)
+    curves = [
+        (item, mean(item), colour, name)
+        for item, colour, name in ((axis.before, OLD, "before"), (axis.after, NEW, "after"))
+        if item is not None
+    ]
+    _polar_scale(panel, [values for _item, values, _colour, _name in curves])
+    for evaluation, values, colour, name in curves:
+        angle, radius = _closed(evaluation.targets, values)
+        panel.plot(np.radians(angle), radius, color=colour, lw=1.2, marker="o", ms=2.2, mew=0, label=name)
+    panel.legend(**_legend(), bbox_to_anchor=(1.08, 1.14))
+    panel.set_title(f"mean deviation  {SIGN[axis.deviation_unit]}", loc="left", color=QUIET, pad=12, x=-0.08)
+
+
+def _polar_scale(panel: Axes, curves: list[FloatArray]) -> None:
+    low, high = _limits(curves)
+    panel.set_ylim(low, high)
+    if isinstance(panel, PolarAxes):
+        # A hollow middle keeps small radii readable: the curve's height counts, not its distance.
+        panel.set_rorigin(low - 0.8 * (high - low))
+        panel.set_theta_zero_location("N")
+        panel.set_rlabel_position(22.5)
+    turn = np.linspace(0.0, 2.0 * np.pi, 181)
+    panel.plot(turn, np.zeros_like(turn), color=QUIET, lw=0.7, ls=(0, (4, 3)))
+    panel.grid(True, color=FAINT, lw=0.6)
+    panel.spines["polar"].set_color(RULE)
+    panel.tick_params(labelsize=6.5, pad=1)
+
+
+def _closed(targets: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Join the ends of a curve that goes all the way round."""
+    keep = np.isfinite(values)
+    angle, radius = targets[keep], values[keep]
+    if angle.size < 3 or np.ptp(angle) < 300.0:
+        return angle, radius
+    return np.append(angle, angle[0] + 360.0), np.append(radius, radius[0])

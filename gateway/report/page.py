@@ -1,0 +1,156 @@
+"""Material to the report page: one HTML document, everything inside it, every name escaped."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from itertools import zip_longest
+
+from jinja2 import Environment, PackageLoader, StrictUndefined, Template
+from markupsafe import Markup
+
+from drivers.types import Ambient
+from gateway.domain import Capture, Evaluation, TableChange
+from gateway.report import plots, words
+from gateway.report.material import AxisMaterial, ReportMaterial
+from gateway.report.parameters import ParameterRow, parameter_rows
+
+MOST_TABLE_VALUES = 400
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """One line of the points table; up, down, s_up, s_down, B before and after."""
+
+    target: float
+    before: tuple[float | None, ...]
+    after: tuple[float | None, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class AxisPage:
+    """One axis as the template wants it: records, rows and finished drawings."""
+
+    material: AxisMaterial
+    state: tuple[str, str, str]
+    rows: tuple[ParameterRow, ...]
+    curve: Markup
+    table: Markup
+    prediction: Markup
+    polar: Markup
+    points: tuple[Point, ...]
+    values: tuple[tuple[float, float, float], ...]
+    notes: tuple[str, ...]
+
+
+def render(material: ReportMaterial) -> str:
+    """The whole document. Same material, same text."""
+    axes = [_axis_page(axis) for axis in material.axes]
+    editions = sorted({item.standard for axis in material.axes for item in _evaluations(axis)})
+    return _template().render(report=material, axes=axes, editions=editions, outcome=words.OUTCOME[material.outcome])
+
+
+@cache
+def _template() -> Template:
+    loader = PackageLoader("gateway.report", "")
+    environment = Environment(
+        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    for name in ("number", "signed", "percent", "when", "shortest"):
+        environment.filters[name] = getattr(words, name)
+    environment.globals.update(words=words, captures=_captures, environment_rows=environment_rows, columns=columns)
+    return environment.get_template("report.html.j2")
+
+
+def _axis_page(axis: AxisMaterial) -> AxisPage:
+    return AxisPage(
+        material=axis,
+        state=words.axis_state(axis),
+        rows=parameter_rows(axis.axis, axis.before, axis.after),
+        curve=_drawn(plots.before_after(axis)),
+        table=_drawn(plots.table_change(axis)),
+        prediction=_drawn(plots.prediction(axis)),
+        polar=_drawn(plots.polar(axis)),
+        points=_points(axis),
+        values=_values(axis.change),
+        notes=_notes(axis),
+    )
+
+
+def _drawn(svg: str) -> Markup:
+    # Our own drawing, whose texts matplotlib has escaped as XML.
+    return Markup(svg)  # noqa: S704
+
+
+def _evaluations(axis: AxisMaterial) -> tuple[Evaluation, ...]:
+    return tuple(item for item in (axis.before, axis.after) if item is not None)
+
+
+def _captures(axis: AxisMaterial) -> tuple[tuple[str, Capture], ...]:
+    pairs = (("before", axis.capture_before), ("after", axis.capture_after))
+    return tuple((name, capture) for name, capture in pairs if capture is not None)
+
+
+def _points(axis: AxisMaterial) -> tuple[Point, ...]:
+    """Targets of both evaluations in order; those measured once only have an empty side."""
+    before, after = _by_target(axis.before), _by_target(axis.after)
+    empty: tuple[float | None, ...] = (None,) * 5
+    targets = sorted({**before, **after})
+    return tuple(Point(target, before.get(target, empty), after.get(target, empty)) for target in targets)
+
+
+def _by_target(evaluation: Evaluation | None) -> dict[float, tuple[float | None, ...]]:
+    if evaluation is None:
+        return {}
+    columns_ = (evaluation.mean_up, evaluation.mean_down, evaluation.s_up, evaluation.s_down, evaluation.B_i)
+    rows = zip(*(column.tolist() for column in columns_), strict=True)
+    return {round(float(target), 6): row for target, row in zip(evaluation.targets.tolist(), rows, strict=True)}
+
+
+def _values(change: TableChange | None) -> tuple[tuple[float, float, float], ...]:
+    """Position, old and new of every interpolation point; none when the table is too long for paper."""
+    if change is None or len(change.new.deviations) > MOST_TABLE_VALUES:
+        return ()
+    points = change.new.positions
+    old = change.old.at(points).tolist()
+    return tuple(zip(points.tolist(), old, change.new.deviations, strict=True))
+
+
+def _notes(axis: AxisMaterial) -> tuple[str, ...]:
+    """Everything a reader must know about this axis, once each, in the order of the run."""
+    found: list[str] = []
+    for item in _evaluations(axis):
+        found += item.flags
+    for _name, capture in _captures(axis):
+        found += (*words.suspects(capture), *capture.notes)
+    if axis.change is not None:
+        found += (*([axis.change.skipped] if axis.change.skipped else []), *axis.change.findings)
+    return tuple(dict.fromkeys((*found, *axis.findings)))
+
+
+def environment_rows(axis: AxisMaterial) -> tuple[tuple[str, tuple[str, ...]], ...]:
+    """Name of each quantity and its readings: start and end of each capture."""
+    readings = [
+        ambient for _name, capture in _captures(axis) for ambient in (capture.ambient_start, capture.ambient_end)
+    ]
+    columns_ = [_ambient(reading) for reading in readings]
+    names = list(dict.fromkeys(name for column in columns_ for name in column))
+    return tuple((name, tuple(column.get(name, words.ABSENT) for column in columns_)) for name in names)
+
+
+def _ambient(reading: Ambient) -> Mapping[str, str]:
+    fixed = {
+        "air °C": words.number(reading.air_degc, 2),
+        "pressure hPa": words.number(reading.pressure_hpa, 2),
+        "humidity %": words.number(reading.humidity_pct, 1),
+    }
+    sensors = {f"material {i} °C": words.number(value, 2) for i, value in enumerate(reading.material_degc, 1)}
+    return {**fixed, **sensors}
+
+
+def columns(rows: tuple[object, ...], count: int) -> list[tuple[object, ...]]:
+    """Deal a long list into `count` columns, down first; each line of the answer is one row across."""
+    height = -(-len(rows) // count) if rows else 0
+    parts = [rows[start : start + height] for start in range(0, len(rows), height)] if height else []
+    return list(zip_longest(*parts))

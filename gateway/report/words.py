@@ -1,0 +1,131 @@
+"""The report's words and number formats: one place for every sentence it prints."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from math import isfinite
+
+from drivers.types import CompensationTable, SignProof
+from gateway.domain import Capture
+from gateway.report.material import AxisMaterial, Outcome
+
+UNIT = {"um": "µm", "arcsec": "″", "mm": "mm", "deg": "°"}
+ABSENT = "–"
+
+# symbol, headline, sentence: the state is told by form and word, never by colour alone.
+OUTCOME: dict[Outcome, tuple[str, str, str]] = {
+    "better": ("✔", "Better", "The machine was corrected and measured again: it improved."),
+    "unchanged": ("=", "Unchanged", "The machine was measured again: no change beyond the uncertainty."),
+    "worse": ("✖", "Worse", "The machine was measured again: at least one axis became worse."),
+    "not-pushed": ("○", "Not pushed", "Nothing was written to the controller by this run."),
+}
+
+PUSH = {
+    "committed": "written, read back equal, enabled, effect proved",
+    "already-applied": "the controller already held this table; nothing was written",
+    "rolled-back": "the new table did not pass its checks; the old table was restored",
+    "held": "stopped half way; compensation is disabled and the back-up is ready to be restored",
+    "refused": "refused before anything was written",
+    "skipped": "nothing to write",
+}
+
+GLOSSARY = (
+    ("E", "bidirectional systematic deviation"),
+    ("R", "bidirectional repeatability"),
+    ("B", "reversal"),
+    ("A", "bidirectional accuracy"),
+    ("M", "range of the mean deviation"),
+)
+
+
+def number(value: float | None, decimals: int = 2) -> str:
+    """Fixed decimals with a true minus sign; a dash for what does not exist; never "-0.00"."""
+    if value is None or not isfinite(value):
+        return ABSENT
+    text = f"{value:.{decimals}f}"
+    return text.lstrip("-") if float(text) == 0.0 else text.replace("-", "−")
+
+
+def signed(value: float | None, decimals: int = 2) -> str:
+    """As `number`, with a plus sign in front of what is above zero."""
+    text = number(value, decimals)
+    return f"+{text}" if value is not None and isfinite(value) and float(f"{value:.{decimals}f}") > 0 else text
+
+
+def percent(value: float | None) -> str:
+    """A change in whole percent, signed."""
+    return ABSENT if value is None or not isfinite(value) else f"{signed(value, 0)} %"
+
+
+def shortest(value: object) -> str:
+    """A coefficient as short as it can be told: 11.5, 1.000271."""
+    return f"{value:.7g}".replace("-", "−") if isinstance(value, float) else str(value)
+
+
+def when(stamp: str) -> str:
+    """An ISO 8601 moment as "2026-03-02 14:05 UTC"; anything else as it is."""
+    try:
+        moment = datetime.fromisoformat(stamp)
+    except ValueError:
+        return stamp or ABSENT
+    return moment.astimezone(UTC).strftime("%Y-%m-%d %H:%M UTC") if moment.tzinfo else stamp
+
+
+def axis_state(axis: AxisMaterial) -> tuple[str, str, str]:
+    """Class, symbol and word of one axis: what became of it."""
+    if axis.verdict is not None:
+        return _judged(axis)
+    if axis.push is not None and axis.push.outcome in {"rolled-back", "held"}:
+        return "worse", "✖", axis.push.outcome.replace("-", " ")
+    if axis.change is not None and axis.change.skipped:
+        return "unchanged", "=", "not corrected"
+    return "not-pushed", "○", "proposed only" if axis.change is not None else "measured only"
+
+
+def _judged(axis: AxisMaterial) -> tuple[str, str, str]:
+    verdict = axis.verdict
+    if verdict is not None and verdict.improved:
+        return "better", "✔", "improved"
+    rows = [(item.E, item.M) for item in (axis.before, axis.after) if item is not None]
+    grew = len(rows) == 2 and all(_more(new, old) for old, new in zip(*rows, strict=True))
+    return ("worse", "✖", "worse") if grew else ("unchanged", "=", "unchanged")
+
+
+def _more(new: float | None, old: float | None) -> bool:
+    return new is not None and old is not None and new > old
+
+
+def axis_kind(axis: AxisMaterial) -> str:
+    """What was measured, for a heading."""
+    kind = "angular positioning" if axis.rotary else "linear positioning"
+    return f"{kind} {axis.component}".strip()
+
+
+def value_sense(table: CompensationTable, proof: SignProof | None) -> str:
+    """What a positive stored value does on the machine, and how that is known."""
+    if table.function == "EEC":
+        rule = "EEC acts on the actual side: a positive stored value moves the axis in the negative direction"
+    else:
+        rule = "CEC acts on the setpoint side; its sense is not taken from a manual but measured"
+    if proof is None:
+        return f"{rule}. No sign proof of this machine is on record for this table."
+    return (
+        f"{rule}. Proved on this machine {when(proof.date_utc)}: measured step / commanded step = "
+        f"{signed(proof.slope, 3)} ± {number(2 * proof.slope_u, 3)} (k = 2)."
+    )
+
+
+def suspects(capture: Capture) -> tuple[str, ...]:
+    """One sentence for each reading that stands out of line."""
+    return tuple(_suspect(capture, *place) for place in capture.suspects)
+
+
+def _suspect(capture: Capture, target: int, repetition: int, approach: int) -> str:
+    if not (0 <= target < capture.targets.size and 0 <= repetition < capture.deviations.shape[1]):
+        return f"A reading outside the plan is marked: target {target + 1}, repetition {repetition + 1}."
+    where = f"{number(float(capture.targets[target]), 3)} {UNIT[capture.axis_unit]}"
+    value = signed(float(capture.deviations[target, repetition, approach]), 2)
+    return (
+        f"Target {target + 1} ({where}), repetition {repetition + 1}, approach {'−' if approach else '+'}: "
+        f"{value} {UNIT[capture.unit]} stands out of line and is marked as suspect."
+    )

@@ -1,0 +1,9 @@
+"""Run folders, their index and the machines' sign proofs: what is stored stays what it was."""
+
+from __future__ import annotations
+
+from gateway.store.folder import RunFolder, RunSummary, Store
+from gateway.store.index import Index
+from gateway.store.proofs import Proofs
+
+__all__ = ["Index", "Proofs", "RunFolder", "RunSummary", "Store"]

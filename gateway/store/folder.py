@@ -1,0 +1,299 @@
+"""Run folders: every stage of a run as one hashed file, `run.json` naming them all."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+import secrets
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib import metadata
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.types import MachineIdentity
+from gateway.errors import CorruptRecord, StoreError
+from gateway.store import records
+from gateway.store.disk import checked_name, disk_errors, write_whole
+
+R = TypeVar("R")
+RUN_FILE = "run.json"
+
+
+def _utc_now() -> datetime:
+    return datetime.now(UTC)
+
+
+@dataclass(frozen=True, slots=True)
+class RunSummary:
+    """One line of the list of runs; ``problem`` says why a run cannot be read ("" when it can)."""
+
+    run_id: str
+    path: Path
+    site: str = ""
+    created_utc: str = ""
+    state: str = ""
+    machine: str = ""
+    software: str = ""
+    stages: tuple[str, ...] = ()
+    problem: str = ""
+
+
+class RunFolder:
+    """One run on disk. Stages are stored once; a stage stored again gets a new file and the old one stays."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._facts()
+
+    @property
+    def run_id(self) -> str:
+        """Sortable id: UTC time, site name, random end."""
+        return self.path.name
+
+    @property
+    def facts(self) -> Mapping[str, Any]:
+        """`run.json` as read now: state, site, machine, stages, errors."""
+        return self._facts()
+
+    @property
+    def stages(self) -> tuple[str, ...]:
+        """Names of the stored stages in the order they were first stored."""
+        return tuple(self._facts()["stages"])
+
+    @property
+    def state(self) -> str:
+        """The run's state in one word."""
+        return str(self._facts()["state"])
+
+    @property
+    def plan(self) -> Any:
+        """What the run was created for, as given."""
+        return records.from_plain(self._facts()["plan"])
+
+    def put(self, stage: str, record: object, parents: tuple[str, ...] = ()) -> str:
+        """Store a stage's record and return its sha256. ``parents`` are hashes of what it was made from.
+
+        Raises StoreError (E-STORE-ENCODE, E-STORE-NAME, E-STORE-DISK).
+        """
+        data = records.encode(record, tuple(parents))
+        digest = records.sha256(data)
+        facts = self._facts()
+        known = facts["stages"].get(checked_name(stage))
+        if known is not None and known["sha256"] == digest:
+            return digest
+        name = self._free_name(stage, ".json")
+        write_whole(self.path / name, data)
+        entry = {"file": name, "sha256": digest, "parents": list(parents), "type": type(record).__name__}
+        entry["replaces"] = [*known["replaces"], known["file"]] if known else []
+        facts["stages"][stage] = entry
+        self._write_facts(facts)
+        return digest
+
+    def get(self, stage: str, kind: type[R]) -> R:
+        """A stage's record, its hash checked.
+
+        Raises StoreError (E-STORE-STAGE) when never stored, CorruptRecord (E-STORE-HASH and others),
+        FutureSchema.
+        """
+        entry = self._entry(stage)
+        path = self.path / entry["file"]
+        with disk_errors(path):
+            data = path.read_bytes()
+        if records.sha256(data) != entry["sha256"]:
+            raise CorruptRecord("E-STORE-HASH", str(path), stage=stage)
+        return records.decode(data, kind, str(path))
+
+    def has(self, stage: str) -> bool:
+        """Whether a stage is stored."""
+        return stage in self._facts()["stages"]
+
+    def digest(self, stage: str) -> str:
+        """The sha256 of a stored stage. Raises StoreError (E-STORE-STAGE)."""
+        return str(self._entry(stage)["sha256"])
+
+    def parents(self, stage: str) -> tuple[str, ...]:
+        """The hashes a stage was made from."""
+        return tuple(self._entry(stage)["parents"])
+
+    def write_bytes(self, name: str, data: bytes) -> Path:
+        """Store a file beside the stages under this name, durable, its hash in `run.json`."""
+        path = self.path / checked_name(name)
+        write_whole(path, data)
+        facts = self._facts()
+        facts["files"][name] = records.sha256(data)
+        self._write_facts(facts)
+        return path
+
+    def write_text(self, name: str, text: str) -> Path:
+        """Store a text exactly as given (UTF-8, line ends untouched); returns its path."""
+        return self.write_bytes(name, text.encode("utf-8"))
+
+    def write_array(self, name: str, array: NDArray[Any]) -> Path:
+        """Store an array as .npy; returns its path."""
+        buffer = io.BytesIO()
+        np.save(buffer, array, allow_pickle=False)
+        return self.write_bytes(name if name.endswith(".npy") else f"{name}.npy", buffer.getvalue())
+
+    def read_bytes(self, name: str) -> bytes:
+        """A stored file, its hash checked. Raises StoreError (E-STORE-FILE), CorruptRecord (E-STORE-HASH)."""
+        known = self._facts()["files"]
+        if name not in known:
+            raise StoreError("E-STORE-FILE", str(self.path), name=name, known=", ".join(sorted(known)))
+        path = self.path / name
+        with disk_errors(path):
+            data = path.read_bytes()
+        if records.sha256(data) != known[name]:
+            raise CorruptRecord("E-STORE-HASH", str(path), stage=name)
+        return data
+
+    def read_text(self, name: str) -> str:
+        """A stored text, its hash checked."""
+        return self.read_bytes(name).decode("utf-8")
+
+    def read_array(self, name: str) -> NDArray[Any]:
+        """A stored array, its hash checked."""
+        data = self.read_bytes(name if name.endswith(".npy") else f"{name}.npy")
+        loaded: NDArray[Any] = np.load(io.BytesIO(data), allow_pickle=False)
+        return loaded
+
+    def set_state(
+        self, state: str, *, error: Mapping[str, object] | None = None, machine: MachineIdentity | None = None
+    ) -> None:
+        """Note the run's state, and with it an error (`TrueflankError.as_record`) or the machine met."""
+        facts = self._facts()
+        facts["state"] = state
+        if error is not None:
+            facts["errors"].append(records.plain(error))
+        if machine is not None:
+            facts["machine"] = {"serial": machine.serial, "nck_version": machine.nck_version}
+        self._write_facts(facts)
+
+    def summary(self) -> RunSummary:
+        """This run as one line."""
+        facts = self._facts()
+        return RunSummary(
+            self.run_id,
+            self.path,
+            facts["site"],
+            facts["created_utc"],
+            facts["state"],
+            facts["machine"].get("serial", ""),
+            facts["software"],
+            tuple(facts["stages"]),
+        )
+
+    def _entry(self, stage: str) -> dict[str, Any]:
+        stages = self._facts()["stages"]
+        if stage not in stages:
+            raise StoreError("E-STORE-STAGE", str(self.path), stage=stage, known=", ".join(stages))
+        entry: dict[str, Any] = stages[stage]
+        return entry
+
+    def _free_name(self, stem: str, suffix: str) -> str:
+        name, number = f"{stem}{suffix}", 2
+        while (self.path / name).exists():
+            name, number = f"{stem}.{number}{suffix}", number + 1
+        return name
+
+    def _facts(self) -> dict[str, Any]:
+        return _read_facts(self.path / RUN_FILE)
+
+    def _write_facts(self, facts: dict[str, Any]) -> None:
+        write_whole(self.path / RUN_FILE, _sealed(facts))
+
+
+def _sealed(facts: Mapping[str, Any]) -> bytes:
+    body = {key: value for key, value in facts.items() if key != "sha256"}
+    return json.dumps({**body, "sha256": records.sha256(records.canonical(body))}, indent=1).encode("ascii")
+
+
+_KEYS = ("run_id", "site", "created_utc", "state", "machine", "software", "plan", "stages", "files", "errors")
+
+
+def _read_facts(path: Path) -> dict[str, Any]:
+    with disk_errors(path):
+        data = path.read_bytes()
+    try:
+        facts = json.loads(data)
+    except ValueError as error:
+        raise CorruptRecord("E-STORE-JSON", str(path), why=str(error)) from error
+    if not isinstance(facts, dict) or not isinstance(facts.get("schema"), int):
+        raise CorruptRecord("E-STORE-JSON", str(path), why="not a run file with a schema version")
+    records.check_schema(facts["schema"], str(path))
+    seal = facts.pop("sha256", "")
+    if seal != records.sha256(records.canonical(facts)) or any(key not in facts for key in _KEYS):
+        raise CorruptRecord("E-STORE-HASH", str(path), stage=RUN_FILE)
+    return facts
+
+
+class Store:
+    """All runs below one folder. Holds nothing open."""
+
+    def __init__(self, root: Path, utc: Callable[[], datetime] = _utc_now) -> None:
+        self.root = Path(root)
+        self._utc = utc
+
+    def create(self, site_name: str, plan: object = None) -> RunFolder:
+        """A new run for a site; ``plan`` is any JSON-like value (mappings, lists, scalars) or text.
+
+        Raises StoreError (E-STORE-DISK) when the folder cannot be made.
+        """
+        now = self._utc()
+        slug = re.sub(r"[^A-Za-z0-9_-]+", "-", site_name).strip("-")[:40] or "run"
+        run_id = (
+            f"{now.strftime('%Y%m%dT%H%M%S')}{now.microsecond // 1000:03d}Z-{slug}-{secrets.token_hex(2)}"
+        )
+        path = self.root / run_id
+        facts = {
+            "schema": records.SCHEMA,
+            "run_id": run_id,
+            "site": site_name,
+            "created_utc": now.isoformat(timespec="milliseconds"),
+            "state": "created",
+            "machine": {},
+            "software": metadata.version("trueflank"),
+            "plan": records.plain(plan),
+            "stages": {},
+            "files": {},
+            "errors": [],
+        }
+        with disk_errors(path):
+            path.mkdir(parents=True)
+        write_whole(path / RUN_FILE, _sealed(facts))
+        return RunFolder(path)
+
+    def open(self, run: str | Path) -> RunFolder:
+        """A run by its id, by the start of its id when only one matches, or by its path.
+
+        Raises StoreError (E-STORE-RUN), CorruptRecord, FutureSchema.
+        """
+        for path in (self.root / run, Path(run)):
+            if (path / RUN_FILE).is_file():
+                return RunFolder(path)
+        matches = [path for path in self._folders() if path.name.startswith(str(run))] if str(run) else []
+        if len(matches) == 1:
+            return RunFolder(matches[0])
+        raise StoreError("E-STORE-RUN", str(self.root), run=run, matches=len(matches))
+
+    def runs(self) -> tuple[RunSummary, ...]:
+        """All runs, oldest first; one that cannot be read is listed with its problem."""
+        return tuple(_summary(path) for path in self._folders())
+
+    def _folders(self) -> list[Path]:
+        with disk_errors(self.root):
+            if not self.root.is_dir():
+                return []
+            return sorted(path for path in self.root.iterdir() if (path / RUN_FILE).exists())
+
+
+def _summary(path: Path) -> RunSummary:
+    try:
+        return RunFolder(path).summary()
+    except StoreError as error:
+        return RunSummary(path.name, path, state="unreadable", problem=str(error))

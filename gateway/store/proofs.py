@@ -1,0 +1,61 @@
+"""Sign proofs of machines: found again only for a machine whose whole fingerprint is the same."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from drivers.types import MachineIdentity, SignProof
+from gateway.errors import CorruptRecord
+from gateway.store import records
+from gateway.store.disk import disk_errors, write_whole
+
+_FOLDER = "proofs"
+
+
+class Proofs:
+    """The proofs kept below a store's root; older ones are never overwritten."""
+
+    def __init__(self, root: Path) -> None:
+        self._root = Path(root) / _FOLDER
+
+    def save(self, proof: SignProof) -> Path:
+        """Keep a proof for good; its file name carries its hash. Raises StoreError (E-STORE-DISK)."""
+        data = records.encode(proof)
+        folder = self._folder(proof.machine)
+        with disk_errors(folder):
+            folder.mkdir(parents=True, exist_ok=True)
+        path = folder / f"{proof.function}-{_safe(proof.output_axis)}-{records.sha256(data)[:16]}.json"
+        write_whole(path, data)
+        return path
+
+    def find(self, machine: MachineIdentity, function: str, output_axis: str) -> SignProof | None:
+        """The newest proof of this very machine for a function and output axis, or None.
+
+        Raises CorruptRecord when a kept proof has been altered, FutureSchema when it is too new to read.
+        """
+        folder = self._folder(machine)
+        with disk_errors(folder):
+            paths = sorted(folder.glob(f"{function}-{_safe(output_axis)}-*.json"))
+        proofs = [proof for proof in map(_read, paths) if _fits(proof, machine, function, output_axis)]
+        return max(proofs, key=lambda proof: proof.date_utc, default=None)
+
+    def _folder(self, machine: MachineIdentity) -> Path:
+        return self._root / _safe(machine.serial)
+
+
+def _safe(name: str) -> str:
+    return re.sub(r"[^A-Za-z0-9_-]", "_", name) or "_"
+
+
+def _fits(proof: SignProof, machine: MachineIdentity, function: str, output_axis: str) -> bool:
+    same = not proof.machine.differences(machine)
+    return same and proof.function == function and proof.output_axis == output_axis
+
+
+def _read(path: Path) -> SignProof:
+    with disk_errors(path):
+        data = path.read_bytes()
+    if path.stem.rpartition("-")[2] != records.sha256(data)[:16]:
+        raise CorruptRecord("E-STORE-HASH", str(path), stage="sign proof")
+    return records.decode(data, SignProof, str(path))

@@ -1,0 +1,171 @@
+"""Opens, watches and closes the site's devices; every failure is reported at once, not one after another."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, cast
+
+from drivers import registry
+from drivers.clock import Clock
+from drivers.errors import ConfigError, TrueflankError, UnsupportedDevice
+from drivers.ports import Controller, Device, Instrument
+from drivers.types import Identity, MachineIdentity
+from gateway.config import SiteFile
+
+
+@dataclass(frozen=True, slots=True)
+class DevicePicture:
+    """One device as seen now: ``state`` is "closed", "open", "lost" or "failed"."""
+
+    name: str
+    driver: str
+    state: str
+    since_utc: str
+    identity: Identity | None = None
+    error: TrueflankError | None = None
+
+
+class DevicesFailed(TrueflankError):
+    """One or more devices did not open; ``causes`` holds each device's own error."""
+
+    def __init__(self, causes: tuple[tuple[str, TrueflankError], ...]) -> None:
+        lines = "; ".join(f"{name}: {error}" for name, error in causes)
+        super().__init__("E-SUP-OPEN", "site", count=len(causes), causes=lines)
+        self.causes = causes
+        # The first cause that a person can act on decides the shell's exit code.
+        self.exit_code = causes[0][1].exit_code  # type: ignore[misc]
+
+
+class Supervisor:
+    """All devices of one site, by name. The controller is called "controller"."""
+
+    CONTROLLER = "controller"
+    WATCH_S = 2.0
+    REOPEN_MAX_S = 60.0
+
+    def __init__(self, site: SiteFile, clock: Clock, say: Callable[[str], None] = lambda _text: None) -> None:
+        self._site = site
+        self._clock = clock
+        self._say = say
+        self._devices: dict[str, Device] = {}
+        self._pictures: dict[str, DevicePicture] = {}
+        self._build()
+
+    def _build(self) -> None:
+        section = self._site.controller
+        self._add(self.CONTROLLER, section.driver, "controller", section.url, section.settings)
+        for instrument in self._site.instruments:
+            self._add(instrument.name, instrument.driver, "instrument", instrument.url, instrument.settings)
+
+    def _add(self, name: str, driver: str, role: str, url: str, settings: dict[str, Any]) -> None:
+        factory = registry.load(driver, role)
+        self._devices[name] = cast(Device, factory(name, url, settings, self._clock))
+        self._picture(name, driver, "closed")
+
+    def _picture(
+        self,
+        name: str,
+        driver: str,
+        state: str,
+        identity: Identity | None = None,
+        error: TrueflankError | None = None,
+    ) -> None:
+        since = self._clock.utc().isoformat(timespec="seconds")
+        self._pictures[name] = DevicePicture(name, driver, state, since, identity, error)
+
+    @property
+    def controller(self) -> Controller:
+        """The machine's controller."""
+        return cast(Controller, self._devices[self.CONTROLLER])
+
+    def instrument(self, name: str) -> Instrument:
+        """An instrument of the site by its name."""
+        return cast(Instrument, self._devices[name])
+
+    def picture(self) -> tuple[DevicePicture, ...]:
+        """All devices as they are now, for pages and logs."""
+        return tuple(self._pictures.values())
+
+    async def open_all(self) -> MachineIdentity:
+        """Open and identify every device together. Raises DevicesFailed naming each one that did not."""
+        results = await asyncio.gather(*(self._open(name) for name in self._devices))
+        failures = tuple((name, error) for name, error in results if error is not None)
+        if failures:
+            raise DevicesFailed(failures)
+        return await self._known_machine()
+
+    async def _open(self, name: str) -> tuple[str, TrueflankError | None]:
+        driver = self._pictures[name].driver
+        try:
+            identity = await self._devices[name].open(self._timeout(name))
+            self._check_serial(name, identity)
+        except TrueflankError as error:
+            self._picture(name, driver, "failed", error=error)
+            await self._devices[name].close()
+            return name, error
+        self._picture(name, driver, "open", identity)
+        return name, None
+
+    def _timeout(self, name: str) -> float:
+        if name == self.CONTROLLER:
+            return self._site.controller.timeout_s
+        return next(section.timeout_s for section in self._site.instruments if section.name == name)
+
+    def _check_serial(self, name: str, identity: Identity) -> None:
+        wanted = {section.name: section.serial for section in self._site.instruments}.get(name, "")
+        if wanted and identity.serial != wanted:
+            raise UnsupportedDevice("E-SUP-SERIAL", name, found=identity.serial, wanted=wanted)
+
+    async def _known_machine(self) -> MachineIdentity:
+        machine = await self.controller.identify()
+        wanted = self._site.controller.serial
+        if machine.serial != wanted:
+            raise UnsupportedDevice("E-SUP-MACHINE", self.CONTROLLER, found=machine.serial, wanted=wanted)
+        missing = [axis.name for axis in self._site.axes if axis.name not in machine.axis_names]
+        if missing:
+            names = ", ".join(machine.axis_names)
+            raise ConfigError("E-SUP-AXIS", "axes", missing=", ".join(missing), known=names)
+        return machine
+
+    async def watch(self, stop: asyncio.Event) -> None:
+        """Until `stop`: ask the controller for a sign of life and reopen what was lost, ever more slowly."""
+        pause = self.WATCH_S
+        while not stop.is_set():
+            await self._wait(stop, pause)
+            lost = [name for name, seen in self._pictures.items() if seen.state != "open"]
+            if not lost:
+                pause = self.WATCH_S
+                await self._sign_of_life()
+                continue
+            results = await asyncio.gather(*(self._open(name) for name in lost))
+            failed = any(error is not None for _name, error in results)
+            pause = min(pause * 1.8, self.REOPEN_MAX_S) if failed else self.WATCH_S
+
+    async def _sign_of_life(self) -> None:
+        try:
+            await self.controller.state()
+        except TrueflankError as error:
+            seen = self._pictures[self.CONTROLLER]
+            self._pictures[self.CONTROLLER] = replace(seen, state="lost", error=error)
+            self._say(str(error))
+            await self.controller.close()
+
+    async def _wait(self, stop: asyncio.Event, seconds: float) -> None:
+        waiter = asyncio.ensure_future(stop.wait())
+        sleeper = asyncio.ensure_future(self._clock.sleep(seconds))
+        try:
+            await asyncio.wait((waiter, sleeper), return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for task in (waiter, sleeper):
+                task.cancel()
+            await asyncio.gather(waiter, sleeper, return_exceptions=True)
+
+    async def close_all(self) -> None:
+        """Close every device; never raises."""
+        for name, device in self._devices.items():
+            await device.close()
+            seen = self._pictures[name]
+            if seen.state == "open":
+                self._picture(name, seen.driver, "closed", seen.identity)

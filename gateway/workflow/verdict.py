@@ -1,0 +1,63 @@
+"""Before against after, axis by axis, in the words of ISO 230-2 and against what was predicted; pure."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from drivers.errors import words
+from drivers.types import FloatArray, SignProof
+from gateway.domain import AxisVerdict, Evaluation, PushRecord, TableChange, Verdict
+
+# The prediction is judged at every target at once, so the band is widened from k = 2 to k = 3.
+WIDEN = 1.5
+PUSHED = ("committed", "already-applied")
+
+
+def judge_axis(
+    axis: str, before: Evaluation, after: Evaluation, change: TableChange, push: PushRecord | None
+) -> AxisVerdict:
+    """One axis: is M smaller than before by more than its uncertainty, and did the prediction hold?"""
+    held = _prediction_holds(after, change)
+    smaller = _smaller(before, after)
+    pushed = push is not None and push.outcome in PUSHED
+    said = _words(smaller, held, pushed, change)
+    return AxisVerdict(axis, before.unit, before, after, smaller > 0, held, said)
+
+
+def judge(axes: tuple[AxisVerdict, ...], pushes: tuple[PushRecord, ...], proofs: tuple[SignProof, ...]) -> Verdict:
+    """The run's answer: worse if any axis is, better if any is and none is worse."""
+    if not any(push.outcome in PUSHED for push in pushes):
+        return Verdict(axes, "not-pushed", proofs)
+    signs = [_smaller(axis.before, axis.after) for axis in axes]
+    if min(signs, default=0) < 0:
+        return Verdict(axes, "worse", proofs)
+    return Verdict(axes, "better" if max(signs, default=0) > 0 else "unchanged", proofs)
+
+
+def mean_of_both(evaluation: Evaluation) -> FloatArray:
+    """Mean of both approaches at each target, shape (m,); the one that exists where only one does."""
+    both = np.stack([evaluation.mean_up, evaluation.mean_down])
+    return np.asarray(np.nanmean(both, axis=0), dtype=np.float64)
+
+
+def _smaller(before: Evaluation, after: Evaluation) -> int:
+    if before.M is None or after.M is None:
+        return 0
+    doubt = float(np.hypot(before.U.get("M", 0.0), after.U.get("M", 0.0)))
+    change = before.M - after.M
+    return 0 if abs(change) <= doubt else int(np.sign(change))
+
+
+def _prediction_holds(after: Evaluation, change: TableChange) -> bool:
+    if len(change.targets) != len(after.targets) or not np.allclose(change.targets, after.targets, atol=1e-6):
+        return False
+    difference = mean_of_both(after) - change.predicted
+    difference -= float(np.nanmedian(difference))
+    return bool(np.all(np.abs(difference) <= WIDEN * change.predicted_U))
+
+
+def _words(smaller: int, held: bool, pushed: bool, change: TableChange) -> str:
+    if not pushed:
+        return change.skipped or words("W-VERDICT-NOTHING")
+    size = {1: "W-VERDICT-BETTER", 0: "W-VERDICT-SAME", -1: "W-VERDICT-WORSE"}[smaller]
+    return words(size) + " " + words("W-VERDICT-HELD" if held else "W-VERDICT-MISSED")

@@ -1,0 +1,69 @@
+"""Every code that the source uses stands in the catalogue, and its text asks only for fields that are given."""
+
+from __future__ import annotations
+
+import ast
+import re
+import string
+from pathlib import Path
+
+import pytest
+
+from drivers.errors import TrueflankError, catalogue
+
+ROOT = Path(__file__).parents[2]
+CODE = re.compile(r"^[EPW]-[A-Z0-9]+(-[A-Z0-9]+)+$")
+OWN_ARGUMENTS = {"retryable", "where"}
+
+
+def _uses() -> list[tuple[str, str, set[str], bool]]:
+    found = []
+    for package in ("gateway", "drivers"):
+        for path in sorted((ROOT / package).rglob("*.py")):
+            tree = ast.parse(path.read_text(encoding="utf-8"))
+            for node in ast.walk(tree):
+                if not isinstance(node, ast.Call) or not node.args:
+                    continue
+                first = node.args[0]
+                if isinstance(first, ast.Constant) and isinstance(first.value, str) and CODE.match(first.value):
+                    names = {keyword.arg for keyword in node.keywords if keyword.arg} - OWN_ARGUMENTS
+                    star = any(keyword.arg is None for keyword in node.keywords)
+                    place = f"{path.relative_to(ROOT)}:{node.lineno}"
+                    found.append((place, first.value, names, star))
+    return found
+
+
+def _placeholders(text: str) -> set[str]:
+    return {name.split(".")[0].split("[")[0] for _, name, _, _ in string.Formatter().parse(text) if name}
+
+
+def test_every_code_in_the_source_has_a_text_whose_fields_are_given() -> None:
+    problems = []
+    for place, code, names, star in _uses():
+        entry = catalogue().get(code)
+        if entry is None:
+            problems.append(f"{place}: {code} is not in the catalogue")
+            continue
+        missing = (_placeholders(entry["what"]) | _placeholders(entry["do"])) - names
+        if missing and not star:
+            problems.append(f"{place}: {code} lacks the fields {sorted(missing)}")
+    assert not problems, "\n".join(problems)
+
+
+def test_every_text_is_used_and_says_what_to_do() -> None:
+    source = "\n".join(
+        path.read_text(encoding="utf-8")
+        for package in ("gateway", "drivers")
+        for path in (ROOT / package).rglob("*.py")
+    )
+    unused = [code for code in catalogue() if f'"{code}"' not in source]
+    silent = [code for code, entry in catalogue().items() if code.startswith("E-") and not entry["do"].strip()]
+    assert not unused
+    assert not silent
+
+
+@pytest.mark.parametrize("code", sorted(catalogue()))
+def test_every_text_renders_without_its_fields(code: str) -> None:
+    text = str(TrueflankError(code, "somewhere"))
+    assert code in text
+    assert "somewhere" in text

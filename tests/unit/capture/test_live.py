@@ -1,0 +1,123 @@
+"""Capturing with the little machine: attribution, sense, settling, and what must be refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from drivers.clock import LoopClock, run_virtual
+from drivers.errors import BeamObstructed, DeviceRefused, UnsupportedDevice
+from gateway.capture.live import RawCapture, capture_axis, window_of
+from gateway.capture.sense import prove_sense
+from gateway.capture.walk import Patience
+from gateway.config import AxisSection
+from gateway.domain import SenseProof
+from gateway.errors import Unstable
+from tests.unit.capture.double import LittleMachine
+
+AXIS = AxisSection.model_validate(
+    {
+        "name": "X1",
+        "letter": "X",
+        "kind": "linear",
+        "travel": [-120.0, 120.0],
+        "measure": {
+            "instrument": "laser",
+            "component": "EXX",
+            "targets": {"first": -100.0, "last": 100.0, "count": 6, "offset_fraction": 0.2},
+            "repetitions": 2,
+            "feed": 6000.0,
+            "stable": 0.5,
+        },
+        "table": {"minimum": -100.0, "maximum": 100.0, "step": 20.0},
+    }
+)
+PATIENCE = Patience(30.0, 60.0)
+
+
+def _error_um(position: np.ndarray) -> np.ndarray:
+    return 3.0 * np.sin(position / 17.0) + 0.05 * position
+
+
+def _laser(sense: int, rng: np.random.Generator) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
+    def reads(position: np.ndarray, _times: np.ndarray) -> np.ndarray:
+        noise = rng.normal(0.0, 2e-5, position.shape)
+        return sense * (position + _error_um(position) / 1000.0 + 41.5) + noise
+
+    return reads
+
+
+def _run(sense: int = 1, **changes: object) -> tuple[RawCapture, SenseProof]:
+    async def main() -> tuple[RawCapture, SenseProof]:
+        clock = LoopClock()
+        clock.now()
+        machine = LittleMachine(clock, _laser(sense, np.random.default_rng(3)))
+        proof = await prove_sense(AXIS, machine, machine, window_of(AXIS), clock, PATIENCE)
+        for name, value in changes.items():
+            setattr(machine, name, value)
+        raw = await capture_axis(AXIS, machine, machine, proof, clock, PATIENCE)
+        return raw, proof
+
+    return run_virtual(main)
+
+
+@pytest.mark.parametrize("sense", [1, -1])
+@pytest.mark.parametrize("late_s", [0.0, 1.7, 3.0])
+def test_every_reading_belongs_to_its_own_target_whatever_sense_and_delay(sense: int, late_s: float) -> None:
+    raw, proof = _run(sense, late_s=late_s)
+    assert proof.sense == sense
+    measured_mm = proof.sense * (raw.values[..., 0] - raw.values[0, 0, 0, 0])
+    wanted = raw.targets + _error_um(raw.targets) / 1000.0
+    deviation = measured_mm - (wanted - wanted[0])[:, None, None]
+    assert np.max(np.abs(deviation)) < 2e-5
+
+
+def test_targets_are_uneven_but_the_datum_and_the_ends_stay() -> None:
+    raw, _proof = _run()
+    steps = np.diff(raw.targets)
+    assert np.ptp(steps) > 1.0
+    assert raw.targets[0] >= -100.0
+    assert raw.targets[-1] <= 100.0
+
+
+def test_a_lost_beam_stops_the_capture_and_ends_the_program() -> None:
+    with pytest.raises(BeamObstructed, match="E-CAP-BEAM"):
+        _run(bad_at=60.0)
+
+
+def test_a_missed_stop_is_refused() -> None:
+    with pytest.raises(DeviceRefused, match="E-CAP-ORDER"):
+        _run(skip_stop=3)
+
+
+def test_optics_that_do_not_follow_are_refused_with_what_was_read() -> None:
+    async def main() -> None:
+        clock = LoopClock()
+        machine = LittleMachine(clock, lambda position, _times: 1e-5 * position)
+        await prove_sense(AXIS, machine, machine, window_of(AXIS), clock, PATIENCE)
+
+    with pytest.raises(UnsupportedDevice, match="jog of 10 mm read"):
+        run_virtual(main)
+
+
+def test_a_wrong_unit_is_refused() -> None:
+    async def main() -> None:
+        clock = LoopClock()
+        machine = LittleMachine(clock, lambda position, _times: position / 25.4 * 10)
+        await prove_sense(AXIS, machine, machine, window_of(AXIS), clock, PATIENCE)
+
+    with pytest.raises(UnsupportedDevice, match="not within 1 %"):
+        run_virtual(main)
+
+
+def test_a_reading_that_never_settles_says_which_condition_is_missing() -> None:
+    async def main() -> None:
+        clock = LoopClock()
+        rng = np.random.default_rng(5)
+        machine = LittleMachine(clock, lambda position, _times: position + rng.normal(0, 0.01, position.shape))
+        await prove_sense(AXIS, machine, machine, window_of(AXIS), clock, PATIENCE)
+
+    with pytest.raises(Unstable, match="sigma"):
+        run_virtual(main)
