@@ -20,23 +20,22 @@ FAINT = "#e4e7e9"
 OLD = "#8a9299"
 NEW = "#1f4e79"
 REVERSE = "#5f86ab"
-SIGN = {"um": "µm", "arcsec": "″"}
-
+SIGN = {"um": "µm", "arcsec": "arcsec"}
 
 
 def before_after(figure: FigureBase, axis: AxisMaterial, heading: bool = False) -> None:
-    """Two panels, before and after, on one scale of deviation."""
+    """Two panels, before and after, on one scale of deviation; a picture that stands alone gets a heading."""
     left, right = figure.subplots(1, 2, sharey=True)
-    figure.subplots_adjust(left=0.1, right=0.985, top=0.84, bottom=0.19, wspace=0.05)
+    figure.subplots_adjust(left=0.095, right=0.99, top=0.84 if heading else 0.92, bottom=0.175, wspace=0.05)
     limits = _limits([part for item in (axis.before, axis.after) if item is not None for part in _bands(item)])
     for panel, evaluation, title in ((left, axis.before, "Before"), (right, axis.after, "After")):
         _panel(panel, evaluation, title, axis)
     left.set_ylim(*limits)
     left.set_ylabel(f"deviation  {SIGN[axis.deviation_unit]}")
     right.tick_params(labelleft=False)
-    left.legend(**_legend(), bbox_to_anchor=(2.05, 1.16), ncols=3)
     if heading:
-        figure.text(0.1, 0.93, f"{axis.axis}  {axis.component}", fontsize=10, weight="bold", color=INK)
+        left.legend(**_legend(), bbox_to_anchor=(2.05, 1.16), ncols=3)
+        figure.text(0.095, 0.93, f"{axis.axis}  {axis.component}", fontsize=10, weight="bold", color=INK)
 
 
 def _panel(panel: Axes, evaluation: Evaluation | None, title: str, axis: AxisMaterial) -> None:
@@ -126,16 +125,17 @@ def table_change(figure: FigureBase, change: TableChange) -> None:
 def prediction(figure: FigureBase, axis: AxisMaterial, change: TableChange) -> None:
     """The mean of both directions as predicted, with U (k = 2), and as measured after the push."""
     panel = figure.subplots(1, 1)
-    figure.subplots_adjust(left=0.075, right=0.99, top=0.87, bottom=0.18)
+    wide = not axis.rotary
+    figure.subplots_adjust(left=0.075 if wide else 0.12, right=0.99, top=0.87, bottom=0.18)
     _calm(panel)
     low, high = change.predicted - change.predicted_U, change.predicted + change.predicted_U
-    panel.fill_between(change.targets, low, high, color=OLD, alpha=0.3, lw=0, label="predicted ± U (k = 2)")
+    panel.fill_between(change.targets, low, high, color=OLD, alpha=0.3, lw=0, label="± U (k = 2)")
     panel.plot(change.targets, change.predicted, color=OLD, lw=1.0, label="predicted")
     if axis.after is not None:
         panel.plot(
-            axis.after.targets, mean(axis.after), "o", color=NEW, ms=2.8, mew=0, label="measured, mean of both"
+            axis.after.targets, mean(axis.after), "o", color=NEW, ms=2.8, mew=0, label="measured"
         )
-    panel.legend(**_legend(), bbox_to_anchor=(1.0, 1.2), ncols=3)
+    panel.legend(**_legend(), bbox_to_anchor=(1.0, 1.18 if wide else 1.13), ncols=3)
     panel.set_ylabel(f"deviation  {SIGN[axis.deviation_unit]}")
     panel.set_xlabel(f"{axis.letter}  {axis.unit}", labelpad=2)
 

@@ -37,7 +37,7 @@ _MM = 1.0 / 25.4
 
 def before_after(axis: AxisMaterial) -> str:
     """SVG: deviations before and after side by side on one scale."""
-    return _svg((118, 55), lambda figure: draw.before_after(figure, axis), f"Deviations of {axis.axis}")
+    return _svg((118, 50), lambda figure: draw.before_after(figure, axis), f"Deviations of {axis.axis}")
 
 
 def table_change(axis: AxisMaterial) -> str:
@@ -53,14 +53,15 @@ def prediction(axis: AxisMaterial) -> str:
     change = axis.change
     if change is None or change.skipped or change.targets.size == 0:
         return ""
-    return _svg((182, 52), lambda figure: draw.prediction(figure, axis, change), f"Prediction of {axis.axis}")
+    size = (108, 70) if axis.rotary else (182, 52)
+    return _svg(size, lambda figure: draw.prediction(figure, axis, change), f"Prediction of {axis.axis}")
 
 
 def polar(axis: AxisMaterial) -> str:
     """SVG: mean deviation of a rotary axis around its turn, before and after; "" for a linear axis."""
     if not axis.rotary or (axis.before is None and axis.after is None):
         return ""
-    return _svg((92, 84), lambda figure: draw.polar(figure, axis), f"Polar deviation of {axis.axis}")
+    return _svg((76, 72), lambda figure: draw.polar(figure, axis), f"Polar deviation of {axis.axis}")
 
 
 def before_after_png(material: ReportMaterial, path: Path) -> None:

@@ -9,7 +9,7 @@ from drivers.types import CompensationTable, SignProof
 from gateway.domain import Capture
 from gateway.report.material import AxisMaterial, Outcome
 
-UNIT = {"um": "µm", "arcsec": "″", "mm": "mm", "deg": "°"}
+UNIT = {"um": "µm", "arcsec": "arcsec", "mm": "mm", "deg": "deg"}
 ABSENT = "–"
 
 # symbol, headline, sentence: the state is told by form and word, never by colour alone.

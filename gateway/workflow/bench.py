@@ -1,0 +1,82 @@
+"""The bench a run works at: site, devices, store, clock and people's patience, opened together and closed."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from drivers.clock import Clock
+from drivers.errors import ConfigError
+from drivers.types import MachineIdentity
+from gateway.capture.walk import Patience
+from gateway.config import AxisSection, SiteFile, load_site
+from gateway.domain import Say
+from gateway.store import Proofs, RunFolder, Store
+from gateway.supervisor import Supervisor
+
+
+@dataclass(frozen=True, slots=True)
+class Bench:
+    """Everything a stage may use. ``machine`` is the fingerprint met when the devices were opened."""
+
+    site: SiteFile
+    site_path: Path
+    supervisor: Supervisor
+    machine: MachineIdentity
+    folder: RunFolder
+    store: Store
+    proofs: Proofs
+    clock: Clock
+    say: Say
+
+    @property
+    def patience(self) -> Patience:
+        """How long to wait for people and moves."""
+        operator = self.site.operator
+        return Patience(operator.start_timeout_s, operator.stop_timeout_s)
+
+    def axis(self, name: str) -> AxisSection:
+        """An axis of the site by its machine name."""
+        for axis in self.site.axes:
+            if axis.name == name:
+                return axis
+        known = ", ".join(axis.name for axis in self.site.axes)
+        raise ConfigError("E-RUN-AXIS", str(self.site_path), axis=name, known=known)
+
+
+def store_of(site: SiteFile, site_path: Path) -> Store:
+    """The site's store: its folder is relative to the site file."""
+    return Store((site_path.parent / site.site.store).resolve())
+
+
+def new_run(site: SiteFile, site_path: Path) -> RunFolder:
+    """A run folder that remembers the site file: its path and its text as it was."""
+    folder = store_of(site, site_path).create(site.site.name, {"site_file": str(site_path.resolve())})
+    folder.write_text("site.toml", site_path.read_text(encoding="utf-8"))
+    return folder
+
+
+def site_of(folder: RunFolder) -> tuple[SiteFile, Path]:
+    """The site a stored run was made at, read afresh. Raises ConfigError when its file is gone or wrong."""
+    path = Path(str(folder.plan["site_file"]))
+    return load_site(path), path
+
+
+@asynccontextmanager
+async def bench(
+    site: SiteFile, site_path: Path, folder: RunFolder, clock: Clock, say: Say
+) -> AsyncIterator[Bench]:
+    """Open every device (all failures at once), hand out the bench, close everything at the end."""
+    supervisor = Supervisor(site, clock)
+    store = store_of(site, site_path)
+    try:
+        machine = await supervisor.open_all()
+        folder.set_state("opened", machine=machine)
+        say("P-OPEN", site=site.site.name, serial=machine.serial, count=len(site.instruments) + 1)
+        yield Bench(
+            site, site_path, supervisor, machine, folder, store, Proofs(store.root), clock, say
+        )
+    finally:
+        await supervisor.close_all()
