@@ -63,7 +63,11 @@ class Targets(_Section):
 
 
 class MeasureSection(_Section):
-    """How one axis is measured. ``dead_path_mm`` is the beam from interferometer to reflector at datum."""
+    """How one axis is measured. The datum is the first target, the lowest position.
+
+    ``dead_path_mm`` is the beam from interferometer to reflector with the axis at the datum; ``beam`` +1
+    when the axis' plus direction leads the reflector away from the interferometer, -1 when towards it.
+    """
 
     instrument: str = ""
     component: str
@@ -76,6 +80,7 @@ class MeasureSection(_Section):
     average_s: float = Field(default=1.0, gt=0, description="instrument time averaged")
     stable: float = Field(gt=0, description="largest allowed sigma in the window, um or arcsec")
     dead_path_mm: float = Field(default=0.0, ge=0)
+    beam: Literal[1, -1] = Field(default=1, description="+1: plus direction leads away from the interferometer")
     expansion_ppm_per_k: float = Field(default=11.5, description="of the scale, to 20 degC")
     jog: float = Field(default=10.0, description="sense proof move in mm; rotary 0.1 deg")
     file: Path | None = Field(default=None, description=".rtl/.rta/.csv in place of a live capture")

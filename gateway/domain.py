@@ -9,10 +9,28 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.types import Ambient, CompensationTable, LiveSet, MachineIdentity, SignProof
+from drivers.types import Ambient, CompensationTable, Identity, LiveSet, MachineIdentity, SignProof
 from drivers.units import AxisUnit, DeviationUnit, deviation_unit
 
 FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """One device of the run: who it said it was and what it cannot see."""
+
+    name: str
+    identity: Identity
+    notices: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Equipment:
+    """What the run was made with."""
+
+    machine: MachineIdentity
+    items: tuple[Item, ...]
+    started_utc: str
 
 
 @dataclass(frozen=True, slots=True)

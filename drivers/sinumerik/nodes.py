@@ -36,7 +36,8 @@ MODES = ("JOG", "MDA", "AUTO")
 
 _PATH = re.compile(
     r"(?P<area>(?:/[A-Za-z][A-Za-z0-9_]*|/_N_[A-Z0-9_]+)+)/(?P<name>\$?[A-Za-z_][A-Za-z0-9_]*)"
-    r"(?:\[(?:u(?P<unit>\d{1,3}))?(?:, ?)?(?P<first>\d{1,5})?(?:, ?(?P<count>#)?(?P<last>\d{1,5}))?\])?"
+    r"(?:\[(?:u(?P<unit>\d{1,3})(?:, ?(?=\d)|(?=\])))?"
+    r"(?P<first>\d{1,5})?(?:, ?(?P<count>#)?(?P<last>\d{1,5}))?\])?"
 )
 _NC_NAME = re.compile(r"(?P<name>R|\$[A-Z]{2}_[A-Z0-9_]+)(?:\[(?P<inside>[A-Za-z0-9_, ]+)\])?")
 _DIRECTORIES = {"Part Program": "_N_MPF_DIR", "Sub Program": "_N_SPF_DIR", "Work Pieces": "_N_WKS_DIR"}
@@ -69,7 +70,7 @@ class Address:
 
 
 def parse(path: str) -> Address | None:
-    """Take an identifier apart; None when it is not of the control's form. A blank after a comma is allowed."""
+    """Take an identifier apart; None when it is not of the control's form. A blank may follow a comma."""
     match = _PATH.fullmatch(path)
     if match is None or path.endswith("[]"):
         return None

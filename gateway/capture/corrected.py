@@ -1,3 +1,152 @@
 """Raw averages or a result file -> a Capture: sense, air, expansion and dead path applied once; pure."""
 
 from __future__ import annotations
+
+import numpy as np
+
+from drivers.types import Ambient, CompensatedFor, FloatArray, LiveSet, MeasuredSet
+from drivers.units import deviation_scale
+from gateway.capture.live import RawCapture
+from gateway.config import AxisSection
+from gateway.domain import Capture, SenseProof
+from gateway.errors import AmbientOutOfRange, CaptureError
+from gateway.evaluate import corrections, length, rotary
+from gateway.evaluate.robust import robust_means
+
+MOST_SUSPECTS = 0.05
+
+
+def from_live(axis: AxisSection, raw: RawCapture, proof: SenseProof, already: CompensatedFor) -> Capture:
+    """A live capture in um or arcsec, datum at the first target's first reading.
+
+    Raises AmbientOutOfRange when air or material readings are needed and missing, ModelError from the
+    evaluation rooms.
+    """
+    if axis.kind == "linear":
+        deviations, done = _linear(axis, raw, proof, already)
+    else:
+        deviations, done = _rotary(raw, proof)
+    sigma = raw.window_sigma * deviation_scale(axis.unit)
+    reading_u = float(np.sqrt(np.nanmean(sigma**2) / max(raw.window_count, 1)))
+    notes = (f"{raw.lost_samples} samples lost by the instrument",) if raw.lost_samples else ()
+    return Capture(
+        axis.name,
+        axis.measure.component,
+        axis.unit,
+        raw.targets,
+        deviations,
+        reading_u,
+        raw.ambient[0],
+        raw.ambient[-1],
+        done,
+        raw.live,
+        proof,
+        robust_means(deviations).suspects,
+        "live",
+        raw.started_utc,
+        raw.ended_utc,
+        notes,
+    )
+
+
+def _fractions(raw: RawCapture) -> FloatArray:
+    start, end = float(raw.ambient_time_s[0]), float(raw.ambient_time_s[-1])
+    return np.clip((raw.time_s - start) / max(end - start, 1e-9), 0.0, 1.0)
+
+
+def _linear(
+    axis: AxisSection, raw: RawCapture, proof: SenseProof, already: CompensatedFor
+) -> tuple[FloatArray, corrections.Corrections]:
+    counted = proof.sense * raw.values[..., 0]
+    setup = length.LinearSetup(
+        datum_mm=float(raw.targets[0]),
+        dead_path_mm=axis.measure.dead_path_mm,
+        expansion_ppm_per_k=axis.measure.expansion_ppm_per_k,
+        beam=axis.measure.beam,
+    )
+    return length.linear_deviations(
+        counted - counted[0, 0, 0],
+        raw.targets,
+        setup,
+        start=raw.ambient[0],
+        end=raw.ambient[-1],
+        fraction=_fractions(raw),
+        already=already,
+    )
+
+
+def _rotary(raw: RawCapture, proof: SenseProof) -> tuple[FloatArray, corrections.Corrections]:
+    laser, device = raw.channels.index("laser_deg"), raw.channels.index("device_deg")
+    laser_deg = proof.sense * raw.values[..., laser]
+    deviations = rotary.deviations_arcsec(laser_deg, raw.values[..., device], raw.targets)
+    return deviations, corrections.begin("air+material")
+
+
+def from_file(axis: AxisSection, measured: MeasuredSet, live: LiveSet | None, source: str) -> Capture:
+    """A result file as a capture: its zero moved to the site's datum, its direction to the axis' sense.
+
+    Raises CaptureError (E-CAP-FILE-UNIT, E-CAP-FILE-TRAVEL) when the file cannot be this axis' measurement.
+    """
+    if measured.axis_unit != axis.unit:
+        raise CaptureError("E-CAP-FILE-UNIT", source, found=measured.axis_unit, axis=axis.name, wanted=axis.unit)
+    sense = axis.measure.file_axis_sense
+    datum = axis.measure.file_datum if axis.measure.file_datum is not None else 0.0
+    targets = datum + sense * measured.targets
+    deviations = sense * measured.deviations
+    if sense < 0:
+        deviations = deviations[..., ::-1]
+    order = np.argsort(targets)
+    targets, deviations = targets[order], deviations[order]
+    _inside(axis, targets, source)
+    done = corrections.begin(measured.compensated_for)
+    if axis.kind == "linear" and measured.compensated_for == "air":
+        deviations, done = _to_20(axis, measured, targets, deviations, done, source)
+    return Capture(
+        axis.name,
+        axis.measure.component,
+        axis.unit,
+        targets,
+        deviations,
+        0.0,
+        measured.ambient_start,
+        measured.ambient_end,
+        done,
+        live,
+        None,
+        robust_means(deviations).suspects,
+        source,
+        measured.header.get("Date", ""),
+        "",
+        (*measured.warnings, "tables taken as live during the file's measurement are those found now"),
+    )
+
+
+def _inside(axis: AxisSection, targets: FloatArray, source: str) -> None:
+    low, high = axis.travel
+    if axis.modulo:
+        high = max(high, low + 360.0)
+    if targets[0] < low - 1e-6 or targets[-1] > high + 1e-6:
+        first, last = float(targets[0]), float(targets[-1])
+        raise CaptureError("E-CAP-FILE-TRAVEL", source, first=first, last=last, low=low, high=high, axis=axis.name)
+
+
+def _to_20(
+    axis: AxisSection,
+    measured: MeasuredSet,
+    targets: FloatArray,
+    deviations: FloatArray,
+    done: corrections.Corrections,
+    source: str,
+) -> tuple[FloatArray, corrections.Corrections]:
+    if not measured.ambient_start.material_degc:
+        raise AmbientOutOfRange("E-CAP-MATERIAL", source)
+    end: Ambient = measured.ambient_end if measured.ambient_end.material_degc else measured.ambient_start
+    return length.expansion_corrected(
+        deviations,
+        targets,
+        axis.measure.expansion_ppm_per_k,
+        done,
+        datum_mm=float(targets[0]),
+        start=measured.ambient_start,
+        end=end,
+    )

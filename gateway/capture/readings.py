@@ -117,7 +117,11 @@ class Readings:
         return time_s[inside], value[inside]
 
     async def settled(
-        self, window: Window, *, expect: tuple[float, float] | None = None, moved_from: tuple[float, float] | None = None
+        self,
+        window: Window,
+        *,
+        expect: tuple[float, float] | None = None,
+        moved_from: tuple[float, float] | None = None,
     ) -> Reading:
         """Wait for a stable window that begins after now and return its average.
 

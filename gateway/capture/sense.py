@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from drivers.clock import Clock
 from drivers.errors import ConfigError, UnsupportedDevice
 from drivers.ports import Controller, Instrument, RotaryCalibrator
 from drivers.types import Approach, FloatArray, Stop, StopReached
-from drivers.clock import Clock
 from gateway.capture.readings import Reading, Readings, Window
 from gateway.capture.targets import jog_plan, jog_start
 from gateway.capture.walk import Patience, walk

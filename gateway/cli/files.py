@@ -41,8 +41,8 @@ def evaluate_files(files: list[Path], standard: str, unit: str, *, as_json: bool
 
 
 def _evaluate(path: Path, edition: str, unit: str) -> dict[str, Any]:
-    from gateway.evaluate.iso230_2 import evaluate
     from drivers.units import deviation_unit
+    from gateway.evaluate.iso230_2 import evaluate
 
     measured = reader(path, unit).read(path)
     result = evaluate(measured.targets, measured.deviations, deviation_unit(measured.axis_unit), edition=edition)

@@ -1,15 +1,13 @@
-"""Serial chains of prismatic and revolute axes: where the wheel really stands in the work (mm, rad).
+"""Serial chains of axes on a work side and a tool side: where the wheel stands in the work (mm, rad).
 
-T maps child coordinates to parent coordinates; T_WT = inv(T_bed^work) T_bed^wheel. One axis is
-L M E (errors "moving" with it) or L E M ("fixed" to its stator), M its motion, E = trans(dx, dy, dz) Rz(ec)
-Ry(eb) Rx(ea) its six error motions at its own position, L its location error. A prismatic location error
-tilts and shifts the path only; a revolute one is trans(X0, Y0, Z0) Rz(C0) Ry(B0) Rx(A0).
+T maps child coordinates to parent coordinates, T_WT = inv(T_bed^work) T_bed^wheel. A twist is (delta, epsilon),
+delta taken at the frame's origin; frame "work": T_act = (I + hat) T_id, frame "wheel": T_act = T_id (I + hat).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -18,92 +16,168 @@ from numpy.typing import ArrayLike
 from drivers.types import FloatArray
 from gateway.errors import ModelError
 from gateway.model import se3
+from gateway.model.axis import LOCATIONS, MOTIONS, Axis, Link, Motion
 
-Motion = float | Callable[[FloatArray], FloatArray]
 Positions = Mapping[str, ArrayLike]
 Frame = Literal["work", "wheel"]
+Element = Axis | Link
 
-MOTIONS = ("dx", "dy", "dz", "ea", "eb", "ec")
-LOCATIONS = ("X0", "Y0", "Z0", "A0", "B0", "C0")
-KINDS = ("prismatic", "revolute")
-FRAMES = ("moving", "fixed")
+LETTERS = ("X", "Y", "Z", "A", "B", "C")
 
 
 @dataclass(frozen=True, slots=True)
-class Link:
-    """A fixed joint: trans(xyz) Rz(c) Ry(b) Rx(a), mm and rad."""
+class Influence:
+    """First-order effect of one axis' errors on the relative pose, by the adjoint formula.
 
-    xyz: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    abc: tuple[float, float, float] = (0.0, 0.0, 0.0)
-
-    def __post_init__(self) -> None:
-        _vector("xyz", self.xyz, "link")
-        _vector("abc", self.abc, "link")
-
-    def matrix(self) -> FloatArray:
-        """The joint's homogeneous matrix (4, 4)."""
-        return se3.rigid(se3.rpy(*self.abc), np.asarray(self.xyz, dtype=np.float64))
-
-
-@dataclass(frozen=True, slots=True)
-class Axis:
-    """One moving axis with its errors.
-
-    ``direction`` is made a unit vector. ``err`` maps dx, dy, dz (mm) and ea, eb, ec (rad) to a constant or to
-    a function of the own position (mm or rad, any shape). ``loc`` maps X0, Y0, Z0 (mm), A0, B0, C0 (rad).
+    ``motions`` and ``location`` (..., 6, 6): column j is the twist per unit of error motion j (dx, dy, dz, ea,
+    eb, ec) or of location error j (X0, Y0, Z0, A0, B0, C0).
     """
 
-    name: str
-    kind: Literal["prismatic", "revolute"]
-    direction: tuple[float, float, float]
-    err: Mapping[str, Motion] = field(default_factory=dict)
-    loc: Mapping[str, float] = field(default_factory=dict)
-    err_frame: Literal["moving", "fixed"] = "moving"
+    axis: Axis
+    q: FloatArray
+    motions: FloatArray
+    location: FloatArray
+
+    def twist(self) -> FloatArray:
+        """The axis' own share of the relative twist, (..., 6)."""
+        share = se3.apply(self.location, self.axis.location())
+        return share + se3.apply(self.motions, self.axis.errors(self.q)) if self.axis.err else share
+
+
+@dataclass(frozen=True, slots=True)
+class Chain:
+    """A machine: elements from the bed outward to the work, and from the bed outward to the wheel.
+
+    Positions ``q`` map every axis name to numbers or arrays (mm or rad) of shapes that broadcast together;
+    results carry that shape in front. Raises ModelError E-CHAIN-... for a malformed chain or a missing position.
+    """
+
+    work: tuple[Element, ...]
+    tool: tuple[Element, ...]
 
     def __post_init__(self) -> None:
-        where = f"axis {self.name}"
-        _one_of("kind", self.kind, KINDS, where)
-        _one_of("err_frame", self.err_frame, FRAMES, where)
-        for key in self.err:
-            _one_of("err", key, MOTIONS, where)
-        for key in self.loc:
-            _one_of("loc", key, LOCATIONS, where)
-        _finite("loc", list(self.loc.values()), where)
-        _finite("err", [value for value in self.err.values() if not callable(value)], where)
-        unit = _vector("axis", self.direction, where)
-        size = float(np.linalg.norm(unit))
-        if size < 1e-9:
-            raise ModelError("E-CHAIN-DIRECTION", where)
-        object.__setattr__(self, "direction", tuple(float(v) for v in unit / size))
+        names = [axis.name for axis in self.axes]
+        if not names:
+            raise ModelError("E-CHAIN-EMPTY", "chain")
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ModelError("E-CHAIN-TWICE", "chain", names=", ".join(twice))
 
-    def errors(self, q: FloatArray) -> FloatArray:
-        """The six error motions (..., 6) = dx, dy, dz (mm), ea, eb, ec (rad) at positions (...)."""
-        out = np.zeros((*q.shape, 6))
-        for row, key in enumerate(MOTIONS):
-            if key in self.err:
-                out[..., row] = self._value(key, q)
-        return out
+    @property
+    def axes(self) -> tuple[Axis, ...]:
+        """The moving axes, work side first, from the bed outward."""
+        return tuple(element for element in (*self.work, *self.tool) if isinstance(element, Axis))
 
-    def location(self) -> FloatArray:
-        """The location errors (6,) = X0, Y0, Z0 (mm), A0, B0, C0 (rad)."""
-        return np.array([float(self.loc.get(key, 0.0)) for key in LOCATIONS])
+    def axis(self, name: str) -> Axis:
+        """The axis of that name."""
+        for axis in self.axes:
+            if axis.name == name:
+                return axis
+        raise ModelError("E-CHAIN-AXIS", "chain", name=name, known=", ".join(a.name for a in self.axes))
 
-    def ideal(self, q: FloatArray) -> FloatArray:
-        """Motion without errors, (..., 4, 4)."""
-        d = np.asarray(self.direction)
-        if self.kind == "prismatic":
-            return se3.trans(q[..., None] * d)
-        return se3.rigid(se3.about(d, q), np.zeros(3))
+    def ideal(self, q: Positions) -> FloatArray:
+        """T_WT without errors, (..., 4, 4)."""
+        return se3.inverse(self._side(self.work, q, actual=False)) @ self._side(self.tool, q, actual=False)
 
-    def actual(self, q: FloatArray) -> FloatArray:
-        """Motion with all its errors, exact, (..., 4, 4)."""
-        motion, error = self._located(q), self.error_matrix(q)
-        located, before = (motion, se3.trans(np.zeros(3))) if self.kind == "prismatic" else motion_pair(self, q)
-        return before @ (located @ error if self.err_frame == "moving" else error @ located)
+    def actual(self, q: Positions) -> FloatArray:
+        """T_WT with every error, exact, (..., 4, 4)."""
+        return se3.inverse(self._side(self.work, q, actual=True)) @ self._side(self.tool, q, actual=True)
 
-    def error_matrix(self, q: FloatArray) -> FloatArray:
-        """E = trans(dx, dy, dz) Rz(ec) Ry(eb) Rx(ea), (..., 4, 4)."""
-        if not self.err:
-            return np.eye(4)
-        e = self.errors(q)
-        return se3.rigid(se3.rpy(e[..., 3], e[..., 4], e[..., 5]), e[..., :3])
+    def exact_twist(self, q: Positions, frame: Frame = "work") -> FloatArray:
+        """SE(3) logarithm of T_act inv(T_id) ("work") or inv(T_id) T_act ("wheel"), (..., 6)."""
+        act, back = self.actual(q), se3.inverse(self.ideal(q))
+        return se3.log(act @ back if _known(frame) == "work" else back @ act)
+
+    def twist(self, q: Positions, frame: Frame = "work") -> FloatArray:
+        """First-order relative twist by the adjoint formula, (..., 6)."""
+        shares = [influence.twist() for influence in self.influences(q, frame)]
+        return np.asarray(sum(shares[1:], start=shares[0]))
+
+    def influences(self, q: Positions, frame: Frame = "work") -> tuple[Influence, ...]:
+        """First-order influence of each axis' errors; to keep arrays small each has its own broadcast shape."""
+        tool, work = self._side(self.tool, q, actual=False), self._side(self.work, q, actual=False)
+        end = work if _known(frame) == "work" else tool
+        base = se3.adjoint(se3.inverse(end))
+        work_side = [_influence(axis, at, -base, q) for axis, at in _walk(self.work, q)]
+        return (*work_side, *(_influence(axis, at, base, q) for axis, at in _walk(self.tool, q)))
+
+    def with_errors(self, errors: Mapping[str, Motion]) -> Chain:
+        """The same machine with errors set by their ISO 230-1 names, e.g. {"EXX": 0.005, "B0Z": 1e-5}."""
+        wanted: dict[str, dict[str, Motion]] = {}
+        for name, motion in errors.items():
+            axis, key = self.error_place(name)
+            wanted.setdefault(axis, {})[key] = motion
+        return self._each(lambda axis: _with(axis, wanted.get(axis.name, {})))
+
+    def without_errors(self) -> Chain:
+        """The same machine, perfect."""
+        return self._each(lambda axis: replace(axis, err={}, loc={}))
+
+    def error_names(self) -> tuple[str, ...]:
+        """ISO 230-1 names of all error motions and location errors this machine can have."""
+        motions = [f"E{letter}{axis.name}" for axis in self.axes for letter in LETTERS]
+        return (*motions, *(f"{key}{axis.name}" for axis in self.axes for key in LOCATIONS))
+
+    def error_place(self, name: str) -> tuple[str, str]:
+        """Axis name and key of an error: EXC -> (C, dx), B0Z -> (Z, B0)."""
+        for axis in self.axes:
+            if name.startswith("E") and name[1:2] in LETTERS and name[2:] == axis.name:
+                return axis.name, MOTIONS[LETTERS.index(name[1])]
+            if name[:2] in LOCATIONS and name[2:] == axis.name:
+                return axis.name, name[:2]
+        raise ModelError("E-CHAIN-ERROR-NAME", "chain", name=name, known=", ".join(a.name for a in self.axes))
+
+    def _each(self, change: Callable[[Axis], Axis]) -> Chain:
+        def of(side: tuple[Element, ...]) -> tuple[Element, ...]:
+            return tuple(change(element) if isinstance(element, Axis) else element for element in side)
+
+        return Chain(of(self.work), of(self.tool))
+
+    def _side(self, side: tuple[Element, ...], q: Positions, *, actual: bool) -> FloatArray:
+        T = np.eye(4)
+        for element in side:
+            if isinstance(element, Link):
+                T = T @ element.matrix()
+            else:
+                at = position(q, element.name)
+                T = T @ (element.actual(at) if actual else element.ideal(at))
+        return T
+
+
+def position(q: Positions, name: str) -> FloatArray:
+    """The positions given for one axis, as an array; ModelError E-CHAIN-POSITION if there are none."""
+    at = np.asarray(q.get(name, np.nan), dtype=np.float64)
+    if not np.all(np.isfinite(at)):
+        raise ModelError("E-CHAIN-POSITION", f"axis {name}", name=name, given=", ".join(q))
+    return at
+
+
+def _walk(side: tuple[Element, ...], q: Positions) -> Iterator[tuple[Axis, FloatArray]]:
+    """Each axis of one side with the ideal pose of its parent in the bed frame."""
+    T = np.eye(4)
+    for element in side:
+        if isinstance(element, Link):
+            T = T @ element.matrix()
+        else:
+            yield element, T
+            T = T @ element.ideal(position(q, element.name))
+
+
+def _influence(axis: Axis, parent: FloatArray, base: FloatArray, q: Positions) -> Influence:
+    """``base`` carries bed twists to the result frame, with the sign of the side."""
+    at = position(q, axis.name)
+    stator = base @ se3.adjoint(parent)
+    moved = stator @ se3.adjoint(axis.ideal(at)) if axis.err_frame == "moving" else stator
+    return Influence(axis, at, moved, stator @ axis.location_twist(at))
+
+
+def _with(axis: Axis, values: Mapping[str, Motion]) -> Axis:
+    motions = {key: value for key, value in values.items() if key in MOTIONS}
+    location = {key: value for key, value in values.items() if key in LOCATIONS}
+    return replace(axis, err={**axis.err, **motions}, loc={**axis.loc, **location})  # type: ignore[arg-type]
+
+
+def _known(frame: Frame) -> Frame:
+    if frame not in ("work", "wheel"):
+        raise ModelError("E-CHAIN-WORD", "chain", key="frame", value=frame, known="work, wheel")
+    return frame

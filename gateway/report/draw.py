@@ -5,10 +5,13 @@ Forward is solid, reverse dashed; bands are mean +/- 2 s; greys throughout, one 
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import FigureBase
 from matplotlib.projections.polar import PolarAxes
+from matplotlib.ticker import MaxNLocator
 
 from gateway.domain import Evaluation, FloatArray, TableChange
 from gateway.report.material import AxisMaterial
@@ -27,7 +30,9 @@ def before_after(figure: FigureBase, axis: AxisMaterial, heading: bool = False) 
     """Two panels, before and after, on one scale of deviation; a picture that stands alone gets a heading."""
     left, right = figure.subplots(1, 2, sharey=True)
     figure.subplots_adjust(left=0.095, right=0.99, top=0.84 if heading else 0.92, bottom=0.175, wspace=0.05)
-    limits = _limits([part for item in (axis.before, axis.after) if item is not None for part in _bands(item)])
+    limits = _limits(
+        [part for item in (axis.before, axis.after) if item is not None for part in _bands(item)]
+    )
     for panel, evaluation, title in ((left, axis.before, "Before"), (right, axis.after, "After")):
         _panel(panel, evaluation, title, axis)
     left.set_ylim(*limits)
@@ -35,13 +40,15 @@ def before_after(figure: FigureBase, axis: AxisMaterial, heading: bool = False) 
     right.tick_params(labelleft=False)
     if heading:
         left.legend(**_legend(), bbox_to_anchor=(2.05, 1.16), ncols=3)
-        figure.text(0.095, 0.93, f"{axis.axis}  {axis.component}", fontsize=10, weight="bold", color=INK)
+        figure.text(
+            0.095, 0.93, _name(f"{axis.axis}  {axis.component}"), fontsize=10, weight="bold", color=INK
+        )
 
 
 def _panel(panel: Axes, evaluation: Evaluation | None, title: str, axis: AxisMaterial) -> None:
     _calm(panel)
     panel.set_title(title, loc="left", color=QUIET, pad=4)
-    panel.set_xlabel(f"{axis.letter}  {axis.unit}", labelpad=2)
+    panel.set_xlabel(f"{_name(axis.letter)}  {axis.unit}", labelpad=2)
     if evaluation is None:
         panel.text(0.5, 0.5, "not measured", transform=panel.transAxes, ha="center", va="center", color=QUIET)
         return
@@ -79,6 +86,11 @@ def _limits(parts: list[FloatArray]) -> tuple[float, float]:
     return low - margin, high + margin
 
 
+def _name(text: str) -> str:
+    """A controller's name as the drawing's font can show it: printable ASCII."""
+    return "".join(letter if " " <= letter <= "~" else "?" for letter in text)
+
+
 def _calm(panel: Axes) -> None:
     panel.grid(True, color=FAINT, lw=0.5)
     panel.set_axisbelow(True)
@@ -88,7 +100,7 @@ def _calm(panel: Axes) -> None:
     panel.margins(x=0.02)
 
 
-def _legend() -> dict[str, object]:
+def _legend() -> dict[str, Any]:
     return {
         "loc": "upper right",
         "frameon": False,
@@ -105,7 +117,7 @@ def table_change(figure: FigureBase, change: TableChange) -> None:
     top, low = figure.subplots(2, 1, sharex=True, height_ratios=(2.1, 1.0))
     figure.subplots_adjust(left=0.075, right=0.99, top=0.9, bottom=0.14, hspace=0.13)
     unit = SIGN[change.new.deviation_unit]
-    for panel, label in ((top, f"table  {unit}"), (low, f"new − old  {unit}")):
+    for panel, label in ((top, f"table  {unit}"), (low, f"change  {unit}")):
         _calm(panel)
         panel.set_ylabel(label)
     points = change.new.positions
@@ -118,7 +130,7 @@ def table_change(figure: FigureBase, change: TableChange) -> None:
     difference = new - change.old.at(points)
     low.fill_between(points, difference, step="mid", color=NEW, alpha=0.25, lw=0)
     low.step(points, difference, where="mid", color=NEW, lw=0.9)
-    low.set_xlabel(f"{change.new.input_axis}  {change.new.input_unit}", labelpad=2)
+    low.set_xlabel(f"{_name(change.new.input_axis)}  {change.new.input_unit}", labelpad=2)
     figure.align_ylabels([top, low])
 
 
@@ -132,12 +144,10 @@ def prediction(figure: FigureBase, axis: AxisMaterial, change: TableChange) -> N
     panel.fill_between(change.targets, low, high, color=OLD, alpha=0.3, lw=0, label="± U (k = 2)")
     panel.plot(change.targets, change.predicted, color=OLD, lw=1.0, label="predicted")
     if axis.after is not None:
-        panel.plot(
-            axis.after.targets, mean(axis.after), "o", color=NEW, ms=2.8, mew=0, label="measured"
-        )
+        panel.plot(axis.after.targets, mean(axis.after), "o", color=NEW, ms=2.8, mew=0, label="measured")
     panel.legend(**_legend(), bbox_to_anchor=(1.0, 1.18 if wide else 1.13), ncols=3)
     panel.set_ylabel(f"deviation  {SIGN[axis.deviation_unit]}")
-    panel.set_xlabel(f"{axis.letter}  {axis.unit}", labelpad=2)
+    panel.set_xlabel(f"{_name(axis.letter)}  {axis.unit}", labelpad=2)
 
 
 def mean(evaluation: Evaluation) -> FloatArray:
@@ -151,7 +161,7 @@ def mean(evaluation: Evaluation) -> FloatArray:
 def polar(figure: FigureBase, axis: AxisMaterial) -> None:
     """Mean of both directions around the turn on one scale; the dashed circle is zero deviation."""
     panel = figure.add_subplot(projection="polar")
-    figure.subplots_adjust(left=0.08, right=0.92, top=0.86, bottom=0.06)
+    figure.subplots_adjust(left=0.1, right=0.9, top=0.88, bottom=0.1)
     curves = [
         (item, mean(item), colour, name)
         for item, colour, name in ((axis.before, OLD, "before"), (axis.after, NEW, "after"))
@@ -161,8 +171,8 @@ def polar(figure: FigureBase, axis: AxisMaterial) -> None:
     for evaluation, values, colour, name in curves:
         angle, radius = _closed(evaluation.targets, values)
         panel.plot(np.radians(angle), radius, color=colour, lw=1.2, marker="o", ms=2.2, mew=0, label=name)
-    panel.legend(**_legend(), bbox_to_anchor=(1.08, 1.14))
-    panel.set_title(f"mean deviation  {SIGN[axis.deviation_unit]}", loc="left", color=QUIET, pad=12, x=-0.08)
+    panel.legend(**_legend(), bbox_to_anchor=(1.16, 1.12))
+    figure.text(0.02, 0.02, SIGN[axis.deviation_unit], color=QUIET, fontsize=7)
 
 
 def _polar_scale(panel: Axes, curves: list[FloatArray]) -> None:
@@ -173,6 +183,7 @@ def _polar_scale(panel: Axes, curves: list[FloatArray]) -> None:
         panel.set_rorigin(low - 0.8 * (high - low))
         panel.set_theta_zero_location("N")
         panel.set_rlabel_position(22.5)
+    panel.yaxis.set_major_locator(MaxNLocator(4))
     turn = np.linspace(0.0, 2.0 * np.pi, 181)
     panel.plot(turn, np.zeros_like(turn), color=QUIET, lw=0.7, ls=(0, (4, 3)))
     panel.grid(True, color=FAINT, lw=0.6)

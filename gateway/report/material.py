@@ -75,7 +75,7 @@ class AxisMaterial:
 
 @dataclass(frozen=True, slots=True)
 class ReportMaterial:
-    """A whole run as the report shows it; dates are ISO 8601 in UTC, ``hashes`` name -> sha256 of a record."""
+    """A whole run as the report shows it; dates are ISO 8601, ``hashes`` name -> sha256 of a record."""
 
     site: str
     machine: MachineIdentity

@@ -48,19 +48,32 @@ def render(material: ReportMaterial) -> str:
     """The whole document. Same material, same text."""
     axes = [_axis_page(axis) for axis in material.axes]
     editions = sorted({item.standard for axis in material.axes for item in _evaluations(axis)})
-    return _template().render(report=material, axes=axes, editions=editions, outcome=words.OUTCOME[material.outcome])
+    return _template().render(
+        report=material, axes=axes, editions=editions, outcome=words.OUTCOME[material.outcome]
+    )
 
 
 @cache
 def _template() -> Template:
     loader = PackageLoader("gateway.report", "")
     environment = Environment(
-        loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+        loader=loader,
+        autoescape=True,
+        undefined=StrictUndefined,
+        finalize=_shown,
+        trim_blocks=True,
+        lstrip_blocks=True,
     )
     for name in ("number", "signed", "percent", "when", "shortest"):
         environment.filters[name] = getattr(words, name)
-    environment.globals.update(words=words, captures=_captures, environment_rows=environment_rows, columns=columns)
+    environment.globals.update(
+        words=words, captures=_captures, environment_rows=environment_rows, columns=columns
+    )
     return environment.get_template("report.html.j2")
+
+
+def _shown(value: object) -> object:
+    return words.visible(value) if isinstance(value, str) and not isinstance(value, Markup) else value
 
 
 def _axis_page(axis: AxisMaterial) -> AxisPage:
@@ -105,7 +118,9 @@ def _by_target(evaluation: Evaluation | None) -> dict[float, tuple[float | None,
         return {}
     columns_ = (evaluation.mean_up, evaluation.mean_down, evaluation.s_up, evaluation.s_down, evaluation.B_i)
     rows = zip(*(column.tolist() for column in columns_), strict=True)
-    return {round(float(target), 6): row for target, row in zip(evaluation.targets.tolist(), rows, strict=True)}
+    return {
+        round(float(target), 6): row for target, row in zip(evaluation.targets.tolist(), rows, strict=True)
+    }
 
 
 def _values(change: TableChange | None) -> tuple[tuple[float, float, float], ...]:
@@ -122,8 +137,8 @@ def _notes(axis: AxisMaterial) -> tuple[str, ...]:
     found: list[str] = []
     for item in _evaluations(axis):
         found += item.flags
-    for _name, capture in _captures(axis):
-        found += (*words.suspects(capture), *capture.notes)
+    for name, capture in _captures(axis):
+        found += (*words.suspects(name, capture), *capture.notes)
     if axis.change is not None:
         found += (*([axis.change.skipped] if axis.change.skipped else []), *axis.change.findings)
     return tuple(dict.fromkeys((*found, *axis.findings)))
@@ -132,7 +147,9 @@ def _notes(axis: AxisMaterial) -> tuple[str, ...]:
 def environment_rows(axis: AxisMaterial) -> tuple[tuple[str, tuple[str, ...]], ...]:
     """Name of each quantity and its readings: start and end of each capture."""
     readings = [
-        ambient for _name, capture in _captures(axis) for ambient in (capture.ambient_start, capture.ambient_end)
+        ambient
+        for _name, capture in _captures(axis)
+        for ambient in (capture.ambient_start, capture.ambient_end)
     ]
     columns_ = [_ambient(reading) for reading in readings]
     names = list(dict.fromkeys(name for column in columns_ for name in column))

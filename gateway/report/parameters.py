@@ -33,7 +33,9 @@ class ParameterRow:
     significant: bool | None
 
 
-def parameter_rows(axis: str, before: Evaluation | None, after: Evaluation | None) -> tuple[ParameterRow, ...]:
+def parameter_rows(
+    axis: str, before: Evaluation | None, after: Evaluation | None
+) -> tuple[ParameterRow, ...]:
     """Rows E, R, B, A, M of one axis; no rows when there is neither evaluation."""
     known = before or after
     if known is None:
@@ -46,7 +48,9 @@ def _row(
 ) -> ParameterRow:
     old, new = _value(before, name), _value(after, name)
     old_u, new_u = _uncertainty(before, name), _uncertainty(after, name)
-    return ParameterRow(axis, name, unit, old, new, old_u, new_u, _change(old, new), _tells(old, new, old_u, new_u))
+    return ParameterRow(
+        axis, name, unit, old, new, old_u, new_u, _change(old, new), _tells(old, new, old_u, new_u)
+    )
 
 
 def _value(evaluation: Evaluation | None, name: Parameter) -> float | None:

@@ -6,6 +6,7 @@ import io
 import re
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -17,7 +18,7 @@ from gateway.report.material import AxisMaterial, ReportMaterial
 
 # One salt makes identical material give identical bytes; text stays text, so the page's own font is used.
 # Names from outside reach the drawing, and a "$" in one must not start a formula.
-_STYLE = {
+_STYLE: dict[Any, Any] = {
     "svg.hashsalt": "trueflank",
     "svg.fonttype": "none",
     "text.parse_math": False,
@@ -102,7 +103,7 @@ def _inline(document: str, label: str) -> str:
 
 
 def _own_ids(body: str, label: str) -> str:
-    """Several drawings share one page: prefix every id, and every reference to one, with the drawing's name."""
+    """Drawings share one page: prefix every id, and every reference to one, with the drawing's name."""
     prefix = label.replace(" ", "-").lower()
     body = re.sub(r'\bid="([^"]+)"', rf'id="{prefix}-\1"', body)
     body = re.sub(r"url\(#([^)]+)\)", rf"url(#{prefix}-\1)", body)

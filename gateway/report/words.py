@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import unicodedata
 from datetime import UTC, datetime
 from math import isfinite
 
@@ -38,6 +39,15 @@ GLOSSARY = (
 )
 
 
+def visible(text: str) -> str:
+    """Text without what a reader cannot see: control, direction and broken characters become U+FFFD."""
+    hidden = {"Cc", "Cf", "Cs"}
+    return "".join(
+        letter if letter in "\n\t" or unicodedata.category(letter) not in hidden else "\ufffd"
+        for letter in text
+    )
+
+
 def number(value: float | None, decimals: int = 2) -> str:
     """Fixed decimals with a true minus sign; a dash for what does not exist; never "-0.00"."""
     if value is None or not isfinite(value):
@@ -49,7 +59,9 @@ def number(value: float | None, decimals: int = 2) -> str:
 def signed(value: float | None, decimals: int = 2) -> str:
     """As `number`, with a plus sign in front of what is above zero."""
     text = number(value, decimals)
-    return f"+{text}" if value is not None and isfinite(value) and float(f"{value:.{decimals}f}") > 0 else text
+    return (
+        f"+{text}" if value is not None and isfinite(value) and float(f"{value:.{decimals}f}") > 0 else text
+    )
 
 
 def percent(value: float | None) -> str:
@@ -115,17 +127,17 @@ def value_sense(table: CompensationTable, proof: SignProof | None) -> str:
     )
 
 
-def suspects(capture: Capture) -> tuple[str, ...]:
-    """One sentence for each reading that stands out of line."""
-    return tuple(_suspect(capture, *place) for place in capture.suspects)
+def suspects(name: str, capture: Capture) -> tuple[str, ...]:
+    """One sentence for each reading of the capture (before, after) that stands out of line."""
+    return tuple(f"{name.capitalize()}: {_suspect(capture, *place)}" for place in capture.suspects)
 
 
 def _suspect(capture: Capture, target: int, repetition: int, approach: int) -> str:
     if not (0 <= target < capture.targets.size and 0 <= repetition < capture.deviations.shape[1]):
-        return f"A reading outside the plan is marked: target {target + 1}, repetition {repetition + 1}."
+        return f"a reading outside the plan is marked, target {target + 1}, repetition {repetition + 1}."
     where = f"{number(float(capture.targets[target]), 3)} {UNIT[capture.axis_unit]}"
     value = signed(float(capture.deviations[target, repetition, approach]), 2)
     return (
-        f"Target {target + 1} ({where}), repetition {repetition + 1}, approach {'−' if approach else '+'}: "
+        f"target {target + 1} ({where}), repetition {repetition + 1}, approach {'−' if approach else '+'}: "
         f"{value} {UNIT[capture.unit]} stands out of line and is marked as suspect."
     )

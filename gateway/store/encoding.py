@@ -90,9 +90,9 @@ _SCALARS: dict[Any, str] = {float: "float", int: "int", bool: "bool", str: "str"
 
 
 def _write_record(value: Any, hint: Any, path: str) -> object:
+    hints = _hints(hint)
     if type(value) is not hint:
         raise TypeError(f"{type(value).__name__} where {hint.__name__} belongs")
-    hints = _hints(hint)
     names = [item.name for item in dataclasses.fields(hint)]
     return {name: write_typed(getattr(value, name), hints[name], f"{path}.{name}") for name in names}
 

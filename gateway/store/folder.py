@@ -219,13 +219,7 @@ _KEYS = ("run_id", "site", "created_utc", "state", "machine", "software", "plan"
 def _read_facts(path: Path) -> dict[str, Any]:
     with disk_errors(path):
         data = path.read_bytes()
-    try:
-        facts = json.loads(data)
-    except ValueError as error:
-        raise CorruptRecord("E-STORE-JSON", str(path), why=str(error)) from error
-    if not isinstance(facts, dict) or not isinstance(facts.get("schema"), int):
-        raise CorruptRecord("E-STORE-JSON", str(path), why="not a run file with a schema version")
-    records.check_schema(facts["schema"], str(path))
+    facts = records.open_envelope(data, str(path))
     seal = facts.pop("sha256", "")
     if seal != records.sha256(records.canonical(facts)) or any(key not in facts for key in _KEYS):
         raise CorruptRecord("E-STORE-HASH", str(path), stage=RUN_FILE)

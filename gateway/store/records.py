@@ -55,13 +55,13 @@ def decode(data: bytes, kind: type[R], where: str = "store") -> R:
 
 
 def open_envelope(data: bytes, where: str) -> dict[str, Any]:
-    """Parse an envelope and check its schema version, not yet its record."""
+    """Parse JSON that must be an object with a schema version we know; what is in it is not yet checked."""
     try:
         envelope = json.loads(data)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise CorruptRecord("E-STORE-JSON", where, why=str(error)) from error
     if not isinstance(envelope, dict) or not isinstance(envelope.get("schema"), int):
-        raise CorruptRecord("E-STORE-JSON", where, why="not an envelope with a schema version")
+        raise CorruptRecord("E-STORE-JSON", where, why="no object with a schema version")
     check_schema(envelope["schema"], where)
     return envelope
 

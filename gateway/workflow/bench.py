@@ -65,9 +65,7 @@ def site_of(folder: RunFolder) -> tuple[SiteFile, Path]:
 
 
 @asynccontextmanager
-async def bench(
-    site: SiteFile, site_path: Path, folder: RunFolder, clock: Clock, say: Say
-) -> AsyncIterator[Bench]:
+async def bench(site: SiteFile, site_path: Path, folder: RunFolder, clock: Clock, say: Say) -> AsyncIterator[Bench]:
     """Open every device (all failures at once), hand out the bench, close everything at the end."""
     supervisor = Supervisor(site, clock)
     store = store_of(site, site_path)
@@ -75,8 +73,6 @@ async def bench(
         machine = await supervisor.open_all()
         folder.set_state("opened", machine=machine)
         say("P-OPEN", site=site.site.name, serial=machine.serial, count=len(site.instruments) + 1)
-        yield Bench(
-            site, site_path, supervisor, machine, folder, store, Proofs(store.root), clock, say
-        )
+        yield Bench(site, site_path, supervisor, machine, folder, store, Proofs(store.root), clock, say)
     finally:
         await supervisor.close_all()

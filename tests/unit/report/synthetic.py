@@ -71,7 +71,8 @@ def axis_material(axis: str, unit: AxisUnit, seed: int = 7) -> AxisMaterial:
             4711, axis, "committed",
             ("backup", "backup re-read", "disabled", "written", "read back equal", "enabled", "referenced",
              "effect proven at 3 positions", "saved"),
-            f"runs/2026-03-02-01/{axis}/backup.spf", ((40.0, 1.2, 1.2), (200.0, -3.4, -3.4), (320.0, 5.1, 5.101)),
+            f"runs/2026-03-02-01/{axis}/backup.spf",
+            ((40.0, 1.2, 1.2), (200.0, -3.4, -3.4), (320.0, 5.1, 5.101)),
         ),
         sign_proof=SignProof(MACHINE, "EEC", axis, 1.003, 0.011, 1, "2026-03-02T08:40:00+00:00"),
         sense_proof=SenseProof("laser", axis, -1, 0.99987, (9.9987,)),
@@ -86,7 +87,9 @@ def axis_material(axis: str, unit: AxisUnit, seed: int = 7) -> AxisMaterial:
 def _curve(targets: FloatArray, rotary: bool) -> FloatArray:
     if rotary:
         angle = np.radians(targets)
-        return 16 * np.sin(angle + 0.4) + 5 * np.sin(2 * angle) + 3 * np.cos(3 * angle) + 1.5 * np.sin(6 * angle)
+        return (
+            16 * np.sin(angle + 0.4) + 5 * np.sin(2 * angle) + 3 * np.cos(3 * angle) + 1.5 * np.sin(6 * angle)
+        )
     return 0.03 * targets + 2.4 * np.sin(targets / 60.0) - 4
 
 

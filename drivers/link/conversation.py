@@ -1,0 +1,168 @@
+"""One lock, the caller's deadline, a wire trace; an interrupted exchange leaves the link broken for good."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from collections.abc import Callable, Iterable
+from typing import Generic, Literal, Protocol, TypeVar
+
+from drivers.clock import Clock
+from drivers.errors import LinkBroken, RemoteProtocolError, TransportError, TrueflankError
+from drivers.transport import ByteTransport
+
+Out_contra = TypeVar("Out_contra", contravariant=True)
+In_co = TypeVar("In_co", covariant=True)
+Question = TypeVar("Question")
+Message = TypeVar("Message")
+Trace = Callable[[Literal["<", ">"], bytes], None]
+
+READ_BYTES = 1 << 18
+
+
+class Codec(Protocol[Out_contra, In_co]):
+    """A dialect in one role: pure, bytes to messages and back."""
+
+    def send(self, message: Out_contra, /) -> bytes:
+        """Message to bytes; raises LocalProtocolError for what this role may not say."""
+        ...
+
+    def receive(self, data: bytes, /) -> Iterable[In_co]:
+        """Any bytes to the messages they complete; never raises."""
+        ...
+
+
+def _nothing(_direction: Literal["<", ">"], _data: bytes) -> None:
+    return None
+
+
+class Link(Generic[Question, Message]):
+    """A device's wire, owned: `exchange` asks and waits, `news` waits for what comes unasked.
+
+    ``is_answer`` tells the answers among the messages; ``matches`` says whether an answer belongs to a
+    question. ``trace`` is called with ">" and "<" and the bytes as they pass.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        transport: ByteTransport,
+        codec: Codec[Question, Message],
+        clock: Clock,
+        *,
+        is_answer: Callable[[Message], bool] = lambda _message: False,
+        matches: Callable[[Question, Message], bool] = lambda _question, _answer: True,
+        trace: Trace = _nothing,
+        backlog: int = 4096,
+    ) -> None:
+        self.name = name
+        self._transport = transport
+        self._codec = codec
+        self._clock = clock
+        self._is_answer = is_answer
+        self._matches = matches
+        self._trace = trace
+        self._backlog = backlog
+        self._lock = asyncio.Lock()
+        self._asked: Question | None = None
+        self._answer: asyncio.Future[Message] | None = None
+        self._unasked: deque[Message] = deque()
+        self._changed = asyncio.Event()
+        self._failure: TrueflankError | None = None
+        self._reader = asyncio.get_running_loop().create_task(self._follow(), name=f"link to {name}")
+
+    @property
+    def failure(self) -> TrueflankError | None:
+        """Why the link is broken; None while it works."""
+        return self._failure
+
+    async def exchange(self, question: Question, timeout_s: float) -> Message:
+        """Ask and return the answer. Whatever interrupts it (deadline, cancel, nonsense) breaks the link.
+
+        Raises DeadlineExceeded, LinkBroken (E-LINK-BROKEN: a former exchange was interrupted),
+        TransportError, RemoteProtocolError, LocalProtocolError (nothing was sent, nothing broken).
+        """
+        async with self._clock.deadline(timeout_s, self.name), self._lock:
+            self._check()
+            data = self._codec.send(question)
+            try:
+                return await self._ask(question, data)
+            except BaseException as interruption:
+                self._break(LinkBroken("E-LINK-BROKEN", self.name, why=type(interruption).__name__))
+                raise
+
+    async def _ask(self, question: Question, data: bytes) -> Message:
+        answer: asyncio.Future[Message] = asyncio.get_running_loop().create_future()
+        self._asked, self._answer = question, answer
+        try:
+            self._trace(">", data)
+            await self._transport.write(data)
+            return await answer
+        finally:
+            self._asked = self._answer = None
+
+    async def news(self) -> Message:
+        """Return the next message that came unasked; raises the link's failure once all are taken."""
+        while not self._unasked:
+            if self._failure is not None:
+                raise self._failure
+            self._changed.clear()
+            await self._changed.wait()
+        return self._unasked.popleft()
+
+    def _check(self) -> None:
+        if self._failure is not None:
+            why = f"{self._failure.code} {self._failure.what}"
+            raise LinkBroken("E-LINK-BROKEN", self.name, why=why) from self._failure
+
+    def fail(self, error: TrueflankError) -> None:
+        """Break the link for a reason that its user found, as nonsense among the news."""
+        self._break(error)
+
+    def _break(self, error: TrueflankError) -> None:
+        if self._failure is None:
+            self._failure = error
+        if self._answer is not None and not self._answer.done():
+            self._answer.set_exception(error)
+        self._changed.set()
+
+    async def _follow(self) -> None:
+        try:
+            while self._failure is None:
+                data = await self._transport.read(READ_BYTES)
+                self._trace("<", data)
+                for message in self._codec.receive(data):
+                    self._sort(message)
+        except TrueflankError as error:
+            self._break(error)
+        finally:
+            self._break(LinkBroken("E-LINK-BROKEN", self.name, why="its reader ended"))
+
+    def _sort(self, message: Message) -> None:
+        if self._is_answer(message):
+            self._deliver(message)
+            return
+        self._unasked.append(message)
+        self._changed.set()
+        if len(self._unasked) > self._backlog:
+            raise TransportError("E-LINK-OVERFLOW", self.name, limit=f"{self._backlog} messages")
+
+    def _deliver(self, message: Message) -> None:
+        if self._asked is None or self._answer is None or self._answer.done():
+            raise RemoteProtocolError("E-LINK-STRAY", self.name, answer=_short(message), question="(none)")
+        if not self._matches(self._asked, message):
+            question = _short(self._asked)
+            raise RemoteProtocolError("E-LINK-STRAY", self.name, answer=_short(message), question=question)
+        self._answer.set_result(message)
+
+    async def close(self) -> None:
+        """End the reader and close the wire; never raises, may be called twice."""
+        self._break(TransportError("E-LINK-CLOSED", self.name, why="this end is closed"))
+        self._reader.cancel()
+        await asyncio.gather(self._reader, return_exceptions=True)
+        await self._transport.close()
+
+
+def _short(message: object) -> str:
+    text = repr(message)
+    return text if len(text) <= 200 else text[:197] + "..."

@@ -1,0 +1,61 @@
+"""Urls to wires: open one as a client, or serve one as a simulator does."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from urllib.parse import urlsplit
+
+from drivers.clock import Clock
+from drivers.errors import ConfigError
+from drivers.transport.bent import BentTransport
+from drivers.transport.memory import listen_memory, name_of, open_memory
+from drivers.transport.stream import ByteTransport, Handler, Listener
+from drivers.transport.tcp import open_tcp, serve_tcp
+
+__all__ = [
+    "BentTransport",
+    "ByteTransport",
+    "Handler",
+    "Listener",
+    "listen_memory",
+    "open_transport",
+    "serve",
+]
+
+SERIAL = "drivers.serial_io"
+START_S = 10.0
+
+
+async def open_transport(
+    url: str, clock: Clock, timeout_s: float, *, baudrate: int = 115_200
+) -> ByteTransport:
+    """Open tcp://host:port, memory://name, socket://host:port, COM3 or /dev/ttyUSB0.
+
+    ``baudrate`` counts for serial ports only. Raises ConfigError (E-LINK-URL), TransportError
+    (E-LINK-CONNECT, E-LINK-TAKEN) or DeadlineExceeded.
+    """
+    scheme = urlsplit(url).scheme if "://" in url else ""
+    if scheme == "tcp":
+        return await open_tcp(url, clock, timeout_s)
+    if scheme == "memory":
+        return open_memory(url)
+    if scheme not in ("", "socket") or not url.strip():
+        raise ConfigError("E-LINK-URL", url, why=f"unknown kind of wire {scheme!r}")
+    # The serial room stands above this one and is loaded by name, only when a serial port is asked for.
+    wire: ByteTransport = await import_module(SERIAL).open_serial(url, clock, timeout_s, baudrate)
+    return wire
+
+
+async def serve(url: str, handler: Handler, clock: Clock) -> Listener:
+    """Serve tcp://host:port, socket://host:port (plain TCP; port 0 for any) or memory://name.
+
+    The listener's ``url`` is what a client must open. Raises ConfigError (E-LINK-URL), TransportError
+    (E-LINK-LISTEN).
+    """
+    scheme = urlsplit(url).scheme
+    if scheme == "memory":
+        return listen_memory(name_of(url), handler)
+    if scheme in ("tcp", "socket"):
+        async with clock.deadline(START_S, url):
+            return await serve_tcp(url, handler, clock)
+    raise ConfigError("E-LINK-URL", url, why=f"cannot serve {scheme!r}")

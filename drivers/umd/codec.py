@@ -1,0 +1,252 @@
+"""uMD counter lines: blocks of bytes to blocks of integers and back, pure, in either role.
+
+A line holds 8 or 16 decimal integers separated by one space and ends with CR LF; nothing is ever written to
+the counter. Source: the counter's open firmware, uMD2_fw_v1.26.ino and uMD0 v09 (repository
+lasersam594/Micro-Measurement-Display-Firmware-and-Windows-GUI-for-uMD0-uMD1-and-uMD2). The columns are
+named below; 8 .. 15 exist where the counter has more than one axis.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.errors import LocalProtocolError
+
+IntArray = NDArray[np.int64]
+Role = Literal["client", "server"]
+
+SEQUENCE, CODE, DATA = 5, 6, 7
+DISPLACEMENT = (2, 9, 13)
+VELOCITY = (3, 10, 14)
+PHASE = (4, 11, 15)
+WIDTHS = (8, 16)
+
+NO_DATA, LASER_POWER, SIGNAL_STRENGTH = 0, 1, 2
+AIR_TEMPERATURE, MATERIAL_TEMPERATURE, PRESSURE, HUMIDITY = 3, 4, 5, 6
+SAMPLE_FREQUENCY, FIRMWARE, HOMODYNE = 8, 10, 20
+
+LINE_BYTES = 4096
+TEXT_CHARS = 200
+VALUE_LIMIT = 1 << 32
+_LONGEST = 18
+_SMALL_BYTES = 2048
+_SWITCH_AFTER = 8
+_NUMBER = re.compile(rb"(?:0|-?[1-9][0-9]{0,17})\Z")
+_BREAKS = re.compile(rb"[\r\n]+")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class UmdLines:
+    """What one piece of the stream held.
+
+    ``rows`` shape (n, 8) or (n, 16), the lines' integers as sent. ``text`` banner and "!" debug lines.
+    ``damaged`` counts lines that are none of these, ``damaged_bytes`` their length; they have no rows.
+    """
+
+    rows: IntArray = field(default_factory=lambda: np.empty((0, 8), np.int64))
+    text: tuple[str, ...] = ()
+    damaged: int = 0
+    damaged_bytes: int = 0
+
+    def __bool__(self) -> bool:
+        return bool(len(self.rows) or self.text or self.damaged)
+
+
+def encode_rows(rows: IntArray) -> bytes:
+    """Rows (n, 8) or (n, 16) of integers to n lines. Raises LocalProtocolError (E-UMD-ROWS)."""
+    if rows.ndim != 2 or rows.shape[1] not in WIDTHS or rows.dtype.kind not in "iu":
+        raise LocalProtocolError("E-UMD-ROWS", "umd", why=f"shape {rows.shape} of {rows.dtype}")
+    if rows.size and not _in_range(rows):
+        raise LocalProtocolError("E-UMD-ROWS", "umd", why="a value beyond 32 bits")
+    line = b" ".join([b"%d"] * rows.shape[1]) + b"\r\n"
+    return (line * len(rows)) % tuple(rows.ravel().tolist())
+
+
+def _in_range(rows: IntArray) -> bool:
+    # The sequence number alone is 64 bits wide in the uMD2.
+    narrow = np.delete(rows, SEQUENCE, axis=1)
+    return bool(narrow.max() < VALUE_LIMIT and narrow.min() > -VALUE_LIMIT)
+
+
+def parse_clean(text: bytes, width: int) -> IntArray | None:
+    """Lines ending in LF to rows, all at once; None unless every byte is as the counter prints it."""
+    if text.translate(None, b"0123456789- \n"):
+        return None
+    raw = np.frombuffer(text, np.uint8)
+    ends = np.flatnonzero(raw <= ord(" "))
+    if len(ends) % width:
+        return None
+    breaks = raw[ends].reshape(-1, width)
+    if (breaks[:, -1] != ord("\n")).any() or (breaks[:, :-1] != ord(" ")).any():
+        return None
+    if not _well_formed(raw, ends):
+        return None
+    rows = np.fromstring(text, np.int64, sep=" ").reshape(-1, width)
+    return rows if _in_range(rows) else None
+
+
+def _well_formed(raw: NDArray[np.uint8], ends: NDArray[np.intp]) -> bool:
+    """No empty or endless number, no minus but in front, no leading zero."""
+    lengths = np.diff(ends, prepend=-1) - 1
+    if lengths.min() < 1 or lengths.max() > _LONGEST:
+        return False
+    starts = ends - lengths
+    first = raw[starts]
+    minus = first == ord("-")
+    if np.count_nonzero(raw == ord("-")) != np.count_nonzero(minus):
+        return False
+    if (raw[starts[minus] + 1] < ord("1")).any():
+        return False
+    return not ((first == ord("0")) & (lengths > 1)).any()
+
+
+def _parse_line(line: bytes) -> list[int] | None:
+    tokens = line.split()
+    if len(tokens) not in WIDTHS or not all(map(_NUMBER.match, tokens)):
+        return None
+    values = [int(token) for token in tokens]
+    narrow = values[:SEQUENCE] + values[SEQUENCE + 1 :]
+    return values if max(map(abs, narrow)) < VALUE_LIMIT else None
+
+
+class _Collected:
+    """Grows while one piece of the stream is read; a change of width ends one message and begins another."""
+
+    def __init__(self) -> None:
+        self.done: list[UmdLines] = []
+        self._rows: list[IntArray] = []
+        self._text: list[str] = []
+        self._damaged = 0
+        self._damaged_bytes = 0
+
+    def add_rows(self, rows: IntArray) -> None:
+        if self._rows and self._rows[0].shape[1] != rows.shape[1]:
+            self.finish()
+        self._rows.append(rows)
+
+    def add_text(self, line: str) -> None:
+        self._text.append(line)
+
+    def spoil(self, length: int) -> None:
+        self._damaged += 1
+        self._damaged_bytes += length
+
+    def finish(self) -> tuple[UmdLines, ...]:
+        """Close the message that grows; all of them so far."""
+        rows = np.concatenate(self._rows) if self._rows else np.empty((0, WIDTHS[0]), np.int64)
+        lines = UmdLines(rows, tuple(self._text), self._damaged, self._damaged_bytes)
+        self._rows, self._text, self._damaged, self._damaged_bytes = [], [], 0, 0
+        if lines:
+            self.done.append(lines)
+        return tuple(self.done)
+
+
+class UmdCodec:
+    """One end of a uMD line. Messages are `UmdLines`, whatever way the bytes were cut on the road.
+
+    ``role`` "client" reads what a counter sends; "server" writes it. With ``join_late`` everything up to the
+    first line end is thrown away uncounted, because a client comes in the middle of a line.
+    """
+
+    def __init__(self, role: Role, *, join_late: bool = False) -> None:
+        self._role = role
+        self._joining = join_late
+        self._pending = bytearray()
+        self._overlong = 0
+        self._width: int | None = None
+        self._other_width = 0
+
+    def send(self, message: UmdLines) -> bytes:
+        """Text lines, then rows. Raises LocalProtocolError: E-UMD-ROLE for a client, E-UMD-ROWS."""
+        if self._role != "server":
+            raise LocalProtocolError("E-UMD-ROLE", "umd")
+        text = b"".join(line.encode("ascii", "replace") + b"\r\n" for line in message.text)
+        return text + encode_rows(message.rows)
+
+    def receive(self, data: bytes) -> tuple[UmdLines, ...]:
+        """Any bytes to what they complete; the rest of a line waits for the next call. Never raises."""
+        self._pending += data
+        cut = max(self._pending.rfind(b"\n"), self._pending.rfind(b"\r")) + 1
+        whole = bytes(self._pending[:cut])
+        del self._pending[:cut]
+        found = _Collected()
+        self._read(self._without_beginnings(whole, found), found)
+        self._cap()
+        return found.finish()
+
+    def _without_beginnings(self, whole: bytes, found: _Collected) -> bytes:
+        """Cut off the end of an overlong line, or of the line in whose middle we came."""
+        if not whole or not (self._overlong or self._joining):
+            return whole
+        end = min(at for at in (whole.find(b"\n"), whole.find(b"\r")) if at >= 0)
+        if self._overlong and not self._joining:
+            found.spoil(self._overlong + end)
+        self._overlong, self._joining = 0, False
+        return whole[end:]
+
+    def _cap(self) -> None:
+        if self._overlong or len(self._pending) > LINE_BYTES:
+            self._overlong += len(self._pending)
+            self._pending.clear()
+
+    def _read(self, whole: bytes, found: _Collected) -> None:
+        text = whole.replace(b"\r\n", b"\n")
+        if b"\r" in text or b"\n\n" in text or text[:1] == b"\n":
+            text = _BREAKS.sub(b"\n", text).lstrip(b"\n")
+        text = self._read_until_width(text, found)
+        if text:
+            self._read_block(text, found)
+
+    def _read_until_width(self, text: bytes, found: _Collected) -> bytes:
+        """Line by line to the first good one, which sets the width; the text after it."""
+        at = 0
+        while self._width is None and at < len(text):
+            end = text.index(b"\n", at)
+            self._read_line(text[at:end], found)
+            at = end + 1
+        return text[at:]
+
+    def _read_block(self, text: bytes, found: _Collected) -> None:
+        """Read all at once if clean; else halve, so that damage costs only its own neighbourhood."""
+        rows = parse_clean(text, self._width or WIDTHS[0])
+        if rows is not None:
+            found.add_rows(rows)
+            self._other_width = 0
+            return
+        middle = text.find(b"\n", len(text) // 2) + 1
+        if len(text) <= _SMALL_BYTES or not 0 < middle < len(text):
+            for line in text[:-1].split(b"\n"):
+                self._read_line(line, found)
+            return
+        self._read_block(text[:middle], found)
+        self._read_block(text[middle:], found)
+
+    def _read_line(self, line: bytes, found: _Collected) -> None:
+        values = _parse_line(line) if len(line) <= LINE_BYTES else None
+        if values is not None:
+            self._read_values(values, len(line), found)
+        elif self._is_text(line):
+            found.add_text(line.decode("ascii"))
+        else:
+            found.spoil(len(line))
+
+    def _read_values(self, values: list[int], length: int, found: _Collected) -> None:
+        if self._width in (None, len(values)):
+            self._width, self._other_width = len(values), 0
+            found.add_rows(np.array([values], np.int64))
+            return
+        # A torn line can look like one of the other width; a counter that was exchanged keeps doing so.
+        found.spoil(length)
+        self._other_width += 1
+        if self._other_width >= _SWITCH_AFTER:
+            self._width, self._other_width = len(values), 0
+
+    def _is_text(self, line: bytes) -> bool:
+        printable = len(line) <= TEXT_CHARS and line.isascii() and line.decode("ascii").isprintable()
+        banner = self._width is None and any(map(bytes.isalpha, line.split()[:1]))
+        return printable and (line.startswith(b"!") or banner)

@@ -1,0 +1,136 @@
+"""Commands that meet devices or stored runs: run, push, recover, check, serve, report."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from drivers.clock import Clock, LoopClock
+from gateway.cli.show import progress, show_json, show_table
+from gateway.config import load_site
+from gateway.domain import Say
+
+
+def run_site_command(
+    site: Path,
+    apply: bool,
+    machine: str,
+    *,
+    as_json: bool,
+    typed_by_demo: bool = False,
+    clock: Clock | None = None,
+) -> None:
+    """Run a site; the demo, which owns its cell, types the machine's name itself."""
+    from gateway.workflow.run import run_site
+
+    tree = load_site(site)
+    name = tree.site.name if typed_by_demo else machine
+    used = clock or LoopClock()
+
+    async def main(say: Say) -> Any:
+        return await run_site(tree, site, apply=apply, machine_name=name, clock=used, say=say)
+
+    with progress(quiet=as_json) as say:
+        outcome = asyncio.run(main(say))
+    _show_outcome(outcome, as_json=as_json)
+
+
+def push_run_command(run_folder: str, store: Path, apply: bool, machine: str, *, as_json: bool) -> None:
+    """Show a stored proposal against the live machine, or apply it."""
+    from gateway.store import Store
+    from gateway.workflow.pushing import push_run
+
+    folder = Store(store).open(run_folder)
+
+    async def main(say: Say) -> Any:
+        return await push_run(folder, apply=apply, machine_name=machine, clock=LoopClock(), say=say)
+
+    with progress(quiet=as_json) as say:
+        outcome = asyncio.run(main(say))
+    _show_outcome(outcome, as_json=as_json)
+
+
+def recover_command(site: Path, apply: bool, machine: str, *, as_json: bool) -> None:
+    """Say what an interrupted push left; with apply put the old table back."""
+    from gateway.workflow.recovering import recover_site
+
+    tree = load_site(site)
+
+    async def main(say: Say) -> Any:
+        return await recover_site(tree, site, apply=apply, machine_name=machine, clock=LoopClock(), say=say)
+
+    with progress(quiet=as_json) as say:
+        findings = asyncio.run(main(say))
+    if as_json:
+        show_json([finding.as_data() for finding in findings])
+        return
+    for finding in findings:
+        typer.echo(finding.words)
+    if not findings:
+        typer.echo(f"{tree.site.name}: no push was left unfinished")
+
+
+def check_command(site: Path, connect: bool, *, as_json: bool) -> None:
+    """Check a site file and, on request, its devices."""
+    tree = load_site(site)
+    rows: list[tuple[str, str, str, str]] = []
+    if connect:
+        rows = asyncio.run(_identities(site))
+    if as_json:
+        keys = ("device", "model", "serial", "firmware")
+        devices = [dict(zip(keys, row, strict=True)) for row in rows]
+        show_json({"site": tree.site.name, "file": str(site), "devices": devices})
+        return
+    typer.echo(f"{site}: site {tree.site.name}, {len(tree.axes)} axes, {len(tree.instruments)} instruments: valid")
+    if rows:
+        show_table("devices", ("device", "model", "serial", "firmware"), rows)
+
+
+async def _identities(site: Path) -> list[tuple[str, str, str, str]]:
+    from gateway.supervisor import Supervisor
+
+    supervisor = Supervisor(load_site(site), LoopClock())
+    try:
+        await supervisor.open_all()
+        return [
+            (seen.name, seen.identity.model, seen.identity.serial, seen.identity.firmware)
+            for seen in supervisor.picture()
+            if seen.identity is not None
+        ]
+    finally:
+        await supervisor.close_all()
+
+
+def serve_command(site: Path, host: str, port: int) -> None:
+    """Serve a site until Ctrl-C."""
+    from gateway.workflow.serving import serve_site
+
+    asyncio.run(serve_site(load_site(site), site, host, port, LoopClock(), typer.echo))
+
+
+def report_command(run_folder: str, store: Path, *, as_json: bool) -> None:
+    """Render a stored run again."""
+    from gateway.store import Store
+    from gateway.workflow.reporting import write_report
+
+    paths = write_report(Store(store).open(run_folder))
+    if as_json:
+        show_json({"html": str(paths.html), "json": str(paths.json), "picture": str(paths.picture)})
+    else:
+        typer.echo(f"report: {paths.html}")
+
+
+def _show_outcome(outcome: Any, *, as_json: bool) -> None:
+    if as_json:
+        show_json(outcome.as_data())
+    else:
+        if outcome.rows:
+            headings = ("axis", "parameter", "before", "after", "unit", "change")
+            show_table("before and after (ISO 230-2:2014)", headings, outcome.rows)
+        for line in outcome.lines:
+            typer.echo(line)
+    if outcome.exit_code:
+        raise typer.Exit(outcome.exit_code)

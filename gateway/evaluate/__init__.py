@@ -1,0 +1,1 @@
+"""Standard evaluations and physical corrections: readings in, figures of the standards out; pure."""

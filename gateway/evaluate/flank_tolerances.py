@@ -1,0 +1,32 @@
+"""ISO 1328-1:2013 flank tolerances, before and after the standard's rounding."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from math import floor, hypot, sqrt
+
+
+def flank_tolerances(
+    diameter_mm: float, module_mm: float, width_mm: float, grade: int
+) -> Mapping[str, float]:
+    """Tolerances in um of a gear, before rounding; the q of grade A is sqrt(2)^(A - 5)."""
+    q, d, m, b = sqrt(2.0) ** (grade - 5), diameter_mm, module_mm, width_mm
+    profile_slope, profile_form = (0.4 * m + 0.001 * d + 4.0) * q, (0.55 * m + 5.0) * q
+    lead_slope = (0.05 * sqrt(d) + 0.35 * sqrt(b) + 4.0) * q
+    lead_form = (0.07 * sqrt(d) + 0.45 * sqrt(b) + 4.0) * q
+    return {
+        "fp": (0.001 * d + 0.4 * m + 5.0) * q,
+        "Fp": (0.002 * d + 0.55 * sqrt(d) + 0.7 * m + 12.0) * q,
+        "fHa": profile_slope,
+        "ffa": profile_form,
+        "Fa": hypot(profile_slope, profile_form),
+        "fHb": lead_slope,
+        "ffb": lead_form,
+        "Fb": hypot(lead_slope, lead_form),
+    }
+
+
+def rounded(tolerance_um: float) -> float:
+    """As printed: above 10 um whole, 5 to 10 um halves, below tenths."""
+    step = 1.0 if tolerance_um > 10.0 else 0.5 if tolerance_um >= 5.0 else 0.1
+    return floor(tolerance_um / step + 0.5) * step

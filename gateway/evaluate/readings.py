@@ -1,0 +1,70 @@
+"""Readings of a positioning test in one shape: deviations (m, n, 2), checked."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gateway.domain import FloatArray
+from gateway.errors import ModelError
+
+
+def checked(targets: ArrayLike, deviations: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Targets (m,) and deviations (m, n, 2) as float arrays; NaN marks a missing reading.
+
+    Raises ModelError: E-EVAL-SHAPE (shapes do not fit), E-EVAL-INFINITE, E-EVAL-EMPTY (no reading, or a
+    target without any).
+    """
+    at, x = np.asarray(targets, dtype=np.float64), np.asarray(deviations, dtype=np.float64)
+    if at.ndim != 1 or x.ndim != 3 or x.shape[0] != at.size or x.shape[2] != 2:
+        raise ModelError("E-EVAL-SHAPE", "evaluate", targets=at.shape, deviations=x.shape)
+    if np.isinf(x).any() or not np.isfinite(at).all():
+        raise ModelError("E-EVAL-INFINITE", "evaluate")
+    silent = ~np.isfinite(x).any(axis=(1, 2))
+    if at.size == 0 or silent.any():
+        raise ModelError("E-EVAL-EMPTY", "evaluate", targets=[int(i) + 1 for i in np.flatnonzero(silent)])
+    return at, x
+
+
+def deviations_of(targets: ArrayLike, positions: ArrayLike) -> FloatArray:
+    """Deviation = measured - target, shape (m, n, 2), in the unit of `positions` (m, n, 2)."""
+    at, measured = np.asarray(targets, dtype=np.float64), np.asarray(positions, dtype=np.float64)
+    if at.ndim != 1 or measured.ndim != 3 or measured.shape[0] != at.size:
+        raise ModelError("E-EVAL-SHAPE", "evaluate", targets=at.shape, deviations=measured.shape)
+    return measured - at[:, None, None]
+
+
+def from_rows(up: ArrayLike | None = None, down: ArrayLike | None = None) -> FloatArray:
+    """Two tables of rows (m, n), approach + and -, as (m, n, 2); a missing table is all NaN.
+
+    Rows are readings in order of repetition; None or NaN is a missing reading. Raises E-EVAL-SHAPE.
+    """
+    tables = [None if rows is None else np.asarray(rows, dtype=np.float64) for rows in (up, down)]
+    shapes = {table.shape for table in tables if table is not None}
+    if len(shapes) != 1 or len(next(iter(shapes))) != 2:
+        raise ModelError("E-EVAL-SHAPE", "evaluate", targets="rows", deviations=sorted(shapes))
+    shape = shapes.pop()
+    filled = [np.full(shape, np.nan) if table is None else table for table in tables]
+    return np.stack(filled, axis=2)
+
+
+def counts(deviations: FloatArray) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
+    """How many readings each target has in each approach, shape (m, 2)."""
+    return np.isfinite(deviations).sum(axis=1, dtype=np.int64)
+
+
+def means(deviations: FloatArray) -> FloatArray:
+    """Mean of each target and approach over its own n, shape (m, 2); NaN where there is no reading."""
+    n = counts(deviations)
+    total = np.nansum(deviations, axis=1)
+    return np.divide(total, n, out=np.full(n.shape, np.nan), where=n > 0)
+
+
+def standard_deviations(deviations: FloatArray) -> FloatArray:
+    """Sample standard deviation (n-1, two passes) of each target and approach, (m, 2); NaN where n < 2."""
+    n = counts(deviations)
+    centred = deviations - means(deviations)[:, None, :]
+    # The second sum removes the rounding of the mean (corrected two-pass algorithm).
+    squares = np.nansum(centred**2, axis=1) - np.nansum(centred, axis=1) ** 2 / np.maximum(n, 1)
+    variance = np.divide(squares, n - 1, out=np.full(n.shape, np.nan), where=n > 1)
+    return np.sqrt(np.maximum(variance, 0.0))

@@ -1,0 +1,92 @@
+"""Straightness about the end-point, least-squares or minimum-zone line (ISO 230-1), and parallelism."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gateway.domain import FloatArray
+from gateway.errors import ModelError
+
+Reference = Literal["lsq", "end-point", "minimum-zone"]
+
+
+@dataclass(frozen=True, slots=True)
+class Straightness:
+    """Line intercept + slope x position, what it leaves (m,), and the straightness value (its width)."""
+
+    reference: Reference
+    slope: float
+    intercept: float
+    residual: FloatArray
+    value: float
+
+
+def straightness(
+    positions: ArrayLike, deviations: ArrayLike, reference: Reference = "minimum-zone"
+) -> Straightness:
+    """Straightness of deviations (m,) along positions (m,); the slope is deviation unit per position unit.
+
+    Raises ModelError (E-EVAL-LINE) without two different positions.
+    """
+    x, y = np.asarray(positions, dtype=np.float64), np.asarray(deviations, dtype=np.float64)
+    if x.ndim != 1 or x.shape != y.shape or x.size < 2 or float(np.ptp(x)) == 0.0:
+        raise ModelError("E-EVAL-LINE", "straightness", positions=x.size, deviations=y.size)
+    slope, intercept = _LINES[reference](x, y)
+    residual = y - intercept - slope * x
+    return Straightness(reference, slope, intercept, residual, float(np.ptp(residual)))
+
+
+def least_squares_line(x: FloatArray, y: FloatArray) -> tuple[float, float]:
+    """Slope and intercept of the least-squares line."""
+    centre = x - x.mean()
+    slope = float(centre @ (y - y.mean()) / (centre @ centre))
+    return slope, float(y.mean() - slope * x.mean())
+
+
+def end_point_line(x: FloatArray, y: FloatArray) -> tuple[float, float]:
+    """Slope and intercept of the line through the first and last position."""
+    first, last = int(np.argmin(x)), int(np.argmax(x))
+    slope = float((y[last] - y[first]) / (x[last] - x[first]))
+    return slope, float(y[first] - slope * x[first])
+
+
+def minimum_zone_line(x: FloatArray, y: FloatArray) -> tuple[float, float]:
+    """Slope of the narrowest pair of parallel lines; intercept of the line midway between them.
+
+    The narrowest pair lies on an edge of the upper or lower convex hull, so every edge is tried.
+    """
+    slopes = [*_hull_slopes(x, y), *_hull_slopes(x, -y, -1.0)]
+    widths = [float(np.ptp(y - slope * x)) for slope in slopes]
+    slope = slopes[int(np.argmin(widths))]
+    level = y - slope * x
+    return slope, float((level.max() + level.min()) / 2.0)
+
+
+def _hull_slopes(x: FloatArray, y: FloatArray, sign: float = 1.0) -> list[float]:
+    order = np.lexsort((y, x))
+    hull: list[tuple[float, float]] = []
+    for px, py in zip(x[order], y[order], strict=True):
+        if hull and px == hull[-1][0]:
+            continue
+        while len(hull) > 1 and _turns_right(hull[-2], hull[-1], (px, py)):
+            hull.pop()
+        hull.append((float(px), float(py)))
+    return [sign * (b[1] - a[1]) / (b[0] - a[0]) for a, b in pairwise(hull)]
+
+
+def _turns_right(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> bool:
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) <= 0.0
+
+
+_LINES = {"lsq": least_squares_line, "end-point": end_point_line, "minimum-zone": minimum_zone_line}
+
+
+def parallelism(first: tuple[ArrayLike, ArrayLike], second: tuple[ArrayLike, ArrayLike]) -> float:
+    """Slope of the first run less that of the second, least squares; each run is (positions, deviations)."""
+    slopes = [straightness(x, y, "lsq").slope for x, y in (first, second)]
+    return slopes[0] - slopes[1]

@@ -1,0 +1,165 @@
+"""One element of a chain: a fixed link, or an axis with its six error motions and its location error (mm, rad).
+
+An axis is L M E (errors "moving" with it) or L E M (errors "fixed" to its stator): M its motion, E =
+trans(dx, dy, dz) Rz(ec) Ry(eb) Rx(ea) taken at its own position, L its location error. The location error of a
+prismatic axis tilts and shifts the path only; of a revolute axis it is trans(X0, Y0, Z0) Rz(C0) Ry(B0) Rx(A0).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from drivers.types import FloatArray
+from gateway.errors import ModelError
+from gateway.model import se3
+
+Motion = float | Callable[[FloatArray], FloatArray]
+
+MOTIONS = ("dx", "dy", "dz", "ea", "eb", "ec")
+LOCATIONS = ("X0", "Y0", "Z0", "A0", "B0", "C0")
+SMALLEST_DIRECTION = 1e-9
+LARGEST_TILT = 0.5  # rad: what is larger is a wrong unit or another machine, not an error
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """A fixed joint: trans(xyz) Rz(c) Ry(b) Rx(a), mm and rad."""
+
+    xyz: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    abc: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "xyz", _vector("xyz", self.xyz, "link"))
+        object.__setattr__(self, "abc", _vector("abc", self.abc, "link"))
+
+    def matrix(self) -> FloatArray:
+        """The joint's homogeneous matrix (4, 4)."""
+        return se3.rigid(se3.rpy(*self.abc), np.asarray(self.xyz))
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """One moving axis with its errors; ``direction`` is made a unit vector.
+
+    ``err`` maps dx, dy, dz (mm) and ea, eb, ec (rad) to a constant or to a function of the axis' own position
+    (mm or rad, array in, array out). ``loc`` maps X0, Y0, Z0 (mm) and A0, B0, C0 (rad) to numbers.
+    Raises ModelError E-CHAIN-... for what is not an axis.
+    """
+
+    name: str
+    kind: Literal["prismatic", "revolute"]
+    direction: tuple[float, float, float]
+    err: Mapping[str, Motion] = field(default_factory=dict)
+    loc: Mapping[str, float] = field(default_factory=dict)
+    err_frame: Literal["moving", "fixed"] = "moving"
+
+    def __post_init__(self) -> None:
+        where = f"axis {self.name}"
+        _one_of("name", bool(self.name) and self.name.isidentifier() and self.name, {self.name}, where)
+        _one_of("kind", self.kind, ("prismatic", "revolute"), where)
+        _one_of("err_frame", self.err_frame, ("moving", "fixed"), where)
+        _errors_sound(self.err, self.loc, where)
+        unit = np.asarray(_vector("axis", self.direction, where))
+        size = float(np.linalg.norm(unit))
+        if size < SMALLEST_DIRECTION:
+            raise ModelError("E-CHAIN-DIRECTION", where, direction=self.direction)
+        object.__setattr__(self, "direction", tuple((unit / size).tolist()))
+
+    @property
+    def vector(self) -> FloatArray:
+        """Unit direction (3,) in the parent's frame."""
+        return np.asarray(self.direction)
+
+    def ideal(self, q: FloatArray) -> FloatArray:
+        """Motion without errors at positions (...), shape (..., 4, 4)."""
+        if self.kind == "prismatic":
+            return se3.trans(q[..., None] * self.vector)
+        return se3.rigid(se3.about(self.vector, q), np.zeros(3))
+
+    def actual(self, q: FloatArray) -> FloatArray:
+        """Motion with all errors, exact, at positions (...), shape (..., 4, 4)."""
+        motion = self._path(q) if self.kind == "prismatic" else self.ideal(q)
+        if self.err:
+            error = error_matrix(self.errors(q))
+            motion = motion @ error if self.err_frame == "moving" else error @ motion
+        return motion if self.kind == "prismatic" else error_matrix(self.location()) @ motion
+
+    def errors(self, q: FloatArray) -> FloatArray:
+        """The six error motions at positions (...): (..., 6) = dx, dy, dz (mm), ea, eb, ec (rad)."""
+        out = np.zeros((*q.shape, 6))
+        for key, motion in self.err.items():
+            out[..., MOTIONS.index(key)] = self._value(key, motion, q)
+        return out
+
+    def location(self) -> FloatArray:
+        """The location error (6,) = X0, Y0, Z0 (mm), A0, B0, C0 (rad)."""
+        return np.array([float(self.loc.get(key, 0.0)) for key in LOCATIONS])
+
+    def location_twist(self, q: FloatArray) -> FloatArray:
+        """What each location error does in the parent's frame to first order: (..., 6, 6), column per error."""
+        out = np.zeros((*q.shape, 6, 6))
+        out[...] = np.eye(6)
+        if self.kind == "prismatic":
+            out[..., :3, 3:] = -q[..., None, None] * se3.hat(self.vector)
+            out[..., 3:, 3:] = 0.0
+        return out
+
+    def path(self) -> tuple[FloatArray, FloatArray]:
+        """Tilted direction (3,) and shift (3,) of a prismatic axis: it moves by q times the one plus the other."""
+        location = self.location()
+        return se3.rpy(location[3], location[4], location[5]) @ self.vector, location[:3]
+
+    def _path(self, q: FloatArray) -> FloatArray:
+        direction, shift = self.path()
+        return se3.trans(q[..., None] * direction + shift)
+
+    def _value(self, key: str, motion: Motion, q: FloatArray) -> FloatArray | float:
+        if not callable(motion):
+            return float(motion)
+        value = np.asarray(motion(q), dtype=np.float64)
+        if value.shape not in (q.shape, ()) or not np.all(np.isfinite(value)):
+            raise ModelError("E-CHAIN-MOTION", f"axis {self.name}", motion=key, shape=value.shape, wanted=q.shape)
+        return value
+
+
+def error_matrix(e: FloatArray) -> FloatArray:
+    """E = trans(dx, dy, dz) Rz(ec) Ry(eb) Rx(ea) of (..., 6), shape (..., 4, 4)."""
+    return se3.rigid(se3.rpy(e[..., 3], e[..., 4], e[..., 5]), e[..., :3])
+
+
+def _errors_sound(err: Mapping[str, Motion], loc: Mapping[str, float], where: str) -> None:
+    for key in err:
+        _one_of("err", key, MOTIONS, where)
+    for key in loc:
+        _one_of("loc", key, LOCATIONS, where)
+    numbers = {key: value for key, value in {**err, **loc}.items() if not callable(value)}
+    _finite("err and loc", numbers.values(), where)
+    for key, value in numbers.items():
+        if key[0] in "eABC" and abs(float(value)) > LARGEST_TILT:
+            raise ModelError("E-CHAIN-TILT", where, key=key, value=value, limit=LARGEST_TILT)
+
+
+def _vector(key: str, value: object, where: str) -> tuple[float, float, float]:
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ModelError("E-CHAIN-NUMBER", where, key=key, value=value) from error
+    if array.shape != (3,) or not np.all(np.isfinite(array)):
+        raise ModelError("E-CHAIN-NUMBER", where, key=key, value=value)
+    x, y, z = array.tolist()
+    return (x, y, z)
+
+
+def _finite(key: str, values: Iterable[object], where: str) -> None:
+    for value in values:
+        if isinstance(value, bool) or not isinstance(value, (int, float, np.floating)) or not np.isfinite(value):
+            raise ModelError("E-CHAIN-NUMBER", where, key=key, value=value)
+
+
+def _one_of(key: str, value: object, known: Collection[str], where: str) -> None:
+    if value not in known:
+        raise ModelError("E-CHAIN-WORD", where, key=key, value=value, known=", ".join(known))

@@ -1,0 +1,119 @@
+"""One axis from instrument or file to evaluation: sense proved, captured, corrected, evaluated, stored."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from drivers import registry
+from drivers.errors import ConfigError
+from drivers.types import LiveSet, Stop, StopReached
+from drivers.units import deviation_unit
+from gateway.capture.corrected import from_file, from_live
+from gateway.capture.live import capture_axis, window_of
+from gateway.capture.sense import prove_sense
+from gateway.capture.targets import plan_of
+from gateway.capture.walk import walk
+from gateway.config import AxisSection
+from gateway.domain import Capture, Equipment, Evaluation, Item
+from gateway.evaluate.iso230_2 import evaluate
+from gateway.evaluate.uncertainty import Budget, linear_budget
+from gateway.workflow import stages
+from gateway.workflow.bench import Bench
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """A measured axis: what was captured and what ISO 230-2 says of it."""
+
+    capture: Capture
+    evaluation: Evaluation
+    digest: str
+
+
+def store_equipment(at: Bench) -> None:
+    """Store who every device said it was."""
+    items = tuple(
+        Item(seen.name, seen.identity, _notices(at, seen.name))
+        for seen in at.supervisor.picture()
+        if seen.identity is not None
+    )
+    at.folder.put(stages.EQUIPMENT, Equipment(at.machine, items, at.clock.utc().isoformat(timespec="seconds")))
+
+
+def _notices(at: Bench, name: str) -> tuple[str, ...]:
+    if name == at.supervisor.CONTROLLER:
+        return ()
+    return at.supervisor.instrument(name).notices
+
+
+async def measure_axis(at: Bench, axis: AxisSection, phase: stages.Phase) -> Measured:
+    """Measure one axis and store every step before the next. Raises what capture and evaluation raise."""
+    at.say("P-MEASURE", axis=axis.name, component=axis.measure.component, phase=phase)
+    if axis.measure.file is not None:
+        capture, parents = await _from_file(at, axis), ()
+    else:
+        capture, parents = await _live(at, axis, phase)
+    digest = at.folder.put(stages.capture(axis.name, phase), capture, parents)
+    result = evaluate(capture.targets, capture.deviations, deviation_unit(axis.unit), budget=budget_of(capture))
+    at.folder.put(stages.evaluation(axis.name, phase), result, (digest,))
+    at.say("P-EVALUATED", axis=axis.name, M=_figure(result.M), B=_figure(result.B), unit=result.unit)
+    return Measured(capture, result, digest)
+
+
+async def _live(at: Bench, axis: AxisSection, phase: stages.Phase) -> tuple[Capture, tuple[str, ...]]:
+    instrument = at.supervisor.instrument(axis.measure.instrument)
+    controller, clock, patience = at.supervisor.controller, at.clock, at.patience
+    proof = await prove_sense(axis, controller, instrument, window_of(axis), clock, patience, at.say)
+    raw = await capture_axis(axis, controller, instrument, proof, clock, patience, at.say)
+    digest = at.folder.put(stages.raw(axis.name, phase), raw)
+    at.folder.write_text(f"tables-{axis.name}-{phase}.spf", raw.live.native)
+    return from_live(axis, raw, proof, instrument.compensated_for), (digest,)
+
+
+async def _from_file(at: Bench, axis: AxisSection) -> Capture:
+    path = at.site_path.parent / Path(str(axis.measure.file))
+    measured = _reader(path, axis.measure.file_unit).read(path)
+    at.folder.write_bytes(f"source-{axis.name}{path.suffix}", path.read_bytes())
+    live = await fetch_tables(at, axis)
+    return from_file(axis, measured, live, path.name)
+
+
+def _reader(path: Path, unit: str) -> registry.Any:
+    name = path.suffix.lower().lstrip(".")
+    known = registry.known("file")
+    if name not in known:
+        raise ConfigError("E-RUN-FILE", str(path), known=", ".join(f".{ending}" for ending in sorted(known)))
+    factory = known[name].load()
+    return factory(unit=unit) if unit else factory()
+
+
+async def fetch_tables(at: Bench, axis: AxisSection) -> LiveSet:
+    """Read what compensates an axis now by a one-stop program at its reference; writes no table."""
+    stop = Stop(axis.reference, 1)
+    plan = plan_of(axis, (stop,), "", name=f"TFREAD{axis.letter}", dwell_s=0.1)
+
+    async def at_stop(_index: int, _stop: Stop, _reached: StopReached) -> None:
+        return None
+
+    await walk(at.supervisor.controller, plan, at_stop, at.clock, at.patience, at.say)
+    return await at.supervisor.controller.saved_tables(axis.name)
+
+
+def budget_of(capture: Capture) -> Budget:
+    """Expanded uncertainties (k = 2) of one capture: instrument, temperature and expansion over its travel.
+
+    Laser system 0.5 um/m; temperature measured within 0.4 K; expansion coefficient within 2 ppm/K. A rotary
+    calibrator: 1 arcsec range as its maker states, rectangular.
+    """
+    if capture.axis_unit == "deg":
+        return Budget(device=0.6)
+    material = capture.ambient_start.material_degc
+    off = float(material[0]) - 20.0 if material else 0.0
+    length_mm = float(capture.targets[-1] - capture.targets[0])
+    expansion = capture.corrections.details.get("expansion.ppm_per_k", 11.5)
+    return linear_budget(length_mm, expansion_ppm_per_k=expansion, off_20_k=off)
+
+
+def _figure(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f}"

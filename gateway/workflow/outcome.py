@@ -1,0 +1,74 @@
+"""What a run hands back to whoever started it: rows, lines, data and an exit code."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from gateway.domain import Evaluation, Proposal, Verdict
+from gateway.report.parameters import PARAMETERS
+from gateway.workflow.reporting import ReportPaths
+
+WORSE_EXIT = 9
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """A finished run: before/after rows (axis, parameter, before, after, unit, change) and where all is kept."""
+
+    state: str
+    run_folder: str
+    rows: tuple[tuple[str, str, str, str, str, str], ...]
+    lines: tuple[str, ...]
+    data: dict[str, Any]
+    exit_code: int = 0
+
+    def as_data(self) -> dict[str, Any]:
+        """The outcome as JSON data."""
+        return {"state": self.state, "run_folder": self.run_folder, **self.data}
+
+
+def outcome_of(
+    state: str,
+    run_folder: str,
+    evaluations: dict[str, tuple[Evaluation, Evaluation | None]],
+    proposal: Proposal,
+    verdict: Verdict | None,
+    paths: ReportPaths,
+) -> Outcome:
+    """Gather what a run's end shows."""
+    rows = tuple(row for axis, pair in evaluations.items() for row in _rows(axis, *pair))
+    lines = [f"{change.axis}: {change.skipped}" for change in proposal.changes if change.skipped]
+    lines += [f"{axis.axis}: {axis.words}" for axis in verdict.axes] if verdict is not None else []
+    lines += [f"run folder: {run_folder}", f"report: {paths.html}"]
+    worse = verdict is not None and verdict.outcome == "worse"
+    data = {
+        "outcome": verdict.outcome if verdict is not None else "not-pushed",
+        "axes": {axis: _data(*pair) for axis, pair in evaluations.items()},
+        "not_corrected": {change.axis: change.skipped for change in proposal.changes if change.skipped},
+        "report": {"html": str(paths.html), "json": str(paths.json), "picture": str(paths.picture)},
+    }
+    return Outcome(state, run_folder, rows, tuple(lines), data, WORSE_EXIT if worse else 0)
+
+
+def _rows(axis: str, before: Evaluation, after: Evaluation | None) -> list[tuple[str, str, str, str, str, str]]:
+    rows = []
+    for name in PARAMETERS:
+        old = getattr(before, name)
+        new = getattr(after, name) if after is not None else None
+        change = f"{100.0 * (new - old) / old:+.0f} %" if old and new is not None else "-"
+        rows.append((axis, name, _number(old), _number(new), before.unit, change))
+    return rows
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f}"
+
+
+def _data(before: Evaluation, after: Evaluation | None) -> dict[str, Any]:
+    def figures(evaluation: Evaluation | None) -> dict[str, float | None] | None:
+        if evaluation is None:
+            return None
+        return {name: getattr(evaluation, name) for name in PARAMETERS}
+
+    return {"unit": before.unit, "before": figures(before), "after": figures(after)}

@@ -1,0 +1,36 @@
+"""Names of the stages in a run folder: one place for what is stored under which word."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+Phase = Literal["before", "after"]
+
+EQUIPMENT = "equipment"
+PROPOSAL = "proposal"
+VERDICT = "verdict"
+
+
+def raw(axis: str, phase: Phase) -> str:
+    """Averages as the instrument gave them."""
+    return f"raw-{axis}-{phase}"
+
+
+def capture(axis: str, phase: Phase) -> str:
+    """Corrected deviations."""
+    return f"capture-{axis}-{phase}"
+
+
+def evaluation(axis: str, phase: Phase) -> str:
+    """ISO 230-2 results."""
+    return f"evaluation-{axis}-{phase}"
+
+
+def component(axis: str) -> str:
+    """The fitted error motion."""
+    return f"component-{axis}"
+
+
+def push(axis: str) -> str:
+    """What a push did."""
+    return f"push-{axis}"

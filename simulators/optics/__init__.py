@@ -1,0 +1,7 @@
+"""What each instrument would read: poses, beams and the physics of interferometers."""
+
+from simulators.optics.bench import Bench, MotionSource, Mounting
+from simulators.optics.calibrator import RotaryReader, Turns
+from simulators.optics.laser import Counts, LaserCounter
+
+__all__ = ["Bench", "Counts", "LaserCounter", "MotionSource", "Mounting", "RotaryReader", "Turns"]

@@ -1,0 +1,162 @@
+"""What is mounted where: instruments, their set-ups, and the machine they watch."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from simulators.cellfile import CellFile, Setup
+from simulators.truth import AxisMotion, Hysteresis, Truth
+from simulators.truth.chain import Pose
+
+FloatArray = NDArray[np.float64]
+CHAINS = {"bed": "", "X": "X", "Z": "Z", "C": "XC"}
+
+
+class MotionSource(Protocol):
+    """The machine as an instrument meets it: encoder positions (n,) and travel sense at past clock times."""
+
+    def encoder(self, axis: str, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Encoder-side position in mm or deg and +1/-1, each (n,)."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Mounting:
+    """A set-up as it really is: ``optics`` differs from the set-up's when someone took the wrong ones."""
+
+    setup: Setup
+    optics: str
+    number: int
+
+
+class Bench:
+    """The instruments around the machine; the operator mounts, faults break beams."""
+
+    def __init__(self, truth: Truth, machine: MotionSource) -> None:
+        self.truth = truth
+        self.machine = machine
+        self.broken: set[str] = set()
+        self._mounted: dict[str, Mounting] = {}
+        self._count = 0
+
+    @property
+    def cell(self) -> CellFile:
+        """The cell's file."""
+        return self.truth.cell
+
+    def setup_for(self, component: str, letter: str) -> Setup | None:
+        """The set-up the cell file gives for a component on an axis; None when there is none."""
+        found = (s for s in self.cell.setups if s.component == component and s.axis == letter)
+        return next(found, None)
+
+    def mount(self, setup: Setup, optics: str | None = None) -> None:
+        """Mount a set-up; what else its axis carried is taken off. `optics` if other than the set-up's."""
+        self._count += 1
+        self._mounted = {name: m for name, m in self._mounted.items() if m.setup.axis != setup.axis}
+        self._mounted[setup.instrument] = Mounting(setup, optics or setup.optics, self._count)
+
+    def mounted(self, instrument: str) -> Mounting | None:
+        """What this instrument is mounted for now."""
+        return self._mounted.get(instrument)
+
+    def stops_of_run(self, letter: str) -> int:
+        """How many stops a run of this axis has, from its own measuring section: two outliers in each."""
+        measure = self.cell.axis(letter).measure or {}
+        targets = measure.get("targets", {})
+        count = len(targets.get("positions", ())) or int(targets.get("count", 0))
+        return 2 * count * int(measure.get("repetitions", 5))
+
+
+class Watcher:
+    """Follows the machine's axes for one instrument and keeps their hysteresis and turns."""
+
+    def __init__(self, bench: Bench) -> None:
+        self._bench = bench
+        self._hysteresis: dict[str, Hysteresis] = {}
+        self._turns: dict[str, float] = {}
+
+    def motions(self, letters: str, times: FloatArray) -> dict[str, AxisMotion]:
+        """The named axes at these successive times; constant ones as arrays of length 1."""
+        return {letter: self._one(letter, times) for letter in letters if self._known(letter)}
+
+    def _known(self, letter: str) -> bool:
+        return any(axis.letter == letter for axis in self._bench.cell.axes)
+
+    def _one(self, letter: str, times: FloatArray) -> AxisMotion:
+        axis = self._bench.cell.axis(letter)
+        position, direction = self._bench.machine.encoder(axis.name, times)
+        if axis.kind == "rotary":
+            position = self._unwrapped(letter, position)
+        windup = self._windup(letter, position, direction)
+        if _constant(position) and _constant(direction) and _constant(windup):
+            return AxisMotion(position[:1], direction[:1], windup[:1])
+        return AxisMotion(position, direction, windup)
+
+    def _unwrapped(self, letter: str, position: FloatArray) -> FloatArray:
+        last = self._turns.get(letter, float(position[0]))
+        steps = np.diff(position, prepend=last)
+        whole = last + np.cumsum((steps + 180.0) % 360.0 - 180.0)
+        if np.all(steps == 0.0):
+            whole = np.full_like(position, last)
+        self._turns[letter] = float(whole[-1])
+        return whole
+
+    def _windup(self, letter: str, position: FloatArray, direction: FloatArray) -> FloatArray:
+        spec = self._bench.cell.axis(letter).hysteresis
+        if spec is None:
+            return direction
+        if letter not in self._hysteresis:
+            self._hysteresis[letter] = Hysteresis(spec.distance)
+        return self._hysteresis[letter].follow(position)
+
+
+def _constant(values: FloatArray) -> bool:
+    return bool(np.all(values == values[0]))
+
+
+def beam_direction(setup: Setup) -> FloatArray:
+    """Unit vector of the beam in the bed frame: the axis' ideal direction, tilted by the misalignment."""
+    along = {"X": 0, "Y": 1, "Z": 2, "C": 0}[setup.axis]
+    beam = np.zeros(3)
+    beam[along] = 1.0
+    beam[(along + 1) % 3], beam[(along + 2) % 3] = np.tan(np.asarray(setup.misalign_mrad) * 1e-3)
+    return np.asarray(beam / np.linalg.norm(beam))
+
+
+def carrier_of(setup: Setup) -> str:
+    """The frame that carries the reflector."""
+    return setup.carrier or ("X" if setup.axis == "Y" else setup.axis)
+
+
+def letters_of(setup: Setup) -> str:
+    """The axes whose error motions reach this reading: those between bed and reflector, and bed and head."""
+    return "".join(dict.fromkeys(CHAINS[carrier_of(setup)] + CHAINS[setup.head]))
+
+
+def linear_length_mm(setup: Setup, frames: dict[str, Pose]) -> FloatArray:
+    """Beam length to the reflector, (n,) mm in geometry: its displacement projected on the beam."""
+    beam = beam_direction(setup)
+    reflector = frames[carrier_of(setup)].point(np.asarray(setup.offset_mm))
+    head = frames[setup.head].point(np.zeros(3))
+    here = (reflector - head) @ beam
+    nominal = beam["XYZ".index(setup.axis)] * setup.datum + float(np.asarray(setup.offset_mm) @ beam)
+    return setup.dead_path_mm + setup.away * (here - nominal)
+
+
+def angle_rad(setup: Setup, frames: dict[str, Pose], about: str) -> FloatArray:
+    """Rotation of the carrier against the head about one bed axis A, B or C, (n,) rad, for small angles."""
+    turned = np.swapaxes(frames[setup.head].rotation, 1, 2) @ frames[carrier_of(setup)].rotation
+    high, low = {"A": (2, 1), "B": (0, 2), "C": (1, 0)}[about]
+    return np.arcsin(0.5 * (turned[:, high, low] - turned[:, low, high]))
+
+
+def angular_difference_mm(setup: Setup, frames: dict[str, Pose], about: str) -> FloatArray:
+    """What angular optics give a laser: the difference of two paths, S * sin(angle), (n,) mm."""
+    return setup.retro_spacing_mm * np.sin(angle_rad(setup, frames, about))
+
+

@@ -1,0 +1,46 @@
+"""Air and material around the machine: what they are, and what the sensors say they are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from simulators.cellfile import Climate as ClimateSpec
+from simulators.cellfile import Course
+
+
+@dataclass(frozen=True, slots=True)
+class Weather:
+    """The surroundings at one moment: degC, hPa, % relative humidity, degC."""
+
+    air_degc: float
+    pressure_hpa: float
+    humidity_pct: float
+    material_degc: float
+
+
+class Climate:
+    """The surroundings over the cell's clock."""
+
+    def __init__(self, spec: ClimateSpec) -> None:
+        self._spec = spec
+        self.frozen_sensors: Weather | None = None
+
+    def true(self, t: float) -> Weather:
+        """What the surroundings are at clock time t (s)."""
+        return self._at(t, 0.0)
+
+    def sensed(self, t: float) -> Weather:
+        """What the sensors report: the truth and each sensor's own error."""
+        return self.frozen_sensors or self._at(t, 1.0)
+
+    def _at(self, t: float, sensor: float) -> Weather:
+        spec = self._spec
+        courses = (spec.air_degc, spec.pressure_hpa, spec.humidity_pct, spec.material_degc)
+        return Weather(*(_value(course, t) + sensor * course.sensor_error for course in courses))
+
+
+def _value(course: Course, t: float) -> float:
+    wave = course.wave * float(np.sin(2.0 * np.pi * t / course.wave_period_s))
+    return course.start + course.per_h * t / 3600.0 + wave

@@ -1,0 +1,36 @@
+"""Thirty texts that must never become markup, wherever a name is shown."""
+
+from __future__ import annotations
+
+STRINGS = (
+    "<script>alert(1)</script>",
+    "<ScRiPt>alert(1)</sCrIpT>",
+    "</script><script>alert(1)</script>",
+    "</style><script>alert(1)</script>",
+    "</title><script>alert(1)</script>",
+    "</textarea><script>alert(1)</script>",
+    "</svg><script>alert(1)</script>",
+    "<img src=x onerror=alert(1)>",
+    '"><img src=x onerror=alert(1)>',
+    "'><img src=x onerror=alert(1)>",
+    '" onmouseover="alert(1)',
+    "' onmouseover='alert(1)",
+    "<svg onload=alert(1)>",
+    "<svg/onload=alert(1)>",
+    "<svg><script>alert(1)</script></svg>",
+    "<body onload=alert(1)>",
+    "<iframe src=javascript:alert(1)>",
+    "<a href='javascript:alert(1)'>x</a>",
+    "<math><mtext></form><form><mglyph><style></math><img src onerror=alert(1)>",
+    "<details open ontoggle=alert(1)>",
+    "<input autofocus onfocus=alert(1)>",
+    "<video><source onerror=alert(1)></video>",
+    "<object data='data:text/html,<script>alert(1)</script>'>",
+    "<embed src='data:text/html,x'>",
+    "<meta http-equiv=refresh content='0;url=https://attack.example'>",
+    "<link rel=stylesheet href=//attack.example/x.css>",
+    "<base href='//attack.example/'>",
+    "<!--><script>alert(1)</script-->",
+    "{{ 7*7 }}<b>{% raw %}${7*7}$x^2$\\frac",
+    "\u202e<script>alert('\u00fc\u6e2c')</script>\x00",
+)
