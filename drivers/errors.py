@@ -71,8 +71,16 @@ class TrueflankError(Exception):
 
 
 class _Fields(dict[str, object]):
-    def __missing__(self, key: str) -> str:
-        return f"<{key}>"
+    def __missing__(self, key: str) -> object:
+        return _Absent(key)
+
+
+class _Absent:
+    def __init__(self, key: str) -> None:
+        self._key = key
+
+    def __format__(self, _spec: str) -> str:
+        return f"<{self._key}>"
 
 
 class ConfigError(TrueflankError):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -206,15 +206,3 @@ class Verdict:
     axes: tuple[AxisVerdict, ...]
     outcome: Literal["better", "unchanged", "worse", "not-pushed"]
     proofs: tuple[SignProof, ...] = ()
-
-
-class Say(Protocol):
-    """Progress on its way to people: a catalogue code with fields, e.g. say("P-CAPTURE", axis="X1", done=3)."""
-
-    def __call__(self, code: str, **fields: object) -> None:
-        """Tell; must return at once and never raise."""
-        ...
-
-
-def silence(_code: str, **_fields: object) -> None:
-    """A `Say` that tells nobody."""

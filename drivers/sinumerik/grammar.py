@@ -24,12 +24,8 @@ _HEADER = re.compile(r"%_N_\w+")
 _CHANNEL = re.compile(r"CHANDATA\s*\(\s*\d{1,2}\s*\)", re.IGNORECASE)
 _CHECK_SUM = re.compile(r"'[0-9A-Fa-f]{4}\s*$")
 _BLOCK_NUMBER = re.compile(r"N\d{1,9}(?=[\s$])\s*", re.IGNORECASE)
-_VARIABLE = re.compile(
-    r"(?P<name>\$[A-Z]{2}_[A-Z0-9_]+)\s*\[(?P<inside>[^\]]*)\]\s*(?P<rest>.*)", re.IGNORECASE
-)
-_NUMBER = re.compile(
-    r"(?P<mantissa>[+-]?(?:\d+\.?\d*|\.\d+))(?:EX(?P<exponent>[+-]?\d{1,2}))?", re.IGNORECASE
-)
+_VARIABLE = re.compile(r"(?P<name>\$[A-Z]{2}_\w+)\s*\[(?P<inside>[^\]]*)\]\s*(?P<rest>.*)", re.IGNORECASE)
+_NUMBER = re.compile(r"(?P<mantissa>[+-]?(?:\d+\.?\d*|\.\d+))(?:EX(?P<power>[+-]?\d{1,2}))?", re.IGNORECASE)
 _AXIS = re.compile(r"\(\s*(?P<a>\w+)\s*\)|\"(?P<b>\w+)\"|(?P<c>[A-Za-z]\w*)")
 _INDEX = re.compile(r"\d{1,6}|[A-Za-z]\w{0,31}")
 _END = frozenset({"M17", "M30", "M2", "M02", "RET"})

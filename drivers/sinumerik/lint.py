@@ -60,28 +60,20 @@ def of_set(tables: Sequence[CompensationTable], where: str) -> list[TableError]:
 def _size(table: CompensationTable, where: str, limits: TableLimits | None) -> Iterable[TableError]:
     reserved = limits.reserved_points if limits else MOST_POINTS[table.function]
     if len(table.deviations) > reserved:
-        yield TooManyPoints(
-            "E-TABLE-POINTS", where, table=table.name, points=len(table.deviations), reserved=reserved
-        )
+        yield TooManyPoints("E-TABLE-POINTS", where, table=table.name, points=len(table.deviations), reserved=reserved)
     if table.function == "EEC" and table.index == 1:
         yield TableError("E-TABLE-ENCODER", where, table=table.name)
 
 
 def _grid(table: CompensationTable, where: str) -> Iterable[TableError]:
     if table.step <= 0 or table.maximum <= table.minimum:
-        yield Gap(
-            "E-TABLE-GRID", where, table=table.name, step=table.step, low=table.minimum, high=table.maximum
-        )
+        yield Gap("E-TABLE-GRID", where, table=table.name, step=table.step, low=table.minimum, high=table.maximum)
         return
     intervals = (table.maximum - table.minimum) / table.step
     if abs(intervals - round(intervals)) > 1e-9 * max(intervals, 1.0):
-        yield Gap(
-            "E-TABLE-STEP", where, table=table.name, step=table.step, low=table.minimum, high=table.maximum
-        )
+        yield Gap("E-TABLE-STEP", where, table=table.name, step=table.step, low=table.minimum, high=table.maximum)
     elif round(intervals) + 1 != len(table.deviations):
-        yield Gap(
-            "E-TABLE-COUNT", where, table=table.name, points=len(table.deviations), need=round(intervals) + 1
-        )
+        yield Gap("E-TABLE-COUNT", where, table=table.name, points=len(table.deviations), need=round(intervals) + 1)
 
 
 def _values(table: CompensationTable, where: str, limits: TableLimits | None) -> Iterable[TableError]:
@@ -130,9 +122,7 @@ def _closure(table: CompensationTable, where: str) -> Iterable[TableError]:
     if table.input_unit == "deg" and (table.minimum, table.maximum) != (0.0, 360.0):
         yield Gap("E-TABLE-MODULO", where, table=table.name, low=table.minimum, high=table.maximum)
     if table.deviations[0] != table.deviations[-1]:
-        yield Gap(
-            "E-TABLE-CLOSURE", where, table=table.name, first=table.deviations[0], last=table.deviations[-1]
-        )
+        yield Gap("E-TABLE-CLOSURE", where, table=table.name, first=table.deviations[0], last=table.deviations[-1])
 
 
 def _reference(table: CompensationTable, where: str, reference: float | None) -> Iterable[TableError]:

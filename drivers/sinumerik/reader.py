@@ -1,7 +1,7 @@
 """Assignments -> CompensationTable and LiveSet: the meaning of table files and of back-ups.
 
-Grid, clamp and memory rules: SINUMERIK FM Extended Functions 03/2013, K3, p. 236-242. A point index is N in
-0..k with k = (MAX-MIN)/STEP; what stands above k has no effect; a MAX beyond the reserved points is shortened.
+Grid, clamp and memory rules: SINUMERIK FM Extended Functions 03/2013, K3, p. 236-242. Points are
+0..k with k = (MAX-MIN)/STEP; what stands above k has no effect; a MAX beyond the memory is shortened.
 """
 
 from __future__ import annotations
@@ -95,9 +95,7 @@ def _cec_on(table: CompensationTable, switches: Mapping[str, Decimal]) -> bool:
 
 
 def _never_loaded(axis: str, encoder: int, unit: AxisUnit) -> CompensationTable:
-    return CompensationTable(
-        "EEC", axis, axis, 0.0, 0.0, 0.0, (0.0,), index=encoder, input_unit=unit, output_unit=unit
-    )
+    return CompensationTable("EEC", axis, axis, 0.0, 0.0, 0.0, (0.0,), index=encoder, input_unit=unit, output_unit=unit)
 
 
 @dataclass(slots=True)
@@ -174,18 +172,18 @@ class Reader:
         return self._table(group, min(last, reserved), high if last <= reserved else low + reserved * step)
 
     def _intervals(self, group: Group) -> int:
-        step, low, high = (self._number(group, name) for name in ("STEP", "MIN", "MAX"))
+        step, low, high = self._grid(group)
+        grid = {"table": group.label, "step": step, "low": low, "high": high}
         if step <= 0 or high <= low:
-            raise FileFormatError(
-                "E-TABLE-GRID", self.where, table=group.label, step=step, low=low, high=high
-            )
+            raise FileFormatError("E-TABLE-GRID", self.where, **grid)
         intervals = (high - low) / step
-        whole = intervals.to_integral_value()
-        if abs(intervals - whole) > Decimal("1e-9"):
-            raise FileFormatError(
-                "E-TABLE-STEP", self.where, table=group.label, step=step, low=low, high=high
-            )
-        return int(whole)
+        if abs(intervals - intervals.to_integral_value()) > _WHOLE:
+            raise FileFormatError("E-TABLE-STEP", self.where, **grid)
+        return int(intervals.to_integral_value())
+
+    def _grid(self, group: Group) -> tuple[Decimal, Decimal, Decimal]:
+        step, low, high = (self._number(group, name) for name in ("STEP", "MIN", "MAX"))
+        return step, low, high
 
     def _table(self, group: Group, last: int, high: Decimal) -> CompensationTable:
         output = group.axis or self._text(group, "OUTPUT_AXIS")

@@ -82,9 +82,7 @@ def quantised(table: CompensationTable, resolution: float = RESOLUTION) -> Compe
     return replace(table, deviations=tuple(float(value * scale) + 0.0 for value in steps))
 
 
-def write(
-    tables: Iterable[CompensationTable], proofs: Iterable[SignProof] = (), *, header: bool = False
-) -> str:
+def write(tables: Iterable[CompensationTable], proofs: Iterable[SignProof] = (), *, header: bool = False) -> str:
     """The canonical text of tables: values first, then parameters, as in the manual's example, then M17.
 
     ``header`` adds the first lines of a file for transfer from outside (%_N_AX_EEC_INI, CHANDATA(1)); a part

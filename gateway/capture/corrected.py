@@ -8,10 +8,10 @@ from drivers.types import Ambient, CompensatedFor, FloatArray, LiveSet, Measured
 from drivers.units import deviation_scale
 from gateway.capture.live import RawCapture
 from gateway.config import AxisSection
-from gateway.domain import Capture, SenseProof
+from gateway.domain import Capture, Corrections, SenseProof
 from gateway.errors import AmbientOutOfRange, CaptureError
 from gateway.evaluate import corrections, length, rotary
-from gateway.evaluate.robust import robust_means
+from gateway.evaluate.repetitions import robust_means
 
 MOST_SUSPECTS = 0.05
 
@@ -25,7 +25,7 @@ def from_live(axis: AxisSection, raw: RawCapture, proof: SenseProof, already: Co
     if axis.kind == "linear":
         deviations, done = _linear(axis, raw, proof, already)
     else:
-        deviations, done = _rotary(raw, proof)
+        deviations, done = _rotary(axis, raw, proof)
     sigma = raw.window_sigma * deviation_scale(axis.unit)
     reading_u = float(np.sqrt(np.nanmean(sigma**2) / max(raw.window_count, 1)))
     notes = (f"{raw.lost_samples} samples lost by the instrument",) if raw.lost_samples else ()
@@ -41,7 +41,7 @@ def from_live(axis: AxisSection, raw: RawCapture, proof: SenseProof, already: Co
         done,
         raw.live,
         proof,
-        robust_means(deviations).suspects,
+        robust_means(raw.targets, deviations).suspects,
         "live",
         raw.started_utc,
         raw.ended_utc,
@@ -56,7 +56,7 @@ def _fractions(raw: RawCapture) -> FloatArray:
 
 def _linear(
     axis: AxisSection, raw: RawCapture, proof: SenseProof, already: CompensatedFor
-) -> tuple[FloatArray, corrections.Corrections]:
+) -> tuple[FloatArray, Corrections]:
     counted = proof.sense * raw.values[..., 0]
     setup = length.LinearSetup(
         datum_mm=float(raw.targets[0]),
@@ -75,10 +75,15 @@ def _linear(
     )
 
 
-def _rotary(raw: RawCapture, proof: SenseProof) -> tuple[FloatArray, corrections.Corrections]:
+def _rotary(axis: AxisSection, raw: RawCapture, proof: SenseProof) -> tuple[FloatArray, Corrections]:
     laser, device = raw.channels.index("laser_deg"), raw.channels.index("device_deg")
-    laser_deg = proof.sense * raw.values[..., laser]
-    deviations = rotary.deviations_arcsec(laser_deg, raw.values[..., device], raw.targets)
+    deviations = rotary.rotary_deviations(
+        raw.values[..., device],
+        raw.values[..., laser],
+        raw.targets,
+        reference_deg=axis.reference,
+        sense=proof.sense,
+    )
     return deviations, corrections.begin("air+material")
 
 
@@ -113,7 +118,7 @@ def from_file(axis: AxisSection, measured: MeasuredSet, live: LiveSet | None, so
         done,
         live,
         None,
-        robust_means(deviations).suspects,
+        robust_means(targets, deviations).suspects,
         source,
         measured.header.get("Date", ""),
         "",
@@ -135,9 +140,9 @@ def _to_20(
     measured: MeasuredSet,
     targets: FloatArray,
     deviations: FloatArray,
-    done: corrections.Corrections,
+    done: Corrections,
     source: str,
-) -> tuple[FloatArray, corrections.Corrections]:
+) -> tuple[FloatArray, Corrections]:
     if not measured.ambient_start.material_degc:
         raise AmbientOutOfRange("E-CAP-MATERIAL", source)
     end: Ambient = measured.ambient_end if measured.ambient_end.material_degc else measured.ambient_start

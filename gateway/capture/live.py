@@ -15,7 +15,8 @@ from gateway.capture.sense import first_channel
 from gateway.capture.targets import expected_travel, jog_start, measuring_plan, positions
 from gateway.capture.walk import Patience, walk
 from gateway.config import AxisSection
-from gateway.domain import Say, SenseProof, silence
+from gateway.domain import SenseProof
+from gateway.say import Say, silence
 
 MATCH = 0.1
 SETTLE_TIMEOUT_S = 60.0

@@ -12,8 +12,9 @@ from gateway.capture.readings import Reading, Readings, Window
 from gateway.capture.targets import jog_plan, jog_start
 from gateway.capture.walk import Patience, walk
 from gateway.config import AxisSection
-from gateway.domain import Say, SenseProof, silence
+from gateway.domain import SenseProof
 from gateway.errors import Unstable
+from gateway.say import Say, silence
 
 TOLERANCE = 0.01
 ROTARY_JOG_DEG = 0.1

@@ -10,8 +10,8 @@ from drivers.clock import Clock
 from drivers.errors import DeviceRefused, TrueflankError
 from drivers.ports import Controller
 from drivers.types import Stop, StopPlan, StopReached
-from gateway.domain import Say, silence
 from gateway.errors import Incomplete
+from gateway.say import Say, silence
 
 AtStop = Callable[[int, Stop, StopReached], Awaitable[None]]
 POSITION_TOLERANCE = 1e-4

@@ -10,7 +10,7 @@ from gateway.cli.show import show_error
 
 def main() -> None:
     """Entry point of the `trueflank` command; exit codes follow the exception tree."""
-    from drivers.errors import TrueflankError  # noqa: PLC0415 - --help stays quick
+    from drivers.errors import TrueflankError
 
     try:
         app()

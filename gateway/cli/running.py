@@ -11,7 +11,7 @@ import typer
 from drivers.clock import Clock, LoopClock
 from gateway.cli.show import progress, show_json, show_table
 from gateway.config import load_site
-from gateway.domain import Say
+from gateway.say import Say
 
 
 def run_site_command(

@@ -11,7 +11,7 @@ from typing import Any
 import typer
 
 from drivers.errors import TrueflankError, words
-from gateway.domain import Say
+from gateway.say import Say, silence
 
 
 def show_json(data: Any) -> None:
@@ -38,7 +38,7 @@ def show_error(error: TrueflankError, *, as_json: bool) -> None:
 def progress(*, quiet: bool) -> Iterator[Say]:
     """A rich progress display fed by codes; stop-by-stop codes move a bar, others print a line."""
     if quiet:
-        yield lambda _code, **_fields: None
+        yield silence
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
@@ -48,7 +48,7 @@ def progress(*, quiet: bool) -> Iterator[Say]:
     with Progress(*columns, console=console, transient=True) as bars:
         tasks: dict[str, Any] = {}
 
-        def say(code: str, **fields: object) -> None:
+        def say(code: str, /, **fields: object) -> None:
             if code == "P-STOP":
                 name = f"{fields['axis']} {fields['program']}"
                 done, total = int(str(fields["done"])), int(str(fields["total"]))

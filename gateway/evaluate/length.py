@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import radians, sqrt, tan
+from math import hypot, radians, tan
 from typing import Literal
 
 import numpy as np
@@ -50,7 +50,8 @@ def at_20_degc(
 
 def cosine_error_mm(length_mm: float, lateral_mm: float) -> float:
     """Reading minus travel when the beam runs off by `lateral_mm` over the travel: always negative."""
-    return length_mm * (sqrt(1.0 - (lateral_mm / length_mm) ** 2) - 1.0)
+    secant = hypot(1.0, lateral_mm / length_mm)
+    return -length_mm * (lateral_mm / length_mm) ** 2 / (secant * (1.0 + secant))
 
 
 def cosine_corrected(reading_mm: FloatArray, length_mm: float, lateral_mm: float) -> FloatArray:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from gateway.domain import FloatArray
 from gateway.errors import ModelError
+from gateway.model.lines import end_point_line, least_squares_line
 
 Reference = Literal["lsq", "end-point", "minimum-zone"]
 
@@ -39,20 +40,6 @@ def straightness(
     slope, intercept = _LINES[reference](x, y)
     residual = y - intercept - slope * x
     return Straightness(reference, slope, intercept, residual, float(np.ptp(residual)))
-
-
-def least_squares_line(x: FloatArray, y: FloatArray) -> tuple[float, float]:
-    """Slope and intercept of the least-squares line."""
-    centre = x - x.mean()
-    slope = float(centre @ (y - y.mean()) / (centre @ centre))
-    return slope, float(y.mean() - slope * x.mean())
-
-
-def end_point_line(x: FloatArray, y: FloatArray) -> tuple[float, float]:
-    """Slope and intercept of the line through the first and last position."""
-    first, last = int(np.argmin(x)), int(np.argmax(x))
-    slope = float((y[last] - y[first]) / (x[last] - x[first]))
-    return slope, float(y[first] - slope * x[first])
 
 
 def minimum_zone_line(x: FloatArray, y: FloatArray) -> tuple[float, float]:

@@ -194,7 +194,7 @@ def undercut_limit(rp: float, a: float, zp: int) -> float:
     The minimum lies between root and tip for K > (z_p - 2)/(2 z_p - 1), else at the tip.
     """
     K = a * zp / rp
-    if K > (zp - 2) / (2 * zp - 1):
+    if (zp - 2) / (2 * zp - 1) < K:
         return rp * sqrt(27.0 * (zp - 1) * (1.0 - K * K) / (zp + 1) ** 3)
     return rp * (1.0 + K) ** 2 / (1.0 + zp * K)
 

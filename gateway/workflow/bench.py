@@ -12,7 +12,7 @@ from drivers.errors import ConfigError
 from drivers.types import MachineIdentity
 from gateway.capture.walk import Patience
 from gateway.config import AxisSection, SiteFile, load_site
-from gateway.domain import Say
+from gateway.say import Say
 from gateway.store import Proofs, RunFolder, Store
 from gateway.supervisor import Supervisor
 

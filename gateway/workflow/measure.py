@@ -7,6 +7,7 @@ from pathlib import Path
 
 from drivers import registry
 from drivers.errors import ConfigError
+from drivers.ports import ResultFileFormat
 from drivers.types import LiveSet, Stop, StopReached
 from drivers.units import deviation_unit
 from gateway.capture.corrected import from_file, from_live
@@ -51,7 +52,7 @@ async def measure_axis(at: Bench, axis: AxisSection, phase: stages.Phase) -> Mea
     """Measure one axis and store every step before the next. Raises what capture and evaluation raise."""
     at.say("P-MEASURE", axis=axis.name, component=axis.measure.component, phase=phase)
     if axis.measure.file is not None:
-        capture, parents = await _from_file(at, axis), ()
+        capture, parents = await _from_file(at, axis)
     else:
         capture, parents = await _live(at, axis, phase)
     digest = at.folder.put(stages.capture(axis.name, phase), capture, parents)
@@ -71,21 +72,22 @@ async def _live(at: Bench, axis: AxisSection, phase: stages.Phase) -> tuple[Capt
     return from_live(axis, raw, proof, instrument.compensated_for), (digest,)
 
 
-async def _from_file(at: Bench, axis: AxisSection) -> Capture:
+async def _from_file(at: Bench, axis: AxisSection) -> tuple[Capture, tuple[str, ...]]:
     path = at.site_path.parent / Path(str(axis.measure.file))
     measured = _reader(path, axis.measure.file_unit).read(path)
     at.folder.write_bytes(f"source-{axis.name}{path.suffix}", path.read_bytes())
     live = await fetch_tables(at, axis)
-    return from_file(axis, measured, live, path.name)
+    return from_file(axis, measured, live, path.name), ()
 
 
-def _reader(path: Path, unit: str) -> registry.Any:
+def _reader(path: Path, unit: str) -> ResultFileFormat:
     name = path.suffix.lower().lstrip(".")
     known = registry.known("file")
     if name not in known:
         raise ConfigError("E-RUN-FILE", str(path), known=", ".join(f".{ending}" for ending in sorted(known)))
     factory = known[name].load()
-    return factory(unit=unit) if unit else factory()
+    chosen: ResultFileFormat = factory(unit=unit) if unit else factory()
+    return chosen
 
 
 async def fetch_tables(at: Bench, axis: AxisSection) -> LiveSet:

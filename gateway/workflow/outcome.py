@@ -52,7 +52,7 @@ def outcome_of(
 
 
 def _rows(axis: str, before: Evaluation, after: Evaluation | None) -> list[tuple[str, str, str, str, str, str]]:
-    rows = []
+    rows: list[tuple[str, str, str, str, str, str]] = []
     for name in PARAMETERS:
         old = getattr(before, name)
         new = getattr(after, name) if after is not None else None

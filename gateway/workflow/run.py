@@ -7,8 +7,9 @@ from pathlib import Path
 from drivers.clock import Clock
 from drivers.errors import TrueflankError
 from gateway.config import SiteFile
-from gateway.domain import Evaluation, Proposal, Say, Verdict
+from gateway.domain import Evaluation, Proposal, Verdict
 from gateway.errors import WriteRefused
+from gateway.say import Say
 from gateway.store import RunFolder
 from gateway.workflow import stages
 from gateway.workflow.bench import Bench, bench, new_run

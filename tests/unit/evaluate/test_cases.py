@@ -39,4 +39,4 @@ def test_case(case: dict[str, Any]) -> None:
 
 
 def test_all_cases_are_there() -> None:
-    assert len(CASES) == 50
+    assert len(CASES) == 51

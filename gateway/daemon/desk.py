@@ -1,0 +1,183 @@
+"""Keeps the devices watched, lends them to one run at a time, and knows how far that run is."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+from collections.abc import Awaitable, Callable, Coroutine, Mapping, Sequence
+from dataclasses import replace
+from pathlib import PurePath
+from typing import Any, Protocol
+
+from drivers.clock import Clock
+from drivers.errors import DeadlineExceeded, TrueflankError, words
+from gateway.errors import BusyError
+from gateway.say import Say
+from gateway.views import DeviceView, RunView, SeenDevice, device_views
+
+RunStarter = Callable[[Say], Awaitable[object]]
+_LOG = logging.getLogger("trueflank.daemon")
+
+
+class Devices(Protocol):
+    """What the daemon needs of a supervisor."""
+
+    async def open_all(self) -> object:
+        """Open every device; raises TrueflankError when some did not, with all of them in the picture."""
+        ...
+
+    def picture(self) -> Sequence[SeenDevice]:
+        """All devices as they are now."""
+        ...
+
+    async def watch(self, stop: asyncio.Event) -> None:
+        """Look after the devices until `stop`."""
+        ...
+
+    async def close_all(self) -> None:
+        """Close every device; never raises."""
+        ...
+
+
+class Desk:
+    """One run at a time. A run opens the devices itself, so the watch lets go of them for as long.
+
+    ``starter`` is awaited with a `Say`; it says P-RUN with its folder first, P-STOP with axis, program,
+    done and total on the way. It must only propose: nobody at a desk can consent to a write.
+    """
+
+    def __init__(self, devices: Devices, starter: RunStarter | None, clock: Clock) -> None:
+        self._devices = devices
+        self._starter = starter
+        self._clock = clock
+        self._wanted = asyncio.Event()
+        self._begun: asyncio.Future[str] | None = None
+        self._stopping = False
+        self.run: RunView | None = None
+        self.failure: Mapping[str, object] | None = None
+
+    def devices(self) -> tuple[DeviceView, ...]:
+        """All devices as they are now."""
+        return device_views(self._devices.picture(), lent=self.run is not None)
+
+    async def start(self) -> str:
+        """Ask for a run and return its id as soon as it has one.
+
+        Raises BusyError (E-WEB-BUSY, E-WEB-STOPPING), and whatever kept the run from beginning.
+        """
+        if self._stopping:
+            raise BusyError("E-WEB-STOPPING", "daemon")
+        if self._wanted.is_set():
+            raise BusyError("E-WEB-BUSY", "daemon", run=self.run.run_id if self.run else "being prepared")
+        self._begun = asyncio.get_running_loop().create_future()
+        self._wanted.set()
+        return await asyncio.shield(self._begun)
+
+    async def work(self, stop: asyncio.Event) -> None:
+        """Open and watch the devices until `stop`; in between, do the runs asked for."""
+        try:
+            while not stop.is_set():
+                await self._watch(stop)
+                if self._wanted.is_set() and not stop.is_set():
+                    await self._do_run(stop)
+        finally:
+            self._stopping = True
+            self._refuse(BusyError("E-WEB-STOPPING", "daemon"))
+
+    async def _watch(self, stop: asyncio.Event) -> None:
+        try:
+            with contextlib.suppress(TrueflankError):
+                # What did not open is in the picture, and the watch tries it again.
+                await unless(self._devices.open_all(), self._clock, stop, self._wanted)
+            if not stop.is_set() and not self._wanted.is_set():
+                await unless(self._devices.watch(stop), self._clock, stop, self._wanted)
+        finally:
+            await self._devices.close_all()
+
+    async def _do_run(self, stop: asyncio.Event) -> None:
+        self.failure = None
+        self.run = RunView("", "", "", 0, 0, "", self._clock.utc().isoformat(timespec="seconds"))
+        try:
+            await unless(self._run(), self._clock, stop)
+        finally:
+            self.run = None
+            self._refuse(BusyError("E-WEB-STOPPING", "daemon"))
+            self._wanted.clear()
+
+    async def _run(self) -> None:
+        if self._starter is None:
+            return
+        try:
+            await self._starter(self._say)
+        except TrueflankError as error:
+            self._failed(error)
+        except Exception as error:  # noqa: BLE001 - the daemon's top: it goes on watching and says what happened
+            _LOG.exception("a run ended by a fault")
+            self._failed(TrueflankError("E-WEB-FAULT", "run", why=f"{type(error).__name__}: {error}"))
+
+    def _failed(self, error: TrueflankError) -> None:
+        self.failure = error.as_record()
+        self._refuse(error)
+
+    def _refuse(self, error: TrueflankError) -> None:
+        if self._begun is not None and not self._begun.done():
+            self._begun.set_exception(error)
+            # The caller may have gone away; then nobody asks for this exception.
+            self._begun.exception()
+
+    def _say(self, code: str, **fields: object) -> None:
+        if self.run is None:
+            return
+        if code == "P-RUN":
+            self._begin(PurePath(str(fields.get("folder", ""))).name)
+        self.run = _told(self.run, code, fields)
+
+    def _begin(self, run_id: str) -> None:
+        if self.run is not None:
+            self.run = replace(self.run, run_id=run_id)
+        if self._begun is not None and not self._begun.done():
+            self._begun.set_result(run_id)
+
+
+def _told(run: RunView, code: str, fields: Mapping[str, object]) -> RunView:
+    """The picture of a run after one more word of it; fields it does not name stay as they were."""
+    said = replace(run, words=words(code, **fields), axis=str(fields.get("axis", run.axis)))
+    if code != "P-STOP":
+        return replace(said, stage=str(fields.get("program", run.stage)), done=0, total=0)
+    done, total = (_count(fields.get(name)) for name in ("done", "total"))
+    return replace(said, stage=str(fields.get("program", run.stage)), done=done, total=total)
+
+
+def _count(value: object) -> int:
+    return value if isinstance(value, int) else 0
+
+
+async def unless(work: Coroutine[Any, Any, object], clock: Clock, *signals: asyncio.Event) -> None:
+    """Await `work`; a signal interrupts it, and then it is cancelled and waited for.
+
+    What `work` raises by itself is raised here; what it raises while being interrupted is not.
+    """
+    task = asyncio.create_task(work)
+    waiters = [asyncio.create_task(signal.wait()) for signal in signals]
+    try:
+        await asyncio.wait((task, *waiters), return_when=asyncio.FIRST_COMPLETED)
+        if task.done():
+            task.result()
+    finally:
+        await interrupt(task, clock)
+        for waiter in waiters:
+            await interrupt(waiter, clock)
+
+
+async def interrupt(task: asyncio.Task[Any], clock: Clock, patience_s: float = 0.4) -> None:
+    """Cancel a task until it ends, four times at most: a library below may swallow a cancel."""
+    for _attempt in range(4):
+        if task.done():
+            break
+        task.cancel()
+        with contextlib.suppress(DeadlineExceeded):
+            async with clock.deadline(patience_s, "daemon"):
+                await asyncio.wait((task,))
+    if task.done() and not task.cancelled():
+        task.exception()

@@ -1,0 +1,153 @@
+"""Read-only pictures of the gateway for people: what the web page and the command line show."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Protocol
+
+from drivers.errors import TrueflankError
+from gateway.domain import Verdict
+from gateway.report.parameters import ParameterRow, parameter_rows
+from gateway.report.words import number, percent
+
+
+class SeenDevice(Protocol):
+    """What a supervisor tells of one device (`gateway.supervisor.DevicePicture` is one)."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def driver(self) -> str: ...
+    @property
+    def state(self) -> str: ...
+    @property
+    def since_utc(self) -> str: ...
+    @property
+    def error(self) -> TrueflankError | None: ...
+
+
+class SeenRun(Protocol):
+    """What a store tells of one run (`gateway.store.RunSummary` is one)."""
+
+    @property
+    def run_id(self) -> str: ...
+    @property
+    def created_utc(self) -> str: ...
+    @property
+    def state(self) -> str: ...
+    @property
+    def problem(self) -> str: ...
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceView:
+    """One device: ``state`` is open, lost, failed, closed or lent (to the run at work)."""
+
+    name: str
+    driver: str
+    state: str
+    since_utc: str
+    error: Mapping[str, object] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class RunView:
+    """The run at work: ``stage`` is the measuring program or step, ``done`` of ``total`` its stops."""
+
+    run_id: str
+    stage: str
+    axis: str
+    done: int
+    total: int
+    words: str
+    started_utc: str
+
+    @property
+    def progress(self) -> float | None:
+        """Part of the stage that is done, 0 to 1; None while it cannot be told."""
+        return min(self.done / self.total, 1.0) if self.total > 0 else None
+
+
+@dataclass(frozen=True, slots=True)
+class PastRun:
+    """One stored run; ``report`` says whether a report can be shown."""
+
+    run_id: str
+    created_utc: str
+    state: str
+    problem: str
+    report: bool
+
+
+@dataclass(frozen=True, slots=True)
+class TableRow:
+    """One line of the before/after table as text: numbers rounded, a dash where there is none."""
+
+    axis: str
+    parameter: str
+    before: str
+    after: str
+    unit: str
+    change: str
+
+
+@dataclass(frozen=True, slots=True)
+class StatusView:
+    """The daemon as it is now. ``failure`` is the last run's error, ``result`` the last verdict's table."""
+
+    site: str
+    software: str
+    now_utc: str
+    devices: tuple[DeviceView, ...]
+    run: RunView | None = None
+    last_runs: tuple[PastRun, ...] = ()
+    failure: Mapping[str, object] | None = None
+    result: tuple[TableRow, ...] = ()
+
+    @property
+    def state(self) -> str:
+        """One word for all: running, ready, or attention when a device is neither open nor lent."""
+        if self.run is not None:
+            return "running"
+        return "ready" if all(device.state in {"open", "lent"} for device in self.devices) else "attention"
+
+
+def device_views(seen: Iterable[SeenDevice], *, lent: bool) -> tuple[DeviceView, ...]:
+    """Devices as a supervisor tells them; while a run has them, those closed here are "lent"."""
+    return tuple(
+        DeviceView(
+            item.name,
+            item.driver,
+            "lent" if lent and item.state == "closed" else item.state,
+            item.since_utc,
+            None if item.error is None else item.error.as_record(),
+        )
+        for item in seen
+    )
+
+
+def past_run(seen: SeenRun, *, report: bool) -> PastRun:
+    """A stored run as one line of the page."""
+    return PastRun(seen.run_id, seen.created_utc, seen.state, seen.problem, report)
+
+
+def axis_table(verdict: Verdict) -> tuple[TableRow, ...]:
+    """E, R, B, A, M of every axis of a verdict, before and after, as text."""
+    rows: Sequence[ParameterRow] = [
+        row for axis in verdict.axes for row in parameter_rows(axis.axis, axis.before, axis.after)
+    ]
+    return tuple(
+        TableRow(
+            row.axis, row.parameter, number(row.before), number(row.after), row.unit, percent(row.change_pct)
+        )
+        for row in rows
+    )
+
+
+def as_data(status: StatusView) -> dict[str, object]:
+    """The picture as JSON data, with the state in one word and the progress as a number."""
+    data = asdict(status)
+    if status.run is not None:
+        data["run"] = {**asdict(status.run), "progress": status.run.progress}
+    return {"state": status.state, **data}

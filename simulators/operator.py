@@ -1,0 +1,169 @@
+"""The person at the machine: reads what MSG says, does it, and presses NC START, unless told not to."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import re
+from collections.abc import Awaitable, Callable, Sequence
+from typing import Any, Protocol
+
+from drivers.clock import Clock
+from simulators.cellfile import Operator as OperatorSpec
+from simulators.optics import Bench
+
+SETUP = re.compile(r"TRUEFLANK SETUP (?P<component>\S+) ON (?P<letter>[A-Z])$")
+LOADED = re.compile(r"TRUEFLANK LOADED .+ NC START WHEN R(?P<number>\d+)=(?P<value>-?\d+(?:\.\d+)?)$")
+ACTIVATE = re.compile(r"TRUEFLANK ACTIVATE NCK RESET AND REFERENCE (?P<axis>\S+)$")
+RESET, ACTIVE, INTERRUPTED = 0, 1, 2
+LOOK_S = 0.25
+WRONG = {"linear": "angular", "angular": "linear", "rotary": "linear"}
+
+
+class Control(Protocol):
+    """What an operator sees on the control's screen and can press on its panel."""
+
+    @property
+    def channel_status(self) -> int:
+        """0 reset, 1 active, 2 interrupted."""
+        ...
+
+    @property
+    def message(self) -> str:
+        """The MSG line."""
+        ...
+
+    @property
+    def selections(self) -> int:
+        """How many programs have been selected so far."""
+        ...
+
+    def r_parameter(self, number: int) -> float:
+        """An R parameter as the screen shows it."""
+        ...
+
+    def nc_start(self) -> Any:
+        """The green button."""
+        ...
+
+    def channel_reset(self) -> Any:
+        """The reset button."""
+        ...
+
+    def nck_reset(self) -> Any:
+        """Restart the NCK."""
+        ...
+
+    def reference_axis(self, name: str) -> Any:
+        """Reference run of one axis."""
+        ...
+
+    def set_mode(self, mode: str) -> Any:
+        """AUTO, JOG or MDA."""
+        ...
+
+
+class Operator:
+    """Watches the control and acts, one message at a time, with a person's delays in the cell's clock."""
+
+    def __init__(
+        self, spec: OperatorSpec, control: Control, bench: Bench, clock: Clock, axes: Sequence[str]
+    ) -> None:
+        self.spec = spec
+        self._control = control
+        self._bench = bench
+        self._clock = clock
+        self._axes = tuple(axes)
+        self._started = control.selections
+        self._task: asyncio.Task[None] | None = None
+        self.log: list[str] = []
+
+    def change(self, **options: object) -> None:
+        """Become another kind of operator: fields of the cell file's operator section."""
+        self.spec = OperatorSpec.model_validate({**self.spec.model_dump(), **options})
+
+    def start(self) -> None:
+        """Come to work."""
+        self._task = asyncio.get_running_loop().create_task(self._watch(), name="operator")
+
+    async def stop(self) -> None:
+        """Go home."""
+        if self._task is not None:
+            self._task.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await self._task
+
+    async def _watch(self) -> None:
+        done = ""
+        while True:
+            await self._clock.sleep(LOOK_S)
+            status = self._control.channel_status
+            if status != INTERRUPTED:
+                done = ""
+            if not self.spec.auto:
+                continue
+            if status == RESET and self._control.selections != self._started:
+                await self._begin()
+            elif status == INTERRUPTED and self._control.message != done:
+                done = self._control.message
+                await self._act(done)
+
+    async def _begin(self) -> None:
+        self._started = self._control.selections
+        await self._clock.sleep(self.spec.start_delay_s)
+        if self._control.channel_status == RESET:
+            self._press("NC START")
+
+    def _press(self, what: str) -> None:
+        self.log.append(what)
+        if what == "RESET":
+            self._control.channel_reset()
+        else:
+            self._control.nc_start()
+
+    async def _act(self, message: str) -> None:
+        acts: tuple[tuple[re.Pattern[str], Callable[[re.Match[str]], Awaitable[None]]], ...] = (
+            (SETUP, self._set_up),
+            (LOADED, self._release),
+            (ACTIVATE, self._activate),
+        )
+        for pattern, act in acts:
+            found = pattern.fullmatch(message.strip())
+            if found is not None:
+                await act(found)
+                return
+
+    async def _set_up(self, found: re.Match[str]) -> None:
+        setup = self._bench.setup_for(found["component"], found["letter"])
+        if setup is None:
+            self.log.append(f"nothing to mount for {found['component']} on {found['letter']}")
+            return
+        await self._clock.sleep(self.spec.setup_delay_s)
+        wrong = setup.component in self.spec.mounts_wrong
+        self._bench.mount(setup, WRONG[setup.optics] if wrong else None)
+        self.log.append(f"mounted {setup.component} on {setup.axis}")
+        if self._control.channel_status == INTERRUPTED:
+            self._press("NC START")
+
+    async def _release(self, found: re.Match[str]) -> None:
+        number, value = int(found["number"]), float(found["value"])
+        waited = 0.0
+        while self.spec.looks_at_r and self._control.r_parameter(number) != value:
+            if waited >= self.spec.release_patience_s:
+                self._press("RESET")
+                return
+            await self._clock.sleep(LOOK_S)
+            waited += LOOK_S
+            if self._control.channel_status != INTERRUPTED:
+                return
+        await self._clock.sleep(self.spec.release_delay_s)
+        if self._control.channel_status == INTERRUPTED:
+            self._press("NC START")
+
+    async def _activate(self, _found: re.Match[str]) -> None:
+        await self._clock.sleep(self.spec.activate_delay_s)
+        self._control.nck_reset()
+        self.log.append("NCK RESET")
+        for name in self._axes:
+            self._control.reference_axis(name)
+        self._control.set_mode("AUTO")
