@@ -138,9 +138,7 @@ def axis_table(verdict: Verdict) -> tuple[TableRow, ...]:
         row for axis in verdict.axes for row in parameter_rows(axis.axis, axis.before, axis.after)
     ]
     return tuple(
-        TableRow(
-            row.axis, row.parameter, number(row.before), number(row.after), row.unit, percent(row.change_pct)
-        )
+        TableRow(row.axis, row.parameter, number(row.before), number(row.after), row.unit, percent(row.change_pct))
         for row in rows
     )
 

@@ -81,9 +81,7 @@ class SeededCurve(_Section):
     waves: float = Field(default=3.0, gt=0)
 
 
-Term = Annotated[
-    Constant | Polynomial | Harmonic | Table | Step | SeededCurve, Field(discriminator="kind")
-]
+Term = Annotated[Constant | Polynomial | Harmonic | Table | Step | SeededCurve, Field(discriminator="kind")]
 Terms = tuple[Term, ...]
 
 
@@ -124,9 +122,7 @@ class Truth(_Section):
     """The machine's error motions (EXX, EYX, ... ECC) and location errors (B0Z, A0C, X0C, ...)."""
 
     motions: dict[Annotated[str, Field(pattern=r"^E[XYZABC][XYZC]$")], Terms] = Field(default_factory=dict)
-    locations: dict[
-        Annotated[str, Field(pattern=r"^(?:[ABC]0[XZ]|[XYZABC]0C)$")], float
-    ] = Field(default_factory=dict)
+    locations: dict[Annotated[str, Field(pattern=r"^(?:[ABC]0[XZ]|[XYZABC]0C)$")], float] = Field(default_factory=dict)
 
 
 class Course(_Section):

@@ -50,7 +50,7 @@ def result_text(content: FileContent) -> str:
         *_targets(content.targets),
         *_words(content),
         "RUNS::",
-        f"  Run-count:{2 * content.deviations.shape[1]}",
+        f"Run-count:{2 * content.deviations.shape[1]}",
         "",
         *_deviations(content),
         *_environment(content),
@@ -62,18 +62,18 @@ def result_text(content: FileContent) -> str:
 
 def _header(content: FileContent) -> list[str]:
     kind = "rta" if content.rotary else "rtl"
-    return ["HEADER::", f"  File type  : {kind}", "  Owner      : Renishaw", "  Version no : 20.02.01", ""]
+    return ["HEADER::", f"File type  : {kind}", "Owner      : Renishaw", "Version no : 20.02.01", ""]
 
 
 def _targets(targets: FloatArray) -> list[str]:
     rows = [targets[first : first + 5] for first in range(0, len(targets), 5)]
     return [
         "TARGET DATA::",
-        "  Filetype  : ISO",
-        f"  Target-count: {len(targets)}",
-        "  Targets :",
-        *("   " + "  ".join(f"{target:.6f}" for target in row) for row in rows),
-        "  Flags: 0 0 2 0",
+        "Filetype  : ISO",
+        f"Target-count: {len(targets)}",
+        "Targets :",
+        *(" " + "  ".join(f"{target:.6f}" for target in row) for row in rows),
+        "Flags: 0 0 2 0",
         "",
     ]
 
@@ -89,11 +89,11 @@ def _words(content: FileContent) -> list[str]:
         ("Location", ""),
         ("TITLE", ""),
     )
-    return ["USER-TEXT::", *(f"  {key}: {value}" for key, value in values), ""]
+    return ["USER-TEXT::", *(f"{key}: {value}" for key, value in values), ""]
 
 
 def _deviations(content: FileContent) -> list[str]:
-    lines = ["DEVIATIONS::", "  Run Target Data:"]
+    lines = ["DEVIATIONS::", "Run Target Data:"]
     count = len(content.targets)
     for index in range(2 * content.deviations.shape[1]):
         repetition, approach = divmod(index, 2)
@@ -101,7 +101,7 @@ def _deviations(content: FileContent) -> list[str]:
         for target in order:
             value = float(content.deviations[target, repetition, approach])
             if not np.isnan(value):
-                lines.append(f"  {index + 1:3d}  {target + 1:3d}  {_written(value, content.rotary)}")
+                lines.append(f"{index + 1:3d}  {target + 1:3d}  {_written(value, content.rotary)}")
     return [*lines, ""]
 
 
@@ -114,23 +114,23 @@ def _environment(content: FileContent) -> list[str]:
     start, end = content.start, content.end
     off = NOT_CONNECTED
     pairs = (
-        ("Air temp", start.air_degc, end.air_degc, "1"),
+        ("Air temp", start.air_degc, end.air_degc, "0"),
         ("Air press", start.pressure_hpa / 10.0, end.pressure_hpa / 10.0, "1"),
-        ("Air humid", start.humidity_pct, end.humidity_pct, "1"),
-        ("Mat temp 1", start.material_degc, end.material_degc, "1"),
-        ("Mat temp 2", off, off, "1"),
-        ("Mat temp 3", off, off, "1"),
+        ("Air humid", start.humidity_pct, end.humidity_pct, "0"),
+        ("Mat temp 1", start.material_degc, end.material_degc, "0"),
+        ("Mat temp 2", off, off, "0"),
+        ("Mat temp 3", off, off, "0"),
     )
-    lines = [f"  {key:<11}: {first:.6f} {last:.6f} {code}" for key, first, last, code in pairs]
+    lines = [f"{key:<11}: {first:.6f} {last:.6f} {code}" for key, first, last, code in pairs]
     first, last = content.env_factors
     alpha = content.expansion_ppm_per_k
     times = " ".join(f'"{moment.strftime("%H:%M %b %d %Y")}"' for moment in (content.started, content.ended))
     return [
         "ENVIRONMENT::",
         *lines,
-        f"  Env factor : {first:.8f} {last:.8f}",
-        f"  Exp coeff  : {alpha:.6f} {alpha:.6f} 1",
-        f"  Date Time  : {times}",
-        "  Final Data : 0 0",
+        f"Env factor : {first:.8f} {last:.8f}",
+        f"Exp coeff  : {alpha:.6f} {alpha:.6f} 0",
+        f"Date Time  : {times}",
+        "Final Data : 0 0",
         "",
     ]

@@ -66,9 +66,7 @@ class Control(Protocol):
 class Operator:
     """Watches the control and acts, one message at a time, with a person's delays in the cell's clock."""
 
-    def __init__(
-        self, spec: OperatorSpec, control: Control, bench: Bench, clock: Clock, axes: Sequence[str]
-    ) -> None:
+    def __init__(self, spec: OperatorSpec, control: Control, bench: Bench, clock: Clock, axes: Sequence[str]) -> None:
         self.spec = spec
         self._control = control
         self._bench = bench

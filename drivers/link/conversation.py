@@ -52,7 +52,7 @@ class Link(Generic[Question, Message]):
         *,
         is_answer: Callable[[Message], bool] = lambda _message: False,
         matches: Callable[[Question, Message], bool] = lambda _question, _answer: True,
-        trace: Trace = _nothing,
+        trace: Trace | None = None,
         backlog: int = 4096,
     ) -> None:
         self.name = name
@@ -61,7 +61,8 @@ class Link(Generic[Question, Message]):
         self._clock = clock
         self._is_answer = is_answer
         self._matches = matches
-        self._trace = trace
+        self._trace = trace or _nothing
+        self._received = 0
         self._backlog = backlog
         self._lock = asyncio.Lock()
         self._asked: Question | None = None
@@ -70,6 +71,11 @@ class Link(Generic[Question, Message]):
         self._changed = asyncio.Event()
         self._failure: TrueflankError | None = None
         self._reader = asyncio.get_running_loop().create_task(self._follow(), name=f"link to {name}")
+
+    @property
+    def received(self) -> int:
+        """Bytes that have come, whatever they were."""
+        return self._received
 
     @property
     def failure(self) -> TrueflankError | None:
@@ -130,6 +136,7 @@ class Link(Generic[Question, Message]):
         try:
             while self._failure is None:
                 data = await self._transport.read(READ_BYTES)
+                self._received += len(data)
                 self._trace("<", data)
                 for message in self._codec.receive(data):
                     self._sort(message)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
-from collections.abc import AsyncIterator
+from collections.abc import AsyncGenerator
 
 from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded, DeviceRefused, TransportError, TrueflankError
@@ -55,7 +55,7 @@ class Feed:
         if self._seat is not None:
             self._seat.end(error)
 
-    async def follow(self, clock: Clock, stale_s: float) -> AsyncIterator[SampleBlock]:
+    async def follow(self, clock: Clock, stale_s: float) -> AsyncGenerator[SampleBlock, None]:
         """Blocks from now on; ends with the feed's failure, or E-LINK-STALE after `stale_s` without one."""
         seat = self._sit()
         try:

@@ -173,13 +173,16 @@ class Reader:
 
     def _intervals(self, group: Group) -> int:
         step, low, high = self._grid(group)
-        grid = {"table": group.label, "step": step, "low": low, "high": high}
         if step <= 0 or high <= low:
-            raise FileFormatError("E-TABLE-GRID", self.where, **grid)
+            raise self._bad_grid("E-TABLE-GRID", group)
         intervals = (high - low) / step
         if abs(intervals - intervals.to_integral_value()) > _WHOLE:
-            raise FileFormatError("E-TABLE-STEP", self.where, **grid)
+            raise self._bad_grid("E-TABLE-STEP", group)
         return int(intervals.to_integral_value())
+
+    def _bad_grid(self, code: str, group: Group) -> FileFormatError:
+        step, low, high = self._grid(group)
+        return FileFormatError(code, self.where, table=group.label, step=step, low=low, high=high)
 
     def _grid(self, group: Group) -> tuple[Decimal, Decimal, Decimal]:
         step, low, high = (self._number(group, name) for name in ("STEP", "MIN", "MAX"))

@@ -106,9 +106,29 @@ async def _identities(site: Path) -> list[tuple[str, str, str, str]]:
 
 def serve_command(site: Path, host: str, port: int) -> None:
     """Serve a site until Ctrl-C."""
-    from gateway.workflow.serving import serve_site
+    from gateway.daemon import serve, token_path
+    from gateway.supervisor import Supervisor
+    from gateway.workflow.bench import store_of
+    from gateway.workflow.run import run_site
 
-    asyncio.run(serve_site(load_site(site), site, host, port, LoopClock(), typer.echo))
+    tree, clock = load_site(site), LoopClock()
+    store = store_of(tree, site)
+
+    async def starter(say: Say) -> object:
+        # Nobody at a desk can consent to a write: a run from the page only proposes.
+        return await run_site(tree, site, apply=False, machine_name="", clock=clock, say=say)
+
+    def ready(url: str) -> None:
+        typer.echo(f"{tree.site.name}: {url}   (token for starting runs: {token_path(store.root)}; Ctrl-C ends)")
+
+    async def main() -> None:
+        devices = Supervisor(tree, clock)
+        stop = asyncio.Event()
+        await serve(
+            tree, lambda: devices, starter, store=store, clock=clock, stop=stop, host=host, port=port, ready=ready
+        )
+
+    asyncio.run(main())
 
 
 def report_command(run_folder: str, store: Path, *, as_json: bool) -> None:

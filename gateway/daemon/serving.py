@@ -14,18 +14,16 @@ from ipaddress import ip_address
 import uvicorn
 
 from drivers.clock import Clock
-from drivers.errors import ConfigError
+from drivers.errors import ConfigError, DeadlineExceeded
 from gateway.config import SiteFile
 from gateway.daemon.desk import Desk, Devices, RunStarter, interrupt
 from gateway.daemon.lock import locked
+from gateway.daemon.stored import last_result, newest_runs, stored_report
 from gateway.daemon.token import token_of
 from gateway.store import Store
 from gateway.views import StatusView
 from gateway.web import create_app
 
-REPORT_FILE = "report.html"
-VERDICT_STAGE = "verdict"
-MOST_RUNS = 10
 GRACE_S = 2
 
 
@@ -157,14 +155,13 @@ def _family(address: str) -> socket.AddressFamily:
 
 def status(site: SiteFile, desk: Desk, store: Store, clock: Clock) -> StatusView:
     """The whole picture as it is now; reads the newest runs from the store."""
-    folders = _newest(store)
     return StatusView(
         site.site.name,
         f"trueflank {metadata.version('trueflank')}",
         clock.utc().isoformat(timespec="seconds"),
         desk.devices(),
         desk.run,
-        tuple(_past(folder) for folder in folders),
+        newest_runs(store),
         desk.failure,
-        next(filter(None, map(_result, folders)), ()),
+        last_result(store),
     )

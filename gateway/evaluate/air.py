@@ -55,9 +55,7 @@ def saturation_pressure_pa(t_degc: float) -> float:
     return float(1e6 * (2 * c / (-b + (b**2 - 4 * a * c) ** 0.5)) ** 4)
 
 
-def edlen(
-    t_degc: float, pressure_pa: float, humidity_pct: float, wavelength_nm: float = WAVELENGTH_NM
-) -> float:
+def edlen(t_degc: float, pressure_pa: float, humidity_pct: float, wavelength_nm: float = WAVELENGTH_NM) -> float:
     """Index n by the updated Edlen equation (Birch & Downs 1993/94) in NIST's form."""
     s2 = (1000.0 / wavelength_nm) ** 2
     vapour = humidity_pct / 100.0 * saturation_pressure_pa(t_degc)
@@ -68,9 +66,7 @@ def edlen(
     return 1.0 + dry - water
 
 
-def edlen_1966(
-    t_degc: float, pressure_pa: float, humidity_pct: float, wavelength_nm: float = WAVELENGTH_NM
-) -> float:
+def edlen_1966(t_degc: float, pressure_pa: float, humidity_pct: float, wavelength_nm: float = WAVELENGTH_NM) -> float:
     """Index n by Edlen's equation of 1966, as older laser systems and their result files use it."""
     s2 = (1000.0 / wavelength_nm) ** 2
     torr = pressure_pa / PA_PER_TORR

@@ -6,9 +6,7 @@ from collections.abc import Mapping
 from math import floor, hypot, sqrt
 
 
-def flank_tolerances(
-    diameter_mm: float, module_mm: float, width_mm: float, grade: int
-) -> Mapping[str, float]:
+def flank_tolerances(diameter_mm: float, module_mm: float, width_mm: float, grade: int) -> Mapping[str, float]:
     """Tolerances in um of a gear, before rounding; the q of grade A is sqrt(2)^(A - 5)."""
     q, d, m, b = sqrt(2.0) ** (grade - 5), diameter_mm, module_mm, width_mm
     profile_slope, profile_form = (0.4 * m + 0.001 * d + 4.0) * q, (0.55 * m + 5.0) * q

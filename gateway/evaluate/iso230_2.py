@@ -167,9 +167,7 @@ def _uncertainties(
             return {}
         eve = 2.0 * float(np.sqrt(np.mean(known**2)))
     exist = table.parameters()
-    return {
-        name: u for name, u in expanded(fewest, eve, budget.systematic).items() if exist[name] is not None
-    }
+    return {name: u for name, u in expanded(fewest, eve, budget.systematic).items() if exist[name] is not None}
 
 
 def _flags(n: np.ndarray[tuple[int, ...], np.dtype[np.int64]]) -> tuple[str, ...]:
@@ -179,13 +177,9 @@ def _flags(n: np.ndarray[tuple[int, ...], np.dtype[np.int64]]) -> tuple[str, ...
         found.append("one target")
     found += [f"no approach {'+-'[a]} at i = {i + 1}" for i, a in np.argwhere(used == 0)]
     runs = int(used.max())
-    found += [
-        f"n = {used[i, a]} of {runs} at i = {i + 1}" for i, a in np.argwhere((used > 0) & (used < runs))
-    ]
+    found += [f"n = {used[i, a]} of {runs} at i = {i + 1}" for i, a in np.argwhere((used > 0) & (used < runs))]
     if runs < STANDARD_RUNS:
-        found.append(
-            f"n = {runs}" + (": no s, R, A" if runs == 1 else f", the standard asks for {STANDARD_RUNS}")
-        )
+        found.append(f"n = {runs}" + (": no s, R, A" if runs == 1 else f", the standard asks for {STANDARD_RUNS}"))
     elif 1 in used:
         found.append("a target has one reading: no R, A")
     return tuple(found)

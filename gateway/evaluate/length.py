@@ -39,13 +39,9 @@ def recompensated(length_mm: FloatArray | float, n_used: float, n_right: float) 
     return np.asarray(length_mm * (n_used / n_right), dtype=np.float64)
 
 
-def at_20_degc(
-    length_mm: FloatArray | float, expansion_ppm_per_k: float, t_degc: FloatArray | float
-) -> FloatArray:
+def at_20_degc(length_mm: FloatArray | float, expansion_ppm_per_k: float, t_degc: FloatArray | float) -> FloatArray:
     """L / (1 + alpha (T - 20)): a length measured at T as it would be at 20 degC."""
-    return np.asarray(
-        length_mm / (1.0 + expansion_ppm_per_k * 1e-6 * (t_degc - air.REFERENCE_DEGC)), dtype=np.float64
-    )
+    return np.asarray(length_mm / (1.0 + expansion_ppm_per_k * 1e-6 * (t_degc - air.REFERENCE_DEGC)), dtype=np.float64)
 
 
 def cosine_error_mm(length_mm: float, lateral_mm: float) -> float:

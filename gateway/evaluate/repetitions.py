@@ -110,9 +110,7 @@ def _both(up: FloatArray, down: FloatArray, n: NDArray[np.int64], s: float) -> t
     reversal = up - down
     known = reversal[np.isfinite(reversal)]
     half = float(np.median(known)) / 2.0 if known.size else 0.0
-    mean = np.where(
-        np.isfinite(reversal), (up + down) / 2.0, np.where(np.isfinite(up), up - half, down + half)
-    )
+    mean = np.where(np.isfinite(reversal), (up + down) / 2.0, np.where(np.isfinite(up), up - half, down + half))
     with np.errstate(divide="ignore"):
         inverse = np.where(n > 0, 1.0 / n, 0.0)
     both = (n > 0).sum(axis=1)

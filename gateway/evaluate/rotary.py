@@ -58,9 +58,7 @@ def rotary_deviations(
     if targets.ndim != 1 or angle.ndim == 0 or angle.shape[0] != targets.size:
         raise ModelError("E-EVAL-SHAPE", "rotary", targets=targets.shape, deviations=angle.shape)
     commanded = targets.reshape((-1,) + (1,) * (angle.ndim - 1))
-    offset = (
-        _datum(angle - commanded, targets, reference_deg) if zero_deg is None else zero_deg - reference_deg
-    )
+    offset = _datum(angle - commanded, targets, reference_deg) if zero_deg is None else zero_deg - reference_deg
     return deg_to_arcsec(wrap_deg(angle - commanded - offset))
 
 
@@ -74,9 +72,7 @@ def _datum(difference: FloatArray, targets: FloatArray, reference_deg: float) ->
     return float(known[0] + np.mean(wrap_deg(known - known[0])))
 
 
-def combine(
-    command_deg: ArrayLike, device_deg: ArrayLike, laser_arcsec: ArrayLike, reference_deg: float
-) -> FloatArray:
+def combine(command_deg: ArrayLike, device_deg: ArrayLike, laser_arcsec: ArrayLike, reference_deg: float) -> FloatArray:
     """Deviations (m,) in arcsec of one pass, the interferometer's remainder given in arcsec."""
     laser = arcsec_to_deg(np.asarray(laser_arcsec, dtype=np.float64))
     return rotary_deviations(device_deg, laser, command_deg, reference_deg=reference_deg)

@@ -22,9 +22,7 @@ class SquarenessRuns:
     C0Y: float
 
 
-def from_runs(
-    x: ArrayLike, eyx: ArrayLike, y: ArrayLike, exy: ArrayLike, artefact_rad: float = 0.0
-) -> SquarenessRuns:
+def from_runs(x: ArrayLike, eyx: ArrayLike, y: ArrayLike, exy: ArrayLike, artefact_rad: float = 0.0) -> SquarenessRuns:
     """E_C0Y = artefact - (slope of EYX along X + slope of EXY along Y), all lengths in one unit.
 
     ``artefact_rad`` is the square's own angle less 90 deg.

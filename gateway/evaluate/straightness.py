@@ -27,9 +27,7 @@ class Straightness:
     value: float
 
 
-def straightness(
-    positions: ArrayLike, deviations: ArrayLike, reference: Reference = "minimum-zone"
-) -> Straightness:
+def straightness(positions: ArrayLike, deviations: ArrayLike, reference: Reference = "minimum-zone") -> Straightness:
     """Straightness of deviations (m,) along positions (m,); the slope is deviation unit per position unit.
 
     Raises ModelError (E-EVAL-LINE) without two different positions.

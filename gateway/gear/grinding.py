@@ -20,10 +20,10 @@ from gateway.gear.cycloid import CycloidGear
 from gateway.gear.dressing import Dressing
 from gateway.model import se3
 from gateway.model.chain import Chain
+from gateway.model.stroke import Pose, Twist, split
 
 ALIGNED = 1e-6  # rad and mm/mm: how exactly the ideal machine must be a form grinder
 PROFILE_SAMPLES = 721
-STROKE_STEP = 1e-4  # mm, for derivatives along the stroke
 
 
 @dataclass(frozen=True)
@@ -125,35 +125,29 @@ def contact_line(grinding: Grinding, k: ArrayLike, s: ArrayLike, theta: ArrayLik
     k, s and theta broadcast together. All contact lines of a stroke together are the actual flank.
     """
     section = wheel_section(grinding.gear, grinding.E, theta, grinding.dressing)
-    beta = contact_angle(section, stroke_twist(grinding, k, s))
+    beta = contact_angle(section, stroke_pose(grinding, k, s).twist)
     point, normal = wheel_surface(section, beta)
     T = grinding.chain.actual(grinding.commands(k, s))
     return ContactLine(beta, se3.move(T, point), se3.apply(T[..., :3, :3], normal))
 
 
-def contact_angle(section: WheelSection, velocity: FloatArray) -> FloatArray:
-    """beta of the contact condition a cos beta + b sin beta + c = 0 for a wheel moving with a twist (..., 6)."""
-    v, w = np.moveaxis(velocity, -1, 0)[:3], np.moveaxis(velocity, -1, 0)[3:]
+def contact_angle(section: WheelSection, twist: Twist) -> FloatArray:
+    """beta of the contact condition n . (v + w x r) = 0, i.e. a cos beta + b sin beta + c = 0, nearest to 0."""
+    v, w = twist.v, twist.w
     a = section.nx * (v[0] - w[2] * section.y) - section.ny * w[2] * section.R
     b = -section.nx * (v[2] + w[0] * section.y) - section.ny * w[0] * section.R
     c = section.ny * v[1]
     size = np.hypot(a, b)
     if np.any(size <= np.abs(c)):
         raise ModelError("E-GEAR-CONTACT", "grinding", count=int(np.count_nonzero(size <= np.abs(c))))
-    return np.asarray(np.arctan2(a, -b) + np.arcsin(c / size))
+    sense = np.where(b < 0.0, 1.0, -1.0)
+    return np.asarray(np.arctan2(sense * a, -sense * b) + np.arcsin(sense * c / size))
 
 
-def stroke_twist(grinding: Grinding, k: ArrayLike, s: ArrayLike) -> FloatArray:
-    """Twist (..., 6) of the wheel against the work per mm of z, in the wheel's frame."""
-    h = STROKE_STEP
-    at = np.asarray(s, dtype=np.float64)
-    before = se3.inverse(grinding.chain.actual(grinding.commands(k, at - h)))
-    after = grinding.chain.actual(grinding.commands(k, at + h))
-    middle = se3.inverse(grinding.chain.actual(grinding.commands(k, at)))
-    step = middle @ (after - se3.inverse(before))
-    w = 0.5 * np.stack([step[..., 2, 1] - step[..., 1, 2], step[..., 0, 2] - step[..., 2, 0],
-                        step[..., 1, 0] - step[..., 0, 1]], axis=-1)
-    return np.concatenate([step[..., :3, 3], w], axis=-1) / (2.0 * h)
+def stroke_pose(grinding: Grinding, k: ArrayLike, s: ArrayLike) -> Pose:
+    """The stroke axis at heights s (mm) of spaces k, every other axis where the space needs it."""
+    q = grinding.commands(k, s)
+    return split(grinding.chain, grinding.stroke, q).pose(q[grinding.stroke])
 
 
 def _grinder_map(g: Grinding) -> tuple[float, float, float, float, float, float]:

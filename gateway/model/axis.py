@@ -59,7 +59,8 @@ class Axis:
 
     def __post_init__(self) -> None:
         where = f"axis {self.name}"
-        _one_of("name", bool(self.name) and self.name.isidentifier() and self.name, {self.name}, where)
+        if not self.name.isidentifier():
+            raise ModelError("E-CHAIN-NAME", where, name=self.name)
         _one_of("kind", self.kind, ("prismatic", "revolute"), where)
         _one_of("err_frame", self.err_frame, ("moving", "fixed"), where)
         _errors_sound(self.err, self.loc, where)
@@ -91,9 +92,19 @@ class Axis:
     def errors(self, q: FloatArray) -> FloatArray:
         """The six error motions at positions (...): (..., 6) = dx, dy, dz (mm), ea, eb, ec (rad)."""
         out = np.zeros((*q.shape, 6))
-        for key, motion in self.err.items():
-            out[..., MOTIONS.index(key)] = self._value(key, motion, q)
+        for key in self.err:
+            out[..., MOTIONS.index(key)] = self.value(key, q)
         return out
+
+    def value(self, key: str, q: FloatArray) -> FloatArray:
+        """One error motion (dx .. ec) at positions (...), same shape; checked to be finite."""
+        motion = self.err.get(key, 0.0)
+        if not callable(motion):
+            return np.full(q.shape, float(motion))
+        value = np.asarray(motion(q), dtype=np.float64)
+        if value.shape not in (q.shape, ()) or not np.all(np.isfinite(value)):
+            raise ModelError("E-CHAIN-MOTION", f"axis {self.name}", motion=key, shape=value.shape, wanted=q.shape)
+        return np.broadcast_to(value, q.shape)
 
     def location(self) -> FloatArray:
         """The location error (6,) = X0, Y0, Z0 (mm), A0, B0, C0 (rad)."""
@@ -116,14 +127,6 @@ class Axis:
     def _path(self, q: FloatArray) -> FloatArray:
         direction, shift = self.path()
         return se3.trans(q[..., None] * direction + shift)
-
-    def _value(self, key: str, motion: Motion, q: FloatArray) -> FloatArray | float:
-        if not callable(motion):
-            return float(motion)
-        value = np.asarray(motion(q), dtype=np.float64)
-        if value.shape not in (q.shape, ()) or not np.all(np.isfinite(value)):
-            raise ModelError("E-CHAIN-MOTION", f"axis {self.name}", motion=key, shape=value.shape, wanted=q.shape)
-        return value
 
 
 def error_matrix(e: FloatArray) -> FloatArray:

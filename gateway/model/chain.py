@@ -77,11 +77,11 @@ class Chain:
 
     def ideal(self, q: Positions) -> FloatArray:
         """T_WT without errors, (..., 4, 4)."""
-        return se3.inverse(self._side(self.work, q, actual=False)) @ self._side(self.tool, q, actual=False)
+        return se3.inverse(fold(self.work, q, actual=False)) @ fold(self.tool, q, actual=False)
 
     def actual(self, q: Positions) -> FloatArray:
         """T_WT with every error, exact, (..., 4, 4)."""
-        return se3.inverse(self._side(self.work, q, actual=True)) @ self._side(self.tool, q, actual=True)
+        return se3.inverse(fold(self.work, q, actual=True)) @ fold(self.tool, q, actual=True)
 
     def exact_twist(self, q: Positions, frame: Frame = "work") -> FloatArray:
         """SE(3) logarithm of T_act inv(T_id) ("work") or inv(T_id) T_act ("wheel"), (..., 6)."""
@@ -95,7 +95,7 @@ class Chain:
 
     def influences(self, q: Positions, frame: Frame = "work") -> tuple[Influence, ...]:
         """First-order influence of each axis' errors; to keep arrays small each has its own broadcast shape."""
-        tool, work = self._side(self.tool, q, actual=False), self._side(self.work, q, actual=False)
+        tool, work = fold(self.tool, q, actual=False), fold(self.work, q, actual=False)
         end = work if _known(frame) == "work" else tool
         base = se3.adjoint(se3.inverse(end))
         work_side = [_influence(axis, at, -base, q) for axis, at in _walk(self.work, q)]
@@ -133,15 +133,17 @@ class Chain:
 
         return Chain(of(self.work), of(self.tool))
 
-    def _side(self, side: tuple[Element, ...], q: Positions, *, actual: bool) -> FloatArray:
-        T = np.eye(4)
-        for element in side:
-            if isinstance(element, Link):
-                T = T @ element.matrix()
-            else:
-                at = position(q, element.name)
-                T = T @ (element.actual(at) if actual else element.ideal(at))
-        return T
+
+def fold(side: tuple[Element, ...], q: Positions, *, actual: bool) -> FloatArray:
+    """Product of the elements of one side, (..., 4, 4), with or without their errors."""
+    T = np.eye(4)
+    for element in side:
+        if isinstance(element, Link):
+            T = T @ element.matrix()
+        else:
+            at = position(q, element.name)
+            T = T @ (element.actual(at) if actual else element.ideal(at))
+    return T
 
 
 def position(q: Positions, name: str) -> FloatArray:

@@ -55,22 +55,22 @@ def _add_pages(app: FastAPI, picture: Picture, report: Report | None) -> None:
     async def healthz() -> dict[str, str]:
         return {"status": "ok"}
 
-    # Plain functions run in a thread: pictures and reports are read from disk.
     @app.get("/")
-    def page() -> Response:
-        status = picture()
-        return HTMLResponse(_page().render(status=status))
+    async def page() -> Response:
+        return HTMLResponse(_page().render(status=picture()))
 
     @app.get("/api/status")
-    def data() -> dict[str, object]:
-        return as_data(picture())
+    async def data() -> Response:
+        return JSONResponse(as_data(picture()))
+
+    # A plain function runs in a thread: a report is a large file.
 
     @app.get("/runs/{run_id}/report")
     def stored(run_id: str) -> Response:
         return _report(run_id, report)
 
     @app.get("/static/{name}")
-    def static(name: str) -> Response:
+    async def static(name: str) -> Response:
         if name not in STATIC:
             raise TrueflankError("E-WEB-PATH", "web", path=f"/static/{name}")
         return Response(_static(name), media_type=STATIC[name])

@@ -16,9 +16,7 @@ HOSTS = frozenset({"127.0.0.1", "localhost", "::1"})
 MOST_BYTES = 4096
 
 # Nothing here needs inline scripts or styles; a stored report has its style inside and no script at all.
-PAGE_POLICY = (
-    "default-src 'self'; base-uri 'none'; object-src 'none'; form-action 'none'; frame-ancestors 'none'"
-)
+PAGE_POLICY = "default-src 'self'; base-uri 'none'; object-src 'none'; form-action 'none'; frame-ancestors 'none'"
 REPORT_POLICY = (
     "default-src 'none'; style-src 'unsafe-inline'; img-src data:; sandbox allow-modals; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"

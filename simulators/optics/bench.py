@@ -158,5 +158,3 @@ def angle_rad(setup: Setup, frames: dict[str, Pose], about: str) -> FloatArray:
 def angular_difference_mm(setup: Setup, frames: dict[str, Pose], about: str) -> FloatArray:
     """What angular optics give a laser: the difference of two paths, S * sin(angle), (n,) mm."""
     return setup.retro_spacing_mm * np.sin(angle_rad(setup, frames, about))
-
-

@@ -1,0 +1,70 @@
+"""The block of R parameters through which a program and the gateway speak: places, phases, file names."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+COUNT = 20
+
+
+class Word(IntEnum):
+    """Place of each word, counted from the site's first R parameter."""
+
+    COUNTER = 0
+    REPETITION = 1
+    LABEL = 2
+    APPROACH = 3
+    TARGET = 4
+    ECHO = 5
+    ABORT = 6
+    TRANSACTION = 7
+    MISMATCHES = 8
+    RELEASE = 9
+    PHASE = 10
+    ENCODER_COMPENSATION = 11
+    CROSS_COMPENSATION = 12
+    TABLE = 13
+    AXIS = 14
+    POINTS = 15
+
+
+class Phase(IntEnum):
+    """How far a program is. 1 to 5 and 9 are a push; 1 and 6 to 8 a measuring run; 8 and 11 changed nothing."""
+
+    NONE = 0
+    BACKING_UP = 1
+    DISABLED = 2
+    WRITTEN = 3
+    WAITING = 4
+    ENABLED = 5
+    MEASURING = 6
+    FINISHED = 7
+    LEFT = 8
+    ENDED_DISABLED = 9
+    FILE_FAILED = 11
+
+
+@dataclass(frozen=True, slots=True)
+class Words:
+    """The R parameters of one site, ``first`` and the `COUNT` - 1 after it."""
+
+    first: int = 80
+
+    def number(self, word: Word) -> int:
+        """R parameter number of a word."""
+        return self.first + int(word)
+
+    def name(self, word: Word) -> str:
+        """The word as a program writes it: R80."""
+        return f"R{self.number(word)}"
+
+
+def program_path(purpose: str, axis: str) -> str:
+    """Name of a main program of ours in the control: purposes MEAS, PUSH, LOAD, ENAB."""
+    return f"/_N_MPF_DIR/_N_TF{purpose}_{axis}_MPF"
+
+
+def file_path(purpose: str, axis: str) -> str:
+    """Name of a file that a program of ours writes: purposes LIVE, BACK (before a push), READ (after it)."""
+    return f"/_N_SPF_DIR/_N_TF{purpose}_{axis}_SPF"

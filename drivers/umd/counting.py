@@ -1,0 +1,169 @@
+"""Counter rows to samples in millimetres: wraps undone, times counted, doubtful rows marked, pure."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.errors import UnsupportedDevice
+from drivers.types import Ambient, SampleBlock
+from drivers.umd.codec import DISPLACEMENT, PHASE, VELOCITY, IntArray, UmdLines
+from drivers.umd.lowspeed import LowSpeed
+from drivers.umd.sequence import Ordered, SequenceOrder
+from drivers.umd.settings import UmdSettings
+
+CHANNELS = ("displacement_mm",)
+PHASE_ERRORS = 0x7E00
+WRAP = 1 << 32
+LEARN_MOVING = 4096
+
+BoolArray = NDArray[np.bool_]
+
+
+class UmdCounting:
+    """One axis of one counter, from its first line on."""
+
+    def __init__(self, settings: UmdSettings, where: str) -> None:
+        self._settings = settings
+        self._where = where
+        self._order = SequenceOrder()
+        self._low = LowSpeed(where)
+        self._velocity = VelocityCheck()
+        self._tick: int | None = None
+        self._raw = 0
+        self._position = 0
+        self.lines = 0
+        self.damaged = 0
+
+    @property
+    def sample_rate_hz(self) -> float:
+        """The setting, else what the counter says; 0 while unknown."""
+        return self._settings.sample_rate_hz or self._low.sample_rate_hz
+
+    @property
+    def counts_per_cycle(self) -> int:
+        """The setting, else what the counter says; 0 while unknown."""
+        return self._settings.counts_per_cycle or self._low.counts_per_cycle
+
+    @property
+    def missing(self) -> tuple[int, ...]:
+        """Low-speed codes without which no sample can be made."""
+        scaled = self._settings.count_size_nm > 0 or self.counts_per_cycle > 0
+        return (() if self.sample_rate_hz else (8,)) + (() if scaled else (20,))
+
+    @property
+    def low_speed(self) -> LowSpeed:
+        """What the counter has said of itself."""
+        return self._low
+
+    @property
+    def repeats(self) -> int:
+        """Rows dropped because they came twice or out of order."""
+        return self._order.repeats
+
+    def ambient(self) -> Ambient:
+        """Latest readings of the counter's sensors."""
+        return self._low.ambient(self._tick or 0, self.sample_rate_hz)
+
+    def take(self, lines: UmdLines) -> list[SampleBlock]:
+        """The blocks of one message, cut at every gap; none while `missing`. Raises E-UMD-CHANGED, E-UMD-AXIS."""
+        before = self.damaged + self._order.absurd
+        self.damaged += lines.damaged
+        self.lines += len(lines.rows)
+        ordered = self._order.sort(lines.rows)
+        if not len(ordered.rows):
+            return []
+        self._check_axis(ordered.rows)
+        ticks = self._ticks(ordered)
+        self._low.read(ordered.rows, ticks)
+        moved, position = self._unwrap(ordered.rows)
+        if self.missing:
+            return []
+        marks = self._marks(ordered, moved)
+        damaged = self.damaged + self._order.absurd - before
+        return self._blocks(ordered, ticks, position, marks, damaged)
+
+    def _check_axis(self, rows: IntArray) -> None:
+        if DISPLACEMENT[self._settings.axis - 1] >= rows.shape[1]:
+            axis = self._settings.axis
+            raise UnsupportedDevice("E-UMD-AXIS", self._where, axis=axis, width=rows.shape[1])
+
+    def _ticks(self, ordered: Ordered) -> IntArray:
+        before = self._order.last or 0
+        start = self._tick if self._tick is not None else before - int(ordered.steps.sum())
+        ticks = start + np.cumsum(ordered.steps)
+        first = self._tick is None
+        self._tick = int(ticks[-1])
+        if first:
+            self._raw = self._position = int(ordered.rows[0, DISPLACEMENT[self._settings.axis - 1]])
+        return ticks
+
+    def _unwrap(self, rows: IntArray) -> tuple[IntArray, IntArray]:
+        """Counts moved since the row before and position in counts, both (n,): 32 bits wrapped round."""
+        raw = rows[:, DISPLACEMENT[self._settings.axis - 1]]
+        moved = (np.diff(raw, prepend=self._raw) + WRAP // 2) % WRAP - WRAP // 2
+        position = self._position + np.cumsum(moved)
+        self._raw, self._position = int(raw[-1]), int(position[-1])
+        return moved, position
+
+    def _marks(self, ordered: Ordered, moved: IntArray) -> dict[str, BoolArray]:
+        """Reasons not to believe a row, each (n,)."""
+        axis = self._settings.axis - 1
+        phase = ordered.rows[:, PHASE[axis]]
+        scale = self._settings.mm_per_count(self.counts_per_cycle or 1)
+        most = self._settings.max_speed_mm_s / self.sample_rate_hz / scale
+        velocity = ordered.rows[:, VELOCITY[axis]]
+        return {
+            "counter restarted": ordered.restarted,
+            "phase error": (phase >= 0) & ((phase & PHASE_ERRORS) != 0),
+            "faster than any axis": np.abs(moved) > most * ordered.steps,
+            "count and velocity disagree": self._velocity.disagree(moved, velocity, ordered.steps == 1),
+        }
+
+    def _blocks(
+        self, ordered: Ordered, ticks: IntArray, position: IntArray, marks: dict[str, BoolArray], damaged: int
+    ) -> list[SampleBlock]:
+        time_s = ticks / self.sample_rate_hz
+        values = (position * self._settings.mm_per_count(self.counts_per_cycle or 1))[:, None]
+        valid = ~np.logical_or.reduce(tuple(marks.values()))
+        lost = ordered.steps - 1
+        cuts = [0, *(int(at) for at in np.flatnonzero(lost) if at > 0), len(ticks)]
+        blocks = []
+        for start, end in zip(cuts[:-1], cuts[1:], strict=True):
+            part = slice(start, end)
+            events = _events(time_s[part], {name: mark[part] for name, mark in marks.items()})
+            if start == 0 and damaged:
+                events = (f"{damaged} damaged lines before {time_s[-1]:.6f} s", *events)
+            gap = int(lost[start])
+            blocks.append(SampleBlock(CHANNELS, time_s[part], values[part], valid[part], gap, events))
+        return blocks
+
+
+def _events(time_s: NDArray[np.float64], marks: dict[str, BoolArray]) -> tuple[str, ...]:
+    return tuple(f"{name} at {time_s[int(np.argmax(mark))]:.6f} s" for name, mark in marks.items() if mark.any())
+
+
+class VelocityCheck:
+    """The uMD2 sends each count's change beside the count: two numbers that must agree.
+
+    Other counters send zero or a filtered value there, so it is learned first: only a counter whose first
+    `LEARN_MOVING` moving rows all agree is held to it.
+    """
+
+    def __init__(self) -> None:
+        self._agreed = 0
+        self._useless = False
+
+    def disagree(self, moved: IntArray, velocity: IntArray, adjacent: BoolArray) -> BoolArray:
+        """Rows (n,) whose two numbers differ, once the counter has been seen to keep them equal."""
+        differs = adjacent & (moved != velocity)
+        if self._useless:
+            return np.zeros_like(differs)
+        if self._agreed >= LEARN_MOVING:
+            return differs
+        moving = adjacent & (velocity != 0)
+        reached = int(np.searchsorted(self._agreed + np.cumsum(moving), LEARN_MOVING))
+        self._useless = bool((differs & (moving | (moved != 0)))[:reached].any())
+        self._agreed += int(moving[: reached + 1].sum())
+        differs[: reached + 1] = False
+        return differs & (not self._useless)

@@ -1,0 +1,120 @@
+"""Rules on the measurement a table was made from: whole, fresh, proved, and worth writing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from datetime import datetime, timedelta
+
+import numpy as np
+
+from drivers.types import Ambient, FloatArray
+from gateway.interlocks.facts import ROUNDING, PushFacts, Refusal, Rule, no
+
+MAX_AGE = timedelta(hours=24)
+MAX_AHEAD = timedelta(minutes=2)
+MAX_DRIFT_K = 2.0
+MIN_REPETITIONS = 3
+MAX_SUSPECT_SHARE = 0.1
+
+
+def _age(facts: PushFacts) -> Iterator[Refusal]:
+    """A vendor's file has no end time we could trust, so its age is the operator's to know."""
+    capture = facts.capture
+    if capture is None or (capture.source != "live" and not capture.ended_utc):
+        return
+    try:
+        age = facts.now_utc - datetime.fromisoformat(capture.ended_utc)
+    except (ValueError, TypeError):
+        yield from no("E-INT-DATE", axis=capture.axis, found=capture.ended_utc or "nothing")
+        return
+    if age > MAX_AGE or age < -MAX_AHEAD:
+        hours = round(age.total_seconds() / 3600.0, 1)
+        limit = MAX_AGE.total_seconds() / 3600.0
+        yield from no("E-INT-AGE", axis=capture.axis, hours=hours, limit=limit)
+
+
+def _warmth(facts: PushFacts) -> Iterator[Refusal]:
+    if facts.capture is None or facts.ambient_now is None:
+        return
+    then, now = _degc(facts.capture.ambient_end), _degc(facts.ambient_now)
+    if then is not None and now is not None and abs(now - then) > MAX_DRIFT_K:
+        fields = {"then": round(then, 2), "now": round(now, 2), "limit": MAX_DRIFT_K}
+        yield from no("E-INT-WARMTH", axis=facts.capture.axis, **fields)
+
+
+def _degc(ambient: Ambient) -> float | None:
+    known = [value for value in ambient.material_degc if np.isfinite(value)]
+    return float(np.mean(known)) if known else ambient.air_degc
+
+
+def _coverage(facts: PushFacts) -> Iterator[Refusal]:
+    """The table may reach one measuring interval past the outer targets, no further."""
+    capture, table = facts.capture, facts.table
+    if capture is None or capture.targets.size < 2:
+        return
+    targets = np.sort(capture.targets)
+    widest = max(float(np.max(np.diff(targets))), table.step)
+    if table.modulo:
+        gap = float(targets[0]) + (table.maximum - table.minimum) - float(targets[-1])
+        beyond = max(gap, 0.0) - widest
+    else:
+        low, high = float(targets[0]) - table.minimum, table.maximum - float(targets[-1])
+        beyond = max(low, high) - widest
+    if beyond > widest * 0.5 + ROUNDING:
+        first, last = float(targets[0]), float(targets[-1])
+        span = {"minimum": table.minimum, "maximum": table.maximum}
+        yield from no("E-INT-COVERAGE", table=table.name, first=first, last=last, **span)
+
+
+def _complete(facts: PushFacts) -> Iterator[Refusal]:
+    capture = facts.capture
+    if capture is None:
+        return
+    good = np.isfinite(capture.deviations)
+    for target, repetition, approach in capture.suspects:
+        good[target, repetition, approach] = False
+    short = int(np.sum(np.sum(good, axis=1) < MIN_REPETITIONS))
+    if short:
+        fields = {"places": short, "total": good.shape[0] * good.shape[2], "needed": MIN_REPETITIONS}
+        yield from no("E-INT-INCOMPLETE", axis=capture.axis, **fields)
+    share = len(capture.suspects) / max(capture.deviations.size, 1)
+    if share > MAX_SUSPECT_SHARE:
+        count, percent = len(capture.suspects), 100.0 * MAX_SUSPECT_SHARE
+        yield from no("E-INT-SUSPECTS", axis=capture.axis, count=count, limit=percent)
+
+
+def _measured_axis(facts: PushFacts) -> Iterator[Refusal]:
+    capture, change = facts.capture, facts.change
+    if capture is None:
+        return
+    if capture.axis != change.axis or capture.axis_unit != change.new.input_unit:
+        found = f"{capture.axis} in {capture.axis_unit}"
+        yield from no("E-INT-MEASURED", axis=change.axis, found=found)
+    if capture.source == "live" and capture.sense is None:
+        yield from no("E-INT-SENSE", axis=capture.axis)
+
+
+def _gain(facts: PushFacts) -> Iterator[Refusal]:
+    """What is predicted must not be worse than what was measured."""
+    if facts.capture is None or facts.change.predicted.size < 2:
+        return
+    measured, predicted = _spread(_means(facts.capture.deviations)), _spread(facts.change.predicted)
+    if predicted > measured * (1.0 + 1e-9):
+        fields = {"predicted": round(predicted, 3), "measured": round(measured, 3)}
+        yield from no("E-INT-GAIN", axis=facts.change.axis, unit=facts.table.deviation_unit, **fields)
+
+
+def _means(deviations: FloatArray) -> FloatArray:
+    """Mean of each target over all that is there; a target with nothing is left out."""
+    flat = deviations.reshape(deviations.shape[0], -1)
+    there = np.isfinite(flat)
+    count = np.sum(there, axis=1)
+    sums = np.sum(np.where(there, flat, 0.0), axis=1)
+    return np.asarray(sums[count > 0] / count[count > 0])
+
+
+def _spread(values: FloatArray) -> float:
+    return float(np.std(values)) if values.size else 0.0
+
+
+MEASURED: tuple[Rule, ...] = (_measured_axis, _age, _warmth, _coverage, _complete, _gain)

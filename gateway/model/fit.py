@@ -1,0 +1,232 @@
+"""Fits measured means of an axis: the order is chosen so that structure is taken and noise is left."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from math import comb, log
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from drivers.units import AxisUnit
+from gateway.domain import Component, FloatArray
+from gateway.errors import ModelError, NotIdentifiable
+from gateway.model.components import design
+from gateway.model.regression import Regression, weighted
+
+HIGHEST_DEGREE = 9
+HIGHEST_ORDER = 12
+WIDEST_GAP_DEG = 60.0
+SIMPLER_WITHIN = 1.1
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """One basis tried on the data. ``criterion`` ranks within a family, ``left_out`` between families.
+
+    ``left_out`` is the rms by which a target is missed when it is not fitted, never below the noise.
+    """
+
+    basis: str
+    parameters: Mapping[str, Any]
+    regression: Regression
+    criterion: float
+    left_out: float
+
+    @property
+    def size(self) -> int:
+        """Number of coefficients."""
+        return int(self.regression.coefficients.size)
+
+
+@dataclass(frozen=True, slots=True)
+class _Data:
+    """Points to fit, ascending; ``period`` is None unless the axis closes on itself."""
+
+    at: FloatArray
+    values: FloatArray
+    u: FloatArray
+    period: float | None
+
+    @property
+    def noise(self) -> float:
+        return float(np.sqrt(np.mean(self.u**2)))
+
+
+def fit_positioning(
+    targets: ArrayLike,
+    means: ArrayLike,
+    u: ArrayLike | float,
+    *,
+    name: str,
+    axis: str,
+    axis_unit: AxisUnit,
+    kind: Literal["linear", "rotary"],
+    modulo: bool = False,
+) -> Component:
+    """Fit mean deviations (m,) at targets (m,), standard uncertainties u (m,) or one for all.
+
+    A full turn is fitted with harmonics or a periodic polygon, anything else with polynomials, cubic
+    B-splines or a polygon. Within a family an extended BIC with the known noise as floor chooses the
+    order; between families the leave-one-out error does, the simpler winning ties. The covariance holds
+    the scatter that the fit leaves (order above the targets, steps). Targets without a mean (NaN) are left
+    out. Raises NotIdentifiable (E-MODEL-POINTS) with fewer than two targets, ModelError (E-MODEL-U).
+    """
+    data = _data(targets, means, u, 360.0 if kind == "rotary" and _closes(targets, modulo) else None)
+    best = choose(candidates(data))
+    low, high = float(data.at[0]), float(data.at[-1])
+    return Component(
+        name=name,
+        axis=axis,
+        axis_unit=axis_unit,
+        basis=best.basis,
+        domain=(low, high),
+        coefficients=best.regression.coefficients,
+        covariance=best.regression.covariance,
+        parameters=best.parameters,
+        residual_rms=_unseen(best, data),
+    )
+
+
+def fit_bspline(positions: ArrayLike, values: ArrayLike, interior: Iterable[float], u: float = 1.0) -> Candidate:
+    """Least-squares cubic B-spline with given interior knots (weights equal)."""
+    at = np.asarray(positions, dtype=np.float64)
+    order = np.argsort(at)
+    data = _Data(at[order], np.asarray(values, dtype=np.float64)[order], np.full(at.size, u), None)
+    return _candidate("bspline", _knots(data.at, tuple(interior)), data)
+
+
+def choose(tried: Iterable[Candidate]) -> Candidate:
+    """The candidate that misses a left-out target least; a simpler one within 10 % of it is preferred."""
+    everyone = list(tried)
+    limit = min(candidate.left_out for candidate in everyone) * SIMPLER_WITHIN
+    return min((c for c in everyone if c.left_out <= limit), key=lambda c: c.size)
+
+
+def candidates(data: _Data) -> tuple[Candidate, ...]:
+    """The best of every family that the data can carry."""
+    found = [_candidate("constant", {}, data)]
+    if data.period is not None:
+        found += _harmonics(data)
+    else:
+        found += _best(_polynomials(data)) + _best(_splines(data))
+    if data.at.size > 3:
+        found.append(_polygon(data))
+    return tuple(found)
+
+
+def _data(targets: ArrayLike, means: ArrayLike, u: ArrayLike | float, period: float | None) -> _Data:
+    at, values = np.asarray(targets, dtype=np.float64), np.asarray(means, dtype=np.float64)
+    sigma = np.broadcast_to(np.asarray(u, dtype=np.float64), at.shape)
+    known = np.isfinite(values) & np.isfinite(at)
+    if known.sum() < 2:
+        raise NotIdentifiable("E-MODEL-POINTS", "fit", points=int(known.sum()), unknowns=2)
+    if not (np.isfinite(sigma[known]).all() and (sigma[known] > 0.0).all()):
+        raise ModelError("E-MODEL-U", "fit")
+    order = np.argsort(at[known], kind="stable")
+    return _Data(at[known][order], values[known][order], sigma[known][order], period)
+
+
+def _closes(targets: ArrayLike, modulo: bool) -> bool:
+    at = np.sort(np.asarray(targets, dtype=np.float64))
+    if at.size < 3:
+        return False
+    wrapped = np.unique(np.round(np.mod(at, 360.0), 6))
+    gaps = np.diff(np.append(wrapped, wrapped[0] + 360.0))
+    return bool(gaps.max() <= (180.0 if modulo else WIDEST_GAP_DEG))
+
+
+def _candidate(basis: str, parameters: Mapping[str, Any], data: _Data, choices: int = 1) -> Candidate:
+    solved = weighted(design(basis, parameters, data.at), data.values, data.u, basis)
+    size = solved.coefficients.size
+    missed = float(np.sqrt(np.mean(solved.left_out**2)))
+    return Candidate(basis, parameters, solved, _extended_bic(solved, data, size, choices), max(missed, data.noise))
+
+
+def _extended_bic(solved: Regression, data: _Data, size: int, choices: int) -> float:
+    # Scatter below the known noise is no merit: there the variance is known, above it is estimated.
+    m, per_point = data.at.size, solved.chi_square / data.at.size
+    misfit = m * (log(per_point) + 1.0) if per_point > 1.0 else m * per_point
+    # The factor corrects for few points, as in AICc: without it the last orders always look good.
+    return misfit + size * log(m) * m / max(m - size - 1, 0.5) + 2.0 * log(choices)
+
+
+def _best(family: Iterable[Candidate]) -> list[Candidate]:
+    members = list(family)
+    return [min(members, key=lambda c: c.criterion)] if members else []
+
+
+def _polynomials(data: _Data) -> Iterable[Candidate]:
+    low, high = float(data.at[0]), float(data.at[-1])
+    shared = {"centre": (low + high) / 2.0, "scale": (high - low) / 2.0}
+    for degree in range(1, min(HIGHEST_DEGREE, data.at.size // 2) + 1):
+        yield _candidate("polynomial", {**shared, "degree": degree}, data)
+
+
+def _splines(data: _Data) -> Iterable[Candidate]:
+    for count in range(1, max(1, data.at.size - 7)):
+        quantiles = np.linspace(0.0, 1.0, count + 2)[1:-1]
+        interior = np.quantile(data.at, quantiles)
+        try:
+            yield _candidate("bspline", _knots(data.at, tuple(float(q) for q in interior)), data)
+        except NotIdentifiable:
+            return
+
+
+def _knots(at: FloatArray, interior: tuple[float, ...]) -> Mapping[str, Any]:
+    low, high = float(at[0]), float(at[-1])
+    return {"knots": (low,) * 4 + interior + (high,) * 4}
+
+
+def _harmonics(data: _Data) -> list[Candidate]:
+    wrapped = np.unique(np.round(np.mod(data.at, 360.0), 6))
+    gaps = np.diff(np.append(wrapped, wrapped[0] + 360.0))
+    if gaps.max() > WIDEST_GAP_DEG:
+        return []
+    highest = min(HIGHEST_ORDER, (wrapped.size - 3) // 2, int(1.5 * 180.0 // gaps.max()))
+    chosen: tuple[int, ...] = ()
+    path: list[Candidate] = []
+    while len(chosen) < highest:
+        rest = [order for order in range(1, highest + 1) if order not in chosen]
+        choices = comb(highest, len(chosen) + 1)
+        tried = [_with_orders(data, (*chosen, order), choices) for order in rest]
+        best = min(tried, key=lambda c: c.regression.chi_square)
+        chosen = tuple(best.parameters["orders"])
+        path.append(best)
+    return _best(path)
+
+
+def _with_orders(data: _Data, orders: tuple[int, ...], choices: int) -> Candidate:
+    return _candidate("fourier", {"period": data.period, "orders": tuple(sorted(orders))}, data, choices)
+
+
+def _polygon(data: _Data) -> Candidate:
+    """Straight lines between the means: takes everything, so it is judged by its leave-one-out error."""
+    at = data.at if data.period is None else np.mod(data.at, data.period)
+    nodes = np.unique(np.round(at, 6))
+    parameters = {"nodes": tuple(float(q) for q in nodes), "period": data.period}
+    solved = weighted(design("piecewise", parameters, data.at), data.values, data.u, "piecewise")
+    means = solved.coefficients
+    missed = max(float(np.sqrt(np.mean(_skipped(nodes, means, data.period) ** 2))), data.noise)
+    return Candidate("piecewise", parameters, solved, float("inf"), missed)
+
+
+def _skipped(nodes: FloatArray, values: FloatArray, period: float | None) -> FloatArray:
+    """Value at each inner node less the line between its neighbours."""
+    if period is not None:
+        nodes = np.concatenate(([nodes[-1] - period], nodes, [nodes[0] + period]))
+        values = np.concatenate(([values[-1]], values, [values[0]]))
+    share = (nodes[1:-1] - nodes[:-2]) / (nodes[2:] - nodes[:-2])
+    return np.asarray(values[1:-1] - (1.0 - share) * values[:-2] - share * values[2:])
+
+
+def _unseen(best: Candidate, data: _Data) -> float:
+    """Rms of structure that the fit does not follow, less the noise it must leave."""
+    if best.basis == "piecewise":
+        # A target misses the line between its neighbours by sqrt(1.5) times what scatters independently.
+        return float(np.sqrt(max(best.left_out**2 / 1.5 - data.noise**2, 0.0)))
+    freedom = max(data.at.size - best.size, 1)
+    spread = float(np.sum(best.regression.residual**2)) / freedom
+    return float(np.sqrt(max(spread - data.noise**2, 0.0)))

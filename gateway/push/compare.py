@@ -1,0 +1,142 @@
+"""Are two tables the same at the controller's resolution, where do they agree, where is their effect plain?"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from drivers.types import CompensationTable, LiveSet, LiveTable, TableLimits
+from drivers.units import deviation_scale
+from gateway.interlocks import MAX_JUMP, value_at
+
+GRID_TOLERANCE = 1e-6
+# A driver's stated resolution is taken up to this much, so that a wrong one cannot make all tables alike.
+COARSEST = 0.05
+_EXACT = ("function", "input_axis", "output_axis", "modulo", "index", "direction", "multiply_by", "table_type")
+
+
+def tolerance(limits: TableLimits, table: CompensationTable) -> float:
+    """Half the controller's last place in um or arcsec, and what decimal text may lose."""
+    step = abs(limits.resolution) * deviation_scale(table.output_unit)
+    return min(0.5 * step, COARSEST) + 1e-6
+
+
+def differences(wanted: CompensationTable, found: CompensationTable, allowed: float) -> tuple[str, ...]:
+    """What differs, part by part; points beyond ``allowed``, NaN always. Empty means the same table."""
+    return tuple(_differences(wanted, found, allowed))
+
+
+def _differences(wanted: CompensationTable, found: CompensationTable, allowed: float) -> Iterator[str]:
+    for name in _EXACT:
+        if getattr(wanted, name) != getattr(found, name):
+            yield f"{name} {getattr(wanted, name)} is {getattr(found, name)}"
+    for name in ("minimum", "maximum", "step"):
+        if not abs(getattr(wanted, name) - getattr(found, name)) <= GRID_TOLERANCE:
+            yield f"{name} {getattr(wanted, name)} is {getattr(found, name)}"
+    if len(wanted.deviations) != len(found.deviations):
+        yield f"{len(wanted.deviations)} points are {len(found.deviations)}"
+        return
+    for number, (value, other) in enumerate(zip(wanted.deviations, found.deviations, strict=True)):
+        if not abs(value - other) <= allowed:
+            yield f"point {number}: {value} is {other}"
+
+
+def same_table(one: LiveTable, two: LiveTable, allowed: float) -> bool:
+    """Same table and same switch."""
+    return one.enabled == two.enabled and not differences(one.table, two.table, allowed)
+
+
+def same_set(one: LiveSet, two: LiveSet, allowed: float) -> bool:
+    """Same tables, switches and backlash, whatever their text looks like."""
+    if one.digest == two.digest:
+        return True
+    if len(one.cec) != len(two.cec) or abs(one.backlash - two.backlash) > GRID_TOLERANCE:
+        return False
+    pairs = ((one.eec, two.eec), *zip(one.cec, two.cec, strict=True))
+    return all(same_table(first, second, allowed) for first, second in pairs)
+
+
+def agreeing_position(
+    old: LiveTable, new: CompensationTable, reference: float, travel: tuple[float, float]
+) -> float | None:
+    """Where disabling the old and enabling the new both move the axis by 1 um / 1 arcsec at most.
+
+    Both acts switch a table against nothing, so each must be near zero there. The reference position if it will
+    do, else the nearest interpolation point inside the travel; None when there is none.
+    """
+    places = [reference, *sorted(_inside(new, travel), key=lambda place: abs(place - reference))]
+    for place in places:
+        before = value_at(old.table, place) if old.enabled else 0.0
+        if abs(before) <= MAX_JUMP and abs(value_at(new, place)) <= MAX_JUMP:
+            return float(place)
+    return None
+
+
+def _inside(table: CompensationTable, travel: tuple[float, float]) -> list[float]:
+    return [float(place) for place in table.positions if travel[0] <= place <= travel[1]]
+
+
+def effect_positions(
+    new: CompensationTable, old: LiveTable, travel: tuple[float, float], overrun: float
+) -> tuple[float, ...]:
+    """Three positions that tell the new table best from nothing and from the old: rising, falling, and far off.
+
+    A position is worth |new| + |new - old|. Linear axes keep ``overrun`` away from the ends of the travel.
+    """
+    margin = 0.0 if new.modulo else overrun
+    low, high = travel[0] + margin, travel[1] - margin
+    grid = np.asarray(new.positions)
+    places = np.unique(np.concatenate([grid, (grid[:-1] + grid[1:]) / 2.0]))
+    places = places[(places >= low) & (places <= high)]
+    if new.modulo:
+        places = places[places < new.maximum - GRID_TOLERANCE]
+    if places.size == 0:
+        places = np.clip(grid[[0, -1]], min(low, high), max(low, high))
+    return _three(new, old, places)
+
+
+def _three(new: CompensationTable, old: LiveTable, places: np.ndarray[Any, Any]) -> tuple[float, ...]:
+    worth, slope = _worth(new, old, places), _slopes(new, places)
+    best = places[np.argsort(-worth, kind="stable")]
+    rank = slope[np.argsort(-worth, kind="stable")]
+    rising, falling = best[rank > 0], best[rank < 0]
+    chosen: list[float] = [float(side[0]) for side in (rising, falling) if side.size]
+    for apart in (0.1 * abs(new.maximum - new.minimum), 0.0):
+        for place in best:
+            if len(chosen) < 3 and all(abs(place - other) > apart for other in chosen):
+                chosen.append(float(place))
+    return tuple(sorted(chosen))
+
+
+def _worth(new: CompensationTable, old: LiveTable, places: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    after = np.array([value_at(new, place) for place in places])
+    before = np.array([value_at(old.table, place) if old.enabled else 0.0 for place in places])
+    return np.asarray(np.abs(after) + np.abs(after - before))
+
+
+def _slopes(table: CompensationTable, places: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    near = table.step / 4.0
+    rise = [value_at(table, place + near) - value_at(table, place - near) for place in places]
+    return np.sign(np.round(np.array(rise), 9))
+
+
+def steepest(table: CompensationTable) -> float:
+    """Largest slope between points, deviation unit per axis unit."""
+    if table.step <= 0 or len(table.deviations) < 2:
+        return 0.0
+    return float(np.max(np.abs(np.diff(np.asarray(table.deviations))))) / table.step
+
+
+def table_facts(table: CompensationTable) -> dict[str, Any]:
+    """A table as JSON data for the journal; floats keep every digit."""
+    facts = dataclasses.asdict(table)
+    facts["deviations"] = [float(value) for value in table.deviations]
+    return facts
+
+
+def table_from(facts: Mapping[str, Any]) -> CompensationTable:
+    """The table that `table_facts` noted."""
+    return CompensationTable(**{**facts, "deviations": tuple(facts["deviations"])})

@@ -1,0 +1,243 @@
+"""The journal of one transaction: a line is on the disk before what it announces is done.
+
+A line is ``len|seq|prev|json|sha256``: length of the JSON text, number from 0, hash of the line before, the
+entry, hash of all that comes before it on the line. A broken last line is torn by a crash and is ignored; a
+broken earlier line means the file cannot be believed. Appending blocks for one fsync (well under 10 ms): the
+order "journal, then act" is worth more than a free event loop here.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+import secrets
+import shutil
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from gateway.errors import StoreError
+
+FINAL = ("COMMITTED", "ROLLED_BACK", "ABORTED", "CLOSED")
+FREE_BYTES = 50_000_000
+MAX_NUMBER = 999_999
+_START = "0" * 64
+_NAME = re.compile(r"tx-(\d{6})\.jnl")
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One line: what was about to be done, or what is known since."""
+
+    kind: str
+    facts: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class JournalRead:
+    """A journal as found. ``broken`` says why it cannot be believed; ``whole_bytes`` is what is sound."""
+
+    path: Path
+    number: int
+    entries: tuple[Entry, ...]
+    broken: str = ""
+    whole_bytes: int = 0
+    last_sha: str = _START
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """What happened, in order."""
+        return tuple(entry.kind for entry in self.entries)
+
+    @property
+    def finished(self) -> bool:
+        """Whether nothing is left to do: ended, or torn before anything was announced."""
+        return not self.broken and (not self.entries or self.entries[-1].kind in FINAL)
+
+    def latest(self, name: str) -> Any:
+        """The newest value of a fact, None where it was never noted."""
+        for entry in reversed(self.entries):
+            if name in entry.facts:
+                return entry.facts[name]
+        return None
+
+
+class Journal:
+    """A journal being written. After one failed write it takes nothing more: what is on disk is unknown."""
+
+    def __init__(self, path: Path, file: BinaryIO, sequence: int, previous: str) -> None:
+        self.path = path
+        self._file = file
+        self._sequence = sequence
+        self._previous = previous
+        self._poisoned = False
+
+    @classmethod
+    def create(cls, folder: Path, number: int) -> Journal:
+        """A new journal. Raises StoreError (E-PUSH-DISK) when the disk is nearly full or refuses."""
+        path = folder / f"tx-{number:06d}.jnl"
+        try:
+            free = shutil.disk_usage(folder).free
+            if free < FREE_BYTES:
+                raise StoreError("E-PUSH-DISK", str(folder), why=f"{free} bytes free, {FREE_BYTES} needed")
+            file = path.open("xb")
+            _sync_folder(folder)
+        except OSError as error:
+            raise StoreError("E-PUSH-DISK", str(path), why=str(error)) from error
+        return cls(path, file, 0, _START)
+
+    @classmethod
+    def reopen(cls, found: JournalRead) -> Journal:
+        """Go on with a journal whose end may be torn; the torn part is cut off."""
+        try:
+            file = found.path.open("r+b")
+            file.truncate(found.whole_bytes)
+            file.seek(found.whole_bytes)
+        except OSError as error:
+            raise StoreError("E-PUSH-DISK", str(found.path), why=str(error)) from error
+        return cls(found.path, file, len(found.entries), found.last_sha)
+
+    def append(self, kind: str, **facts: object) -> None:
+        """Make an entry durable. Raises StoreError (E-PUSH-JOURNAL), and from then on always."""
+        if self._poisoned:
+            raise StoreError("E-PUSH-JOURNAL", str(self.path), why="an earlier write failed")
+        line, sha = _line(self._sequence, self._previous, {"kind": kind, **facts})
+        self._poisoned = True
+        try:
+            self._file.write(line)
+            self._file.flush()
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            raise StoreError("E-PUSH-JOURNAL", str(self.path), why=str(error)) from error
+        self._poisoned = False
+        self._sequence, self._previous = self._sequence + 1, sha
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._file.close()
+
+
+def _line(sequence: int, previous: str, entry: Mapping[str, object]) -> tuple[bytes, str]:
+    text = json.dumps(entry, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
+    head = f"{len(text)}|{sequence}|{previous}|{text}|".encode("ascii")
+    sha = hashlib.sha256(head).hexdigest()
+    return head + sha.encode("ascii") + b"\n", sha
+
+
+def read(path: Path) -> JournalRead:
+    """Read a journal; never raises for what is in it. Raises StoreError (E-PUSH-DISK) when it cannot be read."""
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise StoreError("E-PUSH-DISK", str(path), why=str(error)) from error
+    match = _NAME.fullmatch(path.name)
+    found = JournalRead(path, int(match.group(1)) if match else 0, ())
+    lines = data.splitlines(keepends=True)
+    for number, line in enumerate(lines):
+        entry = _entry(line, number, found.last_sha)
+        if entry is None:
+            last = number == len(lines) - 1
+            return found if last else replace(found, broken=f"line {number + 1} of {len(lines)} is damaged")
+        sha = line[-65:-1].decode("ascii")
+        whole = found.whole_bytes + len(line)
+        found = replace(found, entries=(*found.entries, entry), whole_bytes=whole, last_sha=sha)
+    return found
+
+
+def _entry(line: bytes, sequence: int, previous: str) -> Entry | None:
+    head, sha = line[:-65], line[-65:-1]
+    if not line.endswith(b"\n") or hashlib.sha256(head).hexdigest().encode("ascii") != sha:
+        return None
+    parts = head.split(b"|", 3)
+    if len(parts) != 4 or parts[1:3] != [str(sequence).encode("ascii"), previous.encode("ascii")]:
+        return None
+    try:
+        facts = json.loads(parts[3][:-1])
+        return Entry(str(facts.pop("kind")), facts)
+    except (ValueError, KeyError, AttributeError):
+        return None
+
+
+def machine_folder(root: Path, serial: str) -> Path:
+    """Where the journals of one machine are kept below a journal root."""
+    safe = re.sub(r"[^A-Za-z0-9_-]", "_", serial) or "_"
+    if safe != serial:
+        safe += "-" + hashlib.sha256(serial.encode()).hexdigest()[:8]
+    return root / safe
+
+
+def all_of(folder: Path) -> tuple[JournalRead, ...]:
+    """Every journal of a machine that is still in place, oldest number first."""
+    if not folder.is_dir():
+        return ()
+    return tuple(read(path) for path in sorted(folder.iterdir()) if _NAME.fullmatch(path.name))
+
+
+def set_aside(path: Path) -> None:
+    """Move an ended journal to `done`, never delete it; where that is refused it stays and is still read."""
+    done = path.parent / "done"
+    try:
+        done.mkdir(exist_ok=True)
+        os.replace(path, done / path.name)
+        _sync_folder(done)
+        _sync_folder(path.parent)
+    except OSError:
+        return
+
+
+def allocate(folder: Path, seed: int) -> int:
+    """The next transaction number of a machine, durable before it is used; it fits an R parameter exactly.
+
+    ``seed`` begins the count where no number was ever kept, so that a lost folder does not repeat numbers that
+    the control may still hold. Raises StoreError (E-PUSH-DISK).
+    """
+    counter = folder / "number"
+    try:
+        last = max([_kept(counter), *_used(folder)], default=0) or seed % 800_000 + 100_000
+        number = last % MAX_NUMBER + 1
+        while (folder / f"tx-{number:06d}.jnl").exists() or (folder / "done" / f"tx-{number:06d}.jnl").exists():
+            number = number % MAX_NUMBER + 1
+        _keep(counter, number)
+    except OSError as error:
+        raise StoreError("E-PUSH-DISK", str(counter), why=str(error)) from error
+    return number
+
+
+def _kept(counter: Path) -> int:
+    try:
+        text = counter.read_text(encoding="ascii").strip()
+    except (FileNotFoundError, UnicodeDecodeError):
+        return 0
+    return int(text) if text.isdigit() and int(text) <= MAX_NUMBER else 0
+
+
+def _used(folder: Path) -> list[int]:
+    """Numbers of all journals; only asked for when the counter was lost or runs behind."""
+    paths = [*folder.glob("tx-*.jnl"), *folder.glob("done/tx-*.jnl")]
+    if _kept(folder / "number"):
+        return []
+    return [int(match.group(1)) for path in paths if (match := _NAME.fullmatch(path.name))]
+
+
+def _keep(counter: Path, number: int) -> None:
+    temporary = counter.with_name(f".number.{secrets.token_hex(4)}")
+    with temporary.open("xb") as file:
+        file.write(str(number).encode("ascii"))
+        file.flush()
+        os.fsync(file.fileno())
+    os.replace(temporary, counter)
+    _sync_folder(counter.parent)
+
+
+def _sync_folder(folder: Path) -> None:
+    if sys.platform == "win32":
+        return
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

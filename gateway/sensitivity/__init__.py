@@ -1,0 +1,1 @@
+"""Which error spoils the tooth most: Morris screening with rank intervals."""

@@ -1,0 +1,248 @@
+"""The rotary calibrator behind an instrument bridge: answers requests and streams its samples."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Awaitable, Callable, Mapping
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from drivers.bridge.codec import BridgeCodec, Damaged, Message, Notification, Refusal, Reply, Request
+from drivers.bridge.records import (
+    BATTERY_LOW,
+    BEAM_OBSTRUCTED,
+    BUSY,
+    DATUM,
+    ENVIRONMENT,
+    HOLD,
+    IDENTIFY,
+    INVALID_PARAMS,
+    METHOD_NOT_FOUND,
+    NOT_REFERENCED,
+    OPTICS,
+    PARSE_ERROR,
+    SAMPLES,
+    START,
+    STATUS,
+    STOP,
+    TRACK,
+    TURN,
+    BridgeIdentity,
+    BridgeSamples,
+    CalibratorStatus,
+    Event,
+    environment_as_object,
+)
+from drivers.clock import Clock, LoopClock
+from drivers.errors import TransportError
+from drivers.transport import ByteTransport, Listener, serve
+from drivers.types import Ambient
+from simulators.optics import Bench, RotaryReader, Turns
+
+Around = Callable[[ByteTransport], ByteTransport]
+Answer = Callable[[Mapping[str, Any]], Awaitable[Any]]
+CHANNELS = ("device_deg", "laser_deg")
+TURN_LIMIT_DEG = 9000.0
+EMPTY_PCT = 5.0
+
+
+class _Refused(Exception):  # noqa: N818 - a no, not a fault
+    def __init__(self, code: int, message: str) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+class BridgeAnswerer:
+    """Serves one calibrator to one client at a time."""
+
+    def __init__(
+        self, reader: RotaryReader, bench: Bench, clock: Clock, block_s: float, around: Around | None = None
+    ) -> None:
+        self.reader = reader
+        self._bench = bench
+        self._clock = clock
+        self._block_s = block_s
+        self._around = around
+        self._peer: ByteTransport | None = None
+        self._codec = BridgeCodec("server")
+        self._sequence: int | None = None
+        self._beam = True
+        self._turn = asyncio.Lock()
+        self._listener: Listener | None = None
+        self._task: asyncio.Task[None] | None = None
+        self.serial = reader.spec.serial
+        self.battery_pct = 87.0
+        self.referenced = True
+        self.silent = False
+
+    @property
+    def url(self) -> str:
+        """Where clients reach it; "" while its line is pulled."""
+        return self._listener.url if self._listener is not None else ""
+
+    async def start(self, url: str) -> str:
+        """Begin to sample and to listen; the url with its real port."""
+        self.reader.skip_to(self._clock.now())
+        self._task = asyncio.get_running_loop().create_task(self._produce(), name=f"bridge {url}")
+        return await self.plug(url)
+
+    async def plug(self, url: str) -> str:
+        """Listen (again) on this url."""
+        self._listener = await serve(url, self._converse, LoopClock())
+        return self._listener.url
+
+    async def pull(self) -> None:
+        """Pull the line: the connection ends, nobody listens."""
+        listener, self._listener = self._listener, None
+        if listener is not None:
+            await listener.close()
+
+    async def stop(self) -> None:
+        """End everything."""
+        if self._task is not None:
+            self._task.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await self._task
+        await self.pull()
+
+    async def _converse(self, wire: ByteTransport) -> None:
+        peer = self._around(wire) if self._around is not None else wire
+        codec, first = BridgeCodec("server"), self._peer is None
+        if first:
+            self._peer, self._codec = peer, codec
+        try:
+            while True:
+                for message in codec.receive(await peer.read(65536)):
+                    await peer.write(codec.send(await self._reply(message, first)))
+        finally:
+            if first:
+                self._peer, self._sequence = None, None
+
+    async def _reply(self, message: Message, first: bool) -> Reply | Refusal:
+        if not isinstance(message, Request):
+            why = message.why if isinstance(message, Damaged) else "not a request"
+            return Refusal(None, PARSE_ERROR, why)
+        if not first:
+            return Refusal(message.id, BUSY, "another client uses this calibrator")
+        answer = self._answers().get(message.method)
+        if answer is None:
+            return Refusal(message.id, METHOD_NOT_FOUND, f"no method {message.method}")
+        try:
+            return Reply(message.id, await answer(message.params))
+        except _Refused as refused:
+            return Refusal(message.id, refused.code, str(refused))
+
+    def _answers(self) -> Mapping[str, Answer]:
+        return {
+            IDENTIFY: self._identify,
+            START: self._start,
+            STOP: self._stop,
+            DATUM: self._datum,
+            ENVIRONMENT: self._environment,
+            OPTICS: self._optics,
+            HOLD: self._hold,
+            TRACK: self._track,
+            TURN: self._turn_by,
+            STATUS: self._status,
+        }
+
+    async def _identify(self, _params: Mapping[str, Any]) -> Any:
+        spec = self.reader.spec
+        notices = ("simulated instrument: its readings are computed from the cell's truth",)
+        return BridgeIdentity(
+            "rotary_calibrator", "trueflank", spec.model, self.serial, "1.0", CHANNELS, spec.sample_hz, notices=notices
+        ).as_object()
+
+    async def _start(self, _params: Mapping[str, Any]) -> Any:
+        if not self.referenced:
+            raise _Refused(NOT_REFERENCED, "the calibrator has no reference")
+        if self.battery_pct < EMPTY_PCT:
+            raise _Refused(BATTERY_LOW, f"battery at {self.battery_pct:.0f} %")
+        await self._pump()
+        self._sequence = 0
+        return {}
+
+    async def _stop(self, _params: Mapping[str, Any]) -> Any:
+        self._sequence = None
+        return {}
+
+    async def _datum(self, _params: Mapping[str, Any]) -> Any:
+        await self._pump()
+        name = self.reader.spec.name
+        if name in self._bench.broken or self._bench.mounted(name) is None:
+            raise _Refused(BEAM_OBSTRUCTED, "no light returns to the laser")
+        self.reader.restore_beam()
+        return {}
+
+    async def _environment(self, _params: Mapping[str, Any]) -> Any:
+        air = self._bench.truth.climate.sensed(self._clock.now())
+        return environment_as_object(
+            Ambient(air.air_degc, air.pressure_hpa, air.humidity_pct, (air.material_degc,), age_s=3.0)
+        )
+
+    async def _optics(self, _params: Mapping[str, Any]) -> Any:
+        return {"kind": "unknown"}
+
+    async def _status(self, _params: Mapping[str, Any]) -> Any:
+        return CalibratorStatus(self.referenced, self.reader.turning, self.battery_pct).as_object()
+
+    async def _hold(self, _params: Mapping[str, Any]) -> Any:
+        await self._pump()
+        self.reader.hold()
+        return {}
+
+    async def _track(self, _params: Mapping[str, Any]) -> Any:
+        await self._pump()
+        self.reader.track()
+        return {}
+
+    async def _turn_by(self, params: Mapping[str, Any]) -> Any:
+        by = params.get("by_deg")
+        if isinstance(by, bool) or not isinstance(by, int | float) or not isfinite(by) or abs(by) > TURN_LIMIT_DEG:
+            raise _Refused(INVALID_PARAMS, "by_deg must be a number of degrees")
+        await self._pump()
+        self.reader.turn(float(by))
+        while self.reader.turning:
+            await self._clock.sleep(self._block_s)
+            await self._pump()
+        return {}
+
+    async def _produce(self) -> None:
+        while True:
+            await self._clock.sleep(self._block_s)
+            await self._pump()
+
+    async def _pump(self) -> None:
+        """Sample up to now and send, so that what follows acts from now on."""
+        async with self._turn:
+            turns = self.reader.read(self._clock.now())
+            peer, sequence = self._peer, self._sequence
+            if peer is None or sequence is None or self.silent or not len(turns.time_s):
+                return
+            self._sequence = sequence + len(turns.time_s)
+            try:
+                await peer.write(self._codec.send(self._notification(turns, sequence)))
+            except TransportError:
+                await peer.close()
+
+    def _notification(self, turns: Turns, sequence: int) -> Notification:
+        values = {"device_deg": np.round(turns.device_deg, 8), "laser_deg": np.round(turns.laser_deg, 8)}
+        samples = BridgeSamples(
+            sequence,
+            float(turns.time_s[0]),
+            1.0 / self.reader.spec.sample_hz,
+            values,
+            turns.beam,
+            events=self._events(turns),
+        )
+        return Notification(SAMPLES, samples.as_object())
+
+    def _events(self, turns: Turns) -> tuple[Event, ...]:
+        before, self._beam = self._beam, bool(turns.beam[-1])
+        if turns.beam.all():
+            return () if before else (Event("datum", float(turns.time_s[0])),)
+        lost_at = float(turns.time_s[int(np.argmin(turns.beam))])
+        return (Event("beam_obstructed", lost_at),) if before else ()
