@@ -169,7 +169,7 @@ class SerialTransport:
         try:
             await self._in_thread(self._thread.join)
         finally:
-            self._workers.shutdown(wait=False)
+            self._workers.shutdown()
 
 
 def _refusal(url: str, error: Exception) -> TransportError:

@@ -94,7 +94,11 @@ class TableRow:
 
 @dataclass(frozen=True, slots=True)
 class StatusView:
-    """The daemon as it is now. ``failure`` is the last run's error, ``result`` the last verdict's table."""
+    """The daemon as it is now.
+
+    ``failure`` is the last run's error, ``result`` the last verdict's table, ``trouble`` what is wrong with
+    the devices together when each of them answers.
+    """
 
     site: str
     software: str
@@ -104,13 +108,15 @@ class StatusView:
     last_runs: tuple[PastRun, ...] = ()
     failure: Mapping[str, object] | None = None
     result: tuple[TableRow, ...] = ()
+    trouble: Mapping[str, object] | None = None
 
     @property
     def state(self) -> str:
-        """One word for all: running, ready, or attention when a device is neither open nor lent."""
+        """One word for all: running, ready, or attention when a device is not open or not the site's."""
         if self.run is not None:
             return "running"
-        return "ready" if all(device.state in {"open", "lent"} for device in self.devices) else "attention"
+        open_all = all(device.state == "open" for device in self.devices)
+        return "ready" if open_all and self.trouble is None else "attention"
 
 
 def device_views(seen: Iterable[SeenDevice], *, lent: bool) -> tuple[DeviceView, ...]:

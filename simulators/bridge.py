@@ -49,7 +49,7 @@ TURN_LIMIT_DEG = 9000.0
 EMPTY_PCT = 5.0
 
 
-class _Refused(Exception):  # noqa: N818 - a no, not a fault
+class _Refused(Exception):
     def __init__(self, code: int, message: str) -> None:
         super().__init__(message)
         self.code = code

@@ -26,9 +26,7 @@ SERIAL = "drivers.serial_io"
 START_S = 10.0
 
 
-async def open_transport(
-    url: str, clock: Clock, timeout_s: float, *, baudrate: int = 115_200
-) -> ByteTransport:
+async def open_transport(url: str, clock: Clock, timeout_s: float, *, baudrate: int = 115_200) -> ByteTransport:
     """Open tcp://host:port, memory://name, socket://host:port, COM3 or /dev/ttyUSB0.
 
     ``baudrate`` counts for serial ports only. Raises ConfigError (E-LINK-URL), TransportError

@@ -18,9 +18,7 @@ FLUSH_S = 1.0
 class TcpTransport:
     """One TCP connection over asyncio streams."""
 
-    def __init__(
-        self, url: str, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, clock: Clock
-    ) -> None:
+    def __init__(self, url: str, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, clock: Clock) -> None:
         self._url = url
         self._reader = reader
         self._writer = writer

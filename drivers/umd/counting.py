@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -123,13 +125,14 @@ class UmdCounting:
     def _blocks(
         self, ordered: Ordered, ticks: IntArray, position: IntArray, marks: dict[str, BoolArray], damaged: int
     ) -> list[SampleBlock]:
-        time_s = ticks / self.sample_rate_hz
-        values = (position * self._settings.mm_per_count(self.counts_per_cycle or 1))[:, None]
+        time_s = np.asarray(ticks / self.sample_rate_hz, np.float64)
+        scale = self._settings.mm_per_count(self.counts_per_cycle or 1)
+        values = np.asarray(position * scale, np.float64)[:, None]
         valid = ~np.logical_or.reduce(tuple(marks.values()))
         lost = ordered.steps - 1
         cuts = [0, *(int(at) for at in np.flatnonzero(lost) if at > 0), len(ticks)]
         blocks = []
-        for start, end in zip(cuts[:-1], cuts[1:], strict=True):
+        for start, end in pairwise(cuts):
             part = slice(start, end)
             events = _events(time_s[part], {name: mark[part] for name, mark in marks.items()})
             if start == 0 and damaged:
@@ -163,7 +166,7 @@ class VelocityCheck:
             return differs
         moving = adjacent & (velocity != 0)
         reached = int(np.searchsorted(self._agreed + np.cumsum(moving), LEARN_MOVING))
-        self._useless = bool((differs & (moving | (moved != 0)))[:reached].any())
+        self._useless = bool((differs & (moving | (moved != 0)))[: reached + 1].any())
         self._agreed += int(moving[: reached + 1].sum())
         differs[: reached + 1] = False
         return differs & (not self._useless)

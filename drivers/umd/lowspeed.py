@@ -68,7 +68,7 @@ class LowSpeed:
         before = fact.value
         for value in values:
             if fact.offer(value):
-                raise RemoteProtocolError("E-UMD-CHANGED", self._where, code=code, before=before, now=value)
+                raise RemoteProtocolError("E-UMD-CHANGED", self._where, number=code, before=before, now=value)
 
     @property
     def sample_rate_hz(self) -> float:

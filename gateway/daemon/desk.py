@@ -56,6 +56,12 @@ class Desk:
         self._stopping = False
         self.run: RunView | None = None
         self.failure: Mapping[str, object] | None = None
+        self._trouble: Mapping[str, object] | None = None
+
+    @property
+    def trouble(self) -> Mapping[str, object] | None:
+        """Why the devices, though each of them answers, are not the site's: another machine, a missing axis."""
+        return None if any(device.error is not None for device in self.devices()) else self._trouble
 
     def devices(self) -> tuple[DeviceView, ...]:
         """All devices as they are now."""
@@ -87,13 +93,19 @@ class Desk:
 
     async def _watch(self, stop: asyncio.Event) -> None:
         try:
-            with contextlib.suppress(TrueflankError):
-                # What did not open is in the picture, and the watch tries it again.
-                await unless(self._devices.open_all(), self._clock, stop, self._wanted)
+            await self._open(stop)
             if not stop.is_set() and not self._wanted.is_set():
                 await unless(self._devices.watch(stop), self._clock, stop, self._wanted)
         finally:
             await self._devices.close_all()
+
+    async def _open(self, stop: asyncio.Event) -> None:
+        self._trouble = None
+        try:
+            await unless(self._devices.open_all(), self._clock, stop, self._wanted)
+        except TrueflankError as error:
+            # A device that did not open is in the picture, and the watch tries it again.
+            self._trouble = error.as_record()
 
     async def _do_run(self, stop: asyncio.Event) -> None:
         self.failure = None
@@ -110,6 +122,7 @@ class Desk:
             return
         try:
             await self._starter(self._say)
+            self._begin("")
         except TrueflankError as error:
             self._failed(error)
         except Exception as error:  # noqa: BLE001 - the daemon's top: it goes on watching and says what happened
@@ -126,7 +139,7 @@ class Desk:
             # The caller may have gone away; then nobody asks for this exception.
             self._begun.exception()
 
-    def _say(self, code: str, **fields: object) -> None:
+    def _say(self, code: str, /, **fields: object) -> None:
         if self.run is None:
             return
         if code == "P-RUN":
@@ -134,7 +147,7 @@ class Desk:
         self.run = _told(self.run, code, fields)
 
     def _begin(self, run_id: str) -> None:
-        if self.run is not None:
+        if self.run is not None and run_id:
             self.run = replace(self.run, run_id=run_id)
         if self._begun is not None and not self._begun.done():
             self._begun.set_result(run_id)

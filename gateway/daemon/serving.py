@@ -164,4 +164,5 @@ def status(site: SiteFile, desk: Desk, store: Store, clock: Clock) -> StatusView
         newest_runs(store),
         desk.failure,
         last_result(store),
+        desk.trouble,
     )

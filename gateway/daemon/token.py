@@ -27,14 +27,14 @@ def token_of(folder: Path) -> str:
     path = token_path(folder)
     try:
         return _kept(path) or _made(path)
-    except (OSError, UnicodeDecodeError) as error:
-        raise StoreError("E-WEB-STATE", str(path), why=str(error)) from error
+    except OSError as error:
+        raise StoreError("E-WEB-STATE", str(path), why=error.strerror or str(error)) from error
 
 
 def _kept(path: Path) -> str:
     if not path.is_file() or not _is_private(path):
         return ""
-    text = path.read_text(encoding="ascii").strip()
+    text = path.read_text(encoding="ascii", errors="replace").strip()
     return text if _SHAPE.fullmatch(text) else ""
 
 

@@ -54,13 +54,17 @@ class Grinding:
 
     def commands(self, k: ArrayLike, z: ArrayLike) -> dict[str, FloatArray]:
         """Axis positions for spaces k and wheel heights z (mm) that broadcast together."""
-        x0, sx, z0, sz, c0, sc = self._map
+        x0, sx, _, _, c0, sc = self._map
         q = {axis.name: np.asarray(self.rest.get(axis.name, 0.0)) for axis in self.chain.axes}
         angle = self.gear.space_angle(k)
         q[self.infeed] = np.asarray((self.E - x0) * sx)
-        q[self.stroke] = (np.asarray(z, dtype=np.float64) - z0) * sz
+        q[self.stroke] = self.stroke_command(np.asarray(z, dtype=np.float64))
         q[self.index] = (angle - c0) * sc
         return q
+
+    def stroke_command(self, z: FloatArray) -> FloatArray:
+        """Commands of the stroke axis that bring the wheel to heights z (mm) of the work."""
+        return np.asarray((z - self._map[2]) * self._map[3])
 
     @property
     def stroke_sense(self) -> float:

@@ -43,6 +43,12 @@ class Influence:
         share = se3.apply(self.location, self.axis.location())
         return share + se3.apply(self.motions, self.axis.errors(self.q)) if self.axis.err else share
 
+    def command(self) -> FloatArray:
+        """Twist per mm or rad added to the axis' own command, (..., 6)."""
+        unit = np.zeros(6)
+        unit[slice(0, 3) if self.axis.kind == "prismatic" else slice(3, 6)] = self.axis.vector
+        return np.asarray(self.location @ unit)
+
 
 @dataclass(frozen=True, slots=True)
 class Chain:
@@ -126,6 +132,11 @@ class Chain:
             if name[:2] in LOCATIONS and name[2:] == axis.name:
                 return axis.name, name[:2]
         raise ModelError("E-CHAIN-ERROR-NAME", "chain", name=name, known=", ".join(a.name for a in self.axes))
+
+    def error_column(self, name: str) -> tuple[str, str, int]:
+        """Axis name, key and column in `Influence` of an error by its ISO 230-1 name."""
+        axis, key = self.error_place(name)
+        return axis, key, (MOTIONS if key in MOTIONS else LOCATIONS).index(key)
 
     def _each(self, change: Callable[[Axis], Axis]) -> Chain:
         def of(side: tuple[Element, ...]) -> tuple[Element, ...]:

@@ -30,9 +30,7 @@ def before_after(figure: FigureBase, axis: AxisMaterial, heading: bool = False) 
     """Two panels, before and after, on one scale of deviation; a picture that stands alone gets a heading."""
     left, right = figure.subplots(1, 2, sharey=True)
     figure.subplots_adjust(left=0.095, right=0.99, top=0.84 if heading else 0.92, bottom=0.175, wspace=0.05)
-    limits = _limits(
-        [part for item in (axis.before, axis.after) if item is not None for part in _bands(item)]
-    )
+    limits = _limits([part for item in (axis.before, axis.after) if item is not None for part in _bands(item)])
     for panel, evaluation, title in ((left, axis.before, "Before"), (right, axis.after, "After")):
         _panel(panel, evaluation, title, axis)
     left.set_ylim(*limits)
@@ -40,9 +38,7 @@ def before_after(figure: FigureBase, axis: AxisMaterial, heading: bool = False) 
     right.tick_params(labelleft=False)
     if heading:
         left.legend(**_legend(), bbox_to_anchor=(2.05, 1.16), ncols=3)
-        figure.text(
-            0.095, 0.93, _name(f"{axis.axis}  {axis.component}"), fontsize=10, weight="bold", color=INK
-        )
+        figure.text(0.095, 0.93, _name(f"{axis.axis}  {axis.component}"), fontsize=10, weight="bold", color=INK)
 
 
 def _panel(panel: Axes, evaluation: Evaluation | None, title: str, axis: AxisMaterial) -> None:
@@ -135,7 +131,10 @@ def table_change(figure: FigureBase, change: TableChange) -> None:
 
 
 def prediction(figure: FigureBase, axis: AxisMaterial, change: TableChange) -> None:
-    """The mean of both directions as predicted, with U (k = 2), and as measured after the push."""
+    """The mean of both directions as predicted, with U (k = 2), and as measured after the push.
+
+    A deviation's zero is arbitrary, so the common offset of measured to predicted is taken out.
+    """
     panel = figure.subplots(1, 1)
     wide = not axis.rotary
     figure.subplots_adjust(left=0.075 if wide else 0.12, right=0.99, top=0.87, bottom=0.18)
@@ -144,10 +143,19 @@ def prediction(figure: FigureBase, axis: AxisMaterial, change: TableChange) -> N
     panel.fill_between(change.targets, low, high, color=OLD, alpha=0.3, lw=0, label="± U (k = 2)")
     panel.plot(change.targets, change.predicted, color=OLD, lw=1.0, label="predicted")
     if axis.after is not None:
-        panel.plot(axis.after.targets, mean(axis.after), "o", color=NEW, ms=2.8, mew=0, label="measured")
+        measured = _on_prediction(axis.after, change)
+        panel.plot(axis.after.targets, measured, "o", color=NEW, ms=2.8, mew=0, label="measured")
     panel.legend(**_legend(), bbox_to_anchor=(1.0, 1.18 if wide else 1.13), ncols=3)
     panel.set_ylabel(f"deviation  {SIGN[axis.deviation_unit]}")
     panel.set_xlabel(f"{_name(axis.letter)}  {axis.unit}", labelpad=2)
+
+
+def _on_prediction(after: Evaluation, change: TableChange) -> FloatArray:
+    order = np.argsort(change.targets, kind="stable")
+    expected = np.interp(after.targets, change.targets[order], change.predicted[order])
+    offset = mean(after) - expected
+    known = offset[np.isfinite(offset)]
+    return mean(after) - (float(np.median(known)) if known.size else 0.0)
 
 
 def mean(evaluation: Evaluation) -> FloatArray:

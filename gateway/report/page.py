@@ -48,9 +48,7 @@ def render(material: ReportMaterial) -> str:
     """The whole document. Same material, same text."""
     axes = [_axis_page(axis) for axis in material.axes]
     editions = sorted({item.standard for axis in material.axes for item in _evaluations(axis)})
-    return _template().render(
-        report=material, axes=axes, editions=editions, outcome=words.OUTCOME[material.outcome]
-    )
+    return _template().render(report=material, axes=axes, editions=editions, outcome=words.OUTCOME[material.outcome])
 
 
 @cache
@@ -66,9 +64,7 @@ def _template() -> Template:
     )
     for name in ("number", "signed", "percent", "when", "shortest"):
         environment.filters[name] = getattr(words, name)
-    environment.globals.update(
-        words=words, captures=_captures, environment_rows=environment_rows, columns=columns
-    )
+    environment.globals.update(words=words, captures=_captures, environment_rows=environment_rows, columns=columns)
     return environment.get_template("report.html.j2")
 
 
@@ -118,9 +114,7 @@ def _by_target(evaluation: Evaluation | None) -> dict[float, tuple[float | None,
         return {}
     columns_ = (evaluation.mean_up, evaluation.mean_down, evaluation.s_up, evaluation.s_down, evaluation.B_i)
     rows = zip(*(column.tolist() for column in columns_), strict=True)
-    return {
-        round(float(target), 6): row for target, row in zip(evaluation.targets.tolist(), rows, strict=True)
-    }
+    return {round(float(target), 6): row for target, row in zip(evaluation.targets.tolist(), rows, strict=True)}
 
 
 def _values(change: TableChange | None) -> tuple[tuple[float, float, float], ...]:
@@ -147,9 +141,7 @@ def _notes(axis: AxisMaterial) -> tuple[str, ...]:
 def environment_rows(axis: AxisMaterial) -> tuple[tuple[str, tuple[str, ...]], ...]:
     """Name of each quantity and its readings: start and end of each capture."""
     readings = [
-        ambient
-        for _name, capture in _captures(axis)
-        for ambient in (capture.ambient_start, capture.ambient_end)
+        ambient for _name, capture in _captures(axis) for ambient in (capture.ambient_start, capture.ambient_end)
     ]
     columns_ = [_ambient(reading) for reading in readings]
     names = list(dict.fromkeys(name for column in columns_ for name in column))

@@ -33,9 +33,7 @@ class ParameterRow:
     significant: bool | None
 
 
-def parameter_rows(
-    axis: str, before: Evaluation | None, after: Evaluation | None
-) -> tuple[ParameterRow, ...]:
+def parameter_rows(axis: str, before: Evaluation | None, after: Evaluation | None) -> tuple[ParameterRow, ...]:
     """Rows E, R, B, A, M of one axis; no rows when there is neither evaluation."""
     known = before or after
     if known is None:
@@ -48,9 +46,7 @@ def _row(
 ) -> ParameterRow:
     old, new = _value(before, name), _value(after, name)
     old_u, new_u = _uncertainty(before, name), _uncertainty(after, name)
-    return ParameterRow(
-        axis, name, unit, old, new, old_u, new_u, _change(old, new), _tells(old, new, old_u, new_u)
-    )
+    return ParameterRow(axis, name, unit, old, new, old_u, new_u, _change(old, new), _tells(old, new, old_u, new_u))
 
 
 def _value(evaluation: Evaluation | None, name: Parameter) -> float | None:
@@ -71,9 +67,7 @@ def _change(before: float | None, after: float | None) -> float | None:
     return _finite(100.0 * (after - before) / before)
 
 
-def _tells(
-    before: float | None, after: float | None, before_u: float | None, after_u: float | None
-) -> bool | None:
+def _tells(before: float | None, after: float | None, before_u: float | None, after_u: float | None) -> bool | None:
     if before is None or after is None or before_u is None or after_u is None:
         return None
     return abs(after - before) > hypot(before_u, after_u)

@@ -9,6 +9,7 @@ from math import isfinite
 from drivers.types import CompensationTable, SignProof
 from gateway.domain import Capture
 from gateway.report.material import AxisMaterial, Outcome
+from gateway.report.parameters import parameter_rows
 
 UNIT = {"um": "µm", "arcsec": "arcsec", "mm": "mm", "deg": "deg"}
 ABSENT = "–"
@@ -43,8 +44,7 @@ def visible(text: str) -> str:
     """Text without what a reader cannot see: control, direction and broken characters become U+FFFD."""
     hidden = {"Cc", "Cf", "Cs"}
     return "".join(
-        letter if letter in "\n\t" or unicodedata.category(letter) not in hidden else "\ufffd"
-        for letter in text
+        letter if letter in "\n\t" or unicodedata.category(letter) not in hidden else "\ufffd" for letter in text
     )
 
 
@@ -59,9 +59,7 @@ def number(value: float | None, decimals: int = 2) -> str:
 def signed(value: float | None, decimals: int = 2) -> str:
     """As `number`, with a plus sign in front of what is above zero."""
     text = number(value, decimals)
-    return (
-        f"+{text}" if value is not None and isfinite(value) and float(f"{value:.{decimals}f}") > 0 else text
-    )
+    return f"+{text}" if value is not None and isfinite(value) and float(f"{value:.{decimals}f}") > 0 else text
 
 
 def percent(value: float | None) -> str:
@@ -98,13 +96,9 @@ def _judged(axis: AxisMaterial) -> tuple[str, str, str]:
     verdict = axis.verdict
     if verdict is not None and verdict.improved:
         return "better", "✔", "improved"
-    rows = [(item.E, item.M) for item in (axis.before, axis.after) if item is not None]
-    grew = len(rows) == 2 and all(_more(new, old) for old, new in zip(*rows, strict=True))
-    return ("worse", "✖", "worse") if grew else ("unchanged", "=", "unchanged")
-
-
-def _more(new: float | None, old: float | None) -> bool:
-    return new is not None and old is not None and new > old
+    rows = parameter_rows(axis.axis, axis.before, axis.after)
+    worse = any(row.parameter == "M" and row.significant and (row.change_pct or 0.0) > 0.0 for row in rows)
+    return ("worse", "✖", "worse") if worse else ("unchanged", "=", "unchanged")
 
 
 def axis_kind(axis: AxisMaterial) -> str:

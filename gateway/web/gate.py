@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import secrets
 from collections.abc import Mapping
-from urllib.parse import urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import JSONResponse
@@ -12,7 +12,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from drivers.errors import TrueflankError
 
-HOSTS = frozenset({"127.0.0.1", "localhost", "::1"})
+HOST = re.compile(r"(127\.0\.0\.1|localhost|\[::1\])(:[0-9]{1,5})?", re.IGNORECASE)
 MOST_BYTES = 4096
 
 # Nothing here needs inline scripts or styles; a stored report has its style inside and no script at all.
@@ -60,7 +60,7 @@ def _harden(headers: MutableHeaders) -> None:
 
 def _refusal(headers: Headers) -> JSONResponse | None:
     host = headers.get("host", "")
-    if host_name(host) not in HOSTS:
+    if not is_own_host(host):
         # Another name that leads here is how a foreign page reaches a local server (DNS rebinding).
         return JSONResponse(TrueflankError("E-WEB-HOST", "web", host=host).as_record(), 400)
     if "transfer-encoding" in headers or not _is_small(headers.get("content-length", "0")):
@@ -72,13 +72,9 @@ def _is_small(length: str) -> bool:
     return length.isascii() and length.isdigit() and len(length) < 10 and int(length) <= MOST_BYTES
 
 
-def host_name(host: str) -> str:
-    """The name in a Host header without its port, in lower case; "" when it is none."""
-    try:
-        parts = urlsplit(f"//{host}")
-        return (parts.hostname or "") if parts.netloc == host and parts.port != 0 else ""
-    except ValueError:
-        return ""
+def is_own_host(host: str) -> bool:
+    """Whether a Host header names this server's loopback address, with or without a port."""
+    return HOST.fullmatch(host) is not None
 
 
 def is_token(header: str, token: str) -> bool:

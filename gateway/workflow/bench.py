@@ -12,6 +12,7 @@ from drivers.errors import ConfigError
 from drivers.types import MachineIdentity
 from gateway.capture.walk import Patience
 from gateway.config import AxisSection, SiteFile, load_site
+from gateway.errors import WriteRefused
 from gateway.say import Say
 from gateway.store import Proofs, RunFolder, Store
 from gateway.supervisor import Supervisor
@@ -62,6 +63,12 @@ def site_of(folder: RunFolder) -> tuple[SiteFile, Path]:
     """The site a stored run was made at, read afresh. Raises ConfigError when its file is gone or wrong."""
     path = Path(str(folder.plan["site_file"]))
     return load_site(path), path
+
+
+def check_name(site: SiteFile, apply: bool, machine_name: str) -> None:
+    """Consent names the machine. Raises WriteRefused (E-RUN-NAME)."""
+    if apply and machine_name != site.site.name:
+        raise WriteRefused("E-RUN-NAME", "--machine", typed=machine_name or "(nothing)", name=site.site.name)
 
 
 @asynccontextmanager

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from gateway.domain import Evaluation, Proposal, Verdict
 from gateway.report.parameters import PARAMETERS
-from gateway.workflow.reporting import ReportPaths
+from gateway.store import RunFolder
+from gateway.workflow import stages
+from gateway.workflow.measure import Measured
+from gateway.workflow.reporting import ReportPaths, write_report
 
 WORSE_EXIT = 9
 
@@ -26,6 +30,36 @@ class Outcome:
     def as_data(self) -> dict[str, Any]:
         """The outcome as JSON data."""
         return {"state": self.state, "run_folder": self.run_folder, **self.data}
+
+
+def finish(folder: RunFolder, measured: Mapping[str, Measured], proposal: Proposal, verdict: Verdict | None) -> Outcome:
+    """Write the report and gather what the caller shows."""
+    if verdict is not None:
+        folder.set_state(verdict.outcome)
+    paths = write_report(folder)
+    after: dict[str, Evaluation | None] = dict.fromkeys(measured)
+    for name in measured:
+        if folder.has(stages.evaluation(name, "after")):
+            after[name] = folder.get(stages.evaluation(name, "after"), Evaluation)
+    pairs = {name: (item.evaluation, after[name]) for name, item in measured.items()}
+    return outcome_of(folder.state, str(folder.path), pairs, proposal, verdict, paths)
+
+
+def shown(folder: RunFolder, proposal: Proposal, refusals: Mapping[str, list[str]]) -> Outcome:
+    """What `push` without consent shows: each table's difference and every reason against writing it."""
+    lines: list[str] = []
+    for change in proposal.changes:
+        old, new = change.old, change.new
+        lines.append(f"{change.axis}: {new.name} {len(new.deviations)} points, live {len(old.deviations)} points")
+        if not change.skipped:
+            places = new.positions
+            for place, was, becomes in zip(places, old.at(places), new.deviations, strict=True):
+                acts = float(was) if change.old_enabled else 0.0
+                lines.append(f"  {place:10.3f} {acts:+9.3f} -> {becomes:+9.3f} {new.deviation_unit}")
+        lines += [f"  refused: {reason}" for reason in refusals[change.axis]] or ["  nothing speaks against it"]
+    lines.append("nothing was written; live tables are compared when the push is applied")
+    data = {"refusals": dict(refusals), "not_corrected": {c.axis: c.skipped for c in proposal.changes if c.skipped}}
+    return Outcome(folder.state, str(folder.path), (), tuple(lines), data)
 
 
 def outcome_of(

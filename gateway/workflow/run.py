@@ -7,17 +7,12 @@ from pathlib import Path
 from drivers.clock import Clock
 from drivers.errors import TrueflankError
 from gateway.config import SiteFile
-from gateway.domain import Evaluation, Proposal, Verdict
-from gateway.errors import WriteRefused
 from gateway.say import Say
-from gateway.store import RunFolder
-from gateway.workflow import stages
-from gateway.workflow.bench import Bench, bench, new_run
-from gateway.workflow.measure import Measured, measure_axis, store_equipment
-from gateway.workflow.outcome import Outcome, outcome_of
+from gateway.workflow.bench import Bench, bench, check_name, new_run
+from gateway.workflow.measure import measure_axis, store_equipment
+from gateway.workflow.outcome import Outcome, finish
 from gateway.workflow.propose import propose
 from gateway.workflow.pushing import apply_proposal
-from gateway.workflow.reporting import write_report
 
 
 async def run_site(
@@ -39,31 +34,12 @@ async def run_site(
         raise
 
 
-def check_name(site: SiteFile, apply: bool, machine_name: str) -> None:
-    """Consent names the machine. Raises WriteRefused (E-RUN-NAME)."""
-    if apply and machine_name != site.site.name:
-        raise WriteRefused("E-RUN-NAME", "--machine", typed=machine_name or "(nothing)", name=site.site.name)
-
-
 async def _work(at: Bench, *, apply: bool) -> Outcome:
     store_equipment(at)
     measured = {axis.name: await measure_axis(at, axis, "before") for axis in at.site.axes}
-    proposal = propose(at, measured)
+    proposal = await propose(at, measured)
     at.folder.set_state("proposed")
     if not apply:
         return finish(at.folder, measured, proposal, None)
     verdict = await apply_proposal(at, proposal, measured)
     return finish(at.folder, measured, proposal, verdict)
-
-
-def finish(folder: RunFolder, measured: dict[str, Measured], proposal: Proposal, verdict: Verdict | None) -> Outcome:
-    """Write the report and gather what the caller shows."""
-    if verdict is not None:
-        folder.set_state(verdict.outcome)
-    paths = write_report(folder)
-    after: dict[str, Evaluation | None] = dict.fromkeys(measured)
-    for name in measured:
-        if folder.has(stages.evaluation(name, "after")):
-            after[name] = folder.get(stages.evaluation(name, "after"), Evaluation)
-    pairs = {name: (item.evaluation, after[name]) for name, item in measured.items()}
-    return outcome_of(folder.state, str(folder.path), pairs, proposal, verdict, paths)

@@ -161,7 +161,7 @@ class RotaryReader:
     def _laser(
         self, mounting: Mounting, theta: FloatArray, offsets: FloatArray, times: FloatArray
     ) -> tuple[FloatArray, NDArray[np.bool_]]:
-        if mounting.optics != "angular" and mounting.optics != "rotary":
+        if mounting.optics not in {"angular", "rotary"}:
             theta = np.zeros_like(theta)  # no angular reflector: nothing to follow
         beam = self._beam(theta)
         ratio = np.clip(np.sin(np.deg2rad(theta)) * (1.0 + self.spec.spacing_error), -1.0, 1.0)

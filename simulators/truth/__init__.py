@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simulators.cellfile import Axis, CellFile
+from simulators.cellfile import Axis, CellFile, Terms
 from simulators.truth.chain import BED, FloatArray, Pose, rotation, slide, still, table
 from simulators.truth.climate import Climate, Weather
 from simulators.truth.terms import Curve, curve, generator
@@ -48,11 +48,13 @@ class Truth:
             for name, terms in cell.truth.motions.items()
             if any(axis.letter == name[2] for axis in cell.axes)
         }
-        self._reversal = {a.letter: self._curve(a.reversal, a, f"reversal {a.letter}") for a in cell.axes}
+        self._reversal: dict[str, Curve] = {
+            a.letter: self._curve(a.reversal, a, f"reversal {a.letter}") for a in cell.axes
+        }
         self._location = {name: self._located(name, value) for name, value in cell.truth.locations.items()}
         self.climate = Climate(cell.climate)
 
-    def _curve(self, terms: tuple, axis: Axis, name: str) -> Curve:
+    def _curve(self, terms: Terms, axis: Axis, name: str) -> Curve:
         return curve(terms, axis.travel, axis.kind == "rotary", self.seed, name, self._redraw)
 
     def _located(self, name: str, value: float) -> float:
@@ -75,7 +77,8 @@ class Truth:
     def reversal(self, letter: str, motion: AxisMotion) -> FloatArray:
         """Half of B with the sense of travel, um or arcsec: + approach B/2, - approach -B/2."""
         axis = self.cell.axis(letter)
-        half = 0.5 * self.sign * motion.direction * self._reversal[letter](self._turned(letter, motion.position))
+        full = self._reversal[letter](self._turned(letter, motion.position))
+        half = np.asarray(0.5 * self.sign * motion.direction * full)
         if axis.hysteresis is not None:
             half = half + 0.5 * self.sign * axis.hysteresis.size * motion.windup
         return half

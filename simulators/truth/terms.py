@@ -85,7 +85,7 @@ def _harmonic(term: Harmonic) -> Curve:
 def _random(term: SeededCurve, travel: tuple[float, float], rotary: bool, rng: np.random.Generator) -> Curve:
     """Waves of falling size, scaled so that the curve's greatest value over the travel is `size`."""
     span = 360.0 if rotary else travel[1] - travel[0]
-    whole = np.arange(1, max(int(round(term.waves)), 1) + 1)
+    whole = np.arange(1, max(round(term.waves), 1) + 1)
     rates = 2.0 * np.pi * (whole if rotary else np.linspace(0.35, term.waves, len(whole))) / span
     heights = rng.normal(size=len(rates)) / np.sqrt(whole)
     phases = rng.uniform(0.0, 2.0 * np.pi, len(rates))

@@ -61,9 +61,7 @@ def _harmonics(given: Input) -> Input:
 def _straightness(reference: str) -> Any:
     def run(given: Input) -> Input:
         found = straightness.straightness(given["x"], given["y"], reference)
-        return {name: getattr(found, name) for name in ("slope", "intercept", "value")} | {
-            "residuals": found.residual
-        }
+        return {name: getattr(found, name) for name in ("slope", "intercept", "value")} | {"residuals": found.residual}
 
     return run
 
@@ -113,23 +111,17 @@ RUN = {
     "straightness_lsq": _straightness("lsq"),
     "straightness_minzone": _straightness("minimum-zone"),
     "squareness_runs": _runs,
-    "squareness_face": lambda g: {
-        "C0Y": squareness.from_face_diagonals(g["d_pp"], g["d_pm"], g["lx"], g["ly"])
-    },
+    "squareness_face": lambda g: {"C0Y": squareness.from_face_diagonals(g["d_pp"], g["d_pm"], g["lx"], g["ly"])},
     "edlen": _edlen,
     "ciddor": _ciddor,
     "svp": lambda g: {"p": air.saturation_pressure_pa(g["t"])},
-    "sensitivities": lambda g: dict(
-        zip(("dT", "dP", "dRH"), air.sensitivities(g["t"], g["p"], g["rh"]), strict=True)
-    ),
+    "sensitivities": lambda g: dict(zip(("dT", "dP", "dRH"), air.sensitivities(g["t"], g["p"], g["rh"]), strict=True)),
     "env_factor": _env_factor,
     "dead_path": lambda g: {"L": length.dead_path_corrected(g["L"], g["dead"], g["n0"], g["n1"])},
     "expansion": _expansion,
     "cosine": lambda g: {"err": length.cosine_error_mm(g["L"], g["lateral"])},
     "drift": _drift,
-    "rotary_combine": lambda g: {
-        "error": rotary.combine(g["command"], g["device"], g["interf"], g["reference"])
-    },
+    "rotary_combine": lambda g: {"error": rotary.combine(g["command"], g["device"], g["interf"], g["reference"])},
     "harmonics": _harmonics,
     "t_factor": lambda g: {"k": uncertainty.coverage_factor(g["p"], g["nu"])},
     "iso1328": _tolerances,

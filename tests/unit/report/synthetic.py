@@ -87,9 +87,7 @@ def axis_material(axis: str, unit: AxisUnit, seed: int = 7) -> AxisMaterial:
 def _curve(targets: FloatArray, rotary: bool) -> FloatArray:
     if rotary:
         angle = np.radians(targets)
-        return (
-            16 * np.sin(angle + 0.4) + 5 * np.sin(2 * angle) + 3 * np.cos(3 * angle) + 1.5 * np.sin(6 * angle)
-        )
+        return 16 * np.sin(angle + 0.4) + 5 * np.sin(2 * angle) + 3 * np.cos(3 * angle) + 1.5 * np.sin(6 * angle)
     return 0.03 * targets + 2.4 * np.sin(targets / 60.0) - 4
 
 
@@ -99,9 +97,7 @@ def _readings(rng: np.random.Generator, curve: FloatArray) -> FloatArray:
 
 
 def _component(axis: str, unit: AxisUnit) -> Component:
-    return Component(
-        f"E{axis[0]}{axis[0]}", axis, unit, "fourier", (0.0, 360.0), np.arange(13.0), np.eye(13), {}, 0.11
-    )
+    return Component(f"E{axis[0]}{axis[0]}", axis, unit, "fourier", (0.0, 360.0), np.arange(13.0), np.eye(13), {}, 0.11)
 
 
 def change(axis: str, unit: AxisUnit, targets: FloatArray) -> TableChange:
@@ -110,9 +106,7 @@ def change(axis: str, unit: AxisUnit, targets: FloatArray) -> TableChange:
     points = np.arange(0, top + step / 2, step)
     values = _curve(points, rotary)
     values = values - values[0]
-    old = CompensationTable(
-        "EEC", axis, axis, 0.0, top, step, tuple((0.2 * values).tolist()), rotary, 0, unit, unit
-    )
+    old = CompensationTable("EEC", axis, axis, 0.0, top, step, tuple((0.2 * values).tolist()), rotary, 0, unit, unit)
     new = replace(old, deviations=tuple(np.round(values, 3).tolist()))
     return TableChange(
         axis, old, new, True, "ab" * 32, targets, np.zeros(targets.size), np.full(targets.size, 0.45)

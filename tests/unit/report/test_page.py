@@ -213,9 +213,7 @@ def test_missing_figures_are_dashes_and_never_nan() -> None:
 
 
 def test_nothing_but_a_name_still_makes_a_page() -> None:
-    bare = ReportMaterial(
-        "s", MachineIdentity("1", "2", ()), "r", "not-pushed", (AxisMaterial("X1", "X", "mm"),)
-    )
+    bare = ReportMaterial("s", MachineIdentity("1", "2", ()), "r", "not-pushed", (AxisMaterial("X1", "X", "mm"),))
     text = Outline(render(bare)).text
     assert "measured only" in text
     assert "No evaluation." in text

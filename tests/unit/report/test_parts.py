@@ -107,10 +107,7 @@ def test_state_of_an_axis_follows_verdict_push_and_proposal() -> None:
     not_improved = replace(axis.verdict, improved=False)
     assert words.axis_state(axis)[0] == "better"
     assert words.axis_state(replace(axis, verdict=not_improved))[0] == "unchanged"
-    assert (
-        words.axis_state(replace(axis, verdict=not_improved, before=axis.after, after=axis.before))[0]
-        == "worse"
-    )
+    assert words.axis_state(replace(axis, verdict=not_improved, before=axis.after, after=axis.before))[0] == "worse"
     held = replace(axis, verdict=None, push=replace(axis.push, outcome="held"))
     assert words.axis_state(held) == ("worse", "✖", "held")
     assert words.axis_state(replace(axis, verdict=None, change=None, push=None))[2] == "measured only"
@@ -131,9 +128,7 @@ def test_data_are_json_without_nan_and_keep_every_reading() -> None:
     assert stored["capture_before"]["deviations"][0][0][0] is None
     assert stored["capture_before"]["deviations"][3][2] == readings[3, 2].tolist()
     assert stored["parameters"]["M"]["before"] == first.before.M if first.before else False
-    assert (
-        stored["change"]["new"]["deviations"][5] == first.change.new.deviations[5] if first.change else False
-    )
+    assert stored["change"]["new"]["deviations"][5] == first.change.new.deviations[5] if first.change else False
     assert (stored["unit"], stored["deviation_unit"], stored["component"]) == ("mm", "um", "EXX")
 
 

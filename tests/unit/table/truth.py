@@ -29,7 +29,7 @@ def rotary(seed: int, *, scale: float = 1.0, sign: int = 1) -> Truth:
     shares = rng.dirichlet((3.0, 2.0, 1.5, 1.0)) * rng.uniform(15.0, 25.0) * scale
     waves = [*zip((1, 2, 3, 6), shares, strict=True), (36, 0.2 * min(scale, 1.0))]
     phases = rng.uniform(0.0, 2 * np.pi, len(waves))
-    order, phase = int(rng.integers(1, 4)), rng.uniform(0.0, 2 * np.pi)
+    phase = rng.uniform(0.0, 2 * np.pi, 2)
 
     def error(c: np.ndarray) -> np.ndarray:
         turn = np.radians(c)
@@ -37,7 +37,7 @@ def rotary(seed: int, *, scale: float = 1.0, sign: int = 1) -> Truth:
         return sign * np.sum(list(waved), axis=0)
 
     def instrument(c: np.ndarray) -> np.ndarray:
-        return 0.3 * np.cos(order * np.radians(c) - phase)
+        return 0.2 * np.cos(np.radians(c) - phase[0]) + 0.1 * np.cos(2 * np.radians(c) - phase[1])
 
     return Truth(error, instrument, 0.6, 0.15, 0.3)
 

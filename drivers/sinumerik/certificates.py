@@ -1,0 +1,97 @@
+"""X.509 for OPC UA: a self-signed application certificate, and fingerprints to pin a peer by."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import rsa
+from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
+
+YEARS = 10
+
+
+@dataclass(frozen=True, slots=True)
+class KeyPair:
+    """Where a certificate (DER) and its private key (PEM, readable by its owner alone) lie."""
+
+    certificate: Path
+    key: Path
+
+
+def own_key_pair(folder: Path, name: str, application_uri: str, host: str, *, server: bool = False) -> KeyPair:
+    """The key pair of an application, made at first use. Raises OSError when the folder cannot be used."""
+    pair = KeyPair(folder / f"{name}.der", folder / f"{name}.key.pem")
+    if pair.certificate.is_file() and pair.key.is_file():
+        return pair
+    folder.mkdir(parents=True, exist_ok=True)
+    key = rsa.generate_private_key(public_exponent=65537, key_size=2048)
+    _write_private(pair.key, _pem(key))
+    certificate = _self_signed(key, name, application_uri, host, server=server)
+    pair.certificate.write_bytes(certificate.public_bytes(serialization.Encoding.DER))
+    return pair
+
+
+def load(content: bytes) -> x509.Certificate:
+    """A certificate from DER or PEM. Raises ValueError for anything else."""
+    if content.lstrip().startswith(b"-----BEGIN"):
+        return x509.load_pem_x509_certificate(content)
+    return x509.load_der_x509_certificate(content)
+
+
+def fingerprint(certificate: x509.Certificate) -> str:
+    """SHA-256 of the DER form, as pairs of hex digits."""
+    return certificate.fingerprint(hashes.SHA256()).hex(":").upper()
+
+
+def _pem(key: rsa.RSAPrivateKey) -> bytes:
+    return key.private_bytes(
+        serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
+    )
+
+
+def _write_private(path: Path, content: bytes) -> None:
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+    with os.fdopen(descriptor, "wb") as file:
+        file.write(content)
+
+
+def _self_signed(
+    key: rsa.RSAPrivateKey, name: str, application_uri: str, host: str, *, server: bool
+) -> x509.Certificate:
+    subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
+    now = datetime.now(UTC)
+    names = [x509.UniformResourceIdentifier(application_uri), x509.DNSName(host)]
+    usage = ExtendedKeyUsageOID.SERVER_AUTH if server else ExtendedKeyUsageOID.CLIENT_AUTH
+    builder = (
+        x509.CertificateBuilder()
+        .subject_name(subject)
+        .issuer_name(subject)
+        .public_key(key.public_key())
+        .serial_number(x509.random_serial_number())
+        .not_valid_before(now - timedelta(days=1))
+        .not_valid_after(now + timedelta(days=365 * YEARS))
+        .add_extension(x509.SubjectAlternativeName(names), critical=False)
+        .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
+        .add_extension(_key_usage(), critical=True)
+        .add_extension(x509.ExtendedKeyUsage([usage]), critical=False)
+    )
+    return builder.sign(key, hashes.SHA256())
+
+
+def _key_usage() -> x509.KeyUsage:
+    return x509.KeyUsage(
+        digital_signature=True,
+        content_commitment=True,
+        key_encipherment=True,
+        data_encipherment=True,
+        key_agreement=False,
+        key_cert_sign=False,
+        crl_sign=False,
+        encipher_only=False,
+        decipher_only=False,
+    )

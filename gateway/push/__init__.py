@@ -1,0 +1,39 @@
+"""Tables into the controller so that old or new is live at every instant; recovery; the sign proof."""
+
+from __future__ import annotations
+
+from drivers.errors import TrueflankError
+from gateway.domain import PushRecord
+from gateway.errors import RollbackFailed, VerifyError, WriteRefused
+from gateway.push.context import AxisFacts, PushContext
+from gateway.push.recovery import Finding, look, recover, unfinished
+from gateway.push.signproof import prove_sign
+from gateway.push.transaction import Asked, ask, push_table
+
+__all__ = [
+    "Asked",
+    "AxisFacts",
+    "Finding",
+    "PushContext",
+    "ask",
+    "look",
+    "outcome_error",
+    "prove_sign",
+    "push_table",
+    "recover",
+    "unfinished",
+]
+
+
+def outcome_error(record: PushRecord) -> TrueflankError | None:
+    """The error a shell should end with for a push that did not do what was asked; None when it did."""
+    last = record.steps[-1] if record.steps else ""
+    if record.outcome == "refused":
+        reasons = "; ".join(record.steps)
+        return WriteRefused("E-PUSH-REFUSED", record.axis, count=len(record.steps), reasons=reasons)
+    if record.outcome == "rolled-back":
+        why = next((step for step in record.steps if " ROLLING_BACK" in step), last)
+        return VerifyError("E-PUSH-ROLLED-BACK", record.axis, axis=record.axis, why=why)
+    if record.outcome == "held":
+        return RollbackFailed("E-PUSH-HELD", record.axis, axis=record.axis, backup=record.backup_path or "none")
+    return None

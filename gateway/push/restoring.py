@@ -1,0 +1,69 @@
+"""Back to the old table, once and under the same checks; where that is not possible, hold and say so."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from drivers.errors import TrueflankError
+from gateway.errors import VerifyError, WriteRefused
+from gateway.interlocks import refusals
+from gateway.push import conversation
+from gateway.push.compare import differences, same_table
+from gateway.push.loading import load, release, same_machine
+from gateway.push.work import Outcome, Work
+
+
+async def roll_back(work: Work, why: str) -> Outcome:
+    """Restore what was live before. "rolled-back" when it is proved to be so again, else "held".
+
+    Raises StoreError when the journal cannot be written: then nothing more may be done.
+    """
+    work.note("ROLLING_BACK", why=why)
+    work.context.say("P-PUSH-RESTORE", axis=work.axis, why=why)
+    try:
+        await _restore(work)
+    except TrueflankError as error:
+        work.note("HELD", why=str(error), backup=work.backup_path)
+        work.context.say("P-PUSH-HELD", axis=work.axis, why=str(error), backup=work.backup_path or "none yet")
+        return "held"
+    work.note("ROLLED_BACK")
+    return "rolled-back"
+
+
+async def _restore(work: Work) -> None:
+    """Read first: what is already as it was is left alone, what is neither old nor new is left to a person."""
+    await same_machine(work)
+    await conversation.leave_program(work.context)
+    await _asked(work)
+    live = (await conversation.read_live(work.context, work.agreeing_position)).eec
+    if same_table(work.restore_to, live, work.allowed):
+        return
+    if live.enabled and differences(work.change.new, live.table, work.allowed):
+        raise VerifyError("E-PUSH-FOREIGN", work.axis, axis=work.axis)
+    await play_back(work)
+
+
+async def _asked(work: Work) -> None:
+    """The interlocks of a restore. Raises WriteRefused (E-PUSH-REFUSED) with every reason."""
+    change = replace(work.change, new=work.restore_to.table)
+    context, place = work.context, work.agreeing_position
+    facts = await conversation.facts_at_start(context, change, "restore", work.limits, place)
+    found = refusals(facts)
+    if found:
+        reasons = "; ".join(refusal.words for refusal in found)
+        raise WriteRefused("E-PUSH-REFUSED", work.axis, count=len(found), reasons=reasons)
+
+
+async def play_back(work: Work) -> None:
+    """Load the old table by a restore order, give its switch back, read all again.
+
+    Raises VerifyError (E-PUSH-NOT-RESTORED and those of `load` and `release`) and what the port raises.
+    """
+    old = work.restore_to
+    order = work.order(old.table, old.enabled, "restore", work.fresh_number())
+    await load(work, order, None)
+    await release(work, order)
+    live = (await conversation.read_live(work.context, work.agreeing_position)).eec
+    if not same_table(old, live, work.allowed):
+        different = differences(old.table, live.table, work.allowed) or ("the switch differs",)
+        raise VerifyError("E-PUSH-NOT-RESTORED", work.axis, axis=work.axis, first=different[0])

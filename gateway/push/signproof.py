@@ -1,0 +1,191 @@
+"""The sign proof: in which direction this machine applies a table, measured on the machine itself.
+
+A triangle table, zero at the reference and both ends, peak 3 um or 3 arcsec, is loaded and activated; the
+axis stands at the peak while the compensation is switched off and on three times. The mean step must be the
+peak within 20 % and more than four times its uncertainty. The old table and its switch are restored.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+from math import ceil, floor
+from typing import Any
+
+import numpy as np
+
+from drivers.errors import TableError, TrueflankError
+from drivers.types import CompensationTable, LiveSet, SignProof, Stop, StopReached, TableLimits
+from drivers.units import deviation_unit
+from gateway.domain import TableChange
+from gateway.errors import RollbackFailed, VerifyError, WriteRefused
+from gateway.push import conversation, journal
+from gateway.push.context import PushContext
+from gateway.push.loading import load, release
+from gateway.push.lock import machine_lock
+from gateway.push.restoring import roll_back
+from gateway.push.transaction import ask, keep
+from gateway.push.work import Work, begun
+
+PEAK = 3.0
+WITHIN = 0.2
+TIMES_U = 4.0
+TIMES = 3
+ReadStop = Callable[[Stop], Awaitable[tuple[float, float]]]
+
+
+@dataclass(frozen=True, slots=True)
+class Steps:
+    """What switching on did: mean step in um or arcsec, positive when the axis moved positive, and its u."""
+
+    mean: float
+    u: float
+    each: tuple[float, ...]
+
+
+def triangle(context: PushContext, minimum: float, maximum: float, step: float) -> tuple[CompensationTable, float]:
+    """The proof's table on the axis' grid, and where its peak is.
+
+    Zero at the reference (and its two neighbours when it lies between points), at both ends and everywhere
+    outside the longer side of the reference. Raises TableError (E-PUSH-TRIANGLE) when no peak fits.
+    """
+    axis = context.axis
+    count = round((maximum - minimum) / step) + 1
+    at = min(max((axis.reference - minimum) / step, 0.0), float(count - 1))
+    below, above = (0, floor(at + 1e-9)), (ceil(at - 1e-9), count - 1)
+    first, last = max(below, above, key=lambda side: side[1] - side[0])
+    peak = _peak(axis.travel, minimum, step, first, last)
+    if not first < peak < last:
+        grid: dict[str, Any] = {"minimum": minimum, "maximum": maximum, "step": step}
+        raise TableError("E-PUSH-TRIANGLE", axis.name, axis=axis.name, **grid)
+    values = np.interp(np.arange(count), [first, peak, last], [0.0, PEAK, 0.0])
+    table = CompensationTable(
+        "EEC",
+        axis.name,
+        axis.name,
+        minimum,
+        maximum,
+        step,
+        tuple(round(float(value), 3) for value in values),
+        modulo=axis.modulo,
+        index=axis.encoder,
+        input_unit=axis.unit,
+        output_unit=axis.unit,
+    )
+    return table, minimum + peak * step
+
+
+def _peak(travel: tuple[float, float], minimum: float, step: float, first: int, last: int) -> int:
+    """The grid point nearest to the middle of the side that the axis can reach."""
+    low = max(first + 1, ceil((travel[0] - minimum) / step))
+    high = min(last - 1, floor((travel[1] - minimum) / step))
+    return min(max((first + last) // 2, low), high) if low <= high else first
+
+
+async def prove_sign(
+    context: PushContext,
+    minimum: float,
+    maximum: float,
+    step: float,
+    read_stop: ReadStop,
+    setup: str = "",
+) -> SignProof:
+    """Prove the EEC sign of one axis on its grid; the caller keeps the record.
+
+    `read_stop` gives the settled reading at a stop in um or arcsec, positive as the axis counts, and its u;
+    only differences matter. ``setup`` is the operator's message for mounting the optics.
+    Raises WriteRefused (E-PUSH-REFUSED), VerifyError (E-PUSH-NO-PROOF, E-PUSH-SIGN), RollbackFailed
+    (E-PUSH-HELD), BusyError, StoreError, and what port or reading raise; the old table is then live again.
+    """
+    table, peak = triangle(context, minimum, maximum, step)
+    folder = journal.machine_folder(context.journals, context.machine.serial)
+    with machine_lock(folder):
+        await _allowed(context, _change(table, None))
+        live = await conversation.read_live(context, context.axis.reference)
+        change = _change(table, live)
+        asked = await _allowed(context, change)
+        with begun(context, folder, change, "sign-proof", asked.limits, asked.place) as work:
+            steps = await _proved(work, live, peak, read_stop, setup)
+    return _judged(context, steps)
+
+
+@dataclass(frozen=True, slots=True)
+class _Allowed:
+    limits: TableLimits
+    place: float
+
+
+def _change(table: CompensationTable, live: LiveSet | None) -> TableChange:
+    """Before the live table is known the triangle is asked about as if nothing were live."""
+    nothing = np.zeros(0)
+    old, enabled = (live.eec.table, live.eec.enabled) if live is not None else (table, False)
+    digest = live.digest if live is not None else ""
+    return TableChange(table.output_axis, old, table, enabled, digest, nothing, nothing, nothing)
+
+
+async def _allowed(context: PushContext, change: TableChange) -> _Allowed:
+    asked = await ask(change, context, "sign-proof")
+    if asked.refusals or asked.agreeing_position is None:
+        reasons = "; ".join(refusal.words for refusal in asked.refusals)
+        raise WriteRefused("E-PUSH-REFUSED", change.axis, count=len(asked.refusals), reasons=reasons)
+    return _Allowed(asked.limits, asked.agreeing_position)
+
+
+async def _proved(work: Work, live: LiveSet, peak: float, read_stop: ReadStop, setup: str) -> Steps:
+    """Load the triangle, measure, and put the old table back whatever happened."""
+    keep(work, live)
+    failure: TrueflankError | None = None
+    try:
+        order = work.order(work.change.new, True, "sign-proof", work.number)
+        await load(work, order, live)
+        await release(work, order)
+        steps = await _measured(work.context, peak, read_stop, setup)
+        work.note("MEASURED", mean=steps.mean, u=steps.u, each=list(steps.each))
+    except TrueflankError as error:
+        failure = error
+    why = str(failure) if failure is not None else "the sign proof has been measured"
+    if await roll_back(work, why) == "held":
+        held = RollbackFailed("E-PUSH-HELD", work.axis, axis=work.axis, backup=work.backup_path)
+        raise held from failure
+    if failure is not None:
+        raise failure
+    return steps
+
+
+async def _measured(context: PushContext, peak: float, read_stop: ReadStop, setup: str) -> Steps:
+    """Off and on three times while the axis stands at the peak."""
+    approach = conversation.approach_to(context, peak)
+    stops = tuple(
+        Stop(peak, approach, repetition=number // 2, label=number, switch=bool(number % 2))
+        for number in range(2 * TIMES)
+    )
+    readings: list[tuple[float, float]] = []
+
+    async def read(stop: Stop, _reached: StopReached) -> None:
+        readings.append(await read_stop(stop))
+
+    context.say("P-PUSH-SIGN", axis=context.axis.name, position=peak)
+    await conversation.visit(context, conversation.plan_of(context, "TFSIGN", stops, setup), read)
+    return steps_of(readings)
+
+
+def steps_of(readings: list[tuple[float, float]]) -> Steps:
+    """Mean of the on-minus-off differences of (value, u) pairs, off first; u from the larger of u and scatter."""
+    off, on = np.array(readings[0::2]), np.array(readings[1::2])
+    each = on[:, 0] - off[:, 0]
+    stated = float(np.sqrt(np.sum(on[:, 1] ** 2 + off[:, 1] ** 2))) / each.size
+    scatter = float(np.std(each, ddof=1)) / float(np.sqrt(each.size))
+    return Steps(float(np.mean(each)), max(stated, scatter), tuple(float(value) for value in each))
+
+
+def _judged(context: PushContext, steps: Steps) -> SignProof:
+    axis = context.axis
+    size_right = abs(abs(steps.mean) - PEAK) <= WITHIN * PEAK
+    if not size_right or not abs(steps.mean) > TIMES_U * steps.u:
+        told: dict[str, Any] = {"mean": round(steps.mean, 3), "u": round(steps.u, 3), "peak": PEAK}
+        raise VerifyError("E-PUSH-NO-PROOF", axis.name, axis=axis.name, unit=deviation_unit(axis.unit), **told)
+    if steps.mean > 0:
+        told = {"mean": round(steps.mean, 3), "unit": deviation_unit(axis.unit)}
+        raise VerifyError("E-PUSH-SIGN", axis.name, axis=axis.name, **told)
+    moment = context.clock.utc().isoformat(timespec="seconds")
+    return SignProof(context.machine, "EEC", axis.name, steps.mean / PEAK, steps.u / PEAK, 1, moment)

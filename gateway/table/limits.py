@@ -1,0 +1,83 @@
+"""What a compensation table may be: number of points, values, slopes, and change against the live one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drivers.errors import TableError, TooManyPoints, ValueOutOfRange
+from drivers.types import CompensationTable
+from drivers.units import DeviationUnit
+from gateway.domain import FloatArray
+from gateway.table.comparison import acting
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Largest |value| and change in the deviation unit; slopes in deviation unit per mm or deg."""
+
+    value: float
+    change: float
+    slope: float
+    slope_warning: float
+
+    @classmethod
+    def usual(cls, unit: DeviationUnit) -> Limits:
+        """0.200 mm, 0.120 mm, 1.0 and 0.2 um/mm; 0.050 deg, 0.015 deg, 10 and 5 arcsec/deg."""
+        if unit == "um":
+            return cls(value=200.0, change=120.0, slope=1.0, slope_warning=0.2)
+        return cls(value=180.0, change=54.0, slope=10.0, slope_warning=5.0)
+
+
+def check_points(needed: int, reserved: int, axis: str) -> None:
+    """Raise TooManyPoints (E-TABLE-POINTS) when the controller reserved fewer points than needed."""
+    if needed > reserved:
+        raise TooManyPoints("E-TABLE-POINTS", axis, needed=needed, reserved=reserved)
+
+
+def check(new: CompensationTable, live: CompensationTable, limits: Limits, axis: str) -> tuple[str, ...]:
+    """Findings of a table against limits and against what acts now (`live`, all zero when switched off).
+
+    Raises ValueOutOfRange: E-TABLE-VALUE, E-TABLE-SLOPE, E-TABLE-CHANGE, with position and limit.
+    """
+    values = np.asarray(new.deviations)
+    if not np.isfinite(values).all():
+        raise ValueOutOfRange("E-TABLE-VALUE", axis, value="not a number", at="", limit=limits.value, unit="")
+    _refuse("E-TABLE-VALUE", values, new.positions, limits.value, new, axis)
+    slopes = np.diff(values) / new.step
+    middles = new.positions[:-1] + new.step / 2.0
+    _refuse("E-TABLE-SLOPE", slopes, middles, limits.slope, new, axis)
+    _refuse("E-TABLE-CHANGE", values - acting(live, new.positions), new.positions, limits.change, new, axis)
+    steepest = int(np.argmax(np.abs(slopes)))
+    if abs(slopes[steepest]) <= limits.slope_warning:
+        return ()
+    return (
+        told(
+            "W-TABLE-STEEP",
+            axis,
+            slope=f"{slopes[steepest]:.3g}",
+            at=f"{middles[steepest]:g}",
+            limit=limits.slope_warning,
+            unit=new.deviation_unit,
+            per=new.input_unit,
+        ),
+    )
+
+
+def told(code: str, axis: str, **fields: str | float) -> str:
+    """A finding in the words of the catalogue."""
+    return str(TableError(code, axis, retryable=False, **fields))
+
+
+def _refuse(code: str, values: FloatArray, at: FloatArray, limit: float, table: CompensationTable, axis: str) -> None:
+    worst = int(np.argmax(np.abs(values)))
+    if abs(values[worst]) > limit:
+        raise ValueOutOfRange(
+            code,
+            axis,
+            value=f"{values[worst]:.4g}",
+            at=f"{at[worst]:g} {table.input_unit}",
+            limit=limit,
+            unit=table.deviation_unit,
+        )

@@ -1,0 +1,216 @@
+"""One axis' fitted deviation and its live table -> the table to load, what it will do, or why there is none."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import chdtri
+
+from drivers.errors import Gap
+from drivers.types import CompensationTable, LiveSet
+from drivers.units import AxisUnit, DeviationUnit, deviation_scale, deviation_unit
+from gateway.domain import Component, FloatArray, TableChange
+from gateway.model.components import is_periodic, standard_uncertainty, value
+from gateway.table.comparison import acting, effective
+from gateway.table.limits import Limits, check, check_points, told
+from gateway.table.projection import Grid, project, quantised, zeroed
+
+BAND_RISK = 0.01
+WIDEST_BRIDGE_DEG = 60.0
+TURN_DEG = 360.0
+
+
+@dataclass(frozen=True, slots=True)
+class TableAxis:
+    """The axis a table is for: ``reference`` is where its table must be zero, in the axis unit."""
+
+    name: str
+    unit: AxisUnit
+    reference: float
+    modulo: bool
+
+    @property
+    def deviation_unit(self) -> DeviationUnit:
+        """Unit of the table's values."""
+        return deviation_unit(self.unit)
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """Means of both directions (m,) at targets (m,), their standard uncertainties u (m,); NaN is missing."""
+
+    targets: FloatArray
+    means: FloatArray
+    u: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class InstrumentU:
+    """Expanded uncertainty (k = 2) common to all readings: constant + per_unit x |position - reference|."""
+
+    constant: float
+    per_unit: float = 0.0
+
+    @classmethod
+    def usual(cls, unit: DeviationUnit) -> InstrumentU:
+        """A laser on a machine: 0.3 um + 1.5 um/m (air, material to 0.2 K); a rotary calibrator: 1 arcsec."""
+        return cls(0.3, 0.0015) if unit == "um" else cls(1.0)
+
+    def standard(self, distance: FloatArray) -> FloatArray:
+        """Standard uncertainty at a distance from the reference."""
+        return np.asarray((self.constant + self.per_unit * np.abs(distance)) / 2.0)
+
+
+def propose(
+    axis: TableAxis,
+    component: Component,
+    measured: Measured,
+    live: LiveSet,
+    grid: Grid,
+    *,
+    resolution: float,
+    reserved_points: int,
+    instrument: InstrumentU | None = None,
+    limits: Limits | None = None,
+) -> TableChange:
+    """The EEC table that cancels the fitted deviation of an axis (value = +deviation, house sign rule).
+
+    ``component`` was fitted to ``measured``, captured while ``live`` acted: new = live (if enabled) +
+    fitted, by least squares on the grid, zero at the reference, first = last for a modulo axis, rounded to
+    ``resolution`` (axis unit: mm or deg). Beyond the measured range the last fitted value holds.
+
+    Nothing is proposed (``skipped`` says why) when the whole fitted curve lies within its uncertainty:
+    |d - mean d| <= sqrt(Scheffe band of the fit (99 %)^2 + U_instrument^2) everywhere, or when the means would
+    not get a smaller range. The decision is for the whole curve: leaving out single points would put jumps
+    of their uncertainty into the table. ``predicted`` is zero on the fitted curve at the reference; compare
+    a later measurement after removing its common offset.
+
+    Raises TooManyPoints (E-TABLE-POINTS), Gap (E-TABLE-GRID, E-TABLE-TURN), ValueOutOfRange (see `check`).
+    """
+    check_points(grid.intervals + 1, reserved_points, axis.name)
+    _check_turn(axis, component, grid)
+    known = instrument or InstrumentU.usual(axis.deviation_unit)
+    acts = effective(live.eec)
+    new = _merged(axis, component, live.eec.table, acts, grid, resolution)
+    skipped = _why_not(axis, component, measured, known, acts, new)
+    findings: tuple[str, ...] = ()
+    if skipped:
+        new = live.eec.table
+    else:
+        limit = limits or Limits.usual(axis.deviation_unit)
+        findings = (*_coverage(axis, component, grid), *check(new, acts, limit, axis.name))
+    return TableChange(
+        axis=axis.name,
+        old=live.eec.table,
+        new=new,
+        old_enabled=live.eec.enabled,
+        base_digest=live.digest,
+        targets=measured.targets,
+        predicted=_predicted(axis, component, measured, acts, acts if skipped else new),
+        predicted_U=_predicted_U(axis, component, measured, known),
+        findings=findings,
+        skipped=skipped,
+    )
+
+
+def _merged(
+    axis: TableAxis,
+    component: Component,
+    old: CompensationTable,
+    acts: CompensationTable,
+    grid: Grid,
+    resolution: float,
+) -> CompensationTable:
+    values = project(lambda at: acting(acts, at) + value(component, at), grid, modulo=axis.modulo)
+    values = zeroed(values, grid, axis.reference, modulo=axis.modulo)
+    return replace(
+        old,
+        minimum=grid.minimum,
+        maximum=grid.maximum,
+        step=grid.step,
+        deviations=quantised(values, resolution, deviation_scale(axis.unit)),
+        modulo=axis.modulo,
+        input_unit=axis.unit,
+        output_unit=axis.unit,
+    )
+
+
+def _check_turn(axis: TableAxis, component: Component, grid: Grid) -> None:
+    if not axis.modulo:
+        return
+    if abs(grid.maximum - grid.minimum - TURN_DEG) > 1e-9:
+        raise Gap("E-TABLE-GRID", axis.name, minimum=grid.minimum, maximum=grid.maximum, step=grid.step)
+    if not is_periodic(component) and component.basis != "constant":
+        raise Gap("E-TABLE-TURN", axis.name, low=component.domain[0], high=component.domain[1])
+
+
+def _why_not(
+    axis: TableAxis,
+    component: Component,
+    measured: Measured,
+    instrument: InstrumentU,
+    acts: CompensationTable,
+    new: CompensationTable,
+) -> str:
+    largest, bound = _significance(axis, component, instrument)
+    unit = axis.deviation_unit
+    if largest <= 1.0:
+        return told("S-TABLE-WITHIN-U", axis.name, bound=f"{bound:.2g}", unit=unit)
+    before = float(np.nanmax(measured.means) - np.nanmin(measured.means))
+    after = _predicted(axis, component, measured, acts, new)
+    left = float(np.nanmax(after) - np.nanmin(after))
+    if left >= before:
+        return told("S-TABLE-NO-GAIN", axis.name, before=f"{before:.3g}", after=f"{left:.3g}", unit=unit)
+    return ""
+
+
+def _significance(axis: TableAxis, component: Component, instrument: InstrumentU) -> tuple[float, float]:
+    """(largest |d - mean d| / U over the measured range, U there).
+
+    U joins the Scheffe band of the fit, which holds for all positions at once with 99 %, and the instrument.
+    """
+    at = np.linspace(*component.domain, 721)
+    d = value(component, at)
+    freedom = max(component.coefficients.size - 1, 1)
+    band = np.sqrt(chdtri(freedom, BAND_RISK)) * standard_uncertainty(component, at)
+    U = np.hypot(band, 2.0 * instrument.standard(at - axis.reference))
+    ratio = np.abs(d - d.mean()) / U
+    worst = int(np.argmax(ratio))
+    return float(ratio[worst]), float(U[worst])
+
+
+def _predicted(
+    axis: TableAxis,
+    component: Component,
+    measured: Measured,
+    acts: CompensationTable,
+    new: CompensationTable,
+) -> FloatArray:
+    places = np.append(measured.targets, axis.reference)
+    change = acting(new, places) - acting(acts, places)
+    datum = float(value(component, axis.reference))
+    return np.asarray(measured.means - datum - (change[:-1] - change[-1]))
+
+
+def _predicted_U(axis: TableAxis, component: Component, measured: Measured, instrument: InstrumentU) -> FloatArray:
+    """k = 2: readings before and after, the fit, what lies unseen between targets, and the instrument."""
+    at = measured.targets
+    variance = 2.0 * measured.u**2 + standard_uncertainty(component, at) ** 2 + component.residual_rms**2
+    return np.asarray(2.0 * np.sqrt(variance + instrument.standard(at - axis.reference) ** 2))
+
+
+def _coverage(axis: TableAxis, component: Component, grid: Grid) -> Sequence[str]:
+    if is_periodic(component):
+        nodes = np.asarray(component.parameters.get("nodes", ()), dtype=np.float64)
+        bridge = float(np.diff(np.append(nodes, nodes[0] + TURN_DEG)).max()) if nodes.size else 0.0
+        if bridge > WIDEST_BRIDGE_DEG:
+            return [told("W-TABLE-BRIDGE", axis.name, gap=f"{bridge:g}", unit=axis.unit)]
+        return []
+    low, high = component.domain
+    tolerance = grid.step * 1e-6
+    if low <= grid.minimum + tolerance and high >= grid.maximum - tolerance:
+        return []
+    fields = {"low": f"{low:g}", "high": f"{high:g}", "minimum": f"{grid.minimum:g}"}
+    return [told("W-TABLE-FLAT", axis.name, **fields, maximum=f"{grid.maximum:g}", unit=axis.unit)]

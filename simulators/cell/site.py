@@ -1,0 +1,82 @@
+"""The site file of a running cell: what a gateway needs to know of it, and no more."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from simulators.cellfile import Axis, CellFile, Setup
+
+
+def site_text(cell: CellFile, serial: str, controller: Mapping[str, Any], urls: Mapping[str, str]) -> str:
+    """A site file in TOML. `controller` has url and settings; `urls` names each instrument's wire."""
+    site = cell.site
+    parts = [
+        f"# Written by the simulated cell {cell.name!r}; valid while it runs.",
+        section("site", {"name": site.name, "store": site.store}),
+        section("controller", {"driver": "sinumerik-opcua", "serial": serial, **controller}),
+    ]
+    if site.operator:
+        parts.append(section("operator", site.operator))
+    parts += [_instrument(cell, name, url) for name, url in urls.items()]
+    parts += [_axis(cell, axis) for axis in cell.axes if axis.measure is not None and axis.table is not None]
+    return "\n".join(parts)
+
+
+def _instrument(cell: CellFile, name: str, url: str) -> str:
+    spec = next(found for found in cell.instruments if found.name == name)
+    serial = spec.serial if spec.kind == "bridge" else ""  # a uMD counter has no serial number of its own
+    keys: dict[str, Any] = {"name": name, "driver": spec.kind, "url": url, "serial": serial}
+    return section("[instruments]", keys | ({"settings": spec.settings} if spec.settings else {}))
+
+
+def _axis(cell: CellFile, axis: Axis) -> str:
+    measure = dict(axis.measure or {})
+    setup = _setup(cell, axis, str(measure.get("component", "")))
+    if setup is not None and "file" not in measure:
+        measure.setdefault("instrument", setup.instrument)
+        measure.setdefault("dead_path_mm", setup.dead_path_mm)
+    keys = {
+        "name": axis.name,
+        "letter": axis.letter,
+        "kind": axis.kind,
+        "travel": list(axis.travel),
+        "reference": axis.reference,
+        "modulo": axis.modulo,
+    }
+    return "\n".join(
+        (section("[axes]", keys), section("axes.measure", measure), section("axes.table", axis.table or {}))
+    )
+
+
+def _setup(cell: CellFile, axis: Axis, component: str) -> Setup | None:
+    found = (s for s in cell.setups if s.axis == axis.letter and s.component == component)
+    return next(found, None)
+
+
+def section(name: str, keys: Mapping[str, Any]) -> str:
+    """One TOML table with its keys, ended by an empty line."""
+    lines = [f"{key} = {value(item)}" for key, item in keys.items()]
+    return "\n".join((f"[{name}]", *lines, ""))
+
+
+def value(item: Any) -> str:
+    """A value in TOML: text, numbers, true and false, lists and inline tables."""
+    match item:
+        case bool():
+            return "true" if item else "false"
+        case int() | float():
+            return repr(item)
+        case list() | tuple():
+            return "[" + ", ".join(value(each) for each in item) + "]"
+        case Mapping():
+            return "{ " + ", ".join(f"{key} = {value(each)}" for key, each in item.items()) + " }"
+        case _:
+            return quoted(str(item))
+
+
+def quoted(text: str) -> str:
+    """A TOML basic string."""
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    plain = "".join(c if c.isprintable() else f"\\u{ord(c):04x}" for c in escaped)
+    return f'"{plain}"'

@@ -1,0 +1,5 @@
+"""The OPC UA server of a SINUMERIK control, in front of the NCK double."""
+
+from simulators.opcua.server import ServerSettings, SinumerikServer, serving
+
+__all__ = ["ServerSettings", "SinumerikServer", "serving"]

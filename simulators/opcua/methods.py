@@ -1,0 +1,103 @@
+"""The server's methods: files in and out, program selection, own rights. There is none that starts a program."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from drivers.sinumerik import nodes
+from simulators.nck.machine import Nck, NckRefusal
+from simulators.opcua.space import Refused
+from simulators.opcua.users import Account
+
+MAX_FILE = 16 * 1024 * 1024
+_CHANNEL_RESET = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Signature:
+    """Argument names and wire types of a method, and the type of its one result ("" for none)."""
+
+    name: str
+    arguments: tuple[tuple[str, str], ...]
+    result: str
+
+
+SIGNATURES = (
+    Signature("CopyFileToServer", (("TargetFilename", "String"), ("Data", "ByteString"), ("Overwrite", "Boolean")), ""),
+    Signature("CopyFileFromServer", (("SourceFile", "String"),), "ByteString"),
+    Signature("Select", (("SourceFileNodeId", "String"), ("ChannelNumber", "Int32")), "Int32"),
+    Signature("GetMyAccessRights", (), "String"),
+)
+FILE_METHODS = ("CopyFileToServer", "CopyFileFromServer", "Select")
+
+
+class Methods:
+    """Calls by name for one account at a time."""
+
+    def __init__(self, nck: Nck, file_write_level: int) -> None:
+        self._nck = nck
+        self._file_write_level = file_write_level
+        self._known: dict[str, Callable[..., Any]] = {
+            "CopyFileToServer": self._to_server,
+            "CopyFileFromServer": self._from_server,
+            "Select": self._select,
+            "GetMyAccessRights": self._rights,
+        }
+
+    def call(self, name: str, arguments: Sequence[Any], types: Sequence[str], account: Account) -> Any:
+        """Result of a method, None if it has none. Raises Refused with the status the server gives."""
+        signature = next((one for one in SIGNATURES if one.name == name), None)
+        if signature is None:
+            raise Refused("BadMethodInvalid")
+        if not account.name:
+            raise Refused("BadRequestNotAllowed")
+        if list(types) != [kind for _, kind in signature.arguments]:
+            raise Refused("BadInvalidArgument")
+        if self._nck.booting:
+            raise Refused("BadCommunicationError")
+        return self._known[name](account, *arguments)
+
+    def _to_server(self, account: Account, target: str, data: bytes | None, overwrite: bool) -> None:
+        path = self._file(target)
+        if not account.may("FsWrite"):
+            raise Refused("BadUserAccessDenied")
+        if self._nck.access_level > self._file_write_level:
+            raise Refused("BadNotSupported")
+        if len(data or b"") > MAX_FILE:
+            raise Refused("BadOutOfRange")
+        if self._nck.files.exists(path) and not overwrite:
+            raise Refused("BadInvalidArgument")
+        if path == self._nck.selected and int(self._nck.channel_status) != _CHANNEL_RESET:
+            raise Refused("BadInvalidState")
+        try:
+            self._nck.files.write(path, data or b"")
+        except NckRefusal as refusal:
+            raise Refused("BadResourceUnavailable") from refusal
+
+    def _from_server(self, account: Account, source: str) -> bytes:
+        path = self._file(source)
+        if not account.may("FsRead"):
+            raise Refused("BadUserAccessDenied")
+        if not self._nck.spec.fetch_while_waiting and int(self._nck.channel_status) != _CHANNEL_RESET:
+            raise Refused("BadInvalidState")
+        if not self._nck.files.exists(path):
+            raise Refused("BadNotFound")
+        return bytes(self._nck.files.read(path))
+
+    def _select(self, account: Account, source: str, channel: int) -> int:
+        if not account.may("ApWrite"):
+            raise Refused("BadUserAccessDenied")
+        path = nodes.from_file(source)
+        return int(self._nck.select(path, channel)) if path else 2
+
+    def _rights(self, account: Account) -> str:
+        return ";".join(sorted(account.rights))
+
+    @staticmethod
+    def _file(path: str) -> str:
+        name = nodes.from_file(path) if isinstance(path, str) else None
+        if name is None:
+            raise Refused("BadInvalidArgument")
+        return name

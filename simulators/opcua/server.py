@@ -1,0 +1,168 @@
+"""The control's OPC UA server on loopback: end points, certificate, users and the visible part of its tree."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+from asyncua import ua
+from asyncua.common.utils import ServiceError
+from asyncua.server.server import Server
+
+from drivers.clock import Clock
+from drivers.errors import ConfigError
+from drivers.sinumerik import nodes
+from drivers.sinumerik.certificates import KeyPair, load, own_key_pair
+from simulators.nck.machine import Nck
+from simulators.opcua.methods import FILE_METHODS, SIGNATURES, Methods
+from simulators.opcua.space import Space
+from simulators.opcua.users import accounts_of
+from simulators.opcua.wire import Accounts, SinumerikInternalServer
+
+APPLICATION_URI = "urn:sinumerik:opcua:server"
+_POLICIES = {
+    "None": ua.SecurityPolicyType.NoSecurity,
+    "Basic256Sha256": ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class ServerSettings:
+    """How the server is set up. ``folder`` holds its certificate and outlives the server if given.
+
+    ``users`` name -> password or {password, rights}; ``trusted`` lists client certificates (all if None);
+    ``method_folder`` "/Methods" or "/Methods/Filehandling" as newer servers have it; ``file_write_level`` is
+    the protection level that writing a file needs; ``name_space`` the index the URI gets (2 or more).
+    """
+
+    users: Mapping[str, Any] = field(default_factory=lambda: {"trueflank": "trueflank"})
+    security: tuple[str, ...] = ("None", "Basic256Sha256")
+    folder: str = ""
+    trusted: tuple[str, ...] | None = None
+    session_limit: int = 10
+    file_write_level: int = 4
+    method_folder: str = nodes.METHODS[1]
+    port: int = 0
+    name_space: int = 2
+
+    @classmethod
+    def of(cls, given: Mapping[str, Any]) -> ServerSettings:
+        """Settings from a cell file. Raises ConfigError (E-CFG-SETTING)."""
+        known = [entry.name for entry in fields(cls)]
+        for key in given:
+            if key not in known:
+                raise ConfigError("E-CFG-SETTING", "opcua", key=key, known=", ".join(known))
+        values = {key: tuple(value) if isinstance(value, list) else value for key, value in given.items()}
+        return cls(**values)
+
+
+class SinumerikServer:
+    """Serves one NCK. `url` and `certificate` are known after `start`."""
+
+    def __init__(self, nck: Nck, clock: Clock, settings: ServerSettings | Mapping[str, Any] | None = None) -> None:
+        self.settings = settings if isinstance(settings, ServerSettings) else ServerSettings.of(settings or {})
+        self.url = ""
+        self.certificate = Path()
+        self._scratch: tempfile.TemporaryDirectory[str] | None = None
+        self._server: Server | None = None
+        space, methods = Space(nck), Methods(nck, self.settings.file_write_level)
+        accounts = Accounts(accounts_of(self.settings.users))
+        self._core = SinumerikInternalServer(accounts, space, methods, clock, self.settings.session_limit)
+
+    @property
+    def sessions(self) -> int:
+        """Sessions open at this moment."""
+        return self._core.open_sessions
+
+    async def start(self) -> None:
+        """Listen on 127.0.0.1, on a free port unless the settings name one."""
+        logging.getLogger("asyncua").setLevel(logging.CRITICAL)  # it reports every refusal as an error
+        server = Server(iserver=self._core)
+        await server.init()
+        await server.set_application_uri(APPLICATION_URI)
+        server.set_server_name("SINUMERIK OPC UA")
+        server.set_endpoint(f"opc.tcp://127.0.0.1:{self.settings.port}")
+        server.set_security_policy([_POLICIES[name] for name in self.settings.security])
+        pair = await asyncio.to_thread(self._key_pair)
+        self.certificate = pair.certificate
+        await server.load_certificate(str(pair.certificate))
+        await server.load_private_key(str(pair.key))
+        if self.settings.trusted is not None:
+            self._core.certificate_validator = self._validator()
+        await self._fill(server)
+        await server.start()
+        self._server = server
+        self.url = f"opc.tcp://127.0.0.1:{server.bserver.port}"
+
+    async def stop(self) -> None:
+        """Close every connection and the port; may be called twice."""
+        server, self._server = self._server, None
+        if server is not None:
+            await server.stop()
+        if self._scratch is not None:
+            self._scratch.cleanup()
+            self._scratch = None
+
+    async def drop_connections(self) -> None:
+        """Cut every client's connection, as a pulled network cable does."""
+        for transport in list(self._core.asyncio_transports):
+            transport.abort()
+
+    def _key_pair(self) -> KeyPair:
+        if not self.settings.folder:
+            self._scratch = tempfile.TemporaryDirectory(prefix="sinumerik-")
+        folder = Path(self.settings.folder or (self._scratch.name if self._scratch else "."))
+        return own_key_pair(folder, "server", APPLICATION_URI, "127.0.0.1", server=True)
+
+    def _validator(self) -> Any:
+        trusted = {load(Path(path).read_bytes()) for path in self.settings.trusted or ()}
+
+        async def validate(certificate: Any, _description: Any) -> None:
+            if certificate not in trusted:
+                raise ServiceError(ua.StatusCodes.BadSecurityChecksFailed)
+
+        return validate
+
+    async def _fill(self, server: Server) -> None:
+        """The visible tree: folders, methods, and the first element of each variable."""
+        while len(await server.get_namespace_array()) < self.settings.name_space:
+            await server.register_namespace(f"urn:filler:{len(await server.get_namespace_array())}")
+        index = await server.register_namespace(nodes.NAMESPACE_URI)
+        self._core.name_space = index
+        root = await server.nodes.objects.add_object(ua.NodeId("Sinumerik", index), "Sinumerik")
+        await self._add_methods(root, index)
+        for path in self._core.space.first_elements():
+            kind = ua.VariantType[nodes.kind_of(path)]
+            name = ua.QualifiedName(path.rpartition("/")[2], index)
+            await root.add_variable(ua.NodeId(path, index), name, ua.get_default_value(kind), kind)
+
+    async def _add_methods(self, root: Any, index: int) -> None:
+        folders = {"/Methods": await root.add_object(ua.NodeId("/Methods", index), "Methods")}
+        if self.settings.method_folder != "/Methods":
+            path = self.settings.method_folder
+            name = ua.QualifiedName(path.rpartition("/")[2], index)
+            folders[path] = await folders["/Methods"].add_object(ua.NodeId(path, index), name)
+        for method in SIGNATURES:
+            folder = self.settings.method_folder if method.name in FILE_METHODS else "/Methods"
+            inputs = [ua.VariantType[kind] for _, kind in method.arguments]
+            outputs = [ua.VariantType[method.result]] if method.result else []
+            node = ua.NodeId(f"{folder}/{method.name}", index)
+            await folders[folder].add_method(node, ua.QualifiedName(method.name, index), None, inputs, outputs)
+            self._core.add_method(folder, f"{folder}/{method.name}", method.name)
+
+
+@contextlib.asynccontextmanager
+async def serving(nck: Nck, clock: Clock, settings: ServerSettings | Mapping[str, Any] | None = None) -> Any:
+    """A server for the length of a block."""
+    server = SinumerikServer(nck, clock, settings)
+    await server.start()
+    try:
+        yield server
+    finally:
+        await server.stop()

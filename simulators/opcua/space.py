@@ -1,0 +1,169 @@
+"""What the server's variables mean: identifiers -> state, R parameters and machine data of the NCK."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from drivers.sinumerik import nodes
+from drivers.sinumerik.nodes import Address, Kind
+from simulators.nck.machine import Nck, NckRefusal
+from simulators.opcua.users import Account
+
+Value = float | int | str | bool
+
+
+class Refused(Exception):
+    """The server says no, by the name of an OPC UA status."""
+
+    def __init__(self, status: str) -> None:
+        super().__init__(status)
+        self.status = status
+
+
+# The right each area asks for; Write is put in for reading where a value may be written at all.
+_AREAS = {
+    "/Channel": "State",
+    "/Nck": "State",
+    "/Bag": "State",
+    "/NC/_N_NC_SEA_ACX": "Sea",
+    "/NC": "Tea",
+}
+_WRITE_LEVEL = 7  # protection level handed to the NCK with a write over OPC UA: the lowest
+
+
+class Space:
+    """Reads and writes by identifier for one account at a time."""
+
+    def __init__(self, nck: Nck) -> None:
+        self._nck = nck
+        self._axes = tuple(axis.name for axis in nck.spec.axes)
+        self._channel: dict[str, Callable[[], Value]] = {
+            "/Channel/State/chanStatus": lambda: int(nck.channel_status),
+            "/Channel/State/progStatus": lambda: int(nck.program_status),
+            "/Channel/State/chanAlarm": lambda: int(bool(nck.alarms)),
+            "/Channel/ProgramInfo/msg": lambda: str(nck.message),
+            "/Channel/ProgramInfo/progName": lambda: str(nck.selected),
+            "/Channel/ProgramInfo/selectedWorkPProg": lambda: str(nck.selected),
+            "/Channel/ProgramInfo/actLineNumber": lambda: int(nck.program_line),
+            "/Bag/State/opMode": lambda: nodes.MODES.index(nck.mode),
+        }
+        self._nck_wide: dict[str, Callable[[], Value]] = {
+            nodes.ACCESS_LEVEL: lambda: int(nck.access_level),
+            nodes.BASIC_LENGTH_UNIT: lambda: 0 if nck.spec.unit_system == "metric" else 1,
+            nodes.NCK_VERSION: lambda: nck.spec.nck_version,
+            "/Nck/State/numAlarms": lambda: len(nck.alarms),
+            "/Nck/TopPrioAlarm/alarmNo": lambda: self._alarm(1),
+            "/Nck/LastAlarm/alarmNo": lambda: self._alarm(len(nck.alarms)),
+        }
+        self._axis: dict[str, Callable[[str], Value]] = {
+            "actToolBasePos": lambda name: float(nck.axis_state(name).actual_position),
+            "measPos1": lambda name: float(nck.axis_state(name).encoder_position),
+            "cmdContrPos": lambda name: float(nck.axis_state(name).set_position),
+            "aaStat": lambda name: int(nck.axis_state(name).aa_stat),
+            "aaRef": lambda name: int(nck.axis_state(name).referenced),
+            "vaEnc1CompVal": lambda name: float(nck.axis_state(name).eec_value),
+            "vaCecCompVal": lambda name: float(nck.axis_state(name).cec_value),
+        }
+
+    def first_elements(self) -> list[str]:
+        """Identifiers a browse shows: the first element of everything, no more."""
+        axis = [nodes.of_axis(name, 1) for name in self._axis]
+        listed = [nodes.r_parameter(1), *self._channel, *self._nck_wide, *axis, nodes.alarm_number(1)]
+        return [*listed, nodes.axis_name(1), nodes.SERIAL_NUMBER]
+
+    def read(self, path: str, account: Account) -> tuple[Kind, Value | list[Value]]:
+        """Kind and value behind an identifier. Raises Refused with the status the server gives."""
+        address = nodes.parse(path)
+        if address is None:
+            raise Refused("BadNodeIdUnknown")
+        if not account.may(_right(address, "Read")):
+            raise Refused("BadUserAccessDenied")
+        if self._nck.booting:
+            raise Refused("BadCommunicationError")
+        values = self._values(address)
+        kind = nodes.kind_of(address.path)
+        return kind, (list(values) if address.last is not None else values[0])
+
+    def _values(self, address: Address) -> list[Value]:
+        names = nodes.to_names(address, self._axes)
+        if names:
+            return [self._datum(name) for name in names]
+        if address.area == "/Channel/MachineAxis" and address.unit in (None, 1):
+            return [self._axis_value(address.name, number) for number in address.elements or (1,)]
+        if address.area == "/Nck/SequencedAlarms":
+            return [self._alarm_field(address.name, number) for number in address.elements or (1,)]
+        getter = self._nck_wide.get(f"{address.area}/{address.name}")
+        if getter is None and address.unit in (None, 1):
+            getter = self._channel.get(f"{address.area}/{address.name}")
+        if getter is None or address.elements:
+            raise Refused("BadAttributeIdInvalid")
+        return [getter()]
+
+    def _axis_value(self, name: str, number: int) -> Value:
+        getter = self._axis.get(name)
+        if getter is None or not 1 <= number <= len(self._axes):
+            raise Refused("BadAttributeIdInvalid")
+        return getter(self._axes[number - 1])
+
+    def _alarm(self, place: int) -> int:
+        alarms = self._nck.alarms
+        return int(alarms[place - 1].number) if 1 <= place <= len(alarms) else 0
+
+    def _alarm_field(self, name: str, place: int) -> Value:
+        if name == "alarmNo":
+            return self._alarm(place)
+        if name != "fillText1":
+            raise Refused("BadAttributeIdInvalid")
+        alarms = self._nck.alarms
+        return str(alarms[place - 1].text) if 1 <= place <= len(alarms) else ""
+
+    def _datum(self, name: str) -> Value:
+        own = self._own_datum(name)
+        if own is not None:
+            return own
+        try:
+            value: Any = self._nck.get(name)
+        except NckRefusal as refusal:
+            raise Refused("BadAttributeIdInvalid") from refusal
+        return value if isinstance(value, (bool, int, float)) else str(value)
+
+    def _own_datum(self, name: str) -> Value | None:
+        """Machine data that describe the configuration itself; None where the NCK knows better."""
+        stem, _, inside = name.partition("[")
+        inside = inside.rstrip("]")
+        if stem == "$MN_AXCONF_MACHAX_NAME_TAB":
+            place = int(inside)
+            return self._axes[place] if place < len(self._axes) else ""
+        if stem == "$MN_HW_SERIAL_NUMBER":
+            return self._nck.spec.serial if inside == "0" else ""
+        if stem in ("$MA_IS_ROT_AX", "$MA_ROT_IS_MODULO"):
+            axis = self._nck.spec.axes[self._axes.index(inside)]
+            return bool(axis.rotary if stem == "$MA_IS_ROT_AX" else axis.modulo)
+        return None
+
+    def write(self, path: str, values: list[Value], account: Account) -> None:
+        """Write one element or a block. Raises Refused; nothing is written then."""
+        address = nodes.parse(path)
+        if address is None:
+            raise Refused("BadNodeIdUnknown")
+        if not account.may(_right(address, "Write")):
+            raise Refused("BadUserAccessDenied")
+        if self._nck.booting:
+            raise Refused("BadCommunicationError")
+        names = nodes.to_names(address, self._axes)
+        if not names:
+            raise Refused("BadNotWritable")
+        if len(names) != len(values):
+            raise Refused("BadTypeMismatch")
+        for name, value in zip(names, values, strict=True):
+            try:
+                self._nck.set(name, value, _WRITE_LEVEL)
+            except NckRefusal as refusal:
+                raise Refused("BadUserAccessDenied") from refusal
+
+
+def _right(address: Address, act: str) -> str:
+    whole = f"{address.area}/"
+    area = next((right for start, right in _AREAS.items() if whole.startswith(f"{start}/")), "Random")
+    return f"{area}{act}"

@@ -1,0 +1,31 @@
+"""A client that asks an application directly, without a server in between."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import Any
+
+import httpx
+from fastapi import FastAPI
+
+
+class Client:
+    """Each request on a loop of its own; redirects are not followed."""
+
+    def __init__(self, app: FastAPI, base_url: str = "http://127.0.0.1:8617") -> None:
+        self._app = app
+        self._base_url = base_url
+
+    def request(self, method: str, path: str, **more: Any) -> httpx.Response:
+        return asyncio.run(self._ask(method, path, **more))
+
+    def get(self, path: str, **more: Any) -> httpx.Response:
+        return self.request("GET", path, **more)
+
+    def post(self, path: str, **more: Any) -> httpx.Response:
+        return self.request("POST", path, **more)
+
+    async def _ask(self, method: str, path: str, **more: Any) -> httpx.Response:
+        transport = httpx.ASGITransport(app=self._app)
+        async with httpx.AsyncClient(transport=transport, base_url=self._base_url) as client:
+            return await client.request(method, path, **more)

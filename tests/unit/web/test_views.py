@@ -1,0 +1,67 @@
+"""Pictures: states in one word, tables as text, data as JSON."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+from drivers.errors import TransportError
+from gateway.domain import AxisVerdict, Verdict
+from gateway.views import RunView, as_data, axis_table, device_views
+from tests.unit.report.synthetic import axis_material
+from tests.unit.web.pictures import Seen, status
+
+
+def test_a_closed_device_is_lent_only_while_a_run_has_it() -> None:
+    seen = [Seen("laser", "umd", "closed"), Seen("controller", "sinumerik-opcua", "failed")]
+    assert [view.state for view in device_views(seen, lent=True)] == ["lent", "failed"]
+    assert [view.state for view in device_views(seen, lent=False)] == ["closed", "failed"]
+
+
+def test_a_device_error_becomes_code_words_and_fields() -> None:
+    error = TransportError("E-LINK-DEADLINE", "laser", timeout_s=5)
+    (view,) = device_views([Seen("laser", "umd", "lost", error=error)], lent=False)
+    assert view.error is not None
+    assert view.error["code"] == "E-LINK-DEADLINE"
+    assert view.error["fields"] == {"timeout_s": "5"}
+    assert "5 s" in str(view.error["what"])
+
+
+def test_one_word_for_all() -> None:
+    ready = replace(status(run=None), devices=device_views([Seen("laser", "umd", "open")], lent=False))
+    assert status().state == "running"
+    assert status(run=None).state == "attention"
+    assert ready.state == "ready"
+    assert replace(ready, trouble={"code": "E-SUP-MACHINE"}).state == "attention"
+
+
+def test_progress_is_known_only_with_a_total() -> None:
+    run = RunView("r", "", "X1", 0, 0, "", "")
+    assert run.progress is None
+    assert replace(run, done=3, total=12).progress == 0.25
+    assert replace(run, done=13, total=12).progress == 1.0
+
+
+def test_table_has_five_lines_an_axis_and_dashes_for_nothing() -> None:
+    axis = axis_material("X1", "mm")
+    assert axis.before is not None
+    assert axis.after is not None
+    before, after = replace(axis.before, E=20.0, M=None), replace(axis.after, E=5.0)
+    verdict = Verdict((AxisVerdict("X1", "um", before, after, True, True, "better"),), "better")
+    rows = axis_table(verdict)
+    assert [row.parameter for row in rows] == ["E", "R", "B", "A", "M"]
+    assert (rows[0].axis, rows[0].before, rows[0].after, rows[0].unit, rows[0].change) == (
+        "X1", "20.00", "5.00", "um", "−75 %",
+    )  # fmt: skip
+    assert (rows[4].before, rows[4].change) == ("–", "–")
+
+
+def test_data_are_json_with_state_and_progress() -> None:
+    data = json.loads(json.dumps(as_data(status()), allow_nan=False))
+    assert data["state"] == "running"
+    assert data["run"]["progress"] == 0.05
+    assert data["devices"][1]["error"]["code"] == "E-LINK-DEADLINE"
+    assert data["last_runs"][0] == {
+        "run_id": "r-2", "created_utc": "2026-03-01T09:00:00+00:00", "state": "better", "problem": "", "report": True,
+    }  # fmt: skip
+    assert as_data(status(run=None))["run"] is None
