@@ -59,6 +59,8 @@ class MemoryTransport:
         self._incoming = incoming
         self._outgoing = outgoing
         self._closed = False
+        # Two tasks may write to one peer (answers and news): a long message must not be cut by the other.
+        self._writing = asyncio.Lock()
 
     @property
     def description(self) -> str:
@@ -73,7 +75,8 @@ class MemoryTransport:
     async def write(self, data: bytes) -> None:
         """Write, waiting while the pipe is full; TransportError (E-LINK-CLOSED)."""
         self._check()
-        await self._outgoing.put(data, self._url)
+        async with self._writing:
+            await self._outgoing.put(data, self._url)
 
     def _check(self) -> None:
         if self._closed:

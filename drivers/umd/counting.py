@@ -76,12 +76,16 @@ class UmdCounting:
         if not len(ordered.rows):
             return []
         self._check_axis(ordered.rows)
-        ticks = self._ticks(ordered)
+        adjacent = (ordered.steps == 1) & ~ordered.restarted
+        if self._tick is None:
+            self._begin(ordered)
+            adjacent[0] = False
+        ticks = self._tick_of(ordered.steps)
         self._low.read(ordered.rows, ticks)
         moved, position = self._unwrap(ordered.rows)
         if self.missing:
             return []
-        marks = self._marks(ordered, moved)
+        marks = self._marks(ordered, moved, adjacent)
         damaged = self.damaged + self._order.absurd - before
         return self._blocks(ordered, ticks, position, marks, damaged)
 
@@ -90,25 +94,25 @@ class UmdCounting:
             axis = self._settings.axis
             raise UnsupportedDevice("E-UMD-AXIS", self._where, axis=axis, width=rows.shape[1])
 
-    def _ticks(self, ordered: Ordered) -> IntArray:
-        before = self._order.last or 0
-        start = self._tick if self._tick is not None else before - int(ordered.steps.sum())
-        ticks = start + np.cumsum(ordered.steps)
-        first = self._tick is None
+    def _begin(self, ordered: Ordered) -> None:
+        """The first row sets where the count and the clock stand; it has no row before it."""
+        self._tick = (self._order.last or 0) - int(ordered.steps.sum())
+        self._raw = self._position = int(ordered.rows[0, DISPLACEMENT[self._settings.axis - 1]])
+
+    def _tick_of(self, steps: IntArray) -> IntArray:
+        ticks = np.asarray((self._tick or 0) + np.cumsum(steps), np.int64)
         self._tick = int(ticks[-1])
-        if first:
-            self._raw = self._position = int(ordered.rows[0, DISPLACEMENT[self._settings.axis - 1]])
         return ticks
 
     def _unwrap(self, rows: IntArray) -> tuple[IntArray, IntArray]:
         """Counts moved since the row before and position in counts, both (n,): 32 bits wrapped round."""
         raw = rows[:, DISPLACEMENT[self._settings.axis - 1]]
-        moved = (np.diff(raw, prepend=self._raw) + WRAP // 2) % WRAP - WRAP // 2
+        moved = _wrapped(np.diff(raw, prepend=self._raw))
         position = self._position + np.cumsum(moved)
         self._raw, self._position = int(raw[-1]), int(position[-1])
         return moved, position
 
-    def _marks(self, ordered: Ordered, moved: IntArray) -> dict[str, BoolArray]:
+    def _marks(self, ordered: Ordered, moved: IntArray, adjacent: BoolArray) -> dict[str, BoolArray]:
         """Reasons not to believe a row, each (n,)."""
         axis = self._settings.axis - 1
         phase = ordered.rows[:, PHASE[axis]]
@@ -119,7 +123,7 @@ class UmdCounting:
             "counter restarted": ordered.restarted,
             "phase error": (phase >= 0) & ((phase & PHASE_ERRORS) != 0),
             "faster than any axis": np.abs(moved) > most * ordered.steps,
-            "count and velocity disagree": self._velocity.disagree(moved, velocity, ordered.steps == 1),
+            "count and velocity disagree": self._velocity.disagree(moved, _wrapped(velocity), adjacent),
         }
 
     def _blocks(
@@ -140,6 +144,11 @@ class UmdCounting:
             gap = int(lost[start])
             blocks.append(SampleBlock(CHANNELS, time_s[part], values[part], valid[part], gap, events))
         return blocks
+
+
+def _wrapped(counts: IntArray) -> IntArray:
+    """Differences of 32 bit counts, the shorter way round."""
+    return np.asarray((counts + WRAP // 2) % WRAP - WRAP // 2, np.int64)
 
 
 def _events(time_s: NDArray[np.float64], marks: dict[str, BoolArray]) -> tuple[str, ...]:

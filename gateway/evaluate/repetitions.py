@@ -96,14 +96,20 @@ def _suspects(level: FloatArray) -> NDArray[np.bool_]:
 
 def _pooled(level: FloatArray) -> float:
     n = readings.counts(level)
-    residual = level - readings.means(level)[:, None, :]
+    centre = readings.means(level)
     used = n[n > 1]
-    if not used.size:
-        return float("nan")
     # Levelling took one degree of freedom for each pass beyond the first of its approach.
     passes = int(np.isfinite(level).any(axis=0).sum() - np.isfinite(level).any(axis=(0, 1)).sum())
     freedom = int(np.sum(used - 1)) - passes
-    return float(np.sqrt(np.nansum(residual[:, :, :] ** 2) / freedom)) if freedom > 0 else float("nan")
+    if freedom > 0:
+        return float(np.sqrt(np.nansum((level - centre[:, None, :]) ** 2) / freedom))
+    return _from_reversal(centre[:, 0] - centre[:, 1])
+
+
+def _from_reversal(reversal: FloatArray) -> float:
+    """Single readings each way: the scatter of B_i along the axis is all there is to see (an upper bound)."""
+    known = reversal[np.isfinite(reversal)]
+    return float(np.std(known, ddof=1) / np.sqrt(2.0)) if known.size > 2 else float("nan")
 
 
 def _both(up: FloatArray, down: FloatArray, n: NDArray[np.int64], s: float) -> tuple[FloatArray, FloatArray]:

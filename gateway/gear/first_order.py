@@ -1,8 +1,8 @@
 """First-order flank deviation e1 = A n_x + B n_y + G h, its second-order correction and its bound (mm, rad).
 
-Twists are taken in the work and turned into the frame of the space, origin on the gear's axis. On a spur flank
-only A = delta_x + z eps_y, B = delta_y - z eps_x and G = eps_z act; e > 0 is surplus material. k, theta and z are arrays
-that broadcast together, e.g. (K, 1, 1), (T, 1) and (Z,) for a grid (see `gateway.gear.flank.grid`).
+Twists are taken in the work and turned into the frame of the space, origin on the gear's axis. On a spur
+flank only A = delta_x + z eps_y, B = delta_y - z eps_x and G = eps_z act; e > 0 is surplus material. k, theta and
+z are arrays that broadcast together, e.g. (K, 1, 1), (T, 1) and (Z,) for a grid (`gateway.gear.flank.FlankGrid`).
 """
 
 from __future__ import annotations
@@ -53,8 +53,9 @@ def to_space(grinding: Grinding, k: ArrayLike, twist: FloatArray) -> FloatArray:
 
 def abg(twist: FloatArray, z: ArrayLike) -> FloatArray:
     """A, B (mm) and G (rad), shape (..., 3), of space-frame twists (..., 6) acting at height z."""
+    height = np.asarray(z, dtype=np.float64)
     dx, dy, ex, ey, ez = (twist[..., i] for i in (0, 1, 3, 4, 5))
-    return np.stack(np.broadcast_arrays(dx + z * ey, dy - z * ex, ez), axis=-1)
+    return np.stack(np.broadcast_arrays(dx + height * ey, dy - height * ex, ez), axis=-1)
 
 
 def flank_abg(grinding: Grinding, k: ArrayLike, z: ArrayLike) -> FloatArray:
@@ -84,8 +85,8 @@ def stroke_slope(grinding: Grinding, section: Section, k: ArrayLike, z: ArrayLik
 def judged(grinding: Grinding, k: ArrayLike, theta: ArrayLike, z: ArrayLike) -> FirstOrder:
     """First order with its second-order correction and bound.
 
-    e2 = d_n + d_t w_z - kappa d_t^2/2 - d_z (w_t + g) - R g^2/(2 n_x): d the exact displacement of the point, t = z x n,
-    w the exact rotation. The bound is `MARGIN` times the sum of the second-order terms, each taken positive.
+    e2 = d_n + d_t w_z - kappa d_t^2/2 - d_z (w_t + g) - R g^2/(2 n_x): d the exact displacement of the point,
+    t = z x n, w the exact rotation. The bound is `MARGIN` times the sum of the second-order terms, each taken positive.
     """
     t = np.asarray(theta, dtype=np.float64)
     section = grinding.gear.section(t)

@@ -83,13 +83,13 @@ class LinearFlank:
 
     def normal_form(self, *, without_rotation: bool = False) -> RmsForm:
         """What is needed for the RMS of any vector, optionally after removing one rotation about the gear's axis."""
-        root = np.linalg.qr(self.form, mode="r")
+        root = np.asarray(np.linalg.qr(self.form, mode="r"))
         rows = np.ascontiguousarray(np.einsum("ic,kczp->kzip", root, self.terms))
         if without_rotation:
             lever = root[:, 2]
             share = np.einsum("i,kzip->p", lever, rows) / (rows.shape[0] * rows.shape[1] * float(lever @ lever))
             rows -= lever[:, None] * share
-        factor = np.linalg.qr(rows.reshape(-1, rows.shape[-1]), mode="r")
+        factor = np.asarray(np.linalg.qr(rows.reshape(-1, rows.shape[-1]), mode="r"))
         return RmsForm(factor / np.sqrt(self.points))
 
     @cached_property

@@ -139,7 +139,8 @@ def _errors_sound(err: Mapping[str, Motion], loc: Mapping[str, float], where: st
         _one_of("err", key, MOTIONS, where)
     for key in loc:
         _one_of("loc", key, LOCATIONS, where)
-    numbers = {key: value for key, value in {**err, **loc}.items() if not callable(value)}
+    constants = {key: value for key, value in err.items() if not callable(value)}
+    numbers = {**constants, **loc}
     _finite("err and loc", numbers.values(), where)
     for key, value in numbers.items():
         if key[0] in "eABC" and abs(float(value)) > LARGEST_TILT:

@@ -186,8 +186,13 @@ def _influence(axis: Axis, parent: FloatArray, base: FloatArray, q: Positions) -
 
 def _with(axis: Axis, values: Mapping[str, Motion]) -> Axis:
     motions = {key: value for key, value in values.items() if key in MOTIONS}
-    location = {key: value for key, value in values.items() if key in LOCATIONS}
-    return replace(axis, err={**axis.err, **motions}, loc={**axis.loc, **location})  # type: ignore[arg-type]
+    location = dict(axis.loc)
+    for key, value in values.items():
+        if key in LOCATIONS:
+            if callable(value):
+                raise ModelError("E-CHAIN-NUMBER", f"axis {axis.name}", key=key, value="a function")
+            location[key] = value
+    return replace(axis, err={**axis.err, **motions}, loc=location)
 
 
 def _known(frame: Frame) -> Frame:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,23 @@ def standard_uncertainty(component: Component, positions: ArrayLike) -> FloatArr
     g = _design_at(component, at.ravel())
     variance = np.einsum("ij,jk,ik->i", g, component.covariance, g)
     return np.sqrt(np.maximum(variance, 0.0)).reshape(at.shape)
+
+
+def at_datum(component: Component, reference: float) -> Component:
+    """The component with its value at the reference taken off everywhere; its uncertainty is zero there.
+
+    The offset of a positioning deviation is the machine zero and no error motion.
+    """
+    g = _design_at(component, np.asarray([reference]))[0]
+    # Hats and splines add up to one everywhere; the other bases carry their constant in the first term.
+    spread = component.basis in ("piecewise", "bspline")
+    ones = np.ones(g.size) if spread else np.eye(g.size)[0]
+    shift = np.eye(g.size) - np.outer(ones, g)
+    return replace(
+        component,
+        coefficients=shift @ component.coefficients,
+        covariance=shift @ component.covariance @ shift.T,
+    )
 
 
 def is_periodic(component: Component) -> bool:

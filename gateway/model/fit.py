@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import comb, log
 from typing import Any, Literal
 
@@ -13,13 +13,17 @@ from numpy.typing import ArrayLike
 from drivers.units import AxisUnit
 from gateway.domain import Component, FloatArray
 from gateway.errors import ModelError, NotIdentifiable
-from gateway.model.components import design
+from gateway.model.components import at_datum, design
 from gateway.model.regression import Regression, weighted
 
 HIGHEST_DEGREE = 9
 HIGHEST_ORDER = 12
 WIDEST_GAP_DEG = 60.0
+WIDEST_MODULO_GAP_DEG = 180.0
 SIMPLER_WITHIN = 1.1
+TURN_DEG = 360.0
+SMALLEST_U = 1e-3
+"""Weights assume at least this, um or arcsec: readings that agree to the last digit are not exact."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +52,7 @@ class _Data:
     at: FloatArray
     values: FloatArray
     u: FloatArray
-    period: float | None
+    period: float | None = None
 
     @property
     def noise(self) -> float:
@@ -65,6 +69,7 @@ def fit_positioning(
     axis_unit: AxisUnit,
     kind: Literal["linear", "rotary"],
     modulo: bool = False,
+    reference: float | None = None,
 ) -> Component:
     """Fit mean deviations (m,) at targets (m,), standard uncertainties u (m,) or one for all.
 
@@ -72,30 +77,52 @@ def fit_positioning(
     B-splines or a polygon. Within a family an extended BIC with the known noise as floor chooses the
     order; between families the leave-one-out error does, the simpler winning ties. The covariance holds
     the scatter that the fit leaves (order above the targets, steps). Targets without a mean (NaN) are left
-    out. Raises NotIdentifiable (E-MODEL-POINTS) with fewer than two targets, ModelError (E-MODEL-U).
+    out. With `reference` the value there is made zero (datum). Raises NotIdentifiable (E-MODEL-POINTS)
+    with fewer than two targets, ModelError (E-MODEL-U) where a mean has no uncertainty.
     """
-    data = _data(targets, means, u, 360.0 if kind == "rotary" and _closes(targets, modulo) else None)
+    data = _data(targets, means, u)
+    if kind == "rotary" and _closes(data.at, modulo):
+        data = replace(data, period=TURN_DEG)
     best = choose(candidates(data))
-    low, high = float(data.at[0]), float(data.at[-1])
+    fitted = _component(best, data, name, axis, axis_unit)
+    return fitted if reference is None else at_datum(fitted, reference)
+
+
+def fit_polygon(
+    targets: ArrayLike, means: ArrayLike, u: ArrayLike | float, *, name: str, axis: str, axis_unit: AxisUnit
+) -> Component:
+    """Straight lines between the means, whatever their scatter; arguments as `fit_positioning`."""
+    data = _data(targets, means, u)
+    return _component(_polygon(data), data, name, axis, axis_unit)
+
+
+def fit_bspline(
+    positions: ArrayLike,
+    values: ArrayLike,
+    interior: Iterable[float],
+    u: ArrayLike | float,
+    *,
+    name: str,
+    axis: str,
+    axis_unit: AxisUnit,
+) -> Component:
+    """Least-squares cubic B-spline with given interior knots (Schoenberg-Whitney: E-MODEL-CONDITION)."""
+    data = _data(positions, values, u)
+    return _component(_candidate("bspline", _knots(data.at, tuple(interior)), data), data, name, axis, axis_unit)
+
+
+def _component(best: Candidate, data: _Data, name: str, axis: str, axis_unit: AxisUnit) -> Component:
     return Component(
         name=name,
         axis=axis,
         axis_unit=axis_unit,
         basis=best.basis,
-        domain=(low, high),
+        domain=(float(data.at[0]), float(data.at[-1])),
         coefficients=best.regression.coefficients,
         covariance=best.regression.covariance,
         parameters=best.parameters,
         residual_rms=_unseen(best, data),
     )
-
-
-def fit_bspline(positions: ArrayLike, values: ArrayLike, interior: Iterable[float], u: float = 1.0) -> Candidate:
-    """Least-squares cubic B-spline with given interior knots (weights equal)."""
-    at = np.asarray(positions, dtype=np.float64)
-    order = np.argsort(at)
-    data = _Data(at[order], np.asarray(values, dtype=np.float64)[order], np.full(at.size, u), None)
-    return _candidate("bspline", _knots(data.at, tuple(interior)), data)
 
 
 def choose(tried: Iterable[Candidate]) -> Candidate:
@@ -117,25 +144,28 @@ def candidates(data: _Data) -> tuple[Candidate, ...]:
     return tuple(found)
 
 
-def _data(targets: ArrayLike, means: ArrayLike, u: ArrayLike | float, period: float | None) -> _Data:
+def _data(targets: ArrayLike, means: ArrayLike, u: ArrayLike | float) -> _Data:
     at, values = np.asarray(targets, dtype=np.float64), np.asarray(means, dtype=np.float64)
     sigma = np.broadcast_to(np.asarray(u, dtype=np.float64), at.shape)
     known = np.isfinite(values) & np.isfinite(at)
-    if known.sum() < 2:
-        raise NotIdentifiable("E-MODEL-POINTS", "fit", points=int(known.sum()), unknowns=2)
-    if not (np.isfinite(sigma[known]).all() and (sigma[known] > 0.0).all()):
+    places = np.unique(at[known]).size
+    if places < 2:
+        raise NotIdentifiable("E-MODEL-POINTS", "fit", points=places, unknowns=2)
+    if not (np.isfinite(sigma[known]).all() and (sigma[known] >= 0.0).all()):
         raise ModelError("E-MODEL-U", "fit")
     order = np.argsort(at[known], kind="stable")
-    return _Data(at[known][order], values[known][order], sigma[known][order], period)
+    least = np.maximum(sigma[known][order], SMALLEST_U)
+    return _Data(at[known][order], values[known][order], least)
 
 
-def _closes(targets: ArrayLike, modulo: bool) -> bool:
-    at = np.sort(np.asarray(targets, dtype=np.float64))
-    if at.size < 3:
-        return False
-    wrapped = np.unique(np.round(np.mod(at, 360.0), 6))
-    gaps = np.diff(np.append(wrapped, wrapped[0] + 360.0))
-    return bool(gaps.max() <= (180.0 if modulo else WIDEST_GAP_DEG))
+def _closes(at: FloatArray, modulo: bool) -> bool:
+    return at.size > 2 and _gaps(at)[1] <= (WIDEST_MODULO_GAP_DEG if modulo else WIDEST_GAP_DEG)
+
+
+def _gaps(at: FloatArray) -> tuple[int, float]:
+    """How many different places of the turn there are, and the widest gap between them in deg."""
+    places = np.unique(np.round(np.mod(at, TURN_DEG), 6))
+    return places.size, float(np.diff(np.append(places, places[0] + TURN_DEG)).max())
 
 
 def _candidate(basis: str, parameters: Mapping[str, Any], data: _Data, choices: int = 1) -> Candidate:
@@ -161,7 +191,7 @@ def _best(family: Iterable[Candidate]) -> list[Candidate]:
 def _polynomials(data: _Data) -> Iterable[Candidate]:
     low, high = float(data.at[0]), float(data.at[-1])
     shared = {"centre": (low + high) / 2.0, "scale": (high - low) / 2.0}
-    for degree in range(1, min(HIGHEST_DEGREE, data.at.size // 2) + 1):
+    for degree in range(1, min(HIGHEST_DEGREE, np.unique(data.at).size // 2) + 1):
         yield _candidate("polynomial", {**shared, "degree": degree}, data)
 
 
@@ -181,11 +211,10 @@ def _knots(at: FloatArray, interior: tuple[float, ...]) -> Mapping[str, Any]:
 
 
 def _harmonics(data: _Data) -> list[Candidate]:
-    wrapped = np.unique(np.round(np.mod(data.at, 360.0), 6))
-    gaps = np.diff(np.append(wrapped, wrapped[0] + 360.0))
-    if gaps.max() > WIDEST_GAP_DEG:
+    places, widest = _gaps(data.at)
+    if widest > WIDEST_GAP_DEG:
         return []
-    highest = min(HIGHEST_ORDER, (wrapped.size - 3) // 2, int(1.5 * 180.0 // gaps.max()))
+    highest = min(HIGHEST_ORDER, (places - 3) // 2, int(0.75 * TURN_DEG // widest))
     chosen: tuple[int, ...] = ()
     path: list[Candidate] = []
     while len(chosen) < highest:

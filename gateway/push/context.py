@@ -66,7 +66,7 @@ class PushContext:
     stop_timeout_s: float = 120.0
     modes: tuple[str, ...] = ("AUTO",)
     harmless_alarms: tuple[int, ...] = ()
-    access_level_needed: int = 7
+    access_level_needed: int = 3
     say: Say = field(default=silence)
 
     def without_capture(self) -> PushContext:

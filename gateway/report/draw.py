@@ -29,7 +29,7 @@ SIGN = {"um": "µm", "arcsec": "arcsec"}
 def before_after(figure: FigureBase, axis: AxisMaterial, heading: bool = False) -> None:
     """Two panels, before and after, on one scale of deviation; a picture that stands alone gets a heading."""
     left, right = figure.subplots(1, 2, sharey=True)
-    figure.subplots_adjust(left=0.095, right=0.99, top=0.84 if heading else 0.92, bottom=0.175, wspace=0.05)
+    figure.subplots_adjust(left=0.12, right=0.99, top=0.84 if heading else 0.92, bottom=0.175, wspace=0.05)
     limits = _limits([part for item in (axis.before, axis.after) if item is not None for part in _bands(item)])
     for panel, evaluation, title in ((left, axis.before, "Before"), (right, axis.after, "After")):
         _panel(panel, evaluation, title, axis)
@@ -38,7 +38,7 @@ def before_after(figure: FigureBase, axis: AxisMaterial, heading: bool = False) 
     right.tick_params(labelleft=False)
     if heading:
         left.legend(**_legend(), bbox_to_anchor=(2.05, 1.16), ncols=3)
-        figure.text(0.095, 0.93, _name(f"{axis.axis}  {axis.component}"), fontsize=10, weight="bold", color=INK)
+        figure.text(0.12, 0.93, _name(f"{axis.axis}  {axis.component}"), fontsize=10, weight="bold", color=INK)
 
 
 def _panel(panel: Axes, evaluation: Evaluation | None, title: str, axis: AxisMaterial) -> None:

@@ -129,8 +129,8 @@ def _values(change: TableChange | None) -> tuple[tuple[float, float, float], ...
 def _notes(axis: AxisMaterial) -> tuple[str, ...]:
     """Everything a reader must know about this axis, once each, in the order of the run."""
     found: list[str] = []
-    for item in _evaluations(axis):
-        found += item.flags
+    for side, item in (("Before", axis.before), ("After", axis.after)):
+        found += [f"{side}: {flag}" for flag in item.flags] if item is not None else []
     for name, capture in _captures(axis):
         found += (*words.suspects(name, capture), *capture.notes)
     if axis.change is not None:

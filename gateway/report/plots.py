@@ -42,9 +42,9 @@ def before_after(axis: AxisMaterial) -> str:
 
 
 def table_change(axis: AxisMaterial) -> str:
-    """SVG: old and new table as steps, the difference beneath; "" when no table was proposed."""
+    """SVG: old and new table as steps, the difference beneath; "" when no new table was proposed."""
     change = axis.change
-    if change is None:
+    if change is None or change.skipped:
         return ""
     return _svg((182, 68), lambda figure: draw.table_change(figure, change), f"Table of {axis.axis}")
 

@@ -171,7 +171,8 @@ def _significance(axis: TableAxis, component: Component, instrument: InstrumentU
 
     U joins the Scheffe band of the fit, which holds for all positions at once with 99 %, and the instrument.
     """
-    at = np.linspace(*component.domain, 721)
+    low, high = component.domain
+    at = np.linspace(low, low + TURN_DEG if is_periodic(component) else high, 721)
     d = value(component, at)
     freedom = max(component.coefficients.size - 1, 1)
     band = np.sqrt(chdtri(freedom, BAND_RISK)) * standard_uncertainty(component, at)

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from gateway.domain import Evaluation, Proposal, Verdict
+from gateway.report import parameter_rows
 from gateway.report.parameters import PARAMETERS
+from gateway.report.words import number, percent
 from gateway.store import RunFolder
 from gateway.workflow import stages
 from gateway.workflow.measure import Measured
@@ -86,17 +88,10 @@ def outcome_of(
 
 
 def _rows(axis: str, before: Evaluation, after: Evaluation | None) -> list[tuple[str, str, str, str, str, str]]:
-    rows: list[tuple[str, str, str, str, str, str]] = []
-    for name in PARAMETERS:
-        old = getattr(before, name)
-        new = getattr(after, name) if after is not None else None
-        change = f"{100.0 * (new - old) / old:+.0f} %" if old and new is not None else "-"
-        rows.append((axis, name, _number(old), _number(new), before.unit, change))
-    return rows
-
-
-def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value:.2f}"
+    return [
+        (row.axis, row.parameter, number(row.before), number(row.after), row.unit, percent(row.change_pct))
+        for row in parameter_rows(axis, before, after)
+    ]
 
 
 def _data(before: Evaluation, after: Evaluation | None) -> dict[str, Any]:

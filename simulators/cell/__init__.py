@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from drivers.clock import Clock, LoopClock
 from simulators.bridge import BridgeAnswerer
 from simulators.cell.control import ControlPanel, live_deviation, spec_of
-from simulators.cell.results import measured_file
+from simulators.cell.results import CapturePc
 from simulators.cell.site import site_text
 from simulators.cellfile import Axis, CellFile, load_cell
 from simulators.faults import FaultPlan
@@ -166,8 +166,9 @@ class Cell:
         return np.asarray(low + step * np.arange(int((high - low) / step + 0.5) + 1))
 
     def write_result_file(self, axis: str, path: Path, repetitions: int = 5) -> Path:
-        """Measure an axis with the capture PC at the laser and save its .rtl or .rta; positions from its zero."""
-        return measured_file(self, axis, path, repetitions)
+        """Measure an axis with the capture PC at the instrument and save its .rtl or .rta."""
+        spec = self.file.axis(axis)
+        return CapturePc(self.bench, self.nck, spec, self.clock.now(), self.clock.utc()).save(path, repetitions)
 
     # ------------------------------------------------------------ faults, set live
 

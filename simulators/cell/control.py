@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.clock import Clock
 from drivers.units import deviation_scale
 from simulators.cellfile import CellFile
 from simulators.nck.machine import AxisSpec, Nck, NckSpec
@@ -92,9 +91,7 @@ class ControlPanel:
         self._nck.set_mode(mode)
 
 
-def live_deviation(
-    truth: Truth, nck: Nck, axis: str, positions: FloatArray, direction: int, t: float
-) -> FloatArray:
+def live_deviation(truth: Truth, nck: Nck, axis: str, positions: FloatArray, direction: int, t: float) -> FloatArray:
     """True position - commanded, with what compensates in the NCK right now; um or arcsec, at 20 degC.
 
     Pure: nothing moves. `positions` (n,) are commanded machine coordinates, approached in `direction`.

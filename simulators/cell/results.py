@@ -1,75 +1,124 @@
-"""A capture PC beside the machine: measures an axis through the laser maker's program and saves its file."""
+"""A capture PC beside the machine: measures an axis with the laser maker's program and saves its file."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from datetime import datetime, timedelta
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.clock import Clock
-from simulators.cellfile import CellFile, Noise
+from simulators.cellfile import Axis, Noise
 from simulators.files import FileContent, write_result
+from simulators.nck.machine import Nck
+from simulators.optics import Bench
 from simulators.optics.air import refractive_index
+from simulators.optics.bench import linear_length_mm
 from simulators.optics.stops import Stops
-from simulators.truth import Truth, Weather
+from simulators.truth import AxisMotion, Weather
 
 FloatArray = NDArray[np.float64]
 STOP_S = 5.0
+PPM = 1e-6
+UM_PER_MM = 1000.0
+WAVELENGTH_UM = 0.632990577
 
 
-class Judged(Protocol):
-    """What this needs of a cell."""
+@dataclass(frozen=True, slots=True)
+class CapturePc:
+    """The capture program: it corrects air and material itself with its sensors, and stores deviations.
 
-    file: CellFile
-    truth: Truth
-    clock: Clock
-
-    def true_deviation(
-        self, axis: str, positions: FloatArray, direction: int, t: float | None = None
-    ) -> FloatArray:
-        """True position - commanded, um or arcsec."""
-        ...
-
-
-def measured_file(cell: Judged, axis: str, path: Path, repetitions: int) -> Path:
-    """Measure the targets of the cell file and save them from the first target's zero.
-
-    The capture program corrects air and material itself; what stays is the axis as it is, the stops' noise
-    and outliers, and the sensors' errors in temperature. Deviations are relative to the first reading.
+    Targets are those of the cell file's measuring section, evenly spaced; positions are from the first
+    target, deviations relative to the first reading. What stays in them is the axis as it is on the laser's
+    line, noise and outliers of the stops, and what the temperature sensors get wrong.
     """
-    spec = cell.file.axis(axis)
-    targets, rotary = _targets(spec.measure or {}), spec.kind == "rotary"
-    start, t0 = cell.clock.utc(), cell.clock.now()
-    noise, serial = _instrument(cell.file, spec.letter)
-    stops = Stops(noise, 2 * len(targets) * repetitions, cell.truth.seed, f"file {axis}")
-    order = [(r, a) for r in range(repetitions) for a in (0, 1)]
-    deviations = np.full((len(targets), repetitions, 2), np.nan)
-    for passed, (repetition, approach) in enumerate(order):
-        t = t0 + passed * len(targets) * STOP_S
-        true = cell.true_deviation(axis, targets, 1 if approach == 0 else -1, t)
-        numbers = np.arange(len(targets)) if approach == 0 else np.arange(len(targets))[::-1]
-        offsets = np.asarray([stops.offset(passed * len(targets) + int(n)) for n in numbers])
-        warm = _seen_expansion(cell, spec.expansion_ppm_per_k, targets - targets[0], t) if not rotary else 0.0
-        deviations[:, repetition, approach] = true + offsets + warm
-    deviations -= deviations[0, 0, 0]
-    t1 = t0 + len(order) * len(targets) * STOP_S
-    first, last = cell.truth.climate.sensed(t0), cell.truth.climate.sensed(t1)
-    alpha = float((spec.measure or {}).get("expansion_ppm_per_k", 11.5))
-    content = FileContent(
-        targets - targets[0],
-        deviations,
-        rotary,
-        first,
-        last,
-        start,
-        cell.clock.utc(),
-        alpha,
-        (_factor(first, alpha), _factor(last, alpha)),
-        cell.file.machine.model,
-        serial,
-        spec.letter,
-    )
-    write_result(path, content)
-    return path
+
+    bench: Bench
+    nck: Nck
+    axis: Axis
+    start_s: float
+    start_utc: datetime
+
+    def save(self, path: Path, repetitions: int) -> Path:
+        """Measure and write .rtl (linear) or .rta (rotary)."""
+        write_result(path, self._content(repetitions))
+        return path
+
+    @property
+    def targets(self) -> FloatArray:
+        """The cell file's targets in machine coordinates, (m,)."""
+        given = (self.axis.measure or {}).get("targets", {})
+        if given.get("positions"):
+            return np.asarray(given["positions"], dtype=np.float64)
+        return np.linspace(given["first"], given["last"], int(given["count"]))
+
+    @property
+    def _alpha(self) -> float:
+        return float((self.axis.measure or {}).get("expansion_ppm_per_k", 11.5))
+
+    def deviations(self, repetitions: int) -> FloatArray:
+        """(m, n, 2) um or arcsec, + then - approach, relative to the first reading."""
+        count = len(self.targets)
+        noise = self._noise()
+        stops = Stops(noise, 2 * count * repetitions, self.bench.truth.seed, f"file {self.axis.name}")
+        found = np.full((count, repetitions, 2), np.nan)
+        for passed in range(2 * repetitions):
+            repetition, approach = divmod(passed, 2)
+            offsets = np.asarray([stops.offset(passed * count + stop) for stop in range(count)])
+            t = self.start_s + passed * count * STOP_S
+            found[:, repetition, approach] = self._pass(1 - 2 * approach, t) + offsets
+        return found - found[0, 0, 0]
+
+    def _pass(self, direction: int, t: float) -> FloatArray:
+        targets = self.targets
+        encoder = np.asarray(self.nck.compensated_encoder(self.axis.name, targets, direction))
+        setup = self.bench.setup_for(str((self.axis.measure or {}).get("component")), self.axis.letter)
+        truth = self.bench.truth
+        if self.axis.kind == "rotary" or setup is None:
+            scale = 3600.0 if self.axis.kind == "rotary" else UM_PER_MM
+            return (encoder - targets) * scale + truth.deviation(self.axis.name, encoder, direction, t)
+        sense = np.full_like(encoder, float(direction))
+        frames = truth.frames({self.axis.letter: AxisMotion(encoder, sense, sense)}, t)
+        warm = 1.0 + self._alpha * PPM * (truth.climate.sensed(t).material_degc - 20.0)
+        length = setup.away * linear_length_mm(setup, frames)
+        return ((length - length[0]) / warm - (targets - targets[0])) * UM_PER_MM + self._start(direction, t)
+
+    def _start(self, direction: int, t: float) -> float:
+        """The first target's own deviation in this pass, which a length from it does not hold."""
+        first = self.targets[:1]
+        encoder = np.asarray(self.nck.compensated_encoder(self.axis.name, first, direction))
+        own = self.bench.truth.deviation(self.axis.name, encoder, direction, t)
+        return float((encoder - first)[0] * UM_PER_MM + own[0])
+
+    def _noise(self) -> Noise:
+        setup = next((s for s in self.bench.cell.setups if s.axis == self.axis.letter), None)
+        name = setup.instrument if setup is not None else ""
+        found = (spec.noise for spec in self.bench.cell.instruments if spec.name == name)
+        return next(found, Noise())
+
+    def _content(self, repetitions: int) -> FileContent:
+        length_s = 2 * repetitions * len(self.targets) * STOP_S
+        climate = self.bench.truth.climate
+        first, last = climate.sensed(self.start_s), climate.sensed(self.start_s + length_s)
+        machine = self.bench.cell.machine
+        return FileContent(
+            targets=self.targets - self.targets[0],
+            deviations=self.deviations(repetitions),
+            rotary=self.axis.kind == "rotary",
+            start=first,
+            end=last,
+            started=self.start_utc,
+            ended=self.start_utc + timedelta(seconds=length_s),
+            expansion_ppm_per_k=self._alpha,
+            env_factors=(env_factor(first, self._alpha), env_factor(last, self._alpha)),
+            machine=machine.model,
+            serial=machine.serial,
+            axis=self.axis.letter,
+        )
+
+
+def env_factor(air: Weather, alpha: float) -> float:
+    """Half the wavelength in this air in um, shortened by the material's expansion, as such files hold it."""
+    index = refractive_index(air.air_degc, air.pressure_hpa, air.humidity_pct, WAVELENGTH_UM * 1000.0)
+    return WAVELENGTH_UM / 2.0 / index / (1.0 + alpha * PPM * (air.material_degc - 20.0))

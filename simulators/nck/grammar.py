@@ -117,7 +117,7 @@ TIMES: "*"
 OVER: "/"
 SHL.4: "<<"
 COMPARE: "==" | "<>" | "<=" | ">=" | "<" | ">"
-ADDRESS.3: /[A-Z][+-]?(?:\d+\.?\d*|\.\d+)(?:EX[+-]?\d+)?(?![\d.]|\s*[=\[(])/
+ADDRESS.3: /[A-Z] *[+-]? *(?:\d+\.?\d*|\.\d+)(?:EX[+-]?\d+)?(?![\d.]|\s*[=\[(])/
 NUMBER: /(?:\d+\.?\d*|\.\d+)(?:EX[+-]?\d+)?/
 RADIX: /'[HB][0-9A-F]+'/
 STRING: /"[^"]*"/
@@ -160,7 +160,7 @@ class _Nodes(lark.Transformer):
         return Words(tuple(items), jump)
 
     def address(self, items: list[Any]) -> Item:
-        text = str(items[0])
+        text = str(items[0]).replace(" ", "")
         sign = -1 if text[1] == "-" else 1
         return Address(text[0], sign * _number(text[1:].lstrip("+-")))
 

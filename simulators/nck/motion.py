@@ -105,8 +105,8 @@ class LaggedPath:
                 np.array(self._rests),
             )
         starts, values, slopes, rests = self._arrays
-        if len(starts) == 1:
-            return np.full(times.shape, values[0] + rests[0])
+        if len(starts) == 1 and slopes[0] == 0.0 and rests[0] == 0.0:
+            return np.full(times.shape, values[0])
         place = np.maximum(np.searchsorted(starts, times, side="right") - 1, 0)
         since = np.maximum(times - starts[place], 0.0)
         moved = slopes[place] * (since - self._lag)

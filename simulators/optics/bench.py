@@ -13,6 +13,7 @@ from simulators.truth import AxisMotion, Hysteresis, Truth
 from simulators.truth.chain import Pose
 
 FloatArray = NDArray[np.float64]
+SETTLED = 1e-9
 CHAINS = {"bed": "", "X": "X", "Z": "Z", "C": "XC"}
 
 
@@ -115,7 +116,7 @@ class Watcher:
 
 
 def _constant(values: FloatArray) -> bool:
-    return bool(np.all(values == values[0]))
+    return bool(np.all(np.abs(values - values[0]) < SETTLED))
 
 
 def beam_direction(setup: Setup) -> FloatArray:

@@ -95,11 +95,11 @@ class RotaryReader:
         sequence = np.arange(self._next, max(int(until * self.spec.sample_hz) + 1, self._next))
         self._next += len(sequence)
         times = sequence / self.spec.sample_hz
-        if not len(times):
-            return Turns(times, times, times, np.zeros(0, dtype=np.bool_))
         mounting = self._bench.mounted(self.spec.name)
         if mounting is not self._mounting:
             self._remount(mounting)
+        if not len(times):
+            return Turns(times, times, times, np.zeros(0, dtype=np.bool_))
         if mounting is None:
             return self._unmounted(times)
         return self._mounted(mounting, times)

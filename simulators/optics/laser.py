@@ -18,7 +18,7 @@ from simulators.optics.bench import (
     linear_length_mm,
 )
 from simulators.optics.stops import Stops
-from simulators.truth import generator
+from simulators.truth import AxisMotion, generator
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -100,26 +100,29 @@ class LaserCounter:
         """Optical path difference of each sample in mm: geometry at knots, index of air, offsets."""
         count = max(int(np.ceil((times[-1] - times[0]) / KNOT_S)) + 1, 2)
         knots = np.linspace(times[0], times[-1], count)
-        length = self._length(mounting, knots) + self._offsets(mounting.setup, knots)
-        if len(length) == 1:
-            return np.full(len(times), length[0])
-        return np.interp(times, knots, length)
+        motions = self._watcher.motions(_watched(mounting.setup), knots)
+        length = self._length(mounting, motions, float(knots[-1]))
+        length = length + self._offsets(motions[mounting.setup.axis], knots)
+        return np.interp(times, knots, np.broadcast_to(length, len(knots)))
 
-    def _length(self, mounting: Mounting, knots: FloatArray) -> FloatArray:
-        setup, t = mounting.setup, float(knots[-1])
-        motions = self._watcher.motions(letters_of(setup), knots)
+    def _length(self, mounting: Mounting, motions: dict[str, AxisMotion], t: float) -> FloatArray:
+        setup = mounting.setup
         frames = self._bench.truth.frames(motions, t)
         if mounting.optics == "angular":
             return angular_difference_mm(setup, frames, _about(setup))
         index = air_index(self._bench, self.spec.wavelength_nm, t)
         return index * linear_length_mm(setup, frames)
 
-    def _offsets(self, setup: Setup, knots: FloatArray) -> FloatArray:
-        position, _ = self._bench.machine.encoder(self._bench.cell.axis(setup.axis).name, knots)
+    def _offsets(self, motion: AxisMotion, knots: FloatArray) -> FloatArray:
         if self._stops is None:
             return np.zeros(1)
+        position = np.broadcast_to(motion.position, len(knots))
         drift = self.spec.noise.drift_per_h * knots / 3600.0
         return (self._stops.offsets(position, float(knots[1] - knots[0])) + drift) * UM
+
+
+def _watched(setup: Setup) -> str:
+    return "".join(dict.fromkeys(letters_of(setup) + setup.axis))
 
 
 def _about(setup: Setup) -> str:

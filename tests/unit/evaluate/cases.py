@@ -20,6 +20,8 @@ from gateway.evaluate import (
     straightness,
     uncertainty,
 )
+from gateway.model import components, fit, regression
+from gateway.table import Grid, project
 
 Input = dict[str, Any]
 
@@ -100,7 +102,26 @@ def _drift(given: Input) -> Input:
     return {"x": length.drift_removed(given["t"], given["x"], start, end)}
 
 
+def _poly_fit(given: Input) -> Input:
+    found = regression.fit_polynomial(given["x"], given["y"], given["degree"], given["x0"])
+    u = np.sqrt(np.diag(found.covariance))
+    at = [dict(zip(("y", "u"), found.at(x), strict=True)) for x in given["at"]]
+    corr = found.covariance[0, 1] / (u[0] * u[1])
+    return {"coef": found.coefficients, "u_coef": u, "s": found.s, "corr01": corr, "at": at}
+
+
+def _comp_table(given: Input) -> Input:
+    points = np.asarray(given["positions"], dtype=float)
+    grid = Grid(points[0], points[-1], points[1] - points[0])
+    fitted = fit.fit_polygon(given["targets"], given["mean_error"], 0.1, name="EXX", axis="X", axis_unit="mm")
+    deviations = project(lambda at: components.value(fitted, at), grid, modulo=False)
+    left = components.value(fitted, given["at"]) - np.interp(given["at"], points, deviations)
+    return {"table": -deviations, "residual": left}
+
+
 RUN = {
+    "poly_fit": _poly_fit,
+    "comp_table": _comp_table,
     "iso230_2": _iso,
     "iso230_2_min_targets": lambda g: dict(
         zip(("targets", "runs"), iso230_2.minimum_targets(g["kind"], g["travel"]), strict=True)

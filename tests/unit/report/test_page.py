@@ -170,6 +170,7 @@ def test_a_run_that_only_proposed_says_so() -> None:
     assert "Nothing was written to the controller by this run." in text
     assert "proposed only" in text
     assert "not measured" in text
+    assert "as predicted after the correction" in text
     assert "No sign proof of this machine is on record" in text
 
 
@@ -182,6 +183,7 @@ def test_an_axis_inside_its_uncertainty_says_why_it_was_left_alone() -> None:
     assert why in text
     assert "not corrected" in text
     assert "predicted and measured" not in text
+    assert "Compensation table EEC" not in text
 
 
 @pytest.mark.parametrize("outcome", ["better", "unchanged", "worse", "not-pushed"])
@@ -208,7 +210,7 @@ def test_missing_figures_are_dashes_and_never_nan() -> None:
     text = Outline(document).text
     assert "nan" not in text.lower().replace("nanometre", "")
     assert "None" not in text
-    assert "measured in one direction only" in text
+    assert "Before: measured in one direction only" in text
     assert "–" in text
 
 

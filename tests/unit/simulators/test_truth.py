@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pydantic import ValidationError
 
 from drivers.errors import ConfigError
 from simulators.cellfile import CellFile, load_cell, packaged
@@ -147,7 +148,7 @@ def test_the_table_rides_on_the_slide_and_turns_in_its_tilted_seat() -> None:
     ],
 )
 def test_a_wrong_cell_file_is_refused(change: dict[str, object]) -> None:
-    with pytest.raises(ValueError):
+    with pytest.raises(ValidationError):
         CellFile.model_validate(plain_cell(**change))
 
 

@@ -1,0 +1,1 @@
+"""Result files of vendors and tables of numbers, read into one record."""

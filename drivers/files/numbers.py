@@ -1,0 +1,25 @@
+"""Numbers as files print them: plain decimals, with a comma only where no point occurs at all."""
+
+from __future__ import annotations
+
+import re
+
+_DECIMAL = re.compile(r"[+-]?(?:\d{1,18}(?:\.\d{0,18})?|\.\d{1,18})(?:[eE][+-]?\d{1,2})?\Z", re.ASCII)
+_WHOLE = re.compile(r"\d{1,9}\Z", re.ASCII)
+
+
+def decimal(token: str, *, comma: bool = False) -> float | None:
+    """The number, or None where the token is none; with `comma` a comma stands for the point."""
+    if comma:
+        token = token.replace(",", ".") if token.count(",") <= 1 and "." not in token else ""
+    return float(token) if _DECIMAL.match(token) else None
+
+
+def whole(token: str) -> int | None:
+    """The whole number from 0, or None."""
+    return int(token) if _WHOLE.match(token) else None
+
+
+def uses_comma(tokens: str) -> bool:
+    """True where these numbers are written with a decimal comma: commas occur and points do not."""
+    return "," in tokens and "." not in tokens

@@ -1,0 +1,196 @@
+"""Vendor results for one axis, .rtl (linear) and .rta (rotary), as measured sets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from drivers.errors import ConfigError, FileFormatError
+from drivers.files.environment import KEYS, environment
+from drivers.files.rtltext import RtlText, lookup, parse, render
+from drivers.files.text import decode, read_bytes
+from drivers.types import FloatArray, MeasuredSet
+from drivers.units import AxisUnit, mm_to_um, rad_to_arcsec
+
+Convert = Callable[[FloatArray], FloatArray]
+LENGTH: dict[str, Convert] = {"um": lambda value: value, "mm": mm_to_um}
+ANGLE: dict[str, Convert] = {
+    "arcsec": lambda value: value,
+    "mrad": lambda value: rad_to_arcsec(value / 1e3),
+    "urad": lambda value: rad_to_arcsec(value / 1e6),
+}
+# Beyond these a unit is doubted: 5 mrad is 1031 arcsec, and no axis is good to a thousandth of one.
+LARGEST = {"mm": 5000.0, "deg": 1000.0}
+SMALLEST = {"mm": 0.001, "deg": 0.001}
+NOT_HEADER = ("TARGET DATA", "RUNS", "DEVIATIONS", "HEADER", "USER-TEXT", "ENVIRONMENT")
+ONE_TURN_DEG = 370.0
+
+
+class RtlFormat:
+    """File driver "rtl": targets mm, deviations um unless `unit` says mm; deviation = measured - target."""
+
+    def __init__(self, unit: str = "", codepage: str = "cp1252") -> None:
+        self._convert = _conversion(unit or "um", LENGTH, "rtl")
+        self._codepage = codepage
+
+    def read(self, path: Path) -> MeasuredSet:
+        """Read a file. Raises FileFormatError with line and reason."""
+        where = str(path)
+        content = parse(decode(read_bytes(path), self._codepage, where), where)
+        return measured_set(content, "mm", self._convert, where)
+
+
+class RtaFormat:
+    """File driver "rta": targets deg; the file does not say its deviation unit, so `unit` must be confirmed."""
+
+    def __init__(self, unit: str = "", codepage: str = "cp1252") -> None:
+        self._unit = unit
+        self._codepage = codepage
+        if unit:
+            _conversion(unit, ANGLE, "rta")
+
+    def read(self, path: Path) -> MeasuredSet:
+        """Read a file. Raises ConfigError (E-FILE-RTA-UNIT) without a unit, FileFormatError."""
+        where = str(path)
+        content = parse(decode(read_bytes(path), self._codepage, where), where)
+        if not self._unit:
+            largest = max(abs(value) for _run, _target, value in content.rows)
+            raise ConfigError("E-FILE-RTA-UNIT", where, largest=f"{largest:g}")
+        return measured_set(content, "deg", ANGLE[self._unit], where)
+
+
+def _conversion(unit: str, known: dict[str, Convert], kind: str) -> Convert:
+    if unit not in known:
+        raise ConfigError("E-FILE-UNIT", kind, unit=unit, known=", ".join(known))
+    return known[unit]
+
+
+def measured_set(content: RtlText, axis_unit: AxisUnit, convert: Convert, where: str) -> MeasuredSet:
+    """Runs to repetitions: odd runs go up through the target numbers, even runs down, whatever their order.
+
+    Where the targets themselves fall with their number, the set is turned round so that they rise.
+    """
+    targets = np.array(content.targets, np.float64)
+    rising = _rises(targets, where)
+    deviations, warnings = _deviations(content, len(targets))
+    deviations = convert(deviations)
+    if not rising:
+        targets, deviations = targets[::-1], deviations[::-1, :, ::-1]
+        warnings.append("targets fall with their number: odd runs were taken as approached from above")
+    start, end, expansion, doubts = environment(content.keys("ENVIRONMENT"), where)
+    warnings += [*doubts, *_size_doubts(targets, deviations, axis_unit)]
+    return MeasuredSet(
+        targets,
+        deviations,
+        axis_unit,
+        start,
+        end,
+        "air+material",
+        expansion,
+        _header(content),
+        (*content.warnings, *warnings),
+    )
+
+
+def _rises(targets: FloatArray, where: str) -> bool:
+    steps = np.diff(targets)
+    if bool((steps > 0).all()):
+        return True
+    if bool((steps < 0).all()):
+        return False
+    raise FileFormatError("E-FILE-TARGETS", where)
+
+
+def _deviations(content: RtlText, count: int) -> tuple[FloatArray, list[str]]:
+    deviations = np.full((count, (content.run_count + 1) // 2, 2), np.nan)
+    for run, target, value in content.rows:
+        deviations[target - 1, (run - 1) // 2, (run - 1) % 2] = value
+    warnings = [f"run {run} is listed upwards; its even number makes it a run down" for run in _odd_ones(content)]
+    missing = content.run_count * count - len(content.rows)
+    if missing:
+        warnings.append(f"{missing} readings are missing")
+    if np.isnan(deviations[:, :, 1]).all():
+        warnings.append("measured in one direction only")
+    elif not np.nan_to_num(deviations[:, :, 1]).any():
+        deviations, doubt = _without_second_way(content, deviations)
+        warnings.append(doubt)
+    return deviations, warnings
+
+
+def _odd_ones(content: RtlText) -> list[int]:
+    """Even runs whose rows stand in rising target order."""
+    order: dict[int, list[int]] = {}
+    for run, target, _value in content.rows:
+        order.setdefault(run, []).append(target)
+    return [run for run, seen in order.items() if run % 2 == 0 and len(seen) > 1 and seen == sorted(seen)]
+
+
+def _without_second_way(content: RtlText, deviations: FloatArray) -> tuple[FloatArray, str]:
+    flags = (lookup(content.keys("TARGET DATA"), "Flags") or "").split()
+    if len(flags) > 1 and flags[1] == "1":
+        deviations = deviations.copy()
+        deviations[:, :, 1] = np.nan
+        return deviations, "measured one way (Flags); the zeros of the even runs were left out"
+    return deviations, "every even run is zero: was this measured one way only?"
+
+
+def _size_doubts(targets: FloatArray, deviations: FloatArray, axis_unit: AxisUnit) -> list[str]:
+    doubts: list[str] = []
+    largest = float(np.nanmax(np.abs(deviations)))
+    unit = "um" if axis_unit == "mm" else "arcsec"
+    if largest > LARGEST[axis_unit] or 0 < largest < SMALLEST[axis_unit]:
+        doubts.append(f"the largest deviation is {largest:.4g} {unit}: is the file's unit as stated?")
+    if axis_unit == "deg" and float(np.ptp(targets)) > ONE_TURN_DEG:
+        doubts.append("targets span more than a turn: is this a pitch or yaw file of a linear axis?")
+    return doubts
+
+
+def _header(content: RtlText) -> dict[str, str]:
+    """All keys of the known sections by their names, every other section verbatim under its own."""
+    header: dict[str, str] = {}
+    for name in ("HEADER", "USER-TEXT", "ENVIRONMENT", "TARGET DATA"):
+        for key, value in content.keys(name).items():
+            header.setdefault(key, value)
+    for name, lines in content.sections:
+        if name not in NOT_HEADER:
+            header[name] = "\n".join(lines)
+    return header
+
+
+def text_of(measured: MeasuredSet, kind: Literal["rtl", "rta"]) -> str:
+    """A measured set as a file: um in .rtl, arcsec in .rta; the header's words and sections are kept."""
+    count, repetitions = measured.deviations.shape[:2]
+    runs = [(run, _order(count, run)) for run in range(1, 2 * repetitions + 1)]
+    rows = [
+        (run, target, float(measured.deviations[target - 1, (run - 1) // 2, (run - 1) % 2]))
+        for run, order in runs
+        for target in order
+    ]
+    kept = tuple(row for row in rows if not np.isnan(row[2]))
+    targets = tuple(float(target) for target in measured.targets)
+    return render(RtlText(targets, 2 * repetitions, kept, _sections_of(measured, kind, 2 * repetitions)))
+
+
+def _order(count: int, run: int) -> range:
+    return range(1, count + 1) if run % 2 else range(count, 0, -1)
+
+
+def _sections_of(measured: MeasuredSet, kind: str, runs: int) -> tuple[tuple[str, tuple[str, ...]], ...]:
+    words = ("Machine", "Serial No", "Date", "By", "Axis", "Location", "TITLE")
+    found = measured.header
+    heads = {"File type": kind, "Owner": found.get("Owner", "trueflank"), "Version no": found.get("Version no", "0")}
+    count = ("Filetype  : ISO", f"Target-count: {len(measured.targets)}", "Flags: 0 0 2 0")
+    more = tuple((name, tuple(found[name].split("\n"))) for name in found if name.isupper() and name not in words)
+    air = tuple(f"{key:<11}: {found[key]}" for key in KEYS if key in found)
+    return (
+        ("HEADER", tuple(f"{key:<11}: {value}" for key, value in heads.items())),
+        ("TARGET DATA", count),
+        ("USER-TEXT", tuple(f"{word}: {found.get(word, '')}" for word in words)),
+        ("RUNS", (f"Run-count:{runs}",)),
+        ("DEVIATIONS", ("Run Target Data:",)),
+        *more,
+        *((("ENVIRONMENT", air),) if air else ()),
+    )

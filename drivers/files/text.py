@@ -1,0 +1,45 @@
+"""Bytes of a result file to text: byte order mark, else UTF-8, else the capture PC's code page."""
+
+from __future__ import annotations
+
+import codecs
+from pathlib import Path
+
+from drivers.errors import FileFormatError
+
+MARKS = (
+    (codecs.BOM_UTF8, "utf-8-sig"),
+    (codecs.BOM_UTF16_LE, "utf-16"),
+    (codecs.BOM_UTF16_BE, "utf-16"),
+)
+LARGEST_BYTES = 64 << 20
+
+
+def read_bytes(path: Path) -> bytes:
+    """The file's bytes. Raises FileFormatError (E-FILE-READ)."""
+    try:
+        with path.open("rb") as file:
+            data = file.read(LARGEST_BYTES + 1)
+    except OSError as error:
+        raise FileFormatError("E-FILE-READ", str(path), why=str(error)) from error
+    if len(data) > LARGEST_BYTES:
+        raise FileFormatError("E-FILE-READ", str(path), why=f"it is larger than {LARGEST_BYTES} bytes")
+    return data
+
+
+def decode(data: bytes, codepage: str, where: str) -> str:
+    """Text of a file that names no encoding. Raises FileFormatError (E-FILE-ENCODING)."""
+    for mark, encoding in MARKS:
+        if data.startswith(mark):
+            return _decode(data, encoding, where)
+    try:
+        return data.decode("utf-8")
+    except UnicodeDecodeError:
+        return _decode(data, codepage, where)
+
+
+def _decode(data: bytes, encoding: str, where: str) -> str:
+    try:
+        return data.decode(encoding)
+    except (UnicodeDecodeError, LookupError) as error:
+        raise FileFormatError("E-FILE-ENCODING", where, encoding=encoding, why=str(error)) from error

@@ -1,0 +1,180 @@
+"""The conversation with a running program through R parameters: poll, echo, release, abort, give back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from drivers.clock import Clock
+from drivers.errors import DeviceRefused, RemoteProtocolError, TransportError, TrueflankError
+from drivers.sinumerik import nodes
+from drivers.sinumerik.machine import ALARM_PLACES, MachineReader, channel_status
+from drivers.sinumerik.uaclient import UaSession
+from drivers.sinumerik.uasettings import UaSettings
+from drivers.sinumerik.uastatus import is_down, refusal
+from drivers.sinumerik.words import COUNT, Phase, Word
+from drivers.types import ChannelStatus
+
+# Alarms that report and let the program run on: rights for machine data, memory display, CEC limits.
+HARMLESS = frozenset({4070, 4075, 4400, 20124, 20125})
+GROWTH = 1.3
+
+
+@dataclass(frozen=True, slots=True)
+class Glance:
+    """Everything a waiting gateway needs, from one request. ``words`` are the R parameters of the site."""
+
+    channel: ChannelStatus
+    message: str
+    words: tuple[float, ...]
+    alarms: tuple[int, ...]
+    in_position: bool
+    referenced: bool
+
+    def word(self, word: Word) -> float:
+        """One R parameter."""
+        return self.words[word]
+
+    @property
+    def phase(self) -> int:
+        """How far the program is."""
+        return round(self.words[Word.PHASE])
+
+
+class Pace:
+    """How long to wait between two looks: short after something happened, longer while nothing does."""
+
+    def __init__(self, fast_s: float, slow_s: float) -> None:
+        self._fast_s = fast_s
+        self._slow_s = slow_s
+        self._next_s = fast_s
+
+    def again(self) -> None:
+        """Something happened."""
+        self._next_s = self._fast_s
+
+    def step(self) -> float:
+        """Seconds until the next look."""
+        now, self._next_s = self._next_s, min(self._next_s * GROWTH, self._slow_s)
+        return now
+
+
+class Dialogue:
+    """R words of one site. Their old values are kept at the first write and given back at the end."""
+
+    def __init__(
+        self, session: UaSession, reader: MachineReader, settings: UaSettings, clock: Clock, where: str
+    ) -> None:
+        self._session = session
+        self._reader = reader
+        self._settings = settings
+        self._clock = clock
+        self._where = where
+        self._axis_number = 1
+        self._before: frozenset[int] = frozenset()
+        self._original: tuple[float, ...] | None = None
+        self.pace = Pace(settings.fast_poll_s, settings.poll_s)
+
+    async def begin(self, axis_number: int) -> None:
+        """Clear all words for a new program; remember the alarms that were there before it.
+
+        Raises DeviceRefused (E-NC-NOT-RESET) when the channel is not in reset: nothing is written then.
+        """
+        self._axis_number = axis_number
+        seen = await self.look()
+        if seen.channel is not ChannelStatus.RESET:
+            raise DeviceRefused("E-NC-NOT-RESET", self._where, status=seen.channel.name)
+        self._before = frozenset(seen.alarms)
+        await self.write(dict.fromkeys(Word, 0.0))
+        self.pace.again()
+
+    async def look(self) -> Glance:
+        """One look. Raises TransportError (E-UA-NCK-DOWN) while the NCK restarts, and what the session raises."""
+        settings = self._settings
+        channel = settings.channel
+        paths = [
+            nodes.in_channel("chanStatus", channel),
+            nodes.r_block(settings.r_first, COUNT, channel),
+            nodes.in_channel("msg", channel, "ProgramInfo"),
+            nodes.of_axis("aaStat", self._axis_number, channel),
+            nodes.of_axis("aaRef", self._axis_number, channel),
+            *(nodes.alarm_number(place) for place in range(1, ALARM_PLACES + 1)),
+        ]
+        found = await self._session.read(paths, self._reader.timeout_s)
+        for reading in found:
+            if is_down(reading.status):
+                fields = {"status": reading.status, "what": reading.path}
+                raise TransportError("E-UA-NCK-DOWN", self._where, retryable=True, **fields)
+            if reading.status:
+                raise refusal(reading.status, self._where, "read", reading.path)
+        status, words, message, exact_stop, referenced, *alarms = (reading.value for reading in found)
+        return Glance(
+            channel=channel_status(status, self._where),
+            message=str(message or ""),
+            words=self._numbers(words),
+            alarms=tuple(int(number) for number in alarms if number),
+            in_position=int(exact_stop) == 4,
+            referenced=bool(referenced),
+        )
+
+    def _numbers(self, words: Any) -> tuple[float, ...]:
+        if not isinstance(words, list) or len(words) != COUNT:
+            raise RemoteProtocolError("E-UA-VALUE", self._where, what="the block of R parameters", value=words)
+        return tuple(float(word) for word in words)
+
+    async def wait(self) -> None:
+        """Let time pass until the next look."""
+        await self._clock.sleep(self.pace.step())
+
+    async def check_alarms(self, seen: Glance) -> None:
+        """Raise DeviceRefused (E-NC-ALARM) for an alarm that came up since `begin` and stops programs."""
+        new = [number for number in seen.alarms if number not in self._before and number not in HARMLESS]
+        if new:
+            try:
+                text = await self._reader.alarm_texts(len(seen.alarms))
+            except TrueflankError:
+                text = ""
+            raise DeviceRefused("E-NC-ALARM", self._where, number=new[0], text=text or "no text", phase=seen.phase)
+
+    async def write(self, words: dict[Word, float]) -> None:
+        """Write words, typed, by one request, never retried; their old values are kept first."""
+        if self._original is None:
+            self._original = (await self.look()).words
+        await self._session.write(
+            [(self._path(word), float(value)) for word, value in words.items()], self._reader.timeout_s
+        )
+
+    def _path(self, word: Word) -> str:
+        return nodes.r_parameter(self._settings.words.number(word), self._settings.channel)
+
+    async def give_back(self) -> bool:
+        """Restore the R parameters if no program of ours needs them any more; false when one still does.
+
+        A program that waits is asked to leave first: given-back words must not look like an answer to it.
+        """
+        if self._original is None:
+            return True
+        seen = await self.look()
+        if not _done(seen):
+            await self.write({Word.ABORT: 1.0})
+            seen = await self._after_abort(seen)
+        if not _done(seen):
+            return False
+        first = self._settings.r_first
+        paths = [nodes.r_parameter(first + place, self._settings.channel) for place in range(COUNT)]
+        await self._session.write(list(zip(paths, self._original, strict=True)), self._reader.timeout_s)
+        self._original = None
+        return True
+
+    async def _after_abort(self, seen: Glance) -> Glance:
+        self.pace.again()
+        for _ in range(12):
+            if _done(seen):
+                break
+            await self.wait()
+            seen = await self.look()
+        return seen
+
+
+def _done(seen: Glance) -> bool:
+    return seen.channel is ChannelStatus.RESET or seen.phase == Phase.ENABLED

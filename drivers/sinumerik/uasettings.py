@@ -1,0 +1,116 @@
+"""What a site file may say about a control behind OPC UA, and the secrets it points to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from cryptography import x509
+
+from drivers.errors import ConfigError
+from drivers.link import read_settings, wrong_setting
+from drivers.sinumerik import certificates, nodes
+from drivers.sinumerik.certificates import KeyPair
+from drivers.sinumerik.words import COUNT, Words
+
+APPLICATION_URI = "urn:trueflank:gateway"
+SECURED = "Basic256Sha256"
+
+
+@dataclass(frozen=True, slots=True)
+class UaSettings:
+    """Keys under ``[controller.settings]``.
+
+    ``security`` "Basic256Sha256" (sign and encrypt, the server's certificate pinned) or "None", which must be
+    asked for. ``client_folder`` keeps our own certificate; beside the pinned one when empty. ``r_first`` is
+    the first of 20 R parameters. ``two_programs`` for controls that give no file out while a program waits.
+    ``approach_feed`` mm/min or deg/min; ``wait_limit_s`` NC seconds after which a program left alone ends.
+    ``serial_node`` and ``version_node`` because their paths are not public.
+    """
+
+    user: str = ""
+    password: str = ""
+    password_file: str = ""
+    security: str = SECURED
+    server_certificate: str = ""
+    client_folder: str = ""
+    r_first: int = 80
+    channel: int = 1
+    two_programs: bool = False
+    poll_s: float = 0.05
+    fast_poll_s: float = 0.004
+    approach_feed: float = 2000.0
+    wait_limit_s: float = 14400.0
+    serial_node: str = nodes.SERIAL_NUMBER
+    version_node: str = nodes.NCK_VERSION
+
+    @classmethod
+    def read(cls, settings: Mapping[str, Any], where: str) -> UaSettings:
+        """From the site file. Raises ConfigError (E-CFG-SETTING, E-CFG-SETTING-VALUE)."""
+        found = read_settings(cls, settings, where)
+        for key, good, why in found.limits():
+            if not good:
+                raise wrong_setting(key, why, where)
+        return found
+
+    def limits(self) -> tuple[tuple[str, bool, str], ...]:
+        """Key, whether its value is allowed, and what is allowed."""
+        pinned = self.security != SECURED or bool(self.server_certificate)
+        return (
+            ("security", self.security in (SECURED, "None"), f"must be {SECURED} or None"),
+            ("server_certificate", pinned, "must name the server's certificate: nothing is trusted unseen"),
+            ("password_file", not (self.password and self.password_file), "give it or password, not both"),
+            ("r_first", 0 <= self.r_first <= nodes.R_LAST - COUNT, f"must be 0 .. {nodes.R_LAST - COUNT}"),
+            ("channel", 1 <= self.channel <= 10, "must be 1 .. 10"),
+            ("poll_s", 0.02 <= self.poll_s <= 5.0, "must be 0.02 .. 5 s"),
+            ("fast_poll_s", 0.001 <= self.fast_poll_s <= self.poll_s, "must be 0.001 s .. poll_s"),
+            ("approach_feed", 0.0 < self.approach_feed <= 1e5, "must be above 0"),
+            ("wait_limit_s", self.wait_limit_s >= 60.0, "must be 60 s or more"),
+            ("serial_node", nodes.parse(self.serial_node) is not None, "is no node path of this control"),
+            ("version_node", nodes.parse(self.version_node) is not None, "is no node path of this control"),
+        )
+
+    @property
+    def words(self) -> Words:
+        """The R parameters of this site."""
+        return Words(self.r_first)
+
+
+@dataclass(frozen=True, slots=True)
+class Secrets:
+    """What a login needs, read from where the settings point: ``pinned`` and ``own`` are None without security."""
+
+    user: str
+    password: str
+    pinned: x509.Certificate | None = None
+    own: KeyPair | None = None
+
+
+def secrets_of(settings: UaSettings, where: str) -> Secrets:
+    """Read password and certificates; blocking. Raises ConfigError (E-UA-SECRET) naming key, file and why."""
+    password = settings.password
+    if settings.password_file:
+        content = _content("password_file", settings.password_file, where)
+        password = content.decode("utf-8", errors="replace").strip("\r\n")
+    if settings.security != SECURED:
+        return Secrets(settings.user, password)
+    path = settings.server_certificate
+    try:
+        pinned = certificates.load(_content("server_certificate", path, where))
+    except ValueError as error:
+        raise ConfigError("E-UA-SECRET", where, key="server_certificate", path=path, why=str(error)) from error
+    folder = Path(settings.client_folder) if settings.client_folder else Path(path).parent / "trueflank-client"
+    try:
+        own = certificates.own_key_pair(folder, "trueflank", APPLICATION_URI, "localhost")
+    except OSError as error:
+        raise ConfigError("E-UA-SECRET", where, key="client_folder", path=str(folder), why=str(error)) from error
+    return Secrets(settings.user, password, pinned, own)
+
+
+def _content(key: str, path: str, where: str) -> bytes:
+    try:
+        return Path(path).read_bytes()
+    except OSError as error:
+        raise ConfigError("E-UA-SECRET", where, key=key, path=path, why=str(error)) from error

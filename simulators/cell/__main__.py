@@ -1,0 +1,157 @@
+"""`python -m simulators.cell CELL`: runs a cell until its stdin closes, a stop file appears or Ctrl-C."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import contextlib
+import json
+import os
+import sys
+import tempfile
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from drivers.clock import LoopClock
+from drivers.errors import TransportError, TrueflankError
+from drivers.transport import ByteTransport, serve
+from simulators.cell import Cell
+from simulators.cell.judge import Judge
+
+BLOCK_WALL_S = 0.01
+LOOK_S = 0.2
+LINE_BYTES = 1 << 20
+
+
+def arguments(given: list[str] | None = None) -> argparse.Namespace:
+    """The command line."""
+    parser = argparse.ArgumentParser(prog="python -m simulators.cell", description=__doc__)
+    parser.add_argument("cell", help="a cell that comes with trueflank (demo, zero) or the path of a cell file")
+    parser.add_argument("--site", type=Path, help="where to write the site file (default: a new folder)")
+    parser.add_argument("--speed", type=float, default=1.0, help="machine seconds in one second")
+    parser.add_argument("--seed", type=int, help="draw another machine of the same kind")
+    parser.add_argument("--flip", action="store_true", help="reverse the sign of every error")
+    parser.add_argument("--stop-file", type=Path, help="end when this file appears")
+    parser.add_argument("--ignore-stdin", action="store_true", help="do not end with the parent's pipe")
+    return parser.parse_args(given)
+
+
+async def run(options: argparse.Namespace) -> None:
+    """Run the cell; one JSON line on stdout when it is ready, then one for each question on stdin."""
+    site = (options.site or Path(tempfile.mkdtemp(prefix="trueflank-cell-")) / "site.toml").resolve()
+    clock = LoopClock(options.speed)
+    cell = Cell(
+        options.cell,
+        site.parent,
+        clock,
+        seed=options.seed,
+        flip=options.flip,
+        block_s=max(0.1, BLOCK_WALL_S * options.speed),
+        site_path=site,
+    )
+    judge = Judge(cell)
+    try:
+        await cell.start()
+        door = await serve("tcp://127.0.0.1:0", lambda wire: _visit(judge, wire), LoopClock())
+        try:
+            _tell(_ready(site, door.url, options, site.with_suffix(".cell.json")))
+            await _until_told(options, judge)
+        finally:
+            _remember(cell, site.with_suffix(".judgement.json"))
+            await door.close()
+    finally:
+        await cell.stop()
+
+
+def _ready(site: Path, judge_url: str, options: argparse.Namespace, copy: Path) -> dict[str, Any]:
+    ready = {"site": str(site), "pid": os.getpid(), "judge": judge_url, "speed": options.speed}
+    copy.write_text(json.dumps(ready) + "\n", encoding="utf-8")
+    return ready
+
+
+def _tell(answer: dict[str, Any]) -> None:
+    # The parent may be gone already; its closed stdin will end us, not this line.
+    with contextlib.suppress(OSError, ValueError):
+        sys.stdout.write(json.dumps(answer) + "\n")
+        sys.stdout.flush()
+
+
+def _remember(cell: Cell, path: Path) -> None:
+    """What the truth says of each axis at the end, for those who come too late to ask."""
+    names = [axis.name for axis in cell.file.axes]
+    figures = {name: {"raw": cell.figures(name, live=False), "live": cell.figures(name, live=True)} for name in names}
+    with contextlib.suppress(OSError):
+        path.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+
+
+async def _until_told(options: argparse.Namespace, judge: Judge) -> None:
+    lines: asyncio.Queue[bytes | None] = asyncio.Queue()
+    if not options.ignore_stdin:
+        _listen_stdin(asyncio.get_running_loop(), lines.put_nowait)
+    wall = LoopClock()
+    asking = asyncio.create_task(_answer_all(lines, judge))
+    try:
+        while not asking.done() and not (options.stop_file and options.stop_file.exists()):
+            await wall.sleep(LOOK_S)
+    finally:
+        asking.cancel()
+        await asyncio.gather(asking, return_exceptions=True)
+
+
+async def _answer_all(lines: asyncio.Queue[bytes | None], judge: Judge) -> None:
+    while (line := await lines.get()) is not None:
+        if line.strip():
+            _tell(await _answered(judge, line))
+
+
+async def _answered(judge: Judge, line: bytes) -> dict[str, Any]:
+    try:
+        question = json.loads(line)
+    except ValueError as error:
+        return {"error": f"not JSON: {error}"}
+    return await judge.answer(question) if isinstance(question, dict) else {"error": "not an object"}
+
+
+def _listen_stdin(loop: asyncio.AbstractEventLoop, put: Callable[[bytes | None], None]) -> None:
+    """Read stdin in a thread of its own: pipes cannot be awaited on every system; None at its end."""
+
+    def listen() -> None:
+        pending = b""
+        with contextlib.suppress(OSError, RuntimeError):
+            while data := os.read(sys.stdin.fileno(), 65536):
+                *lines, pending = (pending + data).split(b"\n")
+                for line in lines:
+                    loop.call_soon_threadsafe(put, line)
+        with contextlib.suppress(RuntimeError):
+            loop.call_soon_threadsafe(put, None)
+
+    threading.Thread(target=listen, daemon=True, name="stdin").start()
+
+
+async def _visit(judge: Judge, wire: ByteTransport) -> None:
+    """One judge on the loopback port: a JSON object a line, an answer a line."""
+    pending = b""
+    while True:
+        *lines, pending = (pending + await wire.read(65536)).split(b"\n")
+        if len(pending) > LINE_BYTES:
+            raise TransportError("E-LINK-CLOSED", "judge", why="an endless line")
+        for line in lines:
+            await wire.write(json.dumps(await _answered(judge, line)).encode() + b"\n")
+
+
+def main() -> int:
+    """Entry point: 0 when told to end, the error's own exit code otherwise."""
+    try:
+        asyncio.run(run(arguments()))
+    except KeyboardInterrupt:
+        return 0
+    except TrueflankError as error:
+        sys.stderr.write(f"{error}\n")
+        return error.exit_code
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

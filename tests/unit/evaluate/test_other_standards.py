@@ -1,0 +1,50 @@
+"""Other standards: the worked example beside ISO, bounds, and gaps refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gateway.errors import ModelError
+from gateway.evaluate import flank_tolerances, other_standards
+
+S = np.array([-1, -1, 0, 1, 1.0])
+UP = np.array([0, 1, 2, 3, 4.0])[:, None] + S
+DOWN = np.array([2, 4, 4, 6, 5.0])[:, None] + S * np.array([1, 1, 2, 1, 1.0])[:, None]
+X = np.stack([UP, DOWN], axis=2)
+
+
+def test_vdi_worked_example() -> None:
+    found = other_standards.vdi3441(X)
+    expected = {"U_max": 3, "U_mean": 2.2, "Ps_max": 9, "Ps_mean": 6.6, "Pa": 3.5, "P": 12}
+    assert found.values == pytest.approx(expected)
+    assert "3441" in found.standard
+
+
+def test_nmtba_without_offset_is_never_smaller() -> None:
+    shifted = X + 3.0
+    with_offset = other_standards.nmtba(shifted).values["A_bi"]
+    assert with_offset == pytest.approx(other_standards.nmtba(X).values["A_bi"])
+    assert other_standards.nmtba(shifted, offset=False).values["A_bi"] > with_offset
+
+
+def test_jis_and_names_of_national_standards() -> None:
+    found = other_standards.jis_b6330([0, 1, 3.0], [[0, 2.0, 1], [1, 1, 1]], [[3, 3.0, 3], [1, 1, 2]])
+    assert found.values["accuracy"] == 3.0
+    assert found.values["repeatability"] == 1.0
+    assert found.values["lost_motion"] == 2.0
+    assert other_standards.ISO_EQUIVALENTS["GB/T 17421.2-2016"] == "2006"
+
+
+def test_gaps_are_refused() -> None:
+    gappy = X.copy()
+    gappy[0, 0, 0] = np.nan
+    for evaluate in (other_standards.vdi3441, other_standards.asme_b554_1992, other_standards.nmtba):
+        with pytest.raises(ModelError, match="E-EVAL-INCOMPLETE"):
+            evaluate(gappy)
+
+
+def test_rounding_of_flank_tolerances() -> None:
+    found = flank_tolerances.flank_tolerances(100.0, 4.0, 40.0, 5)
+    assert [flank_tolerances.rounded(found[name]) for name in ("fp", "Fp")] == [6.5, 21.0]
+    assert flank_tolerances.rounded(4.44) == pytest.approx(4.4)

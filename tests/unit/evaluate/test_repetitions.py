@@ -1,0 +1,90 @@
+"""Repetitions: outliers are seen and left out of the means, drift and wide scatter are no outliers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gateway.evaluate.repetitions import robust_means
+
+
+def run(seed: int, m: int = 24, n: int = 5, noise: float = 0.15) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    curve = 10 * np.sin(np.arange(m))
+    return curve, curve[:, None, None] + np.array([0.3, -0.3]) + rng.normal(0, noise, (m, n, 2))
+
+
+def test_means_and_scatter_of_clean_data() -> None:
+    curve, x = run(1)
+    found = robust_means(np.arange(24.0), x)
+    assert found.suspects == ()
+    assert found.s == pytest.approx(0.15, rel=0.15)
+    assert np.abs(found.mean - curve).max() < 5 * 0.15 / np.sqrt(10)
+    np.testing.assert_allclose(found.mean_up - found.mean_down, x.mean(axis=1) @ [1, -1], atol=1e-12)
+    np.testing.assert_allclose(found.u, found.s / np.sqrt(10))
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_outliers_are_named_and_left_out(seed: int) -> None:
+    curve, x = run(seed)
+    rng = np.random.default_rng(100 + seed)
+    places = {tuple(int(rng.integers(0, size)) for size in x.shape) for _ in range(3)}
+    for place in places:
+        x[place] += rng.choice((-1, 1)) * 2.0
+    found = robust_means(np.arange(24.0), x)
+    assert set(found.suspects) == places
+    assert np.abs(found.mean - curve).max() < 5 * 0.15 / np.sqrt(8)
+
+
+def test_false_alarms_are_rare() -> None:
+    alarms = sum(len(robust_means(np.arange(24.0), run(seed)[1]).suspects) for seed in range(60))
+    assert alarms <= 1
+
+
+def test_a_drift_shared_by_each_pass_is_no_suspicion() -> None:
+    curve, x = run(2)
+    x += np.array([0.0, 5.0, 11.0, 12.0, 12.5])[None, :, None]
+    x[7, 3, 1] += 3.0
+    found = robust_means(np.arange(24.0), x)
+    assert found.suspects == ((7, 3, 1),)
+    assert found.s == pytest.approx(0.15, rel=0.2)
+    level = found.mean - found.mean.mean() - (curve - curve.mean())
+    assert np.abs(level).max() < 0.3
+    np.testing.assert_allclose(np.diff(found.pass_offsets[:, 0]), [5.0, 6.0, 1.0, 0.5], atol=0.2)
+
+
+def test_a_target_that_scatters_is_not_an_outlier() -> None:
+    _, x = run(3, n=5)
+    x[4] += np.array([-4.0, 5.0, 1.0, -5.0, 3.0])[:, None]
+    assert robust_means(np.arange(24.0), x).suspects == ()
+
+
+def test_readings_alike_to_the_last_digit_are_not_outliers() -> None:
+    _, x = run(4, noise=0.03)
+    assert robust_means(np.arange(24.0), np.round(x, 1)).suspects == ()
+
+
+def test_two_repetitions_are_too_few_to_suspect_any() -> None:
+    _, x = run(5, n=2)
+    x[3, 0, 0] += 50.0
+    assert robust_means(np.arange(24.0), x).suspects == ()
+
+
+def test_gaps_and_single_directions() -> None:
+    curve, x = run(6)
+    x[3, 2, 1] = np.nan
+    x[9, :, 1] = np.nan
+    found = robust_means(np.arange(24.0), x)
+    assert np.abs(found.mean - curve).max() < 0.4
+    assert found.u[9] > found.u[8]
+    x[:, :, 1] = np.nan
+    alone = robust_means(np.arange(24.0), x)
+    assert np.isnan(alone.mean_down).all()
+    assert np.isfinite(alone.mean).all()
+
+
+def test_one_run_each_way_takes_scatter_from_the_reversal() -> None:
+    _, x = run(7, n=1)
+    found = robust_means(np.arange(24.0), x)
+    assert found.s == pytest.approx(0.15, rel=0.5)
+    assert np.isfinite(found.u).all()

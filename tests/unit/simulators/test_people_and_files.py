@@ -1,0 +1,169 @@
+"""The operator does what MSG says; result files and site files say what they must."""
+
+from __future__ import annotations
+
+import tomllib
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drivers.clock import LoopClock, run_virtual
+from gateway.config import load_site
+from simulators.cell.site import quoted, site_text
+from simulators.cellfile import CellFile, load_cell, packaged
+from simulators.cellfile import Operator as OperatorSpec
+from simulators.files import FileContent, result_text
+from simulators.operator import Operator
+from simulators.optics import Bench
+from simulators.truth import Truth, Weather
+from tests.unit.simulators.motion import Motion, plain_cell
+
+
+class Screen:
+    """A control's screen and buttons: what was pressed is kept."""
+
+    def __init__(self) -> None:
+        self.channel_status = 0
+        self.message = ""
+        self.selections = 0
+        self.r: dict[int, float] = {}
+        self.pressed: list[str] = []
+
+    def r_parameter(self, number: int) -> float:
+        return self.r.get(number, 0.0)
+
+    def nc_start(self) -> None:
+        self.pressed.append("NC START")
+        self.channel_status = 1
+
+    def channel_reset(self) -> None:
+        self.pressed.append("RESET")
+        self.channel_status = 0
+
+    def nck_reset(self) -> None:
+        self.pressed.append("NCK RESET")
+        self.channel_status = 0
+
+    def reference_axis(self, name: str) -> None:
+        self.pressed.append(f"REF {name}")
+
+    def set_mode(self, mode: str) -> None:
+        self.pressed.append(mode)
+
+
+def scene(message: str, status: int = 2, **options: object) -> tuple[Screen, Bench, list[str]]:
+    """What an operator does within 15 minutes before a screen."""
+    screen = Screen()
+    bench = Bench(Truth(CellFile.model_validate(plain_cell())), Motion())
+    spec = OperatorSpec.model_validate(options)
+    log: list[str] = []
+
+    async def main() -> None:
+        clock = LoopClock()
+        operator = Operator(spec, screen, bench, clock, ["X1", "C1"])
+        operator.start()
+        screen.channel_status, screen.message = status, message
+        screen.selections += status == 0
+        await clock.sleep(900.0)
+        await operator.stop()
+        log.extend(operator.log)
+
+    run_virtual(main)
+    return screen, bench, log
+
+
+def test_a_newly_selected_program_is_started_once() -> None:
+    assert scene("", status=0)[0].pressed == ["NC START"]
+
+
+def test_nothing_is_started_by_itself() -> None:
+    assert scene("", status=0, auto=False)[0].pressed == []
+    assert scene("SOMETHING ELSE")[0].pressed == []
+
+
+def test_a_set_up_is_mounted_and_confirmed() -> None:
+    screen, bench, _ = scene("TRUEFLANK SETUP ECC ON C")
+    assert screen.pressed == ["NC START"]
+    mounting = bench.mounted("calibrator")
+    assert mounting is not None
+    assert mounting.optics == "rotary"
+
+
+def test_an_unknown_set_up_is_not_confirmed() -> None:
+    screen, _, log = scene("TRUEFLANK SETUP EYX ON X")
+    assert screen.pressed == []
+    assert log == ["nothing to mount for EYX on X"]
+
+
+def test_wrong_optics_are_mounted_when_the_operator_errs() -> None:
+    _, bench, _ = scene("TRUEFLANK SETUP EXX ON X", mounts_wrong=["EXX"])
+    mounting = bench.mounted("laser")
+    assert mounting is not None
+    assert mounting.optics == "angular"
+
+
+def test_a_release_waits_for_the_r_parameter_and_gives_up() -> None:
+    message = "TRUEFLANK LOADED X(X) NC START WHEN R89=4711"
+    assert scene(message, release_patience_s=60.0)[0].pressed == ["RESET"]
+    assert scene(message, looks_at_r=False)[0].pressed == ["NC START"]
+    assert scene("TRUEFLANK LOADED X(X) NC START WHEN R89=0")[0].pressed == ["NC START"]
+
+
+def test_activation_resets_references_and_goes_back_to_auto() -> None:
+    screen, _, _ = scene("TRUEFLANK ACTIVATE NCK RESET AND REFERENCE X1")
+    assert screen.pressed == ["NCK RESET", "REF X1", "REF C1", "AUTO"]
+
+
+WEATHER = Weather(20.337280, 990.39005, 46.954897, 20.203292)
+
+
+def content(rotary: bool) -> FileContent:
+    deviations = np.arange(12.0).reshape(3, 2, 2)
+    deviations[1, 1, 1] = np.nan
+    moment = datetime(2024, 5, 3, 10, 46, tzinfo=UTC)
+    factors = (0.31641096, 0.31641067)
+    targets = np.asarray([0.0, 10.0, 20.0])
+    return FileContent(targets, deviations, rotary, WEATHER, WEATHER, moment, moment, 8.0, factors)
+
+
+def test_a_linear_file_has_the_makers_layout() -> None:
+    text = result_text(content(rotary=False))
+    assert text.startswith("HEADER::\r\nFile type  : rtl\r\n")
+    assert text.endswith("EOF::\r\n")
+    assert "\n" not in text.replace("\r\n", "")
+    assert "Run-count:4\r\n" in text
+    rows = [line.split() for line in text.split("Run Target Data:\r\n")[1].split("\r\n\r\n")[0].split("\r\n")]
+    assert [row[:2] for row in rows[:6]] == [["1", "1"], ["1", "2"], ["1", "3"], ["2", "3"], ["2", "2"], ["2", "1"]]
+    assert [float(row[2]) for row in rows[:6]] == [0.0, 4.0, 8.0, 9.0, 5.0, 1.0]
+    assert len(rows) == 11
+    assert "Air press  : 99.039005 99.039005" in text
+    assert "Mat temp 2 : -10.000000 -10.000000" in text
+    assert '"10:46 May 03 2024"' in text
+
+
+def test_a_rotary_file_is_in_milliradian() -> None:
+    text = result_text(content(rotary=True))
+    assert f"{8.0 / 206.26480624709636:.6f}" in text
+
+
+@pytest.mark.parametrize("name", packaged())
+def test_the_site_file_of_a_packaged_cell_is_valid(name: str, tmp_path: Path) -> None:
+    cell = load_cell(name)
+    controller = {"url": "opc.tcp://127.0.0.1:4840", "settings": {"user": "u", "r_first": 80}}
+    urls = {"laser": "socket://127.0.0.1:9000", "calibrator": "tcp://127.0.0.1:9001"}
+    path = tmp_path / "site.toml"
+    path.write_text(site_text(cell, cell.machine.serial, controller, urls), encoding="utf-8")
+    site = load_site(path)
+    assert [axis.name for axis in site.axes] == ["X1", "Z1", "C1"]
+    assert site.axes[0].measure.instrument == "laser"
+    assert site.axes[0].measure.dead_path_mm == 180.0
+    assert site.controller.serial == "YK7350B-0042"
+    assert site.axes[2].modulo
+    assert (site.axes[2].table.maximum, site.axes[2].table.step) == (360.0, 5.0)
+
+
+@pytest.mark.parametrize("text", ["plain", 'with "quotes"', "C:\\cells\\a", "new\nline", "Grad \u00b0"])
+def test_text_survives_the_site_file(text: str) -> None:
+    assert tomllib.loads(f"key = {quoted(text)}") == {"key": text}
