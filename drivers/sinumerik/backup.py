@@ -14,10 +14,14 @@ _CEC_PARAMETERS = ("STEP", "MIN", "MAX", "DIRECTION", "MULT_BY_TABLE", "IS_MODUL
 
 @dataclass(frozen=True, slots=True)
 class Memory:
-    """What the control reserved: EEC points of the axis' encoder (MD38000), CEC points by table (MD18342)."""
+    """What the control reserved: EEC points of the axis' encoder (MD38000), CEC points by table (MD18342).
+
+    ``axes`` are the machine axis names: a program can compare values of type AXIS, but not write them down.
+    """
 
     eec_points: int
     cec_points: tuple[int, ...] = ()
+    axes: tuple[str, ...] = ()
 
 
 def blocks(path: str, axis: str, encoder: int, memory: Memory, failed: str) -> list[str]:
@@ -33,7 +37,7 @@ def blocks(path: str, axis: str, encoder: int, memory: Memory, failed: str) -> l
         out += _values(path, names, failed)
     for table, points in enumerate(memory.cec_points):
         if points:
-            out += _cross(path, table, points, failed)
+            out += _cross(path, table, points, memory.axes, failed)
     out += _values(
         path,
         (
@@ -46,17 +50,15 @@ def blocks(path: str, axis: str, encoder: int, memory: Memory, failed: str) -> l
     return [*out, *_line(path, '"M17"', failed)]
 
 
-def _cross(path: str, table: int, points: int, failed: str) -> list[str]:
+def _cross(path: str, table: int, points: int, axes: tuple[str, ...], failed: str) -> list[str]:
     """One CEC table; a table that was never loaded (STEP 0) has no axes to name and is left out."""
-    axes = [
-        block
-        for name in ("INPUT_AXIS", "OUTPUT_AXIS")
-        for block in _line(path, f'"$AN_CEC_{name}[{table}]=("<<AXSTRING($AN_CEC_{name}[{table}])<<")"', failed)
-    ]
+    inner = _points(path, f"$AN_CEC[{table},", "]", points, failed)
+    for name in (f"$AN_CEC_INPUT_AXIS[{table}]", f"$AN_CEC_OUTPUT_AXIS[{table}]"):
+        for axis in axes:
+            inner += [f"IF {name}=={axis}", *_line(path, f'"{name}=({axis})"', failed), "ENDIF"]
     names = [f"$AN_CEC_{name}[{table}]" for name in _CEC_PARAMETERS]
     names += [f"$SN_CEC_TABLE_ENABLE[{table}]", f"$SN_CEC_TABLE_WEIGHT[{table}]"]
-    inner = _points(path, f"$AN_CEC[{table},", "]", points, failed) + axes + _values(path, names, failed)
-    return [f"IF $AN_CEC_STEP[{table}]<>0", *inner, "ENDIF"]
+    return [f"IF $AN_CEC_STEP[{table}]<>0", *inner, *_values(path, names, failed), "ENDIF"]
 
 
 def _points(path: str, left: str, right: str, count: int, failed: str) -> list[str]:

@@ -102,7 +102,7 @@ def listing(text: str, where: str) -> Listing:
             if not body:
                 continue
             if ended and body not in _END:
-                raise _refused("E-TABLE-AFTER-END", where, number, raw)
+                raise _refused("E-TABLE-AFTER-END", where, line=number, text=raw)
             if body in _END or body in _STOPS:
                 ended = ended or body in _END
                 continue
@@ -119,12 +119,12 @@ def listing(text: str, where: str) -> Listing:
 def _body(raw: str, number: int, where: str, *, first: bool) -> str:
     """The line without comment, block number and check sum; "" when nothing is left to read."""
     if len(raw) > _LINE_LIMIT or any(not char.isprintable() and char != "\t" for char in raw):
-        raise _refused("E-TABLE-SYNTAX", where, number, raw)
+        raise _refused("E-TABLE-SYNTAX", where, line=number, text=raw)
     line = raw.partition(";")[0].strip()
     if line.startswith("%"):
         if first and _HEADER.fullmatch(line):
             return ""
-        raise _refused("E-TABLE-HEADER", where, number, raw)
+        raise _refused("E-TABLE-HEADER", where, line=number, text=raw)
     line = _BLOCK_NUMBER.sub("", _CHECK_SUM.sub("", line).rstrip(), count=1)
     if _CHANNEL.fullmatch(line):
         return ""
@@ -134,14 +134,14 @@ def _body(raw: str, number: int, where: str, *, first: bool) -> str:
 def _assignment(body: str, number: int, where: str) -> Assignment:
     match = _VARIABLE.fullmatch(body)
     if match is None:
-        raise _refused("E-TABLE-SYNTAX", where, number, body)
+        raise _refused("E-TABLE-SYNTAX", where, line=number, text=body)
     name = match["name"].upper()
     if name not in VARIABLES:
         raise FileFormatError("E-TABLE-NAME", where, line=number, name=name)
     indices, shape = VARIABLES[name]
     numbers, axis = _indices(match["inside"], indices, name, number, where)
     if not match["rest"].startswith("="):
-        raise _refused("E-TABLE-EQUALS", where, number, body)
+        raise _refused("E-TABLE-EQUALS", where, line=number, text=body)
     value = _READERS[shape](match["rest"][1:].strip(), number, where)
     return Assignment(number, name, numbers, axis, value)
 
@@ -170,14 +170,14 @@ def number_of(text: str) -> Decimal | None:
 def _value(text: str, number: int, where: str) -> Decimal:
     value = number_of(text)
     if value is None:
-        raise _refused("E-TABLE-NUMBER", where, number, text)
+        raise _refused("E-TABLE-NUMBER", where, line=number, text=text)
     return value
 
 
 def _integer(text: str, number: int, where: str) -> Decimal:
     value = _value(text, number, where)
     if value != value.to_integral_value():
-        raise _refused("E-TABLE-INTEGER", where, number, text)
+        raise _refused("E-TABLE-INTEGER", where, line=number, text=text)
     return value
 
 
@@ -185,14 +185,14 @@ def _flag(text: str, number: int, where: str) -> Decimal:
     words = {"TRUE": Decimal(1), "FALSE": Decimal(0)}
     value = words.get(text.upper()) if text.upper() in words else _integer(text, number, where)
     if value not in (0, 1):
-        raise _refused("E-TABLE-FLAG", where, number, text)
+        raise _refused("E-TABLE-FLAG", where, line=number, text=text)
     return Decimal(int(value))
 
 
 def _axis(text: str, number: int, where: str) -> str:
     match = _AXIS.fullmatch(text) if text.isascii() else None
     if match is None:
-        raise _refused("E-TABLE-AXIS", where, number, text)
+        raise _refused("E-TABLE-AXIS", where, line=number, text=text)
     return (match["a"] or match["b"] or match["c"]).upper()
 
 
@@ -204,8 +204,8 @@ _READERS: dict[Shape, Callable[[str, int, str], Decimal | str]] = {
 }
 
 
-def _refused(code: str, where: str, number: int, text: str) -> FileFormatError:
-    return FileFormatError(code, where, line=number, text=text.strip()[:60])
+def _refused(code: str, where: str, *, line: int, text: str) -> FileFormatError:
+    return FileFormatError(code, where, line=line, text=text.strip()[:60])
 
 
 def value_text(value: Decimal) -> str:

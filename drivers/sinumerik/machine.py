@@ -97,7 +97,8 @@ class MachineReader:
         paths = [self._datum(f"$MA_MM_ENC_COMP_MAX_POINTS[{encoder},{axis}]", names)]
         paths += [self._datum(f"$MN_MM_CEC_MAX_POINTS[{table}]", names) for table in range(tables)]
         eec, *cec = await self._read(paths)
-        return Memory(int(self._good([eec])[0]), tuple(0 if one.status else int(one.value) for one in cec))
+        points = tuple(0 if one.status else int(one.value) for one in cec)
+        return Memory(int(self._good([eec])[0]), points, names)
 
     async def switch(self, name: str, configuration: Configuration) -> bool | None:
         """A switch by its NC name; None when this user may not read it."""

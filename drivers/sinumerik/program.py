@@ -53,6 +53,7 @@ def measuring(plan: StopPlan, token: int, setting: Setting) -> str:
     out = ["DEF INT ERR, N, K, WAITED", PREPARE]
     out += [f"{words.name(word)}=0" for word in (Word.COUNTER, Word.ECHO, Word.MISMATCHES, Word.RELEASE)]
     out += [f"{words.name(Word.TRANSACTION)}={token}", phase_block(words, Phase.BACKING_UP), "STOPRE"]
+    out += [unless_aborted(words, _LEFT)]
     if plan.save_tables:
         path = file_path("LIVE", plan.axis)
         out += backup.blocks(path, plan.axis, plan.encoder, setting.memory, _FAILED)

@@ -13,11 +13,13 @@ from drivers.errors import TableError, TooManyPoints
 from drivers.sinumerik import backup, tables
 from drivers.sinumerik.backup import Memory
 from drivers.sinumerik.grammar import value_text
-from drivers.sinumerik.motion import Motion
-from drivers.sinumerik.program import PREPARE, Setting, check_names, phase_block, text_of
+from drivers.sinumerik.motion import Motion, number
+from drivers.sinumerik.program import PREPARE, Setting, check_names, phase_block, text_of, unless_aborted
 from drivers.sinumerik.words import Phase, Word, Words, file_path
 from drivers.types import CompensationTable, PushOrder
 
+SETTLE_S = 0.2
+NOTHING = Decimal("0.0000005")
 _HELD, _LEFT, _FAILED, _COMPARE = "TF_HELD", "TF_LEFT", "TF_FAILED", "TF_COMPARE"
 
 
@@ -78,11 +80,12 @@ def _first_half(order: PushOrder, setting: Setting) -> list[str]:
     check_names(table.output_axis, table.input_axis, order.letter)
     out = [f"{words.name(word)}=0" for word in (Word.COUNTER, Word.MISMATCHES, Word.RELEASE)]
     out += [f"{words.name(word)}={value}" for word, value in _identity(order, setting).items()]
-    out += [phase_block(words, Phase.BACKING_UP), "STOPRE"]
+    out += [phase_block(words, Phase.BACKING_UP), "STOPRE", unless_aborted(words, _LEFT)]
     out += _save("BACK", table, setting, _FAILED)
     out += [_go(order, setting), "STOPRE", *_disable(table), "STOPRE"]
     out += [f"IF {switch}<>0 GOTOF {_LEFT}" for switch in switches(table)]
-    out += [phase_block(words, Phase.DISABLED), *_write(order, setting), "STOPRE", phase_block(words, Phase.WRITTEN)]
+    out += [*_still_acting(table), phase_block(words, Phase.DISABLED)]
+    out += [*_write(order, setting), "STOPRE", phase_block(words, Phase.WRITTEN)]
     out += ["HALF=1", f"GOTOF {_COMPARE}", f"{_COMPARE}_1:"]
     out += _save("READ", table, setting, _HELD)
     out += [f"IF {words.name(Word.MISMATCHES)}<>0 GOTOF {_HELD}", "STOPRE"]
@@ -132,6 +135,14 @@ def switches(table: CompensationTable) -> tuple[str, ...]:
 
 def _disable(table: CompensationTable) -> list[str]:
     return [*(f"{switch}=0" for switch in reversed(switches(table))), "NEWCONF"]
+
+
+def _still_acting(table: CompensationTable) -> list[str]:
+    """A switch that reads off proves nothing: the value that acts must be gone too before points are written."""
+    if table.function != "EEC":
+        return []
+    acting = f"$VA_ENC{table.index + 1}_COMP_VAL[{table.output_axis}]"
+    return [f"G4 F{number(SETTLE_S)}", "STOPRE", f"IF ABS({acting})>{value_text(NOTHING)} GOTOF {_HELD}"]
 
 
 def _save(purpose: str, table: CompensationTable, setting: Setting, failed: str) -> list[str]:
@@ -185,7 +196,7 @@ def _compare(order: PushOrder, setting: Setting) -> list[str]:
 
 def _differs(name: str, value: str, half_unit: str) -> str:
     if value.startswith("("):
-        return f'AXSTRING({name})<>"{value[1:-1]}"'
+        return f"{name}<>{value[1:-1]}"
     if "." not in value:
         return f"{name}<>{value}"
     other = f"+{value[1:]}" if value.startswith("-") else f"-{value}"

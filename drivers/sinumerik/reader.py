@@ -114,6 +114,7 @@ class Group:
 
 
 def groups_of(found: Listing) -> dict[str, Group]:
+    """Sort point and parameter assignments by the table they belong to, in order of appearance."""
     groups: dict[str, Group] = {}
     for item in found.assignments:
         stem = next((stem for stem in ("$AA_ENC_COMP", "$AN_CEC") if item.name.startswith(stem)), "")
@@ -130,6 +131,7 @@ def groups_of(found: Listing) -> dict[str, Group]:
 
 
 def switches_of(found: Listing) -> dict[str, Decimal]:
+    """Switches, weights and backlash by the place they are assigned to."""
     stems = ("$MA_", "$SN_")
     return {
         item.place: item.value
@@ -140,6 +142,8 @@ def switches_of(found: Listing) -> dict[str, Decimal]:
 
 @dataclass(frozen=True, slots=True)
 class Reader:
+    """Turns raw tables into records; ``where`` names the text, ``units`` the unit of each axis by name."""
+
     where: str
     units: Mapping[str, AxisUnit]
     cec_sign: Sign
@@ -173,16 +177,13 @@ class Reader:
 
     def _intervals(self, group: Group) -> int:
         step, low, high = self._grid(group)
+        table = group.label
         if step <= 0 or high <= low:
-            raise self._bad_grid("E-TABLE-GRID", group)
+            raise FileFormatError("E-TABLE-GRID", self.where, table=table, step=step, low=low, high=high)
         intervals = (high - low) / step
         if abs(intervals - intervals.to_integral_value()) > _WHOLE:
-            raise self._bad_grid("E-TABLE-STEP", group)
+            raise FileFormatError("E-TABLE-STEP", self.where, table=table, step=step, low=low, high=high)
         return int(intervals.to_integral_value())
-
-    def _bad_grid(self, code: str, group: Group) -> FileFormatError:
-        step, low, high = self._grid(group)
-        return FileFormatError(code, self.where, table=group.label, step=step, low=low, high=high)
 
     def _grid(self, group: Group) -> tuple[Decimal, Decimal, Decimal]:
         step, low, high = (self._number(group, name) for name in ("STEP", "MIN", "MAX"))

@@ -21,6 +21,7 @@ from gateway.gear.linear import OFFSET, LinearFlank, Parameter, linear_flank
 
 NULL = 1e-9  # of the largest column: what counts as no effect on the flank
 SAME = 1e-9  # relative, for the rank
+WHOLE = 1e-6  # of an error's RMS: what is left when it is cured entirely
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,8 +85,8 @@ def families(grinding: Grinding, grid: FlankGrid) -> dict[str, tuple[Parameter, 
     over = {c: _indicators(c, at[0]), z: _indicators(z, at[1])}
     found: dict[str, tuple[Parameter, ...]] = {
         f"{x} zero": (Parameter(x),),
-        f"{c} zero": (Parameter(c),),
         "dressing offset": (Parameter(OFFSET),),
+        f"{c} zero": (Parameter(c),),
     }
     for out, over_axis in ((x, z), (x, c), (c, c), (c, z)):
         found[f"{out}({over_axis})"] = tuple(Parameter(out, one.basis, (over_axis,)) for one in over[over_axis])
@@ -106,33 +107,38 @@ def cures(
     groups = families(grinding, grid)
     columns = [*errors, *(one for group in groups.values() for one in group)]
     root = linear_flank(grinding, grid, columns).normal_form().root
-    spans, first = {}, len(errors)
+    wanted = root[:, : len(errors)]
+    left, first = {}, len(errors)
     for name, group in groups.items():
-        spans[name] = root[:, first : first + len(group)]
+        left[name] = _left(root[:, first : first + len(group)], wanted)
         first += len(group)
-    everything = root[:, len(errors) :]
+    floor = _left(root[:, len(errors) :], wanted)
+    size = np.linalg.norm(wanted, axis=0)
+    null = size <= NULL * np.max(np.linalg.norm(root, axis=0))
     names = [one if isinstance(one, str) else one.name for one in errors]
-    return tuple(_cure(name, root[:, i], spans, everything, share) for i, name in enumerate(names))
+    return tuple(
+        _cure(name, float(size[i]), {family: float(rest[i]) for family, rest in left.items()}, share, float(floor[i]))
+        if not null[i]
+        else Cure(name, 0.0, dict.fromkeys(left, 0.0), "none needed", 0.0)
+        for i, name in enumerate(names)
+    )
 
 
-def _cure(
-    name: str, column: FloatArray, spans: Mapping[str, FloatArray], everything: FloatArray, share: float
-) -> Cure:
-    size = float(np.linalg.norm(column))
-    left = {family: _left(span, column) for family, span in spans.items()}
-    largest = float(np.max(np.linalg.norm(everything, axis=0)))
-    if size <= NULL * largest:
-        return Cure(name, size, left, "none needed", 0.0)
+def _cure(name: str, size: float, left: Mapping[str, float], share: float, floor: float) -> Cure:
+    whole = [family for family, rest in left.items() if rest <= WHOLE * size]
     good = [family for family, rest in left.items() if rest <= share * size]
-    return Cure(name, size, left, good[0] if good else "mechanical only", _left(everything, column))
+    return Cure(name, size, left, [*whole, *good, "mechanical only"][0], floor)
 
 
-def _left(span: FloatArray, column: FloatArray) -> float:
-    """Norm of the part of a column that a span cannot make."""
-    scale = np.linalg.norm(span, axis=0)
-    usable = span[:, scale > 0.0] / scale[scale > 0.0]
-    solution = np.linalg.lstsq(usable, column, rcond=1e-10)[0]
-    return float(np.linalg.norm(column - usable @ solution))
+def _left(span: FloatArray, columns: FloatArray) -> FloatArray:
+    """Norm of the part of each column that a span cannot make."""
+    size = np.linalg.norm(span, axis=0)
+    used = size > 0.0
+    if not np.any(used):
+        return np.asarray(np.linalg.norm(columns, axis=0))
+    basis, values, _ = np.linalg.svd(span[:, used] / size[used], full_matrices=False)
+    basis = basis[:, values > SAME * values[0]]
+    return np.asarray(np.linalg.norm(columns - basis @ (basis.T @ columns), axis=0))
 
 
 def _indicators(axis: str, nodes: FloatArray) -> list[Parameter]:

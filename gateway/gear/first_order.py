@@ -18,6 +18,7 @@ from gateway.gear.grinding import Grinding
 from gateway.model import se3
 
 STEP = 1e-3  # mm of stroke, for the slope of e1 along the stroke
+THETA_STEP = 1e-5  # rad, for the slope of the curvature
 MARGIN = 1.5  # of the bound over the sum of the second-order terms
 FLOOR = 1e-8  # mm, rounding and what is left at third order for tiny errors
 
@@ -26,11 +27,13 @@ FLOOR = 1e-8  # mm, rounding and what is left at third order for tiny errors
 class FirstOrder:
     """First-order deviation with what is known about its truth, all of the broadcast shape, mm.
 
-    ``deviation`` is e1, ``second`` the second-order value e2, ``bound`` a limit for |e1 - exact|.
+    ``deviation`` is e1, ``second`` the second-order value e2, ``third`` adds to e2 what the change of the profile's
+    curvature does; ``bound`` is a limit for |e1 - exact|.
     """
 
     deviation: FloatArray
     second: FloatArray
+    third: FloatArray
     bound: FloatArray
 
     def good_enough(self, tolerance: float) -> bool:
@@ -86,7 +89,7 @@ def judged(grinding: Grinding, k: ArrayLike, theta: ArrayLike, z: ArrayLike) -> 
     """First order with its second-order correction and bound.
 
     e2 = d_n + d_t w_z - kappa d_t^2/2 - d_z (w_t + g) - R g^2/(2 n_x): d the exact displacement of the point,
-    t = z x n, w the exact rotation. The bound is `MARGIN` times the sum of the second-order terms, each taken positive.
+    t = z x n, w the exact rotation; e3 = e2 + kappa' d_t^3/6. The bound is `MARGIN` times the sum of the second-order terms, each taken positive.
     """
     t = np.asarray(theta, dtype=np.float64)
     section = grinding.gear.section(t)
@@ -106,8 +109,15 @@ def judged(grinding: Grinding, k: ArrayLike, theta: ArrayLike, z: ArrayLike) -> 
         -0.5 * R * g**2 / section.nx,
     )
     second = e1 + sum(terms)
+    third = second + _curvature_slope(grinding, t) / section.speed * dt**3 / 6.0
     bound = MARGIN * sum(np.abs(term) for term in terms) + FLOOR
-    return FirstOrder(*np.broadcast_arrays(e1, second, bound))
+    return FirstOrder(*np.broadcast_arrays(e1, second, third, bound))
+
+
+def _curvature_slope(grinding: Grinding, theta: FloatArray) -> FloatArray:
+    """d kappa / d theta by central difference."""
+    above, below = (grinding.gear.section(theta + step).curvature for step in (THETA_STEP, -THETA_STEP))
+    return np.asarray((above - below) / (2.0 * THETA_STEP))
 
 
 def _displacement(

@@ -14,7 +14,7 @@ from gateway.model.parts import Vector, add, cross, scale, sub
 from gateway.model.stroke import Stroke
 
 LONGEST_STEP = 1.0  # mm of stroke in one step
-SURE = 1e-7  # mm: nearer than this to the wheel, the sign of the slope tells on which side the valley lies
+SURE = 0.01  # mm: nearer than this to the profile point, the slope's sign tells on which side the valley lies
 FLATTEST = 0.05  # of the wheel's own curvature along the stroke: less is taken as this much
 
 
@@ -80,7 +80,7 @@ def step(rays: Rays, state: State) -> tuple[State, FloatArray]:
     across = turning * way_t - profile.nx * seen.way[2] * seen.speed[2] / seen.rho
     pull = f + turning * dt - across * dn / a
     grade = np.maximum(bend - turning * slide + across * f / a, FLATTEST * profile.nx / seen.rho)
-    low, high = _bracket(state, pull, np.abs(dn) < SURE)
+    low, high = _bracket(state, pull, np.abs(dn) + np.abs(dt) < SURE)
     ds = _inside(state.s, -pull / grade, low, high)
     de = (f * ds - dn) / a
     dtheta = (dt + way_t * de - slide * ds) / profile.speed

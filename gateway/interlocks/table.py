@@ -73,7 +73,8 @@ def _change(facts: PushFacts) -> Iterator[Refusal]:
     old = facts.change.old if facts.change.old_enabled else None
     places = np.asarray(facts.table.positions)
     before = np.array([value_at(old, place) for place in places]) if old is not None else np.zeros(places.shape)
-    largest = float(np.max(np.abs(np.asarray(facts.table.deviations) - before), initial=0.0))
+    changes = np.abs(np.asarray(facts.table.deviations, dtype=np.float64) - before)
+    largest = float(np.max(changes[np.isfinite(changes)], initial=0.0))
     if largest > MAX_CHANGE[facts.unit] + ROUNDING:
         fields = {"change": round(largest, 3), "limit": MAX_CHANGE[facts.unit]}
         yield from no("E-INT-CHANGE", table=facts.table.name, unit=facts.table.deviation_unit, **fields)

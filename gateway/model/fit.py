@@ -21,6 +21,7 @@ HIGHEST_ORDER = 12
 WIDEST_GAP_DEG = 60.0
 WIDEST_MODULO_GAP_DEG = 180.0
 SIMPLER_WITHIN = 1.1
+FAR_ABOVE_NOISE = 5.0
 TURN_DEG = 360.0
 SMALLEST_U = 1e-3
 """Weights assume at least this, um or arcsec: readings that agree to the last digit are not exact."""
@@ -74,8 +75,8 @@ def fit_positioning(
     """Fit mean deviations (m,) at targets (m,), standard uncertainties u (m,) or one for all.
 
     A full turn is fitted with harmonics or a periodic polygon, anything else with polynomials, cubic
-    B-splines or a polygon. Within a family an extended BIC with the known noise as floor chooses the
-    order; between families the leave-one-out error does, the simpler winning ties. The covariance holds
+    B-splines or a polygon. Within a family AICc, extended for the number of choices and with the known
+    noise as floor, chooses the order; between families the leave-one-out error does, the simpler winning ties. The covariance holds
     the scatter that the fit leaves (order above the targets, steps). Targets without a mean (NaN) are left
     out. With `reference` the value there is made zero (datum). Raises NotIdentifiable (E-MODEL-POINTS)
     with fewer than two targets, ModelError (E-MODEL-U) where a mean has no uncertainty.
@@ -83,7 +84,7 @@ def fit_positioning(
     data = _data(targets, means, u)
     if kind == "rotary" and _closes(data.at, modulo):
         data = replace(data, period=TURN_DEG)
-    best = choose(candidates(data))
+    best = choose(candidates(data), data.noise)
     fitted = _component(best, data, name, axis, axis_unit)
     return fitted if reference is None else at_datum(fitted, reference)
 
@@ -125,11 +126,19 @@ def _component(best: Candidate, data: _Data, name: str, axis: str, axis_unit: Ax
     )
 
 
-def choose(tried: Iterable[Candidate]) -> Candidate:
-    """The candidate that misses a left-out target least; a simpler one within 10 % of it is preferred."""
+def choose(tried: Iterable[Candidate], noise: float) -> Candidate:
+    """The candidate that misses a left-out target least; a simpler one within 10 % of it is preferred.
+
+    Where none predicts half of what a constant misses, and that is far above the noise, the deviation
+    changes faster than the targets follow: then the polygon, which never swings beyond the means.
+    """
     everyone = list(tried)
     limit = min(candidate.left_out for candidate in everyone) * SIMPLER_WITHIN
-    return min((c for c in everyone if c.left_out <= limit), key=lambda c: c.size)
+    best = min((c for c in everyone if c.left_out <= limit), key=lambda c: c.size)
+    plain = max(c.left_out for c in everyone if c.basis == "constant")
+    if plain > FAR_ABOVE_NOISE * noise and best.left_out > plain / 2.0:
+        return max(everyone, key=lambda c: c.basis == "piecewise")
+    return best
 
 
 def candidates(data: _Data) -> tuple[Candidate, ...]:
@@ -172,15 +181,15 @@ def _candidate(basis: str, parameters: Mapping[str, Any], data: _Data, choices: 
     solved = weighted(design(basis, parameters, data.at), data.values, data.u, basis)
     size = solved.coefficients.size
     missed = float(np.sqrt(np.mean(solved.left_out**2)))
-    return Candidate(basis, parameters, solved, _extended_bic(solved, data, size, choices), max(missed, data.noise))
+    return Candidate(basis, parameters, solved, _criterion(solved, data, size, choices), max(missed, data.noise))
 
 
-def _extended_bic(solved: Regression, data: _Data, size: int, choices: int) -> float:
+def _criterion(solved: Regression, data: _Data, size: int, choices: int) -> float:
     # Scatter below the known noise is no merit: there the variance is known, above it is estimated.
     m, per_point = data.at.size, solved.chi_square / data.at.size
     misfit = m * (log(per_point) + 1.0) if per_point > 1.0 else m * per_point
-    # The factor corrects for few points, as in AICc: without it the last orders always look good.
-    return misfit + size * log(m) * m / max(m - size - 1, 0.5) + 2.0 * log(choices)
+    # AICc corrects for few points (else the last orders always look good), EBIC for the many choices.
+    return misfit + 2.0 * size * m / max(m - size - 1, 0.5) + 2.0 * log(choices)
 
 
 def _best(family: Iterable[Candidate]) -> list[Candidate]:

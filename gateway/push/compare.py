@@ -139,4 +139,4 @@ def table_facts(table: CompensationTable) -> dict[str, Any]:
 
 def table_from(facts: Mapping[str, Any]) -> CompensationTable:
     """The table that `table_facts` noted."""
-    return CompensationTable(**{**facts, "deviations": tuple(facts["deviations"])})
+    return CompensationTable(**{**facts, "deviations": tuple(map(float, facts["deviations"]))})

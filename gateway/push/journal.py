@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
 import re
 import secrets
@@ -122,10 +123,19 @@ class Journal:
 
 
 def _line(sequence: int, previous: str, entry: Mapping[str, object]) -> tuple[bytes, str]:
-    text = json.dumps(entry, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
+    text = json.dumps(_finite(entry), sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
     head = f"{len(text)}|{sequence}|{previous}|{text}|".encode("ascii")
     sha = hashlib.sha256(head).hexdigest()
     return head + sha.encode("ascii") + b"\n", sha
+
+
+def _finite(value: Any) -> Any:
+    """JSON has no NaN or infinity: they are noted as text, so that an odd reading never stops the journal."""
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    if isinstance(value, Mapping):
+        return {key: _finite(item) for key, item in value.items()}
+    return [_finite(item) for item in value] if isinstance(value, (list, tuple)) else value
 
 
 def read(path: Path) -> JournalRead:

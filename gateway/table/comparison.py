@@ -51,7 +51,7 @@ def agreeing_position(
 ) -> float:
     """Position inside the travel where both agree within 1 um or 1 arcsec, as near the reference as possible.
 
-    Raises TableError (E-TABLE-AGREE) when there is none.
+    Raises TableError (E-COMP-AGREE) when there is none.
     """
     low, high = travel
     nodes = np.concatenate((_unrolled(old, travel), _unrolled(new, travel), [low, high, reference]))
@@ -60,7 +60,7 @@ def agreeing_position(
     places = np.concatenate((at[np.abs(gap) <= AGREE_WITHIN], _crossings(at, gap)))
     if not places.size:
         closest = int(np.argmin(np.abs(gap)))
-        raise TableError("E-TABLE-AGREE", new.name, gap=f"{abs(gap[closest]):.3g}", at=f"{at[closest]:g}")
+        raise TableError("E-COMP-AGREE", new.name, gap=f"{abs(gap[closest]):.3g}", at=f"{at[closest]:g}")
     return float(places[np.argmin(np.abs(places - reference))])
 
 

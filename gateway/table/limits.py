@@ -31,30 +31,30 @@ class Limits:
 
 
 def check_points(needed: int, reserved: int, axis: str) -> None:
-    """Raise TooManyPoints (E-TABLE-POINTS) when the controller reserved fewer points than needed."""
+    """Raise TooManyPoints (E-COMP-POINTS) when the controller reserved fewer points than needed."""
     if needed > reserved:
-        raise TooManyPoints("E-TABLE-POINTS", axis, needed=needed, reserved=reserved)
+        raise TooManyPoints("E-COMP-POINTS", axis, needed=needed, reserved=reserved)
 
 
 def check(new: CompensationTable, live: CompensationTable, limits: Limits, axis: str) -> tuple[str, ...]:
     """Findings of a table against limits and against what acts now (`live`, all zero when switched off).
 
-    Raises ValueOutOfRange: E-TABLE-VALUE, E-TABLE-SLOPE, E-TABLE-CHANGE, with position and limit.
+    Raises ValueOutOfRange: E-COMP-VALUE, E-COMP-SLOPE, E-COMP-CHANGE, with position and limit.
     """
     values = np.asarray(new.deviations)
     if not np.isfinite(values).all():
-        raise ValueOutOfRange("E-TABLE-VALUE", axis, value="not a number", at="", limit=limits.value, unit="")
-    _refuse("E-TABLE-VALUE", values, new.positions, limits.value, new, axis)
+        raise ValueOutOfRange("E-COMP-VALUE", axis, value="not a number", at="", limit=limits.value, unit="")
+    _refuse("E-COMP-VALUE", values, new.positions, limits.value, new, axis)
     slopes = np.diff(values) / new.step
     middles = new.positions[:-1] + new.step / 2.0
-    _refuse("E-TABLE-SLOPE", slopes, middles, limits.slope, new, axis)
-    _refuse("E-TABLE-CHANGE", values - acting(live, new.positions), new.positions, limits.change, new, axis)
+    _refuse("E-COMP-SLOPE", slopes, middles, limits.slope, new, axis)
+    _refuse("E-COMP-CHANGE", values - acting(live, new.positions), new.positions, limits.change, new, axis)
     steepest = int(np.argmax(np.abs(slopes)))
     if abs(slopes[steepest]) <= limits.slope_warning:
         return ()
     return (
         told(
-            "W-TABLE-STEEP",
+            "W-COMP-STEEP",
             axis,
             slope=f"{slopes[steepest]:.3g}",
             at=f"{middles[steepest]:g}",

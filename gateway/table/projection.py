@@ -26,10 +26,10 @@ class Grid:
 
     @property
     def intervals(self) -> int:
-        """k = (maximum - minimum) / step; raises Gap (E-TABLE-GRID) when the step does not divide the range."""
+        """k = (maximum - minimum) / step; raises Gap (E-COMP-GRID) when the step does not divide the range."""
         ratio = (self.maximum - self.minimum) / self.step if self.step > 0.0 else float("nan")
         if not (ratio >= 0.5 and abs(ratio - round(ratio)) < 1e-6):
-            raise Gap("E-TABLE-GRID", "table", minimum=self.minimum, maximum=self.maximum, step=self.step)
+            raise Gap("E-COMP-GRID", "table", minimum=self.minimum, maximum=self.maximum, step=self.step)
         return round(ratio)
 
     @property
@@ -60,14 +60,10 @@ def zeroed(values: FloatArray, grid: Grid, reference: float, *, modulo: bool) ->
     return np.asarray(values - np.interp(at, grid.points, values))
 
 
-def quantised(values: FloatArray, resolution: float, per_axis_unit: float) -> tuple[float, ...]:
-    """Values in the deviation unit rounded to whole multiples of the resolution.
-
-    ``resolution`` is in the axis unit, as the control stores values; ``per_axis_unit`` is how many deviation
-    units make one (1000 um per mm, 3600 arcsec per deg). Idempotent.
-    """
-    whole = np.round(values / (resolution * per_axis_unit))
-    return tuple(round(float(count) * resolution, 12) * per_axis_unit + 0.0 for count in whole)
+def quantised(values: FloatArray, resolution: float) -> tuple[float, ...]:
+    """Values rounded to whole multiples of the resolution, both in the deviation unit. Idempotent."""
+    whole = np.round(values / resolution)
+    return tuple(round(float(count) * resolution, 9) + 0.0 for count in whole)
 
 
 def _samples(grid: Grid) -> FloatArray:

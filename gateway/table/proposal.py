@@ -10,7 +10,7 @@ from scipy.special import chdtri
 
 from drivers.errors import Gap
 from drivers.types import CompensationTable, LiveSet
-from drivers.units import AxisUnit, DeviationUnit, deviation_scale, deviation_unit
+from drivers.units import AxisUnit, DeviationUnit, deviation_unit
 from gateway.domain import Component, FloatArray, TableChange
 from gateway.model.components import is_periodic, standard_uncertainty, value
 from gateway.table.comparison import acting, effective
@@ -79,7 +79,7 @@ def propose(
 
     ``component`` was fitted to ``measured``, captured while ``live`` acted: new = live (if enabled) +
     fitted, by least squares on the grid, zero at the reference, first = last for a modulo axis, rounded to
-    ``resolution`` (axis unit: mm or deg). Beyond the measured range the last fitted value holds.
+    ``resolution`` (deviation unit: um or arcsec). Beyond the measured range the last fitted value holds.
 
     Nothing is proposed (``skipped`` says why) when the whole fitted curve lies within its uncertainty:
     |d - mean d| <= sqrt(Scheffe band of the fit (99 %)^2 + U_instrument^2) everywhere, or when the means would
@@ -87,7 +87,7 @@ def propose(
     of their uncertainty into the table. ``predicted`` is zero on the fitted curve at the reference; compare
     a later measurement after removing its common offset.
 
-    Raises TooManyPoints (E-TABLE-POINTS), Gap (E-TABLE-GRID, E-TABLE-TURN), ValueOutOfRange (see `check`).
+    Raises TooManyPoints (E-COMP-POINTS), Gap (E-COMP-GRID, E-COMP-TURN), ValueOutOfRange (see `check`).
     """
     check_points(grid.intervals + 1, reserved_points, axis.name)
     _check_turn(axis, component, grid)
@@ -130,7 +130,7 @@ def _merged(
         minimum=grid.minimum,
         maximum=grid.maximum,
         step=grid.step,
-        deviations=quantised(values, resolution, deviation_scale(axis.unit)),
+        deviations=quantised(values, resolution),
         modulo=axis.modulo,
         input_unit=axis.unit,
         output_unit=axis.unit,
@@ -141,9 +141,9 @@ def _check_turn(axis: TableAxis, component: Component, grid: Grid) -> None:
     if not axis.modulo:
         return
     if abs(grid.maximum - grid.minimum - TURN_DEG) > 1e-9:
-        raise Gap("E-TABLE-GRID", axis.name, minimum=grid.minimum, maximum=grid.maximum, step=grid.step)
+        raise Gap("E-COMP-GRID", axis.name, minimum=grid.minimum, maximum=grid.maximum, step=grid.step)
     if not is_periodic(component) and component.basis != "constant":
-        raise Gap("E-TABLE-TURN", axis.name, low=component.domain[0], high=component.domain[1])
+        raise Gap("E-COMP-TURN", axis.name, low=component.domain[0], high=component.domain[1])
 
 
 def _why_not(
@@ -157,12 +157,12 @@ def _why_not(
     largest, bound = _significance(axis, component, instrument)
     unit = axis.deviation_unit
     if largest <= 1.0:
-        return told("S-TABLE-WITHIN-U", axis.name, bound=f"{bound:.2g}", unit=unit)
+        return told("S-COMP-WITHIN-U", axis.name, bound=f"{bound:.2g}", unit=unit)
     before = float(np.nanmax(measured.means) - np.nanmin(measured.means))
     after = _predicted(axis, component, measured, acts, new)
     left = float(np.nanmax(after) - np.nanmin(after))
     if left >= before:
-        return told("S-TABLE-NO-GAIN", axis.name, before=f"{before:.3g}", after=f"{left:.3g}", unit=unit)
+        return told("S-COMP-NO-GAIN", axis.name, before=f"{before:.3g}", after=f"{left:.3g}", unit=unit)
     return ""
 
 
@@ -207,11 +207,11 @@ def _coverage(axis: TableAxis, component: Component, grid: Grid) -> Sequence[str
         nodes = np.asarray(component.parameters.get("nodes", ()), dtype=np.float64)
         bridge = float(np.diff(np.append(nodes, nodes[0] + TURN_DEG)).max()) if nodes.size else 0.0
         if bridge > WIDEST_BRIDGE_DEG:
-            return [told("W-TABLE-BRIDGE", axis.name, gap=f"{bridge:g}", unit=axis.unit)]
+            return [told("W-COMP-BRIDGE", axis.name, gap=f"{bridge:g}", unit=axis.unit)]
         return []
     low, high = component.domain
     tolerance = grid.step * 1e-6
     if low <= grid.minimum + tolerance and high >= grid.maximum - tolerance:
         return []
     fields = {"low": f"{low:g}", "high": f"{high:g}", "minimum": f"{grid.minimum:g}"}
-    return [told("W-TABLE-FLAT", axis.name, **fields, maximum=f"{grid.maximum:g}", unit=axis.unit)]
+    return [told("W-COMP-FLAT", axis.name, **fields, maximum=f"{grid.maximum:g}", unit=axis.unit)]

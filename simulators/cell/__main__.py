@@ -80,7 +80,7 @@ def _tell(answer: dict[str, Any]) -> None:
 
 def _remember(cell: Cell, path: Path) -> None:
     """What the truth says of each axis at the end, for those who come too late to ask."""
-    names = [axis.name for axis in cell.file.axes]
+    names = [axis.name for axis in cell.file.axes if axis.measure is not None]
     figures = {name: {"raw": cell.figures(name, live=False), "live": cell.figures(name, live=True)} for name in names}
     with contextlib.suppress(OSError):
         path.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")

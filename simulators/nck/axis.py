@@ -80,6 +80,7 @@ class MachineAxis:
         self.backlash = LaggedPath(lag, start_s, 0.0)
         self.travel = DirectionLog(start_s)
         self.referenced = False
+        self._taken_up = 1
         self._epochs = [_Epoch(start_s, None, ())]
         self._moved_until_s = start_s
 
@@ -124,6 +125,25 @@ class MachineAxis:
             direction = direction if slope == 0.0 else (1 if slope > 0.0 else -1)
             found.append(Stretch(start, value, slope, direction))
         return found
+
+    def take_up(self, sign: int, half: float, time_s: float) -> None:
+        """The drive turns (or its backlash value changed): the encoder leads by half the value that way."""
+        self._taken_up = sign or self._taken_up
+        value = half * self._taken_up
+        if self.backlash.demand(time_s) != value:
+            self.backlash.add(time_s, value)
+
+    def forget_take_up(self, now_s: float) -> None:
+        """Drop reversals planned for later."""
+        self.backlash.halt(now_s)
+        value = self.backlash.demand(now_s)
+        if value != 0.0:
+            self._taken_up = 1 if value > 0.0 else -1
+
+    @property
+    def taken_up(self) -> int:
+        """The direction in which the backlash is taken up."""
+        return self._taken_up
 
     def wrapped(self, position: float) -> float:
         """Position as shown: modulo axes in 0..360."""

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from drivers.sinumerik import nodes
-from simulators.nck.machine import Nck, NckRefusal
+from simulators.nck.machine import Nck
+from simulators.nck.spec import NckRefusal
 from simulators.opcua.space import Refused
 from simulators.opcua.users import Account
 

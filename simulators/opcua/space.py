@@ -7,7 +7,8 @@ from typing import Any
 
 from drivers.sinumerik import nodes
 from drivers.sinumerik.nodes import Address, Kind
-from simulators.nck.machine import Nck, NckRefusal
+from simulators.nck.machine import Nck
+from simulators.nck.spec import NckRefusal
 from simulators.opcua.users import Account
 
 Value = float | int | str | bool

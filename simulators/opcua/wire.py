@@ -158,7 +158,7 @@ class SinumerikInternalServer(InternalServer):
         self.disabled_clock = True
         self.max_session_timeout_ms = 60_000
 
-    async def load_standard_address_space(self, shelf_file: Path | None = None) -> None:
+    async def load_standard_address_space(self, _shelf_file: Path | None = None) -> None:
         """Lay a writable layer over the standard nodes, which are built once for the process."""
         pristine = await asyncio.to_thread(_standard_nodes)
         vars(self.aspace)["_nodes"] = _Layer(pristine)  # asyncua itself offers only a shelf on disk for this

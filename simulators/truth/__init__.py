@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simulators.cellfile import Axis, CellFile, Terms
+from simulators.cellfile import Axis, CellFile
+from simulators.cellfile.terms import Terms
 from simulators.truth.chain import BED, FloatArray, Pose, rotation, slide, still, table
 from simulators.truth.climate import Climate, Weather
 from simulators.truth.terms import Curve, curve, generator

@@ -8,7 +8,7 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from simulators.cellfile import Constant, Harmonic, Polynomial, SeededCurve, Step, Table, Term, Terms
+from simulators.cellfile.terms import Constant, Harmonic, Polynomial, SeededCurve, Step, Table, Term, Terms
 
 FloatArray = NDArray[np.float64]
 Curve = Callable[[FloatArray], FloatArray]

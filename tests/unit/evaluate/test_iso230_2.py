@@ -61,7 +61,10 @@ def test_edition_1988_takes_three_sigma(x: np.ndarray) -> None:
 def test_repeatability_decided_by_one_direction() -> None:
     s = np.array([-1, -1, 0, 1, 1.0])
     x = np.stack([s + 0.5, 3 * s], axis=1)[None]
-    assert evaluate([0.0], x, "um").R == pytest.approx(12.0)
+    result = evaluate([0.0], x, "um")
+    repeatability = result.R
+    assert repeatability == pytest.approx(12.0)
+    assert "one target" in result.flags
 
 
 def complete() -> np.ndarray:

@@ -343,14 +343,14 @@ def test_a_full_disk_refuses_before_anything_is_sent(tmp_path: Path, monkeypatch
 def test_cancelled_between_the_halves_leaves_it_disabled_and_unfinished(tmp_path: Path) -> None:
     at = bench(tmp_path)
 
-    async def main() -> None:
-        task = asyncio.create_task(push_table(change_of(at.machine), at.context))
-        while at.machine.phase != 4:
-            await asyncio.sleep(0)
+    def cancel(_machine: Machine) -> None:
+        task = asyncio.current_task()
+        assert task is not None
         task.cancel()
-        await asyncio.gather(task, return_exceptions=True)
 
-    run_virtual(main)
+    at.controller.faults[("wait_loaded", 1, "after")] = cancel
+    with pytest.raises(asyncio.CancelledError):
+        push(at)
     at.machine.go_on()
     assert not at.machine.eec.enabled
     assert [found.finished for found in journals_of(tmp_path)] == [False]

@@ -7,92 +7,20 @@ from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from drivers.errors import ConfigError
-
-Seeded = Literal["seed"]
-
-
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+from simulators.cellfile.terms import Section, Terms
 
 
-class Constant(_Section):
-    """The same everywhere, in um or arcsec."""
-
-    kind: Literal["constant"]
-    value: float
-
-
-class Polynomial(_Section):
-    """Sum of coefficients[k] * ((q - center) / scale)^k; coefficients in um or arcsec."""
-
-    kind: Literal["polynomial"]
-    coefficients: tuple[float, ...] = Field(min_length=1)
-    center: float = 0.0
-    scale: float = Field(default=100.0, gt=0)
-
-
-class Harmonic(_Section):
-    """amplitude * cos(order * q + phase) on a turn, or cos(2 pi q / period + phase) on a line."""
-
-    kind: Literal["harmonic"]
-    amplitude: float
-    phase_deg: float = 0.0
-    order: int | None = Field(default=None, ge=1)
-    period: float | None = Field(default=None, gt=0)
-
-    @model_validator(mode="after")
-    def _one_way(self) -> Harmonic:
-        if (self.order is None) == (self.period is None):
-            raise ValueError("give either order (rotary) or period (mm or deg)")
-        return self
-
-
-class Table(_Section):
-    """Straight lines between points; the end values hold outside."""
-
-    kind: Literal["table"]
-    positions: tuple[float, ...] = Field(min_length=2)
-    values: tuple[float, ...]
-
-    @model_validator(mode="after")
-    def _matching(self) -> Table:
-        rising = all(low < high for low, high in zip(self.positions, self.positions[1:], strict=False))
-        if len(self.values) != len(self.positions) or not rising:
-            raise ValueError("positions must rise and have one value each")
-        return self
-
-
-class Step(_Section):
-    """A jump of this height at a position: nothing below, all of it from there on."""
-
-    kind: Literal["step"]
-    at: float
-    height: float
-
-
-class SeededCurve(_Section):
-    """A random smooth curve of this greatest size; ``waves`` is how many go into the travel or turn."""
-
-    kind: Literal["seed"]
-    size: float = Field(ge=0)
-    waves: float = Field(default=3.0, gt=0)
-
-
-Term = Annotated[Constant | Polynomial | Harmonic | Table | Step | SeededCurve, Field(discriminator="kind")]
-Terms = tuple[Term, ...]
-
-
-class Hysteresis(_Section):
+class Hysteresis(Section):
     """Reversal that builds up over a distance of travel: full difference ``size`` after ``distance``."""
 
     size: float
     distance: float = Field(gt=0)
 
 
-class Axis(_Section):
+class Axis(Section):
     """One machine axis. ``measure`` and ``table`` go into the site file as they stand.
 
     ``reversal`` is B = mean up - mean down in um or arcsec, a curve over the axis; ``drift_per_h`` moves
@@ -118,14 +46,14 @@ class Axis(_Section):
     table: dict[str, Any] | None = None
 
 
-class Truth(_Section):
+class Truth(Section):
     """The machine's error motions (EXX, EYX, ... ECC) and location errors (B0Z, A0C, X0C, ...)."""
 
     motions: dict[Annotated[str, Field(pattern=r"^E[XYZABC][XYZC]$")], Terms] = Field(default_factory=dict)
     locations: dict[Annotated[str, Field(pattern=r"^(?:[ABC]0[XZ]|[XYZABC]0C)$")], float] = Field(default_factory=dict)
 
 
-class Course(_Section):
+class Course(Section):
     """How a quantity of the surroundings runs: start, drift an hour, a slow wave, and its sensor's error."""
 
     start: float
@@ -135,7 +63,7 @@ class Course(_Section):
     sensor_error: float = 0.0
 
 
-class Climate(_Section):
+class Climate(Section):
     """Air and material around the machine."""
 
     air_degc: Course = Course(start=20.0)
@@ -144,7 +72,7 @@ class Climate(_Section):
     material_degc: Course = Course(start=20.0)
 
 
-class Outliers(_Section):
+class Outliers(Section):
     """Readings that are off for one whole stop: ``count`` of them in each ``every`` stops."""
 
     count: int = Field(default=0, ge=0)
@@ -152,7 +80,7 @@ class Outliers(_Section):
     every: int = Field(default=0, ge=0, description="0: the stops of one run of the axis")
 
 
-class Noise(_Section):
+class Noise(Section):
     """Noise of an instrument in um or arcsec: per stop (what averaging cannot remove) and per sample."""
 
     stop: float = Field(default=0.0, ge=0)
@@ -161,7 +89,7 @@ class Noise(_Section):
     outliers: Outliers = Outliers()
 
 
-class Laser(_Section):
+class Laser(Section):
     """A laser on a uMD counter: quadrature counts of wavelength / 2 / counts_per_cycle."""
 
     kind: Literal["umd"]
@@ -176,7 +104,7 @@ class Laser(_Section):
     settings: dict[str, Any] = Field(default_factory=dict)
 
 
-class Calibrator(_Section):
+class Calibrator(Section):
     """A self-turning rotary calibrator with its angular interferometer (XR20-W principle).
 
     ``own_error`` is the device encoder's error in arcsec over its own angle; ``retro_spacing_mm`` the S it
@@ -202,7 +130,7 @@ class Calibrator(_Section):
 Instrument = Annotated[Laser | Calibrator, Field(discriminator="kind")]
 
 
-class Setup(_Section):
+class Setup(Section):
     """How an instrument is mounted for one component of one axis.
 
     ``offset_mm`` is where the reflector's centre sits from the functional point of its carrier;
@@ -227,7 +155,7 @@ class Setup(_Section):
     tilt_mrad: float = 0.0
 
 
-class Operator(_Section):
+class Operator(Section):
     """The person at the machine: how quick, how careful. Times in seconds of the cell's clock."""
 
     auto: bool = True
@@ -240,7 +168,7 @@ class Operator(_Section):
     mounts_wrong: tuple[str, ...] = Field(default=(), description="components mounted with the wrong optics")
 
 
-class Machine(_Section):
+class Machine(Section):
     """The control: what goes into the NCK double. ``cec_sign`` "seed" draws it."""
 
     model: str = "YK7350B"
@@ -253,7 +181,7 @@ class Machine(_Section):
     opcua: dict[str, Any] = Field(default_factory=dict, description="settings of the OPC UA server")
 
 
-class SitePart(_Section):
+class SitePart(Section):
     """What the printed site file says beyond axes and instruments."""
 
     name: str = "demo-grinder"
@@ -262,7 +190,7 @@ class SitePart(_Section):
     operator: dict[str, Any] = Field(default_factory=dict)
 
 
-class CellFile(_Section):
+class CellFile(Section):
     """A whole cell."""
 
     name: str

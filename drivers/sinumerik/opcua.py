@@ -1,0 +1,307 @@
+"""The SINUMERIK 840D behind its OPC UA server, as a Controller: programs sent, followed, and answered.
+
+The operator's NC START starts every program; nothing here can. Reads may be repeated by the caller, a write
+never: after DeadlineExceeded or LinkBroken what the control did is unknown, `open` makes a fresh session.
+Compensation values come in um or arcsec, positions in mm or deg.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import secrets as random_source
+from collections.abc import Mapping
+from typing import Any
+
+from drivers.clock import Clock
+from drivers.errors import DeadlineExceeded, DeviceRefused, TrueflankError
+from drivers.sinumerik import lint, program, pushprogram, tables
+from drivers.sinumerik.activation import activation
+from drivers.sinumerik.dialogue import Dialogue, Glance
+from drivers.sinumerik.machine import Configuration, MachineReader
+from drivers.sinumerik.program import Setting
+from drivers.sinumerik.reader import Sign
+from drivers.sinumerik.transfer import Transfer
+from drivers.sinumerik.uaclient import UaSession
+from drivers.sinumerik.uasettings import UaSettings, secrets_of
+from drivers.sinumerik.words import Phase, Word, file_path, program_path
+from drivers.types import (
+    ChannelStatus,
+    Identity,
+    LiveSet,
+    MachineIdentity,
+    MachineState,
+    PushOrder,
+    StopPlan,
+    StopReached,
+    TableLimits,
+)
+from drivers.units import deviation_scale
+
+GIVE_BACK_S = 3.0
+_SAVED = (Phase.MEASURING, Phase.FINISHED, Phase.LEFT)
+_OVER = (Phase.FINISHED, Phase.LEFT)
+
+
+class SinumerikOpcUa:
+    """Driver "sinumerik-opcua": settings in `drivers.sinumerik.uasettings.UaSettings`."""
+
+    def __init__(self, name: str, url: str, settings: Mapping[str, Any], clock: Clock) -> None:
+        self.name = name
+        self._clock = clock
+        self._settings = UaSettings.read(settings, name)
+        self._session = UaSession(url, clock, name)
+        self._reader = MachineReader(self._session, self._settings, name)
+        self._transfer = Transfer(self._session, self._settings.channel, name)
+        self._dialogue = Dialogue(self._session, self._reader, self._settings, clock, name)
+        self._configuration = Configuration((), (), ())
+        self._plan: StopPlan | None = None
+        self._token = 0
+        self._saved = False
+        self._ended = False
+
+    # ---- device -------------------------------------------------------------------------------------
+
+    async def open(self, timeout_s: float) -> Identity:
+        """Log in and read who the machine is; the limit then holds for every later request too.
+
+        Raises what `UaSession.open` raises, ConfigError (E-UA-SECRET), UnsupportedDevice (E-UA-ABSENT).
+        """
+        self._reader.timeout_s = self._transfer.timeout_s = timeout_s
+        secrets = await asyncio.to_thread(secrets_of, self._settings, self.name)
+        await self._session.open(secrets, timeout_s)
+        try:
+            machine = await self.identify()
+        except BaseException:
+            await self._session.close()
+            raise
+        return Identity("sinumerik-opcua", "SINUMERIK 840D", machine.serial, machine.nck_version)
+
+    async def close(self) -> None:
+        """Give the R parameters back, as far as no program still needs them, and log out. Never raises."""
+        if self._session.is_open:
+            with contextlib.suppress(TrueflankError):
+                async with self._clock.deadline(GIVE_BACK_S, self.name):
+                    await self._dialogue.give_back()
+        await self._session.close()
+
+    async def identify(self) -> MachineIdentity:
+        """Serial number, NCK version, axis names and unit system, read afresh."""
+        self._configuration = await self._reader.configuration()
+        return await self._reader.identity(self._configuration.names)
+
+    async def state(self) -> MachineState:
+        """Everything in one request. Raises TransportError (E-UA-NCK-DOWN) while the NCK restarts."""
+        return await self._reader.state(self._configuration)
+
+    async def table_limits(self, axis: str) -> TableLimits:
+        """MD38000 of encoder 0, six decimals of a mm or degree, and the value limit of this product."""
+        memory = await self._reader.memory(self._configuration, axis, 0)
+        unit = self._configuration.units[axis]
+        return TableLimits(memory.eec_points, tables.RESOLUTION, lint.MAX_VALUE[unit])
+
+    # ---- measuring ----------------------------------------------------------------------------------
+
+    async def prepare_stops(self, plan: StopPlan) -> None:
+        """Send, read back and select the program of a plan.
+
+        Raises DeviceRefused (E-NC-NOT-RESET and other refusals) before anything was written or selected.
+        """
+        setting = await self._setting(plan.axis, plan.encoder, rotary=plan.rotary)
+        token = random_source.randbelow(899_999) + 100_000
+        text = program.measuring(plan, token, setting)
+        await self._dialogue.begin(setting.axis_number)
+        self._plan, self._token, self._saved, self._ended = plan, token, False, False
+        path = program_path("MEAS", plan.axis)
+        await self._transfer.send(path, text)
+        await self._transfer.select(path)
+
+    async def _setting(self, axis: str, encoder: int, *, rotary: bool) -> Setting:
+        configuration = self._configuration
+        number = configuration.number(axis, self.name)
+        return Setting(
+            words=self._settings.words,
+            memory=await self._reader.memory(configuration, axis, encoder),
+            modulo=configuration.is_modulo(axis, rotary=rotary),
+            axis_number=number,
+            approach_feed=self._settings.approach_feed,
+            wait_limit_s=self._settings.wait_limit_s,
+        )
+
+    async def wait_stop(self, after: int, timeout_s: float) -> StopReached | None:
+        """Wait for a counter above ``after`` with the axis in position; None when the program has ended.
+
+        Raises DeadlineExceeded (E-NC-NO-STOP), DeviceRefused (E-NC-ALARM, E-NC-FILE), and what the wire raises.
+        """
+        end = self._clock.now() + timeout_s
+        before: Glance | None = None
+        while not self._ended:
+            seen = await self._dialogue.look()
+            await self._dialogue.check_alarms(seen)
+            if seen.word(Word.TRANSACTION) == self._token:
+                self._note_progress(seen)
+                if before is not None and before.words == seen.words and self._is_stop(seen, after):
+                    return self._stop(seen)
+                self._ended = self._is_over(before, seen)
+                fresh = self._is_stop(seen, after) and not (before and before.words == seen.words)
+                before = seen
+                if fresh:
+                    continue  # look again at once: the words of a stop must be seen twice alike
+            if self._clock.now() >= end and not self._ended:
+                raise DeadlineExceeded("E-NC-NO-STOP", self.name, after=after, timeout_s=timeout_s)
+            await self._dialogue.wait()
+        return None
+
+    def _note_progress(self, seen: Glance) -> None:
+        if seen.phase == Phase.FILE_FAILED:
+            raise DeviceRefused("E-NC-FILE", self.name, axis=self._plan.axis if self._plan else "")
+        self._saved = self._saved or seen.phase in _SAVED
+
+    @staticmethod
+    def _is_stop(seen: Glance, after: int) -> bool:
+        waiting = seen.channel is ChannelStatus.ACTIVE and seen.word(Word.COUNTER) > after
+        return waiting and seen.in_position and seen.phase == Phase.MEASURING
+
+    @staticmethod
+    def _is_over(before: Glance | None, seen: Glance) -> bool:
+        """By its own word, or because the channel is in reset at two looks after the program had begun."""
+        if seen.channel is not ChannelStatus.RESET:
+            return False
+        return seen.phase in _OVER or (before is not None and before.channel is ChannelStatus.RESET)
+
+    def _stop(self, seen: Glance) -> StopReached:
+        scale = deviation_scale(self._plan.unit) if self._plan else 1.0
+        return StopReached(
+            counter=round(seen.word(Word.COUNTER)),
+            repetition=round(seen.word(Word.REPETITION)),
+            label=round(seen.word(Word.LABEL)),
+            approach=1 if seen.word(Word.APPROACH) > 0 else -1,
+            target=seen.word(Word.TARGET),
+            encoder_compensation=seen.word(Word.ENCODER_COMPENSATION) * scale,
+            cross_compensation=seen.word(Word.CROSS_COMPENSATION) * scale,
+        )
+
+    async def release_stop(self, counter: int) -> None:
+        """Echo the counter. Never retried."""
+        await self._dialogue.write({Word.ECHO: float(counter)})
+        self._dialogue.pace.again()
+
+    async def abort_program(self) -> None:
+        """Set the abort word: a program of ours that waits, now or at its start, leaves to its end."""
+        await self._dialogue.write({Word.ABORT: 1.0})
+        self._dialogue.pace.again()
+
+    async def saved_tables(self, axis: str) -> LiveSet:
+        """The live tables the last measuring program wrote. Raises DeviceRefused (E-NC-NOT-SAVED, E-UA-FILE...)."""
+        plan = self._plan
+        if plan is not None and plan.axis == axis and plan.save_tables and not self._saved:
+            seen = await self._dialogue.look()
+            if seen.word(Word.TRANSACTION) == self._token:
+                self._note_progress(seen)
+        if plan is None or plan.axis != axis or not self._saved or not plan.save_tables:
+            raise DeviceRefused("E-NC-NOT-SAVED", self.name, axis=axis)
+        return await self._live("LIVE", axis, plan.encoder, 1)
+
+    async def _live(self, purpose: str, axis: str, encoder: int, cec_sign: Sign) -> LiveSet:
+        path = file_path(purpose, axis)
+        text = await self._transfer.fetch(path)
+        return tables.read_live(text, path, axis, encoder, self._configuration.units, cec_sign)
+
+    # ---- pushing ------------------------------------------------------------------------------------
+
+    async def prepare_push(self, order: PushOrder) -> None:
+        """Send, read back and select the two-half program; nothing in the control changes until NC START.
+
+        Raises TableError (E-TABLE-NO-PROOF, E-TABLE-POINTS, E-TABLE-FINITE...) before anything is written.
+        """
+        table = order.table
+        setting = await self._setting(table.output_axis, _encoder(order), rotary=order.rotary)
+        axis = table.output_axis
+        if self._settings.two_programs:
+            texts = {"LOAD": pushprogram.loading(order, setting), "ENAB": pushprogram.enabling(order, setting)}
+        else:
+            texts = {"PUSH": pushprogram.pushing(order, setting)}
+        await self._dialogue.begin(setting.axis_number)
+        self._plan, self._token, self._saved, self._ended = None, order.transaction, False, False
+        for purpose, text in texts.items():
+            await self._transfer.send(program_path(purpose, axis), text)
+        await self._transfer.select(program_path(next(iter(texts)), axis))
+
+    async def wait_loaded(self, order: PushOrder, timeout_s: float) -> tuple[LiveSet, LiveSet]:
+        """Wait for the end of the first half: (back-up of the old, read-back of the new), both as written there.
+
+        Raises DeviceRefused: E-NC-MISMATCH (count) when the program found differences, E-NC-LEVEL when the
+        compensation could not be switched off, E-NC-FILE, E-NC-ALARM, E-NC-STOPPED; DeadlineExceeded.
+        """
+        await self._until(order, timeout_s, self._is_loaded)
+        sign = order.proof.sign if order.proof and order.table.function == "CEC" else 1
+        axis, encoder = order.table.output_axis, _encoder(order)
+        return await self._live("BACK", axis, encoder, sign), await self._live("READ", axis, encoder, sign)
+
+    async def _until(self, order: PushOrder, timeout_s: float, reached: Any) -> Any:
+        """Look until ``reached(order, before, seen)`` says something other than None."""
+        end = self._clock.now() + timeout_s
+        before: Glance | None = None
+        self._dialogue.pace.again()
+        while True:
+            seen = await self._dialogue.look()
+            await self._dialogue.check_alarms(seen)
+            if seen.word(Word.TRANSACTION) == order.transaction:
+                answer = reached(order, before, seen)
+                if answer is not None:
+                    return answer
+                before = seen
+            if self._clock.now() >= end:
+                raise DeadlineExceeded("E-NC-NO-START", self.name, timeout_s=timeout_s, phase=seen.phase)
+            await self._dialogue.wait()
+
+    def _is_loaded(self, order: PushOrder, before: Glance | None, seen: Glance) -> bool | None:
+        mismatches = round(seen.word(Word.MISMATCHES))
+        at_rest = seen.channel is not ChannelStatus.ACTIVE
+        if seen.phase == Phase.WAITING and at_rest:
+            return True
+        if seen.phase == Phase.ENDED_DISABLED and mismatches:
+            raise DeviceRefused("E-NC-MISMATCH", self.name, count=mismatches, table=order.table.name)
+        if seen.phase == Phase.LEFT and not seen.word(Word.ABORT):
+            raise DeviceRefused("E-NC-LEVEL", self.name, table=order.table.name)
+        if seen.phase == Phase.FILE_FAILED:
+            raise DeviceRefused("E-NC-FILE", self.name, axis=order.table.output_axis)
+        stopped = before is not None and before.channel is seen.channel is ChannelStatus.RESET
+        if seen.phase in (Phase.ENDED_DISABLED, Phase.LEFT) or stopped:
+            raise DeviceRefused("E-NC-STOPPED", self.name, phase=seen.phase, table=order.table.name)
+        return None
+
+    async def release_push(self, order: PushOrder) -> None:
+        """Set the release word to the transaction number; never retried. Two programs: select the second."""
+        await self._dialogue.write({Word.RELEASE: float(order.transaction)})
+        if self._settings.two_programs:
+            await self._transfer.select(program_path("ENAB", order.table.output_axis))
+        self._dialogue.pace.again()
+
+    async def wait_enabled(self, order: PushOrder, timeout_s: float) -> bool:
+        """True when the second half switched the table on, false when it, or a reset, left it off.
+
+        The switch itself (MD32700, or SD41300) is read too where this user may; both must say so.
+        """
+        enabled = bool(await self._until(order, timeout_s, self._is_decided))
+        for name in pushprogram.switches(order.table) if enabled else ():
+            if await self._reader.switch(name, self._configuration) is False:
+                return False
+        return enabled
+
+    def _is_decided(self, _order: PushOrder, before: Glance | None, seen: Glance) -> bool | None:
+        if seen.phase == Phase.ENABLED:
+            return True
+        if seen.phase in (Phase.ENDED_DISABLED, Phase.LEFT):
+            return False
+        waits_for_second = self._settings.two_programs and seen.phase == Phase.WAITING
+        stopped = before is not None and before.channel is seen.channel is ChannelStatus.RESET
+        return False if stopped and not waits_for_second else None
+
+    async def wait_activated(self, order: PushOrder, timeout_s: float) -> None:
+        """Wait through NCK reset and reference run. Raises DeadlineExceeded (E-NC-NO-ACTIVATION)."""
+        await activation(self._dialogue, self._clock, order.table.output_axis, timeout_s, self.name)
+
+
+def _encoder(order: PushOrder) -> int:
+    return order.table.index if order.table.function == "EEC" else 0

@@ -1,0 +1,58 @@
+"""Files and program selection over the server's methods: send, fetch back and compare, select."""
+
+from __future__ import annotations
+
+from drivers.errors import DeviceRefused, LocalProtocolError, RemoteProtocolError
+from drivers.sinumerik import nodes
+from drivers.sinumerik.uaclient import UaSession
+
+LARGEST = 16 * 1024 * 1024
+_SELECTED = 0
+_SELECT = {1: "E-NC-CHANNEL", 2: "E-NC-NO-PROGRAM", 3: "E-NC-NOT-RESET"}
+
+
+class Transfer:
+    """Moves text files; ``timeout_s`` bounds each call."""
+
+    def __init__(self, session: UaSession, channel: int, where: str) -> None:
+        self._session = session
+        self._channel = channel
+        self._where = where
+        self.timeout_s = 5.0
+
+    async def send(self, path: str, text: str) -> None:
+        """Write a program and read it back. Raises DeviceRefused (E-NC-PROGRAM-CHANGED) when it differs."""
+        content = text.encode("ascii")
+        if len(content) > LARGEST:
+            raise LocalProtocolError("E-PROGRAM-SIZE", self._where, size=len(content), limit=LARGEST)
+        arguments = [(_server_path(path), "String"), (content, "ByteString"), (True, "Boolean")]
+        await self._session.call("CopyFileToServer", arguments, self.timeout_s)
+        if _lines(await self.fetch(path)) != _lines(text):
+            raise DeviceRefused("E-NC-PROGRAM-CHANGED", self._where, path=path)
+
+    async def fetch(self, path: str) -> str:
+        """A file's text. Raises DeviceRefused (E-UA-FILE, E-UA-BUSY, E-UA-RIGHTS), RemoteProtocolError (E-UA-VALUE)."""
+        content = await self._session.call("CopyFileFromServer", [(_server_path(path), "String")], self.timeout_s)
+        if not isinstance(content, bytes):
+            raise RemoteProtocolError("E-UA-VALUE", self._where, what=path, value=type(content).__name__)
+        return content.decode("latin-1")
+
+    async def select(self, path: str) -> None:
+        """Select a program for NC START. Raises DeviceRefused (E-NC-CHANNEL, E-NC-NO-PROGRAM, E-NC-NOT-RESET...)."""
+        arguments = [(_server_path(path), "String"), (self._channel, "Int32")]
+        code = await self._session.call("Select", arguments, self.timeout_s)
+        if code != _SELECTED:
+            refused = _SELECT.get(code, "E-NC-SELECT")
+            raise DeviceRefused(refused, self._where, path=path, answer=code, channel=self._channel, status="busy")
+
+
+def _server_path(path: str) -> str:
+    found = nodes.to_file(path)
+    if found is None:
+        raise LocalProtocolError("E-PROGRAM-NAME", path, name=path)
+    return found
+
+
+def _lines(text: str) -> list[str]:
+    """The blocks of a program without what transfers may change: line ends and blank lines at the end."""
+    return [line.rstrip() for line in text.rstrip().splitlines()]

@@ -1,0 +1,80 @@
+"""The kinds of curve a cell file can ask for, validated."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+
+class Section(BaseModel):
+    """A part of a cell file: nothing unknown, nothing changed later."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Constant(Section):
+    """The same everywhere, in um or arcsec."""
+
+    kind: Literal["constant"]
+    value: float
+
+
+class Polynomial(Section):
+    """Sum of coefficients[k] * ((q - center) / scale)^k; coefficients in um or arcsec."""
+
+    kind: Literal["polynomial"]
+    coefficients: tuple[float, ...] = Field(min_length=1)
+    center: float = 0.0
+    scale: float = Field(default=100.0, gt=0)
+
+
+class Harmonic(Section):
+    """amplitude * cos(order * q + phase) on a turn, or cos(2 pi q / period + phase) on a line."""
+
+    kind: Literal["harmonic"]
+    amplitude: float
+    phase_deg: float = 0.0
+    order: int | None = Field(default=None, ge=1)
+    period: float | None = Field(default=None, gt=0)
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Harmonic:
+        if (self.order is None) == (self.period is None):
+            raise ValueError("give either order (rotary) or period (mm or deg)")
+        return self
+
+
+class Table(Section):
+    """Straight lines between points; the end values hold outside."""
+
+    kind: Literal["table"]
+    positions: tuple[float, ...] = Field(min_length=2)
+    values: tuple[float, ...]
+
+    @model_validator(mode="after")
+    def _matching(self) -> Table:
+        rising = all(low < high for low, high in zip(self.positions, self.positions[1:], strict=False))
+        if len(self.values) != len(self.positions) or not rising:
+            raise ValueError("positions must rise and have one value each")
+        return self
+
+
+class Step(Section):
+    """A jump of this height at a position: nothing below, all of it from there on."""
+
+    kind: Literal["step"]
+    at: float
+    height: float
+
+
+class SeededCurve(Section):
+    """A random smooth curve of this greatest size; ``waves`` is how many go into the travel or turn."""
+
+    kind: Literal["seed"]
+    size: float = Field(ge=0)
+    waves: float = Field(default=3.0, gt=0)
+
+
+Term = Annotated[Constant | Polynomial | Harmonic | Table | Step | SeededCurve, Field(discriminator="kind")]
+Terms = tuple[Term, ...]

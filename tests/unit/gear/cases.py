@@ -1,0 +1,147 @@
+"""How each kind of worked case is answered, by the functions the product itself calls."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gateway.correct.compensability import observability, tangential_cure
+from gateway.correct.inverse import flank_inverse, pose_inverse
+from gateway.gear.cycloid import CycloidGear
+from gateway.gear.envelope import exact
+from gateway.gear.first_order import first_order, flank_abg, judged
+from gateway.gear.flank import FlankGrid
+from gateway.gear.grinding import Grinding, contact_line, grindable, wheel_section
+from gateway.gear.inspection import runout_values
+from gateway.gear.linear import linear_flank
+from gateway.model.layout import chain_of
+from gateway.model.preset import yk7350b
+
+CASES: tuple[dict[str, Any], ...] = tuple(
+    json.loads((Path(__file__).parents[2] / "golden" / "gear_cases.json").read_text(encoding="utf-8"))["cases"]
+)
+Answer = dict[str, Any]
+
+
+def _grinding(data: Mapping[str, Any]) -> Grinding:
+    return Grinding(chain_of(data["machine"]), CycloidGear.of(data["gear"]), data["E"])
+
+
+def _grid(data: Mapping[str, Any]) -> FlankGrid:
+    return FlankGrid(CycloidGear.of(data["gear"]), data["ks"], data["thetas"], data["zs"])
+
+
+def chain_T(data: Mapping[str, Any]) -> Answer:
+    """Ideal or actual relative pose."""
+    chain = chain_of(data["machine"])
+    return {"T": chain.actual(data["q"]) if data.get("actual", True) else chain.ideal(data["q"])}
+
+
+def twist_first(data: Mapping[str, Any]) -> Answer:
+    """First-order twist."""
+    return {"xi": chain_of(data["machine"]).twist(data["q"], data.get("frame", "work"))}
+
+
+def twist_exact(data: Mapping[str, Any]) -> Answer:
+    """Exact twist."""
+    return {"xi": chain_of(data["machine"]).exact_twist(data["q"], data.get("frame", "work"))}
+
+
+def profile(data: Mapping[str, Any]) -> Answer:
+    """Cycloid profile."""
+    s = CycloidGear.of(data["gear"]).section(data["thetas"])
+    return {"xy": s.xy, "n": s.normal, "kappa": s.curvature}
+
+
+def gear_summary(data: Mapping[str, Any]) -> Answer:
+    """Limits of a gear."""
+    found = CycloidGear.of(data["gear"]).limits()
+    return {key: getattr(found, key) for key in ("K1", "r_root", "r_tip", "rrp_max", "undercut", "half_lobe_arc")}
+
+
+def wheel_profile(data: Mapping[str, Any]) -> Answer:
+    """Axial section of the wheel."""
+    gear = CycloidGear.of(data["gear"])
+    section = wheel_section(gear, data["E"], data["thetas"])
+    return {"y": section.y, "R": section.R, "grindable": grindable(gear)}
+
+
+def contact(data: Mapping[str, Any]) -> Answer:
+    """Contact line at one stroke position."""
+    line = contact_line(_grinding(data), data["k"], data["s"], data["thetas"])
+    return {"beta": line.beta, "points": line.points, "normals": line.normals}
+
+
+def deviation(data: Mapping[str, Any]) -> Answer:
+    """First-order and exact flank."""
+    grinding, grid = _grinding(data), _grid(data)
+    return {
+        "e_first": first_order(grinding, grid.k, grid.theta, grid.z),
+        "e_exact": exact(grinding, grid.k, grid.theta, grid.z),
+    }
+
+
+def deviation_second(data: Mapping[str, Any]) -> Answer:
+    """Second-order flank."""
+    grid = _grid(data)
+    return {"e_second": judged(_grinding(data), grid.k, grid.theta, grid.z).second}
+
+
+def abg(data: Mapping[str, Any]) -> Answer:
+    """A, B, G of the machine."""
+    return {"ABG": flank_abg(_grinding(data), np.asarray(data["ks"])[:, None], data["zs"])}
+
+
+def observed(data: Mapping[str, Any]) -> Answer:
+    """What the flank shows of the constants."""
+    grid = _grid(data)
+    grinding = Grinding(yk7350b(c_frame=data["c_frame"]), grid.gear, data["E"])
+    found = observability(linear_flank(grinding, grid, data["names"]))
+    return {"rank": found.rank, "null": set(found.null)}
+
+
+def odd_residual(data: Mapping[str, Any]) -> Answer:
+    """What C cannot cure of a tangential error."""
+    found = tangential_cure(CycloidGear.of(data["gear"]), data["thetas"])
+    return {"dc_per_B": found.dc_per_B, "eta": found.eta, "max": found.largest}
+
+
+def vol_inverse(data: Mapping[str, Any]) -> Answer:
+    """Best commands for the flank."""
+    found = flank_inverse(_grinding(data), data["k"], data["z"], data["thetas"])
+    return {"dx": found.dx, "dc": found.dc, "res_rms": found.rms}
+
+
+def vol_inverse_pose(data: Mapping[str, Any]) -> Answer:
+    """Commands that put the wheel centre right."""
+    return {"dq": pose_inverse(chain_of(data["machine"]), data["q"])}
+
+
+def runout(data: Mapping[str, Any]) -> Answer:
+    """Runout of a ball."""
+    nx = float(CycloidGear.of(data["gear"]).section(data["theta"]).nx)
+    found = runout_values(data["eL"], data["eR"], nx)
+    return {"radial": found.radial, "Fr": found.F_r, "ecc": found.eccentricity}
+
+
+KINDS: dict[str, Callable[[Mapping[str, Any]], Answer]] = {
+    "chain_T": chain_T,
+    "twist_first": twist_first,
+    "twist_exact": twist_exact,
+    "profile": profile,
+    "gear_summary": gear_summary,
+    "wheel_profile": wheel_profile,
+    "contact_line": contact,
+    "deviation": deviation,
+    "deviation_second": deviation_second,
+    "abg": abg,
+    "observability": observed,
+    "odd_residual": odd_residual,
+    "vol_inverse": vol_inverse,
+    "vol_inverse_pose": vol_inverse_pose,
+    "runout": runout,
+}

@@ -1,0 +1,188 @@
+"""Fitting: worked cases, structure taken and noise left, honest uncertainty, datum, closed turns."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gateway.domain import Component
+from gateway.errors import ModelError, NotIdentifiable
+from gateway.model import components, fit
+from gateway.model.components import at_datum, standard_uncertainty, value
+from gateway.model.lines import split_straightness
+
+LINEAR = {"name": "EXX", "axis": "X", "axis_unit": "mm"}
+ROTARY = {"name": "ECC", "axis": "C", "axis_unit": "deg"}
+Q = np.linspace(-200.0, 200.0, 21)
+
+
+def test_cubic_is_reproduced_by_the_spline() -> None:
+    cubic = 1e-9 * Q**3 - 2e-5 * Q
+    fitted = fit.fit_bspline(Q, cubic, (-100.0, 0.0, 100.0), 1.0, **LINEAR)
+    expected = [-0.0030590000000000005, 5.9972999999999895e-05, -0.0009336250000000005, 0.003900599000000001]
+    np.testing.assert_allclose(value(fitted, [-190.0, -3.0, 55.0, 199.0]), expected, rtol=1e-9, atol=1e-12)
+
+
+def test_straightness_splits_into_datum_squareness_and_motion() -> None:
+    curve = 5e-8 * Q**2 - 7.333333333333333e-4
+    found = split_straightness(Q, curve + 0.001 + 2e-5 * Q, "lsq")
+    assert found.offset == pytest.approx(0.001, rel=1e-9)
+    assert found.slope == pytest.approx(2e-5, rel=1e-9)
+    np.testing.assert_allclose(found.residual, curve, atol=1e-12)
+    ends = split_straightness(Q, curve + 2e-5 * Q, "ends")
+    assert ends.slope == pytest.approx(2e-5)
+    assert ends.residual[0] == pytest.approx(0.0, abs=1e-15)
+    with pytest.raises(ModelError, match="E-MODEL-POINTS"):
+        split_straightness([1.0, 1.0], [0.0, 1.0])
+
+
+def unequal(m: int, seed: int) -> np.ndarray:
+    even = np.arange(m) * 360.0 / m
+    return even + np.random.default_rng(seed).uniform(-0.3, 0.3, m) * 360.0 / m
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_harmonics_are_found_and_no_others(seed: int) -> None:
+    at = unequal(24, seed)
+    truth = 8 * np.cos(np.radians(at - 20)) + 3 * np.sin(np.radians(2 * at)) + 2 * np.cos(np.radians(6 * at))
+    noisy = truth + np.random.default_rng(seed + 50).normal(0, 0.05, 24)
+    found = fit.fit_positioning(at, noisy, 0.05, kind="rotary", modulo=True, **ROTARY)
+    assert found.basis == "fourier"
+    assert set(found.parameters["orders"]) >= {1, 2, 6}
+    assert len(found.parameters["orders"]) <= 4
+    dense = np.arange(0.0, 360.0, 1.0)
+    wanted = 8 * np.cos(np.radians(dense - 20)) + 3 * np.sin(np.radians(2 * dense))
+    wanted += 2 * np.cos(np.radians(6 * dense))
+    assert np.abs(value(found, dense) - wanted).max() < 0.2
+
+
+@pytest.mark.parametrize("kind", ["linear", "rotary"])
+def test_noise_alone_is_a_constant(kind: str) -> None:
+    constant = 0
+    for seed in range(40):
+        at = unequal(24, seed)
+        noise = np.random.default_rng(seed + 900).normal(0, 0.05, 24)
+        found = fit.fit_positioning(at, noise, 0.05, kind=kind, modulo=kind == "rotary", **ROTARY)
+        constant += found.basis == "constant"
+    assert constant >= 36
+
+
+def test_uncertainty_covers_what_was_missed() -> None:
+    inside, total = 0, 0
+    dense = np.linspace(0.0, 400.0, 81)
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        at = np.sort(rng.uniform(0, 400, 21))
+        at[[0, -1]] = 0.0, 400.0
+        truth = (3e-2 * at, 3e-2 * dense)
+        found = fit.fit_positioning(at, truth[0] + rng.normal(0, 0.1, 21), 0.1, kind="linear", **LINEAR)
+        inside += int(np.sum(np.abs(value(found, dense) - truth[1]) <= 2 * standard_uncertainty(found, dense)))
+        total += dense.size
+    assert inside / total > 0.88
+
+
+def test_scatter_left_by_the_fit_is_in_the_covariance() -> None:
+    at = np.linspace(0.0, 400.0, 21)
+    rough = 0.02 * at + np.random.default_rng(5).normal(0, 0.5, 21)
+    found = fit.fit_positioning(at, rough, 0.01, kind="linear", **LINEAR)
+    assert float(standard_uncertainty(found, 200.0)) > 0.05
+    assert found.residual_rms > 0.3
+
+
+def test_a_step_does_not_wreck_the_rest() -> None:
+    at = np.linspace(0.0, 400.0, 21)
+    found = fit.fit_positioning(at, 0.02 * at + (at > 190.0), 0.02, kind="linear", **LINEAR)
+    dense = np.linspace(0.0, 400.0, 4001)
+    miss = value(found, dense) - 0.02 * dense - (dense > 190.0)
+    assert np.abs(miss).max() < 1.0
+    assert np.abs(miss[dense < 120]).max() < 0.2
+
+
+def test_nothing_is_extrapolated_and_a_turn_repeats() -> None:
+    at = np.linspace(0.0, 400.0, 21)
+    found = fit.fit_positioning(at, 1e-4 * (at - 100) ** 2, 0.05, kind="linear", **LINEAR)
+    np.testing.assert_allclose(value(found, [-50.0, 500.0]), value(found, [0.0, 400.0]))
+    turn = fit.fit_positioning(unequal(12, 1), np.cos(np.radians(unequal(12, 1))), 0.01, kind="rotary", **ROTARY)
+    np.testing.assert_allclose(value(turn, [10.0, 370.0, -350.0]), float(value(turn, 10.0)))
+
+
+def test_few_places_around_a_modulo_axis_make_a_closed_polygon() -> None:
+    at, means = [0.0, 90.0, 180.0, 270.0], [0.0, 5.0, -3.0, 2.0]
+    found = fit.fit_positioning(at, means, 0.1, kind="rotary", modulo=True, **ROTARY)
+    assert components.is_periodic(found) or found.basis == "constant"
+    assert float(value(found, 0.0)) == pytest.approx(float(value(found, 360.0)))
+
+
+def test_part_of_a_turn_is_not_closed() -> None:
+    at = np.linspace(-60.0, 60.0, 13)
+    found = fit.fit_positioning(at, 0.05 * at, 0.02, kind="rotary", **ROTARY)
+    assert not components.is_periodic(found)
+
+
+def test_the_first_target_may_be_measured_again_after_a_turn() -> None:
+    at = np.append(np.arange(0.0, 360.0, 15.0), 360.0)
+    found = fit.fit_positioning(at, 6 * np.cos(np.radians(at)), 0.05, kind="rotary", modulo=True, **ROTARY)
+    assert found.parameters["orders"] == (1,)
+
+
+@pytest.mark.parametrize("basis", ["constant", "polynomial", "fourier", "bspline", "piecewise", "closed"])
+def test_datum_takes_the_offset_and_its_uncertainty(basis: str) -> None:
+    found = example(basis)
+    zeroed = at_datum(found, 120.0)
+    dense = np.linspace(0.0, 360.0, 91)
+    np.testing.assert_allclose(value(zeroed, dense), value(found, dense) - value(found, 120.0), atol=1e-9)
+    assert float(standard_uncertainty(zeroed, 120.0)) == pytest.approx(0.0, abs=1e-7)
+
+
+def example(basis: str) -> Component:
+    parameters: dict[str, object] = {
+        "constant": {},
+        "polynomial": {"centre": 180.0, "scale": 180.0, "degree": 3},
+        "fourier": {"period": 360.0, "orders": (1, 4)},
+        "bspline": {"knots": (0.0,) * 4 + (100.0, 250.0) + (360.0,) * 4},
+        "piecewise": {"nodes": (0.0, 50.0, 200.0, 360.0), "period": None},
+        "closed": {"nodes": (0.0, 50.0, 200.0), "period": 360.0},
+    }[basis]
+    name = "piecewise" if basis == "closed" else basis
+    size = components.design(name, parameters, np.asarray([1.0])).shape[1]
+    rng = np.random.default_rng(2)
+    root = rng.normal(size=(size, size))
+    return Component("EXX", "X", "mm", name, (0.0, 360.0), rng.normal(size=size), root @ root.T, parameters)
+
+
+def test_fit_with_reference_is_zero_there() -> None:
+    found = fit.fit_positioning(Q, 0.01 * Q + 7.0, 0.05, kind="linear", reference=0.0, **LINEAR)
+    assert float(value(found, 0.0)) == pytest.approx(0.0, abs=1e-12)
+    assert float(value(found, 100.0)) == pytest.approx(1.0)
+
+
+def test_missing_means_are_left_out() -> None:
+    means = 0.01 * Q
+    means[3] = np.nan
+    found = fit.fit_positioning(Q, means, 0.02, kind="linear", **LINEAR)
+    assert float(value(found, Q[3])) == pytest.approx(0.01 * Q[3], abs=1e-6)
+
+
+def test_identical_readings_are_no_error() -> None:
+    found = fit.fit_positioning(Q, 0.01 * Q, 0.0, kind="linear", **LINEAR)
+    assert float(value(found, 50.0)) == pytest.approx(0.5)
+
+
+def test_what_cannot_be_fitted_is_refused() -> None:
+    with pytest.raises(NotIdentifiable, match="E-MODEL-POINTS"):
+        fit.fit_positioning([1.0, 1.0], [0.0, 1.0], 0.1, kind="linear", **LINEAR)
+    with pytest.raises(ModelError, match="E-MODEL-U"):
+        fit.fit_positioning(Q, Q, np.nan, kind="linear", **LINEAR)
+    with pytest.raises(ModelError, match="E-MODEL-BASIS"):
+        value(replace(example("constant"), basis="wavelet"), 1.0)
+    with pytest.raises(NotIdentifiable, match="E-MODEL-CONDITION"):
+        fit.fit_bspline(Q, Q, (-199.0, -198.0, -197.0, -196.0, -195.0), 1.0, **LINEAR)
+
+
+@pytest.mark.parametrize("m", [2, 3, 4, 5])
+def test_a_handful_of_targets_is_fitted(m: int) -> None:
+    at = np.linspace(0.0, 100.0, m)
+    found = fit.fit_positioning(at, 0.1 * at, 0.05, kind="linear", **LINEAR)
+    assert np.abs(value(found, at) - 0.1 * at).max() < 6.0

@@ -1,0 +1,180 @@
+"""The sign proof: measured on the machine, refused when in doubt, and the old table always comes back."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drivers.clock import run_virtual
+from drivers.errors import BeamObstructed, TableError
+from drivers.types import LiveTable, SignProof, Stop
+from gateway.errors import RollbackFailed, VerifyError, WriteRefused
+from gateway.interlocks import value_at
+from gateway.push import prove_sign
+from gateway.push.context import AxisFacts
+from gateway.push.signproof import PEAK, steps_of, triangle
+from tests.unit.push.double import (
+    MACHINE,
+    NEVER,
+    OLD,
+    Bench,
+    bench,
+    changing,
+    deadline,
+    journals_of,
+)
+
+OLD_ON = LiveTable(OLD, enabled=True)
+
+
+def prove(at: Bench, gain: float = -1.0, noise: float = 0.02, u: float = 0.05, **context: object) -> SignProof:
+    rng = np.random.default_rng(3)
+
+    async def read(_stop: Stop) -> tuple[float, float]:
+        return 123.0 + gain * at.machine.compensation + float(rng.normal(0.0, noise)), u
+
+    return run_virtual(lambda: prove_sign(replace(at.context, proof=None, **context), 0.0, 400.0, 50.0, read))
+
+
+@pytest.mark.parametrize("old", [OLD_ON, LiveTable(OLD, enabled=False), LiveTable(NEVER, enabled=False)])
+def test_proved_and_restored(tmp_path: Path, old: LiveTable) -> None:
+    at = bench(tmp_path, old)
+    before = at.machine.live()
+    proof = prove(at)
+    assert (proof.machine, proof.function, proof.output_axis, proof.sign) == (MACHINE, "EEC", "X1", 1)
+    assert proof.slope == pytest.approx(-1.0, abs=0.05)
+    assert 0 < proof.slope_u < 0.05
+    assert at.machine.live() == before
+    assert at.machine.acting == old.table or not old.enabled
+    assert at.machine.writes == ["sign-proof", "restore"]
+    (found,) = journals_of(tmp_path)
+    assert found.finished
+    assert found.kinds[-1] == "ROLLED_BACK"
+    assert "MEASURED" in found.kinds
+
+
+@pytest.mark.parametrize(
+    ("gain", "noise", "u", "code"),
+    [
+        (1.0, 0.02, 0.05, "E-PUSH-SIGN"),
+        (0.0, 0.02, 0.05, "E-PUSH-NO-PROOF"),
+        (-0.7, 0.02, 0.05, "E-PUSH-NO-PROOF"),
+        (-1.3, 0.02, 0.05, "E-PUSH-NO-PROOF"),
+        (-1.0, 0.02, 1.0, "E-PUSH-NO-PROOF"),
+        (-1.0, float("nan"), 0.05, "E-PUSH-NO-PROOF"),
+        (-1.0, 0.02, float("nan"), "E-PUSH-NO-PROOF"),
+    ],
+)
+def test_no_proof_in_doubt(tmp_path: Path, gain: float, noise: float, u: float, code: str) -> None:
+    at = bench(tmp_path)
+    if np.isnan(noise):
+        noise, gain = 0.0, float("nan")
+    with pytest.raises(VerifyError) as caught:
+        prove(at, gain, noise, u)
+    assert caught.value.code == code
+    assert at.machine.eec == OLD_ON
+
+
+def test_a_lost_beam_restores_too(tmp_path: Path) -> None:
+    at = bench(tmp_path)
+
+    async def read(_stop: Stop) -> tuple[float, float]:
+        raise BeamObstructed("E-CAP-BEAM", "laser", at_s=1.0)
+
+    with pytest.raises(BeamObstructed):
+        run_virtual(lambda: prove_sign(at.context, 0.0, 400.0, 50.0, read))
+    assert at.machine.eec == OLD_ON
+
+
+def test_refused_untouched(tmp_path: Path) -> None:
+    at = bench(tmp_path)
+    before = at.machine.live()
+    at.machine.reserved = 3
+    with pytest.raises(WriteRefused) as caught:
+        prove(at, typed_name="other")
+    assert "E-INT-POINTS" in str(caught.value)
+    assert "E-INT-NAME" in str(caught.value)
+    assert at.machine.live() == before
+    assert "prepare_stops" not in at.controller.calls
+
+
+def test_held_when_the_old_table_does_not_come_back(tmp_path: Path) -> None:
+    at = bench(tmp_path)
+    at.controller.faults[("wait_loaded", 2, "after")] = deadline
+    with pytest.raises(RollbackFailed) as caught:
+        prove(at)
+    assert "backup" in caught.value.fields
+    assert not at.machine.eec.enabled
+    assert not journals_of(tmp_path)[0].finished
+
+
+def test_a_table_that_never_becomes_active_is_no_proof(tmp_path: Path) -> None:
+    at = bench(tmp_path, LiveTable(NEVER, enabled=False))
+    at.machine.ignore_reset = True
+    with pytest.raises(VerifyError) as caught:
+        prove(at)
+    assert caught.value.code == "E-PUSH-NO-PROOF"
+    assert at.machine.eec == LiveTable(NEVER, enabled=False)
+
+
+def test_the_order_of_switching(tmp_path: Path) -> None:
+    at = bench(tmp_path)
+    seen: list[tuple[bool | None, float]] = []
+
+    async def read(stop: Stop) -> tuple[float, float]:
+        seen.append((stop.switch, stop.target))
+        return -at.machine.compensation, 0.05
+
+    at.controller.faults[("wait_loaded", 9, "after")] = changing()
+    run_virtual(lambda: prove_sign(at.context, 0.0, 400.0, 50.0, read))
+    assert [switch for switch, _place in seen] == [False, True] * 3
+    assert len({place for _switch, place in seen}) == 1
+
+
+@pytest.mark.parametrize(
+    ("reference", "travel", "grid", "peak"),
+    [
+        (0.0, (0.0, 400.0), (0.0, 400.0, 50.0), 200.0),
+        (400.0, (0.0, 400.0), (0.0, 400.0, 50.0), 200.0),
+        (100.0, (0.0, 400.0), (0.0, 400.0, 50.0), 250.0),
+        (120.0, (0.0, 400.0), (0.0, 400.0, 50.0), 250.0),
+        (-50.0, (0.0, 400.0), (0.0, 400.0, 50.0), 200.0),
+        (0.0, (-300.0, 300.0), (-300.0, 300.0, 25.0), -150.0),
+        (0.0, (0.0, 90.0), (0.0, 400.0, 50.0), 50.0),
+    ],
+)
+def test_triangle(
+    tmp_path: Path, reference: float, travel: tuple[float, float], grid: tuple[float, float, float], peak: float
+) -> None:
+    at = bench(tmp_path)
+    context = replace(at.context, axis=replace(at.context.axis, reference=reference, travel=travel))
+    made, place = triangle(context, *grid)
+    assert place == pytest.approx(peak)
+    assert value_at(made, place) == pytest.approx(PEAK)
+    assert max(map(abs, made.deviations)) == PEAK
+    assert value_at(made, reference) == 0.0
+    assert made.deviations[0] == made.deviations[-1] == 0.0
+
+
+def test_rotary_triangle(tmp_path: Path) -> None:
+    at = bench(tmp_path)
+    axis = AxisFacts("C1", "C", "deg", True, True, (0.0, 360.0), 0.0, 1000.0, encoder=1)
+    made, place = triangle(replace(at.context, axis=axis), 0.0, 360.0, 5.0)
+    assert (place, made.index, made.modulo, made.deviation_unit) == (180.0, 1, True, "arcsec")
+
+
+def test_no_triangle_on_two_points(tmp_path: Path) -> None:
+    with pytest.raises(TableError) as caught:
+        triangle(bench(tmp_path).context, 0.0, 400.0, 400.0)
+    assert caught.value.code == "E-PUSH-TRIANGLE"
+
+
+def test_uncertainty_is_the_larger_of_stated_and_seen() -> None:
+    quiet = steps_of([(0.0, 0.3), (3.0, 0.4)] * 3)
+    assert quiet.mean == pytest.approx(3.0)
+    assert quiet.u == pytest.approx(np.sqrt(3 * (0.09 + 0.16)) / 3)
+    loud = steps_of([(0.0, 0.0), (2.0, 0.0), (0.0, 0.0), (3.0, 0.0), (0.0, 0.0), (4.0, 0.0)])
+    assert loud.u == pytest.approx(1.0 / np.sqrt(3))

@@ -1,0 +1,262 @@
+"""Table texts: the manual's example, every layout, round trips, signs, mutations."""
+
+from __future__ import annotations
+
+import dataclasses
+import random
+from decimal import Decimal
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.errors import FileFormatError, Gap, TableError, TrueflankError
+from drivers.sinumerik import tables
+from drivers.types import CompensationTable, MachineIdentity, SignProof
+
+GOLDEN = Path(__file__).parents[2] / "golden" / "sinumerik"
+MACHINE = MachineIdentity("S", "V", ("X1", "Z1", "C1"))
+
+
+def eec(deviations: tuple[float, ...], step: float = 1.0, low: float = 0.0, **more: object) -> CompensationTable:
+    high = low + step * (len(deviations) - 1)
+    table = CompensationTable("EEC", "X1", "X1", low, high, step, deviations)
+    return dataclasses.replace(table, **more)
+
+
+def proof(sign: int, function: str = "CEC", axis: str = "X1") -> SignProof:
+    return SignProof(MACHINE, function, axis, float(sign), 0.01, sign, "2026-01-01")
+
+
+def manual_example() -> str:
+    """K3 p. 242: X1, 801 points; the manual prints the first three and the last, the others are zero here."""
+    printed = {0: "0.003", 1: "0.01", 2: "0.012"}
+    lines = ["%_N_AX_EEC_INI", "CHANDATA(1)"]
+    lines += [f"$AA_ENC_COMP[0,{number},X1]={printed.get(number, '-0.0')}" for number in range(801)]
+    lines += ["$AA_ENC_COMP_STEP[0,X1]=1.0", "$AA_ENC_COMP_MIN[0,X1]=-200.0", "$AA_ENC_COMP_MAX[0,X1]=600.0"]
+    return "\n".join([*lines, "$AA_ENC_COMP_IS_MODULO[0,X1]=0", "M17"])
+
+
+def test_the_manuals_example_of_801_points() -> None:
+    (table,) = tables.read(manual_example(), "manual").tables
+    assert (table.minimum, table.maximum, table.step, len(table.deviations)) == (-200.0, 600.0, 1.0, 801)
+    assert table.deviations[:4] == (3.0, 10.0, 12.0, 0.0)
+    assert not table.modulo
+    assert str(table.deviations[800]) == "0.0"
+    # K3 p. 238: positive value, positive deviation: what is written is what is stored
+    assert tables.stored_values(table)[:3] == (Decimal("0.003"), Decimal("0.01"), Decimal("0.012"))
+    assert tables.write([table], header=True).splitlines()[:3] == [
+        "%_N_AX_EEC_INI",
+        "CHANDATA(1)",
+        "$AA_ENC_COMP[0,0,X1]=0.003000",
+    ]
+
+
+def test_layouts_with_values_or_parameters_first_are_one_table() -> None:
+    first = tables.read((GOLDEN / "eec_values_first.ini").read_text(), "a")
+    second = tables.read((GOLDEN / "eec_parameters_first.ini").read_text(), "b")
+    assert first.tables == second.tables
+
+
+def test_a_cec_pair_of_one_axis() -> None:
+    plus, minus = tables.read((GOLDEN / "cec_pair.spf").read_text(), "pair").tables
+    assert (plus.direction, minus.direction) == (1, -1)
+    assert (plus.deviations, minus.deviations) == ((0.0, 2.0, 0.0), (0.0, -1.0, 0.0))
+    assert (plus.input_axis, plus.output_axis, minus.index) == ("X1", "X1", 1)
+    turned = tables.read((GOLDEN / "cec_pair.spf").read_text(), "pair", cec_sign=-1).tables[0]
+    assert turned.deviations == (0.0, -2.0, 0.0)
+
+
+def test_a_back_up_gives_the_live_set() -> None:
+    text = (GOLDEN / "backup_c1.spf").read_text()
+    live = tables.read_live(text, "back", "C1", 0)
+    assert live.eec.enabled
+    assert live.eec.table.deviations == pytest.approx((0.0, -2.9988, 0.0), abs=1e-12)
+    assert live.eec.table.modulo
+    assert live.eec.table.input_unit == "deg"
+    (cross,) = live.cec
+    assert (cross.table.name, cross.enabled) == ("C1(Z1)", False)
+    assert cross.table.input_unit == "mm"
+    assert cross.table.deviations == pytest.approx((0.0, 14.4))
+    assert live.backlash == 0.0002
+    assert live.native == text
+    assert tables.read_live(text, "back", "X1", 0).cec == ()
+    assert tables.read_live(text.replace("=(C1)", "=(X1)"), "back", "C1", 0).digest != live.digest
+
+
+def test_a_back_up_that_was_not_finished_is_refused() -> None:
+    text = (GOLDEN / "backup_c1.spf").read_text().replace("M17\n", "")
+    with pytest.raises(FileFormatError, match="E-TABLE-CUT"):
+        tables.read_live(text, "back", "C1", 0)
+
+
+def test_a_table_never_loaded_is_one_zero_point_and_off() -> None:
+    text = "$AA_ENC_COMP[0,0,X1]=0\n$AA_ENC_COMP_STEP[0,X1]=0\n$AA_ENC_COMP_MIN[0,X1]=0\n$AA_ENC_COMP_MAX[0,X1]=0\nM17"
+    live = tables.read_live(text, "back", "X1", 0)
+    assert (live.eec.table.deviations, live.eec.table.step, live.eec.enabled) == ((0.0,), 0.0, False)
+
+
+def test_a_range_beyond_the_memory_is_shortened_as_the_control_does() -> None:
+    points = "".join(f"$AA_ENC_COMP[0,{n},X1]=0.00{n}\n" for n in range(3))
+    text = points + "$AA_ENC_COMP_STEP[0,X1]=10\n$AA_ENC_COMP_MIN[0,X1]=0\n$AA_ENC_COMP_MAX[0,X1]=90\nM17"
+    table = tables.read_live(text, "back", "X1", 0).eec.table
+    assert (table.maximum, table.deviations) == (20.0, (0.0, 1.0, 2.0))
+
+
+GOOD = "$AA_ENC_COMP[0,0,X1]=0\n$AA_ENC_COMP[0,1,X1]=0.001\n$AA_ENC_COMP[0,2,X1]=0\n" + (
+    "$AA_ENC_COMP_STEP[0,X1]=10\n$AA_ENC_COMP_MIN[0,X1]=0\n$AA_ENC_COMP_MAX[0,X1]=20\nM17\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "code", "line"),
+    [
+        ("$AA_ENC_COMP[0,1,X1]=0.001", "$AA_ENC_COMP[0,1,X1] 0.001", "E-TABLE-EQUALS", 2),
+        ("=0.001", "=NaN", "E-TABLE-NUMBER", 2),
+        ("=0.001", "=1e-3", "E-TABLE-NUMBER", 2),
+        ("=0.001", "=0,001", "E-TABLE-NUMBER", 2),
+        ("=0.001", "=", "E-TABLE-NUMBER", 2),
+        ("=0.001", "=9999999", "E-TABLE-NUMBER", 2),
+        ("[0,1,X1]", "[0,0,X1]", "E-TABLE-TWICE", 2),
+        ("[0,1,X1]", "[0,1]", "E-TABLE-INDEX", 2),
+        ("[0,1,X1]", "[X1,1,0]", "E-TABLE-INDEX", 2),
+        ("$AA_ENC_COMP[0,1,X1]", "$AA_ENC_CMP[0,1,X1]", "E-TABLE-NAME", 2),
+        ("[0,1,X1]", "[0,7,X1]", "E-TABLE-BEYOND", 2),
+        ("$AA_ENC_COMP[0,1,X1]=0.001\n", "", "E-TABLE-GAP", None),
+        ("STEP[0,X1]=10", "STEP[0,X1]=7.5", "E-TABLE-STEP", None),
+        ("STEP[0,X1]=10", "STEP[0,X1]=0", "E-TABLE-GRID", None),
+        ("STEP[0,X1]=10", "STEP[0,X1]=-10", "E-TABLE-GRID", None),
+        ("MAX[0,X1]=20", "MAX[0,X1]=0", "E-TABLE-GRID", None),
+        ("$AA_ENC_COMP_MAX[0,X1]=20\n", "", "E-TABLE-PARAMETER", None),
+        ("M17\n", "$AA_ENC_COMP_IS_MODULO[0,X1]=-1\nM17\n", "E-TABLE-FLAG", 7),
+        ("M17\n", "M17\n$AA_ENC_COMP_IS_MODULO[0,X1]=0\n", "E-TABLE-AFTER-END", 8),
+        ("M17\n", "%_N_AX_EEC_INI\nM17\n", "E-TABLE-HEADER", 7),
+        ("M17\n", "G1 X100\nM17\n", "E-TABLE-SYNTAX", 7),
+        (GOOD, "; nothing\nM17\n", "E-TABLE-EMPTY", None),
+    ],
+)
+def test_what_is_wrong_is_refused_with_line_and_reason(old: str, new: str, code: str, line: int | None) -> None:
+    with pytest.raises((FileFormatError, Gap)) as caught:
+        tables.read(GOOD.replace(old, new, 1), "file.ini")
+    assert caught.value.code == code
+    assert caught.value.fields.get("line") == line
+    assert caught.value.hint
+    assert "<" not in caught.value.what
+
+
+def test_a_huge_range_with_few_points_is_refused_at_once() -> None:
+    text = GOOD.replace("MAX[0,X1]=20", "MAX[0,X1]=99999").replace("STEP[0,X1]=10", "STEP[0,X1]=0.0000001")
+    with pytest.raises(Gap, match="E-TABLE-GAP"):
+        tables.read(text, "file.ini")
+
+
+micrometres = st.floats(-200.0, 200.0, allow_nan=False)
+
+
+@given(st.lists(micrometres, min_size=2, max_size=40), st.sampled_from([0.5, 1.0, 5.0, 7.5]), st.booleans())
+def test_quantised_tables_come_back_exactly(values: list[float], step: float, rotary: bool) -> None:
+    unit = "deg" if rotary else "mm"
+    table = eec(tuple(values), step, -37.5, input_unit=unit, output_unit=unit, input_axis="C1", output_axis="C1")
+    table = tables.quantised(table) if rotary else tables.quantised(eec(tuple(values), step, -37.5))
+    assert tables.quantised(table) == table
+    assert tables.read(tables.write([table]), "again").tables == (table,)
+    for stored in tables.stored_values(table):
+        assert stored == stored.quantize(Decimal("0.000001"))
+
+
+@given(st.lists(st.decimals(-1, 1, places=10), min_size=2, max_size=20), st.sampled_from(["mm", "deg"]))
+def test_ten_decimals_of_the_control_come_back_exactly(values: list[Decimal], unit: str) -> None:
+    axis = "X1" if unit == "mm" else "C1"
+    lines = [f"$AA_ENC_COMP[0,{n},{axis}]={value:f}" for n, value in enumerate(values)]
+    lines += [
+        f"$AA_ENC_COMP_{name}[0,{axis}]={value}" for name, value in (("STEP", 1), ("MIN", 0), ("MAX", len(values) - 1))
+    ]
+    (table,) = tables.read("\n".join([*lines, "M17"]), "live").tables
+    assert table.output_unit == unit
+    assert list(tables.as_stored(table)) == list(values)
+    assert tables.read(tables.write([table]), "again").tables == (table,)
+
+
+def test_quantising_rounds_once_to_the_nearest_step() -> None:
+    assert tables.quantised(eec((0.0, 1.0004, -1.0006))).deviations == (0.0, 1.0, -1.001)
+    arcsec = eec((0.0, 1.0), 180.0, input_unit="deg", output_unit="deg", input_axis="C1", output_axis="C1")
+    assert tables.quantised(arcsec).deviations == (0.0, pytest.approx(1.0008))
+
+
+def test_cec_needs_this_machines_proof_and_obeys_its_sign() -> None:
+    table = eec((0.0, 5.0, 0.0), 10.0, function="CEC", input_axis="Z1")
+    with pytest.raises(TableError, match="E-TABLE-NO-PROOF"):
+        tables.stored_values(table)
+    with pytest.raises(TableError, match="E-TABLE-NO-PROOF"):
+        tables.stored_values(table, proof(1, axis="C1"))
+    with pytest.raises(TableError, match="E-TABLE-NO-PROOF"):
+        tables.stored_values(table, proof(1, function="EEC"))
+    assert tables.stored_values(table, proof(1))[1] == Decimal("0.005")
+    assert tables.stored_values(table, proof(-1))[1] == Decimal("-0.005")
+    text = tables.write([table], [proof(-1)])
+    assert tables.read(text, "cec", cec_sign=-1).tables == (table,)
+
+
+def test_eec_goes_by_the_manual_and_refuses_a_contrary_proof() -> None:
+    table = eec((0.0, 5.0, 0.0))
+    assert tables.stored_values(table)[1] == Decimal("0.005")
+    with pytest.raises(TableError, match="E-TABLE-SIGN"):
+        tables.stored_values(table, proof(-1, function="EEC"))
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf"), 1e12])
+def test_what_is_no_number_is_never_written(value: float) -> None:
+    with pytest.raises(TableError, match="E-TABLE-FINITE"):
+        tables.write([eec((0.0, value, 0.0))])
+
+
+def _mutations(seed: int, texts: list[str], count: int) -> list[str]:
+    chance = random.Random(seed)
+    alphabet = "0123456789.,-+=[]()$_XEN;%'\" \n\tMAZ\x00\u00e4"
+    out = []
+    for _ in range(count):
+        text = chance.choice(texts)
+        for _ in range(chance.randint(1, 3)):
+            place = chance.randrange(len(text) + 1)
+            act = chance.randrange(4)
+            if act == 0:
+                text = text[:place] + chance.choice(alphabet) + text[place:]
+            elif act == 1:
+                text = text[:place] + text[place + 1 :]
+            elif act == 2:
+                text = text[:place] + chance.choice(alphabet) + text[place + 1 :]
+            else:
+                lines = text.splitlines()
+                chance.shuffle(lines) if chance.random() < 0.2 else lines.insert(0, chance.choice(lines or [""]))
+                text = "\n".join(lines)
+        out.append(text)
+    return out
+
+
+def test_mutated_texts_are_refused_in_our_words_or_mean_their_canonical_rewrite() -> None:
+    names = ("eec_values_first.ini", "eec_parameters_first.ini", "cec_pair.spf")
+    texts = [(GOLDEN / name).read_text() for name in names]
+    accepted = 0
+    for text in _mutations(20260101, texts, 4000):
+        try:
+            found = tables.read(text, "mutated").tables
+        except TrueflankError as error:
+            assert error.code.startswith("E-TABLE-")
+            assert error.what
+            continue
+        accepted += 1
+        proofs = [proof(1, axis=one.output_axis) for one in found if one.function == "CEC"]
+        assert (
+            tables.read(
+                tables.write(found, proofs),
+                "again",
+                {
+                    axis: unit
+                    for one in found
+                    for axis, unit in ((one.input_axis, one.input_unit), (one.output_axis, one.output_unit))
+                },
+            ).tables
+            == found
+        )
+    assert 400 < accepted < 3600
