@@ -192,7 +192,7 @@ async def open_serial(url: str, clock: Clock, timeout_s: float, baudrate: int) -
             port = await loop.run_in_executor(workers, opening.run)
         return SerialTransport(url, port, workers)
     except (serial.SerialException, OSError, ValueError) as error:
-        workers.shutdown(wait=False)
+        workers.shutdown()
         raise _refusal(url, error) from error
     except BaseException:
         workers.submit(opening.undo)

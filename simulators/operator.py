@@ -54,6 +54,15 @@ class Control(Protocol):
         """Restart the NCK."""
         ...
 
+    @property
+    def ready(self) -> bool:
+        """False while the NCK starts."""
+        ...
+
+    def referenced(self, name: str) -> bool:
+        """Whether the screen shows the axis as referenced."""
+        ...
+
     def reference_axis(self, name: str) -> Any:
         """Reference run of one axis."""
         ...
@@ -162,6 +171,15 @@ class Operator:
         await self._clock.sleep(self.spec.activate_delay_s)
         self._control.nck_reset()
         self.log.append("NCK RESET")
+        await self.power_up()
+
+    async def power_up(self) -> None:
+        """Wait for the control to start, reference every axis, and go to AUTO: any morning's work."""
+        while not self._control.ready:
+            await self._clock.sleep(LOOK_S)
         for name in self._axes:
             self._control.reference_axis(name)
+        for name in self._axes:
+            while not self._control.referenced(name) and self._control.ready:
+                await self._clock.sleep(LOOK_S)
         self._control.set_mode("AUTO")

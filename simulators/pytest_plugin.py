@@ -39,7 +39,11 @@ class WireCell:
                 stdout=subprocess.PIPE,
                 stderr=log,
             )
-        self.ready = self._line()
+        try:
+            self.ready = self._line()
+        except RuntimeError:
+            self.stop()
+            raise
         self.site = Path(self.ready["site"])
 
     def _line(self) -> dict[str, Any]:

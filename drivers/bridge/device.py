@@ -9,6 +9,7 @@ from typing import Any
 
 from drivers.bridge import records
 from drivers.bridge.codec import BridgeCodec, Damaged, Message, Notification, Refusal, Reply, Request
+from drivers.bridge.fields import Fields
 from drivers.bridge.records import BridgeIdentity, BridgeSamples, CalibratorStatus
 from drivers.bridge.refusals import exception_for
 from drivers.bridge.settings import BridgeSettings
@@ -103,7 +104,7 @@ class BridgeInstrument:
         return Identity("bridge", f"{who.maker} {who.model}".strip(), who.serial, who.firmware, who.notices)
 
     def _checked(self, result: Any) -> BridgeIdentity:
-        version = records.Fields(result, self.name).integer("protocol")
+        version = Fields(result, self.name).integer("protocol")
         if version != records.PROTOCOL:
             known = records.PROTOCOL
             raise UnsupportedDevice("E-BRIDGE-VERSION", self.name, found=version, known=known)

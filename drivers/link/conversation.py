@@ -140,6 +140,8 @@ class Link(Generic[Question, Message]):
                 self._trace("<", data)
                 for message in self._codec.receive(data):
                     self._sort(message)
+                # A wire that always has more must not keep those from their turn who work it off.
+                await self._clock.sleep(0)
         except TrueflankError as error:
             self._break(error)
         finally:

@@ -11,12 +11,12 @@ from drivers.types import ChannelStatus
 GRACE_S = 3.0
 
 
-async def activation(dialogue: Dialogue, clock: Clock, axis: str, timeout_s: float, where: str) -> None:
+async def activation(dialogue: Dialogue, clock: Clock, axis: str, timeout_s: float, look_s: float, where: str) -> None:
     """Return when the axis is referenced and the channel in reset, after the reference was seen to be lost.
 
-    The restart itself may pass between two looks, so a state that stays as wanted for `GRACE_S` counts as
-    well: whether the table acts is proved by its live values, not here. Raises DeadlineExceeded
-    (E-NC-NO-ACTIVATION) and what the session raises.
+    A look is taken every ``look_s``. The restart may still pass between two looks, so a state that stays as
+    wanted for `GRACE_S` counts as well: whether the table acts is proved by its live values, not here.
+    Raises DeadlineExceeded (E-NC-NO-ACTIVATION) and what the session raises.
     """
     end = clock.now() + timeout_s
     seen_down, settled_since = False, None
@@ -33,7 +33,7 @@ async def activation(dialogue: Dialogue, clock: Clock, axis: str, timeout_s: flo
                 return
         if now >= end:
             raise DeadlineExceeded("E-NC-NO-ACTIVATION", where, axis=axis, timeout_s=timeout_s)
-        await dialogue.wait()
+        await dialogue.wait(look_s)
 
 
 async def _look_through_restart(dialogue: Dialogue) -> Glance | None:

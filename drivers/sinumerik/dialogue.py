@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from drivers.clock import Clock
-from drivers.errors import DeviceRefused, RemoteProtocolError, TransportError, TrueflankError
+from drivers.errors import DeviceRefused, RemoteProtocolError, TrueflankError
 from drivers.sinumerik import nodes
 from drivers.sinumerik.machine import ALARM_PLACES, MachineReader, channel_status
 from drivers.sinumerik.uaclient import UaSession
 from drivers.sinumerik.uasettings import UaSettings
-from drivers.sinumerik.uastatus import is_down, refusal
 from drivers.sinumerik.words import COUNT, Phase, Word
 from drivers.types import ChannelStatus
 
@@ -98,33 +97,32 @@ class Dialogue:
             nodes.in_channel("msg", channel, "ProgramInfo"),
             nodes.of_axis("aaStat", self._axis_number, channel),
             nodes.of_axis("aaRef", self._axis_number, channel),
-            *(nodes.alarm_number(place) for place in range(1, ALARM_PLACES + 1)),
+            nodes.ALARM_COUNT,
         ]
-        found = await self._session.read(paths, self._reader.timeout_s)
-        for reading in found:
-            if is_down(reading.status):
-                fields = {"status": reading.status, "what": reading.path}
-                raise TransportError("E-UA-NCK-DOWN", self._where, retryable=True, **fields)
-            if reading.status:
-                raise refusal(reading.status, self._where, "read", reading.path)
-        status, words, message, exact_stop, referenced, *alarms = (reading.value for reading in found)
+        status, words, message, exact_stop, referenced, alarms = await self._reader.values(paths)
         return Glance(
             channel=channel_status(status, self._where),
             message=str(message or ""),
             words=self._numbers(words),
-            alarms=tuple(int(number) for number in alarms if number),
+            alarms=await self._alarm_numbers(int(alarms)) if alarms else (),
             in_position=int(exact_stop) == 4,
             referenced=bool(referenced),
         )
+
+    async def _alarm_numbers(self, count: int) -> tuple[int, ...]:
+        places = range(1, min(count, ALARM_PLACES) + 1)
+        found = await self._reader.values([nodes.alarm_number(place) for place in places])
+        return tuple(int(number) for number in found if number)
 
     def _numbers(self, words: Any) -> tuple[float, ...]:
         if not isinstance(words, list) or len(words) != COUNT:
             raise RemoteProtocolError("E-UA-VALUE", self._where, what="the block of R parameters", value=words)
         return tuple(float(word) for word in words)
 
-    async def wait(self) -> None:
-        """Let time pass until the next look."""
-        await self._clock.sleep(self.pace.step())
+    async def wait(self, longest_s: float | None = None) -> None:
+        """Let time pass until the next look, ``longest_s`` at most."""
+        pause = self.pace.step()
+        await self._clock.sleep(pause if longest_s is None else min(pause, longest_s))
 
     async def check_alarms(self, seen: Glance) -> None:
         """Raise DeviceRefused (E-NC-ALARM) for an alarm that came up since `begin` and stops programs."""

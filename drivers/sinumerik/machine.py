@@ -85,7 +85,7 @@ class MachineReader:
     async def identity(self, names: tuple[str, ...]) -> MachineIdentity:
         """Serial number, NCK version and unit system, read afresh."""
         paths = [self._settings.serial_node, self._settings.version_node, nodes.BASIC_LENGTH_UNIT]
-        serial, version, unit = self._good(await self._read(paths))
+        serial, version, unit = await self.values(paths)
         system: Literal["metric", "inch"] = "metric" if int(unit) == 0 else "inch"
         return MachineIdentity(str(serial).strip(), str(version).strip(), names, system)
 
@@ -118,7 +118,7 @@ class MachineReader:
         alarms = [nodes.alarm_number(place) for place in range(1, ALARM_PLACES + 1)]
         numbers = range(1, len(configuration.names) + 1)
         axes = [nodes.of_axis(item, number, channel) for number in numbers for item in _AXIS_ITEMS]
-        values = self._good(await self._read([*head, *alarms, *axes]))
+        values = await self.values([*head, *alarms, *axes])
         status, mode, message, program, level = values[: len(head)]
         pending = values[len(head) : len(head) + len(alarms)]
         rest = values[len(head) + len(alarms) :]
@@ -139,6 +139,10 @@ class MachineReader:
         """Texts of pending alarms as far as the control gives them; "" where it does not."""
         found = await self._read([nodes.alarm_text(place) for place in range(1, count + 1)])
         return "; ".join(str(reading.value) for reading in found if not reading.status and reading.value)
+
+    async def values(self, paths: Sequence[str]) -> list[Any]:
+        """Values that must all be readable, by one request. Raises the refusal of the first that is not."""
+        return self._good(await self._read(paths))
 
     async def _read(self, paths: Sequence[str]) -> list[Reading]:
         found = await self._session.read(paths, self.timeout_s)

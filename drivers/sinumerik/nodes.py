@@ -8,6 +8,7 @@ setting data folder `_N_NC_SEA_ACX`.
 
 from __future__ import annotations
 
+import functools
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -32,6 +33,7 @@ BASIC_LENGTH_UNIT = "/Nck/Configuration/basicLengthUnit"
 NCK_VERSION = "/Nck/Configuration/nckVersion"
 SERIAL_NUMBER = "/NC/_N_NC_TEA_ACX/$MN_HW_SERIAL_NUMBER[u1,1]"
 OPERATING_MODE = "/Bag/State/opMode[u1]"
+ALARM_COUNT = "/Nck/State/numAlarms"
 MODES = ("JOG", "MDA", "AUTO")
 
 _PATH = re.compile(
@@ -69,6 +71,7 @@ class Address:
         return tuple(range(self.first, (self.first if self.last is None else self.last) + 1))
 
 
+@functools.lru_cache(maxsize=4096)
 def parse(path: str) -> Address | None:
     """Take an identifier apart; None when it is not of the control's form. A blank may follow a comma."""
     match = _PATH.fullmatch(path)
@@ -164,6 +167,7 @@ def to_names(address: Address, axes: Sequence[str]) -> tuple[str, ...]:
     return tuple(f"{address.name}[{number - 1}{tail}]" for number in address.elements)
 
 
+@functools.lru_cache(maxsize=4096)
 def kind_of(path: str) -> Kind:
     """The variant type a value of this identifier carries on the wire."""
     address = parse(path)

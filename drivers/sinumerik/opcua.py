@@ -300,7 +300,8 @@ class SinumerikOpcUa:
 
     async def wait_activated(self, order: PushOrder, timeout_s: float) -> None:
         """Wait through NCK reset and reference run. Raises DeadlineExceeded (E-NC-NO-ACTIVATION)."""
-        await activation(self._dialogue, self._clock, order.table.output_axis, timeout_s, self.name)
+        look_s = 0.4 * self._settings.poll_s
+        await activation(self._dialogue, self._clock, order.table.output_axis, timeout_s, look_s, self.name)
 
 
 def _encoder(order: PushOrder) -> int:

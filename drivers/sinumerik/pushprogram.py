@@ -20,6 +20,7 @@ from drivers.types import CompensationTable, PushOrder
 
 SETTLE_S = 0.2
 NOTHING = Decimal("0.0000005")
+FINEST = Decimal("0.000000001")  # below this the control's own decimals differ from its binary value
 _HELD, _LEFT, _FAILED, _COMPARE = "TF_HELD", "TF_LEFT", "TF_FAILED", "TF_COMPARE"
 
 
@@ -180,7 +181,7 @@ def _compare(order: PushOrder, setting: Setting) -> list[str]:
     table, values = order.table, values_of(order)
     miss = setting.words.name(Word.MISMATCHES)
     count = [f"{miss}={miss}+1", "ENDIF"]
-    half_unit = value_text(Decimal(5).scaleb(-_places(values) - 1))
+    half_unit = value_text(max(Decimal(5).scaleb(-_places(values) - 1), FINEST))
     out = [f"{miss}=0"]
     for name, value in tables.parameters(table).items():
         out += [f"IF {_differs(name, value, half_unit)}", *count]

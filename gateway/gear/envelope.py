@@ -63,9 +63,15 @@ def _cut(array: FloatArray, block: tuple[slice, ...]) -> FloatArray:
 
 
 def _block(grinding: Grinding, k: FloatArray, theta: FloatArray, z: FloatArray) -> FloatArray:
+    rays, state = prepare(grinding, k, theta, z)
+    return _solve(rays, state).reshape(np.broadcast_shapes(k.shape, theta.shape, z.shape))
+
+
+def prepare(grinding: Grinding, k: FloatArray, theta: FloatArray, z: FloatArray) -> tuple[Rays, State]:
+    """The rays of nominal points (arrays that broadcast together, flattened) and where Newton starts."""
     shape = np.broadcast_shapes(k.shape, theta.shape, z.shape)
     local = grinding.gear.section(theta)
-    return _solve(_enter(grinding, local, k, z, shape), _start(grinding, local, k, theta, z, shape)).reshape(shape)
+    return _enter(grinding, local, k, z, shape), _start(grinding, local, k, theta, z, shape)
 
 
 def _enter(grinding: Grinding, local: Section, k: FloatArray, z: FloatArray, shape: tuple[int, ...]) -> Rays:

@@ -89,7 +89,8 @@ def judged(grinding: Grinding, k: ArrayLike, theta: ArrayLike, z: ArrayLike) -> 
     """First order with its second-order correction and bound.
 
     e2 = d_n + d_t w_z - kappa d_t^2/2 - d_z (w_t + g) - R g^2/(2 n_x): d the exact displacement of the point,
-    t = z x n, w the exact rotation; e3 = e2 + kappa' d_t^3/6. The bound is `MARGIN` times the sum of the second-order terms, each taken positive.
+    t = z x n, w the exact rotation; e3 = e2 + kappa' d_t^3/6. The bound is `MARGIN` times the sum of the
+    second-order terms, each taken positive.
     """
     t = np.asarray(theta, dtype=np.float64)
     section = grinding.gear.section(t)

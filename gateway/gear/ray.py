@@ -88,6 +88,15 @@ def step(rays: Rays, state: State) -> tuple[State, FloatArray]:
     return State(state.theta + dtheta, state.e + de, state.s + ds, low, high), left
 
 
+def residual(rays: Rays, state: State) -> FloatArray:
+    """What `step` brings to zero, (3, N): distances along normal and tangent (mm), and n . v (mm/mm)."""
+    profile = rays.grinding.dressing.section(rays.grinding.gear, state.theta)
+    seen = _look(rays, state)
+    dn, dt = _on_profile(profile, seen.y - profile.y, seen.rho - (rays.grinding.E - profile.x))
+    f, _ = _on_profile(profile, seen.speed[0], seen.speed[1])
+    return np.stack([dn, dt, f])
+
+
 def _look(rays: Rays, state: State) -> _Seen:
     grinding, sense = rays.grinding, rays.grinding.stroke_sense
     pose = rays.stroke.pose(grinding.stroke_command(state.s))

@@ -41,8 +41,10 @@ def _grid(facts: PushFacts) -> Iterator[Refusal]:
 
 
 def _findings(facts: PushFacts) -> Iterator[Refusal]:
+    """Warnings (W-...) are for the reader of the proposal; what else was found is a reason."""
     for finding in facts.change.findings:
-        yield from no("E-INT-FINDING", table=facts.table.name, finding=finding)
+        if not finding.startswith("W-"):
+            yield from no("E-INT-FINDING", table=facts.table.name, finding=finding)
 
 
 def _values(facts: PushFacts) -> Iterator[Refusal]:

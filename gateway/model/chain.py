@@ -38,11 +38,6 @@ class Influence:
     motions: FloatArray
     location: FloatArray
 
-    def twist(self) -> FloatArray:
-        """The axis' own share of the relative twist, (..., 6)."""
-        share = se3.apply(self.location, self.axis.location())
-        return share + se3.apply(self.motions, self.axis.errors(self.q)) if self.axis.err else share
-
     def command(self) -> FloatArray:
         """Twist per mm or rad added to the axis' own command, (..., 6)."""
         unit = np.zeros(6)
@@ -96,8 +91,11 @@ class Chain:
 
     def twist(self, q: Positions, frame: Frame = "work") -> FloatArray:
         """First-order relative twist by the adjoint formula, (..., 6)."""
-        shares = [influence.twist() for influence in self.influences(q, frame)]
-        return np.asarray(sum(shares[1:], start=shares[0]))
+        tool = [_share(axis, at, q) for axis, at in _walk(self.tool, q)]
+        work = [-_share(axis, at, q) for axis, at in _walk(self.work, q)]
+        bed = np.asarray(sum(tool + work))
+        end = fold(self.work if _known(frame) == "work" else self.tool, q, actual=False)
+        return se3.carry(se3.inverse(end), bed)
 
     def influences(self, q: Positions, frame: Frame = "work") -> tuple[Influence, ...]:
         """First-order influence of each axis' errors; to keep arrays small each has its own broadcast shape."""
@@ -174,6 +172,16 @@ def _walk(side: tuple[Element, ...], q: Positions) -> Iterator[tuple[Axis, Float
         else:
             yield element, T
             T = T @ element.ideal(position(q, element.name))
+
+
+def _share(axis: Axis, parent: FloatArray, q: Positions) -> FloatArray:
+    """First-order twist of one axis' errors in the bed frame, (..., 6)."""
+    at = position(q, axis.name)
+    local = se3.apply(axis.location_twist(at), axis.location())
+    if axis.err:
+        error = axis.errors(at)
+        local = local + (se3.carry(axis.ideal(at), error) if axis.err_frame == "moving" else error)
+    return se3.carry(parent, local)
 
 
 def _influence(axis: Axis, parent: FloatArray, base: FloatArray, q: Positions) -> Influence:

@@ -76,10 +76,11 @@ def fit_positioning(
 
     A full turn is fitted with harmonics or a periodic polygon, anything else with polynomials, cubic
     B-splines or a polygon. Within a family AICc, extended for the number of choices and with the known
-    noise as floor, chooses the order; between families the leave-one-out error does, the simpler winning ties. The covariance holds
-    the scatter that the fit leaves (order above the targets, steps). Targets without a mean (NaN) are left
-    out. With `reference` the value there is made zero (datum). Raises NotIdentifiable (E-MODEL-POINTS)
-    with fewer than two targets, ModelError (E-MODEL-U) where a mean has no uncertainty.
+    noise as floor, chooses the order; between families the leave-one-out error does (see `choose`). The
+    covariance holds the scatter that the fit leaves (order above the targets, steps). Targets without a
+    mean (NaN) are left out. With `reference` the value there is made zero (datum).
+    Raises NotIdentifiable (E-MODEL-POINTS) with fewer than two targets, ModelError (E-MODEL-U) where a
+    mean has no uncertainty.
     """
     data = _data(targets, means, u)
     if kind == "rotary" and _closes(data.at, modulo):
@@ -129,15 +130,16 @@ def _component(best: Candidate, data: _Data, name: str, axis: str, axis_unit: Ax
 def choose(tried: Iterable[Candidate], noise: float) -> Candidate:
     """The candidate that misses a left-out target least; a simpler one within 10 % of it is preferred.
 
-    Where none predicts half of what a constant misses, and that is far above the noise, the deviation
-    changes faster than the targets follow: then the polygon, which never swings beyond the means.
+    Where that leaves more than half of what a constant misses, and this is far above the noise, the
+    deviation changes almost as fast as the targets follow: then the polygon, if it predicts anything at
+    all, since it never swings beyond the means.
     """
     everyone = list(tried)
     limit = min(candidate.left_out for candidate in everyone) * SIMPLER_WITHIN
     best = min((c for c in everyone if c.left_out <= limit), key=lambda c: c.size)
     plain = max(c.left_out for c in everyone if c.basis == "constant")
     if plain > FAR_ABOVE_NOISE * noise and best.left_out > plain / 2.0:
-        return max(everyone, key=lambda c: c.basis == "piecewise")
+        return next((c for c in everyone if c.basis == "piecewise" and c.left_out < plain), best)
     return best
 
 

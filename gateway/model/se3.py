@@ -68,6 +68,16 @@ def adjoint(T: FloatArray) -> FloatArray:
     return out
 
 
+def carry(T: FloatArray, xi: FloatArray) -> FloatArray:
+    """Ad(T) xi of twists (..., 6), without making the matrix."""
+    d, w = apply(T[..., :3, :3], xi[..., :3]), apply(T[..., :3, :3], xi[..., 3:])
+    p = T[..., :3, 3]
+    x = d[..., 0] + p[..., 1] * w[..., 2] - p[..., 2] * w[..., 1]
+    y = d[..., 1] + p[..., 2] * w[..., 0] - p[..., 0] * w[..., 2]
+    z = d[..., 2] + p[..., 0] * w[..., 1] - p[..., 1] * w[..., 0]
+    return np.stack([x, y, z, w[..., 0], w[..., 1], w[..., 2]], axis=-1)
+
+
 def apply(matrix: FloatArray, vector: FloatArray) -> FloatArray:
     """Batched matrix (..., n, m) times vector (..., m)."""
     return np.asarray((matrix @ vector[..., None])[..., 0])

@@ -29,8 +29,8 @@ def outcome_error(record: PushRecord) -> TrueflankError | None:
     """The error a shell should end with for a push that did not do what was asked; None when it did."""
     last = record.steps[-1] if record.steps else ""
     if record.outcome == "refused":
-        reasons = "; ".join(record.steps)
-        return WriteRefused("E-PUSH-REFUSED", record.axis, count=len(record.steps), reasons=reasons)
+        reasons = [step for step in record.steps if step.startswith("E-")] or [last]
+        return WriteRefused("E-PUSH-REFUSED", record.axis, count=len(reasons), reasons="; ".join(reasons))
     if record.outcome == "rolled-back":
         why = next((step for step in record.steps if " ROLLING_BACK" in step), last)
         return VerifyError("E-PUSH-ROLLED-BACK", record.axis, axis=record.axis, why=why)

@@ -100,15 +100,23 @@ def effect_positions(
 
 def _three(new: CompensationTable, old: LiveTable, places: np.ndarray[Any, Any]) -> tuple[float, ...]:
     worth, slope = _worth(new, old, places), _slopes(new, places)
-    best = places[np.argsort(-worth, kind="stable")]
-    rank = slope[np.argsort(-worth, kind="stable")]
-    rising, falling = best[rank > 0], best[rank < 0]
-    chosen: list[float] = [float(side[0]) for side in (rising, falling) if side.size]
-    for apart in (0.1 * abs(new.maximum - new.minimum), 0.0):
-        for place in best:
-            if len(chosen) < 3 and all(abs(place - other) > apart for other in chosen):
-                chosen.append(float(place))
+    order = np.argsort(-worth, kind="stable")
+    best, rank = places[order], slope[order]
+    far = 0.1 * abs(new.maximum - new.minimum)
+    chosen: list[float] = []
+    for side, apart in ((best[rank > 0], far), (best[rank < 0], far), (best, far), (best, 0.0)):
+        room = 1 if apart and side is not best else 3 - len(chosen)
+        chosen += _apart(side, chosen, apart, room)
     return tuple(sorted(chosen))
+
+
+def _apart(places: np.ndarray[Any, Any], chosen: list[float], apart: float, room: int) -> list[float]:
+    """The first places, at most ``room``, that keep their distance from those chosen and from each other."""
+    found: list[float] = []
+    for place in places:
+        if len(found) < room and all(abs(place - other) > apart for other in (*chosen, *found)):
+            found.append(float(place))
+    return found
 
 
 def _worth(new: CompensationTable, old: LiveTable, places: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
@@ -68,7 +68,3 @@ class PushContext:
     harmless_alarms: tuple[int, ...] = ()
     access_level_needed: int = 3
     say: Say = field(default=silence)
-
-    def without_capture(self) -> PushContext:
-        """The same for a table that was not made from a measurement."""
-        return replace(self, capture=None)

@@ -148,8 +148,18 @@ async def leave_program(context: PushContext) -> None:
         await context.controller.abort_program()
     async with context.clock.deadline(context.start_timeout_s, context.axis.name):
         told = False
-        while (await context.controller.state()).channel is not ChannelStatus.RESET:
+        while not await _in_reset(context):
             if not told:
                 context.say("P-PUSH-RESET", axis=context.axis.name)
             told = True
             await context.clock.sleep(POLL_S)
+
+
+async def _in_reset(context: PushContext) -> bool:
+    """Reading may be tried again while the control restarts."""
+    try:
+        return (await context.controller.state()).channel is ChannelStatus.RESET
+    except TrueflankError as error:
+        if not error.retryable:
+            raise
+        return False

@@ -91,7 +91,8 @@ async def _push(work: Work) -> Outcome:
     if reasons:
         for reason in reasons:
             work.context.say("P-PUSH-REFUSED", axis=work.axis, reason=reason.words)
-        work.note("ABORTED", why="; ".join(reason.words for reason in reasons))
+        work.note("ABORTED", why=f"{len(reasons)} reason(s)")
+        work.steps += [reason.words for reason in reasons]
         return "refused"
     try:
         await _write(work, base)

@@ -103,9 +103,7 @@ def _read_record(data: Any, hint: Any, path: str, where: str) -> Any:
     unknown = sorted(set(data) - set(names))
     if unknown:
         raise FutureSchema("E-STORE-UNKNOWN", where, field=path, unknown=", ".join(unknown))
-    values = {
-        name: read_typed(data[name], hints[name], f"{path}.{name}", where) for name in names if name in data
-    }
+    values = {name: read_typed(data[name], hints[name], f"{path}.{name}", where) for name in names if name in data}
     return hint(**values)
 
 
@@ -142,10 +140,7 @@ def _write_tuple(value: Any, hint: Any, path: str) -> object:
     if not isinstance(value, (tuple, list)):
         raise TypeError(f"{type(value).__name__} where a tuple belongs")
     kinds = _items(hint, len(value))
-    return [
-        write_typed(item, kind, f"{path}[{i}]")
-        for i, (item, kind) in enumerate(zip(value, kinds, strict=True))
-    ]
+    return [write_typed(item, kind, f"{path}[{i}]") for i, (item, kind) in enumerate(zip(value, kinds, strict=True))]
 
 
 def _read_tuple(data: Any, hint: Any, path: str, where: str) -> Any:

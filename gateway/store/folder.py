@@ -240,9 +240,7 @@ class Store:
         """
         now = self._utc()
         slug = re.sub(r"[^A-Za-z0-9_-]+", "-", site_name).strip("-")[:40] or "run"
-        run_id = (
-            f"{now.strftime('%Y%m%dT%H%M%S')}{now.microsecond // 1000:03d}Z-{slug}-{secrets.token_hex(2)}"
-        )
+        run_id = f"{now.strftime('%Y%m%dT%H%M%S')}{now.microsecond // 1000:03d}Z-{slug}-{secrets.token_hex(2)}"
         path = self.root / run_id
         facts = {
             "schema": records.SCHEMA,

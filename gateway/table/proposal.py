@@ -82,10 +82,10 @@ def propose(
     ``resolution`` (deviation unit: um or arcsec). Beyond the measured range the last fitted value holds.
 
     Nothing is proposed (``skipped`` says why) when the whole fitted curve lies within its uncertainty:
-    |d - mean d| <= sqrt(Scheffe band of the fit (99 %)^2 + U_instrument^2) everywhere, or when the means would
-    not get a smaller range. The decision is for the whole curve: leaving out single points would put jumps
-    of their uncertainty into the table. ``predicted`` is zero on the fitted curve at the reference; compare
-    a later measurement after removing its common offset.
+    |d - mean d| <= U everywhere (see `_significance`), or when the means would not get a smaller range.
+    The decision is for the whole curve: leaving out single points would put jumps of their uncertainty
+    into the table. ``predicted`` is zero on the fitted curve at the reference; compare a later measurement
+    after removing its common offset.
 
     Raises TooManyPoints (E-COMP-POINTS), Gap (E-COMP-GRID, E-COMP-TURN), ValueOutOfRange (see `check`).
     """
@@ -169,14 +169,16 @@ def _why_not(
 def _significance(axis: TableAxis, component: Component, instrument: InstrumentU) -> tuple[float, float]:
     """(largest |d - mean d| / U over the measured range, U there).
 
-    U joins the Scheffe band of the fit, which holds for all positions at once with 99 %, and the instrument.
+    U joins the Scheffe band of the fit, which holds for all positions at once with 99 %, what lies unseen
+    between the targets, and the instrument.
     """
     low, high = component.domain
     at = np.linspace(low, low + TURN_DEG if is_periodic(component) else high, 721)
     d = value(component, at)
     freedom = max(component.coefficients.size - 1, 1)
     band = np.sqrt(chdtri(freedom, BAND_RISK)) * standard_uncertainty(component, at)
-    U = np.hypot(band, 2.0 * instrument.standard(at - axis.reference))
+    common = np.hypot(instrument.standard(at - axis.reference), component.residual_rms)
+    U = np.hypot(band, 2.0 * common)
     ratio = np.abs(d - d.mean()) / U
     worst = int(np.argmax(ratio))
     return float(ratio[worst]), float(U[worst])

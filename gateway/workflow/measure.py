@@ -19,6 +19,7 @@ from gateway.config import AxisSection
 from gateway.domain import Capture, Equipment, Evaluation, Item
 from gateway.evaluate.iso230_2 import evaluate
 from gateway.evaluate.uncertainty import Budget, linear_budget
+from gateway.table.proposal import InstrumentU
 from gateway.workflow import stages
 from gateway.workflow.bench import Bench
 
@@ -105,11 +106,11 @@ async def fetch_tables(at: Bench, axis: AxisSection) -> LiveSet:
 def budget_of(capture: Capture) -> Budget:
     """Expanded uncertainties (k = 2) of one capture: instrument, temperature and expansion over its travel.
 
-    Laser system 0.5 um/m; temperature measured within 0.4 K; expansion coefficient within 2 ppm/K. A rotary
-    calibrator: 1 arcsec range as its maker states, rectangular.
+    Laser system 0.5 um/m; temperature measured within 0.2 K; expansion coefficient within 2 ppm/K. A rotary
+    calibrator as `InstrumentU.usual` has it: what is proposed and what is reported rest on the same figure.
     """
     if capture.axis_unit == "deg":
-        return Budget(device=0.6)
+        return Budget(device=InstrumentU.usual("arcsec").constant)
     material = capture.ambient_start.material_degc
     off = float(material[0]) - 20.0 if material else 0.0
     length_mm = float(capture.targets[-1] - capture.targets[0])

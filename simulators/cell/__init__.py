@@ -14,12 +14,11 @@ from numpy.typing import NDArray
 
 from drivers.clock import Clock, LoopClock
 from simulators.bridge import BridgeAnswerer
-from simulators.cell.control import ControlPanel, live_deviation, spec_of
+from simulators.cell.control import CellNck, ControlPanel, live_deviation, spec_of
 from simulators.cell.results import CapturePc
 from simulators.cell.site import site_text
 from simulators.cellfile import Axis, CellFile, load_cell
 from simulators.faults import FaultPlan
-from simulators.nck.machine import Nck
 from simulators.opcua import SinumerikServer
 from simulators.operator import Operator
 from simulators.optics import Bench, LaserCounter, RotaryReader
@@ -59,7 +58,7 @@ class Cell:
         self.clock = clock
         self.truth = Truth(self.file, seed, flip=flip)
         self.site_path = site_path or folder / "site.toml"
-        self.nck = Nck(spec_of(self.file, self.truth.seed), clock)
+        self.nck = CellNck(spec_of(self.file, self.truth.seed), clock)
         self.panel = ControlPanel(self.nck)
         self.bench = Bench(self.truth, self.nck)
         axes = [axis.name for axis in self.file.axes]
@@ -89,8 +88,7 @@ class Cell:
     async def start(self) -> Path:
         """Switch everything on; returns the site file's path."""
         self._folder.mkdir(parents=True, exist_ok=True)
-        await self.nck.start()
-        self._power_up()
+        await self._power_up()
         for name, answerer in self.instruments.items():
             self._urls[name] = await answerer.start(self._url(name))
         await self.server.start()
@@ -98,13 +96,14 @@ class Cell:
         self._write_site()
         return self.site_path
 
-    def _power_up(self) -> None:
+    async def _power_up(self) -> None:
         """The machine as one finds it on a working day: referenced, in AUTO."""
+        await self.nck.start()
         for axis in self.file.axes:
-            self.nck.reference_axis(axis.name)
             if axis.backlash:
                 self.nck.set(f"$MA_BACKLASH[0,{axis.name}]", axis.backlash, 0)
-        self.nck.set_mode("AUTO")
+        self.nck.channel_reset()
+        await self.operator.power_up()
 
     def _url(self, name: str) -> str:
         if self._wires == "memory":

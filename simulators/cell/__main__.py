@@ -20,7 +20,7 @@ from drivers.transport import ByteTransport, serve
 from simulators.cell import Cell
 from simulators.cell.judge import Judge
 
-BLOCK_WALL_S = 0.01
+BLOCK_WALL_S = 0.005
 LOOK_S = 0.2
 LINE_BYTES = 1 << 20
 

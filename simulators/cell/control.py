@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.clock import Clock
 from drivers.units import deviation_scale
 from simulators.cellfile import CellFile
 from simulators.nck.machine import AxisSpec, Nck, NckSpec
@@ -45,10 +46,28 @@ def spec_of(cell: CellFile, seed: int) -> NckSpec:
     return NckSpec(**(known | machine.switches))
 
 
+class CellNck(Nck):
+    """The NCK of a cell: counts selections, and can be asked where an axis would stand."""
+
+    def __init__(self, spec: NckSpec, clock: Clock) -> None:
+        super().__init__(spec, clock)
+        self.selections = 0
+
+    def select(self, path: str, channel: int = 1) -> int:
+        """Select a program, and count it for the operator, who sees the screen change."""
+        answer = super().select(path, channel)
+        self.selections += answer == 0
+        return answer
+
+    def compensated_encoder(self, axis: str, positions: FloatArray, direction: int) -> FloatArray:
+        """Encoder positions (n,) if the axis stood at these commanded positions; nothing moves."""
+        return self.core.standing(self.core.axis(axis).index, positions, direction)
+
+
 class ControlPanel:
     """What the operator sees of an NCK, and the buttons."""
 
-    def __init__(self, nck: Nck) -> None:
+    def __init__(self, nck: CellNck) -> None:
         self._nck = nck
 
     @property
@@ -82,16 +101,27 @@ class ControlPanel:
         """Restart the NCK."""
         self._nck.nck_reset()
 
+    @property
+    def ready(self) -> bool:
+        """False while the NCK starts."""
+        return not self._nck.booting
+
+    def referenced(self, name: str) -> bool:
+        """Whether the screen shows the axis as referenced."""
+        return bool(self._nck.axis_state(name).referenced)
+
     def reference_axis(self, name: str) -> None:
         """Reference run of one axis."""
         self._nck.reference_axis(name)
 
     def set_mode(self, mode: str) -> None:
         """AUTO, JOG or MDA."""
-        self._nck.set_mode(mode)
+        self._nck.set_mode(cast(Literal["AUTO", "JOG", "MDA"], mode))  # the control refuses any other word itself
 
 
-def live_deviation(truth: Truth, nck: Nck, axis: str, positions: FloatArray, direction: int, t: float) -> FloatArray:
+def live_deviation(
+    truth: Truth, nck: CellNck, axis: str, positions: FloatArray, direction: int, t: float
+) -> FloatArray:
     """True position - commanded, with what compensates in the NCK right now; um or arcsec, at 20 degC.
 
     Pure: nothing moves. `positions` (n,) are commanded machine coordinates, approached in `direction`.
@@ -103,6 +133,6 @@ def live_deviation(truth: Truth, nck: Nck, axis: str, positions: FloatArray, dir
     return (encoder - wanted) * scale + truth.deviation(spec.name, encoder, direction, t)
 
 
-def with_serial(nck: Nck, serial: str) -> None:
+def with_serial(nck: CellNck, serial: str) -> None:
     """Make the control answer with another serial number, as after an exchanged NCU."""
     nck.spec = replace(nck.spec, serial=serial)

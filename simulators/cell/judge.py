@@ -44,7 +44,7 @@ class Judge:
             "channel_reset": lambda _q: self._cell.nck.channel_reset(),
             "nck_reset": lambda _q: self._cell.nck.nck_reset(),
             "reference": lambda q: self._cell.nck.reference_axis(str(q["axis"])),
-            "mode": lambda q: self._cell.nck.set_mode(str(q["value"])),
+            "mode": lambda q: self._cell.panel.set_mode(str(q["value"])),
             "acknowledge": lambda _q: self._cell.nck.acknowledge_alarms(),
             "mount": self._mount,
             "result_file": self._result_file,

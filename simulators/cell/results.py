@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from simulators.cell.control import CellNck
 from simulators.cellfile import Axis, Noise
 from simulators.files import FileContent, write_result
-from simulators.nck.machine import Nck
 from simulators.optics import Bench
 from simulators.optics.air import refractive_index
 from simulators.optics.bench import linear_length_mm
@@ -35,7 +35,7 @@ class CapturePc:
     """
 
     bench: Bench
-    nck: Nck
+    nck: CellNck
     axis: Axis
     start_s: float
     start_utc: datetime

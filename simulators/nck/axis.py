@@ -85,6 +85,11 @@ class MachineAxis:
         self._moved_until_s = start_s
 
     @property
+    def end_point(self) -> float:
+        """Where the base setpoint stands, or will when the move under way has ended."""
+        return self.base.final()[1]
+
+    @property
     def curve(self) -> Curve | None:
         """The EEC curve acting now."""
         return self._epochs[-1].curve
@@ -104,13 +109,14 @@ class MachineAxis:
 
     def travel_to(self, target: float, seconds: float, now_s: float) -> None:
         """Plan a straight move of the base setpoint, from where its demand is now."""
-        here = self.base.demand(now_s)
+        begin = max(now_s, self.base.final()[0])
+        here = self.end_point
         if seconds <= 0.0 or target == here:
-            self.base.add(now_s, target)
+            self.base.add(begin, target)
             return
-        self.base.add(now_s, here, (target - here) / seconds)
-        self.base.add(now_s + seconds, target)
-        self._moved_until_s = now_s + seconds
+        self.base.add(begin, here, (target - here) / seconds)
+        self.base.add(begin + seconds, target)
+        self._moved_until_s = begin + seconds
 
     def halt(self, now_s: float) -> None:
         """Stop the base setpoint where it is."""

@@ -1,170 +1,220 @@
-"""What the words of one block do together: G groups, axis targets, feed, dwell and program stops."""
+"""The channel: mode, selected program, its run from NC START to the end, messages and stops."""
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, field
+import asyncio
+from collections.abc import Callable
+from typing import Literal
 
-from simulators.nck.axis import COARSE, FINE
+from simulators.nck.alarms import AlarmList
 from simulators.nck.core import Core
+from simulators.nck.files import FileSystem, canonical
+from simulators.nck.interpreter import Interpreter, PowerCut
 from simulators.nck.spec import NckRefusal
+from simulators.nck.syntax import NcSyntaxError
+from simulators.nck.variables import Variables
 
-POSITION_MODES = frozenset({"AC", "IC", "DC", "ACP", "ACN"})
-_NO_EFFECT = frozenset({17, 18, 19, 40, 53, 54, 55, 56, 57, 71, 94, 153, 500, 603, 710, *range(505, 600)})
-_SILENT_WORDS = frozenset(
-    {"SUPA", "STOPRE", "SOFT", "BRISK", "FFWON", "FFWOF", "TRANS", "ROT", "SCALE", "MIRROR", "TRAFOOF"}
-    | {"DIAMOF", "COMPOF", "KONT", "NORM", "SBLON", "SBLOF", "DISPLON", "DISPLOF", "CFC", "CFTCP"}
-)
-_SAME_PLACE = 1e-9
+Mode = Literal["AUTO", "JOG", "MDA"]
 
-
-def is_silent(word: str) -> bool:
-    """Words that are understood and change nothing here (no frames, offsets or look-ahead to change)."""
-    return word in _SILENT_WORDS
+RESET, ACTIVE, INTERRUPTED = 0, 1, 2
+PROGRAM_INTERRUPTED, PROGRAM_STOPPED, PROGRAM_RUNNING, PROGRAM_ABORTED = 1, 2, 3, 5
 
 
-@dataclass(slots=True)
-class Modal:
-    """What stays in force from block to block."""
+class Channel:
+    """One channel; ``power_cut`` is called when the mains fail at a block."""
 
-    rapid: bool = False
-    absolute: bool = True
-    exact: bool = True
-    window: float = FINE
-    feed: float | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Deed:
-    """What a block leaves for the machine to do in time.
-
-    ``targets``: axis index -> end point; ``rate`` units/min, None rapid; ``window``: wait until within it;
-    ``ending``: "", M0, M1, M17 or M30.
-    """
-
-    targets: dict[int, float] = field(default_factory=dict)
-    rate: float | None = None
-    window: float | None = None
-    dwell_s: float = 0.0
-    ending: str = ""
-
-
-class BlockWords:
-    """Collects the words of one block."""
-
-    def __init__(self, core: Core, modal: Modal) -> None:
+    def __init__(self, core: Core, variables: Variables, power_cut: Callable[[], None]) -> None:
+        spec = core.spec
         self._core = core
-        self._modal = modal
-        self._targets: dict[int, tuple[str, float]] = {}
-        self._feed: float | None = None
-        self._dwell = False
-        self._exact_once = False
-        self._ending = ""
+        self._variables = variables
+        self._power_cut = power_cut
+        self.files = FileSystem(spec.files_max_total, spec.files_max_count, self._check_reading, self._check_changing)
+        self.mode: Mode = "JOG"
+        self.message = ""
+        self.selected = ""
+        self.skip_active = False
+        self.optional_stop = False
+        self.cut_after_blocks: int | None = None
+        self._run: Interpreter | None = None
+        self._task: asyncio.Task[None] | None = None
+        self._faulted = False
+        self._line = 0
 
-    def address(self, letter: str, value: float) -> None:
-        """A DIN word. Raises NckRefusal: 12470 (G), 12550 (unknown), 12160 (value)."""
-        axis = self._core.axis_index(letter)
-        if axis is not None:
-            self.position(axis, "", value)
-        elif letter == "G":
-            self._g(value)
-        elif letter == "F":
-            self._feed = value
-        elif letter == "M":
-            self._m(value)
-        elif letter not in "STDH":
-            raise NckRefusal(12550, f"name {letter}{value:g} not defined or option not available")
+    # -- state -------------------------------------------------------------------------------------
 
-    def position(self, axis: int, mode: str, value: float) -> None:
-        """An axis word. Raises NckRefusal 12110 when the axis stands twice in the block."""
-        if axis in self._targets:
-            raise NckRefusal(12110, f"axis {self._core.spec.axes[axis].name} programmed twice")
-        self._targets[axis] = (mode, value)
+    @property
+    def status(self) -> int:
+        """0 reset, 1 active, 2 interrupted."""
+        if self._faulted:
+            return INTERRUPTED
+        if self._run is None:
+            return RESET
+        return INTERRUPTED if self._run.stopped else ACTIVE
 
-    def end(self, ending: str) -> None:
-        """A word that ends the program or subprogram."""
-        self._ending = ending or self._ending
+    @property
+    def program_status(self) -> int:
+        """1 interrupted, 2 stopped, 3 running, 5 aborted (also after a program's end)."""
+        if self._faulted:
+            return PROGRAM_INTERRUPTED
+        if self._run is None:
+            return PROGRAM_ABORTED
+        return PROGRAM_STOPPED if self._run.stopped else PROGRAM_RUNNING
 
-    def _g(self, value: float) -> None:
-        modal = self._modal
-        if value in (0, 1):
-            modal.rapid = value == 0
-        elif value == 4:
-            self._dwell = True
-        elif value == 9:
-            self._exact_once = True
-        elif value in (60, 64, 641, 642):
-            modal.exact = value == 60
-        elif value in (90, 91):
-            modal.absolute = value == 90
-        elif value in (601, 602):
-            modal.window = FINE if value == 601 else COARSE
-        elif value not in _NO_EFFECT:
-            raise NckRefusal(12470, f"G function G{value:g} unknown")
+    @property
+    def line(self) -> int:
+        """Source line under execution, from 1; 0 in reset."""
+        return self._run.line if self._run is not None else self._line
 
-    def _m(self, value: float) -> None:
-        if value != int(value) or value < 0:
-            raise NckRefusal(12160, f"M{value:g} lies beyond the value range")
-        name = {0: "M0", 1: "M1", 2: "M30", 30: "M30", 17: "M17"}.get(int(value), "")
-        self._ending = name or self._ending
+    @property
+    def program_name(self) -> str:
+        """The program under execution, else the one selected."""
+        running = self._run.program if self._run is not None else ""
+        return running or self.selected.rpartition("/")[2]
 
-    def finish(self) -> Deed | None:
-        """The block's deed. Raises NckRefusal: 10860, 14800 (feed), 10720 (travel), 16800..16830."""
-        if self._dwell:
-            return self._dwelling()
-        if self._feed is not None:
-            self._modal.feed = self._feed
-        if not self._targets:
-            return Deed(ending=self._ending) if self._ending else None
-        targets = {index: self._end_point(index, *word) for index, word in self._targets.items()}
-        for index, target in targets.items():
-            self._core.check_travel(index, target)
-        rate = None if self._modal.rapid else self._checked_feed()
-        exact = self._modal.exact or self._exact_once or self._modal.rapid or bool(self._ending)
-        return Deed(targets, rate, self._modal.window if exact else None, 0.0, self._ending)
+    @property
+    def task(self) -> asyncio.Task[None] | None:
+        """The task of the run."""
+        return self._task
 
-    def _dwelling(self) -> Deed:
-        if self._targets or self._feed is None:
-            raise NckRefusal(12110, "G4 stands with F and without axes")
-        if self._feed < 0.0:
-            raise NckRefusal(12160, "dwell time below zero")
-        return Deed(dwell_s=self._feed, ending=self._ending)
+    # -- keys --------------------------------------------------------------------------------------
 
-    def _checked_feed(self) -> float:
-        feed = self._modal.feed
-        if feed is None:
-            raise NckRefusal(10860, "feedrate not programmed")
-        if feed <= 0.0:
-            raise NckRefusal(14800, "programmed path velocity smaller than or equal to zero")
-        return feed
+    def select(self, path: str) -> int:
+        """Select a program: 0 ok, 2 not found, 3 channel not in reset."""
+        if not self.files.exists(path):
+            return 2
+        if self.status != RESET:
+            return 3
+        self.selected = canonical(path)
+        self._line = 0
+        return 0
 
-    def _end_point(self, index: int, mode: str, value: float) -> float:
-        axis = self._core.axes[index]
-        here = axis.base.demand(self._core.clock.now())
-        mode = mode or ("AC" if self._modal.absolute else "IC")
-        if mode == "IC":
-            return here + value
-        if not axis.spec.modulo:
-            if mode != "AC":
-                number = {"DC": 16800, "ACP": 16810}.get(mode, 16820)
-                raise NckRefusal(number, f"traverse instruction {mode} not allowed for {axis.spec.name}")
-            return value
-        return _modulo_end_point(here, mode, value, axis.spec.name)
+    def unselect(self) -> int:
+        """Unselect: 0 ok, 3 channel not in reset."""
+        if self.status != RESET:
+            return 3
+        self.selected = ""
+        return 0
 
+    def set_mode(self, mode: Mode) -> bool:
+        """Choose a mode; not while a program runs. Raises ValueError for another word."""
+        if mode not in ("AUTO", "JOG", "MDA"):
+            raise ValueError(f"no mode {mode!r}")
+        if self.status == ACTIVE:
+            return False
+        self.mode = mode
+        return True
 
-def _modulo_end_point(here: float, mode: str, value: float, name: str) -> float:
-    """The unlimited-turn end point of a modulo axis; 0 and 360 are one target."""
-    if mode != "AC" and not 0.0 <= value <= 360.0:
-        raise NckRefusal(16830, f"incorrect position programmed for {name}")
-    target, current = value % 360.0, here % 360.0
-    away = (target - current) % 360.0
-    if min(away, 360.0 - away) < _SAME_PLACE:
-        return here
-    if mode == "ACN":
-        away -= 360.0
-    elif mode == "DC" and away > 180.0:
-        away -= 360.0
-    elif mode == "AC":
-        away = target - current
-    # The turn is counted apart, so that thousands of turns leave no rounding on the target.
-    return target + 360.0 * math.floor((here + away - target) / 360.0 + 0.5)
+    def start(self) -> bool:
+        """NC START: begin the selected program, or go on after M0 or NC STOP. False when refused."""
+        if self.mode != "AUTO" or self._faulted or self._core.alarms.lock_start:
+            return False
+        if self._run is not None:
+            if not self._run.stopped:
+                return False
+            self._run.resume()
+            return True
+        return bool(self.selected) and self._referenced() and self._begin()
+
+    def stop(self) -> None:
+        """NC STOP: motion stops at once."""
+        if self._run is not None and not self._run.stopped:
+            self._run.stop()
+
+    def abort(self) -> None:
+        """End whatever runs; the channel is in reset."""
+        if self._task is not None:
+            self._task.cancel()
+        self._run = None
+        self._task = None
+        self._faulted = False
+        self._line = 0
+        self.message = ""
+
+    # -- the run -----------------------------------------------------------------------------------
+
+    def _referenced(self) -> bool:
+        missing = [axis.spec.name for axis in self._core.axes if not axis.referenced]
+        if missing and self._core.data.effective("$MC_REFP_NC_START_LOCK"):
+            self._core.alarms.raise_(22062, f"axes not referenced: {', '.join(missing)}", "start")
+            return False
+        return True
+
+    def _begin(self) -> bool:
+        if not self.files.exists(self.selected):
+            self._core.alarms.raise_(14011, f"program {self.selected} does not exist", "start")
+            return False
+        try:
+            run = Interpreter(self._core, self._variables, self, self.selected)
+        except NcSyntaxError as error:
+            self._fault(error.number, error.reason, error.line)
+            return False
+        self._run = run
+        self._task = asyncio.ensure_future(self._execute(run))
+        return True
+
+    async def _execute(self, run: Interpreter) -> None:
+        try:
+            await run.execute()
+        except NcSyntaxError as error:
+            self._fault(error.number, error.reason, error.line)
+        except NckRefusal as error:
+            self._fault(error.number, error.text, run.line)
+        except PowerCut:
+            self._finish()
+            self._power_cut()
+        else:
+            self._finish()
+
+    def _finish(self) -> None:
+        self._run = None
+        self._line = 0
+        self.message = ""
+
+    def _fault(self, number: int, text: str, line: int) -> None:
+        self._run = None
+        self._line = line
+        self._faulted = True
+        self._core.halt()
+        self._core.alarms.raise_(number, f"channel 1 line {line}: {text}", "reset")
+
+    # -- what the interpreter and the files ask (names.Panel) ----------------------------------------
+
+    @property
+    def alarms_list(self) -> AlarmList:
+        """The alarms standing."""
+        return self._core.alarms
+
+    def show(self, text: str) -> None:
+        """MSG."""
+        self.message = text
+
+    def file_limit(self) -> int:
+        """MD11420 in bytes."""
+        return int(self._core.data.effective("$MN_LEN_PROTOCOL_FILE")) * 1024
+
+    def skips(self) -> bool:
+        """Whether blocks marked / are skipped."""
+        return self.skip_active
+
+    def stops_at_m1(self) -> bool:
+        """Whether the optional stop is on."""
+        return self.optional_stop
+
+    def cut_here(self) -> bool:
+        """Count a block against ``cut_after_blocks``; whether the mains fail now."""
+        if self.cut_after_blocks is None:
+            return False
+        self.cut_after_blocks -= 1
+        if self.cut_after_blocks > 0:
+            return False
+        self.cut_after_blocks = None
+        return True
+
+    def _check_reading(self, _path: str) -> None:
+        if not self._core.spec.fetch_while_waiting and self.status != RESET:
+            raise NckRefusal(0, "files cannot be fetched while a program is running or waiting")
+
+    def _check_changing(self, path: str) -> None:
+        running = self._run.paths if self._run is not None else []
+        if path in running or (path == self.selected and self.status != RESET):
+            raise NckRefusal(0, f"{path} is being executed")

@@ -39,9 +39,7 @@ class Curve:
         return float(self.at(np.array([position]))[0])
 
 
-def curve_of(
-    points: Sequence[float], minimum: float, maximum: float, step: float, is_modulo: bool
-) -> Curve | None:
+def curve_of(points: Sequence[float], minimum: float, maximum: float, step: float, is_modulo: bool) -> Curve | None:
     """The curve a table's memory means; None when its parameters describe none."""
     span = maximum - minimum
     if not points or step <= 0.0 or span < 0.0 or not math.isfinite(span / step):
@@ -129,9 +127,7 @@ def _current(way: Sequence[Stretch], time_s: float) -> Stretch:
     return max((stretch for stretch in way if stretch.start_s <= time_s), key=lambda s: s.start_s)
 
 
-def _break_times(
-    tables: Mapping[int, CrossTable], now: Mapping[int, Stretch], begin: float, end: float
-) -> Array:
+def _break_times(tables: Mapping[int, CrossTable], now: Mapping[int, Stretch], begin: float, end: float) -> Array:
     """The times at which a sum changes slope: the passing of table points, finely divided for products."""
     if end <= begin:
         return np.array([begin])

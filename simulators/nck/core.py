@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from drivers.clock import Clock
 from simulators.nck.alarms import AlarmList
 from simulators.nck.axis import AxisView, MachineAxis
-from simulators.nck.compensation import CrossTable, Curve, cross_path, follow
+from simulators.nck.compensation import Curve
 from simulators.nck.machine_data import CEC_ENABLE, CEC_POINTS, EEC_POINTS, ENC_ENABLE, MachineData
 from simulators.nck.memory import TableMemory
+from simulators.nck.setpoints import Setpoints
 from simulators.nck.spec import NckRefusal, NckSpec
 
 Array = NDArray[np.float64]
@@ -45,7 +46,7 @@ class Core:
         self._letters = {axis.letter.upper(): place for place, axis in enumerate(spec.axes)}
         self.axes = [MachineAxis(axis, place, 0.0) for place, axis in enumerate(spec.axes)]
         self._eec: dict[tuple[int, int], Curve | None] = {}
-        self._cec = self.memory
+        self._setpoints = Setpoints(spec, self.data, self.alarms, self.axes)
         self.load_tables()
 
     # -- names -------------------------------------------------------------------------------------
@@ -69,7 +70,7 @@ class Core:
         """The tables in memory become those that act (boot, or NEWCONF where activation is not strict)."""
         acting = self.memory.copied()
         self._eec = {key: table.curve() for key, table in acting.eec.items()}
-        self._cec = acting
+        self._setpoints.load(acting.cec)
 
     def newconf(self) -> None:
         """NEWCONF: machine data of that class act; table content too where activation is not strict."""
@@ -128,7 +129,8 @@ class Core:
 
     def _layout_bytes(self) -> int:
         fresh = self._empty_memory()
-        points = sum(len(table.points) for table in (*fresh.eec.values(), *fresh.cec))
+        points = sum(len(table.points) for table in fresh.eec.values())
+        points += sum(len(table.points) for table in fresh.cec)
         return points * _BYTES_A_POINT
 
     # -- motion ------------------------------------------------------------------------------------
@@ -139,19 +141,19 @@ class Core:
         ``targets`` by axis index, turns unlimited; ``rate`` in units per minute along the path, None: rapid.
         """
         now = self.clock.now()
-        distances = {index: target - self.axes[index].base.demand(now) for index, target in targets.items()}
+        distances = {index: target - self.axes[index].end_point for index, target in targets.items()}
         seconds = self._duration(distances, rate)
         for index, distance in distances.items():
             if distance != 0.0:
                 self._set_off(index, targets[index], 1 if distance > 0.0 else -1, seconds)
-        self._plan(now)
+        self._setpoints.plan(now)
         return seconds
 
     def _set_off(self, index: int, target: float, sign: int, seconds: float) -> None:
         now = self.clock.now()
         axis = self.axes[index]
         axis.travel.turn(now, sign)
-        axis.take_up(sign, self._half_backlash(index), now)
+        axis.take_up(sign, self._setpoints.half_backlash(index), now)
         axis.travel_to(target, seconds, now)
 
     def _duration(self, distances: Mapping[int, float], rate: float | None) -> float:
@@ -182,7 +184,7 @@ class Core:
         now = self.clock.now()
         for axis in self.axes:
             axis.halt(now)
-        self._plan(now)
+        self._setpoints.plan(now)
 
     # -- compensation ------------------------------------------------------------------------------
 
@@ -192,8 +194,8 @@ class Core:
         for axis in self.axes:
             enabled = axis.referenced and self.data.effective(ENC_ENABLE, 0, axis.index)
             axis.compensate(self._eec[axis.index, 0] if enabled else None, now)
-            axis.take_up(0, self._half_backlash(axis.index), now)
-        self._plan(now)
+            axis.take_up(0, self._setpoints.half_backlash(axis.index), now)
+        self._setpoints.plan(now)
 
     def eec_value(self, index: int, encoder: int) -> float:
         """What the table of an encoder gives at the axis's place, 0 when it does not act."""
@@ -209,102 +211,17 @@ class Core:
         """The sum of tables acting on an axis now, in the tables' sign."""
         return -self.spec.cec_sign * self.axes[index].additional.demand(self.clock.now()) + 0.0
 
+    def standing(self, index: int, positions: Array, direction: int) -> Array:
+        """Encoder positions (n,) if the axis stood at these base setpoints, come to in this direction.
+
+        With what acts now, other axes where they are; nothing moves. Temperature compensation left out.
+        """
+        axis = self.axes[index]
+        wanted = np.asarray(positions, dtype=np.float64)
+        actual = wanted + self._setpoints.standing(axis, wanted, direction, self.clock.now())
+        table = axis.curve.at(actual) if axis.curve is not None else 0.0
+        return actual - table + direction * self._setpoints.half_backlash(index)
+
     def view(self, index: int) -> AxisView:
         """An axis as it is now."""
         return self.axes[index].view(self.clock.now(), self.cec_value(index))
-
-    def _half_backlash(self, index: int) -> float:
-        if not self.axes[index].referenced:
-            return 0.0
-        factor = self.data.effective("$MA_BACKLASH_FACTOR", 0, index)
-        return self.data.effective("$MA_BACKLASH", 0, index) * factor / 2.0
-
-    def _plan(self, now: float) -> None:
-        tables = self._cross_tables()
-        for axis in self.axes:
-            self._plan_cross(axis, tables, now)
-            self._plan_temperature(axis, now)
-
-    def _cross_tables(self) -> dict[int, CrossTable]:
-        found: dict[int, CrossTable] = {}
-        for number, table in enumerate(self._cec.cec):
-            if not self.data.effective("$SN_CEC_TABLE_ENABLE", number):
-                continue
-            source = self.axis_index(table.input_axis)
-            output = self.axis_index(table.output_axis)
-            curve = table.curve(
-                self.data.effective("$SN_CEC_0", number), self.data.effective("$SN_CEC_1", number)
-            )
-            if source is None or output is None or curve is None:
-                continue
-            if self.axes[source].referenced and self.axes[output].referenced:
-                weight = self.data.effective("$SN_CEC_TABLE_WEIGHT", number)
-                factor = table.mult_by_table - 1 if table.mult_by_table > 0 else None
-                found[number] = CrossTable(curve, source, output, weight, table.direction, factor)
-        return found
-
-    def _plan_cross(self, axis: MachineAxis, tables: dict[int, CrossTable], now: float) -> None:
-        index = axis.index
-        acting = bool(self.data.effective(CEC_ENABLE, index)) and axis.referenced
-        times, values = np.array([now]), np.array([0.0])
-        if acting and tables:
-            inputs = {table.input_axis for table in tables.values()}
-            ways = {place: self.axes[place].way(now) for place in inputs}
-            times, values = cross_path(tables, index, ways, self.spec.cec_factor_tables_count)
-            values = self._limited(axis, values)
-        current = axis.additional.demand(now)
-        if not values.any() and current == 0.0 and axis.additional.final()[1] == 0.0:
-            return
-        limit = self.data.effective("$MA_CEC_MAX_VELO", index) / 100.0
-        limit *= self.data.effective("$MA_MAX_AX_VELO", index) / 60.0
-        signed = -self.spec.cec_sign * values
-        pieces, held_back = follow(times, signed, current, limit, limit * self.spec.ipo_cycle_s + _TINY)
-        if held_back:
-            self.alarms.raise_(20125, f"axis {axis.spec.name}: rate of change of the CEC value too high")
-        axis.additional.halt(now)
-        for piece in pieces:
-            axis.additional.add(*piece)
-        self._reverse_by_compensation(axis, pieces, current, now)
-
-    def _limited(self, axis: MachineAxis, values: Array) -> Array:
-        largest = self.data.effective("$MA_CEC_MAX_SUM", axis.index)
-        if np.any(np.abs(values) > largest):
-            self.alarms.raise_(20124, f"axis {axis.spec.name}: sum of CEC values too high, limited")
-        clipped: Array = np.clip(values, -largest, largest)
-        return clipped
-
-    def _reverse_by_compensation(
-        self, axis: MachineAxis, pieces: list[tuple[float, float, float]], current: float, now: float
-    ) -> None:
-        """MD32454 bit 1 = 0: movements of the additional setpoint take up backlash too."""
-        half = self._half_backlash(axis.index)
-        if half == 0.0 or int(self.data.effective("$MA_BACKLASH_MODE", axis.index)) & 2:
-            return
-        axis.forget_take_up(now)
-        before, speed, since = current, 0.0, now
-        for start, value, slope in pieces:
-            jump = value - (before + speed * (start - since))
-            moved = jump if abs(jump) > _TINY else slope + axis.base.slope(start)
-            if abs(moved) > _TINY:
-                axis.take_up(1 if moved > 0.0 else -1, half, start)
-            before, speed, since = value, slope, start
-
-    def _plan_temperature(self, axis: MachineAxis, now: float) -> None:
-        index = axis.index
-        kind = int(self.data.effective("$MA_TEMP_COMP_TYPE", index)) if axis.referenced else 0
-        current = axis.temperature.demand(now)
-        if kind == 0 and current == 0.0:
-            return
-        rate = self.data.effective("$MA_COMP_ADD_VELO_FACTOR", index)
-        slope = self.data.effective("$SA_TEMP_COMP_SLOPE", index)
-        slope = min(max(slope, -rate), rate) if kind & 2 else 0.0
-        offset = self.data.effective("$SA_TEMP_COMP_ABS_VALUE", index) if kind & 1 else 0.0
-        reference = self.data.effective("$SA_TEMP_COMP_REF_POSITION", index)
-        way = axis.way(now)
-        times = np.array([stretch.start_s for stretch in way])
-        values = -(offset + slope * (np.array([stretch.position for stretch in way]) - reference))
-        limit = rate * self.data.effective("$MA_MAX_AX_VELO", index) / 60.0
-        pieces, _ = follow(times, values, current, limit, limit * self.spec.ipo_cycle_s)
-        axis.temperature.halt(now)
-        for piece in pieces:
-            axis.temperature.add(*piece)

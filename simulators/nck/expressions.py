@@ -52,7 +52,7 @@ def _name(name: str) -> Evaluate:
     if name in ("TRUE", "FALSE"):
         flag = name == "TRUE"
         return lambda _scope: flag
-    if name == "PI" or name == "$PI":
+    if name in ("PI", "$PI"):
         return lambda _scope: 3.141592653589793
     r_name = R_NAME.fullmatch(name)
     if r_name is not None:

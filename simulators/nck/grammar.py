@@ -127,7 +127,7 @@ NAME: /[A-Z_][A-Z0-9_]*/
 """
 
 
-class _Refused(Exception):  # noqa: N818 - never leaves this room
+class _Refused(Exception):
     """A node that cannot stand; carries reason and alarm number out of the parser's callbacks."""
 
     def __init__(self, reason: str, number: int = 12080) -> None:
@@ -264,9 +264,7 @@ class _Nodes(lark.Transformer):
 
 @functools.cache
 def _parser() -> lark.Lark:
-    return lark.Lark(
-        _GRAMMAR, parser="lalr", lexer="contextual", transformer=_Nodes(), maybe_placeholders=True
-    )
+    return lark.Lark(_GRAMMAR, parser="lalr", lexer="contextual", transformer=_Nodes(), maybe_placeholders=True)
 
 
 def _too_deep(text: str) -> bool:

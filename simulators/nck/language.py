@@ -12,6 +12,8 @@ from dataclasses import dataclass, field
 from simulators.nck.grammar import parse_block
 from simulators.nck.syntax import Block, NcSyntaxError
 
+__all__ = ["NcSyntaxError", "Program", "SourceLine", "outline", "parse"]
+
 _FRONT = re.compile(
     r"\s*(?P<skip>/\d?)?\s*(?P<number>(?:N|:)\d+)?\s*(?P<skip2>/\d?)?\s*"
     r"(?:(?P<label>[A-Z_][A-Z0-9_]+)\s*:(?![=]))?\s*"

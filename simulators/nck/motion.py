@@ -36,7 +36,8 @@ class LaggedPath:
         return self._lag
 
     def add(self, start_s: float, value: float, slope: float = 0.0) -> None:
-        """A new piece of demand from ``start_s`` on; earlier pieces must start no later."""
+        """A new piece of demand from ``start_s`` on, or from the last piece's start if that is later."""
+        start_s = max(start_s, self._starts[-1])
         rest = self.response(start_s) - (value - slope * self._lag)
         self._starts.append(start_s)
         self._values.append(value)
@@ -90,9 +91,7 @@ class LaggedPath:
         """The piece at that time, cut there, and all later ones: (start, value, slope)."""
         place, _ = self._piece(time_s)
         first = (time_s, self.demand(time_s), self._slopes[place])
-        rest = zip(
-            self._starts[place + 1 :], self._values[place + 1 :], self._slopes[place + 1 :], strict=True
-        )
+        rest = zip(self._starts[place + 1 :], self._values[place + 1 :], self._slopes[place + 1 :], strict=True)
         return [first, *rest]
 
     def responses(self, times: Array) -> Array:

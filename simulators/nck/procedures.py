@@ -34,7 +34,12 @@ class Host(Protocol):
         ...
 
 
-Store = Callable[[int, Value], None]
+class Store(Protocol):
+    """Hands a value back to the caller's variable at a parameter's place."""
+
+    def __call__(self, place: int, value: Value, element: int | None = None) -> None:
+        """Store; ``element`` for an array."""
+        ...
 
 
 def _text(value: Value) -> str:
@@ -89,7 +94,7 @@ def _read(host: Host, frame: Frame, given: list[Value], store: Store) -> None:
         store(0, 21)
         return
     for place, line in enumerate(wanted):
-        store(5 + place, line[:TEXT_MAX])
+        store(4, line[:TEXT_MAX], place)
     store(0, OK)
 
 

@@ -62,9 +62,9 @@ class Frame:
     path: str
     pc: int = 0
     begun: bool = False
-    defined_at: set[int] = field(default_factory=set)
     variables: dict[str, Variable] = field(default_factory=dict)
     arguments: tuple[Value, ...] = ()
+    setters: list[Callable[[Value], None] | None] = field(default_factory=list)
     returns: dict[str, Callable[[Value], None]] = field(default_factory=dict)
 
     @property

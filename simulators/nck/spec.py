@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 
-class NckRefusal(Exception):  # noqa: N818 - the control refuses; nothing of ours failed
+class NckRefusal(Exception):
     """The control refuses: alarm number as on its screen (0: a service refuses without an alarm) and text."""
 
     def __init__(self, number: int, text: str) -> None:
@@ -73,7 +73,6 @@ class NckSpec:
     lies_about_disable: bool = False
     enable_cleared_at_boot: bool = False
     float32_tables: bool = False
-    seed_programs: tuple[tuple[str, str], ...] = field(default=())
 
     def __post_init__(self) -> None:
         names = [axis.name.upper() for axis in self.axes]

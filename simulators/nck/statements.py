@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
-from simulators.nck.channel import POSITION_MODES, BlockWords, Deed
+from simulators.nck.block import POSITION_MODES, BlockWords, Deed
 from simulators.nck.expressions import R_NAME, Evaluate, Scope, compiled
 from simulators.nck.spec import NckRefusal
 from simulators.nck.syntax import (

@@ -130,4 +130,5 @@ def _fitting(value: Value, length: int) -> str:
 
 def initial(kind: str) -> Value:
     """What a variable holds when its DEF gives no value."""
-    return {"STRING": "", "BOOL": False, "REAL": 0.0, "AXIS": AxisName("")}.get(kind, 0)
+    values: dict[str, Value] = {"STRING": "", "BOOL": False, "REAL": 0.0, "AXIS": AxisName("")}
+    return values.get(kind, 0)

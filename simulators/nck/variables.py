@@ -17,7 +17,8 @@ from simulators.nck.spec import NckRefusal
 from simulators.nck.values import AxisName, Value, real, truth, whole
 
 _NAME = re.compile(r"\s*(\$?[A-Za-z_][A-Za-z0-9_]*)\s*(?:\[([^\]]*)\])?\s*")
-_R_NAME = re.compile(r"R(\d+)")
+_INTEGER = re.compile(r"[+-]?\d{1,9}")
+_R_NAME = re.compile(r"R(\d{1,5})")
 
 Indices = tuple[Value, ...]
 
@@ -50,7 +51,7 @@ def split_name(text: str) -> tuple[str, Indices]:
     if plain_r is not None and found[2] is None:
         return "R", (int(plain_r[1]),)
     parts = [part.strip() for part in found[2].split(",")] if found[2] is not None else []
-    return name, tuple(int(part) if part.lstrip("+-").isdecimal() else part.upper() for part in parts)
+    return name, tuple(int(part) if _INTEGER.fullmatch(part) else part.upper() for part in parts)
 
 
 class Variables:
@@ -85,9 +86,7 @@ class Variables:
     def _is_table(self, name: str) -> bool:
         if name in ("$AA_ENC_COMP", "$AN_CEC"):
             return True
-        front, parts = (
-            ("$AA_ENC_COMP_", _TABLE_PARTS) if name.startswith("$AA") else ("$AN_CEC_", _CEC_PARTS)
-        )
+        front, parts = ("$AA_ENC_COMP_", _TABLE_PARTS) if name.startswith("$AA") else ("$AN_CEC_", _CEC_PARTS)
         return name.startswith(front) and name.removeprefix(front) in parts
 
     def _r_index(self, indices: Indices) -> int:
@@ -114,8 +113,7 @@ class Variables:
         if len(given) != len(shape):
             raise NckRefusal(12400, f"{name} takes {len(shape)} indices")
         return tuple(
-            self._axis(value) if sign == "a" else whole(value)
-            for sign, value in zip(shape, given, strict=True)
+            self._axis(value) if sign == "a" else whole(value) for sign, value in zip(shape, given, strict=True)
         )
 
     def _eec_table(self, name: str, indices: Indices, count: int) -> tuple[EecTable, int, int]:
@@ -171,9 +169,7 @@ class Variables:
         else:
             raise NckRefusal(12550, f"name {name} not defined or option not available")
 
-    def _write_datum(
-        self, name: str, index: tuple[int, ...], value: Value, level: int, *, program: bool
-    ) -> None:
+    def _write_datum(self, name: str, index: tuple[int, ...], value: Value, level: int, *, program: bool) -> None:
         core, spec = self._core, DATA[name]
         core.data.stored(name, *index)
         if spec.effect == "never":

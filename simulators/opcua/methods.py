@@ -13,7 +13,6 @@ from simulators.opcua.space import Refused
 from simulators.opcua.users import Account
 
 MAX_FILE = 16 * 1024 * 1024
-_CHANNEL_RESET = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,22 +69,21 @@ class Methods:
             raise Refused("BadOutOfRange")
         if self._nck.files.exists(path) and not overwrite:
             raise Refused("BadInvalidArgument")
-        if path == self._nck.selected and int(self._nck.channel_status) != _CHANNEL_RESET:
-            raise Refused("BadInvalidState")
         try:
             self._nck.files.write(path, data or b"")
-        except NckRefusal as refusal:
-            raise Refused("BadResourceUnavailable") from refusal
+        except NckRefusal as refusal:  # number 0: the file is being executed; else the memory is full
+            raise Refused("BadOutOfMemory" if refusal.number else "BadInvalidState") from refusal
 
     def _from_server(self, account: Account, source: str) -> bytes:
         path = self._file(source)
         if not account.may("FsRead"):
             raise Refused("BadUserAccessDenied")
-        if not self._nck.spec.fetch_while_waiting and int(self._nck.channel_status) != _CHANNEL_RESET:
-            raise Refused("BadInvalidState")
         if not self._nck.files.exists(path):
             raise Refused("BadNotFound")
-        return bytes(self._nck.files.read(path))
+        try:
+            return self._nck.files.read(path)
+        except NckRefusal as refusal:
+            raise Refused("BadInvalidState") from refusal
 
     def _select(self, account: Account, source: str, channel: int) -> int:
         if not account.may("ApWrite"):

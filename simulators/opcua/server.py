@@ -58,7 +58,9 @@ class ServerSettings:
         for key in given:
             if key not in known:
                 raise ConfigError("E-CFG-SETTING", "opcua", key=key, known=", ".join(known))
-        values = {key: tuple(value) if isinstance(value, list) else value for key, value in given.items()}
+        values: dict[str, Any] = {
+            key: tuple(value) if isinstance(value, list) else value for key, value in given.items()
+        }
         return cls(**values)
 
 

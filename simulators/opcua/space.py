@@ -22,7 +22,7 @@ class Refused(Exception):
         self.status = status
 
 
-# The right each area asks for; Write is put in for reading where a value may be written at all.
+# The right each area asks for, by the first entry that fits.
 _AREAS = {
     "/Channel": "State",
     "/Nck": "State",
@@ -53,7 +53,7 @@ class Space:
             nodes.ACCESS_LEVEL: lambda: int(nck.access_level),
             nodes.BASIC_LENGTH_UNIT: lambda: 0 if nck.spec.unit_system == "metric" else 1,
             nodes.NCK_VERSION: lambda: nck.spec.nck_version,
-            "/Nck/State/numAlarms": lambda: len(nck.alarms),
+            nodes.ALARM_COUNT: lambda: len(nck.alarms),
             "/Nck/TopPrioAlarm/alarmNo": lambda: self._alarm(1),
             "/Nck/LastAlarm/alarmNo": lambda: self._alarm(len(nck.alarms)),
         }
@@ -166,5 +166,7 @@ class Space:
 
 def _right(address: Address, act: str) -> str:
     whole = f"{address.area}/"
-    area = next((right for start, right in _AREAS.items() if whole.startswith(f"{start}/")), "Random")
-    return f"{area}{act}"
+    for start, right in _AREAS.items():
+        if whole.startswith(f"{start}/"):
+            return f"{right}{act}"
+    raise Refused("BadAttributeIdInvalid")

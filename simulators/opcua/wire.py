@@ -87,7 +87,7 @@ class SinumerikSession(InternalSession):
         except Refused as refused:
             return ua.DataValue(StatusCode=status(refused.status), ServerTimestamp=now)
         variant = ua.Variant(value, ua.VariantType[kind], is_array=isinstance(value, list))
-        return ua.DataValue(variant, StatusCode_=_GOOD, SourceTimestamp=now, ServerTimestamp=now)
+        return ua.DataValue(variant, StatusCode=_GOOD, SourceTimestamp=now, ServerTimestamp=now)
 
     async def write(self, params: ua.WriteParameters) -> list[ua.StatusCode]:
         """Write by identifier; everything else is not writable for a client."""
@@ -161,7 +161,7 @@ class SinumerikInternalServer(InternalServer):
     async def load_standard_address_space(self, _shelf_file: Path | None = None) -> None:
         """Lay a writable layer over the standard nodes, which are built once for the process."""
         pristine = await asyncio.to_thread(_standard_nodes)
-        vars(self.aspace)["_nodes"] = _Layer(pristine)  # asyncua itself offers only a shelf on disk for this
+        self.aspace.__dict__["_nodes"] = _Layer(pristine)  # asyncua itself offers only a shelf on disk for this
 
     def create_session(self, name: str, user: User | None = None, external: bool = False) -> InternalSession:
         """A new session, within the server's limit."""

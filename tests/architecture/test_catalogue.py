@@ -18,7 +18,7 @@ OWN_ARGUMENTS = {"retryable", "where"}
 
 def _uses() -> list[tuple[str, str, set[str], bool]]:
     found = []
-    for package in ("gateway", "drivers"):
+    for package in ("gateway", "drivers", "simulators"):
         for path in sorted((ROOT / package).rglob("*.py")):
             tree = ast.parse(path.read_text(encoding="utf-8"))
             for node in ast.walk(tree):
@@ -53,7 +53,7 @@ def test_every_code_in_the_source_has_a_text_whose_fields_are_given() -> None:
 def test_every_text_is_used_and_says_what_to_do() -> None:
     source = "\n".join(
         path.read_text(encoding="utf-8")
-        for package in ("gateway", "drivers")
+        for package in ("gateway", "drivers", "simulators")
         for path in (ROOT / package).rglob("*.py")
     )
     unused = [code for code in catalogue() if f'"{code}"' not in source]

@@ -78,11 +78,13 @@ def test_preset_has_the_closed_form_of_its_first_order(frame: Any) -> None:
     e = {name: float(rng.normal()) * 1e-4 for name in TWENTY_ONE}
     x, z, c = -160.0, 7.0, 0.6
     xi = yk7350b(e, c_frame=frame).twist({"X": x, "Z": z, "C": c})
-    d = np.array([
-        e["EXZ"] - e["EXX"] - z * e["EBZ"] + z * e["B0Z"],
-        e["EYZ"] - e["EYX"] + z * e["EAZ"] + x * e["ECZ"],
-        e["EZZ"] - e["EZX"] - x * e["EBZ"],
-    ])
+    d = np.array(
+        [
+            e["EXZ"] - e["EXX"] - z * e["EBZ"] + z * e["B0Z"],
+            e["EYZ"] - e["EYX"] + z * e["EAZ"] + x * e["ECZ"],
+            e["EZZ"] - e["EZX"] - x * e["EBZ"],
+        ]
+    )
     w = np.array([e["EAZ"] - e["EAX"] - e["A0C"], e["EBZ"] - e["EBX"] - e["B0C"], e["ECZ"] - e["ECX"]])
     dc, wc = np.array([e["EXC"], e["EYC"], e["EZC"]]), np.array([e["EAC"], e["EBC"], e["ECC"]])
     back = se3.about([0.0, 0.0, 1.0], -c)

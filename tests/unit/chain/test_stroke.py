@@ -16,11 +16,15 @@ from tests.unit.chain.test_chain import random_chain
 
 def waved(chain: Chain) -> Chain:
     """The same machine with errors that vary with X, Y and Z."""
-    return chain.with_errors({
-        f"E{letter}{axis}": Polynomial((1e-4, 2e-3, -1e-3), 0.0, 50.0) if letter in "XYZ" else Fourier(0.0, (2e-5,), (1e-5,), 40.0)
-        for letter in "XYZABC"
-        for axis in "XYZ"
-    })
+    return chain.with_errors(
+        {
+            f"E{letter}{axis}": Polynomial((1e-4, 2e-3, -1e-3), 0.0, 50.0)
+            if letter in "XYZ"
+            else Fourier(0.0, (2e-5,), (1e-5,), 40.0)
+            for letter in "XYZABC"
+            for axis in "XYZ"
+        }
+    )
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable, Coroutine
 from typing import Any, TypeVar
 
-from drivers.clock import run_virtual
+from drivers.clock import LoopClock, run_virtual
 
 T = TypeVar("T")
 
@@ -21,7 +21,7 @@ def run_clean(main: Callable[[], Coroutine[Any, Any, T]], *, virtual: bool) -> T
         try:
             return await main()
         finally:
-            await asyncio.sleep(0)
+            await LoopClock().sleep(0)
             others = asyncio.all_tasks() - {asyncio.current_task()}
             left.extend(task.get_name() for task in others)
 

@@ -254,7 +254,9 @@ def test_fuzz_from_the_files(tmp_path: Path) -> None:
                 case 0:
                     del data[at : at + chance.randrange(1, 40)]
                 case 1:
-                    data[at:at] = chance.choice([b"\r\n", b"::", b" ", b",", b"1e9", b"-", b"\xff", b"9" * 30, b"EOF::"])
+                    data[at:at] = chance.choice(
+                        [b"\r\n", b"::", b" ", b",", b"1e9", b"-", b"\xff", b"9" * 30, b"EOF::"]
+                    )
                 case 2:
                     data[at] ^= 1 << chance.randrange(8)
                 case _:

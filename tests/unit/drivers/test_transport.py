@@ -54,11 +54,13 @@ def test_much_more_than_any_buffer_arrives_whole(url: str) -> None:
         clock = LoopClock()
 
         async def pour(wire: ByteTransport) -> None:
+            await wire.read(1)
             await wire.write(data)
             await wire.read(1)
 
         listener = await serve(url, pour, clock)
         wire = await open_transport(listener.url, clock, 5.0)
+        await wire.write(b"?")
         assert await read_all(wire, len(data)) == data
         await wire.close()
         await listener.close()
@@ -259,7 +261,9 @@ def test_a_bent_wire_splits_drops_and_cuts() -> None:
                 raise TransportError("E-LINK-CLOSED", "bent", why="cut by the plan")
             return [data[:2], b"", data[2:].replace(b"x", b"")]
 
-        wire = BentTransport(straight, incoming=lambda data: [data[at : at + 1] for at in range(len(data))], outgoing=outgoing)
+        wire = BentTransport(
+            straight, incoming=lambda data: [data[at : at + 1] for at in range(len(data))], outgoing=outgoing
+        )
         await wire.write(b"abxcd")
         assert [await wire.read(10) for _ in range(4)] == [b"a", b"b", b"c", b"d"]
         with pytest.raises(TransportError, match="cut by the plan"):

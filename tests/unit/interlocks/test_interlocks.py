@@ -101,7 +101,6 @@ RULES: list[tuple[str, PushFacts]] = [
     ),
     ("E-INT-CHANNEL", replace(GOOD, state=replace(STATE, channel=ChannelStatus.ACTIVE))),
     ("E-INT-CHANNEL", replace(GOOD, state=replace(STATE, channel=ChannelStatus.INTERRUPTED))),
-    ("E-INT-CHANNEL", replace(GOOD, moment="release")),
     ("E-INT-MODE", replace(GOOD, state=replace(STATE, mode="JOG"))),
     ("E-INT-ALARM", replace(GOOD, state=replace(STATE, alarms=(4075,)))),
     ("E-INT-AXIS", replace(GOOD, state=replace(STATE, axes={}))),
@@ -177,6 +176,17 @@ def test_limits(code: str, facts: PushFacts) -> None:
 def test_a_value_at_its_limit_passes(unit: Any, value: float, refused: bool) -> None:
     table = replace(NEW, deviations=shape(3, value), output_unit=unit)
     assert ("E-INT-VALUE" in codes(replace(GOOD, change=replace(CHANGE, new=table)))) is refused
+
+
+@pytest.mark.parametrize("channel", list(ChannelStatus))
+def test_between_the_halves_the_program_waits_or_has_ended(channel: ChannelStatus) -> None:
+    assert codes(replace(GOOD, moment="release", state=replace(STATE, channel=channel))) == set()
+
+
+def test_warnings_of_a_proposal_are_no_reason() -> None:
+    change = replace(CHANGE, findings=("W-COMP-STEEP [X1]: steep", "E-COMP-ODD: odd"))
+    (refusal,) = refusals(replace(GOOD, change=change))
+    assert refusal.fields["finding"] == "E-COMP-ODD: odd"
 
 
 def test_a_table_that_was_off_counts_as_zero_for_the_change() -> None:

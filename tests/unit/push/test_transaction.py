@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from drivers.clock import run_virtual
-from drivers.errors import DeadlineExceeded, DeviceRefused, TrueflankError, catalogue
+from drivers.errors import DeadlineExceeded, DeviceRefused, TransportError, TrueflankError, catalogue
 from drivers.types import LiveTable
 from gateway.domain import PushRecord, TableChange
 from gateway.errors import BusyError, RollbackFailed, StoreError, VerifyError, WriteRefused
@@ -219,6 +219,26 @@ def test_no_effect_is_rolled_back(tmp_path: Path) -> None:
     assert record.outcome == "rolled-back"
     assert any("E-PUSH-EFFECT" in step for step in record.steps)
     assert at.machine.eec == OLD_ON
+
+
+def test_a_control_that_restarts_is_waited_for(tmp_path: Path) -> None:
+    at = bench(tmp_path)
+    at.machine.wrong_point = 0.5
+    looks: list[int] = []
+
+    def restarting(_machine: Machine) -> None:
+        looks.append(1)
+        if len(looks) == 8:
+            del at.controller.faults[("state", 0, "before")]
+        raise TransportError("E-TEST-DOWN", "double", retryable=True)
+
+    def begin(machine: Machine) -> None:
+        machine.wrong_point = 0.0
+        at.controller.faults[("state", 0, "before")] = restarting
+
+    at.controller.faults[("abort_program", 1, "after")] = begin
+    assert push(at).outcome == "rolled-back"
+    assert len(looks) == 8
 
 
 @pytest.mark.parametrize("old", [OLD_ON, LiveTable(OLD, enabled=False), LiveTable(NEVER, enabled=False)])

@@ -30,6 +30,8 @@ class Screen:
         self.selections = 0
         self.r: dict[int, float] = {}
         self.pressed: list[str] = []
+        self.ready = True
+        self.axes: set[str] = set()
 
     def r_parameter(self, number: int) -> float:
         return self.r.get(number, 0.0)
@@ -48,6 +50,10 @@ class Screen:
 
     def reference_axis(self, name: str) -> None:
         self.pressed.append(f"REF {name}")
+        self.axes.add(name)
+
+    def referenced(self, name: str) -> bool:
+        return name in self.axes
 
     def set_mode(self, mode: str) -> None:
         self.pressed.append(mode)

@@ -49,10 +49,7 @@ def test_storing_again_keeps_the_old_file(tmp_path: Path) -> None:
     folder.put("verdict", Ambient(2.0))
     folder.put("verdict", Ambient(3.0))
     assert folder.get("verdict", Ambient) == Ambient(3.0)
-    files = [
-        json.loads((folder.path / n).read_bytes())
-        for n in ("verdict.json", "verdict.2.json", "verdict.3.json")
-    ]
+    files = [json.loads((folder.path / n).read_bytes()) for n in ("verdict.json", "verdict.2.json", "verdict.3.json")]
     assert [file["record"]["air_degc"] for file in files] == [1.0, 2.0, 3.0]
     assert folder.facts["stages"]["verdict"]["replaces"] == ["verdict.json", "verdict.2.json"]
 

@@ -62,9 +62,7 @@ def test_numpy_scalars_are_stored_as_numbers() -> None:
 
 def test_canonical_does_not_depend_on_the_order_of_keys() -> None:
     def component(parameters: dict[str, object]) -> Component:
-        return Component(
-            "ECC", "C", "deg", "fourier", (0.0, 360.0), np.zeros(1), np.zeros((1, 1)), parameters
-        )
+        return Component("ECC", "C", "deg", "fourier", (0.0, 360.0), np.zeros(1), np.zeros((1, 1)), parameters)
 
     one = component({"a": 1, "b": (2.0, math.nan)})
     two = component({"b": (2.0, math.nan), "a": 1})
@@ -169,9 +167,7 @@ def test_what_is_no_envelope_is_corrupt(data: bytes) -> None:
         records.decode(data, Ambient)
 
 
-@pytest.mark.parametrize(
-    "data", [{"$what": 1}, {"a": 1, "b": 2}, {"$array": {"dtype": "float64"}}, {"$map": 5}]
-)
+@pytest.mark.parametrize("data", [{"$what": 1}, {"a": 1, "b": 2}, {"$array": {"dtype": "float64"}}, {"$map": 5}])
 def test_wrong_tags_are_corrupt(data: object) -> None:
     with pytest.raises(CorruptRecord):
         records.from_plain(data)

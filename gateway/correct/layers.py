@@ -1,0 +1,149 @@
+"""The two layers: EEC takes each axis' own deviation, CEC and set-up values only what the tooth needs beyond that.
+
+No deviation stands in both: the second layer is worked out on the machine with the first one acting. What the flank does
+not see is decided by the axis (first layer) or by the least change, and is said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from drivers.errors import words
+from drivers.types import CompensationTable
+from drivers.units import mm_to_um
+from gateway.correct.apply import with_tables
+from gateway.correct.limits import AxisBound
+from gateway.correct.optimise import Optimum, optimise
+from gateway.correct.ownlayer import AxisCurve, axis_curve, own_layer
+from gateway.correct.plan import Plan, cross_specs, live_table, setup_values
+from gateway.correct.records import in_deviation_unit, record
+from gateway.correct.tables import Table, TableGrid
+from gateway.gear.first_order import judged
+from gateway.gear.flank import FlankFigure, FlankGrid, flank_figure
+from gateway.gear.grinding import Grinding
+from gateway.model.chain import Chain
+
+
+@dataclass(frozen=True)
+class LayeredCorrection:
+    """What to load and set, and what it does.
+
+    ``eec`` and ``cec`` are compensation tables (house signs), ``setup`` what to add to the set-up values (um, arcsec by
+    name). Flank figures (mm): as it is, with EEC, at best, with everything; ``checked`` is that by second order on
+    ``machine``, the machine with everything acting. ``said`` are findings in words.
+    """
+
+    eec: tuple[CompensationTable, ...]
+    cec: tuple[CompensationTable, ...]
+    setup: Mapping[str, float]
+    before: FlankFigure
+    with_eec: FlankFigure
+    best: FlankFigure
+    after: FlankFigure
+    checked: FlankFigure
+    optimum: Optimum
+    machine: Grinding
+    axes: tuple[AxisCurve, ...]
+    said: tuple[str, ...]
+
+
+def correct(
+    grinding: Grinding, grid: FlankGrid, plan: Plan, live: Sequence[CompensationTable] = ()
+) -> LayeredCorrection:
+    """Both layers and the set-up values for a machine whose errors were measured while ``live`` acted.
+
+    Raises ModelError E-CORRECT-INFEASIBLE if limits and bounds leave no solution.
+    """
+    chain = grinding.chain
+    own = own_layer(chain, plan, live)
+    first = _added(chain, own, live, "EEC")
+    acting = with_tables(grinding, first)
+    specs = cross_specs(chain, plan, live)
+    bounds = [_bound(chain, plan, axis, first) for axis in plan.bounds if plan.has(axis)]
+    setup = setup_values(chain, plan)
+    found = optimise(acting, grid, specs, setup, norm=plan.norm, noise=plan.noise, bounds=bounds)
+    second = _added(chain, found.tables, live, "CEC")
+    machine = _set_up(with_tables(acting, second), found.setup)
+    return LayeredCorrection(
+        eec=tuple(record(chain, table, "EEC") for table in own),
+        cec=tuple(record(chain, table, "CEC", index=i) for i, table in enumerate(found.tables)),
+        setup={name: _told(chain, name, value) for name, value in found.setup.items()},
+        before=second_order_figure(grinding, grid),
+        with_eec=second_order_figure(acting, grid),
+        best=found.best,
+        after=found.after,
+        checked=second_order_figure(machine, grid),
+        optimum=found,
+        machine=machine,
+        axes=tuple(axis_curve(chain, axis, plan, first, second) for axis in plan.own if plan.has(axis)),
+        said=_said(plan, found, own),
+    )
+
+
+def second_order_figure(grinding: Grinding, grid: FlankGrid) -> FlankFigure:
+    """The flank figure to second order."""
+    return flank_figure(judged(grinding, grid.k, grid.theta, grid.z).second, grid.section.h)
+
+
+def _added(
+    chain: Chain, tables: Sequence[Table], live: Sequence[CompensationTable], layer: Literal["EEC", "CEC"]
+) -> list[Table]:
+    """What new tables of a layer add to those of the same name that acted while the errors were measured."""
+    acting = [one for one in live if one.function == layer]
+    old = [live_table(chain, table.grid.out, table.grid.over, acting) for table in tables]
+    return [*tables, *(Table(one.grid, -one.values) for one in old if one is not None)]
+
+
+def _bound(chain: Chain, plan: Plan, axis: str, first: Sequence[Table]) -> AxisBound:
+    curve = axis_curve(chain, axis, plan, first, ())
+    size = 1.0 / in_deviation_unit(chain, axis, 1.0)
+    at = np.deg2rad(curve.at) if curve.unit == "arcsec" else curve.at
+    return AxisBound(axis, at, curve.own_layer * size, plan.bounds[axis] * size)
+
+
+def _axis_of(name: str) -> str:
+    """The axis of a set-up value; "" for the dressing offset."""
+    return name.removesuffix(" zero") if name.endswith(" zero") else ""
+
+
+def _told(chain: Chain, name: str, value: float) -> float:
+    """A set-up value in um or arcsec."""
+    axis = _axis_of(name)
+    return in_deviation_unit(chain, axis, value) if axis else mm_to_um(value)
+
+
+def _set_up(machine: Grinding, setup: Mapping[str, float]) -> Grinding:
+    """The machine with its zeros moved and the wheel dressed with the offset."""
+    zeros = [
+        Table(TableGrid(_axis_of(name), machine.stroke, np.zeros(1)), np.array([value]))
+        for name, value in setup.items()
+        if _axis_of(name)
+    ]
+    offset = machine.dressing.offset + setup.get("dressing offset", 0.0)
+    return replace(with_tables(machine, zeros), dressing=replace(machine.dressing, offset=offset))
+
+
+def _said(plan: Plan, found: Optimum, own: Sequence[Table]) -> tuple[str, ...]:
+    """What was decided without the flank, what was left alone, and why."""
+    said = [
+        words("S-CORRECT-WITHIN-U", name=one.name, gain=f"{mm_to_um(one.gain):.3f}", U=f"{mm_to_um(one.U):.3f}")
+        for one in found.omitted
+    ]
+    for name, nodes in found.unseen.items():
+        if nodes:
+            said.append(words("S-CORRECT-UNSEEN", name=name, count=len(nodes)))
+    said += [words("S-CORRECT-BY-AXIS", name=t.grid.name) for t in own if t.grid.out not in _turning(plan)]
+    outs = [table.grid.out for table in found.tables]
+    for out in sorted({one for one in outs if outs.count(one) > 1}):
+        shared = ", ".join(table.grid.name for table in found.tables if table.grid.out == out)
+        said.append(words("S-CORRECT-SHARED", names=shared, axis=out))
+    return (*said, words("S-CORRECT-CROSS-TERM"))
+
+
+def _turning(plan: Plan) -> set[str]:
+    """Axes that move during one gear and whose own error the flank sees."""
+    return {grid.axis for grid in plan.grids if grid.modulo}

@@ -1,0 +1,119 @@
+"""Smallest largest deviation of the flank under linear limits, by linear programming with growing rows (HiGHS).
+
+Only few points are ever the worst, so the programme starts with the extremes of the least-squares solution and takes up
+the points it still violates until none is left: the optimum over all points, at a fraction of the rows.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linprog
+from scipy.sparse import csc_matrix, csr_matrix, hstack, vstack
+
+from drivers.types import FloatArray
+from gateway.errors import ModelError
+
+ROUNDS = 60
+WORST = 600  # rows taken up in one round
+CLOSE = 1e-7  # of the largest deviation: how near the optimum is known
+SLACK = 1e-4  # of the optimum, given away to stay near the least-squares solution
+
+
+def smallest_largest(
+    M: csc_matrix, e0: FloatArray, start: FloatArray, G: FloatArray, g: FloatArray, free: FloatArray | None = None
+) -> FloatArray:
+    """x that makes max |e0 + M x + f c| least with G x <= g; of those nearly as good one near ``start`` (1-norm).
+
+    ``free`` f (N,) is a rotation the flank figure does not count: c takes the deviation's whole share along f out.
+    Numbers of e0 and x should be near 1 (use um on the flank). Raises ModelError E-CORRECT-INFEASIBLE.
+    """
+    tall = csr_matrix(M if free is None else hstack([M, csc_matrix(free[:, None])]))
+    x0 = start if free is None else np.append(start, -float(free @ (e0 + M @ start)) / float(free @ free))
+    if float(np.max(np.abs(e0 + tall @ x0), initial=0.0)) <= CLOSE * float(np.max(np.abs(e0), initial=0.0)):
+        return start
+    limits = csr_matrix(np.pad(G[np.isfinite(g)], ((0, 0), (0, tall.shape[1] - M.shape[1]))))
+    problem = _Problem(tall, e0, limits, g[np.isfinite(g)], free)
+    rows = problem.worst(x0, np.zeros(e0.size, dtype=np.bool_))
+    for _ in range(ROUNDS):
+        x, bound = problem.solve(rows)
+        e = np.abs(e0 + tall @ x)
+        if np.max(e) <= bound + CLOSE * (1.0 + bound):
+            break
+        rows = problem.worst(x, rows, bound)
+    return _settled(problem, rows, x0, bound)[: M.shape[1]]
+
+
+class _Problem:
+    """The programme min s with |e0 + M x| <= s on chosen rows and the limits."""
+
+    def __init__(
+        self, M: csr_matrix, e0: FloatArray, limits: csr_matrix, g: FloatArray, free: FloatArray | None
+    ) -> None:
+        self.M, self.e0, self.limits, self.g = M, e0, limits, g
+        self.turn: tuple[FloatArray, float] | None = None
+        if free is not None:
+            square = float(free @ free)
+            self.turn = np.asarray(free @ M) / square, -float(free @ e0) / square
+
+    def worst(self, x: FloatArray, known: NDArray[np.bool_], above: float = 0.0) -> NDArray[np.bool_]:
+        """The rows known with the `WORST` further ones of largest deviation."""
+        e = np.abs(self.e0 + self.M @ x)
+        e[known] = -1.0
+        add = np.argsort(-e, kind="stable")[:WORST]
+        rows = known.copy()
+        rows[add[e[add] > above]] = True
+        return rows
+
+    def solve(self, rows: NDArray[np.bool_]) -> tuple[FloatArray, float]:
+        """Optimum (x, s) over those rows."""
+        n = self.M.shape[1]
+        cost = np.append(np.zeros(n), 1.0)
+        found = self._run(cost, rows, np.full((int(rows.sum()), 1), -1.0), 0.0, [(None, None)] * n + [(0.0, None)])
+        return found[:n], float(found[n])
+
+    def near(self, rows: NDArray[np.bool_], x0: FloatArray, bound: float) -> FloatArray:
+        """Of all x within the bound the one nearest to x0 in the sum of absolute differences."""
+        n = self.M.shape[1]
+        count = int(rows.sum())
+        box = csr_matrix(np.block([[np.eye(n), -np.eye(n)], [-np.eye(n), -np.eye(n)]]))
+        cost = np.append(np.zeros(n), np.ones(n))
+        sides = np.append(x0, -x0)
+        found = self._run(cost, rows, np.zeros((count, n)), bound, [(None, None)] * n + [(0.0, None)] * n, (box, sides))
+        return found[:n]
+
+    def _run(
+        self,
+        cost: FloatArray,
+        rows: NDArray[np.bool_],
+        tail: FloatArray,
+        bound: float,
+        bounds: list[tuple[float | None, float | None]],
+        more: tuple[csr_matrix, FloatArray] | None = None,
+    ) -> FloatArray:
+        M, e0, end = self.M[rows], self.e0[rows], csr_matrix(tail)
+        wide = csr_matrix((self.limits.shape[0], tail.shape[1]))
+        blocks = [hstack([M, end]), hstack([-M, end]), hstack([self.limits, wide])]
+        sides = [bound - e0, bound + e0, self.g]
+        if more is not None:
+            blocks.append(more[0])
+            sides.append(more[1])
+        even, share = None, None
+        if self.turn is not None:
+            even, share = csr_matrix(np.pad(self.turn[0], (0, tail.shape[1]))[None, :]), np.array([self.turn[1]])
+        answer = linprog(cost, vstack(blocks).tocsc(), np.concatenate(sides), even, share, bounds, method="highs")
+        if answer.x is None or not answer.success:
+            raise ModelError("E-CORRECT-INFEASIBLE", "optimise", limits=int(self.g.size))
+        return np.asarray(answer.x)
+
+
+def _settled(problem: _Problem, rows: NDArray[np.bool_], x0: FloatArray, bound: float) -> FloatArray:
+    """The calmest of the nearly optimal solutions, over all points."""
+    wide = bound * (1.0 + SLACK) + CLOSE
+    for _ in range(ROUNDS):
+        x = problem.near(rows, x0, wide)
+        e = np.abs(problem.e0 + problem.M @ x)
+        if np.max(e) <= wide + CLOSE * (1.0 + wide):
+            break
+        rows = problem.worst(x, rows, wide)
+    return x

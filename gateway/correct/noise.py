@@ -1,0 +1,106 @@
+"""What a correction is worth against its own uncertainty: a value that corrects less than it may be wrong is left alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from drivers.types import FloatArray
+from gateway.correct.flankmodel import FlankModel
+from gateway.gear.flank import FlankGrid
+from gateway.gear.grinding import Grinding
+from gateway.gear.linear import Parameter, linear_flank
+
+COVERAGE = 2.0  # k of the expanded uncertainty
+RANK = 1e-8  # of a column: what is no direction of its own
+
+
+@dataclass(frozen=True)
+class Noise:
+    """How the errors may be wrong: independent patterns (G, 3, S) of one standard uncertainty each (A, B, G at the
+    places), and the standard uncertainty of a single point (mm) where deviations were measured point by point."""
+
+    patterns: FloatArray | None = None
+    point: float = 0.0
+
+    @property
+    def none(self) -> bool:
+        """True if nothing is known of the uncertainty."""
+        return self.point == 0.0 and (self.patterns is None or not self.patterns.size)
+
+    def rows(self, model: FlankModel) -> FloatArray:
+        """The patterns (R, S) in the model's coordinates."""
+        if self.patterns is None or not self.patterns.size:
+            return np.zeros((3 * model.places.k.size, 0))
+        return model.compressed(self.patterns)
+
+
+@dataclass(frozen=True, slots=True)
+class Omitted:
+    """A table or set-up value that is not proposed: what it would gain and the uncertainty (k = 2) of that, mm RMS."""
+
+    name: str
+    gain: float
+    U: float
+
+
+def noise_patterns(grinding: Grinding, grid: FlankGrid, uncertain: Sequence[tuple[Parameter | str, float]]) -> Noise:
+    """Noise of errors known to standard uncertainties (mm, rad), each independent of the others."""
+    if not uncertain:
+        return Noise()
+    flank = linear_flank(grinding, grid, [parameter for parameter, _ in uncertain])
+    K, _, Z = grid.shape
+    terms = np.moveaxis(flank.terms, 1, 2).reshape(K * Z, 3, -1)
+    return Noise(terms * np.array([u for _, u in uncertain]))
+
+
+def worth_it(model: FlankModel, right: FloatArray, noise: Noise) -> tuple[FlankModel, tuple[Omitted, ...]]:
+    """The model without the blocks that would correct less than their uncertainty, the weakest taken out first.
+
+    ``right`` (R,) is what is to be corrected, in the model's coordinates. What a block adds to the others decides.
+    """
+    omitted: list[Omitted] = []
+    if noise.none:
+        return model, ()
+    while model.blocks:
+        weakest = min((_worth(model, block.name, right, noise) for block in model.blocks), key=_ratio)
+        if weakest.gain > weakest.U:
+            break
+        omitted.append(weakest)
+        model = model.without([weakest.name])
+    return model, tuple(omitted)
+
+
+def carried(model: FlankModel, noise: Noise) -> float:
+    """RMS (mm) that the errors' uncertainty puts on the flank through the corrections."""
+    basis = _basis(model.rows)
+    square = float(np.sum((basis.T @ noise.rows(model)) ** 2)) + noise.point**2 * basis.shape[1]
+    return float(np.sqrt(square / model.places.points))
+
+
+def _worth(model: FlankModel, name: str, right: FloatArray, noise: Noise) -> Omitted:
+    """What a block adds to all the others."""
+    span = model.spans[name]
+    rest = _basis(np.delete(model.rows, np.s_[span], axis=1))
+    whole = model.rows[:, span]
+    basis = _basis(whole - rest @ (rest.T @ whole), np.linalg.norm(whole, axis=0))
+    gain = float(np.sum((basis.T @ right) ** 2))
+    doubt = float(np.sum((basis.T @ noise.rows(model)) ** 2)) + noise.point**2 * basis.shape[1]
+    points = model.places.points
+    return Omitted(name, float(np.sqrt(gain / points)), COVERAGE * float(np.sqrt(doubt / points)))
+
+
+def _ratio(one: Omitted) -> float:
+    return one.gain / one.U if one.U > 0.0 else (np.inf if one.gain > 0.0 else 0.0)
+
+
+def _basis(columns: FloatArray, sizes: FloatArray | None = None) -> FloatArray:
+    """Orthonormal basis of columns, each first divided by its size so that mm and rad count alike."""
+    sizes = np.linalg.norm(columns, axis=0) if sizes is None else sizes
+    used = columns[:, sizes > 0.0] / sizes[sizes > 0.0]
+    if not used.shape[1]:
+        return np.zeros((columns.shape[0], 0))
+    u, s, _ = np.linalg.svd(used, full_matrices=False)
+    return np.asarray(u[:, s > RANK])

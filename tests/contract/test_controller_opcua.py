@@ -1,0 +1,514 @@
+"""The 840D driver on its wire: measuring by hand-shake, the two-half push, and every way it may go wrong."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drivers.errors import DeadlineExceeded, DeviceRefused, LinkBroken, TableError, TransportError, TrueflankError
+from drivers.ports import Controller
+from drivers.sinumerik.opcua import SinumerikOpcUa
+from drivers.sinumerik.words import COUNT
+from drivers.types import ChannelStatus, CompensationTable, Stop, StopReached
+from drivers.units import wrap_deg
+from tests.contract.opcua_stage import ORDER, SPEC, TABLE_C, Stage, on_stage, plan
+
+STOPS = tuple(
+    Stop(target, approach, repetition, label)
+    for repetition in range(2)
+    for approach, order in ((1, (0.0, 180.0, 360.0)), (-1, (360.0, 180.0, 0.0)))
+    for label, target in enumerate(order)
+)
+
+
+@pytest.fixture(scope="module")
+def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The server's key pair, made once."""
+    return tmp_path_factory.mktemp("server-keys")
+
+
+async def refused(work: object, code: str) -> TrueflankError:
+    with pytest.raises(TrueflankError) as caught:
+        await work  # type: ignore[misc]
+    assert caught.value.code == code, caught.value
+    assert "<" not in caught.value.what.replace("<>", "")
+    assert caught.value.hint
+    return caught.value
+
+
+# ---- measuring --------------------------------------------------------------------------------------
+
+
+def test_stops_come_once_in_order_and_each_from_its_own_side(keys: Path) -> None:
+    async def act(on: Stage) -> None:
+        assert isinstance(on.device, Controller)
+        directions = []
+
+        async def at_stop(stop: StopReached) -> None:
+            now = on.clock.now()
+            position, direction = on.nck.encoder("C1", np.array([now]))
+            assert wrap_deg(position[0] - stop.target) == pytest.approx(0.0, abs=1e-4)
+            directions.append(int(direction[0]))
+            await on.clock.sleep(3.0)
+            assert on.nck.encoder("C1", np.array([on.clock.now()]))[0][0] == pytest.approx(position[0], abs=1e-6)
+
+        seen = await on.walk(plan(STOPS, setup="TRUEFLANK SETUP ECC ON C"), at_stop)
+        assert [stop.counter for stop in seen] == list(range(1, 13))
+        assert [(stop.target, stop.approach, stop.repetition, stop.label) for stop in seen] == [
+            (stop.target, stop.approach, stop.repetition, stop.label) for stop in STOPS
+        ]
+        assert directions == [stop.approach for stop in STOPS]
+        assert on.pressed == ["setup"]
+        live = await on.device.saved_tables("C1")
+        assert (live.eec.enabled, live.eec.table.deviations, live.backlash) == (False, (0.0,), 0.0)
+        assert await on.device.wait_stop(12, 1.0) is None
+
+    on_stage(act, folder=keys)
+
+
+def test_r_parameters_are_given_back_and_the_session_is_closed(keys: Path) -> None:
+    async def act(on: Stage) -> None:
+        for number in range(80, 80 + COUNT):
+            on.nck.set(f"R[{number}]", number + 0.5, 7)
+        await on.walk(plan(STOPS[:2]))
+        assert on.nck.get("R[80]") == 2.0
+        assert on.server.sessions == 1
+        await on.device.close()
+        await on.device.close()
+        assert [on.nck.get(f"R[{number}]") for number in range(80, 80 + COUNT)] == [
+            number + 0.5 for number in range(80, 80 + COUNT)
+        ]
+        assert on.server.sessions == 0
+        await refused(on.device.state(), "E-UA-BROKEN")
+
+    on_stage(act, folder=keys)
+
+
+def test_closing_in_the_middle_lets_the_program_leave_first(keys: Path) -> None:
+    async def act(on: Stage) -> None:
+        on.nck.set("R[80]", 7.0, 7)
+        await on.device.prepare_stops(plan(STOPS))
+        on.press()
+        assert await on.device.wait_stop(0, 60.0) is not None
+        await on.device.close()
+        assert on.nck.channel_status == 0
+        assert on.nck.get("R[80]") == 7.0
+
+    on_stage(act, folder=keys)
+
+
+def test_an_older_programs_words_are_never_taken_for_a_stop(keys: Path) -> None:
+    async def act(on: Stage) -> None:
+        await on.walk(plan(STOPS[:3]))
+        await on.device.prepare_stops(plan(STOPS[:1]))
+        on.nck.set("R[80]", 3.0, 7)
+        error = await refused(on.device.wait_stop(0, 5.0), "E-NC-NO-STOP")
+        assert isinstance(error, DeadlineExceeded)
+        assert (await on.device.state()).channel is ChannelStatus.RESET  # the session is still good
+        await refused(on.device.saved_tables("C1"), "E-NC-NOT-SAVED")
+
+    on_stage(act, folder=keys)
+
+
+def test_abort_leaves_a_waiting_program_and_one_not_yet_started(keys: Path) -> None:
+    async def act(on: Stage) -> None:
+        await on.device.prepare_stops(plan(STOPS))
+        on.press()
+        assert await on.device.wait_stop(0, 60.0) is not None
+        await on.device.abort_program()
+        assert await on.device.wait_stop(1, 60.0) is None
+        assert on.nck.channel_status == 0
+        before = on.nck.axis_state("C1").set_position
+        await on.device.prepare_stops(plan(STOPS, setup="TRUEFLANK SETUP ECC ON C"))
+        await on.device.abort_program()
+        on.press()
+        assert await on.device.wait_stop(0, 60.0) is None
+        assert on.nck.axis_state("C1").set_position == before
+
+    on_stage(act, folder=keys)
+
+
+def test_a_program_left_alone_ends_by_itself(keys: Path) -> None:
+    async def act(on: Stage) -> None:
+        await on.device.prepare_stops(plan(STOPS))
+        on.press()
+        assert await on.device.wait_stop(0, 60.0) is not None
+        await on.clock.sleep(70.0)
+        assert on.nck.channel_status == 0
+
+    on_stage(act, folder=keys, settings={"wait_limit_s": 60.0})
+
+
+def test_an_alarm_ends_the_wait_with_its_number(keys: Path) -> None:
+    async def act(on: Stage) -> None:
+        beyond = plan((Stop(900.0, 1),), axis="X1", letter="X", unit="mm", rotary=False)
+        await on.device.prepare_stops(beyond)
+        on.press()
+        error = await refused(on.device.wait_stop(0, 60.0), "E-NC-ALARM")
+        assert error.fields["number"] == on.nck.alarms[0].number
+        await refused(on.device.prepare_stops(beyond), "E-NC-NOT-RESET")
+
+    on_stage(act, folder=keys)
+
+
+def test_a_reset_by_the_operator_ends_the_stops(keys: Path) -> None:
+    async def act(on: Stage) -> None:
+        await on.device.prepare_stops(plan(STOPS))
+        on.press()
+        assert await on.device.wait_stop(0, 60.0) is not None
+        on.nck.channel_reset()
+        assert await on.device.wait_stop(1, 60.0) is None
+
+    on_stage(act, folder=keys)
+
+
+def test_nothing_is_sent_while_a_program_runs(keys: Path) -> None:
+    async def act(on: Stage) -> None:
+        await on.device.prepare_stops(plan(STOPS))
+        on.press()
+        await on.clock.sleep(1.0)
+        text = on.nck.files.read("/_N_MPF_DIR/_N_TFMEAS_C1_MPF")
+        await refused(on.device.prepare_stops(plan(STOPS[:1])), "E-NC-NOT-RESET")
+        await refused(on.device.prepare_push(ORDER), "E-NC-NOT-RESET")
+        assert on.nck.files.read("/_N_MPF_DIR/_N_TFMEAS_C1_MPF") == text
+
+    on_stage(act, folder=keys)
+
+
+def test_tables_limits_and_axes_that_do_not_exist(keys: Path) -> None:
+    async def act(on: Stage) -> None:
+        assert (await on.device.table_limits("C1")).reserved_points == 80
+        assert (await on.device.table_limits("X1")).max_value == 0.2
+        await refused(on.device.table_limits("Q1"), "E-NC-AXIS")
+        identity = await on.device.identify()
+        assert identity.axis_names == ("X1", "Z1", "C1")
+        assert (identity.serial, identity.nck_version) == (SPEC.serial, SPEC.nck_version)
+        state = await on.device.state()
+        assert (state.mode, state.access_level, state.axes["C1"].unit) == ("AUTO", 2, "deg")
+        assert all(axis.referenced and axis.in_position for axis in state.axes.values())
+
+    on_stage(act, folder=keys)
+
+
+# ---- pushing ----------------------------------------------------------------------------------------
+
+
+def test_a_push_loads_proves_enables_and_acts(keys: Path) -> None:
+    async def act(on: Stage) -> None:
+        backup, readback = await on.loaded(ORDER)
+        assert not on.enabled
+        assert backup.eec.table.deviations == (0.0,)
+        assert readback.eec.table == TABLE_C_STORED
+        assert not readback.eec.enabled
+        await on.device.release_push(ORDER)
+        assert await on.device.wait_enabled(ORDER, 60.0)
+        await on.device.wait_activated(ORDER, 120.0)
+        assert on.pressed == ["release", "activate"]
+        assert on.enabled
+        seen = await on.walk(plan((Stop(17.5, 1), Stop(200.0, -1), Stop(355.0, 1))))
+        for stop in seen:
+            wanted = TABLE_C_STORED.at(np.array([stop.target]))[0]
+            assert stop.encoder_compensation == pytest.approx(wanted, abs=1e-3)
+        live = await on.device.saved_tables("C1")
+        assert (live.eec.table, live.eec.enabled) == (TABLE_C_STORED, True)
+
+    on_stage(act, folder=keys)
+
+
+TABLE_C_STORED = replace(TABLE_C, deviations=tuple(round(d / 3600.0, 6) * 3600.0 for d in TABLE_C.deviations))
+TABLE_C_STORED = replace(TABLE_C_STORED, deviations=tuple(round(d, 9) for d in TABLE_C_STORED.deviations))
+
+
+def test_a_measured_back_up_and_that_of_the_push_have_one_digest(keys: Path) -> None:
+    async def act(on: Stage) -> None:
+        await on.walk(plan(STOPS[:1]))
+        measured = await on.device.saved_tables("C1")
+        backup, _ = await on.loaded(ORDER)
+        assert backup.digest == measured.digest
+
+    on_stage(act, folder=keys)
+
+
+def test_without_release_a_second_start_ends_disabled(keys: Path) -> None:
+    async def act(on: Stage) -> None:
+        await on.loaded(ORDER)
+        on.press()
+        assert await on.device.wait_enabled(ORDER, 60.0) is False
+        assert not on.enabled
+        assert on.nck.channel_status == 0
+
+    on_stage(act, folder=keys)
+
+
+@pytest.mark.parametrize("released", [False, True])
+def test_a_reset_between_the_halves_ends_disabled(keys: Path, released: bool) -> None:
+    async def act(on: Stage) -> None:
+        on.releases = False
+        await on.loaded(ORDER)
+        if released:
+            await on.device.release_push(ORDER)
+        on.nck.channel_reset()
+        assert await on.device.wait_enabled(ORDER, 60.0) is False
+        assert not on.enabled
+
+    on_stage(act, folder=keys)
+
+
+@pytest.mark.parametrize("name", ["$AA_ENC_COMP[0,30,C1]", "$AA_ENC_COMP[0,79,C1]", "$AA_ENC_COMP_MAX[0,C1]"])
+def test_a_table_changed_between_the_halves_stays_disabled(keys: Path, name: str) -> None:
+    async def act(on: Stage) -> None:
+        on.releases = False
+        await on.loaded(ORDER)
+        on.nck.set(name, float(on.nck.get(name)) + 0.0001, 0)
+        await on.device.release_push(ORDER)
+        on.press()
+        assert await on.device.wait_enabled(ORDER, 60.0) is False
+        assert not on.enabled
+
+    on_stage(act, folder=keys)
+
+
+@pytest.mark.parametrize("number", [83 + 10, 94, 95, 87, 90])
+def test_words_changed_between_the_halves_stay_disabled(keys: Path, number: int) -> None:
+    async def act(on: Stage) -> None:
+        on.releases = False
+        await on.loaded(ORDER)
+        await on.device.release_push(ORDER)
+        on.nck.set(f"R[{number}]", float(on.nck.get(f"R[{number}]")) + 1.0, 7)
+        on.press()
+        await on.clock.sleep(10.0)
+        assert on.nck.channel_status == 0
+        assert not on.enabled
+
+    on_stage(act, folder=keys)
+
+
+def test_a_control_that_stores_something_else_is_caught_by_the_program(
+    keys: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def act(on: Stage) -> None:
+        kept = on.nck.core.memory.kept
+        calls = []
+
+        def wrong(value: float) -> float:
+            calls.append(value)
+            return kept(value) + (2e-6 if len(calls) == 40 else 0.0)
+
+        monkeypatch.setattr(type(on.nck.core.memory), "kept", staticmethod(wrong))
+        error = await refused(on.loaded(ORDER), "E-NC-MISMATCH")
+        assert error.fields["count"] == 1
+        assert not on.enabled
+
+    on_stage(act, folder=keys)
+
+
+def test_single_precision_tables_pass_the_half_unit(keys: Path) -> None:
+    async def act(on: Stage) -> None:
+        assert await on.push(ORDER)
+
+    on_stage(act, replace(SPEC, float32_tables=True), folder=keys)
+
+
+def test_a_control_that_lies_about_the_switch_is_caught_before_a_point_is_written(keys: Path) -> None:
+    async def act(on: Stage) -> None:
+        assert await on.push(ORDER)
+        before = on.memory()[:-1]
+        place = 30.0
+        assert abs(TABLE_C_STORED.at(np.array([place]))[0]) > 0.5
+        await refused(on.loaded(replace(ORDER, transaction=4712, agreeing_position=place)), "E-NC-STOPPED")
+        assert on.memory()[:-1] == before
+
+    on_stage(act, replace(SPEC, lies_about_disable=True), folder=keys)
+
+
+def test_without_the_right_level_nothing_changes(keys: Path) -> None:
+    async def act(on: Stage) -> None:
+        assert await on.push(ORDER)
+        before = on.memory()
+        on.nck.set_access_level(4)
+        error = await refused(on.loaded(replace(ORDER, transaction=4712)), "E-NC-LEVEL")
+        assert isinstance(error, DeviceRefused)
+        assert on.memory() == before
+        assert on.enabled
+
+    on_stage(act, folder=keys)
+
+
+def test_a_table_that_does_not_fit_is_never_sent(keys: Path) -> None:
+    async def act(on: Stage) -> None:
+        long = CompensationTable("EEC", "Z1", "Z1", 0.0, 100.0, 10.0, (0.0,) * 11)
+        error = await refused(
+            on.device.prepare_push(replace(ORDER, table=long, letter="Z", rotary=False)), "E-TABLE-POINTS"
+        )
+        assert isinstance(error, TableError)
+        await refused(on.device.prepare_push(replace(ORDER, purpose="table")), "E-TABLE-NO-PROOF")
+        assert on.nck.files.list("/_N_MPF_DIR") == []
+        assert on.nck.selected == ""
+
+    on_stage(act, folder=keys)
+
+
+def test_restoring_gives_back_every_value_as_it_was(keys: Path) -> None:
+    async def act(on: Stage) -> None:
+        for number, value in enumerate((0.0, 0.0012345678, -0.0000000123, 0.0)):
+            on.nck.set(f"$AA_ENC_COMP[0,{number},C1]", value, 0)
+        for name, value in (("STEP", 120.0), ("MIN", 0.0), ("MAX", 360.0), ("IS_MODULO", 1)):
+            on.nck.set(f"$AA_ENC_COMP_{name}[0,C1]", value, 0)
+        on.nck.set("$MA_ENC_COMP_ENABLE[0,C1]", 1, 0)
+        before = on.memory()
+        backup, _ = await on.loaded(ORDER)
+        assert on.memory() != before
+        on.nck.channel_reset()
+        restore = replace(ORDER, transaction=99, table=backup.eec.table, enable=backup.eec.enabled, purpose="restore")
+        assert await on.push(restore)
+        assert on.memory() == before
+
+    on_stage(act, folder=keys)
+
+
+def test_an_order_without_enabling_ends_loaded_and_off(keys: Path) -> None:
+    async def act(on: Stage) -> None:
+        assert await on.push(replace(ORDER, enable=False)) is False
+        assert not on.enabled
+        assert on.nck.get("$AA_ENC_COMP[0,1,C1]") != 0.0
+        assert "activate" not in on.pressed
+
+    on_stage(act, folder=keys)
+
+
+def test_closing_between_the_halves_ends_disabled_whatever_the_operator_does(keys: Path) -> None:
+    async def act(on: Stage) -> None:
+        on.releases = False
+        await on.loaded(ORDER)
+        await on.device.release_push(ORDER)
+        await on.device.close()
+        on.press()
+        await on.clock.sleep(10.0)
+        assert on.nck.channel_status == 0
+        assert not on.enabled
+
+    on_stage(act, folder=keys)
+
+
+def test_two_programs_where_files_cannot_be_fetched_meanwhile(keys: Path) -> None:
+    spec = replace(SPEC, fetch_while_waiting=False)
+
+    async def one_program(on: Stage) -> None:
+        await refused(on.loaded(ORDER), "E-UA-BUSY")
+        on.nck.channel_reset()
+        assert not on.enabled
+
+    async def two_programs(on: Stage) -> None:
+        _, readback = await on.loaded(ORDER)
+        assert readback.eec.table == TABLE_C_STORED
+        assert on.nck.channel_status == 0
+        await on.device.release_push(ORDER)
+        on.press()
+        assert await on.device.wait_enabled(ORDER, 60.0)
+        await on.device.wait_activated(ORDER, 120.0)
+        assert on.enabled
+
+    on_stage(one_program, spec, folder=keys)
+    on_stage(two_programs, spec, folder=keys, settings={"two_programs": True})
+
+
+def test_cross_tables_are_on_record_and_can_be_loaded(keys: Path) -> None:
+    async def act(on: Stage) -> None:
+        table = CompensationTable(
+            "CEC", "Z1", "C1", 0.0, 100.0, 50.0, (0.0, 7.2, 0.0), index=1, output_unit="deg", input_unit="mm"
+        )
+        order = replace(ORDER, table=table, letter="Z", rotary=False, enable=True)
+        assert await on.push(order)
+        await on.walk(plan(STOPS[:1]))
+        (cross,) = (await on.device.saved_tables("C1")).cec
+        assert cross.enabled
+        assert cross.table == table
+
+    on_stage(act, folder=keys)
+
+
+def test_the_switch_at_a_stop_turns_a_table_off_and_on(keys: Path) -> None:
+    async def act(on: Stage) -> None:
+        assert await on.push(ORDER)
+        stops = tuple(Stop(30.0, 1, 0, n, switch) for n, switch in enumerate((None, False, True)))
+        seen = await on.walk(plan(stops))
+        value = TABLE_C_STORED.at(np.array([30.0]))[0]
+        assert [stop.encoder_compensation for stop in seen] == pytest.approx([value, 0.0, value], abs=1e-3)
+
+    on_stage(act, folder=keys)
+
+
+# ---- broken wires -----------------------------------------------------------------------------------
+
+
+def test_a_dropped_connection_breaks_the_session_until_it_is_opened_again(keys: Path) -> None:
+    async def act(on: Stage) -> None:
+        await on.device.prepare_stops(plan(STOPS))
+        on.press()
+        assert await on.device.wait_stop(0, 60.0) is not None
+        await on.server.drop_connections()
+        with pytest.raises(TransportError):
+            await on.device.release_stop(1)
+        with pytest.raises(LinkBroken):
+            await on.device.state()
+        await on.device.open(5.0)
+        await on.device.release_stop(1)
+        second = await on.device.wait_stop(1, 60.0)
+        assert second is not None
+        assert second.counter == 2
+
+    on_stage(act, folder=keys)
+
+
+def test_a_cancelled_request_breaks_the_session(keys: Path) -> None:
+    async def act(on: Stage) -> None:
+        task = asyncio.get_running_loop().create_task(on.device.state())
+        await on.clock.sleep(0)
+        await on.clock.sleep(0)
+        task.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await task
+        await refused(on.device.state(), "E-UA-BROKEN")
+        await on.device.open(5.0)
+        assert (await on.device.state()).mode == "AUTO"
+
+    on_stage(act, folder=keys)
+
+
+def test_a_restart_of_the_nck_is_seen_as_such(keys: Path) -> None:
+    async def act(on: Stage) -> None:
+        on.nck.nck_reset()
+        error = await refused(on.device.state(), "E-UA-NCK-DOWN")
+        assert error.retryable
+        await on.referenced()
+        assert (await on.device.state()).axes["C1"].referenced
+
+    on_stage(act, folder=keys)
+
+
+def test_a_server_that_never_answers_is_left_at_the_deadline() -> None:
+    async def act(on: Stage) -> None:
+        held: list[asyncio.StreamWriter] = []
+
+        async def silent(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            held.append(writer)
+            await reader.read()
+
+        server = await asyncio.start_server(silent, "127.0.0.1", 0)
+        url = f"opc.tcp://127.0.0.1:{server.sockets[0].getsockname()[1]}"
+        device = SinumerikOpcUa("840D", url, {"security": "None"}, on.clock)
+        started = on.clock.now()
+        await refused(device.open(2.0), "E-LINK-DEADLINE")
+        assert on.clock.now() - started == pytest.approx(2.0, abs=0.1)
+        for writer in held:
+            writer.close()
+            await writer.wait_closed()
+        server.close()
+        await server.wait_closed()
+        await refused(device.open(2.0), "E-UA-CONNECT")
+
+    on_stage(act)
