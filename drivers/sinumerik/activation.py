@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from drivers.clock import Clock
-from drivers.errors import DeadlineExceeded, TransportError
+from drivers.errors import DeadlineExceeded
 from drivers.sinumerik.dialogue import Dialogue, Glance
 from drivers.sinumerik.pushprogram import activate_message
 from drivers.types import ChannelStatus
@@ -22,7 +22,7 @@ async def activation(dialogue: Dialogue, clock: Clock, axis: str, timeout_s: flo
     seen_down, settled_since = False, None
     dialogue.pace.again()
     while True:
-        seen = await _look_through_restart(dialogue)
+        seen = await dialogue.look_through_restart()
         now = clock.now()
         seen_down = seen_down or seen is None or not seen.referenced
         if seen is None or not _is_back(axis, seen):
@@ -34,15 +34,6 @@ async def activation(dialogue: Dialogue, clock: Clock, axis: str, timeout_s: flo
         if now >= end:
             raise DeadlineExceeded("E-NC-NO-ACTIVATION", where, axis=axis, timeout_s=timeout_s)
         await dialogue.wait(look_s)
-
-
-async def _look_through_restart(dialogue: Dialogue) -> Glance | None:
-    try:
-        return await dialogue.look()
-    except TransportError as error:
-        if error.code != "E-UA-NCK-DOWN":
-            raise
-        return None
 
 
 def _is_back(axis: str, seen: Glance) -> bool:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from drivers.clock import Clock
-from drivers.errors import DeviceRefused, RemoteProtocolError, TrueflankError
+from drivers.errors import DeviceRefused, RemoteProtocolError, TransportError, TrueflankError
 from drivers.sinumerik import nodes
 from drivers.sinumerik.machine import ALARM_PLACES, MachineReader, channel_status
 from drivers.sinumerik.uaclient import UaSession
@@ -47,13 +47,17 @@ class Pace:
         self._fast_s = fast_s
         self._slow_s = slow_s
         self._next_s = fast_s
+        self._quiet_s = 0.0
 
-    def again(self) -> None:
-        """Something happened."""
-        self._next_s = self._fast_s
+    def again(self, quiet_s: float = 0.0) -> None:
+        """Something happened; nothing more is expected for ``quiet_s``."""
+        self._next_s, self._quiet_s = self._fast_s, quiet_s
 
     def step(self) -> float:
         """Seconds until the next look."""
+        if self._quiet_s > self._next_s:
+            quiet, self._quiet_s = self._quiet_s, 0.0
+            return quiet
         now, self._next_s = self._next_s, min(self._next_s * GROWTH, self._slow_s)
         return now
 
@@ -108,6 +112,15 @@ class Dialogue:
             in_position=int(exact_stop) == 4,
             referenced=bool(referenced),
         )
+
+    async def look_through_restart(self) -> Glance | None:
+        """One look; None while the NCK restarts."""
+        try:
+            return await self.look()
+        except TransportError as error:
+            if error.code != "E-UA-NCK-DOWN":
+                raise
+            return None
 
     async def _alarm_numbers(self, count: int) -> tuple[int, ...]:
         places = range(1, min(count, ALARM_PLACES) + 1)

@@ -101,8 +101,9 @@ class MachineReader:
         return Memory(int(self._good([eec])[0]), points, names)
 
     async def switch(self, name: str, configuration: Configuration) -> bool | None:
-        """A switch by its NC name; None when this user may not read it."""
-        (reading,) = await self._read([self._datum(name, configuration.names)])
+        """A switch by its NC name; None when this user may not read it or the NCK restarts just now."""
+        path = self._datum(name, configuration.names)
+        (reading,) = await self._session.read([path], self.timeout_s)
         return None if reading.status else bool(reading.value)
 
     async def state(self, configuration: Configuration) -> MachineState:

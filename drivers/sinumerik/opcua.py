@@ -15,16 +15,16 @@ from typing import Any
 
 from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded, DeviceRefused, TrueflankError
-from drivers.sinumerik import lint, program, pushprogram, tables
+from drivers.sinumerik import lint, program, tables
 from drivers.sinumerik.activation import activation
 from drivers.sinumerik.dialogue import Dialogue, Glance
 from drivers.sinumerik.machine import Configuration, MachineReader
 from drivers.sinumerik.program import Setting
-from drivers.sinumerik.reader import Sign
+from drivers.sinumerik.pushing import Pushing, live_tables
 from drivers.sinumerik.transfer import Transfer
 from drivers.sinumerik.uaclient import UaSession
 from drivers.sinumerik.uasettings import UaSettings, secrets_of
-from drivers.sinumerik.words import Phase, Word, file_path, program_path
+from drivers.sinumerik.words import Phase, Word, program_path
 from drivers.types import (
     ChannelStatus,
     Identity,
@@ -39,6 +39,7 @@ from drivers.types import (
 from drivers.units import deviation_scale
 
 GIVE_BACK_S = 3.0
+QUIET_PART, QUIET_S = 0.6, 2.0
 _SAVED = (Phase.MEASURING, Phase.FINISHED, Phase.LEFT)
 _OVER = (Phase.FINISHED, Phase.LEFT)
 
@@ -54,11 +55,14 @@ class SinumerikOpcUa:
         self._reader = MachineReader(self._session, self._settings, name)
         self._transfer = Transfer(self._session, self._settings.channel, name)
         self._dialogue = Dialogue(self._session, self._reader, self._settings, clock, name)
+        self._pushing = Pushing(self._dialogue, self._reader, self._transfer, self._settings, clock, name)
         self._configuration = Configuration((), (), ())
         self._plan: StopPlan | None = None
         self._token = 0
         self._saved = False
         self._ended = False
+        self._moving_since: float | None = None
+        self._move_s = 0.0
 
     # ---- device -------------------------------------------------------------------------------------
 
@@ -112,6 +116,7 @@ class SinumerikOpcUa:
         text = program.measuring(plan, token, setting)
         await self._dialogue.begin(setting.axis_number)
         self._plan, self._token, self._saved, self._ended = plan, token, False, False
+        self._moving_since, self._move_s = None, 0.0
         path = program_path("MEAS", plan.axis)
         await self._transfer.send(path, text)
         await self._transfer.select(path)
@@ -135,12 +140,15 @@ class SinumerikOpcUa:
         """
         end = self._clock.now() + timeout_s
         before: Glance | None = None
+        if self._moving_since is not None:
+            await self._dialogue.wait()
         while not self._ended:
             seen = await self._dialogue.look()
             await self._dialogue.check_alarms(seen)
             if seen.word(Word.TRANSACTION) == self._token:
                 self._note_progress(seen)
                 if before is not None and before.words == seen.words and self._is_stop(seen, after):
+                    self._time_move()
                     return self._stop(seen)
                 self._ended = self._is_over(before, seen)
                 fresh = self._is_stop(seen, after) and not (before and before.words == seen.words)
@@ -184,7 +192,13 @@ class SinumerikOpcUa:
     async def release_stop(self, counter: int) -> None:
         """Echo the counter. Never retried."""
         await self._dialogue.write({Word.ECHO: float(counter)})
-        self._dialogue.pace.again()
+        self._moving_since = self._clock.now()
+        self._dialogue.pace.again(min(QUIET_PART * self._move_s, QUIET_S))
+
+    def _time_move(self) -> None:
+        """Remember how long the move took: the next stop is not expected much earlier."""
+        if self._moving_since is not None:
+            self._move_s, self._moving_since = self._clock.now() - self._moving_since, None
 
     async def abort_program(self) -> None:
         """Set the abort word: a program of ours that waits, now or at its start, leaves to its end."""
@@ -200,109 +214,31 @@ class SinumerikOpcUa:
                 self._note_progress(seen)
         if plan is None or plan.axis != axis or not self._saved or not plan.save_tables:
             raise DeviceRefused("E-NC-NOT-SAVED", self.name, axis=axis)
-        return await self._live("LIVE", axis, plan.encoder, 1)
-
-    async def _live(self, purpose: str, axis: str, encoder: int, cec_sign: Sign) -> LiveSet:
-        path = file_path(purpose, axis)
-        text = await self._transfer.fetch(path)
-        return tables.read_live(text, path, axis, encoder, self._configuration.units, cec_sign)
+        return await live_tables(self._transfer, "LIVE", axis, plan.encoder, self._configuration)
 
     # ---- pushing ------------------------------------------------------------------------------------
 
     async def prepare_push(self, order: PushOrder) -> None:
-        """Send, read back and select the two-half program; nothing in the control changes until NC START.
-
-        Raises TableError (E-TABLE-NO-PROOF, E-TABLE-POINTS, E-TABLE-FINITE...) before anything is written.
-        """
+        """Send, read back and select the two-half program. Raises as `Pushing.prepare`."""
         table = order.table
-        setting = await self._setting(table.output_axis, _encoder(order), rotary=order.rotary)
-        axis = table.output_axis
-        if self._settings.two_programs:
-            texts = {"LOAD": pushprogram.loading(order, setting), "ENAB": pushprogram.enabling(order, setting)}
-        else:
-            texts = {"PUSH": pushprogram.pushing(order, setting)}
-        await self._dialogue.begin(setting.axis_number)
-        self._plan, self._token, self._saved, self._ended = None, order.transaction, False, False
-        for purpose, text in texts.items():
-            await self._transfer.send(program_path(purpose, axis), text)
-        await self._transfer.select(program_path(next(iter(texts)), axis))
+        encoder = table.index if table.function == "EEC" else 0
+        setting = await self._setting(table.output_axis, encoder, rotary=order.rotary)
+        self._plan, self._saved = None, False
+        await self._pushing.prepare(order, setting)
 
     async def wait_loaded(self, order: PushOrder, timeout_s: float) -> tuple[LiveSet, LiveSet]:
-        """Wait for the end of the first half: (back-up of the old, read-back of the new), both as written there.
-
-        Raises DeviceRefused: E-NC-MISMATCH (count) when the program found differences, E-NC-LEVEL when the
-        compensation could not be switched off, E-NC-FILE, E-NC-ALARM, E-NC-STOPPED; DeadlineExceeded.
-        """
-        await self._until(order, timeout_s, self._is_loaded)
-        sign = order.proof.sign if order.proof and order.table.function == "CEC" else 1
-        axis, encoder = order.table.output_axis, _encoder(order)
-        return await self._live("BACK", axis, encoder, sign), await self._live("READ", axis, encoder, sign)
-
-    async def _until(self, order: PushOrder, timeout_s: float, reached: Any) -> Any:
-        """Look until ``reached(order, before, seen)`` says something other than None."""
-        end = self._clock.now() + timeout_s
-        before: Glance | None = None
-        self._dialogue.pace.again()
-        while True:
-            seen = await self._dialogue.look()
-            await self._dialogue.check_alarms(seen)
-            if seen.word(Word.TRANSACTION) == order.transaction:
-                answer = reached(order, before, seen)
-                if answer is not None:
-                    return answer
-                before = seen
-            if self._clock.now() >= end:
-                raise DeadlineExceeded("E-NC-NO-START", self.name, timeout_s=timeout_s, phase=seen.phase)
-            await self._dialogue.wait()
-
-    def _is_loaded(self, order: PushOrder, before: Glance | None, seen: Glance) -> bool | None:
-        mismatches = round(seen.word(Word.MISMATCHES))
-        at_rest = seen.channel is not ChannelStatus.ACTIVE
-        if seen.phase == Phase.WAITING and at_rest:
-            return True
-        if seen.phase == Phase.ENDED_DISABLED and mismatches:
-            raise DeviceRefused("E-NC-MISMATCH", self.name, count=mismatches, table=order.table.name)
-        if seen.phase == Phase.LEFT and not seen.word(Word.ABORT):
-            raise DeviceRefused("E-NC-LEVEL", self.name, table=order.table.name)
-        if seen.phase == Phase.FILE_FAILED:
-            raise DeviceRefused("E-NC-FILE", self.name, axis=order.table.output_axis)
-        stopped = before is not None and before.channel is seen.channel is ChannelStatus.RESET
-        if seen.phase in (Phase.ENDED_DISABLED, Phase.LEFT) or stopped:
-            raise DeviceRefused("E-NC-STOPPED", self.name, phase=seen.phase, table=order.table.name)
-        return None
+        """(Back-up of the old, read-back of the new) at the end of the first half. Raises as `Pushing.loaded`."""
+        return await self._pushing.loaded(order, timeout_s, self._configuration)
 
     async def release_push(self, order: PushOrder) -> None:
         """Set the release word to the transaction number; never retried. Two programs: select the second."""
-        await self._dialogue.write({Word.RELEASE: float(order.transaction)})
-        if self._settings.two_programs:
-            await self._transfer.select(program_path("ENAB", order.table.output_axis))
-        self._dialogue.pace.again()
+        await self._pushing.release(order)
 
     async def wait_enabled(self, order: PushOrder, timeout_s: float) -> bool:
-        """True when the second half switched the table on, false when it, or a reset, left it off.
-
-        The switch itself (MD32700, or SD41300) is read too where this user may; both must say so.
-        """
-        enabled = bool(await self._until(order, timeout_s, self._is_decided))
-        for name in pushprogram.switches(order.table) if enabled else ():
-            if await self._reader.switch(name, self._configuration) is False:
-                return False
-        return enabled
-
-    def _is_decided(self, _order: PushOrder, before: Glance | None, seen: Glance) -> bool | None:
-        if seen.phase == Phase.ENABLED:
-            return True
-        if seen.phase in (Phase.ENDED_DISABLED, Phase.LEFT):
-            return False
-        waits_for_second = self._settings.two_programs and seen.phase == Phase.WAITING
-        stopped = before is not None and before.channel is seen.channel is ChannelStatus.RESET
-        return False if stopped and not waits_for_second else None
+        """True when the second half switched the table on, false when it, or a reset, left it off."""
+        return await self._pushing.enabled(order, timeout_s, self._configuration)
 
     async def wait_activated(self, order: PushOrder, timeout_s: float) -> None:
         """Wait through NCK reset and reference run. Raises DeadlineExceeded (E-NC-NO-ACTIVATION)."""
         look_s = 0.4 * self._settings.poll_s
         await activation(self._dialogue, self._clock, order.table.output_axis, timeout_s, look_s, self.name)
-
-
-def _encoder(order: PushOrder) -> int:
-    return order.table.index if order.table.function == "EEC" else 0

@@ -40,7 +40,7 @@ class UaSettings:
     channel: int = 1
     two_programs: bool = False
     poll_s: float = 0.05
-    fast_poll_s: float = 0.004
+    fast_poll_s: float = 0.002
     approach_feed: float = 2000.0
     wait_limit_s: float = 14400.0
     serial_node: str = nodes.SERIAL_NUMBER

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from drivers.types import FloatArray
 from gateway.correct.tables import Correction, Product, Table
@@ -47,7 +48,7 @@ class Equivalent:
 
     def __call__(self, q: FloatArray) -> FloatArray:
         """Values at q, same shape."""
-        at = {**self.rest, self.table.grid.over: q}
+        at: dict[str, ArrayLike] = {**self.rest, self.table.grid.over: q}
         influences = {influence.axis.name: influence for influence in self.chain.influences(at)}
         return _share(influences, self.table.grid.out, self.table.grid.over, self.motion) * self.table(q)
 
@@ -68,7 +69,7 @@ def with_tables(grinding: Grinding, tables: Sequence[Correction]) -> Grinding:
 
 def _moved(chain: Chain, table: Table, rest: Mapping[str, float]) -> tuple[int, ...]:
     """Which of the six error motions of the input axis the table amounts to."""
-    at = {**rest, table.grid.over: table.grid.nodes}
+    at: dict[str, ArrayLike] = {**rest, table.grid.over: table.grid.nodes}
     influences = {influence.axis.name: influence for influence in chain.influences(at)}
     shares = [_share(influences, table.grid.out, table.grid.over, i) for i in range(6)]
     return tuple(i for i in range(6) if float(np.max(np.abs(shares[i]))) > SMALL)

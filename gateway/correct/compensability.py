@@ -66,9 +66,10 @@ def observability(flank: LinearFlank) -> Observability:
 
 @dataclass(frozen=True, slots=True)
 class Cure:
-    """One error's standing: RMS on the flank, RMS left by each family of cures, and the simplest that does.
+    """One error's standing: RMS on the flank, RMS left by each family of cures, and the simplest that does (mm).
 
-    ``by`` is "none needed" without effect, "mechanical only" if no family leaves less than the asked share.
+    ``by`` is "none needed" without effect, "mechanical only" if no family leaves less than the asked share; ``floor`` is
+    left when everything possible is done.
     """
 
     error: str
@@ -79,17 +80,23 @@ class Cure:
 
 
 def families(grinding: Grinding, grid: FlankGrid) -> dict[str, tuple[Parameter, ...]]:
-    """Families of cures in order of effort; each is the span of its parameters."""
+    """Families of cures in order of effort; each is the span of its parameters, tables as fine as the grid."""
     x, z, c = grinding.infeed, grinding.stroke, grinding.index
     at = grinding.commands(grid.ks, 0.0)[c], grinding.commands(0.0, grid.zs)[z]
     over = {c: _indicators(c, at[0]), z: _indicators(z, at[1])}
     found: dict[str, tuple[Parameter, ...]] = {
         f"{x} zero": (Parameter(x),),
-        "dressing offset": (Parameter(OFFSET),),
         f"{c} zero": (Parameter(c),),
+        "dressing offset": (Parameter(OFFSET),),
     }
+    setup = tuple(one for group in found.values() for one in group)
+    found["set-up values"] = setup
     for out, over_axis in ((x, z), (x, c), (c, c), (c, z)):
         found[f"{out}({over_axis})"] = tuple(Parameter(out, one.basis, (over_axis,)) for one in over[over_axis])
+    for over_axis in (z, c):
+        found[f"{x}({over_axis}), {c}({over_axis})"] = (*found[f"{x}({over_axis})"], *found[f"{c}({over_axis})"])
+    sums = (*found[f"{x}({z}), {c}({z})"], *found[f"{x}({c}), {c}({c})"])
+    found["tables and set-up values"] = (*setup, *sums)
     for out in (x, c):
         found[f"{out}({z})*({c})"] = tuple(_product(out, a, b) for a in over[z] for b in over[c])
     return found

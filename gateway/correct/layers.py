@@ -1,7 +1,7 @@
 """The two layers: EEC takes each axis' own deviation, CEC and set-up values only what the tooth needs beyond that.
 
-No deviation stands in both: the second layer is worked out on the machine with the first one acting. What the flank does
-not see is decided by the axis (first layer) or by the least change, and is said.
+No deviation stands in both: the second layer is worked out on the machine with the first one acting. What the flank
+does not see is decided by the axis (first layer) or by the least change, and is said.
 """
 
 from __future__ import annotations

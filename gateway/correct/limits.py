@@ -1,4 +1,4 @@
-"""What a table may hold, as rows G x <= g of its free values: value, slope, change, and the axis' own accuracy (mm, rad)."""
+"""What a table may hold, as rows G x <= g of its free values: value, slope, change, the axis' accuracy (mm, rad)."""
 
 from __future__ import annotations
 

@@ -6,6 +6,8 @@ the points it still violates until none is left: the optimum over all points, at
 
 from __future__ import annotations
 
+from typing import Any, cast
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog
@@ -98,10 +100,17 @@ class _Problem:
         if more is not None:
             blocks.append(more[0])
             sides.append(more[1])
-        even, share = None, None
-        if self.turn is not None:
-            even, share = csr_matrix(np.pad(self.turn[0], (0, tail.shape[1]))[None, :]), np.array([self.turn[1]])
-        answer = linprog(cost, vstack(blocks).tocsc(), np.concatenate(sides), even, share, bounds, method="highs")
+        even = np.zeros((0, cost.size)) if self.turn is None else np.pad(self.turn[0], (0, tail.shape[1]))[None, :]
+        share = np.zeros(0) if self.turn is None else np.array([self.turn[1]])
+        answer = linprog(
+            cost,
+            A_ub=cast(Any, vstack(blocks).tocsc()),
+            b_ub=np.concatenate(sides),
+            A_eq=cast(Any, csr_matrix(even)),
+            b_eq=share,
+            bounds=bounds,
+            method="highs",
+        )
         if answer.x is None or not answer.success:
             raise ModelError("E-CORRECT-INFEASIBLE", "optimise", limits=int(self.g.size))
         return np.asarray(answer.x)

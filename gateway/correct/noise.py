@@ -1,4 +1,4 @@
-"""What a correction is worth against its own uncertainty: a value that corrects less than it may be wrong is left alone."""
+"""What a correction is worth against its uncertainty: one that corrects less than it may be wrong is left alone."""
 
 from __future__ import annotations
 
@@ -56,16 +56,16 @@ def noise_patterns(grinding: Grinding, grid: FlankGrid, uncertain: Sequence[tupl
     return Noise(terms * np.array([u for _, u in uncertain]))
 
 
-def worth_it(model: FlankModel, right: FloatArray, noise: Noise) -> tuple[FlankModel, tuple[Omitted, ...]]:
+def worth_it(model: FlankModel, noise: Noise) -> tuple[FlankModel, tuple[Omitted, ...]]:
     """The model without the blocks that would correct less than their uncertainty, the weakest taken out first.
 
-    ``right`` (R,) is what is to be corrected, in the model's coordinates. What a block adds to the others decides.
+    What a block adds to the others decides. Without any known uncertainty everything stays.
     """
     omitted: list[Omitted] = []
     if noise.none:
         return model, ()
     while model.blocks:
-        weakest = min((_worth(model, block.name, right, noise) for block in model.blocks), key=_ratio)
+        weakest = min((_worth(model, block.name, noise) for block in model.blocks), key=_ratio)
         if weakest.gain > weakest.U:
             break
         omitted.append(weakest)
@@ -80,13 +80,13 @@ def carried(model: FlankModel, noise: Noise) -> float:
     return float(np.sqrt(square / model.places.points))
 
 
-def _worth(model: FlankModel, name: str, right: FloatArray, noise: Noise) -> Omitted:
+def _worth(model: FlankModel, name: str, noise: Noise) -> Omitted:
     """What a block adds to all the others."""
     span = model.spans[name]
     rest = _basis(np.delete(model.rows, np.s_[span], axis=1))
     whole = model.rows[:, span]
     basis = _basis(whole - rest @ (rest.T @ whole), np.linalg.norm(whole, axis=0))
-    gain = float(np.sum((basis.T @ right) ** 2))
+    gain = float(np.sum((basis.T @ model.right) ** 2))
     doubt = float(np.sum((basis.T @ noise.rows(model)) ** 2)) + noise.point**2 * basis.shape[1]
     points = model.places.points
     return Omitted(name, float(np.sqrt(gain / points)), COVERAGE * float(np.sqrt(doubt / points)))

@@ -37,7 +37,7 @@ Norm = Literal["rms", "max"]
 class Optimum:
     """The answer: tables and set-up values to use, and what the flank shows before, at best and with them.
 
-    ``best`` holds the figure before rounding. ``tables`` hold total corrections (what acted is inside); ``setup`` values
+    ``best`` is the figure before rounding. ``tables`` hold total corrections (what acted is inside); ``setup`` values
     are to be added (mm, rad). ``deviation_before`` and ``deviation`` (N,) mm. ``noise`` is the RMS that the errors'
     uncertainty carries onto the flank. ``unseen`` lists nodes the flank does not depend on.
     """
@@ -102,15 +102,23 @@ def optimise(
     doubt = noise or Noise()
     grids = [spec.grid for spec in tables]
     measured = flank_model(grinding, grid, grids, setup, deviation=deviation, turning=turning)
-    worth, omitted = worth_it(measured, measured.right, doubt)
+    worth, omitted = worth_it(_tied(measured, tables), doubt)
     kept = {block.name for block in worth.blocks}
     specs = tuple(spec for spec in tables if spec.name in kept)
     values = tuple(value for value in setup if value.name in kept)
-    model = _without_live(worth, grinding, specs)
+    left_alone = [block.name for block in measured.blocks if block.name not in kept]
+    model = _without_live(measured.without(left_alone), grinding, specs)
     work = _work(model, specs, values, bounds)
     y = _continuous(work, norm)
     x = _whole(work, y, norm)
-    return _answer(work, work.values(y), x, measured, omitted, carried(model, doubt))
+    return _answer(work, work.values(y), x, measured, omitted, carried(_tied(model, specs), doubt))
+
+
+def _tied(model: FlankModel, specs: Sequence[TableSpec]) -> FlankModel:
+    """The model in values that are free once each table is zero at its reference."""
+    ties = {spec.name: spec.tie()[0] for spec in specs}
+    blocks = [replace(one, share=one.share @ ties[one.name]) if one.name in ties else one for one in model.blocks]
+    return replace(model, blocks=tuple(blocks))
 
 
 def _without_live(model: FlankModel, grinding: Grinding, specs: Sequence[TableSpec]) -> FlankModel:

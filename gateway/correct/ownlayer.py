@@ -1,4 +1,4 @@
-"""The first layer: EEC tables that take each axis' own deviation (mean of both directions), as corrections (mm, rad)."""
+"""The first layer: EEC tables that take each axis' own deviation (mean of both directions), as corrections."""
 
 from __future__ import annotations
 

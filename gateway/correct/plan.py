@@ -1,10 +1,9 @@
-"""What may be used to correct a machine: grids, tables, set-up values, goal, limits and bounds, in the controller's units."""
+"""What may be used to correct a machine: grids, tables, set-up values, goal, limits, in the controller's units."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-
 
 from drivers.types import CompensationTable
 from drivers.units import deviation_unit

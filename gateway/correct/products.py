@@ -38,7 +38,7 @@ def best_product(
     """The product first(.) second(.) that lowers the model's RMS most; None if it gains too little.
 
     Alternating least squares from the leading pattern of the wanted correction; ``step`` is the resolution of both
-    factors (their unit), rounded with the other factor re-optimised. Raises ModelError E-CORRECT-UNPROVED without proof.
+    factors (their unit), rounded with the other re-optimised. Raises ModelError E-CORRECT-UNPROVED without proof.
     """
     if not proved:
         raise ModelError("E-CORRECT-UNPROVED", first.out)

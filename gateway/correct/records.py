@@ -1,4 +1,4 @@
-"""Corrections (mm, rad) as the controller's compensation tables, and back: deviations d = -q in um and arcsec (house signs)."""
+"""Corrections q (mm, rad) as the controller's tables and back: deviations d = -q in um and arcsec (house signs)."""
 
 from __future__ import annotations
 
@@ -90,9 +90,9 @@ def table_of(chain: Chain, stored: CompensationTable, names: Mapping[str, str] |
     if len(stored.deviations) < 2 or stored.maximum <= stored.minimum:
         return None
     back = {machine: letter for letter, machine in (names or {}).items()}
-    at = np.asarray(stored.positions)
+    at = np.asarray(stored.positions, dtype=np.float64)
     nodes: FloatArray = deg_to_rad(at) if stored.input_unit == "deg" else at
-    d = np.asarray(stored.deviations)
+    d = np.asarray(stored.deviations, dtype=np.float64)
     q = -arcsec_to_rad(d) if stored.output_unit == "deg" else -d / UM_PER_MM
     period = float(nodes[-1] - nodes[0]) if stored.modulo else None
     out, over = (back.get(name, name) for name in (stored.output_axis, stored.input_axis))
@@ -106,8 +106,8 @@ def even_grid(
 ) -> TableGrid:
     """The controller's grid, given in the input axis' unit (mm or deg), in mm or rad."""
     count = round((maximum - minimum) / step)
-    at = minimum + step * np.arange(count + 1)
-    nodes = at / DEG_PER_RAD if axis_unit(chain, over) == "deg" else at
+    at = np.asarray(minimum + step * np.arange(count + 1), dtype=np.float64)
+    nodes: FloatArray = at / DEG_PER_RAD if axis_unit(chain, over) == "deg" else at
     return TableGrid(out, over, nodes, float(nodes[-1] - nodes[0]) if modulo else None)
 
 

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from drivers.types import CompensationTable
+from drivers.types import CompensationTable, FloatArray
 from drivers.units import AxisUnit, deviation_scale
 from gateway.errors import ModelError
 from gateway.table import Grid, project
-from gateway.table.projection import quantised, zeroed
+from gateway.table.projection import zeroed
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +73,7 @@ def reversal_advice(
     return ReversalAdvice(mean, mean_u, backlash, ratio, (up, down))
 
 
-def _into(q: np.ndarray, at: np.ndarray, modulo: bool) -> np.ndarray:
+def _into(q: FloatArray, at: FloatArray, modulo: bool) -> FloatArray:
     return at[0] + np.mod(q - at[0], 360.0) if modulo else q
 
 
@@ -81,12 +81,13 @@ def _table(
     axis: str,
     unit: AxisUnit,
     grid: Grid,
-    values: np.ndarray,
+    values: FloatArray,
     resolution: float,
     modulo: bool,
     indices: tuple[int, int],
     sign: int,
 ) -> CompensationTable:
+    step = resolution * deviation_scale(unit)
     return CompensationTable(
         function="CEC",
         input_axis=axis,
@@ -94,7 +95,7 @@ def _table(
         minimum=grid.minimum,
         maximum=grid.maximum,
         step=grid.step,
-        deviations=quantised(values, resolution, deviation_scale(unit)),
+        deviations=tuple(float(v) + 0.0 for v in np.round(np.rint(values / step) * step, 9)),
         modulo=modulo,
         index=indices[0] if sign > 0 else indices[1],
         input_unit=unit,

@@ -1,7 +1,7 @@
 """Values on the controller's resolution that keep the flank best: rounding as part of the problem, not after it.
 
-Values are whole numbers of steps. Rounding one after the other, each time re-optimising those still free (Babai's nearest
-plane), then exchange steps of one and of two values as long as the flank gets better.
+Values are whole numbers of steps. Rounding one after the other, each time re-optimising those still free (Babai's
+nearest plane), then exchange steps of one and of two values as long as the flank gets better.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def nearest_whole(A: FloatArray, best: FloatArray, limits: Limits, movable: NDAr
 
 
 def _plane_by_plane(A: FloatArray, best: FloatArray) -> Whole:
-    r = np.linalg.qr(A, mode="r")
+    r = np.asarray(np.linalg.qr(A, mode="r"))
     n = np.zeros(best.size)
     for i in range(best.size - 1, -1, -1):
         pull = r[i, i + 1 :] @ (n[i + 1 :] - best[i + 1 :]) / r[i, i]

@@ -30,6 +30,8 @@ __all__ = ["Cell", "cell_running"]
 FloatArray = NDArray[np.float64]
 Wires = Literal["tcp", "memory"]
 USER = "trueflank"
+# In virtual time nobody is kept waiting by a slow poll, and every poll costs the test real time.
+VIRTUAL_PACE = {"poll_s": 0.5, "fast_poll_s": 0.2}
 _numbers = itertools.count(1)
 
 
@@ -118,6 +120,8 @@ class Cell:
         settings: dict[str, Any] = {"user": USER, "password_file": str(secret.resolve())}
         certificate = Path(self.server.certificate)
         settings |= {"security": "Basic256Sha256", "server_certificate": str(certificate.resolve())}
+        if self._wires == "memory":
+            settings |= VIRTUAL_PACE
         controller = {"url": self.server.url, "settings": settings | self.file.site.controller_settings}
         text = site_text(self.file, self.file.machine.serial, controller, self._urls)
         self.site_path.parent.mkdir(parents=True, exist_ok=True)

@@ -236,4 +236,4 @@ class MachineAxis:
     def settling_s(self, now_s: float, window: float) -> float:
         """Time until the base is inside the window, standing."""
         lagging = abs(self.base.demand(now_s) - self.base.response(now_s))
-        return self.base.lag_s * math.log(lagging / window) if lagging > window else 0.0
+        return self.base.lag_s * math.log(lagging / (0.98 * window)) if lagging > window else 0.0

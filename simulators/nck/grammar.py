@@ -45,7 +45,7 @@ BLOCK_LIMIT = 512
 DEPTH_LIMIT = 60
 
 _GRAMMAR = r"""
-start: words | control | "IF" expr jump -> if_jump | case | define | proc | extern
+?start: words | control | "IF" expr jump -> if_jump | case | define | proc | extern
 
 control: IF expr -> conditional | WHILE expr -> conditional | UNTIL expr -> conditional
        | (ELSE | ENDIF | ENDFOR | ENDWHILE | REPEAT | LOOP | ENDLOOP) -> structural
@@ -151,10 +151,6 @@ def _number(text: str) -> int | float:
 class _Nodes(lark.Transformer):
     """Builds the nodes while the text is parsed, so nothing recurses over a tree afterwards."""
 
-    def start(self, items: list[Any]) -> Block:
-        found: Block = items[0]
-        return found
-
     def words(self, items: list[Any]) -> Words:
         jump = items.pop() if items else None
         return Words(tuple(items), jump)
@@ -178,10 +174,6 @@ class _Nodes(lark.Transformer):
 
     def if_jump(self, items: list[Any]) -> Block:
         return IfJump(items[0], items[1])
-
-    def control(self, items: list[Any]) -> Block:
-        found: Block = items[0]
-        return found
 
     def conditional(self, items: list[Any]) -> Block:
         return Control(str(items[0]), condition=items[1])
@@ -267,6 +259,13 @@ def _parser() -> lark.Lark:
     return lark.Lark(_GRAMMAR, parser="lalr", lexer="contextual", transformer=_Nodes(), maybe_placeholders=True)
 
 
+@functools.lru_cache(maxsize=4096)
+def _read(text: str) -> Block:
+    """Parse, once for each text: programs repeat themselves, and nodes are frozen."""
+    block: Block = _parser().parse(text)
+    return block
+
+
 def _too_deep(text: str) -> bool:
     depth = deepest = run = longest = 0
     for sign in text:
@@ -287,7 +286,7 @@ def parse_block(text: str, line: int = 1) -> Block:
     if len(text) > BLOCK_LIMIT or _too_deep(text):
         raise NcSyntaxError(line, "block is too long or too complex", 12540)
     try:
-        block: Block = _parser().parse(text)
+        return _read(text)
     except lark.exceptions.VisitError as error:
         raise _translated(error.orig_exc, line) from error
     except _Refused as error:
@@ -296,7 +295,6 @@ def parse_block(text: str, line: int = 1) -> Block:
         column = error.column if isinstance(error.column, int) else 0
         near = text[max(column - 1, 0) : max(column - 1, 0) + 20] if column > 0 else "end of block"
         raise NcSyntaxError(line, f"syntax error at {near!r}") from error
-    return block
 
 
 def _translated(error: Exception, line: int) -> NcSyntaxError:

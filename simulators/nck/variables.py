@@ -271,6 +271,7 @@ class Variables:
             "$AA_IM": reader(place),
             "$AA_IW": reader(place),
             "$AA_IB": reader(place),
+            "$P_EP": reader(place),
             "$VA_IM": reader(actual),
             "$VA_IM1": reader(actual),
             "$AA_STAT": reader(lambda index: core.view(index).aa_stat),

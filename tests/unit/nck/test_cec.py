@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -145,10 +147,10 @@ def test_follow_never_exceeds_its_rate_and_arrives() -> None:
     pieces, held_back = follow(times, values, 0.0, 2.0, 0.01)
     assert held_back
     assert all(abs(slope) <= 2.0 for _, _, slope in pieces)
-    start, value, slope = pieces[-1]
+    _, value, slope = pieces[-1]
     assert value == pytest.approx(0.5)
     assert slope == 0.0
-    for (t0, v0, s0), (t1, v1, _) in zip(pieces, pieces[1:], strict=False):
+    for (t0, v0, s0), (t1, v1, _) in itertools.pairwise(pieces):
         assert v1 == pytest.approx(v0 + s0 * (t1 - t0))
 
 
@@ -212,7 +214,8 @@ def test_compensation_takes_up_backlash_unless_told_not_to(mode: int, taken_up: 
 def test_temperature_moves_the_axis_negative_and_no_faster_than_allowed() -> None:
     async def body(bench: Bench) -> None:
         await bench.run(
-            "$MA_TEMP_COMP_TYPE[X1]=3\nNEWCONF\n$SA_TEMP_COMP_SLOPE[X1]=0.0001\n$SA_TEMP_COMP_REF_POSITION[X1]=100\nG0 X300\nG4 F1\nM30"
+            "$MA_TEMP_COMP_TYPE[X1]=3\nNEWCONF\n$SA_TEMP_COMP_SLOPE[X1]=0.0001\n"
+            "$SA_TEMP_COMP_REF_POSITION[X1]=100\nG0 X300\nG4 F1\nM30"
         )
         assert encoder(bench, "X1") == pytest.approx(300.0 - 0.02, abs=1e-9)
         assert bench.nck.get("$VA_TEMP_COMP_VAL[X1]") == pytest.approx(0.02, abs=1e-9)

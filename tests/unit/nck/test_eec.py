@@ -202,6 +202,7 @@ def test_switching_fast_to_and_fro_never_overshoots() -> None:
 def test_nothing_acts_until_referenced_and_lost_reference_takes_it_away() -> None:
     async def body(bench: Bench) -> None:
         await load_eec(bench, "X1", [0.008, 0.008], -500.0, 1500.0)
+        await bench.sleep(1.0)
         assert encoder_now(bench, "X1") == pytest.approx(-0.008, abs=1e-9)
         bench.nck.lose_reference("X1")
         await bench.sleep(1.0)

@@ -1,0 +1,138 @@
+"""One push on the control, step by step: send, wait for the first half, release, wait for the second."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeVar
+
+from drivers.clock import Clock
+from drivers.errors import DeadlineExceeded, DeviceRefused
+from drivers.sinumerik import pushprogram, tables
+from drivers.sinumerik.dialogue import Dialogue, Glance
+from drivers.sinumerik.machine import Configuration, MachineReader
+from drivers.sinumerik.program import Setting
+from drivers.sinumerik.reader import Sign
+from drivers.sinumerik.transfer import Transfer
+from drivers.sinumerik.uasettings import UaSettings
+from drivers.sinumerik.words import Phase, Word, file_path, program_path
+from drivers.types import ChannelStatus, LiveSet, PushOrder
+
+T = TypeVar("T")
+
+
+async def live_tables(
+    transfer: Transfer, purpose: str, axis: str, encoder: int, configuration: Configuration, cec_sign: Sign = 1
+) -> LiveSet:
+    """Fetch a file that a program of ours wrote and read it; raises what either does."""
+    path = file_path(purpose, axis)
+    return tables.read_live(await transfer.fetch(path), path, axis, encoder, configuration.units, cec_sign)
+
+
+class Pushing:
+    """The push half of the driver; it shares dialogue, reader and transfer with the measuring half."""
+
+    def __init__(
+        self,
+        dialogue: Dialogue,
+        reader: MachineReader,
+        transfer: Transfer,
+        settings: UaSettings,
+        clock: Clock,
+        where: str,
+    ) -> None:
+        self._dialogue = dialogue
+        self._reader = reader
+        self._transfer = transfer
+        self._settings = settings
+        self._clock = clock
+        self._where = where
+
+    async def prepare(self, order: PushOrder, setting: Setting) -> None:
+        """Send, read back and select the two-half program; nothing in the control changes until NC START.
+
+        Raises TableError (E-TABLE-NO-PROOF, E-TABLE-POINTS, E-TABLE-FINITE...) before anything is written.
+        """
+        axis = order.table.output_axis
+        if self._settings.two_programs:
+            texts = {"LOAD": pushprogram.loading(order, setting), "ENAB": pushprogram.enabling(order, setting)}
+        else:
+            texts = {"PUSH": pushprogram.pushing(order, setting)}
+        await self._dialogue.begin(setting.axis_number)
+        for purpose, text in texts.items():
+            await self._transfer.send(program_path(purpose, axis), text)
+        await self._transfer.select(program_path(next(iter(texts)), axis))
+
+    async def loaded(self, order: PushOrder, timeout_s: float, configuration: Configuration) -> tuple[LiveSet, LiveSet]:
+        """Wait for the end of the first half: (back-up of the old, read-back of the new), both as written there.
+
+        Raises DeviceRefused: E-NC-MISMATCH (count) when the program found differences, E-NC-LEVEL when the
+        compensation could not be switched off, E-NC-FILE, E-NC-ALARM, E-NC-STOPPED; DeadlineExceeded.
+        """
+        await self._until(order, timeout_s, self._is_loaded)
+        sign: Sign = order.proof.sign if order.proof and order.table.function == "CEC" else 1
+        axis, encoder = order.table.output_axis, order.table.index if order.table.function == "EEC" else 0
+        backup = await live_tables(self._transfer, "BACK", axis, encoder, configuration, sign)
+        return backup, await live_tables(self._transfer, "READ", axis, encoder, configuration, sign)
+
+    async def _until(
+        self, order: PushOrder, timeout_s: float, reached: Callable[[PushOrder, Glance | None, Glance], T | None]
+    ) -> T:
+        """Look until ``reached(order, before, seen)`` says something other than None."""
+        end = self._clock.now() + timeout_s
+        before: Glance | None = None
+        self._dialogue.pace.again()
+        while True:
+            seen = await self._dialogue.look_through_restart()
+            if seen is not None:
+                await self._dialogue.check_alarms(seen)
+                ours = seen.word(Word.TRANSACTION) == order.transaction
+                answer = reached(order, before, seen) if ours else None
+                if answer is not None:
+                    return answer
+                before = seen if ours else None
+            if self._clock.now() >= end:
+                phase = seen.phase if seen is not None else "unknown"
+                raise DeadlineExceeded("E-NC-NO-START", self._where, timeout_s=timeout_s, phase=phase)
+            await self._dialogue.wait()
+
+    def _is_loaded(self, order: PushOrder, before: Glance | None, seen: Glance) -> bool | None:
+        mismatches = round(seen.word(Word.MISMATCHES))
+        at_rest = seen.channel is not ChannelStatus.ACTIVE
+        if seen.phase == Phase.WAITING and at_rest:
+            return True
+        if seen.phase == Phase.ENDED_DISABLED and mismatches:
+            raise DeviceRefused("E-NC-MISMATCH", self._where, count=mismatches, table=order.table.name)
+        if seen.phase == Phase.LEFT and not seen.word(Word.ABORT):
+            raise DeviceRefused("E-NC-LEVEL", self._where, table=order.table.name)
+        if seen.phase == Phase.FILE_FAILED:
+            raise DeviceRefused("E-NC-FILE", self._where, axis=order.table.output_axis)
+        stopped = before is not None and before.channel is seen.channel is ChannelStatus.RESET
+        if seen.phase in (Phase.ENDED_DISABLED, Phase.LEFT) or stopped:
+            raise DeviceRefused("E-NC-STOPPED", self._where, phase=seen.phase, table=order.table.name)
+        return None
+
+    async def release(self, order: PushOrder) -> None:
+        """Set the release word to the transaction number; never retried. Two programs: select the second."""
+        await self._dialogue.write({Word.RELEASE: float(order.transaction)})
+        if self._settings.two_programs:
+            await self._transfer.select(program_path("ENAB", order.table.output_axis))
+        self._dialogue.pace.again()
+
+    async def enabled(self, order: PushOrder, timeout_s: float, configuration: Configuration) -> bool:
+        """True when the second half switched the table on, false when it, or a reset, left it off.
+
+        The switch itself (MD32700, or SD41300) is read too where this user may; both must say so.
+        """
+        if not await self._until(order, timeout_s, self._is_decided):
+            return False
+        names = pushprogram.switches(order.table)
+        return all([await self._reader.switch(name, configuration) is not False for name in names])
+
+    def _is_decided(self, _order: PushOrder, before: Glance | None, seen: Glance) -> bool | None:
+        if seen.phase == Phase.ENABLED:
+            return True
+        if seen.phase in (Phase.ENDED_DISABLED, Phase.LEFT):
+            return False
+        waits_for_second = self._settings.two_programs and seen.phase == Phase.WAITING
+        stopped = before is not None and before.channel is seen.channel is ChannelStatus.RESET
+        return False if stopped and not waits_for_second else None

@@ -1,0 +1,159 @@
+"""From an inspected gear back to the machine: A, B, G at each wheel place, table and set-up values, what is invisible.
+
+e = A n_x + B n_y + G h at every measured point. Only these three and only in the sums of the machine's errors that make
+them up can be told from a gear: the combinations are named, the rest is said to be invisible.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from drivers.types import FloatArray
+from gateway.correct.noise import Noise
+from gateway.correct.optimise import Optimum, optimise
+from gateway.correct.places import Places, places_of_points
+from gateway.correct.plan import Plan, cross_specs, setup_values
+from gateway.errors import ModelError
+from gateway.gear.grinding import Grinding
+from gateway.gear.linear import LinearFlank
+
+SEEN = 1e-6  # of the largest eigenvalue at a place: what its points tell apart
+SAME = 1e-7  # how exactly two errors must do the same to be one combination
+NULL = 1e-9
+
+
+@dataclass(frozen=True)
+class PlaceFit:
+    """A, B (mm) and G (rad) at each wheel place (``k``, ``z``), (G, 3), with standard uncertainties; NaN if not seen.
+
+    ``residual`` (N,) is what A, B, G leave of the deviations (mm): the wheel's profile, waviness, noise. ``u`` is the
+    standard uncertainty of one point that was used.
+    """
+
+    k: FloatArray
+    z: FloatArray
+    abg: FloatArray
+    abg_u: FloatArray
+    residual: FloatArray
+    u: float
+
+
+def fit_places(places: Places, deviation: ArrayLike, u: float | None = None) -> PlaceFit:
+    """Least squares at each place. ``u`` (mm) of one point; without it the scatter of the fit tells.
+
+    Places whose points are too few for all three get the least-norm values and NaN for what they do not tell apart.
+    Raises ModelError E-CORRECT-POINTS, E-CORRECT-BASIS if no place tells the three apart.
+    """
+    e = np.ravel(np.asarray(deviation, dtype=np.float64))
+    if e.size != places.points or not np.all(np.isfinite(e)):
+        raise ModelError("E-CORRECT-POINTS", "inspection", points=e.size)
+    count = places.k.size
+    grams, moments = np.zeros((count, 3, 3)), np.zeros((count, 3))
+    np.add.at(grams, places.of, places.form[:, :, None] * places.form[:, None, :])
+    np.add.at(moments, places.of, places.form * e[:, None])
+    scale = np.sqrt(np.einsum("gii->gi", grams))
+    values, vectors = np.linalg.eigh(grams / (scale[:, :, None] * scale[:, None, :]))
+    seen = values > SEEN * values[:, -1:]
+    whole = np.all(seen, axis=-1)
+    if not np.any(whole):
+        raise ModelError("E-CORRECT-BASIS", "inspection", points=e.size)
+    inverse = np.divide(1.0, values, out=np.zeros_like(values), where=seen)
+    back = np.einsum("gij,gj,gkj->gik", vectors, inverse, vectors) / (scale[:, :, None] * scale[:, None, :])
+    abg = np.einsum("gij,gj->gi", back, moments)
+    residual = e - places.along_normal(abg)
+    freedom = max(e.size - int(np.count_nonzero(seen)), 1)
+    point = float(np.sqrt(residual @ residual / freedom)) if u is None else u
+    spread = point * np.sqrt(np.maximum(np.einsum("gii->gi", back), 0.0))
+    missing = np.where(whole[:, None], 0.0, np.nan)
+    return PlaceFit(places.k, places.z, abg + missing, spread + missing, residual, point)
+
+
+@dataclass(frozen=True, slots=True)
+class Combination:
+    """Errors that do the same to the flank, each with its factor against the first: only the sum is seen."""
+
+    members: tuple[tuple[str, float], ...]
+
+    @property
+    def words(self) -> str:
+        """E.g. "EXX - EXZ"."""
+        parts = []
+        for i, (name, factor) in enumerate(self.members):
+            size = "" if abs(abs(factor) - 1.0) < SAME * 10 else f"{abs(factor):.4g} "
+            sign = "-" if factor < 0.0 else ("+" if i else "")
+            parts.append(f"{sign} {size}{name}".strip() if i else f"{sign}{size}{name}")
+        return " ".join(parts)
+
+
+@dataclass(frozen=True, slots=True)
+class Visible:
+    """What a gear tells of the errors: combinations, how many independent ones there are, and what is invisible."""
+
+    combinations: tuple[Combination, ...]
+    rank: int
+    invisible: tuple[str, ...]
+
+
+def visible(flank: LinearFlank) -> Visible:
+    """Combinations of the flank's parameters, one rotation of the gear not counted."""
+    root = flank.figure_form.root
+    size = np.linalg.norm(root, axis=0)
+    here = size > NULL * float(np.max(size, initial=0.0))
+    groups: list[list[int]] = []
+    for i in np.flatnonzero(here):
+        mate = next((group for group in groups if _same(root[:, group[0]], root[:, i])), None)
+        if mate is None:
+            groups.append([int(i)])
+        else:
+            mate.append(int(i))
+    rank = int(np.linalg.matrix_rank(root[:, here] / size[here], tol=SAME)) if np.any(here) else 0
+    names = flank.names
+    found = tuple(Combination(tuple((names[i], _factor(root[:, g[0]], root[:, i])) for i in g)) for g in groups)
+    return Visible(found, rank, tuple(name for name, seen in zip(names, here, strict=True) if not seen))
+
+
+@dataclass(frozen=True)
+class FromGear:
+    """What an inspected gear tells and proposes: the fit at the places, and the best tables and set-up values."""
+
+    fit: PlaceFit
+    optimum: Optimum
+
+
+def correct_from_gear(
+    grinding: Grinding,
+    points: tuple[ArrayLike, ArrayLike, ArrayLike],
+    deviation: ArrayLike,
+    plan: Plan,
+    u: float | None = None,
+) -> FromGear:
+    """Tables and set-up values from measured deviations (mm, + surplus) at points (k, theta, z).
+
+    The gear was ground while the live tables acted, so the values found are to be added to them; the machine's own
+    error model is not used. What corrects less than the measurement's uncertainty is not proposed.
+    """
+    places = places_of_points(grinding.gear, *points)
+    fit = fit_places(places, deviation, u)
+    noise = plan.noise if not plan.noise.none else Noise(point=fit.u)
+    chain = grinding.chain
+    found = optimise(
+        replace(grinding, chain=chain.without_errors()),
+        places,
+        cross_specs(chain, plan),
+        setup_values(chain, plan),
+        norm=plan.norm,
+        deviation=np.ravel(np.asarray(deviation, dtype=np.float64)),
+        noise=noise,
+    )
+    return FromGear(fit, found)
+
+
+def _same(a: FloatArray, b: FloatArray) -> bool:
+    return bool(np.linalg.norm(b - a * _factor(a, b)) <= SAME * np.linalg.norm(b))
+
+
+def _factor(a: FloatArray, b: FloatArray) -> float:
+    return float(a @ b) / float(a @ a)
