@@ -35,7 +35,10 @@ async def walk(
     whatever the wire or `at_stop` raises; on any of these the waiting program is asked to end.
     """
     await controller.prepare_stops(plan)
-    say("P-START", axis=plan.axis, program=plan.name, setup=plan.setup)
+    if plan.setup:
+        say("P-START-SETUP", axis=plan.axis, program=plan.name, setup=plan.setup)
+    else:
+        say("P-START", axis=plan.axis, program=plan.name)
     counter = 0
     try:
         for index, stop in enumerate(plan.stops):

@@ -68,8 +68,8 @@ def observability(flank: LinearFlank) -> Observability:
 class Cure:
     """One error's standing: RMS on the flank, RMS left by each family of cures, and the simplest that does (mm).
 
-    ``by`` is "none needed" without effect, "mechanical only" if no family leaves less than the asked share; ``floor`` is
-    left when everything possible is done.
+    ``by`` is "none needed" without effect, "mechanical only" if no family leaves less than the asked share; ``floor``
+    is left when everything possible is done.
     """
 
     error: str

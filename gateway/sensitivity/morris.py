@@ -7,6 +7,7 @@ Source: Morris 1991, Campolongo 2007; sampling by SALib.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -84,19 +85,24 @@ def _share(values: FloatArray) -> FloatArray:
     return values / total if total > 0.0 else np.zeros_like(values)
 
 
-def exhaustive(coefficients: ArrayLike, levels: int) -> Indices:
-    """Indices of the linear function y = a.x over every grid step of the p-level cube.
+def exhaustive(function: Callable[[FloatArray], ArrayLike] | ArrayLike, levels: int, inputs: int = 0) -> Indices:
+    """Indices over every grid step of the p-level cube: no sampling, so closed forms are met exactly.
 
-    A check of the whole way from points to indices: mu = a, mu* = |a|, sigma = 0.
+    ``function`` takes points (n, d) of d = ``inputs`` inputs; coefficients (d,) stand for the linear y = a.x (mu = a,
+    mu* = |a|, sigma = 0). sigma counts with n. Raises ModelError E-SENS-LEVELS.
     """
-    a = np.asarray(coefficients, dtype=np.float64)
+    if levels < 2 or levels % 2:
+        raise ModelError("E-SENS-LEVELS", "Morris", levels=levels)
+    a = np.zeros(inputs) if callable(function) else np.asarray(function, dtype=np.float64)
     step = levels / (2.0 * (levels - 1))
-    axes = [np.arange(levels) / (levels - 1)] * a.size
-    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, a.size)
+    grid = np.stack(np.meshgrid(*[np.arange(levels) / (levels - 1)] * a.size, indexing="ij"), axis=-1).reshape(
+        -1, a.size
+    )
     effects = []
     for i in range(a.size):
         low = grid[grid[:, i] + step <= 1.0 + 1e-12]
         high = low.copy()
         high[:, i] += step
-        effects.append((high @ a - low @ a) / step)
+        above, below = (function(x) if callable(function) else x @ a for x in (high, low))
+        effects.append((np.asarray(above) - np.asarray(below)) / step)
     return indices(np.stack(effects, axis=1), population=True)

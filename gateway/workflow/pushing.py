@@ -55,7 +55,6 @@ async def _push(at: Bench, change: TableChange, capture: Capture, proofs: list[S
         context = replace(context, proof=proof)
     record = await push_table(change, context)
     at.folder.put(stages.push(axis.name), record, (at.folder.digest(stages.PROPOSAL),))
-    at.say("P-PUSHED", axis=axis.name, outcome=record.outcome)
     failure = outcome_error(record)
     if failure is not None:
         raise failure

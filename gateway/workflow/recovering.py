@@ -31,7 +31,6 @@ async def recover_site(
             findings.append(finding)
             say("P-RECOVER", words=finding.words)
             if apply:
-                record = await recover(found, context)
-                say("P-PUSHED", axis=axis.name, outcome=record.outcome)
+                await recover(found, context)
     folder.set_state("recovered" if apply else "looked")
     return tuple(findings)

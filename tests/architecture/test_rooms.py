@@ -32,9 +32,7 @@ def test_a_room_says_its_responsibility_and_documents_what_is_public(path: Path)
     tree = ast.parse(path.read_text(encoding="utf-8"))
     assert ast.get_docstring(tree)
     undocumented = [
-        node.name
-        for node in _public(tree)
-        if not ast.get_docstring(node) and (node.end_lineno or 0) - node.lineno > 3
+        node.name for node in _public(tree) if not ast.get_docstring(node) and (node.end_lineno or 0) - node.lineno > 3
     ]
     assert not undocumented
 

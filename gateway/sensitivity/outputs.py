@@ -1,0 +1,144 @@
+"""What a ranking looks at: figures of the flank and of the inspection chart for given sizes of the errors (mm, rad)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from drivers.types import FloatArray
+from gateway.errors import ModelError
+from gateway.gear.envelope import exact
+from gateway.gear.first_order import judged
+from gateway.gear.flank import FlankGrid, flank_figure
+from gateway.gear.grinding import Grinding
+from gateway.gear.inspection import inspect
+from gateway.gear.linear import Parameter, linear_flank
+from gateway.model.axis import Motion
+
+OUTPUTS = ("rms", "largest", "profile", "lead", "pitch", "runout")
+Order = Literal["first", "second", "exact"]
+EQUAL_MM, EQUAL_RAD = 0.005, float(np.deg2rad(0.01))
+TRAVEL_SAMPLES = 181
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """Range of one error's size: the error is size x shape, the shape 1 if not given (mm or rad)."""
+
+    name: str
+    low: float
+    high: float
+    shape: Motion = 1.0
+
+    def size(self, x: FloatArray) -> FloatArray:
+        """Size at x in 0 .. 1, same shape."""
+        return np.asarray(self.low + x * (self.high - self.low))
+
+
+@dataclass(frozen=True, slots=True)
+class Scaled:
+    """A motion times a factor; plain data, so that it can be sent to another process."""
+
+    motion: Motion
+    factor: float
+
+    def __call__(self, q: FloatArray) -> FloatArray:
+        """Values at q, same shape."""
+        value = self.motion(q) if callable(self.motion) else np.full_like(q, self.motion)
+        return self.factor * value
+
+
+@dataclass(frozen=True)
+class FlankOutputs:
+    """`OUTPUTS` (mm) of a grinding with the errors of the spans alone; called with points (n, d) of the unit cube.
+
+    RMS and largest are those of the flank figure; profile and lead the largest total deviation of any trace, pitch the
+    larger F_p of both flanks, runout F_r. ``order`` says how the flank is worked out.
+    """
+
+    grinding: Grinding
+    grid: FlankGrid
+    spans: tuple[Span, ...]
+    order: Order = "first"
+
+    def __post_init__(self) -> None:
+        if self.order not in ("first", "second", "exact"):
+            raise ModelError("E-SENS-ORDER", "ranking", order=self.order)
+
+    def __call__(self, points: FloatArray) -> FloatArray:
+        """Outputs (n, 6) of points (n, d)."""
+        sizes = np.stack([span.size(points[:, i]) for i, span in enumerate(self.spans)], axis=-1)
+        if self.order == "first":
+            return np.stack([figures(self.grid, e) for e in self._linear(sizes)])
+        return np.stack([figures(self.grid, self._flank(one)) for one in sizes])
+
+    def _linear(self, sizes: FloatArray) -> FloatArray:
+        parameters = [_parameter(span) for span in self.spans]
+        flank = linear_flank(self._clean(), self.grid, parameters)
+        return flank.deviations(sizes.T).T.reshape(-1, *self.grid.shape)
+
+    def _flank(self, sizes: FloatArray) -> FloatArray:
+        errors = {span.name: _motion(span, float(size)) for span, size in zip(self.spans, sizes, strict=True)}
+        clean = self._clean()
+        one = replace(clean, chain=clean.chain.with_errors(errors))
+        if self.order == "second":
+            return judged(one, self.grid.k, self.grid.theta, self.grid.z).second
+        return exact(one, self.grid.k, self.grid.theta, self.grid.z)
+
+    def _clean(self) -> Grinding:
+        return replace(self.grinding, chain=self.grinding.chain.without_errors())
+
+
+def figures(grid: FlankGrid, deviation: FloatArray) -> FloatArray:
+    """`OUTPUTS` (6,) of deviations (K, T, Z), mm."""
+    figure, chart = flank_figure(deviation, grid.section.h), inspect(grid, deviation)
+    pitch = max(one.F_p for one in chart.pitch)
+    values = (figure.rms, figure.largest, np.max(chart.profile.F), np.max(chart.lead.F), pitch, chart.runout.F_r)
+    return np.asarray(values, dtype=np.float64)
+
+
+def equal_spans(names: Sequence[str], *, symmetric: bool = False) -> tuple[Span, ...]:
+    """The paper's equal steps: 5 um or 0.01 deg of each error, from zero or, if ``symmetric``, to both sides."""
+    return tuple(Span(name, -size if symmetric else 0.0, size) for name, size in ((n, equal_size(n)) for n in names))
+
+
+def equal_size(name: str) -> float:
+    """5 um (mm) or 0.01 deg (rad), by what kind of error it is: EAX and B0Z are angles."""
+    angle = name[1:2] in "ABC" if name.startswith("E") else name[:1] in "ABC"
+    return EQUAL_RAD if angle else EQUAL_MM
+
+
+def measured_spans(
+    grinding: Grinding, names: Sequence[str], travels: Mapping[str, tuple[float, float]]
+) -> tuple[Span, ...]:
+    """Each error from its least to its greatest value over its axis' travel (mm or rad); a constant from zero to it."""
+    found = []
+    for name in names:
+        axis, key = grinding.chain.error_place(name)
+        one = grinding.chain.axis(axis)
+        if key in one.err and callable(one.err[key]):
+            values = one.value(key, np.linspace(*travels.get(axis, (0.0, 2.0 * np.pi)), TRAVEL_SAMPLES))
+        else:
+            values = np.array(
+                [0.0, float(one.loc.get(key, 0.0)) if key in one.loc else _constant(one.err.get(key, 0.0))]
+            )
+        found.append(Span(name, float(np.min(values)), float(np.max(values))))
+    return tuple(found)
+
+
+def _constant(motion: Motion) -> float:
+    return 0.0 if callable(motion) else float(motion)
+
+
+def _parameter(span: Span) -> Parameter:
+    shape = span.shape
+    if callable(shape):
+        return Parameter(span.name, shape)
+    return Parameter(span.name) if shape == 1.0 else Parameter(span.name, lambda q: np.full_like(q, shape))
+
+
+def _motion(span: Span, size: float) -> Motion:
+    return Scaled(span.shape, size) if callable(span.shape) else size * span.shape
