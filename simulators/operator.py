@@ -16,7 +16,7 @@ SETUP = re.compile(r"TRUEFLANK SETUP (?P<component>\S+) ON (?P<letter>[A-Z])$")
 LOADED = re.compile(r"TRUEFLANK LOADED .+ NC START WHEN R(?P<number>\d+)=(?P<value>-?\d+(?:\.\d+)?)$")
 ACTIVATE = re.compile(r"TRUEFLANK ACTIVATE NCK RESET AND REFERENCE (?P<axis>\S+)$")
 RESET, ACTIVE, INTERRUPTED = 0, 1, 2
-LOOK_S = 0.25
+LOOK_S = 0.5
 WRONG = {"linear": "angular", "angular": "linear", "rotary": "linear"}
 
 

@@ -17,7 +17,7 @@ from drivers.sinumerik.motion import Motion, number
 from drivers.sinumerik.words import Phase, Word, Words, file_path
 from drivers.types import Stop, StopPlan
 
-POLL_S = 0.1
+POLL_S = 0.25
 PREPARE = "G500 D0 G90 G94 G60 G601"
 _NAME = re.compile(r"[A-Z][A-Z0-9_]{0,11}")
 _MESSAGE = re.compile(r"[A-Za-z0-9 ()=.,:_/+-]{0,120}")

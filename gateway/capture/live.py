@@ -13,10 +13,10 @@ from drivers.units import deviation_scale, wrap_deg
 from gateway.capture.readings import History, Reading, Readings, Window
 from gateway.capture.sense import first_channel
 from gateway.capture.targets import expected_travel, jog_start, measuring_plan, positions
-from gateway.capture.walk import Patience, walk
 from gateway.config import AxisSection
 from gateway.domain import SenseProof
 from gateway.say import Say, silence
+from gateway.walk import Patience, walk
 
 MATCH = 0.1
 SETTLE_TIMEOUT_S = 60.0
@@ -110,7 +110,7 @@ async def capture_axis(
             sigmas[cell] = float(np.max(reading.sigma))
             counts.append(reading.count)
 
-        await walk(controller, plan, at_stop, clock, patience, say)
+        await walk(controller, plan, at_stop, patience, say)
         ambients.append(await instrument.ambient())
         ambient_times.append(readings.latest_s)
         lost = readings.lost

@@ -10,11 +10,11 @@ from drivers.ports import Controller, Instrument, RotaryCalibrator
 from drivers.types import Approach, FloatArray, Stop, StopReached
 from gateway.capture.readings import Reading, Readings, Window
 from gateway.capture.targets import jog_plan, jog_start
-from gateway.capture.walk import Patience, walk
 from gateway.config import AxisSection
 from gateway.domain import SenseProof
 from gateway.errors import Unstable
 from gateway.say import Say, silence
+from gateway.walk import Patience, walk
 
 TOLERANCE = 0.01
 ROTARY_JOG_DEG = 0.1
@@ -62,7 +62,7 @@ async def _linear(
             moved = None if index == 0 else (seen[-1], abs(jog) / 2.0)
             seen.append(float((await _follow(readings, window, moved, axis, jog, seen)).values[0]))
 
-        await walk(controller, plan, at_stop, clock, patience, say)
+        await walk(controller, plan, at_stop, patience, say)
     there, back = (seen[1] - seen[0]) / jog, (seen[1] - seen[2]) / jog
     return _proof(axis, instrument, (there, back), tuple(seen))
 
@@ -123,7 +123,7 @@ async def _rotary(
                 await read(moved=True)
                 await calibrator.track()
 
-        await walk(controller, plan, at_stop, clock, patience, say)
+        await walk(controller, plan, at_stop, patience, say)
     axis_ratio = float(seen[1][laser] - seen[0][laser]) / jog
     turn_ratio = float(seen[2][laser] - seen[1][laser]) / -jog
     device_ratio = float(seen[2][device] - seen[1][device]) / -jog

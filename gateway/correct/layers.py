@@ -46,6 +46,7 @@ class LayeredCorrection:
     after: FlankFigure
     checked: FlankFigure
     optimum: Optimum
+    machine_with_eec: Grinding
     machine: Grinding
     axes: tuple[AxisCurve, ...]
     said: tuple[str, ...]
@@ -78,6 +79,7 @@ def correct(
         after=found.after,
         checked=second_order_figure(machine, grid),
         optimum=found,
+        machine_with_eec=acting,
         machine=machine,
         axes=tuple(axis_curve(chain, axis, plan, first, second) for axis in plan.own if plan.has(axis)),
         said=_said(plan, found, own),

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 from collections.abc import Awaitable, Callable
 
-from drivers.errors import DeviceRefused, TrueflankError
+from drivers.errors import TrueflankError
 from drivers.types import Approach, ChannelStatus, LiveSet, Stop, StopPlan, StopReached, TableLimits
 from gateway.domain import TableChange
 from gateway.interlocks import PushFacts
 from gateway.push.context import PushContext
 from gateway.push.work import Purpose
+from gateway.walk import Patience, walk
 
 POLL_S = 0.5
-POSITION_TOLERANCE = 1e-4
 AtStop = Callable[[Stop, StopReached], Awaitable[None]]
 
 
@@ -106,37 +105,17 @@ def approach_to(context: PushContext, position: float) -> Approach:
 async def visit(context: PushContext, plan: StopPlan, at_stop: AtStop) -> list[StopReached]:
     """Send a motion program and be at each of its stops; `at_stop` is awaited while the axis stands.
 
-    Raises DeviceRefused (E-PUSH-STOP) when the stops are not the plan's, and what port or `at_stop` raise; the
-    program is then asked to end.
+    Raises what `gateway.walk.walk` raises; the program is then asked to end.
     """
-    controller, counter = context.controller, 0
     reached: list[StopReached] = []
-    await controller.prepare_stops(plan)
-    try:
-        for number, stop in enumerate(plan.stops):
-            timeout_s = context.stop_timeout_s if number else context.start_timeout_s
-            found = await controller.wait_stop(counter, timeout_s)
-            reached.append(_checked(plan, stop, found, counter))
-            await at_stop(stop, reached[-1])
-            counter = reached[-1].counter
-            await controller.release_stop(counter)
-        if await controller.wait_stop(counter, context.stop_timeout_s) is not None:
-            raise DeviceRefused("E-PUSH-STOP", plan.axis, wanted="the end", found="another stop")
-    except (TrueflankError, asyncio.CancelledError):
-        with contextlib.suppress(TrueflankError):
-            await controller.abort_program()
-        raise
+
+    async def note(_index: int, stop: Stop, found: StopReached) -> None:
+        reached.append(found)
+        await at_stop(stop, found)
+
+    patience = Patience(context.start_timeout_s, context.stop_timeout_s)
+    await walk(context.controller, plan, note, patience)
     return reached
-
-
-def _checked(plan: StopPlan, stop: Stop, found: StopReached | None, counter: int) -> StopReached:
-    if found is None:
-        raise DeviceRefused("E-PUSH-STOP", plan.axis, wanted=f"stop at {stop.target}", found="the end")
-    same = (found.counter, found.label, found.repetition) == (counter + 1, stop.label, stop.repetition)
-    if not same or not abs(found.target - stop.target) <= POSITION_TOLERANCE:
-        told = f"stop {found.counter} at {found.target}"
-        raise DeviceRefused("E-PUSH-STOP", plan.axis, wanted=f"stop {counter + 1} at {stop.target}", found=told)
-    return found
 
 
 async def leave_program(context: PushContext) -> None:

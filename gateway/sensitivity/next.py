@@ -27,7 +27,8 @@ class Next:
 def measure_next(names: Sequence[str], doubts: ArrayLike, cures: ArrayLike, points: int) -> tuple[Next, ...]:
     """Errors by what their doubt changes in the proposal, the most important first.
 
-    ``doubts`` (R, d): the flank of one standard uncertainty of each error; ``cures`` (R, m): the flank of one unit of
+    ``doubts`` (R, d): the flank of one standard uncertainty, named by the error it belongs to (several independent
+    columns of one error count together); ``cures`` (R, m): the flank of one unit of
     each value that may be set; both in coordinates whose sum of squares is ``points`` times the mean square. A least-
     squares proposal follows the part of a doubt that the cures span: so much it would change if the error were known.
     """
@@ -38,9 +39,13 @@ def measure_next(names: Sequence[str], doubts: ArrayLike, cures: ArrayLike, poin
     used = A[:, size > 0.0] / size[size > 0.0]
     u, s, _ = np.linalg.svd(used, full_matrices=False)
     followed = u[:, s > RANK * np.max(s, initial=0.0)].T @ W
-    change = np.linalg.norm(followed, axis=0) / np.sqrt(points)
-    beyond = np.sqrt(np.maximum(np.sum(W**2, axis=0) / points - change**2, 0.0))
-    total = float(np.sum(change**2))
-    share = change**2 / total if total > 0.0 else np.zeros_like(change)
-    order = np.argsort(-change, kind="stable")
-    return tuple(Next(names[i], float(change[i]), float(beyond[i]), float(share[i])) for i in order)
+    errors = list(dict.fromkeys(names))
+    moved, whole = np.zeros(len(errors)), np.zeros(len(errors))
+    for i, name in enumerate(names):
+        moved[errors.index(name)] += float(np.sum(followed[:, i] ** 2)) / points
+        whole[errors.index(name)] += float(np.sum(W[:, i] ** 2)) / points
+    beyond = np.sqrt(np.maximum(whole - moved, 0.0))
+    total = float(np.sum(moved))
+    share = moved / total if total > 0.0 else moved
+    order = np.argsort(-moved, kind="stable")
+    return tuple(Next(errors[i], float(np.sqrt(moved[i])), float(beyond[i]), float(share[i])) for i in order)

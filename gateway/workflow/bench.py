@@ -10,12 +10,12 @@ from pathlib import Path
 from drivers.clock import Clock
 from drivers.errors import ConfigError
 from drivers.types import MachineIdentity
-from gateway.capture.walk import Patience
 from gateway.config import AxisSection, SiteFile, load_site
 from gateway.errors import WriteRefused
 from gateway.say import Say
 from gateway.store import Proofs, RunFolder, Store
 from gateway.supervisor import Supervisor
+from gateway.walk import Patience
 
 
 @dataclass(frozen=True, slots=True)

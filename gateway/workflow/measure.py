@@ -14,12 +14,12 @@ from gateway.capture.corrected import from_file, from_live
 from gateway.capture.live import capture_axis, window_of
 from gateway.capture.sense import prove_sense
 from gateway.capture.targets import plan_of
-from gateway.capture.walk import walk
 from gateway.config import AxisSection
 from gateway.domain import Capture, Equipment, Evaluation, Item
 from gateway.evaluate.iso230_2 import evaluate
 from gateway.evaluate.uncertainty import Budget, linear_budget
 from gateway.table.proposal import InstrumentU
+from gateway.walk import walk
 from gateway.workflow import stages
 from gateway.workflow.bench import Bench
 
@@ -99,7 +99,7 @@ async def fetch_tables(at: Bench, axis: AxisSection) -> LiveSet:
     async def at_stop(_index: int, _stop: Stop, _reached: StopReached) -> None:
         return None
 
-    await walk(at.supervisor.controller, plan, at_stop, at.clock, at.patience, at.say)
+    await walk(at.supervisor.controller, plan, at_stop, at.patience, at.say)
     return await at.supervisor.controller.saved_tables(axis.name)
 
 

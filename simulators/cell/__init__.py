@@ -31,7 +31,7 @@ FloatArray = NDArray[np.float64]
 Wires = Literal["tcp", "memory"]
 USER = "trueflank"
 # In virtual time nobody is kept waiting by a slow poll, and every poll costs the test real time.
-VIRTUAL_PACE = {"poll_s": 0.5, "fast_poll_s": 0.2}
+VIRTUAL_PACE = {"poll_s": 1.0, "fast_poll_s": 0.4}
 _numbers = itertools.count(1)
 
 

@@ -11,7 +11,7 @@ from drivers.clock import LoopClock, run_virtual
 from drivers.errors import BeamObstructed, DeviceRefused, UnsupportedDevice
 from gateway.capture.live import RawCapture, capture_axis, window_of
 from gateway.capture.sense import prove_sense
-from gateway.capture.walk import Patience
+from gateway.walk import Patience
 from gateway.config import AxisSection
 from gateway.domain import SenseProof
 from gateway.errors import Unstable
@@ -88,7 +88,7 @@ def test_a_lost_beam_stops_the_capture_and_ends_the_program() -> None:
 
 
 def test_a_missed_stop_is_refused() -> None:
-    with pytest.raises(DeviceRefused, match="E-CAP-ORDER"):
+    with pytest.raises(DeviceRefused, match="E-WALK-ORDER"):
         _run(skip_stop=3)
 
 

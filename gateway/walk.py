@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 
-from drivers.clock import Clock
 from drivers.errors import DeviceRefused, TrueflankError
 from drivers.ports import Controller
 from drivers.types import Stop, StopPlan, StopReached
@@ -25,9 +25,7 @@ class Patience:
     stop_s: float
 
 
-async def walk(
-    controller: Controller, plan: StopPlan, at_stop: AtStop, clock: Clock, patience: Patience, say: Say = silence
-) -> None:
+async def walk(controller: Controller, plan: StopPlan, at_stop: AtStop, patience: Patience, say: Say = silence) -> None:
     """Send the plan's program and visit its stops.
 
     `at_stop` is awaited while the axis stands; the hand-shake counter is echoed after it returns.
@@ -45,20 +43,18 @@ async def walk(
             timeout_s = patience.start_s if index == 0 else patience.stop_s
             reached = await controller.wait_stop(counter, timeout_s)
             if reached is None:
-                raise Incomplete("E-CAP-ENDED", plan.axis, done=index, total=len(plan.stops))
+                raise Incomplete("E-WALK-ENDED", plan.axis, done=index, total=len(plan.stops))
             _check(plan, index, stop, reached, counter)
             await at_stop(index, stop, reached)
             counter = reached.counter
             await controller.release_stop(counter)
             say("P-STOP", axis=plan.axis, program=plan.name, done=index + 1, total=len(plan.stops))
         if await controller.wait_stop(counter, patience.stop_s) is not None:
-            raise DeviceRefused("E-CAP-ORDER", plan.axis, expected="the end", found="another stop")
-    except BaseException:
+            raise DeviceRefused("E-WALK-ORDER", plan.axis, expected="the end", found="another stop")
+    except (TrueflankError, asyncio.CancelledError):
         with contextlib.suppress(TrueflankError):
             await controller.abort_program()
         raise
-    finally:
-        await _settle(clock)
 
 
 def _check(plan: StopPlan, index: int, stop: Stop, reached: StopReached, counter: int) -> None:
@@ -66,12 +62,8 @@ def _check(plan: StopPlan, index: int, stop: Stop, reached: StopReached, counter
     found = (reached.counter, reached.repetition, reached.label, reached.approach)
     if expected != found or abs(reached.target - stop.target) > POSITION_TOLERANCE:
         raise DeviceRefused(
-            "E-CAP-ORDER",
+            "E-WALK-ORDER",
             plan.axis,
             expected=f"stop {index}: {expected} at {stop.target}",
             found=f"{found} at {reached.target}",
         )
-
-
-async def _settle(clock: Clock) -> None:
-    await clock.sleep(0)

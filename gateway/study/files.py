@@ -1,0 +1,167 @@
+"""Gear file and error file of a study -> validated trees: the one place where they are read."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Any, Literal, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from drivers.errors import ConfigError
+
+Number = float
+Tree = TypeVar("Tree", bound=BaseModel)
+
+
+class _Section(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class GearData(_Section):
+    """The disc's own data, mm; ``drot_arcsec`` turns each flank."""
+
+    rp: float
+    rrp: float
+    a: float
+    zp: int
+    zc: int
+    b: float = 10.0
+    drp: float = 0.0
+    drrp: float = 0.0
+    drot_arcsec: float = 0.0
+
+
+class GrindingData(_Section):
+    """Centre distance of gear and wheel, mm."""
+
+    centre_distance_mm: float = Field(gt=0)
+
+
+class FlankData(_Section):
+    """Points looked at on each flank, and the normal deviation that is allowed to either side."""
+
+    profile: int = Field(default=11, ge=3)
+    width: int = Field(default=5, ge=2)
+    fraction: float = Field(default=0.95, gt=0.0, le=1.0)
+    limit_um: float = Field(default=2.0, gt=0.0)
+
+
+class GearFile(_Section):
+    """A whole gear file."""
+
+    name: str = Field(min_length=1)
+    note: str = ""
+    gear: GearData
+    grinding: GrindingData
+    flank: FlankData = FlankData()
+
+
+class MachineData(_Section):
+    """A preset with the frame of its C errors, or a whole chain (mm, rad, without errors)."""
+
+    preset: Literal["yk7350b", ""] = "yk7350b"
+    c_frame: Literal["moving", "fixed"] = "moving"
+    chain: dict[str, Any] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _one(self) -> MachineData:
+        if bool(self.preset) == bool(self.chain):
+            raise ValueError('give either a preset or, with preset = "", a chain')
+        return self
+
+
+class ErrorFunction(_Section):
+    """An error motion over its axis' position: values in um or arcsec, positions in mm or deg."""
+
+    type: Literal["poly", "fourier", "pl"]
+    c: tuple[float, ...] = ()
+    q0: float = 0.0
+    scale: float = 1.0
+    a0: float = 0.0
+    a: tuple[float, ...] = ()
+    b: tuple[float, ...] = ()
+    period: float | None = None
+    q: tuple[float, ...] = ()
+    v: tuple[float, ...] = ()
+
+
+class Seeded(_Section):
+    """Errors drawn for those not given: largest size of a motion's terms and of location errors."""
+
+    seed: int
+    linear_um: float = Field(default=3.0, ge=0.0)
+    angular_arcsec: float = Field(default=4.0, ge=0.0)
+    location_arcsec: float = Field(default=10.0, ge=0.0)
+    travel_mm: float = Field(default=200.0, gt=0.0)
+
+
+class Doubt(_Section):
+    """Standard uncertainty of the errors: a value for all lengths, one for all angles, and any by name."""
+
+    linear_um: float = Field(default=0.5, ge=0.0)
+    angular_arcsec: float = Field(default=0.5, ge=0.0)
+    each: dict[str, float] = Field(default_factory=dict)
+
+
+class GridData(_Section):
+    """The controller's grid for tables over one axis, in its unit."""
+
+    minimum: float
+    maximum: float
+    step: float = Field(gt=0)
+    reference: float = 0.0
+    modulo: bool = False
+
+    @model_validator(mode="after")
+    def _divides(self) -> GridData:
+        intervals = (self.maximum - self.minimum) / self.step
+        if intervals < 1 or abs(intervals - round(intervals)) > 1e-9:
+            raise ValueError("step must divide maximum - minimum")
+        return self
+
+
+class ErrorFile(_Section):
+    """A whole error file: the machine, its errors, how well they are known, and what its control can hold."""
+
+    name: str = Field(min_length=1)
+    note: str = ""
+    machine: MachineData = MachineData()
+    errors: dict[str, Number | ErrorFunction] = Field(default_factory=dict)
+    seeded: Seeded | None = None
+    uncertainty: Doubt | None = None
+    tables: dict[str, GridData] = Field(default_factory=dict)
+    bounds: dict[str, float] = Field(default_factory=dict, description="how far CEC may spoil an axis, um or arcsec")
+    goal: Literal["rms", "max"] = "rms"
+
+    @model_validator(mode="after")
+    def _something(self) -> ErrorFile:
+        if not self.errors and self.seeded is None:
+            raise ValueError("give errors, or a seed to draw them")
+        return self
+
+
+def load_gear(path: Path) -> GearFile:
+    """Read a gear file. Raises ConfigError (E-STUDY-READ, E-STUDY-TOML, E-STUDY-VALUE) with file, key and why."""
+    return _load(path, GearFile)
+
+
+def load_errors(path: Path) -> ErrorFile:
+    """Read an error file. Raises ConfigError (E-STUDY-READ, E-STUDY-TOML, E-STUDY-VALUE) with file, key and why."""
+    return _load(path, ErrorFile)
+
+
+def _load(path: Path, kind: type[Tree]) -> Tree:
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError("E-STUDY-READ", str(path), why=str(error)) from error
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError("E-STUDY-TOML", str(path), why=str(error)) from error
+    try:
+        return kind.model_validate(data)
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(str(part) for part in first["loc"]) or "(file)"
+        more = error.error_count() - 1
+        raise ConfigError("E-STUDY-VALUE", str(path), key=key, why=first["msg"], more=more) from error

@@ -1,0 +1,215 @@
+"""A study worked out: one error at a time, ranking, cures and floor, correction, before and after, what to measure next."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from drivers.types import FloatArray
+from drivers.units import arcsec_to_rad, um_to_mm
+from gateway.correct.compensability import Cure, cures
+from gateway.correct.flankmodel import FlankModel, flank_model
+from gateway.correct.floor import Floor, floor
+from gateway.correct.fromgear import Visible, visible
+from gateway.correct.layers import LayeredCorrection, correct
+from gateway.correct.noise import Noise, noise_patterns
+from gateway.correct.plan import Plan, cross_specs, setup_values
+from gateway.gear.first_order import judged
+from gateway.gear.flank import FlankFigure, FlankGrid, flank_figure
+from gateway.gear.grinding import Grinding
+from gateway.gear.inspection import Inspection, inspect
+from gateway.gear.linear import Parameter, linear_flank
+from gateway.model.chain import Chain
+from gateway.sensitivity.next import Next, measure_next
+from gateway.sensitivity.outputs import OUTPUTS, FlankOutputs, Order, equal_size, equal_spans, measured_spans
+from gateway.sensitivity.sweep import Screening, screen
+from gateway.study.files import Doubt, ErrorFile, GearFile
+from gateway.study.machine import error_names, grid_of, grinding_of, is_angle, plan_of, travels
+
+TRAJECTORIES = 20
+
+
+@dataclass(frozen=True)
+class Alone:
+    """One error of the paper's size alone: its flank (K, T, Z) mm to second order, and what first order misses there."""
+
+    name: str
+    deviation: FloatArray
+    figure: FlankFigure
+    missed: float
+
+
+@dataclass(frozen=True)
+class State:
+    """A flank (K, T, Z) mm with its figure and inspection chart."""
+
+    deviation: FloatArray
+    figure: FlankFigure
+    chart: Inspection
+
+
+@dataclass(frozen=True)
+class Study:
+    """Everything a study found; mm and rad inside."""
+
+    gear: GearFile
+    errors: ErrorFile
+    grinding: Grinding
+    grid: FlankGrid
+    plan: Plan
+    names: tuple[str, ...]
+    alone: tuple[Alone, ...]
+    equal: Screening
+    measured: Screening
+    cures: Mapping[str, Cure]
+    floor: Floor
+    visible: Visible
+    correction: LayeredCorrection
+    before: State
+    with_eec: State
+    after: State
+    next: tuple[Next, ...]
+    truncation: float
+
+
+def study(
+    gear_file: GearFile,
+    error_file: ErrorFile,
+    *,
+    executor: Executor | None = None,
+    order: Order = "first",
+    r: int = TRAJECTORIES,
+    seed: int = 1,
+) -> Study:
+    """Work out all studies of a gear on a machine. Raises ModelError of the rooms it calls."""
+    grinding = grinding_of(gear_file, error_file)
+    grid = grid_of(gear_file, grinding.gear)
+    names = error_names(grinding.chain)
+    plan = plan_of(error_file, grinding)
+    doubts = doubt_columns(grinding.chain, names, error_file.uncertainty or Doubt(), plan)
+    noise = noise_patterns(grinding, grid, doubts)
+    used = replace(plan, noise=noise) if error_file.uncertainty is not None else plan
+    correction = correct(grinding, grid, used)
+    spans = (equal_spans(names), measured_spans(grinding, names, travels(plan, grinding.chain)))
+    equal, measured = (
+        screen(FlankOutputs(grinding, grid, one, order), names, OUTPUTS, r=r, seed=seed, executor=executor)
+        for one in spans
+    )
+    first = judged(grinding, grid.k, grid.theta, grid.z)
+    return Study(
+        gear_file,
+        error_file,
+        grinding,
+        grid,
+        plan,
+        names,
+        tuple(_alone(grinding, grid, name) for name in names),
+        equal,
+        measured,
+        _cures(grinding, grid, names),
+        floor(grinding, grid),
+        visible(linear_flank(grinding, grid, names)),
+        correction,
+        _state(grid, first.second),
+        _state(grid, _second(correction.machine_with_eec, grid)),
+        _state(grid, _second(correction.machine, grid)),
+        _next(grinding, grid, plan, [parameter.name for parameter, _ in doubts], noise),
+        float(np.max(np.abs(first.second - first.deviation))),
+    )
+
+
+def doubt_columns(chain: Chain, names: tuple[str, ...], doubt: Doubt, plan: Plan) -> list[tuple[Parameter, float]]:
+    """How each error may be wrong: a location error by its value, a motion by independent smooth shapes that together
+    make its standard uncertainty (first and second order over the travel, or two harmonics around the turn)."""
+    found: list[tuple[Parameter, float]] = []
+    for name in names:
+        axis, _ = chain.error_place(name)
+        usual = arcsec_to_rad(doubt.angular_arcsec) if is_angle(name) else um_to_mm(doubt.linear_um)
+        each = doubt.each.get(name)
+        u = usual if each is None else each * (arcsec_to_rad(1.0) if is_angle(name) else um_to_mm(1.0))
+        if not name.startswith("E"):
+            found.append((Parameter(name), u))
+            continue
+        shapes = _shapes(chain, axis, plan)
+        found += [(Parameter(name, shape), u / np.sqrt(len(shapes))) for shape in shapes]
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """A smooth shape of RMS 1: a Legendre polynomial over a travel, or a harmonic of the turn."""
+
+    order: int
+    low: float
+    high: float
+    turning: bool
+
+    def __call__(self, q: FloatArray) -> FloatArray:
+        """Values at q, same shape."""
+        if self.turning:
+            wave = np.cos if self.order % 2 else np.sin
+            return np.asarray(np.sqrt(2.0) * wave(((self.order + 1) // 2) * q))
+        x = np.clip((2.0 * q - self.low - self.high) / (self.high - self.low), -1.0, 1.0)
+        legendre = x if self.order == 1 else 0.5 * (3.0 * x**2 - 1.0)
+        return np.asarray(np.sqrt(2.0 * self.order + 1.0) * legendre)
+
+
+def _shapes(chain: Chain, axis: str, plan: Plan) -> list[Shape]:
+    if chain.axis(axis).kind == "revolute":
+        return [Shape(order, 0.0, 0.0, turning=True) for order in (1, 2, 3, 4)]
+    low, high = travels(plan, chain).get(axis, (-1.0, 1.0))
+    return [Shape(order, low, high, turning=False) for order in (1, 2)]
+
+
+def _alone(grinding: Grinding, grid: FlankGrid, name: str) -> Alone:
+    clean = grinding.chain.without_errors()
+    one = judged(replace(grinding, chain=clean.with_errors({name: equal_size(name)})), grid.k, grid.theta, grid.z)
+    missed = float(np.max(np.abs(one.second - one.deviation)))
+    e = np.broadcast_to(one.second, grid.shape)
+    return Alone(name, e, flank_figure(e, grid.section.h), missed)
+
+
+def _cures(grinding: Grinding, grid: FlankGrid, names: tuple[str, ...]) -> dict[str, Cure]:
+    """Cures of the machine's own errors; one the machine does not have is judged as a constant of the paper's size."""
+    wanted = []
+    for name in names:
+        axis, key = grinding.chain.error_place(name)
+        one = grinding.chain.axis(axis)
+        motion = one.err.get(key, one.loc.get(key, 0.0))
+        if callable(motion):
+            wanted.append(Parameter(name, motion))
+        else:
+            size = float(motion) or equal_size(name)
+            wanted.append(Parameter(name, _Constant(size)))
+    return {cure.error: cure for cure in cures(grinding, grid, wanted)}
+
+
+@dataclass(frozen=True, slots=True)
+class _Constant:
+    value: float
+
+    def __call__(self, q: FloatArray) -> FloatArray:
+        return np.full_like(q, self.value)
+
+
+def _state(grid: FlankGrid, deviation: FloatArray) -> State:
+    e = np.broadcast_to(deviation, grid.shape)
+    return State(e, flank_figure(e, grid.section.h), inspect(grid, e))
+
+
+def _second(grinding: Grinding, grid: FlankGrid) -> FloatArray:
+    return judged(grinding, grid.k, grid.theta, grid.z).second
+
+
+def _next(grinding: Grinding, grid: FlankGrid, plan: Plan, names: list[str], noise: Noise) -> tuple[Next, ...]:
+    model = _tables_model(grinding, grid, plan)
+    return measure_next(names, noise.rows(model), model.rows, model.places.points)
+
+
+def _tables_model(grinding: Grinding, grid: FlankGrid, plan: Plan) -> FlankModel:
+    chain = grinding.chain
+    grids = [spec.grid for spec in cross_specs(chain, plan)]
+    return flank_model(grinding, grid, grids, setup_values(chain, plan))
