@@ -93,8 +93,9 @@ class FlankOutputs:
 
 
 def figures(grid: FlankGrid, deviation: FloatArray) -> FloatArray:
-    """`OUTPUTS` (6,) of deviations (K, T, Z), mm."""
-    figure, chart = flank_figure(deviation, grid.section.h), inspect(grid, deviation)
+    """`OUTPUTS` (6,) of deviations (K, T, Z), mm; the figure's rotation is the chart's angular datum."""
+    figure = flank_figure(deviation, grid.section.h)
+    chart = inspect(grid, deviation - figure.rotation * grid.section.h)
     pitch = max(one.F_p for one in chart.pitch)
     values = (figure.rms, figure.largest, np.max(chart.profile.F), np.max(chart.lead.F), pitch, chart.runout.F_r)
     return np.asarray(values, dtype=np.float64)

@@ -1,4 +1,4 @@
-"""A study worked out: one error at a time, ranking, cures and floor, correction, before and after, what to measure next."""
+"""A study worked out: errors one at a time, ranking, cures, floor, correction before and after, what comes next."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from gateway.correct.fromgear import Visible, visible
 from gateway.correct.layers import LayeredCorrection, correct
 from gateway.correct.noise import Noise, noise_patterns
 from gateway.correct.plan import Plan, cross_specs, setup_values
+from gateway.errors import ModelError
 from gateway.gear.first_order import judged
 from gateway.gear.flank import FlankFigure, FlankGrid, flank_figure
 from gateway.gear.grinding import Grinding
@@ -34,7 +35,7 @@ TRAJECTORIES = 20
 
 @dataclass(frozen=True)
 class Alone:
-    """One error of the paper's size alone: its flank (K, T, Z) mm to second order, and what first order misses there."""
+    """One error of the paper's size alone: its flank (K, T, Z) mm to second order, and what first order misses."""
 
     name: str
     deviation: FloatArray
@@ -44,7 +45,7 @@ class Alone:
 
 @dataclass(frozen=True)
 class State:
-    """A flank (K, T, Z) mm with its figure and inspection chart."""
+    """A flank (K, T, Z) mm with its figure, and its chart with the figure's rotation taken out (the angular datum)."""
 
     deviation: FloatArray
     figure: FlankFigure
@@ -197,7 +198,8 @@ class _Constant:
 
 def _state(grid: FlankGrid, deviation: FloatArray) -> State:
     e = np.broadcast_to(deviation, grid.shape)
-    return State(e, flank_figure(e, grid.section.h), inspect(grid, e))
+    figure = flank_figure(e, grid.section.h)
+    return State(e, figure, inspect(grid, e - figure.rotation * grid.section.h))
 
 
 def _second(grinding: Grinding, grid: FlankGrid) -> FloatArray:
@@ -213,3 +215,11 @@ def _tables_model(grinding: Grinding, grid: FlankGrid, plan: Plan) -> FlankModel
     chain = grinding.chain
     grids = [spec.grid for spec in cross_specs(chain, plan)]
     return flank_model(grinding, grid, grids, setup_values(chain, plan))
+
+
+def the_order(text: str) -> Order:
+    """The order of a word. Raises ModelError E-SENS-ORDER."""
+    known: dict[str, Order] = {"first": "first", "second": "second", "exact": "exact"}
+    if text not in known:
+        raise ModelError("E-SENS-ORDER", "study", order=text)
+    return known[text]

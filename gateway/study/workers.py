@@ -15,7 +15,7 @@ CONNECT_S = 10
 
 @contextmanager
 def workers(scheduler: str = "", count: int | None = None) -> Iterator[Executor | None]:
-    """An executor: a Dask cluster at ``scheduler`` (tcp://...), else ``count`` processes; one process means none at all.
+    """An executor: a Dask cluster at ``scheduler`` (tcp://...), else ``count`` processes; one process means none.
 
     Raises ModelError E-SENS-SCHEDULER if no cluster answers or Dask is not installed, E-STUDY-WORKERS.
     """

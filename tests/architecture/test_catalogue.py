@@ -22,8 +22,8 @@ def _uses() -> list[tuple[str, str, set[str], bool]]:
         for path in sorted((ROOT / package).rglob("*.py")):
             tree = ast.parse(path.read_text(encoding="utf-8"))
             for node in ast.walk(tree):
-                if not isinstance(node, ast.Call) or not node.args:
-                    continue
+                if not isinstance(node, ast.Call) or not node.args or _callee(node).startswith("_"):
+                    continue  # a private function passes the code on with its own fields
                 first = node.args[0]
                 if isinstance(first, ast.Constant) and isinstance(first.value, str) and CODE.match(first.value):
                     names = {keyword.arg for keyword in node.keywords if keyword.arg} - OWN_ARGUMENTS
@@ -31,6 +31,10 @@ def _uses() -> list[tuple[str, str, set[str], bool]]:
                     place = f"{path.relative_to(ROOT)}:{node.lineno}"
                     found.append((place, first.value, names, star))
     return found
+
+
+def _callee(node: ast.Call) -> str:
+    return node.func.id if isinstance(node.func, ast.Name) else getattr(node.func, "attr", "")
 
 
 def _placeholders(text: str) -> set[str]:

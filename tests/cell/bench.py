@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,8 +13,10 @@ from gateway.config import load_site
 from gateway.workflow.outcome import Outcome
 from gateway.workflow.run import run_site
 from simulators.cell import Cell, cell_running
+from simulators.cell.site import section
 
 During = Callable[[Cell], Awaitable[None]]
+Hook = Callable[[Cell, str, dict[str, object]], None]
 
 
 @dataclass(frozen=True)
@@ -33,9 +36,13 @@ def main_job(
     apply: bool = True,
     during: During | None = None,
     edit: Callable[[str], str] | None = None,
+    heard: Hook | None = None,
     **options: Any,
 ) -> Judged:
-    """One whole run; `edit` may change the site file's text, `during` is awaited once the cell stands."""
+    """One whole run; `edit` may change the site file's text, `during` is awaited once the cell stands.
+
+    `heard` (cell, code, fields) sees every progress code as it is said.
+    """
 
     async def job() -> Judged:
         clock = LoopClock()
@@ -52,9 +59,32 @@ def main_job(
 
             def say(code: str, /, **fields: object) -> None:
                 said.append((code, fields))
+                if heard is not None:
+                    heard(running, code, fields)
 
             name = site.site.name if apply else ""
             outcome = await run_site(site, path, apply=apply, machine_name=name, clock=clock, say=say)
             return Judged(outcome, before, {name: running.figures(name) for name in names}, said)
 
     return run_virtual(job)
+
+
+def short(
+    axes: tuple[str, ...] = ("C1",), count: int = 9, repetitions: int = 2, **measure: Any
+) -> Callable[[str], str]:
+    """An edit of a site file: only these axes, fewer targets and repetitions, other keys of `measure`."""
+
+    def edit(text: str) -> str:
+        site = tomllib.loads(text)
+        kept = [axis for axis in site["axes"] if axis["name"] in axes]
+        for axis in kept:
+            axis["measure"]["targets"] = {**axis["measure"]["targets"], "count": count}
+            axis["measure"] |= {"repetitions": repetitions, **measure}
+        parts = [section(name, site[name]) for name in ("site", "controller", "operator") if name in site]
+        parts += [section("[instruments]", item) for item in site["instruments"]]
+        for axis in kept:
+            below = [section(f"axes.{name}", axis.pop(name)) for name in ("measure", "table")]
+            parts += [section("[axes]", axis), *below]
+        return "\n".join(parts)
+
+    return edit

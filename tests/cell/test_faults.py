@@ -1,0 +1,158 @@
+"""What can go wrong in a run: each ends with what, where and what to do, and the tables as they were."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from drivers.errors import DeviceError, TableError, TransportError, TrueflankError
+from gateway.errors import Incomplete, WriteRefused
+from gateway.supervisor import DevicesFailed
+from simulators.cell import Cell
+from simulators.cell.control import with_serial
+from simulators.cell.judge import Judge
+from tests.cell.bench import main_job, short
+
+
+class Watched:
+    """Remembers the controller's tables at the start and at the end of a run."""
+
+    def __init__(self) -> None:
+        self.cell: Cell | None = None
+        self.first: Any = None
+
+    async def start(self, cell: Cell) -> None:
+        self.cell = cell
+        self.first = await self.tables()
+
+    async def tables(self) -> Any:
+        assert self.cell is not None
+        return await Judge(self.cell).answer({"ask": "tables"})
+
+
+def _fails(tmp_path: Path, expected: type[TrueflankError], text: str, **options: Any) -> TrueflankError:
+    """Run, expect this error with what, where and what to do, and byte for byte the same tables after it."""
+    watched = Watched()
+    prepare = options.pop("prepare", None)
+    last: list[Any] = []
+    heard = options.pop("heard", None)
+
+    async def during(cell: Cell) -> None:
+        await watched.start(cell)
+        stop = cell.stop
+
+        async def stop_and_look() -> None:
+            last.append(await watched.tables())
+            await stop()
+
+        cell.stop = stop_and_look  # type: ignore[method-assign]
+        if prepare is not None:
+            prepare(cell)
+
+    with pytest.raises(expected) as caught:
+        main_job(tmp_path, during=during, heard=heard, **{"edit": short(), **options})
+    told = str(caught.value)
+    assert text in told
+    assert "->" in told
+    assert caught.value.exit_code not in (0, 1)
+    assert last == [watched.first]
+    return caught.value
+
+
+def _at_stop(number: int, act: Callable[[Cell], Any]) -> Callable[[Cell, str, dict[str, object]], None]:
+    done: list[bool] = []
+
+    def heard(cell: Cell, code: str, fields: dict[str, object]) -> None:
+        if code == "P-STOP" and str(fields["program"]).startswith("TFMEAS") and fields["done"] == number and not done:
+            done.append(True)
+            result = act(cell)
+            if asyncio.iscoroutine(result):
+                cell.acting = asyncio.ensure_future(result)  # type: ignore[attr-defined]
+
+    return heard
+
+
+def test_the_lasers_line_pulled_mid_run(tmp_path: Path) -> None:
+    heard = _at_stop(5, lambda cell: cell.pull("laser"))
+    error = _fails(tmp_path, TransportError, "laser", edit=short(("X1",)), heard=heard)
+    assert error.exit_code == 3
+
+
+def test_the_beam_of_the_calibrator_broken_mid_run(tmp_path: Path) -> None:
+    heard = _at_stop(5, lambda cell: cell.beam("calibrator", broken=True))
+    _fails(tmp_path, DeviceError, "E-CAP-BEAM", heard=heard)
+
+
+@pytest.mark.parametrize(("axis", "component"), [("X1", "EXX"), ("C1", "ECC")])
+def test_the_wrong_optics_mounted(tmp_path: Path, axis: str, component: str) -> None:
+    def prepare(cell: Cell) -> None:
+        cell.operator.change(mounts_wrong=(component,))
+
+    error = _fails(tmp_path, TrueflankError, axis, edit=short((axis,)), prepare=prepare)
+    assert error.exit_code in (5, 6)
+
+
+def test_the_login_refused(tmp_path: Path) -> None:
+    def edit(text: str) -> str:
+        return short()(text).replace("password.txt", "wrong.txt")
+
+    def prepare(cell: Cell) -> None:
+        (cell.site_path.parent / "wrong.txt").write_text("not the password\n", encoding="utf-8")
+
+    error = _fails(tmp_path, DevicesFailed, "E-UA-LOGIN", edit=edit, prepare=prepare)
+    assert isinstance(error, DevicesFailed)
+    assert [name for name, _cause in error.causes] == ["controller"]
+
+
+def test_another_machine_behind_the_same_address(tmp_path: Path) -> None:
+    _fails(tmp_path, DeviceError, "E-SUP-MACHINE", prepare=lambda cell: with_serial(cell.nck, "YK7350B-9999"))
+
+
+def test_the_machine_exchanged_between_capture_and_push(tmp_path: Path) -> None:
+    def heard(cell: Cell, code: str, _fields: dict[str, object]) -> None:
+        if code == "P-PROPOSED":
+            with_serial(cell.nck, "YK7350B-9999")
+
+    _fails(tmp_path, WriteRefused, "serial", heard=heard)
+
+
+def test_too_few_points_reserved_names_the_machine_data_and_the_number(tmp_path: Path) -> None:
+    def edit(text: str) -> str:
+        return short()(text).replace("step = 5.0", "step = 1.0")
+
+    error = _fails(tmp_path, TableError, "MD38000", edit=edit)
+    assert "361" in str(error)
+
+
+def test_a_table_changed_after_the_capture_is_not_overwritten(tmp_path: Path) -> None:
+    changed: list[Any] = []
+
+    def heard(cell: Cell, code: str, _fields: dict[str, object]) -> None:
+        if code == "P-SIGN-PROVED" and not changed:
+            changed.append(True)
+            cell.nck.set("$MA_ENC_COMP_ENABLE[0,C1]", 0, 0)
+            cell.nck.set("$AA_ENC_COMP[0,3,C1]", 0.0004, 0)
+
+    with pytest.raises(WriteRefused, match="E-INT") as caught:
+        main_job(tmp_path, edit=short(), heard=heard)
+    assert changed
+    assert "C1" in str(caught.value)
+
+
+def test_nobody_presses_nc_start(tmp_path: Path) -> None:
+    _fails(tmp_path, TransportError, "E-NC-NO-STOP", prepare=lambda cell: cell.operator.change(auto=False))
+
+
+def test_the_channel_reset_in_the_middle_of_a_measuring_program(tmp_path: Path) -> None:
+    _fails(tmp_path, Incomplete, "E-WALK-ENDED", heard=_at_stop(5, lambda cell: cell.panel.channel_reset()))
+
+
+def test_apply_without_the_machines_name_opens_nothing(tmp_path: Path) -> None:
+    judged = main_job(tmp_path, apply=False, edit=short())
+    assert judged.outcome.data["outcome"] == "not-pushed"
+    assert judged.outcome.state == "proposed"
+    assert judged.before == judged.after
