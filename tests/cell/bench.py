@@ -44,6 +44,8 @@ def main_job(
     `heard` (cell, code, fields) sees every progress code as it is said.
     """
 
+    options.setdefault("block_s", 0.5)  # half the stream's blocks, and half the real time
+
     async def job() -> Judged:
         clock = LoopClock()
         async with cell_running(cell, folder / "cell", clock, wires="memory", **options) as running:

@@ -6,33 +6,64 @@ from pathlib import Path
 
 import pytest
 
-from tests.cell.bench import Judged, main_job
+from tests.cell.bench import Judged, main_job, short
 
 
 def _never_worse(judged: Judged) -> None:
     for axis, before in judged.before.items():
         assert judged.after[axis]["M"] <= before["M"] + 0.05, axis
+        assert judged.after[axis]["E"] <= before["E"] + 0.05, axis
 
 
-def test_the_demo_machine_gets_better_as_promised(tmp_path: Path) -> None:
-    judged = main_job(tmp_path)
+def _rotary_as_promised(judged: Judged) -> None:
     after, before = judged.after["C1"], judged.before["C1"]
     assert before["M"] > 15.0
     assert after["M"] <= 0.1 * before["M"]
     assert after["M"] <= 1.5
     assert after["E"] <= after["M"] + after["B"] + 0.3
-    for axis in ("X1", "Z1"):
-        assert judged.after[axis]["M"] <= max(0.15 * judged.before[axis]["M"], 2.0)
+
+
+def _linear_as_promised(judged: Judged, axis: str) -> None:
+    assert judged.after[axis]["M"] <= max(0.15 * judged.before[axis]["M"], 2.0)
+
+
+def test_the_demo_machines_rotary_axis_gets_better_as_promised(tmp_path: Path) -> None:
+    judged = main_job(tmp_path, edit=short(("C1",), 24, 5))
+    _rotary_as_promised(judged)
     assert judged.outcome.data["outcome"] == "better"
-    assert Path(judged.outcome.data["report"]["html"]).exists()
+    assert judged.outcome.exit_code == 0
+    for kind in ("html", "json", "picture"):
+        assert Path(judged.outcome.data["report"][kind]).stat().st_size > 1000
 
 
-@pytest.mark.parametrize(("seed", "flip"), [(2, False), (3, True)])
+def test_the_demo_machines_linear_axes_get_better_as_promised(tmp_path: Path) -> None:
+    judged = main_job(tmp_path, edit=short(("X1", "Z1"), 21, 4))
+    _linear_as_promised(judged, "X1")
+    _linear_as_promised(judged, "Z1")
+
+
+@pytest.mark.parametrize(("seed", "flip"), [(2, False), (5, True)])
 def test_other_machines_are_never_made_worse(tmp_path: Path, seed: int, flip: bool) -> None:
-    _never_worse(main_job(tmp_path, seed=seed, flip=flip))
+    _never_worse(main_job(tmp_path, seed=seed, flip=flip, edit=short(("X1", "C1"), 13, 4)))
 
 
 def test_a_machine_without_errors_gets_no_table(tmp_path: Path) -> None:
-    judged = main_job(tmp_path, "zero")
+    judged = main_job(tmp_path, "zero", edit=short(("X1", "C1"), 11, 4))
     assert judged.outcome.data["outcome"] == "not-pushed"
     assert set(judged.outcome.data["not_corrected"]) == set(judged.before)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("seed", range(20, 28))
+@pytest.mark.parametrize("flip", [False, True])
+def test_the_whole_plan_on_drawn_machines(tmp_path: Path, seed: int, flip: bool) -> None:
+    judged = main_job(tmp_path, seed=seed, flip=flip)
+    _never_worse(judged)
+
+
+@pytest.mark.soak
+def test_the_whole_demo(tmp_path: Path) -> None:
+    judged = main_job(tmp_path)
+    _rotary_as_promised(judged)
+    _linear_as_promised(judged, "X1")
+    _linear_as_promised(judged, "Z1")
