@@ -11,10 +11,10 @@ from drivers.clock import LoopClock, run_virtual
 from drivers.errors import BeamObstructed, DeviceRefused, UnsupportedDevice
 from gateway.capture.live import RawCapture, capture_axis, window_of
 from gateway.capture.sense import prove_sense
-from gateway.walk import Patience
 from gateway.config import AxisSection
 from gateway.domain import SenseProof
 from gateway.errors import Unstable
+from gateway.walk import Patience
 from tests.unit.capture.double import LittleMachine
 
 AXIS = AxisSection.model_validate(
