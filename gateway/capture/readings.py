@@ -42,7 +42,7 @@ class Window:
 class Readings:
     """Keeps the newest stretch of a stream and answers "what does it read now that it stands still?"."""
 
-    KEEP_S = 30.0
+    KEEP_S = 120.0
 
     def __init__(self, instrument: Instrument, clock: Clock, combine: History) -> None:
         """`combine` turns raw channel columns (n, c) into the one quantity (n,) that must stand still."""
@@ -53,7 +53,9 @@ class Readings:
         self._news = asyncio.Event()
         self._failure: TrueflankError | None = None
         self._task: asyncio.Task[None] | None = None
-        self._last_reading_s = -np.inf
+        # (end, lowest, highest) of every block since the last reading: a motion is remembered however late
+        # somebody asks, while the samples themselves are kept for `KEEP_S` only.
+        self._ranges: list[tuple[float, float, float]] = []
         self.broken_since: float | None = None
         self.lost = 0
 
@@ -86,10 +88,15 @@ class Readings:
         if not bool(block.valid.all()):
             self.broken_since = float(block.time_s[int(np.argmin(block.valid))])
         self._blocks.append(block)
+        seen = self._combine(block.values)
+        self._ranges.append((float(block.time_s[-1]), float(np.min(seen)), float(np.max(seen))))
         oldest = float(block.time_s[-1]) - self.KEEP_S
         while len(self._blocks) > 1 and self._blocks[0].time_s[-1] < oldest:
             self._blocks.popleft()
         self._news.set()
+
+    def _forget_before(self, end_s: float) -> None:
+        self._ranges = [seen for seen in self._ranges if seen[0] > end_s]
 
     @property
     def latest_s(self) -> float:
@@ -142,7 +149,7 @@ class Readings:
             if self.latest_s >= begin + window.average_s:
                 missing, reading = self._judge(begin, window, expect, left_at)
                 if reading is not None:
-                    self._last_reading_s = begin + window.average_s
+                    self._forget_before(begin + window.average_s)
                     return reading
                 begin = max(begin + window.average_s, self.latest_s - window.average_s)
             else:
@@ -173,17 +180,12 @@ class Readings:
         return step > max(stable, 3.0 * sigma)
 
     def _left_since(self, moved_from: tuple[float, float] | None) -> float | None:
+        """End of the first block after the last reading that was as far away as `moved_from` asks."""
         if moved_from is None:
             return -np.inf
         value, distance = moved_from
-        for block in self._blocks:
-            if block.time_s[-1] <= self._last_reading_s:
-                continue
-            away = np.abs(self._combine(block.values) - value) >= distance
-            away &= block.time_s > self._last_reading_s
-            if away.any():
-                return float(block.time_s[int(np.argmax(away))])
-        return None
+        far = (end_s for end_s, low, high in self._ranges if max(value - low, high - value) >= distance)
+        return next(far, None)
 
     def _check_beam(self) -> None:
         if self.broken_since is not None:

@@ -45,8 +45,7 @@ def study_command(
     show_table("by axis (range)", ("axis", "as it is", "EEC", "EEC + CEC", "unit"), tell.axis_rows(found))
     show_table("by tooth (predicted)", ("value", "as it is", "EEC", "everything", "unit"), tell.tooth_rows(found))
     setup = ", ".join(
-        f"{name} {value:+.2f} {'um' if name != f'{found.grinding.index} zero' else 'arcsec'}"
-        for name, value in found.correction.setup.items()
+        f"{name} {value:+.2f} {tell.setup_unit(found, name)}" for name, value in found.correction.setup.items()
     )
     lines = [f"set-up values: {setup}"] if setup else []
     lines += [*found.correction.said, *tell.floor_lines(found), *tell.visible_lines(found)]

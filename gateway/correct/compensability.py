@@ -89,6 +89,8 @@ def families(grinding: Grinding, grid: FlankGrid) -> dict[str, tuple[Parameter, 
         f"{c} zero": (Parameter(c),),
         "dressing offset": (Parameter(OFFSET),),
     }
+    if grinding.chain.axis(c).err_frame == "moving":
+        found["mounting"] = tuple(Parameter(f"E{letter}{c}") for letter in "XYAB")
     setup = tuple(one for group in found.values() for one in group)
     found["set-up values"] = setup
     for out, over_axis in ((x, z), (x, c), (c, c), (c, z)):

@@ -14,6 +14,8 @@ from drivers.units import mm_to_um, rad_to_arcsec
 from gateway.correct.compensability import tangential_cure
 from gateway.correct.flankmodel import FlankModel, SetupValue, flank_model
 from gateway.correct.leastsquares import nearest
+from gateway.correct.mounting import centred, mounting_of
+from gateway.correct.places import places_of_grid
 from gateway.correct.tables import TableGrid
 from gateway.gear.flank import FlankGrid
 from gateway.gear.grinding import Grinding
@@ -23,7 +25,7 @@ SAME = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Floor:
-    """RMS (mm, one rotation removed) step by step: as it is, set-up values, tables, any products of tables.
+    """RMS (mm, one rotation removed) step by step: as it is, set-up values (and mounting), tables, any products of tables.
 
     ``products`` is the floor of the machine: the odd part of B, which no axis of an X-Z-C grinder can make.
     ``alpha_arcsec_per_um`` is what C gives for a tangential error B, ``eta`` the share of B that then stays.
@@ -39,17 +41,19 @@ class Floor:
     tangential: float
 
 
-def floor(grinding: Grinding, grid: FlankGrid, *, dressing: bool = True) -> Floor:
+def floor(grinding: Grinding, grid: FlankGrid, *, dressing: bool = True, mounting: bool = True) -> Floor:
     """The floor of a machine (first order; relevant floors are far below where second order counts)."""
     x, z, c = grinding.infeed, grinding.stroke, grinding.index
     setup = [SetupValue(x), SetupValue(c), *([SetupValue("")] if dressing else [])]
     over_z = np.unique(np.round(grinding.commands(0.0, grid.zs)[z], 9))
     over_c = np.unique(np.round(grinding.commands(grid.ks, 0.0)[c], 12))
     tables = [TableGrid(out, over, nodes) for out in (x, c) for over, nodes in ((z, over_z), (c, over_c))]
-    whole = flank_model(grinding, grid, tables, setup)
+    before = flank_model(grinding, grid).rms(np.zeros(0))
+    seated = centred(grinding, mounting_of(grinding, places_of_grid(grid))) if mounting else grinding
+    whole = flank_model(seated, grid, tables, setup)
     cure = tangential_cure(grid.gear, grid.thetas)
     return Floor(
-        before=whole.rms(np.zeros(whole.size)),
+        before=before,
         setup=_left(whole.without([one.name for one in tables])),
         tables=_left(whole),
         products=_any_product(whole, dressing),

@@ -14,11 +14,13 @@ import numpy as np
 
 from drivers.errors import words
 from drivers.types import CompensationTable
-from drivers.units import mm_to_um
+from drivers.units import mm_to_um, rad_to_arcsec
 from gateway.correct.apply import with_tables
 from gateway.correct.limits import AxisBound
+from gateway.correct.mounting import Mounting, centred, mounting_of
 from gateway.correct.optimise import Optimum, optimise
 from gateway.correct.ownlayer import AxisCurve, axis_curve, own_layer
+from gateway.correct.places import places_of_grid
 from gateway.correct.plan import Plan, cross_specs, live_table, setup_values
 from gateway.correct.records import in_deviation_unit, record
 from gateway.correct.tables import Table, TableGrid
@@ -26,6 +28,8 @@ from gateway.gear.first_order import judged
 from gateway.gear.flank import FlankFigure, FlankGrid, flank_figure
 from gateway.gear.grinding import Grinding
 from gateway.model.chain import Chain
+
+FEWEST_SPACES = 5  # fewer cannot tell a harmonic of the turn
 
 
 @dataclass(frozen=True)
@@ -63,16 +67,21 @@ def correct(
     own = own_layer(chain, plan, live)
     first = _added(chain, own, live, "EEC")
     acting = with_tables(grinding, first)
+    mounting = _mounting(acting, grid, plan)
+    seated = centred(acting, mounting)
     specs = cross_specs(chain, plan, live)
     bounds = [_bound(chain, plan, axis, first) for axis in plan.bounds if plan.has(axis)]
     setup = setup_values(chain, plan)
-    found = optimise(acting, grid, specs, setup, norm=plan.norm, noise=plan.noise, bounds=bounds)
+    found = optimise(seated, grid, specs, setup, norm=plan.norm, noise=plan.noise, bounds=bounds)
     second = _added(chain, found.tables, live, "CEC")
-    machine = _set_up(with_tables(acting, second), found.setup)
+    machine = _set_up(with_tables(seated, second), found.setup)
     return LayeredCorrection(
         eec=tuple(record(chain, table, "EEC") for table in own),
         cec=tuple(record(chain, table, "CEC", index=i) for i, table in enumerate(found.tables)),
-        setup={name: _told(chain, name, value) for name, value in found.setup.items()},
+        setup={
+            **{name: _told(chain, name, value) for name, value in found.setup.items()},
+            **_mounting_told(mounting),
+        },
         before=second_order_figure(grinding, grid),
         with_eec=second_order_figure(acting, grid),
         best=found.best,
@@ -98,6 +107,20 @@ def _added(
     acting = [one for one in live if one.function == layer]
     old = [live_table(chain, table.grid.out, table.grid.over, acting) for table in tables]
     return [*tables, *(Table(one.grid, -one.values) for one in old if one is not None)]
+
+
+def _mounting(acting: Grinding, grid: FlankGrid, plan: Plan) -> Mounting:
+    if not plan.mounting or grid.ks.size < FEWEST_SPACES:
+        return Mounting()
+    return mounting_of(acting, places_of_grid(grid)).rounded(plan.resolution_mm, np.deg2rad(plan.resolution_deg))
+
+
+def _mounting_told(mounting: Mounting) -> dict[str, float]:
+    """What to move the work by, um and arcsec; nothing for what is right."""
+    names = ("work eccentricity x", "work eccentricity y", "work tilt a", "work tilt b")
+    sizes = (mm_to_um(1.0), mm_to_um(1.0), rad_to_arcsec(1.0), rad_to_arcsec(1.0))
+    told = zip(names, mounting.values, sizes, strict=True)
+    return {name: -value * size for name, value, size in told if value != 0.0}
 
 
 def _bound(chain: Chain, plan: Plan, axis: str, first: Sequence[Table]) -> AxisBound:

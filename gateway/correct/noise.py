@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -61,16 +61,17 @@ def worth_it(model: FlankModel, noise: Noise) -> tuple[FlankModel, tuple[Omitted
 
     What a block adds to the others decides. Without any known uncertainty everything stays.
     """
-    omitted: list[Omitted] = []
     if noise.none:
         return model, ()
-    while model.blocks:
-        weakest = min((_worth(model, block.name, noise) for block in model.blocks), key=_ratio)
+    omitted: list[Omitted] = []
+    short = _Short.of(model, noise)
+    while short.columns:
+        weakest = min((short.worth(name) for name in short.columns), key=_ratio)
         if weakest.gain > weakest.U:
             break
         omitted.append(weakest)
-        model = model.without([weakest.name])
-    return model, tuple(omitted)
+        short = short.without(weakest.name)
+    return model.without([one.name for one in omitted]), tuple(omitted)
 
 
 def carried(model: FlankModel, noise: Noise) -> float:
@@ -80,16 +81,37 @@ def carried(model: FlankModel, noise: Noise) -> float:
     return float(np.sqrt(square / model.places.points))
 
 
-def _worth(model: FlankModel, name: str, noise: Noise) -> Omitted:
-    """What a block adds to all the others."""
-    span = model.spans[name]
-    rest = _basis(np.delete(model.rows, np.s_[span], axis=1))
-    whole = model.rows[:, span]
-    basis = _basis(whole - rest @ (rest.T @ whole), np.linalg.norm(whole, axis=0))
-    gain = float(np.sum((basis.T @ model.right) ** 2))
-    doubt = float(np.sum((basis.T @ noise.rows(model)) ** 2)) + noise.point**2 * basis.shape[1]
-    points = model.places.points
-    return Omitted(name, float(np.sqrt(gain / points)), COVERAGE * float(np.sqrt(doubt / points)))
+@dataclass(frozen=True)
+class _Short:
+    """Columns of each block, the errors and their doubts in as few rows as carry them."""
+
+    columns: dict[str, FloatArray]
+    right: FloatArray
+    doubts: FloatArray
+    point: float
+    points: int
+
+    @staticmethod
+    def of(model: FlankModel, noise: Noise) -> _Short:
+        doubts = noise.rows(model)
+        whole = np.concatenate([model.rows, doubts, model.right[:, None]], axis=1)
+        short = np.asarray(np.linalg.qr(whole, mode="r"))
+        width = model.size
+        columns = {name: short[:, span] for name, span in model.spans.items()}
+        return _Short(columns, short[:, -1], short[:, width:-1], noise.point, model.places.points)
+
+    def without(self, name: str) -> _Short:
+        return replace(self, columns={key: value for key, value in self.columns.items() if key != name})
+
+    def worth(self, name: str) -> Omitted:
+        """What a block adds to all the others."""
+        others = [value for key, value in self.columns.items() if key != name]
+        rest = _basis(np.concatenate(others, axis=1) if others else np.zeros((self.right.size, 0)))
+        whole = self.columns[name]
+        basis = _basis(whole - rest @ (rest.T @ whole), np.linalg.norm(whole, axis=0))
+        gain = float(np.sum((basis.T @ self.right) ** 2))
+        doubt = float(np.sum((basis.T @ self.doubts) ** 2)) + self.point**2 * basis.shape[1]
+        return Omitted(name, float(np.sqrt(gain / self.points)), COVERAGE * float(np.sqrt(doubt / self.points)))
 
 
 def _ratio(one: Omitted) -> float:

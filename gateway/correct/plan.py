@@ -37,8 +37,9 @@ class AxisGrid:
 class Plan:
     """Grids by input axis, axes with a table of their own (EEC), cross tables (output, input), set-up values, goal.
 
-    ``bounds`` (um or arcsec by axis) is how far CEC may spoil an axis; one without is bound by the limits of a table
-    alone. ``noise`` says how the errors may be wrong. Tables over an axis without a grid are left out.
+    ``mounting``: the work's eccentricity and tilt are set right by hand, no table takes them. ``bounds`` (um or arcsec
+    by axis) is how far CEC may spoil an axis; one without is bound by the limits of a table alone. ``noise`` says how
+    the errors may be wrong. Tables over an axis without a grid are left out.
     """
 
     grids: tuple[AxisGrid, ...]
@@ -46,6 +47,7 @@ class Plan:
     cross: tuple[tuple[str, str], ...] = CROSS
     zeros: tuple[str, ...] = ("X", "C")
     dressing: bool = True
+    mounting: bool = True
     norm: Norm = "rms"
     bounds: Mapping[str, float] = field(default_factory=dict)
     noise: Noise = field(default_factory=Noise)

@@ -18,17 +18,27 @@ from gateway.sensitivity.ranks import Ranked
 from gateway.study.work import State, Study
 
 Row = tuple[str, ...]
+PART = 0.5  # of the RMS: a cure that leaves more is none
 
 
 def tag(cure: Cure) -> str:
     """Who cures an error: set-up, CEC, CEC product, mechanical, none."""
     if cure.by == "none needed":
         return "none"
-    if cure.by == "mechanical only":
+    by = cured_by(cure)
+    if by == "mechanical only":
         return "mech"
-    if "zero" in cure.by or "dressing" in cure.by or cure.by == "set-up values":
+    if "zero" in by or "dressing" in by or by.startswith(("mounting", "set-up")):
         return "set-up"
-    return "product" if "*" in cure.by else "CEC"
+    return "product" if "*" in by else "CEC"
+
+
+def cured_by(cure: Cure) -> str:
+    """The simplest cure; where none does it all, the simplest that takes more than half, "in part"."""
+    if cure.by != "mechanical only":
+        return cure.by
+    helping = (family for family, left in cure.left.items() if left <= PART * cure.rms)
+    return next((f"{family} in part" for family in helping), cure.by)
 
 
 def axis_rows(study: Study) -> list[Row]:
@@ -72,8 +82,13 @@ def error_rows(study: Study) -> Sequence[Row]:
         cure, ranked = study.cures[one.name], rank[one.name]
         alone = f"{mm_to_um(one.figure.rms):.3f}", f"{mm_to_um(float(np.max(np.abs(one.deviation)))):.3f}"
         place = f"{ranked.rank_low}-{ranked.rank_high}" if ranked.rank_low != ranked.rank_high else str(ranked.rank)
-        rows.append((one.name, *alone, place, cure.by, _um(cure.rms), _um(cure.floor)))
+        rows.append((one.name, *alone, place, cured_by(cure), _um(cure.rms), _um(cure.floor)))
     return rows
+
+
+def setup_unit(study: Study, name: str) -> str:
+    """Unit of a set-up value: arcsec of the index axis' zero and of a tilt, else um."""
+    return "arcsec" if name == f"{study.grinding.index} zero" or "tilt" in name else "um"
 
 
 def floor_lines(study: Study) -> list[str]:
@@ -176,7 +191,7 @@ def _ranked(one: Ranked) -> dict[str, object]:
 
 def _cure(cure: Cure) -> dict[str, object]:
     return {
-        "by": cure.by,
+        "by": cured_by(cure),
         "tag": tag(cure),
         "rms_um": mm_to_um(cure.rms),
         "left_um": mm_to_um(cure.floor),
