@@ -25,7 +25,7 @@ SAME = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Floor:
-    """RMS (mm, one rotation removed) step by step: as it is, set-up values (and mounting), tables, any products of tables.
+    """RMS (mm, one rotation removed) step by step: as it is, set-up values and mounting, tables, any products.
 
     ``products`` is the floor of the machine: the odd part of B, which no axis of an X-Z-C grinder can make.
     ``alpha_arcsec_per_um`` is what C gives for a tangential error B, ``eta`` the share of B that then stays.

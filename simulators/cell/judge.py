@@ -43,10 +43,14 @@ class Judge:
             "nc_start": lambda _q: self._cell.nck.nc_start(),
             "channel_reset": lambda _q: self._cell.nck.channel_reset(),
             "nck_reset": lambda _q: self._cell.nck.nck_reset(),
+            "lose_reference": lambda q: self._cell.nck.lose_reference(str(q["axis"])),
             "reference": lambda q: self._cell.nck.reference_axis(str(q["axis"])),
             "mode": lambda q: self._cell.panel.set_mode(str(q["value"])),
             "acknowledge": lambda _q: self._cell.nck.acknowledge_alarms(),
             "mount": self._mount,
+            "override": lambda q: self._cell.nck.set_feed_override(float(q["value"])),
+            "drop_connections": lambda _q: self._cell.server.drop_connections(),
+            "cut_after_blocks": self._cut,
             "result_file": self._result_file,
         }
 
@@ -130,6 +134,10 @@ class Judge:
 
     def _serial(self, question: Mapping[str, Any]) -> None:
         with_serial(self._cell.nck, str(question["value"]))
+
+    def _cut(self, question: Mapping[str, Any]) -> None:
+        """The mains fail after so many more program blocks."""
+        self._cell.nck.cut_power_after(int(question["value"]))
 
     def _variable(self, question: Mapping[str, Any]) -> None:
         """Write any NC variable with a manufacturer's rights, e.g. another table, MD38000 or a backlash."""

@@ -16,7 +16,7 @@ from gateway.config import load_site
 from simulators.cell import Cell
 from simulators.cell.judge import Judge
 from simulators.cellfile import load_cell
-from simulators.pytest_plugin import CellStarter
+from simulators.pytest_plugin import CellStarter, WireCell
 
 JOG = """G500 D0 G90 G94 G60 G601
 MSG("TRUEFLANK SETUP EXX ON X")
@@ -153,6 +153,9 @@ def test_the_judge_answers_and_says_what_it_does_not_know(trueflank_cell: CellSt
         name = "$AA_ENC_COMP[0,3,X1]"
         await judge.answer({"set": "variable", "name": name, "value": 0.001})
         assert (await judge.answer({"ask": "tables"}))["digest"] != tables["digest"]
+        assert (await judge.answer({"set": "drop_connections"})) == {"done": True}
+        assert (await judge.answer({"set": "beam", "instrument": "laser"})) == {"done": True}
+        assert cell.bench.broken == {"laser"}
         assert "E-CELL-ASK" in (await judge.answer({"ask": "weather"}))["error"]
         assert "KeyError" in (await judge.answer({"ask": "deviation"}))["error"]
         assert "error" in await judge.answer({"ask": "figures", "axis": "Q9"})
@@ -197,6 +200,14 @@ def test_a_cell_on_wires_answers_its_parent_and_ends_with_its_pipe(trueflank_cel
     assert cell.stop() == 0
     judgement = json.loads(cell.site.with_suffix(".judgement.json").read_text())
     assert judgement["C1"]["raw"]["M"] > 10.0
+
+
+def test_a_cell_on_wires_ends_when_its_stop_file_appears(tmp_path: Path) -> None:
+    cell = WireCell(
+        tmp_path / "cell", "zero", ["--speed", "50", "--ignore-stdin", "--stop-file", str(tmp_path / "end")]
+    )
+    (tmp_path / "end").touch()
+    assert cell.stop() == 0
 
 
 def test_a_wrong_cell_is_refused_with_its_reason(trueflank_cell: CellStarter, tmp_path: Path) -> None:

@@ -133,7 +133,7 @@ def test_the_counter_is_written_last_and_every_wait_can_be_left() -> None:
         assert all(f"R8{n}=" in "\n".join(lines[:counted]) for n in range(1, 5))
         waiting = lines[lines.index("WHILE R85<>R80") : lines.index("ENDWHILE")]
         assert "IF R86<>0 GOTOF TF_LEFT" in waiting
-        assert "IF WAITED>144000 GOTOF TF_LEFT" in waiting
+        assert "IF WAITED>57600 GOTOF TF_LEFT" in waiting
 
 
 def test_tables_are_saved_before_the_first_move_and_the_set_up() -> None:

@@ -1,0 +1,1 @@
+"""Corrections: optimum, signs, limits, noise, layers."""

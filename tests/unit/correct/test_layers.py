@@ -1,0 +1,237 @@
+"""Both layers on whole machines: predicted is what happens, set-up is no table, advice, floor, and the way back."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gateway.correct.apply import with_tables
+from gateway.correct.flankmodel import corrected_flank
+from gateway.correct.floor import floor
+from gateway.correct.fromgear import correct_from_gear, fit_places, visible
+from gateway.correct.layers import correct
+from gateway.correct.mounting import centred, mounting_of
+from gateway.correct.places import places_of_grid, places_of_points
+from gateway.correct.reversal import reversal_advice
+from gateway.correct.tables import Product, Table, TableGrid
+from gateway.errors import ModelError
+from gateway.gear.envelope import exact
+from gateway.gear.first_order import first_order, flank_abg, judged
+from gateway.gear.flank import flank_figure, flank_grid
+from gateway.gear.grinding import Grinding
+from gateway.gear.linear import linear_flank
+from gateway.model.layout import chain_of
+from gateway.model.motion import Fourier
+from gateway.model.preset import TWENTY_ONE, yk7350b
+from gateway.table import Grid
+from tests.unit.correct.machines import PLAN, machine
+from tests.unit.gear.machines import DISC, RV40E
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_the_corrected_machine_grinds_what_was_predicted(seed: int) -> None:
+    grinding, grid = machine(seed)
+    found = correct(grinding, grid, PLAN)
+    assert found.after.rms < 0.15 * found.before.rms
+    assert found.checked.rms == pytest.approx(found.after.rms, abs=1e-6)
+    assert found.checked.largest == pytest.approx(found.after.largest, abs=5e-6)
+    assert {one.name for one in found.eec} == {"X(X)", "Z(Z)", "C(C)"}
+    for curve in found.axes:
+        assert np.ptp(curve.own_layer) < 0.25 * np.ptp(curve.before)
+    assert any("decided by the axis alone" in line for line in found.said)
+    assert any("cross term" in line for line in found.said)
+
+
+def test_tables_as_error_motions_do_what_tables_do() -> None:
+    grinding, grid = machine(5)
+    rng = np.random.default_rng(5)
+    z, c = np.linspace(-10.0, 10.0, 5), np.deg2rad(np.arange(0.0, 361.0, 45.0))
+    tables = [
+        Table.of(TableGrid(out, over, nodes, period), rng.normal(0.0, size, nodes.size - (period is not None)))
+        for out, size in (("X", 0.003), ("C", 4e-5))
+        for over, nodes, period in (("Z", z, None), ("C", c, 2.0 * np.pi))
+    ]
+    acting = with_tables(grinding, tables)
+    np.testing.assert_allclose(
+        np.broadcast_to(first_order(acting, grid.k, grid.theta, grid.z), grid.shape),
+        corrected_flank(grinding, grid, tables),
+        atol=1e-12,
+    )
+    # Off the nodes the exact flank agrees with second order.
+    second = judged(acting, grid.k, grid.theta, 1.3).second
+    np.testing.assert_allclose(exact(acting, grid.k, grid.theta, 1.3), second, atol=3e-6)
+    product = Product(tables[0], tables[1])
+    with pytest.raises(ModelError, match="E-CORRECT-APPLY"):
+        with_tables(grinding, [product])
+
+
+def test_another_build_of_machine_gets_its_own_signs() -> None:
+    side = [{"kind": "revolute", "name": "C", "axis": [0, 0, 1], "err": {"dx": Fourier(0.0, (0.0, 0.004))}}]
+    tool = [
+        {"kind": "prismatic", "name": "X", "axis": [1, 0, 0]},
+        {"kind": "prismatic", "name": "Z", "axis": [0, 0, 1], "err": {"dx": Fourier(0.0, (0.002,), (), 40.0)}},
+    ]
+    chain = chain_of({"work": [{**side[0], "err_frame": "fixed"}], "tool": tool})
+    grid = flank_grid(RV40E, profile=6, width=4)
+    plan = replace(PLAN, grids=(replace(PLAN.grids[0], minimum=0.0, maximum=200.0), *PLAN.grids[1:]))
+    found = correct(Grinding(chain, RV40E, 160.0), grid, plan)
+    table = next(one for one in found.cec if one.name == "X(Z)")
+    # Here X carries the wheel: EXZ of plus is taken by plus, not by minus.
+    relative = np.array(table.deviations)[1:4]
+    truth = 2.0 * np.cos(2.0 * np.pi * np.array([-5.0, 0.0, 5.0]) / 40.0)
+    np.testing.assert_allclose(relative, truth - truth[1], atol=0.15)
+    assert found.after.rms < 0.1 * found.before.rms
+    assert found.checked.rms == pytest.approx(found.after.rms, abs=1e-6)
+
+
+@pytest.mark.parametrize("frame", ["moving", "fixed"])
+def test_mounting_is_set_right_and_in_no_table(frame: str) -> None:
+    u, v = 0.004, -0.002
+    if frame == "moving":
+        errors: dict[str, object] = {"EXC": u, "EYC": v, "EBC": 3e-5}
+    else:
+        errors = {"EXC": Fourier(0.0, (u,), (-v,)), "EYC": Fourier(0.0, (v,), (u,))}
+    grinding = Grinding(yk7350b(errors, c_frame=frame), RV40E, 160.0)  # type: ignore[arg-type]
+    grid = flank_grid(RV40E, profile=6, width=4)
+    places = places_of_grid(grid)
+    seat = mounting_of(grinding, places)
+    assert (seat.x, seat.y) == pytest.approx((u, v), abs=1e-9)
+    assert seat.b == pytest.approx(3e-5 if frame == "moving" else 0.0, abs=1e-10)
+    right = centred(grinding, seat)
+    assert np.max(np.abs(flank_abg(right, places.k, places.z))) < 1e-9
+    found = correct(grinding, grid, PLAN)
+    assert found.setup["work eccentricity x"] == pytest.approx(-4.0, abs=1e-6)
+    assert found.setup["work eccentricity y"] == pytest.approx(2.0, abs=1e-6)
+    assert not any(any(one.deviations) for one in (*found.eec, *found.cec))
+    assert found.checked.rms < 1e-5
+
+
+def test_a_counter_rotating_harmonic_is_no_mounting() -> None:
+    errors = {"EXC": Fourier(0.0, (0.003,), (0.001,)), "EYC": Fourier(0.0, (-0.001,), (0.003,))}
+    counter = {"EXC": errors["EXC"], "EYC": Fourier(0.0, (0.001,), (-0.003,))}
+    grinding = Grinding(yk7350b(counter, c_frame="fixed"), RV40E, 160.0)
+    grid = flank_grid(RV40E, profile=6, width=4)
+    assert np.max(np.abs(mounting_of(grinding, places_of_grid(grid)).values)) < 1e-12
+    found = correct(grinding, grid, PLAN)
+    assert "work eccentricity x" not in found.setup
+    assert max(abs(d) for one in found.cec if one.name == "X(C)" for d in one.deviations) > 2.0
+
+
+def test_what_acted_is_continued_in_both_layers() -> None:
+    grinding, grid = machine(2)
+    first = correct(grinding, grid, PLAN)
+    again = correct(first.machine, grid, PLAN, live=(*first.eec, *first.cec))
+    for old, new in zip((*first.eec, *first.cec), (*again.eec, *again.cec), strict=True):
+        assert old.name == new.name
+        gap = np.abs(np.array(old.deviations) - np.array(new.deviations))
+        assert np.max(gap) <= (0.21 if old.deviation_unit == "um" else 0.73)
+    assert again.after.rms <= first.after.rms * 1.02
+    assert again.before.rms == pytest.approx(first.checked.rms, rel=1e-3)
+
+
+def test_the_floor_goes_down_step_by_step_and_no_correction_is_below_it() -> None:
+    for seed, disc in ((1, False), (3, True)):
+        grinding, grid = machine(seed, disc)
+        f = floor(grinding, grid)
+        assert f.before >= f.setup >= f.tables >= f.products > 0.0
+        found = correct(grinding, grid, PLAN)
+        assert f.products <= f.tables <= found.best.rms * (1.0 + 1e-6)
+        assert (f.eta > 0.3) == disc
+    assert floor(Grinding(yk7350b(), DISC, 190.0), flank_grid(DISC)).products == pytest.approx(0.0, abs=1e-15)
+
+
+def test_alpha_is_told_in_arcsec_per_um() -> None:
+    grinding, grid = machine(1)
+    assert floor(grinding, grid).alpha_arcsec_per_um == pytest.approx(3.2, abs=0.3)
+
+
+def test_reversal_is_advice_and_a_pair_where_it_varies() -> None:
+    at = np.linspace(0.0, 200.0, 11)
+    grid = Grid(0.0, 200.0, 20.0)
+    even = reversal_advice("X1", "mm", at, np.full(11, -3.0), 0.5, grid, resolution=1e-4, reference=0.0)
+    assert even.pair is None
+    assert even.backlash == pytest.approx(0.003)
+    varying = -3.0 + 2.0 * np.sin(at / 30.0)
+    B = varying.copy()
+    B[4] = np.nan
+    found = reversal_advice(
+        "X1", "mm", at, B, 0.5, grid, resolution=1e-4, reference=0.0, live_backlash=0.001, indices=(4, 5)
+    )
+    assert found.pair is not None
+    plus, minus = found.pair
+    assert (plus.direction, minus.direction, plus.index, minus.index) == (1, -1, 4, 5)
+    assert plus.input_axis == plus.output_axis == "X1"
+    np.testing.assert_allclose(np.array(plus.deviations), -np.array(minus.deviations), atol=1e-12)
+    assert plus.deviations[0] == 0.0
+    spread = np.array(plus.deviations) - np.array(minus.deviations)
+    wanted = varying - varying[0]
+    np.testing.assert_allclose(spread, wanted, atol=0.9)
+    assert found.backlash == pytest.approx(0.001 - np.nanmean(B) / 1e3)
+    quiet = reversal_advice("X1", "mm", at, np.full(11, 0.1), 0.5, grid, resolution=1e-4, reference=0.0)
+    assert quiet.backlash is None
+    with pytest.raises(ModelError, match="E-CORRECT-REVERSAL"):
+        reversal_advice("X1", "mm", at, B, 0.0, grid, resolution=1e-4, reference=0.0)
+
+
+@pytest.mark.parametrize("seed", [1, 3])
+def test_a_measured_gear_gives_back_what_the_machine_did(seed: int) -> None:
+    grinding, grid = machine(seed)
+    e = np.broadcast_to(judged(grinding, grid.k, grid.theta, grid.z).second, grid.shape)
+    noisy = e + np.random.default_rng(seed).normal(0.0, 2e-4, grid.shape)
+    points = tuple(np.broadcast_to(part, grid.shape) for part in (grid.k, grid.theta, grid.z))
+    fit = fit_places(places_of_points(grid.gear, *points), noisy)
+    truth = flank_abg(grinding, fit.k, fit.z)
+    assert fit.u == pytest.approx(2e-4, rel=0.15)
+    pull = (fit.abg - truth) / fit.abg_u
+    assert np.sqrt(np.mean(pull**2)) == pytest.approx(1.0, abs=0.15)
+    found = correct_from_gear(grinding, points, noisy, PLAN)  # type: ignore[arg-type]
+    assert found.optimum.after.rms < 0.2 * found.optimum.before.rms
+    # Judged by the truth, not by the readings.
+    setup = [Table(TableGrid(n.split()[0], "Z", [0.0]), [v]) for n, v in found.optimum.setup.items() if "zero" in n]
+    true = corrected_flank(grinding, grid, [*found.optimum.tables, *setup])
+    true = true + found.optimum.setup.get("dressing offset", 0.0) * grid.section.ny
+    assert flank_figure(true, grid.section.h).rms < 0.12 * flank_figure(e, grid.section.h).rms
+
+
+def test_few_points_say_what_they_do_not_tell_apart() -> None:
+    places = places_of_points(RV40E, [0.0, 0.0, 0.0, 1.0], [-0.05, 0.01, 0.06, 0.05], 0.0)
+    fit = fit_places(places, [0.001, 0.002, 0.001, 0.003], u=1e-4)
+    assert np.all(np.isfinite(fit.abg[0]))
+    assert np.all(np.isnan(fit.abg[1]))
+    with pytest.raises(ModelError, match="E-CORRECT-BASIS"):
+        fit_places(places_of_points(RV40E, [0.0, 1.0], 0.05, 0.0), [0.0, 0.0])
+    with pytest.raises(ModelError, match="E-CORRECT-POINTS"):
+        fit_places(places, [0.0, np.nan, 0.0, 0.0])
+    with pytest.raises(ModelError, match="E-CORRECT-POINTS"):
+        places_of_points(RV40E, [], [], [])
+
+
+def test_the_observable_combinations_are_named() -> None:
+    grid = flank_grid(RV40E, profile=5, width=3)
+    fixed = visible(linear_flank(Grinding(yk7350b(c_frame="fixed"), RV40E, 160.0), grid, TWENTY_ONE))
+    words = [one.words for one in fixed.combinations]
+    assert "EXX + EXC - EXZ" in words or "EXX - EXZ + EXC" in words
+    assert any("B0Z" in one and "B0C" in one and "- B0Z" in one and "+ B0C" in one for one in words)
+    assert fixed.rank == 4
+    assert {"EZX", "EZZ", "EZC", "EAZ", "EBZ"} < set(fixed.invisible)
+    moving = visible(linear_flank(Grinding(yk7350b(), RV40E, 160.0), grid, TWENTY_ONE))
+    assert moving.rank == 8
+    assert "EXC" in [one.words for one in moving.combinations]
+
+
+@settings(max_examples=12, deadline=None, derandomize=True)
+@given(st.integers(min_value=0, max_value=10_000), st.sampled_from(["rms", "max"]))
+def test_no_machine_gets_worse(seed: int, norm: str) -> None:
+    grinding, grid = machine(seed, disc=bool(seed % 2))
+    found = correct(grinding, grid, replace(PLAN, norm=norm))  # type: ignore[arg-type]
+    better = (found.checked.rms, found.before.rms) if norm == "rms" else (found.checked.largest, found.before.largest)
+    assert better[0] <= better[1]
+    for table in (*found.eec, *found.cec):
+        step = 0.1 if table.deviation_unit == "um" else 0.36
+        counts = np.array(table.deviations) / step
+        np.testing.assert_allclose(counts, np.rint(counts), atol=1e-6)
+        assert table.at(np.array([0.0]))[0] == 0.0

@@ -1,0 +1,139 @@
+"""The signs of the house: what a deviation of an error becomes in a table."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from drivers.types import CompensationTable
+from drivers.units import arcsec_to_rad
+from gateway.correct.flankmodel import corrected_flank
+from gateway.correct.layers import correct
+from gateway.correct.optimise import optimise
+from gateway.correct.plan import AxisGrid, Plan, table_spec
+from gateway.correct.products import best_product
+from gateway.correct.records import record, records_of_product, table_of
+from gateway.correct.tables import Table, TableGrid
+from gateway.errors import ModelError
+from gateway.gear.flank import flank_grid
+from gateway.gear.grinding import Grinding
+from gateway.model.motion import Fourier, PiecewiseLinear
+from gateway.model.preset import yk7350b
+from tests.unit.correct.machines import PLAN, machine
+from tests.unit.gear.machines import RV40E
+
+GRID = flank_grid(RV40E, profile=6, width=5)
+
+
+def _tables(found_eec: tuple[CompensationTable, ...]) -> dict[str, CompensationTable]:
+    return {one.name: one for one in found_eec}
+
+
+def test_exx_of_plus_5_um_is_x_x_plus_5() -> None:
+    bump = PiecewiseLinear((-180.0, -160.0, -140.0), (0.0, 0.005, 0.0))
+    found = correct(Grinding(yk7350b({"EXX": bump}), RV40E, 160.0), GRID, PLAN)
+    table = _tables(found.eec)["X(X)"]
+    assert table.function == "EEC"
+    assert table.at(np.array([-160.0]))[0] == pytest.approx(5.0)
+    assert np.count_nonzero(table.deviations) == 1
+    assert found.with_eec.largest < 1e-7
+
+
+def test_exz_of_plus_5_um_is_x_z_minus_5() -> None:
+    bump = PiecewiseLinear((-5.0, 0.0, 5.0), (0.005, 0.0, 0.005))
+    found = correct(Grinding(yk7350b({"EXZ": bump}), RV40E, 160.0), GRID, PLAN)
+    table = _tables(found.cec)["X(Z)"]
+    assert table.function == "CEC"
+    np.testing.assert_allclose(table.at(np.array([-5.0, 0.0, 5.0])), [-5.0, 0.0, -5.0], atol=1e-9)
+    assert not found.eec
+    assert found.after.largest < 1e-6
+    assert table.deviation_unit == "um"
+
+
+def test_ecc_of_plus_5_arcsec_is_c_c_plus_5() -> None:
+    five = arcsec_to_rad(5.04)
+    wave = PiecewiseLinear(tuple(np.deg2rad([0.0, 90.0, 180.0, 270.0, 360.0])), (0.0, five, 0.0, five, 0.0))
+    found = correct(Grinding(yk7350b({"ECC": wave}), RV40E, 160.0), GRID, PLAN)
+    table = _tables(found.eec)["C(C)"]
+    assert table.deviation_unit == "arcsec"
+    assert table.at(np.array([90.0]))[0] == pytest.approx(5.04)
+    assert table.at(np.array([450.0]))[0] == pytest.approx(5.04)
+    # The tooth needs nothing beyond: one deviation is never in both layers.
+    assert not any(any(one.deviations) for one in found.cec)
+
+
+def test_constants_on_a_table_without_a_reference_have_the_golden_values() -> None:
+    for errors, out, over, wanted in (
+        ({"EXX": 0.005}, "X", "X", 5.0),
+        ({"EXZ": 0.005}, "X", "Z", -5.0),
+        ({"ECC": arcsec_to_rad(5.0)}, "C", "C", 5.0),
+    ):
+        grinding = Grinding(yk7350b(errors), RV40E, 160.0)
+        nodes = np.array([-160.0, -140.0]) if over == "X" else np.array([-10.0, 10.0])
+        table = TableGrid(out, over, np.deg2rad([0.0, 180.0, 360.0]) if over == "C" else nodes)
+        from gateway.correct.limits import TableSpec
+
+        found = optimise(grinding, GRID, [TableSpec(table)], turning=False)
+        d = record(grinding.chain, found.tables[0], "CEC").deviations
+        used = d[:1] if over == "X" else d
+        np.testing.assert_allclose(used, wanted, atol=1e-6)
+        assert found.after.largest < 1e-9
+
+
+def test_5_um_of_eyc_cost_about_17_arcsec_on_c() -> None:
+    wave = Fourier(0.0, (0.0, 0.005))
+    found = correct(Grinding(yk7350b({"EYC": wave}, c_frame="fixed"), RV40E, 160.0), GRID, PLAN)
+    table = _tables(found.cec)["C(C)"]
+    assert not found.eec
+    amplitude = float(np.ptp(table.deviations)) / 2.0
+    assert amplitude == pytest.approx(17.0, rel=0.15)
+    curve = next(one for one in found.axes if one.axis == "C")
+    # C as an axis is spoiled on purpose, and the prediction says by how much.
+    assert np.ptp(curve.before) == 0.0
+    assert np.ptp(curve.predicted) == pytest.approx(2.0 * amplitude, rel=0.02)
+    # Judged on the flank it is far better: only the odd residual and the 30 deg grid's corners stay.
+    assert found.after.rms < 0.25 * found.before.rms
+
+
+def test_records_go_there_and_back() -> None:
+    grinding, _ = machine(1)
+    for out, over in (("X", "Z"), ("C", "Z"), ("C", "C"), ("X", "C")):
+        grid = table_spec(grinding.chain, PLAN, out, over).grid
+        free = np.random.default_rng(3).normal(0.0, 1e-4, grid.free.size)
+        table = Table.of(grid, free)
+        stored = record(grinding.chain, table, "CEC", index=3, names={"X": "X1", "Z": "Z1", "C": "C1"})
+        assert (stored.output_axis, stored.input_axis, stored.index) == (f"{out}1", f"{over}1", 3)
+        back = table_of(grinding.chain, stored, {"X": "X1", "Z": "Z1", "C": "C1"})
+        assert back is not None
+        np.testing.assert_allclose(back.values, table.values, atol=1e-12)
+        np.testing.assert_allclose(back.grid.nodes, grid.nodes, atol=1e-12)
+        assert back.grid.closed == (over == "C")
+    with pytest.raises(ModelError, match="E-CORRECT-UNEVEN"):
+        record(grinding.chain, Table(TableGrid("X", "Z", [0.0, 1.0, 3.0]), [0.0, 0.0, 0.0]), "CEC")
+
+
+def test_a_product_is_proved_first_and_then_removes_a_tilt_of_the_table() -> None:
+    errors = {"EBC": Fourier(0.0, (0.0, 2e-5), (0.0, 1e-5))}
+    grinding = Grinding(yk7350b(errors, c_frame="fixed"), RV40E, 160.0)
+    plan = Plan((AxisGrid("Z", -10.0, 10.0, 20.0), AxisGrid("C", 0.0, 360.0, 10.0, modulo=True)))
+    first, second = (table_spec(grinding.chain, plan, "X", over).grid for over in ("Z", "C"))
+    additive = optimise(grinding, GRID, [table_spec(grinding.chain, plan, "X", over) for over in ("Z", "C")])
+    assert additive.best.rms > 0.95 * additive.before.rms
+    from gateway.correct.flankmodel import flank_model
+
+    model = flank_model(grinding, GRID)
+    with pytest.raises(ModelError, match="E-CORRECT-UNPROVED"):
+        best_product(grinding, model, first, second, proved=False)
+    found = best_product(grinding, model, first, second, proved=True, step=1e-4)
+    assert found is not None
+    assert found.after < 0.15 * found.before
+    e = corrected_flank(grinding, GRID, [found.product])
+    assert float(np.sqrt(np.mean(e**2))) == pytest.approx(found.after, rel=0.2)
+    left, right = records_of_product(grinding.chain, found.product, first=5, second=6)
+    assert (left.multiply_by, left.index, right.index, right.multiply_by) == (7, 5, 6, 0)
+    at = {"Z": 7.0, "C": 123.0}
+    d_mm = left.at(np.array([at["Z"]]))[0] / 1e3 * right.at(np.array([at["C"]]))[0] / 1e3
+    q = found.product.first(at["Z"]) * found.product.second(np.deg2rad(at["C"]))
+    assert d_mm == pytest.approx(-float(q), rel=1e-9)
+    flat = flank_model(Grinding(yk7350b(), RV40E, 160.0), GRID)
+    assert best_product(grinding, flat, first, second, proved=True) is None
