@@ -56,7 +56,11 @@ def run_demo(folder: Path, cell: str, speed: float, seed: int | None, *, as_json
     site = folder / "site.toml"
     clock = LoopClock()
     with cell_process(cell, site, speed, seed):
+        started = clock.utc()
         run_site_command(site, True, "", as_json=as_json, typed_by_demo=True, clock=clock)
+        seconds = (clock.utc() - started).total_seconds()
+    if not as_json:
+        typer.echo(f"the run took {seconds:.0f} s of wall time at {speed:g} x machine time")
 
 
 def run_cell(cell: str, site: Path, speed: float, seed: int | None) -> None:

@@ -12,10 +12,9 @@ import numpy as np
 from drivers.types import FloatArray
 from drivers.units import mm_to_um, rad_to_arcsec
 from gateway.correct.compensability import tangential_cure
-from gateway.correct.flankmodel import FlankModel, SetupValue, flank_model
+from gateway.correct.flankmodel import Block, FlankModel, SetupValue, flank_model
 from gateway.correct.leastsquares import nearest
-from gateway.correct.mounting import centred, mounting_of
-from gateway.correct.places import places_of_grid
+from gateway.correct.mounting import mounting_terms
 from gateway.correct.tables import TableGrid
 from gateway.gear.flank import FlankGrid
 from gateway.gear.grinding import Grinding
@@ -49,14 +48,15 @@ def floor(grinding: Grinding, grid: FlankGrid, *, dressing: bool = True, mountin
     over_c = np.unique(np.round(grinding.commands(grid.ks, 0.0)[c], 12))
     tables = [TableGrid(out, over, nodes) for out in (x, c) for over, nodes in ((z, over_z), (c, over_c))]
     before = flank_model(grinding, grid).rms(np.zeros(0))
-    seated = centred(grinding, mounting_of(grinding, places_of_grid(grid))) if mounting else grinding
-    whole = flank_model(seated, grid, tables, setup)
+    whole = flank_model(grinding, grid, tables, setup)
+    if mounting:
+        whole = replace(whole, blocks=(*whole.blocks, *_mounting_blocks(grinding, whole)))
     cure = tangential_cure(grid.gear, grid.thetas)
     return Floor(
         before=before,
         setup=_left(whole.without([one.name for one in tables])),
         tables=_left(whole),
-        products=_any_product(whole, dressing),
+        products=_any_product(whole),
         alpha_arcsec_per_um=rad_to_arcsec(cure.dc_per_B) / mm_to_um(1.0),
         eta=cure.eta,
         tangential=_tangential(whole),
@@ -72,18 +72,24 @@ def _left(model: FlankModel) -> float:
     return model.rms(x)
 
 
-def _any_product(model: FlankModel, dressing: bool) -> float:
-    """RMS with A and G free at every place: B keeps what G cannot take over."""
-    model = replace(model, blocks=(), turning=False)
-    form = model.places.form
-    offset = np.zeros(model.places.points)
-    if dressing:
-        offset = form[:, 1] - _taken(model, form[:, 1])
+def _mounting_blocks(grinding: Grinding, model: FlankModel) -> list[Block]:
+    terms = mounting_terms(grinding, model.places)
+    names = ("eccentricity x", "eccentricity y", "tilt a", "tilt b")
+    one = np.ones((model.places.k.size, 1))
+    return [Block(name, None, terms[:, :, i], one) for i, name in enumerate(names)]
+
+
+def _any_product(model: FlankModel) -> float:
+    """RMS with A and G free at every place: B keeps what G and the set-up values cannot take over."""
     e = model.start()
     rest = e - _taken(model, e)
-    square = float(offset @ offset)
-    if square > 0.0:
-        rest = rest - offset * (float(offset @ rest) / square)
+    ways = [model.places.along_normal(block.effect) for block in model.blocks if block.grid is None]
+    columns = np.stack([way - _taken(model, way) for way in ways], axis=-1)
+    before = np.array([float(np.linalg.norm(way)) for way in ways])
+    size = np.linalg.norm(columns, axis=0)
+    used = columns[:, size > SAME * before] / size[size > SAME * before]
+    if used.shape[1]:
+        rest = rest - used @ np.linalg.lstsq(used, rest, rcond=SAME)[0]
     return float(np.sqrt(np.mean(rest**2)))
 
 

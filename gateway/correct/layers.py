@@ -19,7 +19,7 @@ from gateway.correct.apply import with_tables
 from gateway.correct.limits import AxisBound
 from gateway.correct.mounting import Mounting, centred, mounting_of
 from gateway.correct.optimise import Optimum, optimise
-from gateway.correct.ownlayer import AxisCurve, axis_curve, own_layer
+from gateway.correct.ownlayer import AxisCurve, axis_curve, own_layer, tooth_table
 from gateway.correct.places import places_of_grid
 from gateway.correct.plan import Plan, cross_specs, live_table, setup_values
 from gateway.correct.records import in_deviation_unit, record
@@ -67,10 +67,10 @@ def correct(
     own = own_layer(chain, plan, live)
     first = _added(chain, own, live, "EEC")
     acting = with_tables(grinding, first)
-    mounting = _mounting(acting, grid, plan)
+    mounting = _mounting(with_tables(acting, _taken_off(chain, plan, live)), grid, plan)
     seated = centred(acting, mounting)
     specs = cross_specs(chain, plan, live)
-    bounds = [_bound(chain, plan, axis, first) for axis in plan.bounds if plan.has(axis)]
+    bounds = [_bound(chain, plan, axis, first, live) for axis in plan.bounds if plan.has(axis)]
     setup = setup_values(chain, plan)
     found = optimise(seated, grid, specs, setup, norm=plan.norm, noise=plan.noise, bounds=bounds)
     second = _added(chain, found.tables, live, "CEC")
@@ -109,6 +109,13 @@ def _added(
     return [*tables, *(Table(one.grid, -one.values) for one in old if one is not None)]
 
 
+def _taken_off(chain: Chain, plan: Plan, live: Sequence[CompensationTable]) -> list[Table]:
+    """What takes the tooth's tables that acted off again: they meet B by C, which must not look like a mounting."""
+    acting = [one for one in live if one.function == "CEC"]
+    found = [live_table(chain, out, over, acting) for out, over in plan.cross]
+    return [Table(one.grid, -one.values) for one in found if one is not None]
+
+
 def _mounting(acting: Grinding, grid: FlankGrid, plan: Plan) -> Mounting:
     if not plan.mounting or grid.ks.size < FEWEST_SPACES:
         return Mounting()
@@ -123,11 +130,13 @@ def _mounting_told(mounting: Mounting) -> dict[str, float]:
     return {name: -value * size for name, value, size in told if value != 0.0}
 
 
-def _bound(chain: Chain, plan: Plan, axis: str, first: Sequence[Table]) -> AxisBound:
+def _bound(chain: Chain, plan: Plan, axis: str, first: Sequence[Table], live: Sequence[CompensationTable]) -> AxisBound:
     curve = axis_curve(chain, axis, plan, first, ())
     size = 1.0 / in_deviation_unit(chain, axis, 1.0)
     at = np.deg2rad(curve.at) if curve.unit == "arcsec" else curve.at
-    return AxisBound(axis, at, curve.own_layer * size, plan.bounds[axis] * size)
+    tooth = tooth_table(chain, axis, live)
+    own = curve.own_layer * size - (tooth(at) if tooth is not None else 0.0)
+    return AxisBound(axis, at, own, plan.bounds[axis] * size)
 
 
 def _axis_of(name: str) -> str:
@@ -155,7 +164,9 @@ def _set_up(machine: Grinding, setup: Mapping[str, float]) -> Grinding:
 def _said(plan: Plan, found: Optimum, own: Sequence[Table]) -> tuple[str, ...]:
     """What was decided without the flank, what was left alone, and why."""
     said = [
-        words("S-CORRECT-WITHIN-U", name=one.name, gain=f"{mm_to_um(one.gain):.3f}", U=f"{mm_to_um(one.U):.3f}")
+        words("S-CORRECT-IDLE", name=one.name)
+        if one.idle
+        else words("S-CORRECT-WITHIN-U", name=one.name, gain=f"{mm_to_um(one.gain):.3f}", U=f"{mm_to_um(one.U):.3f}")
         for one in found.omitted
     ]
     for name, nodes in found.unseen.items():

@@ -55,11 +55,11 @@ class TableSpec:
         rest[given] = -np.delete(weights, given) / weights[given]
         return rest, given
 
-    def rows(self) -> tuple[FloatArray, FloatArray]:
-        """G (r, m), g (r,) on the free values, kept by every rounding of values that keep them."""
+    def rows(self, *, roundable: bool = True) -> tuple[FloatArray, FloatArray]:
+        """G (r, m), g (r,) on the free values; if ``roundable``, with room for every rounding to keep the limits."""
         m = self.grid.free.size
         gaps, apart = self._gaps()
-        room = self.resolution
+        room = self.resolution if roundable else 0.0
         eye = np.eye(m)
         parts = [
             (eye, np.full(m, self.value - room), np.zeros(m)),
@@ -97,21 +97,24 @@ class AxisBound:
     deviation: FloatArray
     limit: float
 
-    def rows(self, spec: TableSpec) -> tuple[FloatArray, FloatArray]:
-        """G (2m, nodes), g (2m,) on the free values of that table."""
+    def rows(self, spec: TableSpec, *, roundable: bool = True) -> tuple[FloatArray, FloatArray]:
+        """G (2m, nodes), g (2m,) on the free values of that table; ``roundable`` as for a table."""
         deviation = np.asarray(self.deviation, dtype=np.float64)
         weights = spec.grid.weights(self.at)
-        allowed = np.maximum(self.limit - spec.resolution, np.abs(deviation))
+        room = spec.resolution if roundable else 0.0
+        allowed = np.maximum(self.limit, np.abs(deviation) + spec.resolution) - room
         return np.concatenate([weights, -weights]), np.concatenate([allowed - deviation, allowed + deviation])
 
 
-def stacked(specs: Sequence[TableSpec], others: int, bounds: Sequence[AxisBound] = ()) -> tuple[FloatArray, FloatArray]:
+def stacked(
+    specs: Sequence[TableSpec], others: int, bounds: Sequence[AxisBound] = (), *, roundable: bool = True
+) -> tuple[FloatArray, FloatArray]:
     """All rows of all tables, one after the other, with ``others`` further unknowns that nothing limits."""
     width = sum(spec.grid.free.size for spec in specs) + others
     parts, sides, first = [np.zeros((0, width))], [np.zeros(0)], 0
     for spec in specs:
-        own = [bound.rows(spec) for bound in bounds if spec.name == f"{bound.axis}({bound.axis})"]
-        for G, g in (spec.rows(), *own):
+        own = [bound.rows(spec, roundable=roundable) for bound in bounds if spec.name == f"{bound.axis}({bound.axis})"]
+        for G, g in (spec.rows(roundable=roundable), *own):
             wide = np.zeros((g.size, width))
             wide[:, first : first + G.shape[1]] = G
             parts.append(wide)

@@ -39,11 +39,15 @@ class Noise:
 
 @dataclass(frozen=True, slots=True)
 class Omitted:
-    """A table or set-up value that is not proposed: what it would gain and the uncertainty (k = 2) of that, mm RMS."""
+    """A table or set-up value that is not proposed: what it would gain and the uncertainty (k = 2) of that, mm RMS.
+
+    ``idle``: it would hold single steps only and gain next to nothing.
+    """
 
     name: str
     gain: float
     U: float
+    idle: bool = False
 
 
 def noise_patterns(grinding: Grinding, grid: FlankGrid, uncertain: Sequence[tuple[Parameter | str, float]]) -> Noise:

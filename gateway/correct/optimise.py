@@ -29,6 +29,8 @@ from gateway.gear.grinding import Grinding
 
 UM = 1000.0  # work in um on the flank: numbers near 1
 TRADE = 1e-3  # of the largest deviation: nearer than this to the optimum, rounding looks no further
+IDLE = 1e-5  # mm RMS: a table of single steps that gains less is left out
+PEAK = 4.0  # how much more of the largest deviation that may be
 UNSEEN = 1e-6  # of what a unit does elsewhere: a node that no flank point depends on
 Norm = Literal["rms", "max"]
 
@@ -75,6 +77,7 @@ class _Work:
     wish: FloatArray
     G: FloatArray
     g: FloatArray
+    limits: tuple[FloatArray, FloatArray]
 
     def values(self, y: FloatArray) -> FloatArray:
         """Values of all blocks, mm and rad."""
@@ -111,7 +114,8 @@ def optimise(
     work = _work(model, specs, values, bounds)
     y = _continuous(work, norm)
     x = _whole(work, y, norm)
-    return _answer(work, work.values(y), x, measured, omitted, carried(_tied(model, specs), doubt))
+    answer = _answer(work, work.values(y), x, measured, omitted, carried(_tied(model, specs), doubt))
+    return _without_idle(answer, work, x)
 
 
 def _tied(model: FlankModel, specs: Sequence[TableSpec]) -> FlankModel:
@@ -148,7 +152,8 @@ def _work(
     acting = np.concatenate([*(spec.acting() for spec in specs), np.zeros(len(setup))])
     wish = np.linalg.lstsq(tie, acting, rcond=None)[0] / scale if tie.shape[1] else np.zeros(0)
     G, g = stacked(specs, len(setup), bounds)
-    return _Work(model, specs, setup, tie, scale, fixed, wish, G, g)
+    limits = stacked(specs, len(setup), bounds, roundable=False)
+    return _Work(model, specs, setup, tie, scale, fixed, wish, G, g, limits)
 
 
 def _reach(model: FlankModel, which: int) -> float:
@@ -196,7 +201,8 @@ def _whole(work: _Work, y: FloatArray, norm: Norm) -> FloatArray:
     A, M = UM * work.model.rows, work.model.columns
     smooth = _basis_of(A[:, ~whole])
     lattice = (A - smooth @ (smooth.T @ A))[:, whole] * steps[whole]
-    limits = Limits(work.G[:, whole] * steps[whole], work.g - work.G[:, ~whole] @ x[~whole])
+    G, g = work.limits
+    limits = Limits(G[:, whole] * steps[whole], g - G[:, ~whole] @ x[~whole])
     movable = ~work.fixed[whole]
     n = nearest_whole(lattice, x[whole] / steps[whole], limits, movable)
     if norm == "max":
@@ -246,6 +252,27 @@ def _answer(
         noise=noise,
         unseen={spec.name: _unseen(model, spec) for spec in work.specs},
     )
+
+
+def _without_idle(answer: Optimum, work: _Work, x: FloatArray) -> Optimum:
+    """Without the tables that differ from what acts by single steps at most and gain next to nothing by it."""
+    model = work.model
+    idle: list[Omitted] = []
+    for spec in work.specs:
+        span, acting = model.spans[spec.name], spec.acting()
+        if spec.resolution == 0.0 or np.max(np.abs(x[span] - acting)) > 1.5 * spec.resolution:
+            continue
+        still = x.copy()
+        still[span] = acting
+        here, there = _figure(model, model.deviation(x)), _figure(model, model.deviation(still))
+        if max(there.rms - here.rms, (there.largest - here.largest) / PEAK) <= IDLE:
+            x = still
+            idle.append(Omitted(spec.name, max(there.rms - here.rms, 0.0), 0.0, idle=True))
+    if not idle:
+        return answer
+    e, names = model.deviation(x), [one.name for one in idle]
+    kept = tuple(table for table in answer.tables if table.grid.name not in names)
+    return replace(answer, tables=kept, omitted=(*answer.omitted, *idle), after=_figure(model, e), deviation=e)
 
 
 def _figure(model: FlankModel, e: FloatArray) -> FlankFigure:

@@ -43,19 +43,29 @@ def own_deviation(chain: Chain, axis: str, at: FloatArray) -> FloatArray:
 
 
 def own_layer(chain: Chain, plan: Plan, live: Sequence[CompensationTable] = ()) -> tuple[Table, ...]:
-    """Each axis' own table: what acted plus the deviation measured with it, zero at the reference, in whole steps."""
+    """Each axis' own table: what acted plus the deviation measured with it, zero at the reference, in whole steps.
+
+    What the tooth's table of the axis over itself added while the errors were measured is no deviation of the axis.
+    """
     tables = (_own_table(chain, axis, plan, live) for axis in plan.own if plan.has(axis))
     return tuple(table for table in tables if table is not None)
+
+
+def tooth_table(chain: Chain, axis: str, live: Sequence[CompensationTable]) -> Table | None:
+    """The tooth's table of an axis over itself that acted, if any."""
+    return live_table(chain, axis, axis, [one for one in live if one.function == "CEC"])
 
 
 def _own_table(chain: Chain, axis: str, plan: Plan, live: Sequence[CompensationTable]) -> Table | None:
     spec = table_spec(chain, plan, axis, axis)
     acting = live_table(chain, axis, axis, [one for one in live if one.function == "EEC"])
+    tooth = tooth_table(chain, axis, live)
     nodes, k = spec.grid.nodes, spec.grid.nodes.size - 1
 
     def wanted(place: FloatArray) -> FloatArray:
         at = nodes[0] + place * (nodes[-1] - nodes[0]) / k
-        return (acting(at) if acting is not None else 0.0) - own_deviation(chain, axis, at)
+        added = sum((one(at) for one in (acting, tooth) if one is not None), start=np.zeros_like(at))
+        return np.asarray(added - own_deviation(chain, axis, at))
 
     table = Table(spec.grid, project(wanted, Grid(0.0, float(k), 1.0), modulo=plan.grid(axis).modulo))
     values = table.values - table(np.asarray(spec.reference))

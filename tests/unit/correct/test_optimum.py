@@ -128,7 +128,10 @@ def _rounded_after(grinding: Grinding, grid: FlankGrid) -> float:
 
 
 def _on_steps(found: Optimum) -> None:
-    for spec, table in zip(specs(), found.tables, strict=True):
+    by_name = {spec.name: spec for spec in specs()}
+    assert found.tables
+    for table in found.tables:
+        spec = by_name[table.grid.name]
         counts = table.values / spec.resolution
         np.testing.assert_allclose(counts, np.rint(counts), atol=1e-6)
         assert table(np.asarray(0.0)) == 0.0
