@@ -8,13 +8,13 @@ from pathlib import Path
 from drivers import registry
 from drivers.errors import ConfigError
 from drivers.ports import ResultFileFormat
-from drivers.types import LiveSet, Stop, StopReached
+from drivers.types import FloatArray, LiveSet, Stop, StopReached
 from drivers.units import deviation_unit
 from gateway.capture.corrected import from_file, from_live
 from gateway.capture.live import capture_axis, window_of
 from gateway.capture.sense import prove_sense
 from gateway.capture.targets import plan_of
-from gateway.config import AxisSection
+from gateway.config import AxisSection, Targets
 from gateway.domain import Capture, Equipment, Evaluation, Item
 from gateway.evaluate.iso230_2 import evaluate
 from gateway.evaluate.uncertainty import Budget, linear_budget
@@ -89,6 +89,16 @@ def _reader(path: Path, unit: str) -> ResultFileFormat:
     factory = known[name].load()
     chosen: ResultFileFormat = factory(unit=unit) if unit else factory()
     return chosen
+
+
+def live_again(axis: AxisSection, targets: FloatArray) -> AxisSection | None:
+    """How an axis can be measured again: as it was, or live at the targets of its file; None without instrument."""
+    if axis.measure.file is None:
+        return axis
+    if not axis.measure.instrument:
+        return None
+    same = Targets(positions=tuple(float(target) for target in targets))
+    return axis.model_copy(update={"measure": axis.measure.model_copy(update={"file": None, "targets": same})})
 
 
 async def fetch_tables(at: Bench, axis: AxisSection) -> LiveSet:

@@ -20,9 +20,9 @@ from gateway.say import Say
 from gateway.store import RunFolder
 from gateway.workflow import stages
 from gateway.workflow.bench import Bench, bench, check_name, site_of
-from gateway.workflow.measure import Measured, measure_axis
+from gateway.workflow.measure import Measured, live_again, measure_axis
 from gateway.workflow.outcome import Outcome, finish, shown
-from gateway.workflow.verdict import PUSHED, judge, judge_axis
+from gateway.workflow.verdict import PUSHED, judge, judge_axis, unmeasured
 
 JOURNALS = "journal"
 # Switching a table moves the axis by micrometres: no motion is seen, so the reading waits longer instead.
@@ -121,11 +121,11 @@ async def _prove(at: Bench, axis: AxisSection, context: PushContext) -> SignProo
 
 
 async def _verify(at: Bench, change: TableChange, before: Measured, push: PushRecord) -> AxisVerdict:
-    axis = at.axis(change.axis)
-    after = before.evaluation
-    if push.outcome in PUSHED and axis.measure.file is None:
-        after = (await measure_axis(at, axis, "after")).evaluation
-    return judge_axis(axis.name, before.evaluation, after, change, push)
+    again = live_again(at.axis(change.axis), change.targets) if push.outcome in PUSHED else None
+    if again is None:
+        return unmeasured(change.axis, before.evaluation, change, push)
+    after = (await measure_axis(at, again, "after")).evaluation
+    return judge_axis(change.axis, before.evaluation, after, change)
 
 
 async def push_run(folder: RunFolder, *, apply: bool, machine_name: str, clock: Clock, say: Say) -> Outcome:

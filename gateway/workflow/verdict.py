@@ -11,17 +11,22 @@ from gateway.domain import AxisVerdict, Evaluation, PushRecord, TableChange, Ver
 # The prediction is judged at every target at once, so the band is widened from k = 2 to k = 3.
 WIDEN = 1.5
 PUSHED = ("committed", "already-applied")
+_SIZES = {1: "W-VERDICT-BETTER", 0: "W-VERDICT-SAME", -1: "W-VERDICT-WORSE"}
 
 
-def judge_axis(
-    axis: str, before: Evaluation, after: Evaluation, change: TableChange, push: PushRecord | None
-) -> AxisVerdict:
-    """One axis: is M smaller than before by more than its uncertainty, and did the prediction hold?"""
+def judge_axis(axis: str, before: Evaluation, after: Evaluation, change: TableChange) -> AxisVerdict:
+    """A pushed axis measured again: is M smaller by more than its uncertainty, and did the prediction hold?"""
     held = _prediction_holds(after, change)
-    smaller = _smaller(before, after)
-    pushed = push is not None and push.outcome in PUSHED
-    said = _words(smaller, held, pushed, change)
-    return AxisVerdict(axis, before.unit, before, after, smaller > 0, held, said)
+    size = _smaller(before, after)
+    said = words(_SIZES[size]) + " " + words("W-VERDICT-HELD" if held else "W-VERDICT-MISSED")
+    return AxisVerdict(axis, before.unit, before, after, size > 0, held, said)
+
+
+def unmeasured(axis: str, before: Evaluation, change: TableChange, push: PushRecord) -> AxisVerdict:
+    """An axis that was not measured again: nothing was pushed, or there is no instrument to prove it with."""
+    pushed = push.outcome in PUSHED
+    said = words("W-VERDICT-UNPROVED") if pushed else change.skipped or words("W-VERDICT-NOTHING")
+    return AxisVerdict(axis, before.unit, before, before, improved=False, within_prediction=False, words=said)
 
 
 def judge(axes: tuple[AxisVerdict, ...], pushes: tuple[PushRecord, ...], proofs: tuple[SignProof, ...]) -> Verdict:
@@ -54,10 +59,3 @@ def _prediction_holds(after: Evaluation, change: TableChange) -> bool:
     difference = mean_of_both(after) - change.predicted
     difference -= float(np.nanmedian(difference))
     return bool(np.all(np.abs(difference) <= WIDEN * change.predicted_U))
-
-
-def _words(smaller: int, held: bool, pushed: bool, change: TableChange) -> str:
-    if not pushed:
-        return change.skipped or words("W-VERDICT-NOTHING")
-    size = {1: "W-VERDICT-BETTER", 0: "W-VERDICT-SAME", -1: "W-VERDICT-WORSE"}[smaller]
-    return words(size) + " " + words("W-VERDICT-HELD" if held else "W-VERDICT-MISSED")

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from simulators.cell import Cell
 from tests.cell.bench import Judged, main_job, short
 
 
@@ -67,3 +68,26 @@ def test_the_whole_demo(tmp_path: Path) -> None:
     _rotary_as_promised(judged)
     _linear_as_promised(judged, "X1")
     _linear_as_promised(judged, "Z1")
+
+
+@pytest.mark.parametrize(
+    ("axis", "ending", "keys"),
+    [
+        ("X1", "rtl", {"file_datum": -400.0}),
+        ("C1", "rta", {"file_datum": 0.0, "file_unit": "mrad"}),
+    ],
+)
+def test_a_result_file_takes_the_place_of_a_live_capture(
+    tmp_path: Path, axis: str, ending: str, keys: dict[str, object]
+) -> None:
+    path = tmp_path / f"measured.{ending}"
+
+    async def during(cell: Cell) -> None:
+        cell.write_result_file(axis, path)
+
+    edit = short((axis,), 24, 2, file=str(path), **keys)
+    judged = main_job(tmp_path, during=during, edit=edit)
+    assert judged.after[axis]["M"] <= max(0.2 * judged.before[axis]["M"], 2.5)
+    figures = judged.outcome.data["axes"][axis]
+    assert figures["after"]["M"] < 0.3 * figures["before"]["M"]
+    assert judged.outcome.data["outcome"] == "better"
