@@ -27,8 +27,16 @@ from gateway.study.work import Study
 INK, QUIET, RULE, FAINT = "#22282e", "#6d757d", "#b4babf", "#e4e7e9"
 OLD, MIDDLE, NEW = "#8a9299", "#5f86ab", "#1f4e79"
 SIGN = {"um": "µm", "arcsec": "arcsec"}
-TAGS = {"set-up": "#8a9299", "CEC": "#1f4e79", "product": "#7c6a9c", "mech": "#a8453a", "none": "#c9ced2"}
+TAGS = {
+    "EEC": "#5f86ab",
+    "set-up": "#8a9299",
+    "CEC": "#1f4e79",
+    "product": "#7c6a9c",
+    "mech": "#a8453a",
+    "none": "#c9ced2",
+}
 MEANING = {
+    "EEC": "EEC table",
     "set-up": "set-up value",
     "CEC": "CEC table",
     "product": "product table",
@@ -89,11 +97,11 @@ def ranking(figure: Figure, study: Study, output: str = "rms") -> None:
         (panels[0], study.equal, "equal steps of 5 µm or 0.01 deg"),
         (panels[1], study.measured, "over each error's own span"),
     ):
-        _bars(panel, screening.rankings[output], {name: tag(cure) for name, cure in study.cures.items()})
+        _bars(panel, screening.rankings[output], {name: tag(study, name) for name in study.names})
         panel.set_title(title, loc="left", fontsize=9, color=INK)
         panel.set_xlabel(f"µ* of the {output.upper()} normal deviation  µm   (95 % interval)")
     handles = [Patch(color=colour, label=MEANING[name]) for name, colour in TAGS.items()]
-    figure.legend(handles=handles, loc="upper right", ncols=5, frameon=False, fontsize=7.5)
+    figure.legend(handles=handles, loc="upper right", ncols=6, frameon=False, fontsize=7.5)
     figure.text(0.07, 0.965, "colour: what cures it in this machine; bracket: not told apart", fontsize=8, color=QUIET)
 
 

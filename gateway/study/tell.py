@@ -13,6 +13,8 @@ from drivers.units import mm_to_um, rad_to_arcsec
 from gateway.correct.compensability import Cure
 from gateway.correct.layers import LayeredCorrection
 from gateway.gear.flank import FlankFigure
+from gateway.model.axis import MOTIONS
+from gateway.model.chain import LETTERS, Chain
 from gateway.sensitivity.outputs import OUTPUTS
 from gateway.sensitivity.ranks import Ranked
 from gateway.study.work import State, Study
@@ -21,16 +23,26 @@ Row = tuple[str, ...]
 PART = 0.5  # of the RMS: a cure that leaves more is none
 
 
-def tag(cure: Cure) -> str:
-    """Who cures an error: set-up, CEC, CEC product, mechanical, none."""
-    if cure.by == "none needed":
+def tag(study: Study, name: str) -> str:
+    """Who cures an error: none, the axis' own table (EEC), set-up, CEC, a product of tables, or mechanics only."""
+    by = cured_by(study.cures[name])
+    if by == "none needed":
         return "none"
-    by = cured_by(cure)
+    if is_own(study.grinding.chain, name):
+        return "EEC"
     if by == "mechanical only":
         return "mech"
     if "zero" in by or "dressing" in by or by.startswith(("mounting", "set-up")):
         return "set-up"
     return "product" if "*" in by else "CEC"
+
+
+def is_own(chain: Chain, name: str) -> bool:
+    """Whether an error is an axis' own deviation along or about itself: EXX, EZZ, ECC."""
+    axis, key = chain.error_place(name)
+    one = chain.axis(axis)
+    main = int(np.argmax(np.abs(one.vector))) + (0 if one.kind == "prismatic" else 3)
+    return name.startswith("E") and name[1] == LETTERS[main] and key in MOTIONS
 
 
 def cured_by(cure: Cure) -> str:
@@ -138,7 +150,7 @@ def as_data(study: Study) -> dict[str, Any]:
             kind: {name: [_ranked(one) for one in screening.rankings[name]] for name in OUTPUTS}
             for kind, screening in (("equal_steps", study.equal), ("measured_spans", study.measured))
         },
-        "cures": {name: _cure(cure) for name, cure in study.cures.items()},
+        "cures": {name: _cure(study, cure) for name, cure in study.cures.items()},
         "floor": _floor(study),
         "visible": {
             "rank": study.visible.rank,
@@ -189,10 +201,10 @@ def _ranked(one: Ranked) -> dict[str, object]:
     }
 
 
-def _cure(cure: Cure) -> dict[str, object]:
+def _cure(study: Study, cure: Cure) -> dict[str, object]:
     return {
         "by": cured_by(cure),
-        "tag": tag(cure),
+        "tag": tag(study, cure.error),
         "rms_um": mm_to_um(cure.rms),
         "left_um": mm_to_um(cure.floor),
         "left_by_family_um": {family: mm_to_um(value) for family, value in cure.left.items()},

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from simulators.cell import Cell
+from simulators.cell.judge import Judge
 from tests.cell.bench import Judged, main_job, short
 
 
@@ -43,9 +44,15 @@ def test_the_demo_machines_linear_axes_get_better_as_promised(tmp_path: Path) ->
     _linear_as_promised(judged, "Z1")
 
 
-@pytest.mark.parametrize(("seed", "flip"), [(2, False), (5, True)])
-def test_other_machines_are_never_made_worse(tmp_path: Path, seed: int, flip: bool) -> None:
-    _never_worse(main_job(tmp_path, seed=seed, flip=flip, edit=short(("X1", "C1"), 13, 4)))
+@pytest.mark.parametrize(
+    ("seed", "flip", "senses"), [(8, False, {"laser": -1, "calibrator": -1}), (7, True, {"laser": 1, "calibrator": 1})]
+)
+def test_other_machines_are_never_made_worse(tmp_path: Path, seed: int, flip: bool, senses: dict[str, int]) -> None:
+    async def during(cell: Cell) -> None:
+        assert (await Judge(cell).answer({"ask": "senses"}))["instruments"] == senses
+
+    edit = short(("X1", "C1"), 13, 4)
+    _never_worse(main_job(tmp_path, seed=seed, flip=flip, during=during, edit=edit))
 
 
 def test_a_machine_without_errors_gets_no_table(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecu
 
 import numpy as np
 import pytest
+from distributed import LocalCluster
 
 from gateway.errors import ModelError
 from gateway.gear.flank import flank_figure, flank_grid
@@ -116,7 +117,7 @@ def test_the_order_of_the_points_is_kept_by_any_executor() -> None:
 
 
 def test_a_model_is_plain_data() -> None:
-    copy = pickle.loads(pickle.dumps(MODEL))
+    copy = pickle.loads(pickle.dumps(MODEL))  # noqa: S301
     x = np.full((1, 21), 0.5)
     np.testing.assert_array_equal(copy(x), MODEL(x))
 
@@ -150,8 +151,7 @@ def test_processes_give_the_same_numbers() -> None:
 @pytest.fixture
 def scheduler() -> Iterator[str]:
     """A real cluster of two worker processes on loopback."""
-    distributed = pytest.importorskip("distributed", reason="the cluster extra is not installed")
-    with distributed.LocalCluster(
+    with LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None, silence_logs=40
     ) as cluster:
         yield cluster.scheduler_address

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from matplotlib import image
+from matplotlib.figure import Figure
 
 from drivers.errors import ConfigError
 from drivers.units import arcsec_to_rad
@@ -16,7 +16,7 @@ from gateway.cli.study import study_command
 from gateway.errors import ModelError, StoreError
 from gateway.gear.first_order import first_order
 from gateway.gear.flank import flank_figure
-from gateway.study import tell
+from gateway.study import draw, tell
 from gateway.study.files import ErrorFile, load_errors, load_gear
 from gateway.study.machine import error_names, gear_of, grid_of, grinding_of, machine_of, plan_of
 from gateway.study.pictures import write_pictures
@@ -114,7 +114,7 @@ def test_everything_is_told_and_the_tooth_gets_better(found: Study) -> None:
         assert data["by_tooth"]["after"][key] < data["by_tooth"]["before"][key]
     assert set(data["one_at_a_time"]) == set(found.names)
     assert len(data["ranking"]["equal_steps"]["rms"]) == 21
-    assert {one["tag"] for one in data["cures"].values()} <= {"set-up", "CEC", "product", "mech", "none"}
+    assert {one["tag"] for one in data["cures"].values()} <= {"EEC", "set-up", "CEC", "product", "mech", "none"}
     assert data["cures"]["EZZ"]["tag"] == "none"
     assert data["floor"]["products_um"] <= data["floor"]["tables_um"] <= data["floor"]["before_um"]
     assert max(abs(v) for a in data["by_axis"] if a["axis"] == "C" for v in a["predicted"]) <= 45.0 + 0.5
@@ -126,7 +126,7 @@ def test_everything_is_told_and_the_tooth_gets_better(found: Study) -> None:
 
 def test_one_at_a_time_is_what_the_reference_says(found: Study) -> None:
     largest = {one.name: float(np.max(np.abs(one.deviation))) * 1e3 for one in found.alone}
-    assert largest["EXX"] == pytest.approx(5.0, abs=0.05)
+    assert largest["EXX"] == pytest.approx(5.0, abs=0.1)
     assert 12.0 < largest["ECZ"] < 14.0
     assert 8.0 < largest["ECC"] < 9.0
     for name in ("EZX", "EZZ", "EZC", "EBZ"):
@@ -147,13 +147,13 @@ def test_pictures_are_drawn_and_zero_is_white(found: Study, tmp_path: Path) -> N
         picture = image.imread(path)
         assert picture.shape[1] > 1200
         assert picture[..., :3].std() > 0.02
-    flat = np.zeros(found.grid.shape)
-    clean = replace(found, before=replace(found.before, deviation=flat))
-    (tmp_path / "flat").mkdir()
-    again = write_pictures(clean, tmp_path / "flat")
-    panel = image.imread(next(path for path in again if path.stem == "flank-before-after"))
-    middle = panel[int(0.14 * panel.shape[0]), int(0.5 * panel.shape[1]), :3]
+    sheet = Figure(figsize=(6.0, 3.0))
+    draw.flank_maps(sheet, found, [("flat", np.zeros(found.grid.shape)), ("as it is", found.before.deviation)])
+    sheet.savefig(tmp_path / "flat.png")
+    panel = image.imread(tmp_path / "flat.png")
+    middle = panel[int(0.25 * panel.shape[0]), int(0.5 * panel.shape[1]), :3]
     assert np.all(middle > 0.96)
+    assert panel[int(0.75 * panel.shape[0]), :, :3].std() > 0.1
     (tmp_path / "file").write_text("")
     with pytest.raises(StoreError, match="E-STUDY-WRITE"):
         write_pictures(found, tmp_path / "file")
