@@ -28,7 +28,7 @@ $(VENV)/installed: pyproject.toml constraints.txt
 
 $(VENV)/developed: pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[dev]"
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[dev,cluster]"
 	touch $@ $(VENV)/installed
 
 clean:

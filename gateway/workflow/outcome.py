@@ -58,7 +58,7 @@ def shown(folder: RunFolder, proposal: Proposal, refusals: Mapping[str, list[str
             for place, was, becomes in zip(places, old.at(places), new.deviations, strict=True):
                 acts = float(was) if change.old_enabled else 0.0
                 lines.append(f"  {place:10.3f} {acts:+9.3f} -> {becomes:+9.3f} {new.deviation_unit}")
-        lines += [f"  refused: {reason}" for reason in refusals[change.axis]] or ["  nothing speaks against it"]
+        lines += [f"  {reason}" for reason in refusals[change.axis]] or ["  nothing speaks against it"]
     lines.append("nothing was written; live tables are compared when the push is applied")
     data = {"refusals": dict(refusals), "not_corrected": {c.axis: c.skipped for c in proposal.changes if c.skipped}}
     return Outcome(folder.state, str(folder.path), (), tuple(lines), data)

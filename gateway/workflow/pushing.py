@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from drivers.clock import Clock
-from drivers.errors import TrueflankError
+from drivers.errors import TrueflankError, words
 from drivers.types import SignProof, Stop
 from drivers.units import deviation_scale
 from gateway.capture.live import combined, window_of
@@ -15,6 +15,7 @@ from gateway.capture.sense import prove_sense
 from gateway.config import AxisSection
 from gateway.domain import AxisVerdict, Capture, Evaluation, Proposal, PushRecord, TableChange, Verdict
 from gateway.errors import WriteRefused
+from gateway.interlocks import Refusal
 from gateway.push import AxisFacts, PushContext, ask, outcome_error, prove_sign, push_table
 from gateway.say import Say
 from gateway.store import RunFolder
@@ -153,6 +154,13 @@ def _stored(folder: RunFolder, axis: str) -> Measured:
     return Measured(capture, evaluation, folder.digest(stages.capture(axis, "before")))
 
 
+def _reason(refusal: Refusal, axis: AxisSection) -> str:
+    """A missing sign proof is no reason where the push can make one with the axis' instrument."""
+    if refusal.code == "E-INT-NO-PROOF" and axis.measure.instrument:
+        return words("W-RUN-PROOF-FIRST", axis=axis.name)
+    return refusal.words
+
+
 async def _show(at: Bench, proposal: Proposal, measured: Mapping[str, Measured]) -> Outcome:
     refusals: dict[str, list[str]] = {}
     for change in proposal.changes:
@@ -163,6 +171,6 @@ async def _show(at: Bench, proposal: Proposal, measured: Mapping[str, Measured])
             refusals[axis.name] = [change.skipped]
         else:
             asked = await ask(change, context, "table")
-            refusals[axis.name] = [refusal.words for refusal in asked.refusals]
+            refusals[axis.name] = [_reason(refusal, axis) for refusal in asked.refusals]
     at.folder.set_state("proposed")
     return shown(at.folder, proposal, refusals)

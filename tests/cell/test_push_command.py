@@ -1,0 +1,50 @@
+"""A stored proposal: shown with what speaks against it, nothing written; then pushed, proved, measured again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from drivers.clock import LoopClock, run_virtual
+from gateway.config import load_site
+from gateway.say import silence
+from gateway.store import Store
+from gateway.workflow.pushing import push_run
+from gateway.workflow.run import run_site
+from simulators.cell import cell_running
+from simulators.cell.judge import Judge
+from tests.cell.bench import short
+
+
+def test_a_proposal_is_shown_then_pushed(tmp_path: Path) -> None:
+    async def job() -> dict[str, Any]:
+        clock = LoopClock()
+        async with cell_running("demo", tmp_path / "cell", clock, wires="memory", block_s=0.5, seed=3) as cell:
+            path = cell.site_path
+            path.write_text(short(("C1",), 16, 4)(path.read_text(encoding="utf-8")), encoding="utf-8")
+            site, judge = load_site(path), Judge(cell)
+            made = await run_site(site, path, apply=False, machine_name="", clock=clock, say=silence)
+            folder = Store(path.parent / site.site.store).open(made.run_folder)
+            tables = await judge.answer({"ask": "tables"})
+            shown = await push_run(folder, apply=False, machine_name="", clock=clock, say=silence)
+            untouched = await judge.answer({"ask": "tables"}) == tables
+            before = cell.figures("C1")["M"]
+            pushed = await push_run(folder, apply=True, machine_name=site.site.name, clock=clock, say=silence)
+            again = await push_run(folder, apply=False, machine_name="", clock=clock, say=silence)
+            return {
+                "shown": shown,
+                "untouched": untouched,
+                "pushed": pushed,
+                "again": again,
+                "M": (before, cell.figures("C1")["M"]),
+                "steps": folder.stages,
+            }
+
+    seen = run_virtual(job)
+    assert seen["untouched"]
+    assert any("is proved first" in line for line in seen["shown"].lines)
+    assert any("360.000" in line for line in seen["shown"].lines)
+    assert seen["pushed"].data["outcome"] == "better"
+    assert seen["M"][1] < 0.4 * seen["M"][0]
+    assert {"push-C1", "verdict", "capture-C1-after"} <= set(seen["steps"])
+    assert seen["again"].data["refusals"]["C1"] == []
