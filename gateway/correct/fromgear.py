@@ -11,18 +11,24 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from drivers.errors import words
 from drivers.types import FloatArray
+from drivers.units import mm_to_um
 from gateway.correct.noise import Noise
 from gateway.correct.optimise import Optimum, optimise
 from gateway.correct.places import Places, places_of_points
 from gateway.correct.plan import Plan, cross_specs, setup_values
+from gateway.correct.tables import Table
 from gateway.errors import ModelError
+from gateway.gear.flank import flank_grid
 from gateway.gear.grinding import Grinding
-from gateway.gear.linear import LinearFlank
+from gateway.gear.linear import LinearFlank, linear_flank
+from gateway.model.preset import LOCATION_NAMES
 
 SEEN = 1e-6  # of the largest eigenvalue at a place: what its points tell apart
 SAME = 1e-7  # how exactly two errors must do the same to be one combination
 NULL = 1e-9
+HARMONIC = 5e-4  # mm: a smaller first harmonic is no sign of a bad clamping
 
 
 @dataclass(frozen=True)
@@ -117,10 +123,15 @@ def visible(flank: LinearFlank) -> Visible:
 
 @dataclass(frozen=True)
 class FromGear:
-    """What an inspected gear tells and proposes: the fit at the places, and the best tables and set-up values."""
+    """What an inspected gear tells and proposes: the fit at the places, and the best tables and set-up values.
+
+    ``visible`` are the combinations of constant errors that it shows; ``said`` puts that and what to mind in words.
+    """
 
     fit: PlaceFit
     optimum: Optimum
+    visible: Visible
+    said: tuple[str, ...]
 
 
 def correct_from_gear(
@@ -148,7 +159,37 @@ def correct_from_gear(
         deviation=np.ravel(np.asarray(deviation, dtype=np.float64)),
         noise=noise,
     )
-    return FromGear(fit, found)
+    seen = visible(linear_flank(grinding, flank_grid(grinding.gear, profile=5, width=3), _constants(grinding)))
+    return FromGear(fit, found, seen, _said(seen, found))
+
+
+def _constants(grinding: Grinding) -> tuple[str, ...]:
+    """All error motions as constants, and the three location errors of a grinder where the chain has them."""
+    names = grinding.chain.error_names()
+    return tuple(name for name in names if name.startswith("E") or name in LOCATION_NAMES)
+
+
+def _said(seen: Visible, found: Optimum) -> tuple[str, ...]:
+    combinations = "; ".join(one.words for one in seen.combinations)
+    said = [
+        words("S-CORRECT-VISIBLE", rank=seen.rank, combinations=combinations),
+        words("S-CORRECT-INVISIBLE", names=", ".join(seen.invisible)),
+    ]
+    for one in found.omitted:
+        told = {"gain": f"{mm_to_um(one.gain):.3f}", "U": f"{mm_to_um(one.U):.3f}"}
+        idle = words("S-CORRECT-IDLE", name=one.name)
+        said.append(idle if one.idle else words("S-CORRECT-WITHIN-U", name=one.name, **told))
+    for table in found.tables:
+        amplitude = _first_harmonic(table)
+        if table.grid.period is not None and table.grid.out != table.grid.over and amplitude > HARMONIC:
+            said.append(words("S-CORRECT-HARMONIC", name=table.grid.name, amplitude=f"{mm_to_um(amplitude):.2f}"))
+    return tuple(said)
+
+
+def _first_harmonic(table: Table) -> float:
+    """Amplitude of the first harmonic of a table around the turn, in its unit."""
+    free = table.grid.free
+    return float(abs(2.0 * np.mean(table(free) * np.exp(1j * free))))
 
 
 def _same(a: FloatArray, b: FloatArray) -> bool:

@@ -9,11 +9,14 @@ import numpy as np
 
 from drivers.types import FloatArray
 from gateway.correct.flankmodel import FlankModel
+from gateway.domain import Component
 from gateway.gear.flank import FlankGrid
 from gateway.gear.grinding import Grinding
 from gateway.gear.linear import Parameter, linear_flank
+from gateway.model.motion import motion_from
 
 COVERAGE = 2.0  # k of the expanded uncertainty
+SMALL = 1e-12  # of the largest variance
 RANK = 1e-8  # of a column: what is no direction of its own
 
 
@@ -58,6 +61,18 @@ def noise_patterns(grinding: Grinding, grid: FlankGrid, uncertain: Sequence[tupl
     K, _, Z = grid.shape
     terms = np.moveaxis(flank.terms, 1, 2).reshape(K * Z, 3, -1)
     return Noise(terms * np.array([u for _, u in uncertain]))
+
+
+def component_doubts(components: Sequence[Component]) -> list[tuple[Parameter | str, float]]:
+    """How fitted components (named EXX, EYC, ...) may be wrong: independent shapes from the covariance of each fit."""
+    found: list[tuple[Parameter | str, float]] = []
+    for component in components:
+        variances, vectors = np.linalg.eigh(component.covariance)
+        for variance, vector in zip(variances, vectors.T, strict=True):
+            if variance > SMALL * float(np.max(variances, initial=0.0)) > 0.0:
+                shape = motion_from(replace(component, coefficients=np.sqrt(variance) * vector))
+                found.append((Parameter(component.name, shape if callable(shape) else None), 1.0))
+    return found
 
 
 def worth_it(model: FlankModel, noise: Noise) -> tuple[FlankModel, tuple[Omitted, ...]]:

@@ -16,6 +16,7 @@ from gateway.correct.tables import Table
 from gateway.errors import ModelError
 from gateway.model.chain import Chain
 from gateway.table import Limits
+from gateway.table.limits import check_points
 
 RESOLUTION_MM, RESOLUTION_DEG = 1e-4, 1e-4
 CROSS = (("X", "Z"), ("X", "C"), ("C", "Z"), ("C", "C"))
@@ -39,7 +40,7 @@ class Plan:
 
     ``mounting``: the work's eccentricity and tilt are set right by hand, no table takes them. ``bounds`` (um or arcsec
     by axis) is how far CEC may spoil an axis; one without is bound by the limits of a table alone. ``noise`` says how
-    the errors may be wrong. Tables over an axis without a grid are left out.
+    the errors may be wrong. ``reserved`` is how many points the controller holds for a table, by name. Tables over an axis without a grid are left out.
     """
 
     grids: tuple[AxisGrid, ...]
@@ -51,6 +52,7 @@ class Plan:
     norm: Norm = "rms"
     bounds: Mapping[str, float] = field(default_factory=dict)
     noise: Noise = field(default_factory=Noise)
+    reserved: Mapping[str, int] = field(default_factory=dict)
     resolution_mm: float = RESOLUTION_MM
     resolution_deg: float = RESOLUTION_DEG
 
@@ -72,8 +74,13 @@ class Plan:
 
 
 def table_spec(chain: Chain, plan: Plan, out: str, over: str, live: Sequence[CompensationTable] = ()) -> TableSpec:
-    """One table with the limits of the house; ``live`` are the tables that acted while the errors were measured."""
+    """One table with the limits of the house; ``live`` are the tables that acted while the errors were measured.
+
+    Raises TooManyPoints (E-TABLE-POINTS) if the controller reserved fewer points.
+    """
     grid = plan.grid(over)
+    points = round((grid.maximum - grid.minimum) / grid.step) + 1
+    check_points(points, plan.reserved.get(f"{out}({over})", points), f"{out}({over})")
     inside = in_deviation_unit(chain, over, 1.0) / (3600.0 if axis_unit(chain, over) == "deg" else 1000.0)
     limits = Limits.usual(deviation_unit(axis_unit(chain, out)))
     size = 1.0 / in_deviation_unit(chain, out, 1.0)

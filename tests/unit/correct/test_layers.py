@@ -194,6 +194,10 @@ def test_a_measured_gear_gives_back_what_the_machine_did(seed: int) -> None:
     pull = (fit.abg - truth) / fit.abg_u
     assert np.sqrt(np.mean(pull**2)) == pytest.approx(1.0, abs=0.15)
     found = correct_from_gear(grinding, points, noisy, PLAN)  # type: ignore[arg-type]
+    assert found.visible.rank in (4, 8)
+    assert any("EXX" in line and "combinations" in line for line in found.said)
+    assert any("EZZ" in line and "no gear shows" in line for line in found.said)
+    assert any("first harmonic" in line for line in found.said)
     assert found.optimum.after.rms < 0.2 * found.optimum.before.rms
     # Judged by the truth, not by the readings.
     setup = [Table(TableGrid(n.split()[0], "Z", [0.0]), [v]) for n, v in found.optimum.setup.items() if "zero" in n]

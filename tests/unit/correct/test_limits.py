@@ -7,18 +7,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from drivers.errors import TooManyPoints
 from drivers.units import arcsec_to_rad
 from gateway.correct.flankmodel import SetupValue, corrected_flank
 from gateway.correct.layers import correct
 from gateway.correct.leastsquares import limited
 from gateway.correct.limits import AxisBound, TableSpec
-from gateway.correct.noise import Noise, noise_patterns
+from gateway.correct.noise import Noise, component_doubts, noise_patterns
 from gateway.correct.optimise import optimise
 from gateway.correct.tables import Table, TableGrid
 from gateway.errors import ModelError
 from gateway.gear.flank import flank_grid
 from gateway.gear.grinding import Grinding
 from gateway.gear.linear import Parameter
+from gateway.model.components import standard_uncertainty
+from gateway.model.fit import fit_positioning
 from gateway.model.motion import Fourier, Polynomial
 from gateway.model.preset import yk7350b
 from tests.unit.correct.machines import PLAN, STEP_MM, TURN, machine, setup, specs
@@ -154,6 +157,23 @@ def test_what_corrects_less_than_its_uncertainty_is_left_alone_and_said() -> Non
     assert {"X(Z)", "X(C)"} <= {one.name for one in sure.cec}
     assert all(one.idle for one in sure.optimum.omitted)
     assert found.optimum.noise == pytest.approx(2e-4, rel=0.6)
+
+
+def test_doubts_of_fitted_components_come_from_their_covariance() -> None:
+    z = np.linspace(-10.0, 10.0, 21)
+    rng = np.random.default_rng(3)
+    fitted = fit_positioning(
+        z, 3.0 * z / 10.0 + rng.normal(0.0, 0.3, z.size), 0.3, name="EXZ", axis="Z", axis_unit="mm", kind="linear"
+    )
+    doubts = component_doubts([fitted])
+    total = sum(np.asarray(one.basis(z)) ** 2 for one, _ in doubts if isinstance(one, Parameter) and one.basis)
+    np.testing.assert_allclose(np.sqrt(total) * 1e3, standard_uncertainty(fitted, z), rtol=1e-6)
+    assert noise_patterns(Grinding(yk7350b(), RV40E, 160.0), GRID, doubts).patterns is not None
+
+
+def test_a_controller_with_too_few_points_is_told() -> None:
+    with pytest.raises(TooManyPoints, match="E-TABLE-POINTS"):
+        correct(machine(1)[0], GRID, replace(PLAN, reserved={"X(C)": 12}))
 
 
 def test_pure_noise_is_not_corrected() -> None:
