@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 from collections.abc import Awaitable, Callable, Mapping
 from math import isfinite
 from typing import Any
@@ -36,13 +35,13 @@ from drivers.bridge.records import (
     Event,
     environment_as_object,
 )
-from drivers.clock import Clock, LoopClock
+from drivers.clock import Clock
 from drivers.errors import TransportError
-from drivers.transport import ByteTransport, Listener, serve
+from drivers.transport import ByteTransport
 from drivers.types import Ambient
 from simulators.optics import Bench, RotaryReader, Turns
+from simulators.outlet import Around, Outlet
 
-Around = Callable[[ByteTransport], ByteTransport]
 Answer = Callable[[Mapping[str, Any]], Awaitable[Any]]
 CHANNELS = ("device_deg", "laser_deg")
 TURN_LIMIT_DEG = 9000.0
@@ -55,61 +54,28 @@ class _Refused(Exception):
         self.code = code
 
 
-class BridgeAnswerer:
+class BridgeAnswerer(Outlet):
     """Serves one calibrator to one client at a time."""
 
     def __init__(
         self, reader: RotaryReader, bench: Bench, clock: Clock, block_s: float, around: Around | None = None
     ) -> None:
+        super().__init__(clock, block_s, around)
         self.reader = reader
         self._bench = bench
-        self._clock = clock
-        self._block_s = block_s
-        self._around = around
         self._peer: ByteTransport | None = None
         self._codec = BridgeCodec("server")
         self._sequence: int | None = None
         self._beam = True
         self._turn = asyncio.Lock()
-        self._listener: Listener | None = None
-        self._task: asyncio.Task[None] | None = None
         self.serial = reader.spec.serial
         self.battery_pct = 87.0
         self.referenced = True
-        self.silent = False
 
-    @property
-    def url(self) -> str:
-        """Where clients reach it; "" while its line is pulled."""
-        return self._listener.url if self._listener is not None else ""
+    def _skip_to(self, now_s: float) -> None:
+        self.reader.skip_to(now_s)
 
-    async def start(self, url: str) -> str:
-        """Begin to sample and to listen; the url with its real port."""
-        self.reader.skip_to(self._clock.now())
-        self._task = asyncio.get_running_loop().create_task(self._produce(), name=f"bridge {url}")
-        return await self.plug(url)
-
-    async def plug(self, url: str) -> str:
-        """Listen (again) on this url."""
-        self._listener = await serve(url, self._converse, LoopClock())
-        return self._listener.url
-
-    async def pull(self) -> None:
-        """Pull the line: the connection ends, nobody listens."""
-        listener, self._listener = self._listener, None
-        if listener is not None:
-            await listener.close()
-
-    async def stop(self) -> None:
-        """End everything."""
-        if self._task is not None:
-            self._task.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await self._task
-        await self.pull()
-
-    async def _converse(self, wire: ByteTransport) -> None:
-        peer = self._around(wire) if self._around is not None else wire
+    async def _converse(self, peer: ByteTransport) -> None:
         codec, first = BridgeCodec("server"), self._peer is None
         if first:
             self._peer, self._codec = peer, codec

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import asyncio
-import contextlib
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.clock import Clock, LoopClock
+from drivers.clock import Clock
 from drivers.errors import TransportError
-from drivers.transport import ByteTransport, Listener, serve
+from drivers.transport import ByteTransport
 from drivers.umd.codec import (
     AIR_TEMPERATURE,
     CODE,
@@ -29,62 +25,29 @@ from drivers.umd.codec import (
     encode_rows,
 )
 from simulators.optics import Bench, Counts, LaserCounter
+from simulators.outlet import Around, Outlet
 
 IntArray = NDArray[np.int64]
-Around = Callable[[ByteTransport], ByteTransport]
 CYCLE = 32
 BANNER = b"uMD2 homodyne (simulated)\r\n"
 
 
-class UmdAnswerer:
+class UmdAnswerer(Outlet):
     """Serves one laser counter. Nothing is dropped: a slow reader makes the blocks longer, not fewer."""
 
     def __init__(
         self, counter: LaserCounter, bench: Bench, clock: Clock, block_s: float, around: Around | None = None
     ) -> None:
+        super().__init__(clock, block_s, around)
         self.counter = counter
         self._bench = bench
-        self._clock = clock
-        self._block_s = block_s
-        self._around = around
         self._peers: list[ByteTransport] = []
-        self._listener: Listener | None = None
-        self._task: asyncio.Task[None] | None = None
         self._last_count = 0
-        self.silent = False
 
-    @property
-    def url(self) -> str:
-        """Where clients reach it; "" while its line is pulled."""
-        return self._listener.url if self._listener is not None else ""
+    def _skip_to(self, now_s: float) -> None:
+        self.counter.skip_to(now_s)
 
-    async def start(self, url: str) -> str:
-        """Begin to count and to listen; the url with its real port."""
-        self.counter.skip_to(self._clock.now())
-        self._task = asyncio.get_running_loop().create_task(self._produce(), name=f"umd {url}")
-        return await self.plug(url)
-
-    async def plug(self, url: str) -> str:
-        """Listen (again) on this url."""
-        self._listener = await serve(url, self._converse, LoopClock())
-        return self._listener.url
-
-    async def pull(self) -> None:
-        """Pull the line: connections end, nobody listens."""
-        listener, self._listener = self._listener, None
-        if listener is not None:
-            await listener.close()
-
-    async def stop(self) -> None:
-        """End everything."""
-        if self._task is not None:
-            self._task.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await self._task
-        await self.pull()
-
-    async def _converse(self, wire: ByteTransport) -> None:
-        peer = self._around(wire) if self._around is not None else wire
+    async def _converse(self, peer: ByteTransport) -> None:
         await peer.write(BANNER)
         self._peers.append(peer)
         try:

@@ -48,7 +48,7 @@ def study_command(
         f"{name} {value:+.2f} {tell.setup_unit(found, name)}" for name, value in found.correction.setup.items()
     )
     lines = [f"set-up values: {setup}"] if setup else []
-    lines += [*found.correction.said, *tell.floor_lines(found), *tell.visible_lines(found)]
+    lines += [*found.correction.said, *tell.floor_lines(found), *tell.product_lines(found), *tell.visible_lines(found)]
     for line in (*lines, tell.next_line(found), tell.order_line(found)):
         typer.echo(line)
     for path in written:

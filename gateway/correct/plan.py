@@ -40,7 +40,8 @@ class Plan:
 
     ``mounting``: the work's eccentricity and tilt are set right by hand, no table takes them. ``bounds`` (um or arcsec
     by axis) is how far CEC may spoil an axis; one without is bound by the limits of a table alone. ``noise`` says how
-    the errors may be wrong. ``reserved`` is how many points the controller holds for a table, by name. Tables over an axis without a grid are left out.
+    the errors may be wrong, ``reserved`` how many points the controller holds for a table, by name. Tables over an
+    axis without a grid are left out.
     """
 
     grids: tuple[AxisGrid, ...]
@@ -76,7 +77,7 @@ class Plan:
 def table_spec(chain: Chain, plan: Plan, out: str, over: str, live: Sequence[CompensationTable] = ()) -> TableSpec:
     """One table with the limits of the house; ``live`` are the tables that acted while the errors were measured.
 
-    Raises TooManyPoints (E-TABLE-POINTS) if the controller reserved fewer points.
+    Raises TooManyPoints if the controller reserved fewer points.
     """
     grid = plan.grid(over)
     points = round((grid.maximum - grid.minimum) / grid.step) + 1

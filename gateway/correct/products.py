@@ -12,10 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drivers.types import FloatArray
-from gateway.correct.flankmodel import FlankModel, command_effects, table_terms
+from gateway.correct.flankmodel import FlankModel, command_effects, flank_model, table_terms
 from gateway.correct.leastsquares import nearest
+from gateway.correct.plan import Plan, table_spec
 from gateway.correct.tables import Product, Table, TableGrid
 from gateway.errors import ModelError
+from gateway.gear.flank import FlankGrid
 from gateway.gear.grinding import Grinding
 
 ROUNDS = 40
@@ -58,6 +60,22 @@ def best_product(
     product = Product(Table.of(first, f), Table.of(second, g))
     after = _with(plain, grinding, [product]).rms(np.zeros(0))
     return ProductResult(product, before, after) if after < (1.0 - WORTH) * before else None
+
+
+def product_layer(grinding: Grinding, grid: FlankGrid, plan: Plan, *, proved: bool) -> tuple[ProductResult, ...]:
+    """Products over stroke and index that still help a machine on which everything else acts, one per output axis.
+
+    Each is judged with those before it acting. Raises ModelError E-CORRECT-UNPROVED without proof.
+    """
+    model = flank_model(grinding, grid)
+    found: list[ProductResult] = []
+    for out in (grinding.infeed, grinding.index):
+        first, second = (table_spec(grinding.chain, plan, out, axis) for axis in (grinding.stroke, grinding.index))
+        one = best_product(grinding, model, first.grid, second.grid, proved=proved, step=first.resolution)
+        if one is not None:
+            found.append(one)
+            model = _with(model, grinding, [one.product])
+    return tuple(found)
 
 
 def _with(model: FlankModel, grinding: Grinding, products: Sequence[Product]) -> FlankModel:

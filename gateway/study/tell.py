@@ -124,6 +124,16 @@ def visible_lines(study: Study) -> list[str]:
     ]
 
 
+def product_lines(study: Study) -> list[str]:
+    """What product tables would still bring, if their multiplication is proved; else that it is not."""
+    if not study.errors.multiplication_proved:
+        return [words("S-STUDY-UNPROVED")]
+    return [
+        words("S-STUDY-PRODUCT", name=one.product.name, before=_um(one.before), after=_um(one.after))
+        for one in study.products
+    ]
+
+
 def next_line(study: Study) -> str:
     """The error to measure next."""
     best = study.next[0]
@@ -165,6 +175,10 @@ def as_data(study: Study) -> dict[str, Any]:
         "flank": _figures(correction),
         "tables": [_table(one) for one in (*correction.eec, *correction.cec)],
         "setup": {name: round(value, 6) for name, value in correction.setup.items()},
+        "products": [
+            {"name": one.product.name, "before_um": mm_to_um(one.before), "after_um": mm_to_um(one.after)}
+            for one in study.products
+        ],
         "findings": list(correction.said),
         "next": [
             {"name": one.name, "change_um": mm_to_um(one.change), "beyond_um": mm_to_um(one.beyond), "share": one.share}

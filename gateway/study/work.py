@@ -17,6 +17,7 @@ from gateway.correct.fromgear import Visible, visible
 from gateway.correct.layers import LayeredCorrection, correct
 from gateway.correct.noise import Noise, noise_patterns
 from gateway.correct.plan import Plan, cross_specs, setup_values
+from gateway.correct.products import ProductResult, product_layer
 from gateway.errors import ModelError
 from gateway.gear.first_order import judged
 from gateway.gear.flank import FlankFigure, FlankGrid, flank_figure
@@ -69,6 +70,7 @@ class Study:
     floor: Floor
     visible: Visible
     correction: LayeredCorrection
+    products: tuple[ProductResult, ...]
     before: State
     with_eec: State
     after: State
@@ -114,6 +116,7 @@ def study(
         floor(grinding, grid),
         visible(linear_flank(grinding, grid, names)),
         correction,
+        product_layer(correction.machine, grid, plan, proved=True) if error_file.multiplication_proved else (),
         _state(grid, first.second),
         _state(grid, _second(correction.machine_with_eec, grid)),
         _state(grid, _second(correction.machine, grid)),

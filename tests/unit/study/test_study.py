@@ -124,6 +124,20 @@ def test_everything_is_told_and_the_tooth_gets_better(found: Study) -> None:
     assert data["truncation_um"] < 0.25
 
 
+def test_products_are_worked_out_only_behind_a_proof() -> None:
+    gear = load_gear(EXAMPLES / "gears" / "stack-of-three.toml")
+    small = gear.model_copy(update={"flank": gear.flank.model_copy(update={"profile": 4, "width": 5})})
+    errors = load_errors(EXAMPLES / "errors" / "seeded-machine.toml")
+    plain = study(small, errors, r=1)
+    assert plain.products == ()
+    assert "not proved" in tell.product_lines(plain)[0]
+    proved = study(small, errors.model_copy(update={"multiplication_proved": True}), r=1)
+    assert proved.products
+    assert proved.products[-1].after < 0.7 * proved.correction.checked.rms
+    assert proved.products[-1].after >= proved.floor.products * 0.999
+    assert "X(Z)*(C)" in tell.product_lines(proved)[0]
+
+
 def test_one_at_a_time_is_what_the_reference_says(found: Study) -> None:
     largest = {one.name: float(np.max(np.abs(one.deviation))) * 1e3 for one in found.alone}
     assert largest["EXX"] == pytest.approx(5.0, abs=0.1)
