@@ -6,20 +6,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.clock import Clock
-from drivers.ports import Controller, Instrument
+from drivers.ports import Instrument
 from drivers.types import Ambient, FloatArray, LiveSet, Stop, StopReached
-from drivers.units import deviation_scale, wrap_deg
-from gateway.capture.readings import History, Reading, Readings, Window
+from drivers.units import wrap_deg
+from gateway.capture.readings import History, Reading, Readings
+from gateway.capture.rig import Rig
 from gateway.capture.sense import first_channel
 from gateway.capture.targets import expected_travel, jog_start, measuring_plan, positions
 from gateway.config import AxisSection
 from gateway.domain import SenseProof
-from gateway.say import Say, silence
-from gateway.walk import Patience, walk
+from gateway.walk import walk
 
 MATCH = 0.1
-SETTLE_TIMEOUT_S = 60.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,13 +43,6 @@ class RawCapture:
     lost_samples: int
 
 
-def window_of(axis: AxisSection) -> Window:
-    """The axis' settling window in the axis unit."""
-    measure = axis.measure
-    stable = measure.stable / deviation_scale(axis.unit)
-    return Window(measure.settle_s, measure.average_s, stable, SETTLE_TIMEOUT_S)
-
-
 def combined(axis: AxisSection, instrument: Instrument, sense: int) -> History:
     """The one quantity of the axis in its own unit: sense * displacement, or sense * laser - device."""
     if axis.kind == "linear":
@@ -60,23 +51,16 @@ def combined(axis: AxisSection, instrument: Instrument, sense: int) -> History:
     return lambda values: sense * values[:, laser] - values[:, device]
 
 
-async def capture_axis(
-    axis: AxisSection,
-    controller: Controller,
-    instrument: Instrument,
-    proof: SenseProof,
-    clock: Clock,
-    patience: Patience,
-    say: Say = silence,
-) -> RawCapture:
+async def capture_axis(rig: Rig, proof: SenseProof) -> RawCapture:
     """Measure an axis with a proven instrument; raises what `walk` and `Readings` raise."""
+    axis, instrument, clock = rig.axis, rig.instrument, rig.clock
     targets = positions(axis.measure.targets, axis.reference) if axis.measure.targets else np.empty(0)
     plan = measuring_plan(axis, targets, "", name=f"TFMEAS{axis.letter}")
     shape = (len(targets), axis.measure.repetitions, 2)
     values = np.full((*shape, len(instrument.channels)), np.nan)
     times, sigmas = np.full(shape, np.nan), np.full(shape, np.nan)
     combine = combined(axis, instrument, proof.sense)
-    window, tolerance = window_of(axis), _tolerance(axis, targets)
+    window, tolerance = rig.window, _tolerance(axis, targets)
     ambients: list[Ambient] = []
     ambient_times: list[float] = []
     counts: list[int] = []
@@ -110,11 +94,11 @@ async def capture_axis(
             sigmas[cell] = float(np.max(reading.sigma))
             counts.append(reading.count)
 
-        await walk(controller, plan, at_stop, patience, say)
+        await walk(rig.controller, plan, at_stop, rig.patience, rig.say)
         ambients.append(await instrument.ambient())
         ambient_times.append(readings.latest_s)
         lost = readings.lost
-    live = await controller.saved_tables(axis.name)
+    live = await rig.controller.saved_tables(axis.name)
     ended = clock.utc().isoformat(timespec="seconds")
     return RawCapture(
         targets,

@@ -4,67 +4,46 @@ from __future__ import annotations
 
 import numpy as np
 
-from drivers.clock import Clock
 from drivers.errors import ConfigError, UnsupportedDevice
-from drivers.ports import Controller, Instrument, RotaryCalibrator
+from drivers.ports import Instrument, RotaryCalibrator
 from drivers.types import Approach, FloatArray, Stop, StopReached
 from gateway.capture.readings import Reading, Readings, Window
+from gateway.capture.rig import Rig
 from gateway.capture.targets import jog_plan, jog_start
 from gateway.config import AxisSection
 from gateway.domain import SenseProof
 from gateway.errors import Unstable
-from gateway.say import Say, silence
-from gateway.walk import Patience, walk
+from gateway.walk import walk
 
 TOLERANCE = 0.01
 ROTARY_JOG_DEG = 0.1
 
 
-async def prove_sense(
-    axis: AxisSection,
-    controller: Controller,
-    instrument: Instrument,
-    window: Window,
-    clock: Clock,
-    patience: Patience,
-    say: Say = silence,
-) -> SenseProof:
+async def prove_sense(rig: Rig) -> SenseProof:
     """Jog the axis and see the instrument follow within 1 %; its sense, +1 or -1, is what was seen.
 
     Linear: +`jog` mm. Rotary (house rule): +0.1 deg with the calibrator held, then the calibrator alone
     by -0.1 deg; the laser must follow both. Raises UnsupportedDevice (E-CAP-SENSE): wrong optics, wrong
     axis or wrong unit.
     """
-    setup = f"TRUEFLANK SETUP {axis.measure.component} ON {axis.letter}"
-    if axis.kind == "rotary":
-        return await _rotary(axis, controller, instrument, window, clock, patience, setup, say)
-    return await _linear(axis, controller, instrument, window, clock, patience, setup, say)
+    return await (_rotary(rig) if rig.axis.kind == "rotary" else _linear(rig))
 
 
-async def _linear(
-    axis: AxisSection,
-    controller: Controller,
-    instrument: Instrument,
-    window: Window,
-    clock: Clock,
-    patience: Patience,
-    setup: str,
-    say: Say,
-) -> SenseProof:
-    jog = axis.measure.jog
-    plan = jog_plan(axis, jog_start(axis, jog), jog, setup)
+async def _linear(rig: Rig) -> SenseProof:
+    axis, jog = rig.axis, rig.axis.measure.jog
+    plan = jog_plan(axis, jog_start(axis, jog), jog, rig.setup)
     seen: list[float] = []
-    async with Readings(instrument, clock, first_channel) as readings:
+    async with Readings(rig.instrument, rig.clock, first_channel) as readings:
 
         async def at_stop(index: int, _stop: Stop, _reached: StopReached) -> None:
             if index == 0:
                 readings.datum()
             moved = None if index == 0 else (seen[-1], abs(jog) / 2.0)
-            seen.append(float((await _follow(readings, window, moved, axis, jog, seen)).values[0]))
+            seen.append(float((await _follow(readings, rig.window, moved, axis, jog, seen)).values[0]))
 
-        await walk(controller, plan, at_stop, patience, say)
+        await walk(rig.controller, plan, at_stop, rig.patience, rig.say)
     there, back = (seen[1] - seen[0]) / jog, (seen[1] - seen[2]) / jog
-    return _proof(axis, instrument, (there, back), tuple(seen))
+    return _proof(axis, rig.instrument, (there, back), tuple(seen))
 
 
 async def _follow(
@@ -88,29 +67,19 @@ async def _follow(
         ) from error
 
 
-async def _rotary(
-    axis: AxisSection,
-    controller: Controller,
-    instrument: Instrument,
-    window: Window,
-    clock: Clock,
-    patience: Patience,
-    setup: str,
-    say: Say,
-) -> SenseProof:
-    if not isinstance(instrument, RotaryCalibrator) or "laser_deg" not in instrument.channels:
-        raise ConfigError("E-CAP-CALIBRATOR", instrument.name, axis=axis.name)
-    calibrator = instrument
-    jog = ROTARY_JOG_DEG
-    plan = jog_plan(axis, jog_start(axis, jog), jog, setup)
-    laser, device = instrument.channels.index("laser_deg"), instrument.channels.index("device_deg")
+async def _rotary(rig: Rig) -> SenseProof:
+    axis, calibrator, jog = rig.axis, rig.instrument, ROTARY_JOG_DEG
+    if not isinstance(calibrator, RotaryCalibrator) or "laser_deg" not in calibrator.channels:
+        raise ConfigError("E-CAP-CALIBRATOR", calibrator.name, axis=axis.name)
+    plan = jog_plan(axis, jog_start(axis, jog), jog, rig.setup)
+    laser, device = calibrator.channels.index("laser_deg"), calibrator.channels.index("device_deg")
     seen: list[FloatArray] = []
-    async with Readings(instrument, clock, lambda values: values[:, laser]) as readings:
+    async with Readings(calibrator, rig.clock, lambda values: values[:, laser]) as readings:
 
         async def read(moved: bool) -> None:
             away = (float(seen[-1][laser]), jog / 2.0) if moved else None
             rough = [float(values[laser]) for values in seen]
-            seen.append((await _follow(readings, window, away, axis, jog, rough)).values)
+            seen.append((await _follow(readings, rig.window, away, axis, jog, rough)).values)
 
         async def at_stop(index: int, _stop: Stop, _reached: StopReached) -> None:
             if index == 0:
@@ -123,7 +92,7 @@ async def _rotary(
                 await read(moved=True)
                 await calibrator.track()
 
-        await walk(controller, plan, at_stop, patience, say)
+        await walk(rig.controller, plan, at_stop, rig.patience, rig.say)
     axis_ratio = float(seen[1][laser] - seen[0][laser]) / jog
     turn_ratio = float(seen[2][laser] - seen[1][laser]) / -jog
     device_ratio = float(seen[2][device] - seen[1][device]) / -jog
@@ -132,7 +101,7 @@ async def _rotary(
             "E-CAP-SENSE", axis.name, jog="-0.1 deg (calibrator alone)", read=f"{-jog * device_ratio:.6f} deg"
         )
     evidence = tuple(float(value) for values in seen for value in values)
-    return _proof(axis, instrument, (axis_ratio, turn_ratio), evidence)
+    return _proof(axis, calibrator, (axis_ratio, turn_ratio), evidence)
 
 
 def _proof(

@@ -10,6 +10,7 @@ from pathlib import Path
 from drivers.clock import Clock
 from drivers.errors import ConfigError
 from drivers.types import MachineIdentity
+from gateway.capture.rig import Rig
 from gateway.config import AxisSection, SiteFile, load_site
 from gateway.errors import WriteRefused
 from gateway.say import Say
@@ -37,6 +38,11 @@ class Bench:
         """How long to wait for people and moves."""
         operator = self.site.operator
         return Patience(operator.start_timeout_s, operator.stop_timeout_s)
+
+    def rig(self, axis: AxisSection) -> Rig:
+        """An axis of the site set up with the instrument it names."""
+        instrument = self.supervisor.instrument(axis.measure.instrument)
+        return Rig(axis, self.supervisor.controller, instrument, self.clock, self.patience, self.say)
 
     def axis(self, name: str) -> AxisSection:
         """An axis of the site by its machine name."""

@@ -11,7 +11,7 @@ from drivers.ports import ResultFileFormat
 from drivers.types import FloatArray, LiveSet, Stop, StopReached
 from drivers.units import deviation_unit
 from gateway.capture.corrected import from_file, from_live
-from gateway.capture.live import capture_axis, window_of
+from gateway.capture.live import capture_axis
 from gateway.capture.sense import prove_sense
 from gateway.capture.targets import plan_of
 from gateway.config import AxisSection, Targets
@@ -64,13 +64,12 @@ async def measure_axis(at: Bench, axis: AxisSection, phase: stages.Phase) -> Mea
 
 
 async def _live(at: Bench, axis: AxisSection, phase: stages.Phase) -> tuple[Capture, tuple[str, ...]]:
-    instrument = at.supervisor.instrument(axis.measure.instrument)
-    controller, clock, patience = at.supervisor.controller, at.clock, at.patience
-    proof = await prove_sense(axis, controller, instrument, window_of(axis), clock, patience, at.say)
-    raw = await capture_axis(axis, controller, instrument, proof, clock, patience, at.say)
+    rig = at.rig(axis)
+    proof = await prove_sense(rig)
+    raw = await capture_axis(rig, proof)
     digest = at.folder.put(stages.raw(axis.name, phase), raw)
     at.folder.write_text(f"tables-{axis.name}-{phase}.spf", raw.live.native)
-    return from_live(axis, raw, proof, instrument.compensated_for), (digest,)
+    return from_live(axis, raw, proof, rig.instrument.compensated_for), (digest,)
 
 
 async def _from_file(at: Bench, axis: AxisSection) -> tuple[Capture, tuple[str, ...]]:

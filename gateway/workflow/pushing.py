@@ -9,7 +9,7 @@ from drivers.clock import Clock
 from drivers.errors import TrueflankError, words
 from drivers.types import SignProof, Stop
 from drivers.units import deviation_scale
-from gateway.capture.live import combined, window_of
+from gateway.capture.live import combined
 from gateway.capture.readings import Readings
 from gateway.capture.sense import prove_sense
 from gateway.config import AxisSection
@@ -100,14 +100,12 @@ async def _prove(at: Bench, axis: AxisSection, context: PushContext) -> SignProo
     if not axis.measure.instrument:
         raise WriteRefused("E-RUN-NO-PROOF", axis.name)
     at.say("P-SIGN", axis=axis.name)
-    instrument = at.supervisor.instrument(axis.measure.instrument)
-    sense = await prove_sense(
-        axis, at.supervisor.controller, instrument, window_of(axis), at.clock, at.patience, at.say
-    )
-    combine = combined(axis, instrument, sense.sense)
-    window = replace(window_of(axis), settle_s=SWITCH_SETTLE_S)
+    rig = at.rig(axis)
+    sense = await prove_sense(rig)
+    combine = combined(axis, rig.instrument, sense.sense)
+    window = replace(rig.window, settle_s=SWITCH_SETTLE_S)
     scale = deviation_scale(axis.unit)
-    async with Readings(instrument, at.clock, combine) as readings:
+    async with Readings(rig.instrument, at.clock, combine) as readings:
 
         async def read_stop(_stop: Stop) -> tuple[float, float]:
             reading = await readings.settled(window)

@@ -9,7 +9,8 @@ import pytest
 
 from drivers.clock import LoopClock, run_virtual
 from drivers.errors import BeamObstructed, DeviceRefused, UnsupportedDevice
-from gateway.capture.live import RawCapture, capture_axis, window_of
+from gateway.capture.live import RawCapture, capture_axis
+from gateway.capture.rig import Rig
 from gateway.capture.sense import prove_sense
 from gateway.config import AxisSection
 from gateway.domain import SenseProof
@@ -54,10 +55,10 @@ def _run(sense: int = 1, **changes: object) -> tuple[RawCapture, SenseProof]:
         clock = LoopClock()
         clock.now()
         machine = LittleMachine(clock, _laser(sense, np.random.default_rng(3)))
-        proof = await prove_sense(AXIS, machine, machine, window_of(AXIS), clock, PATIENCE)
+        proof = await prove_sense(Rig(AXIS, machine, machine, clock, PATIENCE))
         for name, value in changes.items():
             setattr(machine, name, value)
-        raw = await capture_axis(AXIS, machine, machine, proof, clock, PATIENCE)
+        raw = await capture_axis(Rig(AXIS, machine, machine, clock, PATIENCE), proof)
         return raw, proof
 
     return run_virtual(main)
@@ -96,7 +97,7 @@ def test_optics_that_do_not_follow_are_refused_with_what_was_read() -> None:
     async def main() -> None:
         clock = LoopClock()
         machine = LittleMachine(clock, lambda position, _times: 1e-5 * position)
-        await prove_sense(AXIS, machine, machine, window_of(AXIS), clock, PATIENCE)
+        await prove_sense(Rig(AXIS, machine, machine, clock, PATIENCE))
 
     with pytest.raises(UnsupportedDevice, match="jog of 10 mm read"):
         run_virtual(main)
@@ -106,7 +107,7 @@ def test_a_wrong_unit_is_refused() -> None:
     async def main() -> None:
         clock = LoopClock()
         machine = LittleMachine(clock, lambda position, _times: position / 25.4 * 10)
-        await prove_sense(AXIS, machine, machine, window_of(AXIS), clock, PATIENCE)
+        await prove_sense(Rig(AXIS, machine, machine, clock, PATIENCE))
 
     with pytest.raises(UnsupportedDevice, match="not within 1 %"):
         run_virtual(main)
@@ -117,7 +118,7 @@ def test_a_reading_that_never_settles_says_which_condition_is_missing() -> None:
         clock = LoopClock()
         rng = np.random.default_rng(5)
         machine = LittleMachine(clock, lambda position, _times: position + rng.normal(0, 0.01, position.shape))
-        await prove_sense(AXIS, machine, machine, window_of(AXIS), clock, PATIENCE)
+        await prove_sense(Rig(AXIS, machine, machine, clock, PATIENCE))
 
     with pytest.raises(Unstable, match="sigma"):
         run_virtual(main)

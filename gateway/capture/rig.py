@@ -1,0 +1,39 @@
+"""What a capture works with: one axis, the controller that moves it, the instrument that sees it, and patience."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from drivers.clock import Clock
+from drivers.ports import Controller, Instrument
+from drivers.units import deviation_scale
+from gateway.capture.readings import Window
+from gateway.config import AxisSection
+from gateway.say import Say, silence
+from gateway.walk import Patience
+
+SETTLE_TIMEOUT_S = 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class Rig:
+    """One axis set up to be measured."""
+
+    axis: AxisSection
+    controller: Controller
+    instrument: Instrument
+    clock: Clock
+    patience: Patience
+    say: Say = silence
+
+    @property
+    def setup(self) -> str:
+        """The operator's message for mounting the optics."""
+        return f"TRUEFLANK SETUP {self.axis.measure.component} ON {self.axis.letter}"
+
+    @property
+    def window(self) -> Window:
+        """The axis' settling window, its sigma in the axis unit."""
+        measure = self.axis.measure
+        stable = measure.stable / deviation_scale(self.axis.unit)
+        return Window(measure.settle_s, measure.average_s, stable, SETTLE_TIMEOUT_S)
