@@ -10,7 +10,7 @@ demo: $(VENV)/installed
 	$(BIN)/trueflank demo
 
 test: check
-	$(BIN)/python -m pytest -q -n $(WORKERS) --dist loadscope -m "not soak"
+	$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal -m "not soak"
 
 check: $(VENV)/developed
 	$(BIN)/ruff check .

@@ -148,6 +148,32 @@ def report(run_folder: RunArgument, store: StoreOption = Path("runs"), as_json: 
 
 
 @app.command()
+def study(
+    gear: Annotated[Path, typer.Argument(help="Gear file (TOML).", show_default=False)],
+    errors: Annotated[Path, typer.Argument(help="Error file (TOML).", show_default=False)],
+    plots: Annotated[Path | None, typer.Option(help="Folder for pictures (PNG).", show_default=False)] = None,
+    scheduler: Annotated[str, typer.Option(help="Dask scheduler, tcp://host:port.", show_default=False)] = "",
+    workers: Annotated[int | None, typer.Option(help="Processes for the ranking.", show_default=False)] = None,
+    order: Annotated[str, typer.Option(help="Flank of the ranking: first, second or exact.")] = "first",
+    trajectories: Annotated[int, typer.Option(min=1, help="Morris trajectories.")] = 20,
+    as_json: JsonOption = False,
+) -> None:
+    """Work out a gear on a machine: each error alone, ranking, cures, before and after."""
+    from gateway.cli.study import study_command
+
+    study_command(
+        gear,
+        errors,
+        plots=plots,
+        scheduler=scheduler,
+        workers=workers,
+        order=order,
+        trajectories=trajectories,
+        as_json=as_json,
+    )
+
+
+@app.command()
 def schema() -> None:
     """Print the site file's JSON schema."""
     from gateway.config import schema as site_schema

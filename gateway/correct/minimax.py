@@ -17,41 +17,57 @@ from drivers.types import FloatArray
 from gateway.errors import ModelError
 
 ROUNDS = 60
-WORST = 600  # rows taken up in one round
-CLOSE = 1e-7  # of the largest deviation: how near the optimum is known
-SLACK = 1e-4  # of the optimum, given away to stay near the least-squares solution
+WORST = 3000  # rows taken up in one round
+FINE = 1e3  # nm per um: what the solver calls equal is far below what counts
+SURE = 1e-5  # nm: the solver's own tolerance and some more
+CLOSE = 1e-9  # of the largest deviation: how near the optimum is known
+SLACK = 1e-8  # of the optimum, given away to find the calmest of the best solutions
 
 
 def smallest_largest(
-    M: csc_matrix, e0: FloatArray, start: FloatArray, G: FloatArray, g: FloatArray, free: FloatArray | None = None
+    M: csc_matrix,
+    e0: FloatArray,
+    start: FloatArray,
+    G: FloatArray,
+    g: FloatArray,
+    groups: NDArray[np.intp],
+    free: FloatArray | None = None,
 ) -> FloatArray:
-    """x that makes max |e0 + M x + f c| least with G x <= g; of those nearly as good one near ``start`` (1-norm).
+    """x that makes max |e0 + M x + f c| least with G x <= g; of the best ones one near ``start`` (1-norm).
 
-    ``free`` f (N,) is a rotation the flank figure does not count: c takes the deviation's whole share along f out.
-    Numbers of e0 and x should be near 1 (use um on the flank). Raises ModelError E-CORRECT-INFEASIBLE.
+    ``groups`` (N,) says which points lie together: of each only the worst is looked at in one round. ``free`` f (N,) is
+    a rotation the flank figure does not count: c takes the deviation's whole share along f out. e0 and x in um on the
+    flank. Raises ModelError E-CORRECT-INFEASIBLE.
     """
+    e0, start, g = FINE * e0, FINE * start, FINE * g
     tall = csr_matrix(M if free is None else hstack([M, csc_matrix(free[:, None])]))
     x0 = start if free is None else np.append(start, -float(free @ (e0 + M @ start)) / float(free @ free))
     if float(np.max(np.abs(e0 + tall @ x0), initial=0.0)) <= CLOSE * float(np.max(np.abs(e0), initial=0.0)):
-        return start
+        return start / FINE
     limits = csr_matrix(np.pad(G[np.isfinite(g)], ((0, 0), (0, tall.shape[1] - M.shape[1]))))
-    problem = _Problem(tall, e0, limits, g[np.isfinite(g)], free)
+    problem = _Problem(tall, e0, limits, g[np.isfinite(g)], free, groups)
     rows = problem.worst(x0, np.zeros(e0.size, dtype=np.bool_))
     for _ in range(ROUNDS):
         x, bound = problem.solve(rows)
-        e = np.abs(e0 + tall @ x)
-        if np.max(e) <= bound + CLOSE * (1.0 + bound):
+        if float(np.max(np.abs(e0 + tall @ x))) <= bound * (1.0 + CLOSE) + SURE:
             break
         rows = problem.worst(x, rows, bound)
-    return _settled(problem, rows, x0, bound)[: M.shape[1]]
+    return _settled(problem, rows, x0, bound)[: M.shape[1]] / FINE
 
 
 class _Problem:
     """The programme min s with |e0 + M x| <= s on chosen rows and the limits."""
 
     def __init__(
-        self, M: csr_matrix, e0: FloatArray, limits: csr_matrix, g: FloatArray, free: FloatArray | None
+        self,
+        M: csr_matrix,
+        e0: FloatArray,
+        limits: csr_matrix,
+        g: FloatArray,
+        free: FloatArray | None,
+        groups: NDArray[np.intp],
     ) -> None:
+        self.groups = groups
         self.M, self.e0, self.limits, self.g = M, e0, limits, g
         self.turn: tuple[FloatArray, float] | None = None
         if free is not None:
@@ -59,12 +75,14 @@ class _Problem:
             self.turn = np.asarray(free @ M) / square, -float(free @ e0) / square
 
     def worst(self, x: FloatArray, known: NDArray[np.bool_], above: float = 0.0) -> NDArray[np.bool_]:
-        """The rows known with the `WORST` further ones of largest deviation."""
-        e = np.abs(self.e0 + self.M @ x)
-        e[known] = -1.0
-        add = np.argsort(-e, kind="stable")[:WORST]
+        """The rows known with at most `WORST` further ones: of each group the worst to either side."""
+        e = self.e0 + self.M @ x
+        size = np.where(known, -1.0, np.abs(e))
+        order = np.argsort(-size, kind="stable")
+        order = order[size[order] > above]
+        _, first = np.unique(2 * self.groups[order] + (e[order] > 0.0), return_index=True)
         rows = known.copy()
-        rows[add[e[add] > above]] = True
+        rows[order[np.sort(first)[:WORST]]] = True
         return rows
 
     def solve(self, rows: NDArray[np.bool_]) -> tuple[FloatArray, float]:
@@ -117,12 +135,11 @@ class _Problem:
 
 
 def _settled(problem: _Problem, rows: NDArray[np.bool_], x0: FloatArray, bound: float) -> FloatArray:
-    """The calmest of the nearly optimal solutions, over all points."""
-    wide = bound * (1.0 + SLACK) + CLOSE
+    """The calmest of the best solutions, over all points."""
+    wide = bound * (1.0 + SLACK) + SURE
     for _ in range(ROUNDS):
         x = problem.near(rows, x0, wide)
-        e = np.abs(problem.e0 + problem.M @ x)
-        if np.max(e) <= wide + CLOSE * (1.0 + wide):
+        if float(np.max(np.abs(problem.e0 + problem.M @ x))) <= wide * (1.0 + CLOSE) + SURE:
             break
         rows = problem.worst(x, rows, wide)
     return x

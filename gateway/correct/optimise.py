@@ -173,7 +173,8 @@ def _continuous(work: _Work, norm: Norm) -> FloatArray:
         return y
     M = UM * (work.model.columns @ tied)
     lever = work.model.places.form[:, 2] if work.model.turning else None
-    return smallest_largest(csc_matrix(M), UM * work.model.start(), y, _row_scaled(G), _side_scaled(G, work.g), lever)
+    limits = _row_scaled(G), _side_scaled(G, work.g)
+    return smallest_largest(csc_matrix(M), UM * work.model.start(), y, *limits, work.model.places.of, lever)
 
 
 def _row_scaled(G: FloatArray) -> FloatArray:

@@ -17,6 +17,7 @@ RIDGE = 1e-7
 FURTHEST = 2.0  # steps that a value may move from its optimum
 EXCHANGES = 4000
 BETTER = 1e-12
+TOUCHING = 0.05  # of the largest effect on the worst point: less moves it by the common rotation only
 Whole = NDArray[np.int64]
 
 
@@ -169,16 +170,23 @@ def _lowering(
 ) -> list[tuple[int, int]] | None:
     worst = int(np.argmax(np.abs(e)))
     row = [float(columns.of(i)[worst]) if free else 0.0 for i, free in enumerate(movable)]
-    most = 1e-3 * max((abs(one) for one in row), default=0.0)
+    most = TOUCHING * max((abs(one) for one in row), default=0.0)
     touching = [i for i, one in enumerate(row) if abs(one) > most]
     singles = [[(i, -int(np.sign(row[i] * e[worst])))] for i in touching]
     pairs = [[(i, s), (j, t)] for i in touching for j in touching if i < j for s in (1, -1) for t in (1, -1)]
     found: tuple[float, list[tuple[int, int]]] | None = None
     lower = float(np.abs(e[worst])) * (1.0 - 1e-9)
+    if not touching:
+        return None
+    # A move shifts a point by at most this: what lies further below the worst can neither become it nor limit it.
+    reach = 2.0 * max(float(np.max(np.abs(columns.of(i)))) for i in touching)
+    near = np.flatnonzero(np.abs(e) >= lower - 2.0 * reach)
+    close = e[near]
+    part = {i: columns.of(i)[near] for i in touching}
     for move in (*singles, *pairs):
         if sum(s * row[i] for i, s in move) * e[worst] >= 0.0:
             continue
-        top = float(np.max(np.abs(e + sum(s * columns.of(i) for i, s in move))))
+        top = float(np.max(np.abs(close + sum(s * part[i] for i, s in move))))
         if top < (lower if found is None else found[0]) and limits.kept(_stepped(n, move)):
             found = top, move
     return None if found is None else found[1]
