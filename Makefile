@@ -21,6 +21,10 @@ check: $(VENV)/developed
 soak: $(VENV)/developed
 	$(BIN)/python -m pytest -q -n $(WORKERS) -m soak
 
+bench: $(VENV)/developed
+	$(BIN)/python benchmarks/flank.py
+	$(BIN)/python benchmarks/sweep.py
+
 $(VENV)/installed: pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e .
