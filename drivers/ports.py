@@ -142,7 +142,7 @@ class Controller(Device, Protocol):
     async def wait_loaded(self, order: PushOrder, timeout_s: float) -> tuple[LiveSet, LiveSet]:
         """Wait until the first half stands at its M0: (back-up of the old, read-back of the new).
 
-        Raises VerifyFailed via DeviceRefused fields when the program itself counted mismatches.
+        Raises DeviceRefused when the program itself counted mismatches or ended by another way.
         """
         ...
 

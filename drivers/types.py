@@ -272,7 +272,7 @@ class PushOrder:
     """One table to load. ``transaction`` is the number the controller must echo before it enables.
 
     ``purpose`` "table" needs a `SignProof` in ``proof``; "sign-proof" and "restore" do not. For "restore"
-    ``native`` is the back-up text to play back and ``enable`` the switch it had.
+    ``table`` is the old table and ``enable`` the switch it had.
     ``agreeing_position`` is where old and new table agree and the axis must stand.
     """
 

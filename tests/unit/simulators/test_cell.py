@@ -73,7 +73,7 @@ def test_a_cell_prints_a_site_file_that_leads_to_its_wires(trueflank_cell: CellS
     settings = load_site(path).controller.settings
     assert Path(settings["password_file"]).read_text().strip() == password
     assert Path(settings["server_certificate"]).is_file()
-    assert ambient.air_degc == pytest.approx(22.35, abs=0.1)
+    assert ambient.air_degc == pytest.approx(22.35, abs=0.5)
 
 
 def test_an_operator_mounts_and_the_laser_follows_a_program(trueflank_cell: CellStarter) -> None:
