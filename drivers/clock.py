@@ -144,6 +144,14 @@ class VirtualTimeLoop(asyncio.SelectorEventLoop):
         future.add_done_callback(self._thread_done)
         return future
 
+    async def shutdown_default_executor(self, *args: Any, **options: Any) -> None:
+        """End the threads and hold time still meanwhile: newer Pythons give them a time limit of the loop's."""
+        self.threads_at_work += 1
+        try:
+            await super().shutdown_default_executor(*args, **options)
+        finally:
+            self.threads_at_work -= 1
+
     def _thread_done(self, _future: asyncio.Future[Any]) -> None:
         self.threads_at_work -= 1
 

@@ -43,5 +43,7 @@ class Conversations:
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
+        for task in tasks:
+            self._ended(task)  # a task that has only just ended has not yet been called back
         if self._failure is not None:
             raise self._failure
