@@ -43,12 +43,30 @@ class InstrumentSection(_Section):
     settings: dict[str, Any] = Field(default_factory=dict, description="driver's own keys")
 
 
+class Window(_Section):
+    """A working window visited at table step, for the tooth, beside the full travel."""
+
+    first: float
+    last: float
+    step: float = Field(gt=0)
+
+    @model_validator(mode="after")
+    def _rises(self) -> Window:
+        if self.last - self.first < self.step:
+            raise ValueError("last must lie a step or more above first")
+        return self
+
+
 class Targets(_Section):
-    """Target positions in machine coordinates: evenly spaced with seeded random offsets, or given."""
+    """Target positions in machine coordinates: evenly spaced with seeded random offsets, or given.
+
+    ``count`` "iso230-2" takes as many as the standard asks for over first .. last, with random offsets.
+    """
 
     first: float = 0.0
     last: float = 0.0
-    count: int = Field(default=0, ge=0)
+    count: int | Literal["iso230-2"] = 0
+    window: Window | None = None
     offset_fraction: float = Field(default=0.0, ge=0.0, le=0.3, description="of the interval, random")
     seed: int = 1
     positions: tuple[float, ...] = ()
@@ -57,8 +75,10 @@ class Targets(_Section):
     def _one_way(self) -> Targets:
         if bool(self.positions) == bool(self.count):
             raise ValueError("give either positions or first, last and count")
-        if self.count == 1:
+        if isinstance(self.count, int) and (self.count < 0 or self.count == 1):
             raise ValueError("count must be 2 or more")
+        if self.count == "iso230-2" and self.first == self.last:
+            raise ValueError("first and last must differ")
         return self
 
 
@@ -73,6 +93,13 @@ class MeasureSection(_Section):
     component: str
     targets: Targets | None = None
     repetitions: int = Field(default=5, ge=1)
+    cycle: Literal["standard", "pendulum", "pilgrim"] = Field(
+        default="standard", description="only standard is ISO 230-2"
+    )
+    retakes: int = Field(default=1, ge=0, le=5, description="rounds over targets that did not settle")
+    beam_recoveries: int = Field(
+        default=2, ge=0, le=20, description="times a lost beam may be restored and the datum set anew"
+    )
     overrun: float = Field(default=5.0, gt=0)
     feed: float = Field(gt=0)
     dwell_s: float = Field(default=1.0, gt=0)

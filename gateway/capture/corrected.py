@@ -28,7 +28,7 @@ def from_live(axis: AxisSection, raw: RawCapture, proof: SenseProof, already: Co
         deviations, done = _rotary(axis, raw, proof)
     sigma = raw.window_sigma * deviation_scale(axis.unit)
     reading_u = float(np.sqrt(np.nanmean(sigma**2) / max(raw.window_count, 1)))
-    notes = (f"{raw.lost_samples} samples lost by the instrument",) if raw.lost_samples else ()
+    lost = (f"{raw.lost_samples} samples lost by the instrument",) if raw.lost_samples else ()
     return Capture(
         axis.name,
         axis.measure.component,
@@ -45,7 +45,8 @@ def from_live(axis: AxisSection, raw: RawCapture, proof: SenseProof, already: Co
         "live",
         raw.started_utc,
         raw.ended_utc,
-        notes,
+        (*lost, *raw.notes),
+        cycle=axis.measure.cycle,
     )
 
 

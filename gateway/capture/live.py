@@ -1,23 +1,33 @@
-"""Captures one axis live: every target, repetition and approach once, as raw averages with their times."""
+"""Captures one axis live: every target, repetition and approach once, as raw averages with their times.
+
+A reading that does not settle is left out and taken again at the end; a lost beam ends the program, and the
+next one begins at the datum, which is set anew there, before it goes on where the first one stopped.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from drivers.errors import BeamObstructed
 from drivers.ports import Instrument
-from drivers.types import Ambient, FloatArray, LiveSet, Stop, StopReached
-from drivers.units import wrap_deg
-from gateway.capture.readings import History, Reading, Readings
+from drivers.types import Ambient, FloatArray, LiveSet, Stop, StopPlan, StopReached
+from gateway.capture.collecting import Collection
+from gateway.capture.readings import History, Readings
 from gateway.capture.rig import Rig
 from gateway.capture.sense import first_channel
-from gateway.capture.targets import expected_travel, jog_start, measuring_plan, positions
+from gateway.capture.targets import measuring_plan, positions
 from gateway.config import AxisSection
 from gateway.domain import SenseProof
+from gateway.errors import Unstable
 from gateway.walk import walk
 
-MATCH = 0.1
+# A set-up that does not settle at so many stops one after the other does not settle at all.
+MOST_UNSETTLED = 3
+DATUM_REPETITION = 9999
+AtStop = Callable[[int, Stop, StopReached], Awaitable[None]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +36,8 @@ class RawCapture:
 
     ``values`` shape (m, n, 2, channels): target, repetition, approach + then -; ``time_s`` (m, n, 2) in
     instrument time; ``window_sigma`` (m, n, 2) of the combined quantity in the axis unit.
-    ``ambient`` is the environment at the start of each one-way pass and after the last.
+    ``ambient`` is the environment at the start of each one-way pass and after the last. ``notes`` tell what
+    was taken again.
     """
 
     targets: FloatArray
@@ -41,6 +52,7 @@ class RawCapture:
     started_utc: str
     ended_utc: str
     lost_samples: int
+    notes: tuple[str, ...] = ()
 
 
 def combined(axis: AxisSection, instrument: Instrument, sense: int) -> History:
@@ -52,91 +64,134 @@ def combined(axis: AxisSection, instrument: Instrument, sense: int) -> History:
 
 
 async def capture_axis(rig: Rig, proof: SenseProof) -> RawCapture:
-    """Measure an axis with a proven instrument; raises what `walk` and `Readings` raise."""
-    axis, instrument, clock = rig.axis, rig.instrument, rig.clock
-    targets = positions(axis.measure.targets, axis.reference) if axis.measure.targets else np.empty(0)
-    plan = measuring_plan(axis, targets, "", name=f"TFMEAS{axis.letter}")
-    shape = (len(targets), axis.measure.repetitions, 2)
-    values = np.full((*shape, len(instrument.channels)), np.nan)
-    times, sigmas = np.full(shape, np.nan), np.full(shape, np.nan)
-    combine = combined(axis, instrument, proof.sense)
-    window, tolerance = rig.window, _tolerance(axis, targets)
-    ambients: list[Ambient] = []
-    ambient_times: list[float] = []
-    counts: list[int] = []
-    datum: list[tuple[float, float]] = []
-    last = [_standing(axis, proof, combine, len(instrument.channels))]
+    """Measure an axis with a proven instrument.
+
+    Raises what `walk` and `Readings` raise: BeamObstructed once every allowed recovery is used up, Unstable
+    when a stop does not settle in any round either.
+    """
+    axis, clock = rig.axis, rig.clock
+    targets = _targets(axis)
+    combine = combined(axis, rig.instrument, proof.sense)
+    found = Collection(axis, targets, rig.instrument.channels, combine, proof)
     started = clock.utc().isoformat(timespec="seconds")
-    async with Readings(instrument, clock, combine) as readings:
-
-        async def at_stop(index: int, stop: Stop, _reached: StopReached) -> None:
-            if index == 0:
-                readings.datum()
-            if index % len(targets) == 0:
-                ambients.append(await instrument.ambient())
-            reading = await readings.settled(
-                window,
-                expect=_expected(axis, datum, stop.target, tolerance),
-                moved_from=(last[-1], (expected_travel(plan, index) or _approach_travel(axis, targets)) / 4.0),
-            )
-            value = float(combine(reading.values[None, :])[0])
-            if not datum:
-                datum.append((value, stop.target))
-            if index % len(targets) == 0:
-                ambient_times.append(reading.time_s)
-            last.append(value)
-            _keep(reading, stop)
-
-        def _keep(reading: Reading, stop: Stop) -> None:
-            cell = (stop.label, stop.repetition, 0 if stop.approach == 1 else 1)
-            values[cell] = reading.values
-            times[cell] = reading.time_s
-            sigmas[cell] = float(np.max(reading.sigma))
-            counts.append(reading.count)
-
-        await walk(rig.controller, plan, at_stop, rig.patience, rig.say)
-        ambients.append(await instrument.ambient())
-        ambient_times.append(readings.latest_s)
+    async with Readings(rig.instrument, clock, combine) as readings:
+        plan = measuring_plan(axis, targets, "", name=f"TFMEAS{axis.letter}")
+        await _Visits(rig, found, readings).all(plan, len(targets))
+        found.ambients.append(await rig.instrument.ambient())
+        found.ambient_times.append(readings.latest_s)
         lost = readings.lost
     live = await rig.controller.saved_tables(axis.name)
     ended = clock.utc().isoformat(timespec="seconds")
+    return _raw(found, targets, rig.instrument.channels, live, (started, ended), lost)
+
+
+def _targets(axis: AxisSection) -> FloatArray:
+    wanted = axis.measure.targets
+    return np.empty(0) if wanted is None else positions(wanted, axis.reference, rotary=axis.kind == "rotary")
+
+
+def _raw(
+    found: Collection,
+    targets: FloatArray,
+    channels: tuple[str, ...],
+    live: LiveSet,
+    times: tuple[str, str],
+    lost: int,
+) -> RawCapture:
     return RawCapture(
         targets,
-        instrument.channels,
-        values,
-        times,
-        sigmas,
-        int(np.median(counts)),
-        tuple(ambients),
-        np.asarray(ambient_times),
+        channels,
+        found.values,
+        found.times,
+        found.sigmas,
+        int(np.median(found.counts)),
+        tuple(found.ambients),
+        np.asarray(found.ambient_times),
         live,
-        started,
-        ended,
+        *times,
         lost,
+        tuple(found.notes),
     )
 
 
-def _standing(axis: AxisSection, proof: SenseProof, combine: History, channels: int) -> float:
-    """What the combined reading showed where the sense proof left the axis: its last, for a calibrator its first."""
-    evidence = proof.evidence[-channels:] if axis.kind == "linear" else proof.evidence[:channels]
-    return float(combine(np.asarray([evidence]))[0])
+class _Visits:
+    """Visits every stop of a plan, if need be in several programs."""
 
+    def __init__(self, rig: Rig, found: Collection, readings: Readings) -> None:
+        self._rig = rig
+        self._found = found
+        self._readings = readings
+        self._recoveries = rig.axis.measure.beam_recoveries
+        self._taken = 0
+        self._per_pass = 1
+        self._in_a_row = 0
 
-def _approach_travel(axis: AxisSection, targets: FloatArray) -> float:
-    jog = axis.measure.jog if axis.kind == "linear" else 0.0
-    return max(abs(float(targets[0]) - jog_start(axis, jog)), axis.measure.overrun)
+    async def all(self, plan: StopPlan, per_pass: int) -> None:
+        """Every stop read; raises BeamObstructed or Unstable when what is allowed did not suffice."""
+        self._per_pass = max(per_pass, 1)
+        again = replace(plan, name=f"TFAGAIN{plan.letter}")
+        rounds = self._rig.axis.measure.retakes
+        await self._through(plan, last_round=not rounds)
+        for number in range(1, rounds + 1):
+            missing = self._found.missing(plan.stops)
+            if not missing:
+                return
+            self._rig.say("P-CAP-RETAKE", axis=plan.axis, count=len(missing), round=number)
+            self._found.notes.append(f"{len(missing)} reading(s) that had not settled were taken again")
+            await self._through(replace(again, stops=missing), last_round=number == rounds)
 
+    async def _through(self, plan: StopPlan, *, last_round: bool) -> None:
+        """One plan, begun anew at the datum after each lost beam."""
+        part = plan
+        while True:
+            try:
+                at_stop = self._at_stop(last_round=last_round)
+                await walk(self._rig.controller, part, at_stop, self._rig.patience, self._rig.say)
+                return
+            except BeamObstructed:
+                if not self._recoveries or self._found.datum is None:
+                    raise
+            part = self._resumed(plan)
 
-def _tolerance(axis: AxisSection, targets: FloatArray) -> float:
-    smallest = float(np.min(np.diff(targets))) if len(targets) > 1 else axis.measure.overrun
-    return min(MATCH * smallest, axis.measure.overrun / 4.0)
+    def _resumed(self, plan: StopPlan) -> StopPlan:
+        self._recoveries -= 1
+        datum = self._found.datum.target if self._found.datum is not None else plan.stops[0].target
+        left = self._found.missing(plan.stops)
+        self._rig.say("P-CAP-BEAM", axis=plan.axis, left=len(left), total=len(plan.stops))
+        first = Stop(datum, 1, DATUM_REPETITION, 0)
+        return replace(plan, name=f"TFDATUM{plan.letter}", stops=(first, *left), setup=self._rig.setup)
 
+    def _at_stop(self, *, last_round: bool) -> AtStop:
+        async def at_stop(index: int, stop: Stop, _reached: StopReached) -> None:
+            if stop.repetition == DATUM_REPETITION:
+                await self._set_datum_anew(stop)
+                return
+            if self._found.datum is None:
+                self._readings.datum()
+            try:
+                await self._take(stop, first=index == 0)
+            except Unstable:
+                if last_round or self._found.datum is None or self._in_a_row >= MOST_UNSETTLED:
+                    raise
+                self._in_a_row += 1
+                self._rig.say("P-CAP-UNSETTLED", axis=self._rig.axis.name, target=stop.target)
 
-def _expected(
-    axis: AxisSection, datum: list[tuple[float, float]], target: float, tolerance: float
-) -> tuple[float, float] | None:
-    if not datum:
-        return None
-    value, start = datum[0]
-    travel = wrap_deg(target - start) if axis.modulo and abs(target - start) > 360.0 else target - start
-    return value + travel, tolerance
+        return at_stop
+
+    async def _take(self, stop: Stop, *, first: bool) -> None:
+        found = self._found
+        air = await self._rig.instrument.ambient() if self._taken % self._per_pass == 0 else None
+        reading = await self._readings.settled(
+            self._rig.window, expect=found.expectation(stop), moved_from=found.departure(stop, first=first)
+        )
+        found.take(stop, reading)
+        if air is not None:
+            found.ambients.append(air)
+            found.ambient_times.append(reading.time_s)
+        self._taken += 1
+        self._in_a_row = 0
+
+    async def _set_datum_anew(self, stop: Stop) -> None:
+        self._readings.datum()
+        self._found.set_anew(stop, await self._readings.settled(self._rig.window))
+        self._found.notes.append(f"the beam was lost after {self._taken} readings and the datum set anew")

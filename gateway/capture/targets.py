@@ -5,38 +5,47 @@ from __future__ import annotations
 import numpy as np
 
 from drivers.types import FloatArray, Stop, StopPlan
-from gateway.config import AxisSection, MeasureSection, Targets
+from gateway.capture.cycles import least_count, visits, with_window
+from gateway.config import AxisSection, MeasureSection, Targets, Window
 
 DECIMALS = 3
+RULE_OFFSET = 0.3
 
 
-def positions(targets: Targets, reference: float) -> FloatArray:
+def positions(targets: Targets, reference: float, *, rotary: bool = False) -> FloatArray:
     """Target positions in machine coordinates, shape (m,), ascending.
 
     Evenly spaced with a random offset of at most `offset_fraction` of the interval (ISO 230-2: P_i =
     (i-1)p + r), so that periodic errors are not aliased. End targets move inward only and the target at the
     reference stays exact: it is the datum.
     """
+    travel = _of_travel(targets, reference, rotary=rotary)
+    return travel if targets.window is None else with_window(travel, _of_window(targets.window))
+
+
+def _of_travel(targets: Targets, reference: float, *, rotary: bool) -> FloatArray:
     if targets.positions:
         return np.sort(np.asarray(targets.positions, dtype=np.float64))
-    even = np.linspace(targets.first, targets.last, targets.count)
-    interval = (targets.last - targets.first) / (targets.count - 1)
-    spread = abs(interval) * targets.offset_fraction
-    offsets = np.random.default_rng(targets.seed).uniform(-spread, spread, targets.count)
-    offsets[np.abs(even - reference) < abs(interval) / 2] = 0.0
     low, high = sorted((targets.first, targets.last))
+    by_rule = isinstance(targets.count, str)
+    count = least_count(high - low, rotary=rotary) if isinstance(targets.count, str) else targets.count
+    even = np.linspace(targets.first, targets.last, count)
+    interval = (targets.last - targets.first) / (count - 1)
+    spread = abs(interval) * (targets.offset_fraction or (RULE_OFFSET if by_rule else 0.0))
+    offsets = np.random.default_rng(targets.seed).uniform(-spread, spread, count)
+    offsets[np.abs(even - reference) < abs(interval) / 2] = 0.0
     return np.sort(np.round(np.clip(even + offsets, low, high), DECIMALS))
 
 
+def _of_window(window: Window) -> FloatArray:
+    count = int(np.floor((window.last - window.first) / window.step + 1e-9)) + 1
+    return np.asarray(np.round(window.first + window.step * np.arange(count), DECIMALS))
+
+
 def measuring_plan(axis: AxisSection, at: FloatArray, setup: str, *, name: str) -> StopPlan:
-    """Up through all targets, overrun, down through all, `repetitions` times; labels are target indices."""
-    measure = axis.measure
-    stops: list[Stop] = []
-    for repetition in range(measure.repetitions):
-        up = [Stop(float(p), 1, repetition, index) for index, p in enumerate(at)]
-        down = [Stop(float(p), -1, repetition, index) for index, p in reversed(list(enumerate(at)))]
-        stops += up + down
-    return plan_of(axis, tuple(stops), setup, name=name, dwell_s=measure.dwell_s)
+    """All visits of the axis' cycle; labels are target indices."""
+    stops = visits(axis.measure.cycle, at, axis.measure.repetitions)
+    return plan_of(axis, stops, setup, name=name, dwell_s=axis.measure.dwell_s)
 
 
 def jog_plan(axis: AxisSection, start: float, jog: float, setup: str) -> StopPlan:
@@ -74,11 +83,11 @@ def jog_start(axis: AxisSection, jog: float) -> float:
     return round((low + high - jog) / 2.0, DECIMALS)
 
 
-def expected_travel(plan: StopPlan, index: int) -> float:
-    """The least distance the axis leaves stop index-1 by before it stands at stop `index` (0 if it stays)."""
-    if index == 0:
-        return 0.0
-    here, before = plan.stops[index], plan.stops[index - 1]
+def expected_travel(before: Stop, here: Stop, overrun: float) -> float:
+    """The least distance the axis leaves stop `before` by until it stands at stop `here`.
+
+    0 where it stays to be switched, and where it may stay: the same target from the same side.
+    """
     if here.switch is not None and here.target == before.target:
         return 0.0
-    return max(abs(here.target - before.target), plan.overrun if here.approach != before.approach else 0.0)
+    return max(abs(here.target - before.target), overrun if here.approach != before.approach else 0.0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from drivers import registry
@@ -58,6 +58,8 @@ async def measure_axis(at: Bench, axis: AxisSection, phase: stages.Phase) -> Mea
         capture, parents = await _live(at, axis, phase)
     digest = at.folder.put(stages.capture(axis.name, phase), capture, parents)
     result = evaluate(capture.targets, capture.deviations, deviation_unit(axis.unit), budget=budget_of(capture))
+    if capture.cycle != "standard":
+        result = replace(result, flags=(*result.flags, f"{capture.cycle} cycle: not for acceptance to ISO 230-2"))
     at.folder.put(stages.evaluation(axis.name, phase), result, (digest,))
     at.say("P-EVALUATED", axis=axis.name, M=_figure(result.M), B=_figure(result.B), unit=result.unit)
     return Measured(capture, result, digest)

@@ -1,0 +1,127 @@
+"""What a capture has gathered so far, stop by stop: averages, times, the datum, and where the count stood last."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drivers.types import Ambient, FloatArray, Stop
+from drivers.units import wrap_deg
+from gateway.capture.readings import History, Reading
+from gateway.capture.targets import expected_travel, jog_start
+from gateway.config import AxisSection
+from gateway.domain import SenseProof
+
+MATCH = 0.1
+# A quarter of the way is enough to know that the axis moved, and far above what it may wander while it stands.
+MOVED_PART = 0.25
+
+
+@dataclass(frozen=True, slots=True)
+class Datum:
+    """The first reading of all: channel values (c,), the combined quantity and the target it was taken at."""
+
+    values: FloatArray
+    combined: float
+    target: float
+
+
+class Collection:
+    """Arrays of one capture, (m, n, 2[, channels]); NaN where nothing was read yet."""
+
+    def __init__(
+        self, axis: AxisSection, targets: FloatArray, channels: tuple[str, ...], combine: History, proof: SenseProof
+    ) -> None:
+        shape = (len(targets), axis.measure.repetitions, 2)
+        self._axis = axis
+        self._targets = targets
+        self._combine = combine
+        # The channel that a lost beam sets back to zero; a calibrator's own encoder keeps counting.
+        self._counting = channels.index("laser_deg") if "laser_deg" in channels else 0
+        self._tolerance = _tolerance(axis, targets)
+        self._last_value = _standing(axis, proof, combine, len(channels))
+        self._last_stop: Stop | None = None
+        self._offset = np.zeros(len(channels))
+        self.values = np.full((*shape, len(channels)), np.nan)
+        self.times = np.full(shape, np.nan)
+        self.sigmas = np.full(shape, np.nan)
+        self.counts: list[int] = []
+        self.ambients: list[Ambient] = []
+        self.ambient_times: list[float] = []
+        self.notes: list[str] = []
+        self.datum: Datum | None = None
+
+    def combined(self, values: FloatArray) -> float:
+        """The one quantity of the axis from channel values (c,)."""
+        return float(self._combine(values[None, :])[0])
+
+    def expectation(self, stop: Stop) -> tuple[float, float] | None:
+        """(value, tolerance) the instrument should show at a stop in its present count; None before the datum."""
+        if self.datum is None:
+            return None
+        far = self._axis.modulo and abs(stop.target - self.datum.target) > 360.0
+        travel = stop.target - self.datum.target
+        moved = wrap_deg(travel) if far else travel
+        present = self.combined(self.datum.values - self._offset)
+        return present + moved, self._tolerance
+
+    def departure(self, stop: Stop, *, first: bool) -> tuple[float, float]:
+        """(value, distance): what the count showed last, and how far it must have gone since then.
+
+        The ``first`` stop of a program is always approached from its overrun.
+        """
+        if self._last_stop is None:
+            travel = _approach_travel(self._axis, self._targets)
+        else:
+            overrun = self._axis.measure.overrun
+            travel = max(expected_travel(self._last_stop, stop, overrun), overrun if first else 0.0)
+        return self._last_value, MOVED_PART * travel
+
+    def take(self, stop: Stop, reading: Reading) -> None:
+        """Keep a stop's reading, in the count of the datum."""
+        values = reading.values + self._offset
+        cell = (stop.label, stop.repetition, 0 if stop.approach == 1 else 1)
+        self.values[cell] = values
+        self.times[cell] = reading.time_s
+        self.sigmas[cell] = float(np.max(reading.sigma))
+        self.counts.append(reading.count)
+        if self.datum is None:
+            self.datum = Datum(values, self.combined(values), stop.target)
+        self._stands(stop, reading)
+
+    def set_anew(self, stop: Stop, reading: Reading) -> None:
+        """After a lost beam: what reads at the datum now stands for what read there first.
+
+        Raises nothing; the uncertainty of one more reading of the datum is the price, and is noted.
+        """
+        if self.datum is None:
+            return
+        lacking = self.datum.combined - self.combined(reading.values)
+        unit = np.zeros_like(self._offset)
+        unit[self._counting] = 1.0
+        self._offset = unit * lacking / (self.combined(reading.values + unit) - self.combined(reading.values))
+        self._stands(stop, reading)
+
+    def _stands(self, stop: Stop, reading: Reading) -> None:
+        self._last_value, self._last_stop = self.combined(reading.values), stop
+
+    def missing(self, stops: tuple[Stop, ...]) -> tuple[Stop, ...]:
+        """Those of these stops that have no reading yet, in their order."""
+        return tuple(s for s in stops if np.isnan(self.times[s.label, s.repetition, 0 if s.approach == 1 else 1]))
+
+
+def _standing(axis: AxisSection, proof: SenseProof, combine: History, channels: int) -> float:
+    """What the combined reading showed where the sense proof left the axis: its last, for a calibrator its first."""
+    evidence = proof.evidence[-channels:] if axis.kind == "linear" else proof.evidence[:channels]
+    return float(combine(np.asarray([evidence]))[0])
+
+
+def _approach_travel(axis: AxisSection, targets: FloatArray) -> float:
+    jog = axis.measure.jog if axis.kind == "linear" else 0.0
+    return max(abs(float(targets[0]) - jog_start(axis, jog)), axis.measure.overrun)
+
+
+def _tolerance(axis: AxisSection, targets: FloatArray) -> float:
+    smallest = float(np.min(np.diff(targets))) if len(targets) > 1 else axis.measure.overrun
+    return min(MATCH * smallest, axis.measure.overrun / 4.0)
