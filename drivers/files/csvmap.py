@@ -5,13 +5,15 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from drivers.errors import ConfigError, FileFormatError
+from drivers.files.columns import ColumnMap, read_columns
 from drivers.files.numbers import decimal, whole
 from drivers.files.text import decode, read_bytes
 from drivers.types import FloatArray, MeasuredSet
@@ -48,16 +50,18 @@ class CsvFormat:
     Deviations are um over mm unless `unit`, or the column's own name (deviation_arcsec), says otherwise.
     """
 
-    def __init__(self, unit: str = "", codepage: str = "cp1252") -> None:
+    def __init__(self, unit: str = "", codepage: str = "cp1252", columns: Mapping[str, Any] | None = None) -> None:
         if unit and unit not in UNITS:
             raise ConfigError("E-FILE-UNIT", "csv", unit=unit, known=", ".join(UNITS))
         self._unit = unit
         self._codepage = codepage
+        self._columns = ColumnMap.read(columns, "csv") if columns is not None else None
 
     def read(self, path: Path) -> MeasuredSet:
-        """Read a file. Raises FileFormatError with line and reason."""
+        """Read a file, by the declared columns if there are any. Raises FileFormatError with line and reason."""
         where = str(path)
-        return parse_csv(decode(read_bytes(path), self._codepage, where), self._unit, where)
+        text = decode(read_bytes(path), self._codepage, where)
+        return parse_csv(text, self._unit, where) if self._columns is None else read_columns(text, self._columns, where)
 
 
 def parse_csv(text: str, unit: str, where: str) -> MeasuredSet:

@@ -1,0 +1,226 @@
+"""A table of readings by columns the user declares: what each column means is said once, and remembered outside.
+
+For tables whose layout is not ours and not public: spreadsheets, capture programs' text exports. Nothing is
+guessed: target, reading, units, sense and direction are each declared, and a line that does not fit is refused.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from itertools import pairwise
+from typing import Any, Literal, cast
+
+import numpy as np
+
+from drivers.errors import ConfigError, FileFormatError
+from drivers.files.numbers import decimal, whole
+from drivers.types import FloatArray, MeasuredSet
+from drivers.units import AxisUnit, deg_to_arcsec, mm_to_um, rad_to_arcsec
+
+_BREAK = re.compile(r"\r\n|\n|\r")
+MM_PER_INCH = 25.4
+TARGET_UNITS: dict[str, tuple[AxisUnit, float]] = {
+    "mm": ("mm", 1.0),
+    "um": ("mm", 1e-3),
+    "m": ("mm", 1e3),
+    "inch": ("mm", MM_PER_INCH),
+    "deg": ("deg", 1.0),
+    "rad": ("deg", 180.0 / np.pi),
+    "mrad": ("deg", 0.18 / np.pi),
+    "arcsec": ("deg", 1.0 / 3600.0),
+}
+READING_UNITS: dict[str, tuple[AxisUnit, float]] = {
+    "um": ("mm", 1.0),
+    "mm": ("mm", mm_to_um(1.0)),
+    "m": ("mm", mm_to_um(1000.0)),
+    "inch": ("mm", mm_to_um(MM_PER_INCH)),
+    "arcsec": ("deg", 1.0),
+    "deg": ("deg", deg_to_arcsec(1.0)),
+    "rad": ("deg", rad_to_arcsec(1.0)),
+    "mrad": ("deg", rad_to_arcsec(1e-3)),
+    "urad": ("deg", rad_to_arcsec(1e-6)),
+}
+UP, DOWN = {"+", "+1", "1", "up", "forward", "f", "pos"}, {"-", "-1", "down", "backward", "reverse", "r", "b", "neg"}
+MOST_RUNS = 10_000
+
+Directions = Literal["column", "runs", "order", "up", "down"]
+
+
+@dataclass(frozen=True, slots=True)
+class ColumnMap:
+    """What each column means. Columns count from 1; 0: there is none.
+
+    ``deviation`` or ``measured`` (then deviation = sense * measured - target) holds the reading. ``direction``:
+    "column" (``direction_column``), "runs" (odd ``run`` forward, even reverse), "order" (the way the targets
+    go in the file) or one way only. ``sense`` -1 turns the readings' sign. ``skip`` lines stand before the rows.
+    """
+
+    target: int = 1
+    deviation: int = 0
+    measured: int = 0
+    run: int = 0
+    direction_column: int = 0
+    direction: str = "order"
+    target_unit: str = "mm"
+    reading_unit: str = "um"
+    sense: int = 1
+    skip: int = 1
+    separator: str = ""
+    decimal_comma: bool = False
+
+    @classmethod
+    def read(cls, said: Mapping[str, Any], where: str) -> ColumnMap:
+        """From a user's words. Raises ConfigError (E-FILE-MAP) naming the key and what is allowed."""
+        known = {item.name: type(item.default) for item in fields(cls)}
+        for key, value in said.items():
+            if key not in known or type(value) is not known[key]:
+                kind = known[key].__name__ if key in known else f"one of {', '.join(known)}"
+                raise ConfigError("E-FILE-MAP", where, key=key, why=f"needs {kind}")
+        found = cls(**said)
+        for key, good, why in found._limits():
+            if not good:
+                raise ConfigError("E-FILE-MAP", where, key=key, why=why)
+        return found
+
+    def _limits(self) -> tuple[tuple[str, bool, str], ...]:
+        ways = ("column", "runs", "order", "up", "down")
+        kinds = {TARGET_UNITS.get(self.target_unit, ("", 0))[0], READING_UNITS.get(self.reading_unit, ("", 0))[0]}
+        return (
+            ("target", self.target >= 1, "must be a column from 1"),
+            ("deviation", (self.deviation >= 1) != (self.measured >= 1), "give either deviation or measured"),
+            ("direction", self.direction in ways, f"must be one of {', '.join(ways)}"),
+            ("direction_column", self.direction != "column" or self.direction_column >= 1, "must be a column from 1"),
+            ("run", self.direction != "runs" or self.run >= 1, "must be a column from 1"),
+            ("target_unit", self.target_unit in TARGET_UNITS, f"must be one of {', '.join(TARGET_UNITS)}"),
+            ("reading_unit", self.reading_unit in READING_UNITS, f"must be one of {', '.join(READING_UNITS)}"),
+            ("reading_unit", len(kinds) == 1, "targets and readings must both be lengths or both angles"),
+            ("sense", self.sense in (1, -1), "must be 1 or -1"),
+            ("skip", self.skip >= 0, "must be 0 or more"),
+            ("separator", len(self.separator) <= 1, "must be one character, or empty for blanks"),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class _Row:
+    line: int
+    target: float
+    reading: float
+    run: int
+    way: int | None
+
+
+def read_columns(text: str, columns: ColumnMap, where: str) -> MeasuredSet:
+    """A whole table, pure: repetitions by the run column, else by how often a target has come from its side.
+
+    Raises FileFormatError (E-FILE-LINE with the line and reason, E-FILE-ROWS).
+    """
+    lines = list(enumerate(_BREAK.split(text), start=1))[columns.skip :]
+    rows = [_row(line, columns, at, where) for at, line in lines if line.strip()]
+    if not rows:
+        raise FileFormatError("E-FILE-ROWS", where)
+    ways = _ways(rows, columns, where)
+    targets, deviations = _arranged(rows, ways, columns, where)
+    unit, scale = READING_UNITS[columns.reading_unit]
+    header = {"Columns": ", ".join(f"{item.name}={getattr(columns, item.name)}" for item in fields(columns))}
+    missing = int(np.isnan(deviations).sum())
+    warnings = (f"{missing} readings are missing",) if missing else ()
+    return MeasuredSet(targets, deviations * scale, unit, header=header, warnings=warnings)
+
+
+def _wrong(where: str, line: int, why: str) -> FileFormatError:
+    return FileFormatError("E-FILE-LINE", where, line=line, why=why)
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    if not separator:
+        return line.split()
+    try:
+        return [cell.strip() for cell in next(csv.reader(io.StringIO(line), delimiter=separator), [])]
+    except csv.Error:
+        return []
+
+
+def _row(line: str, columns: ColumnMap, at: int, where: str) -> _Row:
+    cells = _cells(line, columns.separator)
+    needed = max(columns.target, columns.deviation, columns.measured, columns.run, columns.direction_column)
+    if len(cells) < needed:
+        raise _wrong(where, at, f"{len(cells)} columns, but column {needed} is needed")
+    target = _number(cells[columns.target - 1], columns, at, where)
+    reading = _number(cells[(columns.deviation or columns.measured) - 1], columns, at, where)
+    run = whole(cells[columns.run - 1]) if columns.run else 0
+    if run is None or run > MOST_RUNS:
+        raise _wrong(where, at, f"{cells[columns.run - 1]!r} is no run number")
+    way = _way(cells[columns.direction_column - 1], at, where) if columns.direction == "column" else None
+    return _Row(at, target, reading, run, way)
+
+
+def _number(cell: str, columns: ColumnMap, at: int, where: str) -> float:
+    value = decimal(cell, comma=columns.decimal_comma)
+    if value is None:
+        raise _wrong(where, at, f"{cell!r} is no number")
+    return value
+
+
+def _way(cell: str, at: int, where: str) -> int:
+    word = cell.lower()
+    if word not in UP and word not in DOWN:
+        raise _wrong(where, at, f"{cell!r} is no direction (+ - up down forward reverse)")
+    return 0 if word in UP else 1
+
+
+def _ways(rows: list[_Row], columns: ColumnMap, where: str) -> list[int]:
+    """0 up or 1 down for each row."""
+    match cast(Directions, columns.direction):
+        case "column":
+            return [row.way or 0 for row in rows]
+        case "runs":
+            return [(row.run + 1) % 2 for row in rows]
+        case "up" | "down":
+            return [int(columns.direction == "down")] * len(rows)
+        case "order":
+            return _by_order(rows, where)
+
+
+def _by_order(rows: list[_Row], where: str) -> list[int]:
+    """The way from the row before; at a turn, where a target comes twice, the second is from the new side."""
+    steps = [after.target - before.target for before, after in pairwise(rows)]
+    ways: list[int] = []
+    for index, row in enumerate(rows):
+        step = steps[index - 1] if index else 0.0
+        if step == 0.0:
+            step = next((later for later in steps[index:] if later), 0.0)
+        if step == 0.0:
+            raise _wrong(where, row.line, "all targets are the same: declare how directions are told")
+        ways.append(0 if step > 0 else 1)
+    return ways
+
+
+def _arranged(rows: list[_Row], ways: list[int], columns: ColumnMap, where: str) -> tuple[FloatArray, FloatArray]:
+    """Targets (m,) rising in the axis unit, deviations (m, n, 2) in the reading's own unit, NaN where missing."""
+    _unit, scale = TARGET_UNITS[columns.target_unit]
+    _kind, reading_scale = READING_UNITS[columns.reading_unit]
+    to_reading = (1000.0 if _unit == "mm" else 3600.0) / reading_scale
+    found: dict[tuple[float, int, int], float] = {}
+    seen: dict[tuple[float, int], int] = {}
+    numbers: dict[int, dict[int, int]] = {0: {}, 1: {}}
+    for row, way in zip(rows, ways, strict=True):
+        target = row.target * scale
+        if columns.run:
+            repetition = numbers[way].setdefault(row.run, len(numbers[way]))
+        else:
+            repetition = seen.get((target, way), 0)
+            seen[target, way] = repetition + 1
+        if (target, repetition, way) in found:
+            raise _wrong(where, row.line, f"target {row.target:g} occurs twice in run {row.run} in this direction")
+        reading = columns.sense * row.reading
+        found[target, repetition, way] = reading - target * to_reading if columns.measured else reading
+    targets = sorted({target for target, _repetition, _way in found})
+    place = {target: at for at, target in enumerate(targets)}
+    deviations = np.full((len(targets), 1 + max(repetition for _t, repetition, _w in found), 2), np.nan)
+    for (target, repetition, way), value in found.items():
+        deviations[place[target], repetition, way] = value
+    return np.array(targets, np.float64), deviations

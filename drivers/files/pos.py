@@ -1,0 +1,97 @@
+"""API laser results, .pos: the mean error at each position, in three blocks of text; mm throughout.
+
+Layout as one public converter reads it: a line naming "Position" and the block ("Bidirectional Avg Error",
+"Forward Directional Avg Error", ...), then rows "position error". Means only: what a repetition was is lost.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from drivers.errors import FileFormatError
+from drivers.files.numbers import decimal
+from drivers.files.text import decode, read_bytes
+from drivers.types import MeasuredSet
+from drivers.units import mm_to_um
+
+_BREAK = re.compile(r"\r\n|\n|\r")
+_BLOCK = re.compile(r"\s*Position\s+(.+?)\s+Avg\.? Error\s*\Z", re.IGNORECASE)
+BOTH, FORWARD, BACKWARD = "bidirectional", "forward", "backward"
+MEANS_ONLY = "the file holds means only: repeatability cannot be evaluated from it"
+
+
+class PosFormat:
+    """File driver "pos": positions and errors in mm; forward and backward means where they are there."""
+
+    def __init__(self, unit: str = "", codepage: str = "cp1252") -> None:
+        del unit  # positions and errors are mm
+        self._codepage = codepage
+
+    def read(self, path: Path) -> MeasuredSet:
+        """Read a file. Raises FileFormatError with line and reason."""
+        where = str(path)
+        return parse_pos(decode(read_bytes(path), self._codepage, where), where)
+
+
+def parse_pos(text: str, where: str) -> MeasuredSet:
+    """A whole file, pure: one repetition of means. Without forward and backward the mean of both stands for both."""
+    blocks = _blocks(text, where)
+    if not blocks:
+        raise FileFormatError("E-FILE-POS", where)
+    up = blocks.get(FORWARD) or blocks.get(BOTH) or blocks[next(iter(blocks))]
+    down = blocks.get(BACKWARD)
+    targets = sorted(up)
+    if down is not None and sorted(down) != targets:
+        raise FileFormatError(
+            "E-FILE-COUNT", where, stated=f"{len(up)} positions forward", found=f"{len(down)} backward"
+        )
+    deviations = np.full((len(targets), 1, 2), np.nan)
+    deviations[:, 0, 0] = [up[target] for target in targets]
+    if down is not None:
+        deviations[:, 0, 1] = [down[target] for target in targets]
+    warnings = [MEANS_ONLY]
+    if FORWARD not in blocks:
+        warnings.append("no forward means: the bidirectional mean is taken as approached from below")
+    return MeasuredSet(
+        np.array(targets), mm_to_um(deviations), "mm", header={"Format": "API .pos"}, warnings=tuple(warnings)
+    )
+
+
+def _blocks(text: str, where: str) -> dict[str, dict[float, float]]:
+    """Block name -> position -> error. A block ends at the first line that is no pair of numbers."""
+    found: dict[str, dict[float, float]] = {}
+    current: dict[float, float] | None = None
+    for at, line in enumerate(_BREAK.split(text), start=1):
+        match = _BLOCK.match(line)
+        if match:
+            current = _begin(found, match[1], at, where)
+        elif current is not None and line.strip():
+            pair = [decimal(token) for token in line.split()]
+            if len(pair) != 2 or None in pair:
+                if pair and pair[0] is not None:
+                    raise FileFormatError(
+                        "E-FILE-LINE", where, line=at, why=f"{line.strip()!r} is no position and error"
+                    )
+                current = None
+                continue
+            _add(current, float(pair[0] or 0.0), float(pair[1] or 0.0), at, where)
+    return {name: block for name, block in found.items() if block}
+
+
+def _begin(found: dict[str, dict[float, float]], title: str, at: int, where: str) -> dict[float, float]:
+    words = title.lower()
+    name = next((key for key in (BOTH, FORWARD) if words.startswith(key)), BACKWARD)
+    if name == BACKWARD and not words.startswith(("backward", "reverse")):
+        name = words
+    if name in found:
+        raise FileFormatError("E-FILE-LINE", where, line=at, why=f"block {title!r} occurs twice")
+    return found.setdefault(name, {})
+
+
+def _add(block: dict[float, float], position: float, error: float, at: int, where: str) -> None:
+    if position in block:
+        raise FileFormatError("E-FILE-LINE", where, line=at, why=f"position {position:g} occurs twice")
+    block[position] = error
