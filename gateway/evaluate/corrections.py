@@ -1,42 +1,97 @@
-"""The record of what was corrected: every step once, refused a second time."""
+"""The record of what was corrected: every step by whom and with which coefficients, refused a second time."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Literal
+from typing import Literal, get_args
 
 from drivers.types import CompensatedFor
-from gateway.domain import Corrections
+from gateway.domain import CorrectionRecord, Corrections
 from gateway.errors import ModelError
 
-Step = Literal["air", "expansion", "dead_path", "drift"]
+Step = Literal["air", "expansion", "dead_path", "drift", "cosine", "abbe", "closure"]
 NONE = "none"
+GATEWAY, INSTRUMENT = "gateway", "instrument"
+_SUMMARISED = ("air", "expansion", "dead_path", "drift")
 
 
 def begin(already: CompensatedFor) -> Corrections:
     """The record of readings as an instrument or file delivers them."""
     by_instrument = "by the instrument"
-    return Corrections(
-        air=NONE if already == "nothing" else by_instrument,
-        expansion=by_instrument if already == "air+material" else NONE,
-        dead_path=NONE,
-        drift=NONE,
-    )
+    done: dict[CompensatedFor, tuple[Step, ...]] = {
+        "nothing": (),
+        "air": ("air",),
+        "air+material": ("air", "expansion"),
+    }
+    record = Corrections(air=NONE, expansion=NONE, dead_path=NONE, drift=NONE)
+    for step in done[already]:
+        record = applied(record, step, by_instrument, INSTRUMENT)
+    return record
 
 
-def applied(record: Corrections, step: Step, words: str, **coefficients: float) -> Corrections:
-    """The record with one more step; raises ModelError (E-EVAL-TWICE) when it was done before."""
+def applied(record: Corrections, step: Step, words: str, by: str = GATEWAY, /, **coefficients: float) -> Corrections:
+    """The record with one more step; raises ModelError (E-EVAL-TWICE) when it stands already."""
     refuse_twice(record, step, words)
-    added = {f"{step}.{name}": float(value) for name, value in coefficients.items()}
-    changed = replace(record, details={**record.details, **added})
-    return _with_step(changed, step, words)
+    return _with(record, step, words, by, coefficients)
+
+
+def undone(record: Corrections, step: Step, words: str, by: str = GATEWAY, /, **coefficients: float) -> Corrections:
+    """The record with a step of the instrument taken back, so that a better one may follow.
+
+    Raises ModelError (E-EVAL-UNDO) when the step does not stand, or is no step of the instrument's: what this
+    program corrected is done again from the readings, never taken back and forth.
+    """
+    done, owner = standing(record, step), _owner(record, step)
+    if done == NONE or owner != INSTRUMENT:
+        raise ModelError("E-EVAL-UNDO", "corrections", step=_said(step), done=done, asked=words)
+    return _with(record, step, words, by, coefficients, undo=True)
 
 
 def refuse_twice(record: Corrections, step: Step, words: str) -> None:
-    """Raise ModelError (E-EVAL-TWICE) when this step is in the record already."""
-    done = str(getattr(record, step))
+    """Raise ModelError (E-EVAL-TWICE) when this step stands already."""
+    done = standing(record, step)
     if done != NONE:
-        raise ModelError("E-EVAL-TWICE", "corrections", step=step.replace("_", " "), done=done, asked=words)
+        raise ModelError("E-EVAL-TWICE", "corrections", step=_said(step), done=done, asked=words)
+
+
+def standing(record: Corrections, step: Step) -> str:
+    """The words of a step that stands, or "none"."""
+    if step in _SUMMARISED:
+        return str(getattr(record, step))
+    last = _last(record, step)
+    return NONE if last is None or last.undone else last.words
+
+
+def told(record: Corrections) -> tuple[str, ...]:
+    """What stands, one line a step, for reports and flags; a removed drift is always said."""
+    lines = ((step, standing(record, step)) for step in get_args(Step))
+    return tuple(f"{_said(step)}: {words}" for step, words in lines if words != NONE)
+
+
+def _said(step: Step) -> str:
+    return step.replace("_", " ")
+
+
+def _last(record: Corrections, step: Step) -> CorrectionRecord | None:
+    return next((item for item in reversed(record.chain) if item.step == step), None)
+
+
+def _owner(record: Corrections, step: Step) -> str:
+    last = _last(record, step)
+    if last is not None:
+        return last.by
+    # Records stored before there was a chain say it in words.
+    return INSTRUMENT if standing(record, step) == "by the instrument" else GATEWAY
+
+
+def _with(
+    record: Corrections, step: Step, words: str, by: str, coefficients: dict[str, float], *, undo: bool = False
+) -> Corrections:
+    numbers = {name: float(value) for name, value in coefficients.items()}
+    item = CorrectionRecord(step, by, words, numbers, undo)
+    details = {**record.details, **{f"{step}{'.undone' if undo else ''}.{name}": v for name, v in numbers.items()}}
+    changed = replace(record, details=details, chain=(*record.chain, item))
+    return _with_step(changed, step, NONE if undo else words)
 
 
 def _with_step(record: Corrections, step: Step, words: str) -> Corrections:
@@ -46,4 +101,4 @@ def _with_step(record: Corrections, step: Step, words: str) -> Corrections:
         return replace(record, expansion=words)
     if step == "dead_path":
         return replace(record, dead_path=words)
-    return replace(record, drift=words)
+    return replace(record, drift=words) if step == "drift" else record

@@ -130,7 +130,7 @@ def linear_deviations(
     for what is left to do (AmbientOutOfRange). Expansion acts on target + deviation, from the datum.
     """
     reading = np.asarray(optical_mm, dtype=np.float64)
-    travel = _spread(np.asarray(targets_mm, dtype=np.float64), reading) - setup.datum_mm
+    travel = spread(np.asarray(targets_mm, dtype=np.float64), reading) - setup.datum_mm
     done = begin(already) if record is None else record
     if already == "nothing" or setup.dead_path_mm:
         n, n_datum = index_course(start, end, fraction, setup.equation)
@@ -157,7 +157,7 @@ def expansion_corrected(
 ) -> tuple[FloatArray, Corrections]:
     """Deviations in um of a file corrected for air only, brought to 20 degC; E-EVAL-TWICE if it was done."""
     deviation = np.asarray(deviations_um, dtype=np.float64)
-    travel = _spread(np.asarray(targets_mm, dtype=np.float64), deviation) - datum_mm
+    travel = spread(np.asarray(targets_mm, dtype=np.float64), deviation) - datum_mm
     lengths, done = _to_20(travel + deviation / 1000.0, expansion_ppm_per_k, start, end, fraction, record)
     return mm_to_um(lengths - travel), done
 
@@ -193,7 +193,8 @@ def _to_20(
     return at_20_degc(lengths_mm, expansion_ppm_per_k, material), done
 
 
-def _spread(targets: FloatArray, like: FloatArray) -> FloatArray:
+def spread(targets: FloatArray, like: FloatArray) -> FloatArray:
+    """Targets (m,) shaped to go with readings (m, ...). Raises ModelError (E-EVAL-SHAPE)."""
     if targets.ndim != 1 or like.ndim == 0 or like.shape[0] != targets.size:
         raise ModelError("E-EVAL-SHAPE", "length", targets=targets.shape, deviations=like.shape)
     return targets.reshape((-1,) + (1,) * (like.ndim - 1))

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import asin
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from drivers.units import rad_to_arcsec
+from gateway.domain import Evaluation
 from gateway.errors import ModelError
 from gateway.evaluate.straightness import straightness
 
@@ -31,8 +34,41 @@ def from_runs(x: ArrayLike, eyx: ArrayLike, y: ArrayLike, exy: ArrayLike, artefa
     return SquarenessRuns(slope_x, slope_y, artefact_rad - (slope_x + slope_y))
 
 
+def reversed_square(first: SquarenessRuns, turned: SquarenessRuns) -> tuple[float, float]:
+    """E_C0Y and the square's own angle less 90 deg, e, both rad: the square turned by 180 deg about an arm.
+
+    Both evaluated without artefact angle they show C0Y - e and C0Y + e, so their mean is the machine's alone.
+    """
+    return (first.C0Y + turned.C0Y) / 2.0, (turned.C0Y - first.C0Y) / 2.0
+
+
+Plane = Literal["XY", "XZ", "YZ"]
+# The angle between the axes grows with +C0Y and +A0Z, but shrinks with +B0Z (right-hand rule about Y).
+_GROWS: Mapping[str, tuple[str, float]] = {"XY": ("EC0Y", 1.0), "XZ": ("EB0Z", -1.0), "YZ": ("EA0Z", 1.0)}
+
+
+@dataclass(frozen=True, slots=True)
+class Squareness:
+    """One squareness by its ISO 230-1 letter, in rad and arcsec."""
+
+    name: str
+    value_rad: float
+    value_arcsec: float
+
+
+def of_plane(plane: Plane, above_90_rad: float) -> Squareness:
+    """The squareness of a plane whose axes stand `above_90_rad` above 90 deg. Raises E-EVAL-PLANE."""
+    if plane not in _GROWS:
+        raise ModelError("E-EVAL-PLANE", "squareness", plane=plane, known=", ".join(_GROWS))
+    name, sign = _GROWS[plane]
+    return Squareness(name, sign * above_90_rad, rad_to_arcsec(sign * above_90_rad))
+
+
 def from_face_diagonals(d_pp: float, d_pm: float, length_x: float, length_y: float) -> float:
-    """E_C0Y in rad from the two diagonals of a rectangle length_x by length_y (++ and +-)."""
+    """E_C0Y in rad from the two diagonals of a rectangle length_x by length_y (++ and +-).
+
+    For another plane hand the result to `of_plane`. Raises ModelError (E-EVAL-DIAGONALS).
+    """
     cosine = (d_pp**2 - d_pm**2) / (4.0 * length_x * length_y)
     if abs(cosine) > 1.0:
         raise ModelError("E-EVAL-DIAGONALS", "squareness", d_pp=d_pp, d_pm=d_pm)
@@ -63,3 +99,32 @@ def from_body_diagonals(
     rows = [[-sy * lx * ly, sz * lx * lz, -sy * sz * ly * lz, diagonal**2] for sy, sz in signs]
     found = np.linalg.solve(np.asarray(rows) / diagonal, np.asarray([deviations[sign] for sign in signs]))
     return BodyDiagonals(*(float(value) for value in found))
+
+
+@dataclass(frozen=True, slots=True)
+class DiagonalDisplacement:
+    """ISO 230-6: R, B, E, A of each diagonal as ISO 230-2 has them, and the largest of each; E_d is that of E."""
+
+    diagonals: Mapping[str, Mapping[str, float | None]]
+    R_d: float | None
+    B_d: float | None
+    E_d: float | None
+    A_d: float | None
+
+
+def diagonal_displacement(evaluations: Mapping[str, Evaluation]) -> DiagonalDisplacement:
+    """The diagonal displacement test from evaluations by diagonal ("+++", "++-", ...).
+
+    It cannot separate scale, squareness and straightness: nothing is compensated from it. Raises
+    ModelError (E-EVAL-NO-DIAGONAL) without any.
+    """
+    if not evaluations:
+        raise ModelError("E-EVAL-NO-DIAGONAL", "ISO 230-6")
+    table = {name: {key: getattr(found, key) for key in "RBEA"} for name, found in evaluations.items()}
+    worst = {key: _largest([row[key] for row in table.values()]) for key in "RBEA"}
+    return DiagonalDisplacement(table, worst["R"], worst["B"], worst["E"], worst["A"])
+
+
+def _largest(values: Sequence[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return max(known) if len(known) == len(values) else None

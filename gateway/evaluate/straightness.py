@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from math import hypot
 from typing import Literal
 
 import numpy as np
@@ -33,7 +34,8 @@ def straightness(positions: ArrayLike, deviations: ArrayLike, reference: Referen
     Raises ModelError (E-EVAL-LINE) without two different positions.
     """
     x, y = np.asarray(positions, dtype=np.float64), np.asarray(deviations, dtype=np.float64)
-    if x.ndim != 1 or x.shape != y.shape or x.size < 2 or float(np.ptp(x)) == 0.0:
+    fits = x.ndim == 1 and x.shape == y.shape and x.size >= 2
+    if not fits or not (np.isfinite(x).all() and np.isfinite(y).all()) or float(np.ptp(x)) == 0.0:
         raise ModelError("E-EVAL-LINE", "straightness", positions=x.size, deviations=y.size)
     slope, intercept = _LINES[reference](x, y)
     residual = y - intercept - slope * x
@@ -69,6 +71,33 @@ def _turns_right(a: tuple[float, float], b: tuple[float, float], c: tuple[float,
 
 
 _LINES = {"lsq": least_squares_line, "end-point": end_point_line, "minimum-zone": minimum_zone_line}
+
+
+@dataclass(frozen=True, slots=True)
+class Parallelism:
+    """Slope of the first run less that of the second, deviation unit per position unit, and its U (k = 2)."""
+
+    slope: float
+    U: float
+
+    def over(self, length: float) -> float:
+        """The change of distance over a length, in the deviation unit."""
+        return abs(self.slope) * length
+
+
+def parallel(first: tuple[ArrayLike, ArrayLike], second: tuple[ArrayLike, ArrayLike]) -> Parallelism:
+    """As `parallelism`, with U from what both lines leave (NaN with two positions only)."""
+    runs = [straightness(x, y, "lsq") for x, y in (first, second)]
+    u = [slope_u(x, run.residual) for (x, _y), run in zip((first, second), runs, strict=True)]
+    return Parallelism(runs[0].slope - runs[1].slope, 2.0 * hypot(*u))
+
+
+def slope_u(positions: ArrayLike, residual: FloatArray) -> float:
+    """Standard uncertainty of a least-squares slope from its residuals (m,); NaN for m < 3."""
+    x = np.asarray(positions, dtype=np.float64)
+    free = x.size - 2
+    centred = x - x.mean()
+    return float(np.sqrt(residual @ residual / free / (centred @ centred))) if free > 0 else float("nan")
 
 
 def parallelism(first: tuple[ArrayLike, ArrayLike], second: tuple[ArrayLike, ArrayLike]) -> float:

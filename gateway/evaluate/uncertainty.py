@@ -8,6 +8,8 @@ from math import hypot, sqrt
 
 from scipy.special import stdtrit
 
+from drivers.units import DeviationUnit
+
 LABEL = "U (k = 2): GUM, own coefficients"
 RECTANGULAR = 0.6  # ISO/TR 230-9: U = 2 R / (2 sqrt 3) = 0.577 R, printed as 0.6 R
 
@@ -73,14 +75,48 @@ def linear_budget(
     )
 
 
-def expanded(n: int, eve: float, systematic: float) -> Mapping[str, float]:
-    """U (k = 2) of every ISO 230-2 parameter for n readings per target and approach.
+UNKNOWN_OFF_20_K = 15.0
+"""Where nobody measured the material: a workshop between 5 and 35 degC."""
+ROTARY_DEVICE_ARCSEC = 1.0
+
+
+def file_budget(
+    unit: DeviationUnit,
+    travel: float,
+    material_degc: float | None,
+    expansion_ppm_per_k: float = 11.5,
+    eve: float | None = None,
+) -> tuple[Budget, tuple[str, ...]]:
+    """The budget of a test known only from its file, and what had to be supposed, in words.
+
+    ``travel`` in mm or deg. The material's temperature is never taken to be 20 degC: unknown is a wide range.
+    """
+    if unit == "arcsec":
+        return Budget(device=ROTARY_DEVICE_ARCSEC, eve=eve), ("U supposes a rotary calibrator of 1 arcsec (k = 2)",)
+    off = UNKNOWN_OFF_20_K if material_degc is None else material_degc - 20.0
+    notes = ["U supposes a laser of 0.5 um/m (k = 2) aligned to 1 mm/m, and expansion known within 2 ppm/K"]
+    if material_degc is None:
+        notes.append("the material's temperature is not known: U supposes 5 to 35 degC")
+    if travel == 0.0:
+        return Budget(eve=eve), tuple(notes)
+    budget = linear_budget(
+        travel,
+        expansion_ppm_per_k=expansion_ppm_per_k,
+        off_20_k=off,
+        lateral_range_mm=min(1.0, travel / 1000.0),
+        eve_um=eve,
+    )
+    return budget, tuple(notes)
+
+
+def expanded(n: int, eve: float, systematic: float, targets: int = 1) -> Mapping[str, float]:
+    """U (k = 2) of every ISO 230-2 parameter for n readings per target and approach; `targets` have both.
 
     Derived for independent readings with expanded uncertainty `eve` each: U(B) = eve sqrt(2/n), U(M) from
     the mean of 2n readings, U(R) and U(A) also from s known to n - 1 degrees of freedom (absent for n = 1).
     """
     two = eve * sqrt(2.0 / n)
-    budget = {"B": two, "B_mean": two, "M": hypot(eve * sqrt(1.0 / n), systematic)}
+    budget = {"B": two, "B_mean": two / sqrt(max(targets, 1)), "M": hypot(eve * sqrt(1.0 / n), systematic)}
     budget |= dict.fromkeys(("E", "E_up", "E_down"), hypot(two, systematic))
     if n > 1:
         spread = sqrt(8.0 / (2.0 * (n - 1)))

@@ -28,20 +28,24 @@ def test_nmtba_without_offset_is_never_smaller() -> None:
     assert other_standards.nmtba(shifted, offset=False).values["A_bi"] > with_offset
 
 
-def test_jis_and_names_of_national_standards() -> None:
+def test_jis_from_its_own_readings() -> None:
     found = other_standards.jis_b6330([0, 1, 3.0], [[0, 2.0, 1], [1, 1, 1]], [[3, 3.0, 3], [1, 1, 2]])
     assert found.values["accuracy"] == 3.0
     assert found.values["repeatability"] == 1.0
     assert found.values["lost_motion"] == 2.0
-    assert other_standards.ISO_EQUIVALENTS["GB/T 17421.2-2016"] == "2006"
+    assert found.flags == ("repeated at 2 places, the standard asks for 3", "n = 3, the standard asks for 7")
 
 
-def test_gaps_are_refused() -> None:
+def test_gaps_are_flagged_and_readings_of_no_shape_refused() -> None:
     gappy = X.copy()
     gappy[0, 0, 0] = np.nan
     for evaluate in (other_standards.vdi3441, other_standards.asme_b554_1992, other_standards.nmtba):
-        with pytest.raises(ModelError, match="E-EVAL-INCOMPLETE"):
-            evaluate(gappy)
+        assert evaluate(gappy).flags == ("n = 4 of 5 at i = 1",)
+        for wrong in (5.0, X[0], np.full((2, 2, 2), np.nan)):
+            with pytest.raises(ModelError):
+                evaluate(wrong)
+    with pytest.raises(ModelError, match="E-EVAL-SHAPE"):
+        other_standards.jis_b6330([0.0, np.nan], [[0.0]], [[0.0]])
 
 
 def test_rounding_of_flank_tolerances() -> None:

@@ -1,0 +1,188 @@
+"""Corrections with their record: chain, refusal, undoing, re-compensation of files, Abbe, cosine, drift, closure."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from drivers.types import Ambient, MeasuredSet
+from gateway.domain import Corrections
+from gateway.errors import AmbientOutOfRange, ModelError
+from gateway.evaluate import air, corrections, recompensation, removals
+from gateway.evaluate.corrections import applied, begin, standing, told, undone
+from gateway.evaluate.recompensation import Compensation, recompensate, recompensated_set
+
+REAL_START = Ambient(20.337280, 990.39005, 46.954897, (20.203292,))
+REAL_END = Ambient(20.384956, 990.49346, 46.893887, (20.321342,))
+AT = np.array([0.0, 250.0, 500.0, 1000.0])
+
+
+def test_the_chain_says_what_by_whom_and_with_which_coefficients() -> None:
+    record = applied(begin("air"), "expansion", "11.7 ppm/K, by the gateway", ppm_per_k=11.7)
+    assert [(item.step, item.by) for item in record.chain] == [("air", "instrument"), ("expansion", "gateway")]
+    assert record.chain[1].coefficients == {"ppm_per_k": 11.7}
+    assert record.details["expansion.ppm_per_k"] == 11.7
+    assert told(record) == ("air: by the instrument", "expansion: 11.7 ppm/K, by the gateway")
+
+
+@pytest.mark.parametrize("step", ["air", "expansion", "dead_path", "drift", "cosine", "abbe", "closure"])
+def test_no_step_is_done_twice(step: corrections.Step) -> None:
+    once = applied(begin("nothing"), step, "once", x=1.0)
+    with pytest.raises(ModelError, match="E-EVAL-TWICE") as caught:
+        applied(once, step, "again", x=1.0)
+    assert "once" in caught.value.what
+    assert standing(once, step) == "once"
+
+
+def test_only_the_instruments_own_step_can_be_taken_back_and_once() -> None:
+    back = undone(begin("air"), "air", "undone")
+    assert standing(back, "air") == "none"
+    for wrong in (back, begin("nothing"), applied(begin("nothing"), "air", "edlen, by the gateway")):
+        with pytest.raises(ModelError, match="E-EVAL-UNDO"):
+            undone(wrong, "air", "undone")
+    assert standing(applied(back, "air", "ciddor"), "air") == "ciddor"
+
+
+def test_records_stored_before_there_was_a_chain_are_still_refused_and_undone() -> None:
+    old = Corrections("by the instrument", "edlen, by the gateway", "none", "none")
+    with pytest.raises(ModelError, match="E-EVAL-TWICE"):
+        applied(old, "air", "again")
+    assert standing(undone(old, "air", "undone"), "air") == "none"
+    with pytest.raises(ModelError, match="E-EVAL-UNDO"):
+        undone(old, "expansion", "undone")
+
+
+def real(factor: str = "0.31641096 0.31641067", **changes: object) -> MeasuredSet:
+    x = np.stack([np.tile(np.array([0.0, 1.0, -2.0, 3.0])[:, None], (1, 5))] * 2, axis=2)
+    header = {"Env factor": factor} if factor else {}
+    return replace(MeasuredSet(AT, x, "mm", REAL_START, REAL_END, "air+material", 8.0, header), **changes)
+
+
+def test_the_same_compensation_again_changes_nothing_but_the_files_rounding() -> None:
+    found, record = recompensated_set(real(""), equation="edlen-1966")
+    np.testing.assert_allclose(found, real().deviations, atol=1e-9)
+    with_factor, _ = recompensated_set(real(), equation="edlen-1966")
+    np.testing.assert_allclose(with_factor, real().deviations, atol=0.1 * AT.max() / 1000.0)
+    steps = [(item.step, item.by, item.undone) for item in record.chain]
+    assert steps == [
+        ("air", "instrument", False), ("expansion", "instrument", False), ("air", "gateway", True),
+        ("expansion", "gateway", True), ("air", "gateway", False), ("expansion", "gateway", False),
+    ]  # fmt: skip
+
+
+def test_another_expansion_coefficient_moves_lengths_by_its_share_from_the_datum() -> None:
+    found, record = recompensated_set(real(""), equation="edlen-1966", expansion_ppm_per_k=11.7)
+    off = (REAL_START.material_degc[0] + REAL_END.material_degc[0]) / 2.0 - 20.0
+    expected = -(11.7 - 8.0) * off * AT / 1000.0
+    np.testing.assert_allclose(found[:, 0, 0] - real().deviations[:, 0, 0], expected, atol=2e-5)
+    assert "11.7" in record.expansion
+
+
+def test_a_sensor_read_wrong_is_put_right() -> None:
+    found, _ = recompensated_set(real(""), equation="edlen-1966", material_degc=22.0)
+    off = 22.0 - (REAL_START.material_degc[0] + REAL_END.material_degc[0]) / 2.0
+    np.testing.assert_allclose(found[-1, 0, 0] - 3.0, -8.0 * off, atol=1e-3)
+
+
+def test_one_degree_of_air_is_worth_what_the_reference_says() -> None:
+    low = Ambient(19.0, 1013.25, 50.0)
+    was, now = (
+        Compensation(low, low, None),
+        Compensation(replace(low, air_degc=20.0), replace(low, air_degc=20.0), None),
+    )
+    found, record = recompensate(np.zeros(2), [0.0, 1000.0], was, now, begin("air"), datum_mm=0.0)
+    np.testing.assert_allclose(found, [0.0, 0.955], atol=2e-3)
+    assert record.expansion == "none"
+    with pytest.raises(ModelError, match="E-EVAL-UNDO"):
+        recompensate(found, [0.0, 1000.0], was, now, record, datum_mm=0.0)
+
+
+def test_what_cannot_be_recompensated_is_refused() -> None:
+    with pytest.raises(ModelError, match="E-EVAL-UNDO"):
+        recompensated_set(real(compensated_for="nothing"))
+    with pytest.raises(ModelError, match="E-EVAL-ENV-FACTOR"):
+        recompensated_set(real("0.31650000 0.31641067"))
+    with pytest.raises(ModelError, match="E-EVAL-ENV-FACTOR"):
+        recompensated_set(real("much"))
+    with pytest.raises(AmbientOutOfRange, match="pressure_hpa"):
+        recompensated_set(real("", ambient_start=replace(REAL_START, pressure_hpa=None)))
+    assert recompensation.stated_factor({}) is None
+
+
+def test_abbe_error_is_taken_out_with_the_fitted_angles() -> None:
+    ebx, ecx = np.array([0.0, 5.0, -5.0, 10.0]), np.array([1.0, 1.0, 1.0, 1.0])
+    error = 200.0 * np.tan(np.radians(ebx / 3600)) * 1000 - 50.0 * np.tan(np.radians(ecx / 3600)) * 1000
+    true = np.array([0.0, 1.0, 2.0, 3.0])
+    measured = np.repeat((true + error)[:, None], 5, axis=1)
+    found, record = removals.abbe_removed(measured, "X", {"EBX": ebx, "ECX": ecx}, (0.0, 50.0, 200.0), begin("air"))
+    np.testing.assert_allclose(found, np.repeat(true[:, None], 5, axis=1), atol=1e-9)
+    assert "EBX, ECX" in standing(record, "abbe")
+    with pytest.raises(ModelError, match="E-EVAL-TWICE"):
+        removals.abbe_removed(found, "X", {"EBX": ebx, "ECX": ecx}, (0.0, 50.0, 200.0), record)
+
+
+@pytest.mark.parametrize("axis", ["X", "Y", "Z"])
+def test_abbe_levers_are_those_of_a_small_rotation(axis: str) -> None:
+    arm, rotation = np.array([30.0, -70.0, 110.0]), np.array([2.0, -3.0, 4.0])
+    moved = np.cross(np.radians(rotation / 3600.0), arm)["XYZ".index(axis)] * 1000.0
+    angles = {f"E{letter}{axis}": [value] for letter, value in zip("ABC", rotation, strict=True)}
+    assert removals.abbe_error_um(axis, angles, tuple(arm))[0] == pytest.approx(moved, rel=1e-8)
+
+
+def test_abbe_without_the_angle_or_for_another_axis_is_refused() -> None:
+    with pytest.raises(ModelError, match="ECX"):
+        removals.abbe_error_um("X", {"EBX": [1.0]}, (0.0, 50.0, 0.0))
+    with pytest.raises(ModelError, match="E-EVAL-ABBE"):
+        removals.abbe_error_um("C", {}, (0.0, 0.0, 0.0))
+    with pytest.raises(ModelError, match="E-EVAL-SHAPE"):
+        removals.abbe_removed([0.0, 1.0], "X", {"EBX": [1.0, 1.0, 1.0]}, (0.0, 0.0, 1.0), begin("air"))
+    assert removals.abbe_error_um("X", {}, (5.0, 0.0, 0.0)) == pytest.approx(0.0)
+
+
+def test_cosine_error_is_put_back_in_proportion_to_length() -> None:
+    short = -AT / 1000.0 * 0.5
+    found, record = removals.cosine_removed(short, AT, 1.0, begin("air"), datum_mm=0.0)
+    np.testing.assert_allclose(found, 0.0, atol=1e-5)
+    assert "1 mm over 1000 mm" in standing(record, "cosine")
+    with pytest.raises(ModelError, match="E-EVAL-LINE"):
+        removals.cosine_removed([0.0], [5.0], 1.0, begin("air"), datum_mm=5.0)
+
+
+def test_drift_goes_by_time_is_bounded_and_always_said() -> None:
+    times = np.array([0.0, 10.0, 40.0, 100.0])
+    found, record = removals.drift_removed(0.02 * times, times, (0.0, 0.0), (100.0, 2.0), begin("air"), largest=3.0)
+    np.testing.assert_allclose(found, 0.0, atol=1e-12)
+    assert any(line.startswith("drift: +2 over 100 s") for line in told(record))
+    with pytest.raises(ModelError, match="E-EVAL-DRIFT-SIZE"):
+        removals.drift_removed(times, times, (0.0, 0.0), (100.0, 2.0), begin("air"), largest=1.0)
+    with pytest.raises(ModelError, match="E-EVAL-SHAPE"):
+        removals.drift_removed(times, times[:2], (0.0, 0.0), (100.0, 2.0), begin("air"), largest=3.0)
+
+
+def test_closure_is_removed_on_request_only_and_never_with_an_indirect_encoder() -> None:
+    at, x = np.array([0.0, 90.0, 180.0, 270.0, 360.0]), np.array([0.0, 0.5, 1.0, 1.5, 2.0])
+    found, record = removals.closure_removed(at, x[:, None], begin("air+material"), encoder="direct")
+    np.testing.assert_allclose(found, 0.0, atol=1e-12)
+    assert "+2 arcsec over 360 deg" in standing(record, "closure")
+    for wrong in ((at, x, "indirect"), (at[:4], x[:4], "direct")):
+        with pytest.raises(ModelError, match="E-EVAL-CLOSURE"):
+            removals.closure_removed(wrong[0], wrong[1], begin("air+material"), encoder=wrong[2])
+
+
+def test_all_28_index_values_of_nist_and_env_factors() -> None:
+    table = (
+        (20, 0, 101.325, 633, 271800, 271799), (20, 0, 60, 633, 160924, 160920), (20, 0, 120, 633, 321916, 321918),
+        (50, 0, 100, 633, 243285, 243270), (5, 0, 100, 633, 282756, 282750), (-40, 0, 100, 633, 337580, 337471),
+        (50, 100, 120, 633, 287924, 287864), (40, 75, 120, 633, 299418, 299406), (20, 100, 100, 633, 267394, 267394),
+        (40, 100, 110, 1700, 270247, 270237), (20, 0, 101.325, 1700, 268479, 268483),
+        (40, 100, 110, 300, 289000, 288922), (20, 0, 101.325, 300, 286581, 286579), (-40, 0, 120, 300, 427233, 427072),
+    )  # fmt: skip
+    for t, rh, kpa, nm, by_ciddor, by_edlen in table:
+        assert air.ciddor(t, kpa * 1000.0, rh, nm) == pytest.approx(1 + by_ciddor * 1e-9, abs=1.01e-9)
+        assert air.edlen(t, kpa * 1000.0, rh, nm) == pytest.approx(1 + by_edlen * 1e-9, abs=1.01e-9)
+    for ambient, factor in ((REAL_START, 0.31641096), (REAL_END, 0.31641067)):
+        was = Compensation(ambient, ambient, 8.0, "edlen-1966")
+        assert was.half_wavelengths("test")[0] == pytest.approx(factor, rel=1e-7)
+        assert replace(was, equation="edlen").half_wavelengths("test")[0] == pytest.approx(factor, rel=1e-7)
