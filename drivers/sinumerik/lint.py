@@ -1,4 +1,4 @@
-"""What is wrong or doubtful in a compensation table before any machine sees it.
+"""What is wrong or doubtful in one compensation table before any machine sees it.
 
 The control neither limits nor monitors values (SINUMERIK 808D FM 01/2017, p. 106), so these limits are ours:
 |value| 0.200 mm / 0.050 deg; slope 1.0 um/mm (doubtful above 0.2) / 10 arcsec per deg; every table zero at
@@ -7,130 +7,163 @@ the reference position of its input axis; modulo tables 0..360 deg with equal en
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from itertools import pairwise
+from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
 from drivers.errors import Gap, TableError, TooManyPoints, ValueOutOfRange
-from drivers.types import CompensationTable, TableLimits
+from drivers.tablefile import Severity, TableFinding, TableMachine
+from drivers.types import CompensationTable, FloatArray
 from drivers.units import deviation_scale
 
 MAX_VALUE = {"mm": 0.200, "deg": 0.050}
 MAX_SLOPE = {"mm": 1.0, "deg": 10.0}
 DOUBTFUL_SLOPE = {"mm": 0.2, "deg": 10.0}
 ZERO_AT_REFERENCE = 0.1  # um or arcsec
-MOST_POINTS = {"EEC": 5000, "CEC": 2000}
+MEMORY = {
+    "EEC": "MD38000 $MA_MM_ENC_COMP_MAX_POINTS",
+    "CEC": "MD18342 $MN_MM_CEC_MAX_POINTS",
+}
+# Fixed sizes that a manual states: tables x points of CEC (828D: K3 03/2013, p. 264; 802D sl: FM 11/2012, p. 222).
+CEC_SIZES = {"828D": (8, 200), "802D": (2, 350)}
+CONTROLS = ("840D", "828D", "808D", "802D")
 
 
-def of_table(
-    table: CompensationTable,
-    where: str,
-    limits: TableLimits | None = None,
-    reference: float | None = None,
-) -> list[TableError]:
-    """All findings of one table; ``limits`` of the machine and ``reference`` of the input axis if known."""
+def finding(severity: Severity, error: TableError) -> TableFinding:
+    """A finding of a table."""
+    return TableFinding(severity, error)
+
+
+def of_table(table: CompensationTable, where: str, machine: TableMachine | None = None) -> list[TableFinding]:
+    """All findings of one table, with what is known of the machine."""
+    known = machine or TableMachine()
     values = np.asarray(table.deviations, dtype=np.float64)
     if not np.all(np.isfinite(values)):
         first = int(np.flatnonzero(~np.isfinite(values))[0])
-        return [ValueOutOfRange("E-TABLE-FINITE", where, point=first, value=values[first])]
-    return [
-        *_size(table, where, limits),
-        *_grid(table, where),
-        *_values(table, where, limits),
-        *_slope(table, where),
-        *_closure(table, where),
-        *_reference(table, where, reference),
-    ]
+        error = ValueOutOfRange("E-TABLE-FINITE", where, point=first, value=float(values[first]))
+        return [finding("wrong", error)]
+    grid = list(_grid(table, where))
+    found = [*_size(table, where, known), *grid, *_values(table, where)]
+    if any(one.severity == "wrong" for one in grid):
+        return found
+    return [*found, *_slope(table, where), *_velocity(table, where, known), *_reference(table, where, known)]
 
 
-def of_set(tables: Sequence[CompensationTable], where: str) -> list[TableError]:
-    """Findings between tables: one deviation in both layers."""
-    own = {table.output_axis for table in tables if table.function == "EEC" and any(table.deviations)}
-    return [
-        TableError("E-TABLE-BOTH", where, table=table.name)
-        for table in tables
-        if table.function == "CEC"
-        and table.direction == 0
-        and table.input_axis == table.output_axis
-        and table.output_axis in own
-    ]
-
-
-def _size(table: CompensationTable, where: str, limits: TableLimits | None) -> Iterable[TableError]:
-    reserved = limits.reserved_points if limits else MOST_POINTS[table.function]
-    if len(table.deviations) > reserved:
-        yield TooManyPoints("E-TABLE-POINTS", where, table=table.name, points=len(table.deviations), reserved=reserved)
+def _size(table: CompensationTable, where: str, known: TableMachine) -> Iterator[TableFinding]:
+    points = len(table.deviations)
+    memory = MEMORY[table.function]
+    reserved = known.eec_points if table.function == "EEC" else known.cec_points
+    if reserved is not None and points > reserved:
+        error = TooManyPoints(
+            "E-TABLE-RESERVED", where, table=table.name, points=points, reserved=reserved, memory=memory
+        )
+        yield finding("wrong", error)
     if table.function == "EEC" and table.index == 1:
-        yield TableError("E-TABLE-ENCODER", where, table=table.name)
+        yield finding("doubtful", TableError("W-TABLE-ENCODER", where, table=table.name))
+    yield from _control(table, where, known, reserved)
 
 
-def _grid(table: CompensationTable, where: str) -> Iterable[TableError]:
+def _control(table: CompensationTable, where: str, known: TableMachine, reserved: int | None) -> Iterator[TableFinding]:
+    if not known.control:
+        return
+    points = len(table.deviations)
+    fields: dict[str, Any] = {"table": table.name, "control": known.control}
+    fixed = CEC_SIZES.get(known.control) if table.function == "CEC" else None
+    if fixed is None:
+        if reserved is None:
+            memory = MEMORY[table.function]
+            yield finding("note", TableError("W-TABLE-SIZE", where, **fields, points=points, memory=memory))
+        return
+    if table.index >= fixed[0]:
+        error = TooManyPoints("E-TABLE-NUMBER-OF", where, **fields, index=table.index, count=fixed[0])
+        yield finding("wrong", error)
+    if points > fixed[1]:
+        yield finding("wrong", TooManyPoints("E-TABLE-CONTROL", where, **fields, points=points, limit=fixed[1]))
+
+
+def _grid(table: CompensationTable, where: str) -> Iterator[TableFinding]:
+    fields: dict[str, Any] = {"table": table.name, "step": table.step, "low": table.minimum, "high": table.maximum}
     if table.step <= 0 or table.maximum <= table.minimum:
-        yield Gap("E-TABLE-GRID", where, table=table.name, step=table.step, low=table.minimum, high=table.maximum)
+        yield finding("wrong", Gap("E-TABLE-GRID", where, **fields))
         return
     intervals = (table.maximum - table.minimum) / table.step
-    if abs(intervals - round(intervals)) > 1e-9 * max(intervals, 1.0):
-        yield Gap("E-TABLE-STEP", where, table=table.name, step=table.step, low=table.minimum, high=table.maximum)
+    if intervals < 0.9 or abs(intervals - round(intervals)) > 1e-9 * max(intervals, 1.0):
+        yield finding("wrong", Gap("E-TABLE-STEP", where, **fields))
     elif round(intervals) + 1 != len(table.deviations):
-        yield Gap("E-TABLE-COUNT", where, table=table.name, points=len(table.deviations), need=round(intervals) + 1)
+        need = round(intervals) + 1
+        error = Gap("E-TABLE-COUNT", where, table=table.name, points=len(table.deviations), need=need)
+        yield finding("wrong", error)
+    yield from _closure(table, where)
 
 
-def _values(table: CompensationTable, where: str, limits: TableLimits | None) -> Iterable[TableError]:
-    limit = limits.max_value if limits else MAX_VALUE[table.output_unit]
-    stored = np.abs(np.asarray(table.deviations)) / deviation_scale(table.output_unit)
-    worst = int(np.argmax(stored))
-    if stored[worst] > limit * (1 + 1e-9):
-        yield ValueOutOfRange(
-            "E-TABLE-VALUE",
-            where,
-            table=table.name,
-            point=worst,
-            value=round(float(stored[worst]), 6),
-            limit=limit,
-            unit=table.output_unit,
-        )
-
-
-def _slope(table: CompensationTable, where: str) -> Iterable[TableError]:
-    if table.input_unit != table.output_unit or table.step <= 0:
-        return
-    steps = [abs(after - before) / table.step for before, after in pairwise(table.deviations)]
-    if not steps:
-        return
-    worst = max(range(len(steps)), key=steps.__getitem__)
-    for code, limit in (
-        ("E-TABLE-SLOPE", MAX_SLOPE[table.input_unit]),
-        ("E-TABLE-STEEP", DOUBTFUL_SLOPE[table.input_unit]),
-    ):
-        if steps[worst] > limit * (1 + 1e-9):
-            yield ValueOutOfRange(
-                code,
-                where,
-                table=table.name,
-                point=worst,
-                slope=round(steps[worst], 4),
-                limit=limit,
-                unit=f"{table.deviation_unit}/{table.input_unit}",
-            )
-            return
-
-
-def _closure(table: CompensationTable, where: str) -> Iterable[TableError]:
+def _closure(table: CompensationTable, where: str) -> Iterator[TableFinding]:
     if not table.modulo:
         return
     if table.input_unit == "deg" and (table.minimum, table.maximum) != (0.0, 360.0):
-        yield Gap("E-TABLE-MODULO", where, table=table.name, low=table.minimum, high=table.maximum)
-    if table.deviations[0] != table.deviations[-1]:
-        yield Gap("E-TABLE-CLOSURE", where, table=table.name, first=table.deviations[0], last=table.deviations[-1])
+        error = Gap("E-TABLE-MODULO", where, table=table.name, low=table.minimum, high=table.maximum)
+        yield finding("wrong", error)
+    first, last = table.deviations[0], table.deviations[-1]
+    if first != last:
+        error = Gap("E-TABLE-CLOSURE", where, table=table.name, first=_short(first), last=_short(last))
+        yield finding("wrong", error)
 
 
-def _reference(table: CompensationTable, where: str, reference: float | None) -> Iterable[TableError]:
+def _values(table: CompensationTable, where: str) -> Iterator[TableFinding]:
+    limit = MAX_VALUE[table.output_unit]
+    stored = np.abs(np.asarray(table.deviations)) / deviation_scale(table.output_unit)
+    worst = int(np.argmax(stored))
+    if stored[worst] > limit * (1 + 1e-9):
+        value, unit = round(float(stored[worst]), 6), table.output_unit
+        error = ValueOutOfRange(
+            "E-TABLE-VALUE", where, table=table.name, point=worst, value=value, limit=limit, unit=unit
+        )
+        yield finding("wrong", error)
+
+
+def slopes(table: CompensationTable) -> FloatArray:
+    """Deviation unit per input unit between neighbouring points, shape (k,)."""
+    return np.diff(np.asarray(table.deviations, dtype=np.float64)) / table.step
+
+
+def _slope(table: CompensationTable, where: str) -> Iterator[TableFinding]:
+    if table.input_unit != table.output_unit:
+        return
+    steep = np.abs(slopes(table))
+    worst = int(np.argmax(steep))
+    unit = f"{table.deviation_unit}/{table.input_unit}"
+    fields: dict[str, Any] = {"table": table.name, "point": worst, "slope": round(float(steep[worst]), 4), "unit": unit}
+    limit, doubtful = MAX_SLOPE[table.input_unit], DOUBTFUL_SLOPE[table.input_unit]
+    if steep[worst] > limit * (1 + 1e-9):
+        yield finding("wrong", ValueOutOfRange("E-TABLE-SLOPE", where, **fields, limit=limit))
+    elif steep[worst] > doubtful * (1 + 1e-9):
+        yield finding("doubtful", ValueOutOfRange("W-TABLE-STEEP", where, **fields, limit=doubtful))
+
+
+def _velocity(table: CompensationTable, where: str, known: TableMachine) -> Iterator[TableFinding]:
+    """The compensation moves the output axis while the input axis travels: slope times velocity."""
+    if known.velocity is None:
+        return
+    per_unit = float(np.max(np.abs(slopes(table)))) / deviation_scale(table.output_unit)
+    error = TableError(
+        "W-TABLE-VELOCITY",
+        where,
+        table=table.name,
+        velocity=f"{known.velocity:g} {table.input_unit}/min",
+        added=f"{per_unit * known.velocity:.4g} {table.output_unit}/min",
+        share=f"{100.0 * per_unit:.3g}",
+    )
+    yield finding("note", error)
+
+
+def _reference(table: CompensationTable, where: str, known: TableMachine) -> Iterator[TableFinding]:
+    reference = known.reference(table.input_axis)
     if reference is None:
+        yield finding("note", TableError("W-TABLE-NO-REFERENCE", where, table=table.name, axis=table.input_axis))
         return
     value = float(table.at(np.array([reference]))[0])
     if abs(value) > ZERO_AT_REFERENCE:
-        yield ValueOutOfRange(
+        error = ValueOutOfRange(
             "E-TABLE-REFERENCE",
             where,
             table=table.name,
@@ -138,3 +171,8 @@ def _reference(table: CompensationTable, where: str, reference: float | None) ->
             value=round(value, 4),
             unit=table.deviation_unit,
         )
+        yield finding("wrong", error)
+
+
+def _short(value: float) -> float:
+    return round(value, 6)

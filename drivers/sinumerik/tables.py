@@ -12,16 +12,16 @@ from dataclasses import replace
 from decimal import ROUND_HALF_EVEN, Decimal
 from math import isfinite
 
-from drivers.errors import FileFormatError, TableError, ValueOutOfRange
-from drivers.sinumerik import lint
-from drivers.sinumerik.grammar import DECIMALS, listing, position_text, value_text
-from drivers.sinumerik.reader import SCALE, Reader, Sign, TableFile, axis_unit, groups_of, read, read_live
+from drivers.errors import TableError, ValueOutOfRange
+from drivers.sinumerik.grammar import DECIMALS, FINEST_POSITION, LARGEST, grid_text, value_text
+from drivers.sinumerik.groups import SCALE, Sign, axis_unit
+from drivers.sinumerik.reader import read, read_live
+from drivers.tablefile import TableFile
 from drivers.types import CompensationTable, SignProof
 
 __all__ = [
     "RESOLUTION",
     "TableFile",
-    "TableFiles",
     "as_stored",
     "axis_unit",
     "parameters",
@@ -30,7 +30,6 @@ __all__ = [
     "read",
     "read_live",
     "stored_values",
-    "write",
     "written_sign",
 ]
 
@@ -66,9 +65,9 @@ def as_stored(table: CompensationTable) -> tuple[Decimal, ...]:
 
 def _stored(table: CompensationTable, sign: Sign) -> tuple[Decimal, ...]:
     scale, places = SCALE[table.output_unit], Decimal(1).scaleb(-DECIMALS)
-    values = []
+    values, largest = [], float(LARGEST * scale)
     for number, deviation in enumerate(table.deviations):
-        if not isfinite(deviation) or abs(deviation) > 1e8:
+        if not isfinite(deviation) or abs(deviation) > largest:
             raise ValueOutOfRange("E-TABLE-FINITE", table.name, point=number, value=deviation)
         value = (Decimal(repr(float(deviation))) * sign / scale).quantize(places, ROUND_HALF_EVEN)
         values.append(value + 0 if value else Decimal(0))
@@ -80,25 +79,6 @@ def quantised(table: CompensationTable, resolution: float = RESOLUTION) -> Compe
     unit, scale = Decimal(repr(resolution)), SCALE[table.output_unit]
     steps = ((value / unit).to_integral_value(ROUND_HALF_EVEN) * unit for value in as_stored(table))
     return replace(table, deviations=tuple(float(value * scale) + 0.0 for value in steps))
-
-
-def write(tables: Iterable[CompensationTable], proofs: Iterable[SignProof] = (), *, header: bool = False) -> str:
-    """The canonical text of tables: values first, then parameters, as in the manual's example, then M17.
-
-    ``header`` adds the first lines of a file for transfer from outside (%_N_AX_EEC_INI, CHANDATA(1)); a part
-    program has none. Raises as `stored_values`.
-    """
-    known = list(proofs)
-    listed = list(tables)
-    lines: list[str] = []
-    if header:
-        kinds = {table.function for table in listed}
-        lines += ["%_N_NC_CEC_INI" if kinds == {"CEC"} else "%_N_AX_EEC_INI", "CHANDATA(1)"]
-    for table in listed:
-        place = (table.function, table.output_axis)
-        proof = next((one for one in known if (one.function, one.output_axis) == place), None)
-        lines += point_lines(table, stored_values(table, proof)) + parameter_lines(table)
-    return "\n".join([*lines, "M17", ""])
 
 
 def point_lines(table: CompensationTable, values: Iterable[Decimal]) -> list[str]:
@@ -141,30 +121,6 @@ def parameter_lines(table: CompensationTable) -> list[str]:
 
 
 def _position(value: float) -> str:
-    if not isfinite(value) or abs(value) > 1e5:
+    if not isfinite(value) or abs(value) > 1e5 or 0.0 < abs(value) < FINEST_POSITION:
         raise ValueOutOfRange("E-TABLE-FINITE", "grid", point="grid", value=value)
-    return position_text(Decimal(repr(float(value))))
-
-
-class TableFiles:
-    """Compensation tables as files, for `trueflank lint` (implements ports.TableFormat)."""
-
-    def findings(self, text: str, where: str) -> tuple[str, ...]:
-        """Everything wrong or doubtful in a table file, one line each; empty is clean."""
-        found = listing(text, where)
-        problems: list[TableError | FileFormatError] = list(found.errors)
-        tables: list[CompensationTable] = []
-        reader = Reader(where, {}, 1)
-        groups = groups_of(found)
-        for group in groups.values():
-            try:
-                tables.append(reader.strict(group))
-            except (FileFormatError, TableError) as error:
-                problems.append(error)
-        if not groups and not found.errors:
-            problems.append(FileFormatError("E-TABLE-EMPTY", where))
-        if groups and not found.ended:
-            problems.append(FileFormatError("E-TABLE-CUT", where))
-        problems += [finding for table in tables for finding in lint.of_table(table, where)]
-        problems += lint.of_set(tables, where)
-        return tuple(str(problem) for problem in problems)
+    return grid_text(value)

@@ -81,7 +81,7 @@ def table_spec(chain: Chain, plan: Plan, out: str, over: str, live: Sequence[Com
     """
     grid = plan.grid(over)
     points = round((grid.maximum - grid.minimum) / grid.step) + 1
-    check_points(points, plan.reserved.get(f"{out}({over})", points), f"{out}({over})")
+    check_points(points, plan.reserved.get(f"{out}({over})", points), f"{out}({over})", "EEC" if out == over else "CEC")
     inside = in_deviation_unit(chain, over, 1.0) / (3600.0 if axis_unit(chain, over) == "deg" else 1000.0)
     limits = Limits.usual(deviation_unit(axis_unit(chain, out)))
     size = 1.0 / in_deviation_unit(chain, out, 1.0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -30,10 +31,16 @@ class Limits:
         return cls(value=180.0, change=54.0, slope=10.0, slope_warning=5.0)
 
 
-def check_points(needed: int, reserved: int, axis: str) -> None:
-    """Raise TooManyPoints (E-COMP-POINTS) when the controller reserved fewer points than needed."""
+MEMORY = {"EEC": "MD38000 $MA_MM_ENC_COMP_MAX_POINTS", "CEC": "MD18342 $MN_MM_CEC_MAX_POINTS"}
+
+
+def check_points(needed: int, reserved: int, axis: str, function: Literal["EEC", "CEC"] = "EEC") -> None:
+    """Raise TooManyPoints (E-COMP-POINTS) when the controller reserved fewer points than needed.
+
+    ``function`` says which machine datum that is: MD38000 for EEC, MD18342 for CEC.
+    """
     if needed > reserved:
-        raise TooManyPoints("E-COMP-POINTS", axis, needed=needed, reserved=reserved)
+        raise TooManyPoints("E-COMP-POINTS", axis, needed=needed, reserved=reserved, memory=MEMORY[function])
 
 
 def check(new: CompensationTable, live: CompensationTable, limits: Limits, axis: str) -> tuple[str, ...]:

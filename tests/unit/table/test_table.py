@@ -11,6 +11,7 @@ from drivers.errors import Gap, TableError, TooManyPoints, ValueOutOfRange
 from gateway.domain import Component, TableChange
 from gateway.model.fit import fit_polygon, fit_positioning
 from gateway.table import Grid, Limits, Measured, agreeing_position, check, diff, effective, project, propose
+from gateway.table.limits import check_points
 from gateway.table.proposal import InstrumentU
 from tests.unit.table.world import C_GRID, axis, live, table
 
@@ -219,3 +220,13 @@ def test_a_table_never_loaded_acts_as_zero() -> None:
     )  # fmt: skip
     assert change.new.deviations[-1] == pytest.approx(8.0)
     assert agreeing_position(empty, change.new, (0.0, 400.0), 0.0) == 0.0
+
+
+def test_each_layer_names_its_own_memory() -> None:
+    with pytest.raises(TableError, match="MD38000") as eec:
+        check_points(11, 10, "X(X)")
+    with pytest.raises(TableError, match="MD18342") as cec:
+        check_points(11, 10, "X(Z)", "CEC")
+    assert "MD18342" not in str(eec.value)
+    assert "MD38000" not in str(cec.value)
+    check_points(10, 10, "X(Z)", "CEC")

@@ -1,0 +1,62 @@
+"""What crosses the table-file port: the content of a file, what is known of its machine, what is wrong in it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from decimal import Decimal
+from typing import Literal
+
+from drivers.errors import TrueflankError
+from drivers.types import CompensationTable
+from drivers.units import AxisUnit
+
+Severity = Literal["wrong", "doubtful", "note"]
+
+
+@dataclass(frozen=True, slots=True)
+class TableFile:
+    """Tables in order of appearance, and settings (backlash, temperature, switches) by the control's own names.
+
+    Setting values are as the control has them, exact; ``lengths`` gives the unit of those that are lengths or
+    angles. ``notes`` say what was left out when a back-up was read. Neither is part of the content.
+    """
+
+    tables: tuple[CompensationTable, ...]
+    settings: Mapping[str, Decimal] = field(default_factory=dict)
+    lengths: Mapping[str, AxisUnit] = field(default_factory=dict, compare=False)
+    notes: tuple[str, ...] = field(default=(), compare=False)
+
+
+@dataclass(frozen=True, slots=True)
+class TableMachine:
+    """What is known of the machine a file is meant for; everything may be left out.
+
+    ``control`` "840D", "828D", "808D" or "802D"; ``eec_points`` MD38000, ``cec_points`` MD18342; ``velocity`` of
+    the input axis in mm/min or deg/min; ``references`` where each input axis' tables must be zero ("" for all);
+    ``units`` of the axes.
+    """
+
+    control: str = ""
+    eec_points: int | None = None
+    cec_points: int | None = None
+    velocity: float | None = None
+    references: Mapping[str, float] = field(default_factory=dict)
+    units: Mapping[str, AxisUnit] = field(default_factory=dict)
+
+    def reference(self, axis: str) -> float | None:
+        """Where tables over this axis must be zero, if it is known."""
+        return self.references.get(axis, self.references.get(""))
+
+
+@dataclass(frozen=True, slots=True)
+class TableFinding:
+    """One thing about a file: wrong (must not be loaded), doubtful (look at it) or a note (good to know)."""
+
+    severity: Severity
+    error: TrueflankError
+
+    @property
+    def code(self) -> str:
+        """The stable code, E- for wrong and W- for the others."""
+        return self.error.code

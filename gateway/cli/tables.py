@@ -1,0 +1,164 @@
+"""Commands on compensation table files alone: lint, diff. No hardware is touched."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from drivers import registry
+from drivers.errors import ConfigError, TrueflankError
+from drivers.tablefile import TableFinding, TableMachine
+from drivers.units import AxisUnit
+from gateway.cli.show import show_error, show_json
+
+WORDS = {"wrong": ("error", "red"), "doubtful": ("warning", "yellow"), "note": ("note", "")}
+ORDER = ("wrong", "doubtful", "note")
+
+
+def table_format() -> Any:
+    """The table file driver, by name."""
+    return registry.load("sinumerik-tables", "table-file")()
+
+
+def table_text(file: Path) -> str:
+    """A table file's text; a byte order mark is passed over. Raises ConfigError (E-CLI-READ)."""
+    try:
+        return file.read_text(encoding="utf-8-sig", errors="replace")
+    except OSError as error:
+        raise ConfigError("E-CLI-READ", str(file), why=str(error)) from error
+
+
+def positions(words: Sequence[str], option: str) -> dict[str, float]:
+    """AXIS=POSITION or POSITION alone (for every axis, key ""). Raises ConfigError (E-CLI-POSITION)."""
+    found: dict[str, float] = {}
+    for word in words:
+        axis, _, text = word.rpartition("=")
+        found[axis.strip().upper()] = number(text, option)
+    return found
+
+
+def number(text: str, option: str) -> float:
+    """A finite number of an option. Raises ConfigError (E-CLI-POSITION)."""
+    try:
+        value = float(text)
+    except ValueError as error:
+        raise ConfigError("E-CLI-POSITION", option, text=text) from error
+    if not -1e6 < value < 1e6:
+        raise ConfigError("E-CLI-POSITION", option, text=text)
+    return value
+
+
+def rotary_units(axes: Sequence[str]) -> Mapping[str, AxisUnit]:
+    """The units that --rotary says."""
+    return {axis.upper(): "deg" for axis in axes}
+
+
+def lint_file(file: Path, machine: TableMachine, *, strict: bool, as_json: bool) -> None:
+    """Print every finding of a table file; exit code 7 when something is wrong, with ``strict`` also for doubts."""
+    findings = table_format().findings(table_text(file), str(file), machine)
+    show_findings(file, findings, as_json=as_json)
+    if any(one.severity == "wrong" or (strict and one.severity == "doubtful") for one in findings):
+        raise typer.Exit(7)
+
+
+def show_findings(file: Path, findings: Sequence[TableFinding], *, as_json: bool) -> None:
+    """Findings as lines, the gravest first, and their count; or as data."""
+    counts = {kind: sum(one.severity == kind for one in findings) for kind in ORDER}
+    if as_json:
+        records = [{"severity": one.severity, **one.error.as_record()} for one in findings]
+        show_json({"file": str(file), **counts, "findings": records})
+        return
+    for one in sorted(findings, key=lambda item: ORDER.index(item.severity)):
+        word, colour = WORDS[one.severity]
+        typer.secho(f"{word}: {one.error}", fg=colour or None)
+    told = ", ".join(f"{count} {WORDS[kind][0]}{'s' * (count != 1)}" for kind, count in counts.items() if count)
+    typer.echo(f"{file}: {told or 'no findings'}")
+
+
+def diff_files(first: Path, second: Path, rotary: Sequence[str], *, as_json: bool) -> None:
+    """Compare two table files as diff(1) does: exit code 0 the same, 1 different, 2 trouble."""
+    from gateway.table.filediff import compare
+
+    try:
+        driver, units = table_format(), rotary_units(rotary)
+        files = [driver.read(table_text(path), str(path), units) for path in (first, second)]
+    except TrueflankError as error:
+        show_error(error, as_json=as_json)
+        raise typer.Exit(2) from error
+    difference = compare(*files)
+    if as_json:
+        show_json(_record(first, second, difference, [note for file in files for note in file.notes]))
+    else:
+        _show(first, second, difference)
+        for path, file in zip((first, second), files, strict=True):
+            for note in file.notes:
+                typer.echo(f"note: {path}: {note}")
+    if not difference.same:
+        raise typer.Exit(1)
+
+
+def _show(first: Path, second: Path, difference: Any) -> None:
+    if difference.same:
+        typer.echo(f"{first} and {second} hold the same")
+        return
+    for path, labels in ((first, difference.only_first), (second, difference.only_second)):
+        for label in labels:
+            typer.echo(f"only in {path}: {label}")
+    for pair in difference.tables:
+        _show_pair(pair)
+    for setting in difference.settings:
+        change = "" if setting.change is None else f" ({setting.change:+.4f} {setting.unit})"
+        typer.echo(f"{setting.name}: {_given(setting.first)} -> {_given(setting.second)}{change}")
+    if difference.largest:
+        label, position, change, unit = difference.largest
+        typer.echo(f"largest: {label} at {position:g}: {change:+.4f} {unit}")
+
+
+def _show_pair(pair: Any) -> None:
+    points = pair.points
+    typer.echo(f"{pair.label}: {points.positions.size} of {pair.count} points differ")
+    for name, one, two in pair.parameters:
+        typer.echo(f"  {name}: {one} -> {two}")
+    for position, old, new, change in zip(points.positions, points.old, points.new, points.change, strict=True):
+        typer.echo(f"  {position:12g} {pair.input_unit}: {old:+10.4f} -> {new:+10.4f}  {change:+10.4f} {pair.unit}")
+
+
+def _given(value: object) -> str:
+    return "not set" if value is None else str(value)
+
+
+def _record(first: Path, second: Path, difference: Any, notes: Sequence[str]) -> dict[str, Any]:
+    largest = difference.largest
+    return {
+        "first": str(first),
+        "second": str(second),
+        "same": difference.same,
+        "largest": dict(zip(("table", "position", "change", "unit"), largest, strict=True)) if largest else None,
+        "only_first": difference.only_first,
+        "only_second": difference.only_second,
+        "tables": [_pair_record(pair) for pair in difference.tables],
+        "settings": [
+            {"name": one.name, "first": one.first, "second": one.second, "change": one.change, "unit": one.unit}
+            for one in difference.settings
+        ],
+        "notes": list(notes),
+    }
+
+
+def _pair_record(pair: Any) -> dict[str, Any]:
+    points = pair.points
+    rows = zip(points.positions, points.old, points.new, points.change, strict=True)
+    return {
+        "table": pair.label,
+        "unit": pair.unit,
+        "input_unit": pair.input_unit,
+        "points": pair.count,
+        "parameters": [{"name": name, "first": one, "second": two} for name, one, two in pair.parameters],
+        "differences": [
+            {"position": float(at), "first": float(old), "second": float(new), "change": float(change)}
+            for at, old, new, change in rows
+        ],
+    }

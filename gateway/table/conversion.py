@@ -1,0 +1,247 @@
+"""A measured result file -> compensation tables: datum, directions, grid, zero at the reference.
+
+A result file knows its own zero only; where that is on the machine must be said. EEC takes the mean of both
+directions; a CEC pair takes each direction by itself. Values are deviations d = measured - target (house sign rule).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from drivers.errors import ConfigError, Gap
+from drivers.types import CompensationTable, MeasuredSet
+from drivers.units import AxisUnit, DeviationUnit, deviation_scale, deviation_unit
+from gateway.domain import FloatArray
+from gateway.table.limits import Limits, check, told
+from gateway.table.projection import Grid, project, quantised, zeroed
+
+TURN_DEG = 360.0
+WIDEST_BRIDGE_DEG = 60.0
+WIDEST_GAP_DEG = 180.0
+EVEN = 1e-6  # mm or deg: targets this close to a grid are on it
+MOST_INTERVALS = 20_000  # no control reserves more
+RESOLUTION = 1e-6  # mm or deg: values go to the control with six decimals
+
+
+@dataclass(frozen=True, slots=True)
+class Datum:
+    """Where a file's positions are on the machine: machine = offset + sense x file, mm or deg."""
+
+    offset: float
+    sense: Literal[1, -1] = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """What to make: layer, axis, where its tables are zero, grid (None: from the targets), numbers.
+
+    ``index`` is the encoder of EEC, or the first of two table numbers of CEC.
+    """
+
+    to: Literal["eec", "cec"]
+    axis: str
+    reference: float
+    datum: Datum
+    minimum: float | None = None
+    maximum: float | None = None
+    step: float | None = None
+    modulo: bool = False
+    index: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Curves:
+    """Mean deviations at rising machine positions (m,), by machine direction: ``plus``, ``minus`` (m,) um or arcsec.
+
+    NaN where that direction was not measured.
+    """
+
+    positions: FloatArray
+    plus: FloatArray
+    minus: FloatArray
+    unit: AxisUnit
+
+
+@dataclass(frozen=True, slots=True)
+class Conversion:
+    """The tables, and what their reader must know."""
+
+    tables: tuple[CompensationTable, ...]
+    findings: tuple[str, ...]
+
+
+def datum_of(pairs: Sequence[tuple[float, float]]) -> Datum:
+    """The datum that (file, machine) positions fix: one pair counts the same way, two may count against each other.
+
+    Raises ConfigError (E-COMP-DATUM) if two pairs are not equally far apart in file and machine.
+    """
+    (file, machine), *more = pairs
+    if not more:
+        return Datum(machine - file)
+    (other_file, other_machine) = more[0]
+    apart, on_machine = other_file - file, other_machine - machine
+    if len(more) > 1 or apart == 0.0 or abs(abs(apart) - abs(on_machine)) > 1e-3:
+        raise ConfigError("E-COMP-DATUM", "--datum", file=f"{apart:g}", machine=f"{on_machine:g}")
+    sense: Literal[1, -1] = 1 if apart * on_machine > 0 else -1
+    return Datum(machine - sense * file, sense)
+
+
+def convert(measured: MeasuredSet, request: Request, limits: Limits | None = None) -> Conversion:
+    """The EEC table or the CEC pair of a result file.
+
+    Raises ConfigError (E-COMP-DATUM, E-COMP-NO-GRID), Gap (E-COMP-GRID, E-COMP-TURN, E-COMP-MISSING,
+    E-COMP-ONE-WAY), ValueOutOfRange (E-COMP-VALUE, E-COMP-SLOPE, E-COMP-CHANGE).
+    """
+    found = curves(measured, request.datum, modulo=request.modulo)
+    grid = _grid(found, request)
+    kinds = _kinds(found, request)
+    tables = tuple(_table(found, kind, grid, request) for kind in kinds)
+    allowed = limits or Limits.usual(deviation_unit(found.unit))
+    findings = list(_coverage(found, grid, request))
+    for table in tables:
+        nothing = replace(table, deviations=(0.0,) * len(table.deviations))
+        findings += check(table, nothing, allowed, request.axis)
+    findings += _remarks(found, request)
+    return Conversion(tables, tuple(findings))
+
+
+def curves(measured: MeasuredSet, datum: Datum, *, modulo: bool) -> Curves:
+    """Means over the repetitions, on the machine's own scale and in its own directions.
+
+    Where the file counts against the machine, deviations change sign and the directions change places.
+    Raises Gap (E-COMP-MISSING) if a direction lacks a target that it has readings around.
+    """
+    up, down = _mean(measured, 0), _mean(measured, 1)
+    plus, minus = (up, down) if datum.sense == 1 else (-down, -up)
+    positions = datum.offset + datum.sense * measured.targets
+    if modulo:
+        positions = np.mod(np.round(positions, 9), TURN_DEG)
+    order = np.argsort(positions, kind="stable")
+    at, places = np.unique(np.round(positions[order], 9), return_inverse=True)
+    return Curves(at, _joined(plus[order], places), _joined(minus[order], places), measured.axis_unit)
+
+
+def _joined(values: FloatArray, places: np.ndarray) -> FloatArray:
+    """Readings of one position (0 and 360 deg are one) to their mean."""
+    sums = np.bincount(places, weights=values)
+    return np.asarray(sums / np.bincount(places))
+
+
+def _mean(measured: MeasuredSet, way: int) -> FloatArray:
+    """Mean over the repetitions that are there, (m,); the number of targets has no part in it."""
+    readings = measured.deviations[:, :, way]
+    there = ~np.isnan(readings)
+    counts = there.sum(axis=1)
+    if counts.any() and not counts.all():
+        missing = measured.targets[int(np.argmin(counts))]
+        raise Gap("E-COMP-MISSING", "file", target=f"{missing:g}", unit=measured.axis_unit, way="+-"[way])
+    if not counts.any():
+        return np.full(counts.shape, np.nan)
+    return np.asarray(np.where(there, readings, 0.0).sum(axis=1) / counts)
+
+
+def _kinds(found: Curves, request: Request) -> tuple[tuple[FloatArray, Literal[-1, 0, 1]], ...]:
+    one_way = bool(np.isnan(found.plus).all() or np.isnan(found.minus).all())
+    if request.to == "cec":
+        if one_way:
+            raise Gap("E-COMP-ONE-WAY", request.axis)
+        return ((found.plus, 1), (found.minus, -1))
+    if one_way:
+        return ((np.where(np.isnan(found.plus), found.minus, found.plus), 0),)
+    return (((found.plus + found.minus) / 2.0, 0),)
+
+
+def _grid(found: Curves, request: Request) -> Grid:
+    if request.modulo and (found.unit != "deg" or _widest_gap(found.positions) > WIDEST_GAP_DEG):
+        raise Gap("E-COMP-TURN", request.axis, low=f"{found.positions[0]:g}", high=f"{found.positions[-1]:g}")
+    even = _spacing(found.positions, modulo=request.modulo)
+    step = request.step if request.step is not None else even
+    if step is None:
+        raise ConfigError("E-COMP-NO-GRID", request.axis, targets=found.positions.size)
+    if request.modulo:
+        grid = Grid(0.0, TURN_DEG, step)
+    else:
+        low = float(found.positions[0]) if request.minimum is None else request.minimum
+        high = float(found.positions[-1]) if request.maximum is None else request.maximum
+        grid = Grid(low, high, step)
+    if grid.intervals > MOST_INTERVALS:
+        raise Gap("E-COMP-GRID", request.axis, minimum=grid.minimum, maximum=grid.maximum, step=grid.step)
+    return grid
+
+
+def _widest_gap(positions: FloatArray) -> float:
+    """Between neighbouring positions round the turn, deg."""
+    return float(np.max(np.diff(np.append(positions, positions[0] + TURN_DEG))))
+
+
+def _spacing(positions: FloatArray, *, modulo: bool) -> float | None:
+    """The step of evenly spaced targets, None if they are not."""
+    ends = np.append(positions, positions[0] + TURN_DEG) if modulo else positions
+    gaps = np.diff(ends)
+    if gaps.size == 0:
+        return None
+    step = round(float(ends[-1] - ends[0]) / gaps.size, 9)
+    return step if step > 0 and float(np.max(np.abs(gaps - step))) <= EVEN else None
+
+
+def _table(
+    found: Curves, kind: tuple[FloatArray, Literal[-1, 0, 1]], grid: Grid, request: Request
+) -> CompensationTable:
+    means, direction = kind
+    period = TURN_DEG if request.modulo else None
+
+    def curve(at: FloatArray) -> FloatArray:
+        return np.asarray(np.interp(at, found.positions, means, period=period))
+
+    values = zeroed(project(curve, grid, modulo=request.modulo), grid, request.reference, modulo=request.modulo)
+    return CompensationTable(
+        function="EEC" if request.to == "eec" else "CEC",
+        input_axis=request.axis,
+        output_axis=request.axis,
+        minimum=grid.minimum,
+        maximum=grid.maximum,
+        step=grid.step,
+        deviations=quantised(values, RESOLUTION * deviation_scale(found.unit)),
+        modulo=request.modulo,
+        index=request.index + (1 if direction == -1 else 0),
+        input_unit=found.unit,
+        output_unit=found.unit,
+        direction=direction,
+    )
+
+
+def _coverage(found: Curves, grid: Grid, request: Request) -> list[str]:
+    if request.modulo:
+        gap = _widest_gap(found.positions)
+        return [told("W-COMP-BRIDGE", request.axis, gap=f"{gap:g}", unit="deg")] if gap > WIDEST_BRIDGE_DEG else []
+    low, high, unit = float(found.positions[0]), float(found.positions[-1]), found.unit
+    findings = []
+    if low > grid.minimum + EVEN or high < grid.maximum - EVEN:
+        ends = {"minimum": f"{grid.minimum:g}", "maximum": f"{grid.maximum:g}"}
+        findings.append(told("W-COMP-FLAT", request.axis, low=f"{low:g}", high=f"{high:g}", unit=unit, **ends))
+    if not grid.minimum <= request.reference <= grid.maximum:
+        at = f"{request.reference:g}"
+        findings.append(told("W-COMP-OUTSIDE", request.axis, reference=at, low=low, high=high, unit=unit))
+    return findings
+
+
+def _remarks(found: Curves, request: Request) -> list[str]:
+    unit: DeviationUnit = deviation_unit(found.unit)
+    findings = [told("W-COMP-REPLACES", request.axis)]
+    reversal = found.plus - found.minus
+    if np.isnan(reversal).any():
+        return [*findings, told("W-COMP-ONE-WAY", request.axis)]
+    if request.to == "eec":
+        mean = f"{float(reversal.mean()):.3f}"
+        return [*findings, told("W-COMP-REVERSAL", request.axis, reversal=mean, unit=unit)]
+    period = TURN_DEG if request.modulo else None
+    there = f"{float(np.interp(request.reference, found.positions, reversal, period=period)):.3f}"
+    return [
+        *findings,
+        told("W-COMP-REVERSAL-LEFT", request.axis, reversal=there, reference=f"{request.reference:g}", unit=unit),
+        told("W-COMP-CEC-SIGN", request.axis),
+    ]

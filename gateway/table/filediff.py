@@ -1,0 +1,154 @@
+"""Two table files against each other: points and parameters of every table, settings, what stands in one only."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from decimal import Decimal
+
+import numpy as np
+
+from drivers.tablefile import TableFile
+from drivers.types import CompensationTable
+from drivers.units import deviation_scale, deviation_unit
+from gateway.domain import FloatArray
+from gateway.table.comparison import TableDifference, acting
+
+ROUNDING = 1e-6  # um or arcsec: what interpolation between two grids leaves
+_PARAMETERS = (
+    "input_axis",
+    "output_axis",
+    "minimum",
+    "maximum",
+    "step",
+    "modulo",
+    "direction",
+    "multiply_by",
+    "table_type",
+    "input_unit",
+    "output_unit",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class PairDifference:
+    """One table of both files: ``parameters`` as (name, first, second), and the points that differ.
+
+    ``points`` has the positions at which the values differ, with both; on the union of both grids if they differ.
+    ``unit`` is that of the values, ``input_unit`` that of the positions.
+    """
+
+    label: str
+    unit: str
+    input_unit: str
+    count: int
+    parameters: tuple[tuple[str, object, object], ...]
+    points: TableDifference
+
+    @property
+    def same(self) -> bool:
+        """Nothing differs."""
+        return not self.parameters and not self.points.positions.size
+
+
+@dataclass(frozen=True, slots=True)
+class SettingDifference:
+    """One setting: its values (None: not set), and the change in um or arcsec where it is a length or an angle."""
+
+    name: str
+    first: Decimal | None
+    second: Decimal | None
+    change: float | None = None
+    unit: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class FileDifference:
+    """What differs between two files; ``only_first`` and ``only_second`` name tables without counterpart."""
+
+    tables: tuple[PairDifference, ...]
+    only_first: tuple[str, ...]
+    only_second: tuple[str, ...]
+    settings: tuple[SettingDifference, ...]
+
+    @property
+    def same(self) -> bool:
+        """Both files mean the same."""
+        return not (self.tables or self.only_first or self.only_second or self.settings)
+
+    @property
+    def largest(self) -> tuple[str, float, float, str] | None:
+        """(table, position, change, unit) of the largest change of a point, None if no point differs."""
+        found = [(pair, *pair.points.largest) for pair in self.tables if pair.points.positions.size]
+        if not found:
+            return None
+        pair, position, change = max(found, key=lambda item: abs(item[2]))
+        return pair.label, position, change, pair.unit
+
+
+def compare(first: TableFile, second: TableFile) -> FileDifference:
+    """Tables are matched by encoder and axis (EEC) or by table number (CEC)."""
+    ours, theirs = _by_place(first), _by_place(second)
+    pairs = [_pair(place, ours[place], theirs[place]) for place in ours if place in theirs]
+    return FileDifference(
+        tuple(pair for pair in pairs if not pair.same),
+        tuple(place for place in ours if place not in theirs),
+        tuple(place for place in theirs if place not in ours),
+        tuple(_settings(first, second)),
+    )
+
+
+def _by_place(file: TableFile) -> Mapping[str, CompensationTable]:
+    return {_place(table): table for table in file.tables}
+
+
+def _place(table: CompensationTable) -> str:
+    if table.function == "EEC":
+        return f"EEC {table.output_axis} encoder {table.index}"
+    return f"CEC table {table.index}"
+
+
+def _pair(place: str, first: CompensationTable, second: CompensationTable) -> PairDifference:
+    parameters = [(name, getattr(first, name), getattr(second, name)) for name in _PARAMETERS]
+    one, two, at = _values_of_both(first, second)
+    differs = np.abs(two - one) > (0.0 if _same_grid(first, second) else ROUNDING)
+    return PairDifference(
+        label=f"{place} {second.name}",
+        unit=second.deviation_unit,
+        input_unit=second.input_unit,
+        count=int(at.size),
+        parameters=tuple(item for item in parameters if item[1] != item[2]),
+        points=TableDifference(at[differs], one[differs], two[differs]),
+    )
+
+
+def _values_of_both(first: CompensationTable, second: CompensationTable) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Values of both at the same positions; none where they belong to other axes and cannot be compared."""
+    if first.name != second.name or (first.input_unit, first.output_unit) != (second.input_unit, second.output_unit):
+        return np.empty(0), np.empty(0), np.empty(0)
+    at = first.positions if _same_grid(first, second) else np.union1d(first.positions, second.positions)
+    return _values(first, at), _values(second, at), at
+
+
+def _same_grid(first: CompensationTable, second: CompensationTable) -> bool:
+    grids = [(table.minimum, table.maximum, table.step, len(table.deviations)) for table in (first, second)]
+    return grids[0] == grids[1]
+
+
+def _values(table: CompensationTable, at: FloatArray) -> FloatArray:
+    if at.size == len(table.deviations) and np.array_equal(at, table.positions):
+        return np.asarray(table.deviations, dtype=np.float64)
+    return acting(table, at)
+
+
+def _settings(first: TableFile, second: TableFile) -> Iterator[SettingDifference]:
+    for name in dict.fromkeys((*first.settings, *second.settings)):
+        one, two = first.settings.get(name), second.settings.get(name)
+        if one == two:
+            continue
+        unit = second.lengths.get(name) or first.lengths.get(name)
+        if unit is None or one is None or two is None:
+            yield SettingDifference(name, one, two)
+        else:
+            change = float(two - one) * deviation_scale(unit)
+            yield SettingDifference(name, one, two, change, deviation_unit(unit))

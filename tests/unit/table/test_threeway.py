@@ -1,0 +1,70 @@
+"""Live against approved and before: each kind, the first difference, and never "as approved" for anything else."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.types import CompensationTable, LiveTable
+from gateway.table.threeway import compare
+
+BEFORE = CompensationTable("EEC", "C1", "C1", 0.0, 360.0, 90.0, (0.0, 1.0, 2.0, 1.0, 0.0), True, 0, "deg", "deg")
+APPROVED = replace(BEFORE, deviations=(0.0, 4.0, 6.0, -2.0, 0.0))
+NEVER = CompensationTable("EEC", "C1", "C1", 0.0, 0.0, 0.0, (0.0,), True, 0, "deg", "deg")
+ON = LiveTable(APPROVED, enabled=True)
+ALLOWED = 0.001
+
+
+@pytest.mark.parametrize(
+    ("live", "kind", "said"),
+    [
+        (ON, "as-approved", "as approved, switched on"),
+        (LiveTable(APPROVED, enabled=False), "switched-off", "switched off"),
+        (LiveTable(BEFORE, enabled=True), "before", "one from before, switched on"),
+        (LiveTable(BEFORE, enabled=False), "before", "one from before, switched off"),
+        (LiveTable(NEVER, enabled=False), "differs", "neither"),
+        (LiveTable(replace(APPROVED, step=45.0), enabled=True), "differs", "step: 90.0, live 45.0"),
+        (LiveTable(replace(APPROVED, modulo=False), enabled=True), "differs", "modulo: True, live False"),
+    ],
+)
+def test_each_kind(live: LiveTable, kind: str, said: str) -> None:
+    found = compare(live, ON, LiveTable(BEFORE, enabled=True), ALLOWED)
+    assert found.kind == kind
+    assert said in found.words
+    assert found.as_data()["kind"] == kind
+
+
+def test_the_first_difference_is_told_with_all_three_values() -> None:
+    live = LiveTable(replace(APPROVED, deviations=(0.0, 4.0, 2.0, -3.5, 0.0)), enabled=True)
+    found = compare(live, ON, LiveTable(BEFORE, enabled=True), ALLOWED)
+    assert found.kind == "differs"
+    assert (len(found.places), found.as_before) == (2, 1)
+    assert "at 2 of 5 points, at 1 of them it is as before; first at 180" in found.words
+    assert "before +2.000, approved +6.000, live +2.000 arcsec" in found.words
+    unknown = compare(live, ON, None, ALLOWED)
+    assert "before ?" in unknown.words
+    assert unknown.as_data()["differences"][0][1] is None
+
+
+def test_what_was_to_be_off_and_a_first_table_taken_back() -> None:
+    off = LiveTable(NEVER, enabled=False)
+    assert compare(off, off, ON, ALLOWED).kind == "as-approved"
+    assert compare(LiveTable(NEVER, enabled=True), off, ON, ALLOWED).kind == "switched-on"
+    assert compare(ON, off, ON, ALLOWED).kind == "before"
+    never = compare(off, ON, off, ALLOWED)
+    assert never.kind == "before"
+
+
+@given(
+    st.lists(st.floats(-20.0, 20.0), min_size=5, max_size=5),
+    st.booleans(),
+)
+def test_as_approved_is_said_of_nothing_else(values: list[float], enabled: bool) -> None:
+    live = LiveTable(replace(APPROVED, deviations=tuple(values)), enabled)
+    same = enabled and all(abs(one - two) <= ALLOWED for one, two in zip(values, APPROVED.deviations, strict=True))
+    found = compare(live, ON, LiveTable(BEFORE, enabled=True), ALLOWED)
+    assert (found.kind == "as-approved") == same
+    assert found.words
