@@ -17,7 +17,7 @@ from gateway.capture.targets import plan_of
 from gateway.config import AxisSection, Targets
 from gateway.domain import Capture, Equipment, Evaluation, Item
 from gateway.evaluate.iso230_2 import evaluate
-from gateway.evaluate.uncertainty import Budget, linear_budget
+from gateway.evaluate.uncertainty import UNKNOWN_OFF_20_K, Budget, linear_budget
 from gateway.table.proposal import InstrumentU
 from gateway.walk import walk
 from gateway.workflow import stages
@@ -117,13 +117,14 @@ async def fetch_tables(at: Bench, axis: AxisSection) -> LiveSet:
 def budget_of(capture: Capture) -> Budget:
     """Expanded uncertainties (k = 2) of one capture: instrument, temperature and expansion over its travel.
 
-    Laser system 0.5 um/m; temperature measured within 0.2 K; expansion coefficient within 2 ppm/K. A rotary
+    Laser system 0.5 um/m; temperature measured within 0.2 K, an unknown one never taken to be 20 degC; expansion
+    coefficient within 2 ppm/K. A rotary
     calibrator as `InstrumentU.usual` has it: what is proposed and what is reported rest on the same figure.
     """
     if capture.axis_unit == "deg":
         return Budget(device=InstrumentU.usual("arcsec").constant)
     material = capture.ambient_start.material_degc
-    off = float(material[0]) - 20.0 if material else 0.0
+    off = float(material[0]) - 20.0 if material else UNKNOWN_OFF_20_K
     length_mm = float(capture.targets[-1] - capture.targets[0])
     expansion = capture.corrections.details.get("expansion.ppm_per_k", 11.5)
     return linear_budget(length_mm, expansion_ppm_per_k=expansion, off_20_k=off)
