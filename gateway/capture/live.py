@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drivers.errors import BeamObstructed
-from drivers.ports import Instrument
-from drivers.types import Ambient, FloatArray, LiveSet, Stop, StopPlan, StopReached
+from drivers.errors import BeamObstructed, TrueflankError
+from drivers.ports import Instrument, RotaryCalibrator
+from drivers.types import Ambient, ChannelStatus, FloatArray, LiveSet, Stop, StopPlan, StopReached
 from gateway.capture.collecting import Collection
 from gateway.capture.readings import History, Readings
 from gateway.capture.rig import Rig
@@ -27,6 +27,7 @@ from gateway.walk import walk
 # A set-up that does not settle at so many stops one after the other does not settle at all.
 MOST_UNSETTLED = 3
 DATUM_REPETITION = 9999
+POLL_S = 0.5
 AtStop = Callable[[int, Stop, StopReached], Awaitable[None]]
 
 
@@ -151,7 +152,15 @@ class _Visits:
             except BeamObstructed:
                 if not self._recoveries or self._found.datum is None:
                     raise
+            await self._program_ended()
             part = self._resumed(plan)
+
+    async def _program_ended(self) -> None:
+        """The program was asked to leave; another may be sent once the channel is in reset."""
+        rig = self._rig
+        async with rig.clock.deadline(rig.patience.stop_s, rig.axis.name):
+            while (await rig.controller.state()).channel is not ChannelStatus.RESET:
+                await rig.clock.sleep(POLL_S)
 
     def _resumed(self, plan: StopPlan) -> StopPlan:
         self._recoveries -= 1
@@ -170,13 +179,22 @@ class _Visits:
                 self._readings.datum()
             try:
                 await self._take(stop, first=index == 0)
-            except Unstable:
-                if last_round or self._found.datum is None or self._in_a_row >= MOST_UNSETTLED:
+            except Unstable as error:
+                if last_round or self._found.datum is None:
                     raise
                 self._in_a_row += 1
+                if self._in_a_row > MOST_UNSETTLED:
+                    raise self._what_happened(error) from error
                 self._rig.say("P-CAP-UNSETTLED", axis=self._rig.axis.name, target=stop.target)
 
         return at_stop
+
+    def _what_happened(self, error: Unstable) -> TrueflankError:
+        """A counter cannot see a broken beam: steady readings at wrong places say that counts were lost."""
+        if str(error.fields.get("missing", "")).startswith("sigma"):
+            return error
+        self._in_a_row = 0
+        return BeamObstructed("E-CAP-COUNT", self._rig.instrument.name, stops=MOST_UNSETTLED + 1)
 
     async def _take(self, stop: Stop, *, first: bool) -> None:
         found = self._found
@@ -192,6 +210,8 @@ class _Visits:
         self._in_a_row = 0
 
     async def _set_datum_anew(self, stop: Stop) -> None:
+        if isinstance(self._rig.instrument, RotaryCalibrator):
+            await self._rig.instrument.track()
         self._readings.datum()
         self._found.set_anew(stop, await self._readings.settled(self._rig.window))
         self._found.notes.append(f"the beam was lost after {self._taken} readings and the datum set anew")

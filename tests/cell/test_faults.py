@@ -82,9 +82,23 @@ def test_the_lasers_line_pulled_mid_run(tmp_path: Path) -> None:
     assert error.exit_code == 3
 
 
-def test_the_beam_of_the_calibrator_broken_mid_run(tmp_path: Path) -> None:
+def test_the_beam_of_the_calibrator_broken_mid_run_and_never_restored(tmp_path: Path) -> None:
     heard = _at_stop(5, lambda cell: cell.beam("calibrator", broken=True))
     _fails(tmp_path, DeviceError, "E-CAP-BEAM", heard=heard)
+
+
+@pytest.mark.parametrize(("axis", "instrument"), [("C1", "calibrator"), ("X1", "laser")])
+def test_a_beam_that_is_restored_costs_a_new_datum_only(tmp_path: Path, axis: str, instrument: str) -> None:
+    def heard(cell: Cell, code: str, fields: dict[str, object]) -> None:
+        if code == "P-STOP" and fields["program"] == f"TFMEAS{axis[0]}" and fields["done"] == 5:
+            cell.beam(instrument, broken=True)
+        if code == "P-CAP-BEAM":
+            cell.beam(instrument, broken=False)
+
+    judged = main_job(tmp_path, apply=False, edit=short((axis,)), heard=heard)
+    assert [code for code, _fields in judged.said].count("P-CAP-BEAM") == 1
+    measured = judged.outcome.data["axes"][axis]["before"]["M"]
+    assert measured == pytest.approx(judged.before[axis]["M"], rel=0.3)
 
 
 @pytest.mark.parametrize(("axis", "component"), [("X1", "EXX"), ("C1", "ECC")])
@@ -135,10 +149,12 @@ def test_a_table_changed_after_the_capture_is_not_overwritten(tmp_path: Path) ->
         if code == "P-SIGN-PROVED" and not changed:
             changed.append(True)
             cell.nck.set("$MA_ENC_COMP_ENABLE[0,C1]", 0, 0)
+            for name, value in (("STEP", 5.0), ("MIN", 0.0), ("MAX", 360.0), ("IS_MODULO", 1)):
+                cell.nck.set(f"$AA_ENC_COMP_{name}[0,C1]", value, 0)
             cell.nck.set("$AA_ENC_COMP[0,3,C1]", 0.0004, 0)
 
-    with pytest.raises(WriteRefused, match="E-INT") as caught:
-        main_job(tmp_path, edit=short(), heard=heard)
+    with pytest.raises(WriteRefused, match="E-INT-LOST-UPDATE") as caught:
+        main_job(tmp_path, edit=short(("C1",), 10, 4), heard=heard)
     assert changed
     assert "C1" in str(caught.value)
 

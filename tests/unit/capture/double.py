@@ -12,10 +12,12 @@ from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded
 from drivers.types import (
     Ambient,
+    ChannelStatus,
     CompensationTable,
     Identity,
     LiveSet,
     LiveTable,
+    MachineState,
     Optics,
     SampleBlock,
     StopPlan,
@@ -97,6 +99,10 @@ class LittleMachine:
         if self.task is not None:
             self.task.cancel()
             await asyncio.gather(self.task, return_exceptions=True)
+
+    async def state(self) -> MachineState:
+        running = self.task is not None and not self.task.done()
+        return MachineState(ChannelStatus.ACTIVE if running else ChannelStatus.RESET, "AUTO", "", (), 7, {})
 
     async def saved_tables(self, axis: str) -> LiveSet:
         table = CompensationTable("EEC", axis, axis, 0.0, 100.0, 50.0, (0.0, 0.0, 0.0))
