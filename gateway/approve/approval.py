@@ -1,0 +1,42 @@
+"""What an approval binds and who may give it; pure. How many a push needs is `gateway.interlocks`' to say."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from datetime import datetime, timedelta
+
+from drivers.types import MachineIdentity
+from gateway.domain import Approval, TableChange
+from gateway.errors import WriteRefused
+from gateway.push import plan_hash
+
+VALID = timedelta(minutes=10)
+
+
+def consent(
+    change: TableChange,
+    machine: MachineIdentity,
+    *,
+    actor: str,
+    typed_name: str,
+    site_name: str,
+    now_utc: datetime,
+    given: Iterable[Approval] = (),
+) -> Approval:
+    """One person's approval of one change on one machine, from now for ten minutes.
+
+    ``given`` are the approvals of this plan that have not been used. Raises WriteRefused: E-APPROVE-NAME (the
+    machine's name was not typed), E-APPROVE-NOTHING (no table is proposed), E-APPROVE-TWICE (this person's
+    approval of this plan still holds).
+    """
+    if typed_name != site_name:
+        raise WriteRefused("E-APPROVE-NAME", change.name, typed=typed_name or "nothing", wanted=site_name)
+    if change.skipped:
+        raise WriteRefused("E-APPROVE-NOTHING", change.name, why=change.skipped)
+    plan = plan_hash(change, machine)
+    for other in given:
+        same = (other.actor, other.plan_hash) == (actor, plan)
+        if same and now_utc < datetime.fromisoformat(other.expires_utc):
+            raise WriteRefused("E-APPROVE-TWICE", change.name, actor=actor, until=other.expires_utc)
+    until = (now_utc + VALID).isoformat(timespec="seconds")
+    return Approval(actor, plan, change.base_digest, machine.serial, now_utc.isoformat(timespec="seconds"), until)

@@ -1,0 +1,36 @@
+"""Who did what to which machine: an append-only log whose records are chained by their hashes.
+
+Tamper-evident, not tamper-proof: an edit, a deletion or a swap shows; who rewrites the whole log and its head shows
+only against a head exported earlier to where he cannot reach it.
+"""
+
+from __future__ import annotations
+
+from gateway.audit.actor import os_user
+from gateway.audit.chain import AUDIT, append
+from gateway.audit.checking import Health, Problem, check, demand, sound
+from gateway.audit.entries import CORRECTION, TORN, Entry, Happening, Head, head_of, line_of
+from gateway.audit.reading import entries
+from gateway.audit.recording import correct, note, record
+
+__all__ = [
+    "AUDIT",
+    "CORRECTION",
+    "TORN",
+    "Entry",
+    "Happening",
+    "Head",
+    "Health",
+    "Problem",
+    "append",
+    "check",
+    "correct",
+    "demand",
+    "entries",
+    "head_of",
+    "line_of",
+    "note",
+    "os_user",
+    "record",
+    "sound",
+]

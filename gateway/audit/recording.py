@@ -1,0 +1,83 @@
+"""The one call other rooms make: something was done, keep it for good."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from importlib import metadata
+from pathlib import Path
+
+from drivers.clock import Clock
+from gateway.audit.actor import os_user
+from gateway.audit.chain import append
+from gateway.audit.entries import CORRECTION, Entry, Happening, Head, Role
+from gateway.errors import BusyError, StoreError
+
+
+def record(
+    root: Path,
+    action: str,
+    *,
+    clock: Clock,
+    actor: str = "",
+    role: Role = "operator",
+    serial: str = "",
+    transaction: int = 0,
+    plan_hash: str = "",
+    base_hash: str = "",
+    new_hash: str = "",
+    details: Mapping[str, object] | None = None,
+) -> Head:
+    """Keep what was done, durable on return; ``root`` is the store's folder, ``actor`` the OS user if not given.
+
+    ``clock`` must be usable: the wall's needs a running loop. Blocks for a few ms, as the journal does.
+    Raises CorruptRecord (E-AUDIT-BROKEN), BusyError (E-AUDIT-BUSY), StoreError: then nothing may be written to
+    a machine.
+    """
+    person, told = actor or os_user(), dict(details or {})
+    happening = Happening(action, person, role, serial, transaction, plan_hash, base_hash, new_hash, told)
+    utc = clock.utc().isoformat(timespec="milliseconds")
+    software = metadata.version("trueflank")
+    return append(root, Entry(0, utc, round(clock.now(), 6), os.getpid(), software, happening, ""))
+
+
+def note(
+    root: Path,
+    action: str,
+    *,
+    clock: Clock,
+    actor: str = "",
+    role: Role = "operator",
+    serial: str = "",
+    transaction: int = 0,
+    plan_hash: str = "",
+    base_hash: str = "",
+    new_hash: str = "",
+    details: Mapping[str, object] | None = None,
+) -> str:
+    """The same for what is over or writes to no machine: a log that cannot take it stops nothing.
+
+    Returns the problem in words ("": none), to be shown.
+    """
+    try:
+        record(
+            root,
+            action,
+            clock=clock,
+            actor=actor,
+            role=role,
+            serial=serial,
+            transaction=transaction,
+            plan_hash=plan_hash,
+            base_hash=base_hash,
+            new_hash=new_hash,
+            details=details,
+        )
+    except (StoreError, BusyError) as error:
+        return str(error)
+    return ""
+
+
+def correct(root: Path, seq: int, why: str, *, clock: Clock, actor: str = "") -> Head:
+    """Say that an earlier record is wrong; the record itself stays. Raises what `record` raises."""
+    return record(root, CORRECTION, clock=clock, actor=actor, details={"corrects": seq, "why": why})

@@ -1,0 +1,117 @@
+"""The commands below `audit`: is the log of who did what whole, its head for export, its records; no machine needed."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from gateway.cli.commands import JsonOption
+from gateway.cli.show import show_json
+
+audit_app = typer.Typer(name="audit", help="The log of who did what to which machine.", no_args_is_help=True)
+
+PlaceArgument = Annotated[Path, typer.Argument(metavar="STORE", help="Store folder, or site file.", show_default=False)]
+ACTED = ("utc", "actor", "role", "action", "serial", "transaction")
+
+
+@audit_app.command("verify")
+def verify_command(
+    store: PlaceArgument,
+    head: Annotated[list[str] | None, typer.Option(help="A head exported earlier; may be repeated.")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Check every record's hash and place, and heads exported earlier; exit code 11 when the log is not whole."""
+    from gateway import audit
+
+    root, exported = store_root(store), tuple(audit.head_of(text) for text in head or ())
+    health = audit.check(root, exported)
+    if as_json:
+        show_json(health.as_data())
+        if not health.sound:
+            raise typer.Exit(11)
+        return
+    audit.demand(root, exported)
+    typer.echo(f"{root}: {health.head.seq} records in {health.files} files are whole; head {health.head}")
+    if health.torn_bytes:
+        typer.echo(f"a crash left {health.torn_bytes} bytes of a record; the next record will speak of it")
+    if not exported:
+        typer.echo("give --head with a head kept elsewhere to see also that the end was not cut")
+
+
+@audit_app.command("head")
+def head_command(store: PlaceArgument) -> None:
+    """Print the head (number:hash); keep it where nobody who can write the store can change it."""
+    from gateway import audit
+
+    typer.echo(str(audit.demand(store_root(store)).head))
+
+
+@audit_app.command("show")
+def show_command(
+    store: PlaceArgument,
+    last: Annotated[int, typer.Option(min=1, help="How many records, the newest.")] = 20,
+    as_json: JsonOption = False,
+) -> None:
+    """Print the newest records; a damaged one is shown as such."""
+    from collections import deque
+
+    from gateway import audit
+
+    found = list(deque(audit.entries(store_root(store)), maxlen=last))
+    if as_json:
+        show_json(found)
+        return
+    for entry in found:
+        typer.echo(_line(entry))
+
+
+@audit_app.command("correct")
+def correct_command(
+    store: PlaceArgument,
+    number: Annotated[int, typer.Argument(min=1, help="The record that is wrong.", show_default=False)],
+    why: Annotated[str, typer.Argument(help="What is right.", show_default=False)],
+) -> None:
+    """Add a record that corrects an earlier one; nothing is ever changed."""
+    from drivers.clock import LoopClock
+    from drivers.errors import ConfigError
+    from gateway import audit
+
+    root = store_root(store)
+    count = audit.demand(root).head.seq
+    if number > count:
+        raise ConfigError("E-AUDIT-NO-RECORD", str(root), number=number, count=count)
+
+    async def main() -> audit.Head:
+        return audit.correct(root, number, why, clock=LoopClock())
+
+    typer.echo(f"record {asyncio.run(main()).seq} corrects record {number}")
+
+
+def add_to(app: typer.Typer) -> None:
+    """Put the commands of this file into the program."""
+    app.add_typer(audit_app)
+
+
+def store_root(place: Path) -> Path:
+    """The store's folder, given itself or the site file that names it. Raises ConfigError (E-CFG-..., E-CLI-READ)."""
+    from drivers.errors import ConfigError
+
+    if place.is_dir():
+        return place
+    if place.suffix != ".toml":
+        raise ConfigError("E-CLI-READ", str(place), why="no such folder")
+    from gateway.config import load_site
+    from gateway.workflow.bench import store_of
+
+    return store_of(load_site(place), place).root
+
+
+def _line(entry: dict[str, Any]) -> str:
+    if entry["damaged"]:
+        return f"{entry['place']}: DAMAGED {entry['text'][:100]}"
+    acted = "  ".join(str(entry[name]) for name in ACTED if entry[name] not in ("", 0))
+    details = "  ".join(f"{key}={value}" for key, value in sorted(entry["details"].items()))
+    return f"{entry['seq']:6}  {acted}  {details}"

@@ -1,0 +1,103 @@
+"""`approve` asks for the machine's name, approves what was shown, and leaves its record."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from drivers.errors import ConfigError
+from gateway import audit
+from gateway.approve import Approvals
+from gateway.cli import app
+from gateway.domain import Proposal
+from gateway.errors import WriteRefused
+from gateway.store import RunFolder, Store
+from gateway.workflow import approving, stages
+from gateway.workflow.outcome import Outcome
+from tests.unit.approve.test_approve import CHANGE, MACHINE
+from tests.unit.approve.test_consents import SKIPPED
+
+SITE = """
+[site]
+name = "mill"
+store = "runs"
+[controller]
+url = "opc.tcp://127.0.0.1:1"
+serial = "SN-1"
+[[axes]]
+name = "X1"
+letter = "X"
+kind = "linear"
+travel = [0.0, 100.0]
+[axes.measure]
+component = "EXX"
+feed = 1000.0
+stable = 1.0
+file = "x.csv"
+file_datum = 0.0
+[axes.table]
+minimum = 0.0
+maximum = 100.0
+step = 50.0
+"""
+
+
+@pytest.fixture
+def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> RunFolder:
+    """A run with a proposal; what `push` would show of it is not asked of a machine here."""
+    site = tmp_path / "site.toml"
+    site.write_text(SITE)
+    folder = Store(tmp_path / "runs").create("mill", {"site_file": str(site)})
+    folder.put(stages.PROPOSAL, Proposal(MACHINE, (CHANGE, SKIPPED), (), "2026-11-21T10:00:00+00:00"))
+
+    async def shown(*_: object, **__: object) -> Outcome:
+        return Outcome("proposed", str(folder.path), (), ("X1: what push shows",), {"refusals": {}})
+
+    monkeypatch.setattr(approving, "push_run", shown)
+    return folder
+
+
+def approve(run: RunFolder, typed: str, *words: str) -> Any:
+    return CliRunner().invoke(app, ["approve", str(run.path), *words], input=f"{typed}\n")
+
+
+def test_shown_then_approved_by_the_machines_name(run: RunFolder) -> None:
+    result = approve(run, "mill")
+    assert result.exit_code == 0, result.output
+    assert "X1: what push shows" in result.output
+    assert f"approved by {audit.os_user()} until " in result.output
+    (kept,) = Approvals(run.path).unused()
+    assert kept.actor == audit.os_user()
+    (entry,) = audit.entries(run.path.parent)
+    assert (entry["action"], entry["role"], entry["plan_hash"]) == ("approve", "approver", kept.plan_hash)
+    again = approve(run, "mill", "--json").exception
+    assert isinstance(again, WriteRefused)
+    assert again.code == "E-APPROVE-TWICE"
+
+
+def test_as_json(run: RunFolder) -> None:
+    result = approve(run, "mill", "--axis", "X1", "--json")
+    assert result.exit_code == 0
+    data = json.loads(result.output[result.output.index("{") :])
+    assert data["approved"][0]["actor"] == audit.os_user()
+
+
+@pytest.mark.parametrize(
+    ("typed", "words", "error", "code"),
+    [
+        ("", (), WriteRefused, "E-APPROVE-NAME"),
+        ("grinder", (), WriteRefused, "E-APPROVE-NAME"),
+        ("mill", ("--axis", "C1"), WriteRefused, "E-APPROVE-NOTHING"),
+        ("mill", ("--axis", "Q9"), ConfigError, "E-RUN-AXIS"),
+    ],
+)
+def test_refused_leaves_nothing(run: RunFolder, typed: str, words: tuple[str, ...], error: type, code: str) -> None:
+    found = approve(run, typed, *words).exception
+    assert isinstance(found, error)
+    assert getattr(found, "code", "") == code
+    assert Approvals(run.path).unused() == ()
+    assert list(audit.entries(run.path.parent)) == []

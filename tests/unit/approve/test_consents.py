@@ -1,0 +1,109 @@
+"""From approval to push: taken up once and before anything is written, held for as long as the push takes, recorded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from drivers.errors import DeadlineExceeded
+from drivers.types import MachineIdentity
+from gateway import audit
+from gateway.approve import Approvals, consent
+from gateway.audit.chain import AUDIT
+from gateway.domain import Proposal, PushRecord
+from gateway.errors import CorruptRecord, WriteRefused
+from gateway.store import Store
+from gateway.workflow import consents
+from tests.unit.approve.test_approve import CHANGE, MACHINE
+from tests.unit.audit.log import Moments
+from tests.unit.push.double import bench as push_bench
+
+
+@dataclass
+class At:
+    """What of a bench is asked for here."""
+
+    store: Store
+    folder: Any
+    clock: Moments = field(default_factory=Moments)
+    machine: MachineIdentity = MACHINE
+
+
+SKIPPED = replace(CHANGE, axis="C1", new=replace(CHANGE.new, output_axis="C1"), skipped="within its uncertainty")
+PROPOSAL = Proposal(MACHINE, (CHANGE, SKIPPED), (), "2026-11-21T10:00:00+00:00")
+
+
+@pytest.fixture
+def at(tmp_path: Path) -> Any:
+    store = Store(tmp_path)
+    return At(store, store.create("mill"))
+
+
+def given(at: At, actor: str, ago: timedelta = timedelta(0)) -> None:
+    now = at.clock.utc() - ago
+    Approvals(at.folder.path).keep(
+        consent(CHANGE, MACHINE, actor=actor, typed_name="mill", site_name="mill", now_utc=now)
+    )
+
+
+def test_taken_up_once_and_held_for_the_push(at: Any) -> None:
+    given(at, "ann")
+    given(at, "eve", ago=timedelta(minutes=11))
+    taken = consents.take_up(at, PROPOSAL)
+    assert taken["C1"] == ()
+    until = {one.actor: datetime.fromisoformat(one.expires_utc) - at.clock.utc() for one in taken["X1"]}
+    assert until["ann"] > timedelta(hours=20)
+    assert until["eve"] < timedelta(0)
+    assert consents.take_up(at, PROPOSAL) == {"X1": (), "C1": ()}
+
+
+def test_two_pushes_cannot_take_up_the_same(at: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    given(at, "ann")
+    both = Approvals(at.folder.path).unused()
+    consents.take_up(at, PROPOSAL)
+    monkeypatch.setattr(Approvals, "unused", lambda *_: both)
+    with pytest.raises(WriteRefused) as caught:
+        consents.take_up(at, PROPOSAL)
+    assert caught.value.code == "E-APPROVE-USED"
+
+
+def test_the_context_is_told_who_what_and_whether_the_audit_is_whole(at: Any, tmp_path: Path) -> None:
+    given(at, "ann")
+    context = push_bench(tmp_path).context
+    seen = consents.consented(at, CHANGE, context)
+    assert (seen.actor, seen.audit_broken) == (audit.os_user(), "")
+    assert [one.actor for one in seen.approvals] == ["ann"]
+    assert consents.consented(at, CHANGE, context, ()).approvals == ()
+    consents.begin(at, CHANGE, seen)
+    path = next((tmp_path / AUDIT).glob("*.jsonl"))
+    path.write_bytes(path.read_bytes().replace(b"push-start", b"push-stork"))
+    assert "record 1" in consents.consented(at, CHANGE, context).audit_broken
+    with pytest.raises(CorruptRecord):
+        consents.begin(at, CHANGE, seen)
+
+
+def test_every_end_leaves_its_record(at: Any, tmp_path: Path) -> None:
+    given(at, "ann")
+    consents.begin(at, CHANGE, consents.consented(at, CHANGE, push_bench(tmp_path).context))
+    ends = ("committed", "rolled-back", "held", "refused", "already-applied")
+    for number, outcome in enumerate(ends):
+        assert consents.ended(at, CHANGE, PushRecord(number, "X1", outcome, (), "b.mpf")) == ""
+    assert consents.failed(at, CHANGE, DeadlineExceeded("E-LINK-DEADLINE", "x", timeout_s=1.0)) == ""
+    assert consents.refused(at, ("E-INT-MODE: wrong",)) == ""
+    assert consents.proposed(at, PROPOSAL) == ""
+    assert consents.recovered(at, "R-PUSH-HALF", PushRecord(9, "X1", "rolled-back", (), "")) == ""
+    consents.proving(at, CHANGE)
+    found = list(audit.entries(tmp_path))
+    assert [entry["action"] for entry in found] == [
+        "push-start",
+        *(f"push-{outcome}" for outcome in ends),
+        *("push-failed", "push-refused", "propose", "recover-rolled-back", "sign-proof-start"),
+    ]
+    assert found[0]["details"]["approved_by"] == "ann"
+    assert found[1]["plan_hash"] == found[0]["plan_hash"] != ""
+    assert found[1]["new_hash"] == found[0]["new_hash"] != ""
+    assert audit.sound(tmp_path)
