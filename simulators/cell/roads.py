@@ -1,0 +1,101 @@
+"""The ways into a cell's control, an OPC UA server and a PLC mailbox, and what the site file says of each."""
+
+from __future__ import annotations
+
+import secrets
+from pathlib import Path
+from typing import Any
+
+from drivers.clock import Clock
+from simulators.cellfile import CellFile
+from simulators.faults import FaultPlan
+from simulators.modbus import PlcStation, station_of
+from simulators.nck.machine import Nck
+from simulators.opcua import SinumerikServer
+
+USER = "trueflank"
+# In virtual time nobody is kept waiting by a slow poll, and every poll costs the test real time.
+VIRTUAL_PACE = {"poll_s": 1.0, "fast_poll_s": 0.4}
+VIRTUAL_MAILBOX_PACE = {"poll_s": 1.0, "fast_poll_s": 0.05}
+
+
+class Roads:
+    """Starts and stops what `[machine] roads` names. ``memory`` is the name of in-process wires, "" for TCP."""
+
+    def __init__(
+        self, file: CellFile, nck: Nck, clock: Clock, folder: Path, memory: str, plan: FaultPlan | None
+    ) -> None:
+        self.names = file.machine.roads
+        self.password = secrets.token_urlsafe(12)
+        own = {"users": {USER: self.password}, "folder": str(folder / "control")}
+        self.server = SinumerikServer(nck, clock, own | file.machine.opcua)
+        around = plan.around if plan is not None else None
+        self.plc = station_of(nck, clock, file.machine.modbus, around) if "modbus" in self.names else None
+        self._site = file.site
+        self._nck = nck
+        self._folder = folder
+        self._memory = memory
+
+    async def start(self) -> None:
+        """Begin to listen."""
+        if "opcua" in self.names:
+            await self.server.start()
+        if self.plc is not None:
+            await self.plc.start(self._mailbox_url(self.plc))
+
+    async def stop(self) -> None:
+        """Stop listening."""
+        if self.plc is not None:
+            await self.plc.stop()
+        await self.server.stop()
+
+    async def drop_connections(self) -> None:
+        """Cut every client's connection, as a pulled network cable does."""
+        await self.server.drop_connections()
+        if self.plc is not None:
+            await self.plc.pull()
+            await self.plc.plug(self.plc.home)
+
+    def sections(self) -> dict[str, dict[str, Any]]:
+        """Road -> driver, url and settings for a site file, the first road first."""
+        makers = {"opcua": self._opcua_section, "modbus": self._modbus_section}
+        return {name: makers[name]() for name in self.names}
+
+    def _mailbox_url(self, plc: PlcStation) -> str:
+        settings = plc.plc.settings
+        if isinstance(settings.port, str):
+            return settings.port
+        if self._memory:
+            return f"memory://{self._memory}-plc"
+        return f"{'socket' if settings.framer == 'rtu' else 'tcp'}://127.0.0.1:{settings.port}"
+
+    def _opcua_section(self) -> dict[str, Any]:
+        secret = self._folder / "password.txt"
+        secret.touch(mode=0o600)
+        secret.write_text(self.password + "\n", encoding="utf-8")
+        settings: dict[str, Any] = {"user": USER, "password_file": str(secret.resolve())}
+        certificate = Path(self.server.certificate)
+        settings |= {"security": "Basic256Sha256", "server_certificate": str(certificate.resolve())}
+        if self._memory:
+            settings |= VIRTUAL_PACE
+        return {
+            "driver": "sinumerik-opcua",
+            "url": self.server.url,
+            "settings": settings | self._site.controller_settings,
+        }
+
+    def _modbus_section(self) -> dict[str, Any]:
+        if self.plc is None:
+            return {}
+        plc = self.plc.plc.settings
+        settings: dict[str, Any] = {"unit": plc.unit, "framer": plc.framer, "word_order": plc.word_order}
+        settings["needs_reference"] = self._nck.spec.acts_from != "newconf"
+        if isinstance(plc.port, str):
+            settings |= {"baudrate": plc.baudrate, "parity": plc.parity}
+        if self._memory:
+            settings |= VIRTUAL_MAILBOX_PACE
+        return {
+            "driver": "sinumerik-modbus",
+            "url": plc.client_url or self.plc.home,
+            "settings": settings | self._site.modbus_settings,
+        }

@@ -1,0 +1,124 @@
+"""The mailbox's commands: number, check sum, session and order first, then the command's own work."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from simulators.modbus import registers as r
+from simulators.modbus.access import (
+    BACKLASH_KIND,
+    CEC,
+    EEC,
+    NCK_REFUSED,
+    NO_CRC,
+    NO_SESSION,
+    NOT_IN_RESET,
+    OUT_OF_ORDER,
+    RANGE,
+    TAKEN,
+    TEMPERATURE,
+    UNKNOWN,
+    NckAccess,
+    PlcFault,
+)
+from simulators.modbus.checks import Checks
+from simulators.modbus.desk import Desk, Work
+from simulators.modbus.loading import Loading
+from simulators.modbus.registers import Command
+from simulators.modbus.switching import LOOK_S, Switching
+
+OPEN, BEGIN, CHUNK, VERIFY, ACTIVATE, DISABLE, READ_BACK, ABORT, CLOSE, SET_MARKER, SELECT = range(1, 12)
+SELECTING = frozenset({BEGIN, CHUNK, VERIFY, ACTIVATE, DISABLE, READ_BACK, SELECT})
+_WITHOUT_SESSION = frozenset({OPEN, SELECT})
+_ALARM = 700016  # a user alarm of the PLC
+
+
+class Commands:
+    """Checks and does commands at one desk."""
+
+    def __init__(self, desk: Desk, access: NckAccess) -> None:
+        self._desk = desk
+        self._access = access
+        self.checks = Checks(desk, access)
+        loading, switching = Loading(desk, access, self.checks), Switching(desk, access, self.checks)
+        self._works: dict[int, Callable[[Command], Work]] = {
+            OPEN: self._open,
+            BEGIN: loading.begin,
+            CHUNK: loading.chunk,
+            VERIFY: loading.verify,
+            ACTIVATE: switching.activate,
+            DISABLE: switching.disable,
+            READ_BACK: loading.read_back,
+            ABORT: self._abort,
+            CLOSE: self._close,
+            SET_MARKER: self._set_marker,
+            SELECT: self._select,
+        }
+
+    def work(self, command: Command, expected: int, *, busy: bool) -> Work:
+        """One command with all its checks; ``busy``: another one was under way."""
+        code = command[r.COMMAND]
+        if command[r.NUMBER] != expected:
+            raise PlcFault(OUT_OF_ORDER, expected)
+        if r.crc_of(self._covered(command)) != command.crc:
+            raise PlcFault(NO_CRC)
+        if code not in self._works:
+            raise PlcFault(UNKNOWN)
+        self._check_session(code)
+        if (busy and code not in (ABORT, CLOSE)) or (code in (CHUNK, VERIFY) and self._desk.load is None):
+            raise PlcFault(OUT_OF_ORDER, expected)
+        yield from self._troubled(code)
+        yield from self._works[code](command)
+
+    def _covered(self, command: Command) -> tuple[int, ...]:
+        code = command[r.COMMAND]
+        if code in (CHUNK, SET_MARKER):
+            return command.head + command.data
+        load = self._desk.load
+        return command.head + tuple(load.words) if code == VERIFY and load is not None else command.head
+
+    def _check_session(self, code: int) -> None:
+        session = self._desk.session
+        if code == OPEN and session:
+            raise PlcFault(TAKEN, session)
+        if code not in _WITHOUT_SESSION and not session:
+            raise PlcFault(NO_SESSION)
+
+    def _troubled(self, code: int) -> Work:
+        settings = self._desk.settings
+        if settings.alarm_during == code:
+            self._access.nck.drive_alarm(_ALARM, "PLC: coolant level low")
+        if settings.nck_refuses == code:
+            raise PlcFault(NCK_REFUSED, settings.nck_result)
+        while self._desk.settings.busy_forever == code:
+            yield LOOK_S
+
+    # -- session, marker, selection ----------------------------------------------------------------
+
+    def _open(self, command: Command) -> Work:
+        if not command[r.INDEX]:
+            raise PlcFault(RANGE, r.INDEX)
+        self._desk.open_session(command[r.INDEX])
+        yield from ()
+
+    def _abort(self, _command: Command) -> Work:
+        self._desk.load = None
+        yield from ()
+
+    def _close(self, _command: Command) -> Work:
+        self._desk.close_session()
+        yield from ()
+
+    def _set_marker(self, command: Command) -> Work:
+        state = command.data[8]
+        if state > 3:
+            raise PlcFault(RANGE, r.DATA + 8)
+        self._desk.memory.marker = command.data[:8]
+        self._desk.memory.marker_state = state
+        yield from ()
+
+    def _select(self, command: Command) -> Work:
+        self.checks.target(command, (EEC, CEC, BACKLASH_KIND, TEMPERATURE))
+        if not self._access.ready:
+            raise PlcFault(NOT_IN_RESET)
+        yield from ()

@@ -1,0 +1,279 @@
+"""The PLC program: process image, command numbers, session, heart-beats and the one command under way."""
+
+from __future__ import annotations
+
+import asyncio
+import dataclasses
+from collections.abc import Callable, Coroutine, Sequence
+from typing import Any
+
+from drivers.clock import Clock
+from simulators.modbus import registers as r
+from simulators.modbus.access import CEC, NO_SESSION, NckAccess, PlcFault, Target
+from simulators.modbus.commands import SELECT, SELECTING, Commands
+from simulators.modbus.desk import Load, PowerCut, Retentive, Work
+from simulators.modbus.pdu import DEVICE_FAILURE, ILLEGAL_ADDRESS, Refused, Unanswered
+from simulators.modbus.picture import BUSY, DONE, FAILED, RELEASED_LEVEL, WAITING, Picture
+from simulators.modbus.registers import Command, Image
+from simulators.modbus.switches import PlcSettings
+from simulators.nck.machine import Nck
+
+
+class Plc:
+    """Serves the mailbox of one NCK as registers. Nothing runs while nobody asks, but what a command does."""
+
+    def __init__(self, nck: Nck, clock: Clock, settings: PlcSettings) -> None:
+        self.settings = settings
+        self.memory = Retentive()
+        self.local_release = False
+        self.on_power_cut: Callable[[], None] = lambda: None
+        self._clock = clock
+        self.nck = nck
+        self._access = NckAccess(nck, settings.write_level)
+        self._picture = Picture(self._access, self.switches, self.is_off)
+        self._commands = Commands(self, self._access)
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._failure: BaseException | None = None
+        self._late_done = self._foreign_done = False
+        self.loads_done = 0
+        self._begin_life(0.0)
+        self.powered = False
+
+    def _begin_life(self, now_s: float) -> None:
+        """Everything as after a PLC start."""
+        self.image = Image(self.settings.low_first)
+        self.session = 0
+        self.load: Load | None = None
+        self.waiting = self.confirmed = False
+        self.lied: set[tuple[int, int, int]] = set()
+        self._selected: Target | None = None
+        self._state = 0
+        self._job: tuple[asyncio.Task[None], Work] | None = None
+        self._evaluating = False
+        self._started_s = now_s
+        self._beat_s = now_s
+        self._taken = 0
+
+    # -- life --------------------------------------------------------------------------------------
+
+    def power_on(self) -> None:
+        """Start the program; what is retentive is there again."""
+        if not self.settings.retentive:
+            self.memory = Retentive()
+        self._begin_life(self._clock.now())
+        self.powered = True
+
+    def power_off(self) -> None:
+        """Stop at once, wherever it is."""
+        self.powered = False
+        self.waiting = False
+        for task in self._tasks:
+            task.cancel()
+
+    async def stop(self) -> None:
+        """Power off and wait for all that ran; raises what the program itself died of, if it did."""
+        self.power_off()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+        if self._failure is not None:
+            raise self._failure
+
+    def change(self, **options: Any) -> None:
+        """Another set-up or another fault from now on; names as in the cell file. Raises ConfigError."""
+        self.settings = PlcSettings.of({**_plain(self.settings), **options})
+        self.image.low_first = self.settings.low_first
+
+    def _spawn(self, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
+        task = asyncio.get_running_loop().create_task(work, name="plc")
+        self._tasks.add(task)
+        task.add_done_callback(self._ended)
+        return task
+
+    def _ended(self, task: asyncio.Task[None]) -> None:
+        self._tasks.discard(task)
+        error = None if task.cancelled() else task.exception()
+        if error is not None and self._failure is None:
+            self._failure = error
+
+    # -- the panel and the key ---------------------------------------------------------------------
+
+    @property
+    def released(self) -> bool:
+        """Key switch at 3 (or a password above it), or the local release at the panel."""
+        return self.nck.access_level <= RELEASED_LEVEL or self.local_release
+
+    def confirm(self) -> bool:
+        """The button at the panel, pressed now; False when nothing waits for it."""
+        if not self.waiting or self.settings.confirm_dead:
+            return False
+        self.confirmed = True
+        return True
+
+    def turn_key_back(self) -> None:
+        """The key goes to 0 and the local release with it."""
+        self.nck.set_access_level(7)
+        self.local_release = False
+
+    # -- what the commands ask ---------------------------------------------------------------------
+
+    def now(self) -> float:
+        """Seconds of the PLC's clock."""
+        return self._clock.now()
+
+    def switches(self, target: Target) -> int:
+        """The switch bits as the PLC shows them."""
+        bits = self._access.switches(target)
+        return bits & ~(6 if target.kind == CEC else 1) if target.table in self.lied else bits
+
+    def is_off(self, target: Target) -> bool:
+        """Whether the PLC takes the table for off."""
+        return target.table in self.lied or self._access.is_off(target)
+
+    def open_session(self, number: int) -> None:
+        """A session begins, and the watch over register 15 with it."""
+        self.session = number
+        self._beat_s = self.now()
+        self._spawn(self._watch(number))
+
+    def close_session(self) -> None:
+        """The session ends; nothing is switched."""
+        self.session = 0
+        self.load = None
+
+    async def _watch(self, number: int) -> None:
+        while self.session == number:
+            left = self._beat_s + self.settings.session_s - self.now()
+            if left <= 0:
+                self._lose_session()
+                return
+            await self._clock.sleep(left)
+
+    def _lose_session(self) -> None:
+        self._end_job()
+        self.close_session()
+        self._set_result(FAILED, NO_SESSION, 0)
+
+    # -- the wire's side (pdu.Registers) -----------------------------------------------------------
+
+    def read(self, address: int, count: int) -> Sequence[int]:
+        """A consistent picture of registers. Raises Refused."""
+        self._check_power()
+        if address + count > r.SIZE:
+            raise Refused(ILLEGAL_ADDRESS)
+        if address <= r.SESSION:
+            self._show_head()
+        if address + count > r.LIVE:
+            self._show_live()
+        return self.image.words[address : address + count]
+
+    def write(self, address: int, values: Sequence[int]) -> None:
+        """Registers 15..135. Raises Refused, Unanswered."""
+        self._check_power()
+        if address not in r.WRITABLE or address + len(values) > r.WRITABLE.stop:
+            raise Refused(ILLEGAL_ADDRESS)
+        number = dict(enumerate(values, start=address)).get(r.NUMBER)
+        if number is not None and self._is_late(address, values):
+            self._late_done = True
+            self._spawn(self._write_late(address, values, number))
+            raise Unanswered
+        self._accept(address, values, number)
+
+    def _accept(self, address: int, values: Sequence[int], number: int | None) -> None:
+        if address == r.PC_HEARTBEAT and values[0] != self.image.words[r.PC_HEARTBEAT]:
+            self._beat_s = self.now()
+        self.image.put(address, values)
+        fresh = number != self._taken or self.settings.redo_repeats
+        if number is not None and fresh and not self._evaluating:
+            self._evaluating = True
+            self._spawn(self._cycle())
+
+    def _check_power(self) -> None:
+        if not self.powered:
+            raise Refused(DEVICE_FAILURE)
+
+    def _is_late(self, address: int, values: Sequence[int]) -> bool:
+        command = dict(enumerate(values, start=address)).get(r.COMMAND, self.image.words[r.COMMAND])
+        return bool(self.settings.late_command) and command == self.settings.late_command and not self._late_done
+
+    async def _write_late(self, address: int, values: Sequence[int], number: int) -> None:
+        await self._clock.sleep(self.settings.late_s)
+        self._accept(address, values, number)
+
+    # -- the cycle ---------------------------------------------------------------------------------
+
+    async def _cycle(self) -> None:
+        """One program cycle after the number changed."""
+        await self._clock.sleep(self.settings.scan_s)
+        self._evaluating = False
+        for register, value in self.settings.overwrites:
+            self.image.words[register] = value
+        number = self.image.words[r.NUMBER]
+        if number != self._taken or self.settings.redo_repeats:
+            self._take(Command.of(self.image), number if number == self._taken else self._taken % 0xFFFF + 1)
+
+    def _take(self, command: Command, expected: int) -> None:
+        busy = self._state == BUSY
+        self._end_job()
+        self._taken = command[r.NUMBER]
+        self.image.put(r.COMMAND_CRC, self.image.words[r.CRC : r.DATA])
+        self._set_result(BUSY, 0, 0)
+        work = self._commands.work(command, expected, busy=busy)
+        self._job = (self._spawn(self._run(command, work)), work)
+        self._foreign()
+
+    async def _run(self, command: Command, work: Work) -> None:
+        try:
+            for pause_s in work:
+                await self._clock.sleep(pause_s)
+        except PlcFault as fault:
+            self._set_result(FAILED, fault.code, fault.detail)
+        except PowerCut:
+            self.settings = dataclasses.replace(self.settings, power_cut_after=0)
+            self.on_power_cut()
+        else:
+            if command[r.COMMAND] in SELECTING:
+                self._selected = self._commands.checks.target(command, (command[r.KIND],))
+            self._set_result(DONE, 0, 0)
+
+    def _end_job(self) -> None:
+        job, self._job = self._job, None
+        if job is not None:
+            task, work = job
+            work.close()  # at once: nothing of it may happen after the next command has begun
+            task.cancel()
+
+    def _set_result(self, state: int, code: int, detail: int) -> None:
+        self._state = state
+        self.image.words[r.ERROR] = code
+        self.image.put(r.DETAIL, (detail & 0xFFFF, detail >> 16 & 0xFFFF))
+
+    def _foreign(self) -> None:
+        """Another PC writes a command of its own, once, when its turn has come."""
+        if self._foreign_done or not self.settings.second_master or self._taken != self.settings.second_master:
+            return
+        self._foreign_done = True
+        head = [SELECT, self._taken % 0xFFFF + 1, 1, 1, *[0] * 14]
+        crc = r.dint_words(r.crc_of(head), self.settings.low_first)
+        self._accept(r.COMMAND, [*head, *crc], head[1])
+
+    # -- pictures ----------------------------------------------------------------------------------
+
+    def _show_head(self) -> None:
+        image, settings = self.image, self.settings
+        since_s = 0.0 if settings.stale_heartbeat else self.now() - self._started_s
+        bits = self._picture.machine_bits(self.released)
+        bits |= self._picture.table_bits(self._selected, bits) | self._state | (WAITING if self.waiting else 0)
+        image.put(r.MAGIC, (r.MAGIC_WORD, settings.map_version))
+        image.put_dint(r.ORDER_TEST, r.ORDER_WORD)
+        image.put(r.HEARTBEAT, (int(since_s) & 0xFFFF, bits, self._taken))
+        image.words[r.RESERVED] = self._access.reserved(self._selected) if self._selected else 0
+        image.words[r.STORED] = len(self.load.values) if self.load else 0
+        image.words[r.SESSION] = self.session
+
+    def _show_live(self) -> None:
+        self._picture.show_machine(self.image)
+        self._picture.show_selection(self.image, self._selected)
+        self.image.put(r.MARKER, (*self.memory.marker, self.memory.marker_state))
+
+
+def _plain(settings: PlcSettings) -> dict[str, Any]:
+    return {entry.name: getattr(settings, entry.name) for entry in dataclasses.fields(settings)}

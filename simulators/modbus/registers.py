@@ -1,0 +1,99 @@
+"""The mailbox's registers as the PLC sees them, and how numbers, texts and checks lie in them (docs/plc-mailbox.md)."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+SIZE = 378
+MAGIC, VERSION, ORDER_TEST, HEARTBEAT, STATUS, TAKEN, ERROR, DETAIL = 0, 1, 2, 4, 5, 6, 7, 8
+RESERVED, STORED, COMMAND_CRC, SESSION, PC_HEARTBEAT = 10, 11, 12, 14, 15
+COMMAND, NUMBER, KIND, INDEX, ENCODER, FLAGS, MINIMUM, STEP, MAXIMUM = 16, 17, 18, 19, 20, 21, 22, 24, 26
+TOTAL, FIRST, COUNT, INPUT, OUTPUT, FACTOR, CRC, DATA = 28, 29, 30, 31, 32, 33, 34, 36
+DATA_END, READ_BACK, READ_BACK_CRC = 136, 200, 300
+LIVE, POSITION, ACTING, UNITS, LEVEL, SERIAL, NCK_VERSION, AXIS_NAME = 302, 302, 304, 306, 307, 308, 324, 332
+MARKER, MARKER_STATE, AXES, TABLES, SELECTED, AXIS_BITS = 340, 348, 349, 350, 351, 355
+TABLE_FLAGS, SWITCHES, WEIGHT, EEC_ACTING, CEC_ACTING, BACKLASH, ALARM, MODE = 356, 366, 367, 369, 371, 373, 375, 377
+WRITABLE = range(PC_HEARTBEAT, DATA_END)
+
+MAGIC_WORD, ORDER_WORD = 0x4743, 0x12345678
+MOST_POINTS = 50
+DINT_LOW, DINT_HIGH = -(1 << 31), (1 << 31) - 1
+
+
+def dint_words(value: int, low_first: bool) -> tuple[int, int]:
+    """A DINT (or an unsigned 32-bit number) as two registers."""
+    high, low = value >> 16 & 0xFFFF, value & 0xFFFF
+    return (low, high) if low_first else (high, low)
+
+
+def dint_of(first: int, second: int, low_first: bool) -> int:
+    """Two registers as a signed DINT."""
+    high, low = (second, first) if low_first else (first, second)
+    value = high << 16 | low
+    return value - (1 << 32) if value > DINT_HIGH else value
+
+
+def text_words(text: str, count: int) -> list[int]:
+    """Text of two characters a register, filled up with 0."""
+    raw = text.encode("ascii", "replace")[: 2 * count].ljust(2 * count, b"\0")
+    return list(struct.unpack(f">{count}H", raw))
+
+
+def crc_of(words: Sequence[int]) -> int:
+    """CRC-32 (IEEE) over registers, high byte first."""
+    return zlib.crc32(struct.pack(f">{len(words)}H", *words))
+
+
+class Image:
+    """The process image: 378 words; everything the PLC program reads or sets goes through here."""
+
+    def __init__(self, low_first: bool) -> None:
+        self.low_first = low_first
+        self.words = [0] * SIZE
+
+    def put(self, address: int, words: Sequence[int]) -> None:
+        """Set words from an address on."""
+        self.words[address : address + len(words)] = words
+
+    def put_dint(self, address: int, value: int) -> None:
+        """Set a DINT."""
+        self.put(address, dint_words(value, self.low_first))
+
+    def dint(self, address: int) -> int:
+        """Read a signed DINT."""
+        return dint_of(self.words[address], self.words[address + 1], self.low_first)
+
+    def dints(self, address: int, count: int) -> list[int]:
+        """Read several signed DINTs."""
+        return [self.dint(place) for place in range(address, address + 2 * count, 2)]
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """Registers 16..35 as they stood when the command's number changed, and the data words behind them."""
+
+    head: tuple[int, ...]
+    data: tuple[int, ...]
+    crc: int
+    minimum: int
+    step: int
+    maximum: int
+
+    @classmethod
+    def of(cls, image: Image) -> Command:
+        """Take a command out of the image."""
+        head, data = tuple(image.words[COMMAND:CRC]), tuple(image.words[DATA:DATA_END])
+        crc = image.dint(CRC) & 0xFFFFFFFF
+        return cls(head, data, crc, image.dint(MINIMUM), image.dint(STEP), image.dint(MAXIMUM))
+
+    def __getitem__(self, register: int) -> int:
+        """A register of the head by its address."""
+        return self.head[register - COMMAND]
+
+    def difference(self, other: Command) -> int | None:
+        """Address of the first register of 18-28 and 31-33 that differs, or None."""
+        same = (*range(KIND, TOTAL + 1), *range(INPUT, FACTOR + 1))
+        return next((address for address in same if self[address] != other[address]), None)

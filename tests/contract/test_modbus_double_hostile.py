@@ -1,0 +1,325 @@
+"""Every hostile switch of the Modbus double does what it says, and only that."""
+
+from __future__ import annotations
+
+import struct
+
+import pytest
+
+from drivers.errors import ConfigError, DeadlineExceeded, TransportError
+from simulators.modbus import PlcSettings
+from tests.contract.mailbox_master import Desk, at_desk, crc32, many, words
+
+X1 = {18: 1, 19: 1}
+Z1 = {18: 1, 19: 3}
+QUICK = {"strict_activation": False}
+
+
+def acting_um(desk: Desk, axis: str) -> float:
+    value = desk.nck.get(f"$VA_ENC1_COMP_VAL[{axis}]")
+    assert isinstance(value, float)
+    return value * 1000.0
+
+
+def points(desk: Desk, axis: str, count: int) -> list[float]:
+    return [float(desk.nck.get(f"$AA_ENC_COMP[0,{n},{axis}]")) for n in range(count)]
+
+
+def test_swapped_words_show_in_the_word_order_test() -> None:
+    async def body(desk: Desk) -> None:
+        assert await desk.master.read(2, 2) == [0x5678, 0x1234]
+
+    at_desk(body, swap_words=True)
+
+
+def test_swapped_data_words_pass_every_check_of_the_plc_but_not_a_read_back() -> None:
+    async def body(desk: Desk) -> None:
+        await desk.master.open()
+        assert await desk.master.read(2, 2) == [0x1234, 0x5678]
+        assert await desk.master.load(Z1, [0, 3000, 0]) == (0, 0)
+        assert await desk.master.read_back(Z1, 0, 3) == [0, 3000 << 16, 0]
+
+    at_desk(body, swap_data_words=True)
+
+
+def test_another_map_version() -> None:
+    async def body(desk: Desk) -> None:
+        assert await desk.master.read(0, 2) == [0x4743, 1]
+
+    at_desk(body, map_version=1)
+
+
+def test_a_stale_heartbeat() -> None:
+    async def body(desk: Desk) -> None:
+        (before,) = await desk.master.read(4, 1)
+        await desk.bench.sleep(30.0)
+        assert await desk.master.read(4, 1) == [before]
+        desk.plc.change(stale_heartbeat=False)
+        assert await desk.master.read(4, 1) != [before]
+
+    at_desk(body, stale_heartbeat=True)
+
+
+def test_a_wrong_crc_of_the_read_back() -> None:
+    async def body(desk: Desk) -> None:
+        master = desk.master
+        await master.open()
+        head = master.header(7, 2, {**X1, 30: 3})
+        await master.put(head)
+        assert await master.result(2) == (0, 0)
+        area = await master.read(200, 102)
+        assert crc32([*head, *area[:100]]) != area[100] << 16 | area[101]
+
+    at_desk(body, wrong_read_back_crc=True)
+
+
+def test_a_command_nobody_answered_comes_late() -> None:
+    async def body(desk: Desk) -> None:
+        master = desk.master
+        desk.nck.set("$MA_ENC_COMP_ENABLE[0,X1]", 1, 0)
+        desk.nck.channel_reset()
+        await master.open()
+        head = master.header(6, 2, X1)
+        with pytest.raises(DeadlineExceeded):
+            await master.exchange(many(16, [*head, *words(crc32(head))]))
+        await desk.reconnect()
+        assert await master.read(6, 1) == [1]
+        assert desk.nck.get("$MA_ENC_COMP_ENABLE[0,X1]") is True
+        await desk.bench.sleep(3.0)
+        assert await master.read(6, 1) == [2]
+        assert desk.nck.get("$MA_ENC_COMP_ENABLE[0,X1]") is False
+        assert await master.command(6, X1) == (0, 0), "once"
+
+    at_desk(body, late_command=6, late_s=3.0)
+
+
+@pytest.mark.parametrize("redo", [False, True])
+def test_a_repeated_number_is_done_again_when_told_so(redo: bool) -> None:
+    async def body(desk: Desk) -> None:
+        master = desk.master
+        await master.open()
+        await master.command(10, {}, [0x3131, *[0] * 7, 1])
+        desk.plc.memory.marker_state = 0
+        await master.put(master.header(10, 2, {}), [0x3131, *[0] * 7, 1])
+        await desk.bench.sleep(0.5)
+        assert desk.plc.memory.marker_state == int(redo)
+
+    at_desk(body, redo_repeats=redo)
+
+
+def test_off_is_said_but_the_table_acts_on() -> None:
+    async def body(desk: Desk) -> None:
+        master = desk.master
+        await master.open()
+        assert await master.load(X1, [4000, 4000, 4000]) == (0, 0)
+        assert await desk.confirmed(5, X1) == (0, 0)
+        await desk.bench.sleep(1.0)  # the axis has moved by the table's value
+        assert await master.command(6, X1) == (0, 0)
+        assert await master.read(366, 1) == [0]
+        assert (await master.read(5, 1))[0] >> 9 & 0b101 == 0b100
+        assert await master.dint(304) == 4000
+        assert acting_um(desk, "X1") == 4.0
+        assert await master.load(X1, [0, 0, 0]) == (7, 17070)
+
+    at_desk(body, spec=QUICK, lies_about_disable=True)
+
+
+def test_values_kept_in_single_precision() -> None:
+    async def body(desk: Desk) -> None:
+        await desk.master.open()
+        assert await desk.master.load(X1, [0, 123_456_789, 0]) == (0, 0)
+        kept = points(desk, "X1", 2)[1]
+        assert kept == struct.unpack("f", struct.pack("f", 123.456789))[0] != 123.456789
+        assert await desk.master.read_back(X1, 0, 2) == [0, round(kept * 1e6)]
+
+    at_desk(body, float32_values=True, careless=True)
+
+
+def test_values_coarsened_unnoticed() -> None:
+    async def body(desk: Desk) -> None:
+        await desk.master.open()
+        assert await desk.master.load(X1, [0, 1234, -1260]) == (0, 0)
+        assert await desk.master.read_back(X1, 0, 3) == [0, 1200, -1300]
+
+    at_desk(body, quantum_points=100)
+
+
+def test_a_wrong_length_is_taken() -> None:
+    async def body(desk: Desk) -> None:
+        master = desk.master
+        await master.open()
+        fields, places = {**X1, 28: 60}, {"step": 10, "maximum": 590}
+        assert await master.command(2, fields, **places) == (0, 0)
+        data = [word for k in range(50) for word in words(7)]
+        assert await master.command(3, {**fields, 29: 9, 30: 50}, data, **places) == (0, 0)
+        master.points = data
+        assert await master.command(4, fields, **places) == (0, 0)
+        assert points(desk, "X1", 60) == [7e-6] * 50 + [0.0] * 10
+
+    at_desk(body, accepts_wrong_length=True)
+
+
+def test_the_end_of_each_chunk_is_lost_silently() -> None:
+    async def body(desk: Desk) -> None:
+        for place in range(60):
+            desk.nck.set(f"$AA_ENC_COMP[0,{place},Z1]", 0.001, 0)
+        await desk.master.open()
+        assert await desk.master.load(Z1, [7] * 60) == (0, 0)
+        assert points(desk, "Z1", 60) == [7e-6] * 48 + [0.001] * 2 + [7e-6] * 8 + [0.001] * 2
+        assert await desk.master.read_back(Z1, 47, 3) == [7, 1000, 1000]
+
+    at_desk(body, lose_points=2)
+
+
+@pytest.mark.parametrize("code", [2, 4, 6])
+def test_busy_for_ever(code: int) -> None:
+    async def body(desk: Desk) -> None:
+        master = desk.master
+        await master.open()
+        places = {"step": 10, "maximum": 20}
+        if code == 4:
+            assert await master.command(2, {**X1, 28: 3}, **places) == (0, 0)
+        number = (await master.read(6, 1))[0] + 1
+        await master.put(master.header(code, number, {**X1, 28: 3}, **places))
+        for _ in range(100):
+            await desk.bench.sleep(1.0)
+            await master.beat()
+        status, taken = await master.read(5, 2)
+        assert (status & 0b1110, taken) == (0b0010, number)
+        assert await master.command(8) == (0, 0)
+
+    at_desk(body, busy_forever=code)
+
+
+def test_the_key_turned_back_before_activation() -> None:
+    async def body(desk: Desk) -> None:
+        await desk.master.open()
+        assert await desk.master.load(X1, [0, 1, 0]) == (0, 0)
+        assert await desk.confirmed(5, X1) == (5, 0)
+        assert await desk.master.read(307, 1) == [7]
+        assert desk.nck.get("$MA_ENC_COMP_ENABLE[0,X1]") is False
+
+    at_desk(body, key_back=True)
+
+
+def test_an_alarm_in_the_middle() -> None:
+    async def body(desk: Desk) -> None:
+        await desk.master.open()
+        assert await desk.master.load(X1, [0, 1, 0]) == (0, 0)
+        assert (await desk.master.read(5, 1))[0] >> 8 & 1 == 1
+        assert await desk.master.dint(375) == 700016
+        assert await desk.master.command(5, X1) == (6, 700016)
+
+    at_desk(body, alarm_during=4)
+
+
+def test_power_off_between_disable_and_enable() -> None:
+    async def body(desk: Desk) -> None:
+        master, nck = desk.master, desk.nck
+        await master.open()
+        assert await master.load(Z1, [1000, 2000, 1000], minimum=-500_000) == (0, 0)
+        assert await desk.confirmed(5, Z1) == (0, 0)
+        await desk.bench.sleep(1.0)
+        desk.plc.change(power_cut_after=2)
+        assert await master.command(6, Z1) == (0, 0)
+        with pytest.raises(TransportError):
+            await master.load(Z1, [0, 70, 80, 90], minimum=0, step=200_000)
+        await desk.bench.sleep(30.0)
+        await desk.reconnect()
+        assert await master.read(6, 1) == [0]
+        await desk.bench.warm_up()
+        # the EEC stays off, the new points stand with the old MIN, STEP and MAX
+        assert nck.get("$MA_ENC_COMP_ENABLE[0,Z1]") is False
+        assert points(desk, "Z1", 4) == [0.0, 70e-6, 0.001, 0.0]
+        assert nck.get("$AA_ENC_COMP_MIN[0,Z1]") == -50.0
+        await master.open()
+        assert await master.command(11, Z1) == (0, 0)
+        assert await master.dint(357) == -500_000
+        assert await master.command(5, Z1) == (10, 0)
+
+    at_desk(body)
+
+
+def test_parameters_first_leaves_the_new_limits_with_old_points() -> None:
+    async def body(desk: Desk) -> None:
+        await desk.master.open()
+        desk.nck.set("$AA_ENC_COMP[0,2,Z1]", 0.009, 0)
+        with pytest.raises(TransportError):
+            await desk.master.load(Z1, [0, 70, 80, 90])
+        await desk.bench.sleep(30.0)
+        assert desk.nck.get("$AA_ENC_COMP_MAX[0,Z1]") == 30.0
+        assert points(desk, "Z1", 3) == [0.0, 70e-6, 0.009]
+
+    at_desk(body, parameters_first=True, power_cut_after=2)
+
+
+def test_the_plc_program_overwrites_a_register() -> None:
+    async def body(desk: Desk) -> None:
+        await desk.master.open()
+        fields, places = {**X1, 28: 3}, {"step": 10, "maximum": 20}
+        assert await desk.master.command(2, fields, **places) == (0, 0)
+        assert await desk.master.command(3, {**fields, 30: 3}, [0, 1, 0, 2, 0, 3], **places) == (1, 0)
+        assert await desk.master.read(37, 1) == [99]
+
+    at_desk(body, overwrites=[[37, 99]])
+
+
+def test_a_second_master_gets_between() -> None:
+    async def body(desk: Desk) -> None:
+        master = desk.master
+        await master.open()
+        head = master.header(8, 2, {})
+        await master.put(head)
+        await desk.bench.sleep(1.0)
+        taken = await master.read(6, 1) + await master.read(12, 2)
+        assert taken[0] == 3
+        assert taken[1] << 16 | taken[2] != crc32(head)
+        assert await master.command(8, number=3 + 1) == (0, 0)
+
+    at_desk(body, second_master=2)
+
+
+def test_the_nck_refuses_with_its_own_result() -> None:
+    async def body(desk: Desk) -> None:
+        await desk.master.open()
+        assert await desk.master.load(X1, [0, 1, 0]) == (11, 70_003)
+        assert await desk.master.read(8, 2) == [70_003 & 0xFFFF, 1]
+
+    at_desk(body, nck_refuses=4, nck_result=70_003)
+
+
+def test_a_button_without_wires() -> None:
+    async def body(desk: Desk) -> None:
+        await desk.master.open()
+        await desk.master.put(desk.master.header(5, 2, X1))
+        for _ in range(62):
+            await desk.bench.sleep(1.0)
+            await desk.master.beat()
+            assert desk.plc.confirm() is False
+        assert await desk.master.result(2) == (12, 0)
+
+    at_desk(body, confirm_dead=True)
+
+
+def test_a_silent_plc_and_a_pulled_cable() -> None:
+    async def body(desk: Desk) -> None:
+        desk.station.silent = True
+        assert await desk.master.is_silent(bytes.fromhex("03 00 00 00 01"))
+        desk.station.silent = False
+        await desk.reconnect()
+        await desk.station.pull()
+        await desk.station.plug(desk.station.home)
+        await desk.reconnect()
+        assert await desk.master.read(0, 1) == [0x4743]
+
+    at_desk(body)
+    at_desk(body, "tcp://127.0.0.1:0")
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"swap_word": True}, {"unit": "one"}, {"swap_words": 1}, {"framer": "ascii"}, {"late_s": "soon"}],
+)
+def test_settings_are_checked(wrong: dict[str, object]) -> None:
+    with pytest.raises(ConfigError, match=next(iter(wrong))):
+        PlcSettings.of(wrong)
