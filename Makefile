@@ -4,13 +4,13 @@ VENV := .venv
 BIN := $(VENV)/bin
 WORKERS ?= 2
 
-.PHONY: demo test check soak bench clean
+.PHONY: demo test check soak interop bench clean
 
 demo: $(VENV)/installed
 	$(BIN)/trueflank demo
 
 test: check
-	$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal -m "not soak"
+	$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal -m "not soak and not interop"
 
 check: $(VENV)/developed
 	$(BIN)/ruff check .
@@ -21,9 +21,15 @@ check: $(VENV)/developed
 soak: $(VENV)/developed
 	$(BIN)/python -m pytest -q -n $(WORKERS) -m soak
 
+# Peers nobody here wrote: node-opcua, libmodbus, mbpoll. What is not installed and cannot be is said and skipped.
+interop: $(VENV)/developed
+	tests/interop/prepare.sh
+	$(BIN)/python -m pytest -q -n 0 -m interop tests/interop
+
 bench: $(VENV)/developed
 	$(BIN)/python benchmarks/flank.py
 	$(BIN)/python benchmarks/sweep.py
+	$(BIN)/python benchmarks/audit.py
 
 $(VENV)/installed: pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)

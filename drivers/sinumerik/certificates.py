@@ -48,6 +48,11 @@ def fingerprint(certificate: x509.Certificate) -> str:
     return certificate.fingerprint(hashes.SHA256()).hex(":").upper()
 
 
+def short_fingerprint(certificate: x509.Certificate) -> str:
+    """SHA-1 of the DER form, which OPC UA calls the thumbprint (OPC 10000-4), as pairs of hex digits."""
+    return certificate.fingerprint(hashes.SHA1()).hex(":").upper()  # noqa: S303 - for comparing by eye
+
+
 def _pem(key: rsa.RSAPrivateKey) -> bytes:
     return key.private_bytes(
         serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()

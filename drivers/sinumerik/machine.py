@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from drivers.errors import RemoteProtocolError, TransportError, UnsupportedDevice
-from drivers.sinumerik import nodes
+from drivers.sinumerik import nodes, uaalarms
 from drivers.sinumerik.backup import Memory
 from drivers.sinumerik.uaclient import Reading, UaSession
 from drivers.sinumerik.uasettings import UaSettings
@@ -106,8 +106,19 @@ class MachineReader:
         (reading,) = await self._session.read([path], self.timeout_s)
         return None if reading.status else bool(reading.value)
 
+    async def figure(self, name: str, configuration: Configuration) -> float | None:
+        """A machine datum by its NC name; None where there is no public node for it or it cannot be read."""
+        path = nodes.to_path(name, configuration.names, self._settings.channel)
+        if path is None:
+            return None
+        (reading,) = await self._session.read([path], self.timeout_s)
+        return None if reading.status else float(reading.value)
+
     async def state(self, configuration: Configuration) -> MachineState:
-        """Channel, mode, message, alarms, access level and every axis, by one request."""
+        """Channel, mode, message, alarms, access level and every axis, in one batch, all of it live.
+
+        Raises TransportError (E-UA-STALE) for an uncertain value or one older than the settings' ``stale_s``.
+        """
         channel = self._settings.channel
         head = [
             nodes.in_channel("chanStatus", channel),
@@ -119,7 +130,7 @@ class MachineReader:
         alarms = [nodes.alarm_number(place) for place in range(1, ALARM_PLACES + 1)]
         numbers = range(1, len(configuration.names) + 1)
         axes = [nodes.of_axis(item, number, channel) for number in numbers for item in _AXIS_ITEMS]
-        values = await self.values([*head, *alarms, *axes])
+        values = self._fresh(await self._read([*head, *alarms, *axes], aged=True))
         status, mode, message, program, level = values[: len(head)]
         pending = values[len(head) : len(head) + len(alarms)]
         rest = values[len(head) + len(alarms) :]
@@ -137,7 +148,10 @@ class MachineReader:
         )
 
     async def alarm_texts(self, count: int) -> str:
-        """Texts of pending alarms as far as the control gives them; "" where it does not."""
+        """Texts of pending alarms: by events, else from the variables; "" where the control gives neither."""
+        told = uaalarms.text(await uaalarms.standing(self._session, self.timeout_s))
+        if told:
+            return told
         found = await self._read([nodes.alarm_text(place) for place in range(1, count + 1)])
         return "; ".join(str(reading.value) for reading in found if not reading.status and reading.value)
 
@@ -145,8 +159,9 @@ class MachineReader:
         """Values that must all be readable, by one request. Raises the refusal of the first that is not."""
         return self._good(await self._read(paths))
 
-    async def _read(self, paths: Sequence[str]) -> list[Reading]:
-        found = await self._session.read(paths, self.timeout_s)
+    async def _read(self, paths: Sequence[str], *, aged: bool = False) -> list[Reading]:
+        ask = self._session.read_aged if aged else self._session.read
+        found = await ask(paths, self.timeout_s)
         for reading in found:
             if is_down(reading.status):
                 fields = {"status": reading.status, "what": reading.path}
@@ -158,6 +173,16 @@ class MachineReader:
             if reading.status:
                 raise self._bad(reading)
         return [reading.value for reading in readings]
+
+    def _fresh(self, readings: Sequence[Reading]) -> list[Any]:
+        """Good values that the server itself calls recent, as far as it gives their time."""
+        limit_s = self._settings.stale_s
+        for reading in readings:
+            if limit_s and reading.age_s is not None and reading.age_s > limit_s:
+                raise TransportError(
+                    "E-UA-STALE", self._where, retryable=True, what=reading.path, why=f"{reading.age_s:.1f} s old"
+                )
+        return self._good(readings)
 
     def _bad(self, reading: Reading) -> Exception:
         return refusal(reading.status or "empty", self._where, "read", reading.path)

@@ -17,6 +17,9 @@ from typing import Literal
 NAMESPACE_URI = "SinumerikVarProvider"
 METHODS = ("/Methods", "/Methods/Filehandling")
 FILE_SYSTEM = "Sinumerik/FileSystem"
+ALARM_SOURCE = "Sinumerik"
+# Where an alarm type may keep its identifier: the control's own name space, or the CNC companion's.
+ALARM_SPACES = (NAMESPACE_URI, "http://opcfoundation.org/UA/CNC", "http://opcfoundation.org/UA/CNC/")
 
 Kind = Literal["Double", "String", "UInt16", "UInt32", "Boolean"]
 

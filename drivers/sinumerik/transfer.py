@@ -1,14 +1,19 @@
-"""Files and program selection over the server's methods: send, fetch back and compare, select."""
+"""Files and program selection: send, fetch back and compare, select; by methods, else by file nodes."""
 
 from __future__ import annotations
 
-from drivers.errors import DeviceRefused, LocalProtocolError, RemoteProtocolError
+from drivers.errors import DeviceRefused, LocalProtocolError, RemoteProtocolError, UnsupportedDevice
 from drivers.sinumerik import nodes
 from drivers.sinumerik.uaclient import UaSession
+from drivers.sinumerik.uafiles import FileNodes
 
-LARGEST = 16 * 1024 * 1024
+COPIED = 16 * 1024 * 1024  # what the copying methods take (manual of 05/2022)
+LARGEST = 64 * 1024 * 1024
 _SELECTED = 0
 _SELECT = {1: "E-NC-CHANNEL", 2: "E-NC-NO-PROGRAM", 3: "E-NC-NOT-RESET"}
+# By these the server says that it will not copy, and has not; the file's own node may still serve.
+_NOT_COPIED = frozenset({"BadNotSupported", "BadRequestNotAllowed", "BadOutOfRange", "BadRequestTooLarge"})
+_NOT_GIVEN = _NOT_COPIED | {"BadResponseTooLarge", "BadEncodingLimitsExceeded"}
 
 
 class Transfer:
@@ -16,6 +21,7 @@ class Transfer:
 
     def __init__(self, session: UaSession, channel: int, where: str) -> None:
         self._session = session
+        self._files = FileNodes(session, where)
         self._channel = channel
         self._where = where
         self.timeout_s = 5.0
@@ -25,17 +31,47 @@ class Transfer:
         content = text.encode("ascii")
         if len(content) > LARGEST:
             raise LocalProtocolError("E-PROGRAM-SIZE", self._where, size=len(content), limit=LARGEST)
-        arguments = [(_server_path(path), "String"), (content, "ByteString"), (True, "Boolean")]
-        await self._session.call("CopyFileToServer", arguments, self.timeout_s)
+        await self._put(_server_path(path), content)
         if _lines(await self.fetch(path)) != _lines(text):
             raise DeviceRefused("E-NC-PROGRAM-CHANGED", self._where, path=path)
 
+    async def _put(self, path: str, content: bytes) -> None:
+        refused: DeviceRefused | None = None
+        if "CopyFileToServer" in self._session.methods and len(content) <= COPIED:
+            arguments = [(path, "String"), (content, "ByteString"), (True, "Boolean")]
+            try:
+                await self._session.call("CopyFileToServer", arguments, self.timeout_s)
+            except DeviceRefused as error:
+                if error.fields.get("status") not in _NOT_COPIED:
+                    raise
+                refused = error
+            else:
+                return
+        try:
+            await self._files.write(path, content, self.timeout_s)
+        except UnsupportedDevice as error:
+            raise (refused or error) from error
+
     async def fetch(self, path: str) -> str:
         """A file's text. Raises DeviceRefused (E-UA-FILE, E-UA-BUSY, E-UA-RIGHTS), RemoteProtocolError (E-UA-VALUE)."""
-        content = await self._session.call("CopyFileFromServer", [(_server_path(path), "String")], self.timeout_s)
+        content = await self._get(_server_path(path))
         if not isinstance(content, bytes):
             raise RemoteProtocolError("E-UA-VALUE", self._where, what=path, value=type(content).__name__)
         return content.decode("latin-1")
+
+    async def _get(self, path: str) -> object:
+        refused: DeviceRefused | None = None
+        if "CopyFileFromServer" in self._session.methods:
+            try:
+                return await self._session.call("CopyFileFromServer", [(path, "String")], self.timeout_s)
+            except DeviceRefused as error:
+                if error.fields.get("status") not in _NOT_GIVEN:
+                    raise
+                refused = error
+        try:
+            return await self._files.read(path, self.timeout_s)
+        except UnsupportedDevice as error:
+            raise (refused or error) from error
 
     async def select(self, path: str) -> None:
         """Select a program for NC START. Raises DeviceRefused (E-NC-CHANNEL, E-NC-NO-PROGRAM, E-NC-NOT-RESET...)."""

@@ -1,4 +1,4 @@
-"""One OPC UA session with the control: the one place that knows asyncua.
+"""One OPC UA session with the control; with `ualogin` and `uarequests` the one place that knows asyncua.
 
 asyncua's own reconnecting, watching and trusting are not used: a request that failed or was interrupted
 leaves the session broken and the next call says so, because what the server did meanwhile is unknown; the
@@ -9,52 +9,41 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import functools
 import logging
 import struct
 from collections.abc import Awaitable, Callable, Sequence
-from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from asyncua import ua
-from asyncua.client.client import Client
-from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
-from cryptography import x509
 from cryptography.exceptions import InvalidSignature
-from cryptography.hazmat.primitives.serialization import Encoding
 
 from drivers.clock import Clock
 from drivers.errors import (
     DeviceRefused,
     LinkBroken,
     RemoteProtocolError,
-    TransportError,
     TrueflankError,
     UnsupportedDevice,
 )
-from drivers.sinumerik import nodes
-from drivers.sinumerik.certificates import fingerprint, load
-from drivers.sinumerik.uasettings import APPLICATION_URI, Secrets
-from drivers.sinumerik.uastatus import Stage, is_lost, refusal
+from drivers.sinumerik import nodes, ualogin, uarequests
+from drivers.sinumerik.ualogin import CHANNEL_S, SESSION_S, Offer
+from drivers.sinumerik.uarequests import AlarmEvent, Limits, Reading
+from drivers.sinumerik.uasettings import Secrets
+from drivers.sinumerik.uastatus import Stage, check_numbers, check_written, foreign, is_lost, refusal
+
+__all__ = ["CHANNEL_S", "SESSION_S", "Reading", "UaSession"]
 
 T = TypeVar("T")
+Arguments = Sequence[tuple[Any, str]]
 
-SESSION_S = 60.0
-CHANNEL_S = 3600.0
 CLOSE_S = 2.0
-_LIBRARY_TIMEOUT_S = 86400.0  # the caller's deadline rules, never the library's own
-_GARBLED = (struct.error, ValueError, LookupError, TypeError, AttributeError)
+_TOO_MANY = "BadTooManyOperations"
+# The library asserts on what a peer said: a refused secure channel ends so.
+_GARBLED = (struct.error, ValueError, LookupError, TypeError, AttributeError, AssertionError)
 _FOREIGN = (ua.UaError, OSError, TimeoutError, InvalidSignature, *_GARBLED)
 
 logging.getLogger("asyncua").addHandler(logging.NullHandler())
-
-
-@dataclass(frozen=True, slots=True)
-class Reading:
-    """One value read: ``status`` is "" when it is good."""
-
-    path: str
-    value: Any
-    status: str = ""
 
 
 class UaSession:
@@ -66,8 +55,11 @@ class UaSession:
         self._where = where
         self._lock = asyncio.Lock()
         self._client: Any = None
-        self._index = 2
+        self._index = 0
+        self._limits = Limits()
+        self._spaces: tuple[int, ...] = (0,)
         self._methods: dict[str, tuple[Any, Any]] = {}
+        self._secrets: Secrets | None = None
         self._alive: asyncio.Task[None] | None = None
         self._renew_at = 0.0
         self._why = "it was never opened"
@@ -77,75 +69,52 @@ class UaSession:
         """Whether requests can be made."""
         return self._client is not None
 
+    @property
+    def name_space(self) -> int:
+        """Index of the control's name space in this session, found by its URI."""
+        return self._index
+
+    @property
+    def methods(self) -> frozenset[str]:
+        """Methods found under either parent."""
+        return frozenset(self._methods)
+
     # ---- opening and closing ------------------------------------------------------------------------
 
+    async def offer(self, timeout_s: float) -> Offer:
+        """What the server shows before a login. Raises TransportError (E-UA-CONNECT), RemoteProtocolError."""
+        async with self._clock.deadline(timeout_s, self._where):
+            return await self._asked()
+
     async def open(self, secrets: Secrets, timeout_s: float) -> None:
-        """Log in and find name space and methods. An older session is closed first.
+        """Log in and find name space, limits and methods. An older session is closed first.
 
         Raises TransportError (E-UA-CONNECT), DeadlineExceeded, DeviceRefused (E-UA-LOGIN, E-UA-TRUST,
         E-UA-TRUST-US, E-UA-POLICY, E-UA-SESSIONS), UnsupportedDevice (E-UA-NAMESPACE), RemoteProtocolError.
         """
         await self.close()
+        self._secrets = secrets
         async with self._clock.deadline(timeout_s, self._where), self._lock:
-            if secrets.pinned is not None:
-                await self._translated("login", secrets.user, self._check_server(secrets.pinned))
-            self._client = client = self._new_client(secrets)
-            await self._translated("login", secrets.user, self._log_in(client, secrets))
+            await ualogin.check_trust(secrets, self._asked, self._clock.utc(), self._where)
+            self._client = client = ualogin.new_client(self._url, secrets)
+            opened_at = self._clock.now()
+            await self._translated("login", secrets.user, ualogin.log_in(client, secrets))
+            self._renew_at = opened_at + 0.6 * client.secure_channel_timeout / 1000.0
             await self._translated("read", "the name space", self._look_around(client))
         self._alive = asyncio.get_running_loop().create_task(
-            self._keep_alive(client.session_timeout / 3000.0), name=f"keep-alive of {self._where}"
+            self._keep_alive(client.session_timeout / 4000.0), name=f"keep-alive of {self._where}"
         )
 
-    def _new_client(self, secrets: Secrets) -> Any:
-        client = Client(self._url, timeout=_LIBRARY_TIMEOUT_S)
-        client.name = client.description = "trueflank"
-        client.application_uri = APPLICATION_URI
-        client.session_timeout = SESSION_S * 1000.0
-        client.secure_channel_timeout = int(CHANNEL_S * 1000)
-        client.set_max_concurrent_requests(1)
-        if secrets.user:
-            client.set_user(secrets.user)
-            client.set_password(secrets.password)
-        return client
+    async def beside(self, timeout_s: float) -> UaSession:
+        """A second session with the same login, for what must not disturb this one. Raises as `open`."""
+        if self._secrets is None:
+            raise LinkBroken("E-UA-BROKEN", self._where, why=self._why)
+        made = UaSession(self._url, self._clock, self._where)
+        await made.open(self._secrets, timeout_s)
+        return made
 
-    async def _check_server(self, pinned: x509.Certificate) -> None:
-        """Compare the certificate the server shows with the pinned one before anything is entrusted to it."""
-        probe = Client(self._url, timeout=_LIBRARY_TIMEOUT_S)
-        try:
-            endpoints = await probe.connect_and_get_server_endpoints()
-        finally:
-            probe.disconnect_socket()
-        secured = [
-            end
-            for end in endpoints
-            if end.SecurityPolicyUri == SecurityPolicyBasic256Sha256.URI
-            and end.SecurityMode == ua.MessageSecurityMode.SignAndEncrypt
-        ]
-        if not secured:
-            raise DeviceRefused("E-UA-POLICY", self._where)
-        shown = load(bytes(secured[0].ServerCertificate))
-        if shown != pinned:
-            raise DeviceRefused("E-UA-TRUST", self._where, found=fingerprint(shown), pinned=fingerprint(pinned))
-        now = self._clock.utc()
-        if not pinned.not_valid_before_utc <= now <= pinned.not_valid_after_utc:
-            until = pinned.not_valid_after_utc.isoformat()
-            raise DeviceRefused("E-UA-EXPIRED", self._where, since=pinned.not_valid_before_utc, until=until)
-
-    async def _log_in(self, client: Any, secrets: Secrets) -> None:
-        if secrets.pinned is not None and secrets.own is not None:
-            await client.set_security(
-                SecurityPolicyBasic256Sha256,
-                certificate=str(secrets.own.certificate),
-                private_key=str(secrets.own.key),
-                server_certificate=secrets.pinned.public_bytes(Encoding.DER),
-                mode=ua.MessageSecurityMode.SignAndEncrypt,
-            )
-        await client.connect_socket()
-        await client.send_hello()
-        await client.open_secure_channel()
-        self._renew_at = self._clock.now() + 0.6 * client.secure_channel_timeout / 1000.0
-        await client.create_session()
-        await client.activate_session(username=secrets.user or None, password=secrets.password or None)
+    async def _asked(self) -> Offer:
+        return await self._translated("read", "the end points", ualogin.ask(self._url))
 
     async def _look_around(self, client: Any) -> None:
         """Resolve the name space by its URI, now and at every login, and find methods under either parent."""
@@ -153,24 +122,13 @@ class UaSession:
         if nodes.NAMESPACE_URI not in uris:
             raise UnsupportedDevice("E-UA-NAMESPACE", self._where, wanted=nodes.NAMESPACE_URI, found=", ".join(uris))
         self._index = uris.index(nodes.NAMESPACE_URI)
+        self._spaces = (0, *(place for place, uri in enumerate(uris) if uri in nodes.ALARM_SPACES))
+        self._limits = await uarequests.limits(client)
         self._methods = {}
         for parent in nodes.METHODS:
             owner = ua.NodeId(parent, self._index)
-            for found in await self._children(client, owner):
-                self._methods[found.BrowseName.Name] = (owner, found.NodeId)
-
-    async def _children(self, client: Any, parent: Any) -> list[Any]:
-        wanted = ua.BrowseDescription()
-        wanted.NodeId = parent
-        wanted.BrowseDirection = ua.BrowseDirection.Forward
-        wanted.ReferenceTypeId = ua.NodeId(ua.ObjectIds.HierarchicalReferences)
-        wanted.IncludeSubtypes = True
-        wanted.NodeClassMask = int(ua.NodeClass.Method)
-        wanted.ResultMask = int(ua.BrowseResultMask.All)
-        parameters = ua.BrowseParameters()
-        parameters.NodesToBrowse = [wanted]
-        results = await client.uaclient.session.browse(parameters)
-        return list(results[0].References or []) if results[0].StatusCode.is_good() else []
+            found = await uarequests.methods(client, owner)
+            self._methods |= {name: (owner, node) for name, node in found.items()}
 
     async def close(self) -> None:
         """Log out if the server still listens, and let go of the wire. Never raises, may be called twice."""
@@ -199,61 +157,106 @@ class UaSession:
 
     async def _keep_alive(self, period_s: float) -> None:
         """Ask for a sign of life often enough that the server keeps the session; ends with the session."""
-        server_state = ua.NodeId(ua.ObjectIds.Server_ServerStatus_State)
         with contextlib.suppress(TrueflankError):
             while self.is_open:
                 await self._clock.sleep(period_s)
                 await self._request(
-                    period_s, "read", "the server's state", lambda client: _values(client, [server_state])
+                    period_s,
+                    "read",
+                    "the server's state",
+                    lambda it: uarequests.values(it, [uarequests.SERVER_STATE], 1),
                 )
 
     # ---- requests -----------------------------------------------------------------------------------
 
     async def read(self, paths: Sequence[str], timeout_s: float) -> list[Reading]:
-        """Values of many variables by one request; what could not be read carries its status name."""
-        wanted = [self._node(path) for path in paths]
-        found = await self._request(timeout_s, "read", paths[0], lambda client: _values(client, wanted))
-        if len(found) != len(paths):
+        """Values of many variables in one batch; what could not be read carries its status name."""
+        found = await self._read([self._node(path) for path in paths], paths[0], timeout_s, timed=False)
+        return [uarequests.reading(path, value) for path, value in zip(paths, found, strict=True)]
+
+    async def read_aged(self, paths: Sequence[str], timeout_s: float) -> list[Reading]:
+        """As `read`, each with its age by the server's own clock, which is asked for in the same batch."""
+        wanted = [*(self._node(path) for path in paths), uarequests.CURRENT_TIME]
+        *found, clock = await self._read(wanted, paths[0], timeout_s, timed=True)
+        now = clock.Value.Value if clock.Value is not None else None
+        return [uarequests.reading(path, value, now) for path, value in zip(paths, found, strict=True)]
+
+    async def server_time(self, timeout_s: float) -> Any:
+        """The server's clock (UTC, naive as the library gives it); None when it has none."""
+        (found,) = await self._read([uarequests.CURRENT_TIME], "the server's clock", timeout_s, timed=False)
+        return found.Value.Value if found.Value is not None else None
+
+    async def _read(self, wanted: list[Any], what: str, timeout_s: float, *, timed: bool) -> list[Any]:
+        """Reads may be repeated: a server that finds a batch too long gets it in halves."""
+        while True:
+            most = min(self._limits.read, len(wanted))
+            try:
+                ask = functools.partial(uarequests.values, wanted=wanted, most=most, timed=timed)
+                found = await self._request(timeout_s, "read", what, ask)
+                break
+            except DeviceRefused as error:
+                if error.fields.get("status") != _TOO_MANY or most == 1:
+                    raise
+                self._limits = Limits(max(most // 2, 1), self._limits.write)
+        self._check_count(len(wanted), len(found))
+        return found
+
+    def _check_count(self, asked: int, got: int) -> None:
+        if asked != got:
             self._break("an answer of the wrong length")
-            raise RemoteProtocolError("E-UA-COUNT", self._where, asked=len(paths), got=len(found))
-        return [_reading(path, value) for path, value in zip(paths, found, strict=True)]
+            raise RemoteProtocolError("E-UA-COUNT", self._where, asked=asked, got=got)
+
+    async def user_may_write(self, path: str, timeout_s: float) -> bool | None:
+        """Whether the server says this user may write a variable; None when it does not say."""
+        node = self._node(path)
+        return await self._request(timeout_s, "read", path, lambda it: uarequests.user_may_write(it, node))
 
     async def write(self, values: Sequence[tuple[str, Any]], timeout_s: float) -> None:
-        """Write variables by one request, each typed, without time stamps. Never retried.
+        """Write variables in one batch, each typed, without time stamps. Never retried.
 
-        Raises the refusal of the first variable that was not confirmed; others may have been written then.
+        Raises LocalProtocolError (E-UA-NUMBER) before anything is sent; the refusal of the first variable when
+        none was written; DeviceRefused (E-UA-PARTIAL) naming every one that was not when others were.
         """
-        items = [self._typed(path, value) for path, value in values]
-        statuses = await self._request(timeout_s, "write", values[0][0], lambda client: _write(client, items))
-        if len(statuses) != len(items):
-            self._break("an answer of the wrong length")
-            raise RemoteProtocolError("E-UA-COUNT", self._where, asked=len(items), got=len(statuses))
-        for (path, _), status in zip(values, statuses, strict=True):
-            if status.value != ua.StatusCodes.Good:  # "completes asynchronously" and "uncertain" are not done
-                raise refusal(status.name, self._where, "write", path)
+        check_numbers(values, self._where)
+        items = [uarequests.typed(self._node(path), value, nodes.kind_of(path)) for path, value in values]
+        most = self._limits.write
+        found = await self._request(timeout_s, "write", values[0][0], lambda it: uarequests.write(it, items, most))
+        self._check_count(len(items), len(found))
+        names = [status.name for status in found]
+        if any(is_lost(name) for name in names):
+            self._break("the session is gone")
+        check_written([path for path, _ in values], names, self._where)
 
-    async def call(self, method: str, arguments: Sequence[tuple[Any, str]], timeout_s: float) -> Any:
+    async def call(self, method: str, arguments: Arguments, timeout_s: float) -> Any:
         """Call a method found at login; its one result, None if it has none. Never retried."""
         if method not in self._methods:
             raise UnsupportedDevice("E-UA-ABSENT", self._where, status="not offered", what=method)
-        request = ua.CallMethodRequest()
-        request.ObjectId, request.MethodId = self._methods[method]
-        request.InputArguments = [ua.Variant(value, ua.VariantType[kind]) for value, kind in arguments]
-        results = await self._request(timeout_s, "call", method, lambda client: client.uaclient.session.call([request]))
-        result = results[0]
+        results = await self._call(*self._methods[method], method, arguments, timeout_s)
+        return results[0] if results else None
+
+    async def invoke(self, owner: str, method: str, arguments: Arguments, timeout_s: float) -> list[Any]:
+        """Call the method ``owner.method`` of a file or folder node; all its results. Never retried."""
+        there = self._node(owner), self._node(f"{owner}.{method}")
+        return await self._call(*there, f"{owner}.{method}", arguments, timeout_s)
+
+    async def _call(self, owner: Any, node: Any, name: str, arguments: Arguments, timeout_s: float) -> list[Any]:
+        result = await self._request(timeout_s, "call", name, lambda it: uarequests.call(it, owner, node, arguments))
         if result.StatusCode.value != ua.StatusCodes.Good:
-            raise refusal(result.StatusCode.name, self._where, "call", f"{method} {_shown(arguments)}".strip())
-        return result.OutputArguments[0].Value if result.OutputArguments else None
+            raise refusal(result.StatusCode.name, self._where, "call", f"{name} {uarequests.shown(arguments)}".strip())
+        return [output.Value for output in result.OutputArguments or []]
+
+    async def alarm_events(self, timeout_s: float) -> list[AlarmEvent] | None:
+        """Standing alarms by events and ConditionRefresh; None when the server does not finish telling them.
+
+        Raises DeviceRefused or UnsupportedDevice where it has no such events or the user may not see them.
+        """
+        source = self._node(nodes.ALARM_SOURCE)
+        return await self._request(
+            timeout_s, "call", "ConditionRefresh", lambda it: uarequests.standing_alarms(it, source, self._spaces)
+        )
 
     def _node(self, path: str) -> Any:
         return ua.NodeId(path, self._index)
-
-    def _typed(self, path: str, value: Any) -> Any:
-        item = ua.WriteValue()
-        item.NodeId = self._node(path)
-        item.AttributeId = ua.AttributeIds.Value
-        item.Value = ua.DataValue(ua.Variant(value, ua.VariantType[nodes.kind_of(path)]))
-        return item
 
     async def _request(self, timeout_s: float, stage: Stage, what: str, act: Callable[[Any], Awaitable[T]]) -> T:
         async with self._clock.deadline(timeout_s, self._where), self._lock:
@@ -285,7 +288,7 @@ class UaSession:
             raise
         except _FOREIGN as error:
             self._break(str(error) or type(error).__name__)
-            raise self._foreign(error, stage) from error
+            raise foreign(error, stage, self._where, self._url) from error
         except asyncio.CancelledError:
             self._break("a request was interrupted")
             raise
@@ -293,39 +296,3 @@ class UaSession:
             self._break("a request was interrupted")
             raise asyncio.CancelledError
         return result
-
-    def _foreign(self, error: Exception, stage: Stage) -> TrueflankError:
-        if isinstance(error, InvalidSignature):
-            return DeviceRefused("E-UA-TRUST-US", self._where, status="invalid signature")
-        if isinstance(error, OSError | TimeoutError):
-            why = str(error) or type(error).__name__
-            return TransportError("E-UA-CONNECT", self._where, retryable=stage == "read", url=self._url, why=why)
-        return RemoteProtocolError("E-UA-PROTOCOL", self._where, why=f"{type(error).__name__}: {error}")
-
-
-async def _values(client: Any, wanted: list[Any]) -> list[Any]:
-    parameters = ua.ReadParameters()
-    parameters.TimestampsToReturn = ua.TimestampsToReturn.Neither
-    for node in wanted:
-        item = ua.ReadValueId()
-        item.NodeId = node
-        item.AttributeId = ua.AttributeIds.Value
-        parameters.NodesToRead.append(item)
-    return list(await client.uaclient.session.read(parameters))
-
-
-async def _write(client: Any, items: list[Any]) -> list[Any]:
-    parameters = ua.WriteParameters()
-    parameters.NodesToWrite = items
-    return list(await client.uaclient.session.write(parameters))
-
-
-def _reading(path: str, value: Any) -> Reading:
-    status = value.StatusCode
-    if status is not None and status.value != ua.StatusCodes.Good:
-        return Reading(path, None, str(status.name))
-    return Reading(path, value.Value.Value if value.Value is not None else None)
-
-
-def _shown(arguments: Sequence[tuple[Any, str]]) -> str:
-    return " ".join(str(value) for value, kind in arguments if kind in ("String", "Int32"))

@@ -27,6 +27,7 @@ class UaSettings:
     asked for. ``client_folder`` keeps our own certificate; beside the pinned one when empty. ``r_first`` is
     the first of 20 R parameters. ``two_programs`` for controls that give no file out while a program waits.
     ``approach_feed`` mm/min or deg/min; ``wait_limit_s`` NC seconds after which a program left alone ends.
+    ``stale_s``: a machine state older than this by the server's own time stamps does not count; 0 asks for none.
     ``serial_node`` and ``version_node`` because their paths are not public.
     """
 
@@ -43,6 +44,7 @@ class UaSettings:
     fast_poll_s: float = 0.002
     approach_feed: float = 2000.0
     wait_limit_s: float = 14400.0
+    stale_s: float = 1.0
     serial_node: str = nodes.SERIAL_NUMBER
     version_node: str = nodes.NCK_VERSION
 
@@ -68,6 +70,7 @@ class UaSettings:
             ("fast_poll_s", 0.001 <= self.fast_poll_s <= self.poll_s, "must be 0.001 s .. poll_s"),
             ("approach_feed", 0.0 < self.approach_feed <= 1e5, "must be above 0"),
             ("wait_limit_s", self.wait_limit_s >= 60.0, "must be 60 s or more"),
+            ("stale_s", self.stale_s >= 0.0, "must be 0 (off) or more"),
             ("serial_node", nodes.parse(self.serial_node) is not None, "is no node path of this control"),
             ("version_node", nodes.parse(self.version_node) is not None, "is no node path of this control"),
         )
@@ -97,16 +100,24 @@ def secrets_of(settings: UaSettings, where: str) -> Secrets:
     if settings.security != SECURED:
         return Secrets(settings.user, password)
     path = settings.server_certificate
+    if not Path(path).is_file():
+        raise ConfigError("E-UA-UNPINNED", where, path=path)
     try:
         pinned = certificates.load(_content("server_certificate", path, where))
     except ValueError as error:
         raise ConfigError("E-UA-SECRET", where, key="server_certificate", path=path, why=str(error)) from error
-    folder = Path(settings.client_folder) if settings.client_folder else Path(path).parent / "trueflank-client"
+    folder = client_folder(settings)
     try:
         own = certificates.own_key_pair(folder, "trueflank", APPLICATION_URI, "localhost")
     except OSError as error:
         raise ConfigError("E-UA-SECRET", where, key="client_folder", path=str(folder), why=str(error)) from error
     return Secrets(settings.user, password, pinned, own)
+
+
+def client_folder(settings: UaSettings) -> Path:
+    """Where this gateway's own certificate and key lie: beside the pinned one unless the settings name a folder."""
+    beside = Path(settings.server_certificate).parent / "trueflank-client"
+    return Path(settings.client_folder) if settings.client_folder else beside
 
 
 def _content(key: str, path: str, where: str) -> bytes:

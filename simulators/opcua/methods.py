@@ -31,14 +31,17 @@ SIGNATURES = (
     Signature("GetMyAccessRights", (), "String"),
 )
 FILE_METHODS = ("CopyFileToServer", "CopyFileFromServer", "Select")
+COPY_METHODS = FILE_METHODS[:2]
 
 
 class Methods:
     """Calls by name for one account at a time."""
 
-    def __init__(self, nck: Nck, file_write_level: int) -> None:
+    def __init__(self, nck: Nck, file_write_level: int, largest: int = MAX_FILE, refusal: str = "") -> None:
         self._nck = nck
         self._file_write_level = file_write_level
+        self._largest = largest
+        self._refusal = refusal  # status the copying methods answer with, whoever calls them
         self._known: dict[str, Callable[..., Any]] = {
             "CopyFileToServer": self._to_server,
             "CopyFileFromServer": self._from_server,
@@ -57,6 +60,8 @@ class Methods:
             raise Refused("BadInvalidArgument")
         if self._nck.booting:
             raise Refused("BadCommunicationError")
+        if self._refusal and name in COPY_METHODS:
+            raise Refused(self._refusal)
         return self._known[name](account, *arguments)
 
     def _to_server(self, account: Account, target: str, data: bytes | None, overwrite: bool) -> None:
@@ -65,7 +70,7 @@ class Methods:
             raise Refused("BadUserAccessDenied")
         if self._nck.access_level > self._file_write_level:
             raise Refused("BadNotSupported")
-        if len(data or b"") > MAX_FILE:
+        if len(data or b"") > self._largest:
             raise Refused("BadOutOfRange")
         if self._nck.files.exists(path) and not overwrite:
             raise Refused("BadInvalidArgument")
@@ -80,6 +85,8 @@ class Methods:
             raise Refused("BadUserAccessDenied")
         if not self._nck.files.exists(path):
             raise Refused("BadNotFound")
+        if self._nck.files.size(path) > self._largest:
+            raise Refused("BadOutOfRange")
         try:
             return self._nck.files.read(path)
         except NckRefusal as refusal:

@@ -20,7 +20,9 @@ from drivers.errors import ConfigError
 from drivers.sinumerik import nodes
 from drivers.sinumerik.certificates import KeyPair, load, own_key_pair
 from simulators.nck.machine import Nck
-from simulators.opcua.methods import FILE_METHODS, SIGNATURES, Methods
+from simulators.opcua.filenodes import FileNodes
+from simulators.opcua.manners import Manners, Requests
+from simulators.opcua.methods import COPY_METHODS, FILE_METHODS, MAX_FILE, SIGNATURES, Methods, Signature
 from simulators.opcua.space import Space
 from simulators.opcua.users import accounts_of
 from simulators.opcua.wire import Accounts, SinumerikInternalServer
@@ -39,6 +41,9 @@ class ServerSettings:
     ``users`` name -> password or {password, rights}; ``trusted`` lists client certificates (all if None);
     ``method_folder`` "/Methods" or "/Methods/Filehandling" as newer servers have it; ``file_write_level`` is
     the protection level that writing a file needs; ``name_space`` the index the URI gets (2 or more).
+    ``copy_methods`` and ``file_nodes``: which of the two ways to files this server has, ``copy_refusal`` a
+    status its copying methods always answer with, ``largest_copy`` bytes they take. ``alarm_events``: whether
+    alarms are events. ``session_timeout_s`` what it gives at most. ``rights_method``: GetMyAccessRights exists.
     """
 
     users: Mapping[str, Any] = field(default_factory=lambda: {"trueflank": "trueflank"})
@@ -50,6 +55,13 @@ class ServerSettings:
     method_folder: str = nodes.METHODS[1]
     port: int = 0
     name_space: int = 2
+    copy_methods: bool = True
+    copy_refusal: str = ""
+    largest_copy: int = MAX_FILE
+    file_nodes: bool = True
+    alarm_events: bool = True
+    session_timeout_s: float = 60.0
+    rights_method: bool = True
 
     @classmethod
     def of(cls, given: Mapping[str, Any]) -> ServerSettings:
@@ -73,9 +85,19 @@ class SinumerikServer:
         self.certificate = Path()
         self._scratch: tempfile.TemporaryDirectory[str] | None = None
         self._server: Server | None = None
-        space, methods = Space(nck), Methods(nck, self.settings.file_write_level)
-        accounts = Accounts(accounts_of(self.settings.users))
-        self._core = SinumerikInternalServer(accounts, space, methods, clock, self.settings.session_limit)
+        self.manners = Manners()
+        set_up = self.settings
+        methods = Methods(nck, set_up.file_write_level, set_up.largest_copy, set_up.copy_refusal)
+        files = FileNodes(nck, set_up.file_write_level, self.manners)
+        self._core = SinumerikInternalServer(Accounts(accounts_of(set_up.users)), Space(nck), methods, files, clock)
+        self._core.session_limit = set_up.session_limit
+        self._core.file_nodes, self._core.event_source = set_up.file_nodes, set_up.alarm_events
+        self._core.max_session_timeout_ms = round(set_up.session_timeout_s * 1000.0)
+
+    @property
+    def requests(self) -> Requests:
+        """What clients have asked for so far."""
+        return self._core.requests
 
     @property
     def sessions(self) -> int:
@@ -93,8 +115,8 @@ class SinumerikServer:
         server.set_security_policy([_POLICIES[name] for name in self.settings.security])
         pair = await asyncio.to_thread(self._key_pair)
         self.certificate = pair.certificate
-        await server.load_certificate(str(pair.certificate))
-        await server.load_private_key(str(pair.key))
+        await server.load_certificate(await asyncio.to_thread(pair.certificate.read_bytes), "der")
+        await server.load_private_key(await asyncio.to_thread(pair.key.read_bytes), format="pem")
         if self.settings.trusted is not None:
             self._core.certificate_validator = self._validator()
         await self._fill(server)
@@ -105,6 +127,7 @@ class SinumerikServer:
     async def stop(self) -> None:
         """Close every connection and the port; may be called twice."""
         server, self._server = self._server, None
+        await self._core.alarms.stop()
         if server is not None:
             await server.stop()
         if self._scratch is not None:
@@ -136,13 +159,23 @@ class SinumerikServer:
         while len(await server.get_namespace_array()) < self.settings.name_space:
             await server.register_namespace(f"urn:filler:{len(await server.get_namespace_array())}")
         index = await server.register_namespace(nodes.NAMESPACE_URI)
-        self._core.name_space = index
+        self._core.name_space = self._core.alarms.name_space = index
         root = await server.nodes.objects.add_object(ua.NodeId("Sinumerik", index), "Sinumerik")
         await self._add_methods(root, index)
+        if self.settings.alarm_events:
+            await root.set_event_notifier([ua.EventNotifier.SubscribeToEvents])
+            alarm_type = server.get_node(ua.NodeId(ua.ObjectIds.AlarmConditionType))
+            await alarm_type.add_object_type(ua.NodeId("CncAlarmType", index), ua.QualifiedName("CncAlarmType", index))
         for path in self._core.space.first_elements():
             kind = ua.VariantType[nodes.kind_of(path)]
             name = ua.QualifiedName(path.rpartition("/")[2], index)
             await root.add_variable(ua.NodeId(path, index), name, ua.get_default_value(kind), kind)
+
+    @property
+    def _offered(self) -> list[Signature]:
+        hidden = set() if self.settings.copy_methods else set(COPY_METHODS)
+        hidden |= set() if self.settings.rights_method else {"GetMyAccessRights"}
+        return [method for method in SIGNATURES if method.name not in hidden]
 
     async def _add_methods(self, root: Any, index: int) -> None:
         folders = {"/Methods": await root.add_object(ua.NodeId("/Methods", index), "Methods")}
@@ -150,7 +183,7 @@ class SinumerikServer:
             path = self.settings.method_folder
             name = ua.QualifiedName(path.rpartition("/")[2], index)
             folders[path] = await folders["/Methods"].add_object(ua.NodeId(path, index), name)
-        for method in SIGNATURES:
+        for method in self._offered:
             folder = self.settings.method_folder if method.name in FILE_METHODS else "/Methods"
             inputs = [ua.VariantType[kind] for _, kind in method.arguments]
             outputs = [ua.VariantType[method.result]] if method.result else []

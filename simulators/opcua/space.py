@@ -143,6 +143,15 @@ class Space:
             return bool(axis.rotary if stem == "$MA_IS_ROT_AX" else axis.modulo)
         return None
 
+    def may_write(self, path: str, account: Account) -> bool:
+        """What a node's UserAccessLevel says of writing."""
+        address = nodes.parse(path)
+        if address is None or not nodes.to_names(address, self._axes):
+            return False
+        if (address.area, address.name) == (nodes.CHANNEL_AREA, "R") and not self._nck.spec.r_writable:
+            return False
+        return account.may(_right(address, "Write"))
+
     def write(self, path: str, values: list[Value], account: Account) -> None:
         """Write one element or a block. Raises Refused; nothing is written then."""
         address = nodes.parse(path)

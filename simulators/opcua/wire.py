@@ -1,11 +1,8 @@
-"""The asyncua side of the server: sessions that answer by identifier, without a node for each element."""
+"""The asyncua side of the server: its core with our accounts, name space and switches."""
 
 from __future__ import annotations
 
 import asyncio
-import copy
-import functools
-from collections.abc import Iterator, MutableMapping
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -13,25 +10,24 @@ from typing import Any
 from asyncua import ua
 from asyncua.common.utils import ServiceError
 from asyncua.crypto.permission_rules import User, UserRole
-from asyncua.server.address_space import AddressSpace, NodeData, NodeManagementService
 from asyncua.server.internal_server import InternalServer
 from asyncua.server.internal_session import InternalSession
-from asyncua.server.standard_address_space import standard_address_space
 from asyncua.server.user_managers import UserManager
 
 from drivers.clock import Clock
 from drivers.sinumerik import nodes
+from simulators.opcua.alarms import AlarmEvents
+from simulators.opcua.filenodes import RESULTS, FileNodes
+from simulators.opcua.manners import Requests
 from simulators.opcua.methods import Methods
+from simulators.opcua.sessions import SinumerikSession
 from simulators.opcua.space import Refused, Space
+from simulators.opcua.standard import Layer, attributes, standard_nodes, status
 from simulators.opcua.users import ANONYMOUS, Account
 
 _CURRENT_TIME = ua.NodeId(ua.ObjectIds.Server_ServerStatus_CurrentTime)
-_GOOD = ua.StatusCode()
-
-
-def status(name: str) -> ua.StatusCode:
-    """An OPC UA status by its name."""
-    return ua.StatusCode(getattr(ua.StatusCodes, name))
+_MOST_READ = ua.NodeId(ua.ObjectIds.Server_ServerCapabilities_OperationLimits_MaxNodesPerRead)
+_MOST_WRITE = ua.NodeId(ua.ObjectIds.Server_ServerCapabilities_OperationLimits_MaxNodesPerWrite)
 
 
 class Accounts(UserManager):
@@ -56,116 +52,35 @@ class Accounts(UserManager):
         return self._accounts.get((user.name if user else "") or "", ANONYMOUS)
 
 
-class SinumerikSession(InternalSession):
-    """A session whose reads, writes and calls in our name space go to the NCK."""
-
-    @property
-    def _home(self) -> SinumerikInternalServer:
-        return self.iserver
-
-    async def read(self, params: ua.ReadParameters) -> list[ua.DataValue]:
-        """Values by identifier; everything else from the standard address space."""
-        home = self._home
-        other = [item for item in params.NodesToRead if not home.is_own(item.NodeId)]
-        rest: Iterator[ua.DataValue] = iter(())
-        if other:
-            theirs = copy.copy(params)
-            theirs.NodesToRead = other
-            rest = iter(await super().read(theirs))
-        now = home.clock.utc()
-        account = home.accounts.account(self.user)
-        return [
-            self._value(item, account, now) if home.is_own(item.NodeId) else home.timed(item, next(rest), now)
-            for item in params.NodesToRead
-        ]
-
-    def _value(self, item: ua.ReadValueId, account: Account, now: datetime) -> ua.DataValue:
-        if item.AttributeId != ua.AttributeIds.Value:
-            return self._home.attribute(item, account)
-        try:
-            kind, value = self._home.space.read(item.NodeId.Identifier, account)
-        except Refused as refused:
-            return ua.DataValue(StatusCode=status(refused.status), ServerTimestamp=now)
-        variant = ua.Variant(value, ua.VariantType[kind], is_array=isinstance(value, list))
-        return ua.DataValue(variant, StatusCode=_GOOD, SourceTimestamp=now, ServerTimestamp=now)
-
-    async def write(self, params: ua.WriteParameters) -> list[ua.StatusCode]:
-        """Write by identifier; everything else is not writable for a client."""
-        account = self._home.accounts.account(self.user)
-        return [self._store(item, account) for item in params.NodesToWrite]
-
-    def _store(self, item: ua.WriteValue, account: Account) -> ua.StatusCode:
-        if not self._home.is_own(item.NodeId):
-            return status("BadUserAccessDenied")
-        if item.AttributeId != ua.AttributeIds.Value or item.Value.Value is None:
-            return status("BadNotWritable")
-        if item.Value.SourceTimestamp is not None or item.Value.ServerTimestamp is not None:
-            return status("BadWriteNotSupported")
-        variant = item.Value.Value
-        values = list(variant.Value) if isinstance(variant.Value, list) else [variant.Value]
-        kind = self._home.kind(item.NodeId.Identifier)
-        if variant.VariantType.name != kind:
-            return status("BadTypeMismatch")
-        try:
-            self._home.space.write(item.NodeId.Identifier, values, account)
-        except Refused as refused:
-            return status(refused.status)
-        return _GOOD
-
-    async def call(self, params: list[ua.CallMethodRequest]) -> list[ua.CallMethodResult]:
-        """Methods in our name space; everything else from the standard address space."""
-        account = self._home.accounts.account(self.user)
-        results = []
-        for request in params:
-            if self._home.is_own(request.MethodId):
-                results.append(self._call(request, account))
-            else:
-                results += await super().call([request])
-        return results
-
-    def _call(self, request: ua.CallMethodRequest, account: Account) -> ua.CallMethodResult:
-        arguments = request.InputArguments or []
-        result = ua.CallMethodResult()
-        name = self._home.method_name(request.ObjectId, request.MethodId)
-        try:
-            if name is None:
-                raise Refused("BadMethodInvalid")
-            values = [argument.Value for argument in arguments]
-            types = [argument.VariantType.name for argument in arguments]
-            answer = self._home.methods.call(name, values, types, account)
-        except Refused as refused:
-            result.StatusCode = status(refused.status)
-            return result
-        result.InputArgumentResults = [_GOOD for _ in arguments]
-        if answer is not None:
-            kind = "Int32" if isinstance(answer, int) else "ByteString" if isinstance(answer, bytes) else "String"
-            result.OutputArguments = [ua.Variant(answer, ua.VariantType[kind])]
-        return result
-
-
 class SinumerikInternalServer(InternalServer):
     """asyncua's server core with our sessions, limits and a shared standard address space."""
 
-    def __init__(self, accounts: Accounts, space: Space, methods: Methods, clock: Clock, session_limit: int) -> None:
+    def __init__(self, accounts: Accounts, space: Space, methods: Methods, files: FileNodes, clock: Clock) -> None:
         self.accounts = accounts
         self.space = space
         self.methods = methods
+        self.files = files
         self.clock = clock
+        self.manners = files.manners
+        self.requests = Requests()
         self.name_space = 2
+        self.file_nodes = True
+        self.event_source = True
+        self.session_limit = 10
         self._method_nodes: dict[tuple[str, str], str] = {}
-        self._session_limit = session_limit
         super().__init__(user_manager=accounts)
+        self.alarms = AlarmEvents(files.nck, clock, self.subscription_service, self.manners)
         self.disabled_clock = True
-        self.max_session_timeout_ms = 60_000
+        self.min_session_timeout_ms, self.max_session_timeout_ms = 1000, 60_000
 
     async def load_standard_address_space(self, _shelf_file: Path | None = None) -> None:
         """Lay a writable layer over the standard nodes, which are built once for the process."""
-        pristine = await asyncio.to_thread(_standard_nodes)
-        self.aspace.__dict__["_nodes"] = _Layer(pristine)  # asyncua itself offers only a shelf on disk for this
+        pristine = await asyncio.to_thread(standard_nodes)
+        self.aspace.__dict__["_nodes"] = Layer(pristine)  # asyncua itself offers only a shelf on disk for this
 
     def create_session(self, name: str, user: User | None = None, external: bool = False) -> InternalSession:
         """A new session, within the server's limit."""
-        if external and len(self._external_sessions) >= self._session_limit:
+        if external and len(self._external_sessions) >= self.session_limit:
             raise ServiceError(ua.StatusCodes.BadTooManySessions)
         return SinumerikSession(
             self, self.aspace, self.subscription_service, name, user or User(UserRole.Anonymous), external
@@ -183,6 +98,12 @@ class SinumerikInternalServer(InternalServer):
         """Whether a node is ours and answered by identifier."""
         return node.NamespaceIndex == self.name_space and isinstance(node.Identifier, str)
 
+    def value(self, path: str, account: Account) -> tuple[str, Any]:
+        """Kind and value of a variable or of a file's property. Raises Refused."""
+        if self.file_nodes and self.files.is_one(path):
+            return self.files.read(path, account)
+        return self.space.read(path, account)
+
     def kind(self, path: str) -> str:
         """Wire type of a variable."""
         return nodes.kind_of(path)
@@ -193,79 +114,64 @@ class SinumerikInternalServer(InternalServer):
         return len(self._external_sessions)
 
     def timed(self, item: ua.ReadValueId, value: ua.DataValue, now: datetime) -> ua.DataValue:
-        """The server's clock is read, not kept in a node."""
-        if item.NodeId == _CURRENT_TIME and item.AttributeId == ua.AttributeIds.Value:
+        """The server's clock and limits are read, not kept in nodes."""
+        if item.AttributeId != ua.AttributeIds.Value:
+            return value
+        if item.NodeId == _CURRENT_TIME:
             return ua.DataValue(ua.Variant(now, ua.VariantType.DateTime), SourceTimestamp=now)
+        limits = {_MOST_READ: self.manners.most_read, _MOST_WRITE: self.manners.most_write}
+        if item.NodeId in limits:
+            said = limits[item.NodeId] if self.manners.tells_limits else 0
+            return ua.DataValue(ua.Variant(said, ua.VariantType.UInt32), SourceTimestamp=now)
         return value
+
+    def refuses_item(self, item: ua.ReadValueId, account: Account) -> str:
+        """Why an item cannot be monitored, "" when it can."""
+        if item.AttributeId == ua.AttributeIds.EventNotifier:
+            allowed = account.may("AlarmRead") or account.may("StateRead")
+            if not self.event_source:
+                return "BadNodeIdUnknown"
+            return "" if allowed else "BadUserAccessDenied"
+        return "BadNotSupported" if self.is_own(item.NodeId) else ""
+
+    def answer(self, request: ua.CallMethodRequest, account: Account, session: object) -> list[ua.Variant]:
+        """Output arguments of a method of ours. Raises Refused with the status the server gives."""
+        owner, node = str(request.ObjectId.Identifier), str(request.MethodId.Identifier)
+        arguments = request.InputArguments or []
+        values = [argument.Value for argument in arguments]
+        types = [argument.VariantType.name for argument in arguments]
+        if self.file_nodes and self.files.is_one(owner):
+            name = node.rpartition(".")[2]
+            self.requests.called["Open" if name == "Open" and values[:1] == [1] else f"Open/{name}"] += 1
+            results = self.files.call(owner, node, values, types, account, session)
+            return [self._variant(kind, value) for kind, value in zip(RESULTS.get(name, ()), results, strict=True)]
+        name_ = self.method_name(request.ObjectId, request.MethodId)
+        if name_ is None:
+            raise Refused("BadMethodInvalid")
+        self.requests.called[name_] += 1
+        result = self.methods.call(name_, values, types, account)
+        if result is None:
+            return []
+        kind = "Int32" if isinstance(result, int) else "ByteString" if isinstance(result, bytes) else "String"
+        return [ua.Variant(result, ua.VariantType[kind])]
+
+    def _variant(self, kind: str, value: Any) -> ua.Variant:
+        if kind == "NodeId":
+            value = ua.NodeId(value, self.name_space)
+        return ua.Variant(value, ua.VariantType[kind])
 
     def attribute(self, item: ua.ReadValueId, account: Account) -> ua.DataValue:
         """Attributes other than the value: from a browsable node, or made up for an element without one."""
+        path = item.NodeId.Identifier
+        rights = item.AttributeId == ua.AttributeIds.UserAccessLevel
         known = self.aspace.read_attribute_value(item.NodeId, item.AttributeId)
-        if known.StatusCode is None or known.StatusCode.is_good():
+        if (known.StatusCode is None or known.StatusCode.is_good()) and not rights:
             return known
         try:
-            self.space.read(item.NodeId.Identifier, account)
+            kind = self.value(path, account)[0]
         except Refused as refused:
             return ua.DataValue(StatusCode=status(refused.status))
-        made = _attributes(item.NodeId, self.kind(item.NodeId.Identifier)).get(item.AttributeId)
+        made = attributes(item.NodeId, kind).get(item.AttributeId)
+        if rights and self.space.may_write(path, account):
+            made = ua.Variant(3, ua.VariantType.Byte)
         return ua.DataValue(made) if made is not None else ua.DataValue(StatusCode=status("BadAttributeIdInvalid"))
-
-
-def _attributes(node: ua.NodeId, kind: str) -> dict[ua.AttributeIds, ua.Variant]:
-    name = str(node.Identifier).rpartition("/")[2]
-    readable = ua.Variant(1, ua.VariantType.Byte)
-    return {
-        ua.AttributeIds.NodeId: ua.Variant(node, ua.VariantType.NodeId),
-        ua.AttributeIds.NodeClass: ua.Variant(int(ua.NodeClass.Variable), ua.VariantType.Int32),
-        ua.AttributeIds.BrowseName: ua.Variant(
-            ua.QualifiedName(name, node.NamespaceIndex), ua.VariantType.QualifiedName
-        ),
-        ua.AttributeIds.DisplayName: ua.Variant(ua.LocalizedText(name), ua.VariantType.LocalizedText),
-        ua.AttributeIds.DataType: ua.Variant(ua.NodeId(getattr(ua.ObjectIds, kind)), ua.VariantType.NodeId),
-        ua.AttributeIds.ValueRank: ua.Variant(-1, ua.VariantType.Int32),
-        ua.AttributeIds.AccessLevel: readable,
-        ua.AttributeIds.UserAccessLevel: readable,
-    }
-
-
-@functools.cache
-def _standard_nodes() -> dict[ua.NodeId, NodeData]:
-    space = AddressSpace()
-    standard_address_space.fill_address_space(NodeManagementService(space))
-    return {node: space[node] for node in space.keys()}  # noqa: SIM118 - not a mapping
-
-
-class _Layer(MutableMapping[ua.NodeId, NodeData]):
-    """Nodes copied from a pristine set at first touch, so that servers of one process do not share state."""
-
-    def __init__(self, pristine: dict[ua.NodeId, NodeData]) -> None:
-        self._pristine = pristine
-        self._own: dict[ua.NodeId, NodeData] = {}
-        self._gone: set[ua.NodeId] = set()
-
-    def __getitem__(self, key: ua.NodeId) -> NodeData:
-        if key not in self._own:
-            if key in self._gone:
-                raise KeyError(key)
-            self._own[key] = copy.deepcopy(self._pristine[key])
-        return self._own[key]
-
-    def __setitem__(self, key: ua.NodeId, value: NodeData) -> None:
-        self._gone.discard(key)
-        self._own[key] = value
-
-    def __delitem__(self, key: ua.NodeId) -> None:
-        if key not in self:
-            raise KeyError(key)
-        self._own.pop(key, None)
-        self._gone.add(key)
-
-    def __contains__(self, key: object) -> bool:
-        return key in self._own or (key in self._pristine and key not in self._gone)
-
-    def __iter__(self) -> Iterator[ua.NodeId]:
-        yield from self._own
-        yield from (key for key in self._pristine if key not in self._own and key not in self._gone)
-
-    def __len__(self) -> int:
-        return sum(1 for _ in self)

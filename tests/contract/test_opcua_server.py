@@ -142,11 +142,11 @@ def test_settings_are_checked_before_anything_is_connected(settings: dict[str, A
 
 def test_files_named_in_the_settings_must_be_there(keys: Path) -> None:
     async def act(on: Stage) -> None:
-        for key in ("password_file", "server_certificate"):
+        for key, code in (("password_file", "E-UA-SECRET"), ("server_certificate", "E-UA-UNPINNED")):
             settings = {"security": "Basic256Sha256", "server_certificate": str(on.server.certificate), "password": ""}
             device = on.driver(**{**settings, key: str(keys / "missing")})
-            error = await refused(device.open(5.0), "E-UA-SECRET")
-            assert error.fields["key"] == key
+            error = await refused(device.open(5.0), code)
+            assert error.fields["path"] == str(keys / "missing")
         device = on.driver(security="Basic256Sha256", server_certificate=__file__)
         await refused(device.open(5.0), "E-UA-SECRET")
 
@@ -339,5 +339,49 @@ def test_the_server_listens_on_loopback_and_may_be_stopped_twice(keys: Path) -> 
         await other.stop()
         with pytest.raises(ConfigError, match="E-CFG-SETTING"):
             SinumerikServer(on.nck, on.clock, {"prt": 4840})
+
+    on_stage(act, folder=keys)
+
+
+def test_another_index_than_the_name_space_s_is_refused(keys: Path) -> None:
+    async def act(on: Stage) -> None:
+        made = await session(on)
+        made._index = 2
+        (wrong,) = await made.read(["/Channel/State/chanStatus"], 5.0)
+        assert wrong.status == "BadNodeIdUnknown"
+        await refused(made.write([("/Channel/Parameter/R[u1,90]", 1.0)], 5.0), "E-UA-RIGHTS")
+        assert on.nck.get("R[90]") == 0.0
+        await made.close()
+
+    on_stage(act, folder=keys, server={"name_space": 5})
+
+
+def test_a_session_nobody_uses_ends_after_sixty_seconds(keys: Path) -> None:
+    async def act(on: Stage) -> None:
+        guest = await session(on)
+        assert guest._alive is not None
+        guest._alive.cancel()
+        await on.clock.sleep(59.0)
+        assert on.server.sessions == 2
+        await on.clock.sleep(2.0)
+        assert on.server.sessions == 1
+        await guest.close()
+
+    on_stage(act, folder=keys)
+
+
+def test_values_are_read_and_not_subscribed(keys: Path) -> None:
+    async def act(on: Stage) -> None:
+        client = Client(on.server.url, timeout=30, watchdog_intervall=30)
+        client.set_user("trueflank")
+        client.set_password("trueflank")
+        async with client:
+            index = await client.get_namespace_index("SinumerikVarProvider")
+            subscription = await client.create_subscription(120, None)
+            node = client.get_node(ua.NodeId("/Channel/State/chanStatus", index))
+            with pytest.raises(ua.uaerrors.BadNotSupported):
+                await subscription.subscribe_data_change(node)
+            assert subscription.parameters.RequestedPublishingInterval == 250.0
+            await subscription.delete()
 
     on_stage(act, folder=keys)

@@ -1,0 +1,115 @@
+"""What a doctor found on the road to a device, line by line, and what a server shows as its certificate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from datetime import datetime
+from typing import Literal
+
+from drivers.errors import TrueflankError
+
+Outcome = Literal["ok", "wrong", "unknown"]
+
+
+@dataclass(frozen=True, slots=True)
+class CheckLine:
+    """One thing looked at: ``check`` names it, ``code`` and ``fields`` say what was found, by the catalogue."""
+
+    check: str
+    outcome: Outcome
+    code: str
+    fields: dict[str, object] = field(default_factory=dict)
+
+    @property
+    def what(self) -> str:
+        """What was found, in words."""
+        return self._said.what
+
+    @property
+    def fix(self) -> str:
+        """What to do about it, in words; "" when nothing is to be done."""
+        return "" if self.outcome == "ok" else self._said.hint
+
+    @property
+    def _said(self) -> TrueflankError:
+        said = TrueflankError(self.code)
+        said.fields = self.fields
+        return said
+
+    def as_record(self) -> dict[str, object]:
+        """The line as data."""
+        fields = {key: str(value) for key, value in self.fields.items()}
+        record = {"check": self.check, "outcome": self.outcome, "code": self.code, "fields": fields}
+        return {**record, "what": self.what, "fix": self.fix}
+
+
+def fine(code: str, check: str, **fields: object) -> CheckLine:
+    """A line that is as it should be."""
+    return CheckLine(check, "ok", code, fields)
+
+
+def wrong(code: str, check: str, **fields: object) -> CheckLine:
+    """A line that somebody must put right."""
+    return CheckLine(check, "wrong", code, fields)
+
+
+def unknown(code: str, check: str, **fields: object) -> CheckLine:
+    """A line of which nothing could be told from here."""
+    return CheckLine(check, "unknown", code, fields)
+
+
+def failed(error: TrueflankError, check: str, outcome: Outcome = "wrong") -> CheckLine:
+    """What an error says, as a line."""
+    return CheckLine(check, outcome, error.code, dict(error.fields))
+
+
+@dataclass(frozen=True, slots=True)
+class WantedAxis:
+    """An axis the site means to correct: name as in MD10000, unit, measuring system (0 or 1), table points."""
+
+    name: str
+    unit: Literal["mm", "deg"]
+    encoder: int
+    points: int
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What a site expects of its control."""
+
+    serial: str
+    axes: tuple[WantedAxis, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class CertificateView:
+    """A certificate in the words of those who compare it: SHA-256 and, as older dialogs show it, SHA-1."""
+
+    subject: str
+    sha256: str
+    sha1: str
+    valid_from: datetime
+    valid_until: datetime
+
+    def is_called(self, thumbprint: str) -> bool:
+        """Whether a typed thumbprint, in either form, with or without colons and blanks, is this certificate's."""
+        typed = "".join(thumbprint.replace(":", " ").split()).upper()
+        return typed in (self.sha256.replace(":", ""), self.sha1.replace(":", ""))
+
+
+@dataclass(frozen=True, slots=True)
+class TrustView:
+    """What a server shows now beside what is pinned for it. ``accepted_by`` and ``accepted_utc`` of the pinned one."""
+
+    url: str
+    shown: CertificateView
+    pinned: CertificateView | None
+    place: str
+    own: CertificateView | None = None
+    accepted_by: str = ""
+    accepted_utc: str = ""
+
+    @property
+    def equal(self) -> bool:
+        """Whether the server is the pinned one."""
+        return self.pinned is not None and self.pinned.sha256 == self.shown.sha256

@@ -1,0 +1,98 @@
+"""The control's files as nodes: open, read, write and close piece by piece, where copying methods do not serve."""
+
+from __future__ import annotations
+
+import contextlib
+from typing import Any
+
+from drivers.errors import DeviceRefused, RemoteProtocolError, TrueflankError, UnsupportedDevice
+from drivers.sinumerik.uaclient import UaSession
+
+PIECE = 64 * 1024
+_READ, _REWRITE = 1, 6  # modes of Open: read; write after erasing (OPC 10000-20, 4.2.2)
+_NOT_THERE = ("E-UA-FILE", "E-UA-ABSENT")
+
+
+class FileNodes:
+    """Files by their path in the server's file system, ``Sinumerik/FileSystem/Part Program/NAME.MPF``."""
+
+    def __init__(self, session: UaSession, where: str) -> None:
+        self._session = session
+        self._where = where
+
+    async def writable(self, path: str, timeout_s: float) -> bool | None:
+        """What the file says of this user's right to write it; None when it is not there or does not say."""
+        (found,) = await self._session.read([f"{_node(path)}.UserWritable"], timeout_s)
+        return None if found.status or found.value is None else bool(found.value)
+
+    async def read(self, path: str, timeout_s: float) -> bytes:
+        """The whole file; the limit is for each call. Raises DeviceRefused, UnsupportedDevice (E-UA-ABSENT)."""
+        node = _node(path)
+        handle = await self._open(node, _READ, timeout_s)
+        parts: list[bytes] = []
+        try:
+            while part := await self._part(node, handle, timeout_s):
+                parts.append(part)
+        finally:
+            await self._let_go(node, handle, timeout_s)
+        return b"".join(parts)
+
+    async def _part(self, node: str, handle: int, timeout_s: float) -> bytes:
+        part = _one(await self._session.invoke(node, "Read", [(handle, "UInt32"), (PIECE, "Int32")], timeout_s))
+        if part is not None and not isinstance(part, bytes):
+            raise RemoteProtocolError("E-UA-VALUE", self._where, what=f"{node}.Read", value=type(part).__name__)
+        return part or b""
+
+    async def write(self, path: str, content: bytes, timeout_s: float) -> None:
+        """Replace or create a file. Each call once; what arrived must be read back by the caller.
+
+        Raises DeviceRefused (E-UA-LEVEL before anything is changed where the file says that it may not be
+        written), UnsupportedDevice (E-UA-ABSENT) when the server has no such nodes.
+        """
+        node = _node(path)
+        if await self.writable(path, timeout_s) is False:
+            raise DeviceRefused("E-UA-LEVEL", self._where, status="UserWritable is false", what=path)
+        handle = await self._open_new(node, timeout_s)
+        try:
+            for start in range(0, len(content), PIECE):
+                piece = [(handle, "UInt32"), (content[start : start + PIECE], "ByteString")]
+                await self._session.invoke(node, "Write", piece, timeout_s)
+        except TrueflankError:
+            await self._let_go(node, handle, timeout_s)
+            raise
+        await self._session.invoke(node, "Close", [(handle, "UInt32")], timeout_s)
+
+    async def _open_new(self, node: str, timeout_s: float) -> int:
+        try:
+            return await self._open(node, _REWRITE, timeout_s)
+        except (DeviceRefused, UnsupportedDevice) as error:
+            if error.code not in _NOT_THERE:
+                raise
+        folder, _, name = node.rpartition("/")
+        results = await self._session.invoke(folder, "CreateFile", [(name, "String"), (True, "Boolean")], timeout_s)
+        return self._number(results[1] if len(results) > 1 else None, f"{folder}.CreateFile")
+
+    async def _open(self, node: str, mode: int, timeout_s: float) -> int:
+        results = await self._session.invoke(node, "Open", [(mode, "Byte")], timeout_s)
+        return self._number(_one(results), f"{node}.Open")
+
+    def _number(self, value: Any, what: str) -> int:
+        if not isinstance(value, int):
+            raise RemoteProtocolError("E-UA-VALUE", self._where, what=what, value=value)
+        return value
+
+    async def _let_go(self, node: str, handle: int, timeout_s: float) -> None:
+        """Close a file that is not needed any more; the server does so itself when the session ends."""
+        if self._session.is_open:
+            with contextlib.suppress(TrueflankError):
+                await self._session.invoke(node, "Close", [(handle, "UInt32")], timeout_s)
+
+
+def _node(path: str) -> str:
+    """File names stand in upper case in node identifiers; folders do not."""
+    folder, _, name = path.rpartition("/")
+    return f"{folder}/{name.upper()}"
+
+
+def _one(results: list[Any]) -> Any:
+    return results[0] if results else None

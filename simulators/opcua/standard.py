@@ -1,0 +1,78 @@
+"""The standard address space, built once for the process and shared, and attributes of nodes that are not in it."""
+
+from __future__ import annotations
+
+import copy
+import functools
+from collections.abc import Iterator, MutableMapping
+
+from asyncua import ua
+from asyncua.server.address_space import AddressSpace, NodeData, NodeManagementService
+from asyncua.server.standard_address_space import standard_address_space
+
+
+def status(name: str) -> ua.StatusCode:
+    """An OPC UA status by its name."""
+    return ua.StatusCode(getattr(ua.StatusCodes, name))
+
+
+def attributes(node: ua.NodeId, kind: str) -> dict[ua.AttributeIds, ua.Variant]:
+    """What a browsable variable would say of itself, made up for an element without a node."""
+    name = str(node.Identifier).rpartition("/")[2]
+    readable = ua.Variant(1, ua.VariantType.Byte)
+    return {
+        ua.AttributeIds.NodeId: ua.Variant(node, ua.VariantType.NodeId),
+        ua.AttributeIds.NodeClass: ua.Variant(int(ua.NodeClass.Variable), ua.VariantType.Int32),
+        ua.AttributeIds.BrowseName: ua.Variant(
+            ua.QualifiedName(name, node.NamespaceIndex), ua.VariantType.QualifiedName
+        ),
+        ua.AttributeIds.DisplayName: ua.Variant(ua.LocalizedText(name), ua.VariantType.LocalizedText),
+        ua.AttributeIds.DataType: ua.Variant(ua.NodeId(getattr(ua.ObjectIds, kind)), ua.VariantType.NodeId),
+        ua.AttributeIds.ValueRank: ua.Variant(-1, ua.VariantType.Int32),
+        ua.AttributeIds.AccessLevel: readable,
+        ua.AttributeIds.UserAccessLevel: readable,
+    }
+
+
+@functools.cache
+def standard_nodes() -> dict[ua.NodeId, NodeData]:
+    """The nodes of the standard; not to be changed."""
+    space = AddressSpace()
+    standard_address_space.fill_address_space(NodeManagementService(space))
+    return {node: space[node] for node in space.keys()}  # noqa: SIM118 - not a mapping
+
+
+class Layer(MutableMapping[ua.NodeId, NodeData]):
+    """Nodes copied from a pristine set at first touch, so that servers of one process do not share state."""
+
+    def __init__(self, pristine: dict[ua.NodeId, NodeData]) -> None:
+        self._pristine = pristine
+        self._own: dict[ua.NodeId, NodeData] = {}
+        self._gone: set[ua.NodeId] = set()
+
+    def __getitem__(self, key: ua.NodeId) -> NodeData:
+        if key not in self._own:
+            if key in self._gone:
+                raise KeyError(key)
+            self._own[key] = copy.deepcopy(self._pristine[key])
+        return self._own[key]
+
+    def __setitem__(self, key: ua.NodeId, value: NodeData) -> None:
+        self._gone.discard(key)
+        self._own[key] = value
+
+    def __delitem__(self, key: ua.NodeId) -> None:
+        if key not in self:
+            raise KeyError(key)
+        self._own.pop(key, None)
+        self._gone.add(key)
+
+    def __contains__(self, key: object) -> bool:
+        return key in self._own or (key in self._pristine and key not in self._gone)
+
+    def __iter__(self) -> Iterator[ua.NodeId]:
+        yield from self._own
+        yield from (key for key in self._pristine if key not in self._own and key not in self._gone)
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)

@@ -1,0 +1,156 @@
+"""`trueflank doctor`: every line right, wrong and not to be told, and not one write on the wire."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from drivers.checks import CheckLine, Wanted, WantedAxis
+from drivers.sinumerik.doctor import UaDoctor
+from simulators.nck.spec import NckSpec
+from tests.contract.opcua_stage import PLAIN, SPEC, Stage, on_stage
+
+WANTED = Wanted(SPEC.serial, (WantedAxis("X1", "mm", 0, 73), WantedAxis("C1", "deg", 0, 73)))
+CHECKS = (
+    *(
+        "name",
+        "port",
+        "endpoint",
+        "policy",
+        "certificate",
+        "own certificate",
+        "login",
+        "clock",
+        "name space",
+        "option",
+        "methods",
+    ),
+    *("rights", "axes", "serial number", "variables", "units", "table memory", "table memory", "cross tables"),
+    *("key switch", "files", "R parameters", "alarms", "state"),
+)
+
+
+@pytest.fixture(scope="module")
+def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The server's key pair, made once."""
+    return tmp_path_factory.mktemp("server-keys")
+
+
+def doctor(on: Stage, wanted: Wanted = WANTED, url: str = "", **settings: Any) -> Any:
+    own = {key: value for key, value in PLAIN.items() if key != "security"}
+    secured = {"server_certificate": str(on.server.certificate)}
+    return UaDoctor("840D", url or on.server.url, {**own, **secured, **settings}, on.clock).examine(wanted, 5.0)
+
+
+def lines_of(
+    keys: Path, spec: NckSpec = SPEC, server: dict[str, Any] | None = None, wanted: Wanted = WANTED, **settings: Any
+) -> list[CheckLine]:
+    """What the doctor says of a control, having changed nothing on it and left nothing open."""
+    found: list[CheckLine] = []
+
+    async def act(on: Stage) -> None:
+        await on.device.close()
+        found.extend(await doctor(on, wanted, **settings))
+        assert on.server.requests.changing == 0
+        assert on.server.requests.services["write"] == 0
+        await on.clock.sleep(0.5)
+        assert on.server.sessions == 0
+
+    on_stage(act, spec, folder=keys, server=server)
+    for line in found:
+        assert "<" not in line.what + line.fix, line
+        assert bool(line.fix) == (line.outcome != "ok"), line
+    return found
+
+
+def bad(lines: list[CheckLine]) -> list[tuple[str, str, str]]:
+    return [(line.check, line.outcome, line.code) for line in lines if line.outcome != "ok"]
+
+
+def test_a_road_in_order(keys: Path) -> None:
+    lines = lines_of(keys)
+    assert bad(lines) == []
+    assert tuple(line.check for line in lines) == CHECKS
+
+
+RIGHTS = ("SinuReadAll", "StateWrite", "FsRead", "FsWrite", "ApWrite", "AlarmRead")
+
+
+def user(*rights: str) -> dict[str, Any]:
+    return {"users": {"trueflank": {"password": "trueflank", "rights": list(rights)}}}
+
+
+WRONG: list[tuple[str, NckSpec, dict[str, Any], dict[str, Any], tuple[str, str, str]]] = [
+    ("password", SPEC, {}, {"password": "x"}, ("login", "wrong", "E-UA-LOGIN")),
+    ("policy", SPEC, {"security": ["None"]}, {}, ("policy", "wrong", "E-UA-POLICY")),
+    ("our certificate", SPEC, {"trusted": []}, {}, ("own certificate", "wrong", "E-UA-TRUST-US")),
+    ("not pinned", SPEC, {}, {"server_certificate": "/nowhere/c.der"}, ("certificate", "wrong", "E-UA-UNPINNED")),
+    ("no security", SPEC, {}, {"security": "None"}, ("policy", "wrong", "E-DOC-NO-SECURITY")),
+    ("rights", SPEC, user("SinuReadAll", "StateWrite"), {}, ("rights", "wrong", "E-DOC-RIGHTS")),
+    ("surplus", SPEC, user(*RIGHTS, "TeaWrite"), {}, ("rights", "wrong", "E-DOC-SURPLUS")),
+    ("no rights told", SPEC, {"rights_method": False}, {}, ("rights", "unknown", "W-DOC-RIGHTS-UNKNOWN")),
+    ("R not writable", replace(SPEC, r_writable=False), {}, {}, ("R parameters", "wrong", "E-DOC-R-RIGHT")),
+    ("R out of range", SPEC, {}, {"r_first": 990}, ("R parameters", "wrong", "E-DOC-R-RANGE")),
+    ("inch", replace(SPEC, unit_system="inch"), {}, {}, ("units", "wrong", "E-DOC-INCH")),
+    ("key switch", replace(SPEC, access_level=4), {}, {}, ("key switch", "wrong", "E-DOC-LEVEL")),
+    ("no events", SPEC, {"alarm_events": False}, {}, ("alarms", "unknown", "W-DOC-NO-EVENTS")),
+    ("node path", SPEC, {}, {"serial_node": "/Nck/State/serial"}, ("serial number", "wrong", "E-UA-ABSENT")),
+    ("another machine", replace(SPEC, serial="X"), {}, {}, ("serial number", "wrong", "E-DOC-SERIAL")),
+    ("sessions", SPEC, {"session_limit": 1}, {}, ("alarms", "unknown", "W-DOC-NO-EVENTS")),
+]
+
+
+@pytest.mark.parametrize(
+    ("spec", "server", "settings", "line"), [case[1:] for case in WRONG], ids=[c[0] for c in WRONG]
+)
+def test_what_is_wrong_has_its_line_and_its_fix(
+    keys: Path, spec: NckSpec, server: dict[str, Any], settings: dict[str, Any], line: tuple[str, str, str]
+) -> None:
+    assert line in bad(lines_of(keys, spec, server, **settings))
+
+
+def test_what_the_site_wants_and_the_control_has_not(keys: Path) -> None:
+    axes = (WantedAxis("X1", "deg", 0, 73), WantedAxis("Z1", "mm", 0, 73), WantedAxis("Q1", "mm", 0, 3))
+    lines = bad(lines_of(keys, wanted=Wanted(SPEC.serial, axes)))
+    assert ("axes", "wrong", "E-DOC-AXIS-UNIT") in lines
+    assert ("axes", "wrong", "E-NC-AXIS") in lines
+    assert ("table memory", "wrong", "E-DOC-MEMORY") in lines
+
+
+def test_live_conditions_and_the_end_of_the_road(keys: Path) -> None:
+    async def act(on: Stage) -> None:
+        on.nck.set("R[83]", 1.5, 7)
+        on.server.manners.stale_s = 30.0
+        on.server.manners.read_status["/Channel/ProgramInfo/msg"] = "BadUserAccessDenied"
+        found = await doctor(on)
+        assert ("R parameters", "unknown", "W-DOC-R-USED") in bad(found)
+        assert ("variables", "wrong", "E-DOC-NODE") in bad(found)
+        on.server.manners.read_status.clear()
+        assert bad(await doctor(on))[-1] == ("state", "wrong", "E-UA-STALE")
+        assert bad(await doctor(on, url="opc.tcp://nowhere.invalid:4840"))[0] == ("name", "wrong", "E-DOC-NAME")
+        silent = await asyncio.start_server(lambda _r, w: w.close(), "127.0.0.1", 0)
+        port = silent.sockets[0].getsockname()[1]
+        found = await doctor(on, url=f"opc.tcp://127.0.0.1:{port}")
+        assert bad(found)[0][:2] == ("endpoint", "unknown")
+        assert bad(found)[-1] == ("rest", "unknown", "W-DOC-NOT-REACHED")
+        silent.close()
+        await silent.wait_closed()
+        found = await doctor(on, url=f"opc.tcp://127.0.0.1:{port}")
+        assert bad(found)[0] == ("port", "wrong", "E-DOC-PORT")
+        assert on.server.requests.changing == 0
+
+    on_stage(act, folder=keys)
+
+
+def test_a_file_that_may_not_be_written_is_known_without_writing(keys: Path) -> None:
+    async def act(on: Stage) -> None:
+        on.nck.files.write("/_N_MPF_DIR/_N_TFMEAS_X1_MPF", b"M30\n")
+        assert ("W-DOC-FILES", "ok") in [(line.code, line.outcome) for line in await doctor(on)]
+        on.nck.set_access_level(7)
+        assert ("files", "wrong", "E-UA-LEVEL") in bad(await doctor(on))
+
+    on_stage(act, folder=keys)

@@ -1,0 +1,217 @@
+"""Pinned trust: shown, accepted by a typed thumbprint only, refused when it changes; certificates and their time."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from drivers.clock import LoopClock
+from drivers.errors import ConfigError, TrueflankError
+from drivers.sinumerik.doctor import UaDoctor
+from drivers.sinumerik.opcua import SinumerikOpcUa
+from drivers.sinumerik.trust import UaTrust, record_of
+from gateway.cli import app
+from simulators.nck.machine import Nck
+from simulators.opcua import SinumerikServer
+from tests.contract.opcua_stage import SPEC, Stage, on_stage
+from tests.contract.test_opcua_doctor import WANTED
+
+USER = {"user": "trueflank", "password": "trueflank"}
+
+
+@pytest.fixture(scope="module")
+def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The server's key pair, made once."""
+    return tmp_path_factory.mktemp("server-keys")
+
+
+async def refused(work: Any, code: str) -> TrueflankError:
+    with pytest.raises(TrueflankError) as caught:
+        await work
+    assert caught.value.code == code, caught.value
+    return caught.value
+
+
+def settings(folder: Path) -> dict[str, Any]:
+    return {**USER, "server_certificate": str(folder / "pinned" / "control.der")}
+
+
+def test_nothing_is_trusted_until_a_person_types_the_thumbprint(keys: Path, tmp_path: Path) -> None:
+    async def act(on: Stage) -> None:
+        await on.device.close()
+        trust = UaTrust("840D", on.server.url, settings(tmp_path), on.clock)
+        device = SinumerikOpcUa("840D", on.server.url, settings(tmp_path), on.clock)
+        place = Path(settings(tmp_path)["server_certificate"])
+        await refused(device.open(5.0), "E-UA-UNPINNED")
+        view = await trust.show(5.0)
+        assert (view.pinned, view.equal, view.shown.subject) == (None, False, "CN=server")
+        for typed in ("", "00", view.shown.sha256[:-3], view.own.sha256 if view.own else "", "*"):
+            await refused(trust.accept(typed, "anna", 5.0), "E-TRUST-OTHER")
+        assert not (await asyncio.to_thread(place.exists))
+        assert on.server.sessions == 0
+        typed = view.shown.sha1.replace(":", " ").lower()
+        view = await trust.accept(typed, "anna", 5.0)
+        assert (view.equal, view.accepted_by) == (True, "anna")
+        await device.open(5.0)
+        await device.close()
+
+    on_stage(act, folder=keys)
+
+
+@pytest.mark.parametrize("name", ["test_fault_55"])
+def test_fault_55_a_changed_certificate_is_refused_until_it_is_accepted(keys: Path, tmp_path: Path, name: str) -> None:
+    async def act(on: Stage) -> None:
+        trust = UaTrust("840D", on.server.url, settings(tmp_path), on.clock)
+        first = await trust.accept((await trust.show(5.0)).shown.sha256, "anna", 5.0)
+        other = SinumerikServer(
+            on.nck, on.clock, {"folder": str(tmp_path / "renewed"), "users": {"trueflank": "trueflank"}}
+        )
+        await other.start()
+        device = SinumerikOpcUa("840D", other.url, settings(tmp_path), on.clock)
+        error = await refused(device.open(5.0), "E-UA-TRUST")
+        assert error.fields["pinned"] == first.shown.sha256
+        assert other.sessions == 0
+        renewed = UaTrust("840D", other.url, settings(tmp_path), on.clock)
+        view = await renewed.show(5.0)
+        assert not view.equal
+        await refused(renewed.accept(first.shown.sha256, "anna", 5.0), "E-TRUST-OTHER")
+        await refused(device.open(5.0), "E-UA-TRUST")
+        await renewed.accept(view.shown.sha256, "bert", 5.0)
+        await device.open(5.0)
+        await device.close()
+        place = Path(settings(tmp_path)["server_certificate"])
+        records = [json.loads(line) for line in record_of(place).read_text().splitlines()]
+        assert [record["who"] for record in records] == ["anna", "bert"]
+        assert records[1]["before"] == records[0]["accepted"]
+        assert len(list(place.parent.glob("control.der.old-*"))) == 1
+        await other.stop()
+
+    assert name
+    on_stage(act, folder=keys)
+
+
+def test_fault_56_certificates_near_and_past_their_end(keys: Path, tmp_path: Path) -> None:
+    async def act(on: Stage) -> None:
+        trust = UaTrust("840D", on.server.url, settings(tmp_path), on.clock)
+        view = await trust.accept((await trust.show(5.0)).shown.sha256, "anna", 5.0)
+        assert view.own is not None
+        until = min(view.own.valid_until, view.shown.valid_until)
+        for left, code in ((90, ""), (30, "E-DOC-EXPIRES"), (-1, "E-DOC-EXPIRED")):
+            late = LoopClock(started_utc=until - timedelta(days=left))
+            doctor = UaDoctor("840D", on.server.url, settings(tmp_path), late)
+            codes = {line.code for line in await doctor.examine(WANTED, 5.0)}
+            assert {found for found in codes if found.startswith("E-DOC-EXP")} == ({code} if code else set())
+        device = SinumerikOpcUa("840D", on.server.url, settings(tmp_path), late)
+        error = await refused(device.open(5.0), "E-UA-OWN-EXPIRED")
+        assert error.fields["path"] == str(tmp_path / "pinned" / "trueflank-client" / "trueflank.der")
+        early = LoopClock(started_utc=datetime(2000, 1, 1, tzinfo=UTC))
+        await refused(
+            UaTrust("840D", on.server.url, settings(tmp_path), early).accept(view.shown.sha256, "a", 5.0),
+            "E-UA-EXPIRED",
+        )
+
+    on_stage(act, folder=keys)
+
+
+def test_fault_57_a_server_that_offers_no_encryption_is_never_accepted(keys: Path, tmp_path: Path) -> None:
+    async def act(on: Stage) -> None:
+        trust = UaTrust("840D", on.server.url, settings(tmp_path), on.clock)
+        await refused(trust.show(5.0), "E-UA-POLICY")
+        await refused(trust.accept("AA" * 32, "anna", 5.0), "E-UA-POLICY")
+
+    on_stage(act, folder=keys, server={"security": ["None"]})
+    with pytest.raises(ConfigError, match="E-TRUST-NO-SECURITY"):
+        UaTrust("840D", "opc.tcp://127.0.0.1:1", {**USER, "security": "None"}, LoopClock())
+
+
+SITE = """
+[site]
+name = "cell"
+[controller]
+driver = "sinumerik-opcua"
+url = "{url}"
+serial = "{serial}"
+[controller.settings]
+user = "trueflank"
+password = "trueflank"
+server_certificate = "{place}"
+[[instruments]]
+name = "laser"
+driver = "umd"
+url = "socket://127.0.0.1:1"
+[[axes]]
+name = "X1"
+letter = "X"
+kind = "linear"
+travel = [-250.0, 250.0]
+[axes.measure]
+instrument = "laser"
+component = "EXX"
+targets = {{ positions = [0.0, 10.0] }}
+feed = 100.0
+stable = 1.0
+[axes.table]
+minimum = -200.0
+maximum = 200.0
+step = 5.0
+"""
+
+
+def test_the_commands(keys: Path, tmp_path: Path) -> None:
+    site = tmp_path / "site.toml"
+    place = tmp_path / "pinned" / "control.der"
+
+    def command(*words: str) -> tuple[int, str]:
+        result = CliRunner().invoke(
+            app, [*words[:2], str(site), *words[2:]] if words[0] == "trust" else [words[0], str(site), *words[1:]]
+        )
+        return (getattr(result.exception, "exit_code", result.exit_code), result.output)
+
+    async def main() -> None:
+        clock = LoopClock()
+        nck = Nck(SPEC, clock)
+        await nck.start()
+        server = SinumerikServer(nck, clock, {"folder": str(keys), "users": {"trueflank": "trueflank"}})
+        await server.start()
+        site.write_text(SITE.format(url=server.url, serial=SPEC.serial, place=place))
+        code, said = await asyncio.to_thread(command, "trust", "show", "--json")
+        shown = json.loads(said)
+        assert (code, shown["equal"], shown["pinned"]) == (5, False, None)
+        assert (await asyncio.to_thread(command, "doctor"))[0] == 5
+        code, _ = await asyncio.to_thread(command, "trust", "accept", "--thumbprint", shown["own"]["sha256"])
+        assert code == 5
+        assert not (await asyncio.to_thread(place.exists))
+        code, said = await asyncio.to_thread(command, "trust", "accept", "--thumbprint", shown["shown"]["sha256"])
+        assert code == 0, said
+        assert "accepted by" in said
+        code, said = await asyncio.to_thread(command, "doctor", "--json")
+        told = json.loads(said)
+        assert (code, told["ok"]) == (0, True), [line for line in told["lines"] if line["outcome"] != "ok"]
+        code, said = await asyncio.to_thread(command, "doctor")
+        assert (code, "WRONG" in said) == (0, False)
+        assert server.requests.changing == 0
+        await server.stop()
+        await nck.stop()
+
+    asyncio.run(main())
+
+
+@pytest.mark.skipif(os.name != "posix", reason="rights of files are told on POSIX only")
+def test_a_private_key_that_others_may_read_is_named(keys: Path, tmp_path: Path) -> None:
+    async def act(on: Stage) -> None:
+        trust = UaTrust("840D", on.server.url, settings(tmp_path), on.clock)
+        await trust.accept((await trust.show(5.0)).shown.sha256, "anna", 5.0)
+        key = tmp_path / "pinned" / "trueflank-client" / "trueflank.key.pem"
+        for mode, found in ((0o600, False), (0o640, True)):
+            await asyncio.to_thread(key.chmod, mode)
+            lines = await UaDoctor("840D", on.server.url, settings(tmp_path), on.clock).examine(WANTED, 5.0)
+            assert ("E-DOC-KEY-OPEN" in {line.code for line in lines}) == found
+
+    on_stage(act, folder=keys)

@@ -1,0 +1,57 @@
+#!/usr/bin/env bash
+# Install the peers of `make interop`: Debian packages when root, node-opcua by npm from the committed lock.
+# What cannot be had is said in a line "NOT RUN"; with TRUEFLANK_INTEROP=all that ends the run.
+set -uo pipefail
+cd "$(dirname "$0")"
+missing=0
+
+absent() {
+    echo "interop: NOT RUN: $1"
+    missing=1
+}
+
+has_packages() {
+    command -v mbpoll >/dev/null && command -v gcc >/dev/null && [ -e /usr/include/modbus/modbus.h ]
+}
+
+if ! has_packages; then
+    if [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null; then
+        export DEBIAN_FRONTEND=noninteractive
+        wanted="libmodbus-dev mbpoll gcc libc6-dev"
+        apt-get install -y -q --no-install-recommends $wanted >/tmp/interop-apt.$$ 2>&1 ||
+            { apt-get update -q && apt-get install -y -q --no-install-recommends $wanted; } >/tmp/interop-apt.$$ 2>&1 ||
+            tail -5 /tmp/interop-apt.$$
+        rm -f /tmp/interop-apt.$$
+    fi
+    has_packages || absent "libmodbus and mbpoll (Debian packages libmodbus-dev mbpoll gcc; not root, or no apt)"
+fi
+
+if has_packages; then
+    mkdir -p built
+    if [ mbserver.c -nt built/mbserver ]; then
+        gcc -O2 -Wall -o built/mbserver mbserver.c -I/usr/include/modbus -lmodbus || absent "the libmodbus server does not build"
+    fi
+fi
+
+if ! command -v node >/dev/null || ! command -v npm >/dev/null; then
+    if [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null; then
+        DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends nodejs npm >/dev/null 2>&1 || true
+    fi
+fi
+if command -v node >/dev/null && command -v npm >/dev/null; then
+    if [ ! -e node_modules/.installed ] || [ package-lock.json -nt node_modules/.installed ]; then
+        if npm ci --no-audit --no-fund --ignore-scripts --loglevel=error; then
+            touch node_modules/.installed
+        else
+            absent "node-opcua (npm could not install it)"
+        fi
+    fi
+else
+    absent "node-opcua (node and npm are not here)"
+fi
+
+if [ "$missing" = 1 ] && [ "${TRUEFLANK_INTEROP:-}" = all ]; then
+    echo "interop: everything must run here"
+    exit 1
+fi
+exit 0
