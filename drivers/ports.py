@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import Literal, Protocol, runtime_checkable
 
+from drivers.checks import CheckLine, TrustView, Wanted
+from drivers.tablefile import TableFile, TableFinding, TableMachine
 from drivers.types import (
     Ambient,
+    Capabilities,
+    ClampedPart,
     CompensatedFor,
+    CompensationTable,
+    GearInspection,
+    GearPlan,
     Identity,
     LiveSet,
     MachineIdentity,
     MachineState,
+    Marker,
     MeasuredSet,
     Optics,
     PushOrder,
@@ -21,6 +29,7 @@ from drivers.types import (
     StopReached,
     TableLimits,
 )
+from drivers.units import AxisUnit
 
 
 @runtime_checkable
@@ -93,12 +102,55 @@ class RotaryCalibrator(Instrument, Protocol):
 
 
 @runtime_checkable
+class AmbientSensor(Device, Protocol):
+    """Anything that reads the environment, an instrument among them."""
+
+    async def ambient(self) -> Ambient:
+        """Latest readings; fields are None where there is no sensor."""
+        ...
+
+
+@runtime_checkable
+class TypedInstrument(Instrument, Protocol):
+    """An instrument whose readings a person types: it is told what stands in front of it, and asks."""
+
+    def expect(self, label: str, value: float, limit: float) -> None:
+        """The next reading is of ``label`` and lies within ``limit`` of ``value``, else the person is asked again."""
+        ...
+
+
+@runtime_checkable
+class GearInspector(Device, Protocol):
+    """A gear inspection machine."""
+
+    async def part(self) -> ClampedPart:
+        """What is clamped now."""
+        ...
+
+    async def inspect(self, plan: GearPlan, progress: Callable[[str, int, int], None]) -> GearInspection:
+        """Measure; ``progress`` hears (trace, done, total). Whatever interrupts it aborts the machine's plan.
+
+        Raises DeviceRefused (nothing clamped, operator stopped it), TransportError, ProtocolError.
+        """
+        ...
+
+    async def abort(self) -> None:
+        """Stop measuring and retract."""
+        ...
+
+
+@runtime_checkable
 class Controller(Device, Protocol):
     """A machine controller that measures by hand-shake and takes compensation tables.
 
     Reads may be retried by the caller; a write is never retried: after DeadlineExceeded the outcome is
     unknown and must be read back. Nothing here starts a program: the operator presses NC START.
     """
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """What this road can do."""
+        ...
 
     async def identify(self) -> MachineIdentity:
         """Read the fingerprint afresh."""
@@ -108,8 +160,12 @@ class Controller(Device, Protocol):
         """Read the machine state afresh."""
         ...
 
-    async def table_limits(self, axis: str) -> TableLimits:
-        """Reserved EEC points (MD38000) and value resolution of one axis."""
+    async def table_limits(self, axis: str, function: Literal["EEC", "CEC"] = "EEC", index: int = 0) -> TableLimits:
+        """Reserved points and value resolution: of encoder ``index`` (MD38000) or of table ``index`` (MD18342)."""
+        ...
+
+    async def marker(self) -> Marker | None:
+        """What the controller remembers of the last push; None without `Capabilities.marker`."""
         ...
 
     async def prepare_stops(self, plan: StopPlan) -> None:
@@ -132,15 +188,25 @@ class Controller(Device, Protocol):
         ...
 
     async def saved_tables(self, axis: str) -> LiveSet:
-        """Fetch the file that the last `prepare_stops` program wrote before its first move."""
+        """The live tables: from the file that the last `prepare_stops` program wrote before its first move.
+
+        Without `Capabilities.programs` they are read directly, afresh. CEC deviations are the stored values.
+        """
         ...
 
     async def prepare_push(self, order: PushOrder) -> None:
-        """Generate, send, read back and select the two-half program; the operator starts it."""
+        """Get ready to load: nothing of the compensation changes yet; the person at the machine starts it.
+
+        With `Capabilities.programs` the two-half program is generated, sent, read back and selected. With
+        `Capabilities.marker` the marker says in-progress with the order's number when this returns.
+        """
         ...
 
     async def wait_loaded(self, order: PushOrder, timeout_s: float) -> tuple[LiveSet, LiveSet]:
-        """Wait until the first half stands at its M0: (back-up of the old, read-back of the new).
+        """Disable, write, read all back; (back-up of the old, read-back of the new). The new one stays off.
+
+        CEC deviations of both carry the sign of the order's proof. A program has then reached its M0. A table
+        never loaded (step 0) is restored as such, or, where the road cannot say that, as zeros on the grid there.
 
         Raises DeviceRefused when the program itself counted mismatches or ended by another way.
         """
@@ -158,6 +224,17 @@ class Controller(Device, Protocol):
         """Wait while the operator does NCK reset and reference run, until the axis is referenced again."""
         ...
 
+    async def switch_table(self, order: PushOrder, enable: bool, timeout_s: float) -> None:
+        """Switch the order's table on or off and wait until it acts or is gone, confirmed at the machine.
+
+        Raises UnsupportedDevice (E-NC-NO-SWITCHING) without `Capabilities.switching`, DeadlineExceeded, DeviceRefused.
+        """
+        ...
+
+    async def finish_push(self, order: PushOrder, state: Literal["committed", "held", "none"]) -> None:
+        """Leave the marker in its last state (none: cleared) and end the conversation about this order."""
+        ...
+
 
 @runtime_checkable
 class ResultFileFormat(Protocol):
@@ -172,6 +249,36 @@ class ResultFileFormat(Protocol):
 class TableFormat(Protocol):
     """Compensation tables as files."""
 
-    def findings(self, text: str, where: str) -> tuple[str, ...]:
-        """Everything wrong or doubtful in a table file, as catalogue-rendered lines; empty is clean."""
+    def read(self, text: str, where: str, units: Mapping[str, AxisUnit] | None = None) -> TableFile:
+        """A file or a back-up as it would act; raises FileFormatError or TableError with line and reason."""
+        ...
+
+    def write(self, tables: Sequence[CompensationTable], form: str, comments: Sequence[str] = ()) -> str:
+        """The text of tables in a form by name. Raises ConfigError naming the forms."""
+        ...
+
+    def findings(self, text: str, where: str, machine: TableMachine | None = None) -> tuple[TableFinding, ...]:
+        """Everything wrong, doubtful or worth knowing in a table file; empty is clean."""
+        ...
+
+
+@runtime_checkable
+class Doctor(Protocol):
+    """Looks at the road to a device, from its name to its rights, and changes nothing there."""
+
+    async def examine(self, wanted: Wanted, timeout_s: float) -> tuple[CheckLine, ...]:
+        """Every line in the order of the road; ``timeout_s`` bounds each question. Never raises our errors."""
+        ...
+
+
+@runtime_checkable
+class Trust(Protocol):
+    """Which server certificate is trusted; a person decides, by its thumbprint."""
+
+    async def show(self, timeout_s: float) -> TrustView:
+        """What the server shows now beside what is pinned; nothing changes. Raises what the wire raises."""
+        ...
+
+    async def accept(self, thumbprint: str, who: str, timeout_s: float) -> TrustView:
+        """Pin what the server shows now, if its thumbprint is the typed one. Raises DeviceRefused (E-TRUST-OTHER)."""
         ...

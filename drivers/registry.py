@@ -28,12 +28,25 @@ class DriverSpec:
 
 _OWN = (
     DriverSpec("sinumerik-opcua", "controller", "drivers.sinumerik.opcua:SinumerikOpcUa"),
+    DriverSpec("sinumerik-opcua-doctor", "doctor", "drivers.sinumerik.doctor:UaDoctor"),
+    DriverSpec("sinumerik-modbus-doctor", "doctor", "drivers.sinumerik.modbusdoctor:ModbusDoctor"),
+    DriverSpec("sinumerik-opcua-trust", "trust", "drivers.sinumerik.trust:UaTrust"),
+    DriverSpec("sinumerik-modbus", "controller", "drivers.sinumerik.modbus:SinumerikModbus"),
     DriverSpec("umd", "instrument", "drivers.umd.device:UmdCounter"),
     DriverSpec("bridge", "instrument", "drivers.bridge.device:BridgeInstrument"),
+    DriverSpec("bridge-gear", "gear-inspector", "drivers.bridge.gear:BridgeGear"),
+    DriverSpec("manual", "instrument", "drivers.manual.device:ManualEntry"),
+    DriverSpec("wire-trace", "trace", "drivers.replay.recorder:TraceRecorder"),
+    DriverSpec("replay", "replay", "drivers.replay.player:Player"),
+    DriverSpec("attocube-ids", "instrument", "drivers.attocube.device:AttocubeIds"),
     DriverSpec("rtl", "file", "drivers.files.rtl:RtlFormat"),
     DriverSpec("rta", "file", "drivers.files.rtl:RtaFormat"),
+    DriverSpec("pos", "file", "drivers.files.pos:PosFormat"),
+    DriverSpec("rtx", "dynamic-file", "drivers.files.rtx:RtxFormat"),
     DriverSpec("csv", "file", "drivers.files.csvmap:CsvFormat"),
-    DriverSpec("sinumerik-tables", "table-file", "drivers.sinumerik.tables:TableFiles"),
+    DriverSpec("gear-csv", "gear-file", "drivers.files.gear:GearCsvFormat"),
+    DriverSpec("gde", "gear-file", "drivers.files.gde:GdeFormat"),
+    DriverSpec("sinumerik-tables", "table-file", "drivers.sinumerik.tablefiles:TableFiles"),
 )
 
 

@@ -118,12 +118,41 @@ class MachineState:
 
 
 @dataclass(frozen=True, slots=True)
+class Capabilities:
+    """What the road to a controller can do; a push asks before it begins.
+
+    ``programs``: runs motion programs of ours (stops, hand-shake, saved tables); without them the tables are
+    read directly and the axis is moved by the operator. ``switching``: a table can be switched on and off by
+    itself, each time confirmed at the machine. ``marker``: the controller keeps the number and state of the
+    transaction where it outlives the gateway's PC. ``consent`` is how the person at the machine agrees.
+    """
+
+    programs: bool
+    switching: bool
+    marker: bool
+    consent: Literal["nc-start", "panel"]
+
+
+@dataclass(frozen=True, slots=True)
+class Marker:
+    """What the controller itself remembers of the last push: transaction number (0 none) and its state."""
+
+    transaction: int
+    state: Literal["none", "in-progress", "committed", "held"]
+
+
+@dataclass(frozen=True, slots=True)
 class TableLimits:
-    """What the controller can hold for one axis or table: reserved points and the resolution of a value."""
+    """What the controller can hold for one axis or table: reserved points and the resolution of a value.
+
+    ``resolution`` and ``max_value`` in the output axis' unit; ``max_sum`` (CEC only) is the largest sum of all
+    tables of that axis the control lets through (MD32720), in the same unit; None where it cannot be read.
+    """
 
     reserved_points: int
     resolution: float
     max_value: float
+    max_sum: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,6 +218,8 @@ class LiveSet:
 
     ``backlash`` is MD32450 in the axis unit. ``native`` is the loadable back-up exactly as the controller
     wrote it; ``digest`` its sha256. An EEC table of an axis that never had one is all zero and disabled.
+    ``cec`` are the CEC tables whose output is this axis, ``others`` those of other outputs, as far as they are
+    known. CEC deviations are the stored values unless a proof was given with the order that led to this set.
     """
 
     axis: str
@@ -197,14 +228,16 @@ class LiveSet:
     backlash: float
     native: str
     digest: str
+    others: tuple[LiveTable, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class Stop:
     """One place where the axis stands and waits to be measured.
 
-    ``target`` in the axis unit, approached in direction ``approach``. ``switch`` turns the axis' EEC on or
-    off before the reading (None leaves it). ``label`` says what the stop is for (an index in the plan).
+    ``target`` in the axis unit, approached in direction ``approach``. ``switch`` turns the plan's table (the
+    output axis' EEC, or its ``cross_table``) on or off before the reading (None leaves it). ``label`` says what
+    the stop is for (an index in the plan).
     """
 
     target: float
@@ -221,6 +254,8 @@ class StopPlan:
     ``setup`` is the operator's message shown before the M0 that precedes the first move ("" for none).
     ``feed`` in mm/min or deg/min; ``overrun`` moves beyond reversal so that each stop is approached from
     its own side; ``dwell_s`` passes before each hand-shake; ``save_tables`` writes the live tables first.
+    ``output_axis`` ("": the axis that moves) is the one whose tables are saved and whose compensation is shown,
+    ``encoder`` its measuring system; ``cross_table`` is the CEC table that stops switch (None: its EEC).
     """
 
     name: str
@@ -235,6 +270,13 @@ class StopPlan:
     setup: str = ""
     save_tables: bool = True
     encoder: int = 0
+    output_axis: str = ""
+    cross_table: int | None = None
+
+    @property
+    def compensated_axis(self) -> str:
+        """The axis whose tables this plan is about."""
+        return self.output_axis or self.axis
 
 
 @dataclass(frozen=True, slots=True)
@@ -273,7 +315,9 @@ class PushOrder:
 
     ``purpose`` "table" needs a `SignProof` in ``proof``; "sign-proof" and "restore" do not. For "restore"
     ``table`` is the old table and ``enable`` the switch it had.
-    ``agreeing_position`` is where old and new table agree and the axis must stand.
+    ``agreeing_position`` is where old and new table agree and the table's *input* axis must stand; ``letter``
+    and ``rotary`` are those of the input axis. ``coupled`` (CEC) says that other tables of the output axis were
+    on and must be on again at the end, whether this one is enabled or not.
     """
 
     transaction: int
@@ -284,6 +328,7 @@ class PushOrder:
     agreeing_position: float
     purpose: Literal["table", "sign-proof", "restore"]
     proof: SignProof | None = None
+    coupled: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -303,3 +348,83 @@ class MeasuredSet:
     expansion_ppm_per_k: float | None = None
     header: Mapping[str, str] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class GearInspection:
+    """Measured flank points of one gear: positions, not a grid; each knows its space and flank.
+
+    ``points_mm`` (n, 3): touched points x, y, z in the part frame, z along the gear's axis. ``space`` (n,) whole
+    numbers; ``flank`` (n,): +1 the left flank of its space, -1 the right one. ``deviation_um`` (n,) along the
+    normal, + surplus material, where the machine said it. ``probe_u_um`` standard uncertainty of one touch.
+    """
+
+    points_mm: FloatArray
+    space: NDArray[np.int64]
+    flank: NDArray[np.int64]
+    deviation_um: FloatArray | None = None
+    probe_u_um: float | None = None
+    source: str = ""
+    header: Mapping[str, str] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return int(self.points_mm.shape[0])
+
+
+Flank = Literal["left", "right"]
+GearTrace = Literal["profile", "lead", "pitch", "runout"]
+
+
+@dataclass(frozen=True, slots=True)
+class ClampedPart:
+    """What is clamped on a gear inspection machine: ``part`` its number, ``clamping`` how, in the operator's words."""
+
+    clamped: bool
+    part: str = ""
+    clamping: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class GearPlan:
+    """What to measure of a gear with ``space_count`` spaces, numbered from 0 at +x towards +y.
+
+    ``spaces`` are those whose ``flanks`` get a profile line (``profile_points`` at height ``profile_z_mm``) and a
+    lead line (``lead_points`` over ``lead_z_mm``); no line where its points are 0. ``pitch`` touches both flanks of
+    every space once, ``runout_ball_mm`` a ball of that diameter in every space (0: none).
+    """
+
+    space_count: int
+    spaces: tuple[int, ...]
+    flanks: tuple[Flank, ...] = ("left", "right")
+    profile_points: int = 0
+    profile_z_mm: float = 0.0
+    lead_points: int = 0
+    lead_z_mm: tuple[float, float] = (0.0, 0.0)
+    pitch: bool = False
+    runout_ball_mm: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GearInspection:
+    """A measured gear: ``points_mm`` (n, 3) on its flanks in the part frame, axis z, space 0 towards +x.
+
+    The probe's radius is already taken off. ``deviation_um`` (n,) along the outward normal, + surplus material, where
+    the machine gives deviations at nominal points; None where the points themselves are the measured ones.
+    ``flank`` (n,) +1 left (theta > 0), -1 right, 0 a ball in the space; ``space`` (n,) numbers; ``trace`` (n,) the
+    line each belongs to. ``probe_u_um`` standard uncertainty of one point, None where the machine does not say.
+    """
+
+    points_mm: FloatArray
+    flank: NDArray[np.int8]
+    space: NDArray[np.int64]
+    trace: tuple[GearTrace, ...]
+    part: ClampedPart
+    deviation_um: FloatArray | None = None
+    probe_u_um: float | None = None
+    temperature_degc: float | None = None
+    measured_utc: str = ""
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.points_mm)

@@ -45,14 +45,29 @@ class SenseProof:
 
 
 @dataclass(frozen=True, slots=True)
+class CorrectionRecord:
+    """One step done to readings: what, by whom, in words, with which coefficients; ``undone`` takes it back."""
+
+    step: str
+    by: str
+    words: str
+    coefficients: Mapping[str, float] = field(default_factory=dict)
+    undone: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class Corrections:
-    """What was applied to raw readings, by whom, with which coefficients; applied once, refused twice."""
+    """What was applied to raw readings, by whom, with which coefficients; applied once, refused twice.
+
+    The words say what stands; ``chain`` holds every step in the order it was done.
+    """
 
     air: str
     expansion: str
     dead_path: str
     drift: str
     details: Mapping[str, float] = field(default_factory=dict)
+    chain: tuple[CorrectionRecord, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +96,7 @@ class Capture:
     started_utc: str = ""
     ended_utc: str = ""
     notes: tuple[str, ...] = ()
+    cycle: Literal["standard", "pendulum", "pilgrim"] = "standard"
 
     @property
     def unit(self) -> DeviationUnit:
@@ -118,6 +134,8 @@ class Evaluation:
     A_down: float | None
     U: Mapping[str, float] = field(default_factory=dict)
     flags: tuple[str, ...] = ()
+    edition: str = ""
+    certainty: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,6 +168,11 @@ class TableChange:
 
     ``predicted`` (m,) mean deviation expected at ``targets`` after the push, with expanded uncertainty
     ``predicted_U`` (k = 2). ``skipped`` says why nothing is proposed ("" when something is).
+
+    ``axis`` is the output axis. A CEC change names its table by ``new``: function, index, input and output axis,
+    direction, multiplication; its deviations are d of the output axis, whatever the machine's sign. ``targets``
+    are then positions of the input axis. ``base`` is the live set the change was made on, where it is not that
+    of a capture of this axis.
     """
 
     axis: str
@@ -162,6 +185,33 @@ class TableChange:
     predicted_U: FloatArray
     findings: tuple[str, ...] = ()
     skipped: str = ""
+    base: LiveSet | None = None
+
+    @property
+    def layer(self) -> Literal["EEC", "CEC"]:
+        """Which layer of correction the table belongs to."""
+        return self.new.function
+
+    @property
+    def name(self) -> str:
+        """The table among all of a proposal: "X1" for an axis' EEC, "X1-cec3" for CEC table 3."""
+        return self.axis if self.layer == "EEC" else f"{self.axis}-cec{self.new.index}"
+
+
+@dataclass(frozen=True, slots=True)
+class Approval:
+    """One person's consent to one plan: ``plan_hash`` from `gateway.push.plan_hash`, bound to base and machine.
+
+    ``actor`` is who gave it; ``serial`` the machine; it holds from ``given_utc`` until ``expires_utc`` (ISO 8601
+    with offset).
+    """
+
+    actor: str
+    plan_hash: str
+    base_digest: str
+    serial: str
+    given_utc: str
+    expires_utc: str
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from drivers.sinumerik import nodes
 from drivers.sinumerik.machine import ALARM_PLACES, MachineReader, channel_status
 from drivers.sinumerik.uaclient import UaSession
 from drivers.sinumerik.uasettings import UaSettings
-from drivers.sinumerik.words import COUNT, Phase, Word
+from drivers.sinumerik.words import COUNT, MARKED, Phase, Word
 from drivers.types import ChannelStatus
 
 # Alarms that report and let the program run on: rights for machine data, memory display, CEC limits.
@@ -88,7 +88,7 @@ class Dialogue:
         if seen.channel is not ChannelStatus.RESET:
             raise DeviceRefused("E-NC-NOT-RESET", self._where, status=seen.channel.name)
         self._before = frozenset(seen.alarms)
-        await self.write(dict.fromkeys(Word, 0.0))
+        await self.write({word: 0.0 for word in Word if word not in MARKED})
         self.pace.again()
 
     async def look(self) -> Glance:
@@ -161,7 +161,8 @@ class Dialogue:
     async def give_back(self) -> bool:
         """Restore the R parameters if no program of ours needs them any more; false when one still does.
 
-        A program that waits is asked to leave first: given-back words must not look like an answer to it.
+        A program that waits is asked to leave first: given-back words must not look like an answer to it. The
+        marker of a push stays as it is: it is there for whoever comes next.
         """
         if self._original is None:
             return True
@@ -172,8 +173,11 @@ class Dialogue:
         if not _done(seen):
             return False
         first = self._settings.r_first
-        paths = [nodes.r_parameter(first + place, self._settings.channel) for place in range(COUNT)]
-        await self._session.write(list(zip(paths, self._original, strict=True)), self._reader.timeout_s)
+        old = [(place, value) for place, value in enumerate(self._original) if place not in MARKED]
+        paths = [nodes.r_parameter(first + place, self._settings.channel) for place, _value in old]
+        await self._session.write(
+            list(zip(paths, (value for _place, value in old), strict=True)), self._reader.timeout_s
+        )
         self._original = None
         return True
 

@@ -11,10 +11,10 @@ import asyncio
 import contextlib
 import secrets as random_source
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Literal
 
 from drivers.clock import Clock
-from drivers.errors import DeadlineExceeded, DeviceRefused, TrueflankError
+from drivers.errors import DeadlineExceeded, DeviceRefused, TrueflankError, UnsupportedDevice
 from drivers.sinumerik import lint, program, tables
 from drivers.sinumerik.activation import activation
 from drivers.sinumerik.dialogue import Dialogue, Glance
@@ -26,11 +26,13 @@ from drivers.sinumerik.uaclient import UaSession
 from drivers.sinumerik.uasettings import UaSettings, secrets_of
 from drivers.sinumerik.words import Phase, Word, program_path
 from drivers.types import (
+    Capabilities,
     ChannelStatus,
     Identity,
     LiveSet,
     MachineIdentity,
     MachineState,
+    Marker,
     PushOrder,
     StopPlan,
     StopReached,
@@ -98,11 +100,24 @@ class SinumerikOpcUa:
         """Everything in one request. Raises TransportError (E-UA-NCK-DOWN) while the NCK restarts."""
         return await self._reader.state(self._configuration)
 
-    async def table_limits(self, axis: str) -> TableLimits:
-        """MD38000 of encoder 0, six decimals of a mm or degree, and the value limit of this product."""
-        memory = await self._reader.memory(self._configuration, axis, 0)
+    @property
+    def capabilities(self) -> Capabilities:
+        """Programs of ours run; switching is a stop of theirs; the marker stands in two R parameters."""
+        return Capabilities(programs=True, switching=False, marker=True, consent="nc-start")
+
+    async def table_limits(self, axis: str, function: Literal["EEC", "CEC"] = "EEC", index: int = 0) -> TableLimits:
+        """MD38000 of an encoder or MD18342 of a table, six decimals of a mm or degree, our value limit, MD32720."""
+        memory = await self._reader.memory(self._configuration, axis, index if function == "EEC" else 0)
         unit = self._configuration.units[axis]
-        return TableLimits(memory.eec_points, tables.RESOLUTION, lint.MAX_VALUE[unit])
+        if function == "EEC":
+            return TableLimits(memory.eec_points, tables.RESOLUTION, lint.MAX_VALUE[unit])
+        reserved = memory.cec_points[index] if 0 <= index < len(memory.cec_points) else 0
+        largest = await self._reader.figure(f"$MA_CEC_MAX_SUM[{axis}]", self._configuration)
+        return TableLimits(reserved, tables.RESOLUTION, lint.MAX_VALUE[unit], largest)
+
+    async def marker(self) -> Marker | None:
+        """The last push as two R parameters remember it, whoever made it."""
+        return await self._pushing.marker()
 
     # ---- measuring ----------------------------------------------------------------------------------
 
@@ -111,22 +126,23 @@ class SinumerikOpcUa:
 
         Raises DeviceRefused (E-NC-NOT-RESET and other refusals) before anything was written or selected.
         """
-        setting = await self._setting(plan.axis, plan.encoder, rotary=plan.rotary)
+        setting = await self._setting(plan.axis, plan.compensated_axis, plan.encoder, rotary=plan.rotary)
         token = random_source.randbelow(899_999) + 100_000
         text = program.measuring(plan, token, setting)
         await self._dialogue.begin(setting.axis_number)
         self._plan, self._token, self._saved, self._ended = plan, token, False, False
         self._moving_since, self._move_s = None, 0.0
-        path = program_path("MEAS", plan.axis)
+        path = program_path("MEAS", plan.compensated_axis)
         await self._transfer.send(path, text)
         await self._transfer.select(path)
 
-    async def _setting(self, axis: str, encoder: int, *, rotary: bool) -> Setting:
+    async def _setting(self, axis: str, compensated: str, encoder: int, *, rotary: bool) -> Setting:
+        """What the programs must know: ``axis`` is the one that moves."""
         configuration = self._configuration
         number = configuration.number(axis, self.name)
         return Setting(
             words=self._settings.words,
-            memory=await self._reader.memory(configuration, axis, encoder),
+            memory=await self._reader.memory(configuration, compensated, encoder),
             modulo=configuration.is_modulo(axis, rotary=rotary),
             axis_number=number,
             approach_feed=self._settings.approach_feed,
@@ -162,7 +178,7 @@ class SinumerikOpcUa:
 
     def _note_progress(self, seen: Glance) -> None:
         if seen.phase == Phase.FILE_FAILED:
-            raise DeviceRefused("E-NC-FILE", self.name, axis=self._plan.axis if self._plan else "")
+            raise DeviceRefused("E-NC-FILE", self.name, axis=self._plan.compensated_axis if self._plan else "")
         self._saved = self._saved or seen.phase in _SAVED
 
     @staticmethod
@@ -178,7 +194,8 @@ class SinumerikOpcUa:
         return seen.phase in _OVER or (before is not None and before.channel is ChannelStatus.RESET)
 
     def _stop(self, seen: Glance) -> StopReached:
-        scale = deviation_scale(self._plan.unit) if self._plan else 1.0
+        compensated = self._plan.compensated_axis if self._plan else ""
+        scale = deviation_scale(self._configuration.units.get(compensated, "mm"))
         return StopReached(
             counter=round(seen.word(Word.COUNTER)),
             repetition=round(seen.word(Word.REPETITION)),
@@ -208,11 +225,11 @@ class SinumerikOpcUa:
     async def saved_tables(self, axis: str) -> LiveSet:
         """The live tables the last measuring program wrote. Raises DeviceRefused (E-NC-NOT-SAVED, E-UA-FILE...)."""
         plan = self._plan
-        if plan is not None and plan.axis == axis and plan.save_tables and not self._saved:
+        if plan is not None and plan.compensated_axis == axis and plan.save_tables and not self._saved:
             seen = await self._dialogue.look()
             if seen.word(Word.TRANSACTION) == self._token:
                 self._note_progress(seen)
-        if plan is None or plan.axis != axis or not self._saved or not plan.save_tables:
+        if plan is None or plan.compensated_axis != axis or not self._saved or not plan.save_tables:
             raise DeviceRefused("E-NC-NOT-SAVED", self.name, axis=axis)
         return await live_tables(self._transfer, "LIVE", axis, plan.encoder, self._configuration)
 
@@ -222,7 +239,7 @@ class SinumerikOpcUa:
         """Send, read back and select the two-half program. Raises as `Pushing.prepare`."""
         table = order.table
         encoder = table.index if table.function == "EEC" else 0
-        setting = await self._setting(table.output_axis, encoder, rotary=order.rotary)
+        setting = await self._setting(table.input_axis, table.output_axis, encoder, rotary=order.rotary)
         self._plan, self._saved = None, False
         await self._pushing.prepare(order, setting)
 
@@ -242,3 +259,13 @@ class SinumerikOpcUa:
         """Wait through NCK reset and reference run. Raises DeadlineExceeded (E-NC-NO-ACTIVATION)."""
         look_s = 0.4 * self._settings.poll_s
         await activation(self._dialogue, self._clock, order.table.output_axis, timeout_s, look_s, self.name)
+
+    async def switch_table(self, order: PushOrder, enable: bool, timeout_s: float) -> None:
+        """Not on this road: stops switch. Raises UnsupportedDevice (E-NC-NO-SWITCHING)."""
+        raise UnsupportedDevice(
+            "E-NC-NO-SWITCHING", self.name, table=order.table.name, enable=enable, timeout_s=timeout_s
+        )
+
+    async def finish_push(self, order: PushOrder, state: Literal["committed", "held", "none"]) -> None:
+        """Leave the marker in its last state. Never retried."""
+        await self._pushing.mark(order.transaction, state)

@@ -44,7 +44,7 @@ def measuring(plan: StopPlan, token: int, setting: Setting) -> str:
 
     Raises LocalProtocolError (E-PROGRAM-NAME, E-PROGRAM-MESSAGE, E-PROGRAM-EMPTY).
     """
-    check_names(plan.axis, plan.letter)
+    check_names(plan.axis, plan.letter, plan.compensated_axis)
     if not _MESSAGE.fullmatch(plan.setup):
         raise LocalProtocolError("E-PROGRAM-MESSAGE", plan.name, text=plan.setup)
     if not plan.stops:
@@ -55,8 +55,8 @@ def measuring(plan: StopPlan, token: int, setting: Setting) -> str:
     out += [f"{words.name(Word.TRANSACTION)}={token}", phase_block(words, Phase.BACKING_UP), "STOPRE"]
     out += [unless_aborted(words, _LEFT)]
     if plan.save_tables:
-        path = file_path("LIVE", plan.axis)
-        out += backup.blocks(path, plan.axis, plan.encoder, setting.memory, _FAILED)
+        path = file_path("LIVE", plan.compensated_axis)
+        out += backup.blocks(path, plan.compensated_axis, plan.encoder, setting.memory, _FAILED)
     out += ["STOPRE", phase_block(words, Phase.MEASURING)]
     if plan.setup:
         out += [f'MSG("{plan.setup}")', "M0", 'MSG("")', "STOPRE", unless_aborted(words, _LEFT)]
@@ -97,7 +97,9 @@ def _sequence(plan: StopPlan, motion: Motion, stops: tuple[Stop, ...], counter: 
 def _switch(plan: StopPlan, stop: Stop) -> list[str]:
     if stop.switch is None:
         return []
-    return [f"$MA_ENC_COMP_ENABLE[{plan.encoder},{plan.axis}]={int(stop.switch)}", "NEWCONF", "STOPRE"]
+    if plan.cross_table is not None:
+        return [f"$SN_CEC_TABLE_ENABLE[{plan.cross_table}]={int(stop.switch)}", "NEWCONF", "STOPRE"]
+    return [f"$MA_ENC_COMP_ENABLE[{plan.encoder},{plan.compensated_axis}]={int(stop.switch)}", "NEWCONF", "STOPRE"]
 
 
 def _handshake(plan: StopPlan, stop: Stop, repetition: str, setting: Setting) -> list[str]:
@@ -108,8 +110,8 @@ def _handshake(plan: StopPlan, stop: Stop, repetition: str, setting: Setting) ->
         Word.LABEL: str(stop.label),
         Word.APPROACH: str(stop.approach),
         Word.TARGET: number(stop.target),
-        Word.ENCODER_COMPENSATION: f"$VA_ENC{plan.encoder + 1}_COMP_VAL[{plan.axis}]",
-        Word.CROSS_COMPENSATION: f"$VA_CEC_COMP_VAL[{plan.axis}]",
+        Word.ENCODER_COMPENSATION: f"$VA_ENC{plan.encoder + 1}_COMP_VAL[{plan.compensated_axis}]",
+        Word.CROSS_COMPENSATION: f"$VA_CEC_COMP_VAL[{plan.compensated_axis}]",
     }
     counter = words.name(Word.COUNTER)
     return [

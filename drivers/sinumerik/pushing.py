@@ -14,8 +14,8 @@ from drivers.sinumerik.program import Setting
 from drivers.sinumerik.reader import Sign
 from drivers.sinumerik.transfer import Transfer
 from drivers.sinumerik.uasettings import UaSettings
-from drivers.sinumerik.words import Phase, Word, file_path, program_path
-from drivers.types import ChannelStatus, LiveSet, PushOrder
+from drivers.sinumerik.words import MARKER_STATES, Phase, Word, file_path, program_path
+from drivers.types import ChannelStatus, LiveSet, Marker, PushOrder
 
 T = TypeVar("T")
 
@@ -58,9 +58,25 @@ class Pushing:
         else:
             texts = {"PUSH": pushprogram.pushing(order, setting)}
         await self._dialogue.begin(setting.axis_number)
+        await self.mark(order.transaction, "in-progress")
         for purpose, text in texts.items():
             await self._transfer.send(program_path(purpose, axis), text)
         await self._transfer.select(program_path(next(iter(texts)), axis))
+
+    async def mark(self, transaction: int, state: str) -> None:
+        """Write the marker, never retried; "none" clears it."""
+        code = next((code for code, name in MARKER_STATES.items() if name == state), 0)
+        number = float(transaction) if code else 0.0
+        await self._dialogue.write({Word.MARKER: number, Word.MARKER_STATE: float(code)})
+
+    async def marker(self) -> Marker:
+        """The marker as it stands; anything that is not one of ours is none."""
+        seen = await self._dialogue.look()
+        number, code = seen.word(Word.MARKER), seen.word(Word.MARKER_STATE)
+        state = MARKER_STATES.get(int(code)) if code.is_integer() else None
+        if state is None or not number.is_integer() or number < 1:
+            return Marker(0, "none")
+        return Marker(int(number), state)
 
     async def loaded(self, order: PushOrder, timeout_s: float, configuration: Configuration) -> tuple[LiveSet, LiveSet]:
         """Wait for the end of the first half: (back-up of the old, read-back of the new), both as written there.
@@ -106,6 +122,8 @@ class Pushing:
             raise DeviceRefused("E-NC-LEVEL", self._where, table=order.table.name)
         if seen.phase == Phase.FILE_FAILED:
             raise DeviceRefused("E-NC-FILE", self._where, axis=order.table.output_axis)
+        if seen.phase == Phase.WOULD_WAKE:
+            raise DeviceRefused("E-NC-WAKES", self._where, table=order.table.name, axis=order.table.output_axis)
         stopped = before is not None and before.channel is seen.channel is ChannelStatus.RESET
         if seen.phase in (Phase.ENDED_DISABLED, Phase.LEFT) or stopped:
             raise DeviceRefused("E-NC-STOPPED", self._where, phase=seen.phase, table=order.table.name)

@@ -22,6 +22,7 @@ SETTLE_S = 0.2
 NOTHING = Decimal("0.0000005")
 FINEST = Decimal("0.000000001")  # below this the control's own decimals differ from its binary value
 _HELD, _LEFT, _FAILED, _COMPARE = "TF_HELD", "TF_LEFT", "TF_FAILED", "TF_COMPARE"
+_WAKES, _ALONE = "TF_WAKES", "TF_ALONE"
 
 
 def loaded_message(order: PushOrder, words: Words) -> str:
@@ -73,6 +74,9 @@ def _program(order: PushOrder, setting: Setting, body: list[str]) -> str:
     ends += [phase_block(words, Phase.ENDED_DISABLED), 'MSG("")', "M30"]
     ends += [f"{_LEFT}:", "STOPRE", phase_block(words, Phase.LEFT), "M30"]
     ends += [f"{_FAILED}:", "STOPRE", phase_block(words, Phase.FILE_FAILED), "M30"]
+    if order.table.function == "CEC":
+        ends += [f"{_WAKES}:", "STOPRE", phase_block(words, Phase.WOULD_WAKE), "M30"]
+        ends += [f"{_ALONE}:", "STOPRE", phase_block(words, Phase.ENDED_DISABLED), 'MSG("")', "M30"]
     return text_of(["DEF INT ERR, N, HALF", PREPARE, *body, *check, *ends])
 
 
@@ -83,6 +87,7 @@ def _first_half(order: PushOrder, setting: Setting) -> list[str]:
     out += [f"{words.name(word)}={value}" for word, value in _identity(order, setting).items()]
     out += [phase_block(words, Phase.BACKING_UP), "STOPRE", unless_aborted(words, _LEFT)]
     out += _save("BACK", table, setting, _FAILED)
+    out += _asleep(order, setting)
     out += [_go(order, setting), "STOPRE", *_disable(table), "STOPRE"]
     out += [f"IF {switch}<>0 GOTOF {_LEFT}" for switch in switches(table)]
     out += [*_still_acting(table), phase_block(words, Phase.DISABLED)]
@@ -103,7 +108,7 @@ def _second_half(order: PushOrder, setting: Setting) -> list[str]:
     out += [_go(order, setting), "STOPRE", "HALF=2", f"GOTOF {_COMPARE}", f"{_COMPARE}_2:"]
     out += [f"IF {words.name(Word.MISMATCHES)}<>0 GOTOF {_HELD}"]
     if not order.enable:
-        return [*out, f"GOTOF {_HELD}"]
+        return [*out, *_others_again(order)]
     out += [f"{switch}=1" for switch in switches(table)]
     out += ["NEWCONF", "STOPRE"]
     out += [f"IF {switch}<>1 GOTOF {_HELD}" for switch in switches(table)]
@@ -134,15 +139,36 @@ def switches(table: CompensationTable) -> tuple[str, ...]:
     return (f"$MA_CEC_ENABLE[{table.output_axis}]", f"$SN_CEC_TABLE_ENABLE[{table.index}]")
 
 
+def _asleep(order: PushOrder, setting: Setting) -> list[str]:
+    """Switching the output axis' CEC on must not put tables to work that the axis' switch kept off before."""
+    table = order.table
+    if table.function != "CEC" or order.coupled:
+        return []
+    out: list[str] = []
+    for other, points in enumerate(setting.memory.cec_points):
+        if points and other != table.index:
+            out += [f"IF $AN_CEC_STEP[{other}]<>0", f"IF $AN_CEC_OUTPUT_AXIS[{other}]=={table.output_axis}"]
+            out += [f"IF $SN_CEC_TABLE_ENABLE[{other}]<>0 GOTOF {_WAKES}", "ENDIF", "ENDIF"]
+    return out
+
+
+def _others_again(order: PushOrder) -> list[str]:
+    """The end of an order that leaves its table off: the other tables of a CEC output get their switch back."""
+    if order.table.function != "CEC" or not order.coupled:
+        return [f"GOTOF {_HELD}"]
+    axis_switch = switches(order.table)[0]
+    return [f"{axis_switch}=1", "NEWCONF", "STOPRE", f"IF {axis_switch}<>1 GOTOF {_HELD}", f"GOTOF {_ALONE}"]
+
+
 def _disable(table: CompensationTable) -> list[str]:
     return [*(f"{switch}=0" for switch in reversed(switches(table))), "NEWCONF"]
 
 
 def _still_acting(table: CompensationTable) -> list[str]:
     """A switch that reads off proves nothing: the value that acts must be gone too before points are written."""
-    if table.function != "EEC":
-        return []
     acting = f"$VA_ENC{table.index + 1}_COMP_VAL[{table.output_axis}]"
+    if table.function == "CEC":
+        acting = f"$VA_CEC_COMP_VAL[{table.output_axis}]"
     return [f"G4 F{number(SETTLE_S)}", "STOPRE", f"IF ABS({acting})>{value_text(NOTHING)} GOTOF {_HELD}"]
 
 

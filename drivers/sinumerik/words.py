@@ -27,6 +27,13 @@ class Word(IntEnum):
     TABLE = 13
     AXIS = 14
     POINTS = 15
+    MARKER = 16
+    MARKER_STATE = 17
+
+
+# The marker outlives programs and sessions; odd numbers, so that no other use of these R parameters reads as one.
+MARKED = (Word.MARKER, Word.MARKER_STATE)
+MARKER_STATES = {8401: "in-progress", 8402: "committed", 8403: "held"}
 
 
 class Phase(IntEnum):
@@ -43,6 +50,7 @@ class Phase(IntEnum):
     LEFT = 8
     ENDED_DISABLED = 9
     FILE_FAILED = 11
+    WOULD_WAKE = 12
 
 
 @dataclass(frozen=True, slots=True)

@@ -117,26 +117,120 @@ def serve(
 
 @app.command()
 def evaluate(
-    files: Annotated[list[Path], typer.Argument(help=".rtl, .rta or .csv files.", show_default=False)],
-    standard: Annotated[str, typer.Option(help="Edition of ISO 230-2: 2014, 2006, 1997 or 1988.")] = "2014",
+    files: Annotated[list[Path] | None, typer.Argument(help="Result files, or runs.", show_default=False)] = None,
+    standard: Annotated[str, typer.Option(help="Standard by name, or an edition of ISO 230-2; list: all.")] = "2014",
     unit: Annotated[str, typer.Option(help="Unit of an .rta's deviations: mrad, urad or arcsec.")] = "",
+    limit: Annotated[list[str] | None, typer.Option(help="Judge a parameter: A=10. May be repeated.")] = None,
+    air: Annotated[str, typer.Option(help="Re-compensate: edlen, ciddor or edlen-1966.")] = "",
+    expansion: Annotated[float | None, typer.Option(min=-5, max=100, help="Re-compensate: ppm/K.")] = None,
+    material_degc: Annotated[
+        float | None, typer.Option(help="Material temperature, degC: for U, and to re-compensate.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the Monte Carlo.")] = 1,
+    axis: Annotated[str, typer.Option(help="Of a run: this axis only.")] = "",
+    phase: Annotated[str, typer.Option(help="Of a run: before or after only.")] = "",
+    store: StoreOption = Path("runs"),
     as_json: JsonOption = False,
 ) -> None:
-    """Evaluate result files to ISO 230-2."""
-    from gateway.cli.files import evaluate_files
+    """Evaluate result files or runs to ISO 230-2 or another standard, with uncertainty and verdicts."""
+    from gateway.cli.files import Asked, evaluate_files, limits_of, list_standards
 
-    evaluate_files(files, standard, unit, as_json=as_json)
+    if standard == "list":
+        list_standards(as_json=as_json)
+        return
+    asked = Asked(standard, unit, limits_of(limit or ()), air, expansion, material_degc, seed, store, axis, phase)
+    evaluate_files(files or [], asked, as_json=as_json)
 
 
 @app.command()
 def lint(
     file: Annotated[Path, typer.Argument(help="Compensation table as text.", show_default=False)],
+    control: Annotated[str, typer.Option(help="Size limits of a control: 840D, 828D, 808D or 802D.")] = "",
+    points: Annotated[int | None, typer.Option(min=0, help="Reserved EEC points, MD38000.", show_default=False)] = None,
+    cec_points: Annotated[
+        int | None, typer.Option(min=0, help="Reserved CEC points, MD18342.", show_default=False)
+    ] = None,
+    velocity: Annotated[
+        float | None, typer.Option(min=0, help="Velocity of the input axis, mm/min or deg/min.", show_default=False)
+    ] = None,
+    reference: Annotated[
+        list[str] | None, typer.Option(help="[AXIS=]POSITION where tables must be zero.", show_default=False)
+    ] = None,
+    rotary: Annotated[list[str] | None, typer.Option(help="An axis that is rotary.", show_default=False)] = None,
+    strict: Annotated[bool, typer.Option("--strict", help="Count warnings as errors.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Say everything that is wrong or doubtful in a compensation table file."""
-    from gateway.cli.files import lint_file
+    from drivers.tablefile import TableMachine
+    from gateway.cli.tables import lint_file, positions, rotary_units
 
-    lint_file(file, as_json=as_json)
+    known = TableMachine(
+        control=control.upper().removesuffix("SL").strip(),
+        eec_points=points,
+        cec_points=cec_points,
+        velocity=velocity,
+        references=positions(reference or [], "--reference"),
+        units=rotary_units(rotary or []),
+    )
+    lint_file(file, known, strict=strict, as_json=as_json)
+
+
+@app.command()
+def diff(
+    first: Annotated[Path, typer.Argument(help="Table file or back-up.", show_default=False)],
+    second: Annotated[Path, typer.Argument(help="The other one.", show_default=False)],
+    rotary: Annotated[list[str] | None, typer.Option(help="An axis that is rotary.", show_default=False)] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Compare two table files point by point; exit code 0 the same, 1 different, 2 trouble."""
+    from gateway.cli.tables import diff_files
+
+    diff_files(first, second, rotary or [], as_json=as_json)
+
+
+@app.command()
+def convert(
+    result: Annotated[Path, typer.Argument(help="Measured result file.", show_default=False)],
+    to: Annotated[str, typer.Option(help="eec (mean of both directions) or cec (a pair by direction).")],
+    axis: Annotated[str, typer.Option(help="Machine axis name, MD10000.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="File to write: .spf, .mpf, .ini or .arc.")],
+    reference: Annotated[
+        float | None, typer.Option(help="Machine position where the table must be zero.", show_default=False)
+    ] = None,
+    datum: Annotated[
+        list[str] | None,
+        typer.Option(help="FILE=MACHINE position; twice if they count against each other.", show_default=False),
+    ] = None,
+    minimum: Annotated[float | None, typer.Option("--min", help="First point.", show_default=False)] = None,
+    maximum: Annotated[float | None, typer.Option("--max", help="Last point.", show_default=False)] = None,
+    step: Annotated[float | None, typer.Option(help="Distance of the points.", show_default=False)] = None,
+    modulo: Annotated[bool, typer.Option("--modulo", help="Endless rotary axis, 0 to 360 deg.")] = False,
+    unit: Annotated[str, typer.Option(help="Unit of the deviations, where the file does not say it.")] = "",
+    index: Annotated[int, typer.Option(min=0, help="Encoder (eec: 0 or 1) or first table number (cec).")] = 0,
+    form: Annotated[str, typer.Option(help="program, ini, axis-ini, archive or numbered.")] = "",
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Make a compensation table file of a measured result file; the datum must be given."""
+    from gateway.cli.convert import Wish, convert_file
+
+    wish = Wish(
+        result=result,
+        to=to,
+        axis=axis,
+        reference=reference,
+        datum=tuple(datum or ()),
+        minimum=minimum,
+        maximum=maximum,
+        step=step,
+        modulo=modulo,
+        unit=unit,
+        index=index,
+        form=form,
+        output=output,
+        force=force,
+    )
+    convert_file(wish, as_json=as_json)
 
 
 @app.command()

@@ -35,7 +35,7 @@ def run_site_command(
 
     with progress(quiet=as_json) as say:
         outcome = asyncio.run(main(say))
-    _show_outcome(outcome, as_json=as_json)
+    show_outcome(outcome, as_json=as_json)
 
 
 def push_run_command(run_folder: str, store: Path, apply: bool, machine: str, *, as_json: bool) -> None:
@@ -50,7 +50,7 @@ def push_run_command(run_folder: str, store: Path, apply: bool, machine: str, *,
 
     with progress(quiet=as_json) as say:
         outcome = asyncio.run(main(say))
-    _show_outcome(outcome, as_json=as_json)
+    show_outcome(outcome, as_json=as_json)
 
 
 def recover_command(site: Path, apply: bool, machine: str, *, as_json: bool) -> None:
@@ -143,7 +143,8 @@ def report_command(run_folder: str, store: Path, *, as_json: bool) -> None:
         typer.echo(f"report: {paths.html}")
 
 
-def _show_outcome(outcome: Any, *, as_json: bool) -> None:
+def show_outcome(outcome: Any, *, as_json: bool) -> None:
+    """Print what a workflow handed back, and end with its exit code."""
     if as_json:
         show_json(outcome.as_data())
     else:

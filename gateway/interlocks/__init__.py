@@ -1,18 +1,29 @@
 """May we write? Every reason against it at once, from facts read before; pure.
 
-Limits: |value| 0.200 mm / 0.050 deg; slope 1.0 um/mm / 10 arcsec per deg; change against the live table
-0.120 mm / 0.015 deg; zero at the reference position within 0.1 um / arcsec; old and new agree within
-1 um / 1 arcsec where the axis stands. A measurement older than 24 h or taken more than 2 K away is stale.
+All limits stand in `gateway.interlocks.limits`; what only warns asks for a second person.
 """
 
 from __future__ import annotations
 
+from gateway.interlocks.approval import APPROVED, needed, warnings
+from gateway.interlocks.cross import CROSS, CROSS_RELEASE
 from gateway.interlocks.facts import MAX_JUMP, PushFacts, Refusal, Rule, value_at
+from gateway.interlocks.limits import PushLimits, limits_of
 from gateway.interlocks.machine import CONSENT, MACHINE, NAMED, RELEASE
-from gateway.interlocks.measured import MEASURED
+from gateway.interlocks.measured import MEASURED, MEASURED_CROSS
 from gateway.interlocks.table import FITS, TABLE
 
-__all__ = ["MAX_JUMP", "PushFacts", "Refusal", "refusals", "value_at"]
+__all__ = [
+    "MAX_JUMP",
+    "PushFacts",
+    "PushLimits",
+    "Refusal",
+    "limits_of",
+    "needed",
+    "refusals",
+    "value_at",
+    "warnings",
+]
 
 
 def refusals(facts: PushFacts) -> tuple[Refusal, ...]:
@@ -23,9 +34,10 @@ def refusals(facts: PushFacts) -> tuple[Refusal, ...]:
 def rules_for(facts: PushFacts) -> tuple[Rule, ...]:
     """The rules that this purpose and moment must pass."""
     if facts.moment == "release":
-        return RELEASE
+        return (*RELEASE, *CROSS_RELEASE)
     if facts.purpose == "restore":
-        return (*MACHINE, *NAMED, *FITS)
+        return (*MACHINE, *NAMED, *FITS, *CROSS_RELEASE)
     if facts.purpose == "sign-proof":
-        return (*MACHINE, *CONSENT, *TABLE)
-    return (*MACHINE, *CONSENT, *TABLE, *MEASURED)
+        return (*MACHINE, *CONSENT, *TABLE, *CROSS)
+    measured = MEASURED_CROSS if facts.is_cross else MEASURED
+    return (*MACHINE, *CONSENT, *TABLE, *CROSS, *measured, *APPROVED)

@@ -14,17 +14,22 @@ from drivers.types import (
     Ambient,
     AxisState,
     CompensationTable,
+    LiveSet,
+    LiveTable,
     MachineIdentity,
     MachineState,
+    Marker,
     SignProof,
     TableLimits,
 )
 from drivers.units import AxisUnit
-from gateway.domain import Capture, TableChange
+from gateway.domain import Approval, Capture, TableChange
+from gateway.interlocks.limits import MAX_JUMP, PushLimits, limits_of
+
+__all__ = ["MAX_JUMP", "ROUNDING", "PushFacts", "Refusal", "Rule", "no", "others_now", "rest_of", "value_at"]
 
 # Values are judged with this much room, so that a table exactly at its limit passes.
 ROUNDING = 1e-6
-MAX_JUMP = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,8 +50,14 @@ class PushFacts:
     """All that is known when the question is asked.
 
     ``moment`` "start" is before anything is sent, "release" while the program waits between its halves.
-    ``agreeing_position`` is where old and new table agree (None: nowhere). ``unchanged`` says whether the live
-    tables are those of the capture (None: not read yet). ``unfinished`` names journals left open.
+    ``reference`` is that of the table's input axis. ``agreeing_position`` is where old and new table agree (None:
+    nowhere). ``unchanged`` says whether the live tables are those of the capture (None: not read yet); ``live``
+    are the live tables themselves, CEC as deviations. ``unfinished`` names journals left open, ``marker`` is what
+    the controller remembers and ``marker_ours`` whether that number was given here.
+
+    ``plan`` is `gateway.push.plan_hash` of the change; ``actor`` who pushes; ``approvals`` who else agreed;
+    ``approvals_needed`` None: one person, two when there is any warning. ``audit_broken`` says why the audit
+    chain cannot be trusted ("": it can). ``key_taken`` names another plan under the same transaction key.
     """
 
     change: TableChange
@@ -69,6 +80,16 @@ class PushFacts:
     modes: tuple[str, ...] = ("AUTO",)
     harmless_alarms: tuple[int, ...] = ()
     access_level_needed: int = 7
+    live: LiveSet | None = None
+    marker: Marker | None = None
+    marker_ours: bool = True
+    marker_kept: bool = True
+    plan: str = ""
+    actor: str = ""
+    approvals: tuple[Approval, ...] = ()
+    approvals_needed: int | None = None
+    audit_broken: str = ""
+    key_taken: str = ""
 
     @property
     def table(self) -> CompensationTable:
@@ -81,9 +102,29 @@ class PushFacts:
         return self.change.new.output_unit
 
     @property
+    def bounds(self) -> PushLimits:
+        """The limits for the table's output axis."""
+        return limits_of(self.unit)
+
+    @property
+    def is_cross(self) -> bool:
+        """Whether the table belongs to the CEC layer."""
+        return self.change.new.function == "CEC"
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Machine axes concerned: the output, and the input where it is another."""
+        return tuple(dict.fromkeys((self.change.axis, self.table.input_axis)))
+
+    @property
     def axis_state(self) -> AxisState | None:
-        """The axis as the controller reports it."""
+        """The output axis as the controller reports it."""
         return self.state.axes.get(self.change.axis)
+
+    @property
+    def input_state(self) -> AxisState | None:
+        """The input axis as the controller reports it."""
+        return self.state.axes.get(self.table.input_axis)
 
 
 Rule = Callable[[PushFacts], Iterator[Refusal]]
@@ -99,3 +140,23 @@ def value_at(table: CompensationTable, position: float) -> float:
     if table.step <= 0 or not any(table.deviations):
         return 0.0
     return float(table.at(np.array([position]))[0])
+
+
+def rest_of(live: LiveSet, table: CompensationTable) -> tuple[LiveTable, ...]:
+    """The CEC tables of the set's axis but for ``table``."""
+    return tuple(one for one in live.cec if table.function == "EEC" or one.table.index != table.index)
+
+
+def others_now(facts: PushFacts) -> float:
+    """What the other CEC tables of the output axis add where their input axes stand; 0 for an EEC push.
+
+    A CEC push switches all tables of its output axis off and on again, so this moves the axis too. Before
+    anything is sent its own input axis counts as standing where it will be brought to.
+    """
+    if facts.live is None or not facts.is_cross:
+        return 0.0
+    places = {name: axis.position for name, axis in facts.state.axes.items()}
+    if facts.moment == "start" and facts.agreeing_position is not None:
+        places[facts.table.input_axis] = facts.agreeing_position
+    enabled = [one.table for one in rest_of(facts.live, facts.table) if one.enabled]
+    return sum(value_at(table, places.get(table.input_axis, table.minimum)) for table in enabled)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from drivers.types import ChannelStatus
-from gateway.interlocks.facts import MAX_JUMP, ROUNDING, PushFacts, Refusal, Rule, no, value_at
+from drivers.types import ChannelStatus, SignProof
+from gateway.interlocks.facts import ROUNDING, PushFacts, Refusal, Rule, no, others_now, value_at
+from gateway.interlocks.limits import PROOF_TIMES_U, PROOF_WITHIN
 
 
 def _machine(facts: PushFacts) -> Iterator[Refusal]:
@@ -39,15 +40,25 @@ def _alarms(facts: PushFacts) -> Iterator[Refusal]:
 
 
 def _axis(facts: PushFacts) -> Iterator[Refusal]:
-    axis = facts.axis_state
-    if axis is None:
-        known = ", ".join(sorted(facts.state.axes))
-        yield from no("E-INT-AXIS", axis=facts.change.axis, known=known)
-        return
-    if not axis.referenced:
-        yield from no("E-INT-REFERENCE", axis=axis.name)
-    if not axis.in_position:
-        yield from no("E-INT-MOVING", axis=axis.name)
+    """Output and input axis alike: no compensation acts unless both are referenced."""
+    known = ", ".join(sorted(facts.state.axes))
+    for name in facts.axes:
+        axis = facts.state.axes.get(name)
+        if axis is None:
+            yield from no("E-INT-AXIS" if name == facts.change.axis else "E-INT-INPUT", axis=name, known=known)
+            continue
+        if not axis.referenced:
+            yield from no("E-INT-REFERENCE", axis=axis.name)
+        if not axis.in_position:
+            yield from no("E-INT-MOVING", axis=axis.name)
+
+
+def _axis_units(facts: PushFacts) -> Iterator[Refusal]:
+    table = facts.table
+    for axis, unit in ((facts.axis_state, table.output_unit), (facts.input_state, table.input_unit)):
+        if axis is not None and axis.unit != unit:
+            yield from no("E-INT-UNIT", table=table.name, axis=axis.name, wanted=unit, found=axis.unit)
+            return
 
 
 def _access(facts: PushFacts) -> Iterator[Refusal]:
@@ -57,14 +68,14 @@ def _access(facts: PushFacts) -> Iterator[Refusal]:
 
 
 def _jump(facts: PushFacts) -> Iterator[Refusal]:
-    axis = facts.axis_state
-    if axis is None:
+    """What switching on will do, this table and those that come on with it."""
+    axis = facts.input_state
+    if axis is None or (facts.purpose == "restore" and not facts.change.old_enabled):
         return
-    jump = value_at(facts.table, axis.position)
-    if facts.purpose == "restore" and not facts.change.old_enabled:
-        return
-    if abs(jump) > MAX_JUMP + ROUNDING:
-        fields = {"axis": axis.name, "position": axis.position, "limit": MAX_JUMP}
+    alone = value_at(facts.table, axis.position)
+    jump = max(alone, alone + others_now(facts), key=abs)
+    if abs(jump) > facts.bounds.jump + ROUNDING and abs(others_now(facts)) <= facts.bounds.jump + ROUNDING:
+        fields = {"axis": facts.change.axis, "position": axis.position, "limit": facts.bounds.jump}
         yield from no("E-INT-JUMP", jump=round(jump, 3), unit=facts.table.deviation_unit, **fields)
 
 
@@ -90,7 +101,21 @@ def _nothing(facts: PushFacts) -> Iterator[Refusal]:
         yield from no("E-INT-NOTHING", table=change.new.name)
 
 
+def _marker(facts: PushFacts) -> Iterator[Refusal]:
+    """Somebody else's push that did not end: on another PC, or in a store that is gone."""
+    marker = facts.marker
+    if marker is not None and marker.state in ("in-progress", "held") and not facts.marker_ours:
+        yield from no("E-INT-MARKER", number=marker.transaction, state=marker.state)
+
+
+def _key(facts: PushFacts) -> Iterator[Refusal]:
+    if facts.key_taken:
+        yield from no("E-INT-KEY", key=facts.key_taken)
+
+
 def _base(facts: PushFacts) -> Iterator[Refusal]:
+    if facts.purpose == "table" and not facts.change.base_digest:
+        yield from no("E-INT-NO-BASE", table=facts.table.name)
     if facts.unchanged is False:
         yield from no("E-INT-LOST-UPDATE", axis=facts.change.axis, base=facts.change.base_digest[:12])
 
@@ -106,9 +131,18 @@ def _proof(facts: PushFacts) -> Iterator[Refusal]:
         yield from no("E-INT-OTHER-PROOF", axis=table.output_axis, differ=differ)
     elif table.function == "EEC" and proof.sign != 1:
         yield from no("E-INT-SIGN", axis=table.output_axis, slope=proof.slope)
+    elif not _sound(proof):
+        yield from no("E-INT-BAD-PROOF", axis=table.output_axis, slope=proof.slope, u=proof.slope_u)
 
 
-MACHINE: tuple[Rule, ...] = (_machine, _units, _channel, _mode, _alarms, _axis, _access)
-CONSENT: tuple[Rule, ...] = (_name, _unfinished, _skipped, _nothing, _base, _proof)
+def _sound(proof: SignProof) -> bool:
+    """The slope is one within 20 %, clear of its uncertainty, and says what the sign says."""
+    size = abs(proof.slope)
+    clear = abs(size - 1.0) <= PROOF_WITHIN + ROUNDING and size > PROOF_TIMES_U * proof.slope_u
+    return clear and proof.slope * proof.sign < 0
+
+
+MACHINE: tuple[Rule, ...] = (_machine, _units, _channel, _mode, _alarms, _axis, _axis_units, _access)
+CONSENT: tuple[Rule, ...] = (_name, _unfinished, _marker, _key, _skipped, _nothing, _base, _proof)
 RELEASE: tuple[Rule, ...] = (*MACHINE, _jump)
 NAMED: tuple[Rule, ...] = (_name,)

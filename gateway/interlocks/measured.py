@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from datetime import datetime, timedelta
+from datetime import datetime
 
 import numpy as np
 
 from drivers.types import Ambient, FloatArray
 from gateway.interlocks.facts import ROUNDING, PushFacts, Refusal, Rule, no
-
-MAX_AGE = timedelta(hours=24)
-MAX_AHEAD = timedelta(minutes=2)
-MAX_DRIFT_K = 2.0
-MIN_REPETITIONS = 3
-MAX_SUSPECT_SHARE = 0.1
+from gateway.interlocks.limits import (
+    MAX_AGE,
+    MAX_AHEAD,
+    MAX_DRIFT_K,
+    MAX_REMAINING,
+    MAX_REPEATABILITY,
+    MAX_SUSPECT_SHARE,
+    MIN_REPETITIONS,
+)
+from gateway.interlocks.table import largest_change
 
 
 def _age(facts: PushFacts) -> Iterator[Refusal]:
@@ -49,9 +53,19 @@ def _degc(ambient: Ambient) -> float | None:
 
 def _coverage(facts: PushFacts) -> Iterator[Refusal]:
     """The table may reach one measuring interval past the outer targets, no further."""
+    beyond, widest = unmeasured(facts)
+    if beyond > widest * 0.5 + ROUNDING and facts.capture is not None:
+        table, targets = facts.table, facts.capture.targets
+        first, last = float(np.min(targets)), float(np.max(targets))
+        span = {"minimum": table.minimum, "maximum": table.maximum}
+        yield from no("E-INT-COVERAGE", table=table.name, first=first, last=last, **span)
+
+
+def unmeasured(facts: PushFacts) -> tuple[float, float]:
+    """(how far the table reaches past the outer targets beyond one measuring interval, that interval)."""
     capture, table = facts.capture, facts.table
     if capture is None or capture.targets.size < 2:
-        return
+        return 0.0, 0.0
     targets = np.sort(capture.targets)
     widest = max(float(np.max(np.diff(targets))), table.step)
     if table.modulo:
@@ -60,10 +74,7 @@ def _coverage(facts: PushFacts) -> Iterator[Refusal]:
     else:
         low, high = float(targets[0]) - table.minimum, table.maximum - float(targets[-1])
         beyond = max(low, high) - widest
-    if beyond > widest * 0.5 + ROUNDING:
-        first, last = float(targets[0]), float(targets[-1])
-        span = {"minimum": table.minimum, "maximum": table.maximum}
-        yield from no("E-INT-COVERAGE", table=table.name, first=first, last=last, **span)
+    return beyond, widest
 
 
 def _complete(facts: PushFacts) -> Iterator[Refusal]:
@@ -95,13 +106,33 @@ def _measured_axis(facts: PushFacts) -> Iterator[Refusal]:
 
 
 def _gain(facts: PushFacts) -> Iterator[Refusal]:
-    """What is predicted must not be worse than what was measured."""
+    """What is predicted to remain must be half of what was measured at most."""
     if facts.capture is None or facts.change.predicted.size < 2:
         return
     measured, predicted = _spread(_means(facts.capture.deviations)), _spread(facts.change.predicted)
-    if predicted > measured * (1.0 + 1e-9):
-        fields = {"predicted": round(predicted, 3), "measured": round(measured, 3)}
+    if not predicted <= measured * (MAX_REMAINING + 1e-9):
+        fields = {"predicted": round(predicted, 3), "measured": round(measured, 3), "limit": 100.0 * MAX_REMAINING}
         yield from no("E-INT-GAIN", axis=facts.change.axis, unit=facts.table.deviation_unit, **fields)
+
+
+def _repeatable(facts: PushFacts) -> Iterator[Refusal]:
+    """Twice the pooled standard deviation of one reading must be a third of the largest correction at most."""
+    if facts.capture is None:
+        return
+    scatter, largest = 2.0 * _pooled(facts.capture.deviations), largest_change(facts)
+    if largest > 0.0 and scatter > MAX_REPEATABILITY * largest:
+        fields = {"scatter": round(scatter, 3), "largest": round(largest, 3), "unit": facts.table.deviation_unit}
+        yield from no("E-INT-REPEAT", axis=facts.change.axis, **fields)
+
+
+def _pooled(deviations: FloatArray) -> float:
+    """Standard deviation of repetitions of one target and approach, pooled; 0 where nothing is repeated."""
+    there = np.isfinite(deviations)
+    count = np.sum(there, axis=1, keepdims=True)
+    sums = np.sum(np.where(there, deviations, 0.0), axis=1, keepdims=True)
+    apart = np.where(there, deviations - sums / np.maximum(count, 1), 0.0)
+    freedom = int(np.sum(np.maximum(count - 1, 0)))
+    return float(np.sqrt(np.sum(apart**2) / freedom)) if freedom else 0.0
 
 
 def _means(deviations: FloatArray) -> FloatArray:
@@ -117,4 +148,5 @@ def _spread(values: FloatArray) -> float:
     return float(np.std(values)) if values.size else 0.0
 
 
-MEASURED: tuple[Rule, ...] = (_measured_axis, _age, _warmth, _coverage, _complete, _gain)
+MEASURED: tuple[Rule, ...] = (_measured_axis, _age, _warmth, _coverage, _complete, _repeatable, _gain)
+MEASURED_CROSS: tuple[Rule, ...] = (_age, _warmth, _complete)

@@ -6,19 +6,18 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from gateway.interlocks.facts import MAX_JUMP, ROUNDING, PushFacts, Refusal, Rule, no, value_at
+from drivers.types import CompensationTable
+from drivers.units import deviation_scale
+from gateway.interlocks.facts import ROUNDING, PushFacts, Refusal, Rule, no, value_at
+from gateway.interlocks.limits import COARSEST_UM
 
-MAX_VALUE = {"mm": 200.0, "deg": 180.0}
-MAX_SLOPE = {"mm": 1.0, "deg": 10.0}
-MAX_CHANGE = {"mm": 120.0, "deg": 54.0}
-MAX_AT_REFERENCE = 0.1
+TURN_DEG = 360.0
 
 
-def _cross(facts: PushFacts) -> Iterator[Refusal]:
+def _output(facts: PushFacts) -> Iterator[Refusal]:
     table = facts.table
-    if table.function != "EEC":
-        yield from no("E-INT-CROSS", table=table.name, function=table.function)
-    if table.output_axis != facts.change.axis:
+    own_input = table.function == "CEC" or table.input_axis == table.output_axis
+    if table.output_axis != facts.change.axis or not own_input:
         yield from no("E-INT-OTHER-AXIS", table=table.name, axis=facts.change.axis)
 
 
@@ -26,7 +25,14 @@ def _points(facts: PushFacts) -> Iterator[Refusal]:
     needed, reserved = len(facts.table.deviations), facts.limits.reserved_points
     if needed > reserved:
         axis, index = facts.table.output_axis, facts.table.index
-        yield from no("E-INT-POINTS", axis=axis, index=index, needed=needed, reserved=reserved)
+        code = "E-INT-CEC-POINTS" if facts.is_cross else "E-INT-POINTS"
+        yield from no(code, axis=axis, index=index, needed=needed, reserved=reserved)
+
+
+def _resolution(facts: PushFacts) -> Iterator[Refusal]:
+    step = facts.limits.resolution * deviation_scale(facts.unit)
+    if not 0.0 < step <= COARSEST_UM:
+        yield from no("E-INT-RESOLUTION", axis=facts.change.axis, found=step, unit=facts.table.deviation_unit)
 
 
 def _grid(facts: PushFacts) -> Iterator[Refusal]:
@@ -53,44 +59,67 @@ def _values(facts: PushFacts) -> Iterator[Refusal]:
     if values.size == 0 or not np.all(np.isfinite(values)):
         yield from no("E-INT-FINITE", table=table.name)
         return
-    largest = float(np.max(np.abs(values)))
-    if largest > MAX_VALUE[facts.unit] + ROUNDING:
-        yield from no("E-INT-VALUE", table=table.name, value=largest, limit=MAX_VALUE[facts.unit], unit=unit)
-    slope = float(np.max(np.abs(np.diff(values)), initial=0.0)) / table.step if table.step > 0 else 0.0
-    if slope > MAX_SLOPE[facts.unit] + ROUNDING:
-        limit, per = MAX_SLOPE[facts.unit], table.input_unit
+    largest, bounds = float(np.max(np.abs(values))), facts.bounds
+    if largest > bounds.value + ROUNDING:
+        yield from no("E-INT-VALUE", table=table.name, value=largest, limit=bounds.value, unit=unit)
+    slope = steepest(table)
+    if slope > bounds.slope + ROUNDING:
+        limit, per = bounds.slope, table.input_unit
         yield from no("E-INT-SLOPE", table=table.name, slope=round(slope, 4), limit=limit, unit=unit, per=per)
-    if table.modulo and abs(values[0] - values[-1]) > MAX_AT_REFERENCE:
+    if table.modulo and abs(values[0] - values[-1]) > bounds.reference:
         yield from no("E-INT-MODULO", table=table.name, first=values[0], last=values[-1], unit=unit)
+
+
+def steepest(table: CompensationTable) -> float:
+    """Largest slope between points, deviation unit per input axis unit; 0 where there is none."""
+    values = np.asarray(table.deviations, dtype=np.float64)
+    if not table.step > 0 or values.size < 2:
+        return 0.0
+    return float(np.max(np.abs(np.diff(values)))) / table.step
+
+
+def _turn(facts: PushFacts) -> Iterator[Refusal]:
+    table = facts.table
+    wrong = abs(table.maximum - table.minimum - TURN_DEG) > ROUNDING or table.input_unit != "deg"
+    if table.modulo and wrong:
+        yield from no("E-INT-TURN", table=table.name, minimum=table.minimum, maximum=table.maximum)
 
 
 def _reference(facts: PushFacts) -> Iterator[Refusal]:
     value = value_at(facts.table, facts.reference)
-    if not abs(value) <= MAX_AT_REFERENCE + ROUNDING:
-        fields = {"reference": facts.reference, "value": value, "limit": MAX_AT_REFERENCE}
+    if not abs(value) <= facts.bounds.reference + ROUNDING:
+        fields = {"reference": facts.reference, "value": value, "limit": facts.bounds.reference}
         yield from no("E-INT-REF-VALUE", table=facts.table.name, unit=facts.table.deviation_unit, **fields)
 
 
-def _change(facts: PushFacts) -> Iterator[Refusal]:
+def largest_change(facts: PushFacts) -> float:
+    """Largest difference to what acts now, at the new table's points."""
     old = facts.change.old if facts.change.old_enabled else None
     places = np.asarray(facts.table.positions)
     before = np.array([value_at(old, place) for place in places]) if old is not None else np.zeros(places.shape)
     changes = np.abs(np.asarray(facts.table.deviations, dtype=np.float64) - before)
-    largest = float(np.max(changes[np.isfinite(changes)], initial=0.0))
-    if largest > MAX_CHANGE[facts.unit] + ROUNDING:
-        fields = {"change": round(largest, 3), "limit": MAX_CHANGE[facts.unit]}
+    return float(np.max(changes[np.isfinite(changes)], initial=0.0))
+
+
+def _change(facts: PushFacts) -> Iterator[Refusal]:
+    largest = largest_change(facts)
+    if largest > facts.bounds.change + ROUNDING:
+        fields = {"change": round(largest, 3), "limit": facts.bounds.change}
         yield from no("E-INT-CHANGE", table=facts.table.name, unit=facts.table.deviation_unit, **fields)
 
 
 def _agreement(facts: PushFacts) -> Iterator[Refusal]:
     if facts.agreeing_position is None:
-        yield from no("E-INT-NOWHERE", axis=facts.change.axis, limit=MAX_JUMP, unit=facts.table.deviation_unit)
+        limit, unit = facts.bounds.jump, facts.table.deviation_unit
+        yield from no("E-INT-NOWHERE", axis=facts.table.input_axis, limit=limit, unit=unit)
 
 
 TABLE: tuple[Rule, ...] = (
-    _cross,
+    _output,
     _points,
+    _resolution,
     _grid,
+    _turn,
     _findings,
     _values,
     _reference,

@@ -6,6 +6,7 @@ from drivers.errors import TrueflankError
 from gateway.domain import PushRecord
 from gateway.errors import RollbackFailed, VerifyError, WriteRefused
 from gateway.push.context import AxisFacts, PushContext
+from gateway.push.plan import plan_hash
 from gateway.push.recovery import Finding, look, recover, unfinished
 from gateway.push.signproof import prove_sign
 from gateway.push.transaction import Asked, ask, push_table
@@ -18,6 +19,7 @@ __all__ = [
     "ask",
     "look",
     "outcome_error",
+    "plan_hash",
     "prove_sign",
     "push_table",
     "recover",

@@ -11,6 +11,7 @@ import numpy as np
 from drivers.types import CompensationTable, LiveSet, LiveTable, TableLimits
 from drivers.units import deviation_scale
 from gateway.interlocks import MAX_JUMP, value_at
+from gateway.interlocks.facts import rest_of
 
 GRID_TOLERANCE = 1e-6
 # A driver's stated resolution is taken up to this much, so that a wrong one cannot make all tables alike.
@@ -25,7 +26,12 @@ def tolerance(limits: TableLimits, table: CompensationTable) -> float:
 
 
 def differences(wanted: CompensationTable, found: CompensationTable, allowed: float) -> tuple[str, ...]:
-    """What differs, part by part; points beyond ``allowed``, NaN always. Empty means the same table."""
+    """What differs, part by part; points beyond ``allowed``, NaN always. Empty means the same table.
+
+    A table never loaded is one with nothing in it: not every road can take a grid back once it was written.
+    """
+    if wanted.step <= 0 and not any(wanted.deviations) and not any(found.deviations):
+        return ()
     return tuple(_differences(wanted, found, allowed))
 
 
@@ -53,19 +59,103 @@ def same_set(one: LiveSet, two: LiveSet, allowed: float) -> bool:
     """Same tables, switches and backlash, whatever their text looks like."""
     if one.digest == two.digest:
         return True
-    if len(one.cec) != len(two.cec) or abs(one.backlash - two.backlash) > GRID_TOLERANCE:
+    kept, found = _filled(one.cec), _filled(two.cec)
+    if len(kept) != len(found) or abs(one.backlash - two.backlash) > GRID_TOLERANCE:
         return False
-    pairs = ((one.eec, two.eec), *zip(one.cec, two.cec, strict=True))
+    pairs = ((one.eec, two.eec), *zip(kept, found, strict=True))
     return all(same_table(first, second, allowed) for first, second in pairs)
+
+
+def same_rest(one: LiveSet, two: LiveSet, table: CompensationTable, allowed: float) -> bool:
+    """Whether everything but ``table`` is the same. A CEC push switches all tables of its output: those
+    switches are then left out."""
+    cross = table.function == "CEC"
+    if abs(one.backlash - two.backlash) > GRID_TOLERANCE or (cross and not same_table(one.eec, two.eec, allowed)):
+        return False
+    kept, found = _filled(rest_of(one, table)), _filled(rest_of(two, table))
+    if cross:
+        kept, found = _all_off(kept), _all_off(found)
+    pairs = (*zip(kept, found, strict=False), *zip(_not_this(one, table), _not_this(two, table), strict=False))
+    lengths = len(kept) == len(found) and len(_not_this(one, table)) == len(_not_this(two, table))
+    return lengths and all(same_table(first, second, allowed) for first, second in pairs)
+
+
+def _filled(tables: tuple[LiveTable, ...]) -> tuple[LiveTable, ...]:
+    """Without those that are off and hold nothing but zeros: they are as good as never loaded."""
+    return tuple(one for one in tables if one.enabled or any(one.table.deviations))
+
+
+def _all_off(tables: tuple[LiveTable, ...]) -> tuple[LiveTable, ...]:
+    return tuple(dataclasses.replace(one, enabled=False) for one in tables)
+
+
+def _not_this(live: LiveSet, table: CompensationTable) -> tuple[LiveTable, ...]:
+    """Tables of other outputs, without what an order to ``table``'s number takes over from them."""
+    return _filled(tuple(one for one in live.others if table.function == "EEC" or one.table.index != table.index))
+
+
+def table_in(live: LiveSet, wanted: CompensationTable) -> LiveTable:
+    """What the controller holds in the place of ``wanted``; all zero and disabled where there is nothing."""
+    if wanted.function == "EEC":
+        return live.eec
+    for one in live.cec:
+        if one.table.index == wanted.index:
+            return one
+    nothing: dict[str, Any] = {"minimum": 0.0, "maximum": 0.0, "step": 0.0, "deviations": (0.0,), "modulo": False}
+    return LiveTable(dataclasses.replace(wanted, **nothing, direction=0, multiply_by=0, table_type=0), enabled=False)
+
+
+def with_table(live: LiveSet, table: CompensationTable) -> LiveSet:
+    """The set after ``table`` was put into it and enabled, if it belongs to this axis; for comparison only."""
+    if table.output_axis != live.axis:
+        return live
+    now = LiveTable(table, enabled=True)
+    if table.function == "EEC":
+        return dataclasses.replace(live, eec=now, digest="")
+    cec = tuple(one for one in live.cec if one.table.index != table.index)
+    return dataclasses.replace(live, cec=tuple(sorted((*cec, now), key=lambda one: one.table.index)), digest="")
+
+
+def signed(live: LiveSet, sign: int) -> LiveSet:
+    """CEC tables as deviations: stored values times the machine's proven sign."""
+    if sign == 1:
+        return live
+    return dataclasses.replace(live, cec=_turned(live.cec), others=_turned(live.others))
+
+
+def _turned(tables: tuple[LiveTable, ...]) -> tuple[LiveTable, ...]:
+    def turned(table: CompensationTable) -> CompensationTable:
+        return dataclasses.replace(table, deviations=tuple(-value + 0.0 for value in table.deviations))
+
+    return tuple(dataclasses.replace(one, table=turned(one.table)) for one in tables)
+
+
+def three_way(old: CompensationTable, new: CompensationTable, live: CompensationTable, most: int = 8) -> list[str]:
+    """Where the live table is neither the old nor the new one: parameters, then points, ``most`` lines in all."""
+    lines = [
+        f"{name}: old {getattr(old, name)}, new {getattr(new, name)}, live {getattr(live, name)}"
+        for name in ("minimum", "maximum", "step", *_EXACT)
+        if getattr(live, name) not in (getattr(old, name), getattr(new, name))
+    ]
+    for number, value in enumerate(live.deviations):
+        before, after = _point(old, number), _point(new, number)
+        if value not in (before, after):
+            lines.append(f"point {number}: old {before}, new {after}, live {value} {live.deviation_unit}")
+    return [*lines[:most], f"and {len(lines) - most} more"] if len(lines) > most else lines
+
+
+def _point(table: CompensationTable, number: int) -> float | None:
+    return table.deviations[number] if number < len(table.deviations) else None
 
 
 def agreeing_position(
     old: LiveTable, new: CompensationTable, reference: float, travel: tuple[float, float]
 ) -> float | None:
-    """Where disabling the old and enabling the new both move the axis by 1 um / 1 arcsec at most.
+    """Where disabling the old and enabling the new both move the output axis by 1 um / 1 arcsec at most.
 
-    Both acts switch a table against nothing, so each must be near zero there. The reference position if it will
-    do, else the nearest interpolation point inside the travel; None when there is none.
+    A position of the tables' input axis, as ``reference`` and ``travel``. Both acts switch a table against
+    nothing, so each must be near zero there. The reference position if it will do, else the nearest
+    interpolation point inside the travel; None when there is none.
     """
     places = [reference, *sorted(_inside(new, travel), key=lambda place: abs(place - reference))]
     for place in places:

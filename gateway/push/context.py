@@ -8,9 +8,9 @@ from typing import Protocol
 
 from drivers.clock import Clock
 from drivers.ports import Controller
-from drivers.types import Ambient, MachineIdentity, SignProof
+from drivers.types import Ambient, CompensationTable, MachineIdentity, SignProof
 from drivers.units import AxisUnit
-from gateway.domain import Capture
+from gateway.domain import Approval, Capture
 from gateway.say import Say, silence
 
 
@@ -46,6 +46,14 @@ class AxisFacts:
 class PushContext:
     """Everything a push may use.
 
+    ``axis`` is the table's output axis, ``input`` its input axis where that is another (CEC). ``proof`` must be
+    that of the table's function and output axis. ``pushed`` are tables this run has committed before: they are
+    expected in the live set although the capture did not see them.
+
+    ``actor`` is who pushes, ``approvals`` who else agreed, ``approvals_needed`` how many people the site asks
+    for (None: one, two when anything warns). ``audit_broken`` says why the audit cannot be trusted. ``key`` is
+    the caller's transaction key: the same key with the same plan gives the same answer.
+
     ``journals`` is the folder of all machines' journals; ``machine`` the fingerprint the run was made on;
     ``typed_name`` what the operator gave as the machine's name, ``site_name`` what it must be. Timeouts in s of
     the clock: for a person to press NC START or do a reference run, and for one move to end.
@@ -68,3 +76,20 @@ class PushContext:
     harmless_alarms: tuple[int, ...] = ()
     access_level_needed: int = 3
     say: Say = field(default=silence)
+    input: AxisFacts | None = None
+    pushed: tuple[CompensationTable, ...] = ()
+    actor: str = ""
+    approvals: tuple[Approval, ...] = ()
+    approvals_needed: int | None = None
+    audit_broken: str = ""
+    key: str = ""
+
+    @property
+    def moved(self) -> AxisFacts:
+        """The axis that must stand where old and new table agree: the input axis."""
+        return self.input or self.axis
+
+    @property
+    def sign(self) -> int:
+        """What stored CEC values are multiplied with to become deviations; +1 without a proof."""
+        return self.proof.sign if self.proof is not None and self.proof.function == "CEC" else 1

@@ -6,10 +6,14 @@ import contextlib
 from collections.abc import Awaitable, Callable
 
 from drivers.errors import TrueflankError
-from drivers.types import Approach, ChannelStatus, LiveSet, Stop, StopPlan, StopReached, TableLimits
+from drivers.types import Approach, ChannelStatus, LiveSet, PushOrder, Stop, StopPlan, StopReached, TableLimits
 from gateway.domain import TableChange
 from gateway.interlocks import PushFacts
+from gateway.push import journal
+from gateway.push.byhand import visit_by_hand
+from gateway.push.compare import signed
 from gateway.push.context import PushContext
+from gateway.push.plan import plan_hash
 from gateway.push.work import Purpose
 from gateway.walk import Patience, walk
 
@@ -23,12 +27,19 @@ async def facts_at_start(
     purpose: Purpose,
     limits: TableLimits,
     agreeing_position: float | None,
+    *,
+    live: LiveSet | None = None,
     unchanged: bool | None = None,
     unfinished: tuple[str, ...] = (),
+    key_taken: str = "",
 ) -> PushFacts:
-    """Fingerprint and state read now, with all else the interlocks want to know before anything is sent."""
-    found = await context.controller.identify()
-    state = await context.controller.state()
+    """Fingerprint, state and marker read now, with all else the interlocks want to know before anything is sent."""
+    controller = context.controller
+    found = await controller.identify()
+    state = await controller.state()
+    kept = controller.capabilities.marker
+    marker = await controller.marker() if kept else None
+    folder = journal.machine_folder(context.journals, context.machine.serial)
     return PushFacts(
         change=change,
         purpose=purpose,
@@ -39,7 +50,7 @@ async def facts_at_start(
         found=found,
         state=state,
         limits=limits,
-        reference=context.axis.reference,
+        reference=context.moved.reference,
         agreeing_position=agreeing_position,
         now_utc=context.clock.utc(),
         unchanged=unchanged,
@@ -47,29 +58,49 @@ async def facts_at_start(
         capture=context.capture,
         ambient_now=context.ambient_now,
         unfinished=unfinished,
-        modes=context.modes,
+        modes=_modes(context),
         harmless_alarms=context.harmless_alarms,
         access_level_needed=context.access_level_needed,
+        live=live,
+        marker=marker,
+        marker_ours=marker is None or marker.transaction == 0 or journal.knows(folder, marker.transaction),
+        marker_kept=kept,
+        plan=plan_hash(change, context.machine),
+        actor=context.actor,
+        approvals=context.approvals,
+        approvals_needed=context.approvals_needed,
+        audit_broken=context.audit_broken,
+        key_taken=key_taken,
     )
 
 
-async def read_live(context: PushContext, position: float) -> LiveSet:
-    """The live tables of the axis, saved by a program that visits one stop and changes no compensation.
+def _modes(context: PushContext) -> tuple[str, ...]:
+    """Where the operator's hand moves the axes the control may be in JOG as well."""
+    return context.modes if context.controller.capabilities.programs else (*context.modes, "JOG")
 
-    Raises what the port raises: DeadlineExceeded when nobody starts it, DeviceRefused on an alarm.
+
+async def read_live(context: PushContext, position: float) -> LiveSet:
+    """The live tables of the output axis, CEC as deviations; compensation stays as it is.
+
+    Saved by a program that visits one stop, or read directly where the road runs no programs. Raises what the
+    port raises: DeadlineExceeded when nobody starts it, DeviceRefused on an alarm.
     """
-    context.say("P-PUSH-READ", axis=context.axis.name)
-    await visit(context, plan_of(context, "TFREAD", (Stop(position, approach_to(context, position)),)), _nothing)
-    return await context.controller.saved_tables(context.axis.name)
+    if context.controller.capabilities.programs:
+        context.say("P-PUSH-READ", axis=context.axis.name)
+        stop = Stop(position, approach_to(context, position))
+        await visit(context, plan_of(context, "TFREAD", (stop,)), _nothing)
+    return signed(await context.controller.saved_tables(context.axis.name), context.sign)
 
 
 async def _nothing(_stop: Stop, _reached: StopReached) -> None:
     return None
 
 
-def plan_of(context: PushContext, name: str, stops: tuple[Stop, ...], setup: str = "") -> StopPlan:
-    """A motion program of this axis."""
-    axis = context.axis
+def plan_of(
+    context: PushContext, name: str, stops: tuple[Stop, ...], setup: str = "", cross_table: int | None = None
+) -> StopPlan:
+    """A motion program of the table's input axis that shows and saves what acts on the output axis."""
+    axis = context.moved
     return StopPlan(
         name=f"{name}{axis.letter}",
         axis=axis.name,
@@ -82,7 +113,9 @@ def plan_of(context: PushContext, name: str, stops: tuple[Stop, ...], setup: str
         dwell_s=axis.dwell_s,
         setup=setup,
         save_tables=True,
-        encoder=axis.encoder,
+        encoder=context.axis.encoder,
+        output_axis="" if context.input is None else context.axis.name,
+        cross_table=cross_table,
     )
 
 
@@ -93,29 +126,32 @@ def stops_at(context: PushContext, positions: tuple[float, ...]) -> tuple[Stop, 
     )
 
 
-def approach_to(context: PushContext, position: float) -> Approach:
+def approach_to(context: PushContext, position: float, direction: int = 0) -> Approach:
     """The direction from which a stop is reached without leaving the travel.
 
-    Coming up from below needs room for the overrun below; near the lower end the axis comes down.
+    Coming up from below needs room for the overrun below; near the lower end the axis comes down. A table that
+    acts in one ``direction`` of travel is met in that direction.
     """
-    axis = context.axis
+    axis = context.moved
+    if direction:
+        return 1 if direction > 0 else -1
     return -1 if not axis.modulo and position - axis.overrun < axis.travel[0] else 1
 
 
-async def visit(context: PushContext, plan: StopPlan, at_stop: AtStop) -> list[StopReached]:
-    """Send a motion program and be at each of its stops; `at_stop` is awaited while the axis stands.
+async def visit(context: PushContext, plan: StopPlan, at_stop: AtStop, order: PushOrder | None = None) -> None:
+    """Be at each stop of a plan; `at_stop` is awaited while the axis stands.
 
-    Raises what `gateway.walk.walk` raises; the program is then asked to end.
+    By a program of ours, or by the operator's hand where the road runs none; ``order`` names the table that
+    stops switch there. Raises what `gateway.walk.walk` and `byhand.visit_by_hand` raise.
     """
-    reached: list[StopReached] = []
 
     async def note(_index: int, stop: Stop, found: StopReached) -> None:
-        reached.append(found)
         await at_stop(stop, found)
 
-    patience = Patience(context.start_timeout_s, context.stop_timeout_s)
-    await walk(context.controller, plan, note, patience)
-    return reached
+    if context.controller.capabilities.programs:
+        await walk(context.controller, plan, note, Patience(context.start_timeout_s, context.stop_timeout_s))
+    else:
+        await visit_by_hand(context, plan, at_stop, order)
 
 
 async def leave_program(context: PushContext) -> None:

@@ -187,6 +187,34 @@ def all_of(folder: Path) -> tuple[JournalRead, ...]:
     return tuple(read(path) for path in sorted(folder.iterdir()) if _NAME.fullmatch(path.name))
 
 
+def knows(folder: Path, number: int) -> bool:
+    """Whether a transaction number, or that of a restore inside one, was given by this store for the machine."""
+    named = f"tx-{number:06d}.jnl"
+    if (folder / named).exists() or (folder / "done" / named).exists():
+        return True
+    return any(number in orders_of(found) for found in (*all_of(folder), *reversed(all_of(folder / "done"))))
+
+
+def orders_of(found: JournalRead) -> frozenset[int]:
+    """Every number this journal sent to the controller, its own among them."""
+    sent = (entry.facts.get("order") for entry in found.entries)
+    return frozenset((found.number, *(number for number in sent if isinstance(number, int))))
+
+
+def by_key(folder: Path, key: str) -> JournalRead | None:
+    """The newest transaction of a machine with this key of the caller's, ended or not."""
+    found = [one for one in (*all_of(folder / "done"), *all_of(folder)) if one.entries]
+    return next((one for one in reversed(found) if one.entries[0].facts.get("key") == key), None)
+
+
+def tidy(folder: Path) -> tuple[JournalRead, ...]:
+    """Set ended journals aside that a crash left in place; returns them."""
+    left = tuple(found for found in all_of(folder) if found.finished)
+    for found in left:
+        set_aside(found.path)
+    return left
+
+
 def set_aside(path: Path) -> None:
     """Move an ended journal to `done`, never delete it; where that is refused it stays and is still read."""
     done = path.parent / "done"

@@ -3,34 +3,52 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
-from drivers.types import CompensationTable, LiveSet, LiveTable, PushOrder
+from drivers.types import LiveSet, PushOrder
 from gateway.errors import VerifyError, WriteRefused
-from gateway.interlocks import PushFacts, refusals, value_at
+from gateway.interlocks import PushFacts, refusals
+from gateway.interlocks.facts import rest_of
 from gateway.push import conversation
-from gateway.push.compare import differences, same_set, same_table, steepest, table_facts
+from gateway.push.byhand import room_of, stand_at
+from gateway.push.compare import differences, same_rest, same_set, table_facts, table_in
 from gateway.push.work import Work
-
-# The axis stands within its exact stop window of the target: 0.01 mm or deg.
-POSITION_SLACK = 0.01
-SHOWN_SLACK = 0.01
 
 
 async def load(work: Work, order: PushOrder, base: LiveSet | None) -> None:
     """First half. On return the table is in the controller, compared point by point, and disabled.
 
-    ``base`` is what must still have been live when the program backed it up; None for a restore.
-    Raises VerifyError (E-PUSH-READBACK, E-PUSH-COUPLED, E-PUSH-LOST-UPDATE) and what the port raises.
+    ``base`` is what must still have been live when it was backed up; None for a restore.
+    Raises VerifyError (E-PUSH-MARKER, E-PUSH-READBACK, E-PUSH-COUPLED, E-PUSH-LOST-UPDATE) and what the port
+    raises.
     """
     context = work.context
+    await _stand(work, order)
     work.note("DISABLE", order=order.transaction, purpose=order.purpose)
+    work.marked = order
     await context.controller.prepare_push(order)
+    await _check_marker(work, order)
     context.say("P-PUSH-LOAD", axis=work.axis, transaction=order.transaction)
     backup, readback = await context.controller.wait_loaded(order, context.start_timeout_s)
     _keep_backup(work, order, backup)
     _judge(work, order, base, backup, readback)
     work.note("LOADED", order=order.transaction, digest=readback.digest)
+
+
+async def _stand(work: Work, order: PushOrder) -> None:
+    """A program moves the axis where the tables agree; without programs the operator does."""
+    if not work.context.controller.capabilities.programs:
+        await stand_at(work.context, order.agreeing_position, room_of(order.table, work.restore_to.table))
+
+
+async def _check_marker(work: Work, order: PushOrder) -> None:
+    """The marker must stand in the controller before anything of the compensation changes."""
+    controller = work.context.controller
+    if not controller.capabilities.marker:
+        return
+    marker = await controller.marker()
+    if marker is None or (marker.transaction, marker.state) != (order.transaction, "in-progress"):
+        found = "nothing" if marker is None else f"{marker.transaction} {marker.state}"
+        raise VerifyError("E-PUSH-MARKER", work.axis, axis=work.axis, wanted=order.transaction, found=found)
 
 
 def _keep_backup(work: Work, order: PushOrder, backup: LiveSet) -> None:
@@ -41,30 +59,32 @@ def _keep_backup(work: Work, order: PushOrder, backup: LiveSet) -> None:
         work.note("FAILED_TABLE", path=path, digest=backup.digest)
         return
     work.backup_path = path
-    work.restore_to = backup.eec
-    old = {"old": table_facts(backup.eec.table), "old_enabled": backup.eec.enabled}
+    work.restore_to = table_in(backup, order.table)
+    work.base = backup
+    old = {"old": table_facts(work.restore_to.table), "old_enabled": work.restore_to.enabled}
     work.note("BACKUP", path=path, digest=backup.digest, **old)
 
 
 def _judge(work: Work, order: PushOrder, base: LiveSet | None, backup: LiveSet, readback: LiveSet) -> None:
-    axis = work.axis
+    axis, found = work.axis, table_in(readback, order.table)
     if base is not None and not same_set(base, backup, work.allowed):
         raise VerifyError("E-PUSH-LOST-UPDATE", axis, axis=axis, base=base.digest[:12], found=backup.digest[:12])
-    different = list(differences(order.table, readback.eec.table, work.allowed))
-    if readback.eec.enabled:
+    different = list(differences(order.table, found.table, work.allowed))
+    if found.enabled:
         different.append("the compensation is still enabled")
     if different:
         raise VerifyError("E-PUSH-READBACK", axis, count=len(different), first=different[0])
-    if not same_set(replace(backup, eec=readback.eec), readback, work.allowed):
+    if not same_rest(backup, readback, order.table, work.allowed):
         raise VerifyError("E-PUSH-COUPLED", axis, axis=axis)
 
 
 async def release(work: Work, order: PushOrder) -> None:
-    """Second half: fingerprint and state once more, the release, the operator's NC START, activation.
+    """Second half: fingerprint and state once more, the release, consent at the machine, activation.
 
     Raises WriteRefused (E-PUSH-RELEASE) before the release, VerifyError (E-PUSH-SWITCH) after it.
     """
     context = work.context
+    await _stand(work, order)
     await _ask_again(work, order)
     work.note("ENABLE", order=order.transaction, enable=order.enable)
     await context.controller.release_push(order)
@@ -81,7 +101,9 @@ async def release(work: Work, order: PushOrder) -> None:
 
 async def _ask_again(work: Work, order: PushOrder) -> None:
     change = replace(work.change, new=order.table, old_enabled=order.enable)
-    start = await conversation.facts_at_start(work.context, change, order.purpose, work.limits, order.agreeing_position)
+    start = await conversation.facts_at_start(
+        work.context, change, order.purpose, work.limits, order.agreeing_position, live=work.base
+    )
     found = refusals(_at_release(start))
     if found:
         reasons = "; ".join(refusal.words for refusal in found)
@@ -92,47 +114,6 @@ def _at_release(facts: PushFacts) -> PushFacts:
     return replace(facts, moment="release")
 
 
-async def prove_effect(work: Work, positions: tuple[float, ...], base: LiveSet) -> None:
-    """Visit positions and compare what the controller says it applies with the table; then read all once more.
-
-    Raises VerifyError (E-PUSH-EFFECT, E-PUSH-OVERWRITTEN, E-PUSH-COUPLED) and what the port raises.
-    """
-    context, table = work.context, work.change.new
-    context.say("P-PUSH-EFFECT", axis=work.axis, count=len(positions))
-    stops = conversation.stops_at(context, positions)
-    reached = await conversation.visit(context, conversation.plan_of(context, "TFEFFECT", stops), _no_reading)
-    shown = [(stop.target, value_at(table, stop.target), stop.encoder_compensation) for stop in reached]
-    work.effect = tuple(shown)
-    for position, expected, found in shown:
-        if not abs(found - expected) <= effect_tolerance(work, table):
-            fields: dict[str, Any] = {"position": position, "expected": round(expected, 4), "found": round(found, 4)}
-            raise VerifyError("E-PUSH-EFFECT", work.axis, unit=table.deviation_unit, **fields)
-    live = await context.controller.saved_tables(work.axis)
-    _still_there(work, live, base)
-    await same_machine(work)
-
-
-async def _no_reading(_stop: object, _reached: object) -> None:
-    return None
-
-
-def effect_tolerance(work: Work, table: CompensationTable) -> float:
-    """How far the controller's own value may be from the table: last place, standing still, display."""
-    return 2.0 * work.allowed + POSITION_SLACK * steepest(table) + SHOWN_SLACK
-
-
-def _still_there(work: Work, live: LiveSet, base: LiveSet) -> None:
-    wanted = LiveTable(work.change.new, enabled=True)
-    if not same_table(wanted, live.eec, work.allowed):
-        different = differences(wanted.table, live.eec.table, work.allowed) or ("the switch is off",)
-        raise VerifyError("E-PUSH-OVERWRITTEN", work.axis, axis=work.axis, first=different[0])
-    if not same_set(replace(base, eec=live.eec), live, work.allowed):
-        raise VerifyError("E-PUSH-COUPLED", work.axis, axis=work.axis)
-
-
-async def same_machine(work: Work) -> None:
-    """The fingerprint once more. Raises VerifyError (E-PUSH-OTHER-MACHINE)."""
-    found = await work.context.controller.identify()
-    different = work.context.machine.differences(found)
-    if different:
-        raise VerifyError("E-PUSH-OTHER-MACHINE", work.axis, differ=", ".join(different))
+def is_coupled(live: LiveSet, work: Work) -> bool:
+    """Whether other CEC tables of the output axis are on; never for an EEC push, which leaves them alone."""
+    return work.change.layer == "CEC" and any(one.enabled for one in rest_of(live, work.change.new))

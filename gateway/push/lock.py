@@ -17,7 +17,17 @@ _BYTE = 1024
 
 @contextlib.contextmanager
 def machine_lock(folder: Path) -> Iterator[None]:
-    """Hold a machine's lock. Raises BusyError (E-PUSH-BUSY) naming the holder, StoreError (E-PUSH-DISK)."""
+    """Hold a machine's lock and, above it, the gateway's: one push at a time, whatever the machine.
+
+    Raises BusyError (E-PUSH-BUSY) naming the holder, StoreError (E-PUSH-DISK).
+    """
+    with held(folder), held(folder.parent):
+        yield
+
+
+@contextlib.contextmanager
+def held(folder: Path) -> Iterator[None]:
+    """Hold one folder's lock. Raises BusyError (E-PUSH-BUSY) naming the holder, StoreError (E-PUSH-DISK)."""
     path = folder / "lock"
     try:
         folder.mkdir(parents=True, exist_ok=True)

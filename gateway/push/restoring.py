@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 from drivers.errors import TrueflankError
+from drivers.types import LiveSet
 from gateway.errors import VerifyError, WriteRefused
 from gateway.interlocks import refusals
 from gateway.push import conversation
-from gateway.push.compare import differences, same_table
-from gateway.push.loading import load, release, same_machine
+from gateway.push.compare import differences, same_table, table_in
+from gateway.push.loading import is_coupled, load, release
 from gateway.push.work import Outcome, Work
 
 
@@ -23,31 +24,45 @@ async def roll_back(work: Work, why: str) -> Outcome:
     try:
         await _restore(work)
     except TrueflankError as error:
-        work.note("HELD", why=str(error), backup=work.backup_path)
-        work.context.say("P-PUSH-HELD", axis=work.axis, why=str(error), backup=work.backup_path or "none yet")
+        await hold(work, str(error))
         return "held"
+    await work.finish("none")
     work.note("ROLLED_BACK")
     return "rolled-back"
 
 
+async def hold(work: Work, why: str) -> None:
+    """Stop here: note it, tell it, and let the controller's marker say so to whoever comes next."""
+    work.note("HELD", why=why, backup=work.backup_path)
+    work.context.say("P-PUSH-HELD", axis=work.axis, why=why, backup=work.backup_path or "none yet")
+    await work.finish("held")
+
+
 async def _restore(work: Work) -> None:
     """Read first: what is already as it was is left alone, what is neither old nor new is left to a person."""
-    await same_machine(work)
+    await work.same_machine()
     await conversation.leave_program(work.context)
     await _asked(work)
-    live = (await conversation.read_live(work.context, work.agreeing_position)).eec
-    if same_table(work.restore_to, live, work.allowed):
+    live = await conversation.read_live(work.context, work.agreeing_position)
+    if as_before(work, live):
         return
-    if live.enabled and differences(work.change.new, live.table, work.allowed):
+    found = table_in(live, work.change.new)
+    if found.enabled and differences(work.change.new, found.table, work.allowed):
         raise VerifyError("E-PUSH-FOREIGN", work.axis, axis=work.axis)
     await play_back(work)
+
+
+def as_before(work: Work, live: LiveSet) -> bool:
+    """Whether the table, its switch and the switches that hang together with it are as they were."""
+    same = same_table(work.restore_to, table_in(live, work.change.new), work.allowed)
+    return same and (work.change.layer == "EEC" or is_coupled(live, work) == work.coupled)
 
 
 async def _asked(work: Work) -> None:
     """The interlocks of a restore. Raises WriteRefused (E-PUSH-REFUSED) with every reason."""
     change = replace(work.change, new=work.restore_to.table)
     context, place = work.context, work.agreeing_position
-    facts = await conversation.facts_at_start(context, change, "restore", work.limits, place)
+    facts = await conversation.facts_at_start(context, change, "restore", work.limits, place, live=work.base)
     found = refusals(facts)
     if found:
         reasons = "; ".join(refusal.words for refusal in found)
@@ -63,7 +78,8 @@ async def play_back(work: Work) -> None:
     order = work.order(old.table, old.enabled, "restore", work.fresh_number())
     await load(work, order, None)
     await release(work, order)
-    live = (await conversation.read_live(work.context, work.agreeing_position)).eec
-    if not same_table(old, live, work.allowed):
-        different = differences(old.table, live.table, work.allowed) or ("the switch differs",)
+    live = await conversation.read_live(work.context, work.agreeing_position)
+    if not as_before(work, live):
+        found = table_in(live, old.table).table
+        different = differences(old.table, found, work.allowed) or ("the switch differs",)
         raise VerifyError("E-PUSH-NOT-RESTORED", work.axis, axis=work.axis, first=different[0])

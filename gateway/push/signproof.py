@@ -1,25 +1,27 @@
 """The sign proof: in which direction this machine applies a table, measured on the machine itself.
 
 A triangle table, zero at the reference and both ends, peak 3 um or 3 arcsec, is loaded and activated; the
-axis stands at the peak while the compensation is switched off and on three times. The mean step must be the
-peak within 20 % and more than four times its uncertainty. The old table and its switch are restored.
+input axis stands at the peak while the table is switched off and on three times and the output axis is measured.
+The mean step must be the peak within 20 % and more than four times its uncertainty. EEC: it must be negative, as
+the manual says. CEC: no public text settles the sign, so it is what is measured. What was there is restored.
 """
 
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil, floor
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
-from drivers.errors import TableError, TrueflankError
-from drivers.types import CompensationTable, LiveSet, SignProof, Stop, StopReached, TableLimits
+from drivers.errors import TableError, TrueflankError, UnsupportedDevice
+from drivers.types import CompensationTable, LiveSet, PushOrder, SignProof, Stop, StopReached, TableLimits
 from drivers.units import deviation_unit
 from gateway.domain import TableChange
 from gateway.errors import RollbackFailed, VerifyError, WriteRefused
 from gateway.push import conversation, journal
+from gateway.push.compare import table_in
 from gateway.push.context import PushContext
 from gateway.push.loading import load, release
 from gateway.push.lock import machine_lock
@@ -43,13 +45,20 @@ class Steps:
     each: tuple[float, ...]
 
 
-def triangle(context: PushContext, minimum: float, maximum: float, step: float) -> tuple[CompensationTable, float]:
-    """The proof's table on the axis' grid, and where its peak is.
+def triangle(
+    context: PushContext,
+    minimum: float,
+    maximum: float,
+    step: float,
+    function: Literal["EEC", "CEC"] = "EEC",
+    index: int = 0,
+) -> tuple[CompensationTable, float]:
+    """The proof's table on the input axis' grid, and where its peak is; ``index`` is the CEC table's number.
 
     Zero at the reference (and its two neighbours when it lies between points), at both ends and everywhere
     outside the longer side of the reference. Raises TableError (E-PUSH-TRIANGLE) when no peak fits.
     """
-    axis = context.axis
+    axis, output = context.moved, context.axis
     count = round((maximum - minimum) / step) + 1
     at = min(max((axis.reference - minimum) / step, 0.0), float(count - 1))
     below, above = (0, floor(at + 1e-9)), (ceil(at - 1e-9), count - 1)
@@ -60,17 +69,17 @@ def triangle(context: PushContext, minimum: float, maximum: float, step: float) 
         raise TableError("E-PUSH-TRIANGLE", axis.name, axis=axis.name, **grid)
     values = np.interp(np.arange(count), [first, peak, last], [0.0, PEAK, 0.0])
     table = CompensationTable(
-        "EEC",
+        function,
         axis.name,
-        axis.name,
+        output.name,
         minimum,
         maximum,
         step,
         tuple(round(float(value), 3) for value in values),
         modulo=axis.modulo,
-        index=axis.encoder,
+        index=output.encoder if function == "EEC" else index,
         input_unit=axis.unit,
-        output_unit=axis.unit,
+        output_unit=output.unit,
     )
     return table, minimum + peak * step
 
@@ -89,24 +98,32 @@ async def prove_sign(
     step: float,
     read_stop: ReadStop,
     setup: str = "",
+    function: Literal["EEC", "CEC"] = "EEC",
+    index: int = 0,
 ) -> SignProof:
-    """Prove the EEC sign of one axis on its grid; the caller keeps the record.
+    """Prove the sign of one function on one output axis, on the grid of the input axis; the caller keeps it.
 
-    `read_stop` gives the settled reading at a stop in um or arcsec, positive as the axis counts, and its u;
-    only differences matter. ``setup`` is the operator's message for mounting the optics.
+    `read_stop` gives the settled reading of the *output* axis at a stop in um or arcsec, positive as the axis
+    counts, and its u; only differences matter. ``setup`` is the operator's message for mounting the optics;
+    ``index`` the number of the CEC table to borrow.
     Raises WriteRefused (E-PUSH-REFUSED), VerifyError (E-PUSH-NO-PROOF, E-PUSH-SIGN), RollbackFailed
-    (E-PUSH-HELD), BusyError, StoreError, and what port or reading raise; the old table is then live again.
+    (E-PUSH-HELD), UnsupportedDevice (E-NC-NO-SWITCHING), BusyError, StoreError, and what port or reading raise;
+    the old table is then live again.
     """
-    table, peak = triangle(context, minimum, maximum, step)
-    folder = journal.machine_folder(context.journals, context.machine.serial)
+    raw = replace(context, proof=None)
+    can = raw.controller.capabilities
+    table, peak = triangle(raw, minimum, maximum, step, function, index)
+    if not (can.programs or can.switching):
+        raise UnsupportedDevice("E-NC-NO-SWITCHING", raw.axis.name, table=table.name)
+    folder = journal.machine_folder(raw.journals, raw.machine.serial)
     with machine_lock(folder):
-        await _allowed(context, _change(table, None))
-        live = await conversation.read_live(context, context.axis.reference)
+        await _allowed(raw, _change(table, None), None)
+        live = await conversation.read_live(raw, raw.moved.reference)
         change = _change(table, live)
-        asked = await _allowed(context, change)
-        with begun(context, folder, change, "sign-proof", asked.limits, asked.place) as work:
+        asked = await _allowed(raw, change, live)
+        with begun(raw, folder, change, "sign-proof", asked.limits, asked.place) as work:
             steps = await _proved(work, live, peak, read_stop, setup)
-    return _judged(context, steps)
+    return _judged(raw, steps, function)
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,13 +135,14 @@ class _Allowed:
 def _change(table: CompensationTable, live: LiveSet | None) -> TableChange:
     """Before the live table is known the triangle is asked about as if nothing were live."""
     nothing = np.zeros(0)
-    old, enabled = (live.eec.table, live.eec.enabled) if live is not None else (table, False)
+    held = table_in(live, table) if live is not None else None
+    old, enabled = (held.table, held.enabled) if held is not None else (table, False)
     digest = live.digest if live is not None else ""
     return TableChange(table.output_axis, old, table, enabled, digest, nothing, nothing, nothing)
 
 
-async def _allowed(context: PushContext, change: TableChange) -> _Allowed:
-    asked = await ask(change, context, "sign-proof")
+async def _allowed(context: PushContext, change: TableChange, live: LiveSet | None) -> _Allowed:
+    asked = await ask(change, context, "sign-proof", live)
     if asked.refusals or asked.agreeing_position is None:
         reasons = "; ".join(refusal.words for refusal in asked.refusals)
         raise WriteRefused("E-PUSH-REFUSED", change.axis, count=len(asked.refusals), reasons=reasons)
@@ -139,10 +157,13 @@ async def _proved(work: Work, live: LiveSet, peak: float, read_stop: ReadStop, s
         order = work.order(work.change.new, True, "sign-proof", work.number)
         await load(work, order, live)
         await release(work, order)
-        steps = await _measured(work.context, peak, read_stop, setup)
+        steps = await _measured(work, order, peak, read_stop, setup)
         work.note("MEASURED", mean=steps.mean, u=steps.u, each=list(steps.each))
     except TrueflankError as error:
         failure = error
+        if work.marked is None:
+            work.note("ABORTED", why=str(error))
+            raise
     why = str(failure) if failure is not None else "the sign proof has been measured"
     if await roll_back(work, why) == "held":
         held = RollbackFailed("E-PUSH-HELD", work.axis, axis=work.axis, backup=work.backup_path)
@@ -152,8 +173,9 @@ async def _proved(work: Work, live: LiveSet, peak: float, read_stop: ReadStop, s
     return steps
 
 
-async def _measured(context: PushContext, peak: float, read_stop: ReadStop, setup: str) -> Steps:
-    """Off and on three times while the axis stands at the peak."""
+async def _measured(work: Work, order: PushOrder, peak: float, read_stop: ReadStop, setup: str) -> Steps:
+    """Off and on three times while the input axis stands at the peak."""
+    context = work.context
     approach = conversation.approach_to(context, peak)
     stops = tuple(
         Stop(peak, approach, repetition=number // 2, label=number, switch=bool(number % 2))
@@ -165,7 +187,9 @@ async def _measured(context: PushContext, peak: float, read_stop: ReadStop, setu
         readings.append(await read_stop(stop))
 
     context.say("P-PUSH-SIGN", axis=context.axis.name, position=peak)
-    await conversation.visit(context, conversation.plan_of(context, "TFSIGN", stops, setup), read)
+    switched = order.table.index if order.table.function == "CEC" else None
+    plan = conversation.plan_of(context, "TFSIGN", stops, setup, switched)
+    await conversation.visit(context, plan, read, order)
     return steps_of(readings)
 
 
@@ -178,14 +202,15 @@ def steps_of(readings: list[tuple[float, float]]) -> Steps:
     return Steps(float(np.mean(each)), max(stated, scatter), tuple(float(value) for value in each))
 
 
-def _judged(context: PushContext, steps: Steps) -> SignProof:
+def _judged(context: PushContext, steps: Steps, function: Literal["EEC", "CEC"]) -> SignProof:
     axis = context.axis
     size_right = abs(abs(steps.mean) - PEAK) <= WITHIN * PEAK
     if not size_right or not abs(steps.mean) > TIMES_U * steps.u:
         told: dict[str, Any] = {"mean": round(steps.mean, 3), "u": round(steps.u, 3), "peak": PEAK}
         raise VerifyError("E-PUSH-NO-PROOF", axis.name, axis=axis.name, unit=deviation_unit(axis.unit), **told)
-    if steps.mean > 0:
+    if function == "EEC" and steps.mean > 0:
         told = {"mean": round(steps.mean, 3), "unit": deviation_unit(axis.unit)}
         raise VerifyError("E-PUSH-SIGN", axis.name, axis=axis.name, **told)
     moment = context.clock.utc().isoformat(timespec="seconds")
-    return SignProof(context.machine, "EEC", axis.name, steps.mean / PEAK, steps.u / PEAK, 1, moment)
+    sign: Literal[1, -1] = 1 if steps.mean < 0 else -1
+    return SignProof(context.machine, function, axis.name, steps.mean / PEAK, steps.u / PEAK, sign, moment)

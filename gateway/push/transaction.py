@@ -1,48 +1,66 @@
 """One table into one controller: old or new is enabled at every instant, whatever fails on the way.
 
-Order: interlocks, then the live tables by a program that changes none, interlocks again, first half, compare,
-release, second half, activation, proof of effect. Nothing is written before the live tables are known to be
-those of the capture. A failure after the first half was sent leads back to the old table once, or is held.
+Order: interlocks, then the live tables without changing any, interlocks again, first half, compare, release,
+second half, activation, proof of effect. Nothing is written before the live tables are known to be those the
+change was made on. A failure after the first half was prepared leads back to the old table once, or is held.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 from drivers.errors import TrueflankError
 from drivers.types import LiveSet, LiveTable, TableLimits
 from gateway.domain import PushRecord, TableChange
-from gateway.interlocks import Refusal, refusals
+from gateway.interlocks import PushFacts, Refusal, needed, refusals, warnings
 from gateway.push import conversation, journal
-from gateway.push.compare import agreeing_position, effect_positions, same_set, same_table
+from gateway.push.compare import (
+    agreeing_position,
+    effect_positions,
+    same_set,
+    same_table,
+    signed,
+    table_in,
+    with_table,
+)
 from gateway.push.context import PushContext
-from gateway.push.loading import load, prove_effect, release
+from gateway.push.effect import prove_effect
+from gateway.push.loading import is_coupled, load, release
 from gateway.push.lock import machine_lock
+from gateway.push.plan import plan_hash
 from gateway.push.restoring import roll_back
 from gateway.push.work import Outcome, Purpose, Work, begun
 
 _NOTHING = "E-INT-NOTHING"
+_ENDED: dict[str, Outcome] = {"COMMITTED": "committed", "ROLLED_BACK": "rolled-back", "CLOSED": "rolled-back"}
 
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """The answer of the interlocks before anything is sent."""
+    """The answer of the interlocks before anything is sent; ``warnings`` ask for a second person."""
 
     limits: TableLimits
     agreeing_position: float | None
     refusals: tuple[Refusal, ...]
+    warnings: tuple[Refusal, ...] = ()
+    people: int = 1
 
 
 async def push_table(change: TableChange, context: PushContext) -> PushRecord:
     """Push one table; the record's outcome says how it ended, its steps how it went.
 
-    Reads and refusals change nothing. Raises BusyError (E-PUSH-BUSY) when another push holds the machine,
-    StoreError when the journal cannot be kept, and the port's errors as long as nothing has been written.
+    Reads and refusals change nothing. The context's key with the same plan again gives the earlier answer.
+    Raises BusyError (E-PUSH-BUSY) when another push is under way, StoreError when the journal cannot be kept,
+    and the port's errors as long as nothing has been written.
     """
     if change.skipped:
         return PushRecord(0, change.axis, "skipped", (change.skipped,), "")
     folder = journal.machine_folder(context.journals, context.machine.serial)
     with machine_lock(folder):
+        earlier = _same_again(change, context, folder)
+        if earlier is not None:
+            return earlier
         asked = await ask(change, context, "table")
         reasons = tuple(refusal for refusal in asked.refusals if refusal.code != _NOTHING)
         if reasons or asked.agreeing_position is None:
@@ -51,18 +69,56 @@ async def push_table(change: TableChange, context: PushContext) -> PushRecord:
             return work.record(await _push(work))
 
 
-async def ask(change: TableChange, context: PushContext, purpose: Purpose) -> Asked:
+def _same_again(change: TableChange, context: PushContext, folder: Path) -> PushRecord | None:
+    """The answer already given under this key to this very plan, if that push ended."""
+    found = journal.by_key(folder, context.key) if context.key else None
+    if found is None or found.latest("plan") != plan_hash(change, context.machine):
+        return None
+    outcome = _ENDED.get(found.kinds[-1])
+    if outcome is None:
+        return None
+    steps = tuple(f"{entry.facts.get('utc', '')} {entry.kind}" for entry in found.entries)
+    shown = tuple((float(one[0]), float(one[1]), float(one[2])) for one in found.latest("shown") or ())
+    return PushRecord(found.number, change.axis, outcome, steps, str(found.latest("path") or ""), shown)
+
+
+async def ask(change: TableChange, context: PushContext, purpose: Purpose, live: LiveSet | None = None) -> Asked:
     """Every reason not to push now, from the machine as it stands; reads only, for `push` without apply too.
 
-    Whether the live tables are still those of the capture takes a program on the machine, so it is not asked.
+    Whether the live tables are still those of the capture may take a program on the machine, so it is not asked;
+    ``live`` are the live tables where they are known.
     """
-    limits = await context.controller.table_limits(change.axis)
-    axis = context.axis
-    old = LiveTable(change.old, change.old_enabled)
-    place = agreeing_position(old, change.new, axis.reference, axis.travel)
-    open_ones = unfinished_names(context)
-    facts = await conversation.facts_at_start(context, change, purpose, limits, place, unfinished=open_ones)
-    return Asked(limits, place, refusals(facts))
+    table = change.new
+    limits = await context.controller.table_limits(change.axis, table.function, table.index)
+    place = place_for(LiveTable(change.old, change.old_enabled), change, context)
+    facts = await conversation.facts_at_start(
+        context,
+        change,
+        purpose,
+        limits,
+        place,
+        live=live,
+        unfinished=unfinished_names(context),
+        key_taken=_key_taken(change, context),
+    )
+    return _asked(facts, limits, place)
+
+
+def _asked(facts: PushFacts, limits: TableLimits, place: float | None) -> Asked:
+    return Asked(limits, place, refusals(facts), warnings(facts), needed(facts))
+
+
+def place_for(old: LiveTable, change: TableChange, context: PushContext) -> float | None:
+    """Where the input axis must stand for the switching of old and new."""
+    return agreeing_position(old, change.new, context.moved.reference, context.moved.travel)
+
+
+def _key_taken(change: TableChange, context: PushContext) -> str:
+    """The key, when an earlier push under it was another plan."""
+    folder = journal.machine_folder(context.journals, context.machine.serial)
+    found = journal.by_key(folder, context.key) if context.key else None
+    other = found is not None and found.latest("plan") != plan_hash(change, context.machine)
+    return context.key if other else ""
 
 
 def unfinished_names(context: PushContext) -> tuple[str, ...]:
@@ -97,7 +153,11 @@ async def _push(work: Work) -> Outcome:
     try:
         await _write(work, base)
     except TrueflankError as failure:
+        if work.marked is None:  # nothing was sent: nothing to take back
+            work.note("ABORTED", why=str(failure))
+            raise
         return await roll_back(work, str(failure))
+    await work.finish("committed")
     work.note("COMMITTED")
     return "committed"
 
@@ -106,8 +166,9 @@ async def _write(work: Work, base: LiveSet) -> None:
     order = work.order(work.change.new, True, "table", work.number)
     await load(work, order, base)
     await release(work, order)
-    axis = work.context.axis
-    await prove_effect(work, effect_positions(work.change.new, base.eec, axis.travel, axis.overrun), base)
+    axis = work.context.moved
+    old = table_in(base, work.change.new)
+    await prove_effect(work, effect_positions(work.change.new, old, axis.travel, axis.overrun), base)
     work.note("EFFECT", shown=[list(place) for place in work.effect])
 
 
@@ -119,32 +180,49 @@ async def snapshot(work: Work) -> LiveSet:
 
 
 def keep(work: Work, live: LiveSet) -> None:
-    """Keep the live tables' text, then note where."""
+    """Keep the live tables' text, then note where; from here on the work knows what hangs together."""
     name = f"live-{work.axis}-{work.number:06d}.mpf"
     work.backup_path = str(work.context.folder.write_text(name, live.native))
-    work.note("SNAPSHOT", path=work.backup_path, digest=live.digest)
+    work.base, work.coupled = live, is_coupled(live, work)
+    work.note("SNAPSHOT", path=work.backup_path, digest=live.digest, coupled=work.coupled)
 
 
 def already(work: Work, live: LiveSet) -> bool:
     """Whether the wanted table is live and enabled."""
-    return same_table(LiveTable(work.change.new, enabled=True), live.eec, work.allowed)
+    wanted = LiveTable(work.change.new, enabled=True)
+    return same_table(wanted, table_in(live, work.change.new), work.allowed)
 
 
 async def _still_allowed(work: Work, live: LiveSet) -> tuple[Refusal, ...]:
+    """The same questions with the live tables in hand: the old table is what is really there."""
+    old = table_in(live, work.change.new)
+    change = replace(work.change, old=old.table, old_enabled=old.enabled)
     facts = await conversation.facts_at_start(
         work.context,
-        work.change,
+        change,
         work.purpose,
         work.limits,
-        work.agreeing_position,
+        place_for(old, change, work.context),
+        live=live,
         unchanged=unchanged(work.context, work.change, live, work.allowed),
     )
+    work.restore_to = old
+    if facts.agreeing_position is not None:
+        work.agreeing_position = facts.agreeing_position
     return tuple(refusal for refusal in refusals(facts) if refusal.code != _NOTHING)
 
 
 def unchanged(context: PushContext, change: TableChange, live: LiveSet, allowed: float) -> bool:
-    """Whether the live tables are those the change was made on, by their text or else by all they hold."""
+    """Whether the live tables are those the change was made on, by their text or else by all they hold.
+
+    Tables that this very run has pushed since are part of what is expected.
+    """
     if live.digest == change.base_digest:
         return True
-    base = context.capture.live if context.capture is not None else None
-    return base is not None and base.digest == change.base_digest and same_set(base, live, allowed)
+    base = change.base or (context.capture.live if context.capture is not None else None)
+    if base is None or base.digest != change.base_digest or base.axis != live.axis:
+        return False
+    expected = signed(base, context.sign)
+    for table in context.pushed:
+        expected = with_table(expected, table)
+    return same_set(expected, live, allowed)

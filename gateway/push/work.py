@@ -8,11 +8,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
-from drivers.types import CompensationTable, LiveTable, PushOrder, TableLimits
+from drivers.errors import TrueflankError
+from drivers.types import CompensationTable, LiveSet, LiveTable, PushOrder, TableLimits
 from gateway.domain import PushRecord, TableChange
+from gateway.errors import VerifyError
 from gateway.push import journal
-from gateway.push.compare import table_facts, tolerance
+from gateway.push.compare import signed, table_facts, tolerance
 from gateway.push.context import PushContext
+from gateway.push.plan import plan_hash
 
 Purpose = Literal["table", "sign-proof", "restore"]
 Outcome = Literal["committed", "already-applied", "rolled-back", "held", "refused", "skipped"]
@@ -20,7 +23,11 @@ Outcome = Literal["committed", "already-applied", "rolled-back", "held", "refuse
 
 @dataclass(slots=True)
 class Work:
-    """A push in progress. ``restore_to`` is what must be live again if it fails; ``change`` what is wanted."""
+    """A push in progress. ``restore_to`` is what must be live again if it fails; ``change`` what is wanted.
+
+    ``coupled`` says that other CEC tables of the output axis were on before, so that they must be again.
+    ``marked`` is the order whose number the controller's marker carries.
+    """
 
     context: PushContext
     folder: Path
@@ -31,13 +38,16 @@ class Work:
     limits: TableLimits
     agreeing_position: float
     restore_to: LiveTable
+    coupled: bool = False
     steps: list[str] = field(default_factory=list)
     backup_path: str = ""
     effect: tuple[tuple[float, float, float], ...] = ()
+    marked: PushOrder | None = None
+    base: LiveSet | None = None
 
     @property
     def axis(self) -> str:
-        """Machine axis name."""
+        """Machine axis name of the output."""
         return self.change.axis
 
     @property
@@ -54,14 +64,36 @@ class Work:
 
     def order(self, table: CompensationTable, enable: bool, purpose: Purpose, number: int) -> PushOrder:
         """The order for the controller to load one table."""
-        axis = self.context.axis
-        proof = self.context.proof if purpose == "table" else None
-        place = self.agreeing_position
-        return PushOrder(number, table, axis.letter, axis.rotary, enable, place, purpose, proof)
+        moved, place = self.context.moved, self.agreeing_position
+        proof = self.context.proof
+        if purpose == "sign-proof" or (purpose == "restore" and table.function == "EEC"):
+            proof = None
+        return PushOrder(number, table, moved.letter, moved.rotary, enable, place, purpose, proof, self.coupled)
+
+    def signed(self, live: LiveSet) -> LiveSet:
+        """A live set as saved, CEC as deviations by this push's proof."""
+        return signed(live, self.context.sign)
 
     def fresh_number(self) -> int:
         """Another transaction number of this machine."""
         return journal.allocate(self.folder, seed_of(self.context))
+
+    async def same_machine(self) -> None:
+        """The fingerprint once more. Raises VerifyError (E-PUSH-OTHER-MACHINE)."""
+        found = await self.context.controller.identify()
+        different = self.context.machine.differences(found)
+        if different:
+            raise VerifyError("E-PUSH-OTHER-MACHINE", self.axis, differ=", ".join(different))
+
+    async def finish(self, state: Literal["committed", "held", "none"]) -> None:
+        """Leave the controller's marker in its last state; where that fails the journal still knows the number."""
+        if self.marked is None:
+            return
+        try:
+            await self.same_machine()
+            await self.context.controller.finish_push(self.marked, state)
+        except TrueflankError as error:
+            self.steps.append(f"{self._utc()} the marker could not be written: {error}")
 
     def record(self, outcome: Outcome) -> PushRecord:
         """What happened, for the run folder."""
@@ -88,6 +120,7 @@ def begun(
     agreeing_position: float,
 ) -> Iterator[Work]:
     """A new transaction: number, journal, its first entry. The journal is set aside once it has ended."""
+    journal.tidy(folder)
     number = journal.allocate(folder, seed_of(context))
     written = journal.Journal.create(folder, number)
     old = LiveTable(change.old, change.old_enabled)
@@ -104,6 +137,11 @@ def begun(
             new=table_facts(change.new),
             base_digest=change.base_digest,
             place=agreeing_position,
+            plan=plan_hash(change, context.machine),
+            key=context.key,
+            actor=context.actor,
+            approved_by=sorted({approval.actor for approval in context.approvals}),
+            sign=context.sign,
         )
         yield work
 

@@ -52,13 +52,13 @@ def shown(folder: RunFolder, proposal: Proposal, refusals: Mapping[str, list[str
     lines: list[str] = []
     for change in proposal.changes:
         old, new = change.old, change.new
-        lines.append(f"{change.axis}: {new.name} {len(new.deviations)} points, live {len(old.deviations)} points")
+        lines.append(f"{change.name}: {new.name} {len(new.deviations)} points, live {len(old.deviations)} points")
         if not change.skipped:
             places = new.positions
             for place, was, becomes in zip(places, old.at(places), new.deviations, strict=True):
                 acts = float(was) if change.old_enabled else 0.0
                 lines.append(f"  {place:10.3f} {acts:+9.3f} -> {becomes:+9.3f} {new.deviation_unit}")
-        lines += [f"  {reason}" for reason in refusals[change.axis]] or ["  nothing speaks against it"]
+        lines += [f"  {reason}" for reason in refusals[change.name]] or ["  nothing speaks against it"]
     lines.append("nothing was written; live tables are compared when the push is applied")
     data = {"refusals": dict(refusals), "not_corrected": {c.axis: c.skipped for c in proposal.changes if c.skipped}}
     return Outcome(folder.state, str(folder.path), (), tuple(lines), data)

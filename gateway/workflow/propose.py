@@ -15,6 +15,7 @@ from gateway.table import Measured as MeasuredMeans
 from gateway.table import propose as propose_table
 from gateway.workflow import stages
 from gateway.workflow.bench import Bench
+from gateway.workflow.consents import proposed, tell
 from gateway.workflow.measure import Measured
 
 
@@ -24,6 +25,7 @@ async def propose(at: Bench, measured: Mapping[str, Measured]) -> Proposal:
     parents = tuple(item.digest for item in measured.values())
     proposal = Proposal(at.machine, tuple(changes), parents, at.clock.utc().isoformat(timespec="seconds"))
     at.folder.put(stages.PROPOSAL, proposal, parents)
+    tell(at, proposed(at, proposal))
     for change in changes:
         at.say("P-PROPOSED", axis=change.axis, words=change.skipped or _size(change))
     return proposal

@@ -5,11 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 
 from drivers.clock import Clock
+from drivers.errors import ConfigError
+from drivers.types import CompensationTable
 from gateway.config import SiteFile
-from gateway.push.recovery import Finding, look, recover, unfinished
+from gateway.errors import StoreError
+from gateway.push import PushContext
+from gateway.push.journal import JournalRead, machine_folder, tidy
+from gateway.push.recovery import Finding, look, recover, tables_of, unfinished, verdict
 from gateway.say import Say
-from gateway.workflow.bench import bench, check_name, new_run
-from gateway.workflow.pushing import JOURNALS, push_context
+from gateway.workflow.bench import Bench, bench, check_name, new_run
+from gateway.workflow.consents import recovered, tell
+from gateway.workflow.pushing import JOURNALS, table_context
 
 
 async def recover_site(
@@ -17,20 +23,41 @@ async def recover_site(
 ) -> tuple[Finding, ...]:
     """Every unfinished push of the site's machine; with `apply` what each finding offers is carried out.
 
-    Looking runs a program that only saves the live tables. Raises WriteRefused when nothing is offered.
+    Looking reads the live tables and changes none. A journal that cannot be believed is told and left alone.
+    Raises WriteRefused when nothing is offered.
     """
     check_name(site, apply, machine_name)
     folder = new_run(site, site_path)
     folder.set_state("recovering")
     findings: list[Finding] = []
     async with bench(site, site_path, folder, clock, say) as at:
+        for ended in tidy(machine_folder(at.store.root / JOURNALS, at.machine.serial)):
+            if ended.entries:
+                say("P-RECOVER", words=verdict(ended, None, 0.0).words)
         for found in unfinished(at.store.root / JOURNALS, at.machine.serial):
-            axis = at.axis(str(found.latest("axis")))
-            context = push_context(at, axis, None)
-            finding = await look(found, context)
-            findings.append(finding)
-            say("P-RECOVER", words=finding.words)
-            if apply:
-                await recover(found, context)
+            findings.append(await _one(at, found, apply=apply))
     folder.set_state("recovered" if apply else "looked")
     return tuple(findings)
+
+
+async def _one(at: Bench, found: JournalRead, *, apply: bool) -> Finding:
+    context = _context(at, found)
+    if context is None:
+        finding = verdict(found, None, 0.0)
+        at.say("P-RECOVER", words=finding.words)
+        return finding
+    finding = await look(found, context)
+    at.say("P-RECOVER", words=finding.words)
+    if apply:
+        record = await recover(found, context)
+        tell(at, recovered(at, finding.code, record))
+    return finding
+
+
+def _context(at: Bench, found: JournalRead) -> PushContext | None:
+    """What the journal's table is worked with; None where the journal does not say, or not of this site."""
+    try:
+        table: CompensationTable = tables_of(found)[1]
+        return table_context(at, table, None)
+    except (StoreError, ConfigError):
+        return None

@@ -7,6 +7,7 @@ import numpy as np
 from drivers.errors import words
 from drivers.types import FloatArray, SignProof
 from gateway.domain import AxisVerdict, Evaluation, PushRecord, TableChange, Verdict
+from gateway.workflow.explaining import explain
 
 # The prediction is judged at every target at once, so the band is widened from k = 2 to k = 3.
 WIDEN = 1.5
@@ -19,6 +20,7 @@ def judge_axis(axis: str, before: Evaluation, after: Evaluation, change: TableCh
     held = _prediction_holds(after, change)
     size = _smaller(before, after)
     said = words(_SIZES[size]) + " " + words("W-VERDICT-HELD" if held else "W-VERDICT-MISSED")
+    said += " " + explain(change, mean_of_both(before), mean_of_both(after), _U_of_change(before, after)).words
     return AxisVerdict(axis, before.unit, before, after, size > 0, held, said)
 
 
@@ -51,6 +53,11 @@ def _smaller(before: Evaluation, after: Evaluation) -> int:
     doubt = float(np.hypot(before.U.get("M", 0.0), after.U.get("M", 0.0)))
     change = before.M - after.M
     return 0 if abs(change) <= doubt else int(np.sign(change))
+
+
+def _U_of_change(before: Evaluation, after: Evaluation) -> float:
+    """Expanded uncertainty of a mean after less the same before: the instrument's own share is counted twice."""
+    return float(np.hypot(before.U.get("M", np.inf), after.U.get("M", np.inf)))
 
 
 def _prediction_holds(after: Evaluation, change: TableChange) -> bool:

@@ -118,7 +118,6 @@ RULES: list[tuple[str, PushFacts]] = [
     ("E-INT-NO-PROOF", replace(GOOD, proof=replace(PROOF, function="CEC"))),
     ("E-INT-OTHER-PROOF", replace(GOOD, proof=replace(PROOF, machine=other(nck_version="V4.7")))),
     ("E-INT-SIGN", replace(GOOD, proof=replace(PROOF, sign=-1, slope=1.0))),
-    ("E-INT-CROSS", replace(new(function="CEC"), proof=replace(PROOF, function="CEC"))),
     ("E-INT-OTHER-AXIS", replace(new(output_axis="Z1"), proof=replace(PROOF, output_axis="Z1"))),
     ("E-INT-POINTS", replace(GOOD, limits=TableLimits(8, 1e-6, 1.0))),
     ("E-INT-GRID", new(step=49.0)),

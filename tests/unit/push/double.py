@@ -8,14 +8,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from drivers.clock import LoopClock
-from drivers.errors import DeadlineExceeded, DeviceRefused
+from drivers.errors import DeadlineExceeded, DeviceRefused, UnsupportedDevice
 from drivers.types import (
     AxisState,
+    Capabilities,
     ChannelStatus,
     CompensationTable,
     Identity,
@@ -23,6 +24,7 @@ from drivers.types import (
     LiveTable,
     MachineIdentity,
     MachineState,
+    Marker,
     PushOrder,
     SignProof,
     StopPlan,
@@ -32,10 +34,12 @@ from drivers.types import (
 from gateway.domain import TableChange
 from gateway.interlocks import value_at
 from gateway.push import AxisFacts, PushContext, journal
+from gateway.push.compare import signed
 
-MACHINE = MachineIdentity("SN-1", "V4.8", ("X1", "C1"))
+MACHINE = MachineIdentity("SN-1", "V4.8", ("X1", "Z1"))
 PROOF = SignProof(MACHINE, "EEC", "X1", -1.0, 0.02, 1, "2026-11-21T09:00:00+00:00")
 AXIS = AxisFacts("X1", "X", "mm", False, False, (0.0, 400.0), 0.0, 2000.0)
+Z_AXIS = AxisFacts("Z1", "Z", "mm", False, False, (0.0, 400.0), 0.0, 2000.0)
 NOTHING = np.zeros(0)
 
 
@@ -67,7 +71,12 @@ class Reaper:
 
 @dataclass(slots=True)
 class Machine:
-    """The control's memory and its operator. ``acting`` is the table content in effect, if enabled."""
+    """The control's memory and its operator. ``acting`` is the table content in effect, if enabled.
+
+    ``cec`` are stored values with their own switch (SD41300); ``cec_on`` is the switch of the output axis X1
+    (MD32710) over all of them; ``acting_cec`` their content in effect. ``jumps`` is how far each switching moved
+    X1.
+    """
 
     eec: LiveTable
     cec: tuple[LiveTable, ...] = ()
@@ -81,6 +90,7 @@ class Machine:
     referenced: bool = True
     standing: bool = True
     position: float = 0.0
+    z_position: float = 0.0
     reserved: int = 100
     plan: StopPlan | None = None
     order: PushOrder | None = None
@@ -96,55 +106,110 @@ class Machine:
     quantum: float = 0.0
     writes: list[str] = field(default_factory=list)
     history: list[LiveTable] = field(default_factory=list)
+    cec_on: bool = True
+    acting_cec: dict[int, CompensationTable] = field(default_factory=dict)
+    others: tuple[LiveTable, ...] = ()
+    marker: Marker = field(default_factory=lambda: Marker(0, "none"))
+    forgets_marker: bool = False
+    jumps: list[float] = field(default_factory=list)
+    shown_sense: float = 1.0
+    keeps_grids: bool = False
 
     def __post_init__(self) -> None:
         self.acting = self.eec.table
+        self.acting_cec = {one.table.index: one.table for one in self.cec}
 
-    def live(self) -> LiveSet:
-        parts = [asdict(self.eec), [asdict(one) for one in self.cec], self.backlash]
+    def live(self, sign: int = 1) -> LiveSet:
+        cec = tuple(LiveTable(one.table, one.enabled and self.cec_on) for one in self.cec if one.table.step > 0)
+        parts = [asdict(self.eec), [asdict(one) for one in cec], self.backlash, [asdict(one) for one in self.others]]
         native = json.dumps(parts)
         digest = hashlib.sha256(native.encode()).hexdigest()
-        return LiveSet("X1", self.eec, self.cec, self.backlash, native, digest)
+        return signed(LiveSet("X1", self.eec, cec, self.backlash, native, digest, self.others), sign)
 
     def become(self, eec: LiveTable) -> None:
+        before = self.compensation
         self.eec = eec
         self.history.append(eec)
+        self.jumps.append(self.compensation - before)
+
+    def become_cec(self, table: CompensationTable, *, switch: bool, axis_on: bool) -> None:
+        before = self.cross
+        kept = tuple(one for one in self.cec if one.table.index != table.index)
+        self.cec = tuple(sorted((*kept, LiveTable(table, switch)), key=lambda one: one.table.index))
+        self.cec_on = axis_on
+        self.history.append(LiveTable(table, switch and axis_on))
+        self.jumps.append(self.cross - before)
+
+    def held(self, wanted: CompensationTable) -> CompensationTable:
+        if wanted.function == "EEC":
+            return self.eec.table
+        return next((one.table for one in self.cec if one.table.index == wanted.index), replace(wanted, step=0.0))
+
+    def put(self, table: CompensationTable, *, enabled: bool, axis_on: bool = False) -> None:
+        if table.function == "EEC":
+            self.become(LiveTable(table, enabled))
+        else:
+            self.become_cec(table, switch=enabled, axis_on=axis_on)
 
     @property
     def compensation(self) -> float:
         return value_at(self.acting, self.position) if self.eec.enabled and self.referenced else 0.0
 
-    def start_push(self) -> None:
+    def place(self, axis: str) -> float:
+        return self.position if axis == "X1" else self.z_position
+
+    def go(self, axis: str, position: float) -> None:
+        if axis == "X1":
+            self.position = position
+        else:
+            self.z_position = position
+
+    @property
+    def cross(self) -> float:
+        if not (self.cec_on and self.referenced):
+            return 0.0
+        on = [self.acting_cec.get(one.table.index) for one in self.cec if one.enabled]
+        return sum(value_at(one, self.place(one.input_axis)) for one in on if one is not None)
+
+    def start_push(self, *, moves: bool = True) -> None:
         """First half, after NC START."""
         order = self.order
         if order is None or self.phase:
             return
-        self.backup = self.live()
-        self.position = order.agreeing_position
-        self.become(LiveTable(self.eec.table, enabled=False))
-        half = order.table.deviations[: len(order.table.deviations) // 2]
-        rest = self.eec.table.deviations[len(half) : len(order.table.deviations)]
-        self.become(LiveTable(replace(order.table, deviations=half + rest), enabled=False))
+        self.backup = self.live(_sign(order))
+        if moves:
+            self.go(order.table.input_axis, order.agreeing_position)
+        old, new = self.held(order.table), self._stored(order)
+        if new.step <= 0 and self.keeps_grids:  # a road that cannot take a grid back writes zeros on it
+            new = replace(old, deviations=(0.0,) * len(old.deviations))
+        self.put(old, enabled=False)
+        half = new.deviations[: len(new.deviations) // 2]
+        rest = old.deviations[len(half) : len(new.deviations)]
+        self.put(replace(new, deviations=half + rest), enabled=False)
         self.writes.append(order.purpose)
-        self.become(LiveTable(self._stored(order.table), enabled=False))
-        self.readback, self.phase, self.channel = self.live(), 4, ChannelStatus.INTERRUPTED
+        self.put(new, enabled=False)
+        self.readback, self.phase, self.channel = self.live(_sign(order)), 4, ChannelStatus.INTERRUPTED
 
-    def _stored(self, wanted: CompensationTable) -> CompensationTable:
-        values = np.array(wanted.deviations)
+    def _stored(self, order: PushOrder) -> CompensationTable:
+        wanted = order.table
+        values = np.array(wanted.deviations) * _sign(order)
         values[len(values) // 2] += self.wrong_point
         if self.quantum:
             values = np.round(values / self.quantum) * self.quantum
-        return replace(wanted, deviations=tuple(float(value) for value in values))
+        return replace(wanted, deviations=tuple(float(value) + 0.0 for value in values))
 
     def go_on(self) -> None:
         """Second half, after the second NC START."""
         if self.order is None or self.phase != 4:
             return
         released = self.release == self.order.transaction and not self.ignore_release
+        table = self.held(self.order.table)
         if released and self.order.enable:
-            self.become(LiveTable(self.eec.table, enabled=True))
+            self.put(table, enabled=True, axis_on=True)
             self.phase, self.channel = 5, ChannelStatus.INTERRUPTED
             return
+        if released and table.function == "CEC" and self.order.coupled:
+            self.put(table, enabled=False, axis_on=True)
         self.end()
 
     def end(self) -> None:
@@ -155,23 +220,42 @@ class Machine:
         self.end()
         if not self.ignore_reset:
             self.acting = self.eec.table
-        self.position = 0.0
+            self.acting_cec = {one.table.index: one.table for one in self.cec}
+        self.position = self.z_position = 0.0
+
+
+def _sign(order: PushOrder) -> int:
+    cross = order.table.function == "CEC" and order.proof is not None
+    return order.proof.sign if cross and order.proof is not None else 1
 
 
 Fault = Callable[[Machine], None]
 
 
 class Controller:
-    """The port, over a `Machine`. ``faults`` maps (call, nth from 1, "before" or "after") to what happens."""
+    """The port, over a `Machine`. ``faults`` maps (call, nth from 1, "before" or "after") to what happens.
+
+    With ``by_hand`` it is a road without programs: the operator's hand moves the axes, a panel switches.
+    """
 
     name = "double"
 
-    def __init__(self, machine: Machine, clock: LoopClock, reaper: Reaper | None = None) -> None:
+    def __init__(
+        self, machine: Machine, clock: LoopClock, reaper: Reaper | None = None, *, by_hand: bool = False
+    ) -> None:
         self.machine = machine
         self.clock = clock
         self.reaper = reaper or Reaper()
+        self.by_hand = by_hand
+        self.switching = by_hand
+        self.keeps_marker = True
         self.faults: dict[tuple[str, int, str], Fault] = {}
         self.calls: dict[str, int] = {}
+
+    @property
+    def capabilities(self) -> Capabilities:
+        consent: Literal["nc-start", "panel"] = "panel" if self.by_hand else "nc-start"
+        return Capabilities(not self.by_hand, self.switching, self.keeps_marker, consent)
 
     async def _begin(self, call: str) -> int:
         self.calls[call] = self.calls.get(call, 0) + 1
@@ -203,17 +287,28 @@ class Controller:
     async def state(self) -> MachineState:
         number = await self._begin("state")
         m = self.machine
-        axis = AxisState("X1", m.position, m.referenced, m.standing, m.compensation, 0.0, "mm")
+        cross = m.shown_sense * m.cross
+        axes = {
+            "X1": AxisState("X1", m.position, m.referenced, m.standing, m.compensation, cross, "mm"),
+            "Z1": AxisState("Z1", m.z_position, m.referenced, m.standing, 0.0, 0.0, "mm"),
+        }
         self._end("state", number)
-        return MachineState(m.channel, m.mode, "", m.alarms, m.access_level, {"X1": axis})
+        return MachineState(m.channel, m.mode, "", m.alarms, m.access_level, axes)
 
-    async def table_limits(self, axis: str) -> TableLimits:
+    async def table_limits(self, axis: str, function: Literal["EEC", "CEC"] = "EEC", index: int = 0) -> TableLimits:
         number = await self._begin("table_limits")
         self._end("table_limits", number)
-        return TableLimits(self.machine.reserved, 1e-6, 1.0)
+        return TableLimits(self.machine.reserved, 1e-6, 1.0, 1.0 if function == "CEC" else None)
+
+    async def marker(self) -> Marker | None:
+        number = await self._begin("marker")
+        self._end("marker", number)
+        return self.machine.marker if self.keeps_marker else None
 
     async def prepare_stops(self, plan: StopPlan) -> None:
         number = await self._begin("prepare_stops")
+        if self.by_hand:
+            raise UnsupportedDevice("E-TEST-PROGRAMS", "double")
         self._in_reset()
         m = self.machine
         m.plan, m.order, m.phase, m.saved = plan, None, 0, None
@@ -236,12 +331,35 @@ class Controller:
             self._end("wait_stop", number)
             return None
         stop = m.plan.stops[after]
-        m.channel, m.position = ChannelStatus.ACTIVE, stop.target
+        m.channel = ChannelStatus.ACTIVE
+        m.go(m.plan.axis, stop.target)
         if stop.switch is not None:
-            m.become(LiveTable(m.eec.table, stop.switch))
-        found = StopReached(after + 1, stop.repetition, stop.label, stop.approach, stop.target, m.compensation, 0.0)
+            self._switch(m.plan.cross_table, stop.switch)
+        found = StopReached(
+            after + 1,
+            stop.repetition,
+            stop.label,
+            stop.approach,
+            stop.target,
+            m.compensation,
+            m.shown_sense * m.cross,
+        )
         self._end("wait_stop", number)
         return found
+
+    def _switch(self, cross_table: int | None, enable: bool) -> None:
+        m = self.machine
+        if cross_table is None:
+            m.become(LiveTable(m.eec.table, enable))
+            return
+        table = next(one.table for one in m.cec if one.table.index == cross_table)
+        m.become_cec(table, switch=enable, axis_on=m.cec_on)
+
+    async def switch_table(self, order: PushOrder, enable: bool, timeout_s: float) -> None:
+        number = await self._begin("switch_table")
+        await self._operator(timeout_s)
+        self._switch(order.table.index if order.table.function == "CEC" else None, enable)
+        self._end("switch_table", number)
 
     async def _operator(self, timeout_s: float) -> None:
         if not self.machine.operator:
@@ -261,7 +379,7 @@ class Controller:
 
     async def saved_tables(self, axis: str) -> LiveSet:
         number = await self._begin("saved_tables")
-        saved = self.machine.saved
+        saved = self.machine.live() if self.by_hand else self.machine.saved
         self._end("saved_tables", number)
         if saved is None:
             raise DeviceRefused("E-TEST-FILE", "double")
@@ -272,12 +390,14 @@ class Controller:
         self._in_reset()
         m = self.machine
         m.order, m.plan, m.phase, m.release = order, None, 0, 0
+        if not m.forgets_marker:
+            m.marker = Marker(order.transaction, "in-progress")
         self._end("prepare_push", number)
 
     async def wait_loaded(self, order: PushOrder, timeout_s: float) -> tuple[LiveSet, LiveSet]:
         number = await self._begin("wait_loaded")
         await self._operator(timeout_s)
-        self.machine.start_push()
+        self.machine.start_push(moves=not self.by_hand)
         self._end("wait_loaded", number)
         backup, readback = self.machine.backup, self.machine.readback
         if backup is None or readback is None:
@@ -301,6 +421,11 @@ class Controller:
         await self._operator(timeout_s)
         self.machine.nck_reset()
         self._end("wait_activated", number)
+
+    async def finish_push(self, order: PushOrder, state: Literal["committed", "held", "none"]) -> None:
+        number = await self._begin("finish_push")
+        self.machine.marker = Marker(order.transaction, state) if state != "none" else Marker(0, "none")
+        self._end("finish_push", number)
 
 
 class Folder:
@@ -328,16 +453,23 @@ class Bench:
 
 
 def bench(
-    root: Path, old: LiveTable | None = None, reaper: Reaper | None = None, machine: Machine | None = None
+    root: Path,
+    old: LiveTable | None = None,
+    reaper: Reaper | None = None,
+    machine: Machine | None = None,
+    *,
+    by_hand: bool = False,
 ) -> Bench:
     """Fresh, or over a machine that is already there."""
     clock = LoopClock(started_utc=datetime(2026, 11, 21, 10, tzinfo=UTC))
     machine = machine or Machine(old or LiveTable(OLD, enabled=True))
-    controller = Controller(machine, clock, reaper)
+    controller = Controller(machine, clock, reaper, by_hand=by_hand)
     told: list[tuple[str, dict[str, object]]] = []
 
     def say(code: str, /, **fields: object) -> None:
         told.append((code, fields))
+        if code == "P-PUSH-JOG" and machine.operator:
+            machine.go(str(fields["axis"]), float(str(fields["position"])) + 0.004)
 
     context = PushContext(
         controller, clock, Folder(root, reaper), root / "journal", AXIS, MACHINE, "mill", "mill", PROOF, say=say

@@ -151,7 +151,7 @@ def test_every_reason_at_once_and_no_program_sent(tmp_path: Path) -> None:
         "E-INT-NAME",
         "E-INT-NO-PROOF",
     }
-    assert not set(at.controller.calls) - {"identify", "state", "table_limits"}
+    assert not set(at.controller.calls) - {"identify", "state", "table_limits", "marker"}
     assert journals_of(tmp_path) == ()
 
 
@@ -357,7 +357,7 @@ def test_a_full_disk_refuses_before_anything_is_sent(tmp_path: Path, monkeypatch
     with pytest.raises(StoreError) as caught:
         push(at)
     assert caught.value.code == "E-PUSH-DISK"
-    assert not set(at.controller.calls) - {"identify", "state", "table_limits"}
+    assert not set(at.controller.calls) - {"identify", "state", "table_limits", "marker"}
 
 
 def test_cancelled_between_the_halves_leaves_it_disabled_and_unfinished(tmp_path: Path) -> None:

@@ -1,0 +1,176 @@
+"""CompensationTable <-> mailbox numbers: whole nm, 1e-7 deg, 0.1 um and 1e-6 deg, exact or refused.
+
+The back-up over this road is text as the control would write it, so that `drivers.sinumerik.tables` reads it
+and any tool can load it again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from decimal import Decimal
+from typing import Any, Literal
+
+from drivers.errors import Gap, TableError, ValueOutOfRange
+from drivers.sinumerik.grammar import position_text, value_text
+from drivers.sinumerik.mailbox.commands import Order
+from drivers.sinumerik.mailbox.packing import HIGHEST, LOWEST
+from drivers.sinumerik.mailbox.readings import Picture
+from drivers.sinumerik.mailbox.registers import Command, Kind, SwitchBit, TableFlag
+from drivers.types import CompensationTable
+from drivers.units import AxisUnit
+
+VALUE_UNIT: Mapping[AxisUnit, Decimal] = {"mm": Decimal("1e-6"), "deg": Decimal("1e-7")}
+POSITION_UNIT: Mapping[AxisUnit, Decimal] = {"mm": Decimal("1e-4"), "deg": Decimal("1e-6")}
+WEIGHT_UNIT = Decimal("1e-6")
+
+
+@dataclass(frozen=True, slots=True)
+class AxisFacts:
+    """One machine axis as the PLC names it; ``number`` counts from 1."""
+
+    number: int
+    name: str
+    unit: AxisUnit
+    modulo: bool
+
+
+def whole(value: Decimal, unit: Decimal, table: CompensationTable, what: str) -> int:
+    """``value`` (mm or deg) as a whole number of ``unit``.
+
+    Raises ValueOutOfRange E-MBX-FRACTION (not expressible: nothing is rounded silently) or E-MBX-RANGE.
+    """
+    steps = value / unit
+    fields: dict[str, Any] = {"table": table.name, "what": what, "value": value, "unit": unit}
+    if steps != steps.to_integral_value():
+        raise ValueOutOfRange("E-MBX-FRACTION", table.name, **fields)
+    if not LOWEST <= steps <= HIGHEST:
+        raise ValueOutOfRange("E-MBX-RANGE", table.name, **fields)
+    return int(steps)
+
+
+def sayable(table: CompensationTable) -> CompensationTable:
+    """A table never loaded as two points of zero: the mailbox can empty a table, but not take its grid away."""
+    if table.step > 0 or any(table.deviations):
+        return table
+    return replace(table, minimum=0.0, maximum=1.0, step=1.0, deviations=(0.0, 0.0), modulo=False)
+
+
+def begin_order(table: CompensationTable, points: int, axes: Mapping[str, AxisFacts]) -> Order:
+    """Command 2 for a table of ``points`` points; registers 18-28 and 31-33 serve commands 3 and 4 as well.
+
+    Raises ValueOutOfRange, Gap (E-TABLE-STEP) and TableError (E-MBX-KIND) for what the map cannot say.
+    """
+    unit = POSITION_UNIT[axes[table.input_axis].unit]
+    low, step, high = (
+        whole(Decimal(repr(float(value))), unit, table, what)
+        for what, value in (("MIN", table.minimum), ("STEP", table.step), ("MAX", table.maximum))
+    )
+    if step <= 0 or high - low != step * (points - 1):
+        grid: dict[str, Any] = {"step": table.step, "low": table.minimum, "high": table.maximum}
+        raise Gap("E-TABLE-STEP", table.name, table=table.name, **grid)
+    named = naming(table, axes)
+    return Order(
+        Command.BEGIN,
+        named.kind,
+        named.index,
+        named.encoder,
+        flags_of(table),
+        low,
+        step,
+        high,
+        points,
+        0,
+        0,
+        named.input_axis,
+        named.output_axis,
+        table.multiply_by,
+    )
+
+
+def naming(table: CompensationTable, axes: Mapping[str, AxisFacts], command: Command = Command.SELECT) -> Order:
+    """A command that names a table and nothing of what is in it."""
+    output = axes[table.output_axis].number
+    if table.function == "EEC":
+        return Order(command, Kind.EEC, output, table.index)
+    return Order(command, Kind.CEC, table.index, input_axis=axes[table.input_axis].number, output_axis=output)
+
+
+def flags_of(table: CompensationTable) -> int:
+    """Register 21 of a table. Raises TableError (E-MBX-KIND) for a direction or type that EEC does not have."""
+    direction = {0: 0, 1: TableFlag.POSITIVE, -1: TableFlag.NEGATIVE}[table.direction]
+    if table.table_type not in (0, 1) or (table.function == "EEC" and (direction or table.table_type)):
+        raise TableError("E-MBX-KIND", table.name, table=table.name)
+    return int((TableFlag.MODULO if table.modulo else 0) | direction | (TableFlag.CYLINDER if table.table_type else 0))
+
+
+def numbers_of(table: CompensationTable, values: Sequence[Decimal], unit: AxisUnit) -> tuple[int, ...]:
+    """Stored values (mm or deg) as nm or 1e-7 deg. Raises as `whole`."""
+    return tuple(whole(value, VALUE_UNIT[unit], table, f"point {place}") for place, value in enumerate(values))
+
+
+@dataclass(frozen=True, slots=True)
+class Stored:
+    """One table as read back: the picture it came with and all reserved points."""
+
+    function: Literal["EEC", "CEC"]
+    picture: Picture
+    points: tuple[int, ...]
+
+    def key(self) -> tuple[object, ...]:
+        """What must be equal in two readings of the same table."""
+        grid = self.picture.grid
+        return self.picture.selection, grid, self.picture.switches, self.picture.weight, self.points
+
+
+def backup_text(tables: Sequence[Stored], axes: Mapping[int, AxisFacts], axis: AxisFacts, encoder: int) -> str:
+    """Loadable text of tables, switches and backlash of one axis, in the order a control writes its back-up."""
+    lines: list[str] = []
+    for table in tables:
+        lines += _eec(table, axis, encoder) if table.function == "EEC" else _cec(table, axes)
+    own = tables[0].picture
+    unit = VALUE_UNIT[axis.unit]
+    lines += [
+        f"$MA_BACKLASH[{encoder},{axis.name}]={value_text(own.backlash * unit)}",
+        f"$MA_ENC_COMP_ENABLE[{encoder},{axis.name}]={int(SwitchBit.EEC in own.switches)}",
+        f"$MA_CEC_ENABLE[{axis.name}]={int(SwitchBit.CEC_AXIS in own.switches)}",
+    ]
+    return "\n".join([*lines, "M17", ""])
+
+
+def _eec(table: Stored, axis: AxisFacts, encoder: int) -> list[str]:
+    unit = VALUE_UNIT[axis.unit]
+    tail = f"[{encoder},{axis.name}]"
+    points = enumerate(table.points)
+    lines = [f"$AA_ENC_COMP[{encoder},{place},{axis.name}]={value_text(value * unit)}" for place, value in points]
+    return [*lines, *(f"$AA_ENC_COMP_{name}{tail}={value}" for name, value in _grid(table, axis.unit).items())]
+
+
+def _cec(table: Stored, axes: Mapping[int, AxisFacts]) -> list[str]:
+    grid, index = table.picture.grid, table.picture.selection.index
+    source, output = axes[grid.input_axis], axes[grid.output_axis]
+    unit = VALUE_UNIT[output.unit]
+    lines = [f"$AN_CEC[{index},{place}]={value_text(value * unit)}" for place, value in enumerate(table.points)]
+    direction = {0: 0, TableFlag.POSITIVE: 1, TableFlag.NEGATIVE: -1}[TableFlag(grid.flags & 6)]
+    parameters = {
+        "INPUT_AXIS": f"({source.name})",
+        "OUTPUT_AXIS": f"({output.name})",
+        **_grid(table, source.unit),
+        "DIRECTION": str(direction),
+        "MULT_BY_TABLE": str(grid.multiply_by),
+        "TYPE": str(int(bool(grid.flags & TableFlag.CYLINDER))),
+    }
+    lines += [f"$AN_CEC_{name}[{index}]={value}" for name, value in parameters.items()]
+    on = int(SwitchBit.CEC_TABLE in table.picture.switches)
+    weight = value_text(table.picture.weight * WEIGHT_UNIT)
+    return [*lines, f"$SN_CEC_TABLE_ENABLE[{index}]={on}", f"$SN_CEC_TABLE_WEIGHT[{index}]={weight}"]
+
+
+def _grid(table: Stored, unit: AxisUnit) -> dict[str, str]:
+    grid, scale = table.picture.grid, POSITION_UNIT[unit]
+    return {
+        "STEP": position_text(grid.step * scale),
+        "MIN": position_text(grid.minimum * scale),
+        "MAX": position_text(grid.maximum * scale),
+        "IS_MODULO": str(grid.flags & TableFlag.MODULO),
+    }

@@ -1,0 +1,162 @@
+"""The SINUMERIK 840D behind a PLC mailbox on Modbus TCP or RTU, as a Controller without motion programs.
+
+Tables are loaded, read back and switched by the PLC (docs/plc-mailbox.md); a person confirms at the panel. Axes
+are moved by the operator: a site with this road alone measures by dwell or from files.
+Compensation values come in um or arcsec, positions in mm or deg. Reads may be repeated by the caller, a write
+never: after a timeout what the PLC did is unknown, `open` makes a fresh connection.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+from drivers.clock import Clock
+from drivers.errors import UnsupportedDevice
+from drivers.sinumerik.mailbox.registers import Kind
+from drivers.sinumerik.modbuspush import Pushing
+from drivers.sinumerik.modbusreader import MachineReader
+from drivers.sinumerik.modbussettings import ModbusSettings
+from drivers.sinumerik.modbusswitch import Switching
+from drivers.sinumerik.modbustalk import Talk
+from drivers.sinumerik.modbuswire import ModbusWire
+from drivers.types import (
+    Capabilities,
+    Identity,
+    LiveSet,
+    MachineIdentity,
+    MachineState,
+    Marker,
+    PushOrder,
+    StopPlan,
+    StopReached,
+    TableLimits,
+)
+
+CAPABILITIES = Capabilities(programs=False, switching=True, marker=True, consent="panel")
+
+
+class SinumerikModbus:
+    """Driver "sinumerik-modbus": settings in `drivers.sinumerik.modbussettings.ModbusSettings`."""
+
+    def __init__(self, name: str, url: str, settings: Mapping[str, Any], clock: Clock) -> None:
+        self.name = name
+        found = ModbusSettings.read(settings, name)
+        self._talk = Talk(ModbusWire(url, found, clock, name), found, clock, name)
+        self._reader = MachineReader(self._talk, name)
+        self._pushing = Pushing(self._talk, self._reader, found, clock, name)
+        self._switching = Switching(self._talk, self._reader, self._pushing, found, clock, name)
+        self._encoder = found.encoder
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """No programs; tables can be switched one by one; the PLC keeps the marker; consent is given at the panel."""
+        return CAPABILITIES
+
+    async def open(self, timeout_s: float) -> Identity:
+        """Connect, check map and word order, and read who the machine is.
+
+        Raises UnsupportedDevice (E-MBX-MAGIC, E-MBX-VERSION, E-MBX-WORD-ORDER, E-MBX-SILENT), TransportError,
+        ProtocolError.
+        """
+        self._pushing.connect_s = timeout_s
+        try:
+            await self._talk.begin(timeout_s)
+            machine = await self.identify()
+        except BaseException:
+            await self._talk.close()
+            raise
+        return Identity("sinumerik-modbus", "SINUMERIK 840D behind a PLC mailbox", machine.serial, machine.nck_version)
+
+    async def close(self) -> None:
+        """End our session, if the PLC still listens, and let go of the wire. Never raises."""
+        await self._talk.close()
+
+    async def identify(self) -> MachineIdentity:
+        """Serial number, NCK version, axis names and unit system, read afresh."""
+        async with self._talk.turn:
+            return await self._reader.identity()
+
+    async def state(self) -> MachineState:
+        """Status word and every axis, read afresh; there are no part-program messages on this road."""
+        async with self._talk.turn:
+            return await self._reader.state()
+
+    async def table_limits(self, axis: str, function: Literal["EEC", "CEC"] = "EEC", index: int = 0) -> TableLimits:
+        """Reserved points (register 10), 1 nm or 1e-7 deg, and the value limit of this product."""
+        async with self._talk.turn:
+            return await self._reader.limits(axis, Kind[function], index)
+
+    async def marker(self) -> Marker | None:
+        """What the PLC keeps of the last push."""
+        return await self._reader.marker()
+
+    # ---- not on this road ---------------------------------------------------------------------------
+
+    def _no_programs(self) -> UnsupportedDevice:
+        return UnsupportedDevice("E-MBX-NO-PROGRAMS", self.name)
+
+    async def prepare_stops(self, plan: StopPlan) -> None:
+        """Not on this road. Raises UnsupportedDevice (E-MBX-NO-PROGRAMS)."""
+        del plan
+        raise self._no_programs()
+
+    async def wait_stop(self, after: int, timeout_s: float) -> StopReached | None:
+        """Not on this road. Raises UnsupportedDevice (E-MBX-NO-PROGRAMS)."""
+        del after, timeout_s
+        raise self._no_programs()
+
+    async def release_stop(self, counter: int) -> None:
+        """Not on this road. Raises UnsupportedDevice (E-MBX-NO-PROGRAMS)."""
+        del counter
+        raise self._no_programs()
+
+    async def abort_program(self) -> None:
+        """Not on this road. Raises UnsupportedDevice (E-MBX-NO-PROGRAMS)."""
+        raise self._no_programs()
+
+    # ---- tables -------------------------------------------------------------------------------------
+
+    async def saved_tables(self, axis: str) -> LiveSet:
+        """The live tables of an axis, read afresh; in a session of their own outside a push."""
+        async with self._talk.turn:
+            ours = self._talk.session
+            await self._talk.enter()
+            try:
+                return (await self._reader.tables(axis, self._encoder)).live()
+            finally:
+                if not ours:
+                    await self._talk.leave()
+
+    async def prepare_push(self, order: PushOrder) -> None:
+        """Open a session, check, back up, set the marker. Raises as `Pushing.prepare`; nothing acts differently yet."""
+        async with self._talk.turn:
+            await self._pushing.prepare(order)
+
+    async def wait_loaded(self, order: PushOrder, timeout_s: float) -> tuple[LiveSet, LiveSet]:
+        """Disable, load, read back twice afresh: (old, new). Raises as `Pushing.loaded`."""
+        async with self._talk.turn:
+            return await self._pushing.loaded(order, timeout_s)
+
+    async def release_push(self, order: PushOrder) -> None:
+        """Ask the PLC to activate; it waits for the panel. Raises as `Switching.release`."""
+        async with self._talk.turn:
+            await self._switching.release(order)
+
+    async def wait_enabled(self, order: PushOrder, timeout_s: float) -> bool:
+        """True when a person confirmed and the switches read on, false when it was left off."""
+        return await self._switching.enabled(order, timeout_s)
+
+    async def wait_activated(self, order: PushOrder, timeout_s: float) -> None:
+        """Wait through NCK reset and reference run. Raises DeadlineExceeded (E-NC-NO-ACTIVATION)."""
+        await self._switching.activated(order, timeout_s)
+
+    async def switch_table(self, order: PushOrder, enable: bool, timeout_s: float) -> None:
+        """Switch the order's table and wait until it acts or is gone. Raises as `Switching.switch`."""
+        async with self._talk.turn:
+            await self._switching.switch(order, enable, timeout_s)
+
+    async def finish_push(self, order: PushOrder, state: Literal["committed", "held", "none"]) -> None:
+        """Leave the marker in its last state and end the session. Raises DeviceRefused (E-MBX-MARKER)."""
+        async with self._talk.turn:
+            await self._switching.finish(order, state)

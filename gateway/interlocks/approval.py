@@ -1,0 +1,113 @@
+"""Who must agree: one person, a second one when anything warns; and the audit chain must be whole."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from datetime import datetime
+
+from gateway.domain import Approval
+from gateway.interlocks.facts import ROUNDING, PushFacts, Refusal, Rule, no
+from gateway.interlocks.limits import MAX_AGE, MAX_AHEAD, WARN_AGE
+from gateway.interlocks.measured import unmeasured
+from gateway.interlocks.table import largest_change, steepest
+
+
+def warnings(facts: PushFacts) -> tuple[Refusal, ...]:
+    """Everything that does not forbid the push but asks for a second pair of eyes; what forbids it is no warning."""
+    return tuple(warning for rule in _WARNING for warning in rule(facts))
+
+
+def needed(facts: PushFacts) -> int:
+    """How many people must agree, the one who pushes among them."""
+    if facts.approvals_needed is not None:
+        return facts.approvals_needed
+    return 2 if warnings(facts) else 1
+
+
+def _steep(facts: PushFacts) -> Iterator[Refusal]:
+    slope, limit = steepest(facts.table), facts.bounds.warn_slope
+    if limit + ROUNDING < slope <= facts.bounds.slope + ROUNDING:
+        fields = {"slope": round(slope, 4), "limit": limit, "per": facts.table.input_unit}
+        yield from no("W-INT-SLOPE", table=facts.table.name, unit=facts.table.deviation_unit, **fields)
+
+
+def _far(facts: PushFacts) -> Iterator[Refusal]:
+    change, limit = largest_change(facts), facts.bounds.warn_change
+    if limit + ROUNDING < change <= facts.bounds.change + ROUNDING:
+        fields = {"change": round(change, 3), "limit": limit}
+        yield from no("W-INT-CHANGE", table=facts.table.name, unit=facts.table.deviation_unit, **fields)
+
+
+def _old(facts: PushFacts) -> Iterator[Refusal]:
+    capture = facts.capture
+    if capture is None or not capture.ended_utc:
+        return
+    try:
+        age = facts.now_utc - datetime.fromisoformat(capture.ended_utc)
+    except (ValueError, TypeError):
+        return
+    if WARN_AGE < age <= MAX_AGE:
+        hours, limit = round(age.total_seconds() / 3600.0, 1), WARN_AGE.total_seconds() / 3600.0
+        yield from no("W-INT-AGE", axis=capture.axis, hours=hours, limit=limit)
+
+
+def _found(facts: PushFacts) -> Iterator[Refusal]:
+    """What the proposal itself found doubtful, but for what is judged here by its own limit."""
+    for finding in facts.change.findings:
+        if finding.startswith("W-") and not finding.startswith(_JUDGED_HERE):
+            yield from no("W-INT-FINDING", table=facts.table.name, finding=finding)
+
+
+def _flat(facts: PushFacts) -> Iterator[Refusal]:
+    beyond, widest = (0.0, 0.0) if facts.is_cross else unmeasured(facts)
+    if ROUNDING < beyond <= 0.5 * widest + ROUNDING:
+        yield from no("W-INT-COVERAGE", table=facts.table.name, beyond=round(beyond + widest, 3), interval=widest)
+
+
+def _forgetful(facts: PushFacts) -> Iterator[Refusal]:
+    if not facts.marker_kept:
+        yield from no("W-INT-NO-MARKER", axis=facts.change.axis)
+
+
+_WARNING: tuple[Rule, ...] = (_steep, _far, _old, _flat, _found, _forgetful)
+_JUDGED_HERE = ("W-COMP-STEEP", "W-COMP-FLAT")
+
+
+def _agreed(facts: PushFacts) -> Iterator[Refusal]:
+    wanted = needed(facts)
+    problems = {approval: tuple(_problem(facts, approval)) for approval in facts.approvals}
+    people = {approval.actor for approval, problem in problems.items() if not problem}
+    if len(people) + 1 >= wanted:
+        return
+    found = [one for problem in problems.values() for one in problem]
+    yield from found
+    if not found:
+        why = "; ".join(warning.words for warning in warnings(facts)) or "this site asks for it"
+        yield from no("E-INT-APPROVAL-MISSING", table=facts.table.name, needed=wanted, have=len(people) + 1, why=why)
+
+
+def _problem(facts: PushFacts, approval: Approval) -> Iterator[Refusal]:
+    """Why this approval does not count, if it does not."""
+    wanted = (facts.plan, facts.change.base_digest, facts.expected.serial)
+    if (approval.plan_hash, approval.base_digest, approval.serial) != wanted:
+        yield from no("E-INT-APPROVAL-OTHER-PLAN", actor=approval.actor)
+    elif not _holds(approval, facts.now_utc):
+        yield from no("E-INT-APPROVAL-EXPIRED", actor=approval.actor, until=approval.expires_utc)
+    elif approval.actor == facts.actor:
+        yield from no("E-INT-APPROVAL-SAME-PERSON", actor=approval.actor)
+
+
+def _holds(approval: Approval, now: datetime) -> bool:
+    try:
+        given, until = datetime.fromisoformat(approval.given_utc), datetime.fromisoformat(approval.expires_utc)
+        return given - MAX_AHEAD <= now < until
+    except (ValueError, TypeError):
+        return False
+
+
+def _audit(facts: PushFacts) -> Iterator[Refusal]:
+    if facts.audit_broken:
+        yield from no("E-INT-AUDIT-BROKEN", why=facts.audit_broken)
+
+
+APPROVED: tuple[Rule, ...] = (_agreed, _audit)

@@ -1,0 +1,120 @@
+"""Proof of effect: what the controller says it applies, at a few positions, against what the tables say.
+
+A CEC table is one of several that move its output axis, so the sum of all is predicted from where their input
+axes stand. No public text says in which sense a control counts its own CEC sum, nor whether factor tables count
+by themselves: the sign was proved with an instrument and the values were read back, so here one sense and one
+way of multiplying must fit all positions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from drivers.types import CompensationTable, LiveSet, LiveTable, Stop, StopReached
+from drivers.units import deviation_scale
+from gateway.errors import VerifyError
+from gateway.interlocks import value_at
+from gateway.interlocks.facts import rest_of
+from gateway.interlocks.table import steepest
+from gateway.push import conversation
+from gateway.push.compare import differences, same_rest, same_table, table_in
+from gateway.push.work import Work
+
+# The axis stands within its exact stop window of the target: 0.01 mm or deg.
+POSITION_SLACK = 0.01
+SHOWN_SLACK = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class _Shown:
+    """One position: what each way of adding up predicts, and what the controller says."""
+
+    position: float
+    expected: tuple[float, ...]
+    found: float
+
+
+async def prove_effect(work: Work, positions: tuple[float, ...], base: LiveSet) -> None:
+    """Visit positions and compare what the controller says it applies with the table; then read all once more.
+
+    Raises VerifyError (E-PUSH-EFFECT, E-PUSH-OVERWRITTEN, E-PUSH-COUPLED) and what the port raises.
+    """
+    context, table = work.context, work.change.new
+    shown: list[_Shown] = []
+
+    async def at_stop(_stop: Stop, reached: StopReached) -> None:
+        shown.append(await _look(work, base, reached))
+
+    context.say("P-PUSH-EFFECT", axis=context.moved.name, count=len(positions))
+    places = (*positions, work.agreeing_position) if context.controller.capabilities.programs else positions
+    # The input axis of a cross table ends where it disturbs the next table of the same output least.
+    stops = conversation.stops_at(context, places if table.function == "CEC" else positions)
+    order = work.order(table, True, "table", work.number)
+    await conversation.visit(context, conversation.plan_of(context, "TFEFFECT", stops), at_stop, order)
+    work.effect = _judged(work, table, shown)
+    live = work.signed(await context.controller.saved_tables(context.axis.name))
+    _still_there(work, live, base)
+    await work.same_machine()
+
+
+async def _look(work: Work, base: LiveSet, reached: StopReached) -> _Shown:
+    table = work.change.new
+    if table.function == "EEC":
+        return _Shown(reached.target, (value_at(table, reached.target),), reached.encoder_compensation)
+    acting = [table, *(one.table for one in rest_of(base, table) if one.enabled)]
+    places = {table.input_axis: reached.target}
+    if len(acting) > 1:
+        state = await work.context.controller.state()
+        places = {name: axis.position for name, axis in state.axes.items()} | places
+    return _Shown(reached.target, sums(acting, places), reached.cross_compensation)
+
+
+def sums(acting: list[CompensationTable], places: Mapping[str, float]) -> tuple[float, ...]:
+    """What tables of one output may add up to: each alone; with products on top; factors by their products only."""
+    alone = {table.index: value_at(table, places.get(table.input_axis, table.minimum)) for table in acting}
+    plain = sum(alone.values())
+    products = {
+        table.index: alone[table.index] * alone[table.multiply_by - 1] / deviation_scale(table.output_unit)
+        for table in acting
+        if table.multiply_by - 1 in alone
+    }
+    if not products:
+        return (plain,)
+    factors = set(products) | {table.multiply_by - 1 for table in acting if table.index in products}
+    only = sum(products.values()) + sum(value for index, value in alone.items() if index not in factors)
+    return (plain + sum(products.values()), only)
+
+
+def _judged(work: Work, table: CompensationTable, shown: list[_Shown]) -> tuple[tuple[float, float, float], ...]:
+    """The first way of counting that fits everywhere. Raises VerifyError (E-PUSH-EFFECT)."""
+    allowed = effect_tolerance(work, table)
+    ways = range(max((len(one.expected) for one in shown), default=1))
+    senses = (1.0, -1.0) if table.function == "CEC" else (1.0,)
+    for way in ways:
+        for sense in senses:
+            if all(abs(one.found - sense * one.expected[way]) <= allowed for one in shown):
+                return tuple((one.position, sense * one.expected[way], one.found) for one in shown)
+    worst = next((one for one in shown if not abs(one.found - one.expected[0]) <= allowed), shown[0] if shown else None)
+    fields: dict[str, Any] = {"position": "no position", "expected": "a value", "found": "none"}
+    if worst is not None:
+        told = {"expected": round(worst.expected[0], 4), "found": round(worst.found, 4)}
+        fields = {"position": round(worst.position, 4), **told}
+    raise VerifyError("E-PUSH-EFFECT", work.axis, unit=table.deviation_unit, **fields)
+
+
+def effect_tolerance(work: Work, table: CompensationTable) -> float:
+    """How far the controller's own value may be from the table: last place, standing still, display."""
+    return 2.0 * work.allowed + POSITION_SLACK * steepest(table) + SHOWN_SLACK
+
+
+def _still_there(work: Work, live: LiveSet, base: LiveSet) -> None:
+    wanted, found = LiveTable(work.change.new, enabled=True), table_in(live, work.change.new)
+    if not same_table(wanted, found, work.allowed):
+        different = differences(wanted.table, found.table, work.allowed) or ("the switch is off",)
+        raise VerifyError("E-PUSH-OVERWRITTEN", work.axis, axis=work.axis, first=different[0])
+    switches = [one.enabled for one in rest_of(base, wanted.table)]
+    again = [one.enabled for one in rest_of(live, wanted.table)]
+    if not same_rest(base, live, wanted.table, work.allowed) or switches != again:
+        raise VerifyError("E-PUSH-COUPLED", work.axis, axis=work.axis)

@@ -1,0 +1,292 @@
+"""Files of others into the store: read as was said once about their like, kept with their bytes, once only."""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from drivers import registry
+from drivers.errors import ConfigError, FileFormatError
+from drivers.recordings import Recording
+from drivers.types import GearInspection, MeasuredSet
+from gateway.config import SiteFile
+from gateway.errors import StoreError
+from gateway.say import Say, silence
+from gateway.store import Maps, RunFolder, Store
+from gateway.store.disk import disk_errors
+from gateway.store.maps import Value
+from gateway.store.rawstream import RawRecorder, StreamFacts
+from gateway.watch.journal import Journal
+from gateway.watch.listing import Folder
+from gateway.watch.watcher import Watcher
+from gateway.workflow.bench import store_of
+
+MEASURED, GEAR, DYNAMIC = "measured", "gear-inspection", "dynamic"
+ROLES = ("file", "dynamic-file", "gear-file")
+# Endings of files whose driver has another name; tables of others come with any of these.
+OTHER_ENDINGS = {"xml": "gde", "txt": "csv", "dat": "csv", "tsv": "csv"}
+NEED_UNIT = ("rta", "rtx")
+STATE = "imported"
+CHUNK = 1 << 20
+Content = MeasuredSet | Recording | GearInspection
+
+
+@dataclass(frozen=True, slots=True)
+class How:
+    """What is said about a file: "" and None leave it to the file and to what was said before.
+
+    ``machine`` is whose file it is, for remembering its unit; ``columns`` a map of columns (or of GDE names);
+    ``gear`` a table of flank points; ``forget`` what was remembered about files like this one.
+    """
+
+    unit: str = ""
+    machine: str = ""
+    columns: Mapping[str, Value] | None = None
+    gear: bool = False
+    forget: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Read:
+    """A file's content; ``driver`` read it, ``notes`` say what was taken from memory or put into it."""
+
+    content: Content
+    driver: str
+    notes: tuple[str, ...] = ()
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the file itself leaves in doubt."""
+        return self.content.warnings
+
+
+@dataclass(frozen=True, slots=True)
+class Imported:
+    """A file in the store: ``new`` is false where the same content was there already."""
+
+    run_id: str
+    folder: Path
+    sha256: str
+    kind: str
+    new: bool
+    notes: tuple[str, ...] = field(default_factory=tuple)
+
+
+def driver_of(path: Path, how: How) -> str:
+    """Name of the driver that reads a file, by its ending. Raises ConfigError (E-CLI-FILE)."""
+    ending = path.suffix.lower().lstrip(".")
+    name = OTHER_ENDINGS.get(ending, ending)
+    if name == "csv" and how.gear:
+        name = "gear-csv"
+    if name not in endings():
+        known = ", ".join(f".{one}" for one in sorted((endings() - {"gear-csv"}) | set(OTHER_ENDINGS)))
+        raise ConfigError("E-CLI-FILE", str(path), ending=path.suffix or "(none)", known=known)
+    return name
+
+
+def endings() -> set[str]:
+    """Names of all drivers that read files of others."""
+    return {name for role in ROLES for name in registry.known(role)}
+
+
+def read_file(path: Path, how: How, maps: Maps | None = None, utc: Callable[[], datetime] | None = None) -> Read:
+    """Read a file by what is said now or was said before; with ``utc`` what is said now is remembered.
+
+    Raises ConfigError (E-FILE-RTA-UNIT, E-FILE-RTX-UNIT: say the unit once; E-IMPORT-COLUMNS: say the columns
+    once; E-CLI-FILE), FileFormatError.
+    """
+    name = driver_of(path, how)
+    factory = next(registry.known(role)[name] for role in ROLES if name in registry.known(role)).load()
+    asker = _Asker(path, how, maps, utc)
+    if name in NEED_UNIT:
+        return asker.with_unit(name, factory)
+    if name in ("csv", "gear-csv", "gde"):
+        return asker.with_columns(name, factory)
+    takes = how.unit and "unit" in inspect.signature(factory).parameters
+    return Read((factory(unit=how.unit) if takes else factory()).read(path), name)
+
+
+class _Asker:
+    """One file, what is said about it, and the memory of what was said before."""
+
+    def __init__(self, path: Path, how: How, maps: Maps | None, utc: Callable[[], datetime] | None) -> None:
+        self._path = path
+        self._how = how
+        self._maps = maps
+        self._utc = utc
+
+    def with_unit(self, name: str, factory: Any) -> Read:
+        keys = self._places(name, factory().origin(self._path))
+        self._forget("unit", keys)
+        said = self._how.unit
+        notes: list[str] = []
+        if not said:
+            said, notes = self._remembered_unit(keys)
+        content = factory(unit=said).read(self._path)
+        if self._how.unit:
+            notes += self._keep("unit", keys[0], {"unit": said})
+        return Read(content, name, tuple(notes))
+
+    def _places(self, name: str, words: Mapping[str, str]) -> list[str]:
+        """Where an answer holds, nearest first: the machine typed, the one named in the file, the folder."""
+        named = " / ".join(words.get(key, "").strip() for key in ("Machine", "Serial No"))
+        found = [f"{name} of machine {self._how.machine}"] if self._how.machine else []
+        if named.strip(" /"):
+            found.append(f"{name} of machine {named}")
+        return [*found, f"{name} in folder {self._path.resolve().parent}"]
+
+    def _remembered_unit(self, keys: list[str]) -> tuple[str, list[str]]:
+        for key in keys:
+            found = self._maps.find("unit", key) if self._maps else None
+            if found is not None:
+                unit = str(found.said.get("unit", ""))
+                return unit, [f"unit {unit}, as said on {found.utc} for {key}"]
+        return "", []
+
+    def with_columns(self, name: str, factory: Any) -> Read:
+        signature = factory().signature(self._path)
+        keys = [f"{name} {signature}"] if signature else []
+        self._forget("columns", keys)
+        notes: list[str] = []
+        said = self._how.columns
+        if said is None:
+            said, notes = self._remembered_columns(keys)
+        if said is None:
+            return Read(self._by_itself(name, factory), name)
+        content = factory(columns=said).read(self._path)
+        if self._how.columns is not None:
+            notes += self._keep("columns", keys[0], said) if keys else ["the table has no heading: nothing remembered"]
+        return Read(content, name, tuple(notes))
+
+    def _by_itself(self, name: str, factory: Any) -> Content:
+        options = {"unit": self._how.unit} if name == "csv" and self._how.unit else {}
+        try:
+            content: Content = factory(**options).read(self._path)
+        except FileFormatError as error:
+            if error.code != "E-FILE-CSV-HEADER":
+                raise
+            where, found = str(self._path), error.fields.get("found")
+            raise ConfigError("E-IMPORT-COLUMNS", where, found=found, columns=error.fields["columns"]) from error
+        return content
+
+    def _remembered_columns(self, keys: list[str]) -> tuple[Mapping[str, Value] | None, list[str]]:
+        for key in keys:
+            found = self._maps.find("columns", key) if self._maps else None
+            if found is not None:
+                words = ", ".join(f"{name}={value}" for name, value in found.said.items())
+                return found.said, [f"columns as said on {found.utc}: {words}"]
+        return None, []
+
+    def _keep(self, kind: str, key: str, said: Mapping[str, Value]) -> list[str]:
+        if self._maps is None or self._utc is None:
+            return []
+        self._maps.keep(kind, key, said, self._utc().isoformat(timespec="seconds"))
+        words = ", ".join(str(value) if name == "unit" else f"{name}={value}" for name, value in said.items())
+        return [f"{kind} remembered: {words}"]
+
+    def _forget(self, kind: str, keys: list[str]) -> None:
+        if self._how.forget and self._maps is not None:
+            for key in keys:
+                self._maps.forget(kind, key)
+
+
+def content_hash(path: Path) -> str:
+    """sha256 of a file's bytes. Raises FileFormatError (E-FILE-READ)."""
+    digest = hashlib.sha256()
+    try:
+        with path.open("rb") as file:
+            while piece := file.read(CHUNK):
+                digest.update(piece)
+    except OSError as error:
+        raise FileFormatError("E-FILE-READ", str(path), why=error.strerror or str(error)) from error
+    return digest.hexdigest()
+
+
+def already(store: Store, digest: str) -> Path | None:
+    """The run folder that holds this content, if any does. Runs that cannot be read are passed over."""
+    for summary in store.runs():
+        if summary.state == STATE and _imported(summary.path) == digest:
+            return summary.path
+    return None
+
+
+def _imported(path: Path) -> str:
+    try:
+        plan = RunFolder(path).plan
+    except StoreError:
+        return ""
+    said = plan.get("imported") if isinstance(plan, Mapping) else None
+    return str(said.get("sha256", "")) if isinstance(said, Mapping) else ""
+
+
+def import_file(
+    path: Path, store: Store, how: How, utc: Callable[[], datetime] | None, *, site: str = "import", expected: str = ""
+) -> Imported:
+    """Read a file and keep it as a run of its own; the same content a second time is only named.
+
+    ``expected`` is the sha256 it must have. The user's file is never changed. Raises what `read_file` raises;
+    FileFormatError (E-IMPORT-CHANGED) when the file changed meanwhile; StoreError.
+    """
+    digest = content_hash(path)
+    if expected and digest != expected:
+        raise FileFormatError("E-IMPORT-CHANGED", str(path))
+    read = read_file(path, how, Maps(store.root), utc)
+    kind = _kind(read.content)
+    known = already(store, digest)
+    if known is not None:
+        return Imported(known.name, known, digest, kind, False, read.notes)
+    said = {"name": path.name, "sha256": digest, "driver": read.driver, "notes": list(read.notes)}
+    folder = store.create(site, {"imported": said, "site_file": ""})
+    _keep(folder, path, read.content, digest)
+    folder.set_state(STATE)
+    return Imported(folder.run_id, folder.path, digest, kind, True, read.notes)
+
+
+def _kind(content: Content) -> str:
+    if isinstance(content, Recording):
+        return DYNAMIC
+    return GEAR if isinstance(content, GearInspection) else MEASURED
+
+
+def _keep(folder: RunFolder, path: Path, content: Content, digest: str) -> None:
+    if isinstance(content, Recording):
+        _stream(folder, content)
+        unchanged = content_hash(path) == digest
+    else:
+        with disk_errors(path):
+            data = path.read_bytes()
+        unchanged = hashlib.sha256(data).hexdigest() == digest
+        if unchanged:
+            folder.write_bytes(f"source{path.suffix.lower()}", data)
+            folder.put(_kind(content), content)
+    if not unchanged:
+        error = FileFormatError("E-IMPORT-CHANGED", str(path))
+        folder.set_state("failed", error=error.as_record())
+        raise error
+
+
+def _stream(folder: RunFolder, content: Recording) -> None:
+    """A dynamic record as plain doubles beside the run, piece by piece."""
+    facts = StreamFacts(content.rate_hz, content.unit, 1.0, content.trigger, dict(content.header))
+    with RawRecorder(folder.path, DYNAMIC, facts) as recorder:
+        for block in content.blocks():
+            recorder.append(block)
+
+
+def watcher_of(
+    site: SiteFile, site_path: Path, folder: Path, *, settle_s: float = 5.0, say: Say = silence
+) -> Watcher:
+    """What watches a folder for a site: new files become runs of the site's store."""
+    store = store_of(site, site_path)
+
+    def take(path: Path, sha256: str) -> str:
+        how = How(machine=site.site.name)
+        return import_file(path, store, how, None, site=site.site.name, expected=sha256).run_id
+
+    wanted = {f".{name}" for name in (*endings(), *OTHER_ENDINGS)} - {".gear-csv", ".txt", ".dat"}
+    return Watcher(Folder(folder), Journal(store.root), take, wanted, settle_s=settle_s, say=say)

@@ -1,0 +1,152 @@
+"""Approve, push, compare, take back: the commands around a push on a simulated machine, and the log they leave."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from drivers.clock import LoopClock, run_virtual
+from drivers.types import SignProof
+from gateway import audit
+from gateway.approve import Approvals
+from gateway.config import load_site
+from gateway.domain import Proposal
+from gateway.errors import WriteRefused
+from gateway.push import push_table
+from gateway.say import silence
+from gateway.store import Store
+from gateway.workflow import consents, stages
+from gateway.workflow.approving import approve_plan, show_plan
+from gateway.workflow.bench import bench, store_of
+from gateway.workflow.outcome import Outcome
+from gateway.workflow.pushing import push_context
+from gateway.workflow.rolling_back import roll_back_site
+from gateway.workflow.run import run_site
+from gateway.workflow.verifying import verify_table
+from simulators.cell import Cell, cell_running
+from simulators.cell.judge import Judge
+from tests.cell.bench import short
+
+
+class Story:
+    """One cell, one site and what is done to it; the machine's clock is virtual."""
+
+    def __init__(self, cell: Cell, clock: LoopClock) -> None:
+        self.cell, self.clock, self.path = cell, clock, cell.site_path
+        source = self.path.with_name("c1.rta")
+        cell.write_result_file("C1", source)
+        edit = short(("C1",), 24, 2, file=str(source), file_datum=0.0, file_unit="mrad")
+        self.path.write_text(edit(self.path.read_text(encoding="utf-8")), encoding="utf-8")
+        self.site = load_site(self.path)
+        self.root = store_of(self.site, self.path).root
+        self.asked: dict[str, Any] = {"clock": clock, "say": silence}
+
+    async def propose(self) -> None:
+        made = await run_site(self.site, self.path, apply=False, machine_name="", **self.asked)
+        self.folder = Store(self.root).open(made.run_folder)
+
+    async def push(self, actor: str) -> str:
+        change = self.folder.get(stages.PROPOSAL, Proposal).changes[0]
+        async with bench(self.site, self.path, self.folder, self.clock, silence) as at:
+            moment = datetime.now(UTC).isoformat()
+            proof = SignProof(at.machine, "EEC", "C1", -1.0, 0.01, 1, moment)
+            taken = consents.take_up(at, self.folder.get(stages.PROPOSAL, Proposal))
+            context = consents.consented(at, change, push_context(at, at.axis("C1"), None), taken[change.name])
+            context = replace(context, actor=actor, proof=proof, approvals_needed=2)
+            consents.begin(at, change, context)
+            record = await push_table(change, context)
+            assert consents.ended(at, change, record) == ""
+        return record.outcome
+
+    async def compare(self) -> Outcome:
+        return await verify_table(self.site, self.path, table="C1", run=None, **self.asked)
+
+    async def take_back(self, *, apply: bool) -> Outcome:
+        name = self.site.site.name if apply else ""
+        asked = {"apply": apply, "machine_name": name, **self.asked}
+        return await roll_back_site(self.site, self.path, table="C1", **asked)
+
+    async def foreign_edit(self, point: int) -> None:
+        """Somebody with a manufacturer's rights turns one value round, and back the next time."""
+        name, switch = f"$AA_ENC_COMP[0,{point},C1]", "$MA_ENC_COMP_ENABLE[0,C1]"
+        value = float(self.cell.nck.get(name))
+        orders: list[dict[str, Any]] = [
+            {"set": "variable", "name": switch, "value": 0},
+            {"set": "nck_reset"},
+            {"set": "variable", "name": name, "value": -value},
+            {"set": "variable", "name": switch, "value": 1},
+            {"set": "nck_reset"},
+            *({"set": "reference", "axis": axis.name} for axis in self.cell.file.axes),
+            {"set": "mode", "value": "AUTO"},
+        ]
+        for order in orders:
+            assert await Judge(self.cell).answer(order) == {"done": True}, order
+            await self.clock.sleep(120.0 if order["set"] == "nck_reset" else 0.0)
+
+    async def tables(self) -> Any:
+        return await Judge(self.cell).answer({"ask": "tables"})
+
+
+def told(tmp_path: Path, story: Callable[[Story], Any]) -> Any:
+    async def job() -> Any:
+        clock = LoopClock()
+        async with cell_running("demo", tmp_path / "cell", clock, wires="memory", seed=3) as cell:
+            return await story(Story(cell, clock))
+
+    return run_virtual(job)
+
+
+def test_approved_pushed_compared_taken_back(tmp_path: Path) -> None:
+    async def story(at: Story) -> None:
+        await at.propose()
+        untouched = await at.tables()
+        shown = await show_plan(at.folder, **at.asked)
+        assert any("360.000" in line for line in shown.lines)
+        with pytest.raises(WriteRefused):
+            await approve_plan(at.folder, table="C1", typed_name="another", clock=at.clock, actor="ann")
+        given = await approve_plan(at.folder, table="", typed_name=at.site.site.name, clock=at.clock, actor="ann")
+        assert await at.tables() == untouched
+        assert Approvals(at.folder.path).unused() == given
+        assert await at.push("bob") == "committed"
+        assert Approvals(at.folder.path).unused() == ()
+
+        live = await at.compare()
+        assert (live.exit_code, live.data["kind"]) == (0, "as-approved")
+        assert (await at.take_back(apply=False)).data["refusals"] == []
+        await at.foreign_edit(7)
+        live = await at.compare()
+        assert (live.exit_code, live.data["kind"]) == (9, "differs")
+        assert "at 1 of " in live.lines[1]
+        edited = await at.tables()
+        with pytest.raises(WriteRefused) as caught:
+            await at.take_back(apply=True)
+        assert "E-PUSH-UNDO-FOREIGN" in str(caught.value)
+        assert await at.tables() == edited
+        await at.foreign_edit(7)
+        assert (await at.compare()).exit_code == 0
+
+        assert (await at.take_back(apply=True)).data["outcome"] == "committed"
+        assert (await at.compare()).data["kind"] == "as-approved"
+        back, first = (await at.tables())["tables"]["C1"], untouched["tables"]["C1"]
+        assert (back["values"], back["enabled"]) == (first["values"], first["enabled"])
+        with pytest.raises(WriteRefused) as caught:
+            await at.take_back(apply=True)
+        assert caught.value.code == "E-ROLLBACK-NOTHING"
+
+        done = [entry["action"] for entry in audit.entries(at.root)]
+        assert done == [
+            *("propose", "approve", "push-start", "push-committed"),
+            *("rollback-start", "rollback-refused", "rollback-start", "rollback-committed"),
+        ]
+        given_by, start = list(audit.entries(at.root))[1:3]
+        assert given_by["actor"] == "ann"
+        assert (start["actor"], start["details"]["approved_by"]) == (audit.os_user(), "ann")
+        assert given_by["plan_hash"] == start["plan_hash"]
+        assert audit.sound(at.root)
+
+    told(tmp_path, story)

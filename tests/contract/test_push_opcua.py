@@ -1,0 +1,272 @@
+"""The push transaction over OPC UA against the control's double: cross tables, both signs, markers, neighbours."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drivers.errors import TrueflankError
+from drivers.types import (
+    ChannelStatus,
+    CompensationTable,
+    LiveSet,
+    MachineIdentity,
+    Marker,
+    PushOrder,
+    SignProof,
+    Stop,
+    StopReached,
+)
+from gateway.domain import TableChange
+from gateway.push import AxisFacts, PushContext, look, prove_sign, push_table, recover, unfinished
+from gateway.push.compare import signed, table_in
+from simulators.nck.spec import NckSpec
+from tests.contract.opcua_stage import AXES, Stage, on_stage, plan
+
+SPEC = NckSpec(AXES, cec_points=(0, 10, 12, 10), access_level=2)
+X_AXIS = AxisFacts("X1", "X", "mm", False, False, (-250.0, 250.0), 0.0, 6000.0, dwell_s=0.2)
+Z_AXIS = AxisFacts("Z1", "Z", "mm", False, False, (0.0, 600.0), 0.0, 6000.0, dwell_s=0.2)
+C_AXIS = AxisFacts("C1", "C", "deg", True, True, (0.0, 360.0), 0.0, 3600.0, dwell_s=0.2)
+WAVE = CompensationTable("CEC", "Z1", "X1", 0.0, 400.0, 50.0, (0.0, 3.0, 7.0, 9.0, 5.0, 1.0, -4.0, -2.0, 0.0), index=1)
+TURN = CompensationTable(
+    "CEC", "C1", "X1", 0.0, 360.0, 45.0, (0.0, 1.0, 2.0, 1.0, 0.0, -1.0, -2.0, -1.0, 0.0), True, 2, "deg"
+)
+NOTHING = np.zeros(0)
+
+
+@pytest.fixture(scope="module")
+def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The server's key pair, made once."""
+    return tmp_path_factory.mktemp("server-keys")
+
+
+class Folder:
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def write_text(self, name: str, text: str) -> Path:
+        (self.path / name).write_text(text)
+        return self.path / name
+
+
+async def context_for(
+    on: Stage, root: Path, proof: SignProof | None = None, moved: AxisFacts | None = Z_AXIS
+) -> PushContext:
+    """A push of X1, with an operator who presses NC START for whatever is selected."""
+    controller = on.device
+
+    return PushContext(
+        controller, on.clock, Folder(root), root / "journal", X_AXIS, await controller.identify(), "mill", "mill",
+        proof, start_timeout_s=200.0, input=moved,
+    )  # fmt: skip
+
+
+@contextlib.asynccontextmanager
+async def starting(on: Stage) -> AsyncIterator[None]:
+    """An operator who presses NC START once for each program that was selected."""
+
+    select, selected = on.nck.select, asyncio.Event()
+
+    def noticing(path: str, channel: int = 1) -> int:
+        answer = select(path, channel)
+        if answer == 0:
+            selected.set()
+        return answer
+
+    async def press() -> None:
+        while True:
+            await selected.wait()
+            await on.clock.sleep(0.5)
+            if on.nck.channel_status == 0 and not on.nck.booting:
+                selected.clear()
+                on.nck.nc_start()
+
+    on.nck.select = noticing  # type: ignore[method-assign]
+    task = asyncio.get_running_loop().create_task(press())
+    try:
+        yield
+    finally:
+        task.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await task
+        on.nck.select = select  # type: ignore[method-assign]
+
+
+def proof(on: Stage, sign: int) -> SignProof:
+    machine = identity_of(on)
+    return SignProof(machine, "CEC", "X1", -1.0 * sign, 0.02, 1 if sign > 0 else -1, "2026-11-21T09:00:00+00:00")
+
+
+def identity_of(on: Stage) -> MachineIdentity:
+    names = tuple(axis.name for axis in on.nck.spec.axes)
+    return MachineIdentity(on.nck.spec.serial, on.nck.spec.nck_version, names)
+
+
+def change_of(live: LiveSet, new: CompensationTable, sign: int) -> TableChange:
+    old = table_in(signed(live, sign), new)
+    return TableChange("X1", old.table, new, old.enabled, live.digest, NOTHING, NOTHING, NOTHING, base=live)
+
+
+async def live_of(on: Stage, root: Path) -> LiveSet:
+    await on.walk(plan((Stop(0.0, -1),), axis="Z1", letter="Z", unit="mm", rotary=False, output_axis="X1"))
+    return await on.device.saved_tables("X1")
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_cross_tables_one_after_the_other_make_the_machine_move_as_they_say(
+    keys: Path, tmp_path: Path, sign: int
+) -> None:
+    async def act(on: Stage) -> None:
+        base = await live_of(on, tmp_path)
+        context = await context_for(on, tmp_path, proof(on, sign))
+        async with starting(on):
+            first = await push_table(change_of(base, WAVE, sign), context)
+            assert first.outcome == "committed", first.steps
+            turned = replace(context, input=C_AXIS, pushed=(WAVE,))
+            second = await push_table(change_of(base, TURN, sign), turned)
+            assert second.outcome == "committed", second.steps
+        assert await on.device.marker() == Marker(second.transaction, "committed")
+        # The truth: with Z where the table says 9 um of deviation, X stands 9 um less far.
+        places: list[float] = []
+
+        async def note(_stop: StopReached) -> None:
+            places.append(float(on.nck.encoder("X1", np.array([on.clock.now()]))[0][0]))
+
+        stops = (Stop(0.0, -1, 0, 0), Stop(150.0, 1, 0, 1))
+        await on.walk(plan(stops, axis="Z1", letter="Z", unit="mm", rotary=False, output_axis="X1"), note)
+        assert places[1] - places[0] == pytest.approx(-0.009, abs=2e-4)
+        live = signed(await live_of(on, tmp_path), sign)
+        assert [(one.table.index, one.enabled) for one in live.cec] == [(1, True), (2, True)]
+        assert live.cec[0].table == WAVE
+        assert live.cec[1].table == TURN
+
+    on_stage(act, replace(SPEC, cec_sign=sign), folder=keys)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_sign_is_measured_on_the_output_axis(keys: Path, tmp_path: Path, sign: int) -> None:
+    async def act(on: Stage) -> None:
+        context = await context_for(on, tmp_path)
+
+        async def read(_stop: Stop) -> tuple[float, float]:
+            await on.clock.sleep(1.0)
+            here = on.nck.encoder("X1", np.array([on.clock.now()]))[0][0]
+            return float(here) * 1000.0, 0.05
+
+        async with starting(on):
+            found = await prove_sign(context, 0.0, 400.0, 50.0, read, function="CEC", index=1)
+        assert (found.sign, found.function, found.output_axis) == (sign, "CEC", "X1")
+        assert found.slope == pytest.approx(-sign, abs=0.05)
+        assert (await live_of(on, tmp_path)).cec == ()
+        assert await on.device.marker() == Marker(0, "none")
+
+    on_stage(act, replace(SPEC, cec_sign=sign), folder=keys)
+
+
+def test_a_mismatch_leads_back_and_the_neighbour_works_again(keys: Path, tmp_path: Path) -> None:
+    async def act(on: Stage) -> None:
+        context = await context_for(on, tmp_path, proof(on, 1))
+        async with starting(on):
+            base = await live_of_running(on)
+            assert (await push_table(change_of(base, TURN, 1), replace(context, input=C_AXIS))).outcome == "committed"
+            base = await live_of_running(on)
+            kept = on.nck.core.memory.kept
+            calls: list[float] = []
+
+            def wrong(value: float) -> float:
+                calls.append(value)
+                return float(kept(value)) + (2e-6 if len(calls) == 6 else 0.0)
+
+            with pytest.MonkeyPatch.context() as patch:
+                patch.setattr(type(on.nck.core.memory), "kept", staticmethod(wrong))
+                record = await push_table(change_of(base, WAVE, 1), context)
+            assert record.outcome == "rolled-back", record.steps
+            assert any("E-NC-MISMATCH" in step for step in record.steps)
+            after = await live_of_running(on)
+            assert after.cec == base.cec
+            assert after.cec[0].enabled
+
+    on_stage(act, SPEC, folder=keys)
+
+
+async def live_of_running(on: Stage) -> LiveSet:
+    """The live tables while `starting` presses the button."""
+    plan_of_one = plan((Stop(0.0, -1),), axis="Z1", letter="Z", unit="mm", rotary=False, output_axis="X1")
+    await on.device.prepare_stops(plan_of_one)
+    counter = 0
+    while (stop := await on.device.wait_stop(counter, 120.0)) is not None:
+        counter = stop.counter
+        await on.device.release_stop(counter)
+    return await on.device.saved_tables("X1")
+
+
+def test_tables_that_would_wake_up_with_the_axis_switch_stop_the_program(keys: Path) -> None:
+    async def act(on: Stage) -> None:
+        for name, value in (("STEP", 50.0), ("MIN", 0.0), ("MAX", 100.0)):
+            on.nck.set(f"$AN_CEC_{name}[2]", value, 0)
+        on.nck.set("$AN_CEC_INPUT_AXIS[2]", "C1", 0)
+        on.nck.set("$AN_CEC_OUTPUT_AXIS[2]", "X1", 0)
+        on.nck.set("$AN_CEC[2,1]", 0.004, 0)
+        on.nck.set("$SN_CEC_TABLE_ENABLE[2]", 1, 0)
+        order = PushOrder(4711, WAVE, "Z", False, True, 0.0, "table", proof(on, 1))
+        with pytest.raises(TrueflankError) as caught:
+            await on.loaded(order)
+        assert caught.value.code == "E-NC-WAKES"
+        assert on.nck.get("$AN_CEC_STEP[1]") == 0.0
+        assert (await on.device.state()).channel is ChannelStatus.RESET
+
+    on_stage(act, SPEC, folder=keys)
+
+
+def test_the_marker_outlives_session_and_programs_until_it_is_recovered(keys: Path, tmp_path: Path) -> None:
+    async def act(on: Stage) -> None:
+        base = await live_of(on, tmp_path)
+        context = replace(await context_for(on, tmp_path, proof(on, 1)), start_timeout_s=20.0)
+        on.releases = False
+        async with starting(on):
+            record = await push_table(change_of(base, WAVE, 1), context)
+        assert record.outcome == "held", record.steps
+        await on.device.close()
+        elsewhere = tmp_path / "another-pc"
+        elsewhere.mkdir()
+        other = on.driver()
+        await other.open(5.0)
+        marker = await other.marker()
+        assert marker is not None
+        assert marker.state == "held"
+        stranger = replace(context, controller=other, journals=elsewhere / "journal")
+        refused = await push_table(change_of(base, WAVE, 1), stranger)
+        assert any(step.startswith("E-INT-MARKER") for step in refused.steps), refused.steps
+        on.nck.channel_reset()
+        on.releases = True
+        (found,) = unfinished(tmp_path / "journal", context.machine.serial)
+        mine = replace(context, controller=other, start_timeout_s=200.0)
+        async with starting(on):
+            finding = await look(found, mine)
+            assert finding.action == "restore", finding
+            assert (await recover(found, mine)).outcome == "rolled-back"
+        assert await other.marker() == Marker(0, "none")
+        await other.close()
+
+    on_stage(act, SPEC, folder=keys)
+
+
+def test_limits_of_a_cross_table_come_from_its_own_machine_data(keys: Path) -> None:
+    async def act(on: Stage) -> None:
+        limits = await on.device.table_limits("X1", "CEC", 2)
+        assert (limits.reserved_points, limits.max_sum) == (12, 1.0)
+        assert (await on.device.table_limits("X1", "CEC", 0)).reserved_points == 0
+        assert (await on.device.table_limits("X1")).max_sum is None
+        assert on.device.capabilities.programs
+        order = PushOrder(1, WAVE, "Z", False, True, 0.0, "table", proof(on, 1))
+        with pytest.raises(TrueflankError) as caught:
+            await on.device.switch_table(order, True, 1.0)
+        assert caught.value.code == "E-NC-NO-SWITCHING"
+
+    on_stage(act, SPEC, folder=keys)

@@ -1,0 +1,74 @@
+"""A driver in front of the scripted PLC, in virtual time, and the orders it is given."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Coroutine
+from typing import Any
+
+from drivers.clock import run_virtual
+from drivers.sinumerik.modbus import SinumerikModbus
+from drivers.types import CompensationTable, LiveSet, PushOrder, SignProof
+from tests.unit.mailbox.rogue import Rogue, serving
+
+VALUES = tuple(float(value) for value in (0, 3, -1.5, 2.001, 0, *range(-27, 28), 1, 0))
+
+
+def table(values: tuple[float, ...] = VALUES, **changes: object) -> CompensationTable:
+    """An EEC table of X1, zero where the scripted axis stands (0 mm)."""
+    last = 10.0 * (len(values) - 1)
+    given: dict[str, object] = {"minimum": 0.0, "maximum": last, "step": 10.0, "deviations": values}
+    return CompensationTable("EEC", "X1", "X1", **{**given, **changes})  # type: ignore[arg-type]
+
+
+async def order_for(device: SinumerikModbus, wanted: CompensationTable | None = None, **changes: Any) -> PushOrder:
+    """An order with a proof of this machine."""
+    proof = SignProof(await device.identify(), "EEC", "X1", 1.0, 0.01, 1, "2026-01-01T00:00:00+00:00")
+    return PushOrder(
+        **{
+            "transaction": 17,
+            "table": wanted or table(),
+            "letter": "X",
+            "rotary": False,
+            "enable": True,
+            "agreeing_position": 0.0,
+            "purpose": "table",
+            "proof": proof,
+            **changes,
+        }
+    )
+
+
+async def push(device: SinumerikModbus, order: PushOrder) -> tuple[LiveSet, LiveSet]:
+    """The whole push."""
+    await device.prepare_push(order)
+    sets = await device.wait_loaded(order, 100.0)
+    await device.release_push(order)
+    assert await device.wait_enabled(order, 100.0)
+    await device.finish_push(order, "committed")
+    return sets
+
+
+Body = Callable[[SinumerikModbus], Coroutine[Any, Any, None]]
+
+
+def driver(rogue: Rogue, url: str, **settings: Any) -> SinumerikModbus:
+    """A driver set up for the scripted PLC."""
+    order = "low-first" if rogue.low_first else "high-first"
+    given = {"framer": rogue.framer, "unit": rogue.unit, "word_order": order, "needs_reference": False}
+    return SinumerikModbus("grinder", url, {**given, **settings}, rogue.clock)
+
+
+def at_rogue(rogue: Rogue, body: Body, *, opened: bool = True, **settings: Any) -> None:
+    """Run a body in virtual time with a driver in front of the scripted PLC."""
+
+    async def main() -> None:
+        async with serving(rogue) as url:
+            device = driver(rogue, url, **settings)
+            try:
+                if opened:
+                    await device.open(5.0)
+                await body(device)
+            finally:
+                await device.close()
+
+    run_virtual(main)
