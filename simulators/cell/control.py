@@ -2,23 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers.clock import Clock
+from drivers.errors import ConfigError
 from drivers.units import deviation_scale
 from simulators.cellfile import CellFile
-from simulators.nck.machine import AxisSpec, Nck, NckSpec
+from simulators.nck.machine import AxisSpec, Nck, NckRefusal, NckSpec
+from simulators.nck.switches import OPEN
 from simulators.truth import Truth, generator
 
 FloatArray = NDArray[np.float64]
 
 
 def spec_of(cell: CellFile, seed: int) -> NckSpec:
-    """The NCK's spec; the sign of CEC is drawn by the seed unless the cell file names it."""
+    """The NCK's spec; the sign of CEC is drawn by the seed unless the cell file names it.
+
+    So is every open switch (`simulators.nck.switches.OPEN`) that says "seed". Raises ConfigError (E-CELL-VALUE).
+    """
     machine = cell.machine
     drawn = int(generator(seed, "cec sign").choice((-1, 1)))
     axes = tuple(
@@ -32,6 +37,7 @@ def spec_of(cell: CellFile, seed: int) -> NckSpec:
             max_velocity=axis.max_velocity,
             servo_time_s=axis.servo_time_s,
             eec_points=axis.eec_points,
+            absolute_encoder=axis.absolute_encoder,
         )
         for axis in cell.axes
     )
@@ -43,7 +49,25 @@ def spec_of(cell: CellFile, seed: int) -> NckSpec:
         "cec_sign": drawn if machine.cec_sign == "seed" else machine.cec_sign,
         "cec_points": machine.cec_points,
     }
-    return NckSpec(**(known | machine.switches))
+    chosen = {name: _chosen(cell, seed, name, value) for name, value in machine.switches.items()}
+    try:
+        return NckSpec(**(known | chosen))
+    except ValueError as error:
+        raise ConfigError("E-CELL-VALUE", cell.name, key="machine.switches", why=str(error)) from error
+
+
+def _chosen(cell: CellFile, seed: int, name: str, value: Any) -> Any:
+    """A switch of the NCK as the cell file has it; "seed" draws an open one. Raises ConfigError (E-CELL-VALUE)."""
+    key = f"machine.switches.{name}"
+    if name not in {entry.name for entry in fields(NckSpec)}:
+        raise ConfigError("E-CELL-VALUE", cell.name, key=key, why="the NCK double has no such switch")
+    if value == "seed":
+        if name not in OPEN:
+            raise ConfigError("E-CELL-VALUE", cell.name, key=key, why="only an open switch is drawn by the seed")
+        return OPEN[name][int(generator(seed, key).integers(len(OPEN[name])))]
+    return (
+        tuple(tuple(item) if isinstance(item, list) else item for item in value) if isinstance(value, list) else value
+    )
 
 
 class CellNck(Nck):
@@ -58,6 +82,20 @@ class CellNck(Nck):
         answer = super().select(path, channel)
         self.selections += answer == 0
         return answer
+
+    def jog(self, axis: str, position: float) -> float:
+        """Move one axis in JOG to a position; seconds it takes.
+
+        Raises NckRefusal 10720 beyond the software limits, 0 while a program runs or the control starts.
+        """
+        found = self.core.axis(axis)
+        if self.booting or self.channel_status != 0 or not self.set_mode("JOG"):
+            raise NckRefusal(0, "the channel is not in reset")
+        target = float(position)
+        if found.spec.modulo:
+            target += 360.0 * round((found.end_point - target) / 360.0)
+        self.core.check_travel(found.index, target)
+        return self.core.move({found.index: target}, None)
 
     def compensated_encoder(self, axis: str, positions: FloatArray, direction: int) -> FloatArray:
         """Encoder positions (n,) if the axis stood at these commanded positions; nothing moves."""
@@ -113,6 +151,10 @@ class ControlPanel:
     def reference_axis(self, name: str) -> None:
         """Reference run of one axis."""
         self._nck.reference_axis(name)
+
+    def jog(self, name: str, position: float) -> float:
+        """Move one axis by the direction keys; seconds until it is there. Raises NckRefusal."""
+        return self._nck.jog(name, position)
 
     def set_mode(self, mode: str) -> None:
         """AUTO, JOG or MDA."""

@@ -39,6 +39,13 @@ class AlarmList:
         if number not in self:
             self._standing.append(Alarm(number, text, clear))
 
+    def show_while(self, cause: bool, number: int, text: str) -> None:
+        """Show an alarm as long as its cause is there; power on clears it too."""
+        if cause:
+            self.raise_(number, text, "power_on")
+        else:
+            self.drop(number)
+
     def drop(self, number: int) -> None:
         """Its cause has gone."""
         self._standing = [alarm for alarm in self._standing if alarm.number != number]

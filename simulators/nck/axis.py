@@ -4,7 +4,8 @@
     enc = act - K_EEC(act) + backlash take-up        what the mechanism does
 
 Backlash (MD32450, positive when the encoder leads the machine part) is taken up by half the value in each
-direction, so the mean of both directions stays where it was.
+direction, so the mean of both directions stays where it was. ``enc`` is the place in terms of encoder 1; while
+encoder 2 is active K_EEC is its table plus what it shows more than encoder 1.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from simulators.nck.backlash import Backlash
 from simulators.nck.compensation import Curve, Stretch
 from simulators.nck.motion import DirectionLog, LaggedPath
 from simulators.nck.spec import AxisSpec
@@ -29,7 +31,7 @@ _WORN_OFF = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class AxisView:
-    """An axis at one moment; positions in mm or deg (modulo axes 0..360), see the module for the signs.
+    """An axis at one moment, in the basic system of units or deg (modulo axes 0..360); signs: see the module.
 
     ``set_position`` and ``actual_position`` are those of the ideal machine (compensations corrected out),
     ``encoder_position`` is what the measuring system shows. ``aa_stat``: 0 none, 1 moving, 2 interpolation
@@ -77,12 +79,23 @@ class MachineAxis:
         self.base = LaggedPath(lag, start_s, spec.reference)
         self.additional = LaggedPath(lag, start_s, 0.0)
         self.temperature = LaggedPath(lag, start_s, 0.0)
-        self.backlash = LaggedPath(lag, start_s, 0.0)
+        self.backlash = Backlash(lag, start_s)
         self.travel = DirectionLog(start_s)
-        self.referenced = False
-        self._taken_up = 1
+        self.encoders_referenced = [False, False]
+        self.active_encoder = 0
+        self.curve_offset = 0.0
+        self.moved = False
         self._epochs = [_Epoch(start_s, None, ())]
         self._moved_until_s = start_s
+
+    @property
+    def referenced(self) -> bool:
+        """Whether the active encoder is referenced (DB31.DBX60.4 or 60.5)."""
+        return self.encoders_referenced[self.active_encoder]
+
+    @referenced.setter
+    def referenced(self, state: bool) -> None:
+        self.encoders_referenced[self.active_encoder] = state
 
     @property
     def end_point(self) -> float:
@@ -123,33 +136,17 @@ class MachineAxis:
         self.base.halt(now_s)
         self._moved_until_s = min(self._moved_until_s, now_s)
 
-    def way(self, now_s: float) -> list[Stretch]:
-        """What the base setpoint will do from now on."""
-        direction = self.travel.latest
+    def way(self, now_s: float, first: int = 1, *, kept: bool = True) -> list[Stretch]:
+        """What the base setpoint will do from now on.
+
+        ``first``: the direction before the axis has moved at all; ``kept``: the last one holds at standstill.
+        """
+        direction = self.travel.latest if self.moved else first
         found = []
         for start, value, slope in self.base.upcoming(now_s):
             direction = direction if slope == 0.0 else (1 if slope > 0.0 else -1)
-            found.append(Stretch(start, value, slope, direction))
+            found.append(Stretch(start, value, slope, direction if kept or slope != 0.0 else 0))
         return found
-
-    def take_up(self, sign: int, half: float, time_s: float) -> None:
-        """The drive turns (or its backlash value changed): the encoder leads by half the value that way."""
-        self._taken_up = sign or self._taken_up
-        value = half * self._taken_up
-        if self.backlash.demand(time_s) != value:
-            self.backlash.add(time_s, value)
-
-    def forget_take_up(self, now_s: float) -> None:
-        """Drop reversals planned for later."""
-        self.backlash.halt(now_s)
-        value = self.backlash.demand(now_s)
-        if value != 0.0:
-            self._taken_up = 1 if value > 0.0 else -1
-
-    @property
-    def taken_up(self) -> int:
-        """The direction in which the backlash is taken up."""
-        return self._taken_up
 
     def wrapped(self, position: float) -> float:
         """Position as shown: modulo axes in 0..360."""
@@ -166,7 +163,7 @@ class MachineAxis:
     def encoders(self, times: Array) -> Array:
         """Encoder position at many times, turns unlimited."""
         act = self.actuals(times)
-        result: Array = act - self._eec(act, times) + self.backlash.responses(times)
+        result: Array = act - self._eec(act, times) + self.backlash.path.responses(times)
         return result
 
     def directions(self, times: Array) -> Array:
@@ -196,8 +193,17 @@ class MachineAxis:
                 result = result + share.weight * fade * share.curve.at(act)
         return result
 
-    def view(self, now_s: float, cec_value: float) -> AxisView:
-        """The axis now; ``cec_value`` is the table sum that acts, in the table's own sign."""
+    def table_value(self, now_s: float) -> float:
+        """What the acting EEC table gives where the axis is, in mm or deg."""
+        if self.curve is None:
+            return 0.0
+        return self.curve.one(float(self.actuals(np.array([now_s]))[0])) - self.curve_offset
+
+    def view(self, now_s: float, cec_value: float, unit: float = 1.0) -> AxisView:
+        """The axis now; ``cec_value`` is the table sum that acts, in the table's own sign.
+
+        ``unit``: mm (or deg) in one unit of the view.
+        """
         at = np.array([now_s])
         act = self.actuals(at)
         encoder = float(self.encoders(at)[0])
@@ -205,22 +211,22 @@ class MachineAxis:
             name=self.spec.name,
             letter=self.spec.letter,
             index=self.index + 1,
-            set_position=self.wrapped(self.base.demand(now_s)),
-            actual_position=self.wrapped(self.base.response(now_s)),
-            encoder_position=self.wrapped(encoder),
+            set_position=self.wrapped(self.base.demand(now_s)) / unit,
+            actual_position=self.wrapped(self.base.response(now_s)) / unit,
+            encoder_position=self.wrapped(encoder + self.curve_offset) / unit,
             aa_stat=self._state(now_s, float(act[0]), encoder),
             referenced=self.referenced,
-            eec_value=self.curve.one(float(act[0])) if self.curve is not None else 0.0,
-            cec_value=cec_value,
-            backlash_value=self.backlash.demand(now_s),
-            temperature_value=-self.temperature.demand(now_s),
+            eec_value=self.table_value(now_s) / unit,
+            cec_value=cec_value / unit,
+            backlash_value=self.backlash.path.demand(now_s) / unit,
+            temperature_value=-self.temperature.demand(now_s) / unit,
         )
 
     def _state(self, now_s: float, act: float, encoder: float) -> int:
         if now_s < self._moved_until_s:
             return 1
         wanted = act - (self.curve.one(act) if self.curve is not None else 0.0)
-        wanted += self.backlash.demand(now_s)
+        wanted += self.backlash.path.demand(now_s)
         travelling = abs(wanted - encoder) + abs(self._additional_error(now_s))
         if travelling > _STILL_MOVING:
             return 1

@@ -7,10 +7,13 @@ from dataclasses import dataclass, field
 
 from simulators.nck.axis import COARSE, FINE
 from simulators.nck.core import Core
+from simulators.nck.data_table import INCH_MM
 from simulators.nck.spec import NckRefusal
 
 POSITION_MODES = frozenset({"AC", "IC", "DC", "ACP", "ACN"})
-_NO_EFFECT = frozenset({17, 18, 19, 40, 53, 54, 55, 56, 57, 71, 94, 153, 500, 603, 710, *range(505, 600)})
+_NO_EFFECT = frozenset({17, 18, 19, 40, 53, 54, 55, 56, 57, 94, 153, 500, 603, *range(505, 600)})
+# G functions of the control that this double does not do: refused, never passed over.
+_NOT_HERE = frozenset({2, 3, 5, 33, 34, 35, 41, 42, 62, 63, 74, 75, 93, 95, 96, 97, 110, 111, 112, 331, 332})
 _SILENT_WORDS = frozenset(
     {"SUPA", "STOPRE", "SOFT", "BRISK", "FFWON", "FFWOF", "TRANS", "ROT", "SCALE", "MIRROR", "TRAFOOF"}
     | {"DIAMOF", "COMPOF", "KONT", "NORM", "SBLON", "SBLOF", "DISPLON", "DISPLOF", "CFC", "CFTCP"}
@@ -25,13 +28,20 @@ def is_silent(word: str) -> bool:
 
 @dataclass(slots=True)
 class Modal:
-    """What stays in force from block to block."""
+    """What stays in force from block to block.
+
+    ``inch``: by G70/G71 (G700/G710 for the feed too), None the basic system. ``planned``: where blocks handed
+    over will leave the axes, by index, in mm or deg; empty when the machine has done them all.
+    """
 
     rapid: bool = False
     absolute: bool = True
     exact: bool = True
     window: float = FINE
     feed: float | None = None
+    inch: bool | None = None
+    inch_feed: bool = False
+    planned: dict[int, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +49,7 @@ class Deed:
     """What a block leaves for the machine to do in time.
 
     ``targets``: axis index -> end point; ``rate`` units/min, None rapid; ``window``: wait until within it;
-    ``ending``: "", M0, M1, M17 or M30.
+    ``ending``: "", M0, M1, M17 or M30; ``message``: what MSG shows.
     """
 
     targets: dict[int, float] = field(default_factory=dict)
@@ -47,6 +57,7 @@ class Deed:
     window: float | None = None
     dwell_s: float = 0.0
     ending: str = ""
+    message: str | None = None
 
 
 class BlockWords:
@@ -99,6 +110,10 @@ class BlockWords:
             modal.absolute = value == 90
         elif value in (601, 602):
             modal.window = FINE if value == 601 else COARSE
+        elif value in (70, 71, 700, 710):
+            modal.inch, modal.inch_feed = value in (70, 700), value in (700, 710)
+        elif value in _NOT_HERE:
+            raise NckRefusal(12550, f"G{value:g} not defined or option not available")
         elif value not in _NO_EFFECT:
             raise NckRefusal(12470, f"G function G{value:g} unknown")
 
@@ -119,6 +134,7 @@ class BlockWords:
         targets = {index: self._end_point(index, *word) for index, word in self._targets.items()}
         for index, target in targets.items():
             self._core.check_travel(index, target)
+        self._modal.planned.update(targets)
         rate = None if self._modal.rapid else self._checked_feed()
         exact = self._modal.exact or self._exact_once or self._modal.rapid or bool(self._ending)
         return Deed(targets, rate, self._modal.window if exact else None, 0.0, self._ending)
@@ -136,11 +152,15 @@ class BlockWords:
             raise NckRefusal(10860, "feedrate not programmed")
         if feed <= 0.0:
             raise NckRefusal(14800, "programmed path velocity smaller than or equal to zero")
-        return feed
+        rotary = all(self._core.axes[index].spec.rotary for index in self._targets)
+        inch = self._modal.inch if self._modal.inch_feed else self._core.data.inch
+        return feed * INCH_MM if inch and not rotary else feed
 
     def _end_point(self, index: int, mode: str, value: float) -> float:
         axis = self._core.axes[index]
-        here = axis.end_point
+        here = self._modal.planned.get(index, axis.end_point)
+        inch = self._core.data.inch if self._modal.inch is None else self._modal.inch
+        value = value * INCH_MM if inch and not axis.spec.rotary else value
         mode = mode or ("AC" if self._modal.absolute else "IC")
         if mode == "IC":
             return here + value

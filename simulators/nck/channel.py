@@ -9,7 +9,7 @@ from typing import Literal
 from simulators.nck.alarms import AlarmList
 from simulators.nck.core import Core
 from simulators.nck.files import FileSystem, canonical
-from simulators.nck.interpreter import Interpreter, PowerCut
+from simulators.nck.interpreter import BrokenOff, Interpreter, PowerCut
 from simulators.nck.spec import NckRefusal
 from simulators.nck.syntax import NcSyntaxError
 from simulators.nck.variables import Variables
@@ -21,14 +21,23 @@ PROGRAM_INTERRUPTED, PROGRAM_STOPPED, PROGRAM_RUNNING, PROGRAM_ABORTED = 1, 2, 3
 
 
 class Channel:
-    """One channel; ``power_cut`` is called when the mains fail at a block."""
+    """One channel; ``power_cut`` is called when the mains fail at a block, ``at_block`` after each block."""
 
-    def __init__(self, core: Core, variables: Variables, power_cut: Callable[[], None]) -> None:
+    def __init__(
+        self, core: Core, variables: Variables, power_cut: Callable[[], None], at_block: Callable[[int], None]
+    ) -> None:
         spec = core.spec
         self._core = core
         self._variables = variables
         self._power_cut = power_cut
-        self.files = FileSystem(spec.files_max_total, spec.files_max_count, self._check_reading, self._check_changing)
+        self._at_block = at_block
+        self.files = FileSystem(
+            spec.files_max_total,
+            spec.files_max_count,
+            self._check_reading,
+            self._check_changing,
+            stale=spec.stale_files,
+        )
         self.mode: Mode = "JOG"
         self.message = ""
         self.selected = ""
@@ -111,14 +120,14 @@ class Channel:
         if self._run is not None:
             if not self._run.stopped:
                 return False
-            self._run.resume()
+            self._run.main.resume()
             return True
         return bool(self.selected) and self._referenced() and self._begin()
 
     def stop(self) -> None:
         """NC STOP: motion stops at once."""
         if self._run is not None and not self._run.stopped:
-            self._run.stop()
+            self._run.main.stop()
 
     def abort(self) -> None:
         """End whatever runs; the channel is in reset."""
@@ -133,8 +142,10 @@ class Channel:
     # -- the run -----------------------------------------------------------------------------------
 
     def _referenced(self) -> bool:
-        missing = [axis.spec.name for axis in self._core.axes if not axis.referenced]
-        if missing and self._core.data.effective("$MC_REFP_NC_START_LOCK"):
+        data = self._core.data
+        needed = [axis for axis in self._core.axes if data.effective("$MA_REFP_CYCLE_NR", axis.index) > -1]
+        missing = [axis.spec.name for axis in needed if not axis.referenced]
+        if missing and data.effective("$MC_REFP_NC_START_LOCK"):
             self._core.alarms.raise_(22062, f"axes not referenced: {', '.join(missing)}", "start")
             return False
         return True
@@ -158,10 +169,12 @@ class Channel:
         except NcSyntaxError as error:
             self._fault(error.number, error.reason, error.line)
         except NckRefusal as error:
-            self._fault(error.number, error.text, run.line)
+            self._fault(error.number, error.text, run.interpreted_line)
         except PowerCut:
             self._finish()
             self._power_cut()
+        except BrokenOff:
+            return
         else:
             self._finish()
 
@@ -209,6 +222,22 @@ class Channel:
             return False
         self.cut_after_blocks = None
         return True
+
+    def goes_on(self, run: object) -> bool:
+        """Another block of a run is done: whether that run still exists after what happens at it."""
+        if self._run is run and self._run is not None:
+            self._at_block(self._run.blocks)
+        return self._run is run
+
+    def interrupt(self, number: int, text: str) -> None:
+        """An alarm of the drive or the PLC stops whatever runs."""
+        if self._run is None:
+            self._core.alarms.raise_(number, text, "reset")
+            return
+        line, task = self._run.line, self._task
+        self._fault(number, text, line)
+        if task is not None:
+            task.cancel()
 
     def _check_reading(self, _path: str) -> None:
         if not self._core.spec.fetch_while_waiting and self.status != RESET:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,15 +39,45 @@ class Curve:
         return float(self.at(np.array([position]))[0])
 
 
-def curve_of(points: Sequence[float], minimum: float, maximum: float, step: float, is_modulo: bool) -> Curve | None:
-    """The curve a table's memory means; None when its parameters describe none."""
+def last_point(count: int, minimum: float, maximum: float, step: float) -> int | None:
+    """Number of a table's last point, in a memory of ``count``; None when its parameters describe none."""
     span = maximum - minimum
-    if not points or step <= 0.0 or span < 0.0 or not math.isfinite(span / step):
+    if count < 1 or step <= 0.0 or span < 0.0 or not math.isfinite(span / step):
         return None
-    last = min(math.floor(span / step + 1e-9), len(points) - 1)
+    return min(math.floor(span / step + 1e-9), count - 1)
+
+
+def curve_of(
+    points: Sequence[float],
+    minimum: float,
+    maximum: float,
+    step: float,
+    is_modulo: bool,
+    *,
+    unit: float = 1.0,
+    value_unit: float = 1.0,
+) -> Curve | None:
+    """The curve a table's memory means; None when its parameters describe none.
+
+    ``unit`` and ``value_unit``: mm or deg in one unit of its positions and of its values.
+    """
+    last = last_point(len(points), minimum, maximum, step)
+    if last is None:
+        return None
+    span = maximum - minimum
     nodes = minimum + step * np.arange(last + 1, dtype=np.float64)
-    period = span if is_modulo and span > 0.0 else 0.0
-    return Curve(nodes, np.array(points[: last + 1], dtype=np.float64), step, period)
+    period = span * unit if is_modulo and span > 0.0 else 0.0
+    values = np.nan_to_num(np.array(points[: last + 1], dtype=np.float64), nan=0.0)
+    return Curve(nodes * unit, values * value_unit, step * unit, period)
+
+
+def shifted(curve: Curve | None, offset: float) -> Curve | None:
+    """The curve with a constant added; no curve counts as zero."""
+    if offset == 0.0:
+        return curve
+    if curve is None:
+        return Curve(np.zeros(1), np.array([offset]), 1.0, 0.0)
+    return replace(curve, values=curve.values + offset)
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +94,10 @@ class CrossTable:
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """A piece of a base axis's way: from ``start_s`` at ``position`` with ``slope`` per s, ``direction`` +/-1."""
+    """A piece of a base axis's way: from ``start_s`` at ``position`` with ``slope`` per s.
+
+    ``direction`` +1 or -1, 0 for neither.
+    """
 
     start_s: float
     position: float

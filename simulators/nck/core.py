@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from drivers.clock import Clock
 from simulators.nck.alarms import AlarmList
 from simulators.nck.axis import AxisView, MachineAxis
-from simulators.nck.compensation import Curve
-from simulators.nck.machine_data import CEC_ENABLE, CEC_POINTS, EEC_POINTS, ENC_ENABLE, MachineData
+from simulators.nck.compensation import Curve, shifted
+from simulators.nck.data_table import CEC_ENABLE, CEC_POINTS, EEC_POINTS, ENC_ENABLE, ENC_STATE
+from simulators.nck.machine_data import MachineData
 from simulators.nck.memory import TableMemory
 from simulators.nck.setpoints import Setpoints
 from simulators.nck.spec import NckRefusal, NckSpec
@@ -38,6 +39,7 @@ class Core:
         self.override_percent = 100.0
         self.data = MachineData(spec)
         self.r = [0.0] * spec.r_count
+        self.gud = self._empty_gud()
         self.memory = self._empty_memory()
         self._names: dict[str, int] = {}
         for place, axis in enumerate(spec.axes):
@@ -46,6 +48,7 @@ class Core:
         self._letters = {axis.letter.upper(): place for place, axis in enumerate(spec.axes)}
         self.axes = [MachineAxis(axis, place, 0.0) for place, axis in enumerate(spec.axes)]
         self._eec: dict[tuple[int, int], Curve | None] = {}
+        self._shifted: dict[tuple[int, int, bool], Curve | None] = {}
         self._setpoints = Setpoints(spec, self.data, self.alarms, self.axes)
         self.load_tables()
 
@@ -67,9 +70,13 @@ class Core:
     # -- what acts ---------------------------------------------------------------------------------
 
     def load_tables(self) -> None:
-        """The tables in memory become those that act (boot, or NEWCONF where activation is not strict)."""
+        """The tables in memory become those that act (see `Switches.activation`)."""
+        self.memory.settle(self.clock.now())
+        if self.spec.shortened_max_is_stored:
+            self.memory.shorten()
         acting = self.memory.copied()
-        self._eec = {key: table.curve() for key, table in acting.eec.items()}
+        self._eec = {key: table.curve(self.data.unit(key[0])) for key, table in acting.eec.items()}
+        self._shifted.clear()
         self._setpoints.load(acting.cec)
 
     def newconf(self) -> None:
@@ -81,7 +88,7 @@ class Core:
             if self.spec.lies_about_disable and self.data.effective(ENC_ENABLE, encoder, axis.index)
         )
         self.data.activate("newconf", keep=keep)
-        if not self.spec.strict_activation:
+        if self.spec.acts_from == "newconf":
             self.load_tables()
         self.refresh()
 
@@ -90,19 +97,31 @@ class Core:
         self.data.activate("reset")
         self.newconf()
 
-    def boot(self) -> bool:
+    def boot(self, *, power_on: bool = True) -> bool:
         """NCK start: everything stored acts, references are lost. Returns whether buffered memory was lost."""
         lost = self.data.memory_changed()
         if lost:
             self._rebuild_memory()
         if self.spec.enable_cleared_at_boot:
             self._clear_enables()
-        self.data.boot()
+        converted = self.data.boot()
+        if converted is not None:
+            self.memory.convert(converted, [axis.spec.rotary for axis in self.axes])
         for axis in self.axes:
-            axis.referenced = axis.spec.absolute_encoder and axis.referenced and not lost
-        self.load_tables()
+            self._boot_axis(axis, lost)
+        if power_on or self.spec.acts_from != "power_on" or lost:
+            self.load_tables()
         self.refresh()
         return lost
+
+    def _boot_axis(self, axis: MachineAxis, lost: bool) -> None:
+        for encoder in (0, 1):
+            adjusted = self.data.stored(ENC_STATE, encoder, axis.index) == 2 and not lost
+            axis.encoders_referenced[encoder] = axis.spec.absolute_encoder and adjusted
+        axis.moved = False
+        axis.backlash.dynamic_on = False
+        if not int(self.data.effective("$MA_BACKLASH_MODE", axis.index)) & 1:
+            axis.backlash.forget_direction()
 
     def _rebuild_memory(self) -> None:
         if self._layout_bytes() > self.spec.table_memory_bytes:
@@ -111,6 +130,10 @@ class Core:
         self.alarms.raise_(6020, "machine data changed: memory reallocated, buffered data lost")
         self.memory = self._empty_memory()
         self.r = [0.0] * self.spec.r_count
+        self.gud = self._empty_gud()
+
+    def _empty_gud(self) -> dict[str, list[float]]:
+        return {name.upper(): [0.0] * count for name, count in self.spec.gud}
 
     def _clear_enables(self) -> None:
         for axis in self.axes:
@@ -153,7 +176,8 @@ class Core:
         now = self.clock.now()
         axis = self.axes[index]
         axis.travel.turn(now, sign)
-        axis.take_up(sign, self._setpoints.half_backlash(index), now)
+        axis.moved = True
+        axis.backlash.take_up(sign, self._setpoints.take_up(index), now)
         axis.travel_to(target, seconds, now)
 
     def _duration(self, distances: Mapping[int, float], rate: float | None) -> float:
@@ -192,23 +216,49 @@ class Core:
         """Work out anew what acts on each axis, from now on."""
         now = self.clock.now()
         for axis in self.axes:
-            enabled = axis.referenced and self.data.effective(ENC_ENABLE, 0, axis.index)
-            axis.compensate(self._eec[axis.index, 0] if enabled else None, now)
-            axis.take_up(0, self._setpoints.half_backlash(axis.index), now)
+            encoder = axis.active_encoder
+            enabled = axis.referenced and bool(self.data.effective(ENC_ENABLE, encoder, axis.index))
+            axis.curve_offset = axis.spec.encoder2_offset * encoder
+            axis.compensate(self._curve(axis.index, encoder, enabled, axis.curve_offset), now)
+            axis.backlash.take_up(0, self._setpoints.take_up(axis.index), now)
         self._setpoints.plan(now)
 
-    def eec_value(self, index: int, encoder: int) -> float:
-        """What the table of an encoder gives at the axis's place, 0 when it does not act."""
+    def _curve(self, index: int, encoder: int, enabled: bool, offset: float) -> Curve | None:
+        # One object for one state: the axis compares what acts by identity.
+        key = (index, encoder, enabled)
+        if key not in self._shifted:
+            self._shifted[key] = shifted(self._eec[index, encoder] if enabled else None, offset)
+        return self._shifted[key]
+
+    def select_encoder(self, index: int, encoder: int) -> bool:
+        """The PLC asks for a measuring system; refused with alarm 25100 when the two are too far apart."""
         axis = self.axes[index]
-        if encoder == 0:
-            curve = axis.curve
-        else:
-            acts = axis.referenced and self.data.effective(ENC_ENABLE, encoder, index)
-            curve = self._eec[index, encoder] if acts else None
-        return curve.one(float(axis.actuals(np.array([self.clock.now()]))[0])) if curve is not None else 0.0
+        if encoder >= self.data.effective("$MA_NUM_ENCS", index) or encoder < 0:
+            return False
+        difference = self._shown_more(index, encoder) - self._shown_more(index, axis.active_encoder)
+        compared = axis.encoders_referenced[0] and axis.encoders_referenced[1]
+        if compared and abs(difference) > self.data.effective("$MA_ENC_CHANGE_TOL", index):
+            self.alarms.raise_(25100, f"axis {axis.spec.name}: measuring system switchover not possible")
+            return False
+        axis.active_encoder = encoder
+        self.refresh()
+        return True
+
+    def _shown_more(self, index: int, encoder: int) -> float:
+        """What an encoder's actual value, with its table, is more than encoder 1's bare one."""
+        return self.eec_value(index, encoder) + self.axes[index].spec.encoder2_offset * encoder
+
+    def eec_value(self, index: int, encoder: int) -> float:
+        """What the table of an encoder gives at the axis's place in mm or deg, 0 when it does not act."""
+        axis, now = self.axes[index], self.clock.now()
+        if encoder == axis.active_encoder:
+            return axis.table_value(now)
+        acts = axis.encoders_referenced[encoder] and self.data.effective(ENC_ENABLE, encoder, index)
+        curve = self._eec[index, encoder] if acts else None
+        return curve.one(float(axis.actuals(np.array([now]))[0])) if curve is not None else 0.0
 
     def cec_value(self, index: int) -> float:
-        """The sum of tables acting on an axis now, in the tables' sign."""
+        """The sum of tables acting on an axis now in mm or deg, in the tables' sign."""
         return -self.spec.cec_sign * self.axes[index].additional.demand(self.clock.now()) + 0.0
 
     def standing(self, index: int, positions: Array, direction: int) -> Array:
@@ -220,8 +270,8 @@ class Core:
         wanted = np.asarray(positions, dtype=np.float64)
         actual = wanted + self._setpoints.standing(axis, wanted, direction, self.clock.now())
         table = axis.curve.at(actual) if axis.curve is not None else 0.0
-        return actual - table + direction * self._setpoints.half_backlash(index)
+        return actual - table + self._setpoints.take_up(index).whole(direction)
 
     def view(self, index: int) -> AxisView:
         """An axis as it is now."""
-        return self.axes[index].view(self.clock.now(), self.cec_value(index))
+        return self.axes[index].view(self.clock.now(), self.cec_value(index), self.data.unit(index))

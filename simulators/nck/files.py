@@ -46,8 +46,15 @@ def program_path(name: str, directory: str) -> str:
     return canonical(f"{folder}/{last}") if slash else f"{directory}/{last}"
 
 
+def _bytes_of(file: _File) -> bytes:
+    return "".join(file.lines).encode("latin-1", "replace")
+
+
 class FileSystem:
-    """Files by path; ``reading`` and ``changing`` may refuse (NckRefusal) what the machine's state forbids."""
+    """Files by path; ``reading`` and ``changing`` may refuse (NckRefusal) what the machine's state forbids.
+
+    ``stale``: a file that was replaced, or deleted and written again, is read from outside as it was before.
+    """
 
     def __init__(
         self,
@@ -55,6 +62,8 @@ class FileSystem:
         max_count: int,
         reading: Callable[[str], None] = lambda _path: None,
         changing: Callable[[str], None] = lambda _path: None,
+        *,
+        stale: bool = False,
     ) -> None:
         self._max_total = max_total
         self._max_count = max_count
@@ -62,6 +71,8 @@ class FileSystem:
         self._changing = changing
         self._files: dict[str, _File] = {}
         self._used = 0
+        self._stale = stale
+        self._former: dict[str, bytes] = {}
 
     def state_of_path(self, path: str) -> int:
         """WRITE's code for a path: 0, or why no file can be there."""
@@ -86,7 +97,7 @@ class FileSystem:
         """The whole file. Raises NcFileMissing, or NckRefusal while the control forbids reading."""
         file = self._found(path)
         self._reading(canonical(path))
-        return "".join(file.lines).encode("latin-1", "replace")
+        return self._former.get(canonical(path)) or _bytes_of(file)
 
     def text(self, path: str) -> str:
         """The whole file for the interpreter. Raises NcFileMissing."""
@@ -99,6 +110,7 @@ class FileSystem:
         if state != OK:
             raise NckRefusal(0, f"no file can be stored at {path} (state {state})")
         self._changing(path)
+        self._keep_former(path)
         old = self._files[path].size if path in self._files else 0
         if self._used - old + len(data) > self._max_total or self._crowded(path):
             raise NckRefusal(0, f"no memory for {path}")
@@ -110,6 +122,7 @@ class FileSystem:
         """Delete a file. Raises NcFileMissing, or NckRefusal when it is being executed."""
         self._found(path)
         self._changing(canonical(path))
+        self._keep_former(canonical(path))
         self._used -= self._files.pop(canonical(path)).size
 
     def list(self, directory: str) -> list[str]:
@@ -154,13 +167,28 @@ class FileSystem:
             return NO_FILE
         if not self._free(path):
             return IN_USE
+        self._keep_former(path)
         self._used -= self._files.pop(path).size
         return OK
 
     def wipe(self) -> None:
         """Everything is lost."""
         self._files.clear()
+        self._former.clear()
         self._used = 0
+
+    def saved(self) -> dict[str, str]:
+        """All files as text, one character for a byte, for static memory."""
+        return {path: _bytes_of(file).decode("latin-1") for path, file in self._files.items()}
+
+    def restore(self, content: dict[str, str]) -> None:
+        """Take what `saved` gave."""
+        self._files = {path: _File(text.splitlines(keepends=True), len(text)) for path, text in content.items()}
+        self._used = sum(file.size for file in self._files.values())
+
+    def _keep_former(self, path: str) -> None:
+        if self._stale and path in self._files:
+            self._former[path] = _bytes_of(self._files[path])
 
     def _free(self, path: str) -> bool:
         try:

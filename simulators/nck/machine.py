@@ -1,46 +1,47 @@
-"""The NCK double: panel, state, variables, files and positions for the instruments, under one roof."""
+"""The NCK double: its life, the operator's panel, the PLC's signals and writes from outside, under one roof."""
 
 from __future__ import annotations
 
 import asyncio
-
-import numpy as np
-from numpy.typing import NDArray
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
 
 from drivers.clock import Clock
+from simulators.nck import inifile, static
 from simulators.nck.alarms import Alarm
 from simulators.nck.axis import AxisView
-from simulators.nck.channel import ACTIVE, Channel, Mode
-from simulators.nck.core import Core
-from simulators.nck.files import FileSystem
+from simulators.nck.blockevents import BlockEvents
+from simulators.nck.channel import ACTIVE, Mode
+from simulators.nck.data_table import ENC_STATE, IS_METRIC
+from simulators.nck.display import Display
+from simulators.nck.inifile import IniReport
 from simulators.nck.language import parse
 from simulators.nck.spec import AxisSpec, NckRefusal, NckSpec
 from simulators.nck.values import Value
-from simulators.nck.variables import Variables, split_name
+from simulators.nck.variables import split_name
 
 __all__ = ["Alarm", "AxisSpec", "AxisView", "Nck", "NckRefusal", "NckSpec"]
-
-Array = NDArray[np.float64]
 
 _SEARCH_S = 0.5
 
 
-class Nck:
+class Nck(Display):
     """A control with its machine. Panel methods are synchronous, as a person presses keys.
 
     Tables and data set before `start` are what the control boots with. After every boot the mode is JOG and
-    no axis is referenced (but those with absolute encoders that were).
+    no axis is referenced (but those with absolute encoders that were). ``on_block`` is called with the number
+    of each program block when it is done, counted from 1 at NC START; what it does to the control happens
+    there.
     """
 
     def __init__(self, spec: NckSpec, clock: Clock) -> None:
-        self.spec = spec
-        self.core = Core(spec, clock)
-        self.variables = Variables(self.core)
-        self.channel = Channel(self.core, self.variables, self.power_cycle)
-        self.booting = False
+        super().__init__(spec, clock, self.power_cycle, self._at_block)
         self._clock = clock
         self._boot_task: asyncio.Task[None] | None = None
         self._referencing: dict[int, asyncio.Task[None]] = {}
+        self.events = BlockEvents(spec, self)
+        self.on_block: Callable[[int], None] | None = None
 
     # -- life --------------------------------------------------------------------------------------
 
@@ -48,6 +49,7 @@ class Nck:
         """Switch the control on."""
         parse("")  # builds the parser now, not under the first program
         self.core.boot()
+        self._show_units()
 
     async def stop(self) -> None:
         """Switch it off and end all its tasks."""
@@ -60,81 +62,7 @@ class Nck:
         # A wait cancelled inside the run ends one turn of the loop later.
         await self._clock.sleep(0.0)
 
-    # -- state -------------------------------------------------------------------------------------
-
-    @property
-    def channel_status(self) -> int:
-        """0 reset, 1 active, 2 interrupted."""
-        return self.channel.status
-
-    @property
-    def program_status(self) -> int:
-        """1 interrupted, 2 stopped, 3 running, 5 aborted (also after a program's end)."""
-        return self.channel.program_status
-
-    @property
-    def program_line(self) -> int:
-        """Source line under execution, from 1; 0 in reset."""
-        return self.channel.line
-
-    @property
-    def program_name(self) -> str:
-        """Name of the program under execution, else of the one selected."""
-        return self.channel.program_name
-
-    @property
-    def selected(self) -> str:
-        """Path of the selected program, or ""."""
-        return self.channel.selected
-
-    @property
-    def mode(self) -> Mode:
-        """AUTO, JOG or MDA."""
-        return self.channel.mode
-
-    @property
-    def message(self) -> str:
-        """The part program's MSG text."""
-        return self.channel.message
-
-    @property
-    def files(self) -> FileSystem:
-        """The file system."""
-        return self.channel.files
-
-    @property
-    def alarms(self) -> tuple[Alarm, ...]:
-        """Alarms standing, oldest first."""
-        return self.core.alarms.standing
-
-    @property
-    def access_level(self) -> int:
-        """Protection level active, 0..7; smaller has more rights."""
-        return self.core.access_level
-
-    @property
-    def feed_override(self) -> float:
-        """Feed override in percent."""
-        return self.core.override_percent
-
-    def axis_state(self, name: str) -> AxisView:
-        """An axis now, by machine name, AXn or letter. Raises NckRefusal 12550."""
-        return self.core.view(self.core.axis(name).index)
-
-    def encoder(self, axis: str, times: Array) -> tuple[Array, Array]:
-        """Encoder-side position (mm or deg, turns unlimited) and sign of last travel at clock times.
-
-        Times lie in the past up to now; about the last 90 s are kept. Raises NckRefusal 12550.
-        """
-        found = self.core.axis(axis)
-        wanted = np.asarray(times, dtype=np.float64)
-        return found.encoders(wanted), found.directions(wanted)
-
     # -- from outside ------------------------------------------------------------------------------
-
-    def get(self, name: str) -> Value:
-        """A variable by its NC name. Raises NckRefusal 12550, 17020, 17030."""
-        return self.variables.read(*split_name(name))
 
     def set(self, name: str, value: Value, level: int) -> None:
         """Write a variable with a protection level. Raises NckRefusal with the alarm's number."""
@@ -146,6 +74,28 @@ class Nck:
         if plain == "R" and not self.spec.r_writable:
             raise NckRefusal(17070, "R parameters are not writable from outside")
         self.variables.write(plain, indices, value, level, program=False)
+
+    def load_ini(self, data: bytes, level: int) -> IniReport:
+        """Load NC active data (an INI file of tables or data), as MD11220 says; see `inifile`."""
+        if self.booting:
+            raise NckRefusal(0, "the control is starting")
+        return inifile.load(data, self.core, self.variables, level)
+
+    def eec_ini(self, axis: str, encoder: int = 0) -> bytes:
+        """The EEC table of an axis as an INI file. Raises NckRefusal 12550."""
+        return inifile.eec_text(self.core, self.variables, self.core.axis(axis).index, encoder)
+
+    def cec_ini(self, number: int) -> bytes:
+        """A CEC table as an INI file. Raises NckRefusal 17020."""
+        return inifile.cec_text(self.core, self.variables, number)
+
+    def static_memory(self) -> dict[str, Any]:
+        """What survives power off; fit for JSON."""
+        return static.saved(self.core, self.files, self.selected)
+
+    def restore_static_memory(self, content: dict[str, Any]) -> None:
+        """Before `start`: what another object's `static_memory` gave. Raises ValueError."""
+        self.channel.selected = static.restore(content, self.core, self.files)
 
     def select(self, path: str, channel: int = 1) -> int:
         """Select a program: 0 ok, 1 no such channel, 2 not found, 3 channel not in reset, 4 refused."""
@@ -228,19 +178,53 @@ class Nck:
         self.core.axis(name).referenced = False
         self.core.refresh()
 
+    def lose_absolute_position(self, name: str) -> None:
+        """The absolute encoder's position is lost: MD34210 falls from 2 to 1, alarm 26030, no reference."""
+        axis = self.core.axis(name)
+        self.core.data.store(ENC_STATE, (axis.active_encoder, axis.index), 1)
+        self.core.alarms.raise_(26030, f"axis {axis.spec.name}: encoder absolute position lost", "power_on")
+        self.lose_reference(name)
+
+    def select_encoder(self, name: str, encoder: int) -> bool:
+        """The PLC selects measuring system 0 or 1 (DB31.DBX1.5, 1.6). False when refused, with 25100."""
+        return self.core.select_encoder(self.core.axis(name).index, encoder)
+
+    def set_dynamic_backlash(self, name: str, *, active: bool) -> None:
+        """The PLC asks for dynamic backlash compensation (DB31.DBX25.0)."""
+        self.core.axis(name).backlash.dynamic_on = active
+        self.core.refresh()
+
+    def drive_alarm(self, number: int, text: str) -> None:
+        """An alarm of a drive or the PLC: what runs stops, RESET clears it."""
+        self.channel.interrupt(number, text)
+
+    def change_mode_by_hand(self) -> None:
+        """Somebody presses RESET and chooses JOG."""
+        self.channel_reset()
+        self.channel.set_mode("JOG")
+
     def nck_reset(self) -> None:
         """NCK reset: everything stops, references are lost, what is stored acts after the start."""
-        self._restart(self.spec.boot_s)
+        self._restart(self.spec.boot_s, power_on=False)
 
     def power_cycle(self) -> None:
         """Power off and on."""
-        self._restart(2.0 * self.spec.boot_s)
+        self._restart(2.0 * self.spec.boot_s, power_on=True)
 
     def cut_power_after(self, blocks: int) -> None:
         """For tests: the mains fail when that many more blocks have been executed."""
         self.channel.cut_after_blocks = blocks
 
+    def power_cut_at_block(self, block: int) -> None:
+        """For tests: the mains fail when that many blocks have been executed, from now or the next NC START."""
+        self.cut_power_after(block)
+
     # -- inside ------------------------------------------------------------------------------------
+
+    def _at_block(self, block: int) -> None:
+        self.events.at(block)
+        if self.on_block is not None:
+            self.on_block(block)
 
     def _still_referencing(self) -> bool:
         return any(not task.done() for task in self._referencing.values())
@@ -262,23 +246,32 @@ class Nck:
         seconds = self.core.move({index: target}, None)
         await self._clock.sleep(seconds + _SEARCH_S)
         axis.referenced = True
+        if axis.spec.absolute_encoder:
+            self.core.data.store(ENC_STATE, (axis.active_encoder, index), 2)
         self.core.refresh()
 
-    def _restart(self, seconds: float) -> None:
+    def _restart(self, seconds: float, *, power_on: bool) -> None:
         self._break_off()
         if self._boot_task is not None:
             self._boot_task.cancel()
         self.booting = True
         self.channel.mode = "JOG"
         for axis in self.core.axes:
-            axis.referenced = axis.referenced and axis.spec.absolute_encoder
+            if not axis.spec.absolute_encoder:
+                axis.encoders_referenced = [False, False]
         self.core.refresh()
-        self._boot_task = asyncio.ensure_future(self._boot(seconds))
+        self._boot_task = asyncio.ensure_future(self._boot(seconds, power_on))
 
-    async def _boot(self, seconds: float) -> None:
+    async def _boot(self, seconds: float, power_on: bool) -> None:
         await self._clock.sleep(seconds)
         self.core.alarms.clear("start", "cancel", "reset", "power_on")
-        if self.core.boot():
+        if self.core.boot(power_on=power_on):
             self.files.wipe()
             self.channel.selected = ""
+        self._show_units()
         self.booting = False
+
+    def _show_units(self) -> None:
+        system = "metric" if self.core.data.stored(IS_METRIC) else "inch"
+        if system != self.spec.unit_system:
+            self.spec = replace(self.spec, unit_system=system)

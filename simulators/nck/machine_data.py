@@ -1,78 +1,14 @@
-"""Machine and setting data: their table, stored and effective values, and who may write them."""
+"""Machine and setting data: stored and effective values, units, and what a boot makes of them."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Literal
 
+from simulators.nck.data_table import CEC_POINTS, DATA, EEC_POINTS, INCH_MM, IS_METRIC, LAYOUT, DataSpec, Datum, Effect
 from simulators.nck.spec import NckRefusal, NckSpec
 
-Effect = Literal["now", "newconf", "reset", "power_on", "never"]
-Datum = bool | int | float | str
 Key = tuple[str, tuple[int, ...]]
-
-METRIC = 1
-
-
-@dataclass(frozen=True, slots=True)
-class DataSpec:
-    """One datum. ``shape``: "" single, "n" array, "a" per axis, "na" array per axis; ``count`` for the n."""
-
-    shape: str
-    kind: Literal["bool", "int", "real", "text"]
-    effect: Effect
-    default: Datum = 0
-    low: float = -math.inf
-    high: float = math.inf
-    count: int = 1
-    level: int = 2
-
-
-def _real(shape: str, default: float = 0.0, low: float = -math.inf, high: float = math.inf) -> DataSpec:
-    return DataSpec(shape, "real", "newconf", default, low, high, 2 if shape == "na" else 1)
-
-
-def _setting(shape: str, kind: Literal["bool", "real"], default: float = 0.0) -> DataSpec:
-    return DataSpec(shape, kind, "now", default, level=7)
-
-
-ENC_ENABLE = "$MA_ENC_COMP_ENABLE"
-CEC_ENABLE = "$MA_CEC_ENABLE"
-EEC_POINTS = "$MA_MM_ENC_COMP_MAX_POINTS"
-CEC_POINTS = "$MN_MM_CEC_MAX_POINTS"
-
-DATA: dict[str, DataSpec] = {
-    ENC_ENABLE: DataSpec("na", "bool", "newconf", False, count=2),
-    CEC_ENABLE: DataSpec("a", "bool", "newconf", False),
-    "$MA_BACKLASH": _real("na"),
-    "$MA_BACKLASH_FACTOR": DataSpec("na", "real", "newconf", 1.0, 0.01, 100.0, 6),
-    "$MA_BACKLASH_MODE": DataSpec("a", "int", "newconf", 0, 0, 3),
-    "$MA_CEC_MAX_SUM": _real("a", 1.0, 0.0, 10.0),
-    "$MA_CEC_MAX_VELO": _real("a", 10.0, 0.0, 100.0),
-    "$MA_CEC_SCALING_SYSTEM_METRIC": DataSpec("a", "bool", "power_on", True),
-    "$MA_TEMP_COMP_TYPE": DataSpec("a", "int", "newconf", 0, 0, 7),
-    "$MA_COMP_ADD_VELO_FACTOR": _real("a", 0.01, 0.0, 0.1),
-    "$MA_MAX_AX_VELO": _real("a", 10000.0, 1e-6),
-    "$MA_POS_LIMIT_PLUS": _real("a", 1e8),
-    "$MA_POS_LIMIT_MINUS": _real("a", -1e8),
-    "$MA_REFP_SET_POS": DataSpec("na", "real", "newconf", 0.0, count=4),
-    "$MA_IS_ROT_AX": DataSpec("a", "bool", "never", False),
-    "$MA_ROT_IS_MODULO": DataSpec("a", "bool", "never", False),
-    EEC_POINTS: DataSpec("na", "int", "power_on", 0, 0, 5000, 2),
-    CEC_POINTS: DataSpec("n", "int", "power_on", 0, 0, 2000),
-    "$MN_SCALING_SYSTEM_IS_METRIC": DataSpec("", "bool", "never", True),
-    "$MN_AXCONF_MACHAX_NAME_TAB": DataSpec("n", "text", "never", ""),
-    "$MN_LEN_PROTOCOL_FILE": DataSpec("", "int", "now", 1, 1, 100000),
-    "$MC_REFP_NC_START_LOCK": DataSpec("", "int", "reset", 1, 0, 2),
-    "$SN_CEC_TABLE_ENABLE": _setting("n", "bool"),
-    "$SN_CEC_TABLE_WEIGHT": _setting("n", "real", 1.0),
-    "$SN_CEC_0": _setting("n", "real"),
-    "$SN_CEC_1": _setting("n", "real"),
-    "$SA_TEMP_COMP_ABS_VALUE": _setting("a", "real"),
-    "$SA_TEMP_COMP_SLOPE": _setting("a", "real"),
-    "$SA_TEMP_COMP_REF_POSITION": _setting("a", "real"),
-}
+SavedDatum = tuple[str, list[int], Datum]
 
 
 def checked(spec: DataSpec, name: str, value: Datum) -> Datum:
@@ -93,10 +29,14 @@ def checked(spec: DataSpec, name: str, value: Datum) -> Datum:
 
 
 class MachineData:
-    """Stored and effective values; index tuples are (n,), (axis,) or (n, axis) with axes counted from 0."""
+    """Stored and effective values; index tuples are (n,), (axis,) or (n, axis) with axes counted from 0.
+
+    ``inch``: whether the basic system is inch (MD10240 = 0).
+    """
 
     def __init__(self, spec: NckSpec) -> None:
         self._axes = len(spec.axes)
+        self._rotary = [axis.rotary for axis in spec.axes]
         self._counts = {name: datum.count for name, datum in DATA.items()}
         tables = len(spec.cec_points)
         for name in (CEC_POINTS, *(name for name in DATA if name.startswith("$SN_CEC"))):
@@ -107,8 +47,12 @@ class MachineData:
             for index in self._indices(name):
                 self._stored[name, index] = datum.default
         self._preset(spec)
+        if spec.unit_system == "inch":
+            self._stored[IS_METRIC, ()] = False
+            self._convert(1.0 / INCH_MM)
         self._effective = dict(self._stored)
         self.booted = dict(self._stored)
+        self.inch = not self._stored[IS_METRIC, ()]
 
     def _indices(self, name: str) -> list[tuple[int, ...]]:
         shape, count = DATA[name].shape, self._counts[name]
@@ -127,11 +71,11 @@ class MachineData:
             self._stored["$MA_POS_LIMIT_MINUS", (place,)] = float(axis.travel[0])
             self._stored["$MA_POS_LIMIT_PLUS", (place,)] = float(axis.travel[1])
             self._stored["$MA_REFP_SET_POS", (0, place)] = axis.reference
+            self._stored["$MA_REFP_CYCLE_NR", (place,)] = place + 1
             for encoder, points in enumerate(axis.eec_points):
                 self._stored[EEC_POINTS, (encoder, place)] = points
         for table, points in enumerate(spec.cec_points):
             self._stored[CEC_POINTS, (table,)] = points
-        self._stored["$MN_SCALING_SYSTEM_IS_METRIC", ()] = spec.unit_system == "metric"
         self._stored["$MN_LEN_PROTOCOL_FILE", ()] = max(spec.files_max_bytes // 1024, 1)
 
     def known(self, name: str) -> bool:
@@ -146,9 +90,22 @@ class MachineData:
         return found
 
     def effective(self, name: str, *index: int) -> float:
-        """The value that acts, as a number."""
+        """The value that acts, as a number; lengths in mm, whatever the basic system."""
         found = self._effective[name, index]
-        return 0.0 if isinstance(found, str) else float(found)
+        value = 0.0 if isinstance(found, str) else float(found)
+        return value * INCH_MM if self.inch and self._is_length((name, index)) else value
+
+    def unit(self, axis: int) -> float:
+        """mm (or deg) in one unit of an axis' numbers."""
+        return INCH_MM if self.inch and not self._rotary[axis] else 1.0
+
+    def _is_length(self, key: Key) -> bool:
+        return DATA[key[0]].length and not self._rotary[key[1][-1]]
+
+    def _convert(self, factor: float) -> None:
+        for key, value in self._stored.items():
+            if self._is_length(key) and not isinstance(value, str):
+                self._stored[key] = value * factor
 
     def store(self, name: str, index: tuple[int, ...], value: Datum) -> None:
         """Put a checked value; data of the class "now" act at once."""
@@ -164,17 +121,43 @@ class MachineData:
 
     def memory_changed(self) -> bool:
         """Whether a datum that lays out buffered memory differs from the last boot."""
-        return any(
-            value != self.booted[key] for key, value in self._stored.items() if key[0] in (EEC_POINTS, CEC_POINTS)
-        )
+        return any(value != self.booted[key] for key, value in self._stored.items() if key[0] in LAYOUT)
 
-    def boot(self) -> None:
-        """Power on: everything stored acts."""
+    def scaling_changed(self) -> bool:
+        """Whether the basic system differs from the last boot's (alarm 4070)."""
+        return self._stored[IS_METRIC, ()] != self.booted[IS_METRIC, ()]
+
+    def boot(self) -> float | None:
+        """Power on: everything stored acts. With MD10260 a change of the basic system converts all lengths:
+
+        returns the factor that buffered tables of linear axes must be multiplied by, None for no conversion.
+        """
+        factor = None
+        if self.scaling_changed() and self._stored["$MN_CONVERT_SCALING_SYSTEM", ()]:
+            factor = INCH_MM if self._stored[IS_METRIC, ()] else 1.0 / INCH_MM
+            self._convert(factor)
         self.booted = dict(self._stored)
         self._effective = dict(self._stored)
+        self.inch = not self._stored[IS_METRIC, ()]
+        return factor
+
+    def saved(self) -> dict[str, list[SavedDatum]]:
+        """Stored values, and what the memory is laid out by, for static memory."""
+        layout = {key: value for key, value in self.booted.items() if key[0] in (*LAYOUT, IS_METRIC)}
+        columns = {"stored": self._stored, "booted": layout}
+        return {
+            name: [(key[0], list(key[1]), value) for key, value in column.items()] for name, column in columns.items()
+        }
+
+    def restore(self, columns: dict[str, list[SavedDatum]]) -> None:
+        """Take what `saved` gave; the stored values act from the next boot on."""
+        for target, column in ((self._stored, "stored"), (self.booted, "booted")):
+            for name, index, value in columns[column]:
+                if (name, tuple(index)) in target:
+                    target[name, tuple(index)] = value
 
     def restore_layout(self, layout: dict[Key, Datum]) -> None:
         """Put the memory-laying data back to another boot's."""
         for key, value in layout.items():
-            if key[0] in (EEC_POINTS, CEC_POINTS):
+            if key[0] in LAYOUT:
                 self._stored[key] = value

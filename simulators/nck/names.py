@@ -9,24 +9,26 @@ from simulators.nck.block import BlockWords, Modal, is_silent
 from simulators.nck.core import Core
 from simulators.nck.expressions import R_NAME, Evaluate, compiled
 from simulators.nck.files import program_path
-from simulators.nck.functions import FUNCTIONS
 from simulators.nck.language import outline
-from simulators.nck.procedures import PROCEDURES, Host
+from simulators.nck.procedures import PROCEDURES, Host, message_of
 from simulators.nck.program_data import ProgramData
-from simulators.nck.scope import Frame, Variable
+from simulators.nck.scope import Frame
 from simulators.nck.spec import NckRefusal
 from simulators.nck.statements import Given, Step
-from simulators.nck.syntax import Call, Define, Expression, Indexed, Jump, Listing, Name, Proc
-from simulators.nck.values import TEXT_MAX, AxisName, Value, converted, whole
+from simulators.nck.syntax import Expression, Indexed, Jump, Name
+from simulators.nck.values import AxisName, Value, converted
 from simulators.nck.variables import Variables, split_name
 
 _DEPTH = 16
-_RESERVED = frozenset({"R", "POS", "POSA", "AX", "TRUE", "FALSE", *FUNCTIONS, *PROCEDURES})
 _TYPE_NUMBERS = {"BOOL": 1, "CHAR": 2, "INT": 3, "REAL": 4, "STRING": 5, "AXIS": 6}
 
 
 class Panel(Host, Protocol):
     """What the interpreter asks of the control."""
+
+    def goes_on(self, run: object) -> bool:
+        """Another block is done: what happens from outside at it; whether this run still exists."""
+        ...
 
     def cut_here(self) -> bool:
         """Count a block; whether the mains fail now."""
@@ -51,6 +53,7 @@ class Names:
         self._frames: list[Frame] = []
         self._steps: dict[str, dict[int, Step]] = {}
         self._line = 0
+        self.said: str | None = None
         self._modal = Modal()
         self._data = ProgramData(core, lambda: [frame.path for frame in self._frames])
         self._push(path, ())
@@ -90,11 +93,20 @@ class Names:
             return local.read(indices)
         if self._data.knows(name):
             return self._data.read(name, indices)
-        if name.startswith("$"):
+        if name == "$P_EP":
+            return self._programmed(indices)
+        if name.startswith("$") or name in self._core.gud:
             return self._variables.read(name, indices)
         if not indices and self._core.axis_index(name) is not None:
             return AxisName(name)
         raise NckRefusal(12550, f"name {name} not defined or option not available")
+
+    def _programmed(self, indices: tuple[Value, ...]) -> float:
+        if len(indices) != 1 or not isinstance(indices[0], AxisName):
+            raise NckRefusal(12400, "$P_EP: one index, an axis, is expected")
+        axis = self._core.axis(indices[0])
+        end = self._modal.planned.get(axis.index, axis.end_point)
+        return axis.wrapped(end) / self._core.data.unit(axis.index)
 
     def assign(self, name: str, indices: tuple[Value, ...], value: Value) -> None:
         """Assign to a name."""
@@ -103,7 +115,7 @@ class Names:
             local.write(indices, value)
         elif self._data.knows(name):
             self._data.write(name, indices, value)
-        elif name == "R" or name.startswith("$"):
+        elif name == "R" or name.startswith("$") or name in self._core.gud:
             self._variables.write(name, indices, value, self._core.access_level, program=True)
         else:
             raise NckRefusal(12550, f"name {name} not defined or option not available")
@@ -161,7 +173,8 @@ class Names:
     def word(self, name: str) -> str:
         """A bare word; returns the ending it means, if any."""
         if name == "NEWCONF":
-            self._core.newconf()
+            if not self._core.spec.ignores_newconf:
+                self._core.newconf()
         elif name == "RET":
             return "M17"
         elif not is_silent(name):
@@ -173,6 +186,9 @@ class Names:
         frame = self._frames[-1]
         work = PROCEDURES.get(name)
         values = [self._passed(frame, node, value) for node, value in zip(arguments, given, strict=True)]
+        if name == "MSG":
+            self.said = message_of(values)
+            return
         if work is not None:
             work(
                 self._panel,
@@ -204,63 +220,6 @@ class Names:
             self.assign(node.name, places, value)
         else:
             raise NckRefusal(12300, "call-by-reference parameter must be a variable")
-
-    # -- declarations ------------------------------------------------------------------------------
-
-    def define(self, node: Define) -> None:
-        """DEF. Raises NckRefusal 14500 after the first executable block."""
-        frame = self._frames[-1]
-        if frame.begun:
-            raise NckRefusal(14500, "illegal DEF or PROC statement: stands behind executable blocks")
-        length = whole(compiled(node.length)(self)) if node.length is not None else TEXT_MAX
-        if not 1 <= length <= TEXT_MAX:
-            raise NckRefusal(12160, "string length lies beyond the value range")
-        for item in node.variables:
-            self._check_free(item.name)
-            sizes = tuple(whole(compiled(size)(self)) for size in item.dimensions)
-            frame.define(item.name, node.kind, length, sizes)
-            if item.initial is not None:
-                self._initialise(item.name, item.initial)
-
-    def _initialise(self, name: str, node: Expression) -> None:
-        if isinstance(node, Listing):
-            self.fill(name, [compiled(item)(self) for item in node.items], repeat=False)
-        elif isinstance(node, Call) and node.name in ("SET", "REP"):
-            values = [compiled(item)(self) for item in node.arguments]
-            self.fill(name, values, repeat=node.name == "REP")
-        elif self._frames[-1].variables[name].dimensions:
-            self.fill(name, [compiled(node)(self)], repeat=True)
-        else:
-            self.assign(name, (), compiled(node)(self))
-
-    def _check_free(self, name: str) -> None:
-        taken = self._core.axis_index(name) is not None or name in _RESERVED or R_NAME.fullmatch(name)
-        address = len(name) == 1 and name in "DFGHLMST"
-        if taken or address or len(name) > 31:
-            raise NckRefusal(12170, f"name {name} already defined")
-
-    def enter(self, node: Proc) -> None:
-        """PROC: bind the parameters. Raises NckRefusal 12340."""
-        frame = self._frames[-1]
-        if frame.begun:
-            raise NckRefusal(14500, "illegal DEF or PROC statement: stands behind executable blocks")
-        if len(frame.arguments) > len(node.parameters):
-            raise NckRefusal(12340, f"number of parameters of {node.name} too high")
-        for place, parameter in enumerate(node.parameters):
-            self._check_free(parameter.name)
-            variable = frame.define(parameter.name, parameter.kind, TEXT_MAX, ())
-            self._bind(frame, place, variable, parameter.default)
-            setter = frame.setters[place] if place < len(frame.setters) else None
-            if parameter.by_reference:
-                if setter is None:
-                    raise NckRefusal(12300, f"call-by-reference parameter {parameter.name} missing")
-                frame.returns[parameter.name] = setter
-
-    def _bind(self, frame: Frame, place: int, variable: Variable, default: Expression | None) -> None:
-        if place < len(frame.arguments):
-            variable.write((), frame.arguments[place])
-        elif default is not None:
-            variable.write((), compiled(default)(self))
 
     # -- going on ----------------------------------------------------------------------------------
 

@@ -1,4 +1,4 @@
-"""Built-in calls that stand alone: MSG, WRITE, READ, DELETE, FILESIZE, SETAL, WAITP."""
+"""Built-in calls that stand alone: MSG's text, WRITE, READ, DELETE, FILESIZE, SETAL, WAITP."""
 
 from __future__ import annotations
 
@@ -53,9 +53,10 @@ def _count(name: str, given: list[Value], fewest: int, most: int) -> None:
         raise NckRefusal(12340, f"number of parameters of {name} incorrect")
 
 
-def _msg(host: Host, _frame: Frame, given: list[Value], _store: Store) -> None:
+def message_of(given: list[Value]) -> str:
+    """What MSG is to show. Raises NckRefusal 12340."""
     _count("MSG", given, 0, 2)
-    host.show(readable(given[0]) if given else "")
+    return readable(given[0]) if given else ""
 
 
 def _write(host: Host, frame: Frame, given: list[Value], store: Store) -> None:
@@ -114,7 +115,6 @@ def _nothing(_host: Host, _frame: Frame, _given: list[Value], _store: Store) -> 
 
 
 PROCEDURES: dict[str, Callable[[Host, Frame, list[Value], Store], None]] = {
-    "MSG": _msg,
     "WRITE": _write,
     "DELETE": _delete,
     "FILESIZE": _filesize,

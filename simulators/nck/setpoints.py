@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 
 from simulators.nck.alarms import AlarmList
 from simulators.nck.axis import MachineAxis
+from simulators.nck.backlash import TakeUp
 from simulators.nck.compensation import CrossTable, cross_path, cross_sum, follow
-from simulators.nck.machine_data import CEC_ENABLE, MachineData
+from simulators.nck.data_table import CEC_ENABLE, INCH_MM
+from simulators.nck.machine_data import MachineData
 from simulators.nck.memory import CecTable
 from simulators.nck.spec import NckSpec
 
@@ -38,12 +40,19 @@ class Setpoints:
         """These table contents act from now on."""
         self._tables = tables
 
-    def half_backlash(self, index: int) -> float:
-        """Half of MD32450 x MD32452 of an axis, 0 while it is not referenced."""
-        if not self._axes[index].referenced:
-            return 0.0
-        factor = self._data.effective("$MA_BACKLASH_FACTOR", 0, index)
-        return self._data.effective("$MA_BACKLASH", 0, index) * factor / 2.0
+    def take_up(self, index: int) -> TakeUp:
+        """How the backlash of an axis is taken up: MD32450 x MD32452, and MD32456; nothing unreferenced."""
+        axis, data = self._axes[index], self._data
+        if not axis.referenced:
+            return TakeUp()
+        encoder = axis.active_encoder
+        lead = data.effective("$MA_BACKLASH", encoder, index) * data.effective("$MA_BACKLASH_FACTOR", 0, index)
+        plus, minus = (lead / 2.0, -lead / 2.0) if self._spec.encoder_lead_shared else (0.0, -lead)
+        step = data.effective("$MA_ENC_CHANGE_TOL", index)
+        dynamic = data.effective("$MA_BACKLASH_DYN", encoder, index) / 2.0 if axis.backlash.dynamic_on else 0.0
+        velocity = data.effective("$MA_MAX_AX_VELO", index) / 60.0
+        slowly = max(velocity * data.effective("$MA_BACKLASH_DYN_MAX_VELO", index) / 100.0, _TINY)
+        return TakeUp(plus, minus, step, max(step / self._spec.ipo_cycle_s, _TINY), dynamic, slowly)
 
     def plan(self, now: float) -> None:
         """Lay the additional setpoints of all axes from now on, along the moves under way."""
@@ -56,13 +65,21 @@ class Setpoints:
         """What CEC would add (n,) if the axis stood at ``wanted``, others where they are."""
         if not (self._data.effective(CEC_ENABLE, axis.index) and axis.referenced):
             return np.zeros_like(wanted)
+        first = self._spec.cec_direction_at_start
         ways = {
-            other.index: (np.full_like(wanted, other.base.demand(now)), other.travel.latest) for other in self._axes
+            other.index: (
+                np.full_like(wanted, other.base.demand(now)),
+                self._standing_direction(other.travel.latest if other.moved else first),
+            )
+            for other in self._axes
         }
-        ways[axis.index] = (wanted, direction)
+        ways[axis.index] = (wanted, self._standing_direction(direction))
         total = cross_sum(self._cross_tables(), axis.index, ways, self._spec.cec_factor_tables_count)
         largest = self._data.effective("$MA_CEC_MAX_SUM", axis.index)
         return -self._spec.cec_sign * np.clip(total, -largest, largest)
+
+    def _standing_direction(self, direction: int) -> int:
+        return direction if self._spec.cec_direction_at_standstill else 0
 
     def _cross_tables(self) -> dict[int, CrossTable]:
         found: dict[int, CrossTable] = {}
@@ -71,8 +88,11 @@ class Setpoints:
                 continue
             source = self._names.get(table.input_axis)
             output = self._names.get(table.output_axis)
-            curve = table.curve(self._data.effective("$SN_CEC_0", number), self._data.effective("$SN_CEC_1", number))
-            if source is None or output is None or curve is None:
+            if source is None or output is None:
+                continue
+            ends = (self._data.effective("$SN_CEC_0", number), self._data.effective("$SN_CEC_1", number))
+            curve = table.curve(*ends, self._cec_unit(source, output), self._cec_unit(output, output))
+            if curve is None:
                 continue
             if self._axes[source].referenced and self._axes[output].referenced:
                 weight = self._data.effective("$SN_CEC_TABLE_WEIGHT", number)
@@ -80,13 +100,19 @@ class Setpoints:
                 found[number] = CrossTable(curve, source, output, weight, table.direction, factor)
         return found
 
+    def _cec_unit(self, axis: int, output: int) -> float:
+        """mm in one unit of a table's numbers: MD32711 of the compensation axis; deg stay deg."""
+        metric = self._data.effective("$MA_CEC_SCALING_SYSTEM_METRIC", output)
+        return 1.0 if metric or self._axes[axis].spec.rotary else INCH_MM
+
     def _plan_cross(self, axis: MachineAxis, tables: dict[int, CrossTable], now: float) -> None:
         index = axis.index
         acting = bool(self._data.effective(CEC_ENABLE, index)) and axis.referenced
         times, values = np.array([now]), np.array([0.0])
         if acting and tables:
             inputs = {table.input_axis for table in tables.values()}
-            ways = {place: self._axes[place].way(now) for place in inputs}
+            first, kept = self._spec.cec_direction_at_start, self._spec.cec_direction_at_standstill
+            ways = {place: self._axes[place].way(now, first, kept=kept) for place in inputs}
             times, values = cross_path(tables, index, ways, self._spec.cec_factor_tables_count)
             values = self._limited(axis, values)
         current = axis.additional.demand(now)
@@ -114,16 +140,17 @@ class Setpoints:
         self, axis: MachineAxis, pieces: list[tuple[float, float, float]], current: float, now: float
     ) -> None:
         """MD32454 bit 1 = 0: movements of the additional setpoint take up backlash too."""
-        half = self.half_backlash(axis.index)
-        if half == 0.0 or int(self._data.effective("$MA_BACKLASH_MODE", axis.index)) & 2:
+        how = self.take_up(axis.index)
+        deaf = int(self._data.effective("$MA_BACKLASH_MODE", axis.index)) & 2
+        if how.whole(1) == how.whole(-1) or deaf or not self._spec.backlash_reacts_to_cec:
             return
-        axis.forget_take_up(now)
+        axis.backlash.forget_plans(how, now)
         before, speed, since = current, 0.0, now
         for start, value, slope in pieces:
             jump = value - (before + speed * (start - since))
             moved = jump if abs(jump) > _TINY else slope + axis.base.slope(start)
             if abs(moved) > _TINY:
-                axis.take_up(1 if moved > 0.0 else -1, half, start)
+                axis.backlash.take_up(1 if moved > 0.0 else -1, how, start)
             before, speed, since = value, slope, start
 
     def _plan_temperature(self, axis: MachineAxis, now: float) -> None:

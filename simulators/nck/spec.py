@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from simulators.nck.switches import Switches
+
 
 class NckRefusal(Exception):
     """The control refuses: alarm number as on its screen (0: a service refuses without an alarm) and text."""
@@ -23,7 +25,8 @@ class AxisSpec:
     """One machine axis. Lengths in mm or deg, ``max_velocity`` in units per minute.
 
     ``eec_points`` is MD38000 for encoder 1 and 2. An axis with an absolute encoder keeps its reference over a
-    reset; any other loses it. Modulo axes have no travel limits.
+    reset; any other loses it. Modulo axes have no travel limits. ``encoder2_offset``: what encoder 2 shows
+    more than encoder 1 at the same place of the machine.
     """
 
     name: str
@@ -36,33 +39,28 @@ class AxisSpec:
     servo_time_s: float = 0.03
     eec_points: tuple[int, int] = (0, 0)
     absolute_encoder: bool = False
+    encoder2_offset: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
-class NckSpec:
-    """The control. ``access_level`` 0..7, smaller has more rights (0 Siemens, 2 service, 3 user, 4..7 key).
+class NckSpec(Switches):
+    """The control; what is uncertain or hostile about it stands in `Switches`.
 
-    ``strict_activation``: changed table content acts only after an NCK reset, else after NEWCONF or channel
-    reset. ``cec_sign``: +1 as EEC (a positive value moves the axis negative), -1 the other way.
-    ``cec_factor_tables_count``: with MULT_BY_TABLE, both factors' own outputs count besides the product.
-    ``fetch_while_waiting``: files may be read while a program waits. ``lies_about_disable``: MD32700 reads 0
-    but the compensation goes on until the next NCK reset. ``enable_cleared_at_boot``: MD32700 and MD32710 are
-    0 after an NCK reset. ``float32_tables``: table values are kept in single precision.
+    ``access_level`` 0..7, smaller has more rights (0 Siemens, 2 service, 3 user, 4..7 key switch).
+    ``option_cec``: the option for CEC is there, for ``option_cec_axes`` compensation axes at most.
+    ``gud``: global user data, REAL arrays by name and length.
     """
 
     axes: tuple[AxisSpec, ...]
     serial: str = "ST-DOUBLE-0001"
     nck_version: str = "4.8.6"
     access_level: int = 2
-    strict_activation: bool = True
-    cec_sign: int = 1
-    cec_factor_tables_count: bool = False
-    fetch_while_waiting: bool = True
-    r_writable: bool = True
     unit_system: str = "metric"
     cec_points: tuple[int, ...] = ()
     option_cec: bool = True
+    option_cec_axes: int = 31
     r_count: int = 1000
+    gud: tuple[tuple[str, int], ...] = ()
     files_max_bytes: int = 2_000_000
     files_max_total: int = 50_000_000
     files_max_count: int = 1000
@@ -70,14 +68,12 @@ class NckSpec:
     block_time_s: float = 0.0005
     ipo_cycle_s: float = 0.004
     boot_s: float = 5.0
-    lies_about_disable: bool = False
-    enable_cleared_at_boot: bool = False
-    float32_tables: bool = False
 
     def __post_init__(self) -> None:
         names = [axis.name.upper() for axis in self.axes]
         letters = [axis.letter.upper() for axis in self.axes]
         if not names or len(set(names)) != len(names) or len(set(letters)) != len(letters):
             raise ValueError("axes need names and letters of their own")
-        if self.cec_sign not in (1, -1) or not 0 <= self.access_level <= 7:
-            raise ValueError("cec_sign is 1 or -1 and access_level 0..7")
+        if self.unit_system not in ("metric", "inch") or not 0 <= self.access_level <= 7:
+            raise ValueError("unit_system is metric or inch and access_level 0..7")
+        self.checked()

@@ -1,7 +1,6 @@
-"""NC names -> values: R parameters, compensation tables, machine data and system variables, with protection.
+"""NC names -> values: R parameters, GUD, compensation tables, machine data and system variables, with protection.
 
-Tables are refused while their compensation is enabled (17070), points beyond the memory with 17030. A machine
-datum written by a program without rights raises 4075 once, keeps its value, and the program runs on.
+A machine datum written by a program without rights raises 4075 once, keeps its value, and the program runs on.
 """
 
 from __future__ import annotations
@@ -11,33 +10,18 @@ import re
 from collections.abc import Callable
 
 from simulators.nck.core import Core
-from simulators.nck.machine_data import CEC_ENABLE, DATA, EEC_POINTS, ENC_ENABLE, checked
-from simulators.nck.memory import CecTable, EecTable
+from simulators.nck.cylinder import Measured, end_values
+from simulators.nck.data_table import CEC_ENABLE, DATA, LAYOUT, SCALING
+from simulators.nck.machine_data import checked
 from simulators.nck.spec import NckRefusal
-from simulators.nck.values import AxisName, Value, real, truth, whole
+from simulators.nck.table_variables import TableVariables, is_table
+from simulators.nck.values import Value, real, whole
 
 _NAME = re.compile(r"\s*(\$?[A-Za-z_][A-Za-z0-9_]*)\s*(?:\[([^\]]*)\])?\s*")
 _INTEGER = re.compile(r"[+-]?\d{1,9}")
 _R_NAME = re.compile(r"R(\d{1,5})")
 
 Indices = tuple[Value, ...]
-
-_TABLE_PARTS: dict[str, tuple[str, str]] = {
-    "STEP": ("step", "real"),
-    "MIN": ("minimum", "real"),
-    "MAX": ("maximum", "real"),
-    "IS_MODULO": ("is_modulo", "bool"),
-}
-_CEC_PARTS: dict[str, tuple[str, str]] = {
-    **_TABLE_PARTS,
-    "INPUT_AXIS": ("input_axis", "axis"),
-    "OUTPUT_AXIS": ("output_axis", "axis"),
-    "INPUT_NCU": ("input_ncu", "int"),
-    "OUTPUT_NCU": ("output_ncu", "int"),
-    "DIRECTION": ("direction", "sign"),
-    "MULT_BY_TABLE": ("mult_by_table", "int"),
-    "TYPE": ("kind", "flag"),
-}
 
 
 @functools.lru_cache(maxsize=8192)
@@ -59,14 +43,14 @@ class Variables:
 
     def __init__(self, core: Core) -> None:
         self._core = core
+        self._tables = TableVariables(core, self._axis)
         self._readers: dict[str, Callable[[Indices], Value]] = self._axis_readers()
 
     # -- reading -----------------------------------------------------------------------------------
 
     def known(self, name: str) -> bool:
         """Whether there is a variable of that name."""
-        table = name.startswith(("$AA_ENC_COMP", "$AN_CEC")) and self._is_table(name)
-        return name == "R" or table or name in DATA or name in self._readers
+        return name == "R" or is_table(name) or name in DATA or name in self._readers or name in self._core.gud
 
     def read(self, name: str, indices: Indices) -> Value:
         """The value of a variable. Raises NckRefusal 12550, 17020, 17030."""
@@ -74,20 +58,14 @@ class Variables:
             return self._core.r[self._r_index(indices)]
         if name in DATA:
             return self._core.data.stored(name, *self._data_index(name, indices))
-        if name.startswith("$AA_ENC_COMP") and self._is_table(name):
-            return self._read_eec(name, indices)
-        if name.startswith("$AN_CEC") and self._is_table(name):
-            return self._read_cec(name, indices)
+        if is_table(name):
+            return self._tables.read(name, indices)
+        if name in self._core.gud:
+            return self._core.gud[name][self._gud_index(name, indices)]
         reader = self._readers.get(name)
         if reader is None:
             raise NckRefusal(12550, f"name {name} not defined or option not available")
         return reader(indices)
-
-    def _is_table(self, name: str) -> bool:
-        if name in ("$AA_ENC_COMP", "$AN_CEC"):
-            return True
-        front, parts = ("$AA_ENC_COMP_", _TABLE_PARTS) if name.startswith("$AA") else ("$AN_CEC_", _CEC_PARTS)
-        return name.startswith(front) and name.removeprefix(front) in parts
 
     def _r_index(self, indices: Indices) -> int:
         if len(indices) != 1:
@@ -95,6 +73,12 @@ class Variables:
         index = whole(indices[0])
         if not 0 <= index < len(self._core.r):
             raise NckRefusal(17020, f"illegal array index 1: R{index}")
+        return index
+
+    def _gud_index(self, name: str, indices: Indices) -> int:
+        index = whole(indices[0]) if len(indices) == 1 else 0
+        if len(indices) > 1 or not 0 <= index < len(self._core.gud[name]):
+            raise NckRefusal(17020, f"illegal array index 1: {name}")
         return index
 
     def _axis(self, value: Value, *, machine_only: bool = True) -> int:
@@ -116,38 +100,6 @@ class Variables:
             self._axis(value) if sign == "a" else whole(value) for sign, value in zip(shape, given, strict=True)
         )
 
-    def _eec_table(self, name: str, indices: Indices, count: int) -> tuple[EecTable, int, int]:
-        if len(indices) != count:
-            raise NckRefusal(12400, f"{name} takes {count} indices")
-        encoder = whole(indices[0])
-        axis = self._axis(indices[-1])
-        table = self._core.memory.eec.get((axis, encoder))
-        if table is None:
-            raise NckRefusal(17020, f"{name}: illegal array index 1: encoder {encoder}")
-        return table, axis, encoder
-
-    def _read_eec(self, name: str, indices: Indices) -> Value:
-        if name == "$AA_ENC_COMP":
-            table, _, _ = self._eec_table(name, indices, 3)
-            return table.points[self._core.memory.place(table.points, whole(indices[1]))]
-        table, _, _ = self._eec_table(name, indices, 2)
-        found: Value = getattr(table, _TABLE_PARTS[name.removeprefix("$AA_ENC_COMP_")][0])
-        return found
-
-    def _cec_table(self, name: str, indices: Indices, count: int) -> CecTable:
-        if len(indices) != count:
-            raise NckRefusal(12400, f"{name} takes {count} indices")
-        return self._core.memory.cec_table(whole(indices[0]))
-
-    def _read_cec(self, name: str, indices: Indices) -> Value:
-        if name == "$AN_CEC":
-            table = self._cec_table(name, indices, 2)
-            return table.points[self._core.memory.place(table.points, whole(indices[1]))]
-        table = self._cec_table(name, indices, 1)
-        part, kind = _CEC_PARTS[name.removeprefix("$AN_CEC_")]
-        found: Value = getattr(table, part)
-        return AxisName(found) if kind == "axis" else found
-
     # -- writing -----------------------------------------------------------------------------------
 
     def write(self, name: str, indices: Indices, value: Value, level: int, *, program: bool) -> None:
@@ -160,10 +112,10 @@ class Variables:
             self._core.r[self._r_index(indices)] = real(value)
         elif name in DATA:
             self._write_datum(name, self._data_index(name, indices), value, level, program=program)
-        elif name.startswith("$AA_ENC_COMP") and self._is_table(name):
-            self._write_eec(name, indices, value)
-        elif name.startswith("$AN_CEC") and self._is_table(name):
-            self._write_cec(name, indices, value)
+        elif is_table(name):
+            self._tables.write(name, indices, value)
+        elif name in self._core.gud:
+            self._core.gud[name][self._gud_index(name, indices)] = real(value)
         elif name in self._readers:
             raise NckRefusal(17070, f"{name}: data write-protected")
         else:
@@ -171,82 +123,61 @@ class Variables:
 
     def _write_datum(self, name: str, index: tuple[int, ...], value: Value, level: int, *, program: bool) -> None:
         core, spec = self._core, DATA[name]
-        core.data.stored(name, *index)
+        before = core.data.stored(name, *index)
         if spec.effect == "never":
             raise NckRefusal(17070, f"{name}: data write-protected")
         if level > spec.level:
-            text = f"no access rights to write {name}: level {spec.level} needed, {level} active"
-            if not program:
-                raise NckRefusal(4075, text)
-            core.alarms.raise_(4075, text)
+            self._refused(4075, f"no access rights to write {name}: level {spec.level} needed, {level} active", program)
             return
         datum = checked(spec, name, value)
-        if name == CEC_ENABLE and datum and not core.spec.option_cec:
-            text = f"{name} reset: option not set"
-            core.alarms.raise_(8040, text)
-            if not program:
-                raise NckRefusal(8040, text)
+        missing = self._missing_option(index) if name == CEC_ENABLE and datum else None
+        if missing is not None:
+            self._refused(*missing, program)
             return
         core.data.store(name, index, datum)
-        self._after_datum(name)
+        self._after_datum(name, index, bool(datum) and not before)
 
-    def _after_datum(self, name: str) -> None:
+    def _refused(self, number: int, text: str, program: bool) -> None:
+        """A program goes on with the old value and the alarm on the screen; from outside it is an error."""
+        if program or number != 4075:
+            self._core.alarms.raise_(number, text)
+        if not program:
+            raise NckRefusal(number, text)
+
+    def _missing_option(self, index: tuple[int, ...]) -> tuple[int, str] | None:
         core = self._core
-        if name == EEC_POINTS or DATA[name].effect == "power_on":
-            if core.data.memory_changed():
-                core.alarms.raise_(4400, "MD change will reorganise buffered memory: data loss", "power_on")
-            else:
-                core.alarms.drop(4400)
+        name = core.spec.axes[index[0]].name
+        if not core.spec.option_cec:
+            return 8040, f"$MA_CEC_ENABLE of {name} reset: option not set"
+        others = sum(bool(core.data.stored(CEC_ENABLE, axis.index)) for axis in core.axes if axis.index != index[0])
+        if others >= core.spec.option_cec_axes:
+            return 8041, f"axis {name}: $MA_CEC_ENABLE reset, option not sufficient"
+        return None
+
+    def _after_datum(self, name: str, index: tuple[int, ...], edge: bool) -> None:
+        core = self._core
+        if name in LAYOUT:
+            text = "MD change will reorganise buffered memory: data loss"
+            core.alarms.show_while(core.data.memory_changed(), 4400, text)
+        if name in SCALING:
+            core.alarms.show_while(core.data.scaling_changed(), 4070, "scaling machine data changed")
+        if name == "$SN_CEC_CALC" and edge:
+            self._calculate_cylinder(*index)
         if DATA[name].effect == "now":
             core.refresh()
 
-    def _write_eec(self, name: str, indices: Indices, value: Value) -> None:
-        core = self._core
-        table, axis, encoder = self._eec_table(name, indices, 3 if name == "$AA_ENC_COMP" else 2)
-        acting = not core.spec.lies_about_disable and core.data.effective(ENC_ENABLE, encoder, axis)
-        if core.data.stored(ENC_ENABLE, encoder, axis) or acting:
-            axis_name = core.spec.axes[axis].name
-            raise NckRefusal(17070, f"{name}: data write-protected while MD32700 of {axis_name} is 1")
-        if name == "$AA_ENC_COMP":
-            place = core.memory.place(table.points, whole(indices[1]))
-            table.points[place] = core.memory.kept(real(value))
-            return
-        part, kind = _TABLE_PARTS[name.removeprefix("$AA_ENC_COMP_")]
-        setattr(table, part, self._table_value(name, kind, value))
-
-    def _write_cec(self, name: str, indices: Indices, value: Value) -> None:
-        table = self._cec_table(name, indices, 2 if name == "$AN_CEC" else 1)
-        self._check_cec_free(name, table.output_axis)
-        if name == "$AN_CEC":
-            place = self._core.memory.place(table.points, whole(indices[1]))
-            table.points[place] = self._core.memory.kept(real(value))
-            return
-        part, kind = _CEC_PARTS[name.removeprefix("$AN_CEC_")]
-        taken = self._table_value(name, kind, value)
-        if part == "output_axis" and isinstance(taken, str):
-            self._check_cec_free(name, taken)
-        setattr(table, part, taken)
-
-    def _check_cec_free(self, name: str, output: str) -> None:
-        core = self._core
-        axis = core.axis_index(output) if output else None
-        if axis is None:
-            return
-        if core.data.stored(CEC_ENABLE, axis) or core.data.effective(CEC_ENABLE, axis):
-            raise NckRefusal(17070, f"{name}: data write-protected while MD32710 of {output} is 1")
-
-    def _table_value(self, name: str, kind: str, value: Value) -> Value:
-        if kind == "axis":
-            return self._core.spec.axes[self._axis(value)].name
-        if kind == "real":
-            return self._core.memory.kept(real(value))
-        if kind == "bool":
-            return truth(value)
-        plain = whole(value)
-        limits = {"sign": (-1, 1), "flag": (0, 1)}.get(kind, (0, 9999))
-        if not limits[0] <= plain <= limits[1]:
-            raise NckRefusal(12160, f"{name}: value lies beyond the value range")
-        return plain
+    def _calculate_cylinder(self, number: int) -> None:
+        data, table = self._core.data, self._core.memory.cec_table(number)
+        names = ("BAS_0", "BAS_1", "COMP_0", "COMP_1")
+        given = [real(data.stored(f"$SN_CEC_{name}", number)) for name in names]
+        found = end_values(Measured(*given), table.minimum, table.step)
+        for place, value in enumerate(found):
+            name = f"$SN_CEC_{place}"
+            old = real(data.stored(name, number)) if data.stored("$SN_CEC_CALC_ADD", number) else 0.0
+            data.store(name, (number,), old + value)
+        for name, value in zip(names, given, strict=True):
+            data.store(f"$SN_CEC_{name[:-2]}_STORE_{name[-1]}", (number,), value)
+            data.store(f"$SN_CEC_{name}", (number,), 0.0)
 
     # -- system variables of an axis ---------------------------------------------------------------
 
@@ -271,14 +202,14 @@ class Variables:
             "$AA_IM": reader(place),
             "$AA_IW": reader(place),
             "$AA_IB": reader(place),
-            "$P_EP": reader(place),
             "$VA_IM": reader(actual),
             "$VA_IM1": reader(actual),
             "$AA_STAT": reader(lambda index: core.view(index).aa_stat),
             "$AA_INPOS_STAT": reader(lambda index: core.view(index).aa_stat),
             "$AA_REF": reader(lambda index: int(core.axes[index].referenced)),
-            "$VA_ENC1_COMP_VAL": reader(lambda index: core.eec_value(index, 0)),
-            "$VA_ENC2_COMP_VAL": reader(lambda index: core.eec_value(index, 1)),
-            "$VA_CEC_COMP_VAL": reader(core.cec_value),
+            "$AA_ENC_ACTIVE": reader(lambda index: core.axes[index].active_encoder + 1),
+            "$VA_ENC1_COMP_VAL": reader(lambda index: core.eec_value(index, 0) / core.data.unit(index)),
+            "$VA_ENC2_COMP_VAL": reader(lambda index: core.eec_value(index, 1) / core.data.unit(index)),
+            "$VA_CEC_COMP_VAL": reader(lambda index: core.cec_value(index) / core.data.unit(index)),
             "$VA_TEMP_COMP_VAL": reader(lambda index: core.view(index).temperature_value),
         }

@@ -194,8 +194,10 @@ def test_subprograms_with_values_and_references() -> None:
         ("$AA_ENC_COMP[0,1,X]=1", 12550),
         ("R1=1 R2", 12550),
         ("R1=1E5", 12550),
-        ("G2 X1 I1", 12470),
-        ("G70", 12470),
+        ("G2 X1 I1", 12550),
+        ("G3 X1 CR=5", 12550),
+        ("G777", 12470),
+        ('EXTOPEN(R1,"LOCAL_DRIVE/OUT")', 12550),
         ("X1=5 X2 X=3", 12110),
         ("R1=1/0", 14092),
         ("R1=SQRT(-1)", 14092),
@@ -222,7 +224,7 @@ def test_subprograms_with_values_and_references() -> None:
         ("$AN_CEC[0,20]=0", 17030),
         ("$AN_CEC_DIRECTION[0]=2", 12160),
         ("$VA_ENC1_COMP_VAL[X1]=1", 17070),
-        ("$MN_SCALING_SYSTEM_IS_METRIC=0", 17070),
+        ("$MN_AXCONF_MACHAX_NAME_TAB[0]=1", 17070),
     ],
 )
 def test_what_it_does_not_know_stops_the_program(line: str, number: int) -> None:
@@ -313,7 +315,8 @@ def test_a_tight_loop_leaves_time_to_others_and_to_reset() -> None:
 def test_timers_and_own_name() -> None:
     async def body(bench: Bench) -> None:
         await bench.run(
-            "$AC_TIMER[1]=0\nG4 F2\nR1=$AC_TIMER[1]\n$AC_TIMER[1]=-1\nG4 F1\nR2=$AC_TIMER[1]\nMSG($P_PROG[0])\nM0"
+            "$AC_TIMER[1]=0\nG4 F2\nSTOPRE\nR1=$AC_TIMER[1]\n$AC_TIMER[1]=-1\nG4 F1\nSTOPRE\n"
+            "R2=$AC_TIMER[1]\nMSG($P_PROG[0])\nM0"
         )
         assert bench.nck.message == "_N_TEST_MPF"
         assert bench.r(1) == pytest.approx(2.0, abs=0.05)

@@ -1,8 +1,9 @@
-"""Damaged programs: each runs, or stops with an alarm or a syntax error; nothing else ever comes out."""
+"""Damaged programs: each ends, or stops with an alarm, within its step limit; nothing else ever comes out."""
 
 from __future__ import annotations
 
 import random
+from collections import Counter
 
 import pytest
 from hypothesis import given, settings
@@ -11,6 +12,10 @@ from hypothesis import strategies as st
 from simulators.nck.language import NcSyntaxError, parse
 from tests.unit.nck.bench import MAIN, Bench, on_bench
 from tests.unit.nck.test_execution import SKELETON
+
+STEP_LIMIT = 300
+PROGRAMS = 10_000
+SHARES = 20
 
 SEED = """DEF INT I, ERR
 DEF STRING[60] TEXT="a"
@@ -42,6 +47,10 @@ N80 SETAL(65001,"x")
 N90 $AN_CEC_INPUT_AXIS[0]=(Z1) $SN_CEC_TABLE_ENABLE[0]=1
 DELETE(ERR,"_N_OUT_SPF")
 M0
+STOPRE
+GUDLIST[2]=$P_EP[X1] $SN_CEC_CALC[0]=1
+G70 G91 G0 X0.1
+G710 G90 G1 X5 Z2 F3000
 M30
 """
 ALPHABET = "ABCXZRNGMF0123456789 .,;:=<>()[]\"$_+-*/\n\t%&'#äDEFIFORENDGOTO"
@@ -82,29 +91,74 @@ def test_any_text_is_a_program_or_a_syntax_error(text: str) -> None:
     assert min(1, len(text.splitlines())) <= line <= len(text.splitlines())
 
 
-@pytest.mark.parametrize("seed", range(6))
-def test_damaged_programs_never_break_the_control(seed: int) -> None:
-    async def body(bench: Bench) -> None:
-        chance = random.Random(seed)
-        loop_errors: list[object] = []
-        for number in (11, 12, 14):
-            bench.nck.set(f"R[{number}]", 3.0 * number, 7)
-        for _ in range(60):
-            bench.load(mutated(chance.choice((SEED, SKELETON)), chance))
-            assert bench.nck.select(MAIN) == 0
-            bench.nck.nc_start()
-            task = bench.nck.channel.task
-            await bench.sleep(chance.choice((0.1, 3.0, 30.0)))
-            bench.nck.nc_start()
-            await bench.sleep(1.0)
-            if task is not None and task.done() and not task.cancelled() and task.exception() is not None:
-                loop_errors.append(task.exception())
-            bench.nck.channel_reset()
-            bench.nck.acknowledge_alarms()
-            assert bench.nck.channel_status == 0
-        assert loop_errors == []
+async def outcome(bench: Bench, text: str) -> str:
+    """Run a damaged program: "alarm", "ended", or "limit" when its steps or hours were used up."""
+    nck = bench.nck
+    nck.files.write(MAIN, text.encode("latin-1", "replace"))
+    assert nck.select(MAIN) == 0
+    used_up: list[int] = []
 
-    on_bench(body)
+    def count(block: int) -> None:
+        if block >= STEP_LIMIT:
+            used_up.append(block)
+            nck.channel_reset()
+
+    nck.on_block = count
+    for _ in range(4):
+        nck.nc_start()
+        task = nck.channel.task
+        for _ in range(30):
+            if nck.channel_status != 1:
+                break
+            await bench.sleep(120.0)
+        if task is not None and task.done() and not task.cancelled():
+            assert task.exception() is None, text
+        if nck.channel_status != 2 or nck.program_status == 1:
+            break
+    found = "limit" if used_up or nck.channel_status == 1 else "alarm" if nck.alarms else "ended"
+    stuck = nck.channel_status == 1
+    nck.channel_reset()
+    nck.acknowledge_alarms()
+    assert nck.channel_status == 0
+    if stuck:
+        await bench.sleep(0.0)
+    return found
+
+
+async def batch(bench: Bench, seed: int, count: int) -> Counter[str]:
+    chance = random.Random(seed)
+    found: Counter[str] = Counter()
+    for _ in range(count):
+        for number, value in {1: 0.0, 2: 0.0, 3: 0.0, 10: 0.0, 11: 3.0, 12: 4.0, 13: 1.0, 14: 2000.0}.items():
+            bench.nck.set(f"R[{number}]", value, 7)
+        found[await outcome(bench, mutated(chance.choice((SEED, SKELETON)), chance))] += 1
+        if not all(axis.referenced for axis in bench.nck.core.axes):
+            await bench.warm_up()
+    return found
+
+
+def run_batch(seed: int, count: int) -> None:
+    found: Counter[str] = Counter()
+
+    async def body(bench: Bench) -> None:
+        found.update(await batch(bench, seed, count))
+
+    on_bench(body, gud=(("GUDLIST", 5),))
+    print(f"seed {seed}: {dict(found)}")
+    assert found.total() == count
+    assert found["alarm"] > count // 10
+    assert found["ended"] > count // 20
+
+
+@pytest.mark.parametrize("seed", range(SHARES))
+def test_damaged_programs_end_or_alarm_within_their_steps(seed: int) -> None:
+    run_batch(seed, PROGRAMS // SHARES)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("seed", range(100, 100 + SHARES))
+def test_damaged_programs_ten_times_as_many(seed: int) -> None:
+    run_batch(seed, 10 * PROGRAMS // SHARES)
 
 
 def test_the_undamaged_program_runs() -> None:
@@ -114,5 +168,7 @@ def test_the_undamaged_program_runs() -> None:
         assert bench.nck.nc_start()
         await bench.until_idle()
         assert (bench.nck.channel_status, bench.r(3)) == (0, 4.0)
+        assert bench.nck.axis_state("X1").set_position == 5.0
+        assert bench.nck.get("GUDLIST[2]") == pytest.approx(8.0)
 
-    on_bench(body)
+    on_bench(body, gud=(("GUDLIST", 5),))

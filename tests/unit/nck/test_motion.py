@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import time
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -95,7 +97,8 @@ def test_many_turns_leave_no_rounding_behind() -> None:
 def test_feed_sets_the_time_and_exact_stop_waits_for_the_servo() -> None:
     async def body(bench: Bench) -> None:
         await bench.run(
-            "$AC_TIMER[1]=0\nG1 X60 F600\nR1=$AC_TIMER[1]\nR2=$AA_STAT[X1]\nG91 G1 X6 Z8\nR3=$AC_TIMER[1]\nM30"
+            "$AC_TIMER[1]=0\nG1 X60 F600\nSTOPRE\nR1=$AC_TIMER[1]\nR2=$AA_STAT[X1]\n"
+            "G91 G1 X6 Z8\nSTOPRE\nR3=$AC_TIMER[1]\nM30"
         )
         assert bench.r(1) == pytest.approx(6.0 + 0.03 * math.log(10.0 * 0.03 / 0.002), abs=0.03)
         assert bench.r(2) == 4.0
@@ -168,3 +171,22 @@ def test_states_of_a_moving_axis() -> None:
         assert bench.nck.axis_state("X1").aa_stat == 4
 
     on_bench(body)
+
+
+def test_positions_for_every_laser_sample_are_quick() -> None:
+    async def body(bench: Bench) -> None:
+        bench.nck.set("$MA_BACKLASH[0,X1]", 0.004, 0)
+        bench.nck.channel_reset()
+        await bench.run("FOR R1=1 TO 20\nG1 X=R1 F3000\nG4 F1\nX=R1-0.5\nENDFOR\nM30")
+        times = bench.clock.now() - np.linspace(60.0, 0.0, 100_000)
+        best = min(_seconds_of(lambda: bench.nck.encoder("X1", times)) for _ in range(5))
+        print(f"1e5 positions in {best * 1e3:.1f} ms")
+        assert best < 0.5
+
+    on_bench(body)
+
+
+def _seconds_of(work: Callable[[], object]) -> float:
+    begin = time.perf_counter()
+    work()
+    return time.perf_counter() - begin

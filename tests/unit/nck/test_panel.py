@@ -84,7 +84,7 @@ def test_start_is_refused_in_the_wrong_mode_and_while_running() -> None:
 
 
 def test_m0_m1_m30_m17_and_skipped_blocks() -> None:
-    text = "R1=1\n/R2=1\nM1\nR3=1\nM0\nR4=1\nM2\nR5=1"
+    text = "R1=1\n/R2=1\nM1\nSTOPRE\nR3=1\nM0\nSTOPRE\nR4=1\nM2\nR5=1"
 
     async def body(bench: Bench) -> None:
         await bench.run(text)
@@ -94,7 +94,7 @@ def test_m0_m1_m30_m17_and_skipped_blocks() -> None:
         assert [bench.r(n) for n in range(1, 6)] == [1.0, 1.0, 1.0, 1.0, 0.0]
         bench.nck.set_skip(active=True)
         bench.nck.set_optional_stop(active=True)
-        await bench.run("R6=R6+1\n/R6=R6+10\nM1\nR6=R6+100\nM17")
+        await bench.run("R6=R6+1\n/R6=R6+10\nM1\nSTOPRE\nR6=R6+100\nM17")
         assert bench.r(6) == 1.0
         bench.nck.nc_start()
         await bench.until_idle()
@@ -106,7 +106,7 @@ def test_m0_m1_m30_m17_and_skipped_blocks() -> None:
 
 def test_nck_reset_aborts_and_keeps_what_is_buffered() -> None:
     async def body(bench: Bench) -> None:
-        await bench.run('R1=4\n$MA_BACKLASH[0,X1]=0.002\nG0 X50\nMSG("WAIT")\nM0\nR1=5\nM30')
+        await bench.run('R1=4\n$MA_BACKLASH[0,X1]=0.002\nG0 X50\nMSG("WAIT")\nM0\nSTOPRE\nR1=5\nM30')
         assert bench.nck.message == "WAIT"
         bench.nck.nck_reset()
         assert bench.nck.booting

@@ -1,0 +1,69 @@
+"""What happens at a program block from outside: mains, drive alarm, key switch, mode, a second writer."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+from simulators.nck.spec import NckRefusal
+from simulators.nck.switches import Switches
+from simulators.nck.values import Value
+
+_HMI_LEVEL = 1
+
+
+class Control(Protocol):
+    """What can be done to a control at a block."""
+
+    def power_cycle(self) -> None:
+        """Power off and on."""
+        ...
+
+    def drive_alarm(self, number: int, text: str) -> None:
+        """An alarm that stops whatever runs."""
+        ...
+
+    def set_access_level(self, level: int) -> None:
+        """Key switch."""
+        ...
+
+    def change_mode_by_hand(self) -> None:
+        """RESET and JOG."""
+        ...
+
+    def set(self, name: str, value: Value, level: int) -> None:
+        """Write a variable. Raises NckRefusal."""
+        ...
+
+
+class BlockEvents:
+    """The events of `Switches`, each once; ``refused`` lists what the control refused to the second writer."""
+
+    def __init__(self, switches: Switches, control: Control) -> None:
+        self._control = control
+        self._switches = switches
+        self.refused: list[tuple[str, int]] = []
+        acts: tuple[tuple[int | None, Callable[[], None]], ...] = (
+            (switches.keyswitch_at_block, lambda: control.set_access_level(switches.block_access_level)),
+            (switches.hmi_writes_at_block, self._write),
+            (switches.mode_change_at_block, control.change_mode_by_hand),
+            (switches.alarm_at_block, lambda: control.drive_alarm(switches.block_alarm, "fault of a drive")),
+            (switches.power_cut_at_block, control.power_cycle),
+        )
+        self._open = [(block, act) for block, act in acts if block is not None]
+
+    def at(self, block: int) -> None:
+        """Block number ``block`` of a program is done."""
+        if not self._open:
+            return
+        due = [act for place, act in self._open if place == block]
+        self._open = [(place, act) for place, act in self._open if place != block]
+        for act in due:
+            act()
+
+    def _write(self) -> None:
+        for name, value in self._switches.hmi_writes:
+            try:
+                self._control.set(name, value, _HMI_LEVEL)
+            except NckRefusal as refusal:
+                self.refused.append((name, refusal.number))

@@ -1,0 +1,123 @@
+"""What no public document settles, and how a hostile control behaves: every switch of the double in one place.
+
+The double is written from manuals; where these are silent it can be set either way, so that whoever talks to
+it must work whichever way the real control turns out to be. Those in `OPEN` may be drawn by a seed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Activation = Literal["newconf", "nck_reset", "power_on"]
+Choice = bool | int | str
+HmiWrite = tuple[str, float]
+
+
+OPEN: dict[str, tuple[Choice, ...]] = {
+    "cec_sign": (1, -1),
+    "cec_factor_tables_count": (False, True),
+    "cec_direction_at_start": (1, 0, -1),
+    "cec_direction_at_standstill": (True, False),
+    "activation": ("nck_reset", "newconf", "power_on"),
+    "locked_alarm": (17070, 17180),
+    "fetch_while_waiting": (True, False),
+    "r_writable": (True, False),
+    "backlash_reacts_to_cec": (True, False),
+    "shortened_max_is_stored": (False, True),
+    "enable_cleared_at_boot": (False, True),
+    "encoder_lead_shared": (True, False),
+    "system_reads_stop": (False, True),
+}
+"""The open switches and what each can be, the default first; a seed may draw one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Switches:
+    """The open questions, the manners a control may have, and what happens at a block.
+
+    Not settled publicly
+        ``cec_sign`` +1: as EEC, a positive value moves the axis negative; -1: the other way.
+        ``cec_factor_tables_count``: with MULT_BY_TABLE both factors' own outputs count besides the product.
+        ``cec_direction_at_start``: what DIRECTION +1/-1 tables take for the direction before the base axis's
+        first move after power on; 0: neither kind acts until then.
+        ``cec_direction_at_standstill``: False: they act only while the base axis travels.
+        ``activation``: when changed table content begins to act: at NEWCONF (or channel reset), at an NCK
+        reset or a power cycle, or at a power cycle alone. ``strict_activation`` False means "newconf".
+        ``locked_alarm``: the alarm when an enabled table is written.
+        ``fetch_while_waiting``: files may be read from outside while a program runs or waits.
+        ``r_writable``: R parameters may be written from outside.
+        ``backlash_reacts_to_cec``: False: as if MD32454 bit 1 were always set.
+        ``shortened_max_is_stored``: where memory ends before MAX, _MAX reads back shortened once it acts.
+        ``enable_cleared_at_boot``: MD32700 and MD32710 are 0 after an NCK reset or power on.
+        ``encoder_lead_shared``: True: backlash is taken up by half in each direction; False: all of it in -.
+
+    Preprocessing
+        ``preprocess_ahead``: blocks of motion, dwell, message or stop the interpreter may be ahead of the
+        machine; everything else takes effect when it is interpreted, unless STOPRE stands before it.
+        0: strictly in sequence, as if every block had a STOPRE.
+        ``system_reads_stop``: reading a ``$AA_``, ``$VA_`` or ``$AC_`` variable stops preprocessing by itself.
+
+    Hostile
+        ``lies_about_disable``: MD32700 reads 0, tables can be written, but the compensation goes on until the
+        next NCK reset. ``ignores_newconf``: NEWCONF in a program does nothing; reset does.
+        ``float32_tables``: table values are kept in single precision. ``accepts_nan``: and take NaN.
+        ``accepts_points_beyond``: a point beyond the reserved memory is swallowed without 17030.
+        ``loses_last_points``: that many points at the table's end (MAX) are never stored, without alarm.
+        ``writes_late_s``: a table value reads, and acts, as before until that many seconds after the write.
+        ``stale_files``: a file that was replaced is still read from outside as it was before.
+        ``reads_another_axis``: ``$AA_ENC_COMP`` of an axis shows the next axis that has a table.
+
+    At block k of a program (counted from 1 at NC START, with all subprograms; once for each control)
+        ``power_cut_at_block``: the mains fail when block k is done. ``alarm_at_block``: the drive reports
+        alarm ``block_alarm`` and the program stops. ``keyswitch_at_block``: somebody turns the key switch to
+        ``block_access_level``. ``mode_change_at_block``: somebody stops, resets and chooses JOG.
+        ``hmi_writes_at_block``: somebody at the HMI with service rights writes ``hmi_writes``, pairs of name
+        and value in order; what the control refuses is refused to him as well.
+    """
+
+    cec_sign: int = 1
+    cec_factor_tables_count: bool = False
+    cec_direction_at_start: int = 1
+    cec_direction_at_standstill: bool = True
+    activation: Activation = "nck_reset"
+    strict_activation: bool = True
+    locked_alarm: int = 17070
+    fetch_while_waiting: bool = True
+    r_writable: bool = True
+    backlash_reacts_to_cec: bool = True
+    shortened_max_is_stored: bool = False
+    enable_cleared_at_boot: bool = False
+    encoder_lead_shared: bool = True
+    preprocess_ahead: int = 20
+    system_reads_stop: bool = False
+    lies_about_disable: bool = False
+    ignores_newconf: bool = False
+    float32_tables: bool = False
+    accepts_nan: bool = False
+    accepts_points_beyond: bool = False
+    loses_last_points: int = 0
+    writes_late_s: float = 0.0
+    stale_files: bool = False
+    reads_another_axis: bool = False
+    power_cut_at_block: int | None = None
+    alarm_at_block: int | None = None
+    block_alarm: int = 300504
+    keyswitch_at_block: int | None = None
+    block_access_level: int = 7
+    mode_change_at_block: int | None = None
+    hmi_writes_at_block: int | None = None
+    hmi_writes: tuple[HmiWrite, ...] = ()
+
+    @property
+    def acts_from(self) -> Activation:
+        """When changed table content begins to act."""
+        return self.activation if self.strict_activation else "newconf"
+
+    def checked(self) -> None:
+        """Raises ValueError for a value that means nothing."""
+        for name, choices in OPEN.items():
+            if getattr(self, name) not in choices and name != "locked_alarm":
+                raise ValueError(f"{name} is one of {', '.join(map(str, choices))}")
+        if self.preprocess_ahead < 0 or self.loses_last_points < 0 or self.writes_late_s < 0.0:
+            raise ValueError("preprocess_ahead, loses_last_points and writes_late_s are not negative")

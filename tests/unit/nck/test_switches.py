@@ -1,0 +1,217 @@
+"""Every switch of the double changes what it says, and nothing is a switch without a test."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from simulators.cell.control import spec_of
+from simulators.cellfile import load_cell
+from simulators.nck.machine import NckRefusal
+from simulators.nck.switches import OPEN, Switches
+from tests.unit.nck.bench import Bench, eec_lines, enable, load_eec, on_bench
+from tests.unit.nck.test_cec import encoder, load, move, table
+
+READ = "/_N_MPF_DIR/_N_OUT_MPF"
+
+
+def test_every_switch_is_named_in_a_test_and_in_its_description() -> None:
+    tests = "".join(path.read_text() for path in Path(__file__).parent.glob("test_*.py"))
+    described = Switches.__doc__ or ""
+    for entry in fields(Switches):
+        assert f"{entry.name}=" in tests.replace(f'"{entry.name}"', f"{entry.name}="), entry.name
+        assert f"``{entry.name}``" in described or entry.name in ("strict_activation",), entry.name
+    assert all(getattr(Switches(), name) == choices[0] for name, choices in OPEN.items())
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"cec_sign": 2}, {"activation": "never"}, {"preprocess_ahead": -1}, {"writes_late_s": -1.0}, {"unit_system": "?"}],
+)
+def test_a_value_that_means_nothing_is_refused(changes: dict[str, object]) -> None:
+    with pytest.raises(ValueError, match=r"is one of|negative|unit_system"):
+        on_bench(lambda _bench: None, **changes)  # type: ignore[arg-type, return-value]
+
+
+def test_a_cell_file_draws_open_switches_by_its_seed_and_refuses_unknown_ones() -> None:
+    cell = load_cell("demo")
+
+    def with_switches(**switches: object) -> object:
+        return cell.model_copy(update={"machine": cell.machine.model_copy(update={"switches": switches})})
+
+    drawn = {spec_of(with_switches(activation="seed"), seed).activation for seed in range(20)}  # type: ignore[arg-type]
+    assert drawn == set(OPEN["activation"])
+    again = spec_of(with_switches(activation="seed"), 3), spec_of(with_switches(activation="seed"), 3)  # type: ignore[arg-type]
+    assert again[0] == again[1]
+    listed = spec_of(with_switches(hmi_writes=[["R[1]", 2.0]]), 1)  # type: ignore[arg-type]
+    assert listed.hmi_writes == (("R[1]", 2.0),)
+    for bad in ({"nonsense": 1}, {"float32_tables": "seed"}, {"cec_direction_at_start": 5}):
+        with pytest.raises(Exception, match="E-CELL-VALUE"):
+            spec_of(with_switches(**bad), 1)  # type: ignore[arg-type]
+
+
+# -- not settled publicly --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_cec_sign(sign: int) -> None:
+    async def body(bench: Bench) -> None:
+        await load(bench, table(0, "Z1", "X1", [0.01] * 2, 0.0, 100.0), "X1")
+        await bench.sleep(1.0)
+        assert encoder(bench, "X1") == pytest.approx(-sign * 0.01, abs=1e-9)
+
+    on_bench(body, cec_sign=sign)
+
+
+@pytest.mark.parametrize(("count", "expected"), [(False, 0.03 * 0.5), (True, 0.03 * 0.5 + 0.03 + 0.5)])
+def test_cec_factor_tables_count(count: bool, expected: float) -> None:
+    text = table(0, "Z1", "X1", [0.03] * 2, 0.0, 100.0, mult_by_table=2) + table(1, "Z1", "X1", [0.5] * 2, 0.0, 100.0)
+
+    async def body(bench: Bench) -> None:
+        await load(bench, text, "X1")
+        await bench.sleep(1.0)
+        assert bench.nck.axis_state("X1").cec_value == pytest.approx(expected)
+
+    on_bench(body, cec_factor_tables_count=count)
+
+
+@pytest.mark.parametrize(("first", "value"), [(1, 0.002), (-1, 0.007), (0, 0.0)])
+def test_cec_direction_at_start(first: int, value: float) -> None:
+    text = table(0, "Z1", "X1", [0.002] * 2, 0.0, 100.0, direction=1)
+    text += table(1, "Z1", "X1", [0.007] * 2, 0.0, 100.0, direction=-1)
+
+    async def body(bench: Bench) -> None:
+        await load(bench, text, "X1")
+        await bench.sleep(1.0)
+        assert bench.nck.axis_state("X1").cec_value == pytest.approx(value), "nothing has moved since power on"
+        standing = bench.nck.core.standing(0, np.array([0.0]), 1)
+        assert standing[0] == pytest.approx(-value, abs=1e-9)
+        await move(bench, "Z10")
+        assert bench.nck.axis_state("X1").cec_value == pytest.approx(0.002)
+
+    on_bench(body, cec_direction_at_start=first)
+
+
+@pytest.mark.parametrize("kept", [True, False])
+def test_cec_direction_at_standstill(kept: bool) -> None:
+    async def body(bench: Bench) -> None:
+        await load(bench, table(0, "Z1", "X1", [0.002] * 2, 0.0, 100.0, direction=1), "X1")
+        bench.press_start("G1 Z100 F3000\nM30")
+        await bench.sleep(1.0)
+        assert bench.nck.axis_state("X1").cec_value == pytest.approx(0.002)
+        await bench.until_idle()
+        await bench.sleep(1.0)
+        assert bench.nck.axis_state("X1").cec_value == pytest.approx(0.002 if kept else 0.0)
+
+    on_bench(body, cec_direction_at_standstill=kept)
+
+
+@pytest.mark.parametrize(
+    ("changes", "acts"),
+    [
+        ({"activation": "newconf"}, "newconf"),
+        ({"strict_activation": False}, "newconf"),
+        ({"activation": "nck_reset"}, "reset"),
+        ({"activation": "power_on"}, "power"),
+    ],
+)
+def test_activation(changes: dict[str, object], acts: str) -> None:
+    async def body(bench: Bench) -> None:
+        await bench.run(enable("X1", 0) + eec_lines("X1", [0.01] * 3, 0.0, 100.0) + enable("X1", 1) + "M30")
+        values = [bench.nck.axis_state("X1").eec_value]
+        await bench.reset_and_reference()
+        values.append(bench.nck.axis_state("X1").eec_value)
+        bench.nck.power_cycle()
+        await bench.sleep(11.0)
+        await bench.warm_up()
+        values.append(bench.nck.axis_state("X1").eec_value)
+        first = ("newconf", "reset", "power").index(acts)
+        assert values == [0.0] * first + [0.01] * (3 - first)
+
+    on_bench(body, **changes)
+
+
+def test_locked_alarm() -> None:
+    async def body(bench: Bench) -> None:
+        await load_eec(bench, "X1", [0.001] * 3, 0.0, 10.0)
+        await bench.run("$AA_ENC_COMP[0,0,X1]=1\nM30")
+        assert bench.numbers() == [17180]
+
+    on_bench(body, locked_alarm=17180)
+
+
+@pytest.mark.parametrize("allowed", [True, False])
+def test_fetch_while_waiting(allowed: bool) -> None:
+    async def body(bench: Bench) -> None:
+        await bench.run('WRITE(R1,"OUT","LINE")\nM0\nM30')
+        if allowed:
+            assert bench.nck.files.read(READ) == b"LINE\n"
+        else:
+            with pytest.raises(NckRefusal, match="fetched"):
+                bench.nck.files.read(READ)
+
+    on_bench(body, fetch_while_waiting=allowed)
+
+
+@pytest.mark.parametrize("writable", [True, False])
+def test_r_writable(writable: bool) -> None:
+    async def body(bench: Bench) -> None:
+        if writable:
+            bench.nck.set("R[5]", 2.0, 7)
+        else:
+            with pytest.raises(NckRefusal, match="R parameters"):
+                bench.nck.set("R[5]", 2.0, 0)
+        assert bench.r(5) == (2.0 if writable else 0.0)
+
+    on_bench(body, r_writable=writable)
+
+
+@pytest.mark.parametrize("reacts", [True, False])
+def test_backlash_reacts_to_cec(reacts: bool) -> None:
+    async def body(bench: Bench) -> None:
+        text = table(0, "Z1", "X1", [0.0, 0.010], 0.0, 100.0)
+        await load(bench, text, "X1", extra="$MA_BACKLASH[0,X1]=0.008\n")
+        await move(bench, "X50")
+        await move(bench, "Z100")
+        assert encoder(bench, "X1") == pytest.approx(49.99 + (-0.004 if reacts else 0.004), abs=1e-9)
+
+    on_bench(body, backlash_reacts_to_cec=reacts)
+
+
+@pytest.mark.parametrize(("stored", "maximum"), [(False, 1000.0), (True, 590.0)])
+def test_shortened_max_is_stored(stored: bool, maximum: float) -> None:
+    async def body(bench: Bench) -> None:
+        await bench.run("$AA_ENC_COMP_STEP[0,Z1]=10 $AA_ENC_COMP_MAX[0,Z1]=1000\nM30")
+        assert bench.nck.get("$AA_ENC_COMP_MAX[0,Z1]") == 1000.0
+        await bench.reset_and_reference()
+        assert bench.nck.get("$AA_ENC_COMP_MAX[0,Z1]") == maximum
+
+    on_bench(body, shortened_max_is_stored=stored)
+
+
+@pytest.mark.parametrize("cleared", [True, False])
+def test_enable_cleared_at_boot(cleared: bool) -> None:
+    async def body(bench: Bench) -> None:
+        await load_eec(bench, "X1", [0.008] * 2, 0.0, 10.0)
+        assert bench.nck.get("$MA_ENC_COMP_ENABLE[0,X1]") is not cleared
+        assert bench.nck.axis_state("X1").eec_value == (0.0 if cleared else 0.008)
+
+    on_bench(body, enable_cleared_at_boot=cleared)
+
+
+@pytest.mark.parametrize(("shared", "ahead", "behind"), [(True, 0.002, -0.002), (False, 0.0, -0.004)])
+def test_encoder_lead_shared(shared: bool, ahead: float, behind: float) -> None:
+    async def body(bench: Bench) -> None:
+        await bench.run("$MA_BACKLASH[0,X1]=0.004\nNEWCONF\nG0 X10\nG4 F1\nM30")
+        assert encoder(bench, "X1") == pytest.approx(10.0 + ahead, abs=1e-9)
+        await move(bench, "X5")
+        assert encoder(bench, "X1") == pytest.approx(5.0 + behind, abs=1e-9)
+        assert bench.nck.core.standing(0, np.array([5.0]), -1)[0] == pytest.approx(5.0 + behind, abs=1e-9)
+
+    on_bench(body, encoder_lead_shared=shared)
+
+
+# preprocess_ahead= and system_reads_stop= have their tests in test_preprocess.py.
