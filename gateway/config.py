@@ -6,23 +6,52 @@ import tomllib
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from drivers.errors import ConfigError
+from gateway.siteplan import (
+    AssumedSection,
+    GuardSection,
+    Section,
+    SetupSection,
+    Targets,
+    Window,
+    WorkSection,
+    belongs,
+)
+
+__all__ = [
+    "AssumedSection",
+    "AxisSection",
+    "ControllerSection",
+    "GuardSection",
+    "InstrumentSection",
+    "MeasureSection",
+    "Operator",
+    "SetupSection",
+    "Site",
+    "SiteFile",
+    "TableSection",
+    "Targets",
+    "Window",
+    "WorkSection",
+    "load_site",
+    "schema",
+]
 
 
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Site(_Section):
+class Site(Section):
     """Whose machine this is and where runs are kept."""
 
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", description="what --machine must say")
     store: Path = Field(default=Path("runs"), description="run folders, relative to the site file")
+    trace: bool = Field(default=False, description="keep what passes on every instrument's wire in the run folder")
+    approvals: Literal[1, 2] | None = Field(
+        default=None, description="people who must agree to a push; left out: one, and two when anything warns"
+    )
 
 
-class ControllerSection(_Section):
+class ControllerSection(Section):
     """How to reach the control."""
 
     driver: str = "sinumerik-opcua"
@@ -32,7 +61,7 @@ class ControllerSection(_Section):
     settings: dict[str, Any] = Field(default_factory=dict, description="driver's own keys")
 
 
-class InstrumentSection(_Section):
+class InstrumentSection(Section):
     """One instrument and its wire."""
 
     name: str
@@ -43,46 +72,7 @@ class InstrumentSection(_Section):
     settings: dict[str, Any] = Field(default_factory=dict, description="driver's own keys")
 
 
-class Window(_Section):
-    """A working window visited at table step, for the tooth, beside the full travel."""
-
-    first: float
-    last: float
-    step: float = Field(gt=0)
-
-    @model_validator(mode="after")
-    def _rises(self) -> Window:
-        if self.last - self.first < self.step:
-            raise ValueError("last must lie a step or more above first")
-        return self
-
-
-class Targets(_Section):
-    """Target positions in machine coordinates: evenly spaced with seeded random offsets, or given.
-
-    ``count`` "iso230-2" takes as many as the standard asks for over first .. last, with random offsets.
-    """
-
-    first: float = 0.0
-    last: float = 0.0
-    count: int | Literal["iso230-2"] = 0
-    window: Window | None = None
-    offset_fraction: float = Field(default=0.0, ge=0.0, le=0.3, description="of the interval, random")
-    seed: int = 1
-    positions: tuple[float, ...] = ()
-
-    @model_validator(mode="after")
-    def _one_way(self) -> Targets:
-        if bool(self.positions) == bool(self.count):
-            raise ValueError("give either positions or first, last and count")
-        if isinstance(self.count, int) and (self.count < 0 or self.count == 1):
-            raise ValueError("count must be 2 or more")
-        if self.count == "iso230-2" and self.first == self.last:
-            raise ValueError("first and last must differ")
-        return self
-
-
-class MeasureSection(_Section):
+class MeasureSection(Section):
     """How one axis is measured. The datum is the first target, the lowest position.
 
     ``dead_path_mm`` is the beam from interferometer to reflector with the axis at the datum; ``beam`` +1
@@ -125,7 +115,7 @@ class MeasureSection(_Section):
         return self
 
 
-class TableSection(_Section):
+class TableSection(Section):
     """The controller's grid for one axis."""
 
     minimum: float
@@ -140,7 +130,7 @@ class TableSection(_Section):
         return self
 
 
-class AxisSection(_Section):
+class AxisSection(Section):
     """One machine axis: ``name`` as in MD10000 (X1), ``letter`` its ISO 230-1 and program name (X)."""
 
     name: str
@@ -165,14 +155,14 @@ class AxisSection(_Section):
         return "mm" if self.kind == "linear" else "deg"
 
 
-class Operator(_Section):
+class Operator(Section):
     """How long the run waits for people, in seconds of the gateway's clock."""
 
     start_timeout_s: float = Field(default=600.0, gt=0)
     stop_timeout_s: float = Field(default=120.0, gt=0)
 
 
-class SiteFile(_Section):
+class SiteFile(Section):
     """A whole site file."""
 
     site: Site
@@ -180,6 +170,10 @@ class SiteFile(_Section):
     instruments: tuple[InstrumentSection, ...] = ()
     axes: tuple[AxisSection, ...] = Field(min_length=1)
     operator: Operator = Operator()
+    setups: tuple[SetupSection, ...] = ()
+    assumed: AssumedSection = AssumedSection()
+    work: WorkSection | None = None
+    guard: GuardSection = GuardSection()
 
     @model_validator(mode="after")
     def _names(self) -> SiteFile:
@@ -189,6 +183,24 @@ class SiteFile(_Section):
         for axis in self.axes:
             if axis.measure.instrument and axis.measure.instrument not in names:
                 raise ValueError(f"axis {axis.name}: no instrument is called {axis.measure.instrument!r}")
+        return self
+
+    @model_validator(mode="after")
+    def _plan(self) -> SiteFile:
+        names = {instrument.name for instrument in self.instruments}
+        axes = {axis.name: axis for axis in self.axes}
+        for setup in self.setups:
+            where = f"set-up {setup.component} on {setup.axis}"
+            if setup.axis not in axes:
+                raise ValueError(f"{where}: the site has no such axis")
+            if setup.instrument and setup.instrument not in names:
+                raise ValueError(f"{where}: no instrument is called {setup.instrument!r}")
+            if set(setup.park) - set(axes) or setup.axis in setup.park:
+                raise ValueError(f"{where}: park names other axes of the site")
+            belongs(setup, axes[setup.axis].letter, axes[setup.axis].kind, where)
+        keys = [(setup.component, setup.axis, tuple(sorted(setup.park.items()))) for setup in self.setups]
+        for twice in {key for key in keys if keys.count(key) > 1}:
+            raise ValueError(f"set-up {twice[0]} on {twice[1]} is there twice")
         return self
 
 

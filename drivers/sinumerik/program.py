@@ -98,8 +98,9 @@ def _switch(plan: StopPlan, stop: Stop) -> list[str]:
     if stop.switch is None:
         return []
     if plan.cross_table is not None:
-        return [f"$SN_CEC_TABLE_ENABLE[{plan.cross_table}]={int(stop.switch)}", "NEWCONF", "STOPRE"]
-    return [f"$MA_ENC_COMP_ENABLE[{plan.encoder},{plan.compensated_axis}]={int(stop.switch)}", "NEWCONF", "STOPRE"]
+        return ["STOPRE", f"$SN_CEC_TABLE_ENABLE[{plan.cross_table}]={int(stop.switch)}", "NEWCONF", "STOPRE"]
+    enable = f"$MA_ENC_COMP_ENABLE[{plan.encoder},{plan.compensated_axis}]={int(stop.switch)}"
+    return ["STOPRE", enable, "NEWCONF", "STOPRE"]
 
 
 def _handshake(plan: StopPlan, stop: Stop, repetition: str, setting: Setting) -> list[str]:

@@ -145,6 +145,7 @@ def push_context(at: Bench, axis: AxisSection, capture: Capture | None) -> PushC
         capture=capture,
         start_timeout_s=operator.start_timeout_s,
         stop_timeout_s=operator.stop_timeout_s,
+        approvals_needed=at.site.site.approvals,
         say=at.say,
     )
 

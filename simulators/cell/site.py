@@ -9,11 +9,12 @@ from simulators.cellfile import Axis, CellFile, Setup
 
 
 def site_text(cell: CellFile, serial: str, controller: Mapping[str, Any], urls: Mapping[str, str]) -> str:
-    """A site file in TOML. `controller` has url and settings; `urls` names each instrument's wire."""
+    """A site file in TOML. `controller` has url, settings and maybe a driver; `urls` names each instrument's wire."""
     site = cell.site
     parts = [
         f"# Written by the simulated cell {cell.name!r}; valid while it runs.",
-        section("site", {"name": site.name, "store": site.store}),
+        # Nobody else works at a simulated machine.
+        section("site", {"name": site.name, "store": site.store, "approvals": 1}),
         section("controller", {"driver": "sinumerik-opcua", "serial": serial, **controller}),
     ]
     if site.operator:
@@ -25,8 +26,9 @@ def site_text(cell: CellFile, serial: str, controller: Mapping[str, Any], urls: 
 
 def _instrument(cell: CellFile, name: str, url: str) -> str:
     spec = next(found for found in cell.instruments if found.name == name)
-    serial = spec.serial if spec.kind == "bridge" else ""  # a uMD counter has no serial number of its own
-    keys: dict[str, Any] = {"name": name, "driver": spec.kind, "url": url, "serial": serial}
+    driver = "umd" if spec.kind == "umd" else "bridge"
+    serial = spec.serial if driver == "bridge" else ""  # a uMD counter has no serial number of its own
+    keys: dict[str, Any] = {"name": name, "driver": driver, "url": url, "serial": serial}
     return section("[instruments]", keys | ({"settings": spec.settings} if spec.settings else {}))
 
 
