@@ -28,8 +28,10 @@ interop: $(VENV)/developed
 
 bench: $(VENV)/developed
 	$(BIN)/python benchmarks/flank.py
+	$(BIN)/python benchmarks/dynamic.py
 	$(BIN)/python benchmarks/sweep.py
 	$(BIN)/python benchmarks/audit.py
+	$(BIN)/python benchmarks/modbus.py
 
 $(VENV)/installed: pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)

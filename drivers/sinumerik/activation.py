@@ -11,11 +11,14 @@ from drivers.types import ChannelStatus
 GRACE_S = 3.0
 
 
-async def activation(dialogue: Dialogue, clock: Clock, axis: str, timeout_s: float, look_s: float, where: str) -> None:
+async def activation(
+    dialogue: Dialogue, clock: Clock, axis: str, timeout_s: float, look_s: float, where: str, *, shown: bool = True
+) -> None:
     """Return when the axis is referenced and the channel in reset, after the reference was seen to be lost.
 
     A look is taken every ``look_s``. The restart may still pass between two looks, so a state that stays as
-    wanted for `GRACE_S` counts as well: whether the table acts is proved by its live values, not here.
+    wanted for `GRACE_S` counts as well: whether the table acts is proved by its live values, not here. Where nothing
+    will act, not ``shown``, only a restart that was seen counts.
     Raises DeadlineExceeded (E-NC-NO-ACTIVATION) and what the session raises.
     """
     end = clock.now() + timeout_s
@@ -29,7 +32,7 @@ async def activation(dialogue: Dialogue, clock: Clock, axis: str, timeout_s: flo
             settled_since = None
         else:
             settled_since = now if settled_since is None else settled_since
-            if seen_down or now - settled_since >= GRACE_S:
+            if seen_down or (shown and now - settled_since >= GRACE_S):
                 return
         if now >= end:
             raise DeadlineExceeded("E-NC-NO-ACTIVATION", where, axis=axis, timeout_s=timeout_s)

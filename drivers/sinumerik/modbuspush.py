@@ -18,7 +18,7 @@ from drivers.sinumerik.mailbox import grids
 from drivers.sinumerik.mailbox.commands import Order, chunks, marker_data
 from drivers.sinumerik.mailbox.packing import dints
 from drivers.sinumerik.mailbox.readings import Picture, Status
-from drivers.sinumerik.mailbox.registers import AxisBit, Command, Kind
+from drivers.sinumerik.mailbox.registers import AxisBit, Command, Kind, StatusBit
 from drivers.sinumerik.modbusreader import (
     MARKER_STATES,
     MachineReader,
@@ -154,15 +154,20 @@ class Pushing:
 
         Raises DeviceRefused (E-MBX-STILL-ON, E-MBX-STILL-ACTING).
         """
-        await self._guarded(begin.as_command(Command.DISABLE))
+        checks.guard(await self._talk.recent(), self._where)
+        await self._talk.do(begin.as_command(Command.DISABLE))
         end = self._clock.now() + self._settings.command_s
         while True:
-            picture = await self._talk.picture_for(begin)
-            if not checks.is_off(begin, await self._talk.recent(), picture):
+            # What the table held the axis away by is travelled now: it may move until it has come to rest.
+            picture, status = await self._talk.picture_for(begin), await self._talk.status()
+            if not checks.is_off(begin, status, picture):
                 raise DeviceRefused("E-MBX-STILL-ON", self._where, kind=begin.kind.name, index=begin.index)
-            if abs(acting_of(picture)) <= GONE:
+            gone = abs(acting_of(picture)) <= GONE
+            if gone and status.has(StatusBit.STANDSTILL):
+                checks.guard(status, self._where, picture.alarm)
                 return
             if self._clock.now() >= end:
+                checks.guard(status, self._where, picture.alarm)
                 raise DeviceRefused("E-MBX-STILL-ACTING", self._where, acting=acting_of(picture), kind=begin.kind.name)
             await self._clock.sleep(self._settings.poll_s)
 

@@ -1,4 +1,4 @@
-"""What the mailbox's own answers mean: a wrong map, and error codes 1-14 with what to do."""
+"""What a refusal means: exceptions of Modbus, a wrong map, and the mailbox's error codes 1-14."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from drivers.errors import (
     DeviceRefused,
     RemoteProtocolError,
     TooManyPoints,
+    TransportError,
     TrueflankError,
     UnsupportedDevice,
     ValueOutOfRange,
@@ -18,6 +19,8 @@ from drivers.sinumerik.mailbox.packing import WordOrder, order_of
 from drivers.sinumerik.mailbox.readings import Status
 from drivers.sinumerik.mailbox.registers import MAGIC, MAP_VERSION, Refusal
 
+BUSY = (5, 6)
+_MAP = {1: "E-MODBUS-NO-FUNCTION", 2: "E-MODBUS-NO-ADDRESS", 3: "E-MODBUS-NO-VALUE"}
 _CODES: Mapping[int, tuple[type[TrueflankError], str]] = {
     Refusal.CRC: (RemoteProtocolError, "E-MBX-CRC"),
     Refusal.ORDER: (DeviceRefused, "E-MBX-ORDER"),
@@ -34,6 +37,21 @@ _CODES: Mapping[int, tuple[type[TrueflankError], str]] = {
     Refusal.SESSION_LOST: (DeviceRefused, "E-MBX-SESSION-LOST"),
     Refusal.TAKEN: (DeviceRefused, "E-MBX-TAKEN"),
 }
+
+
+def exception_refusal(exception: int, function: int, first: int, last: int, where: str) -> TrueflankError:
+    """The error of an exception reply (Modbus Application Protocol V1.1b3, p. 47): 1-3 the map, 4 and 8 the device,
+    5 and 6 busy, 10 and 11 a gateway between, which counts as a lost wire; any other is against the rules."""
+    fields: dict[str, Any] = {"first": first, "last": last, "function": function}
+    if exception in _MAP:
+        return UnsupportedDevice(_MAP[exception], where, **fields)
+    if exception in (4, 8):
+        return DeviceRefused("E-MODBUS-FAILED", where, exception=exception, **fields)
+    if exception in BUSY:
+        return DeviceRefused("E-MODBUS-BUSY", where, **fields)
+    if exception in (10, 11):
+        return TransportError("E-MODBUS-GATEWAY", where, exception=exception, **fields)
+    return RemoteProtocolError("E-MODBUS-EXCEPTION", where, exception=exception, **fields)
 
 
 def refusal(status: Status, order: Order, where: str) -> TrueflankError:

@@ -173,8 +173,9 @@ class Switching:
         end = self._clock.now() + self._settings.command_s
         while True:
             picture = await self._talk.picture_for(named)
-            acting = abs(acting_of(picture))
-            if checks.is_on(named, await self._talk.status(), picture) and acting >= 0.5 * expected - GONE:
+            acting, status = abs(acting_of(picture)), await self._talk.status()
+            at_work = checks.is_on(named, status, picture) and acting >= 0.5 * expected - GONE
+            if at_work and status.has(StatusBit.STANDSTILL):
                 return
             if self._clock.now() >= end:
                 told: dict[str, Any] = {"expected": round(expected, 4), "acting": round(acting, 4)}

@@ -27,18 +27,16 @@ from drivers.errors import (
     LinkBroken,
     LocalProtocolError,
     RemoteProtocolError,
-    TransportError,
-    TrueflankError,
     UnsupportedDevice,
 )
 from drivers.link import Link
+from drivers.sinumerik.modbusrefusals import BUSY, exception_refusal
 from drivers.sinumerik.modbussettings import ModbusSettings
 from drivers.transport import open_transport
 
 READ, WRITE_ONE, WRITE = 3, 6, 16
 MOST_READ, MOST_WRITTEN = 125, 123
 _LENGTHS = {WRITE_ONE: 8, WRITE: 8}
-_BUSY = (5, 6)
 _BUSY_REPLIES = 5.0
 _BUSY_PAUSE_S = 0.02
 _SILENCE_S = 0.05
@@ -220,6 +218,11 @@ class ModbusWire:
         self._link = Link(self._where, wire, codec, self._clock, is_answer=lambda _reply: True)
         self._unsure = False
 
+    @property
+    def sound(self) -> bool:
+        """Whether the link is open and no exchange on it was interrupted."""
+        return self._link is not None and self._link.failure is None
+
     async def _drain(self, read: Callable[[int], Awaitable[bytes]], seconds: float) -> None:
         try:
             async with self._clock.deadline(seconds, self._where):
@@ -241,7 +244,7 @@ class ModbusWire:
         end = self._clock.now() + _BUSY_REPLIES * self._settings.reply_s
         while True:
             reply = await self._ask(question)
-            if reply.exception not in _BUSY or self._clock.now() >= end:
+            if reply.exception not in BUSY or self._clock.now() >= end:
                 return self._good(question, reply).registers
             await self._clock.sleep(_BUSY_PAUSE_S)
 
@@ -255,7 +258,7 @@ class ModbusWire:
 
     async def _write(self, question: Question) -> None:
         reply = await self._ask(question)
-        if reply.exception not in _BUSY:
+        if reply.exception not in BUSY:
             self._good(question, reply)
             return
         end = self._clock.now() + _BUSY_REPLIES * self._settings.reply_s
@@ -279,22 +282,9 @@ class ModbusWire:
 
     def _good(self, question: Question, reply: Reply) -> Reply:
         if reply.exception is not None:
-            error = self._refusal(question, reply.exception)
+            last = question.address + question.count - 1
+            error = exception_refusal(reply.exception, question.function, question.address, last, self._where)
             if not isinstance(error, DeviceRefused | UnsupportedDevice) and self._link is not None:
                 self._link.fail(error)
             raise error
         return reply
-
-    def _refusal(self, question: Question, exception: int) -> TrueflankError:
-        last = question.address + question.count - 1
-        fields: dict[str, Any] = {"first": question.address, "last": last, "function": question.function}
-        if exception in (1, 2, 3):
-            code = {1: "E-MODBUS-NO-FUNCTION", 2: "E-MODBUS-NO-ADDRESS", 3: "E-MODBUS-NO-VALUE"}[exception]
-            return UnsupportedDevice(code, self._where, **fields)
-        if exception in (4, 8):
-            return DeviceRefused("E-MODBUS-FAILED", self._where, exception=exception, **fields)
-        if exception in _BUSY:
-            return DeviceRefused("E-MODBUS-BUSY", self._where, **fields)
-        if exception in (10, 11):
-            return TransportError("E-MODBUS-GATEWAY", self._where, exception=exception, **fields)
-        return RemoteProtocolError("E-MODBUS-EXCEPTION", self._where, exception=exception, **fields)

@@ -258,7 +258,8 @@ class SinumerikOpcUa:
     async def wait_activated(self, order: PushOrder, timeout_s: float) -> None:
         """Wait through NCK reset and reference run. Raises DeadlineExceeded (E-NC-NO-ACTIVATION)."""
         look_s = 0.4 * self._settings.poll_s
-        await activation(self._dialogue, self._clock, order.table.output_axis, timeout_s, look_s, self.name)
+        axis, shown = order.table.output_axis, order.enable
+        await activation(self._dialogue, self._clock, axis, timeout_s, look_s, self.name, shown=shown)
 
     async def switch_table(self, order: PushOrder, enable: bool, timeout_s: float) -> None:
         """Not on this road: stops switch. Raises UnsupportedDevice (E-NC-NO-SWITCHING)."""

@@ -17,6 +17,7 @@ __all__ = [
     "ByteTransport",
     "Handler",
     "Listener",
+    "hardware_of",
     "listen_memory",
     "open_transport",
     "serve",
@@ -26,22 +27,29 @@ SERIAL = "drivers.serial_io"
 START_S = 10.0
 
 
-async def open_transport(url: str, clock: Clock, timeout_s: float, *, baudrate: int = 115_200) -> ByteTransport:
-    """Open tcp://host:port, memory://name, socket://host:port, COM3 or /dev/ttyUSB0.
+async def open_transport(
+    url: str, clock: Clock, timeout_s: float, *, baudrate: int = 115_200, parity: str = "N"
+) -> ByteTransport:
+    """Open tcp://host:port, memory://name, socket://host:port, usb://SERIAL-NUMBER, COM3 or /dev/ttyUSB0.
 
-    ``baudrate`` counts for serial ports only. Raises ConfigError (E-LINK-URL), TransportError
-    (E-LINK-CONNECT, E-LINK-TAKEN) or DeadlineExceeded.
+    ``baudrate`` and ``parity`` (N, E, O) count for serial ports only. Raises ConfigError (E-LINK-URL), TransportError
+    (E-LINK-CONNECT, E-LINK-TAKEN, E-LINK-ABSENT) or DeadlineExceeded.
     """
     scheme = urlsplit(url).scheme if "://" in url else ""
     if scheme == "tcp":
         return await open_tcp(url, clock, timeout_s)
     if scheme == "memory":
         return open_memory(url)
-    if scheme not in ("", "socket") or not url.strip():
+    if scheme not in ("", "socket", "usb") or not url.strip():
         raise ConfigError("E-LINK-URL", url, why=f"unknown kind of wire {scheme!r}")
     # The serial room stands above this one and is loaded by name, only when a serial port is asked for.
-    wire: ByteTransport = await import_module(SERIAL).open_serial(url, clock, timeout_s, baudrate)
+    wire: ByteTransport = await import_module(SERIAL).open_serial(url, clock, timeout_s, baudrate, parity)
     return wire
+
+
+def hardware_of(wire: ByteTransport) -> str:
+    """The USB serial number of the port behind a wire; "" where there is none."""
+    return str(getattr(wire, "hardware", ""))
 
 
 async def serve(url: str, handler: Handler, clock: Clock) -> Listener:

@@ -1,0 +1,110 @@
+"""Every answer of the PLC has its own words, and registers full of nonsense give an error of ours or a record."""
+
+from __future__ import annotations
+
+import contextlib
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.errors import ConfigError, RemoteProtocolError, UnsupportedDevice
+from drivers.sinumerik.mailbox import readings
+from drivers.sinumerik.mailbox.commands import Order
+from drivers.sinumerik.mailbox.readings import Status
+from drivers.sinumerik.mailbox.registers import Command, Kind, Refusal, StatusBit
+from drivers.sinumerik.modbusreader import marker_of
+from drivers.sinumerik.modbusrefusals import check_map, refusal
+from drivers.sinumerik.modbussettings import ModbusSettings
+from drivers.sinumerik.modbuswire import ModbusCodec, Question
+
+WORDS = st.integers(0, 0xFFFF)
+
+
+def status(error: int, detail: int = 77) -> Status:
+    return Status(0, StatusBit.ERROR, 5, error, detail, 0, 0, 0, 1)
+
+
+@pytest.mark.parametrize("code", [one for one in Refusal if one is not Refusal.NONE])
+def test_every_error_code_has_its_own_words(code: Refusal) -> None:
+    error = refusal(status(code), Order(Command.VERIFY, Kind.EEC, 1), "grinder")
+    assert error.code.startswith("E-MBX-")
+    assert "<" not in error.what
+    assert error.hint
+    others = [refusal(status(one), Order(Command.VERIFY), "x").code for one in Refusal if one not in (code, 0)]
+    assert error.code not in others
+
+
+@pytest.mark.parametrize("code", [0, 15, 99, 65535])
+def test_a_code_the_map_does_not_know_is_a_protocol_error(code: int) -> None:
+    error = refusal(status(code), Order(Command.BEGIN), "grinder")
+    assert isinstance(error, RemoteProtocolError)
+    assert str(code) in error.what
+
+
+@given(st.lists(WORDS, min_size=15, max_size=15))
+def test_any_head_of_registers_is_refused_or_read(registers: list[int]) -> None:
+    with contextlib.suppress(UnsupportedDevice):
+        check_map(tuple(registers), "high-first", "grinder")
+    found = readings.status_of(registers, "low-first")
+    assert found.heartbeat == registers[4]
+
+
+@given(st.lists(st.one_of(st.integers(0, 3), WORDS), min_size=76, max_size=76))
+def test_any_picture_is_refused_or_read(registers: list[int]) -> None:
+    with contextlib.suppress(RemoteProtocolError):
+        picture = readings.picture_of(registers, "high-first", "grinder")
+        assert picture.mode <= 255
+        assert marker_of(picture, "grinder").transaction >= 0
+
+
+@given(st.sampled_from(["tcp", "rtu"]), st.lists(st.binary(max_size=40), max_size=6))
+def test_any_bytes_give_replies_and_never_an_exception(framer: str, pieces: list[bytes]) -> None:
+    codec = ModbusCodec(1, framer)
+    codec.send(Question(3, 0, 15))
+    for piece in pieces:
+        for reply in codec.receive(piece):
+            assert reply.problem or reply.exception is not None or len(reply.registers) == 15
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("unit", 248),
+        ("framer", "ascii"),
+        ("word_order", "middle"),
+        ("baudrate", 300),
+        ("parity", "M"),
+        ("reply_s", 0.0),
+        ("poll_s", 0.1),
+        ("fast_poll_s", 1.0),
+        ("command_s", 1.0),
+        ("encoder", 2),
+        ("needs_reference", "yes"),
+        ("colour", "red"),
+    ],
+)
+def test_a_wrong_setting_is_refused(key: str, value: object) -> None:
+    with pytest.raises(ConfigError) as caught:
+        ModbusSettings.read({key: value}, "grinder")
+    assert key in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("url", "framer"),
+    [
+        ("tcp://10.0.0.1:502", "tcp"),
+        ("memory://plc", "tcp"),
+        ("socket://10.0.0.1:4001", "rtu"),
+        ("COM5", "rtu"),
+        ("/dev/ttyUSB0", "rtu"),
+    ],
+)
+def test_the_framing_goes_with_the_wire_unless_it_is_set(url: str, framer: str) -> None:
+    assert ModbusSettings().framing(url) == framer
+    assert ModbusSettings(framer="rtu").framing(url) == "rtu"
+
+
+def test_the_silence_between_serial_frames() -> None:
+    assert ModbusSettings(baudrate=9600).gap_s == pytest.approx(3.5 * 11 / 9600)
+    assert ModbusSettings(baudrate=115_200).gap_s == 0.00175
