@@ -406,25 +406,17 @@ class GearPlan:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class GearInspection:
-    """A measured gear: ``points_mm`` (n, 3) on its flanks in the part frame, axis z, space 0 towards +x.
+class InspectedGear:
+    """What an inspection machine measured of one clamping: flank points, and balls in the spaces for the runout.
 
-    The probe's radius is already taken off. ``deviation_um`` (n,) along the outward normal, + surplus material, where
-    the machine gives deviations at nominal points; None where the points themselves are the measured ones.
-    ``flank`` (n,) +1 left (theta > 0), -1 right, 0 a ball in the space; ``space`` (n,) numbers; ``trace`` (n,) the
-    line each belongs to. ``probe_u_um`` standard uncertainty of one point, None where the machine does not say.
+    ``trace`` (n,) names the line each point of ``inspection`` belongs to. ``balls_mm`` (m, 3) are ball centres in
+    the part frame, ``ball_space`` (m,) their spaces. ``temperature_degc`` of the part, None where not measured.
     """
 
-    points_mm: FloatArray
-    flank: NDArray[np.int8]
-    space: NDArray[np.int64]
+    inspection: GearInspection
     trace: tuple[GearTrace, ...]
     part: ClampedPart
-    deviation_um: FloatArray | None = None
-    probe_u_um: float | None = None
+    balls_mm: FloatArray
+    ball_space: NDArray[np.int64]
     temperature_degc: float | None = None
     measured_utc: str = ""
-    notes: tuple[str, ...] = ()
-
-    def __len__(self) -> int:
-        return len(self.points_mm)

@@ -18,6 +18,7 @@ import numpy as np
 
 from drivers.errors import ConfigError, FileFormatError
 from drivers.files.numbers import decimal, whole
+from drivers.files.text import end_doubts
 from drivers.types import FloatArray, MeasuredSet
 from drivers.units import AxisUnit, deg_to_arcsec, mm_to_um, rad_to_arcsec
 
@@ -127,7 +128,7 @@ def read_columns(text: str, columns: ColumnMap, where: str) -> MeasuredSet:
     unit, scale = READING_UNITS[columns.reading_unit]
     header = {"Columns": ", ".join(f"{item.name}={getattr(columns, item.name)}" for item in fields(columns))}
     missing = int(np.isnan(deviations).sum())
-    warnings = (f"{missing} readings are missing",) if missing else ()
+    warnings = (*((f"{missing} readings are missing",) if missing else ()), *end_doubts(text))
     return MeasuredSet(targets, deviations * scale, unit, header=header, warnings=warnings)
 
 

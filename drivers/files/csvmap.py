@@ -2,52 +2,34 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import re
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from drivers.errors import ConfigError, FileFormatError
-from drivers.files.columns import ColumnMap, read_columns
+from drivers.files.columns import TARGET_UNITS, ColumnMap, read_columns
+from drivers.files.csvlayout import COLUMNS, DIRECTIONS, UNITS, Layout, cells, layout
+from drivers.files.csvtext import table_text
 from drivers.files.numbers import decimal, whole
-from drivers.files.text import decode, read_bytes
+from drivers.files.signature import heading, signature_of
+from drivers.files.text import decode, end_doubts, read_bytes
 from drivers.types import FloatArray, MeasuredSet
-from drivers.units import AxisUnit, deg_to_arcsec, mm_to_um, rad_to_arcsec
+from drivers.units import deviation_scale, deviation_unit
 
-Convert = Callable[[FloatArray], FloatArray]
-COLUMNS = ("target", "direction", "repetition", "deviation")
-UNITS: dict[str, tuple[AxisUnit, Convert]] = {
-    "um": ("mm", lambda value: value),
-    "mm": ("mm", mm_to_um),
-    "arcsec": ("deg", lambda value: value),
-    "deg": ("deg", deg_to_arcsec),
-    "mrad": ("deg", lambda value: rad_to_arcsec(value / 1e3)),
-    "urad": ("deg", lambda value: rad_to_arcsec(value / 1e6)),
-}
-DIRECTIONS = {"+": 0, "+1": 0, "1": 0, "up": 0, "-": 1, "-1": 1, "down": 1}
 _BREAK = re.compile(r"\r\n|\n|\r")
-SEPARATORS = (";", "\t", ",")
 MOST_REPETITIONS = 10_000
-
-
-@dataclass(frozen=True, slots=True)
-class _Layout:
-    separator: str
-    width: int
-    columns: tuple[int, ...]
-    unit: str
-    comma: bool
+# Beyond these a column is doubted: its unit, or whether it holds what its name says.
+LARGEST = {"mm": 5000.0, "deg": 1000.0}
 
 
 class CsvFormat:
-    """File driver "csv": header target, direction, repetition, deviation in any order.
+    """File driver "csv": header target, direction, repetition, deviation (or position) in any order.
 
-    Deviations are um over mm unless `unit`, or the column's own name (deviation_arcsec), says otherwise.
+    Deviations are um over mm unless `unit`, or the column's own name (deviation_arcsec), says otherwise;
+    positions are in the targets' unit. A table in another layout is read by declared `columns`.
     """
 
     def __init__(self, unit: str = "", codepage: str = "cp1252", columns: Mapping[str, Any] | None = None) -> None:
@@ -63,6 +45,18 @@ class CsvFormat:
         text = decode(read_bytes(path), self._codepage, where)
         return parse_csv(text, self._unit, where) if self._columns is None else read_columns(text, self._columns, where)
 
+    def signature(self, path: Path) -> str:
+        """What tables of the same layout have in common, "" for one without a heading. Raises FileFormatError."""
+        return signature_of(decode(read_bytes(path), self._codepage, str(path)))
+
+    def heading(self, path: Path) -> str:
+        """The line that names the columns, "" where there is none."""
+        return (heading(decode(read_bytes(path), self._codepage, str(path))) or ("",))[-1]
+
+    def text(self, measured: MeasuredSet) -> str:
+        """A measured set as a table that `read` understands and a spreadsheet does not take for formulas."""
+        return table_text(measured)
+
 
 def parse_csv(text: str, unit: str, where: str) -> MeasuredSet:
     """A whole table, pure. Every (target, direction, repetition) may occur once; missing ones are NaN."""
@@ -73,45 +67,23 @@ def parse_csv(text: str, unit: str, where: str) -> MeasuredSet:
     ]
     if not lines:
         raise FileFormatError("E-FILE-CSV-HEADER", where, found="nothing", columns=", ".join(COLUMNS))
-    layout = _layout(lines[0], lines[1:], unit, where)
-    readings = _readings(lines[1:], layout, where)
+    found = layout(lines[0], lines[1:], unit, where)
+    readings = _readings(lines[1:], found, where)
     targets, deviations = _arranged(readings)
-    axis_unit, convert = UNITS[layout.unit]
-    warnings = _warnings(deviations, layout)
-    return MeasuredSet(targets, convert(deviations), axis_unit, header={"Unit": layout.unit}, warnings=warnings)
+    targets, deviations = _converted(targets, deviations, found)
+    header = {"Unit": found.unit} if found.reading == "deviation" else {"Unit": found.unit, "Reading": "position"}
+    warnings = (*_warnings(deviations, found), *end_doubts(text))
+    return MeasuredSet(targets, deviations, found.axis_unit, header=header, warnings=warnings)
 
 
 def _wrong(where: str, line: int, why: str) -> FileFormatError:
     return FileFormatError("E-FILE-LINE", where, line=line, why=why)
 
 
-def _cells(line: str, separator: str) -> list[str]:
-    try:
-        return [cell.strip() for cell in next(csv.reader(io.StringIO(line), delimiter=separator), [])]
-    except csv.Error:
-        return []
-
-
-def _layout(header: tuple[int, str], body: list[tuple[int, str]], unit: str, where: str) -> _Layout:
-    at, line = header
-    separator = next((mark for mark in SEPARATORS if mark in line), ",")
-    names = [name.lower() for name in _cells(line, separator)]
-    stems = [name.split("_")[0] for name in names]
-    if sorted(stems.count(column) for column in COLUMNS) != [1, 1, 1, 1]:
-        raise FileFormatError("E-FILE-CSV-HEADER", where, found=line[:80], columns=", ".join(COLUMNS))
-    columns = tuple(stems.index(column) for column in COLUMNS)
-    stated = names[columns[3]].partition("_")[2]
-    if (stated and stated not in UNITS) or (stated and unit and stated != unit):
-        raise _wrong(where, at, f"deviations in {stated!r}, expected one of {unit or ', '.join(UNITS)}")
-    text = " ".join(line for _at, line in body)
-    comma = separator != "," and "," in text and "." not in text
-    return _Layout(separator, len(names), columns, unit or stated or "um", comma)
-
-
-def _readings(lines: list[tuple[int, str]], layout: _Layout, where: str) -> dict[tuple[float, int, int], float]:
+def _readings(lines: list[tuple[int, str]], found: Layout, where: str) -> dict[tuple[float, int, int], float]:
     readings: dict[tuple[float, int, int], float] = {}
     for at, line in lines:
-        key, value = _reading(line, layout, at, where)
+        key, value = _reading(line, found, at, where)
         if key in readings:
             raise _wrong(where, at, f"target {key[0]:g}, repetition {key[2]} in this direction occurs twice")
         readings[key] = value
@@ -120,18 +92,18 @@ def _readings(lines: list[tuple[int, str]], layout: _Layout, where: str) -> dict
     return readings
 
 
-def _reading(line: str, layout: _Layout, at: int, where: str) -> tuple[tuple[float, int, int], float]:
-    cells = _cells(line, layout.separator)
-    if len(cells) != layout.width:
-        raise _wrong(where, at, f"{len(cells)} columns, but the header names {layout.width}")
-    target_text, way_text, repetition_text, value_text = (cells[column] for column in layout.columns)
-    target, value = decimal(target_text, comma=layout.comma), decimal(value_text, comma=layout.comma)
+def _reading(line: str, found: Layout, at: int, where: str) -> tuple[tuple[float, int, int], float]:
+    row = cells(line, found.separator)
+    if len(row) != found.width:
+        raise _wrong(where, at, f"{len(row)} columns, but the header names {found.width}")
+    target_text, way_text, repetition_text, value_text = (row[column] for column in found.columns)
+    target, value = decimal(target_text, comma=found.comma), decimal(value_text, comma=found.comma)
     way, repetition = DIRECTIONS.get(way_text.lower()), whole(repetition_text)
     for good, text, wanted in (
         (target is not None, target_text, "a target"),
-        (way is not None, way_text, "a direction (+ - up down 1 -1)"),
+        (way is not None, way_text, "a direction (+ - up down forward backward 1 -1)"),
         (repetition is not None and repetition < MOST_REPETITIONS, repetition_text, "a repetition"),
-        (value is not None, value_text, "a deviation"),
+        (value is not None, value_text, f"a {found.reading}"),
     ):
         if not good:
             raise _wrong(where, at, f"{text!r} is not {wanted}")
@@ -139,23 +111,44 @@ def _reading(line: str, layout: _Layout, at: int, where: str) -> tuple[tuple[flo
 
 
 def _arranged(readings: dict[tuple[float, int, int], float]) -> tuple[FloatArray, FloatArray]:
-    """Targets (m,) rising, deviations (m, n, 2)."""
+    """Targets (m,) rising, readings (m, n, 2), as written."""
     targets = sorted({target for target, _way, _repetition in readings})
-    repetitions = sorted({repetition for _target, _way, repetition in readings})
     row = {target: at for at, target in enumerate(targets)}
-    column = {repetition: at for at, repetition in enumerate(repetitions)}
-    deviations = np.full((len(targets), len(repetitions), 2), np.nan)
+    column = _repetitions(readings)
+    values = np.full((len(targets), 1 + max(column.values()), 2), np.nan)
     for (target, way, repetition), value in readings.items():
-        deviations[row[target], column[repetition], way] = value
-    return np.array(targets, np.float64), deviations
+        values[row[target], column[way, repetition], way] = value
+    return np.array(targets, np.float64), values
 
 
-def _warnings(deviations: FloatArray, layout: _Layout) -> tuple[str, ...]:
-    found = ["numbers are written with a decimal comma"] if layout.comma else []
+def _repetitions(readings: dict[tuple[float, int, int], float]) -> dict[tuple[int, int], int]:
+    """(way, number) -> repetition from 0. Numbers that no way shares count one-way passes, as vendors do."""
+    numbers = [sorted({number for _target, at, number in readings if at == way}) for way in (0, 1)]
+    if not set(numbers[0]) & set(numbers[1]):
+        return {(way, number): at for way in (0, 1) for at, number in enumerate(numbers[way])}
+    every = sorted({*numbers[0], *numbers[1]})
+    return {(way, number): at for way in (0, 1) for at, number in enumerate(every)}
+
+
+def _converted(targets: FloatArray, values: FloatArray, found: Layout) -> tuple[FloatArray, FloatArray]:
+    """Targets in mm or deg, deviations in um or arcsec."""
+    axis_unit, target_scale = TARGET_UNITS[found.target_unit]
+    targets = targets * target_scale
+    if found.reading == "deviation":
+        return targets, values * UNITS[found.unit][1]
+    return targets, (values * TARGET_UNITS[found.unit][1] - targets[:, None, None]) * deviation_scale(axis_unit)
+
+
+def _warnings(deviations: FloatArray, found: Layout) -> tuple[str, ...]:
+    said = ["numbers are written with a decimal comma"] if found.comma else []
     ways = [way for way in (0, 1) if not np.isnan(deviations[:, :, way]).all()]
     if len(ways) == 1:
-        found.append("measured in one direction only")
+        said.append("measured in one direction only")
     missing = int(np.isnan(deviations[:, :, ways]).sum())
     if missing:
-        found.append(f"{missing} readings are missing")
-    return tuple(found)
+        said.append(f"{missing} readings are missing")
+    largest = float(np.nanmax(np.abs(deviations)))
+    if largest > LARGEST[found.axis_unit]:
+        unit = deviation_unit(found.axis_unit)
+        said.append(f"the largest deviation is {largest:.4g} {unit}: does the column hold what its name says?")
+    return tuple(said)

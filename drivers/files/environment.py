@@ -46,6 +46,39 @@ def environment(keys: dict[str, str], where: str) -> Found:
     return ends[0], ends[1], expansion[0], doubts
 
 
+def environment_words(start: Ambient, end: Ambient, expansion_ppm_per_k: float | None) -> dict[str, str]:
+    """The keys of an ENVIRONMENT section from known readings; the inverse of `environment`. Empty if none is known."""
+    found: dict[str, str] = {}
+    for key, first, last in (
+        ("Air temp", start.air_degc, end.air_degc),
+        ("Air press", _kpa(start.pressure_hpa), _kpa(end.pressure_hpa)),
+        ("Air humid", start.humidity_pct, end.humidity_pct),
+        *_materials(start, end),
+        ("Exp coeff", expansion_ppm_per_k, expansion_ppm_per_k),
+    ):
+        if first is not None or last is not None:
+            pair = [value for value in (first, last) if value is not None]
+            found[key] = f"{pair[0]:.6f} {pair[-1]:.6f} {int(key == 'Air press')}"
+    return found
+
+
+def _kpa(pressure_hpa: float | None) -> float | None:
+    return None if pressure_hpa is None else pressure_hpa / HPA_PER_KPA
+
+
+def _materials(start: Ambient, end: Ambient) -> list[tuple[str, float | None, float | None]]:
+    """Up to three sensors; one that is not connected reads -10 in such a file."""
+    count = min(max(len(start.material_degc), len(end.material_degc)), 3)
+    if not count:
+        return []
+    found: list[tuple[str, float | None, float | None]] = []
+    for index in range(3):
+        pair = [one.material_degc[index] for one in (start, end) if index < len(one.material_degc)]
+        first, last = (pair[0], pair[-1]) if pair else (NOT_CONNECTED_DEGC, NOT_CONNECTED_DEGC)
+        found.append((f"Mat temp {index + 1}", first, last))
+    return found
+
+
 def _known(material: list[Pair], end: int) -> list[float]:
     return [value for pair in material if (value := pair[end]) is not None]
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 
-_DECIMAL = re.compile(r"[+-]?(?:\d{1,18}(?:\.\d{0,18})?|\.\d{1,18})(?:[eE][+-]?\d{1,2})?\Z", re.ASCII)
+LONGEST_FIXED = 18
+_DECIMAL = re.compile(r"[+-]?(?:\d{1,18}(?:\.\d{0,30})?|\.\d{1,30})(?:[eE][+-]?\d{1,2})?\Z", re.ASCII)
 _WHOLE = re.compile(r"\d{1,9}\Z", re.ASCII)
 
 
@@ -23,3 +24,9 @@ def whole(token: str) -> int | None:
 def uses_comma(tokens: str) -> bool:
     """True where these numbers are written with a decimal comma: commas occur and points do not."""
     return "," in tokens and "." not in tokens
+
+
+def fixed(value: float) -> str:
+    """Six decimals as capture programs print them, or as many as it takes to give the same double back."""
+    text = f"{value:.6f}"
+    return text if float(text) == value and len(text) < LONGEST_FIXED else repr(value)

@@ -13,7 +13,7 @@ import numpy as np
 
 from drivers.errors import FileFormatError
 from drivers.files.numbers import decimal
-from drivers.files.text import decode, read_bytes
+from drivers.files.text import decode, end_doubts, read_bytes
 from drivers.types import MeasuredSet
 from drivers.units import mm_to_um
 
@@ -41,23 +41,31 @@ def parse_pos(text: str, where: str) -> MeasuredSet:
     blocks = _blocks(text, where)
     if not blocks:
         raise FileFormatError("E-FILE-POS", where)
-    up = blocks.get(FORWARD) or blocks.get(BOTH) or blocks[next(iter(blocks))]
     down = blocks.get(BACKWARD)
-    targets = sorted(up)
-    if down is not None and sorted(down) != targets:
+    name = next((key for key in (FORWARD, BOTH, *blocks) if key in blocks and key != BACKWARD), "")
+    up = blocks.get(name)
+    targets = sorted(up or down or {})
+    if up is not None and down is not None and sorted(down) != targets:
         raise FileFormatError(
             "E-FILE-COUNT", where, stated=f"{len(up)} positions forward", found=f"{len(down)} backward"
         )
     deviations = np.full((len(targets), 1, 2), np.nan)
-    deviations[:, 0, 0] = [up[target] for target in targets]
-    if down is not None:
-        deviations[:, 0, 1] = [down[target] for target in targets]
-    warnings = [MEANS_ONLY]
-    if FORWARD not in blocks:
-        warnings.append("no forward means: the bidirectional mean is taken as approached from below")
+    for way, block in enumerate((up, down)):
+        if block is not None:
+            deviations[:, 0, way] = [block[target] for target in targets]
+    warnings = [MEANS_ONLY, *_doubts(name), *end_doubts(text)]
     return MeasuredSet(
         np.array(targets), mm_to_um(deviations), "mm", header={"Format": "API .pos"}, warnings=tuple(warnings)
     )
+
+
+def _doubts(name: str) -> list[str]:
+    """What stands for the readings from below, where that is not the forward block."""
+    if name == FORWARD:
+        return []
+    if not name:
+        return ["no forward means: measured in one direction only"]
+    return [f"no forward means: the {name} mean is taken as approached from below"]
 
 
 def _blocks(text: str, where: str) -> dict[str, dict[float, float]]:
@@ -68,8 +76,12 @@ def _blocks(text: str, where: str) -> dict[str, dict[float, float]]:
         match = _BLOCK.match(line)
         if match:
             current = _begin(found, match[1], at, where)
-        elif current is not None and line.strip():
+        elif line.strip():
             pair = [decimal(token) for token in line.split()]
+            if current is None:
+                if found and len(pair) == 2 and None not in pair:
+                    raise FileFormatError("E-FILE-LINE", where, line=at, why="numbers after the end of their block")
+                continue
             if len(pair) != 2 or None in pair:
                 if pair and pair[0] is not None:
                     raise FileFormatError(

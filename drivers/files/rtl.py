@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
 from drivers.errors import ConfigError, FileFormatError
-from drivers.files.environment import KEYS, environment
+from drivers.files.environment import KEYS, environment, environment_words
 from drivers.files.rtltext import RtlText, lookup, parse, render
 from drivers.files.text import decode, read_bytes
 from drivers.types import FloatArray, MeasuredSet
@@ -27,6 +29,12 @@ LARGEST = {"mm": 5000.0, "deg": 1000.0}
 SMALLEST = {"mm": 0.001, "deg": 0.001}
 NOT_HEADER = ("TARGET DATA", "RUNS", "DEVIATIONS", "HEADER", "USER-TEXT", "ENVIRONMENT")
 ONE_TURN_DEG = 370.0
+TITLE = "TITLE"
+WORDS = ("Machine", "Serial No", "Date", "By", "Axis", "Location", TITLE)
+# Keys that are written from the numbers themselves, or belong to another section.
+MADE = ("File type", "Owner", "Version no", "Filetype", "Target-count", "Targets", "Flags", "Run-count", *KEYS)
+_SECTION_NAME = re.compile(r"[A-Z][A-Z0-9 -]*")
+_BREAK = re.compile(r"[\r\n\v\f\x1c-\x1e\x85\u2028\u2029]+")
 
 
 class RtlFormat:
@@ -41,6 +49,11 @@ class RtlFormat:
         where = str(path)
         content = parse(decode(read_bytes(path), self._codepage, where), where)
         return measured_set(content, "mm", self._convert, where)
+
+    def text(self, measured: MeasuredSet) -> str:
+        """A linear set as a file, deviations in um. Raises ConfigError (E-FILE-KIND) for a rotary one."""
+        _must_be(measured, "mm", "rtl")
+        return text_of(measured, "rtl")
 
 
 class RtaFormat:
@@ -60,6 +73,22 @@ class RtaFormat:
             largest = max(abs(value) for _run, _target, value in content.rows)
             raise ConfigError("E-FILE-RTA-UNIT", where, largest=f"{largest:g}")
         return measured_set(content, "deg", ANGLE[self._unit], where)
+
+    def origin(self, path: Path) -> dict[str, str]:
+        """The file's own words (Machine, Serial No, ...) without its numbers, for which no unit is needed yet."""
+        where = str(path)
+        return _header(parse(decode(read_bytes(path), self._codepage, where), where))
+
+    def text(self, measured: MeasuredSet) -> str:
+        """A rotary set as a file in this format's unit (default mrad). Raises ConfigError (E-FILE-KIND)."""
+        _must_be(measured, "deg", "rta")
+        one = float(ANGLE[self._unit or "mrad"](np.ones(1))[0])
+        return text_of(replace(measured, deviations=measured.deviations / one), "rta")
+
+
+def _must_be(measured: MeasuredSet, axis_unit: AxisUnit, kind: str) -> None:
+    if measured.axis_unit != axis_unit:
+        raise ConfigError("E-FILE-KIND", kind, found=measured.axis_unit, wanted=axis_unit)
 
 
 def _conversion(unit: str, known: dict[str, Convert], kind: str) -> Convert:
@@ -153,7 +182,7 @@ def _header(content: RtlText) -> dict[str, str]:
     header: dict[str, str] = {}
     for name in ("HEADER", "USER-TEXT", "ENVIRONMENT", "TARGET DATA"):
         for key, value in content.keys(name).items():
-            header.setdefault(key, value)
+            header.setdefault(key if key == TITLE or not _SECTION_NAME.fullmatch(key) else key.capitalize(), value)
     for name, lines in content.sections:
         if name not in NOT_HEADER:
             header[name] = "\n".join(lines)
@@ -161,7 +190,7 @@ def _header(content: RtlText) -> dict[str, str]:
 
 
 def text_of(measured: MeasuredSet, kind: Literal["rtl", "rta"]) -> str:
-    """A measured set as a file: um in .rtl, arcsec in .rta; the header's words and sections are kept."""
+    """A measured set as a file: um in .rtl, the numbers as they are in .rta; header words and sections are kept."""
     count, repetitions = measured.deviations.shape[:2]
     runs = [(run, _order(count, run)) for run in range(1, 2 * repetitions + 1)]
     rows = [
@@ -179,18 +208,29 @@ def _order(count: int, run: int) -> range:
 
 
 def _sections_of(measured: MeasuredSet, kind: str, runs: int) -> tuple[tuple[str, tuple[str, ...]], ...]:
-    words = ("Machine", "Serial No", "Date", "By", "Axis", "Location", "TITLE")
-    found = measured.header
+    found = {_one_line(key): value for key, value in measured.header.items()}
     heads = {"File type": kind, "Owner": found.get("Owner", "trueflank"), "Version no": found.get("Version no", "0")}
     count = ("Filetype  : ISO", f"Target-count: {len(measured.targets)}", "Flags: 0 0 2 0")
-    more = tuple((name, tuple(found[name].split("\n"))) for name in found if name.isupper() and name not in words)
-    air = tuple(f"{key:<11}: {found[key]}" for key in KEYS if key in found)
+    sections = [name for name in found if _SECTION_NAME.fullmatch(name) and name not in (*WORDS, *NOT_HEADER, "EOF")]
+    made = {key.lower() for key in (*MADE, *WORDS)}
+    others = [key for key in found if key not in sections and key.lower() not in made and ":" not in key and key]
+    air = environment_words(measured.ambient_start, measured.ambient_end, measured.expansion_ppm_per_k)
+    air |= {key: _one_line(found[key]) for key in KEYS if key in found}
     return (
-        ("HEADER", tuple(f"{key:<11}: {value}" for key, value in heads.items())),
+        ("HEADER", tuple(f"{key:<11}: {_one_line(value)}" for key, value in heads.items())),
         ("TARGET DATA", count),
-        ("USER-TEXT", tuple(f"{word}: {found.get(word, '')}" for word in words)),
+        ("USER-TEXT", tuple(f"{word}: {_one_line(found.get(word, ''))}" for word in (*WORDS, *others))),
         ("RUNS", (f"Run-count:{runs}",)),
         ("DEVIATIONS", ("Run Target Data:",)),
-        *more,
-        *((("ENVIRONMENT", air),) if air else ()),
+        *((name, _section_lines(found[name])) for name in sections),
+        *((("ENVIRONMENT", tuple(f"{key:<11}: {value}" for key, value in air.items())),) if air else ()),
     )
+
+
+def _one_line(text: str) -> str:
+    return _BREAK.sub(" ", text).strip()
+
+
+def _section_lines(text: str) -> tuple[str, ...]:
+    """Lines of a section that nobody here understands; none of them may open another one."""
+    return tuple(line for line in _BREAK.split(text) if line.strip() and not line.rstrip().endswith("::"))

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from drivers.errors import FileFormatError
-from drivers.files.numbers import decimal, uses_comma, whole
+from drivers.files.numbers import decimal, fixed, uses_comma, whole
 
 _SECTION = re.compile(r"([A-Z][A-Z0-9 -]*)::\s*\Z")
 _BREAK = re.compile(r"\r\n|\n|\r")
@@ -183,7 +183,7 @@ def render(content: RtlText) -> str:
         lines.append(f"{name}::")
         lines.extend(_target_lines(kept, content.targets) if name == "TARGET DATA" else kept)
         if name == "DEVIATIONS":
-            lines.extend(f"{run:3d}  {target:3d}  {value:.6f}" for run, target, value in content.rows)
+            lines.extend(f"{run:3d}  {target:3d}  {fixed(value)}" for run, target, value in content.rows)
         lines.append("")
     return "\r\n".join([*lines, "EOF::", ""])
 
@@ -191,6 +191,6 @@ def render(content: RtlText) -> str:
 def _target_lines(kept: tuple[str, ...], targets: tuple[float, ...]) -> list[str]:
     """The targets stand before "Flags", five a line, as capture programs write them."""
     starts = range(0, len(targets), TARGETS_A_LINE)
-    numbers = [" " + "  ".join(f"{target:.6f}" for target in targets[at : at + TARGETS_A_LINE]) for at in starts]
+    numbers = [" " + "  ".join(fixed(target) for target in targets[at : at + TARGETS_A_LINE]) for at in starts]
     flags = [line for line in kept if line.lower().startswith("flags")]
     return [*(line for line in kept if line not in flags), "Targets :", *numbers, *flags]

@@ -7,8 +7,10 @@ numbers are mm or mrad, so `unit` must be confirmed.
 
 from __future__ import annotations
 
+import re
 import struct
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
@@ -16,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.errors import ConfigError, FileFormatError
+from drivers.files.csvtext import plain, recording_lines
 from drivers.files.numbers import decimal
 from drivers.files.rtltext import keyed, lookup
 from drivers.files.text import decode
@@ -31,6 +34,9 @@ UNITS: dict[str, tuple[DeviationUnit, float]] = {
 }
 MARK = b"Data:\r\n"
 LONGEST_HEADER = 8192
+LONGEST_WORD = 400
+MOST_SAMPLES = 1 << 40
+_BREAK = re.compile(r"\r\n|\n|\r")
 DOUBLE = struct.calcsize("<d")
 WORDS = ("Machine", "Serial No", "Date", "By", "Axis", "Location")
 
@@ -50,21 +56,23 @@ class RtxFormat:
         A file that ends early gives what is there and says so in the warnings.
         """
         where = str(path)
-        head, start, size = _head(path)
-        keys = keyed(decode(head, self._codepage, where).splitlines())
-        stated, rate = _number(keys, "Sample no", where), _rate(keys, where)
-        if stated != int(stated) or stated < 1:
-            raise FileFormatError("E-FILE-RTX-VALUE", where, key="Sample no", value=f"{stated:g}")
-        there = min((size - start) // DOUBLE, int(stated))
-        if there < 1:
-            raise FileFormatError("E-FILE-ROWS", where)
+        data, size = _beginning(path)
+        head = read_head(data, size, self._codepage, where)
         if not self._unit:
             raise ConfigError("E-FILE-RTX-UNIT", where)
-        raw = np.memmap(path, dtype="<f8", mode="r", offset=start, shape=(there,))
+        raw = np.memmap(path, dtype="<f8", mode="r", offset=head.start, shape=(head.count,))
         _check_finite(raw, where)
         unit, scale = UNITS[self._unit]
-        warnings = (*_ending(path, start + there * DOUBLE, there, int(stated)), *_doubts(keys))
-        return Recording(raw, rate, unit, scale, _trigger(keys, there), header=keys, warnings=warnings)
+        warnings = (*_ending(path, head), *_doubts(head.keys))
+        return Recording(raw, head.rate_hz, unit, scale, head.trigger, header=head.keys, warnings=warnings)
+
+    def origin(self, path: Path) -> dict[str, str]:
+        """The file's own words (Machine, Serial No, ...), for which no unit is needed yet."""
+        return dict(read_head(*_beginning(path), self._codepage, str(path)).keys)
+
+    def lines(self, recording: Recording) -> Iterator[str]:
+        """A record as a table of times and values, piece by piece."""
+        return recording_lines(recording)
 
     def write(self, path: Path, recording: Recording) -> None:
         """Write a record as .rtx in the unit of this format; raises ConfigError (E-FILE-RTX-UNIT) without one.
@@ -79,21 +87,45 @@ class RtxFormat:
             write_rtx(file, recording.blocks(), recording, UNITS[self._unit][1])
 
 
-def _head(path: Path) -> tuple[bytes, int, int]:
-    """Header bytes, place of the first double and size of the file."""
-    where = str(path)
+@dataclass(frozen=True, slots=True)
+class RtxHead:
+    """What stands before the samples: ``count`` of ``stated`` doubles are there, from byte ``start`` on."""
+
+    keys: Mapping[str, str]
+    start: int
+    count: int
+    stated: int
+    rate_hz: float
+    trigger: int | None
+
+
+def _beginning(path: Path) -> tuple[bytes, int]:
+    """The first bytes and the size of the file."""
     try:
         with path.open("rb") as file:
-            head = file.read(LONGEST_HEADER)
-            size = file.seek(0, 2)
+            return file.read(LONGEST_HEADER), file.seek(0, 2)
     except OSError as error:
-        raise FileFormatError("E-FILE-READ", where, why=str(error)) from error
-    if not head.removeprefix(b"\xef\xbb\xbf").startswith(b"HEADER::"):
-        raise FileFormatError("E-FILE-DETECT", where, found=head[:40].decode("latin-1"))
-    end = head.find(MARK)
+        raise FileFormatError("E-FILE-READ", str(path), why=str(error)) from error
+
+
+def read_head(data: bytes, size: int, codepage: str, where: str) -> RtxHead:
+    """The header from a file's first bytes and its size, pure.
+
+    Raises FileFormatError (E-FILE-DETECT, E-FILE-RTX-DATA, E-FILE-RTX-VALUE naming the key, E-FILE-ROWS).
+    """
+    if not data.removeprefix(b"\xef\xbb\xbf").startswith(b"HEADER::"):
+        raise FileFormatError("E-FILE-DETECT", where, found=data[:40].decode("latin-1"))
+    end = data.find(MARK)
     if end < 0:
         raise FileFormatError("E-FILE-RTX-DATA", where, limit=LONGEST_HEADER)
-    return head[:end], end + len(MARK), size
+    keys = keyed(_BREAK.split(decode(data[:end], codepage, where)))
+    stated, rate, start = _number(keys, "Sample no", where), _rate(keys, where), end + len(MARK)
+    if stated != int(stated) or not 1 <= stated <= MOST_SAMPLES:
+        raise FileFormatError("E-FILE-RTX-VALUE", where, key="Sample no", value=f"{stated:g}")
+    there = min((size - start) // DOUBLE, int(stated))
+    if there < 1:
+        raise FileFormatError("E-FILE-ROWS", where)
+    return RtxHead(keys, start, there, int(stated), rate, _trigger(keys, there))
 
 
 def _number(keys: Mapping[str, str], key: str, where: str) -> float:
@@ -124,11 +156,11 @@ def _check_finite(raw: NDArray[np.float64], where: str) -> None:
             raise FileFormatError("E-FILE-RTX-SAMPLE", where, sample=start + int(bad[0]))
 
 
-def _ending(path: Path, place: int, there: int, stated: int) -> tuple[str, ...]:
-    if there < stated:
-        return (f"the file was cut: {there} of {stated} samples are there",)
+def _ending(path: Path, head: RtxHead) -> tuple[str, ...]:
+    if head.count < head.stated:
+        return (f"the file was cut: {head.count} of {head.stated} samples are there",)
     with path.open("rb") as file:
-        file.seek(place)
+        file.seek(head.start + head.count * DOUBLE)
         rest = file.read(64)
     if rest.strip() == b"EOF::":
         return ()
@@ -137,7 +169,9 @@ def _ending(path: Path, place: int, there: int, stated: int) -> tuple[str, ...]:
 
 def _doubts(keys: Mapping[str, str]) -> tuple[str, ...]:
     stated, actual = (decimal(lookup(dict(keys), key) or "") for key in ("Sample rate", "Actual sample rate"))
-    if stated and actual and abs(stated - actual) > 1e-6 * stated:
+    if actual is None:
+        return ("the file does not say the actual sample rate: the one asked for is used",)
+    if stated and abs(stated - actual) > 1e-6 * stated:
         return (f"the sample rate asked for was {stated:g} Hz, the actual one {actual:g} Hz is used",)
     return ()
 
@@ -152,7 +186,7 @@ def write_rtx(file: BinaryIO, blocks: Iterable[NDArray[np.float64]], recording: 
 
 def _lines(recording: Recording) -> list[str]:
     found = dict(recording.header)
-    rate = f"{recording.rate_hz:.10g}"
+    rate = f"{recording.rate_hz:.17g}"
     data = {"File Type": found.get("File Type", "rtx"), "Velocity": found.get("Velocity", "0")}
     data |= {"Sample rate": found.get("Sample rate", rate), "Sample no": str(len(recording))}
     data |= {"Trigger point": str(recording.trigger or 0), "Trigger interval": f"{1.0 / recording.rate_hz:.10g}"}
@@ -163,4 +197,4 @@ def _lines(recording: Recording) -> list[str]:
 
 
 def _keys(values: Mapping[str, str]) -> list[str]:
-    return [f"{key}: {value}" for key, value in values.items()]
+    return [f"{key}: {plain(value)[:LONGEST_WORD]}" for key, value in values.items()]

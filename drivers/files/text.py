@@ -43,3 +43,8 @@ def _decode(data: bytes, encoding: str, where: str) -> str:
         return data.decode(encoding)
     except (UnicodeDecodeError, LookupError) as error:
         raise FileFormatError("E-FILE-ENCODING", where, encoding=encoding, why=str(error)) from error
+
+
+def end_doubts(text: str) -> tuple[str, ...]:
+    """A text whose last line has no end may have been cut in the middle of a number."""
+    return () if text.endswith(("\n", "\r")) else ("the last line has no line end: is the file whole?",)

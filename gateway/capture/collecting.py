@@ -6,9 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drivers.ports import Instrument
 from drivers.types import Ambient, FloatArray, Stop
 from drivers.units import wrap_deg
+from gateway.capture.diagnosis import Doubt
 from gateway.capture.readings import History, Reading
+from gateway.capture.surroundings import check
 from gateway.capture.targets import expected_travel, jog_start
 from gateway.config import AxisSection
 from gateway.domain import SenseProof
@@ -16,6 +19,7 @@ from gateway.domain import SenseProof
 MATCH = 0.1
 # A quarter of the way is enough to know that the axis moved, and far above what it may wander while it stands.
 MOVED_PART = 0.25
+PROOF_PART = 0.01
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,14 +61,34 @@ class Collection:
         return float(self._combine(values[None, :])[0])
 
     def expectation(self, stop: Stop) -> tuple[float, float] | None:
-        """(value, tolerance) the instrument should show at a stop in its present count; None before the datum."""
+        """(value, tolerance) the instrument should show at a stop in its present count.
+
+        Before the datum it is known from the sense proof for a linear axis, and None for a rotary one.
+        """
         if self.datum is None:
-            return None
+            return self._from_proof(stop)
         far = self._axis.modulo and abs(stop.target - self.datum.target) > 360.0
         travel = stop.target - self.datum.target
         moved = wrap_deg(travel) if far else travel
         present = self.combined(self.datum.values - self._offset)
         return present + moved, self._tolerance
+
+    def _from_proof(self, stop: Stop) -> tuple[float, float] | None:
+        """Where the count must stand if nobody has touched it since the sense proof."""
+        if self._axis.kind != "linear":
+            return None
+        travel = stop.target - jog_start(self._axis, self._axis.measure.jog)
+        return self._last_value + travel, max(self._tolerance, PROOF_PART * abs(travel))
+
+    def admit(self, air: Ambient, instrument: Instrument) -> None:
+        """What cannot be corrected is refused before it is measured: raises as `surroundings.check`."""
+        check(self._axis, air, instrument.compensated_for, instrument.name)
+
+    def doubt(self, read: float, wanted: float) -> Doubt:
+        """A reading that is not the wanted one, with what it might be instead."""
+        datum = wanted if self.datum is None else self.combined(self.datum.values - self._offset)
+        stops = {} if self.datum is None else {float(t): datum + float(t) - self.datum.target for t in self._targets}
+        return Doubt(read, wanted, datum, self._tolerance, self._axis.kind == "rotary", stops)
 
     def departure(self, stop: Stop, *, first: bool) -> tuple[float, float]:
         """(value, distance): what the count showed last, and how far it must have gone since then.

@@ -7,6 +7,7 @@ import numpy as np
 from drivers.types import Ambient, CompensatedFor, FloatArray, LiveSet, MeasuredSet
 from drivers.units import deviation_scale
 from gateway.capture.live import RawCapture
+from gateway.capture.surroundings import check_all
 from gateway.config import AxisSection
 from gateway.domain import Capture, Corrections, SenseProof
 from gateway.errors import AmbientOutOfRange, CaptureError
@@ -14,6 +15,7 @@ from gateway.evaluate import corrections, length, rotary
 from gateway.evaluate.repetitions import robust_means
 
 MOST_SUSPECTS = 0.05
+STEEP_UM_PER_M = 100.0
 
 
 def from_live(axis: AxisSection, raw: RawCapture, proof: SenseProof, already: CompensatedFor) -> Capture:
@@ -23,6 +25,7 @@ def from_live(axis: AxisSection, raw: RawCapture, proof: SenseProof, already: Co
     evaluation rooms.
     """
     if axis.kind == "linear":
+        check_all(axis, raw.ambient, already, proof.instrument)
         deviations, done = _linear(axis, raw, proof, already)
     else:
         deviations, done = _rotary(axis, raw, proof)
@@ -45,9 +48,23 @@ def from_live(axis: AxisSection, raw: RawCapture, proof: SenseProof, already: Co
         "live",
         raw.started_utc,
         raw.ended_utc,
-        (*lost, *raw.notes),
+        (*lost, *raw.notes, *_alignment_doubt(axis, raw.targets, deviations)),
         cycle=axis.measure.cycle,
     )
+
+
+def _alignment_doubt(axis: AxisSection, targets: FloatArray, deviations: FloatArray) -> tuple[str, ...]:
+    """A steep mean line may be the beam's angle to the travel (cosine error): said, never corrected."""
+    if axis.kind != "linear" or len(targets) < 2:
+        return ()
+    mean = np.nanmean(deviations.reshape(len(targets), -1), axis=1)
+    known = np.isfinite(mean)
+    if known.sum() < 2:
+        return ()
+    slope = 1000.0 * float(np.polyfit(targets[known], mean[known], 1)[0])
+    if abs(slope) <= STEEP_UM_PER_M:
+        return ()
+    return (f"the mean line rises {slope:.0f} um/m: check the beam's alignment, air and material readings",)
 
 
 def _fractions(raw: RawCapture) -> FloatArray:

@@ -15,13 +15,14 @@ from drivers.errors import BeamObstructed, TrueflankError
 from drivers.ports import Instrument, RotaryCalibrator
 from drivers.types import Ambient, ChannelStatus, FloatArray, LiveSet, Stop, StopPlan, StopReached
 from gateway.capture.collecting import Collection
-from gateway.capture.readings import History, Readings
+from gateway.capture.diagnosis import FROZEN_TARGETS, cause
+from gateway.capture.readings import NOT_MOVED, History, Readings
 from gateway.capture.rig import Rig
 from gateway.capture.sense import first_channel
 from gateway.capture.targets import measuring_plan, positions
 from gateway.config import AxisSection
 from gateway.domain import SenseProof
-from gateway.errors import Unstable
+from gateway.errors import CaptureError, Unstable
 from gateway.walk import walk
 
 # A set-up that does not settle at so many stops one after the other does not settle at all.
@@ -71,27 +72,29 @@ async def capture_axis(rig: Rig, proof: SenseProof) -> RawCapture:
     when a stop does not settle in any round either.
     """
     axis, clock = rig.axis, rig.clock
-    targets = _targets(axis)
+    targets = targets_of(axis)
     combine = combined(axis, rig.instrument, proof.sense)
     found = Collection(axis, targets, rig.instrument.channels, combine, proof)
     started = clock.utc().isoformat(timespec="seconds")
     async with Readings(rig.instrument, clock, combine) as readings:
         plan = measuring_plan(axis, targets, "", name=f"TFMEAS{axis.letter}")
-        await _Visits(rig, found, readings).all(plan, len(targets))
+        await Visits(rig, found, readings).all(plan, len(targets))
         found.ambients.append(await rig.instrument.ambient())
         found.ambient_times.append(readings.latest_s)
         lost = readings.lost
+        found.notes.extend(f"the instrument said: {event}" for event in dict.fromkeys(readings.events))
     live = await rig.controller.saved_tables(axis.name)
     ended = clock.utc().isoformat(timespec="seconds")
-    return _raw(found, targets, rig.instrument.channels, live, (started, ended), lost)
+    return raw_capture(found, targets, rig.instrument.channels, live, (started, ended), lost)
 
 
-def _targets(axis: AxisSection) -> FloatArray:
+def targets_of(axis: AxisSection) -> FloatArray:
+    """Where an axis stops to be measured, (m,); empty without targets."""
     wanted = axis.measure.targets
     return np.empty(0) if wanted is None else positions(wanted, axis.reference, rotary=axis.kind == "rotary")
 
 
-def _raw(
+def raw_capture(
     found: Collection,
     targets: FloatArray,
     channels: tuple[str, ...],
@@ -99,6 +102,7 @@ def _raw(
     times: tuple[str, str],
     lost: int,
 ) -> RawCapture:
+    """What was collected as a record; ``times`` are start and end in UTC."""
     return RawCapture(
         targets,
         channels,
@@ -115,7 +119,7 @@ def _raw(
     )
 
 
-class _Visits:
+class Visits:
     """Visits every stop of a plan, if need be in several programs."""
 
     def __init__(self, rig: Rig, found: Collection, readings: Readings) -> None:
@@ -126,6 +130,7 @@ class _Visits:
         self._taken = 0
         self._per_pass = 1
         self._in_a_row = 0
+        self._still = 0
 
     async def all(self, plan: StopPlan, per_pass: int) -> None:
         """Every stop read; raises BeamObstructed or Unstable when what is allowed did not suffice."""
@@ -180,6 +185,7 @@ class _Visits:
             try:
                 await self._take(stop, first=index == 0)
             except Unstable as error:
+                self._explain(stop, error)
                 if last_round or self._found.datum is None:
                     raise
                 self._in_a_row += 1
@@ -196,9 +202,28 @@ class _Visits:
         self._in_a_row = 0
         return BeamObstructed("E-CAP-COUNT", self._rig.instrument.name, stops=MOST_UNSETTLED + 1)
 
+    def _explain(self, stop: Stop, error: Unstable) -> None:
+        """Raise what a reading that is not there really means, where that can be told."""
+        axis, found = self._rig.axis.name, self._found
+        self._still = self._still + 1 if error.fields.get("missing") == NOT_MOVED else 0
+        if self._still >= FROZEN_TARGETS:
+            self._still = 0
+            raise BeamObstructed("E-CAP-FROZEN", axis, target=f"{stop.target:g}", count=FROZEN_TARGETS) from error
+        read, wanted = error.fields.get("read"), error.fields.get("wanted")
+        if not isinstance(read, float) or not isinstance(wanted, float):
+            return
+        if found.datum is None:
+            at, seen = f"{stop.target:g}", f"{read:.6g}"
+            raise CaptureError("E-CAP-DATUM", axis, target=at, read=seen, wanted=f"{wanted:.6g}") from error
+        known = cause(found.doubt(read, wanted), axis, stop.target)
+        if known is not None:
+            raise known from error
+
     async def _take(self, stop: Stop, *, first: bool) -> None:
         found = self._found
         air = await self._rig.instrument.ambient() if self._taken % self._per_pass == 0 else None
+        if air is not None and found.datum is None:
+            found.admit(air, self._rig.instrument)
         reading = await self._readings.settled(
             self._rig.window, expect=found.expectation(stop), moved_from=found.departure(stop, first=first)
         )
@@ -208,6 +233,7 @@ class _Visits:
             found.ambient_times.append(reading.time_s)
         self._taken += 1
         self._in_a_row = 0
+        self._still = 0
 
     async def _set_datum_anew(self, stop: Stop) -> None:
         if isinstance(self._rig.instrument, RotaryCalibrator):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -16,6 +16,9 @@ from drivers.ports import Instrument
 from drivers.types import FloatArray, SampleBlock
 from gateway.errors import Unstable
 
+# Which condition is missing, in words that others compare.
+NOT_MOVED = "the axis has not been seen to move"
+MOST_EVENTS = 20
 History = Callable[[FloatArray], FloatArray]
 
 
@@ -57,7 +60,11 @@ class Readings:
         # somebody asks, while the samples themselves are kept for `KEEP_S` only.
         self._ranges: list[tuple[float, float, float]] = []
         self.broken_since: float | None = None
+        self.restarted = False
         self.lost = 0
+        self.events: list[str] = []
+        self._shift_s = 0.0
+        self._read: tuple[float, float] | None = None
 
     async def __aenter__(self) -> Self:
         self._task = asyncio.create_task(self._follow(), name=f"readings of {self._instrument.name}")
@@ -85,6 +92,8 @@ class Readings:
         if not len(block):
             return
         self.lost += block.lost
+        self.events.extend(block.events[: MOST_EVENTS - len(self.events)])
+        block = self._monotonic(block)
         if not bool(block.valid.all()):
             self.broken_since = float(block.time_s[int(np.argmin(block.valid))])
         self._blocks.append(block)
@@ -94,6 +103,19 @@ class Readings:
         while len(self._blocks) > 1 and self._blocks[0].time_s[-1] < oldest:
             self._blocks.popleft()
         self._news.set()
+
+    def _monotonic(self, block: SampleBlock) -> SampleBlock:
+        """A clock that jumps back or a counter that starts anew: time goes on, but what was counted is void."""
+        first, latest = float(block.time_s[0]) + self._shift_s, self.latest_s
+        if first <= latest:
+            self._shift_s += latest - first + self._step(block)
+            self.restarted = True
+            self.broken_since = latest
+        return replace(block, time_s=block.time_s + self._shift_s) if self._shift_s else block
+
+    @staticmethod
+    def _step(block: SampleBlock) -> float:
+        return float(block.time_s[1] - block.time_s[0]) if len(block) > 1 else 1e-3
 
     def _forget_before(self, end_s: float) -> None:
         self._ranges = [seen for seen in self._ranges if seen[0] > end_s]
@@ -138,6 +160,7 @@ class Readings:
         Raises BeamObstructed, Unstable (naming the condition that is missing), or the wire's own error.
         """
         start_wait = self._clock.now()
+        self._read = None
         await self._next_block(window.timeout_s)
         left_at = self._left_since(moved_from)
         begin = self.latest_s + window.settle_s
@@ -154,7 +177,9 @@ class Readings:
                 begin = max(begin + window.average_s, self.latest_s - window.average_s)
             else:
                 await self._next_block(window.timeout_s)
-        raise Unstable("E-CAP-UNSTABLE", self._instrument.name, missing=missing, timeout_s=window.timeout_s)
+        read, wanted = self._read or (None, None)
+        where, limit_s = self._instrument.name, window.timeout_s
+        raise Unstable("E-CAP-UNSTABLE", where, missing=missing, timeout_s=limit_s, read=read, wanted=wanted)
 
     def _judge(
         self, begin: float, window: Window, expect: tuple[float, float] | None, left_at: float | None
@@ -165,8 +190,10 @@ class Readings:
         combined = self._combine(values)
         sigma, mean = float(np.std(combined, ddof=1)), float(np.mean(combined))
         if left_at is None or left_at > begin:
-            return "the axis has not been seen to move", None
+            return NOT_MOVED, None
+        self._read = None
         if expect is not None and abs(mean - expect[0]) > expect[1]:
+            self._read = mean, expect[0]
             return f"reading {mean:.6f} is not within {expect[1]:.6f} of {expect[0]:.6f}", None
         if sigma > window.stable or self._drifts(combined, sigma, window.stable):
             return f"sigma {sigma:.3g} is above {window.stable:.3g}", None
@@ -188,9 +215,13 @@ class Readings:
         return next(far, None)
 
     def _check_beam(self) -> None:
+        if self.broken_since is not None and self.restarted:
+            raise BeamObstructed("E-CAP-RESTART", self._instrument.name, at_s=f"{self.broken_since:.3f}")
         if self.broken_since is not None:
             raise BeamObstructed("E-CAP-BEAM", self._instrument.name, at_s=f"{self.broken_since:.3f}")
 
     def datum(self) -> None:
         """Forget a break of the beam: the next reading starts a new count."""
         self.broken_since = None
+        self.restarted = False
+        self.restarted = False

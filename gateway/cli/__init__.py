@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import sys
 
-from gateway.cli import auditing, connecting, consenting, dynamic, importing, watching
+from gateway.cli import auditing, connecting, consenting, dynamic, importing, replaying, watching
 from gateway.cli.commands import app
 from gateway.cli.show import show_error
 
 auditing.add_to(app)
 consenting.add_to(app)
 connecting.add_to(app)
+replaying.add_to(app)
 importing.add_to(app)
 watching.add_to(app)
 dynamic.add_to(app)

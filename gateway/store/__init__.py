@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from gateway.store.folder import RunFolder, RunSummary, Store
 from gateway.store.index import Index
+from gateway.store.maps import Maps, Said
 from gateway.store.proofs import Proofs
 
-__all__ = ["Index", "Proofs", "RunFolder", "RunSummary", "Store"]
+__all__ = ["Index", "Maps", "Proofs", "RunFolder", "RunSummary", "Said", "Store"]

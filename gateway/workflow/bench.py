@@ -81,6 +81,7 @@ def check_name(site: SiteFile, apply: bool, machine_name: str) -> None:
 async def bench(site: SiteFile, site_path: Path, folder: RunFolder, clock: Clock, say: Say) -> AsyncIterator[Bench]:
     """Open every device (all failures at once), hand out the bench, close everything at the end."""
     supervisor = Supervisor(site, clock)
+    supervisor.trace_into(folder.path / "traces")
     store = store_of(site, site_path)
     try:
         machine = await supervisor.open_all()

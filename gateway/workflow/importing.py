@@ -170,7 +170,7 @@ class _Asker:
         except FileFormatError as error:
             if error.code != "E-FILE-CSV-HEADER":
                 raise
-            where, found = str(self._path), error.fields.get("found")
+            where, found = str(self._path), factory().heading(self._path) or error.fields.get("found")
             raise ConfigError("E-IMPORT-COLUMNS", where, found=found, columns=error.fields["columns"]) from error
         return content
 
@@ -278,9 +278,7 @@ def _stream(folder: RunFolder, content: Recording) -> None:
             recorder.append(block)
 
 
-def watcher_of(
-    site: SiteFile, site_path: Path, folder: Path, *, settle_s: float = 5.0, say: Say = silence
-) -> Watcher:
+def watcher_of(site: SiteFile, site_path: Path, folder: Path, *, settle_s: float = 5.0, say: Say = silence) -> Watcher:
     """What watches a folder for a site: new files become runs of the site's store."""
     store = store_of(site, site_path)
 

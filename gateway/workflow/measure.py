@@ -7,8 +7,7 @@ from pathlib import Path
 
 from drivers import registry
 from drivers.errors import ConfigError
-from drivers.ports import ResultFileFormat
-from drivers.types import FloatArray, LiveSet, Stop, StopReached
+from drivers.types import FloatArray, LiveSet, MeasuredSet, Stop, StopReached
 from drivers.units import deviation_unit
 from gateway.capture.corrected import from_file, from_live
 from gateway.capture.live import capture_axis
@@ -18,10 +17,12 @@ from gateway.config import AxisSection, Targets
 from gateway.domain import Capture, Equipment, Evaluation, Item
 from gateway.evaluate.iso230_2 import evaluate
 from gateway.evaluate.uncertainty import UNKNOWN_OFF_20_K, Budget, linear_budget
+from gateway.store import Maps
 from gateway.table.proposal import InstrumentU
 from gateway.walk import walk
 from gateway.workflow import stages
 from gateway.workflow.bench import Bench
+from gateway.workflow.importing import How, read_file
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,20 +77,24 @@ async def _live(at: Bench, axis: AxisSection, phase: stages.Phase) -> tuple[Capt
 
 async def _from_file(at: Bench, axis: AxisSection) -> tuple[Capture, tuple[str, ...]]:
     path = at.site_path.parent / Path(str(axis.measure.file))
-    measured = _reader(path, axis.measure.file_unit).read(path)
+    measured = _read(path, axis.measure.file_unit, at)
     at.folder.write_bytes(f"source-{axis.name}{path.suffix}", path.read_bytes())
     live = await fetch_tables(at, axis)
     return from_file(axis, measured, live, path.name), ()
 
 
-def _reader(path: Path, unit: str) -> ResultFileFormat:
-    name = path.suffix.lower().lstrip(".")
+def _read(path: Path, unit: str, at: Bench) -> MeasuredSet:
+    """A result file, its unit and columns as the site file or an earlier import said them.
+
+    Raises ConfigError (E-RUN-FILE) for an ending that holds no results, and what `read_file` raises.
+    """
     known = registry.known("file")
-    if name not in known:
+    if path.suffix.lower().lstrip(".") not in known:
         raise ConfigError("E-RUN-FILE", str(path), known=", ".join(f".{ending}" for ending in sorted(known)))
-    factory = known[name].load()
-    chosen: ResultFileFormat = factory(unit=unit) if unit else factory()
-    return chosen
+    content = read_file(path, How(unit, at.site.site.name), Maps(at.store.root)).content
+    if not isinstance(content, MeasuredSet):
+        raise ConfigError("E-RUN-FILE", str(path), known=", ".join(f".{ending}" for ending in sorted(known)))
+    return content
 
 
 def live_again(axis: AxisSection, targets: FloatArray) -> AxisSection | None:

@@ -9,6 +9,8 @@ Phase = Literal["before", "after"]
 EQUIPMENT = "equipment"
 PROPOSAL = "proposal"
 VERDICT = "verdict"
+ERRORS = "errors"
+GUARD = "guard"
 
 
 def raw(axis: str, phase: Phase) -> str:
@@ -34,3 +36,18 @@ def component(axis: str) -> str:
 def push(axis: str) -> str:
     """What a push did."""
     return f"push-{axis}"
+
+
+def setup(key: str) -> str:
+    """One set-up's corrected deviations."""
+    return f"setup-{key}"
+
+
+def setup_raw(key: str) -> str:
+    """One set-up's averages as the instrument gave them."""
+    return f"setup-{key}-raw"
+
+
+def setup_proof(key: str) -> str:
+    """How a set-up's mounting was proved."""
+    return f"setup-{key}-proof"

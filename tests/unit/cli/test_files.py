@@ -81,20 +81,6 @@ def test_an_unknown_standard_is_refused() -> None:
     assert "E-CLI-STANDARD" in str(result.exception)
 
 
-def test_lint_says_what_is_wrong_and_ends_with_the_tables_code(tmp_path: Path) -> None:
-    good = tmp_path / "good.ini"
-    lines = ["$AA_ENC_COMP_STEP[0,X1]=10", "$AA_ENC_COMP_MIN[0,X1]=0", "$AA_ENC_COMP_MAX[0,X1]=20"]
-    lines += ["$AA_ENC_COMP_IS_MODULO[0,X1]=0", "$AA_ENC_COMP[0,0,X1]=0.0"]
-    lines += ["$AA_ENC_COMP[0,1,X1]=0.002", "$AA_ENC_COMP[0,2,X1]=0.001", "M17"]
-    good.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    assert RUNNER.invoke(app, ["lint", str(good)]).exit_code == 0
-    bad = tmp_path / "bad.ini"
-    bad.write_text("\n".join(lines).replace("[0,1,X1]=0.002", "[0,1,X1] 0.002"), encoding="utf-8")
-    result = RUNNER.invoke(app, ["lint", str(bad), "--json"])
-    assert result.exit_code == 7
-    assert "line 6" in json.loads(result.stdout)["findings"][0]
-
-
 def test_schema_is_json_and_names_every_section() -> None:
     result = RUNNER.invoke(app, ["schema"])
     assert result.exit_code == 0

@@ -183,3 +183,16 @@ def test_mutated_tables_are_read_or_refused_in_our_words(data: st.DataObject) ->
         return
     assert np.isfinite(found.targets).all()
     assert not np.isinf(found.deviations).any()
+
+
+def test_a_pos_file_with_a_backward_block_alone_is_no_forward_measurement() -> None:
+    found = parse_pos("Position\tBackward Directional Avg Error\n0\t0.001\n10\t0.002\n", "x")
+    assert np.isnan(found.deviations[:, 0, 0]).all()
+    assert found.deviations[:, 0, 1].tolist() == pytest.approx([1.0, 2.0])
+    assert any("one direction" in warning for warning in found.warnings)
+
+
+def test_numbers_of_a_pos_file_behind_a_damaged_line_are_not_lost_in_silence() -> None:
+    text = "Position\tForward Directional Avg Error\n0\t0.001\nx5\t0.1\n10\t0.002\n"
+    with pytest.raises(FileFormatError, match="line 4"):
+        parse_pos(text, "x")

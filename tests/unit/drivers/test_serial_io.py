@@ -55,27 +55,47 @@ def test_a_cell_at_a_hundred_times_the_speed_passes_without_much_work() -> None:
     run_clean(main, virtual=False)
 
 
-def test_more_than_the_queue_holds_is_an_error_and_not_a_loss(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_socket_whose_bytes_are_not_taken_holds_its_peer_back_and_loses_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(serial_io, "QUEUE_BYTES", 10_000)
+    sent = bytes(range(250)) * 20_000
 
     async def main() -> None:
         clock = LoopClock()
-        poured = asyncio.Event()
+        behind = asyncio.Event()
 
         async def pour(wire: ByteTransport) -> None:
             await wire.read(1)
-            await wire.write(bytes(50_000))
-            poured.set()
+            behind.set()
+            await wire.write(sent)
             await wire.read(1)
 
         listener = await serve("socket://127.0.0.1:0", pour, clock)
         wire = await open_transport(listener.url, clock, 5.0)
         await wire.write(b"!")
-        await poured.wait()
-        with pytest.raises(TransportError, match="E-LINK-OVERFLOW"):
-            await read_on(wire, clock)
+        await behind.wait()
+        got = bytearray()
+        async with clock.deadline(20.0, "read"):
+            while len(got) < len(sent):
+                got += await wire.read(1 << 18)
+        assert bytes(got) == sent
         await wire.close()
         await listener.close()
+
+    run_clean(main, virtual=False)
+
+
+def test_fault_16_more_than_a_port_can_hold_is_an_error_and_not_a_loss(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(serial_io, "QUEUE_BYTES", 10_000)
+    opened(monkeypatch, ScriptedPort([bytes(4000)] * 5))
+
+    async def main() -> None:
+        wire = await open_transport("COM3", LoopClock(), 5.0)
+        with pytest.raises(TransportError, match="E-LINK-OVERFLOW"):
+            await read_on(wire, LoopClock())
+        assert len(b"".join(pieces)) >= 10_000
+        await wire.close()
 
     run_clean(main, virtual=False)
 
@@ -115,7 +135,7 @@ def test_giving_up_the_opening_leaves_no_port_open(monkeypatch: pytest.MonkeyPat
         ("could not open port 'COM9': FileNotFoundError(2, 'not found', None, 2)", "E-LINK-CONNECT"),
     ],
 )
-def test_a_port_held_by_another_program_is_told_from_one_that_is_not_there(
+def test_fault_14_a_port_held_by_another_program_is_told_from_one_that_is_not_there(
     monkeypatch: pytest.MonkeyPatch, text: str, code: str
 ) -> None:
     asked: dict[str, object] = {}
@@ -195,7 +215,7 @@ def test_a_port_is_read_in_blocks_and_an_unplugged_one_is_our_error(monkeypatch:
     assert port.closed == 1
 
 
-def test_a_device_that_takes_no_bytes_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_fault_19_a_device_that_takes_no_bytes_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     opened(monkeypatch, ScriptedPort([], stuck=True))
 
     async def main() -> None:

@@ -13,7 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.errors import LocalProtocolError
-from drivers.umd.codec import SEQUENCE, UmdCodec, UmdLines, encode_rows, parse_clean
+from drivers.umd.codec import SEQUENCE, UmdCodec, UmdLines, encode_rows
+from drivers.umd.numerals import read_table
 
 GOLDEN = json.loads((Path(__file__).parents[2] / "golden/umd/transcripts.json").read_text(encoding="utf-8"))
 NAMES = sorted(GOLDEN)
@@ -49,7 +50,7 @@ def test_text_goes_before_the_rows() -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_every_single_and_double_cut_gives_the_same(name: str) -> None:
+def test_fault_01_every_single_and_double_cut_gives_the_same(name: str) -> None:
     wire = wire_of(name)
     whole = received([wire])
     for first in range(len(wire) + 1):
@@ -59,7 +60,7 @@ def test_every_single_and_double_cut_gives_the_same(name: str) -> None:
 
 
 @pytest.mark.parametrize("ending", [b"\n", b"\r", b"\r\n", b"\r\r\n", b"\n\r", b"\r\r", b"\r\n\r\n"])
-def test_all_line_ends_mean_the_same(ending: bytes) -> None:
+def test_fault_04_all_line_ends_mean_the_same(ending: bytes) -> None:
     wire = wire_of("umd2 one axis").replace(b"\r\n", ending)
     assert received([wire])[0] == GOLDEN["umd2 one axis"]["rows"]
     assert received([wire[at : at + 1] for at in range(len(wire))])[0] == GOLDEN["umd2 one axis"]["rows"]
@@ -89,7 +90,7 @@ def test_all_line_ends_mean_the_same(ending: bytes) -> None:
         "banner in the middle",
     ],
 )
-def test_what_is_no_line_is_counted_and_never_a_value(line: str) -> None:
+def test_fault_17_what_is_no_line_is_counted_and_never_a_value(line: str) -> None:
     good = "0 0 1 0 0 6 0 0\r\n"
     raw = line.encode("utf-8") if not line.isascii() and "\xff" not in line else line.encode("latin-1")
     rows, text, damaged, size = received([good.encode() * 3 + raw + b"\r\n" + good.encode() * 3])
@@ -98,14 +99,14 @@ def test_what_is_no_line_is_counted_and_never_a_value(line: str) -> None:
     assert (text, damaged, size) == ([], 1, len(raw))
 
 
-def test_a_client_that_joins_late_throws_the_torn_first_line_away() -> None:
+def test_fault_15_a_client_that_joins_late_throws_the_torn_first_line_away() -> None:
     wire = wire_of("umd2 three axes")
     torn = wire[18:]
     assert received([torn])[2] + len(received([torn])[0]) == 2
     assert received([torn], join_late=True) == (GOLDEN["umd2 three axes"]["rows"][1:], [], 0, 0)
 
 
-def test_an_endless_line_is_bounded_and_counted_once() -> None:
+def test_fault_08_an_endless_line_is_bounded_and_counted_once() -> None:
     codec = UmdCodec("client")
     for _ in range(1000):
         assert codec.receive(b"7" * 10_000) == ()
@@ -134,7 +135,7 @@ def clean_stream(count: int, seed: int = 1) -> np.ndarray:
 
 @given(st.integers(1, 200), st.randoms(use_true_random=False))
 @settings(max_examples=60, deadline=None)
-def test_any_split_gives_the_same_samples_even_where_bytes_are_damaged(count: int, chance: random.Random) -> None:
+def test_fault_01_any_split_gives_the_same_samples_even_where_bytes_are_damaged(count: int, chance: random.Random) -> None:
     wire = bytearray(encode_rows(clean_stream(count)))
     for _ in range(chance.randrange(8)):
         wire[chance.randrange(len(wire))] = chance.randrange(256)
@@ -172,7 +173,7 @@ def test_fuzz_from_the_transcripts() -> None:
 
 
 @pytest.mark.parametrize("share", [0.01, 0.1, 0.5])
-def test_noise_between_lines_never_becomes_a_value(share: float) -> None:
+def test_fault_03_noise_between_lines_never_becomes_a_value(share: float) -> None:
     chance = random.Random(3)
     rows = clean_stream(500)
     lines = encode_rows(rows).splitlines(keepends=True)
@@ -188,9 +189,9 @@ def test_noise_between_lines_never_becomes_a_value(share: float) -> None:
 
 
 def test_clean_lines_need_every_rule() -> None:
-    assert parse_clean(b"0 0 1 0 0 6 0 0\n", 8) is not None
+    assert read_table(b"0 0 1 0 0 6 0 0\n", 8, SEQUENCE) is not None
     for text in (b"0 0 1 0 0 6 0\n0 0 1 0 0 6 0 0 0\n", b"0 0 1 0 0 6 0 0 ", b" 0 0 1 0 0 6 0\n", b"0  1 0 0 6 0 0\n"):
-        assert parse_clean(text, 8) is None
+        assert read_table(text, 8, SEQUENCE) is None
 
 
 def test_it_is_fast_enough_for_a_cell_at_a_hundred_times_the_speed() -> None:

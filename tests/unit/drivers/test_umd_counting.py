@@ -132,7 +132,7 @@ def test_a_gap_cuts_the_block_and_counts_what_was_lost() -> None:
     assert valid.all()
 
 
-def test_repeats_and_late_rows_are_dropped() -> None:
+def test_fault_37_repeats_and_late_rows_are_dropped() -> None:
     counter = ready()
     rows = rows_of(np.arange(10), 64)
     blocks = counter.take(UmdLines(rows[[0, 1, 1, 2, 0, 3, 4]]))
@@ -148,7 +148,7 @@ def test_wraps_are_told_from_restarts(last: int, number: int, step: int) -> None
     assert forward(last, number) == step
 
 
-def test_a_sixteen_bit_sequence_goes_on_over_its_wrap() -> None:
+def test_fault_32_a_sixteen_bit_sequence_goes_on_over_its_wrap() -> None:
     counter = ready(sample_rate_hz=244.140625)
     numbers = (np.arange(64, 70_000) + 32768) % 65536 - 32768
     rows = rows_of(np.zeros(len(numbers), np.int64))
@@ -160,7 +160,7 @@ def test_a_sixteen_bit_sequence_goes_on_over_its_wrap() -> None:
     assert time_s == pytest.approx(np.arange(64, 70_000) / 244.140625)
 
 
-def test_displacement_goes_on_over_its_32_bit_wrap() -> None:
+def test_fault_32_displacement_goes_on_over_its_32_bit_wrap() -> None:
     counter = counting(sample_rate_hz=1000.0, counts_per_cycle=4)
     true = np.arange(2**31 - 50, 2**31 + 50)
     rows = rows_of(true, velocity=False)
@@ -170,7 +170,7 @@ def test_displacement_goes_on_over_its_32_bit_wrap() -> None:
     assert valid.all()
 
 
-def test_a_restart_marks_its_sample_and_time_goes_on() -> None:
+def test_fault_28_a_restart_marks_its_sample_and_time_goes_on() -> None:
     counter = ready()
     counter.take(UmdLines(rows_of(np.full(10_000, 77), 64)))
     blocks = counter.take(UmdLines(rows_of(np.zeros(10, np.int64), 0)))
@@ -226,7 +226,7 @@ def test_a_step_that_no_axis_can_make_is_marked() -> None:
 
 
 @pytest.mark.parametrize("bit", range(32))
-def test_a_flipped_bit_in_a_count_is_found_by_the_velocity_beside_it(bit: int) -> None:
+def test_fault_05_a_flipped_bit_in_a_count_is_found_by_the_velocity_beside_it(bit: int) -> None:
     counter = ready()
     counts = 3 * np.arange(1, LEARN_MOVING + 111)
     rows = rows_of(counts, 64)
@@ -247,7 +247,7 @@ def test_a_counter_whose_velocity_is_something_else_is_not_held_to_it(velocity: 
     assert joined(counter.take(UmdLines(rows)))[2].all()
 
 
-def test_ambient_is_as_old_as_its_oldest_reading() -> None:
+def test_fault_25_ambient_is_as_old_as_its_oldest_reading() -> None:
     counter = ready()
     ambient = counter.ambient()
     assert (ambient.air_degc, ambient.pressure_hpa, ambient.humidity_pct) == (20.34, 990.39, 46.9)

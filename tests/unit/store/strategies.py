@@ -35,7 +35,8 @@ def of_type(hint: Any) -> st.SearchStrategy[Any]:
     origin, inner = get_origin(hint), get_args(hint)
     if origin is np.ndarray:
         kind = get_args(inner[1])[0]
-        elements = st.booleans() if kind is np.bool_ else FLOATS
+        whole = st.integers(-(2**63), 2**63 - 1)
+        elements = st.booleans() if kind is np.bool_ else whole if kind is np.int64 else FLOATS
         return hnp.arrays(
             np.dtype(kind),
             hnp.array_shapes(min_dims=1, max_dims=3, min_side=0, max_side=3),

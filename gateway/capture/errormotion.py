@@ -1,0 +1,191 @@
+"""Captures an error motion that is no positioning: straightness, angle, or a location by an artefact.
+
+The reading hardly follows the axis, so it cannot say itself at which stop it was taken. A sample belongs to a stop
+when its instrument time lies after the arrival: the stream began after it was asked for, so instrument time counted
+from its first samples is never ahead of the gateway's. Nothing of the air is corrected.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, Self
+
+import numpy as np
+
+from drivers.errors import ConfigError
+from drivers.ports import Instrument
+from drivers.types import Ambient, FloatArray, Stop
+from drivers.units import ARCSEC_PER_DEG, UM_PER_MM, DeviationUnit
+from gateway.capture.collecting import Collection
+from gateway.capture.diagnosis import Doubt
+from gateway.capture.live import RawCapture, Visits, raw_capture, targets_of
+from gateway.capture.readings import History, Reading, Readings, Window
+from gateway.capture.rig import SETTLE_TIMEOUT_S, Rig
+from gateway.capture.targets import measuring_plan
+from gateway.domain import Capture, SenseProof
+from gateway.errors import CaptureError, Unstable
+from gateway.evaluate import corrections
+from gateway.evaluate.repetitions import robust_means
+
+UNITS: dict[DeviationUnit, dict[str, float]] = {
+    "um": {"_um": 1.0, "_mm": UM_PER_MM},
+    "arcsec": {"_arcsec": 1.0, "_deg": ARCSEC_PER_DEG},
+}
+LARGEST: dict[DeviationUnit, float] = {"um": 1000.0, "arcsec": 300.0}
+# These belong to a laser or a calibrator: what they show is the travel itself.
+NEVER = ("displacement_mm", "laser_deg", "device_deg")
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorRig(Rig):
+    """A rig for one error motion: readings times ``factor`` are its deviation in ``unit``.
+
+    ``column`` is the channel's place; ``largest`` the greatest reading from the datum that optics still at their
+    place can give; ``jog`` the plausibility move in the axis unit. The axis' ``stable`` is in ``unit``.
+    """
+
+    unit: DeviationUnit = "um"
+    column: int = 0
+    factor: float = 1.0
+    largest: float = LARGEST["um"]
+    jog: float = 10.0
+    optics: tuple[str, ...] = ("unknown",)
+
+    @property
+    def window(self) -> Window:
+        """The settling window, its sigma in the unit of the deviation."""
+        measure = self.axis.measure
+        return Window(measure.settle_s, measure.average_s, measure.stable, SETTLE_TIMEOUT_S)
+
+    @property
+    def combine(self) -> History:
+        """Channel columns (n, c) to deviations (n,) in `unit`."""
+        return lambda values: self.factor * values[:, self.column]
+
+
+def channel_of(instrument: Instrument, wanted: str, unit: DeviationUnit) -> tuple[int, float]:
+    """Column and scale of the channel that reads this unit. Raises ConfigError (E-SETUP-CHANNEL)."""
+    fitting = {name: scale for name in instrument.channels for end, scale in UNITS[unit].items() if name.endswith(end)}
+    named = {name: scale for name, scale in fitting.items() if name not in NEVER and wanted in ("", name)}
+    if len(named) != 1:
+        channels, asked = ", ".join(instrument.channels) or "none", wanted or f"the only one in {unit}"
+        raise ConfigError("E-SETUP-CHANNEL", instrument.name, wanted=asked, channels=channels, unit=unit)
+    name, scale = next(iter(named.items()))
+    return instrument.channels.index(name), scale
+
+
+class ErrorReadings(Readings):
+    """Readings whose windows begin only once the stream has reached the moment they were asked for."""
+
+    def __init__(self, rig: ErrorRig) -> None:
+        super().__init__(rig.instrument, rig.clock, rig.combine)
+        self._opened_s = 0.0
+        self._ahead_s: float | None = None
+
+    async def __aenter__(self) -> Self:
+        self._opened_s = self._clock.now()
+        return await super().__aenter__()
+
+    def datum(self) -> None:
+        """Forget a break; what was known of the stream's delay goes with a restarted clock."""
+        if self.restarted:
+            self._opened_s, self._ahead_s = self._clock.now(), None
+        super().datum()
+
+    async def settled(
+        self,
+        window: Window,
+        *,
+        expect: tuple[float, float] | None = None,
+        moved_from: tuple[float, float] | None = None,
+    ) -> Reading:
+        """As `Readings.settled`, of samples taken after this call; Unstable when the stream stays behind."""
+        await self._caught_up(window.timeout_s)
+        return await super().settled(window, expect=expect, moved_from=moved_from)
+
+    async def _caught_up(self, timeout_s: float) -> None:
+        asked = self._clock.now()
+        while not np.isfinite(self.latest_s):
+            await self._next_block(timeout_s)
+        if self._ahead_s is None:
+            self._ahead_s = self.latest_s - self._opened_s
+        while self.latest_s < asked + self._ahead_s:
+            if self._clock.now() - asked > timeout_s:
+                late = f"samples are {asked + self._ahead_s - self.latest_s:.1f} s old when they arrive"
+                raise Unstable("E-CAP-UNSTABLE", self._instrument.name, missing=late, timeout_s=timeout_s)
+            await self._next_block(timeout_s)
+
+
+class ErrorCollection(Collection):
+    """What is expected of a reading that hardly moves: that it stays within the range of its optics."""
+
+    def __init__(self, rig: ErrorRig, targets: FloatArray) -> None:
+        channels = rig.instrument.channels
+        nothing = SenseProof(rig.instrument.name, rig.axis.name, 1, 1.0, (0.0,) * len(channels))
+        super().__init__(rig.axis, targets, channels, rig.combine, nothing)
+        self._counting = rig.column
+        self._largest = rig.largest
+
+    def expectation(self, stop: Stop) -> tuple[float, float] | None:  # noqa: ARG002 - every stop alike
+        """(value, tolerance) around the datum; None before it."""
+        if self.datum is None:
+            return None
+        return self.combined(self.datum.values - self._offset), self._largest
+
+    def departure(self, stop: Stop, *, first: bool) -> tuple[float, float]:  # noqa: ARG002
+        """Nothing must have moved."""
+        return self._last_value, 0.0
+
+    def admit(self, air: Ambient, instrument: Instrument) -> None:
+        """Any air will do."""
+
+    def doubt(self, read: float, wanted: float) -> Doubt:
+        """A reading out of range; which target it belongs to cannot be told."""
+        return Doubt(read, wanted, wanted, self._largest, rotary=False, targets={})
+
+
+async def capture_error(rig: ErrorRig) -> RawCapture:
+    """Visit every stop with proven optics. Raises as `capture_axis`, CaptureError (E-SETUP-DEAD)."""
+    axis, clock = rig.axis, rig.clock
+    targets = targets_of(axis)
+    found = ErrorCollection(rig, targets)
+    started = clock.utc().isoformat(timespec="seconds")
+    async with ErrorReadings(rig) as readings:
+        plan = measuring_plan(axis, targets, "", name=f"TFMEAS{axis.letter}")
+        await Visits(rig, found, readings).all(plan, len(targets))
+        found.ambients.append(await rig.instrument.ambient())
+        found.ambient_times.append(readings.latest_s)
+        lost = readings.lost
+        found.notes.extend(f"the instrument said: {event}" for event in dict.fromkeys(readings.events))
+    if float(np.ptp(found.values[..., rig.column])) == 0.0 and not np.any(found.sigmas):
+        raise CaptureError("E-SETUP-DEAD", rig.instrument.name, count=found.times.size)
+    live = await rig.controller.saved_tables(axis.name)
+    ended = clock.utc().isoformat(timespec="seconds")
+    return raw_capture(found, targets, rig.instrument.channels, live, (started, ended), lost)
+
+
+def error_capture(rig: ErrorRig, raw: RawCapture, sense: Literal[1, -1], *, absolute: bool = False) -> Capture:
+    """Deviations in the rig's unit, zero at the first reading, or as read where the zero was set by a gauge."""
+    values = rig.factor * raw.values[..., rig.column]
+    deviations = values if absolute else values - values[0, 0, 0]
+    reading_u = float(np.sqrt(np.nanmean(raw.window_sigma**2) / max(raw.window_count, 1))) * abs(rig.factor)
+    lost = (f"{raw.lost_samples} samples lost by the instrument",) if raw.lost_samples else ()
+    return Capture(
+        rig.axis.name,
+        rig.axis.measure.component,
+        rig.axis.unit,
+        raw.targets,
+        deviations,
+        reading_u,
+        raw.ambient[0],
+        raw.ambient[-1],
+        corrections.begin("nothing"),
+        raw.live,
+        None,
+        robust_means(raw.targets, deviations).suspects,
+        "live",
+        raw.started_utc,
+        raw.ended_utc,
+        (*lost, *raw.notes, f"direction as the site file says it (sense {sense:+d}): no jog can prove it"),
+        cycle=rig.axis.measure.cycle,
+    )

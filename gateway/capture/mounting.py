@@ -1,0 +1,79 @@
+"""Proves the optics of an error motion before its first target: kind, unit, light, and a jog they must survive."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from drivers.errors import UnsupportedDevice
+from drivers.types import Stop, StopReached
+from drivers.units import DeviationUnit
+from gateway.capture.errormotion import ErrorReadings, ErrorRig
+from gateway.capture.targets import jog_plan, jog_start
+from gateway.walk import walk
+
+# What a carriage or table can do over a jog, um or arcsec: 2.5 mrad of lean over 10 mm, a ball 0.3 mm off its axis.
+JOG_CHANGE: dict[DeviationUnit, float] = {"um": 25.0, "arcsec": 30.0}
+BACK_AGAIN: dict[DeviationUnit, float] = {"um": 2.0, "arcsec": 2.0}
+
+
+@dataclass(frozen=True, slots=True)
+class MountingProof:
+    """What the instrument said of its optics and read at start, start + ``jog`` and start again, in ``unit``."""
+
+    instrument: str
+    axis: str
+    component: str
+    optics: str
+    unit: DeviationUnit
+    jog: float
+    evidence: tuple[float, ...]
+
+
+async def prove_mounting(rig: ErrorRig) -> MountingProof:
+    """Let the operator mount what MSG says, ask the instrument what it has, and jog the axis.
+
+    Raises UnsupportedDevice (E-SETUP-OPTICS: other optics; E-SETUP-JOG: it follows the travel or does not come
+    back), BeamObstructed without light, Unstable.
+    """
+    seen: list[float] = []
+    told: list[str] = []
+    async with ErrorReadings(rig) as readings:
+
+        async def at_stop(index: int, _stop: Stop, _reached: StopReached) -> None:
+            if index == 0:
+                told.append(await _optics(rig))
+                readings.datum()
+            reading = await readings.settled(rig.window)
+            seen.append(float(rig.combine(reading.values[None, :])[0]))
+
+        plan = jog_plan(rig.axis, jog_start(rig.axis, rig.jog), rig.jog, rig.setup)
+        await walk(rig.controller, plan, at_stop, rig.patience, rig.say)
+    _plausible(rig, seen)
+    component = rig.axis.measure.component
+    return MountingProof(rig.instrument.name, rig.axis.name, component, told[0], rig.unit, rig.jog, tuple(seen))
+
+
+async def _optics(rig: ErrorRig) -> str:
+    kind = (await rig.instrument.optics()).kind
+    if kind not in rig.optics:
+        wanted = " or ".join(known for known in rig.optics if known != "unknown")
+        component = rig.axis.measure.component
+        raise UnsupportedDevice("E-SETUP-OPTICS", rig.instrument.name, found=kind, wanted=wanted, component=component)
+    return kind
+
+
+def _plausible(rig: ErrorRig, seen: list[float]) -> None:
+    there, back = seen[1] - seen[0], seen[2] - seen[0]
+    repeats = max(BACK_AGAIN[rig.unit], 5.0 * rig.axis.measure.stable)
+    if abs(there) <= JOG_CHANGE[rig.unit] and abs(back) <= repeats:
+        return
+    raise UnsupportedDevice(
+        "E-SETUP-JOG",
+        rig.instrument.name,
+        jog=f"{rig.jog:g} {rig.axis.unit}",
+        component=rig.axis.measure.component,
+        there=f"{there:+.3f} {rig.unit}",
+        limit=f"{JOG_CHANGE[rig.unit]:g} {rig.unit}",
+        back=f"{back:+.3f} {rig.unit}",
+        repeats=f"{repeats:g} {rig.unit}",
+    )

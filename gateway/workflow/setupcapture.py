@@ -1,0 +1,115 @@
+"""One set-up measured and stored: mounting proved, captured live or read from a file; every step before the next."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from drivers.types import MeasuredSet, Stop, StopReached
+from drivers.units import rad_to_arcsec
+from gateway.capture.corrected import from_file, from_live
+from gateway.capture.errormotion import LARGEST, ErrorRig, capture_error, channel_of, error_capture
+from gateway.capture.live import capture_axis
+from gateway.capture.mounting import prove_mounting
+from gateway.capture.sense import prove_sense
+from gateway.capture.targets import plan_of
+from gateway.domain import Capture
+from gateway.walk import walk
+from gateway.workflow import stages
+from gateway.workflow.bench import Bench
+from gateway.workflow.measure import fetch_tables, reader_of
+from gateway.workflow.setups import Planned
+
+OPTICS = {
+    ("linear", "um"): ("straightness", "unknown"),
+    ("linear", "arcsec"): ("angular", "unknown"),
+    ("rotary", "um"): ("straightness", "unknown"),
+    ("rotary", "arcsec"): ("angular", "straightness", "unknown"),
+}
+
+
+async def measure_setup(at: Bench, one: Planned) -> Capture:
+    """Measure a set-up and store proof, averages, tables as read, and the capture last; returns it."""
+    at.say("P-SETUP", setup=one.key, component=one.setup.component, axis=one.axis.name)
+    if one.setup.source == "file":
+        capture, parents = await _from_file(at, one)
+    else:
+        await _park(at, one)
+        capture, parents = await (_positioning(at, one) if one.positioning else _error(at, one))
+    at.folder.write_text(f"setup-{one.key}.json", one.setup.model_dump_json())
+    at.folder.put(stages.setup(one.key), capture, parents)
+    return capture
+
+
+async def _park(at: Bench, one: Planned) -> None:
+    """Bring the other axes to where they must stand; writes nothing but the program."""
+
+    async def at_stop(_index: int, _stop: Stop, _reached: StopReached) -> None:
+        return None
+
+    for name, place in sorted(one.setup.park.items()):
+        axis = at.axis(name)
+        plan = plan_of(axis, (Stop(place, 1),), "", name=f"TFPARK{axis.letter}", dwell_s=0.1, save=False)
+        await walk(at.supervisor.controller, plan, at_stop, at.patience, at.say)
+
+
+async def _positioning(at: Bench, one: Planned) -> tuple[Capture, tuple[str, ...]]:
+    rig = at.rig(one.axis)
+    proof = await prove_sense(rig)
+    raw = await capture_axis(rig, proof)
+    digest = at.folder.put(stages.setup_raw(one.key), raw)
+    at.folder.write_text(f"tables-{one.key}.spf", raw.live.native)
+    return from_live(one.axis, raw, proof, rig.instrument.compensated_for), (digest,)
+
+
+async def _error(at: Bench, one: Planned) -> tuple[Capture, tuple[str, ...]]:
+    rig = error_rig(at, one)
+    proved = at.folder.put(stages.setup_proof(one.key), await prove_mounting(rig))
+    raw = await capture_error(rig)
+    digest = at.folder.put(stages.setup_raw(one.key), raw, (proved,))
+    at.folder.write_text(f"tables-{one.key}.spf", raw.live.native)
+    absolute = one.setup.name in ("X0C", "Y0C")
+    return error_capture(rig, raw, one.setup.sense, absolute=absolute), (digest,)
+
+
+def error_rig(at: Bench, one: Planned) -> ErrorRig:
+    """The rig of an error motion. Raises ConfigError (E-SETUP-CHANNEL)."""
+    rig = at.rig(one.axis)
+    column, scale = channel_of(rig.instrument, one.setup.channel, one.unit)
+    return ErrorRig(
+        one.axis,
+        rig.controller,
+        rig.instrument,
+        rig.clock,
+        rig.patience,
+        rig.say,
+        unit=one.unit,
+        column=column,
+        factor=one.setup.sense * scale,
+        largest=one.setup.largest or LARGEST[one.unit],
+        jog=one.jog,
+        optics=OPTICS[one.axis.kind, one.unit],
+    )
+
+
+async def _from_file(at: Bench, one: Planned) -> tuple[Capture, tuple[str, ...]]:
+    path = at.site_path.parent / Path(str(one.setup.path))
+    unit = one.setup.unit if one.positioning and one.setup.unit in ("mrad", "urad", "arcsec") else ""
+    measured = reader_of(path, unit).read(path)
+    at.folder.write_bytes(f"source-{one.key}{path.suffix}", path.read_bytes())
+    live = await fetch_tables(at, at.axis(one.axis.name))
+    if one.positioning:
+        return from_file(one.axis, measured, live, path.name), ()
+    scaled = replace(measured, deviations=one.setup.sense * _factor(one) * measured.deviations)
+    return from_file(one.axis, _across(scaled, one), live, path.name), ()
+
+
+def _factor(one: Planned) -> float:
+    """From the numbers of the file to um or arcsec."""
+    return {"urad": float(rad_to_arcsec(1e-6)), "mrad": float(rad_to_arcsec(1e-3))}.get(one.setup.unit, 1.0)
+
+
+def _across(measured: MeasuredSet, one: Planned) -> MeasuredSet:
+    """Nothing of the air or material acts on it, and a turned axis does not turn what is read across it."""
+    flip = one.axis.measure.file_axis_sense
+    return replace(measured, deviations=flip * measured.deviations, compensated_for="air+material")

@@ -1,0 +1,139 @@
+"""The plan of set-ups: what the site file says made whole, and put in the order with the fewest remountings; pure."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from drivers.errors import ConfigError
+from drivers.units import DeviationUnit, deviation_unit
+from gateway.config import AxisSection, SetupSection, SiteFile
+from gateway.domain import component_unit
+from gateway.evaluate.errormodel import Measurement
+from gateway.table.proposal import InstrumentU
+
+# Inherited from the axis' measure section unless the set-up says otherwise.
+OWN = ("targets", "repetitions", "settle_s", "average_s", "stable")
+ORDER = "ABCXYZ"
+DEFAULT_U = 0.3
+JOG = {"linear": 10.0, "rotary": 5.0}
+
+
+@dataclass(frozen=True, slots=True)
+class Planned:
+    """One set-up made whole: ``axis`` carries its component, instrument, targets; ``unit`` is that of its readings."""
+
+    key: str
+    setup: SetupSection
+    axis: AxisSection
+    unit: DeviationUnit
+    positioning: bool
+
+    @property
+    def measured(self) -> bool:
+        """Whether somebody measures it, live or by file."""
+        return self.setup.source != "none"
+
+    @property
+    def systematic(self) -> float:
+        """Standard uncertainty that repetition does not show, in `unit`."""
+        if self.setup.U is not None:
+            return self.setup.U / 2.0
+        if not self.positioning:
+            return DEFAULT_U / 2.0
+        usual = InstrumentU.usual(deviation_unit(self.axis.unit))
+        return (usual.constant + usual.per_unit * (self.axis.travel[1] - self.axis.travel[0])) / 2.0
+
+    @property
+    def jog(self) -> float:
+        """The plausibility move in the axis unit."""
+        return self.setup.jog if self.setup.jog is not None else JOG[self.axis.kind]
+
+    def measurement(self, targets: Any, deviations: Any, rotary: Collection[str]) -> Measurement:
+        """What was captured, for the model; ``rotary`` are the names of the rotary axes."""
+        parked = [place for name, place in self.setup.park.items() if name in rotary]
+        return Measurement(
+            self.setup.component,
+            self.axis.letter,
+            self.axis.unit,
+            targets,
+            deviations,
+            self.axis.reference,
+            self.axis.modulo,
+            self.setup.offset_mm,
+            self.systematic,
+            self.setup.own_angle_arcsec,
+            parked[0] if parked else None,
+        )
+
+
+def planned(site: SiteFile) -> tuple[Planned, ...]:
+    """Every set-up of the site, in the order it is best measured. Raises ConfigError (E-SETUP-NONE) without any."""
+    if not site.setups:
+        raise ConfigError("E-SETUP-NONE", site.site.name)
+    axes = {axis.name: axis for axis in site.axes}
+    return _ordered([_whole(setup, axes[setup.axis]) for setup in site.setups], [axis.name for axis in site.axes])
+
+
+def _whole(setup: SetupSection, axis: AxisSection) -> Planned:
+    own = {name: getattr(setup, name) for name in OWN if getattr(setup, name) is not None}
+    changes: dict[str, Any] = {"component": setup.component, "instrument": setup.instrument, "file": None, **own}
+    if setup.source == "file":
+        more = {"file": setup.path, "file_datum": setup.datum, "file_axis_sense": setup.file_axis_sense}
+        changes |= more
+    elif setup.source == "live" and changes.get("targets", axis.measure.targets) is None:
+        raise ConfigError("E-SETUP-TARGETS", setup.component, axis=axis.name)
+    measure = axis.measure.model_copy(update=changes)
+    name = setup.name
+    location = name[1] == "0"
+    unit: DeviationUnit = "um" if location else component_unit(name, axis.unit)
+    positioning = not location and name[1] == name[2]
+    return Planned(key_of(setup), setup, axis.model_copy(update={"measure": measure}), unit, positioning)
+
+
+def key_of(setup: SetupSection) -> str:
+    """The set-up's name in a run folder and on the command line: EYX-X1, B0Z-R-X1, A0C-Z1-C1at180."""
+    parked = "".join(f"-{axis}at{place:g}" for axis, place in sorted(setup.park.items()))
+    return f"{setup.component}-{setup.axis}{parked}"
+
+
+def _ordered(plan: Sequence[Planned], axes: Sequence[str]) -> tuple[Planned, ...]:
+    """One instrument after the other, files first; with each, all of one artefact, then one axis after the other."""
+    ranks: dict[str, int] = {}
+    for one in plan:
+        ranks.setdefault(_tool(one), len(ranks))
+
+    def rank(one: Planned) -> tuple[object, ...]:
+        setup = one.setup
+        artefact = setup.name if setup.name[1] == "0" else ""
+        files = 0 if setup.source != "live" else 1
+        place = tuple(sorted(setup.park.items()))
+        way = ORDER.find(setup.component[1]) if not artefact else 0
+        return files, ranks[_tool(one)], artefact, setup.turned, axes.index(setup.axis), way, place
+
+    return tuple(sorted(plan, key=rank))
+
+
+def _tool(one: Planned) -> str:
+    return one.setup.instrument if one.setup.source == "live" else ""
+
+
+def remountings(plan: Sequence[Planned]) -> int:
+    """How often another instrument, or the same one on another axis or artefact, must be mounted along a plan."""
+    kinds = [(_tool(p), p.axis.name, p.setup.name if p.setup.name[1] == "0" else "", p.setup.turned) for p in plan]
+    return sum(before != after for before, after in zip([None, *kinds], kinds, strict=False) if after[0])
+
+
+def chosen(plan: Sequence[Planned], wanted: Sequence[str]) -> tuple[Planned, ...]:
+    """Those asked for by key or component (all if none is), measured ones only. Raises ConfigError (E-SETUP-UNKNOWN)."""
+    able = [one for one in plan if one.measured]
+    for name in wanted:
+        if not any(name in (one.key, one.setup.component, one.setup.name) for one in able):
+            raise ConfigError("E-SETUP-UNKNOWN", "--setups", name=name, known=", ".join(one.key for one in able))
+    return tuple(one for one in able if not wanted or {one.key, one.setup.component, one.setup.name} & set(wanted))
+
+
+def spans(site: SiteFile) -> Mapping[str, float]:
+    """Assumed half widths by name, where a set-up gives one."""
+    return {setup.name: setup.assumed for setup in site.setups if setup.assumed is not None}
