@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, cast
 
 from drivers import registry
@@ -12,7 +13,10 @@ from drivers.clock import Clock
 from drivers.errors import ConfigError, TrueflankError, UnsupportedDevice
 from drivers.ports import Controller, Device, Instrument
 from drivers.types import Identity, MachineIdentity
-from gateway.config import SiteFile
+from gateway.config import InstrumentSection, SiteFile
+
+# What a site's instruments may be; the first is meant where a driver is not known.
+_ROLES = ("instrument", "gear-inspector")
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,24 +49,51 @@ class Supervisor:
     WATCH_S = 2.0
     REOPEN_MAX_S = 60.0
 
-    def __init__(self, site: SiteFile, clock: Clock, say: Callable[[str], None] = lambda _text: None) -> None:
+    def __init__(
+        self,
+        site: SiteFile,
+        clock: Clock,
+        say: Callable[[str], None] = lambda _text: None,
+        *,
+        only: Collection[str] | None = None,
+    ) -> None:
+        """``only`` names the instruments that are wanted; all of the site's without it."""
         self._site = site
+        self._only = only
         self._clock = clock
         self._say = say
         self._devices: dict[str, Device] = {}
         self._pictures: dict[str, DevicePicture] = {}
+        self._traces: dict[str, Any] = {}
         self._build()
 
     def _build(self) -> None:
         section = self._site.controller
         self._add(self.CONTROLLER, section.driver, "controller", section.url, section.settings)
-        for instrument in self._site.instruments:
-            self._add(instrument.name, instrument.driver, "instrument", instrument.url, instrument.settings)
+        for instrument in self._wanted:
+            role = next((role for role in _ROLES if instrument.driver in registry.known(role)), _ROLES[0])
+            self._add(instrument.name, instrument.driver, role, instrument.url, instrument.settings)
+
+    @property
+    def _wanted(self) -> tuple[InstrumentSection, ...]:
+        return tuple(one for one in self._site.instruments if self._only is None or one.name in self._only)
 
     def _add(self, name: str, driver: str, role: str, url: str, settings: dict[str, Any]) -> None:
         factory = registry.load(driver, role)
         self._devices[name] = cast(Device, factory(name, url, settings, self._clock))
         self._picture(name, driver, "closed")
+
+    def trace_into(self, folder: Path) -> None:
+        """Keep what passes on every instrument's wire from the next opening on, if the site file wants it."""
+        if not self._site.site.trace:
+            return
+        recorder = registry.load("wire-trace", "trace")
+        for section in self._wanted:
+            device = self._devices[section.name]
+            if hasattr(device, "trace"):
+                about = {"driver": section.driver, "url": section.url, "settings": section.settings}
+                self._traces[section.name] = recorder(folder, section.name, self._clock, about)
+                device.trace = self._traces[section.name]
 
     def _picture(
         self,
@@ -98,6 +129,8 @@ class Supervisor:
 
     async def _open(self, name: str) -> tuple[str, TrueflankError | None]:
         driver = self._pictures[name].driver
+        if name in self._traces:
+            self._traces[name].session()
         try:
             identity = await self._devices[name].open(self._timeout(name))
             self._check_serial(name, identity)
@@ -169,3 +202,5 @@ class Supervisor:
             seen = self._pictures[name]
             if seen.state == "open":
                 self._picture(name, seen.driver, "closed", seen.identity)
+        for trace in self._traces.values():
+            trace.close()

@@ -6,11 +6,13 @@ from dataclasses import dataclass
 
 from drivers.clock import Clock
 from drivers.ports import Controller, Instrument
+from drivers.types import StopPlan
 from drivers.units import deviation_scale
 from gateway.capture.readings import Window
 from gateway.config import AxisSection
+from gateway.jogging import jog_through
 from gateway.say import Say, silence
-from gateway.walk import Patience
+from gateway.walk import AtStop, Patience, walk
 
 SETTLE_TIMEOUT_S = 60.0
 
@@ -37,3 +39,10 @@ class Rig:
         measure = self.axis.measure
         stable = measure.stable / deviation_scale(self.axis.unit)
         return Window(measure.settle_s, measure.average_s, stable, SETTLE_TIMEOUT_S)
+
+    async def visit(self, plan: StopPlan, at_stop: AtStop) -> None:
+        """Visit a plan's stops: by a program, or where the road runs none by the operator's hand."""
+        if self.controller.capabilities.programs:
+            await walk(self.controller, plan, at_stop, self.patience, self.say)
+        else:
+            await jog_through(self.controller, self.clock, plan, at_stop, self.patience, self.say)

@@ -13,7 +13,6 @@ from gateway.capture.targets import jog_plan, jog_start
 from gateway.config import AxisSection
 from gateway.domain import SenseProof
 from gateway.errors import Unstable
-from gateway.walk import walk
 
 TOLERANCE = 0.01
 ROTARY_JOG_DEG = 0.1
@@ -41,7 +40,7 @@ async def _linear(rig: Rig) -> SenseProof:
             moved = None if index == 0 else (seen[-1], abs(jog) / 2.0)
             seen.append(float((await _follow(readings, rig.window, moved, axis, jog, seen)).values[0]))
 
-        await walk(rig.controller, plan, at_stop, rig.patience, rig.say)
+        await rig.visit(plan, at_stop)
     there, back = (seen[1] - seen[0]) / jog, (seen[1] - seen[2]) / jog
     return _proof(axis, rig.instrument, (there, back), tuple(seen))
 
@@ -92,7 +91,7 @@ async def _rotary(rig: Rig) -> SenseProof:
                 await read(moved=True)
                 await calibrator.track()
 
-        await walk(rig.controller, plan, at_stop, rig.patience, rig.say)
+        await rig.visit(plan, at_stop)
     axis_ratio = float(seen[1][laser] - seen[0][laser]) / jog
     turn_ratio = float(seen[2][laser] - seen[1][laser]) / -jog
     device_ratio = float(seen[2][device] - seen[1][device]) / -jog

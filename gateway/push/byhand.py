@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
 
-from drivers.errors import TrueflankError
 from drivers.types import AxisState, CompensationTable, PushOrder, Stop, StopPlan, StopReached
-from drivers.units import wrap_deg
+from gateway import jogging
 from gateway.interlocks.table import steepest
-from gateway.push.context import AxisFacts, PushContext
+from gateway.push.context import PushContext
 
-POLL_S = 0.5
 # Jogging is not exact: a place will do while the tables differ there by no more than this, um or arcsec.
 WORTH = 0.25
 NEAREST, FARTHEST = 0.01, 1.0
-STILL = 1e-3
 AtStop = Callable[[Stop, StopReached], Awaitable[None]]
 
 
@@ -31,31 +28,12 @@ async def stand_at(context: PushContext, position: float, room: float) -> AxisSt
     port raises.
     """
     axis = context.moved
-    async with context.clock.deadline(context.start_timeout_s, axis.name):
-        told, before = False, float("nan")
-        while True:
-            seen = await _seen(context, axis)
-            if seen is not None and _is_there(axis, seen, position, room) and abs(seen.position - before) <= STILL:
-                return seen
-            if not told and (seen is None or not _is_there(axis, seen, position, room)):
-                context.say("P-PUSH-JOG", axis=axis.name, position=position, room=round(room, 3), unit=axis.unit)
-                told = True
-            before = seen.position if seen is not None else float("nan")
-            await context.clock.sleep(POLL_S)
+    jogged = jogging.Jogged(axis.name, axis.modulo, context.start_timeout_s)
 
+    def ask() -> None:
+        context.say("P-PUSH-JOG", axis=axis.name, position=position, room=round(room, 3), unit=axis.unit)
 
-async def _seen(context: PushContext, axis: AxisFacts) -> AxisState | None:
-    try:
-        return (await context.controller.state()).axes.get(axis.name)
-    except TrueflankError as error:
-        if not error.retryable:
-            raise
-        return None
-
-
-def _is_there(axis: AxisFacts, seen: AxisState, position: float, room: float) -> bool:
-    away = seen.position - position
-    return seen.in_position and abs(wrap_deg(away) if axis.modulo else away) <= room
+    return await jogging.stand_at(context.controller, context.clock, jogged, position, room, ask)
 
 
 async def visit_by_hand(context: PushContext, plan: StopPlan, at_stop: AtStop, order: PushOrder | None) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Collection
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -78,15 +78,26 @@ def check_name(site: SiteFile, apply: bool, machine_name: str) -> None:
 
 
 @asynccontextmanager
-async def bench(site: SiteFile, site_path: Path, folder: RunFolder, clock: Clock, say: Say) -> AsyncIterator[Bench]:
-    """Open every device (all failures at once), hand out the bench, close everything at the end."""
-    supervisor = Supervisor(site, clock)
+async def bench(
+    site: SiteFile,
+    site_path: Path,
+    folder: RunFolder,
+    clock: Clock,
+    say: Say,
+    instruments: Collection[str] | None = None,
+) -> AsyncIterator[Bench]:
+    """Open the controller and the instruments (all failures at once), hand out the bench, close everything at the end.
+
+    Without ``instruments`` those that measure the site's axes; others may stand in the site file unplugged.
+    """
+    used = {axis.measure.instrument for axis in site.axes} if instruments is None else set(instruments)
+    supervisor = Supervisor(site, clock, only=used)
     supervisor.trace_into(folder.path / "traces")
     store = store_of(site, site_path)
     try:
         machine = await supervisor.open_all()
         folder.set_state("opened", machine=machine)
-        say("P-OPEN", site=site.site.name, serial=machine.serial, count=len(site.instruments) + 1)
+        say("P-OPEN", site=site.site.name, serial=machine.serial, count=len(supervisor.picture()))
         yield Bench(site, site_path, supervisor, machine, folder, store, Proofs(store.root), clock, say)
     finally:
         await supervisor.close_all()

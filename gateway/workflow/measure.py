@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from drivers import registry
-from drivers.errors import ConfigError
+from drivers.errors import ConfigError, UnsupportedDevice
 from drivers.types import FloatArray, LiveSet, MeasuredSet, Stop, StopReached
 from drivers.units import deviation_unit
 from gateway.capture.corrected import from_file, from_live
@@ -67,6 +67,8 @@ async def measure_axis(at: Bench, axis: AxisSection, phase: stages.Phase) -> Mea
 
 
 async def _live(at: Bench, axis: AxisSection, phase: stages.Phase) -> tuple[Capture, tuple[str, ...]]:
+    if not at.supervisor.controller.capabilities.programs:
+        raise UnsupportedDevice("E-RUN-NO-PROGRAMS", axis.name)
     rig = at.rig(axis)
     proof = await prove_sense(rig)
     raw = await capture_axis(rig, proof)
@@ -77,13 +79,13 @@ async def _live(at: Bench, axis: AxisSection, phase: stages.Phase) -> tuple[Capt
 
 async def _from_file(at: Bench, axis: AxisSection) -> tuple[Capture, tuple[str, ...]]:
     path = at.site_path.parent / Path(str(axis.measure.file))
-    measured = _read(path, axis.measure.file_unit, at)
+    measured = read_result(path, axis.measure.file_unit, at)
     at.folder.write_bytes(f"source-{axis.name}{path.suffix}", path.read_bytes())
     live = await fetch_tables(at, axis)
     return from_file(axis, measured, live, path.name), ()
 
 
-def _read(path: Path, unit: str, at: Bench) -> MeasuredSet:
+def read_result(path: Path, unit: str, at: Bench) -> MeasuredSet:
     """A result file, its unit and columns as the site file or an earlier import said them.
 
     Raises ConfigError (E-RUN-FILE) for an ending that holds no results, and what `read_file` raises.
@@ -108,7 +110,12 @@ def live_again(axis: AxisSection, targets: FloatArray) -> AxisSection | None:
 
 
 async def fetch_tables(at: Bench, axis: AxisSection) -> LiveSet:
-    """Read what compensates an axis now by a one-stop program at its reference; writes no table."""
+    """Read what compensates an axis now; writes no table.
+
+    By a one-stop program at its reference; directly where the road runs no programs.
+    """
+    if not at.supervisor.controller.capabilities.programs:
+        return await at.supervisor.controller.saved_tables(axis.name)
     stop = Stop(axis.reference, 1)
     plan = plan_of(axis, (stop,), "", name=f"TFREAD{axis.letter}", dwell_s=0.1)
 

@@ -168,8 +168,9 @@ def _facts_of(axis: AxisSection) -> AxisFacts:
 
 
 def provable(at: Bench, axis: AxisSection) -> bool:
-    """Whether a push can prove a sign itself: an instrument sees the output axis, and programs prove its sense."""
-    return bool(axis.measure.instrument) and at.supervisor.controller.capabilities.programs
+    """Whether a push can prove a sign itself: an instrument sees the output axis, and the table can be switched."""
+    can = at.supervisor.controller.capabilities
+    return bool(axis.measure.instrument) and (can.programs or can.switching)
 
 
 async def _prove(at: Bench, change: TableChange, context: PushContext) -> SignProof:
@@ -210,7 +211,8 @@ async def _prove(at: Bench, change: TableChange, context: PushContext) -> SignPr
 
 
 async def _verify(at: Bench, change: TableChange, before: Measured, push: PushRecord) -> AxisVerdict:
-    again = live_again(at.axis(change.axis), change.targets) if push.outcome in PUSHED else None
+    measurable = push.outcome in PUSHED and at.supervisor.controller.capabilities.programs
+    again = live_again(at.axis(change.axis), change.targets) if measurable else None
     if again is None:
         return unmeasured(change.axis, before.evaluation, change, push)
     after = (await measure_axis(at, again, "after")).evaluation

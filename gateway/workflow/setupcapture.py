@@ -17,7 +17,7 @@ from gateway.domain import Capture
 from gateway.walk import walk
 from gateway.workflow import stages
 from gateway.workflow.bench import Bench
-from gateway.workflow.measure import fetch_tables, reader_of
+from gateway.workflow.measure import fetch_tables, read_result
 from gateway.workflow.setups import Planned
 
 OPTICS = {
@@ -95,7 +95,7 @@ def error_rig(at: Bench, one: Planned) -> ErrorRig:
 async def _from_file(at: Bench, one: Planned) -> tuple[Capture, tuple[str, ...]]:
     path = at.site_path.parent / Path(str(one.setup.path))
     unit = one.setup.unit if one.positioning and one.setup.unit in ("mrad", "urad", "arcsec") else ""
-    measured = reader_of(path, unit).read(path)
+    measured = read_result(path, unit, at)
     at.folder.write_bytes(f"source-{one.key}{path.suffix}", path.read_bytes())
     live = await fetch_tables(at, at.axis(one.axis.name))
     if one.positioning:

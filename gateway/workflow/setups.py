@@ -126,7 +126,7 @@ def remountings(plan: Sequence[Planned]) -> int:
 
 
 def chosen(plan: Sequence[Planned], wanted: Sequence[str]) -> tuple[Planned, ...]:
-    """Those asked for by key or component (all if none is), measured ones only. Raises ConfigError (E-SETUP-UNKNOWN)."""
+    """Those asked for by key or component (none: all), if they are measured. Raises ConfigError (E-SETUP-UNKNOWN)."""
     able = [one for one in plan if one.measured]
     for name in wanted:
         if not any(name in (one.key, one.setup.component, one.setup.name) for one in able):

@@ -12,6 +12,7 @@ from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded
 from drivers.types import (
     Ambient,
+    Capabilities,
     ChannelStatus,
     CompensationTable,
     Identity,
@@ -99,6 +100,10 @@ class LittleMachine:
         if self.task is not None:
             self.task.cancel()
             await asyncio.gather(self.task, return_exceptions=True)
+
+    @property
+    def capabilities(self) -> Capabilities:
+        return Capabilities(programs=True, switching=False, marker=True, consent="nc-start")
 
     async def state(self) -> MachineState:
         running = self.task is not None and not self.task.done()
