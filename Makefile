@@ -31,7 +31,9 @@ bench: $(VENV)/developed
 	$(BIN)/python benchmarks/dynamic.py
 	$(BIN)/python benchmarks/sweep.py
 	$(BIN)/python benchmarks/audit.py
+	$(BIN)/python benchmarks/streams.py
 	$(BIN)/python benchmarks/modbus.py
+	$(BIN)/python benchmarks/push.py
 
 $(VENV)/installed: pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)

@@ -14,9 +14,9 @@ from drivers.types import (
     ClampedPart,
     CompensatedFor,
     CompensationTable,
-    GearInspection,
     GearPlan,
     Identity,
+    InspectedGear,
     LiveSet,
     MachineIdentity,
     MachineState,
@@ -127,7 +127,7 @@ class GearInspector(Device, Protocol):
         """What is clamped now."""
         ...
 
-    async def inspect(self, plan: GearPlan, progress: Callable[[str, int, int], None]) -> GearInspection:
+    async def inspect(self, plan: GearPlan, progress: Callable[[str, int, int], None]) -> InspectedGear:
         """Measure; ``progress`` hears (trace, done, total). Whatever interrupts it aborts the machine's plan.
 
         Raises DeviceRefused (nothing clamped, operator stopped it), TransportError, ProtocolError.

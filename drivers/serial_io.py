@@ -199,8 +199,6 @@ class SerialTransport:
         self._wake()
 
     def _wake(self) -> bool:
-        if self._news.is_set():
-            return True
         try:
             self._loop.call_soon_threadsafe(self._news.set)
         except RuntimeError:  # the loop is closed: nobody listens any more

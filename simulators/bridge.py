@@ -4,21 +4,26 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable, Mapping
+from itertools import pairwise
 from math import isfinite
 from typing import Any
 
 import numpy as np
 
 from drivers.bridge.codec import BridgeCodec, Damaged, Message, Notification, Refusal, Reply, Request
+from drivers.bridge.frames import SampleFrame
 from drivers.bridge.records import (
     BATTERY_LOW,
     BEAM_OBSTRUCTED,
+    BINARY,
     BUSY,
     DATUM,
     ENVIRONMENT,
+    EVENTS,
     HOLD,
     IDENTIFY,
     INVALID_PARAMS,
+    JSON,
     METHOD_NOT_FOUND,
     NOT_REFERENCED,
     OPTICS,
@@ -34,6 +39,7 @@ from drivers.bridge.records import (
     CalibratorStatus,
     Event,
     environment_as_object,
+    events_as_object,
 )
 from drivers.clock import Clock
 from drivers.errors import TransportError
@@ -48,7 +54,7 @@ TURN_LIMIT_DEG = 9000.0
 EMPTY_PCT = 5.0
 
 
-class _Refused(Exception):
+class Refused(Exception):
     def __init__(self, code: int, message: str) -> None:
         super().__init__(message)
         self.code = code
@@ -66,6 +72,7 @@ class BridgeAnswerer(Outlet):
         self._peer: ByteTransport | None = None
         self._codec = BridgeCodec("server")
         self._sequence: int | None = None
+        self._framing = JSON
         self._beam = True
         self._turn = asyncio.Lock()
         self.serial = reader.spec.serial
@@ -98,7 +105,7 @@ class BridgeAnswerer(Outlet):
             return Refusal(message.id, METHOD_NOT_FOUND, f"no method {message.method}")
         try:
             return Reply(message.id, await answer(message.params))
-        except _Refused as refused:
+        except Refused as refused:
             return Refusal(message.id, refused.code, str(refused))
 
     def _answers(self) -> Mapping[str, Answer]:
@@ -119,17 +126,26 @@ class BridgeAnswerer(Outlet):
         spec = self.reader.spec
         notices = ("simulated instrument: its readings are computed from the cell's truth",)
         return BridgeIdentity(
-            "rotary_calibrator", "trueflank", spec.model, self.serial, "1.0", CHANNELS, spec.sample_hz, notices=notices
+            "rotary_calibrator",
+            "trueflank",
+            spec.model,
+            self.serial,
+            "1.0",
+            CHANNELS,
+            spec.sample_hz,
+            notices=notices,
+            framings=(JSON, BINARY),
         ).as_object()
 
-    async def _start(self, _params: Mapping[str, Any]) -> Any:
+    async def _start(self, params: Mapping[str, Any]) -> Any:
         if not self.referenced:
-            raise _Refused(NOT_REFERENCED, "the calibrator has no reference")
+            raise Refused(NOT_REFERENCED, "the calibrator has no reference")
         if self.battery_pct < EMPTY_PCT:
-            raise _Refused(BATTERY_LOW, f"battery at {self.battery_pct:.0f} %")
+            raise Refused(BATTERY_LOW, f"battery at {self.battery_pct:.0f} %")
         await self._pump()
         self._sequence = 0
-        return {}
+        self._framing = BINARY if params.get("framing") == BINARY else JSON
+        return {"framing": self._framing}
 
     async def _stop(self, _params: Mapping[str, Any]) -> Any:
         self._sequence = None
@@ -139,7 +155,7 @@ class BridgeAnswerer(Outlet):
         await self._pump()
         name = self.reader.spec.name
         if name in self._bench.broken or self._bench.mounted(name) is None:
-            raise _Refused(BEAM_OBSTRUCTED, "no light returns to the laser")
+            raise Refused(BEAM_OBSTRUCTED, "no light returns to the laser")
         self.reader.restore_beam()
         return {}
 
@@ -168,7 +184,7 @@ class BridgeAnswerer(Outlet):
     async def _turn_by(self, params: Mapping[str, Any]) -> Any:
         by = params.get("by_deg")
         if isinstance(by, bool) or not isinstance(by, int | float) or not isfinite(by) or abs(by) > TURN_LIMIT_DEG:
-            raise _Refused(INVALID_PARAMS, "by_deg must be a number of degrees")
+            raise Refused(INVALID_PARAMS, "by_deg must be a number of degrees")
         await self._pump()
         self.reader.turn(float(by))
         while self.reader.turning:
@@ -190,9 +206,23 @@ class BridgeAnswerer(Outlet):
                 return
             self._sequence = sequence + len(turns.time_s)
             try:
-                await peer.write(self._codec.send(self._notification(turns, sequence)))
+                await peer.write(b"".join(self._codec.send(item) for item in self._told(turns, sequence)))
             except TransportError:
                 await peer.close()
+
+    def _told(self, turns: Turns, sequence: int) -> list[Message]:
+        """The samples as one line, or as a frame for each stretch with or without the beam."""
+        if self._framing == JSON:
+            return [self._notification(turns, sequence)]
+        events = self._events(turns)
+        told: list[Message] = [Notification(EVENTS, events_as_object(events))] if events else []
+        values = np.column_stack((turns.device_deg, turns.laser_deg)).round(8)
+        edges = [0, *(np.flatnonzero(np.diff(turns.beam)) + 1).tolist(), len(turns.time_s)]
+        step = 1.0 / self.reader.spec.sample_hz
+        for start, end in pairwise(edges):
+            at_s, valid = float(turns.time_s[start]), bool(turns.beam[start])
+            told.append(SampleFrame(sequence + start, at_s, step, values[start:end], valid=valid))
+        return told
 
     def _notification(self, turns: Turns, sequence: int) -> Notification:
         values = {"device_deg": np.round(turns.device_deg, 8), "laser_deg": np.round(turns.laser_deg, 8)}

@@ -1,21 +1,31 @@
-"""Bridge lines: JSON-RPC 2.0, one object a line in UTF-8, to messages and back, pure, in either role.
+"""Bridge lines and frames: JSON-RPC 2.0 objects and binary samples to messages and back, pure, in either role.
 
 Source: JSON-RPC 2.0 specification (2013-01-04) sections 4 and 5, narrowed by docs/instrument-bridge.md:
-parameters by name only, integer ids, no batches, no NaN or Infinity, lines of at most 1 MiB.
+parameters by name only, integer ids, no batches, no NaN or Infinity, lines of at most 1 MiB. Frames stand between
+the lines; after damage the reader goes on at the next frame or line that is whole and right.
 """
 
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from math import isfinite
 from typing import Any, Literal
 
+from drivers.bridge.frames import HEADER_BYTES, MAGIC, SampleFrame, encode, read_header, read_run
 from drivers.errors import LocalProtocolError
 
 Role = Literal["client", "server"]
 LINE_BYTES = 1 << 20
 SHOWN_BYTES = 200
+_BLANK = b"\n\r\t "
+_SPACES = re.compile(rb"[\n\r\t ]*")
+# Bytes that no line of JSON in UTF-8 holds: whatever they belong to is binary, or damage.
+_NO_TEXT = re.compile(rb"[\x00-\x08\x0b\x0c\x0e-\x1f\xc0\xc1\xf5-\xff]")
+_MAY_OVERFLOW = re.compile(rb"[0-9][eE]|[0-9]{300}")
+_BEGINNINGS = re.compile(rb"\xfa(?:TFS|TF\Z|T\Z|\Z)|\{\s*(?:\"|\Z)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,33 +65,45 @@ class Notification:
 
 @dataclass(frozen=True, slots=True)
 class Damaged:
-    """A line that is none of these, as received (its first bytes), and why."""
+    """Bytes that are none of these (the first of them), and why.
+
+    ``skipped`` 0: one line of text; else so many bytes were passed over to the next frame or line.
+    """
 
     raw: bytes
     why: str
+    skipped: int = 0
 
 
-Message = Request | Reply | Refusal | Notification | Damaged
+Message = Request | Reply | Refusal | Notification | Damaged | SampleFrame
 _MAY_SEND: dict[Role, tuple[type, ...]] = {
     "client": (Request,),
-    "server": (Reply, Refusal, Notification),
+    "server": (Reply, Refusal, Notification, SampleFrame),
 }
 
 
 class BridgeCodec:
-    """One end of a bridge line. The client asks; the server answers and notifies."""
+    """One end of a bridge line. The client asks; the server answers, notifies and sends frames.
 
-    def __init__(self, role: Role) -> None:
+    With ``echo`` a client's own questions may come back on its line and are passed over.
+    """
+
+    def __init__(self, role: Role, *, echo: bool = False) -> None:
         self._role = role
+        self._echo = echo
         self._peer: Role = "server" if role == "client" else "client"
-        self._pending = bytearray()
+        self._parts: list[bytes] = []
+        self._held = 0
+        self._needed = 1
         self._overlong = False
 
     def send(self, message: Message) -> bytes:
-        """A message as one line. Raises LocalProtocolError: E-BRIDGE-ROLE, E-BRIDGE-MESSAGE."""
+        """A message as one line or frame. Raises LocalProtocolError: E-BRIDGE-ROLE, E-BRIDGE-MESSAGE."""
         if not isinstance(message, _MAY_SEND[self._role]):
             kind = type(message).__name__
             raise LocalProtocolError("E-BRIDGE-ROLE", "bridge", role=self._role, kind=kind)
+        if isinstance(message, SampleFrame):
+            return encode(message)
         try:
             text = json.dumps(_as_object(message), allow_nan=False, ensure_ascii=False, separators=(",", ":"))
             line = text.encode("utf-8") + b"\n"
@@ -94,25 +116,112 @@ class BridgeCodec:
 
     def receive(self, data: bytes) -> tuple[Message, ...]:
         """Any bytes to the messages they complete; what is no message comes as `Damaged`. Never raises."""
-        self._pending += data
-        *lines, rest = self._pending.split(b"\n")
-        self._pending = rest
-        found = [self._read(bytes(line)) for line in lines]
-        if len(rest) >= LINE_BYTES:
-            self._overlong = True
-            rest.clear()
-        return tuple(message for message in found if message is not None)
+        self._parts.append(data)
+        self._held += len(data)
+        if self._held < self._needed:
+            return ()
+        whole = data if len(self._parts) == 1 else b"".join(self._parts)
+        found: list[Message] = []
+        at = self._read_all(whole, found)
+        rest = whole[at:] if at else whole
+        self._parts, self._held = ([rest] if rest else []), len(rest)
+        return tuple(found)
 
-    def _read(self, line: bytes) -> Message | None:
-        line = line.strip(b" \t\r")
-        if self._overlong or len(line) >= LINE_BYTES:
-            self._overlong = False
+    def _read_all(self, data: bytes, found: list[Message]) -> int:
+        """Append every message that is whole; where the first that is not begins."""
+        at = self._end_of_overlong(data, found) if self._overlong else 0
+        while True:
+            blank = _SPACES.match(data, at)
+            at = blank.end() if blank else at
+            self._needed = 1
+            after = self._read_one(data, at, found) if at < len(data) else at
+            if after == at:
+                return at
+            at = after
+
+    def _read_one(self, data: bytes, at: int, found: list[Message]) -> int:
+        if self._role == "client" and data[at] == MAGIC[0]:
+            return self._read_frame(data, at, found)
+        end = data.find(b"\n", at)
+        if end < 0:
+            return self._wait_for_line(data, at, found)
+        line = data[at:end].strip(_BLANK)
+        message = self._read_line(line)
+        if isinstance(message, Damaged) and _NO_TEXT.search(line):
+            return self._resync(data, at, message.why, found)
+        if message is not None:
+            found.append(message)
+        return end + 1
+
+    def _read_frame(self, data: bytes, at: int, found: list[Message]) -> int:
+        if not MAGIC.startswith(data[at : at + len(MAGIC)]):
+            return self._resync(data, at, "neither a line nor a frame", found)
+        if len(data) - at < HEADER_BYTES:
+            return self._wait(at, HEADER_BYTES)
+        header = read_header(data, at)
+        if header is None:
+            return self._resync(data, at, "a frame's header is damaged", found)
+        end = at + HEADER_BYTES + header.size
+        if len(data) < end:
+            return self._wait(at, end - at)
+        read = read_run(data, at, header)
+        if read is None:
+            return self._resync(data, at, "a frame's samples are damaged", found)
+        found.append(read[0])
+        return read[1]
+
+    def _wait(self, at: int, needed: int) -> int:
+        """Nothing to read before so many bytes are there from ``at`` on."""
+        self._needed = needed
+        return at
+
+    def _wait_for_line(self, data: bytes, at: int, found: list[Message]) -> int:
+        if _NO_TEXT.search(data, at):
+            return self._resync(data, at, "neither a line nor a frame", found)
+        if len(data) - at < LINE_BYTES:
+            return at
+        self._overlong = True
+        return len(data)
+
+    def _end_of_overlong(self, data: bytes, found: list[Message]) -> int:
+        end = data.find(b"\n") + 1
+        if not end:
+            return len(data)
+        self._overlong = False
+        found.append(Damaged(b"", f"a line longer than {LINE_BYTES} bytes"))
+        return end
+
+    def _resync(self, data: bytes, at: int, why: str, found: list[Message]) -> int:
+        """Pass over damage to the next beginning of something right, or that may yet turn out right."""
+        to = at + 1
+        while True:
+            begin = _BEGINNINGS.search(data, to)
+            if begin is None:
+                to = len(data)
+                break
+            to = begin.start()
+            if self._may_begin(data, to):
+                break
+            to += 1
+        found.append(Damaged(data[at : min(to, at + SHOWN_BYTES)], why, to - at))
+        return to
+
+    def _may_begin(self, data: bytes, at: int) -> bool:
+        if data[at] == MAGIC[0]:
+            return len(data) - at < HEADER_BYTES or read_header(data, at) is not None
+        end = data.find(b"\n", at)
+        if end < 0:
+            return len(data) - at < LINE_BYTES and not _NO_TEXT.search(data, at)
+        return not isinstance(self._read_line(data[at:end].strip(_BLANK)), Damaged)
+
+    def _read_line(self, line: bytes) -> Message | None:
+        if len(line) >= LINE_BYTES:
             return Damaged(b"", f"a line longer than {LINE_BYTES} bytes")
-        if not line:
-            return None
         message = parse(line)
         if isinstance(message, (Damaged, *_MAY_SEND[self._peer])):
             return message
+        if self._echo and isinstance(message, Request):
+            return None
         return Damaged(line[:SHOWN_BYTES], f"a {type(message).__name__} is not for a {self._peer} to send")
 
 
@@ -128,18 +237,26 @@ def _as_object(message: Message) -> dict[str, Any]:
         case Refusal(asked, code, text, data):
             extra = {} if data is None else {"data": data}
             return head | {"id": asked, "error": {"code": code, "message": text} | extra}
-        case Damaged():
-            raise TypeError("a damaged line cannot be sent")
+        case Damaged() | SampleFrame():
+            raise TypeError("this is no line")
 
 
 def _refuse_constant(name: str) -> Any:
     raise ValueError(f"{name} is no JSON number")
 
 
+def _finite(text: str) -> float:
+    value = float(text)
+    if not isfinite(value):
+        raise ValueError(f"{text[:20]} is beyond all bounds")
+    return value
+
+
 def parse(line: bytes) -> Message:
     """One line, without its end, to a message; `Damaged` says why it is none."""
     try:
-        found = json.loads(line.decode("utf-8"), parse_constant=_refuse_constant)
+        whole = _finite if _MAY_OVERFLOW.search(line) else None
+        found = json.loads(line.decode("utf-8"), parse_constant=_refuse_constant, parse_float=whole)
         return _message(found)
     except (ValueError, RecursionError) as error:
         return Damaged(line[:SHOWN_BYTES], str(error) or type(error).__name__)

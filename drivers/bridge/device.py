@@ -2,40 +2,24 @@
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 from collections.abc import AsyncIterator, Mapping
 from typing import Any
 
 from drivers.bridge import records
-from drivers.bridge.codec import BridgeCodec, Damaged, Message, Notification, Refusal, Reply, Request
+from drivers.bridge.codec import Damaged, Message, Notification
 from drivers.bridge.fields import Fields
-from drivers.bridge.records import BridgeIdentity, BridgeSamples, CalibratorStatus
-from drivers.bridge.refusals import exception_for
+from drivers.bridge.frames import SampleFrame
+from drivers.bridge.line import BridgeLine
+from drivers.bridge.records import BridgeSamples, CalibratorStatus
 from drivers.bridge.settings import BridgeSettings
 from drivers.bridge.stream import BridgeStream
 from drivers.clock import Clock
-from drivers.errors import (
-    DeviceRefused,
-    NotReferenced,
-    RemoteProtocolError,
-    TransportError,
-    TrueflankError,
-    UnsupportedDevice,
-    catalogue,
-)
-from drivers.link import Feed, Link, Trace
-from drivers.transport import open_transport
+from drivers.errors import DeviceRefused, NotReferenced, TrueflankError, catalogue
+from drivers.link import Feed, Trace
 from drivers.types import Ambient, CompensatedFor, Identity, Optics, SampleBlock
 
-BridgeLink = Link[Request, Message]
-
-
-def _belongs(question: Request, answer: Message) -> bool:
-    """An answer belongs by its id; a bridge that could not read our line refuses with no id."""
-    if isinstance(answer, Refusal):
-        return answer.id in (question.id, None)
-    return isinstance(answer, Reply) and answer.id == question.id
+CHECK_S = 10.0
 
 
 class BridgeInstrument:
@@ -43,126 +27,77 @@ class BridgeInstrument:
 
     def __init__(self, name: str, url: str, settings: Mapping[str, Any], clock: Clock) -> None:
         self.name = name
-        self.trace: Trace | None = None
-        self._url = url
         self._clock = clock
         self._settings = BridgeSettings.read(settings, name)
-        self._timeout_s = 5.0
-        self._link: BridgeLink | None = None
-        self._reader: asyncio.Task[None] | None = None
         self._feed = Feed(name)
+        self._line = BridgeLine(name, url, self._settings, clock, self._hear, self._lost)
         self._stream: BridgeStream | None = None
-        self._who: BridgeIdentity | None = None
+        self._framed = False
         self._battery_pct: float | None = None
-        self._asked = 0
+        self._checked_at = 0.0
+
+    @property
+    def trace(self) -> Trace | None:
+        """Called with every piece of bytes; set before `open`."""
+        return self._line.trace
+
+    @trace.setter
+    def trace(self, trace: Trace | None) -> None:
+        self._line.trace = trace
 
     @property
     def channels(self) -> tuple[str, ...]:
         """As the bridge names them, with units; empty before the first `open`."""
-        return self._who.channels if self._who else ()
+        return self._line.who.channels if self._line.who else ()
 
     @property
     def compensated_for(self) -> CompensatedFor:
         """As the bridge says; "nothing" before the first `open`."""
-        return self._who.compensated_for if self._who else "nothing"
+        return self._line.who.compensated_for if self._line.who else "nothing"
 
     @property
     def notices(self) -> tuple[str, ...]:
         """What the instrument cannot see, in the bridge's words, and a battery that runs low."""
-        said = self._who.notices if self._who else ()
+        said = self._line.who.notices if self._line.who else ()
         low = self._battery_pct is not None and self._battery_pct < self._settings.battery_warn_pct
         return (*said, catalogue()["N-BRIDGE-BATTERY"]["what"]) if low else said
 
     async def open(self, timeout_s: float) -> Identity:
-        """Connect and identify; the same limit then holds for every later request.
-
-        Raises what `open_transport` raises; DeadlineExceeded; UnsupportedDevice (E-BRIDGE-VERSION);
-        RemoteProtocolError (E-BRIDGE-FIELD, E-BRIDGE-LINE, E-LINK-STRAY).
-        """
+        """Connect and identify. Raises what `BridgeLine.open` raises."""
         await self.close()
-        started = self._clock.now()
-        self._timeout_s = timeout_s
-        wire = await open_transport(self._url, self._clock, timeout_s, baudrate=self._settings.baudrate)
-        self._begin(
-            Link(
-                self.name,
-                wire,
-                BridgeCodec("client"),
-                self._clock,
-                is_answer=lambda message: isinstance(message, Reply | Refusal),
-                matches=_belongs,
-                trace=self.trace,
-            )
-        )
-        try:
-            left_s = max(timeout_s - (self._clock.now() - started), 0.0)
-            self._who = self._checked(await self._call(records.IDENTIFY, timeout_s=left_s))
-        except BaseException:
-            await self.close()
-            raise
-        who = self._who
+        self._feed, self._stream, self._battery_pct = Feed(self.name), None, None
+        who = await self._line.open(timeout_s)
         return Identity("bridge", f"{who.maker} {who.model}".strip(), who.serial, who.firmware, who.notices)
 
-    def _checked(self, result: Any) -> BridgeIdentity:
-        version = Fields(result, self.name).integer("protocol")
-        if version != records.PROTOCOL:
-            known = records.PROTOCOL
-            raise UnsupportedDevice("E-BRIDGE-VERSION", self.name, found=version, known=known)
-        return BridgeIdentity.read(result, self.name)
+    def _hear(self, message: Message) -> None:
+        stream = self._stream
+        if isinstance(message, SampleFrame):
+            self._publish(stream.take_frame(message) if stream else None)
+        elif isinstance(message, Damaged):
+            self._hear_damage(message)
+        elif isinstance(message, Notification) and message.method == records.SAMPLES:
+            samples = BridgeSamples.read(message.params, self.channels, self.name)
+            self._publish(stream.take(samples) if stream else None)
+        elif isinstance(message, Notification) and message.method == records.EVENTS and stream is not None:
+            stream.note(records.read_events(message.params, self.name))
 
-    def _begin(self, link: BridgeLink) -> None:
-        self._link, self._who, self._stream, self._battery_pct = link, None, None, None
-        self._feed = Feed(self.name)
-        follow = self._follow(link, self._feed)
-        self._reader = asyncio.get_running_loop().create_task(follow, name=f"reader of {self.name}")
+    def _hear_damage(self, message: Damaged) -> None:
+        """Between frames damage is passed over and counted; a line that cannot be read ends the conversation."""
+        if not (message.skipped and self._framed):
+            raise self._line.damaged(message)
+        if self._stream is not None:
+            self._stream.spoil(message.skipped)
 
-    async def _follow(self, link: BridgeLink, feed: Feed) -> None:
-        try:
-            while True:
-                self._hear(await link.news(), feed)
-        except TrueflankError as error:
-            link.fail(error)
-            feed.fail(error)
-
-    def _hear(self, message: Message, feed: Feed) -> None:
-        if self._who is None:
-            return  # left over from before the line was opened
-        if isinstance(message, Damaged):
-            raise RemoteProtocolError("E-BRIDGE-LINE", self.name, why=message.why, raw=repr(message.raw))
-        if not isinstance(message, Notification) or message.method != records.SAMPLES:
-            return
-        samples = BridgeSamples.read(message.params, self._who.channels, self.name)
-        block = self._stream.take(samples) if self._stream else None
+    def _publish(self, block: SampleBlock | None) -> None:
         if block is not None:
-            feed.publish(block)
+            self._feed.publish(block)
 
-    async def _call(
-        self, method: str, params: Mapping[str, Any] | None = None, *, timeout_s: float | None = None
-    ) -> Any:
-        """Ask once and return the result; a refusal comes as the exception that says who must act."""
-        if self._link is None:
-            raise self._closed()
-        self._asked += 1
-        limit_s = self._timeout_s if timeout_s is None else timeout_s
-        answer = await self._link.exchange(Request(self._asked, method, params or {}), limit_s)
-        if isinstance(answer, Reply):
-            return answer.result
-        if isinstance(answer, Refusal):
-            raise exception_for(answer, method, self.name)
-        raise RemoteProtocolError("E-BRIDGE-LINE", self.name, why="no answer", raw=repr(answer))
+    def _lost(self, error: TrueflankError) -> None:
+        self._feed.fail(error)
 
     async def close(self) -> None:
         """Let go of the wire and end the stream; never raises."""
-        reader, link, self._reader, self._link = self._reader, self._link, None, None
-        if reader is not None:
-            reader.cancel()
-            await asyncio.gather(reader, return_exceptions=True)
-        if link is not None:
-            await link.close()
-        self._feed.fail(self._closed())
-
-    def _closed(self) -> TransportError:
-        return TransportError("E-LINK-CLOSED", self.name, why="this end is closed")
+        await self._line.close()
 
     async def optics(self) -> Optics:
         """What is in the beam; "unknown" where the instrument cannot tell."""
@@ -176,7 +111,7 @@ class BridgeInstrument:
 
     async def _if_it_can(self, method: str) -> Any:
         try:
-            return await self._call(method)
+            return await self._line.call(method)
         except DeviceRefused as error:
             if error.code == "E-BRIDGE-UNSUPPORTED":
                 return None
@@ -186,39 +121,66 @@ class BridgeInstrument:
         """Start the stream and give samples from now on; stop it when the caller leaves.
 
         Raises DeviceRefused (E-BRIDGE-UNSUPPORTED, E-BRIDGE-BATTERY), NotReferenced at the start; ends with
-        TransportError or RemoteProtocolError.
+        TransportError, RemoteProtocolError, NotReferenced or DeviceRefused (E-BRIDGE-EMPTY: the battery).
         """
         await self._check_ready()
         # What still comes of an older stream until the answer is here belongs to nobody.
         self._stream = None
-        await self._call(records.START)
-        stream = self._stream = BridgeStream(self.channels, self.name)
+        await self._start()
+        order = self._line.who.order if self._line.who else None
+        stream = self._stream = BridgeStream(self.channels, self.name, order)
         try:
             async with contextlib.aclosing(self._feed.follow(self._clock, self._settings.stale_s)) as feed:
                 async for block in feed:
                     yield block
+                    await self._check_fit(block)
         finally:
             if self._stream is stream:
                 await self._stop()
 
+    async def _start(self) -> None:
+        """Ask for frames where bridge and site file allow them; older bridges know no parameters here."""
+        framings = self._line.who.framings if self._line.who else ()
+        self._framed = False
+        if records.BINARY in framings and self._settings.framing != records.JSON:
+            answer = Fields(await self._line.call(records.START, {"framing": records.BINARY}), self.name)
+            self._framed = answer.text("framing", records.JSON) == records.BINARY
+        elif self._settings.framing == records.BINARY:
+            said = "it sends no binary frames"
+            raise DeviceRefused("E-BRIDGE-UNSUPPORTED", self.name, method=records.START, said=said)
+        else:
+            await self._line.call(records.START)
+
     async def _stop(self) -> None:
         self._stream = None
-        if self._link is not None and self._link.failure is None:
+        if self._line.works:
             with contextlib.suppress(TrueflankError):
-                await self._call(records.STOP)
+                await self._line.call(records.STOP)
 
     async def _check_ready(self) -> None:
-        if self._who is not None and not self._who.sample_rate_hz:
+        if self._line.who is not None and not self._line.who.sample_rate_hz:
             said = "this instrument does not stream"
             raise DeviceRefused("E-BRIDGE-UNSUPPORTED", self.name, method=records.START, said=said)
-        if self._who is None or self._who.kind != "rotary_calibrator":
+        await self._check_calibrator("E-BRIDGE-BATTERY", self._settings.battery_refuse_pct)
+
+    async def _check_fit(self, block: SampleBlock) -> None:
+        """A calibrator that lost its reference or runs empty ends the stream before its readings go wrong."""
+        if any(event.startswith("reference_lost") for event in block.events):
+            raise NotReferenced("E-BRIDGE-REFERENCE", self.name, said="reference lost while it streamed")
+        warned = any(event.startswith("battery_low") for event in block.events)
+        if warned or self._clock.now() >= self._checked_at + CHECK_S:
+            await self._check_calibrator("E-BRIDGE-EMPTY", self._settings.battery_stop_pct)
+
+    async def _check_calibrator(self, code: str, least_pct: float) -> None:
+        self._checked_at = self._clock.now()
+        if self._line.who is None or self._line.who.kind != "rotary_calibrator":
             return
-        status = CalibratorStatus.read(await self._call(records.STATUS), self.name)
+        status = CalibratorStatus.read(await self._line.call(records.STATUS), self.name)
         self._battery_pct = status.battery_pct
         if not status.referenced:
             raise NotReferenced("E-BRIDGE-REFERENCE", self.name, said="referenced is false")
-        if status.battery_pct is not None and status.battery_pct < self._settings.battery_refuse_pct:
-            raise DeviceRefused("E-BRIDGE-BATTERY", self.name, said=f"{status.battery_pct:g} % left")
+        if status.battery_pct is not None and status.battery_pct < least_pct:
+            raise DeviceRefused(code, self.name, said=f"{status.battery_pct:g} % left")
 
     async def hold(self) -> None:
         """Stop following: the device keeps its own angle while the axis moves."""
@@ -233,7 +195,7 @@ class BridgeInstrument:
         await self._calibrator(records.TURN, {"by_deg": by_deg})
 
     async def _calibrator(self, method: str, params: Mapping[str, Any] | None = None) -> None:
-        if self._who is not None and self._who.kind != "rotary_calibrator":
-            said = f"it is a {self._who.kind}"
+        if self._line.who is not None and self._line.who.kind != "rotary_calibrator":
+            said = f"it is a {self._line.who.kind}"
             raise DeviceRefused("E-BRIDGE-UNSUPPORTED", self.name, method=method, said=said)
-        await self._call(method, params, timeout_s=self._settings.turn_timeout_s)
+        await self._line.call(method, params, timeout_s=self._settings.turn_timeout_s)

@@ -20,6 +20,8 @@ PROTOCOL = 1
 
 IDENTIFY = "bridge.identify"
 START, STOP, SAMPLES, DATUM = "stream.start", "stream.stop", "stream.samples", "stream.datum"
+EVENTS = "stream.events"
+JSON, BINARY = "json", "binary"
 ENVIRONMENT, OPTICS = "environment.read", "optics.read"
 HOLD, TRACK, TURN, STATUS = "calibrator.hold", "calibrator.track", "calibrator.turn", "calibrator.status"
 
@@ -34,13 +36,18 @@ CHANNELS: Mapping[str, tuple[str, ...]] = {
     "laser": ("displacement_mm",),
     "rotary_calibrator": ("device_deg", "laser_deg"),
 }
+KIND_UNITS: Mapping[str, tuple[str, ...]] = {"angle": ("_arcsec",), "straightness": ("_um",)}
 # Events after which counts are lost: nothing is valid until the next datum.
 BREAKS = ("beam_obstructed", "overspeed", "reference_lost")
 
 
 @dataclass(frozen=True, slots=True)
 class BridgeIdentity:
-    """Who stands behind the bridge; the result of ``bridge.identify``."""
+    """Who stands behind the bridge; the result of ``bridge.identify``.
+
+    ``channels`` in the order of the port; ``sent`` in the order the bridge named them, which is that of a
+    frame's columns ((): the same). ``framings`` are the forms its stream can have.
+    """
 
     kind: Kind
     maker: str
@@ -52,11 +59,21 @@ class BridgeIdentity:
     compensated_for: CompensatedFor = "nothing"
     protocol: int = PROTOCOL
     notices: tuple[str, ...] = ()
+    framings: tuple[str, ...] = (JSON,)
+    sent: tuple[str, ...] = ()
+
+    @property
+    def order(self) -> tuple[int, ...]:
+        """For each channel, its column in a frame."""
+        sent = self.sent or self.channels
+        return tuple(sent.index(name) for name in self.channels)
 
     def as_object(self) -> dict[str, Any]:
         """For the wire."""
         names = ("protocol", "kind", "maker", "model", "serial", "firmware", "sample_rate_hz", "compensated_for")
-        lists = {"channels": list(self.channels), "notices": list(self.notices)}
+        lists = {"channels": list(self.sent or self.channels), "notices": list(self.notices)}
+        if self.framings != (JSON,):
+            lists["framings"] = list(self.framings)
         return {name: getattr(self, name) for name in names} | lists
 
     @classmethod
@@ -77,6 +94,8 @@ class BridgeIdentity:
             compensated_for=cast(CompensatedFor, _one_of(fields, "compensated_for", get_args(CompensatedFor))),
             protocol=fields.integer("protocol"),
             notices=_texts(fields, "notices"),
+            framings=_texts(fields, "framings") or (JSON,),
+            sent=_texts(fields, "channels"),
         )
 
 
@@ -95,12 +114,13 @@ def _texts(fields: Fields, name: str) -> tuple[str, ...]:
 
 
 def _channels(fields: Fields) -> tuple[str, ...]:
-    names = _texts(fields, "channels")
-    wanted = CHANNELS.get(fields.text("kind"), names)
+    names, kind = _texts(fields, "channels"), fields.text("kind")
+    wanted = CHANNELS.get(kind, names)
     if sorted(names) != sorted(wanted) or len(set(names)) != len(names):
         raise fields.wrong("channels", f"{wanted}", names)
-    if not all(name.endswith(UNITS) for name in names):
-        raise fields.wrong("channels", "names that end in a unit: " + " ".join(UNITS), names)
+    units = KIND_UNITS.get(kind, UNITS)
+    if not all(name.endswith(units) for name in names) or (kind in KIND_UNITS and not names):
+        raise fields.wrong("channels", "names that end in a unit: " + " ".join(units), names)
     return wanted
 
 
@@ -179,6 +199,16 @@ def _valid(fields: Fields, length: int) -> NDArray[np.bool_]:
     return np.array(flags, np.bool_)
 
 
+def read_events(found: Any, where: str) -> tuple[Event, ...]:
+    """The parameters of ``stream.events``."""
+    return _events(Fields(found, where))
+
+
+def events_as_object(events: tuple[Event, ...]) -> dict[str, Any]:
+    """For the wire."""
+    return {"events": [{"kind": event.kind, "at_s": event.at_s} for event in events]}
+
+
 def _events(fields: Fields) -> tuple[Event, ...]:
     found = fields.get("events", [])
     if not isinstance(found, list):
@@ -212,17 +242,26 @@ def environment_as_object(ambient: Ambient) -> dict[str, Any]:
     return {name: getattr(ambient, name) for name in names} | {"material_degc": list(ambient.material_degc)}
 
 
+# What no shop floor has: a sensor that is broken, or a value in another unit.
+POSSIBLE: Mapping[str, tuple[float, float]] = {
+    "air_degc": (-40.0, 80.0),
+    "pressure_hpa": (500.0, 1200.0),
+    "humidity_pct": (0.0, 100.0),
+    "material_degc": (-40.0, 150.0),
+}
+
+
 def read_environment(found: Any, where: str) -> Ambient:
-    """``environment.read``'s result as a record."""
+    """``environment.read``'s result as a record; an impossible value is refused by its name."""
     fields = Fields(found, where)
-    material = fields.array("material_degc", fields.get("material_degc", []))
-    return Ambient(
-        fields.maybe("air_degc"),
-        fields.maybe("pressure_hpa"),
-        fields.maybe("humidity_pct"),
-        tuple(material.tolist()),
-        fields.number("age_s", 0.0),
-    )
+    material = tuple(fields.array("material_degc", fields.get("material_degc", [])).tolist())
+    air, pressure, humidity = (fields.maybe(name) for name in ("air_degc", "pressure_hpa", "humidity_pct"))
+    told = [("air_degc", air), ("pressure_hpa", pressure), ("humidity_pct", humidity)]
+    for name, value in (*told, *(("material_degc", value) for value in material)):
+        low, high = POSSIBLE[name]
+        if value is not None and not low <= value <= high:
+            raise fields.wrong(name, f"between {low:g} and {high:g}, or null where there is no sensor", value)
+    return Ambient(air, pressure, humidity, material, fields.number("age_s", 0.0))
 
 
 def read_optics(found: Any, where: str) -> Optics:

@@ -9,15 +9,15 @@ named below; 8 .. 15 exist where the counter has more than one axis.
 from __future__ import annotations
 
 import re
+from collections import Counter
 from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers.errors import LocalProtocolError
+from drivers.umd.numerals import NARROW, IntArray, read_table, salvage
 
-IntArray = NDArray[np.int64]
 Role = Literal["client", "server"]
 
 SEQUENCE, CODE, DATA = 5, 6, 7
@@ -32,10 +32,9 @@ SAMPLE_FREQUENCY, FIRMWARE, HOMODYNE = 8, 10, 20
 
 LINE_BYTES = 4096
 TEXT_CHARS = 200
-VALUE_LIMIT = 1 << 32
-_LONGEST = 18
-_SMALL_BYTES = 2048
 _SWITCH_AFTER = 8
+# Where more than one line in so many is a stranger, looking at each line costs no more than sorting them out.
+_FEW = 8
 _NUMBER = re.compile(rb"(?:0|-?[1-9][0-9]{0,17})\Z")
 _BREAKS = re.compile(rb"[\r\n]+")
 
@@ -70,39 +69,7 @@ def encode_rows(rows: IntArray) -> bytes:
 def _in_range(rows: IntArray) -> bool:
     # The sequence number alone is 64 bits wide in the uMD2.
     narrow = np.delete(rows, SEQUENCE, axis=1)
-    return bool(narrow.max() < VALUE_LIMIT and narrow.min() > -VALUE_LIMIT)
-
-
-def parse_clean(text: bytes, width: int) -> IntArray | None:
-    """Lines ending in LF to rows, all at once; None unless every byte is as the counter prints it."""
-    if text.translate(None, b"0123456789- \n"):
-        return None
-    raw = np.frombuffer(text, np.uint8)
-    ends = np.flatnonzero(raw <= ord(" "))
-    if len(ends) % width:
-        return None
-    breaks = raw[ends].reshape(-1, width)
-    if (breaks[:, -1] != ord("\n")).any() or (breaks[:, :-1] != ord(" ")).any():
-        return None
-    if not _well_formed(raw, ends):
-        return None
-    rows = np.fromstring(text, np.int64, sep=" ").reshape(-1, width)
-    return rows if _in_range(rows) else None
-
-
-def _well_formed(raw: NDArray[np.uint8], ends: NDArray[np.intp]) -> bool:
-    """No empty or endless number, no minus but in front, no leading zero."""
-    lengths = np.diff(ends, prepend=-1) - 1
-    if lengths.min() < 1 or lengths.max() > _LONGEST:
-        return False
-    starts = ends - lengths
-    first = raw[starts]
-    minus = first == ord("-")
-    if np.count_nonzero(raw == ord("-")) != np.count_nonzero(minus):
-        return False
-    if (raw[starts[minus] + 1] < ord("1")).any():
-        return False
-    return not ((first == ord("0")) & (lengths > 1)).any()
+    return bool(narrow.max() < NARROW and narrow.min() > -NARROW)
 
 
 def _parse_line(line: bytes) -> list[int] | None:
@@ -111,7 +78,21 @@ def _parse_line(line: bytes) -> list[int] | None:
         return None
     values = [int(token) for token in tokens]
     narrow = values[:SEQUENCE] + values[SEQUENCE + 1 :]
-    return values if max(map(abs, narrow)) < VALUE_LIMIT else None
+    return values if max(map(abs, narrow)) < NARROW else None
+
+
+def _one_line_end(text: bytes) -> bytes:
+    """The same lines, each ended by one LF, empty ones left out."""
+    if b"\r" in text:
+        # Taking the CR away is quick where each belongs to a LF; a mixture of line ends is rare.
+        text = text.translate(None, b"\r") if text.count(b"\r") == text.count(b"\r\n") else _BREAKS.sub(b"\n", text)
+    return _BREAKS.sub(b"\n", text).lstrip(b"\n") if b"\n\n" in text or text[:1] == b"\n" else text
+
+
+def _joined(parts: list[IntArray]) -> IntArray:
+    if len(parts) == 1:
+        return parts[0]
+    return np.concatenate(parts) if parts else np.empty((0, WIDTHS[0]), np.int64)
 
 
 class _Collected:
@@ -138,7 +119,7 @@ class _Collected:
 
     def finish(self) -> tuple[UmdLines, ...]:
         """Close the message that grows; all of them so far."""
-        rows = np.concatenate(self._rows) if self._rows else np.empty((0, WIDTHS[0]), np.int64)
+        rows = _joined(self._rows)
         lines = UmdLines(rows, tuple(self._text), self._damaged, self._damaged_bytes)
         self._rows, self._text, self._damaged, self._damaged_bytes = [], [], 0, 0
         if lines:
@@ -156,7 +137,8 @@ class UmdCodec:
     def __init__(self, role: Role, *, join_late: bool = False) -> None:
         self._role = role
         self._joining = join_late
-        self._pending = bytearray()
+        self._pending = b""
+        self._cut_in_two = False
         self._overlong = 0
         self._width: int | None = None
         self._other_width = 0
@@ -170,14 +152,23 @@ class UmdCodec:
 
     def receive(self, data: bytes) -> tuple[UmdLines, ...]:
         """Any bytes to what they complete; the rest of a line waits for the next call. Never raises."""
-        self._pending += data
-        cut = max(self._pending.rfind(b"\n"), self._pending.rfind(b"\r")) + 1
-        whole = bytes(self._pending[:cut])
-        del self._pending[:cut]
+        if self._pending:
+            data = b"".join((self._pending, data))
+        cut = max(data.rfind(b"\n"), data.rfind(b"\r")) + 1
+        whole, self._pending = self._mended(data[:cut]), data[cut:]
         found = _Collected()
         self._read(self._without_beginnings(whole, found), found)
         self._cap()
         return found.finish()
+
+    def _mended(self, whole: bytes) -> bytes:
+        """A CR LF that was cut in two belongs to the line before it."""
+        if self._cut_in_two and whole[:1] == b"\n":
+            whole = whole[1:]
+        if not whole:
+            return whole
+        self._cut_in_two = whole.endswith(b"\r")
+        return whole + b"\n" if self._cut_in_two else whole
 
     def _without_beginnings(self, whole: bytes, found: _Collected) -> bytes:
         """Cut off the end of an overlong line, or of the line in whose middle we came."""
@@ -192,15 +183,21 @@ class UmdCodec:
     def _cap(self) -> None:
         if self._overlong or len(self._pending) > LINE_BYTES:
             self._overlong += len(self._pending)
-            self._pending.clear()
+            self._pending = b""
 
     def _read(self, whole: bytes, found: _Collected) -> None:
-        text = whole.replace(b"\r\n", b"\n")
-        if b"\r" in text or b"\n\n" in text or text[:1] == b"\n":
-            text = _BREAKS.sub(b"\n", text).lstrip(b"\n")
-        text = self._read_until_width(text, found)
+        if self._width is not None and whole:
+            rows = read_table(whole, self._width, SEQUENCE)
+            if rows is not None:
+                self._take_rows(rows, found)
+                return
+        text = self._read_until_width(_one_line_end(whole), found)
         if text:
-            self._read_block(text, found)
+            self._read_damaged(text, self._width or WIDTHS[0], found)
+
+    def _take_rows(self, rows: IntArray, found: _Collected) -> None:
+        found.add_rows(rows)
+        self._other_width = 0
 
     def _read_until_width(self, text: bytes, found: _Collected) -> bytes:
         """Line by line to the first good one, which sets the width; the text after it."""
@@ -211,20 +208,27 @@ class UmdCodec:
             at = end + 1
         return text[at:]
 
-    def _read_block(self, text: bytes, found: _Collected) -> None:
-        """Read all at once if clean; else halve, so that damage costs only its own neighbourhood."""
-        rows = parse_clean(text, self._width or WIDTHS[0])
-        if rows is not None:
-            found.add_rows(rows)
-            self._other_width = 0
-            return
-        middle = text.find(b"\n", len(text) // 2) + 1
-        if len(text) <= _SMALL_BYTES or not 0 < middle < len(text):
+    def _read_damaged(self, text: bytes, width: int, found: _Collected) -> None:
+        """The good lines all at once, the strangers among them one by one; all one by one where they are many."""
+        made = salvage(text, width, SEQUENCE)
+        few = len(made.strangers) * _FEW <= len(made.rows)
+        if not few or self._longest_run(made.strangers) >= _SWITCH_AFTER:
             for line in text[:-1].split(b"\n"):
                 self._read_line(line, found)
             return
-        self._read_block(text[:middle], found)
-        self._read_block(text[middle:], found)
+        done = 0
+        for before, line in made.strangers:
+            if before > done:
+                self._take_rows(made.rows[done:before], found)
+                done = before
+            self._read_line(line, found)
+        if done < len(made.rows):
+            self._take_rows(made.rows[done:], found)
+
+    def _longest_run(self, strangers: tuple[tuple[int, bytes], ...]) -> int:
+        """Strangers without a good line between them, with those that ended the last piece."""
+        runs = Counter(before for before, _line in strangers)
+        return max(runs.values(), default=0) + self._other_width
 
     def _read_line(self, line: bytes, found: _Collected) -> None:
         values = _parse_line(line) if len(line) <= LINE_BYTES else None

@@ -16,7 +16,7 @@ from drivers.errors import (
     catalogue,
 )
 from drivers.link import Feed, Link, Trace
-from drivers.transport import open_transport
+from drivers.transport import hardware_of, open_transport
 from drivers.types import Ambient, CompensatedFor, Identity, Optics, SampleBlock
 from drivers.umd.codec import UmdCodec, UmdLines
 from drivers.umd.counting import CHANNELS, UmdCounting
@@ -25,6 +25,8 @@ from drivers.umd.settings import UmdSettings
 # One round of uMD0's low-speed codes; after that the firmware version is not waited for any longer.
 ROUND_LINES = 300
 GARBAGE_S = 5.0
+# Less than this without a line is a line that drips, not a wrong baud rate.
+NOISE_BYTES = 200
 
 
 class UmdCounter:
@@ -42,6 +44,8 @@ class UmdCounter:
         self._reader: asyncio.Task[None] | None = None
         self._known = asyncio.Event()
         self._failure: TrueflankError | None = None
+        self._serial = url
+        self._met: tuple[object, ...] | None = None
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -64,14 +68,17 @@ class UmdCounter:
         """Connect and wait until the counter has said its sample frequency and counts per cycle, twice.
 
         Raises what `open_transport` raises; DeadlineExceeded (E-UMD-SILENT); UnsupportedDevice (E-UMD-BAUD,
-        E-UMD-CODES, E-UMD-AXIS).
+        E-UMD-CODES, E-UMD-AXIS; E-UMD-OTHER: not the counter that was met at the first opening).
         """
         await self.close()
         started = self._clock.now()
         wire = await open_transport(self._url, self._clock, timeout_s, baudrate=self._settings.baudrate)
+        # A uMD has no number of its own: that of its USB chip, else the wire it hangs on, is all to know it by.
+        self._serial = hardware_of(wire) or self._url
         self._begin(Link(self.name, wire, UmdCodec("client", join_late=True), self._clock, trace=self.trace))
         try:
             await self._wait_known(started + timeout_s)
+            self._check_same()
         except BaseException:
             await self.close()
             raise
@@ -128,12 +135,21 @@ class UmdCounter:
         baudrate = self._settings.baudrate
         return UnsupportedDevice("E-UMD-BAUD", self.name, received=received, baudrate=baudrate)
 
+    def _check_same(self) -> None:
+        """After a replug the same counter must answer: another one would count on with another scale."""
+        counting = self._counting
+        met = (self._serial, counting.sample_rate_hz, counting.counts_per_cycle, counting.low_speed.firmware)
+        if self._met is None:
+            self._met = met
+        if met != self._met:
+            found, before = (", ".join(map(str, which)) for which in (met, self._met))
+            raise UnsupportedDevice("E-UMD-OTHER", self.name, found=found, before=before)
+
     def _identity(self) -> Identity:
         low = self._counting.low_speed
         kind = "heterodyne" if low.axes == 0 else "homodyne"
         model = f"uMD counter, {kind}, {self._counting.sample_rate_hz:g} Hz"
-        # A uMD has no serial number: the wire it hangs on is all there is to know it by.
-        return Identity("umd", model, self._url, low.firmware, self.notices)
+        return Identity("umd", model, self._serial, low.firmware, self.notices)
 
     async def close(self) -> None:
         """Let go of the wire and end the stream; never raises."""
@@ -169,6 +185,7 @@ class UmdCounter:
                     lines, received = self._counting.lines, link.received
                     yield block
         except TransportError as error:
-            if error.code == "E-LINK-STALE" and link.received > received and self._counting.lines == lines:
-                raise self._wrong_baud(link.received - received) from error
+            noise = link.received - received
+            if error.code == "E-LINK-STALE" and noise >= NOISE_BYTES and self._counting.lines == lines:
+                raise self._wrong_baud(noise) from error
             raise

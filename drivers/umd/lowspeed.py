@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from drivers.errors import RemoteProtocolError
 from drivers.types import Ambient
 from drivers.umd.codec import (
@@ -13,15 +15,21 @@ from drivers.umd.codec import (
     FIRMWARE,
     HOMODYNE,
     HUMIDITY,
+    LASER_POWER,
     MATERIAL_TEMPERATURE,
     PRESSURE,
     SAMPLE_FREQUENCY,
-    IntArray,
+    SIGNAL_STRENGTH,
 )
+from drivers.umd.numerals import IntArray
 
 # Divisors of the numbers sent: hundredths of degC, of mbar (= hPa), of Hz; tenths of a per cent.
 _DIVISOR = {AIR_TEMPERATURE: 100.0, MATERIAL_TEMPERATURE: 100.0, PRESSURE: 100.0, HUMIDITY: 10.0}
 FIRMWARE_SCALE = 100
+# What no shop floor has is no reading: a sensor that is missing or broken.
+_POSSIBLE = {AIR_TEMPERATURE: (-40.0, 80.0), MATERIAL_TEMPERATURE: (-40.0, 150.0), PRESSURE: (500.0, 1200.0)}
+_POSSIBLE[HUMIDITY] = (0.0, 100.0)
+DIAGNOSTICS = (101, 102, 111, 112, 121, 122)
 
 
 @dataclass(slots=True)
@@ -51,10 +59,12 @@ class LowSpeed:
         self._where = where
         self._facts = {SAMPLE_FREQUENCY: Fact(), FIRMWARE: Fact(), HOMODYNE: Fact()}
         self._ambient: dict[int, tuple[float, int]] = {}
+        self._latest: dict[int, int] = {}
 
     def read(self, rows: IntArray, ticks: IntArray) -> None:
         """Take in rows and their ticks (n,). Raises RemoteProtocolError (E-UMD-CHANGED)."""
-        codes, data = rows[:, CODE], rows[:, DATA]
+        said = np.flatnonzero(rows[:, CODE])
+        codes, data = rows[said, CODE], rows[said, DATA]
         for code, fact in self._facts.items():
             values: list[int] = data[codes == code].tolist()
             if values and not (fact.candidate is None and set(values) == {fact.value}):
@@ -62,7 +72,31 @@ class LowSpeed:
         for code, divisor in _DIVISOR.items():
             at = (codes == code).nonzero()[0]
             if len(at):
-                self._ambient[code] = float(data[at[-1]]) / divisor, int(ticks[at[-1]])
+                self._ambient[code] = float(data[at[-1]]) / divisor, int(ticks[said[at[-1]]])
+        for code in (LASER_POWER, SIGNAL_STRENGTH, *DIAGNOSTICS):
+            at = (codes == code).nonzero()[0]
+            if len(at):
+                self._latest[code] = int(data[at[-1]])
+
+    def signals(self, rows: IntArray) -> tuple[IntArray, IntArray]:
+        """Rows (k,) that say a signal strength (code 2), and what they say."""
+        at = np.flatnonzero(rows[:, CODE] == SIGNAL_STRENGTH)
+        return at, rows[at, DATA]
+
+    @property
+    def laser_power(self) -> int | None:
+        """Code 1, in the counter's own unit; None while not heard."""
+        return self._latest.get(LASER_POWER)
+
+    @property
+    def signal_strength(self) -> int | None:
+        """Code 2, in the counter's own unit; None while not heard."""
+        return self._latest.get(SIGNAL_STRENGTH)
+
+    @property
+    def diagnostics(self) -> dict[int, int]:
+        """Codes 101 to 122 as last heard."""
+        return {code: value for code, value in self._latest.items() if code in DIAGNOSTICS}
 
     def _offer(self, code: int, fact: Fact, values: list[int]) -> None:
         before = fact.value
@@ -97,8 +131,11 @@ class LowSpeed:
         return f"{version}.{sub}" if sub > 0 else version
 
     def ambient(self, tick: int, sample_rate_hz: float) -> Ambient:
-        """Latest readings, as old as the oldest of them; a pressure of zero is a sensor that is not there."""
-        here = {code: found for code, found in self._ambient.items() if code != PRESSURE or found[0] > 0}
+        """Latest readings, as old as the oldest of them; an impossible one is a sensor that is not there."""
+        possible = {code: _POSSIBLE[code] for code in self._ambient}
+        here = {
+            code: found for code, found in self._ambient.items() if possible[code][0] <= found[0] <= possible[code][1]
+        }
         oldest = min((at for _value, at in here.values()), default=tick)
         value = {code: found[0] for code, found in here.items()}
         material = value.get(MATERIAL_TEMPERATURE)

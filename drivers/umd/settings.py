@@ -20,7 +20,8 @@ class UmdSettings:
 
     ``counts_per_cycle`` counts for each half wavelength of path (4 coarse, 16 fine quadrature).
     ``count_size_nm`` for a quadrature output already scaled to a length; ``compensated_for`` must then say
-    what that scaling holds. ``axis`` 1..3. ``max_speed_mm_s``: a faster step is not believed.
+    what that scaling holds. Samples while the counter tells a signal strength (code 2) below ``least_signal``
+    are not believed. ``axis`` 1..3. ``max_speed_mm_s``: a faster step is not believed.
     """
 
     baudrate: int = 115_200
@@ -31,6 +32,7 @@ class UmdSettings:
     axis: int = 1
     sample_rate_hz: float = 0.0
     max_speed_mm_s: float = 4000.0
+    least_signal: int = 0
     stale_s: float = 5.0
 
     @classmethod
@@ -53,6 +55,7 @@ class UmdSettings:
             ("axis", self.axis in (1, 2, 3), "must be 1, 2 or 3"),
             ("sample_rate_hz", self.sample_rate_hz >= 0, "must be 0 or more"),
             ("max_speed_mm_s", self.max_speed_mm_s > 0, "must be above 0"),
+            ("least_signal", self.least_signal >= 0, "must be 0 or more"),
             ("stale_s", self.stale_s > 0, "must be above 0"),
             (
                 "compensated_for",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from gateway.cli import auditing, connecting, consenting, dynamic, importing, replaying, watching
+from gateway.cli import auditing, connecting, consenting, dynamic, importing, measuring, replaying, watching
 from gateway.cli.commands import app
 from gateway.cli.show import show_error
 
@@ -15,6 +15,7 @@ replaying.add_to(app)
 importing.add_to(app)
 watching.add_to(app)
 dynamic.add_to(app)
+measuring.add_to(app)
 
 
 def main() -> None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from drivers.bridge import records
 from drivers.bridge.codec import BridgeCodec, Message, Notification, Refusal, Reply, Request
+from drivers.bridge.frames import SampleFrame
 from drivers.bridge.records import BridgeIdentity, BridgeSamples, CalibratorStatus, environment_as_object
 from drivers.clock import Clock
 from drivers.errors import TransportError
@@ -53,7 +54,7 @@ class _Scripted:
         self.skip = 0
         self._wires: list[ByteTransport] = []
         self._cut = asyncio.Event()
-        self.sent = 0
+        self.count = 0
 
     def drop(self) -> None:
         self._cut.set()
@@ -67,7 +68,7 @@ class _Scripted:
 
     async def _put(self, wire: ByteTransport, data: bytes) -> None:
         if self.garbage:
-            data = bytes(np.random.default_rng(self.sent).integers(128, 256, 200, np.uint8))
+            data = bytes(np.random.default_rng(self.count).integers(128, 256, 200, np.uint8))
         if not self.silent:
             await wire.write(self.bend(data))
 
@@ -81,8 +82,8 @@ class ScriptedUmd(_Scripted):
 
     def rows(self, count: int) -> np.ndarray:
         """The next lines."""
-        numbers = self.sent + self.skip + np.arange(count)
-        self.sent += count + self.skip
+        numbers = self.count + self.skip + np.arange(count)
+        self.count += count + self.skip
         self.skip = 0
         rows = np.zeros((count, 8), np.int64)
         rows[:, 2], rows[:, 3], rows[:, SEQUENCE] = 2 * numbers, 2, numbers
@@ -107,6 +108,8 @@ class ScriptedBridge(_Scripted):
 
     driver = "bridge"
     channels = ("device_deg", "laser_deg")
+    framings: tuple[str, ...] = ("json",)
+    sent: tuple[str, ...] = ()
 
     def __init__(self, clock: Clock) -> None:
         super().__init__(clock)
@@ -117,6 +120,8 @@ class ScriptedBridge(_Scripted):
         self.refusals: dict[str, Refusal] = {}
         self.id_shift = 0
         self.streaming = False
+        self.framed = False
+        self.sent_count = 0
 
     async def converse(self, wire: ByteTransport) -> None:
         self.streaming = False
@@ -144,6 +149,7 @@ class ScriptedBridge(_Scripted):
                 channels = self.channels if self.kind == "rotary_calibrator" else ("displacement_mm",)
                 identity = BridgeIdentity(
                     self.kind, "Example", "RC-1", "K12345", "2.0", channels, 1000.0, protocol=self.protocol,  # type: ignore[arg-type]
+                    framings=self.framings, sent=self.sent,
                 )  # fmt: skip
                 return identity.as_object()
             case records.STATUS:
@@ -154,7 +160,9 @@ class ScriptedBridge(_Scripted):
                 return {"kind": "rotary"}
             case records.START | records.STOP:
                 self.streaming = message.method == records.START
-                self.sent = 0
+                self.sent_count = 0
+                self.framed = message.params.get("framing") == "binary"
+                return {"framing": "binary"} if self.framed else {}
         return {}
 
     async def _stream(self, wire: ByteTransport) -> None:
@@ -163,19 +171,29 @@ class ScriptedBridge(_Scripted):
             while True:
                 await self._pace()
                 if self.streaming:
-                    sequence = self.sent + self.skip
+                    sequence = self.sent_count + self.skip
                     now += self.skip
-                    self.sent, self.skip = sequence + count, 0
+                    self.sent_count, self.skip = sequence + count, 0
                     await self._put(wire, codec.send(self._samples(sequence, now, count)))
                 now += count
         except TransportError:
             await wire.close()
 
-    def _samples(self, sequence: int, now: int, count: int) -> Notification:
+    def _samples(self, sequence: int, now: int, count: int) -> Message:
         time_s = (now + np.arange(count)) / RATE_HZ
+        if self.framed:
+            columns = [self.channels.index(name) for name in self.sent or self.channels]
+            return SampleFrame(sequence, now / RATE_HZ, 1 / RATE_HZ, self.expected(time_s)[:, columns])
         values = dict(zip(self.channels, self.expected(time_s).T, strict=True))
         samples = BridgeSamples(sequence, now / RATE_HZ, 1 / RATE_HZ, values, np.ones(count, bool))
         return Notification(records.SAMPLES, samples.as_object())
 
     def expected(self, time_s: np.ndarray) -> np.ndarray:
         return np.column_stack((-time_s, np.zeros_like(time_s)))
+
+
+class ScriptedFrames(ScriptedBridge):
+    """The same calibrator sending binary frames, its columns the other way round."""
+
+    framings = ("json", "binary")
+    sent = ("laser_deg", "device_deg")

@@ -135,7 +135,7 @@ def clean_stream(count: int, seed: int = 1) -> np.ndarray:
 
 @given(st.integers(1, 200), st.randoms(use_true_random=False))
 @settings(max_examples=60, deadline=None)
-def test_fault_01_any_split_gives_the_same_samples_even_where_bytes_are_damaged(count: int, chance: random.Random) -> None:
+def test_fault_01_any_split_gives_the_same_samples_even_with_damage(count: int, chance: random.Random) -> None:
     wire = bytearray(encode_rows(clean_stream(count)))
     for _ in range(chance.randrange(8)):
         wire[chance.randrange(len(wire))] = chance.randrange(256)

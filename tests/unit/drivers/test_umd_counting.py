@@ -184,11 +184,11 @@ def test_fault_28_a_restart_marks_its_sample_and_time_goes_on() -> None:
 
 def test_a_lone_absurd_sequence_number_goes_with_its_row() -> None:
     counter = ready()
-    rows = rows_of(np.arange(6), 64)
+    rows = rows_of(np.arange(8), 64)
     rows[2, SEQUENCE] += 1 << 25
-    rows[4, SEQUENCE] = 3
+    rows[5, SEQUENCE] = 3
     blocks = counter.take(UmdLines(rows))
-    assert joined(blocks)[0].tolist() == [0.064, 0.065, 0.067, 0.069]
+    assert joined(blocks)[0].tolist() == [0.064, 0.065, 0.067, 0.068, 0.070, 0.071]
     assert joined(blocks)[3] == 2
     assert "2 damaged lines" in blocks[0].events[0]
 

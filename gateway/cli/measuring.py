@@ -1,0 +1,124 @@
+"""The commands `measure` and `guard`: all errors of a machine set-up by set-up, and whether an approved curve holds."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from gateway.cli.commands import JsonOption, SiteArgument
+from gateway.cli.show import progress, show_json, show_table
+
+
+def add_to(app: typer.Typer) -> None:
+    """Give the command line these commands."""
+    app.command("measure")(measure_command)
+    app.command("guard")(guard_command)
+
+
+def measure_command(
+    site: SiteArgument,
+    setups: Annotated[
+        list[str] | None, typer.Option(help="Only this set-up or component; may be repeated.", show_default=False)
+    ] = None,
+    resume: Annotated[str, typer.Option(help="Go on with this run: folder or id.", show_default=False)] = "",
+    plan: Annotated[bool, typer.Option("--plan", help="Show the set-ups in their order and measure nothing.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Measure every error of the plan, set-up by set-up, and say which set-up would be worth most next."""
+    from drivers.clock import LoopClock
+    from gateway.config import load_site
+    from gateway.workflow.bench import store_of
+    from gateway.workflow.components import measure_site
+
+    tree = load_site(site)
+    if plan:
+        _show_plan(tree, as_json=as_json)
+        return
+    folder = store_of(tree, site).open(resume) if resume else None
+    tooth = _tooth(tree, site)
+
+    async def main(say: Any) -> Any:
+        asked = {"wanted": tuple(setups or ()), "resume": folder, "tooth": tooth}
+        return await measure_site(tree, site, clock=LoopClock(), say=say, **asked)
+
+    with progress(quiet=as_json) as say:
+        outcome = asyncio.run(main(say))
+    if as_json:
+        show_json(outcome.as_data())
+    else:
+        _tell(outcome)
+
+
+def guard_command(
+    site: SiteArgument,
+    axis: Annotated[str, typer.Option(help="Machine axis to check, e.g. C1.")],
+    run: Annotated[str, typer.Option(help="Run whose curve was approved: folder or id.")],
+    limit: Annotated[
+        float | None, typer.Option(min=0.01, help="Allowed change, um or arcsec.", show_default=False)
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Check one axis at few targets: still valid (0), re-measure this axis (20), cannot tell (21)."""
+    from drivers.clock import LoopClock
+    from gateway.config import load_site
+    from gateway.workflow.bench import store_of
+    from gateway.workflow.guard import guard_site
+
+    tree = load_site(site)
+    folder = store_of(tree, site).open(run)
+
+    async def main(say: Any) -> Any:
+        return await guard_site(tree, site, folder, axis, clock=LoopClock(), say=say, limit=limit)
+
+    with progress(quiet=as_json) as say:
+        outcome = asyncio.run(main(say))
+    if as_json:
+        show_json(outcome.as_data())
+    else:
+        for line in outcome.lines:
+            typer.echo(line)
+    if outcome.exit_code:
+        raise typer.Exit(outcome.exit_code)
+
+
+def _tooth(tree: Any, site: Path) -> Any:
+    """The work the site file names; None without. Raises what reading a gear file raises."""
+    if tree.work is None:
+        return None
+    from gateway.correct.undone import Tooth
+    from gateway.study.files import load_gear
+    from gateway.study.machine import gear_of
+
+    file = load_gear(site.parent / tree.work.gear)
+    return Tooth(gear_of(file), file.grinding.centre_distance_mm, tree.work.height_mm)
+
+
+def _show_plan(tree: Any, *, as_json: bool) -> None:
+    from gateway.workflow.setups import planned, remountings
+
+    found = planned(tree)
+    rows = [
+        (one.key, one.setup.component, one.axis.name, one.setup.instrument or one.setup.source, one.setup.source)
+        for one in found
+    ]
+    if as_json:
+        keys = ("setup", "component", "axis", "instrument", "source")
+        plan = [dict(zip(keys, row, strict=True)) for row in rows]
+        show_json({"plan": plan, "remountings": remountings(found)})
+        return
+    show_table("set-ups in their order", ("set-up", "component", "axis", "instrument", "source"), rows)
+    typer.echo(f"{len(found)} set-ups, {remountings(found)} times another instrument, axis or artefact")
+
+
+def _tell(outcome: Any) -> None:
+    rows = [
+        (row.name, f"{row.low:+.2f}", f"{row.high:+.2f}", f"{row.U:.2f}", row.unit, row.state) for row in outcome.rows
+    ]
+    show_table("errors of the machine (U: k = 2)", ("error", "low", "high", "U", "unit", "state"), rows)
+    for line in outcome.model.said:
+        typer.echo(f"  note: {line}")
+    typer.echo(outcome.advice)
+    typer.echo(f"run folder: {outcome.run_folder}")
