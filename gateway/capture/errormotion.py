@@ -140,8 +140,9 @@ class ErrorCollection(Collection):
         """Any air will do."""
 
     def doubt(self, read: float, wanted: float) -> Doubt:
-        """A reading out of range; which target it belongs to cannot be told."""
-        return Doubt(read, wanted, wanted, self._largest, rotary=False, targets={})
+        """Raises CaptureError (E-SETUP-TOUCHED): optics that stand elsewhere now lean otherwise too."""
+        shift = f"{read - wanted:+.6g}"
+        raise CaptureError("E-SETUP-TOUCHED", self._axis.name, shift=shift, largest=f"{self._largest:g}")
 
 
 async def capture_error(rig: ErrorRig) -> RawCapture:

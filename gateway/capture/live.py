@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drivers.errors import BeamObstructed, TrueflankError
-from drivers.ports import Instrument, RotaryCalibrator
+from drivers.ports import Instrument, RotaryCalibrator, TypedInstrument
 from drivers.types import Ambient, ChannelStatus, FloatArray, LiveSet, Stop, StopPlan, StopReached
 from gateway.capture.collecting import Collection
 from gateway.capture.diagnosis import FROZEN_TARGETS, cause
@@ -224,10 +224,13 @@ class Visits:
         air = await self._rig.instrument.ambient() if self._taken % self._per_pass == 0 else None
         if air is not None and found.datum is None:
             found.admit(air, self._rig.instrument)
-        reading = await self._readings.settled(
-            self._rig.window, expect=found.expectation(stop), moved_from=found.departure(stop, first=first)
+        expected = found.expectation(stop)
+        if expected is not None and isinstance(self._rig.instrument, TypedInstrument):
+            self._rig.instrument.expect(f"{self._rig.axis.name} {stop.target:g}", *expected)
+        departed = found.departure(stop, first=first)
+        found.take(
+            stop, reading := await self._readings.settled(self._rig.window, expect=expected, moved_from=departed)
         )
-        found.take(stop, reading)
         if air is not None:
             found.ambients.append(air)
             found.ambient_times.append(reading.time_s)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from drivers.errors import UnsupportedDevice
+from drivers.errors import BeamObstructed, UnsupportedDevice
 from drivers.types import Stop, StopReached
 from drivers.units import DeviationUnit
 from gateway.capture.errormotion import ErrorReadings, ErrorRig
+from gateway.capture.readings import Reading
 from gateway.capture.targets import jog_plan, jog_start
 from gateway.walk import walk
 
@@ -32,8 +33,8 @@ class MountingProof:
 async def prove_mounting(rig: ErrorRig) -> MountingProof:
     """Let the operator mount what MSG says, ask the instrument what it has, and jog the axis.
 
-    Raises UnsupportedDevice (E-SETUP-OPTICS: other optics; E-SETUP-JOG: it follows the travel or does not come
-    back), BeamObstructed without light, Unstable.
+    Raises UnsupportedDevice (E-SETUP-OPTICS: other optics; E-SETUP-LIGHT: no valid reading with them;
+    E-SETUP-JOG: it follows the travel or does not come back), Unstable.
     """
     seen: list[float] = []
     told: list[str] = []
@@ -43,7 +44,7 @@ async def prove_mounting(rig: ErrorRig) -> MountingProof:
             if index == 0:
                 told.append(await _optics(rig))
                 readings.datum()
-            reading = await readings.settled(rig.window)
+            reading = await _lit(rig, readings)
             seen.append(float(rig.combine(reading.values[None, :])[0]))
 
         plan = jog_plan(rig.axis, jog_start(rig.axis, rig.jog), rig.jog, rig.setup)
@@ -51,6 +52,15 @@ async def prove_mounting(rig: ErrorRig) -> MountingProof:
     _plausible(rig, seen)
     component = rig.axis.measure.component
     return MountingProof(rig.instrument.name, rig.axis.name, component, told[0], rig.unit, rig.jog, tuple(seen))
+
+
+async def _lit(rig: ErrorRig, readings: ErrorReadings) -> Reading:
+    """A settled reading; without a valid one what is mounted is not what was asked for, or not aligned."""
+    try:
+        return await readings.settled(rig.window)
+    except BeamObstructed as error:
+        component = rig.axis.measure.component
+        raise UnsupportedDevice("E-SETUP-LIGHT", rig.instrument.name, component=component) from error
 
 
 async def _optics(rig: ErrorRig) -> str:

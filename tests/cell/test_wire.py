@@ -51,7 +51,7 @@ def test_a_run_over_the_wires_makes_the_axis_better(trueflank_cell: Any) -> None
     site = _short_site(cell)
     code, out, _err = _ended("check", str(site), "--connect", "--json")
     assert code == 0
-    assert {device["device"] for device in json.loads(out)["devices"]} == {"controller", "laser", "calibrator"}
+    assert {device["device"] for device in json.loads(out)["devices"]} >= {"controller", "laser", "calibrator"}
     before = cell.ask("figures", axis="C1")["live"]
     code, out, err = _ended("run", str(site), "--apply", "--machine", MACHINE, "--json")
     assert code == 0, err
