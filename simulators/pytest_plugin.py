@@ -99,25 +99,37 @@ class CellStarter:
         self._running: list[WireCell] = []
 
     def __call__(
-        self, source: str | Path = "demo", *, speed: float = 100.0, seed: int | None = None, flip: bool = False
+        self,
+        source: str | Path = "demo",
+        *,
+        speed: float = 100.0,
+        seed: int | None = None,
+        flip: bool = False,
+        options: Sequence[str] = (),
     ) -> WireCell:
-        """Start a cell as a process of its own; it is stopped at the end of the test."""
-        options = ["--speed", str(speed), *(["--seed", str(seed)] if seed is not None else [])]
-        cell = WireCell(self._next_folder(), source, options + (["--flip"] if flip else []))
+        """Start a cell as a process of its own; it is stopped at the end of the test.
+
+        ``options`` are further ones of `python -m simulators.cell`, e.g. ("--road", "modbus").
+        """
+        own = ["--speed", str(speed), *(["--seed", str(seed)] if seed is not None else [])]
+        cell = WireCell(self._next_folder(), source, [*own, *(["--flip"] if flip else []), *options])
         self._running.append(cell)
         return cell
 
     def in_memory(
         self, main: Callable[[Any], Coroutine[Any, Any, T]], source: str | Path = "demo", **options: Any
     ) -> T:
-        """Run `main(cell)` beside a cell in one process and virtual time; options as for simulators.cell.Cell."""
+        """Run `main(cell)` beside a cell in one process and virtual time; options as for simulators.cell.Cell.
+
+        ``wires`` is "memory" unless told otherwise.
+        """
         from drivers.clock import LoopClock, run_virtual  # noqa: PLC0415 - pytest loads this file on every run
         from simulators.cell import cell_running  # noqa: PLC0415
 
         folder = self._next_folder()
 
         async def whole() -> T:
-            async with cell_running(source, folder, LoopClock(), wires="memory", **options) as cell:
+            async with cell_running(source, folder, LoopClock(), **{"wires": "memory", **options}) as cell:
                 return await main(cell)
 
         return run_virtual(whole)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import itertools
-import secrets
 from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any, Literal
@@ -13,25 +12,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.clock import Clock, LoopClock
-from simulators.bridge import BridgeAnswerer
 from simulators.cell.control import CellNck, ControlPanel, live_deviation, spec_of
+from simulators.cell.instruments import Instruments
+from simulators.cell.mailboxpanel import MailboxPanel
 from simulators.cell.results import CapturePc
-from simulators.cell.site import site_text
-from simulators.cellfile import Axis, CellFile, load_cell
+from simulators.cell.roads import Roads
+from simulators.cell.shopfloor import Shopfloor
+from simulators.cell.site import gear_text, site_text
+from simulators.cellfile import Axis, CellFile, load_cell, with_roads
 from simulators.faults import FaultPlan
-from simulators.opcua import SinumerikServer
+from simulators.grinding import WorkPiece
+from simulators.modbus import PlcStation
 from simulators.operator import Operator
-from simulators.optics import Bench, LaserCounter, RotaryReader
+from simulators.optics import Bench
+from simulators.outlet import Outlet
 from simulators.truth import Truth
-from simulators.umd import UmdAnswerer
 
 __all__ = ["Cell", "cell_running"]
 
 FloatArray = NDArray[np.float64]
 Wires = Literal["tcp", "memory"]
-USER = "trueflank"
-# In virtual time nobody is kept waiting by a slow poll, and every poll costs the test real time.
-VIRTUAL_PACE = {"poll_s": 1.0, "fast_poll_s": 0.4}
 _numbers = itertools.count(1)
 
 
@@ -41,6 +41,8 @@ class Cell:
     `source` is a packaged cell's name, a path or a `CellFile`; `seed` redraws the truth, `flip` reverses all
     its signs. `wires` "tcp" listens on free loopback ports, "memory" stays in this process and loop (OPC UA
     is on loopback in both). ``block_s`` is how much instrument time one block of a stream holds, at least.
+    ``road`` "opcua", "modbus" or "both" stands before the cell file's `roads`, ``modbus`` over its settings of
+    the PLC; ``faults`` are named by instrument, or "plc".
     """
 
     def __init__(
@@ -55,37 +57,32 @@ class Cell:
         block_s: float = 0.25,
         faults: dict[str, FaultPlan] | None = None,
         site_path: Path | None = None,
+        road: str = "",
+        modbus: dict[str, Any] | None = None,
     ) -> None:
-        self.file = source if isinstance(source, CellFile) else load_cell(source)
+        self.file = with_roads(source if isinstance(source, CellFile) else load_cell(source), road, modbus or {})
         self.clock = clock
         self.truth = Truth(self.file, seed, flip=flip)
         self.site_path = site_path or folder / "site.toml"
         self.nck = CellNck(spec_of(self.file, self.truth.seed), clock)
         self.panel = ControlPanel(self.nck)
         self.bench = Bench(self.truth, self.nck)
-        axes = [axis.name for axis in self.file.axes]
-        self.operator = Operator(self.file.operator, self.panel, self.bench, clock, axes)
+        self.shop = Shopfloor(self.file, self.bench, clock)
         self._folder = folder
         self._wires = wires
         self._number = next(_numbers)
-        self.instruments = {
-            spec.name: self._answerer(spec.name, block_s, (faults or {}).get(spec.name))
-            for spec in self.file.instruments
-        }
+        self.instruments = Instruments(self.bench, clock, block_s, faults or {}, self._to_inspect).all()
         self._urls: dict[str, str] = {}
-        self.password = secrets.token_urlsafe(12)
-        self.server = SinumerikServer(self.nck, clock, self._server_settings())
+        memory = f"cell-{self._number}" if wires == "memory" else ""
+        self.roads = Roads(self.file, self.nck, clock, folder, memory, (faults or {}).get("plc"))
+        self.server, self.plc, self.password = self.roads.server, self.roads.plc, self.roads.password
+        self.mailbox = MailboxPanel(self.plc) if self.plc is not None else None
+        axes = [axis.name for axis in self.file.axes]
+        self.operator = Operator(self.file.operator, self.panel, self.bench, clock, axes, self.mailbox, self.shop)
 
-    def _answerer(self, name: str, block_s: float, plan: FaultPlan | None) -> UmdAnswerer | BridgeAnswerer:
-        spec = next(found for found in self.file.instruments if found.name == name)
-        around = plan.around if plan is not None else None
-        if spec.kind == "umd":
-            return UmdAnswerer(LaserCounter(spec, self.bench), self.bench, self.clock, block_s, around)
-        return BridgeAnswerer(RotaryReader(spec, self.bench), self.bench, self.clock, block_s, around)
-
-    def _server_settings(self) -> dict[str, Any]:
-        own = {"users": {USER: self.password}, "folder": str(self._folder / "control")}
-        return own | self.file.machine.opcua
+    def _to_inspect(self) -> WorkPiece | None:
+        """The part ground last, carried to the inspection machine; nobody takes it out of a running program."""
+        return None if self.nck.channel_status != 0 else self.shop.carried()
 
     async def start(self) -> Path:
         """Switch everything on; returns the site file's path."""
@@ -93,8 +90,9 @@ class Cell:
         await self._power_up()
         for name, answerer in self.instruments.items():
             self._urls[name] = await answerer.start(self._url(name))
-        await self.server.start()
+        await self.roads.start()
         self.operator.start()
+        self.shop.start()
         self._write_site()
         return self.site_path
 
@@ -114,23 +112,21 @@ class Cell:
         return "socket://127.0.0.1:0" if kind == "umd" else "tcp://127.0.0.1:0"
 
     def _write_site(self) -> None:
-        secret = self._folder / "password.txt"
-        secret.touch(mode=0o600)
-        secret.write_text(self.password + "\n", encoding="utf-8")
-        settings: dict[str, Any] = {"user": USER, "password_file": str(secret.resolve())}
-        certificate = Path(self.server.certificate)
-        settings |= {"security": "Basic256Sha256", "server_certificate": str(certificate.resolve())}
-        if self._wires == "memory":
-            settings |= VIRTUAL_PACE
-        controller = {"url": self.server.url, "settings": settings | self.file.site.controller_settings}
-        text = site_text(self.file, self.file.machine.serial, controller, self._urls)
+        """The site file with the first road; further roads in files beside it, named after them."""
         self.site_path.parent.mkdir(parents=True, exist_ok=True)
-        self.site_path.write_text(text, encoding="utf-8")
+        gear = self.site_path.with_suffix(".gear.toml")
+        if self.file.part is not None:
+            gear.write_text(gear_text(self.file.part), encoding="utf-8")
+        for place, (road, controller) in enumerate(self.roads.sections().items()):
+            path = self.site_path if place == 0 else self.site_path.with_suffix(f".{road}.toml")
+            text = site_text(self.file, self.file.machine.serial, controller, self._urls, str(gear.resolve()))
+            path.write_text(text, encoding="utf-8")
 
     async def stop(self) -> None:
         """Switch everything off, in the other order."""
+        await self.shop.stop()
         await self.operator.stop()
-        await self.server.stop()
+        await self.roads.stop()
         for answerer in self.instruments.values():
             await answerer.stop()
         await self.nck.stop()
@@ -175,13 +171,25 @@ class Cell:
 
     # ------------------------------------------------------------ faults, set live
 
+    async def power_cycle(self) -> None:
+        """The main switch, off and on: the NCK, and the PLC with its wire if there is one."""
+        if self.plc is not None:
+            await self.plc.power_cycle()
+        else:
+            self.nck.power_cycle()
+
+    def outlet(self, name: str) -> Outlet:
+        """An instrument's wire, or that of the PLC by the name "plc"."""
+        return self.plc if name == "plc" and self.plc is not None else self.instruments[name]
+
     async def pull(self, instrument: str) -> None:
         """Pull an instrument's line."""
-        await self.instruments[instrument].pull()
+        await self.outlet(instrument).pull()
 
     async def plug(self, instrument: str) -> None:
         """Put the line back where it was."""
-        await self.instruments[instrument].plug(self._urls[instrument])
+        outlet = self.outlet(instrument)
+        await outlet.plug(outlet.home if isinstance(outlet, PlcStation) else self._urls[instrument])
 
     def beam(self, instrument: str, *, broken: bool) -> None:
         """Put something into the beam, or take it out."""

@@ -19,6 +19,7 @@ from drivers.errors import TransportError, TrueflankError
 from drivers.transport import ByteTransport, serve
 from simulators.cell import Cell
 from simulators.cell.judge import Judge
+from simulators.cellfile import load_cell, with_plan
 
 BLOCK_WALL_S = 0.005
 LOOK_S = 0.2
@@ -33,9 +34,24 @@ def arguments(given: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--speed", type=float, default=1.0, help="machine seconds in one second")
     parser.add_argument("--seed", type=int, help="draw another machine of the same kind")
     parser.add_argument("--flip", action="store_true", help="reverse the sign of every error")
+    parser.add_argument("--plan", action="store_true", help="name every set-up and the work in the site file")
+    parser.add_argument("--road", choices=("opcua", "modbus", "both"), default="", help="ways into the control")
+    parser.add_argument("--framer", choices=("tcp", "rtu"), help="the PLC speaks Modbus TCP or RTU (socket://)")
+    parser.add_argument("--plc-port", help="the PLC's TCP port (default: a free one) or serial port (then RTU)")
+    parser.add_argument("--plc-client-url", help="what the site file names instead, e.g. the cable's other end")
     parser.add_argument("--stop-file", type=Path, help="end when this file appears")
     parser.add_argument("--ignore-stdin", action="store_true", help="do not end with the parent's pipe")
     return parser.parse_args(given)
+
+
+def plc_settings(options: argparse.Namespace) -> dict[str, Any]:
+    """What the command line says of the PLC, as keys of [machine.modbus]."""
+    settings: dict[str, Any] = {"framer": options.framer} if options.framer else {}
+    settings |= {"client_url": options.plc_client_url} if options.plc_client_url else {}
+    port = options.plc_port
+    if port:
+        settings |= {"port": int(port)} if port.isdecimal() else {"port": port, "framer": "rtu"}
+    return settings
 
 
 async def run(options: argparse.Namespace) -> None:
@@ -43,13 +59,15 @@ async def run(options: argparse.Namespace) -> None:
     site = (options.site or Path(tempfile.mkdtemp(prefix="trueflank-cell-")) / "site.toml").resolve()
     clock = LoopClock(options.speed)
     cell = Cell(
-        options.cell,
+        with_plan(load_cell(options.cell)) if options.plan else options.cell,
         site.parent,
         clock,
         seed=options.seed,
         flip=options.flip,
         block_s=max(0.1, BLOCK_WALL_S * options.speed),
         site_path=site,
+        road=options.road,
+        modbus=plc_settings(options),
     )
     judge = Judge(cell)
     try:

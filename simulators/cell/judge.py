@@ -13,7 +13,11 @@ import numpy as np
 from drivers.errors import ConfigError, TrueflankError
 from simulators.cell import Cell
 from simulators.cell.control import with_serial
+from simulators.grinding import WorkPiece
+from simulators.modbus import PlcStation
 from simulators.nck.machine import NckRefusal
+from simulators.sensing import GearAnswerer
+from simulators.umd import UmdAnswerer
 
 Answer = Callable[[Mapping[str, Any]], Any | Awaitable[Any]]
 
@@ -29,6 +33,11 @@ class Judge:
             "tables": self._tables,
             "status": self._status,
             "senses": self._senses,
+            "plc": self._plc,
+            "motion": self._motion,
+            "location": lambda q: {"value": self._cell.truth.location(str(q["name"]))},
+            "part": self._part,
+            "flank": self._flank,
         }
         self._sets: dict[str, Answer] = {
             "pull": lambda q: self._cell.pull(str(q["instrument"])),
@@ -39,7 +48,7 @@ class Judge:
             "serial": self._serial,
             "variable": self._variable,
             "access_level": lambda q: self._cell.nck.set_access_level(int(q["value"])),
-            "power_cycle": lambda _q: self._cell.nck.power_cycle(),
+            "power_cycle": lambda _q: self._cell.power_cycle(),
             "nc_start": lambda _q: self._cell.nck.nc_start(),
             "channel_reset": lambda _q: self._cell.nck.channel_reset(),
             "nck_reset": lambda _q: self._cell.nck.nck_reset(),
@@ -49,9 +58,17 @@ class Judge:
             "acknowledge": lambda _q: self._cell.nck.acknowledge_alarms(),
             "mount": self._mount,
             "override": lambda q: self._cell.nck.set_feed_override(float(q["value"])),
-            "drop_connections": lambda _q: self._cell.server.drop_connections(),
+            "drop_connections": lambda _q: self._cell.roads.drop_connections(),
+            "jog": lambda q: self._cell.operator.jog(str(q["axis"]), float(q["value"])),
+            "confirm": lambda _q: {"taken": self._mailbox().plc.confirm()},
+            "release": self._release,
+            "plc": self._change_plc,
             "cut_after_blocks": self._cut,
             "result_file": self._result_file,
+            "gear_machine": lambda q: self._gear_machine().machine.change(**q["options"]),
+            "reclamp": lambda _q: self._gear_machine().reclamp(),
+            "load_blank": lambda _q: {"done": self._cell.shop.load()},
+            "unload_part": lambda _q: {"done": self._cell.shop.unload()},
         }
 
     async def answer(self, question: Mapping[str, Any]) -> dict[str, Any]:
@@ -80,6 +97,11 @@ class Judge:
         values = unit(str(question["axis"]), places, int(question.get("direction", 1)), question.get("t"))
         kind = self._cell.axis(str(question["axis"])).kind
         return {"deviation": values.tolist(), "unit": "arcsec" if kind == "rotary" else "um"}
+
+    def _motion(self, question: Mapping[str, Any]) -> dict[str, Any]:
+        """{"name": "EYX", "positions"}: an error motion of the truth in um or arcsec, without any reversal."""
+        places = np.asarray(question["positions"], dtype=np.float64)
+        return {"motion": self._cell.truth.motion(str(question["name"]), places).tolist()}
 
     def _figures(self, question: Mapping[str, Any]) -> dict[str, Any]:
         axis, step = str(question["axis"]), float(question.get("step", 0.1))
@@ -123,14 +145,41 @@ class Judge:
         }
 
     def _senses(self, _question: Mapping[str, Any]) -> dict[str, Any]:
-        senses = {
-            name: (answerer.counter if hasattr(answerer, "counter") else answerer.reader).sense
+        readers = {
+            name: answerer.counter if isinstance(answerer, UmdAnswerer) else answerer.reader
             for name, answerer in self._cell.instruments.items()
         }
+        senses = {name: reader.sense for name, reader in readers.items() if hasattr(reader, "sense")}
         return {"instruments": senses, "cec": int(self._cell.nck.spec.cec_sign)}
 
+    def _mailbox(self) -> PlcStation:
+        if self._cell.plc is None:
+            raise ValueError("the cell has no PLC mailbox: its roads are " + ", ".join(self._cell.roads.names))
+        return self._cell.plc
+
+    def _plc(self, _question: Mapping[str, Any]) -> dict[str, Any]:
+        """What the PLC keeps and does: marker, half-written tables, session, whether it waits at the panel."""
+        plc = self._mailbox().plc
+        return {
+            "session": plc.session,
+            "waiting": plc.waiting,
+            "released": plc.released,
+            "half": sorted(plc.memory.half),
+            "marker": list(plc.memory.marker),
+            "marker_state": plc.memory.marker_state,
+            "requests": self._mailbox().served,
+        }
+
+    def _release(self, question: Mapping[str, Any]) -> None:
+        """The local release switch at the panel."""
+        self._mailbox().plc.local_release = bool(question.get("value", True))
+
+    def _change_plc(self, question: Mapping[str, Any]) -> None:
+        """{"options": {...}}: keys of [machine.modbus], from now on."""
+        self._mailbox().plc.change(**question["options"])
+
     def _silent(self, question: Mapping[str, Any]) -> None:
-        self._cell.instruments[str(question["instrument"])].silent = bool(question.get("value", True))
+        self._cell.outlet(str(question["instrument"])).silent = bool(question.get("value", True))
 
     def _serial(self, question: Mapping[str, Any]) -> None:
         with_serial(self._cell.nck, str(question["value"]))
@@ -153,3 +202,34 @@ class Judge:
         path = Path(str(question["path"]))
         made = self._cell.write_result_file(str(question["axis"]), path, int(question.get("repetitions", 5)))
         return {"path": str(made)}
+
+    def _gear_machine(self) -> GearAnswerer:
+        found = (one for one in self._cell.instruments.values() if isinstance(one, GearAnswerer))
+        machine = next(found, None)
+        if machine is None:
+            raise ValueError("the cell has no gear inspection machine")
+        return machine
+
+    def _part(self, _question: Mapping[str, Any]) -> dict[str, Any]:
+        """What is on the table, and the part that was ground last."""
+        shop = self._cell.shop
+        return {"clamped": _told(shop.clamped), "ground": _told(shop.ground)}
+
+    def _flank(self, question: Mapping[str, Any]) -> dict[str, Any]:
+        """{"profile", "width", "share"}: true surplus in um of the part ground last, (spaces, profile, width).
+
+        ``t`` (rad) and ``z`` (mm) say where; profile points go evenly from one tip over the bottom to the other.
+        """
+        work = self._cell.shop.ground
+        if work is None:
+            raise ValueError("no part has been ground yet")
+        t = work.lobes.even(int(question.get("profile", 22)), float(question.get("share", 0.95)))
+        z = np.linspace(-0.5, 0.5, int(question.get("width", 5))) * work.spec.gear.b
+        surplus = work.surplus_um(np.arange(float(work.spec.gear.zc)), t, z)
+        return {"surplus_um": surplus.tolist(), "t": t.tolist(), "z": z.tolist()}
+
+
+def _told(work: WorkPiece | None) -> dict[str, Any] | None:
+    if work is None:
+        return None
+    return {"number": work.number, "spaces": len(work.spaces), "passes": work.passes, "finished": work.finished}

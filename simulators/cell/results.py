@@ -94,8 +94,8 @@ class CapturePc:
     def _noise(self) -> Noise:
         setup = next((s for s in self.bench.cell.setups if s.axis == self.axis.letter), None)
         name = setup.instrument if setup is not None else ""
-        found = (spec.noise for spec in self.bench.cell.instruments if spec.name == name)
-        return next(found, Noise())
+        found = (spec for spec in self.bench.cell.instruments if spec.name == name)
+        return getattr(next(found, None), "noise", Noise())
 
     def _content(self, repetitions: int) -> FileContent:
         length_s = 2 * repetitions * len(self.targets) * STOP_S

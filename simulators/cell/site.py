@@ -5,11 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from simulators.cellfile import Axis, CellFile, Setup
+from simulators.cellfile import Axis, CellFile, Part, Setup
 
 
-def site_text(cell: CellFile, serial: str, controller: Mapping[str, Any], urls: Mapping[str, str]) -> str:
-    """A site file in TOML. `controller` has url, settings and maybe a driver; `urls` names each instrument's wire."""
+def site_text(
+    cell: CellFile, serial: str, controller: Mapping[str, Any], urls: Mapping[str, str], gear: str = ""
+) -> str:
+    """A site file in TOML. `controller` has url, settings and maybe a driver; `urls` names each instrument's wire.
+
+    ``gear`` is the path of the part's gear file; with it and ``[site] plan`` come every set-up and the work.
+    """
     site = cell.site
     parts = [
         f"# Written by the simulated cell {cell.name!r}; valid while it runs.",
@@ -20,14 +25,17 @@ def site_text(cell: CellFile, serial: str, controller: Mapping[str, Any], urls: 
     if site.operator:
         parts.append(section("operator", site.operator))
     parts += [_instrument(cell, name, url) for name, url in urls.items()]
-    parts += [_axis(cell, axis) for axis in cell.axes if axis.measure is not None and axis.table is not None]
+    axes = [axis for axis in cell.axes if axis.measure is not None and axis.table is not None]
+    parts += [_axis(cell, axis) for axis in axes]
+    if site.plan:
+        parts += _plan(cell, {axis.letter: axis.name for axis in axes}, gear)
     return "\n".join(parts)
 
 
 def _instrument(cell: CellFile, name: str, url: str) -> str:
     spec = next(found for found in cell.instruments if found.name == name)
-    driver = "umd" if spec.kind == "umd" else "bridge"
-    serial = spec.serial if driver == "bridge" else ""  # a uMD counter has no serial number of its own
+    driver = {"umd": "umd", "gear": "bridge-gear"}.get(spec.kind, "bridge")
+    serial = spec.serial if driver != "umd" else ""  # a uMD counter has no serial number of its own
     keys: dict[str, Any] = {"name": name, "driver": driver, "url": url, "serial": serial}
     return section("[instruments]", keys | ({"settings": spec.settings} if spec.settings else {}))
 
@@ -49,6 +57,36 @@ def _axis(cell: CellFile, axis: Axis) -> str:
     return "\n".join(
         (section("[axes]", keys), section("axes.measure", measure), section("axes.table", axis.table or {}))
     )
+
+
+def _plan(cell: CellFile, axes: Mapping[str, str], gear: str) -> list[str]:
+    """Every set-up beyond the axes' own, those along a bar with the table at 0 and at 180, and the work."""
+    own = {(str((axis.measure or {}).get("component", "")), axis.letter) for axis in cell.axes}
+    parts = []
+    for setup in cell.setups:
+        if setup.axis in axes and (setup.component, setup.axis) not in own:
+            turns = (0.0, 180.0) if setup.optics == "bar" and setup.axis == "Z" and "C" in axes else (None,)
+            parts += [section("[setups]", _planned(cell, setup, axes, turn)) for turn in turns]
+    if cell.part is not None and gear:
+        parts.append(section("work", {"gear": gear, "height_mm": cell.part.grinding.height_mm}))
+    return parts
+
+
+def _planned(cell: CellFile, setup: Setup, axes: Mapping[str, str], turn: float | None) -> dict[str, Any]:
+    keys: dict[str, Any] = {"axis": axes[setup.axis], "component": setup.component, "instrument": setup.instrument}
+    if any(setup.offset_mm):
+        keys["offset_mm"] = list(setup.offset_mm)
+    certified = getattr(next(spec for spec in cell.instruments if spec.name == setup.instrument), "certified_u", None)
+    if certified is not None:
+        keys["U"] = certified
+    return keys | ({"park": {axes["C"]: turn}} if turn is not None else {})
+
+
+def gear_text(part: Part) -> str:
+    """The part's gear file."""
+    gear = {key: item for key, item in part.gear.model_dump().items() if item or key not in {"drp", "drrp", "drot"}}
+    distance = {"centre_distance_mm": part.grinding.centre_distance_mm}
+    return "\n".join((f"name = {quoted(part.name)}\n", section("gear", gear), section("grinding", distance)))
 
 
 def _setup(cell: CellFile, axis: Axis, component: str) -> Setup | None:

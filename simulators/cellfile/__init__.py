@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -10,7 +11,35 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError, model_validator
 
 from drivers.errors import ConfigError
+from simulators.cellfile.instruments import Calibrator, Instrument, Laser, Noise, Outliers, Sensor, Setup
+from simulators.cellfile.part import InspectionMachine, Part, Wheel
 from simulators.cellfile.terms import Section, Terms
+
+__all__ = [
+    "Axis",
+    "Calibrator",
+    "CellFile",
+    "Climate",
+    "Course",
+    "Hysteresis",
+    "InspectionMachine",
+    "Instrument",
+    "Laser",
+    "Machine",
+    "Noise",
+    "Operator",
+    "Outliers",
+    "Part",
+    "Sensor",
+    "Setup",
+    "SitePart",
+    "Truth",
+    "Wheel",
+    "load_cell",
+    "packaged",
+    "with_plan",
+    "with_roads",
+]
 
 
 class Hysteresis(Section):
@@ -36,6 +65,7 @@ class Axis(Section):
     max_velocity: float = Field(default=10000.0, gt=0)
     servo_time_s: float = Field(default=0.05, gt=0)
     eec_points: tuple[int, int] = (0, 0)
+    absolute_encoder: bool = False
     backlash: float = 0.0
     reversal: Terms = ()
     hysteresis: Hysteresis | None = None
@@ -72,98 +102,20 @@ class Climate(Section):
     material_degc: Course = Course(start=20.0)
 
 
-class Outliers(Section):
-    """Readings that are off for one whole stop: ``count`` of them in each ``every`` stops."""
-
-    count: int = Field(default=0, ge=0)
-    size: float = 0.0
-    every: int = Field(default=0, ge=0, description="0: the stops of one run of the axis")
-
-
-class Noise(Section):
-    """Noise of an instrument in um or arcsec: per stop (what averaging cannot remove) and per sample."""
-
-    stop: float = Field(default=0.0, ge=0)
-    sample: float = Field(default=0.0, ge=0)
-    drift_per_h: float = 0.0
-    outliers: Outliers = Outliers()
-
-
-class Laser(Section):
-    """A laser on a uMD counter: quadrature counts of wavelength / 2 / counts_per_cycle."""
-
-    kind: Literal["umd"]
-    name: str
-    serial: str = "uMD2-0001"
-    firmware: float = 1.26
-    sample_hz: float = Field(default=1000.0, gt=0)
-    counts_per_cycle: int = Field(default=16, gt=0)
-    wavelength_nm: float = Field(default=632.990577, gt=0)
-    sense: Literal["seed", 1, -1] = "seed"
-    noise: Noise = Noise()
-    settings: dict[str, Any] = Field(default_factory=dict)
-
-
-class Calibrator(Section):
-    """A self-turning rotary calibrator with its angular interferometer (XR20-W principle).
-
-    ``own_error`` is the device encoder's error in arcsec over its own angle; ``retro_spacing_mm`` the S it
-    was made with, ``spacing_error`` the relative error of the S it calculates with.
-    """
-
-    kind: Literal["bridge"]
-    name: str
-    serial: str = "XR-0001"
-    model: str = "XR20-W (simulated)"
-    sample_hz: float = Field(default=100.0, gt=0)
-    sense: Literal["seed", 1, -1] = "seed"
-    own_error: Terms = ()
-    retro_spacing_mm: float = Field(default=30.0, gt=0)
-    spacing_error: float = 0.0
-    range_deg: float = Field(default=10.0, gt=0)
-    turn_deg_per_s: float = Field(default=25.0, gt=0)
-    remainder_deg: float = Field(default=0.05, ge=0)
-    noise: Noise = Noise()
-    settings: dict[str, Any] = Field(default_factory=dict)
-
-
-Instrument = Annotated[Laser | Calibrator, Field(discriminator="kind")]
-
-
-class Setup(Section):
-    """How an instrument is mounted for one component of one axis.
-
-    ``offset_mm`` is where the reflector's centre sits from the functional point of its carrier;
-    ``misalign_mrad`` tilts the beam about two axes across it; ``dead_path_mm`` is the beam's length at
-    ``datum`` (axis position); ``away`` is -1 when the beam gets shorter with + motion. A calibrator may
-    sit ``eccentric_mm`` off the axis and ``tilt_mrad`` out of it.
-    """
-
-    component: str = Field(pattern=r"^E[XYZABC][XYZC]$")
-    axis: Literal["X", "Y", "Z", "C"]
-    instrument: str
-    optics: Literal["linear", "angular", "rotary"]
-    carrier: Literal["X", "Z", "C"] | None = None
-    head: Literal["bed", "X", "Z"] = "bed"
-    offset_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    misalign_mrad: tuple[float, float] = (0.0, 0.0)
-    dead_path_mm: float = Field(default=0.0, ge=0)
-    datum: float = 0.0
-    away: Literal[1, -1] = 1
-    retro_spacing_mm: float = Field(default=30.0, gt=0)
-    eccentric_mm: float = 0.0
-    tilt_mrad: float = 0.0
-
-
 class Operator(Section):
     """The person at the machine: how quick, how careful. Times in seconds of the cell's clock."""
 
     auto: bool = True
     start_delay_s: float = Field(default=3.0, ge=0)
     setup_delay_s: float = Field(default=20.0, ge=0)
+    load_delay_s: float = Field(default=20.0, ge=0, description="to take a part off or clamp a blank")
     release_delay_s: float = Field(default=2.0, ge=0)
     release_patience_s: float = Field(default=600.0, ge=0)
     activate_delay_s: float = Field(default=10.0, ge=0)
+    confirm_delay_s: float = Field(default=5.0, ge=0, description="from the panel's lamp to its button")
+    confirms: bool = True
+    gives_release: bool = Field(default=True, description="turns the local release on while a session wants it")
+    restarts: bool = Field(default=True, description="restarts the control when a confirmed table acts only then")
     looks_at_r: bool = True
     mounts_wrong: tuple[str, ...] = Field(default=(), description="components mounted with the wrong optics")
 
@@ -177,8 +129,15 @@ class Machine(Section):
     access_level: int = Field(default=2, ge=0, le=7)
     cec_sign: Literal["seed", 1, -1] = "seed"
     cec_points: tuple[int, ...] = ()
-    switches: dict[str, Any] = Field(default_factory=dict, description="any other field of the NCK double")
+    switches: dict[str, Any] = Field(
+        default_factory=dict,
+        description='any other field of the NCK double (simulators.nck.switches); an open one may say "seed"',
+    )
     opcua: dict[str, Any] = Field(default_factory=dict, description="settings of the OPC UA server")
+    modbus: dict[str, Any] = Field(default_factory=dict, description="simulators.modbus.switches.PlcSettings")
+    roads: tuple[Literal["opcua", "modbus"], ...] = Field(
+        default=("opcua",), min_length=1, description="ways into the control; the site file has the first"
+    )
 
 
 class SitePart(Section):
@@ -186,7 +145,9 @@ class SitePart(Section):
 
     name: str = "demo-grinder"
     store: str = "runs"
+    plan: bool = Field(default=False, description="whether the site file names every set-up and the work")
     controller_settings: dict[str, Any] = Field(default_factory=dict)
+    modbus_settings: dict[str, Any] = Field(default_factory=dict)
     operator: dict[str, Any] = Field(default_factory=dict)
 
 
@@ -201,6 +162,8 @@ class CellFile(Section):
     climate: Climate = Climate()
     instruments: tuple[Instrument, ...] = ()
     setups: tuple[Setup, ...] = ()
+    part: Part | None = None
+    wheel: Wheel = Wheel()
     operator: Operator = Operator()
     site: SitePart = SitePart()
 
@@ -234,6 +197,19 @@ def load_cell(source: str | Path) -> CellFile:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"]) or "(file)"
         raise ConfigError("E-CELL-VALUE", str(source), key=key, why=first["msg"]) from error
+
+
+def with_roads(cell: CellFile, road: str, modbus: Mapping[str, Any]) -> CellFile:
+    """The cell with another way in ("opcua", "modbus", "both"; "" as it is) and these settings of its PLC."""
+    roads = {"": cell.machine.roads, "both": ("opcua", "modbus")}.get(road, (road,))
+    settings = {**cell.machine.modbus, **modbus}
+    machine = Machine.model_validate({**cell.machine.model_dump(), "roads": roads, "modbus": settings})
+    return cell.model_copy(update={"machine": machine})
+
+
+def with_plan(cell: CellFile) -> CellFile:
+    """The cell with a site file that names every set-up and the work."""
+    return cell.model_copy(update={"site": cell.site.model_copy(update={"plan": True})})
 
 
 def packaged() -> tuple[str, ...]:

@@ -137,7 +137,8 @@ class NckAccess:
 
     def stands(self, number: int) -> bool:
         """Whether one axis stands (in position, coarse or fine)."""
-        return self._nck.axis_state(self.axis(number).name).aa_stat in (3, 4)
+        axis = self._nck.core.axis(self.axis(number).name)
+        return axis.state(self._nck.core.clock.now()) in (3, 4)
 
     @property
     def referenced(self) -> bool:

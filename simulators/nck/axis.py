@@ -222,6 +222,11 @@ class MachineAxis:
             temperature_value=-self.temperature.demand(now_s) / unit,
         )
 
+    def state(self, now_s: float) -> int:
+        """``$AA_STAT`` now: 1 travelling, 2 not there yet, 3 and 4 in position coarse and fine."""
+        at = np.array([now_s])
+        return self._state(now_s, float(self.actuals(at)[0]), float(self.encoders(at)[0]))
+
     def _state(self, now_s: float, act: float, encoder: float) -> int:
         if now_s < self._moved_until_s:
             return 1

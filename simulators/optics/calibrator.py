@@ -81,7 +81,7 @@ class RotaryReader:
     @property
     def turning(self) -> bool:
         """True until a `turn` has arrived."""
-        return self.mode == "turn" and abs(self._device - self._goal) > 1e-9
+        return self.mode == "turn" and bool(abs(self._device - self._goal) > 1e-9)
 
     def _own_error(self, device: FloatArray) -> FloatArray:
         return self._error(np.mod(device, 360.0)) * ARCSEC_DEG

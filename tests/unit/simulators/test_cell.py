@@ -26,6 +26,7 @@ SUPA G1 X1=-20 F6000
 G4 F3
 SUPA G1 X1=-10 F6000
 G4 F3
+STOPRE
 R99=1
 M30
 """
@@ -62,7 +63,7 @@ def test_a_cell_prints_a_site_file_that_leads_to_its_wires(trueflank_cell: CellS
     async def main(cell: Cell) -> tuple[Ambient, Path, str]:
         site = load_site(cell.site_path)
         assert site.controller.url.startswith("opc.tcp://127.0.0.1:")
-        assert [i.name for i in site.instruments] == ["laser", "calibrator"]
+        assert [i.name for i in site.instruments][:2] == ["laser", "calibrator"]
         laser = UmdCounter("laser", site.instruments[0].url, site.instruments[0].settings, cell.clock)
         await laser.open(5.0)
         ambient = await laser.ambient()

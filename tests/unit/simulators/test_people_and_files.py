@@ -59,7 +59,25 @@ class Screen:
         self.pressed.append(mode)
 
 
-def scene(message: str, status: int = 2, **options: object) -> tuple[Screen, Bench, list[str]]:
+class Table:
+    """A work place that says what was done at it."""
+
+    def __init__(self, blanks: int) -> None:
+        self.blanks = blanks
+        self.on_it = False
+
+    def load(self) -> bool:
+        self.blanks, self.on_it = self.blanks - 1, self.blanks > 0
+        return self.on_it
+
+    def unload(self) -> bool:
+        was, self.on_it = self.on_it, False
+        return was
+
+
+def scene(
+    message: str, status: int = 2, table: Table | None = None, **options: object
+) -> tuple[Screen, Bench, list[str]]:
     """What an operator does within 15 minutes before a screen."""
     screen = Screen()
     bench = Bench(Truth(CellFile.model_validate(plain_cell())), Motion())
@@ -68,7 +86,7 @@ def scene(message: str, status: int = 2, **options: object) -> tuple[Screen, Ben
 
     async def main() -> None:
         clock = LoopClock()
-        operator = Operator(spec, screen, bench, clock, ["X1", "C1"])
+        operator = Operator(spec, screen, bench, clock, ["X1", "C1"], None, table)
         operator.start()
         screen.channel_status, screen.message = status, message
         screen.selections += status == 0
@@ -101,6 +119,26 @@ def test_an_unknown_set_up_is_not_confirmed() -> None:
     screen, _, log = scene("TRUEFLANK SETUP EYX ON X")
     assert screen.pressed == []
     assert log == ["nothing to mount for EYX on X"]
+
+
+def test_a_blank_is_clamped_and_the_part_taken_off_when_asked() -> None:
+    table = Table(blanks=1)
+    screen, _, log = scene("TRUEFLANK LOAD BLANK RV-40E-LIKE", table=table)
+    assert (screen.pressed, log[0], table.on_it) == (["NC START"], "clamped a blank", True)
+    screen, _, log = scene("TRUEFLANK UNLOAD PART", table=table)
+    assert (screen.pressed, log[0], table.on_it) == (["NC START"], "took the part off", False)
+    assert scene("TRUEFLANK UNLOAD PART", table=table)[0].pressed == []
+    screen, _, log = scene("TRUEFLANK LOAD BLANK", table=table)
+    assert (screen.pressed, log) == ([], ["no blank to clamp"])
+    assert scene("TRUEFLANK LOAD BLANK")[0].pressed == []
+
+
+def test_the_part_makes_room_for_an_instrument() -> None:
+    table = Table(blanks=1)
+    table.load()
+    screen, _, log = scene("TRUEFLANK SETUP ECC ON C", table=table)
+    assert log[:2] == ["took the part off", "mounted ECC on C"]
+    assert screen.pressed == ["NC START"]
 
 
 def test_wrong_optics_are_mounted_when_the_operator_errs() -> None:

@@ -1,4 +1,4 @@
-"""The person at the machine: reads what MSG says, does it, and presses NC START, unless told not to."""
+"""The person at the machine: does what MSG says, presses NC START, and minds the PLC's panel, unless told not to."""
 
 from __future__ import annotations
 
@@ -6,82 +6,54 @@ import asyncio
 import contextlib
 import re
 from collections.abc import Awaitable, Callable, Sequence
-from typing import Any, Protocol
 
 from drivers.clock import Clock
 from simulators.cellfile import Operator as OperatorSpec
+from simulators.operator.panel import Control, Panel, WorkPlace
 from simulators.optics import Bench
 
 SETUP = re.compile(r"TRUEFLANK SETUP (?P<component>\S+) ON (?P<letter>[A-Z])$")
+BLANK = re.compile(r"TRUEFLANK LOAD BLANK(?: .*)?$")
+UNLOAD = re.compile(r"TRUEFLANK UNLOAD PART(?: .*)?$")
 LOADED = re.compile(r"TRUEFLANK LOADED .+ NC START WHEN R(?P<number>\d+)=(?P<value>-?\d+(?:\.\d+)?)$")
 ACTIVATE = re.compile(r"TRUEFLANK ACTIVATE NCK RESET AND REFERENCE (?P<axis>\S+)$")
 RESET, ACTIVE, INTERRUPTED = 0, 1, 2
 LOOK_S = 0.5
-WRONG = {"linear": "angular", "angular": "linear", "rotary": "linear"}
-
-
-class Control(Protocol):
-    """What an operator sees on the control's screen and can press on its panel."""
-
-    @property
-    def channel_status(self) -> int:
-        """0 reset, 1 active, 2 interrupted."""
-        ...
-
-    @property
-    def message(self) -> str:
-        """The MSG line."""
-        ...
-
-    @property
-    def selections(self) -> int:
-        """How many programs have been selected so far."""
-        ...
-
-    def r_parameter(self, number: int) -> float:
-        """An R parameter as the screen shows it."""
-        ...
-
-    def nc_start(self) -> Any:
-        """The green button."""
-        ...
-
-    def channel_reset(self) -> Any:
-        """The reset button."""
-        ...
-
-    def nck_reset(self) -> Any:
-        """Restart the NCK."""
-        ...
-
-    @property
-    def ready(self) -> bool:
-        """False while the NCK starts."""
-        ...
-
-    def referenced(self, name: str) -> bool:
-        """Whether the screen shows the axis as referenced."""
-        ...
-
-    def reference_axis(self, name: str) -> Any:
-        """Reference run of one axis."""
-        ...
-
-    def set_mode(self, mode: str) -> Any:
-        """AUTO, JOG or MDA."""
-        ...
+# Kept in the same box: what someone takes who takes the wrong ones.
+WRONG = {
+    "linear": "angular",
+    "angular": "linear",
+    "rotary": "linear",
+    "straightness": "angular",
+    "level": "angular",
+    "square": "straightness",
+    "ball": "bar",
+    "bar": "ball",
+}
 
 
 class Operator:
     """Watches the control and acts, one message at a time, with a person's delays in the cell's clock."""
 
-    def __init__(self, spec: OperatorSpec, control: Control, bench: Bench, clock: Clock, axes: Sequence[str]) -> None:
+    def __init__(
+        self,
+        spec: OperatorSpec,
+        control: Control,
+        bench: Bench,
+        clock: Clock,
+        axes: Sequence[str],
+        panel: Panel | None = None,
+        table: WorkPlace | None = None,
+    ) -> None:
         self.spec = spec
         self._control = control
         self._bench = bench
         self._clock = clock
         self._axes = tuple(axes)
         self._started = control.selections
+        self._panel = panel
+        self._table = table
+        self._restarted = 0
         self._task: asyncio.Task[None] | None = None
         self.log: list[str] = []
 
@@ -109,6 +81,8 @@ class Operator:
                 done = ""
             if not self.spec.auto:
                 continue
+            if self._panel is not None:
+                await self._mind(self._panel)
             if status == RESET and self._control.selections != self._started:
                 await self._begin()
             elif status == INTERRUPTED and self._control.message != done:
@@ -131,6 +105,8 @@ class Operator:
     async def _act(self, message: str) -> None:
         acts: tuple[tuple[re.Pattern[str], Callable[[re.Match[str]], Awaitable[None]]], ...] = (
             (SETUP, self._set_up),
+            (BLANK, self._load_blank),
+            (UNLOAD, self._unload_part),
             (LOADED, self._release),
             (ACTIVATE, self._activate),
         )
@@ -146,10 +122,25 @@ class Operator:
             self.log.append(f"nothing to mount for {found['component']} on {found['letter']}")
             return
         await self._clock.sleep(self.spec.setup_delay_s)
+        if self._table is not None and self._table.unload():
+            self.log.append("took the part off")
         wrong = setup.component in self.spec.mounts_wrong
         self._bench.mount(setup, WRONG[setup.optics] if wrong else None)
         self.log.append(f"mounted {setup.component} on {setup.axis}")
         if self._control.channel_status == INTERRUPTED:
+            self._press("NC START")
+
+    async def _load_blank(self, _found: re.Match[str]) -> None:
+        await self._clock.sleep(self.spec.load_delay_s)
+        self._go_on("clamped a blank" if self._table is not None and self._table.load() else "no blank to clamp")
+
+    async def _unload_part(self, _found: re.Match[str]) -> None:
+        await self._clock.sleep(self.spec.load_delay_s)
+        self._go_on("took the part off" if self._table is not None and self._table.unload() else "no part to take off")
+
+    def _go_on(self, done: str) -> None:
+        self.log.append(done)
+        if self._control.channel_status == INTERRUPTED and not done.startswith("no "):
             self._press("NC START")
 
     async def _release(self, found: re.Match[str]) -> None:
@@ -172,6 +163,40 @@ class Operator:
         self._control.nck_reset()
         self.log.append("NCK RESET")
         await self.power_up()
+
+    async def _mind(self, panel: Panel) -> None:
+        """The PLC's panel: give and take back the release, press the button, let tables act."""
+        wanted = panel.release_wanted
+        if wanted is not None and self.spec.gives_release:
+            await self._clock.sleep(self.spec.release_delay_s)
+            panel.set_release(given=wanted)
+            self.log.append("RELEASE ON" if wanted else "RELEASE OFF")
+        if panel.lamp and self.spec.confirms:
+            await self._clock.sleep(self.spec.confirm_delay_s)
+            if panel.confirm():
+                self.log.append("CONFIRM")
+                await self._let_tables_act(panel)
+
+    async def _let_tables_act(self, panel: Panel) -> None:
+        """After a table that came through the PLC: restart the control if this one needs it."""
+        fresh, self._restarted = panel.tables_loaded > self._restarted, panel.tables_loaded
+        if not fresh or not self.spec.restarts or panel.acts_from == "newconf":
+            return
+        await self._clock.sleep(self.spec.activate_delay_s)
+        if panel.acts_from == "nck_reset":
+            self.log.append("NCK RESET")
+            self._control.nck_reset()
+        else:
+            self.log.append("POWER OFF AND ON")
+            await panel.power_cycle()
+        await self.power_up()
+
+    async def jog(self, axis: str, position: float) -> None:
+        """Move an axis by hand to a position and wait until it stands there; back to AUTO."""
+        seconds = self._control.jog(axis, position)
+        self.log.append(f"JOG {axis} {position:g}")
+        await self._clock.sleep(seconds + LOOK_S)
+        self._control.set_mode("AUTO")
 
     async def power_up(self) -> None:
         """Wait for the control to start, reference every axis, and go to AUTO: any morning's work."""

@@ -1,0 +1,66 @@
+"""The work on the table and beside the machine: the wheel that follows every move, blanks, the last part ground."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+
+from drivers.clock import Clock
+from simulators.cellfile import CellFile
+from simulators.grinding import Grinder, WorkPiece
+from simulators.optics import Bench
+
+LOOK_S = 20.0
+
+
+class Shopfloor:
+    """Looks at the machine from time to time while a part is clamped; nothing to do when none is."""
+
+    def __init__(self, file: CellFile, bench: Bench, clock: Clock) -> None:
+        self._clock = clock
+        self._grinder = Grinder(bench, file.part, file.wheel) if file.part is not None else None
+        self._task: asyncio.Task[None] | None = None
+
+    def start(self) -> None:
+        """Begin to look."""
+        if self._grinder is not None:
+            self._task = asyncio.get_running_loop().create_task(self._look(self._grinder), name="shopfloor")
+
+    async def stop(self) -> None:
+        """Look no more."""
+        if self._task is not None:
+            self._task.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await self._task
+
+    async def _look(self, grinder: Grinder) -> None:
+        while True:
+            await self._clock.sleep(LOOK_S)
+            grinder.follow(self._clock.now())
+
+    def load(self) -> bool:
+        """Clamp a new blank, taking off what is there; False when the cell has no part to make."""
+        if self._grinder is not None:
+            self._grinder.load(self._clock.now())
+        return self._grinder is not None
+
+    def unload(self) -> bool:
+        """Take the part off; False when nothing was clamped."""
+        return self._grinder is not None and self._grinder.unload(self._clock.now()) is not None
+
+    def carried(self) -> WorkPiece | None:
+        """The part that was ground last, carried over to be inspected; None before the first."""
+        self.unload()
+        return self.ground
+
+    @property
+    def clamped(self) -> WorkPiece | None:
+        """What is on the table now, as it is by now."""
+        if self._grinder is not None:
+            self._grinder.follow(self._clock.now(), whole=True)
+        return self._grinder.work if self._grinder is not None else None
+
+    @property
+    def ground(self) -> WorkPiece | None:
+        """The part that was ground last, on the table or off it; None before the first."""
+        return self._grinder.latest(self._clock.now()) if self._grinder is not None else None

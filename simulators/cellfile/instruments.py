@@ -1,0 +1,118 @@
+"""What a cell file says of its instruments: what they are, how they err, and how each is mounted for a component."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from simulators.cellfile.part import InspectionMachine
+from simulators.cellfile.terms import Section, Terms
+
+
+class Outliers(Section):
+    """Readings that are off for one whole stop: ``count`` of them in each ``every`` stops."""
+
+    count: int = Field(default=0, ge=0)
+    size: float = 0.0
+    every: int = Field(default=0, ge=0, description="0: the stops of one run of the axis")
+
+
+class Noise(Section):
+    """Noise of an instrument in um or arcsec: per stop (what averaging cannot remove) and per sample."""
+
+    stop: float = Field(default=0.0, ge=0)
+    sample: float = Field(default=0.0, ge=0)
+    drift_per_h: float = 0.0
+    outliers: Outliers = Outliers()
+
+
+class Laser(Section):
+    """A laser on a uMD counter: quadrature counts of wavelength / 2 / counts_per_cycle."""
+
+    kind: Literal["umd"]
+    name: str
+    serial: str = "uMD2-0001"
+    firmware: float = 1.26
+    sample_hz: float = Field(default=1000.0, gt=0)
+    counts_per_cycle: int = Field(default=16, gt=0)
+    wavelength_nm: float = Field(default=632.990577, gt=0)
+    sense: Literal["seed", 1, -1] = "seed"
+    noise: Noise = Noise()
+    settings: dict[str, Any] = Field(default_factory=dict)
+
+
+class Calibrator(Section):
+    """A self-turning rotary calibrator with its angular interferometer (XR20-W principle).
+
+    ``own_error`` is the device encoder's error in arcsec over its own angle; ``retro_spacing_mm`` the S it
+    was made with, ``spacing_error`` the relative error of the S it calculates with.
+    """
+
+    kind: Literal["bridge"]
+    name: str
+    serial: str = "XR-0001"
+    model: str = "XR20-W (simulated)"
+    sample_hz: float = Field(default=100.0, gt=0)
+    sense: Literal["seed", 1, -1] = "seed"
+    own_error: Terms = ()
+    retro_spacing_mm: float = Field(default=30.0, gt=0)
+    spacing_error: float = 0.0
+    range_deg: float = Field(default=10.0, gt=0)
+    turn_deg_per_s: float = Field(default=25.0, gt=0)
+    remainder_deg: float = Field(default=0.05, ge=0)
+    noise: Noise = Noise()
+    settings: dict[str, Any] = Field(default_factory=dict)
+
+
+class Sensor(Section):
+    """A straightness instrument (um across the path) or an angle instrument (arcsec), behind a bridge.
+
+    ``own_error`` is that of its optics over the position of the axis, in um or arcsec; ``zero`` its greatest
+    reading at the datum of a mounting, drawn anew for each; ``range`` the largest reading with light.
+    """
+
+    kind: Literal["straightness", "angle"]
+    name: str
+    serial: str = "ST-0001"
+    model: str = "optics (simulated)"
+    sample_hz: float = Field(default=50.0, gt=0)
+    own_error: Terms = ()
+    zero: float = Field(default=20.0, ge=0)
+    range: float = Field(default=2500.0, gt=0)
+    certified_u: float | None = Field(default=None, ge=0, description="U (k = 2) of its certificate, in its unit")
+    noise: Noise = Noise()
+    settings: dict[str, Any] = Field(default_factory=dict)
+
+
+Instrument = Annotated[Laser | Calibrator | Sensor | InspectionMachine, Field(discriminator="kind")]
+COMPONENT = r"^(?:E[XYZABC][XYZC]|[XYZABC]0[XZC])(?:-R)?$"
+
+
+class Setup(Section):
+    """How an instrument is mounted for one component of one axis.
+
+    ``offset_mm`` is where the reflector's centre sits from the functional point of its carrier;
+    ``misalign_mrad`` tilts the beam about two axes across it; ``dead_path_mm`` is the beam's length at
+    ``datum`` (axis position); ``away`` is -1 when the beam gets shorter with + motion. A calibrator may
+    sit ``eccentric_mm`` off the axis and ``tilt_mrad`` out of it; so may a ball or a test bar in the table.
+    ``own_angle_arcsec`` is what a square has more than 90 deg; a component that ends in -R is measured with the
+    square turned over about its Z arm. ``zero_um`` is the error of the gauge that sets a ball's zero.
+    """
+
+    component: str = Field(pattern=COMPONENT)
+    axis: Literal["X", "Y", "Z", "C"]
+    instrument: str
+    optics: Literal["linear", "angular", "rotary", "straightness", "level", "square", "ball", "bar"]
+    carrier: Literal["X", "Z", "C"] | None = None
+    head: Literal["bed", "X", "Z"] = "bed"
+    offset_mm: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    misalign_mrad: tuple[float, float] = (0.0, 0.0)
+    dead_path_mm: float = Field(default=0.0, ge=0)
+    datum: float = 0.0
+    away: Literal[1, -1] = 1
+    retro_spacing_mm: float = Field(default=30.0, gt=0)
+    eccentric_mm: float = 0.0
+    tilt_mrad: float = 0.0
+    own_angle_arcsec: float = 0.0
+    zero_um: float = 0.0

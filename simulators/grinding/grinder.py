@@ -1,0 +1,145 @@
+"""Follows the machine's true poses and cuts the clamped work wherever the wheel's body is in it.
+
+No mark in a program says that the wheel cuts: what counts is where the wheel is. While it is in the work the
+encoder positions are sampled closely (a quarter of a millimetre of stroke apart), sent through the machine's true
+error motions, and kept as passes of the wheel through single spaces.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from simulators.cellfile.part import Part, Wheel
+from simulators.grinding.entry import Poses
+from simulators.grinding.lobes import Lobes
+from simulators.grinding.sampling import LOOK_S, closely, passes
+from simulators.grinding.wheel import WheelBody
+from simulators.grinding.work import ARCSEC, UM, Pass, WorkPiece, clamped
+from simulators.optics.bench import Bench, Watcher
+from simulators.truth import AxisMotion
+from simulators.truth.chain import Pose, still
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+LONGEST_LOOK_S = 20.0
+BEYOND_MM = 0.1
+
+
+class Grinder:
+    """The work place of a cell: a wheel, and at most one work piece on the table."""
+
+    def __init__(self, bench: Bench, part: Part, wheel: Wheel) -> None:
+        self._bench = bench
+        self._part = part
+        self._wheel = wheel
+        self._lobes = Lobes(part.gear)
+        distance = part.grinding.centre_distance_mm
+        self._body = WheelBody(self._lobes, distance, wheel.radius_um * UM)
+        tilt = (wheel.tilt_arcsec[0] * ARCSEC, 0.0, wheel.tilt_arcsec[1] * ARCSEC)
+        self._seat = still((wheel.offset_um[0] * UM, wheel.offset_um[1] * UM, wheel.offset_um[2] * UM), tilt)
+        self._watcher = Watcher(bench)
+        self._now = 0.0
+        self._count = 0
+        self.work: WorkPiece | None = None
+        self.last: WorkPiece | None = None
+
+    def load(self, now_s: float, seat: Pose | None = None) -> WorkPiece:
+        """Take off what is on the table and clamp a new blank; ``seat`` if it is to sit at a known place."""
+        self.unload(now_s)
+        self._count += 1
+        seed, height = self._bench.truth.seed, self._part.grinding.height_mm
+        drawn = clamped(self._part.clamping, seed, f"blank {self._count}", height_mm=height)
+        self.work = WorkPiece(self._part, self._count, seat or drawn)
+        self._watcher = Watcher(self._bench)
+        self._now = now_s
+        return self.work
+
+    def unload(self, now_s: float) -> WorkPiece | None:
+        """Take the work off; it stays at hand as ``last`` once the wheel has been in it."""
+        self.follow(now_s, whole=True)
+        taken, self.work = self.work, None
+        if taken is not None and taken.passes:
+            self.last = taken
+        return taken
+
+    def latest(self, now_s: float) -> WorkPiece | None:
+        """The part that was ground last, on the table or off it; None before the first."""
+        self.follow(now_s, whole=True)
+        on_table = self.work is not None and self.work.passes
+        return self.work if on_table else self.last
+
+    def follow(self, now_s: float, *, whole: bool = False) -> None:
+        """Cut whatever the wheel went through since it was last asked, up to clock time `now_s`.
+
+        A pass under way at that moment waits for the next time, unless `whole`.
+        """
+        if self.work is None:
+            self._now = now_s
+            return
+        while self._now < now_s:
+            end = min(now_s, self._now + LONGEST_LOOK_S)
+            reached = self._stretch(self.work, self._now, end, whole=whole or end < now_s)
+            if reached == self._now:
+                return
+            self._now = reached
+
+    def _stretch(self, work: WorkPiece, start: float, end: float, *, whole: bool) -> float:
+        """Cut what happened in this time; returns how far it got: no pass is taken in two halves unless `whole`."""
+        coarse = np.linspace(start, end, max(int(np.ceil((end - start) / LOOK_S)) + 1, 2))
+        x, z = (self._bench.machine.encoder(self._bench.cell.axis(name).name, coarse)[0] for name in "XZ")
+        near = self._near(work, x, z)
+        clear = int(np.flatnonzero(~near)[-1]) + 1 if not near.all() else 0
+        if near[-1] and (clear > 1 or not whole):
+            coarse = coarse[:clear]
+        if len(coarse) < 2:
+            return start
+        self._follow(work, *closely(coarse, x, z, near))
+        return float(coarse[-1])
+
+    def _follow(self, work: WorkPiece, times: FloatArray, inside: BoolArray) -> None:
+        motions = self._watcher.motions("XZC", times)
+        if not inside.any():
+            return
+        close = {letter: _picked(motion, inside) for letter, motion in motions.items()}
+        self._cut(work, times[inside], close, float(times[inside].mean()))
+
+    def _near(self, work: WorkPiece, x: FloatArray, z: FloatArray) -> BoolArray:
+        """Where the wheel's body can reach the stock of the blank, by nominal places (n,) mm."""
+        stock = work.spec.grinding.stock_um * UM + BEYOND_MM
+        reach = np.sqrt(2.0 * self._body.largest_mm * stock)
+        deep = -x < self._part.grinding.centre_distance_mm + stock
+        height = work.spec.grinding.height_mm
+        return np.asarray(deep & (np.abs(z - height) < 0.5 * work.spec.gear.b + reach))
+
+    def _cut(self, work: WorkPiece, times: FloatArray, motions: dict[str, AxisMotion], t: float) -> None:
+        truth = self._bench.truth
+        poses = self._relative(work, truth.frames(motions, t), times)
+        pitch = 2.0 * np.pi / work.spec.gear.zc
+        towards = np.arctan2(poses.origin[:, 1], poses.origin[:, 0])
+        spaces = np.mod(np.rint(towards / pitch), work.spec.gear.zc).astype(int)
+        swell = work.spec.expansion_ppm_per_k * 1e-6 * (truth.climate.true(t).material_degc - 20.0)
+        for stretch in passes(times, poses.origin[:, 2], spaces):
+            work.cut(Pass(int(spaces[stretch.start]), self._body, poses.part(stretch), swell))
+
+    def _relative(self, work: WorkPiece, frames: dict[str, Pose], times: FloatArray) -> Poses:
+        """The wheel in the work's frame."""
+        count = len(times)
+        wheel, seat = frames["Z"].then(self._seat), frames["C"].then(work.seat)
+        away = np.broadcast_to(wheel.origin - seat.origin, (count, 3))
+        back = np.broadcast_to(np.swapaxes(seat.rotation, 1, 2), (count, 3, 3))
+        rotation = back @ np.broadcast_to(wheel.rotation, (count, 3, 3))
+        return Poses(times, rotation, np.einsum("nij,nj->ni", back, away), self._dressed(times))
+
+    def _dressed(self, times: FloatArray) -> FloatArray:
+        """Where the dresser has put the profile along the wheel's axis, (n,) mm."""
+        letters = [axis.letter for axis in self._bench.cell.axes]
+        if not self._wheel.dresser or self._wheel.dresser not in letters:
+            return np.zeros(len(times))
+        name = self._bench.cell.axis(self._wheel.dresser).name
+        return self._bench.machine.encoder(name, times)[0]
+
+
+def _picked(motion: AxisMotion, which: BoolArray) -> AxisMotion:
+    parts = (motion.position, motion.direction, motion.windup)
+    return AxisMotion(*(part if len(part) == 1 else part[which] for part in parts))

@@ -1,0 +1,124 @@
+"""A straightness or angle instrument over time: geometry, its own errors, and light that may be lost."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from simulators.cellfile import Sensor, Setup
+from simulators.optics.bench import Bench, Mounting, Watcher, letters_of
+from simulators.optics.readings import component_of, reading
+from simulators.optics.stops import Stops
+from simulators.truth import AxisMotion, generator
+from simulators.truth.terms import curve
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+UNITS = {"straightness": "um", "angle": "arcsec"}
+# What the optics of a set-up are called by the instrument that can tell.
+TOLD = {"angular": "angular", "level": "angular", "linear": "linear", "rotary": "rotary"}
+
+
+@dataclass(frozen=True, slots=True)
+class Readings:
+    """A stretch of samples, each (n,): clock time in s, value in um or arcsec, whether there is light."""
+
+    time_s: FloatArray
+    value: FloatArray
+    beam: BoolArray
+
+
+class SensorReader:
+    """One instrument, sampled from its last sample up to the time it is asked for.
+
+    With the wrong optics, without any, or beyond its range no light returns until `restore_beam` or a new
+    mounting; the value then stays what it was.
+    """
+
+    def __init__(self, spec: Sensor, bench: Bench) -> None:
+        self.spec = spec
+        self._bench = bench
+        seed = bench.truth.seed
+        self._rng = generator(seed, spec.name, "samples")
+        self._watcher = Watcher(bench)
+        self._mounting: Mounting | None = None
+        self._stops: Stops | None = None
+        self._zero = 0.0
+        self._shown = 0.0
+        self._next = 0
+        self.beam_lost = False
+
+    @property
+    def unit(self) -> str:
+        """um or arcsec."""
+        return UNITS[self.spec.kind]
+
+    @staticmethod
+    def told(mounting: Mounting | None) -> str:
+        """What the instrument sees itself mounted with: linear, angular, rotary, straightness, or unknown."""
+        return TOLD.get(mounting.optics, "straightness") if mounting is not None else "unknown"
+
+    def skip_to(self, t: float) -> None:
+        """Sample from clock time t on: the instrument was just switched on."""
+        self._next = int(t * self.spec.sample_hz) + 1
+
+    def restore_beam(self) -> None:
+        """The reading is good again."""
+        self.beam_lost = False
+
+    def read(self, until: float) -> Readings:
+        """All samples from the last asked for up to clock time `until` (s)."""
+        sequence = np.arange(self._next, max(int(until * self.spec.sample_hz) + 1, self._next))
+        self._next += len(sequence)
+        times = sequence / self.spec.sample_hz
+        mounting = self._bench.mounted(self.spec.name)
+        if mounting is not self._mounting:
+            self._remount(mounting)
+        if not len(times) or mounting is None or mounting.optics != mounting.setup.optics:
+            return Readings(times, np.full(len(times), self._shown), np.zeros(len(times), dtype=np.bool_))
+        return self._lit(times, self._value(mounting.setup, times))
+
+    def _remount(self, mounting: Mounting | None) -> None:
+        self._mounting = mounting
+        self.beam_lost = mounting is None
+        if mounting is not None:
+            seed, name = self._bench.truth.seed, f"{self.spec.name} {mounting.number}"
+            self._stops = Stops(self.spec.noise, self._bench.stops_of_run(mounting.setup.axis), seed, name)
+            absolute = component_of(mounting.setup)[1] == "0" and mounting.setup.optics == "ball"
+            drawn = float(generator(seed, name, "zero").uniform(-1.0, 1.0))
+            self._zero = 0.0 if absolute else drawn * self.spec.zero
+
+    def _value(self, setup: Setup, times: FloatArray) -> FloatArray:
+        motions = self._watcher.motions(_watched(setup), times)
+        frames = self._bench.truth.frames(motions, float(times[-1]))
+        place = motions[setup.axis].position
+        value = reading(setup, frames, motions) + self._own_error(setup, place) + self._zero
+        drift = self.spec.noise.drift_per_h * times / 3600.0
+        noise = self._rng.normal(0.0, self.spec.noise.sample, len(times))
+        return value + drift + noise + self._offsets(motions[setup.axis], len(times))
+
+    def _own_error(self, setup: Setup, place: FloatArray) -> FloatArray:
+        axis = self._bench.cell.axis(setup.axis)
+        seed = self._bench.truth.seed
+        own = curve(self.spec.own_error, axis.travel, axis.kind == "rotary", seed, f"{self.spec.name} own error", False)
+        return own(np.mod(place, 360.0) if axis.kind == "rotary" else place)
+
+    def _offsets(self, motion: AxisMotion, count: int) -> FloatArray:
+        position = np.broadcast_to(motion.position, count)
+        return self._stops.offsets(position, 1.0 / self.spec.sample_hz) if self._stops is not None else np.zeros(count)
+
+    def _lit(self, times: FloatArray, value: FloatArray) -> Readings:
+        blocked = self.spec.name in self._bench.broken
+        lost = np.logical_or.accumulate((np.abs(value) > self.spec.range) | blocked | self.beam_lost)
+        self.beam_lost = bool(lost[-1])
+        shown = np.where(lost, self._shown, value)
+        self._shown = float(shown[-1])
+        return Readings(times, shown, ~lost)
+
+
+def _watched(setup: Setup) -> str:
+    """The axes whose error motions reach this reading."""
+    chain = "XZC" if setup.optics in {"ball", "bar"} else letters_of(setup)
+    return "".join(dict.fromkeys(chain + setup.axis))
