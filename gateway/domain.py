@@ -15,6 +15,14 @@ from drivers.units import AxisUnit, DeviationUnit, deviation_unit
 FloatArray = NDArray[np.float64]
 
 
+def component_unit(name: str, axis_unit: AxisUnit) -> DeviationUnit:
+    """The unit of an error by its ISO 230-1 name: um for EYX or X0C, arcsec for EAX or B0Z; of the axis else."""
+    along = name[1:2] if name.startswith("E") else name[:1] if name[1:2] == "0" else ""
+    if along and along in "XYZ":
+        return "um"
+    return "arcsec" if along and along in "ABC" else deviation_unit(axis_unit)
+
+
 @dataclass(frozen=True, slots=True)
 class Item:
     """One device of the run: who it said it was and what it cannot see."""
@@ -101,7 +109,7 @@ class Capture:
     @property
     def unit(self) -> DeviationUnit:
         """Unit of the deviations."""
-        return deviation_unit(self.axis_unit)
+        return component_unit(self.component, self.axis_unit)
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,8 +166,8 @@ class Component:
 
     @property
     def unit(self) -> DeviationUnit:
-        """Unit of the values: the deviation unit of the axis for a positioning component."""
-        return deviation_unit(self.axis_unit)
+        """Unit of the values."""
+        return component_unit(self.name, self.axis_unit)
 
 
 @dataclass(frozen=True, slots=True)

@@ -52,6 +52,15 @@ def weighted(design: FloatArray, values: FloatArray, u: FloatArray, where: str =
     return Regression(coefficients, inverse @ inverse.T * scatter, residual, np.sum(left**2, axis=1), chi_square)
 
 
+def slope_of(x: FloatArray, y: FloatArray, u: FloatArray) -> tuple[float, float]:
+    """Plain least-squares slope of y (m,) along x (m,), and its standard uncertainty from that of each point (m,)."""
+    centred = x - x.mean()
+    power = float(centred @ centred)
+    if power == 0.0:
+        raise NotIdentifiable("E-MODEL-POINTS", "slope", points=int(x.size), unknowns=2)
+    return float(centred @ y) / power, float(np.sqrt(np.sum((centred * u) ** 2))) / power
+
+
 @dataclass(frozen=True, slots=True)
 class PolynomialFit:
     """y = sum coef_k (x - origin)^k with covariance and residual standard deviation s (relative weights)."""

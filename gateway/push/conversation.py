@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Awaitable, Callable
 
-from drivers.errors import TrueflankError
+from drivers.errors import TransportError, TrueflankError
 from drivers.types import Approach, ChannelStatus, LiveSet, PushOrder, Stop, StopPlan, StopReached, TableLimits
 from gateway.domain import TableChange
 from gateway.interlocks import PushFacts
@@ -18,6 +18,9 @@ from gateway.push.work import Purpose
 from gateway.walk import Patience, walk
 
 POLL_S = 0.5
+CONNECT_WITHIN_S = 60.0
+CONNECT_S = 10.0
+CONNECT_PAUSE_S = 2.0
 AtStop = Callable[[Stop, StopReached], Awaitable[None]]
 
 
@@ -152,6 +155,21 @@ async def visit(context: PushContext, plan: StopPlan, at_stop: AtStop, order: Pu
         await walk(context.controller, plan, note, Patience(context.start_timeout_s, context.stop_timeout_s))
     else:
         await visit_by_hand(context, plan, at_stop, order)
+
+
+async def connect_again(context: PushContext) -> None:
+    """A fresh connection in place of one that broke; tried for a minute. Raises what `Device.open` raises."""
+    end = context.clock.now() + CONNECT_WITHIN_S
+    while True:
+        await context.controller.close()
+        try:
+            await context.controller.open(CONNECT_S)
+        except TransportError:
+            if context.clock.now() + CONNECT_PAUSE_S >= end:
+                raise
+            await context.clock.sleep(CONNECT_PAUSE_S)
+        else:
+            return
 
 
 async def leave_program(context: PushContext) -> None:

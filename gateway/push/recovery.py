@@ -258,6 +258,7 @@ async def _work(found: JournalRead, context: PushContext) -> Work:
     work = Work(context, folder, written, found.number, change, "table", limits, place, old, _coupled(found))
     work.backup_path = str(found.latest("path") or "")
     work.marked = work.order(new, False, "restore", found.number)
+    work.cut_short, work.torn = True, bool(found.latest("torn"))
     return work
 
 

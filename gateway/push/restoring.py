@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from drivers.errors import TrueflankError
+from drivers.errors import TransportError, TrueflankError
 from drivers.types import LiveSet
 from gateway.errors import VerifyError, WriteRefused
 from gateway.interlocks import refusals
@@ -40,7 +40,12 @@ async def hold(work: Work, why: str) -> None:
 
 async def _restore(work: Work) -> None:
     """Read first: what is already as it was is left alone, what is neither old nor new is left to a person."""
-    await work.same_machine()
+    try:
+        await work.same_machine()
+    except TransportError:
+        # What became of the last request is unknown: only a connection of its own can tell.
+        await conversation.connect_again(work.context)
+        await work.same_machine()
     await conversation.leave_program(work.context)
     await _asked(work)
     live = await conversation.read_live(work.context, work.agreeing_position)
@@ -49,7 +54,17 @@ async def _restore(work: Work) -> None:
     found = table_in(live, work.change.new)
     if found.enabled and differences(work.change.new, found.table, work.allowed):
         raise VerifyError("E-PUSH-FOREIGN", work.axis, axis=work.axis)
+    _note_half(work, live)
     await play_back(work)
+
+
+def _note_half(work: Work, live: LiveSet) -> None:
+    """Half a table in memory, left by a load that stopped in its middle, is what acts from the next start on."""
+    found = table_in(live, work.change.new).table
+    known = (work.restore_to.table, work.change.new)
+    if work.cut_short and all(differences(table, found, work.allowed) for table in known):
+        work.note("TORN", torn=True)
+        work.torn = True
 
 
 def as_before(work: Work, live: LiveSet) -> bool:
@@ -75,6 +90,8 @@ async def play_back(work: Work) -> None:
     Raises VerifyError (E-PUSH-NOT-RESTORED and those of `load` and `release`) and what the port raises.
     """
     old = work.restore_to
+    if work.torn and old.enabled:
+        await _restart_with_old(work)
     order = work.order(old.table, old.enabled, "restore", work.fresh_number())
     await load(work, order, None)
     await release(work, order)
@@ -83,3 +100,18 @@ async def play_back(work: Work) -> None:
         found = table_in(live, old.table).table
         different = differences(old.table, found, work.allowed) or ("the switch differs",)
         raise VerifyError("E-PUSH-NOT-RESTORED", work.axis, axis=work.axis, first=different[0])
+
+
+async def _restart_with_old(work: Work) -> None:
+    """The old table into memory and a restart while it is off.
+
+    A control that takes tables over at its start may have done so from half a table, and enabling alone would let
+    that act. Raises DeadlineExceeded when nobody restarts the control, and what `load` and `release` raise.
+    """
+    order = work.order(work.restore_to.table, False, "restore", work.fresh_number())
+    await load(work, order, None)
+    await release(work, order)
+    work.context.say("P-PUSH-RESTART", axis=work.axis)
+    await work.context.controller.wait_activated(order, work.context.start_timeout_s)
+    work.note("RESTARTED", torn=False)
+    work.torn = False

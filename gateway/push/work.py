@@ -26,7 +26,8 @@ class Work:
     """A push in progress. ``restore_to`` is what must be live again if it fails; ``change`` what is wanted.
 
     ``coupled`` says that other CEC tables of the output axis were on before, so that they must be again.
-    ``marked`` is the order whose number the controller's marker carries.
+    ``marked`` is the order whose number the controller's marker carries. ``cut_short`` says that a load may have
+    stopped in its middle, ``torn`` that a control which has restarted since may act by half a table once it is on.
     """
 
     context: PushContext
@@ -44,6 +45,8 @@ class Work:
     effect: tuple[tuple[float, float, float], ...] = ()
     marked: PushOrder | None = None
     base: LiveSet | None = None
+    cut_short: bool = False
+    torn: bool = False
 
     @property
     def axis(self) -> str:

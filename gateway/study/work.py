@@ -18,6 +18,7 @@ from gateway.correct.layers import LayeredCorrection, correct
 from gateway.correct.noise import Noise, noise_patterns
 from gateway.correct.plan import Plan, cross_specs, setup_values
 from gateway.correct.products import ProductResult, product_layer
+from gateway.correct.shapes import shapes_over
 from gateway.errors import ModelError
 from gateway.gear.first_order import judged
 from gateway.gear.flank import FlankFigure, FlankGrid, flank_figure
@@ -137,35 +138,9 @@ def doubt_columns(chain: Chain, names: tuple[str, ...], doubt: Doubt, plan: Plan
         if not name.startswith("E"):
             found.append((Parameter(name), u))
             continue
-        shapes = _shapes(chain, axis, plan)
+        shapes = shapes_over(chain, axis, travels(plan, chain).get(axis, (-1.0, 1.0)))
         found += [(Parameter(name, shape), u / np.sqrt(len(shapes))) for shape in shapes]
     return found
-
-
-@dataclass(frozen=True, slots=True)
-class Shape:
-    """A smooth shape of RMS 1: a Legendre polynomial over a travel, or a harmonic of the turn."""
-
-    order: int
-    low: float
-    high: float
-    turning: bool
-
-    def __call__(self, q: FloatArray) -> FloatArray:
-        """Values at q, same shape."""
-        if self.turning:
-            wave = np.cos if self.order % 2 else np.sin
-            return np.asarray(np.sqrt(2.0) * wave(((self.order + 1) // 2) * q))
-        x = np.clip((2.0 * q - self.low - self.high) / (self.high - self.low), -1.0, 1.0)
-        legendre = x if self.order == 1 else 0.5 * (3.0 * x**2 - 1.0)
-        return np.asarray(np.sqrt(2.0 * self.order + 1.0) * legendre)
-
-
-def _shapes(chain: Chain, axis: str, plan: Plan) -> list[Shape]:
-    if chain.axis(axis).kind == "revolute":
-        return [Shape(order, 0.0, 0.0, turning=True) for order in (1, 2, 3, 4)]
-    low, high = travels(plan, chain).get(axis, (-1.0, 1.0))
-    return [Shape(order, low, high, turning=False) for order in (1, 2)]
 
 
 def _alone(grinding: Grinding, grid: FlankGrid, name: str) -> Alone:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,7 +24,7 @@ from gateway.store import RunFolder
 from gateway.workflow import stages
 from gateway.workflow.bench import Bench, bench, new_run
 from gateway.workflow.measure import fetch_tables, store_equipment
-from gateway.workflow.setupcapture import measure_setup
+from gateway.workflow.setupcapture import measure_setup, stands_name
 from gateway.workflow.setups import Planned, chosen, planned, spans
 
 MEASURING, PARTIAL, MEASURED, STOPPED = "measuring", "partly-measured", "measured", "stopped"
@@ -80,7 +81,7 @@ async def measure_site(
     left = _left(folder, todo)
     try:
         if left:
-            async with bench(site, site_path, folder, clock, say) as at:
+            async with bench(site, site_path, folder, clock, say, instruments_of(left)) as at:
                 await _walk(at, left, resumed=resume is not None)
     except TrueflankError as error:
         folder.set_state("failed", error=error.as_record())
@@ -101,10 +102,14 @@ def _left(folder: RunFolder, todo: Sequence[Planned]) -> tuple[Planned, ...]:
     return tuple(one for one in todo if not folder.has(stages.setup(one.key)))
 
 
+def instruments_of(plan: Sequence[Planned]) -> set[str]:
+    """The instruments these set-ups need at the machine."""
+    return {one.setup.instrument for one in plan if one.setup.source == "live"}
+
+
 async def _walk(at: Bench, left: Sequence[Planned], *, resumed: bool) -> None:
     known = await _same_machine(at) if resumed else {}
-    if not resumed:
-        store_equipment(at)
+    store_equipment(at)
     at.folder.set_state(MEASURING)
     for number, one in enumerate(left):
         at.say("P-SETUP-PLAN", setup=one.key, number=number + 1, total=len(left))
@@ -143,7 +148,10 @@ def conclude(site: SiteFile, folder: RunFolder, tooth: Tooth | None) -> PlanOutc
     done = [one for one in plan if one.measured and folder.has(stages.setup(one.key))]
     captures = [folder.get(stages.setup(one.key), Capture) for one in done]
     rotary = [axis.name for axis in site.axes if axis.kind == "rotary"]
-    measurements = [one.measurement(c.targets, c.deviations, rotary) for one, c in zip(done, captures, strict=True)]
+    measurements = [
+        one.measurement(capture.targets, capture.deviations, rotary, _stood(folder, one.key))
+        for one, capture in zip(done, captures, strict=True)
+    ]
     usual = site.assumed
     model = error_model(measurements, spans(site), linear_um=usual.linear_um, angular_arcsec=usual.angular_arcsec)
     folder.put(stages.ERRORS, model, tuple(folder.digest(stages.setup(one.key)) for one in done))
@@ -153,6 +161,12 @@ def conclude(site: SiteFile, folder: RunFolder, tooth: Tooth | None) -> PlanOutc
     advice = advise(plan, remaining, opened, asked=tooth is not None)
     rows = error_rows(model)
     return PlanOutcome(folder.state, str(folder.path), model, rows, remaining, opened, advice)
+
+
+def _stood(folder: RunFolder, key: str) -> dict[str, float]:
+    """Where the axes stood when a set-up began; nothing for a file."""
+    name = stands_name(key)
+    return dict(json.loads(folder.read_text(name))) if name in folder.facts["files"] else {}
 
 
 def grids(site: SiteFile) -> tuple[AxisGrid, ...]:

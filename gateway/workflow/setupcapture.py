@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -35,6 +36,7 @@ async def measure_setup(at: Bench, one: Planned) -> Capture:
         capture, parents = await _from_file(at, one)
     else:
         await _park(at, one)
+        at.folder.write_text(stands_name(one.key), json.dumps(await _stands(at)))
         capture, parents = await (_positioning(at, one) if one.positioning else _error(at, one))
     at.folder.write_text(f"setup-{one.key}.json", one.setup.model_dump_json())
     at.folder.put(stages.setup(one.key), capture, parents)
@@ -51,6 +53,17 @@ async def _park(at: Bench, one: Planned) -> None:
         axis = at.axis(name)
         plan = plan_of(axis, (Stop(place, 1),), "", name=f"TFPARK{axis.letter}", dwell_s=0.1, save=False)
         await walk(at.supervisor.controller, plan, at_stop, at.patience, at.say)
+
+
+async def _stands(at: Bench) -> dict[str, float]:
+    """Where the site's axes stand now, by letter."""
+    axes = (await at.supervisor.controller.state()).axes
+    return {axis.letter: axes[axis.name].position for axis in at.site.axes if axis.name in axes}
+
+
+def stands_name(key: str) -> str:
+    """The file that keeps where all axes stood when a set-up began."""
+    return f"stands-{key}.json"
 
 
 async def _positioning(at: Bench, one: Planned) -> tuple[Capture, tuple[str, ...]]:

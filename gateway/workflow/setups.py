@@ -50,8 +50,10 @@ class Planned:
         """The plausibility move in the axis unit."""
         return self.setup.jog if self.setup.jog is not None else JOG[self.axis.kind]
 
-    def measurement(self, targets: Any, deviations: Any, rotary: Collection[str]) -> Measurement:
-        """What was captured, for the model; ``rotary`` are the names of the rotary axes."""
+    def measurement(
+        self, targets: Any, deviations: Any, rotary: Collection[str], stands: Mapping[str, float] | None = None
+    ) -> Measurement:
+        """What was captured, for the model; ``rotary`` names the rotary axes, ``stands`` where axes stood by letter."""
         parked = [place for name, place in self.setup.park.items() if name in rotary]
         return Measurement(
             self.setup.component,
@@ -65,15 +67,40 @@ class Planned:
             self.systematic,
             self.setup.own_angle_arcsec,
             parked[0] if parked else None,
+            stands or {},
         )
 
 
 def planned(site: SiteFile) -> tuple[Planned, ...]:
-    """Every set-up of the site, in the order it is best measured. Raises ConfigError (E-SETUP-NONE) without any."""
+    """Every set-up of the site, in the order it is best measured; each axis' own measure section is one.
+
+    Raises ConfigError (E-SETUP-NONE) without any set-up, E-SETUP-TARGETS.
+    """
     if not site.setups:
         raise ConfigError("E-SETUP-NONE", site.site.name)
     axes = {axis.name: axis for axis in site.axes}
-    return _ordered([_whole(setup, axes[setup.axis]) for setup in site.setups], [axis.name for axis in site.axes])
+    listed = {(setup.component, setup.axis) for setup in site.setups}
+    own = [_own(axis) for axis in site.axes if (axis.measure.component, axis.name) not in listed]
+    setups = [*(setup for setup in own if setup is not None), *site.setups]
+    return _ordered([_whole(setup, axes[setup.axis]) for setup in setups], [axis.name for axis in site.axes])
+
+
+def _own(axis: AxisSection) -> SetupSection | None:
+    """An axis' own positioning as a set-up; None where it measures something that is no component of it."""
+    measure = axis.measure
+    if measure.component != f"E{axis.letter}{axis.letter}":
+        return None
+    if measure.file is None:
+        return SetupSection(axis=axis.name, component=measure.component, instrument=measure.instrument)
+    return SetupSection(
+        axis=axis.name,
+        component=measure.component,
+        source="file",
+        path=measure.file,
+        datum=measure.file_datum,
+        unit=measure.file_unit,
+        file_axis_sense=measure.file_axis_sense,
+    )
 
 
 def _whole(setup: SetupSection, axis: AxisSection) -> Planned:

@@ -18,7 +18,7 @@ from gateway.domain import Capture
 from gateway.errors import CaptureError
 from gateway.model.components import value
 from gateway.say import silence
-from gateway.store import Store
+from gateway.store import RunFolder, Store
 from gateway.study.files import load_gear
 from gateway.study.machine import gear_of
 from gateway.workflow.bench import store_of
@@ -182,6 +182,25 @@ def turning_truth(cell: Cell, name: str, at: np.ndarray) -> np.ndarray:
     return true - (turned.real if name < pair else turned.imag)
 
 
+def true_leans(cell: Cell, folder: RunFolder) -> dict[str, float]:
+    """Location errors as the model tells them, arcsec: slopes of straightness, X's tilt at 0 and C's mean in them."""
+
+    def slope(name: str, key: str) -> float:
+        at = folder.get(f"setup-{key}", Capture).targets
+        return float(np.polyfit(at, cell.truth.motion(name, at), 1)[0]) * 1e-3 * 648000.0 / np.pi
+
+    def lean(about: str) -> float:
+        turn = cell.truth.motion(f"E{about}C", np.arange(720) / 2.0)
+        return cell.truth.location(f"{about}0C") + float(
+            cell.truth.motion(f"E{about}X", np.zeros(1))[0] + np.mean(turn)
+        )
+
+    z_slope = slope("EXZ", "B0Z-Z1")
+    square = cell.truth.location("B0Z") + z_slope + slope("EZX", "B0Z-X1")
+    bar = cell.truth.location("B0Z") + z_slope - lean("B")
+    return {"B0Z": square, "A0C": lean("A") + slope("EYZ", "A0C-Z1-C1at0"), "B0C": square - bar}
+
+
 @pytest.mark.soak
 def test_the_whole_plan_identifies_all_21(tmp_path: Path) -> None:
     """Every set-up of the demo cell but one, then that one: the advice names it, and all 21 are told."""
@@ -210,9 +229,11 @@ def test_the_whole_plan_identifies_all_21(tmp_path: Path) -> None:
             off = off - off.mean()
             print(one.name, f"{np.max(np.abs(off)):.3f} of {np.ptp(true):.2f}, limit {limit:.2f}")
             wrong += [one.name] if np.max(np.abs(off)) > limit else []
-        for place in found.model.locations:
-            print(place)
         assert not wrong
+        told = {place.name: place.value for place in found.model.locations}
+        for name, true in true_leans(cell, folder).items():
+            print(name, f"{told[name]:+.3f} true {true:+.3f}")
+            assert told[name] == pytest.approx(true, abs=0.3)
 
     on_cell(tmp_path, few(11, 2), story)
 

@@ -1,0 +1,51 @@
+"""The 21 errors as rows for people: range over the travel, uncertainty, and whether measured or only assumed."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from drivers.units import DeviationUnit
+from gateway.domain import Component
+from gateway.model.components import is_periodic, standard_uncertainty, value
+from gateway.model.known import ErrorModel
+from gateway.model.preset import TWENTY_ONE
+
+POINTS = 201
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorRow:
+    """One error: lowest and highest value, largest expanded uncertainty U (k = 2); for unknown ones +/- the span."""
+
+    name: str
+    unit: DeviationUnit
+    low: float
+    high: float
+    U: float
+    state: Literal["measured", "assumed"]
+
+    def as_data(self) -> dict[str, Any]:
+        """For JSON."""
+        return asdict(self)
+
+
+def error_rows(model: ErrorModel) -> tuple[ErrorRow, ...]:
+    """Rows in the usual order, then whatever else was located (X0C, Y0C)."""
+    found = {one.name: _motion(one, model.systematic.get(one.name, 0.0)) for one in model.motions}
+    for one in model.locations:
+        found[one.name] = ErrorRow(one.name, one.unit, one.value, one.value, 2.0 * one.u, "measured")
+    for gap in model.unknown:
+        found[gap.name] = ErrorRow(gap.name, gap.unit, -gap.span, gap.span, 2.0 * gap.u, "assumed")
+    order = [*TWENTY_ONE, *(name for name in found if name not in TWENTY_ONE)]
+    return tuple(found[name] for name in order if name in found)
+
+
+def _motion(one: Component, systematic: float) -> ErrorRow:
+    low, high = (0.0, 360.0) if is_periodic(one) else one.domain
+    at = np.linspace(low, high, POINTS)
+    values = value(one, at)
+    U = 2.0 * float(np.hypot(np.max(standard_uncertainty(one, at)), systematic))
+    return ErrorRow(one.name, one.unit, float(values.min()), float(values.max()), U, "measured")

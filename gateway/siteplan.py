@@ -1,0 +1,155 @@
+"""What a site file says of measuring: targets, set-ups of every error, what is assumed, the work, the drift guard."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+
+class Section(BaseModel):
+    """A part of a site file: nothing unknown, nothing changed later."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Window(Section):
+    """A working window visited at table step, for the tooth, beside the full travel."""
+
+    first: float
+    last: float
+    step: float = Field(gt=0)
+
+    @model_validator(mode="after")
+    def _rises(self) -> Window:
+        if self.last - self.first < self.step:
+            raise ValueError("last must lie a step or more above first")
+        return self
+
+
+class Targets(Section):
+    """Target positions in machine coordinates: evenly spaced with seeded random offsets, or given.
+
+    ``count`` "iso230-2" takes as many as the standard asks for over first .. last, with random offsets.
+    """
+
+    first: float = 0.0
+    last: float = 0.0
+    count: int | Literal["iso230-2"] = 0
+    window: Window | None = None
+    offset_fraction: float = Field(default=0.0, ge=0.0, le=0.3, description="of the interval, random")
+    seed: int = 1
+    positions: tuple[float, ...] = ()
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Targets:
+        if bool(self.positions) == bool(self.count):
+            raise ValueError("give either positions or first, last and count")
+        if isinstance(self.count, int) and (self.count < 0 or self.count == 1):
+            raise ValueError("count must be 2 or more")
+        if self.count == "iso230-2" and self.first == self.last:
+            raise ValueError("first and last must differ")
+        return self
+
+
+Sense = Literal[1, -1]
+MOTION = r"E[XYZABC][A-Z]"
+LOCATIONS: dict[str, tuple[str, ...]] = {
+    "B0Z": ("X", "Z"),
+    "A0C": ("Z",),
+    "B0C": ("Z",),
+    "X0C": ("C",),
+    "Y0C": ("C",),
+}
+"""Location errors that can be measured, and the axes that move meanwhile: a square, a test bar, a ball."""
+
+
+class SetupSection(Section):
+    """How one error is measured; what is not said is as in the measure section of the axis that moves.
+
+    ``axis`` moves. A square is one set-up on X and one on Z, and "B0Z-R" the same with the square turned over about
+    its Z arm; a test bar is one set-up on Z with C parked at 0 and one at 180. ``sense`` -1 where the reading falls
+    when the moved part errs in the plus direction of the component: no jog can prove it. ``offset_mm``: the measured
+    point less the point the component is meant for, machine directions (on a rotary axis along it only).
+    """
+
+    axis: str
+    component: str = Field(pattern=rf"^(?:{MOTION}|[XYZABC]0[A-Z](?:-R)?)$")
+    instrument: str = ""
+    channel: str = Field(default="", description="of the instrument; empty: its only one in um or arcsec")
+    source: Literal["live", "file", "none"] = Field(default="live", description="none: not measured, only assumed")
+    path: Path | None = None
+    unit: Literal["", "um", "arcsec", "urad", "mrad"] = Field(default="", description="of the file's deviations")
+    datum: float | None = Field(default=None, description="machine coordinate of the file's zero")
+    file_axis_sense: Sense = 1
+    targets: Targets | None = None
+    repetitions: int | None = Field(default=None, ge=1)
+    settle_s: float | None = Field(default=None, ge=0)
+    average_s: float | None = Field(default=None, gt=0)
+    stable: float | None = Field(default=None, gt=0)
+    sense: Sense = 1
+    offset_mm: tuple[float, float, float] | None = None
+    largest: float | None = Field(default=None, gt=0, description="reading beyond which optics were touched")
+    jog: float | None = Field(default=None, description="plausibility move, mm or deg")
+    U: float | None = Field(default=None, ge=0, description="of the instrument (k = 2), um or arcsec")
+    own_angle_arcsec: float | None = Field(default=None, description="what a square has more than 90 deg, if known")
+    park: dict[str, float] = Field(default_factory=dict, description="other axes and where they stand meanwhile")
+    assumed: float | None = Field(default=None, gt=0, description="half width it may have unmeasured, um or arcsec")
+
+    @model_validator(mode="after")
+    def _whole(self) -> SetupSection:
+        if self.source == "live" and not self.instrument:
+            raise ValueError(f"{self.component}: a live set-up needs an instrument")
+        if self.source == "file" and (self.path is None or self.datum is None):
+            raise ValueError(f"{self.component}: a file needs path and datum, the machine coordinate of its zero")
+        if self.source == "none" and self.assumed is None:
+            raise ValueError(f"{self.component}: what is not measured needs assumed, the half width it may have")
+        return self
+
+    @property
+    def name(self) -> str:
+        """The error without the mark of a turned artefact."""
+        return self.component.removesuffix("-R")
+
+    @property
+    def turned(self) -> bool:
+        """Whether the artefact is turned over."""
+        return self.component.endswith("-R")
+
+
+class AssumedSection(Section):
+    """Half widths of errors that nobody measured and no set-up says otherwise of."""
+
+    linear_um: float = Field(default=5.0, gt=0)
+    angular_arcsec: float = Field(default=5.0, gt=0)
+
+
+class WorkSection(Section):
+    """The gear this machine grinds: its file, and how high the middle of its face stands over the table's zero."""
+
+    gear: Path
+    height_mm: float = 0.0
+
+
+class GuardSection(Section):
+    """The drift guard: what may have changed, how much it looks, how well a new mounting repeats an old one (k = 2)."""
+
+    limit_um: float = Field(default=2.0, gt=0)
+    limit_arcsec: float = Field(default=3.0, gt=0)
+    targets: int = Field(default=8, ge=3)
+    repetitions: int = Field(default=3, ge=2)
+    mounting_um: float = Field(default=0.2, ge=0)
+    mounting_arcsec: float = Field(default=0.2, ge=0)
+
+
+def belongs(setup: SetupSection, letter: str, kind: Literal["linear", "rotary"], where: str) -> None:
+    """A component is measured along its own axis, a location error along one that can show it; else ValueError."""
+    if setup.name[1] == "0":
+        if letter not in LOCATIONS.get(setup.name, ()):
+            known = ", ".join(f"{name} on {' and '.join(on)}" for name, on in LOCATIONS.items())
+            raise ValueError(f"{where}: location errors are measured as {known}")
+    elif setup.name[2] != letter:
+        raise ValueError(f"{where}: this error motion is one of axis {setup.name[2]}, not {letter}")
+    if kind == "rotary" and setup.offset_mm is not None and any(setup.offset_mm[:2]):
+        raise ValueError(f"{where}: on a rotary axis offset_mm may only lie along the axis")
