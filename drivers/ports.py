@@ -85,6 +85,15 @@ class Instrument(Device, Protocol):
 
 
 @runtime_checkable
+class Recounting(Instrument, Protocol):
+    """An instrument that must be told to count afresh after its beam was lost."""
+
+    async def set_datum(self) -> None:
+        """The present reading is good again. Raises BeamObstructed while no light returns."""
+        ...
+
+
+@runtime_checkable
 class RotaryCalibrator(Instrument, Protocol):
     """A self-turning rotary calibrator (XR20-W principle)."""
 

@@ -104,6 +104,10 @@ class BridgeInstrument:
         result = await self._if_it_can(records.OPTICS)
         return Optics() if result is None else records.read_optics(result, self.name)
 
+    async def set_datum(self) -> None:
+        """Count afresh after a lost beam; nothing where the bridge knows no such thing. Raises BeamObstructed."""
+        await self._if_it_can(records.DATUM)
+
     async def ambient(self) -> Ambient:
         """Environment readings; empty where the instrument has no sensors."""
         result = await self._if_it_can(records.ENVIRONMENT)

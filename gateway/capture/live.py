@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drivers.errors import BeamObstructed, TrueflankError
-from drivers.ports import Instrument, RotaryCalibrator, TypedInstrument
+from drivers.ports import Instrument, Recounting, RotaryCalibrator, TypedInstrument
 from drivers.types import Ambient, ChannelStatus, FloatArray, LiveSet, Stop, StopPlan, StopReached
 from gateway.capture.collecting import Collection
 from gateway.capture.diagnosis import FROZEN_TARGETS, cause
@@ -241,6 +241,8 @@ class Visits:
     async def _set_datum_anew(self, stop: Stop) -> None:
         if isinstance(self._rig.instrument, RotaryCalibrator):
             await self._rig.instrument.track()
+        if isinstance(self._rig.instrument, Recounting):
+            await self._rig.instrument.set_datum()
         self._readings.datum()
         self._found.set_anew(stop, await self._readings.settled(self._rig.window))
         self._found.notes.append(f"the beam was lost after {self._taken} readings and the datum set anew")

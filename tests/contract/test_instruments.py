@@ -552,3 +552,17 @@ def test_samples_with_a_wrong_member_end_the_stream_and_name_it() -> None:
 def test_the_ports_are_met() -> None:
     assert isinstance(UmdCounter("a", "COM1", {}, LoopClock()), Instrument)
     assert isinstance(BridgeInstrument("a", "COM1", {}, LoopClock()), RotaryCalibrator)
+
+
+def test_a_bridge_is_told_to_count_afresh_after_a_lost_beam() -> None:
+    async def main(at: Bench) -> None:
+        await at.device.open(OPEN_S)
+        await at.device.set_datum()
+        assert at.script.asked[-1][0] == records.DATUM
+        at.script.refusals[records.DATUM] = Refusal(None, records.BEAM_OBSTRUCTED, "no light")
+        with pytest.raises(BeamObstructed):
+            await at.device.set_datum()
+        at.script.refusals[records.DATUM] = Refusal(None, records.UNSUPPORTED, "cannot")
+        await at.device.set_datum()
+
+    bench("bridge", URLS[0], main)
