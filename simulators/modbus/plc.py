@@ -18,6 +18,9 @@ from simulators.modbus.registers import Command, Image
 from simulators.modbus.switches import PlcSettings
 from simulators.nck.machine import Nck
 
+# Less than this is rounding: a clock might not move at all in it.
+NO_TIME_S = 1e-6
+
 
 class Plc:
     """Serves the mailbox of one NCK as registers. Nothing runs while nobody asks, but what a command does."""
@@ -142,7 +145,7 @@ class Plc:
     async def _watch(self, number: int) -> None:
         while self.session == number:
             left = self._beat_s + self.settings.session_s - self.now()
-            if left <= 0:
+            if left <= NO_TIME_S:
                 self._lose_session()
                 return
             await self._clock.sleep(left)
