@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Literal
 
 COUNT = 20
 
@@ -33,7 +34,11 @@ class Word(IntEnum):
 
 # The marker outlives programs and sessions; odd numbers, so that no other use of these R parameters reads as one.
 MARKED = (Word.MARKER, Word.MARKER_STATE)
-MARKER_STATES = {8401: "in-progress", 8402: "committed", 8403: "held"}
+MARKER_STATES: dict[int, Literal["none", "in-progress", "committed", "held"]] = {
+    8401: "in-progress",
+    8402: "committed",
+    8403: "held",
+}
 
 
 class Phase(IntEnum):

@@ -67,11 +67,12 @@ def test_the_gateway_killed_between_the_two_halves(trueflank_cell: Any) -> None:
     cell = trueflank_cell("demo", speed=100.0, seed=6)
     site = _short_site(cell)
     first = cell.ask("tables")
-    cell.set("operator", options={"release_patience_s": 60.0})
+    cell.set("operator", options={"release_delay_s": 600.0})  # long enough to die before NC START is pressed again
     with _command("run", str(site), "--apply", "--machine", MACHINE, "--json") as gateway:
         _until(cell, gateway, lambda status: status["message"].startswith("TRUEFLANK LOADED"))
         gateway.kill()
         gateway.communicate()
+        cell.set("channel_reset")
         status = _until(cell, gateway, lambda seen: seen["channel"] == 0)
     assert cell.ask("tables")["tables"]["C1"]["enabled"] == 0.0
     assert status["alarms"] == []
