@@ -1,0 +1,84 @@
+"""Pushes with seeded faults on both roads: never a corrupted table that is on, and every failure leads home or holds.
+
+More of them: N=5000 python -m pytest -m soak tests/push/test_push_schedules.py
+One again: python -m tests.push.schedules SEED
+"""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from tests.push import schedules, uaschedules
+
+SHARDS = 10
+MODBUS = 900
+SOAK = int(os.environ.get("N", "5000"))
+
+
+def play(seeds: range, folder: Path) -> Counter[str]:
+    """Play them all; every one that went wrong is told with how to play it again."""
+    found: Counter[str] = Counter()
+    wrong = []
+    for seed in seeds:
+        one = schedules.played(seed, folder / str(seed))
+        found[one.outcome] += 1
+        if one.wrong:
+            wrong.append(f"{one}\n  again: python -m tests.push.schedules {seed}")
+    print(f"seeds {seeds.start}..{seeds.stop - 1}: {dict(found.most_common())}")
+    assert wrong == []
+    return found
+
+
+@pytest.mark.parametrize("shard", range(SHARDS))
+def test_seeded_faults_on_the_mailbox(tmp_path: Path, shard: int) -> None:
+    size = MODBUS // SHARDS
+    found = play(range(shard * size, (shard + 1) * size), tmp_path)
+    assert sum(found.values()) == size
+    assert min(found["committed"], found["rolled-back"], found["held"]) > 0
+
+
+@pytest.mark.soak
+@pytest.mark.timeout(7200)
+@pytest.mark.parametrize("shard", range(SHARDS))
+def test_many_more_seeded_faults_on_the_mailbox(tmp_path: Path, shard: int) -> None:
+    size = SOAK * 9 // 10 // SHARDS
+    play(range(100_000 + shard * size, 100_000 + (shard + 1) * size), tmp_path)
+
+
+@pytest.fixture(scope="module")
+def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The server's key pair, made once."""
+    return tmp_path_factory.mktemp("server-keys")
+
+
+def play_opcua(seeds: range, folder: Path, keys: Path) -> Counter[str]:
+    """The same over OPC UA."""
+    found: Counter[str] = Counter()
+    wrong = []
+    for seed in seeds:
+        one = uaschedules.played(seed, folder / str(seed), keys)
+        found[one.outcome] += 1
+        if one.wrong:
+            wrong.append(f"{one}\n  again: python -m tests.push.uaschedules {seed}")
+    print(f"OPC UA, seeds {seeds.start}..{seeds.stop - 1}: {dict(found.most_common())}")
+    assert wrong == []
+    return found
+
+
+@pytest.mark.parametrize("shard", range(4))
+def test_seeded_faults_over_opcua(tmp_path: Path, keys: Path, shard: int) -> None:
+    found = play_opcua(range(shard * 25, (shard + 1) * 25), tmp_path, keys)
+    assert sum(found.values()) == 25
+    assert found["committed"] > 0
+
+
+@pytest.mark.soak
+@pytest.mark.timeout(7200)
+@pytest.mark.parametrize("shard", range(SHARDS))
+def test_many_more_seeded_faults_over_opcua(tmp_path: Path, keys: Path, shard: int) -> None:
+    size = SOAK // 10 // SHARDS
+    play_opcua(range(100_000 + shard * size, 100_000 + (shard + 1) * size), tmp_path, keys)
