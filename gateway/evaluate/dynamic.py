@@ -151,10 +151,10 @@ def _settled(
 
 
 def _ringing(swings: FloatArray, time_s: FloatArray) -> Peak | None:
-    """By the times at which the signal changes sides, noise within the band left out; None below a whole swing."""
+    """By the usual time between changes of side beyond the band; None below a whole swing."""
     changes = np.flatnonzero(np.diff(np.sign(swings)) != 0)
     if len(changes) < FEWEST_CHANGES:
         return None
     middle = 0.5 * (time_s[changes] + time_s[changes + 1])
-    frequency = (len(changes) - 1) / (2.0 * float(middle[-1] - middle[0]))
+    frequency = 0.5 / float(np.median(np.diff(middle)))
     return Peak(frequency, float(np.abs(swings[changes[0] + 1 :]).max()))

@@ -94,3 +94,11 @@ def test_no_move_and_a_gap_are_refused() -> None:
         with pytest.raises(NotIdentifiable) as caught:
             settling(record(values, gaps=gaps), 1.0)
         assert caught.value.code == code
+
+
+def test_late_noise_beyond_the_band_does_not_bend_the_ringing() -> None:
+    values = ringing_move()
+    values[[2500, 3100, 3700]] += [1.5, -1.5, 1.5]
+    found = settling(record(values), 1.0)
+    assert found.ringing is not None
+    assert found.ringing.frequency_hz == pytest.approx(30.0, rel=0.05)
