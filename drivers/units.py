@@ -1,4 +1,4 @@
-"""The only unit conversions: mm, um, deg, arcsec, rad, degC, hPa."""
+"""The only unit conversions: mm, um, inch, deg, arcsec, rad, degC, hPa."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ AxisUnit = Literal["mm", "deg"]
 DeviationUnit = Literal["um", "arcsec"]
 
 UM_PER_MM = 1000.0
+MM_PER_INCH = 25.4
 ARCSEC_PER_DEG = 3600.0
 ARCSEC_PER_RAD = ARCSEC_PER_DEG * 180.0 / pi
 DEG_PER_RAD = 180.0 / pi

@@ -16,23 +16,32 @@ from typing import Any, Literal, cast
 
 import numpy as np
 
-from drivers.errors import ConfigError, FileFormatError
+from drivers.errors import FileFormatError
+from drivers.files.declared import declared
 from drivers.files.numbers import decimal, whole
 from drivers.files.text import end_doubts
 from drivers.types import FloatArray, MeasuredSet
-from drivers.units import AxisUnit, deg_to_arcsec, mm_to_um, rad_to_arcsec
+from drivers.units import (
+    MM_PER_INCH,
+    AxisUnit,
+    arcsec_to_deg,
+    deg_to_arcsec,
+    mm_to_um,
+    rad_to_arcsec,
+    rad_to_deg,
+    um_to_mm,
+)
 
 _BREAK = re.compile(r"\r\n|\n|\r")
-MM_PER_INCH = 25.4
 TARGET_UNITS: dict[str, tuple[AxisUnit, float]] = {
     "mm": ("mm", 1.0),
-    "um": ("mm", 1e-3),
+    "um": ("mm", um_to_mm(1.0)),
     "m": ("mm", 1e3),
     "inch": ("mm", MM_PER_INCH),
     "deg": ("deg", 1.0),
-    "rad": ("deg", 180.0 / np.pi),
-    "mrad": ("deg", 0.18 / np.pi),
-    "arcsec": ("deg", 1.0 / 3600.0),
+    "rad": ("deg", rad_to_deg(1.0)),
+    "mrad": ("deg", rad_to_deg(1e-3)),
+    "arcsec": ("deg", arcsec_to_deg(1.0)),
 }
 READING_UNITS: dict[str, tuple[AxisUnit, float]] = {
     "um": ("mm", 1.0),
@@ -76,18 +85,10 @@ class ColumnMap:
     @classmethod
     def read(cls, said: Mapping[str, Any], where: str) -> ColumnMap:
         """From a user's words. Raises ConfigError (E-FILE-MAP) naming the key and what is allowed."""
-        known = {item.name: type(item.default) for item in fields(cls)}
-        for key, value in said.items():
-            if key not in known or type(value) is not known[key]:
-                kind = known[key].__name__ if key in known else f"one of {', '.join(known)}"
-                raise ConfigError("E-FILE-MAP", where, key=key, why=f"needs {kind}")
-        found = cls(**said)
-        for key, good, why in found._limits():
-            if not good:
-                raise ConfigError("E-FILE-MAP", where, key=key, why=why)
-        return found
+        return declared(cls, said, where)
 
-    def _limits(self) -> tuple[tuple[str, bool, str], ...]:
+    def limits(self) -> tuple[tuple[str, bool, str], ...]:
+        """See `drivers.files.declared.Declared`."""
         ways = ("column", "runs", "order", "up", "down")
         kinds = {TARGET_UNITS.get(self.target_unit, ("", 0))[0], READING_UNITS.get(self.reading_unit, ("", 0))[0]}
         return (

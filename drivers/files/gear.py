@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -16,12 +16,14 @@ import numpy as np
 
 from drivers.errors import ConfigError, FileFormatError
 from drivers.files.csvlayout import cells
+from drivers.files.declared import declared
 from drivers.files.numbers import decimal, whole
 from drivers.files.signature import signature_of
 from drivers.files.text import decode, end_doubts, read_bytes
 from drivers.types import GearInspection
+from drivers.units import MM_PER_INCH
 
-LENGTHS = {"mm": 1.0, "um": 1e-3, "m": 1e3, "inch": 25.4}
+LENGTHS = {"mm": 1.0, "um": 1e-3, "m": 1e3, "inch": MM_PER_INCH}
 ANGLES = {"deg": np.pi / 180.0, "rad": 1.0, "mrad": 1e-3}
 FLANKS = dict.fromkeys(("left", "l", "links", "+", "+1", "1"), 1)
 FLANKS |= dict.fromkeys(("right", "r", "rechts", "-", "-1"), -1)
@@ -44,30 +46,16 @@ class PointMap:
     @classmethod
     def read(cls: type[M], said: Mapping[str, Any], where: str) -> M:
         """From a user's words. Raises ConfigError (E-FILE-MAP) naming the key and what is allowed."""
-        known = {item.name: type(item.default) for item in fields(cls)}
-        values = {key: _as_float(value) if known.get(key) is float else value for key, value in said.items()}
-        for key, value in values.items():
-            if key not in known or type(value) is not known[key]:
-                kind = known[key].__name__ if key in known else f"one of {', '.join(known)}"
-                raise ConfigError("E-FILE-MAP", where, key=key, why=f"needs {kind}")
-        found = cls(**values)
-        for key, good, why in found.limits():
-            if not good:
-                raise ConfigError("E-FILE-MAP", where, key=key, why=why)
-        return found
+        return declared(cls, said, where)
 
     def limits(self) -> Iterable[tuple[str, bool, str]]:
-        """(key, whether it is right, what it must be)."""
+        """See `drivers.files.declared.Declared`."""
         return (
             ("length_unit", self.length_unit in LENGTHS, f"must be one of {', '.join(LENGTHS)}"),
             ("angle_unit", self.angle_unit in ANGLES, f"must be one of {', '.join(ANGLES)}"),
             ("deviation_unit", self.deviation_unit in LENGTHS, f"must be one of {', '.join(LENGTHS)}"),
             ("probe_u_um", 0.0 <= self.probe_u_um < 1000.0, "must be 0 (not said) to 1000"),
         )
-
-
-def _as_float(value: Any) -> Any:
-    return float(value) if type(value) is int else value
 
 
 @dataclass(frozen=True, slots=True)

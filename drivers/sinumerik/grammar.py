@@ -95,12 +95,6 @@ def _taken_apart(inside: str, shapes: str) -> tuple[tuple[int, ...], str] | None
     return tuple(int(part) for part in parts), axis.upper() if shapes[-1] == "a" else ""
 
 
-def number_of(text: str) -> Decimal | None:
-    """A number of the NC language (point as separator, exponent EX) to ten decimals; None if it is none."""
-    exact = exact_number(text)
-    return None if exact is None else exact.quantize(_PLACE, ROUND_HALF_EVEN)
-
-
 def exact_number(text: str) -> Decimal | None:
     """A number of the NC language with every digit; None if it is none or beyond 100 000."""
     match = _NUMBER.fullmatch(text)

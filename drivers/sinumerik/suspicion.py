@@ -11,11 +11,10 @@ from drivers.errors import TableError
 from drivers.sinumerik.lint import MAX_VALUE, finding
 from drivers.tablefile import TableFinding
 from drivers.types import CompensationTable
-from drivers.units import deviation_scale
+from drivers.units import ARCSEC_PER_DEG, MM_PER_INCH, UM_PER_MM, deviation_scale
 
-MM_PER_INCH = 25.4
 SMALLEST = {"mm": 1e-5, "deg": 1e-6}  # no interferometer sees less: 10 nm, 0.0036 arcsec
-_WRITTEN = {"mm": ("um", 1000.0), "deg": ("arcsec", 3600.0)}
+_WRITTEN = {"mm": ("um", UM_PER_MM), "deg": ("arcsec", ARCSEC_PER_DEG)}
 
 
 def of_table(table: CompensationTable, where: str) -> Iterator[TableFinding]:

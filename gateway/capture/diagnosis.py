@@ -9,17 +9,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from drivers.errors import BeamObstructed
+from drivers.units import ARCSEC_PER_DEG, MM_PER_INCH, UM_PER_MM, deg_to_rad
 from gateway.errors import CaptureError
 
 # mm <-> inch, mm <-> um (or m), deg <-> arcmin, deg <-> arcsec, deg <-> rad.
 FACTORS: dict[str, float] = {
-    "mm to inch": 1.0 / 25.4,
-    "inch to mm": 25.4,
-    "mm to um": 1000.0,
-    "um to mm": 1e-3,
+    "mm to inch": 1.0 / MM_PER_INCH,
+    "inch to mm": MM_PER_INCH,
+    "mm to um": UM_PER_MM,
+    "um to mm": 1.0 / UM_PER_MM,
     "deg to arcmin": 60.0,
-    "deg to arcsec": 3600.0,
-    "deg to rad": 0.017453292519943295,
+    "deg to arcsec": ARCSEC_PER_DEG,
+    "deg to rad": deg_to_rad(1.0),
 }
 LENGTH, ANGLE = slice(0, 4), slice(4, 7)
 ALIKE = 0.02
