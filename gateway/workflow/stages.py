@@ -11,6 +11,8 @@ PROPOSAL = "proposal"
 VERDICT = "verdict"
 ERRORS = "errors"
 GUARD = "guard"
+TOOTH = "tooth"
+TOOTH_VERDICT = "tooth-verdict"
 
 
 def raw(axis: str, phase: Phase) -> str:
@@ -51,3 +53,13 @@ def setup_raw(key: str) -> str:
 def setup_proof(key: str) -> str:
     """How a set-up's mounting was proved."""
     return f"setup-{key}-proof"
+
+
+def ground(part: str) -> str:
+    """A part ground through the control; parts are called "before", "trial", "after" or as people say."""
+    return f"ground-{part}"
+
+
+def inspected(part: str) -> str:
+    """The flanks of a part as an inspection machine found them."""
+    return f"inspected-{part}"

@@ -1,0 +1,175 @@
+"""Frozen records of the tooth in a run: set-up values, parts ground, flanks inspected, what was predicted of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class SetupValues:
+    """What is set by hand and enters no table, added to the grinding program's places: um, arcsec, um.
+
+    ``x`` and ``c`` move the work offsets of infeed and index, ``dressing`` the profile along the wheel's axis.
+    """
+
+    x_um: float = 0.0
+    c_arcsec: float = 0.0
+    dressing_um: float = 0.0
+
+    def plus(self, other: SetupValues) -> SetupValues:
+        """Both together."""
+        added = self.x_um + other.x_um, self.c_arcsec + other.c_arcsec, self.dressing_um + other.dressing_um
+        return SetupValues(*added)
+
+
+@dataclass(frozen=True, slots=True)
+class FlankMap:
+    """Normal deviations (K, T, Z) in um, + surplus material, one rotation of the gear removed.
+
+    ``theta_rad`` (T,) are profile angles of both flanks, ascending, ``z_mm`` (Z,) heights from the middle of the face;
+    the K spaces are all of the gear, in order.
+    """
+
+    theta_rad: FloatArray
+    z_mm: FloatArray
+    deviation_um: FloatArray
+
+    @property
+    def rms_um(self) -> float:
+        """RMS over all points."""
+        return float(np.sqrt(np.mean(self.deviation_um**2)))
+
+    @property
+    def largest_um(self) -> float:
+        """Largest deviation to either side."""
+        return float(np.max(np.abs(self.deviation_um)))
+
+
+@dataclass(frozen=True, slots=True)
+class GroundPart:
+    """One test part ground through the control: its name in the run, the set-up values, spaces, when, and at what.
+
+    ``live`` are the digests of the tables that acted, by machine axis; ``material_degc`` where somebody measured it.
+    """
+
+    part: str
+    setup: SetupValues
+    spaces: int
+    started_utc: str
+    ended_utc: str
+    live: Mapping[str, str] = field(default_factory=dict)
+    material_degc: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class InspectedFlank:
+    """What an inspection tells of one part's flanks; points (N,) as measured, ``fitted`` as A, B, G at each place.
+
+    ``k`` spaces, ``theta_rad`` profile angles, ``z_mm`` heights from the middle of the face, ``deviation_um`` normal
+    deviations, + surplus; ``u_um`` is the standard uncertainty of one point. ``abg`` (G, 3) in um, um, arcsec at places
+    ``place_k``, ``place_z_mm`` (G,), with standard uncertainties ``abg_u``. ``fitted`` is the flank these make on the
+    judged grid. ``rms_u_um`` says how far the fitted flank may lie from the true one (RMS): probe and clamping.
+    ``figures`` are profile, lead, pitch and runout by name in um.
+    """
+
+    part: str
+    source: str
+    serial: str
+    k: FloatArray
+    theta_rad: FloatArray
+    z_mm: FloatArray
+    deviation_um: FloatArray
+    u_um: float
+    place_k: FloatArray
+    place_z_mm: FloatArray
+    abg: FloatArray
+    abg_u: FloatArray
+    fitted: FlankMap
+    rms_u_um: float
+    figures: Mapping[str, float] = field(default_factory=dict)
+    said: tuple[str, ...] = ()
+    measured_utc: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class FlankPrediction:
+    """What the model says the flank will be: maps as it is, with EEC alone, with everything; and how sure that is.
+
+    ``floor_um`` is the RMS that the tables and set-up values leave at best on the fitted machine. ``u_um`` is the
+    standard uncertainty of the flank: the root mean square over its points of how far it may lie from ``after``.
+    ``u_point_um`` (K, T, Z) is that point by point; ``rms_um`` and ``rms_u_um`` mean and standard deviation of the RMS
+    that is to be expected, by Monte Carlo. ``parts_um`` splits ``u_um`` by error (RMS each).
+    """
+
+    before: FlankMap
+    with_eec: FlankMap
+    after: FlankMap
+    floor_um: float
+    u_um: float
+    u_point_um: FloatArray
+    rms_um: float
+    rms_u_um: float
+    parts_um: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class CureRecord:
+    """One error on the tooth: RMS alone in um, what cures it, and what is left by everything possible, um."""
+
+    error: str
+    rms_um: float
+    by: str
+    floor_um: float
+
+
+@dataclass(frozen=True, slots=True)
+class RankRecord:
+    """One error's place in the Morris ranking of the flank RMS: mu* in um with its interval, and its rank's."""
+
+    error: str
+    mu_star_um: float
+    low_um: float
+    high_um: float
+    rank: tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True)
+class ToothProposal:
+    """What a run proposes for the tooth beside the tables: set-up values, and what everything together will do.
+
+    ``eccentricity_um`` (x, y) and ``tilt_arcsec`` (a, b) say how the work should be moved on its table, where that
+    would help. ``b_left`` is the share of B that nothing can cure on this gear.
+    """
+
+    setup: SetupValues
+    prediction: FlankPrediction
+    cures: tuple[CureRecord, ...] = ()
+    ranking: tuple[RankRecord, ...] = ()
+    b_left: float = 0.0
+    eccentricity_um: tuple[float, float] = (0.0, 0.0)
+    tilt_arcsec: tuple[float, float] = (0.0, 0.0)
+    said: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class ToothVerdict:
+    """The flank before and after, in um: as ground, and before with its set-up values put right, which is the fair one.
+
+    ``within_prediction`` says whether the flank after lies where it was predicted, within its uncertainty (k = 2).
+    """
+
+    before_um: float
+    before_set_right_um: float
+    after_um: float
+    predicted_um: float
+    u_um: float
+    within_prediction: bool
+    outcome: Literal["better", "unchanged", "worse", "not-pushed"]
+    words: str
