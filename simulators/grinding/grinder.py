@@ -14,6 +14,7 @@ from simulators.cellfile.part import Part, Wheel
 from simulators.grinding.entry import Poses
 from simulators.grinding.lobes import Lobes
 from simulators.grinding.sampling import LOOK_S, closely, passes
+from simulators.grinding.seat import on_axis
 from simulators.grinding.wheel import WheelBody
 from simulators.grinding.work import ARCSEC, UM, Pass, WorkPiece, clamped
 from simulators.optics.bench import Bench, Watcher
@@ -49,7 +50,8 @@ class Grinder:
         self.unload(now_s)
         self._count += 1
         seed, height = self._bench.truth.seed, self._part.grinding.height_mm
-        drawn = clamped(self._part.clamping, seed, f"blank {self._count}", height_mm=height)
+        off = clamped(self._part.clamping, seed, f"blank {self._count}")
+        drawn = on_axis(self._bench.truth, height).then(off)
         self.work = WorkPiece(self._part, self._count, seat or drawn)
         self._watcher = Watcher(self._bench)
         self._now = now_s

@@ -410,3 +410,19 @@ def test_a_deep_disc_is_ground_as_well() -> None:
     nx, _, _ = shapes(cell)
     got = flank(cell, (0, 5))
     np.testing.assert_allclose(got, np.broadcast_to(-4.0 * nx, got.shape), atol=0.005)
+
+
+@pytest.mark.parametrize("height", [0.0, 120.0])
+def test_a_fixture_is_dialled_in_to_the_axis_of_rotation(height: float) -> None:
+    """What turns along with the table is where its axis lies, no motion of it; what turns against it stays."""
+
+    def pair(first: str, second: str, size: float, sense: float) -> dict[str, list[dict[str, object]]]:
+        wave = {"kind": "harmonic", "order": 1, "amplitude": size}
+        return {first: [{**wave, "phase_deg": 20.0}], second: [{**wave, "phase_deg": 20.0 - 90.0 * sense}]}
+
+    middle = {"height_mm": height}
+    plain = flank(cell_of({}, grinding=middle))
+    along = {**pair("EXC", "EYC", 4.0, 1.0), **pair("EAC", "EBC", 3.0, 1.0)}
+    assert np.max(np.abs(flank(cell_of(along, grinding=middle)) - plain)) < 0.005
+    against = {**pair("EXC", "EYC", 4.0, -1.0), **pair("EAC", "EBC", 3.0, -1.0)}
+    assert np.std(flank(cell_of(against, grinding=middle)) - plain) > 1.0
