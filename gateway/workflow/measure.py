@@ -17,7 +17,7 @@ from gateway.config import AxisSection, Targets
 from gateway.domain import Capture, Equipment, Evaluation, Item
 from gateway.evaluate.iso230_2 import evaluate
 from gateway.evaluate.uncertainty import UNKNOWN_OFF_20_K, Budget, linear_budget
-from gateway.store import Maps
+from gateway.store import Maps, RunFolder
 from gateway.table.proposal import InstrumentU
 from gateway.walk import walk
 from gateway.workflow import stages
@@ -57,12 +57,21 @@ async def measure_axis(at: Bench, axis: AxisSection, phase: stages.Phase) -> Mea
         capture, parents = await _from_file(at, axis)
     else:
         capture, parents = await _live(at, axis, phase)
-    digest = at.folder.put(stages.capture(axis.name, phase), capture, parents)
+    measured = evaluated(at.folder, axis, phase, capture, parents)
+    result = measured.evaluation
+    at.say("P-EVALUATED", axis=axis.name, M=_figure(result.M), B=_figure(result.B), unit=result.unit)
+    return measured
+
+
+def evaluated(
+    folder: RunFolder, axis: AxisSection, phase: stages.Phase, capture: Capture, parents: tuple[str, ...]
+) -> Measured:
+    """A capture of an axis, stored and evaluated."""
+    digest = folder.put(stages.capture(axis.name, phase), capture, parents)
     result = evaluate(capture.targets, capture.deviations, deviation_unit(axis.unit), budget=budget_of(capture))
     if capture.cycle != "standard":
         result = replace(result, flags=(*result.flags, f"{capture.cycle} cycle: not for acceptance to ISO 230-2"))
-    at.folder.put(stages.evaluation(axis.name, phase), result, (digest,))
-    at.say("P-EVALUATED", axis=axis.name, M=_figure(result.M), B=_figure(result.B), unit=result.unit)
+    folder.put(stages.evaluation(axis.name, phase), result, (digest,))
     return Measured(capture, result, digest)
 
 

@@ -1,0 +1,53 @@
+"""The flank before against after, and against what was predicted of it; pure."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from drivers.errors import words
+from gateway.gear.cycloid import CycloidGear
+from gateway.gear.setright import set_right
+from gateway.tooth import FlankPrediction, InspectedFlank, ToothVerdict
+
+COVERAGE = 2.0
+Outcome = Literal["better", "unchanged", "worse"]
+_SAID: dict[Outcome, str] = {
+    "better": "W-TOOTH-BETTER",
+    "unchanged": "W-TOOTH-UNCHANGED",
+    "worse": "W-TOOTH-WORSE",
+}
+
+
+def judge_tooth(
+    before: InspectedFlank, after: InspectedFlank, prediction: FlankPrediction, gear: CycloidGear
+) -> ToothVerdict:
+    """Better or worse than before with its set-up values put right, beyond the uncertainty of both inspections (k = 2).
+
+    Set-up values alone are no merit of the tables, so the flank before is judged without what they would take.
+    """
+    fair = set_right(before.fitted, gear).rms_um
+    doubt = COVERAGE * float(np.hypot(before.rms_u_um, after.rms_u_um))
+    gain = fair - after.fitted.rms_um
+    outcome: Outcome = "unchanged" if abs(gain) <= doubt else "better" if gain > 0.0 else "worse"
+    missed = float(np.sqrt(np.mean((after.fitted.deviation_um - prediction.after.deviation_um) ** 2)))
+    held = missed <= COVERAGE * float(np.hypot(prediction.u_um, after.rms_u_um))
+    figures = {
+        "before": f"{before.fitted.rms_um:.2f}",
+        "fair": f"{fair:.2f}",
+        "after": f"{after.fitted.rms_um:.2f}",
+        "predicted": f"{prediction.rms_um:.2f}",
+        "u": f"{prediction.u_um:.2f}",
+    }
+    said = words(_SAID[outcome], **figures) + " " + words("W-TOOTH-HELD" if held else "W-TOOTH-MISSED")
+    return ToothVerdict(
+        before.fitted.rms_um,
+        fair,
+        after.fitted.rms_um,
+        prediction.rms_um,
+        prediction.u_um,
+        within_prediction=held,
+        outcome=outcome,
+        words=said,
+    )
