@@ -30,6 +30,7 @@ from drivers.types import (
     TableLimits,
 )
 from drivers.units import AxisUnit
+from drivers.workpiece import GrindPlan
 
 
 @runtime_checkable
@@ -202,6 +203,12 @@ class Controller(Device, Protocol):
         Without `Capabilities.programs` they are read directly, afresh. CEC deviations are the stored values.
         """
         ...
+
+    async def prepare_grinding(self, plan: GrindPlan) -> str:
+        """Place set-up values, send, read back, select; its text. ConfigError, DeviceRefused, UnsupportedDevice."""
+
+    async def wait_ground(self, after: int, timeout_s: float) -> int | None:
+        """Spaces done once > ``after`` (-1: begun), None: ended. Raises DeadlineExceeded, DeviceRefused (alarm...)."""
 
     async def prepare_push(self, order: PushOrder) -> None:
         """Get ready to load: nothing of the compensation changes yet; the person at the machine starts it.

@@ -30,6 +30,7 @@ _OWN = (
     DriverSpec("sinumerik-opcua", "controller", "drivers.sinumerik.opcua:SinumerikOpcUa"),
     DriverSpec("sinumerik-opcua-doctor", "doctor", "drivers.sinumerik.doctor:UaDoctor"),
     DriverSpec("sinumerik-modbus-doctor", "doctor", "drivers.sinumerik.modbusdoctor:ModbusDoctor"),
+    DriverSpec("sinumerik-opcua-program", "program", "drivers.sinumerik.grindprogram:preview"),
     DriverSpec("sinumerik-opcua-trust", "trust", "drivers.sinumerik.trust:UaTrust"),
     DriverSpec("sinumerik-modbus", "controller", "drivers.sinumerik.modbus:SinumerikModbus"),
     DriverSpec("umd", "instrument", "drivers.umd.device:UmdCounter"),

@@ -126,10 +126,38 @@ class AssumedSection(Section):
 
 
 class WorkSection(Section):
-    """The gear this machine grinds: its file, and how high the middle of its face stands over the table's zero."""
+    """The gear this machine grinds: its file, and how high the middle of its face stands over the table's zero.
+
+    With it a test part can be ground: by which axes, how (`drivers.workpiece.GrindPlan`), how well a blank is clamped.
+    """
 
     gear: Path
     height_mm: float = 0.0
+    infeed: str = Field(default="X", description="axis of the site by letter or name; rises into the cut")
+    stroke: str = Field(default="Z", description="axis of the site along the face")
+    index: str = Field(default="C", description="axis of the site that turns the work")
+    index_sense: Sense = Field(default=-1, description="-1: space k is at -360 k / number of spaces")
+    dresser: str = Field(default="Y1", description="machine axis of the form dresser; empty: none")
+    dresser_letter: str = Field(default="Y", pattern=r"^[A-Z]$")
+    dresser_travel: tuple[float, float] | None = None
+    overrun_mm: float = Field(default=8.0, description="Z beyond the face")
+    retract_mm: float = Field(default=10.0, description="X back from the centre distance")
+    rough_mm: tuple[float, ...] = Field(default=(0.05, 0.02), description="strokes this far short of full depth")
+    spark_out: int = Field(default=1, description="strokes at full depth after the first")
+    infeed_feed: float = Field(default=100.0, description="mm/min")
+    stroke_feed: float = Field(default=3000.0, description="mm/min")
+    index_feed: float = Field(default=1800.0, description="deg/min")
+    positioning_feed: float = Field(default=3000.0, description="mm/min, wheel clear")
+    dwell_s: float = Field(default=0.3, description="after indexing")
+    wheel_on: str = Field(default="", description="M, S, H words that start wheel and coolant; empty: by hand")
+    wheel_off: str = Field(default="", description="those that stop them")
+    clamping_um: float = Field(default=0.3, ge=0, description="how well a blank sits on its datum (k = 2)")
+    clamping_arcsec: float = Field(default=2.0, ge=0, description="how well its flanks are centred (k = 2)")
+    inspector: str = Field(default="", description="gear inspection machine among the instruments; empty: files")
+    inspection_clamping_um: float = Field(default=0.5, ge=0, description="how well that clamps a part (k = 2)")
+    drift_um_per_h: float = Field(default=0.3, ge=0, description="how fast the infeed's zero wanders")
+    drift_arcsec_per_h: float = Field(default=0.5, ge=0, description="how fast the index axis' zero wanders")
+    part_h: float = Field(default=0.25, gt=0, description="hours that a part takes, its inspection included")
 
 
 class GuardSection(Section):

@@ -159,6 +159,25 @@ class ToothProposal:
 
 
 @dataclass(frozen=True, slots=True)
+class GearProposal:
+    """What an inspected part alone asks for beside the tables: set-up values to add, and what the flank will be then.
+
+    ``before`` is the part as inspected, ``after`` with the tables and set-up values proposed and the work centred;
+    ``u_um`` how far the flank may lie from it (RMS). ``eccentricity_um`` (x, y) and ``tilt_arcsec`` (a, b) are how
+    the work sat off its axis, where it was ground or measured: taken off, for it changes at each clamping.
+    """
+
+    part: str
+    setup: SetupValues
+    before: FlankMap
+    after: FlankMap
+    u_um: float
+    eccentricity_um: tuple[float, float] = (0.0, 0.0)
+    tilt_arcsec: tuple[float, float] = (0.0, 0.0)
+    said: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class ToothVerdict:
     """The flank before and after, in um: as ground, and before with its set-up values put right, which is the fair one.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -76,6 +77,7 @@ class Dialogue:
         self._axis_number = 1
         self._before: frozenset[int] = frozenset()
         self._original: tuple[float, ...] | None = None
+        self._others: dict[int, float] = {}
         self.pace = Pace(settings.fast_poll_s, settings.poll_s)
 
     async def begin(self, axis_number: int) -> None:
@@ -155,6 +157,27 @@ class Dialogue:
             [(self._path(word), float(value)) for word, value in words.items()], self._reader.timeout_s
         )
 
+    async def place(self, values: Mapping[int, float]) -> None:
+        """Write other R parameters by number and read them back, never retried; given back as the words are.
+
+        Raises DeviceRefused (E-GRIND-NOT-HELD) for one that is not held as written.
+        """
+        before = await self.numbered(values)
+        self._others = {**before, **self._others}
+        await self._session.write(
+            [(nodes.r_parameter(number, self._settings.channel), value) for number, value in values.items()],
+            self._reader.timeout_s,
+        )
+        for number, held in (await self.numbered(values)).items():
+            if held != values[number]:
+                raise DeviceRefused("E-GRIND-NOT-HELD", self._where, number=number, value=values[number], held=held)
+
+    async def numbered(self, numbers: Iterable[int]) -> dict[int, float]:
+        """R parameters by number."""
+        wanted = tuple(numbers)
+        found = await self._reader.values([nodes.r_parameter(number, self._settings.channel) for number in wanted])
+        return dict(zip(wanted, map(float, found), strict=True))
+
     def _path(self, word: Word) -> str:
         return nodes.r_parameter(self._settings.words.number(word), self._settings.channel)
 
@@ -173,12 +196,13 @@ class Dialogue:
         if not _done(seen):
             return False
         first = self._settings.r_first
-        old = [(place, value) for place, value in enumerate(self._original) if place not in MARKED]
-        paths = [nodes.r_parameter(first + place, self._settings.channel) for place, _value in old]
+        old = {first + place: value for place, value in enumerate(self._original) if place not in MARKED}
+        old |= self._others
+        channel = self._settings.channel
         await self._session.write(
-            list(zip(paths, (value for _place, value in old), strict=True)), self._reader.timeout_s
+            [(nodes.r_parameter(number, channel), value) for number, value in old.items()], self._reader.timeout_s
         )
-        self._original = None
+        self._original, self._others = None, {}
         return True
 
     async def _after_abort(self, seen: Glance) -> Glance:

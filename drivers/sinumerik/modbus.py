@@ -32,6 +32,7 @@ from drivers.types import (
     StopReached,
     TableLimits,
 )
+from drivers.workpiece import GrindPlan
 
 CAPABILITIES = Capabilities(programs=False, switching=True, marker=True, consent="panel")
 
@@ -113,6 +114,15 @@ class SinumerikModbus:
 
     async def abort_program(self) -> None:
         """Not on this road. Raises UnsupportedDevice (E-MBX-NO-PROGRAMS)."""
+        raise self._no_programs()
+
+    async def prepare_grinding(self, plan: GrindPlan) -> str:
+        """Not on this road. Raises UnsupportedDevice (E-GRIND-NO-PROGRAMS)."""
+        raise UnsupportedDevice("E-GRIND-NO-PROGRAMS", self.name, part=plan.part)
+
+    async def wait_ground(self, after: int, timeout_s: float) -> int | None:
+        """Not on this road. Raises UnsupportedDevice (E-MBX-NO-PROGRAMS)."""
+        del after, timeout_s
         raise self._no_programs()
 
     # ---- tables -------------------------------------------------------------------------------------

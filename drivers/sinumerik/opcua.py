@@ -18,6 +18,7 @@ from drivers.errors import DeadlineExceeded, DeviceRefused, TrueflankError, Unsu
 from drivers.sinumerik import lint, program, tables
 from drivers.sinumerik.activation import activation
 from drivers.sinumerik.dialogue import Dialogue, Glance
+from drivers.sinumerik.grinding import Grinding
 from drivers.sinumerik.machine import Configuration, MachineReader
 from drivers.sinumerik.program import Setting
 from drivers.sinumerik.pushing import Pushing, live_tables
@@ -39,6 +40,7 @@ from drivers.types import (
     TableLimits,
 )
 from drivers.units import deviation_scale
+from drivers.workpiece import GrindPlan
 
 GIVE_BACK_S = 3.0
 QUIET_PART, QUIET_S = 0.6, 2.0
@@ -58,6 +60,7 @@ class SinumerikOpcUa:
         self._transfer = Transfer(self._session, self._settings.channel, name)
         self._dialogue = Dialogue(self._session, self._reader, self._settings, clock, name)
         self._pushing = Pushing(self._dialogue, self._reader, self._transfer, self._settings, clock, name)
+        self._grinding = Grinding(self._dialogue, self._reader, self._transfer, self._settings, clock, name)
         self._configuration = Configuration((), (), ())
         self._plan: StopPlan | None = None
         self._token = 0
@@ -131,6 +134,7 @@ class SinumerikOpcUa:
         text = program.measuring(plan, token, setting)
         await self._dialogue.begin(setting.axis_number)
         self._plan, self._token, self._saved, self._ended = plan, token, False, False
+        self._grinding.plan = None
         self._moving_since, self._move_s = None, 0.0
         path = program_path("MEAS", plan.compensated_axis)
         await self._transfer.send(path, text)
@@ -223,8 +227,10 @@ class SinumerikOpcUa:
         self._dialogue.pace.again()
 
     async def saved_tables(self, axis: str) -> LiveSet:
-        """The live tables the last measuring program wrote. Raises DeviceRefused (E-NC-NOT-SAVED, E-UA-FILE...)."""
+        """The live tables the last program wrote before moving. Raises DeviceRefused (E-NC-NOT-SAVED, E-UA-FILE...)."""
         plan = self._plan
+        if self._grinding.plan is not None:
+            return await self._grinding.saved_tables(axis, self._configuration)
         if plan is not None and plan.compensated_axis == axis and plan.save_tables and not self._saved:
             seen = await self._dialogue.look()
             if seen.word(Word.TRANSACTION) == self._token:
@@ -233,6 +239,17 @@ class SinumerikOpcUa:
             raise DeviceRefused("E-NC-NOT-SAVED", self.name, axis=axis)
         return await live_tables(self._transfer, "LIVE", axis, plan.encoder, self._configuration)
 
+    # ---- the test part ------------------------------------------------------------------------------
+
+    async def prepare_grinding(self, plan: GrindPlan) -> str:
+        """Place the set-up values, send, read back and select the program. Raises as `Grinding.prepare`."""
+        self._plan, self._saved = None, False
+        return await self._grinding.prepare(plan, self._configuration)
+
+    async def wait_ground(self, after: int, timeout_s: float) -> int | None:
+        """Spaces done so far, None when the program has ended. Raises as `Grinding.ground`."""
+        return await self._grinding.ground(after, timeout_s)
+
     # ---- pushing ------------------------------------------------------------------------------------
 
     async def prepare_push(self, order: PushOrder) -> None:
@@ -240,7 +257,7 @@ class SinumerikOpcUa:
         table = order.table
         encoder = table.index if table.function == "EEC" else 0
         setting = await self._setting(table.input_axis, table.output_axis, encoder, rotary=order.rotary)
-        self._plan, self._saved = None, False
+        self._plan, self._saved, self._grinding.plan = None, False, None
         await self._pushing.prepare(order, setting)
 
     async def wait_loaded(self, order: PushOrder, timeout_s: float) -> tuple[LiveSet, LiveSet]:

@@ -13,7 +13,7 @@ from drivers.errors import ConfigError
 from drivers.link import read_settings, wrong_setting
 from drivers.sinumerik import certificates, nodes
 from drivers.sinumerik.certificates import KeyPair
-from drivers.sinumerik.words import COUNT, Words
+from drivers.sinumerik.words import COUNT, SetupWord, Words
 
 APPLICATION_URI = "urn:trueflank:gateway"
 SECURED = "Basic256Sha256"
@@ -25,7 +25,9 @@ class UaSettings:
 
     ``security`` "Basic256Sha256" (sign and encrypt, the server's certificate pinned) or "None", which must be
     asked for. ``client_folder`` keeps our own certificate; beside the pinned one when empty. ``r_first`` is
-    the first of 20 R parameters. ``two_programs`` for controls that give no file out while a program waits.
+    the first of 20 R parameters; ``r_setup`` the first of three for the set-up values of a test part, -1: the three
+    before ``r_first`` (behind its 20 where there is no room).
+    ``two_programs`` for controls that give no file out while a program waits.
     ``approach_feed`` mm/min or deg/min; ``wait_limit_s`` NC seconds after which a program left alone ends.
     ``stale_s``: a machine state older than this by the server's own time stamps does not count; 0 asks for none.
     ``serial_node`` and ``version_node`` because their paths are not public.
@@ -38,6 +40,7 @@ class UaSettings:
     server_certificate: str = ""
     client_folder: str = ""
     r_first: int = 80
+    r_setup: int = -1
     channel: int = 1
     two_programs: bool = False
     poll_s: float = 0.05
@@ -65,6 +68,7 @@ class UaSettings:
             ("server_certificate", pinned, "must name the server's certificate: nothing is trusted unseen"),
             ("password_file", not (self.password and self.password_file), "give it or password, not both"),
             ("r_first", 0 <= self.r_first <= nodes.R_LAST - COUNT, f"must be 0 .. {nodes.R_LAST - COUNT}"),
+            ("r_setup", self._free(), f"must be 0 .. {nodes.R_LAST - 2}, clear of the 20 from r_first on, or -1"),
             ("channel", 1 <= self.channel <= 10, "must be 1 .. 10"),
             ("poll_s", 0.02 <= self.poll_s <= 5.0, "must be 0.02 .. 5 s"),
             ("fast_poll_s", 0.001 <= self.fast_poll_s <= self.poll_s, "must be 0.001 s .. poll_s"),
@@ -75,10 +79,18 @@ class UaSettings:
             ("version_node", nodes.parse(self.version_node) is not None, "is no node path of this control"),
         )
 
+    def _free(self) -> bool:
+        """Whether the set-up values have R parameters of their own."""
+        first, count = self.words.setup, len(SetupWord)
+        apart = first + count <= self.r_first or first >= self.r_first + COUNT
+        return apart and 0 <= first <= nodes.R_LAST - 2 and self.r_setup >= -1
+
     @property
     def words(self) -> Words:
         """The R parameters of this site."""
-        return Words(self.r_first)
+        before = self.r_first - len(SetupWord)
+        usual = before if before >= 0 else self.r_first + COUNT
+        return Words(self.r_first, self.r_setup if self.r_setup >= 0 else usual)
 
 
 @dataclass(frozen=True, slots=True)

@@ -42,7 +42,10 @@ MARKER_STATES: dict[int, Literal["none", "in-progress", "committed", "held"]] = 
 
 
 class Phase(IntEnum):
-    """How far a program is. 1 to 5 and 9 are a push; 1 and 6 to 8 a measuring run; 8 and 11 changed nothing."""
+    """How far a program is.
+
+    1 to 5 and 9 are a push; 1 and 6 to 8 a measuring run; 1, 7, 8, 13 and 14 a test part; 8, 11 and 14 changed nothing.
+    """
 
     NONE = 0
     BACKING_UP = 1
@@ -56,13 +59,24 @@ class Phase(IntEnum):
     ENDED_DISABLED = 9
     FILE_FAILED = 11
     WOULD_WAKE = 12
+    GRINDING = 13
+    SETUP_REFUSED = 14
+
+
+class SetupWord(IntEnum):
+    """Place of each set-up value, counted from the site's first R parameter of them: mm, deg, mm."""
+
+    X = 0
+    C = 1
+    DRESSING = 2
 
 
 @dataclass(frozen=True, slots=True)
 class Words:
-    """The R parameters of one site, ``first`` and the `COUNT` - 1 after it."""
+    """The R parameters of one site: ``first`` and the `COUNT` - 1 after it; ``setup`` and the two after it."""
 
     first: int = 80
+    setup: int = 77
 
     def number(self, word: Word) -> int:
         """R parameter number of a word."""
@@ -72,9 +86,13 @@ class Words:
         """The word as a program writes it: R80."""
         return f"R{self.number(word)}"
 
+    def setup_number(self, word: SetupWord) -> int:
+        """R parameter number of a set-up value."""
+        return self.setup + int(word)
+
 
 def program_path(purpose: str, axis: str) -> str:
-    """Name of a main program of ours in the control: purposes MEAS, PUSH, LOAD, ENAB."""
+    """Name of a main program of ours in the control: purposes MEAS, PUSH, LOAD, ENAB, GRIND."""
     return f"/_N_MPF_DIR/_N_TF{purpose}_{axis}_MPF"
 
 

@@ -13,6 +13,7 @@ ERRORS = "errors"
 GUARD = "guard"
 TOOTH = "tooth"
 TOOTH_VERDICT = "tooth-verdict"
+FROM_GEAR = "from-gear"
 
 
 def raw(axis: str, phase: Phase) -> str:
@@ -33,6 +34,11 @@ def evaluation(axis: str, phase: Phase) -> str:
 def component(axis: str) -> str:
     """The fitted error motion."""
     return f"component-{axis}"
+
+
+def hidden(axis: str) -> str:
+    """What the check stops say of structure between the targets."""
+    return f"hidden-{axis}"
 
 
 def push(axis: str) -> str:
@@ -63,3 +69,8 @@ def ground(part: str) -> str:
 def inspected(part: str) -> str:
     """The flanks of a part as an inspection machine found them."""
     return f"inspected-{part}"
+
+
+def inspected_raw(part: str) -> str:
+    """The points of that inspection as the machine or a file gave them."""
+    return f"inspected-{part}-raw"

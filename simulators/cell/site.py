@@ -68,8 +68,22 @@ def _plan(cell: CellFile, axes: Mapping[str, str], gear: str) -> list[str]:
             turns = (0.0, 180.0) if setup.optics == "bar" and setup.axis == "Z" and "C" in axes else (None,)
             parts += [section("[setups]", _planned(cell, setup, axes, turn)) for turn in turns]
     if cell.part is not None and gear:
-        parts.append(section("work", {"gear": gear, "height_mm": cell.part.grinding.height_mm}))
+        work = {"gear": gear, "height_mm": cell.part.grinding.height_mm}
+        parts.append(section("work", work | _dresser(cell) | _inspector(cell)))
     return parts
+
+
+def _dresser(cell: CellFile) -> dict[str, Any]:
+    """The axis that dresses; it is not measured, so it stands in no other part of a site file."""
+    found = next((axis for axis in cell.axes if axis.letter == cell.wheel.dresser), None)
+    if found is None:
+        return {"dresser": ""}
+    return {"dresser": found.name, "dresser_letter": found.letter, "dresser_travel": list(found.travel)}
+
+
+def _inspector(cell: CellFile) -> dict[str, Any]:
+    """The gear inspection machine of the cell, if it has one."""
+    return next(({"inspector": one.name} for one in cell.instruments if one.kind == "gear"), {})
 
 
 def _planned(cell: CellFile, setup: Setup, axes: Mapping[str, str], turn: float | None) -> dict[str, Any]:
@@ -79,7 +93,7 @@ def _planned(cell: CellFile, setup: Setup, axes: Mapping[str, str], turn: float 
     certified = getattr(next(spec for spec in cell.instruments if spec.name == setup.instrument), "certified_u", None)
     if certified is not None:
         keys["U"] = certified
-    return keys | ({"park": {axes["C"]: turn}} if turn is not None else {})
+    return keys | setup.plan | ({"park": {axes["C"]: turn}} if turn is not None else {})
 
 
 def gear_text(part: Part) -> str:

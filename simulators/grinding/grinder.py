@@ -65,6 +65,16 @@ class Grinder:
             self.last = taken
         return taken
 
+    def put(self, work: WorkPiece, now_s: float, number: int = 0) -> None:
+        """A part ground elsewhere lies at hand as the one made last; what is on the table is taken off.
+
+        It gets the next number, or keeps the one given.
+        """
+        self.unload(now_s)
+        self._count += not number
+        work.number = number or self._count
+        self.last = work
+
     def latest(self, now_s: float) -> WorkPiece | None:
         """The part that was ground last, on the table or off it; None before the first."""
         self.follow(now_s, whole=True)

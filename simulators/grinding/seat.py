@@ -25,7 +25,7 @@ def on_axis(truth: Truth, height_mm: float) -> Pose:
 
 def _along(truth: Truth, first: str, second: str) -> tuple[float, float]:
     """The part of a pair of stator-frame motions that turns along with the table, as a vector of the table."""
-    places = 360.0 / STEPS * np.arange(STEPS)
+    places = 360.0 / STEPS * np.arange(STEPS, dtype=np.float64)
     turn = np.deg2rad(places)
     x, y = truth.motion(first, places), truth.motion(second, places)
     along = np.cos(turn) * x + np.sin(turn) * y, np.cos(turn) * y - np.sin(turn) * x

@@ -5,12 +5,14 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable, Iterator
 from datetime import datetime, timedelta
+from functools import cached_property
 from typing import Any
 
 from asyncua import ua
 from asyncua.common.utils import ServiceError
 from asyncua.server.internal_session import InternalSession, SessionState
 
+from drivers.clock import LoopClock
 from simulators.opcua.alarms import REFRESH, snapped
 from simulators.opcua.space import Refused
 from simulators.opcua.standard import status
@@ -166,20 +168,24 @@ class SinumerikSession(InternalSession):
                 self._home.alarms.listened()
         return results
 
-    # ---- the session's own life, by the cell's clock --------------------------------------------------
+    # ---- the session's own life, by the time of those who call: a fast cell makes no client faster ------
+
+    @cached_property
+    def _callers(self) -> LoopClock:
+        return LoopClock()
 
     def touch(self) -> None:
         """A request has come."""
-        self._last_activity = self._home.clock.now()
+        self._last_activity = self._callers.now()
 
     async def _timeout_loop(self) -> None:
         limit_s = self.session_timeout or 0.0
         while self.state is not SessionState.Closed:
-            left_s = limit_s - (self._home.clock.now() - self._last_activity)
+            left_s = limit_s - (self._callers.now() - self._last_activity)
             if left_s <= 0:
                 await self.close_session(True)
                 return
-            await self._home.clock.sleep(left_s)
+            await self._callers.sleep(left_s)
 
     async def close_session(self, delete_subs: bool = True) -> None:
         """End; files left open are closed without being stored."""

@@ -60,7 +60,7 @@ class Stage:
             if self.nck.channel_status != 2 or self.nck.alarms:
                 continue
             message = self.nck.message
-            if message.startswith("TRUEFLANK SETUP "):
+            if message.startswith(("TRUEFLANK SETUP ", "TRUEFLANK LOAD BLANK ", "TRUEFLANK UNLOAD PART ")):
                 self.pressed.append("setup")
                 self.nck.nc_start()
             elif " NC START WHEN R" in message and self.releases:

@@ -25,6 +25,7 @@ from drivers.errors import (
 from drivers.ports import Controller
 from drivers.sinumerik import reader
 from drivers.types import Capabilities, ChannelStatus, Marker, StopPlan
+from drivers.workpiece import GrindAxis, GrindPlan
 from tests.contract.modbus_stage import Stage, cross, on_stage, order_for, play, table
 
 WIRES: list[tuple[str, dict[str, Any]]] = [
@@ -92,10 +93,15 @@ def test_it_is_a_controller_and_says_what_it_can() -> None:
             device.wait_stop(0, 1.0),
             device.release_stop(1),
             device.abort_program(),
+            device.wait_ground(-1, 1.0),
         ):
             with pytest.raises(UnsupportedDevice) as caught:
                 await call
             assert caught.value.code == "E-MBX-NO-PROGRAMS"
+        axis = GrindAxis("X1", "X")
+        with pytest.raises(UnsupportedDevice) as caught:
+            await device.prepare_grinding(GrindPlan("G", "PART", axis, axis, axis, None, 39, 160.0, 150.0, 10.0))
+        assert caught.value.code == "E-GRIND-NO-PROGRAMS"
         with pytest.raises(DeviceRefused) as refused:
             await device.table_limits("Q9")
         assert refused.value.code == "E-NC-AXIS"

@@ -15,8 +15,23 @@ from drivers.sinumerik.opcua import SinumerikOpcUa
 from drivers.sinumerik.words import COUNT
 from drivers.types import ChannelStatus, CompensationTable, Stop, StopReached
 from drivers.units import wrap_deg
+from drivers.workpiece import GrindAxis, GrindPlan
 from tests.contract.opcua_stage import ORDER, SPEC, TABLE_C, Stage, on_stage, plan
 
+PART = GrindPlan(
+    name="TFGRIND_C1",
+    part="THREE LOBES",
+    infeed=GrindAxis("X1", "X", (-250.0, 250.0)),
+    stroke=GrindAxis("Z1", "Z", (0.0, 600.0)),
+    index=GrindAxis("C1", "C"),
+    dresser=None,
+    spaces=3,
+    centre_distance_mm=160.0,
+    height_mm=150.0,
+    face_mm=10.0,
+    x_mm=0.012345,
+    c_deg=-0.0125,
+)
 STOPS = tuple(
     Stop(target, approach, repetition, label)
     for repetition in range(2)
@@ -151,6 +166,59 @@ def test_an_alarm_ends_the_wait_with_its_number(keys: Path) -> None:
         error = await refused(on.device.wait_stop(0, 60.0), "E-NC-ALARM")
         assert error.fields["number"] == on.nck.alarms[0].number
         await refused(on.device.prepare_stops(beyond), "E-NC-NOT-RESET")
+
+    on_stage(act, folder=keys)
+
+
+def test_a_part_is_counted_space_by_space_and_carries_the_tables_that_acted(keys: Path) -> None:
+    async def act(on: Stage) -> None:
+        for number in (77, 78, 79, 80):
+            on.nck.set(f"R[{number}]", 7.5, 7)
+        missing = replace(PART, dresser=GrindAxis("Y1", "Y"))
+        await refused(on.device.prepare_grinding(missing), "E-NC-AXIS")
+        await refused(on.device.prepare_grinding(replace(PART, x_mm=0.3)), "E-GRIND-VALUE")
+        assert on.nck.get("R[77]") == 7.5
+        text = await on.device.prepare_grinding(PART)
+        assert on.nck.files.read("/_N_MPF_DIR/_N_TFGRIND_C1_MPF").decode().split() == text.split()
+        assert "0.012345" not in text  # it travels as R parameter
+        assert [on.nck.get(f"R[{number}]") for number in (77, 78, 79)] == [0.012345, -0.0125, 0.0]
+        await refused(on.device.saved_tables("X1"), "E-NC-NOT-SAVED")
+        start = on.nck.axis_state("X1").set_position
+        await refused(on.device.wait_ground(-1, 5.0), "E-GRIND-NO-START")
+        assert on.nck.axis_state("X1").set_position == start
+        on.press()
+        seen = [0]
+        assert await on.device.wait_ground(-1, 60.0) == 0
+        while (done := await on.device.wait_ground(seen[-1], 60.0)) is not None:
+            seen.append(done)
+        assert seen == [0, 1, 2, 3]
+        assert on.pressed == ["setup", "setup"]
+        for axis in ("X1", "Z1", "C1"):
+            assert (await on.device.saved_tables(axis)).axis == axis
+        await refused(on.device.saved_tables("Y1"), "E-NC-NOT-SAVED")
+        await on.device.close()
+        assert [on.nck.get(f"R[{number}]") for number in (77, 78, 79, 80)] == [7.5] * 4
+
+    on_stage(act, folder=keys)
+
+
+def test_set_up_values_that_somebody_changed_grind_nothing(keys: Path) -> None:
+    async def act(on: Stage) -> None:
+        await on.device.prepare_grinding(PART)
+        on.nck.set("R[78]", 0.06, 7)
+        start = on.nck.axis_state("X1").set_position
+        on.press()
+        await refused(on.device.wait_ground(-1, 60.0), "E-GRIND-SETUP-REFUSED")
+        assert on.nck.axis_state("X1").set_position == start
+        assert on.nck.channel_status == 0
+        held = on.nck.set
+
+        def write(name: str, value: object, level: int) -> None:
+            held(name, 1.0 if name == "R[79]" else value, level)
+
+        on.nck.set = write  # a PLC that keeps an R parameter as it likes
+        error = await refused(on.device.prepare_grinding(PART), "E-GRIND-NOT-HELD")
+        assert error.fields["number"] == 79
 
     on_stage(act, folder=keys)
 

@@ -1,0 +1,265 @@
+"""The program of a test part: its text, its moves walked block by block, what is refused before anything is sent."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from drivers.errors import ConfigError, LocalProtocolError
+from drivers.sinumerik.backup import Memory
+from drivers.sinumerik.grindprogram import GrindSetting, grinding, preview
+from drivers.sinumerik.uasettings import UaSettings
+from drivers.sinumerik.words import Words
+from drivers.workpiece import GrindAxis, GrindPlan, check_plan
+from simulators.nck.language import parse
+
+GOLDEN = Path(__file__).parents[2] / "golden" / "sinumerik" / "grind.mpf"
+MEMORY = {name: Memory(2, (0, 0), ("X1", "Y1", "Z1", "C1")) for name in ("X1", "Z1", "C1")}
+PLAN = GrindPlan(
+    name="TFGRIND_C1",
+    part="RV-40E BEFORE",
+    infeed=GrindAxis("X1", "X", (-420.0, 20.0)),
+    stroke=GrindAxis("Z1", "Z", (-10.0, 320.0)),
+    index=GrindAxis("C1", "C"),
+    dresser=GrindAxis("Y1", "Y", (-60.0, 60.0)),
+    spaces=39,
+    centre_distance_mm=160.0,
+    height_mm=150.0,
+    face_mm=10.0,
+    wheel_on="S1500 M3",
+    wheel_off="M5",
+)
+
+
+@dataclass
+class Walk:
+    """Does the blocks of a program as an ideal machine would; every move is (letter, from, to)."""
+
+    plan: GrindPlan
+    r: dict[str, float]
+    at: dict[str, float]
+    moves: list[tuple[str, float, float]] = field(default_factory=list)
+    cuts: list[tuple[float, float, float]] = field(default_factory=list)
+    said: list[str] = field(default_factory=list)
+    counted_at: list[dict[str, float]] = field(default_factory=list)
+    abort_after: int = 10**6
+
+    def run(self, text: str) -> None:
+        lines, line = text.splitlines(), 0
+        labels = {one[:-1]: place for place, one in enumerate(lines) if one.endswith(":")}
+        while lines[line] != "M30":
+            line = self._do(lines, line, labels) + 1
+
+    def _do(self, lines: list[str], line: int, labels: dict[str, int]) -> int:
+        block = lines[line]
+        jump = re.fullmatch(r"IF (.+) GOTOF (\w+)", block)
+        if jump:
+            return labels[jump[2]] if self._value(jump[1]) else line
+        if block.startswith("IF "):
+            return line if self._value(block[3:]) else lines.index("ENDIF", line)
+        if block.startswith("FOR K="):
+            self.r["K"] = 0
+        elif block == "ENDFOR":
+            self.r["K"] += 1
+            head = max(place for place in range(line) if lines[place].startswith("FOR "))
+            return head if self.r["K"] <= self._value(lines[head].split(" TO ")[1]) else line
+        elif block.startswith("SUPA G1 "):
+            self._move(*block.split()[2].split("=", 1))
+        elif re.fullmatch(r"R80=R80\+1", block):
+            self.r["R80"] += 1
+            self.counted_at.append(dict(self.at))
+            self.r["R86"] = float(self.r["R80"] >= self.abort_after)
+        elif re.fullmatch(r"[A-Z]\w*=[^\"]+", block):
+            name, value = block.split("=", 1)
+            self.r[name] = self._value(value)
+        elif block.startswith("MSG("):
+            self.said.append(block)
+        else:
+            assert re.match(r"(DEF|G500|STOPRE$|G4 F|M0$|M3|M5|S1500|TF_|ENDIF)", block), block
+        return line
+
+    def _value(self, text: str) -> float:
+        return float(eval(text.replace("<>", "!="), {"ABS": abs, **self.r}))  # noqa: S307 - our own text
+
+    def _move(self, letter: str, word: str) -> None:
+        found = re.fullmatch(r"(?:(DC|ACP|ACN)\()?([^()]+)\)?", word)
+        assert found is not None
+        to, here = self._value(found[2]), self.at[letter]
+        if found[1]:
+            ahead = (to - here) % 360.0
+            to = here + (ahead - 360.0 if found[1] == "ACN" or (found[1] == "DC" and ahead > 180.0) else ahead)
+        self.at[letter] = to
+        self.moves.append((letter, here, to))
+        if letter == "Z" and self.at["X"] > self.plan.retracted_mm + 1e-9:
+            self.cuts.append((self.at["X"], self.at["C"], to - here))
+
+
+def walked(plan: GrindPlan, abort_after: int = 10**6, start: tuple[float, float] = (-3.0, 200.0)) -> Walk:
+    """The program of a plan, from somewhere with C turned somewhere."""
+    values = {"R77": plan.x_mm, "R78": plan.c_deg, "R79": plan.dressing_mm, "R86": 0.0, "R89": 123456.0}
+    walk = Walk(plan, values, {"X": start[0], "Y": 7.0, "Z": 3.0, "C": start[1]}, abort_after=abort_after)
+    text = grinding(replace(plan, save_tables=False), 123456, GrindSetting(Words(), {}))
+    parse(text)
+    walk.run(text)
+    return walk
+
+
+def test_the_text_is_the_golden_one() -> None:
+    plain = grinding(replace(PLAN, save_tables=False), 123456, GrindSetting(Words(), {}))
+    assert plain == GOLDEN.read_text(encoding="ascii")
+    text = grinding(PLAN, 123456, GrindSetting(Words(), MEMORY))
+    parse(text)
+    assert "MA_MM_" not in text
+    assert not re.search(r"^\$(AA_ENC|AN_CEC|MA_|MN_|SN_)", text, re.MULTILINE)  # reads tables, writes none
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    x=st.floats(-0.2, 0.2),
+    c=st.floats(-0.05, 0.05),
+    y=st.floats(-0.2, 0.2),
+    spaces=st.integers(3, 60),
+    rough=st.sampled_from([(), (0.05,), (0.05, 0.02), (0.1, 0.05, 0.01)]),
+    spark=st.integers(0, 3),
+    sense=st.sampled_from([1, -1]),
+    turned=st.floats(-720.0, 720.0),
+)
+def test_every_axis_comes_from_one_side_and_c_turns_only_with_the_wheel_clear(
+    x: float, c: float, y: float, spaces: int, rough: tuple[float, ...], spark: int, sense: int, turned: float
+) -> None:
+    values = {"x_mm": round(x, 6), "c_deg": round(c, 6), "dressing_mm": round(y, 6)}
+    plan = replace(PLAN, **values, spaces=spaces, rough_mm=rough, spark_out=spark, index_sense=sense)
+    walk = walked(plan, start=(-3.0, turned))
+    assert len(walk.cuts) == spaces * len(plan.strokes)
+    for number, (at_x, at_c, _) in enumerate(walk.cuts):
+        space, stroke = divmod(number, len(plan.strokes))
+        assert at_x == pytest.approx(-160.0 + plan.x_mm - plan.strokes[stroke], abs=1e-9)
+        off = (at_c - plan.c_deg - sense * 360.0 * space / spaces + 180.0) % 360.0 - 180.0
+        assert off == pytest.approx(0.0, abs=1e-7)
+    last = {"X": 0.0, "Y": 0.0, "Z": 0.0, "C": 0.0}
+    at = {"X": -3.0, "Y": 7.0, "Z": 3.0, "C": turned}
+    for letter, here, to in walk.moves:
+        if letter in "CY":
+            assert at["X"] == plan.retracted_mm
+            assert at["Z"] <= 150.0 - 5.0 - 6.0 or at["Z"] >= 150.0 + 5.0 + 6.0
+        if letter == "Z" and at["X"] > plan.retracted_mm:  # cutting: who stands must have come from his side
+            assert (last["X"], last["C"], last["Y"]) == (1.0, float(sense), 1.0)
+        last[letter] = math.copysign(1.0, to - here) if to != here else last[letter]
+        at[letter] = to
+    assert at["Y"] == plan.dressing_mm
+    assert walk.r["R90"] == 7
+
+
+def test_people_come_to_a_clear_wheel_and_spaces_are_counted_with_the_wheel_clear() -> None:
+    walk = walked(PLAN)
+    assert [one for one in walk.said if one != 'MSG("")'] == [
+        'MSG("TRUEFLANK LOAD BLANK RV-40E BEFORE")',
+        'MSG("TRUEFLANK UNLOAD PART RV-40E BEFORE")',
+    ]
+    text = grinding(PLAN, 123456, GrindSetting(Words(), MEMORY))
+    loaded = text.index("LOAD BLANK")
+    assert (
+        text.index('"M17"') < text.index("SUPA G1 X=-170.0") < loaded < text.index("S1500 M3") < text.index("FOR K=0")
+    )
+    assert text.index("R90=13") < text.index("SUPA")
+    assert len(walk.counted_at) == 39
+    assert all(at["X"] == -170.0 and at["Z"] == 137.0 for at in walk.counted_at)
+    assert 180.0 < PLAN.seconds < 480.0
+
+
+def test_the_abort_word_is_obeyed_between_spaces_with_the_wheel_clear() -> None:
+    walk = walked(PLAN, abort_after=4)
+    assert (walk.r["R80"], walk.r["R90"]) == (4, 8)
+    assert (walk.at["X"], walk.at["Z"]) == (-170.0, 137.0)
+
+
+def test_a_program_whose_gateway_has_gone_or_whose_values_are_wrong_moves_nothing() -> None:
+    text = grinding(replace(PLAN, save_tables=False), 123456, GrindSetting(Words(), {}))
+    twice = walked(PLAN)
+    moved = len(twice.moves)
+    twice.run(text)
+    assert len(twice.moves) == moved  # a second NC START does nothing
+    right = {"R77": 0.0, "R78": 0.0, "R79": 0.0, "R86": 0.0, "R89": 123456.0}
+    for wrong, phase in (
+        ({"R89": 0.0}, None),
+        ({"R77": 0.21}, 14),
+        ({"R78": -0.06}, 14),
+        ({"R79": 1.0}, 14),
+        ({"R86": 1.0}, 8),
+    ):
+        walk = Walk(PLAN, right | wrong, {"X": 0.0, "Y": 0.0, "Z": 0.0, "C": 0.0})
+        walk.run(text)
+        assert walk.moves == []
+        assert walk.r.get("R90") == phase
+
+
+NAN = float("nan")
+
+
+@pytest.mark.parametrize(
+    ("change", "code", "says"),
+    [
+        ({"x_mm": 0.2001}, "E-GRIND-VALUE", "x_mm"),
+        ({"x_mm": NAN}, "E-GRIND-VALUE", "x_mm"),
+        ({"c_deg": -0.051}, "E-GRIND-VALUE", "c_deg"),
+        ({"dressing_mm": float("inf")}, "E-GRIND-VALUE", "dressing_mm"),
+        ({"centre_distance_mm": NAN}, "E-GRIND-VALUE", "centre_distance_mm"),
+        ({"height_mm": NAN}, "E-GRIND-VALUE", "height_mm"),
+        ({"overrun_mm": 6.0}, "E-GRIND-VALUE", "overrun_mm"),
+        ({"retract_mm": 0.1}, "E-GRIND-VALUE", "retract_mm"),
+        ({"rough_mm": (-0.01,)}, "E-GRIND-VALUE", "rough_mm"),
+        ({"rough_mm": (0.02, 0.05)}, "E-GRIND-VALUE", "rough_mm"),
+        ({"stroke_feed": 0.0}, "E-GRIND-VALUE", "stroke_feed"),
+        ({"dwell_s": -1.0}, "E-GRIND-VALUE", "dwell_s"),
+        ({"spaces": 2}, "E-GRIND-VALUE", "spaces"),
+        ({"centre_distance_mm": 415.0}, "E-GRIND-TRAVEL", "X1"),
+        ({"height_mm": 310.0}, "E-GRIND-TRAVEL", "Z1"),
+        ({"index": GrindAxis("C1", "C", (-180.0, 180.0))}, "E-GRIND-TRAVEL", "C1"),
+        ({"dresser": GrindAxis("Y1", "Y", (-1.0, 1.0))}, "E-GRIND-TRAVEL", "Y1"),
+        ({"dresser": None, "dressing_mm": 0.01}, "E-GRIND-DRESSER", "0.01"),
+        ({"wheel_on": "M3 M30"}, "E-GRIND-WHEEL", "M30"),
+        ({"wheel_off": "M00"}, "E-GRIND-WHEEL", "M00"),
+        ({"wheel_on": "G1 X=0"}, "E-GRIND-WHEEL", "G1"),
+        ({"part": 'X") M30'}, "E-PROGRAM-MESSAGE", 'X"'),
+        ({"stroke": GrindAxis("Z1 M30", "Z")}, "E-PROGRAM-NAME", "Z1 M30"),
+    ],
+)
+def test_what_could_harm_is_refused_before_anything_is_sent(change: dict[str, object], code: str, says: str) -> None:
+    with pytest.raises((ConfigError, LocalProtocolError)) as caught:
+        grinding(replace(PLAN, **change), 1, GrindSetting(Words(), MEMORY))
+    assert caught.value.code == code
+    assert says in caught.value.what
+    assert caught.value.hint
+
+
+def test_what_is_allowed_at_the_limits_is_not_refused() -> None:
+    check_plan(replace(PLAN, x_mm=0.2, c_deg=-0.05, dressing_mm=-0.2))
+    check_plan(replace(PLAN, dresser=None, wheel_on="S1=1500 M1=3 M8"))
+
+
+def test_a_preview_shows_the_moves_and_would_do_nothing() -> None:
+    text = preview(PLAN, {"security": "None", "r_first": 500}, "site")
+    assert "R577" not in text
+    assert "XSET=R497" in text
+    assert "WRITE" not in text
+    assert "IF R509<>999999 GOTOF TF_STALE" in text
+
+
+@pytest.mark.parametrize(
+    ("given", "first"), [({}, 77), ({"r_first": 2}, 22), ({"r_first": 0, "r_setup": 40}, 40), ({"r_setup": 100}, 100)]
+)
+def test_where_the_set_up_values_travel(given: dict[str, int], first: int) -> None:
+    assert UaSettings.read({"security": "None", **given}, "site").words.setup == first
+
+
+@pytest.mark.parametrize("number", [78, 80, 99, -2, 40000])
+def test_set_up_values_keep_clear_of_the_words(number: int) -> None:
+    with pytest.raises(ConfigError) as caught:
+        UaSettings.read({"security": "None", "r_setup": number}, "site")
+    assert caught.value.fields["key"] == "r_setup"
