@@ -40,6 +40,11 @@ class BridgeGear:
     def trace(self, trace: Trace | None) -> None:
         self._line.trace = trace
 
+    @property
+    def notices(self) -> tuple[str, ...]:
+        """What the machine said of itself when it was opened."""
+        return self._line.who.notices if self._line.who else ()
+
     async def open(self, timeout_s: float) -> Identity:
         """Connect and identify. Raises what `BridgeLine.open` raises; UnsupportedDevice (E-BRIDGE-KIND)."""
         who = await self._line.open(timeout_s)

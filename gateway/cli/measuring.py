@@ -1,4 +1,4 @@
-"""The commands `measure` and `guard`: all errors of a machine set-up by set-up, and whether an approved curve holds."""
+"""The commands `measure` and `guard`: all errors of a machine set-up by set-up, and whether what was approved holds."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from gateway.cli.commands import JsonOption, SiteArgument
+from gateway.cli.inspecting import FileOption, HeightsOption, guard_gear, show_lines
 from gateway.cli.show import progress, show_json, show_table
 
 
@@ -54,14 +55,27 @@ def measure_command(
 
 def guard_command(
     site: SiteArgument,
-    axis: Annotated[str, typer.Option(help="Machine axis to check, e.g. C1.")],
-    run: Annotated[str, typer.Option(help="Run whose curve was approved: folder or id.")],
+    run: Annotated[str, typer.Option(help="Run whose curve or part was approved: folder or id.")],
+    axis: Annotated[str, typer.Option(help="Machine axis to check, e.g. C1.", show_default=False)] = "",
+    gear: Annotated[bool, typer.Option("--gear", help="Check from an inspected gear, not from an axis.")] = False,
+    part: Annotated[str, typer.Option(help="The approved part; left out: after, or the only one.")] = "",
+    file: FileOption = None,
+    heights: HeightsOption = "lower-face",
     limit: Annotated[
         float | None, typer.Option(min=0.01, help="Allowed change, um or arcsec.", show_default=False)
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Check one axis at few targets: still valid (0), re-measure this axis (20), cannot tell (21)."""
+    """Check one axis at few targets, or a gear: still valid (0), re-measure this axis (20), cannot tell (21)."""
+    if gear == bool(axis):
+        raise typer.BadParameter("give either an axis or --gear", param_hint="--axis")
+    if gear:
+        guard_gear(site, run, part, file, heights, limit, as_json=as_json)
+        return
+    _guard_axis(site, run, axis, limit, as_json=as_json)
+
+
+def _guard_axis(site: Path, run: str, axis: str, limit: float | None, *, as_json: bool) -> None:
     from drivers.clock import LoopClock
     from gateway.config import load_site
     from gateway.workflow.bench import store_of
@@ -75,13 +89,7 @@ def guard_command(
 
     with progress(quiet=as_json) as say:
         outcome = asyncio.run(main(say))
-    if as_json:
-        show_json(outcome.as_data())
-    else:
-        for line in outcome.lines:
-            typer.echo(line)
-    if outcome.exit_code:
-        raise typer.Exit(outcome.exit_code)
+    show_lines(outcome, as_json=as_json)
 
 
 def _tooth(tree: Any, site: Path) -> Any:

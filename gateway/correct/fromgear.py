@@ -6,18 +6,21 @@ them up can be told from a gear: the combinations are named, the rest is said to
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from drivers.errors import words
-from drivers.types import FloatArray
+from drivers.types import CompensationTable, FloatArray
 from drivers.units import mm_to_um
+from gateway.correct.flankmodel import table_terms
+from gateway.correct.mounting import Mounting, mounting_in, mounting_terms
 from gateway.correct.noise import Noise
 from gateway.correct.optimise import Optimum, optimise
 from gateway.correct.places import Places, places_of_points
-from gateway.correct.plan import Plan, cross_specs, setup_values
+from gateway.correct.plan import Plan, cross_specs, live_table, setup_values
 from gateway.correct.tables import Table
 from gateway.errors import ModelError
 from gateway.gear.flank import flank_grid
@@ -28,6 +31,7 @@ from gateway.model.preset import LOCATION_NAMES
 SEEN = 1e-6  # of the largest eigenvalue at a place: what its points tell apart
 SAME = 1e-7  # how exactly two errors must do the same to be one combination
 NULL = 1e-9
+FEWEST_SPACES = 5  # fewer cannot tell a harmonic of the turn
 HARMONIC = 5e-4  # mm: a smaller first harmonic is no sign of a bad clamping
 
 
@@ -125,10 +129,12 @@ def visible(flank: LinearFlank) -> Visible:
 class FromGear:
     """What an inspected gear tells and proposes: the fit at the places, and the best tables and set-up values.
 
-    ``visible`` are the combinations of constant errors that it shows; ``said`` puts that and what to mind in words.
+    ``mounting`` is how the work sat off its axis when it was ground or measured: it was taken off before. ``visible``
+    are the combinations of constant errors that the gear shows; ``said`` puts that and what to mind in words.
     """
 
     fit: PlaceFit
+    mounting: Mounting
     optimum: Optimum
     visible: Visible
     said: tuple[str, ...]
@@ -140,14 +146,18 @@ def correct_from_gear(
     deviation: ArrayLike,
     plan: Plan,
     u: float | None = None,
+    live: Sequence[CompensationTable] = (),
 ) -> FromGear:
     """Tables and set-up values from measured deviations (mm, + surplus) at points (k, theta, z).
 
     The gear was ground while the live tables acted, so the values found are to be added to them; the machine's own
-    error model is not used. What corrects less than the measurement's uncertainty is not proposed.
+    error model is not used. What corrects less than the measurement's uncertainty is not proposed. ``live`` are the
+    cross tables that acted (house signs, the chain's axis letters): what they do must not look like a mounting.
     """
     places = places_of_points(grinding.gear, *points)
-    fit = fit_places(places, deviation, u)
+    e = np.ravel(np.asarray(deviation, dtype=np.float64))
+    fit = fit_places(places, e, u)
+    mounting = _mounting(grinding, fit, plan, live)
     noise = plan.noise if not plan.noise.none else Noise(point=fit.u)
     chain = grinding.chain
     found = optimise(
@@ -156,11 +166,23 @@ def correct_from_gear(
         cross_specs(chain, plan),
         setup_values(chain, plan),
         norm=plan.norm,
-        deviation=np.ravel(np.asarray(deviation, dtype=np.float64)),
+        deviation=e - places.along_normal(mounting_terms(grinding, places) @ np.array(mounting.values)),
         noise=noise,
     )
     seen = visible(linear_flank(grinding, flank_grid(grinding.gear, profile=5, width=3), _constants(grinding)))
-    return FromGear(fit, found, seen, _said(seen, found))
+    return FromGear(fit, mounting, found, seen, (*_said(seen, found), *_sat(mounting), *_turning(found, mounting)))
+
+
+def _mounting(grinding: Grinding, fit: PlaceFit, plan: Plan, live: Sequence[CompensationTable]) -> Mounting:
+    """Eccentricity and tilt of the work in what the places tell, without what the tables that acted did."""
+    here = np.all(np.isfinite(fit.abg), axis=1)
+    k, z = fit.k[here], fit.z[here]
+    if not plan.mounting or np.unique(k).size < FEWEST_SPACES:
+        return Mounting()
+    places = Places(k, z, np.empty((0, 3)), np.empty(0, dtype=np.intp))
+    acted = (live_table(grinding.chain, out, over, live) for out, over in plan.cross)
+    bare = fit.abg[here] - table_terms(grinding, places, [one for one in acted if one is not None])
+    return mounting_in(grinding, places, bare).rounded(plan.resolution_mm, np.deg2rad(plan.resolution_deg))
 
 
 def _constants(grinding: Grinding) -> tuple[str, ...]:
@@ -179,11 +201,29 @@ def _said(seen: Visible, found: Optimum) -> tuple[str, ...]:
         told = {"gain": f"{mm_to_um(one.gain):.3f}", "U": f"{mm_to_um(one.U):.3f}"}
         idle = words("S-CORRECT-IDLE", name=one.name)
         said.append(idle if one.idle else words("S-CORRECT-WITHIN-U", name=one.name, **told))
-    for table in found.tables:
-        amplitude = _first_harmonic(table)
-        if table.grid.period is not None and table.grid.out != table.grid.over and amplitude > HARMONIC:
-            said.append(words("S-CORRECT-HARMONIC", name=table.grid.name, amplitude=f"{mm_to_um(amplitude):.2f}"))
     return tuple(said)
+
+
+def _sat(mounting: Mounting) -> tuple[str, ...]:
+    """Where the work sat, if that is worth telling."""
+    size = float(np.hypot(mounting.x, mounting.y))
+    if size < HARMONIC:
+        return ()
+    told = {name: f"{mm_to_um(value):+.2f}" for name, value in (("x", mounting.x), ("y", mounting.y))}
+    return (words("S-INSPECT-MOUNTING", size=f"{mm_to_um(size):.2f}", **told),)
+
+
+def _turning(found: Optimum, mounting: Mounting) -> tuple[str, ...]:
+    """Tables that may hold what a bad clamping made, where that was not taken off before."""
+    if mounting != Mounting():
+        return ()
+    turning = [one for one in found.tables if one.grid.period is not None and one.grid.out != one.grid.over]
+    sizes = {one.grid.name: _first_harmonic(one) for one in turning}
+    return tuple(
+        words("S-CORRECT-HARMONIC", name=name, amplitude=f"{mm_to_um(size):.2f}")
+        for name, size in sizes.items()
+        if size > HARMONIC
+    )
 
 
 def _first_harmonic(table: Table) -> float:

@@ -5,9 +5,33 @@ from __future__ import annotations
 import numpy as np
 
 from gateway.correct.fromgear import PlaceFit
+from gateway.correct.placed import Placed, leverage, of_record
 from gateway.correct.places import Places
 from gateway.gear.cycloid import CycloidGear
-from gateway.guard import Flanks, GuardVerdict, guard_gear
+from gateway.guard import Flanks, GuardVerdict, guard_gear, not_alike
+from gateway.tooth import InspectedFlank
+
+SAME_MM = 0.1  # of two heights inspected
+GLITCHES = 2  # points that a place may have lost
+
+
+def guard_flanks(approved: InspectedFlank, now: InspectedFlank, gear: CycloidGear, limit_um: float) -> GuardVerdict:
+    """Whether the machine still grinds as when the approved part was inspected, within ``limit_um`` at every point.
+
+    Rotation and clamping of both inspections do not count. Cannot tell where they were not made by one plan of points.
+    """
+    known, found = of_record(gear, approved), of_record(gear, now)
+    if not _one_plan(known, found):
+        return not_alike(limit_um, known.points.k.size, found.points.k.size)
+    return guard_fits(known.fit, found.fit, found.places, gear, limit_um)
+
+
+def _one_plan(known: Placed, found: Placed) -> bool:
+    one, other = known.places, found.places
+    if one.k.shape != other.k.shape or not np.array_equal(one.k, other.k):
+        return False
+    fewer = np.abs(np.bincount(one.of) - np.bincount(other.of))
+    return bool(np.all(np.abs(one.z - other.z) <= SAME_MM) and np.all(fewer <= GLITCHES))
 
 
 def guard_fits(approved: PlaceFit, now: PlaceFit, places: Places, gear: CycloidGear, limit_um: float) -> GuardVerdict:
@@ -25,9 +49,6 @@ def _flanks(fit: PlaceFit, places: Places) -> Flanks:
     count = places.k.size
     if fit.abg.shape != (count, 3):
         return Flanks(np.full(fit.abg.shape[0], np.nan), np.full(fit.abg.shape[0], np.nan))
-    grams = np.zeros((count, 3, 3))
-    np.add.at(grams, places.of, places.form[:, :, None] * places.form[:, None, :])
-    inverse = np.linalg.pinv(grams, hermitian=True)[places.of]
-    leverage = np.einsum("ni,nij,nj->n", places.form, inverse, places.form)
+    own = np.maximum(leverage(places, places.form, places.of), 0.0)
     freedom = float(max(fit.residual.size - 3 * count, 1))
-    return Flanks(places.along_normal(fit.abg), fit.u * np.sqrt(np.maximum(leverage, 0.0)), freedom)
+    return Flanks(places.along_normal(fit.abg), fit.u * np.sqrt(own), freedom)

@@ -54,7 +54,12 @@ def mounting_of(grinding: Grinding, places: Places) -> Mounting:
 
     What repeats in every space (constants and slopes along the face) is told apart first.
     """
-    field = flank_abg(grinding, places.k, places.z)[:, :2].reshape(-1)
+    return mounting_in(grinding, places, flank_abg(grinding, places.k, places.z))
+
+
+def mounting_in(grinding: Grinding, places: Places, terms: FloatArray) -> Mounting:
+    """The same in any A, B, G (G, 3) of the places, measured ones for instance."""
+    field = terms[:, :2].reshape(-1)
     wanted = mounting_terms(grinding, places)[:, :2, :].reshape(-1, 4)
     even = np.zeros((places.k.size, 2, 4))
     for i in range(2):

@@ -6,6 +6,7 @@ Each point's deviation is F (A, B, G): F = (n_x, n_y, h) of the point, A, B, G o
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -35,6 +36,13 @@ class Places:
     def along_normal(self, terms: FloatArray) -> FloatArray:
         """Deviations (N,) of A, B, G (G, 3) of the places."""
         return np.asarray(np.einsum("ni,ni->n", self.form, terms[self.of]))
+
+    @cached_property
+    def inverses(self) -> FloatArray:
+        """Covariances (G, 3, 3) of A, B, G fitted at each place, per variance of one point; pseudo where not seen."""
+        grams = np.zeros((self.k.size, 3, 3))
+        np.add.at(grams, self.of, self.form[:, :, None] * self.form[:, None, :])
+        return np.asarray(np.linalg.pinv(grams, hermitian=True))
 
     def figure(self, deviation: FloatArray) -> FlankFigure:
         """The flank figure of deviations (N,): one rotation removed."""

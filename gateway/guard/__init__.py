@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gateway.guard.axis import Approved, Check, guard_axis
-from gateway.guard.gear import Flanks, guard_gear
+from gateway.guard.gear import Flanks, guard_gear, not_alike
 from gateway.guard.verdict import Change, GuardVerdict
 
-__all__ = ["Approved", "Change", "Check", "Flanks", "GuardVerdict", "guard_axis", "guard_gear"]
+__all__ = ["Approved", "Change", "Check", "Flanks", "GuardVerdict", "guard_axis", "guard_gear", "not_alike"]

@@ -34,7 +34,7 @@ def guard_gear(approved: Flanks, now: Flanks, form: FloatArray, angle_rad: Float
     """
     same = approved.deviation.shape == now.deviation.shape == angle_rad.shape == form.shape[:1]
     if not same:
-        return unknown(limit_um, "um", "S-GUARD-PLACES", approved=approved.deviation.size, now=now.deviation.size)
+        return not_alike(limit_um, approved.deviation.size, now.deviation.size)
     difference = np.asarray(mm_to_um(now.deviation - approved.deviation))
     u = np.asarray(mm_to_um(np.hypot(now.u, approved.u)))
     here = np.isfinite(difference) & np.isfinite(u) & (u > 0.0)
@@ -58,6 +58,11 @@ def guard_gear(approved: Flanks, now: Flanks, form: FloatArray, angle_rad: Float
         changes,
         told(changes),
     )
+
+
+def not_alike(limit_um: float, approved: int, now: int) -> GuardVerdict:
+    """Cannot tell: so many points were inspected then, so many now, and not at the same places."""
+    return unknown(limit_um, "um", "S-GUARD-PLACES", approved=approved, now=now)
 
 
 def _clamping(form: FloatArray, angle: FloatArray) -> FloatArray:

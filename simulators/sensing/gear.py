@@ -174,10 +174,10 @@ def planned(asked: Fields, on: OnMachine) -> Iterator[Line]:
         raise asked.wrong("spaces", f"numbers from 0 to {count - 1}", spaces)
     if not all(flank in SIDES for flank in flanks):
         raise asked.wrong("flanks", "left, right", flanks)
-    middle, level = np.asarray([_middle(on)]), np.zeros(1)
+    middle, level, along = np.asarray([_middle(on)]), np.zeros(1), _along(asked, on)
     for space in spaces:
         for flank in flanks:
-            yield from _flank_lines(asked, on, space, flank, middle)
+            yield from _flank_lines(asked, on, space, flank, middle, along)
     if asked.get("pitch"):
         for space in range(count):
             for flank, side in SIDES.items():
@@ -188,12 +188,21 @@ def planned(asked: Fields, on: OnMachine) -> Iterator[Line]:
             yield Line("runout", space, "", np.zeros(1), level, ball)
 
 
-def _flank_lines(asked: Fields, on: OnMachine, space: int, flank: str, middle: FloatArray) -> Iterator[Line]:
+def _along(asked: Fields, on: OnMachine) -> FloatArray:
+    """t of a profile line on the left flank; nothing where none is asked for."""
+    if asked.get("profile") is None:
+        return np.zeros(0)
+    t = on.lobes.even(2 * _points(Fields(asked.get("profile"), "profile")), SHARE)
+    return t[t > 0.0]
+
+
+def _flank_lines(
+    asked: Fields, on: OnMachine, space: int, flank: str, middle: FloatArray, along: FloatArray
+) -> Iterator[Line]:
     side, half = SIDES[flank], _half_width(on)
-    if asked.get("profile") is not None:
+    if len(along):
         profile = Fields(asked.get("profile"), "profile")
-        t = on.lobes.even(2 * _points(profile), SHARE)
-        yield Line("profile", space, flank, side * t[t > 0.0], np.asarray([profile.number("z_mm", 0.0) - half]))
+        yield Line("profile", space, flank, side * along, np.asarray([profile.number("z_mm", 0.0) - half]))
     if asked.get("lead") is not None:
         lead = Fields(asked.get("lead"), "lead")
         ends = lead.array("z_mm", lead.get("z_mm"))
