@@ -4,7 +4,20 @@ from __future__ import annotations
 
 import sys
 
-from gateway.cli import auditing, connecting, consenting, dynamic, importing, measuring, replaying, watching
+from gateway.cli import (
+    auditing,
+    closing,
+    connecting,
+    consenting,
+    correcting,
+    dynamic,
+    grinding,
+    importing,
+    inspecting,
+    measuring,
+    replaying,
+    watching,
+)
 from gateway.cli.commands import app
 from gateway.cli.show import show_error
 
@@ -16,6 +29,10 @@ importing.add_to(app)
 watching.add_to(app)
 dynamic.add_to(app)
 measuring.add_to(app)
+correcting.add_to(app)
+grinding.add_to(app)
+inspecting.add_to(app)
+closing.add_to(app)
 
 
 def main() -> None:

@@ -1,7 +1,8 @@
 """The two layers: EEC takes each axis' own deviation, CEC and set-up values only what the tooth needs beyond that.
 
-No deviation stands in both: the second layer is worked out on the machine with the first one acting. What the flank
-does not see is decided by the axis (first layer) or by the least change, and is said.
+No deviation stands in both: the second layer is worked out on the machine with the first one acting, be it worked out
+here or given as it will be live. What the flank does not see is decided by the axis (first layer) or by the least
+change, and is said.
 """
 
 from __future__ import annotations
@@ -22,8 +23,9 @@ from gateway.correct.optimise import Optimum, optimise
 from gateway.correct.ownlayer import AxisCurve, axis_curve, own_layer, tooth_table
 from gateway.correct.places import places_of_grid
 from gateway.correct.plan import Plan, cross_specs, live_table, setup_values
-from gateway.correct.records import in_deviation_unit, record
+from gateway.correct.records import in_deviation_unit, record, table_of
 from gateway.correct.tables import Table, TableGrid
+from gateway.errors import ModelError
 from gateway.gear.first_order import judged
 from gateway.gear.flank import FlankFigure, FlankGrid, flank_figure
 from gateway.gear.grinding import Grinding
@@ -38,7 +40,8 @@ class LayeredCorrection:
 
     ``eec`` and ``cec`` are compensation tables (house signs), ``setup`` what to add to the set-up values (um, arcsec by
     name). Flank figures (mm): as it is, with EEC, at best, with everything; ``checked`` is that by second order on
-    ``machine``, the machine with everything acting. ``said`` are findings in words.
+    ``machine``, the machine with everything acting and the work moved as ``setup`` says; ``unmoved`` is the same with
+    the work as it sits. ``said`` are findings in words.
     """
 
     eec: tuple[CompensationTable, ...]
@@ -52,20 +55,27 @@ class LayeredCorrection:
     optimum: Optimum
     machine_with_eec: Grinding
     machine: Grinding
+    unmoved: Grinding
     axes: tuple[AxisCurve, ...]
     said: tuple[str, ...]
 
 
 def correct(
-    grinding: Grinding, grid: FlankGrid, plan: Plan, live: Sequence[CompensationTable] = ()
+    grinding: Grinding,
+    grid: FlankGrid,
+    plan: Plan,
+    live: Sequence[CompensationTable] = (),
+    own: Sequence[CompensationTable] | None = None,
 ) -> LayeredCorrection:
     """Both layers and the set-up values for a machine whose errors were measured while ``live`` acted.
 
-    Raises ModelError E-CORRECT-INFEASIBLE if limits and bounds leave no solution.
+    ``own`` are the EEC tables that will be live (house signs, the chain's axis letters), those proposed and no others:
+    an axis without one keeps what acts. None: the first layer is worked out here.
+    Raises ModelError E-CORRECT-INFEASIBLE if limits and bounds leave no solution, E-CORRECT-OWN.
     """
     chain = grinding.chain
-    own = own_layer(chain, plan, live)
-    first = _added(chain, own, live, "EEC")
+    layer = own_layer(chain, plan, live) if own is None else _given(chain, own)
+    first = _added(chain, layer, live, "EEC")
     acting = with_tables(grinding, first)
     mounting = _mounting(with_tables(acting, _taken_off(chain, plan, live)), grid, plan)
     seated = centred(acting, mounting)
@@ -74,9 +84,9 @@ def correct(
     setup = setup_values(chain, plan)
     found = optimise(seated, grid, specs, setup, norm=plan.norm, noise=plan.noise, bounds=bounds)
     second = _added(chain, found.tables, live, "CEC")
-    machine = _set_up(with_tables(seated, second), found.setup)
+    machine, unmoved = (_set_up(with_tables(one, second), found.setup) for one in (seated, acting))
     return LayeredCorrection(
-        eec=tuple(record(chain, table, "EEC") for table in own),
+        eec=tuple(record(chain, table, "EEC") for table in layer) if own is None else tuple(own),
         cec=tuple(record(chain, table, "CEC", index=i) for i, table in enumerate(found.tables)),
         setup={
             **{name: _told(chain, name, value) for name, value in found.setup.items()},
@@ -90,14 +100,24 @@ def correct(
         optimum=found,
         machine_with_eec=acting,
         machine=machine,
+        unmoved=unmoved,
         axes=tuple(axis_curve(chain, axis, plan, first, second) for axis in plan.own if plan.has(axis)),
-        said=_said(plan, found, own),
+        said=_said(plan, found, layer),
     )
 
 
 def second_order_figure(grinding: Grinding, grid: FlankGrid) -> FlankFigure:
     """The flank figure to second order."""
     return flank_figure(judged(grinding, grid.k, grid.theta, grid.z).second, grid.section.h)
+
+
+def _given(chain: Chain, tables: Sequence[CompensationTable]) -> tuple[Table, ...]:
+    """EEC tables as corrections. Raises ModelError E-CORRECT-OWN for one of the other layer."""
+    for one in tables:
+        if one.function != "EEC" or one.input_axis != one.output_axis:
+            raise ModelError("E-CORRECT-OWN", "layers", name=one.name)
+    found = (table_of(chain, one) for one in tables)
+    return tuple(one for one in found if one is not None)
 
 
 def _added(

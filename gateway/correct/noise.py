@@ -78,19 +78,30 @@ def component_doubts(components: Sequence[Component]) -> list[tuple[Parameter | 
 def worth_it(model: FlankModel, noise: Noise) -> tuple[FlankModel, tuple[Omitted, ...]]:
     """The model without the blocks that would correct less than their uncertainty, the weakest taken out first.
 
-    What a block adds to the others decides. Without any known uncertainty everything stays.
+    What a block adds to the others decides: a table to the other tables and all set-up values, a set-up value to the
+    other set-up values alone. So a constant that both could take is the set-up value's, and a table is not judged by
+    a doubt that a set-up value takes. Without any known uncertainty everything stays.
     """
     if noise.none:
         return model, ()
-    omitted: list[Omitted] = []
     short = _Short.of(model, noise)
-    while short.columns:
-        weakest = min((short.worth(name) for name in short.columns), key=_ratio)
+    setup = [block.name for block in model.blocks if block.grid is None]
+    tables = [block.name for block in model.blocks if block.grid is not None]
+    omitted = (*_weak(short, tables), *_weak(short.without(*tables), setup))
+    return model.without([one.name for one in omitted]), omitted
+
+
+def _weak(short: _Short, names: Sequence[str]) -> tuple[Omitted, ...]:
+    """Those of the names that are not worth it."""
+    left, omitted = list(names), []
+    while left:
+        weakest = min((short.worth(name) for name in left), key=_ratio)
         if weakest.gain > weakest.U:
             break
         omitted.append(weakest)
+        left.remove(weakest.name)
         short = short.without(weakest.name)
-    return model.without([one.name for one in omitted]), tuple(omitted)
+    return tuple(omitted)
 
 
 def carried(model: FlankModel, noise: Noise) -> float:
@@ -119,8 +130,8 @@ class _Short:
         columns = {name: short[:, span] for name, span in model.spans.items()}
         return _Short(columns, short[:, -1], short[:, width:-1], noise.point, model.places.points)
 
-    def without(self, name: str) -> _Short:
-        return replace(self, columns={key: value for key, value in self.columns.items() if key != name})
+    def without(self, *names: str) -> _Short:
+        return replace(self, columns={key: value for key, value in self.columns.items() if key not in names})
 
     def worth(self, name: str) -> Omitted:
         """What a block adds to all the others."""

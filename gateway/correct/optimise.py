@@ -31,6 +31,7 @@ UM = 1000.0  # work in um on the flank: numbers near 1
 TRADE = 1e-3  # of the largest deviation: nearer than this to the optimum, rounding looks no further
 IDLE = 1e-5  # mm RMS: a table of single steps that gains less is left out
 PEAK = 4.0  # how much more of the largest deviation that may be
+EASY = 10.0  # how much less a set-up value counts as a change than a table: a constant both could take is its own
 UNSEEN = 1e-6  # of what a unit does elsewhere: a node that no flank point depends on
 Norm = Literal["rms", "max"]
 
@@ -147,8 +148,8 @@ def _work(
                 fixed[at + other + (other >= given)] = True
     ties += [np.eye(1)] * len(setup)
     tie = _diagonal(ties)
-    reach = np.repeat([_reach(model, i) for i in range(len(sizes))], [part.shape[1] for part in ties])
-    scale = 1.0 / (UM * reach)
+    reach = [_reach(model, i) / (1.0 if i < len(specs) else EASY) for i in range(len(sizes))]
+    scale = 1.0 / (UM * np.repeat(reach, [part.shape[1] for part in ties]))
     acting = np.concatenate([*(spec.acting() for spec in specs), np.zeros(len(setup))])
     wish = np.linalg.lstsq(tie, acting, rcond=None)[0] / scale if tie.shape[1] else np.zeros(0)
     G, g = stacked(specs, len(setup), bounds)

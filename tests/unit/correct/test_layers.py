@@ -10,18 +10,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.correct.apply import with_tables
-from gateway.correct.flankmodel import corrected_flank
+from gateway.correct.flankmodel import command_effects, corrected_flank
 from gateway.correct.floor import floor
 from gateway.correct.fromgear import correct_from_gear, fit_places, visible
 from gateway.correct.layers import correct
-from gateway.correct.mounting import centred, mounting_of
+from gateway.correct.mounting import Mounting, centred, mounting_of
 from gateway.correct.places import places_of_grid, places_of_points
+from gateway.correct.records import record
 from gateway.correct.reversal import reversal_advice
 from gateway.correct.tables import Product, Table, TableGrid
 from gateway.errors import ModelError
 from gateway.gear.envelope import exact
 from gateway.gear.first_order import first_order, flank_abg, judged
-from gateway.gear.flank import flank_figure, flank_grid
+from gateway.gear.flank import FlankGrid, flank_figure, flank_grid
 from gateway.gear.grinding import Grinding
 from gateway.gear.linear import linear_flank
 from gateway.model.layout import chain_of
@@ -197,13 +198,50 @@ def test_a_measured_gear_gives_back_what_the_machine_did(seed: int) -> None:
     assert found.visible.rank in (4, 8)
     assert any("EXX" in line and "combinations" in line for line in found.said)
     assert any("EZZ" in line and "no gear shows" in line for line in found.said)
-    assert any("first harmonic" in line for line in found.said)
+    sat = mounting_of(grinding, places_of_points(grid.gear, *points))
+    assert any("off the axis" in line for line in found.said) == (np.hypot(sat.x, sat.y) > 5e-4)
+    assert found.mounting.values == pytest.approx(sat.values, abs=2e-4)
     assert found.optimum.after.rms < 0.2 * found.optimum.before.rms
     # Judged by the truth, not by the readings.
     setup = [Table(TableGrid(n.split()[0], "Z", [0.0]), [v]) for n, v in found.optimum.setup.items() if "zero" in n]
-    true = corrected_flank(grinding, grid, [*found.optimum.tables, *setup])
+    true = corrected_flank(centred(grinding, found.mounting), grid, [*found.optimum.tables, *setup])
     true = true + found.optimum.setup.get("dressing offset", 0.0) * grid.section.ny
     assert flank_figure(true, grid.section.h).rms < 0.12 * flank_figure(e, grid.section.h).rms
+
+
+def test_a_gear_without_its_mounting_taken_off_warns_of_what_turns() -> None:
+    grinding, grid = machine(1)
+    e = np.broadcast_to(judged(grinding, grid.k, grid.theta, grid.z).second, grid.shape)
+    points = tuple(np.broadcast_to(part, grid.shape) for part in (grid.k, grid.theta, grid.z))
+    found = correct_from_gear(grinding, points, e, replace(PLAN, mounting=False), u=2e-4)  # type: ignore[arg-type]
+    assert found.mounting == Mounting()
+    assert any("first harmonic" in line for line in found.said)
+
+
+def test_what_a_live_table_does_is_no_mounting() -> None:
+    """EXC and EYC that turn against the table look off centre once X(C) has taken A: half of what is left."""
+    size, grid = 0.004, flank_grid(RV40E, profile=6, width=4)
+    errors = {"EXC": Fourier(0.0, (size,), (0.0,)), "EYC": Fourier(0.0, (0.0,), (-size,))}
+    grinding = Grinding(yk7350b(errors, c_frame="fixed"), RV40E, 160.0)
+    over = TableGrid("X", "C", np.deg2rad(np.arange(0.0, 361.0, 10.0)), 2.0 * np.pi)
+    best = nearest_table(grinding, grid, over)
+    e = corrected_flank(grinding, grid, [best])
+    points = tuple(np.broadcast_to(part, grid.shape) for part in (grid.k, grid.theta, grid.z))
+    live = [record(grinding.chain, best, "CEC")]
+    known, unknown = (
+        correct_from_gear(grinding, points, e, PLAN, u=2e-4, live=one)  # type: ignore[arg-type]
+        for one in (live, ())
+    )
+    assert np.hypot(known.mounting.x, known.mounting.y) < 1e-4
+    assert np.hypot(unknown.mounting.x, unknown.mounting.y) > 1e-3
+
+
+def nearest_table(grinding: Grinding, grid: FlankGrid, over: TableGrid) -> Table:
+    """The X(C) that takes A at every space."""
+    q = np.ravel(grinding.commands(grid.ks, 0.0)["C"])
+    A = flank_abg(grinding, grid.ks, 0.0)[:, 0]
+    effect = command_effects(grinding, places_of_points(grid.gear, 0.0, 0.0, 0.0))["X"][0, 0]
+    return Table.of(over, np.linalg.lstsq(over.weights(q), -A / effect, rcond=None)[0])
 
 
 def test_few_points_say_what_they_do_not_tell_apart() -> None:

@@ -1,0 +1,173 @@
+"""Corrections of one axis over another as changes of the control's CEC tables: placed, merged, checked, rounded."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from drivers.errors import DeviceRefused, words
+from drivers.types import CompensationTable, LiveSet, LiveTable, TableLimits
+from drivers.units import deviation_scale, deviation_unit
+from gateway.correct.records import record
+from gateway.correct.tables import Table
+from gateway.domain import TableChange
+from gateway.errors import CaptureError
+from gateway.model.chain import Chain
+from gateway.push.compare import signed, table_in
+from gateway.table import Limits, check, effective
+from gateway.table.comparison import acting
+from gateway.table.projection import quantised
+from gateway.workflow.bench import Bench
+
+TABLES = 62  # of an 840D at most
+EMPTY = 8  # numbers without memory, one after the other, after which no more are looked for
+NOTHING = np.zeros(0)
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a table goes: its number and what the control holds there; ``reason`` why nowhere ("": somewhere)."""
+
+    index: int
+    limits: TableLimits | None
+    reason: str = ""
+
+
+async def cross_changes(
+    at: Bench, tables: Sequence[Table], chain: Chain, *, live: Mapping[str, LiveSet], adds: bool
+) -> tuple[TableChange, ...]:
+    """Corrections (one table for each output and input axis, chain letters) as changes of the control's CEC tables.
+
+    ``live`` are the live sets as captured, by machine axis. With ``adds`` the corrections come on top of what acted,
+    else they are all that shall act. A change without a place is skipped and says why. Raises CaptureError (E-RUN-LIVE)
+    without the live set of an output axis, ValueOutOfRange (E-COMP-...) beyond the limits of the house.
+    """
+    names = {axis.letter: axis.name for axis in at.site.axes}
+    plain = [record(chain, table, "CEC", names=names) for table in tables]
+    places = await places_of(at, plain, live)
+    return tuple(_change(at, table, place, live, adds=adds) for table, place in zip(plain, places, strict=True))
+
+
+async def places_of(at: Bench, tables: Sequence[CompensationTable], live: Mapping[str, LiveSet]) -> tuple[Place, ...]:
+    """A place for each table: the live one of the same axes, else a free number with memory for its points."""
+    kept = [_kept(table, live) for table in tables]
+    taken = {one.index for one in _held(live)} | {index for index in kept if index is not None}
+    search, places = _Search(at), []
+    for table, index in zip(tables, kept, strict=True):
+        place = await search.place(table, index, taken) if _known(at, table, live) else _nowhere(table, taken, True)
+        taken.add(place.index)
+        places.append(place)
+    return tuple(places)
+
+
+def acting_cross(at: Bench, live: Mapping[str, LiveSet]) -> tuple[CompensationTable, ...]:
+    """CEC tables that act, as deviations by the proofs of their output axes; those without a proof are left out."""
+    found = []
+    for name, one in live.items():
+        proof = at.proofs.find(at.machine, "CEC", name)
+        if proof is not None:
+            found += [table.table for table in signed(one, proof.sign).cec if table.enabled]
+    return tuple(found)
+
+
+class _Search:
+    """Looks for memory, each number asked once."""
+
+    def __init__(self, at: Bench) -> None:
+        self._controller = at.supervisor.controller
+        self._known: dict[tuple[str, int], TableLimits | None] = {}
+
+    async def place(self, table: CompensationTable, index: int | None, taken: set[int]) -> Place:
+        """The number it has, or the first free one that is large enough."""
+        needed, empty = len(table.deviations), 0
+        if index is not None:
+            limits = await self._limits(table.output_axis, index)
+            enough = limits is not None and limits.reserved_points >= needed
+            return Place(index, limits) if enough else _nowhere(table, taken, False)
+        for number in (one for one in range(TABLES) if one not in taken):
+            limits = await self._limits(table.output_axis, number)
+            if limits is not None and limits.reserved_points >= needed:
+                return Place(number, limits)
+            empty = empty + 1 if limits is None or not limits.reserved_points else 0
+            if limits is None or empty >= EMPTY:
+                break
+        return _nowhere(table, taken, False)
+
+    async def _limits(self, axis: str, index: int) -> TableLimits | None:
+        """None where the control has no table of that number."""
+        if (axis, index) not in self._known:
+            try:
+                self._known[axis, index] = await self._controller.table_limits(axis, "CEC", index)
+            except DeviceRefused:
+                self._known[axis, index] = None
+        return self._known[axis, index]
+
+
+def _nowhere(table: CompensationTable, taken: set[int], unproved: bool) -> Place:
+    number = next(one for one in range(TABLES, 2 * TABLES) if one not in taken)
+    if unproved:
+        return Place(number, None, words("S-CROSS-UNPROVED", table=table.name, axis=table.output_axis))
+    return Place(number, None, words("S-CROSS-FULL", table=table.name, points=len(table.deviations)))
+
+
+def _held(live: Mapping[str, LiveSet]) -> list[CompensationTable]:
+    """Tables that hold something, whoever they belong to."""
+    every = (table for one in live.values() for table in (*one.cec, *one.others))
+    return [one.table for one in every if one.enabled or any(one.table.deviations)]
+
+
+def _kept(table: CompensationTable, live: Mapping[str, LiveSet]) -> int | None:
+    """The number of the live table of the same axes, both directions, no factor; one that acts before others."""
+    mine = live.get(table.output_axis)
+    found = [one for one in mine.cec if _same(one.table, table)] if mine is not None else []
+    held = sorted((one for one in found if one.enabled or any(one.table.deviations)), key=lambda one: not one.enabled)
+    return held[0].table.index if held else None
+
+
+def _same(one: CompensationTable, other: CompensationTable) -> bool:
+    axes = (one.input_axis, one.output_axis, one.direction, one.multiply_by)
+    return axes == (other.input_axis, other.output_axis, other.direction, other.multiply_by)
+
+
+def _known(at: Bench, table: CompensationTable, live: Mapping[str, LiveSet]) -> bool:
+    """Whether it is known what the tables of the output axis do: none acts, or their sign is proved."""
+    mine = live.get(table.output_axis)
+    if mine is None:
+        raise CaptureError("E-RUN-LIVE", table.output_axis)
+    acts = any(one.enabled and any(one.table.deviations) for one in mine.cec)
+    return not acts or at.proofs.find(at.machine, "CEC", table.output_axis) is not None
+
+
+def _change(
+    at: Bench, table: CompensationTable, place: Place, live: Mapping[str, LiveSet], *, adds: bool
+) -> TableChange:
+    base, name = live[table.output_axis], table.output_axis
+    proof = at.proofs.find(at.machine, "CEC", name)
+    placed = replace(table, index=place.index)
+    old = table_in(signed(base, proof.sign if proof is not None else 1), placed)
+    findings: tuple[str, ...] = ()
+    if place.limits is not None:
+        placed = _merged(placed, old, place.limits, adds=adds)
+        findings = check(placed, effective(old), Limits.usual(deviation_unit(placed.output_unit)), placed.name)
+    return TableChange(
+        axis=name,
+        old=old.table,
+        new=placed,
+        old_enabled=old.enabled,
+        base_digest=base.digest,
+        targets=NOTHING,
+        predicted=NOTHING,
+        predicted_U=NOTHING,
+        findings=findings,
+        skipped=place.reason,
+        base=base,
+    )
+
+
+def _merged(table: CompensationTable, old: LiveTable, limits: TableLimits, *, adds: bool) -> CompensationTable:
+    values = np.asarray(table.deviations, dtype=np.float64)
+    if adds:
+        values = values + acting(effective(old), table.positions)
+    return replace(table, deviations=quantised(values, limits.resolution * deviation_scale(table.output_unit)))

@@ -1,0 +1,52 @@
+"""What must be said of a proposal for the tooth: what was left alone, what cannot be cured, which unknowns matter."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from drivers.errors import words
+from gateway.correct.layers import LayeredCorrection
+from gateway.correct.prediction import COVERAGE, Outlook
+from gateway.correct.undone import THRESHOLD_UM
+from gateway.model.known import ErrorModel
+from gateway.tooth import ToothProposal
+
+
+def told(
+    tooth: ToothProposal, model: ErrorModel, found: LayeredCorrection, gains: Outlook, left_alone: Sequence[str]
+) -> tuple[str, ...]:
+    """In words; ``gains`` is the outlook of the cross tables, proposed or not, ``left_alone`` what was said before."""
+    return (*left_alone, *_gain(found, gains), *found.said, *_mechanical(tooth), *_unknown(tooth, model), *_work(tooth))
+
+
+def _gain(found: LayeredCorrection, gains: Outlook) -> Iterator[str]:
+    figures = {"gain": f"{gains.gain_um:.2f}", "U": f"{COVERAGE * gains.gain_u_um:.2f}"}
+    if found.optimum.tables:
+        yield words("S-TOOTH-GAIN", **figures)
+    elif not gains.worth:
+        yield words("S-TOOTH-NO-GAIN", **figures)
+
+
+def _mechanical(tooth: ToothProposal) -> Iterator[str]:
+    beyond = [one for one in tooth.cures if one.floor_um > THRESHOLD_UM]
+    for one in beyond:
+        yield words("S-TOOTH-MECHANICAL", name=one.error, rms=f"{one.rms_um:.2f}", left=f"{one.floor_um:.2f}")
+    if not beyond:
+        yield words("S-TOOTH-ALL-CURED", limit=f"{THRESHOLD_UM:g}")
+    yield words("S-TOOTH-B-LEFT", share=f"{100.0 * tooth.b_left:.0f}")
+
+
+def _unknown(tooth: ToothProposal, model: ErrorModel) -> Iterator[str]:
+    parts = tooth.prediction.parts_um
+    sizes = {one.name: parts.get(one.name, 0.0) for one in model.unknown}
+    for name, size in sorted(sizes.items(), key=lambda item: -item[1]):
+        if size > THRESHOLD_UM:
+            yield words("S-TOOTH-UNKNOWN", name=name, u=f"{size:.2f}")
+    if sizes and max(sizes.values()) <= THRESHOLD_UM:
+        yield words("S-TOOTH-UNKNOWN-NONE", count=len(sizes), limit=f"{THRESHOLD_UM:g}")
+
+
+def _work(tooth: ToothProposal) -> Iterator[str]:
+    (x, y), (a, b) = tooth.eccentricity_um, tooth.tilt_arcsec
+    if x or y or a or b:
+        yield words("S-TOOTH-MOUNTING", x=f"{x:+.1f}", y=f"{y:+.1f}", a=f"{a:+.1f}", b=f"{b:+.1f}")

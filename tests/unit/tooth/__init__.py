@@ -1,0 +1,1 @@
+"""Tests of what a run does for the tooth, without a machine."""
