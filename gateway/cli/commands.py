@@ -27,15 +27,16 @@ StoreOption = Annotated[Path, typer.Option(help="Folder that holds the runs.")]
 @app.command()
 def demo(
     folder: Annotated[Path, typer.Option(help="Where the demo keeps its site file and runs.")] = Path("demo"),
-    speed: Annotated[float, typer.Option(min=1, max=200, help="Cell time against wall time.")] = 100.0,
+    speed: Annotated[float, typer.Option(min=1, max=500, help="Cell time against wall time.")] = 100.0,
     seed: Annotated[int | None, typer.Option(help="Draw another machine.", show_default=False)] = None,
     cell: Annotated[str, typer.Option(help="Cell file, or the name of a shipped cell.")] = "demo",
+    axes: Annotated[bool, typer.Option("--axes", help="The axes alone: no other error, no part.")] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Start a simulated grinder and do the whole main job on it, over its wires."""
+    """Start a simulated grinder and close the whole loop on it, over its wires: 21 errors, both layers, the part."""
     from gateway.cli.demonstration import run_demo
 
-    run_demo(folder, cell, speed, seed, as_json=as_json)
+    run_demo(folder, cell, speed, seed, axes=axes, as_json=as_json)
 
 
 @app.command()

@@ -9,15 +9,30 @@ import numpy as np
 from drivers.errors import words
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.setright import set_right
-from gateway.tooth import FlankPrediction, InspectedFlank, ToothVerdict
+from gateway.tooth import FlankMap, FlankPrediction, InspectedFlank, ToothVerdict
 
 COVERAGE = 2.0
+LEAST_UM = 0.05  # a smaller change of the RMS is nobody's business, whatever the uncertainty
 Outcome = Literal["better", "unchanged", "worse"]
 _SAID: dict[Outcome, str] = {
     "better": "W-TOOTH-BETTER",
     "unchanged": "W-TOOTH-UNCHANGED",
     "worse": "W-TOOTH-WORSE",
 }
+
+
+def _of_rms(flank: FlankMap, inspected: InspectedFlank, gear: CycloidGear) -> float:
+    """Standard uncertainty of a flank's RMS: how far an eccentric clamping lies along that very flank, um.
+
+    What the inspection may be off is nearly all its clamping, which has any direction: it adds to the RMS only by its
+    share of the flank's own shape.
+    """
+    section, phi = gear.section(flank.theta_rad), gear.space_angle(np.arange(gear.zc))[:, None, None]
+    nx, ny = section.nx[None, :, None], section.ny[None, :, None]
+    clamped = np.stack([nx * np.cos(phi) - ny * np.sin(phi), nx * np.sin(phi) + ny * np.cos(phi)])
+    size = inspected.rms_u_um / float(np.sqrt(np.mean(np.sum(clamped**2, axis=0))))
+    shape = flank.deviation_um / max(flank.rms_um, np.finfo(float).tiny)
+    return size * float(np.hypot(*(np.mean(one * shape) for one in clamped)))
 
 
 def judge_tooth(
@@ -27,8 +42,9 @@ def judge_tooth(
 
     Set-up values alone are no merit of the tables, so the flank before is judged without what they would take.
     """
-    fair = set_right(before.fitted, gear).rms_um
-    doubt = COVERAGE * float(np.hypot(before.rms_u_um, after.rms_u_um))
+    right = set_right(before.fitted, gear)
+    fair = right.rms_um
+    doubt = max(LEAST_UM, COVERAGE * float(np.hypot(_of_rms(right, before, gear), _of_rms(after.fitted, after, gear))))
     gain = fair - after.fitted.rms_um
     outcome: Outcome = "unchanged" if abs(gain) <= doubt else "better" if gain > 0.0 else "worse"
     missed = float(np.sqrt(np.mean((after.fitted.deviation_um - prediction.after.deviation_um) ** 2)))

@@ -39,9 +39,7 @@ def predicted(after: FlankMap, u: float = 0.1) -> FlankPrediction:
 
 def test_infeed_dresser_and_one_rotation_are_taken_and_nothing_else() -> None:
     shape = made(wave(1.0))
-    moved = made(
-        lambda grid: wave(1.0)(grid) - 12.0 * grid.section.nx + 7.0 * grid.section.ny + 0.02 * grid.section.h
-    )
+    moved = made(lambda grid: wave(1.0)(grid) - 12.0 * grid.section.nx + 7.0 * grid.section.ny + 0.02 * grid.section.h)
     assert np.allclose(set_right(moved, GEAR).deviation_um, shape.deviation_um, atol=1e-9)
     assert moved.rms_um > 8.0 * shape.rms_um
 
@@ -62,3 +60,22 @@ def test_a_flank_elsewhere_than_predicted_is_said_even_when_it_is_better() -> No
     verdict = judge_tooth(inspected(before), inspected(end), predicted(made(wave(0.0)), 0.1), GEAR)
     assert (verdict.outcome, verdict.within_prediction) == ("better", False)
     assert "does not lie where it was predicted" in verdict.words
+
+
+def eccentric(size: float) -> Callable[[FlankGrid], FloatArray]:
+    return lambda grid: (
+        size
+        * (
+            grid.section.nx * np.cos(2.0 * np.pi * grid.k / 39.0)
+            - grid.section.ny * np.sin(2.0 * np.pi * grid.k / 39.0)
+        )
+    )
+
+
+def test_a_clamping_that_may_be_off_hides_only_what_looks_like_it() -> None:
+    """A third harmonic is none of its doing; an eccentricity of the flank may be all its doing."""
+    still = inspected(made(wave(0.1)), 0.3)
+    told = judge_tooth(inspected(made(wave(0.6)), 0.3), still, predicted(made(wave(0.1))), GEAR)
+    hidden = judge_tooth(inspected(made(eccentric(0.6)), 0.3), still, predicted(made(wave(0.1))), GEAR)
+    assert (told.outcome, hidden.outcome) == ("better", "unchanged")
+    assert told.before_set_right_um < hidden.before_set_right_um

@@ -1,0 +1,119 @@
+"""The closing run: every error measured, parts ground and inspected, both layers pushed, judged on axis and tooth."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass
+from pathlib import Path
+
+from drivers.clock import Clock
+from drivers.errors import ConfigError, TrueflankError
+from gateway.config import SiteFile
+from gateway.correct.setupvalues import setup_from_part
+from gateway.domain import Proposal, Verdict
+from gateway.model.known import ErrorModel
+from gateway.say import Say
+from gateway.store import RunFolder, SetupBook
+from gateway.tooth import InspectedFlank, SetupValues, ToothProposal
+from gateway.workflow import stages
+from gateway.workflow.bench import Bench, bench, check_name
+from gateway.workflow.closed import closed
+from gateway.workflow.components import measure_site
+from gateway.workflow.fromsetups import axes_measured
+from gateway.workflow.grinding import grind_part
+from gateway.workflow.inspecting import inspect_part
+from gateway.workflow.measure import Measured
+from gateway.workflow.outcome import Outcome
+from gateway.workflow.pushing import apply_proposal
+from gateway.workflow.toothproposal import Work, propose_tooth, work_of
+from gateway.workflow.toothverdict import judge_tooth
+
+BEFORE, TRIAL, AFTER = "before", "trial", "after"
+
+
+async def close_site(
+    site: SiteFile,
+    site_path: Path,
+    *,
+    apply: bool,
+    machine_name: str,
+    clock: Clock,
+    say: Say,
+    resume: RunFolder | None = None,
+) -> Outcome:
+    """Do the whole loop, or go on with a run that stopped: what is stored is not done again.
+
+    Without `apply` it ends with a stored proposal for the tooth; nothing is ground or written. Raises WriteRefused
+    (E-RUN-NAME), ConfigError (E-CLOSE-WORK, E-CLOSE-AXES, E-CLOSE-OPEN), and whatever the stages raise; the folder
+    keeps every stage done and the error.
+    """
+    check_name(site, apply, machine_name)
+    work = work_of(site, site_path)
+    plan = await measure_site(site, site_path, clock=clock, say=say, resume=resume, tooth=work.tooth)
+    folder = RunFolder(Path(plan.run_folder))
+    if plan.remaining:
+        raise ConfigError("E-CLOSE-OPEN", folder.run_id, count=len(plan.remaining), names=", ".join(plan.remaining))
+    used = {axis.measure.instrument for axis in site.axes if axis.measure.instrument}
+    try:
+        async with bench(site, site_path, folder, clock, say, used | {work.inspector} if apply else used) as at:
+            await _Loop(at, work, plan.model, axes_measured(folder, site)).close(apply=apply)
+    except TrueflankError as error:
+        folder.set_state("failed", error=error.as_record())
+        raise
+    except asyncio.CancelledError:
+        folder.set_state("stopped")
+        raise
+    return closed(folder, site)
+
+
+@dataclass(frozen=True)
+class _Loop:
+    """One closing run at the bench: the gear, what is known of the machine, its axes as measured."""
+
+    at: Bench
+    work: Work
+    model: ErrorModel
+    measured: dict[str, Measured]
+
+    async def close(self, *, apply: bool) -> None:
+        at, folder = self.at, self.at.folder
+        book = SetupBook(at.store.root)
+        now = book.current(at.machine, self.work.name)
+        before = await self._part(BEFORE, now) if apply else None
+        proposal, tooth = await self._proposal()
+        if before is None:
+            folder.set_state("proposed")
+            return
+        verdict = await self._pushed(proposal)
+        trial = await self._part(TRIAL, now.plus(tooth.setup))
+        setup = now.plus(tooth.setup).plus(setup_from_part(trial, self.work.gear).setup)
+        after = await self._part(AFTER, setup)
+        book.save(at.machine, self.work.name, setup, run=folder.run_id, clock=at.clock)
+        judged = judge_tooth(before, after, tooth.prediction, self.work.gear)
+        folder.put(stages.TOOTH_VERDICT, judged, (folder.digest(stages.inspected(AFTER)),))
+        folder.set_state("worse" if "worse" in (judged.outcome, verdict.outcome) else judged.outcome)
+
+    async def _part(self, part: str, setup: SetupValues) -> InspectedFlank:
+        """Grind and inspect a part; what the folder holds already is not done again."""
+        folder = self.at.folder
+        if folder.has(stages.inspected(part)):
+            return folder.get(stages.inspected(part), InspectedFlank)
+        values = {"x_um": setup.x_um, "c_arcsec": setup.c_arcsec, "dressing_um": setup.dressing_um}
+        self.at.say("P-PART", part=part, **values)
+        if not folder.has(stages.ground(part)):
+            await grind_part(self.at, part, setup)
+        found = await inspect_part(self.at, part)
+        self.at.say("P-PART-DONE", part=part, rms_um=found.fitted.rms_um)
+        return found
+
+    async def _proposal(self) -> tuple[Proposal, ToothProposal]:
+        folder = self.at.folder
+        if folder.has(stages.TOOTH):
+            return folder.get(stages.PROPOSAL, Proposal), folder.get(stages.TOOTH, ToothProposal)
+        return await propose_tooth(self.at, self.model, self.measured, self.work)
+
+    async def _pushed(self, proposal: Proposal) -> Verdict:
+        folder = self.at.folder
+        if folder.has(stages.VERDICT):
+            return folder.get(stages.VERDICT, Verdict)
+        return await apply_proposal(self.at, proposal, self.measured)
