@@ -31,8 +31,10 @@ def measure_command(
     """Measure every error of the plan, set-up by set-up, and say which set-up would be worth most next."""
     from drivers.clock import LoopClock
     from gateway.config import load_site
+    from gateway.store import RunFolder
     from gateway.workflow.bench import store_of
     from gateway.workflow.components import measure_site
+    from gateway.workflow.reporting import write_report
 
     tree = load_site(site)
     if plan:
@@ -47,10 +49,12 @@ def measure_command(
 
     with progress(quiet=as_json) as say:
         outcome = asyncio.run(main(say))
+    paths = write_report(RunFolder(Path(outcome.run_folder)))
     if as_json:
-        show_json(outcome.as_data())
+        show_json({**outcome.as_data(), "report": paths.as_data()})
     else:
         _tell(outcome)
+        typer.echo(f"report: {paths.html}")
 
 
 def guard_command(

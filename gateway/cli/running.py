@@ -134,13 +134,17 @@ def serve_command(site: Path, host: str, port: int) -> None:
 def report_command(run_folder: str, store: Path, *, as_json: bool) -> None:
     """Render a stored run again."""
     from gateway.store import Store
-    from gateway.workflow.reporting import write_report
+    from gateway.workflow.outcome import closing_lines
+    from gateway.workflow.reporting import summary_of, write_report
 
-    paths = write_report(Store(store).open(run_folder))
+    folder = Store(store).open(run_folder)
+    paths = write_report(folder)
     if as_json:
-        show_json({"html": str(paths.html), "json": str(paths.json), "picture": str(paths.picture)})
-    else:
-        typer.echo(f"report: {paths.html}")
+        show_json({**paths.as_data(), "summary": summary_of(paths)})
+        return
+    for line in closing_lines(folder):
+        typer.echo(line)
+    typer.echo(f"report: {paths.html}")
 
 
 def show_outcome(outcome: Any, *, as_json: bool) -> None:

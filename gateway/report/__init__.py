@@ -9,7 +9,15 @@ from importlib import import_module
 from pathlib import Path
 from typing import cast
 
-from gateway.report.material import AxisMaterial, FileUsed, InstrumentNote, ReportMaterial
+from gateway.report.material import (
+    AxisMaterial,
+    FileUsed,
+    InstrumentNote,
+    PartMaterial,
+    ReportMaterial,
+    TableMaterial,
+    ToothMaterial,
+)
 from gateway.report.parameters import ParameterRow, parameter_rows
 
 __all__ = [
@@ -17,11 +25,15 @@ __all__ = [
     "FileUsed",
     "InstrumentNote",
     "ParameterRow",
+    "PartMaterial",
     "ReportMaterial",
+    "TableMaterial",
+    "ToothMaterial",
     "as_json",
     "before_after_png",
     "parameter_rows",
     "render",
+    "tooth_pictures",
 ]
 
 
@@ -33,6 +45,11 @@ def render(material: ReportMaterial) -> str:
 def as_json(material: ReportMaterial) -> dict[str, object]:
     """The report as data that `json.dumps(..., allow_nan=False)` takes; NaN becomes None."""
     return cast("dict[str, object]", import_module("gateway.report.data").as_json(material))
+
+
+def tooth_pictures(material: ToothMaterial, folder: Path) -> tuple[Path, ...]:
+    """Draw flank maps, charts, ranking and errors, those there are, into a folder. Raises StoreError."""
+    return cast("tuple[Path, ...]", import_module("gateway.report.toothplots").pictures(material, folder))
 
 
 def before_after_png(material: ReportMaterial, path: Path) -> None:

@@ -12,18 +12,22 @@ import numpy as np
 
 from gateway.report.material import AxisMaterial, ReportMaterial
 from gateway.report.parameters import parameter_rows
+from gateway.report.toothdata import summary, tooth_data
 
 SCHEMA = "trueflank.report/1"
 
 
 def as_json(material: ReportMaterial) -> dict[str, object]:
-    """Whole report: ``schema``, the run, and per axis its parameters and all records; NaN becomes None."""
-    run = {item.name: plain(getattr(material, item.name)) for item in fields(material) if item.name != "axes"}
+    """Whole report: ``schema``, ``summary``, the run, per axis parameters and records, ``tooth``; NaN becomes None."""
+    own = ("axes", "tooth")
+    run = {item.name: plain(getattr(material, item.name)) for item in fields(material) if item.name not in own}
     return {
         "schema": SCHEMA,
+        "summary": plain(summary(material)),
         **run,
         "sign_convention": "deviation = measured - target",
         "axes": [_axis(axis) for axis in material.axes],
+        "tooth": plain(tooth_data(material)),
     }
 
 

@@ -30,21 +30,21 @@ def before_after(figure: FigureBase, axis: AxisMaterial, heading: bool = False) 
     """Two panels, before and after, on one scale of deviation; a picture that stands alone gets a heading."""
     left, right = figure.subplots(1, 2, sharey=True)
     figure.subplots_adjust(left=0.12, right=0.99, top=0.84 if heading else 0.92, bottom=0.175, wspace=0.05)
-    limits = _limits([part for item in (axis.before, axis.after) if item is not None for part in _bands(item)])
+    low, high = limits([part for item in (axis.before, axis.after) if item is not None for part in _bands(item)])
     for panel, evaluation, title in ((left, axis.before, "Before"), (right, axis.after, "After")):
         _panel(panel, evaluation, title, axis)
-    left.set_ylim(*limits)
+    left.set_ylim(low, high)
     left.set_ylabel(f"deviation  {SIGN[axis.deviation_unit]}")
     right.tick_params(labelleft=False)
     if heading:
         left.legend(**_legend(), bbox_to_anchor=(2.05, 1.16), ncols=3)
-        figure.text(0.12, 0.93, _name(f"{axis.axis}  {axis.component}"), fontsize=10, weight="bold", color=INK)
+        figure.text(0.12, 0.93, plain_name(f"{axis.axis}  {axis.component}"), fontsize=10, weight="bold", color=INK)
 
 
 def _panel(panel: Axes, evaluation: Evaluation | None, title: str, axis: AxisMaterial) -> None:
-    _calm(panel)
+    calm(panel)
     panel.set_title(title, loc="left", color=QUIET, pad=4)
-    panel.set_xlabel(f"{_name(axis.letter)}  {axis.unit}", labelpad=2)
+    panel.set_xlabel(f"{plain_name(axis.letter)}  {axis.unit}", labelpad=2)
     if evaluation is None:
         panel.text(0.5, 0.5, "not measured", transform=panel.transAxes, ha="center", va="center", color=QUIET)
         return
@@ -73,7 +73,7 @@ def _bands(evaluation: Evaluation) -> list[FloatArray]:
     return parts
 
 
-def _limits(parts: list[FloatArray]) -> tuple[float, float]:
+def limits(parts: list[FloatArray]) -> tuple[float, float]:
     """Common limits with a margin; zero is always inside."""
     values = np.concatenate([np.zeros(1), *parts])
     values = values[np.isfinite(values)]
@@ -82,15 +82,17 @@ def _limits(parts: list[FloatArray]) -> tuple[float, float]:
     return low - margin, high + margin
 
 
-def _name(text: str) -> str:
+def plain_name(text: str) -> str:
     """A controller's name as the drawing's font can show it: printable ASCII."""
     return "".join(letter if " " <= letter <= "~" else "?" for letter in text)
 
 
-def _calm(panel: Axes) -> None:
+def calm(panel: Axes, *, zero: bool = True) -> None:
+    """Faint grid, no frame above and to the right, a line at zero deviation."""
     panel.grid(True, color=FAINT, lw=0.5)
     panel.set_axisbelow(True)
-    panel.axhline(0.0, color=RULE, lw=0.8, zorder=1)
+    if zero:
+        panel.axhline(0.0, color=RULE, lw=0.8, zorder=1)
     panel.spines[["top", "right"]].set_visible(False)
     panel.tick_params(length=2.5, width=0.6, pad=2, labelsize=7)
     panel.margins(x=0.02)
@@ -114,7 +116,7 @@ def table_change(figure: FigureBase, change: TableChange) -> None:
     figure.subplots_adjust(left=0.075, right=0.99, top=0.9, bottom=0.14, hspace=0.13)
     unit = SIGN[change.new.deviation_unit]
     for panel, label in ((top, f"table  {unit}"), (low, f"change  {unit}")):
-        _calm(panel)
+        calm(panel)
         panel.set_ylabel(label)
     points = change.new.positions
     old = np.asarray(change.old.deviations, dtype=np.float64)
@@ -126,7 +128,7 @@ def table_change(figure: FigureBase, change: TableChange) -> None:
     difference = new - change.old.at(points)
     low.fill_between(points, difference, step="mid", color=NEW, alpha=0.25, lw=0)
     low.step(points, difference, where="mid", color=NEW, lw=0.9)
-    low.set_xlabel(f"{_name(change.new.input_axis)}  {change.new.input_unit}", labelpad=2)
+    low.set_xlabel(f"{plain_name(change.new.input_axis)}  {change.new.input_unit}", labelpad=2)
     figure.align_ylabels([top, low])
 
 
@@ -138,7 +140,7 @@ def prediction(figure: FigureBase, axis: AxisMaterial, change: TableChange) -> N
     panel = figure.subplots(1, 1)
     wide = not axis.rotary
     figure.subplots_adjust(left=0.075 if wide else 0.12, right=0.99, top=0.87, bottom=0.18)
-    _calm(panel)
+    calm(panel)
     low, high = change.predicted - change.predicted_U, change.predicted + change.predicted_U
     panel.fill_between(change.targets, low, high, color=OLD, alpha=0.3, lw=0, label="± U (k = 2)")
     panel.plot(change.targets, change.predicted, color=OLD, lw=1.0, label="predicted")
@@ -147,7 +149,7 @@ def prediction(figure: FigureBase, axis: AxisMaterial, change: TableChange) -> N
         panel.plot(axis.after.targets, measured, "o", color=NEW, ms=2.8, mew=0, label="measured")
     panel.legend(**_legend(), bbox_to_anchor=(1.0, 1.18 if wide else 1.13), ncols=3)
     panel.set_ylabel(f"deviation  {SIGN[axis.deviation_unit]}")
-    panel.set_xlabel(f"{_name(axis.letter)}  {axis.unit}", labelpad=2)
+    panel.set_xlabel(f"{plain_name(axis.letter)}  {axis.unit}", labelpad=2)
 
 
 def _on_prediction(after: Evaluation, change: TableChange) -> FloatArray:
@@ -184,7 +186,7 @@ def polar(figure: FigureBase, axis: AxisMaterial) -> None:
 
 
 def _polar_scale(panel: Axes, curves: list[FloatArray]) -> None:
-    low, high = _limits(curves)
+    low, high = limits(curves)
     panel.set_ylim(low, high)
     if isinstance(panel, PolarAxes):
         # A hollow middle keeps small radii readable: the curve's height counts, not its distance.

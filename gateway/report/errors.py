@@ -14,11 +14,15 @@ from gateway.model.known import ErrorModel
 from gateway.model.preset import TWENTY_ONE
 
 POINTS = 201
+NOBODY = "not measured: anywhere within this span with the same chance"
 
 
 @dataclass(frozen=True, slots=True)
 class ErrorRow:
-    """One error: lowest and highest value, largest expanded uncertainty U (k = 2); for unknown ones +/- the span."""
+    """One error: lowest and highest value, largest expanded uncertainty U (k = 2); for unknown ones +/- the span.
+
+    ``how`` says in words what it rests on.
+    """
 
     name: str
     unit: DeviationUnit
@@ -26,6 +30,7 @@ class ErrorRow:
     high: float
     U: float
     state: Literal["measured", "assumed"]
+    how: str = ""
 
     def as_data(self) -> dict[str, Any]:
         """For JSON."""
@@ -36,9 +41,9 @@ def error_rows(model: ErrorModel) -> tuple[ErrorRow, ...]:
     """Rows in the usual order, then whatever else was located (X0C, Y0C)."""
     found = {one.name: _motion(one, model.systematic.get(one.name, 0.0)) for one in model.motions}
     for one in model.locations:
-        found[one.name] = ErrorRow(one.name, one.unit, one.value, one.value, 2.0 * one.u, "measured")
+        found[one.name] = ErrorRow(one.name, one.unit, one.value, one.value, 2.0 * one.u, "measured", one.how)
     for gap in model.unknown:
-        found[gap.name] = ErrorRow(gap.name, gap.unit, -gap.span, gap.span, 2.0 * gap.u, "assumed")
+        found[gap.name] = ErrorRow(gap.name, gap.unit, -gap.span, gap.span, 2.0 * gap.u, "assumed", NOBODY)
     order = [*TWENTY_ONE, *(name for name in found if name not in TWENTY_ONE)]
     return tuple(found[name] for name in order if name in found)
 
@@ -48,4 +53,9 @@ def _motion(one: Component, systematic: float) -> ErrorRow:
     at = np.linspace(low, high, POINTS)
     values = value(one, at)
     U = 2.0 * float(np.hypot(np.max(standard_uncertainty(one, at)), systematic))
-    return ErrorRow(one.name, one.unit, float(values.min()), float(values.max()), U, "measured")
+    found = float(values.min()), float(values.max())
+    return ErrorRow(one.name, one.unit, *found, U, "measured", _fitted(one, low, high))
+
+
+def _fitted(one: Component, low: float, high: float) -> str:
+    return f"{one.basis} over {low:g} to {high:g} {one.axis_unit}, {one.residual_rms:.2g} {one.unit} RMS not in it"

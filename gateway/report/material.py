@@ -8,9 +8,14 @@ from typing import Literal
 
 from drivers.types import Identity, MachineIdentity, SignProof
 from drivers.units import AxisUnit, DeviationUnit, deviation_unit
+from gateway.correct.undone import Open
 from gateway.domain import AxisVerdict, Capture, Component, Evaluation, PushRecord, SenseProof, TableChange
+from gateway.gear.cycloid import CycloidGear
+from gateway.model.known import ErrorModel
+from gateway.tooth import GearProposal, GroundPart, InspectedFlank, ToothProposal, ToothVerdict
 
-Outcome = Literal["better", "unchanged", "worse", "not-pushed"]
+Outcome = Literal["better", "unchanged", "worse", "not-pushed", "pushed", "measured", "inspected"]
+Kind = Literal["errors", "part", "closing"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +79,60 @@ class AxisMaterial:
 
 
 @dataclass(frozen=True, slots=True)
+class PartMaterial:
+    """One test part by its name in the run: how it was ground, what was found on it; None for what was not done."""
+
+    part: str
+    ground: GroundPart | None = None
+    flank: InspectedFlank | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class TableMaterial:
+    """One table of the proposal, what its push did (None: it was not pushed), how its sense was proved."""
+
+    change: TableChange
+    push: PushRecord | None = None
+    proof: SignProof | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ToothMaterial:
+    """What a run knows of the errors and of the tooth; whatever it did not reach is None or empty.
+
+    ``parts`` in the order they were ground; ``from_gear`` is what one of them asks for by itself. ``gear`` and its name
+    say what was ground, where the site's gear file can still be read. ``letters`` translates machine axes (X1 -> X).
+    ``open`` are the errors by what measuring them next would change, ``advice`` says so in words.
+    """
+
+    errors: ErrorModel | None = None
+    proposal: ToothProposal | None = None
+    verdict: ToothVerdict | None = None
+    parts: tuple[PartMaterial, ...] = ()
+    tables: tuple[TableMaterial, ...] = ()
+    from_gear: GearProposal | None = None
+    gear: CycloidGear | None = None
+    gear_name: str = ""
+    letters: Mapping[str, str] = field(default_factory=dict)
+    open: tuple[Open, ...] = ()
+    advice: str = ""
+
+    @property
+    def kind(self) -> Kind:
+        """Errors measured and no more, parts inspected and no more, or a run that closes the loop."""
+        if self.proposal is None and self.verdict is None:
+            if not self.parts:
+                return "errors"
+            if self.errors is None:
+                return "part"
+        return "closing"
+
+    def part(self, name: str) -> PartMaterial:
+        """A part by its name; one with nothing in it where there is none."""
+        return next((one for one in self.parts if one.part == name), PartMaterial(name))
+
+
+@dataclass(frozen=True, slots=True)
 class ReportMaterial:
     """A whole run as the report shows it; dates are ISO 8601, ``hashes`` name -> sha256 of a record."""
 
@@ -90,3 +149,4 @@ class ReportMaterial:
     files: tuple[FileUsed, ...] = ()
     hashes: Mapping[str, str] = field(default_factory=dict)
     findings: tuple[str, ...] = ()
+    tooth: ToothMaterial | None = None

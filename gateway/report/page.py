@@ -12,9 +12,10 @@ from markupsafe import Markup
 
 from drivers.types import Ambient
 from gateway.domain import Capture, Evaluation, TableChange
-from gateway.report import plots, words
+from gateway.report import plots, toothwords, words
 from gateway.report.material import AxisMaterial, ReportMaterial
 from gateway.report.parameters import ParameterRow, parameter_rows
+from gateway.report.toothpage import tooth_page
 
 MOST_TABLE_VALUES = 400
 
@@ -47,8 +48,10 @@ class AxisPage:
 def render(material: ReportMaterial) -> str:
     """The whole document. Same material, same text."""
     axes = [_axis_page(axis) for axis in material.axes]
-    editions = sorted({item.standard for axis in material.axes for item in _evaluations(axis)})
-    return _template().render(report=material, axes=axes, editions=editions, outcome=words.OUTCOME[material.outcome])
+    editions = sorted({_edition(item) for axis in material.axes for item in _evaluations(axis)})
+    headline = (*words.OUTCOME[material.outcome][:2], toothwords.sentence(material))
+    tooth = tooth_page(material)
+    return _template().render(report=material, axes=axes, editions=editions, outcome=headline, tooth=tooth)
 
 
 @cache
@@ -62,9 +65,11 @@ def _template() -> Template:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    for name in ("number", "signed", "percent", "when", "shortest"):
+    for name in ("number", "signed", "percent", "when", "shortest", "plain", "micro"):
         environment.filters[name] = getattr(words, name)
-    environment.globals.update(words=words, captures=_captures, environment_rows=environment_rows, columns=columns)
+    environment.globals.update(
+        words=words, say=toothwords, captures=_captures, environment_rows=environment_rows, columns=columns
+    )
     return environment.get_template("report.html.j2")
 
 
@@ -94,6 +99,11 @@ def _drawn(svg: str) -> Markup:
 
 def _evaluations(axis: AxisMaterial) -> tuple[Evaluation, ...]:
     return tuple(item for item in (axis.before, axis.after) if item is not None)
+
+
+def _edition(item: Evaluation) -> str:
+    """The standard, and how sure we are of its formulas where that was said."""
+    return f"{item.standard} (formulas {item.certainty})" if item.certainty else item.standard
 
 
 def _captures(axis: AxisMaterial) -> tuple[tuple[str, Capture], ...]:

@@ -34,11 +34,12 @@ _STYLE: dict[Any, Any] = {
     "path.simplify": True,
 }
 _MM = 1.0 / 25.4
+RASTER_DPI = 220
 
 
 def before_after(axis: AxisMaterial) -> str:
     """SVG: deviations before and after side by side on one scale."""
-    return _svg((118, 50), lambda figure: draw.before_after(figure, axis), f"Deviations of {axis.axis}")
+    return svg((118, 50), lambda figure: draw.before_after(figure, axis), f"Deviations of {axis.axis}")
 
 
 def table_change(axis: AxisMaterial) -> str:
@@ -46,7 +47,7 @@ def table_change(axis: AxisMaterial) -> str:
     change = axis.change
     if change is None or change.skipped:
         return ""
-    return _svg((182, 68), lambda figure: draw.table_change(figure, change), f"Table of {axis.axis}")
+    return svg((182, 68), lambda figure: draw.table_change(figure, change), f"Table of {axis.axis}")
 
 
 def prediction(axis: AxisMaterial) -> str:
@@ -55,24 +56,33 @@ def prediction(axis: AxisMaterial) -> str:
     if change is None or change.skipped or change.targets.size == 0:
         return ""
     size = (108, 70) if axis.rotary else (182, 52)
-    return _svg(size, lambda figure: draw.prediction(figure, axis, change), f"Prediction of {axis.axis}")
+    return svg(size, lambda figure: draw.prediction(figure, axis, change), f"Prediction of {axis.axis}")
 
 
 def polar(axis: AxisMaterial) -> str:
     """SVG: mean deviation of a rotary axis around its turn, before and after; "" for a linear axis."""
     if not axis.rotary or (axis.before is None and axis.after is None):
         return ""
-    return _svg((76, 72), lambda figure: draw.polar(figure, axis), f"Polar deviation of {axis.axis}")
+    return svg((76, 72), lambda figure: draw.polar(figure, axis), f"Polar deviation of {axis.axis}")
 
 
 def before_after_png(material: ReportMaterial, path: Path) -> None:
     """One row per axis, before left and after right. Raises StoreError (E-REPORT-WRITE)."""
     rows = max(len(material.axes), 1)
-    with mpl.rc_context(_STYLE):
-        figure = Figure(figsize=(9.0, 2.35 * rows), dpi=160, facecolor="white")
-        FigureCanvasAgg(figure)
+
+    def paint(figure: Figure) -> None:
         for part, axis in zip(figure.subfigures(rows, 1, squeeze=False)[:, 0], material.axes, strict=False):
             draw.before_after(part, axis, heading=True)
+
+    png((9.0, 2.35 * rows), paint, path)
+
+
+def png(size_inch: tuple[float, float], paint: Callable[[Figure], None], path: Path) -> None:
+    """One drawing as a PNG file. Raises StoreError (E-REPORT-WRITE)."""
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=size_inch, dpi=160, facecolor="white")
+        FigureCanvasAgg(figure)
+        paint(figure)
         picture = io.BytesIO()
         figure.savefig(picture, format="png", metadata={"Software": None})
     try:
@@ -81,12 +91,13 @@ def before_after_png(material: ReportMaterial, path: Path) -> None:
         raise StoreError("E-REPORT-WRITE", str(path), why=error.strerror or str(error)) from error
 
 
-def _svg(size_mm: tuple[float, float], paint: Callable[[Figure], None], label: str) -> str:
+def svg(size_mm: tuple[float, float], paint: Callable[[Figure], None], label: str) -> str:
+    """A drawing as SVG text to stand in a page; cells of maps are one small picture inside it."""
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=(size_mm[0] * _MM, size_mm[1] * _MM))
         paint(figure)
         text = io.StringIO()
-        figure.savefig(text, format="svg", transparent=True, metadata={"Date": None})
+        figure.savefig(text, format="svg", dpi=RASTER_DPI, transparent=True, metadata={"Date": None})
     return _inline(text.getvalue(), label)
 
 
@@ -107,4 +118,5 @@ def _own_ids(body: str, label: str) -> str:
     prefix = label.replace(" ", "-").lower()
     body = re.sub(r'\bid="([^"]+)"', rf'id="{prefix}-\1"', body)
     body = re.sub(r"url\(#([^)]+)\)", rf"url(#{prefix}-\1)", body)
-    return re.sub(r'xlink:href="#([^"]+)"', rf'href="#{prefix}-\1"', body)
+    body = re.sub(r'xlink:href="#([^"]+)"', rf'href="#{prefix}-\1"', body)
+    return body.replace('xlink:href="data:image/png', 'href="data:image/png')

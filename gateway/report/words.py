@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import unicodedata
 from datetime import UTC, datetime
 from math import isfinite
@@ -13,6 +14,7 @@ from gateway.report.parameters import parameter_rows
 
 UNIT = {"um": "µm", "arcsec": "arcsec", "mm": "mm", "deg": "deg"}
 ABSENT = "–"
+MICRO = re.compile(r"\bum\b")
 
 # symbol, headline, sentence: the state is told by form and word, never by colour alone.
 OUTCOME: dict[Outcome, tuple[str, str, str]] = {
@@ -20,6 +22,9 @@ OUTCOME: dict[Outcome, tuple[str, str, str]] = {
     "unchanged": ("=", "Unchanged", "The machine was measured again: no change beyond the uncertainty."),
     "worse": ("✖", "Worse", "The machine was measured again: at least one axis became worse."),
     "not-pushed": ("○", "Not pushed", "Nothing was written to the controller by this run."),
+    "pushed": ("○", "Pushed", "Tables were written to the controller; what they did is not judged yet."),
+    "measured": ("○", "Measured", "The errors of the machine were measured. Nothing was written to the controller."),
+    "inspected": ("○", "Inspected", "A part was inspected. Nothing was written to the controller."),
 }
 
 PUSH = {
@@ -72,6 +77,16 @@ def shortest(value: object) -> str:
     return f"{value:.7g}".replace("-", "−") if isinstance(value, float) else str(value)
 
 
+def micro(text: str) -> str:
+    """A sentence with um written as µm."""
+    return MICRO.sub("µm", text)
+
+
+def plain(value: float) -> str:
+    """A round number without needless digits: 2, 0.25."""
+    return f"{value:g}".replace("-", "−")
+
+
 def when(stamp: str) -> str:
     """An ISO 8601 moment as "2026-03-02 14:05 UTC"; anything else as it is."""
     try:
@@ -97,7 +112,8 @@ def _judged(axis: AxisMaterial) -> tuple[str, str, str]:
     if verdict is not None and verdict.improved:
         return "better", "✔", "improved"
     rows = parameter_rows(axis.axis, axis.before, axis.after)
-    worse = any(row.parameter == "M" and row.significant and (row.change_pct or 0.0) > 0.0 for row in rows)
+    worse = verdict is not None and verdict.worse
+    worse = worse or any(row.parameter == "M" and row.significant and (row.change_pct or 0.0) > 0.0 for row in rows)
     return ("worse", "✖", "worse") if worse else ("unchanged", "=", "unchanged")
 
 

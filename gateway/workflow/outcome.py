@@ -8,12 +8,13 @@ from typing import Any
 
 from gateway.domain import Evaluation, Proposal, Verdict
 from gateway.report import parameter_rows
+from gateway.report.lines import tooth_lines
 from gateway.report.parameters import PARAMETERS
 from gateway.report.words import number, percent
 from gateway.store import RunFolder
 from gateway.workflow import stages
 from gateway.workflow.measure import Measured
-from gateway.workflow.reporting import ReportPaths, write_report
+from gateway.workflow.reporting import ReportPaths, material_of, write_report
 
 WORSE_EXIT = 9
 
@@ -64,6 +65,11 @@ def shown(folder: RunFolder, proposal: Proposal, refusals: Mapping[str, list[str
     return Outcome(folder.state, str(folder.path), (), tuple(lines), data)
 
 
+def closing_lines(folder: RunFolder) -> tuple[str, ...]:
+    """What a run did for axes and tooth, from what its folder holds; the last line is the tooth's figure."""
+    return tooth_lines(material_of(folder))
+
+
 def outcome_of(
     state: str,
     run_folder: str,
@@ -82,7 +88,7 @@ def outcome_of(
         "outcome": verdict.outcome if verdict is not None else "not-pushed",
         "axes": {axis: _data(*pair) for axis, pair in evaluations.items()},
         "not_corrected": {change.axis: change.skipped for change in proposal.changes if change.skipped},
-        "report": {"html": str(paths.html), "json": str(paths.json), "picture": str(paths.picture)},
+        "report": paths.as_data(),
     }
     return Outcome(state, run_folder, rows, tuple(lines), data, WORSE_EXIT if worse else 0)
 

@@ -126,9 +126,12 @@ def key_of(setup: SetupSection) -> str:
 
 
 def _ordered(plan: Sequence[Planned], axes: Sequence[str]) -> tuple[Planned, ...]:
-    """One instrument after the other, files first; with each, all of one artefact, then one axis after the other."""
+    """One instrument after the other, files first; with each, all of one artefact, then one axis after the other.
+
+    What measures the axes' own positioning comes last: a push asks for a young measurement at the same warmth.
+    """
     ranks: dict[str, int] = {}
-    for one in plan:
+    for one in sorted(plan, key=lambda one: one.positioning):
         ranks.setdefault(_tool(one), len(ranks))
 
     def rank(one: Planned) -> tuple[object, ...]:

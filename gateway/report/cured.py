@@ -1,0 +1,84 @@
+"""What was cured by what: the flank's mean square by pattern, and how much of each the correction takes; pure.
+
+Any move of the infeed X shows alike on both flanks of a space (n_x), any turn of C oppositely (h). So the even part of
+a map over the profile is what X can touch and the odd part what C and the dressing can; what depends on the height
+alone belongs to a table over Z, on the space alone to one over C, constants to the set-up values. The parts are
+orthogonal: their mean squares add up to that of the flank.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drivers.types import FloatArray
+from gateway.tooth import FlankPrediction
+
+EVEN, ODD = "even", "odd"
+EEC = "EEC: each axis by itself"
+CONSTANT = ("set-up values: x zero", "set-up values: dressing offset")
+SAME = 1e-9  # rad: how symmetric the profile's points must lie
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """One cure: part of the flank's mean square that it takes, in percent (negative: it adds), and what is left."""
+
+    by: str
+    taken_pct: float
+    left_pct: float | None = None
+
+
+def shares(prediction: FlankPrediction) -> tuple[Share, ...]:
+    """What EEC, set-up values and each cross table take; all in percent of the flank before, and all together.
+
+    Constants are the set-up values' affair, also where EEC moves them; by pattern the tables take what EEC leaves.
+    ``left_pct`` is what stays of the pattern. The last row is what no table over one axis can touch. Nothing where the
+    flank before is zero; without symmetric points only EEC against the rest.
+    """
+    whole = _square(prediction.before.deviation_um)
+    if whole <= 0.0:
+        return ()
+    left, after = prediction.with_eec.deviation_um, prediction.after.deviation_um
+    theta = prediction.before.theta_rad
+    if not np.allclose(theta, -theta[::-1], rtol=0.0, atol=SAME):
+        rest = _square(left), _square(after)
+        eec = Share(EEC, 100.0 * (whole - rest[0]) / whole)
+        return eec, Share("CEC and set-up values", 100.0 * (rest[0] - rest[1]) / whole, 100.0 * rest[1] / whole)
+    start, middle, end = (patterns(one) for one in (prediction.before.deviation_um, left, after))
+    moved = sum(start[name] - middle[name] for name in start if name not in CONSTANT)
+    found = [Share(EEC, 100.0 * moved / whole)]
+    for name in start:
+        first = start[name] if name in CONSTANT else middle[name]
+        found.append(Share(name, 100.0 * (first - end[name]) / whole, 100.0 * end[name] / whole))
+    return tuple(found)
+
+
+def patterns(deviation_um: FloatArray) -> dict[str, float]:
+    """Mean square (um2) of each pattern of a map (K, T, Z) whose T points lie symmetric about the space's bottom."""
+    mirrored = deviation_um[:, ::-1, :]
+    found = {key: _by_place(0.5 * (deviation_um + sign * mirrored)) for key, sign in ((EVEN, 1.0), (ODD, -1.0))}
+    return {
+        CONSTANT[0]: found[EVEN]["constant"],
+        CONSTANT[1]: found[ODD]["constant"],
+        "table X(Z)": found[EVEN]["z"],
+        "table X(C)": found[EVEN]["k"],
+        "table C(Z)": found[ODD]["z"],
+        "table C(C)": found[ODD]["k"],
+        "no table over one axis": found[EVEN]["rest"] + found[ODD]["rest"],
+    }
+
+
+def _by_place(e: FloatArray) -> dict[str, float]:
+    """Mean squares of the profile's constant, and of what varies with z alone, with k alone, with both."""
+    constant = np.mean(e, axis=(0, 2), keepdims=True)
+    over_z = np.mean(e, axis=0, keepdims=True) - constant
+    over_k = np.mean(e, axis=2, keepdims=True) - constant
+    rest = e - constant - over_z - over_k
+    parts = {"constant": constant, "z": over_z, "k": over_k, "rest": rest}
+    return {key: _square(part) for key, part in parts.items()}
+
+
+def _square(values: FloatArray) -> float:
+    return float(np.mean(values**2))

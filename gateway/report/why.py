@@ -1,0 +1,92 @@
+"""What cures each error on the tooth and why some cannot be compensated, in words; pure."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from gateway.tooth import CureRecord
+
+Tag = Literal["EEC", "set-up", "CEC", "product", "part", "mech", "none"]
+MEANING: dict[Tag, str] = {
+    "EEC": "EEC table",
+    "set-up": "set-up value",
+    "CEC": "CEC table",
+    "product": "product of tables",
+    "part": "in part only",
+    "mech": "mechanical only",
+    "none": "no effect on the tooth",
+}
+MECHANICAL, NONE_NEEDED, IN_PART = "mechanical only", "none needed", " in part"
+
+_ALONG = (
+    "It moves the wheel along its own axis (Y) as the parts of the flank pass by. No axis of the control moves that "
+    "way: the dressing offset takes its constant, turning C follows it in part, the rest changes the profile."
+)
+_LEAN = (
+    "It leans wheel and work against each other about X, so the profile shifts along the wheel's axis with the height. "
+    "C(Z) follows that in part; the rest changes the profile along the face."
+)
+_SWIVEL = (
+    "It turns wheel and work against each other about Z at the lever of the centre distance: beside the turn, which C "
+    "takes, the profile shifts along the wheel's axis, which no axis takes."
+)
+_WOBBLE = (
+    "The table's wobble shifts the profile with the height and with the turn at once. A table depends on one axis; "
+    "only a product of two tables varies with both, and what shifts along the wheel's axis not even that takes."
+)
+_ANY = "No axis of the control moves the wheel against the work the way this error does."
+_PRODUCT = (
+    "It varies with the height and with the turn at once. A table depends on one axis; only a product of two tables "
+    "varies with both, and how tables multiply must be proved on this machine first."
+)
+_BY_MOTION = {"Y": _ALONG, "A": _LEAN, "C": _SWIVEL}
+
+
+def tag(cure: CureRecord) -> Tag:
+    """The kind of cure, for a colour and a word; an axis' own deviation belongs to EEC."""
+    by = cure.by
+    if by == NONE_NEEDED:
+        return "none"
+    if by == MECHANICAL:
+        return "mech"
+    if by.endswith(IN_PART):
+        return "part"
+    if own(cure.error) or by.startswith("EEC"):
+        return "EEC"
+    if "*" in by:
+        return "product"
+    return "set-up" if _by_setup(by) else "CEC"
+
+
+def own(name: str) -> bool:
+    """Whether an error is an axis' own deviation along or about itself: EXX, EZZ, ECC."""
+    return len(name) == 3 and name[0] == "E" and name[1] == name[2]
+
+
+def _by_setup(by: str) -> bool:
+    return "zero" in by or "dressing" in by or by.startswith(("mounting", "set-up"))
+
+
+def incurable(cure: CureRecord) -> bool:
+    """Whether it must stand among what compensation cannot take: mechanical, in part only, or by products alone."""
+    return tag(cure) in ("mech", "part", "product")
+
+
+def why(cure: CureRecord) -> str:
+    """Why compensation does not take an error: one or two sentences, by what the error moves."""
+    name = cure.error
+    if tag(cure) == "product":
+        return _PRODUCT
+    if name in ("EAC", "EBC"):
+        return _WOBBLE
+    if name.startswith("E"):
+        return _BY_MOTION.get(name[1:2], _ANY)
+    return _LEAN if name.startswith("A") else _BY_MOTION.get(name[:1], _ANY)
+
+
+def what(cure: CureRecord) -> str:
+    """What cures it, in words for a table: "CEC table X(Z)", "mechanical only", "none needed"."""
+    kind = tag(cure)
+    if kind == "EEC":
+        return f"EEC table {cure.error[1:2]}({cure.error[2:3]})" if own(cure.error) else cure.by
+    return f"CEC table {cure.by}" if kind == "CEC" and "table" not in cure.by else cure.by
