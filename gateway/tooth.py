@@ -26,7 +26,11 @@ class SetupValues:
     def plus(self, other: SetupValues) -> SetupValues:
         """Both together."""
         added = self.x_um + other.x_um, self.c_arcsec + other.c_arcsec, self.dressing_um + other.dressing_um
-        return SetupValues(*added)
+        return SetupValues(*(round(value, 6) for value in added))
+
+    def less(self, other: SetupValues) -> SetupValues:
+        """The difference."""
+        return self.plus(SetupValues(-other.x_um, -other.c_arcsec, -other.dressing_um))
 
 
 @dataclass(frozen=True, slots=True)

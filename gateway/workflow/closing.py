@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from drivers.clock import Clock
@@ -85,13 +85,19 @@ class _Loop:
             folder.set_state("proposed")
             return
         verdict = await self._pushed(proposal)
-        trial = await self._part(TRIAL, now.plus(tooth.setup))
-        setup = now.plus(tooth.setup).plus(setup_from_part(trial, self.work.gear).setup)
+        first = now.plus(self._expected(before, tooth))
+        trial = await self._part(TRIAL, first)
+        setup = first.plus(setup_from_part(trial, self.work.gear).setup)
         after = await self._part(AFTER, setup)
         book.save(at.machine, self.work.name, setup, run=folder.run_id, clock=at.clock)
         judged = judge_tooth(before, after, tooth.prediction, self.work.gear)
         folder.put(stages.TOOTH_VERDICT, judged, (folder.digest(stages.inspected(AFTER)),))
         folder.set_state("worse" if "worse" in (judged.outcome, verdict.outcome) else judged.outcome)
+
+    def _expected(self, before: InspectedFlank, tooth: ToothProposal) -> SetupValues:
+        """What the part before lacks, and what the tables will change of that by the model."""
+        modelled = setup_from_part(replace(before, fitted=tooth.prediction.before), self.work.gear).setup
+        return setup_from_part(before, self.work.gear).setup.plus(tooth.setup).less(modelled)
 
     async def _part(self, part: str, setup: SetupValues) -> InspectedFlank:
         """Grind and inspect a part; what the folder holds already is not done again."""

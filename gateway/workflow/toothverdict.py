@@ -9,7 +9,7 @@ import numpy as np
 from drivers.errors import words
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.setright import set_right
-from gateway.tooth import FlankMap, FlankPrediction, InspectedFlank, ToothVerdict
+from gateway.tooth import FlankMap, FlankPrediction, FloatArray, InspectedFlank, ToothVerdict
 
 COVERAGE = 2.0
 LEAST_UM = 0.05  # a smaller change of the RMS is nobody's business, whatever the uncertainty
@@ -21,15 +21,28 @@ _SAID: dict[Outcome, str] = {
 }
 
 
+def _clamped(flank: FlankMap, gear: CycloidGear) -> FloatArray:
+    """What one um of eccentricity along x and along y of the gear does to its flanks, (2, K, T, 1)."""
+    section, phi = gear.section(flank.theta_rad), gear.space_angle(np.arange(gear.zc))[:, None, None]
+    nx, ny = section.nx[None, :, None], section.ny[None, :, None]
+    return np.stack([nx * np.cos(phi) - ny * np.sin(phi), nx * np.sin(phi) + ny * np.cos(phi)])
+
+
+def eccentric_share(flank: FlankMap, gear: CycloidGear) -> tuple[float, float]:
+    """RMS of what an eccentricity of part or clamping takes of a flank by least squares, and of what it leaves, um."""
+    ways = np.stack([np.broadcast_to(one, flank.deviation_um.shape).ravel() for one in _clamped(flank, gear)], axis=1)
+    seen = flank.deviation_um.ravel()
+    taken = ways @ np.linalg.lstsq(ways, seen, rcond=None)[0]
+    return float(np.sqrt(np.mean(taken**2))), float(np.sqrt(np.mean((seen - taken) ** 2)))
+
+
 def _of_rms(flank: FlankMap, inspected: InspectedFlank, gear: CycloidGear) -> float:
     """Standard uncertainty of a flank's RMS: how far an eccentric clamping lies along that very flank, um.
 
     What the inspection may be off is nearly all its clamping, which has any direction: it adds to the RMS only by its
     share of the flank's own shape.
     """
-    section, phi = gear.section(flank.theta_rad), gear.space_angle(np.arange(gear.zc))[:, None, None]
-    nx, ny = section.nx[None, :, None], section.ny[None, :, None]
-    clamped = np.stack([nx * np.cos(phi) - ny * np.sin(phi), nx * np.sin(phi) + ny * np.cos(phi)])
+    clamped = _clamped(flank, gear)
     size = inspected.rms_u_um / float(np.sqrt(np.mean(np.sum(clamped**2, axis=0))))
     shape = flank.deviation_um / max(flank.rms_um, np.finfo(float).tiny)
     return size * float(np.hypot(*(np.mean(one * shape) for one in clamped)))
@@ -56,7 +69,9 @@ def judge_tooth(
         "predicted": f"{prediction.rms_um:.2f}",
         "u": f"{prediction.u_um:.2f}",
     }
+    off, rest = eccentric_share(after.fitted, gear)
     said = words(_SAID[outcome], **figures) + " " + words("W-TOOTH-HELD" if held else "W-TOOTH-MISSED")
+    said += " " + words("W-TOOTH-ECCENTRIC", off=f"{off:.2f}", rest=f"{rest:.2f}")
     return ToothVerdict(
         before.fitted.rms_um,
         fair,

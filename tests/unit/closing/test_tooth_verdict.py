@@ -10,8 +10,8 @@ import pytest
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import FlankGrid, flank_grid
 from gateway.gear.setright import set_right
-from gateway.tooth import FloatArray, FlankMap, FlankPrediction, InspectedFlank
-from gateway.workflow.toothverdict import judge_tooth
+from gateway.tooth import FlankMap, FlankPrediction, FloatArray, InspectedFlank
+from gateway.workflow.toothverdict import eccentric_share, judge_tooth
 
 GEAR = CycloidGear(rp=64.0, rrp=3.0, a=1.3, zp=40, zc=39, b=10.0)
 GRID = flank_grid(GEAR, profile=11, width=5)
@@ -79,3 +79,10 @@ def test_a_clamping_that_may_be_off_hides_only_what_looks_like_it() -> None:
     hidden = judge_tooth(inspected(made(eccentric(0.6)), 0.3), still, predicted(made(wave(0.1))), GEAR)
     assert (told.outcome, hidden.outcome) == ("better", "unchanged")
     assert told.before_set_right_um < hidden.before_set_right_um
+
+
+def test_what_an_eccentricity_takes_is_told_apart() -> None:
+    both = made(lambda grid: eccentric(0.5)(grid) + wave(0.2)(grid))
+    off, rest = eccentric_share(both, GEAR)
+    assert off == pytest.approx(made(eccentric(0.5)).rms_um, rel=1e-9)
+    assert rest == pytest.approx(made(wave(0.2)).rms_um, rel=1e-9)
