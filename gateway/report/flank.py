@@ -80,8 +80,13 @@ def close_up(found: Sequence[FlankState]) -> tuple[FlankState, ...]:
 
 
 def top_of(found: Sequence[FlankState]) -> float:
-    """The one limit (um) of a scale on which all these maps fit, rounded up to a plain number."""
-    largest = max(float(np.max(np.abs(one.map.deviation_um))) for one in found)
+    """The one limit (um) of a scale on which these maps fit, rounded up to a plain number.
+
+    As ground does not count where it stands beside the same flank with its set-up values right: they can be any size.
+    """
+    right = any(one.key == "before-set-right" for one in found)
+    scaled = [one for one in found if one.key != "before" or not right]
+    largest = max(float(np.max(np.abs(one.map.deviation_um))) for one in scaled)
     if largest <= 0.0:
         return 1.0
     power = 10.0 ** np.floor(np.log10(largest))

@@ -33,15 +33,17 @@ def flank_maps(figure: Figure, found: Sequence[FlankState]) -> None:
     figure.subplots_adjust(left=0.058, right=0.915, top=1.0 - 0.24 / height, bottom=0.42 / height, hspace=0.5)
     for panel, one in zip(panels, found, strict=True):
         unrolled(panel, one.map, top)
-        panel.set_title(_caption(one), loc="left", color=INK, fontsize=8.5, pad=3)
+        panel.set_title(_caption(one, top), loc="left", color=INK, fontsize=8.5, pad=3)
         panel.set_ylabel("z  mm", fontsize=7, labelpad=2)
     panels[-1].set_xlabel("space number; in each the right flank, the bottom, the left flank, in equal arc length")
     _scale(figure, panels[-1].get_position().y0, panels[0].get_position().y1, top)
 
 
-def _caption(one: FlankState) -> str:
+def _caption(one: FlankState, top: float) -> str:
     largest = float(np.max(np.abs(one.map.deviation_um)))
-    return plain_name(f"{one.text}:  RMS {one.map.rms_um:.2f} um,  largest {largest:.2f} um").replace(" um", " µm")
+    beyond = ", beyond the scale" if largest > top else ""
+    text = plain_name(f"{one.text}:  RMS {one.map.rms_um:.2f} um,  largest {largest:.2f} um{beyond}")
+    return text.replace(" um", " µm")
 
 
 def unrolled(panel: Axes, flank: FlankMap, top: float) -> None:

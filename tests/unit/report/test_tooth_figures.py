@@ -146,10 +146,14 @@ def test_maps_that_stand_together_have_one_scale_and_zero_in_its_middle() -> Non
         flank_maps(figure, some)
         meshes = [one for panel in figure.axes for one in panel.collections if isinstance(one, QuadMesh)]
         assert len(meshes) == len(some) + 1  # and the scale itself
-        largest = max(float(np.max(np.abs(one.map.deviation_um))) for one in some)
+        largest = max(float(np.max(np.abs(one.map.deviation_um))) for one in some if one.key != "before")
         limits = {(mesh.norm.vmin, mesh.norm.vmax) for mesh in meshes}
         assert limits == {(-top_of(some), top_of(some))}
         assert largest <= top_of(some) <= 2.0 * largest
+        said = {panel.get_title(loc="left") for panel in figure.axes}
+        beyond = [one for one in some if float(np.max(np.abs(one.map.deviation_um))) > top_of(some)]
+        assert sum("beyond the scale" in text for text in said) == len(beyond)
+    assert [one.key for one in found if np.max(np.abs(one.map.deviation_um)) > top_of(found)] == ["before"]
     assert top_of(close_up(found)) < 0.5 * top_of(found)
     assert [one.key for one in close_up(found)] == ["predicted", "after"]
 
