@@ -27,7 +27,7 @@ StoreOption = Annotated[Path, typer.Option(help="Folder that holds the runs.")]
 @app.command()
 def demo(
     folder: Annotated[Path, typer.Option(help="Where the demo keeps its site file and runs.")] = Path("demo"),
-    speed: Annotated[float, typer.Option(min=1, max=500, help="Cell time against wall time.")] = 100.0,
+    speed: Annotated[float, typer.Option(min=1, max=500, help="Cell time against wall time.")] = 150.0,
     seed: Annotated[int | None, typer.Option(help="Draw another machine.", show_default=False)] = None,
     cell: Annotated[str, typer.Option(help="Cell file, or the name of a shipped cell.")] = "demo",
     axes: Annotated[bool, typer.Option("--axes", help="The axes alone: no other error, no part.")] = False,

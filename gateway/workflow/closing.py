@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from drivers.clock import Clock
-from drivers.errors import ConfigError, TrueflankError
+from drivers.errors import TrueflankError
 from gateway.config import SiteFile
 from gateway.correct.setupvalues import setup_from_part
 from gateway.domain import Proposal, Verdict
@@ -21,7 +21,7 @@ from gateway.workflow.closed import closed
 from gateway.workflow.components import measure_site
 from gateway.workflow.fromsetups import axes_measured
 from gateway.workflow.grinding import grind_part
-from gateway.workflow.inspecting import inspect_part
+from gateway.workflow.inspecting import inspect_part, inspector_name
 from gateway.workflow.measure import Measured
 from gateway.workflow.outcome import Outcome
 from gateway.workflow.pushing import apply_proposal
@@ -44,18 +44,17 @@ async def close_site(
     """Do the whole loop, or go on with a run that stopped: what is stored is not done again.
 
     Without `apply` it ends with a stored proposal for the tooth; nothing is ground or written. Raises WriteRefused
-    (E-RUN-NAME), ConfigError (E-CLOSE-WORK, E-CLOSE-AXES, E-CLOSE-OPEN), and whatever the stages raise; the folder
+    (E-RUN-NAME), ConfigError (E-CLOSE-WORK, E-CLOSE-AXES, E-INSPECT-INSPECTOR), and what the stages raise; the folder
     keeps every stage done and the error.
     """
     check_name(site, apply, machine_name)
     work = work_of(site, site_path)
+    used = {axis.measure.instrument for axis in site.axes if axis.measure.instrument}
+    used |= {inspector_name(site)} if apply else set()
     plan = await measure_site(site, site_path, clock=clock, say=say, resume=resume, tooth=work.tooth)
     folder = RunFolder(Path(plan.run_folder))
-    if plan.remaining:
-        raise ConfigError("E-CLOSE-OPEN", folder.run_id, count=len(plan.remaining), names=", ".join(plan.remaining))
-    used = {axis.measure.instrument for axis in site.axes if axis.measure.instrument}
     try:
-        async with bench(site, site_path, folder, clock, say, used | {work.inspector} if apply else used) as at:
+        async with bench(site, site_path, folder, clock, say, used) as at:
             await _Loop(at, work, plan.model, axes_measured(folder, site)).close(apply=apply)
     except TrueflankError as error:
         folder.set_state("failed", error=error.as_record())
