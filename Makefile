@@ -18,8 +18,12 @@ check: $(VENV)/developed
 	$(BIN)/lint-imports
 	$(BIN)/mypy
 
+# `make soak N=200` sends that many seeded machines through the closing run; PROOF=folder keeps their document elsewhere.
+N ?= 20
+PROOF ?= docs
 soak: $(VENV)/developed
-	$(BIN)/python -m pytest -q -n $(WORKERS) -m soak
+	OPENBLAS_NUM_THREADS=1 TRUEFLANK_MACHINES=$(N) TRUEFLANK_PROOF=$(PROOF) \
+		$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal -m soak
 
 # Peers nobody here wrote: node-opcua, libmodbus, mbpoll. What is not installed and cannot be is said and skipped.
 interop: $(VENV)/developed

@@ -1,0 +1,70 @@
+"""Many machines through their closing runs at once, each in a process's own virtual time."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+
+from simulators.cellfile import CellFile, load_cell, with_plan
+from tests.closing.machines import machine
+from tests.closing.record import MachineResult
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """One machine: a packaged cell by name, or a seeded machine by its number."""
+
+    seed: int
+    packaged: str = ""
+
+    @property
+    def name(self) -> str:
+        """What it is called in the table."""
+        return self.packaged or f"machine-{self.seed}"
+
+    def cell(self) -> CellFile:
+        """Its cell file with the whole measuring plan."""
+        return with_plan(load_cell(self.packaged)) if self.packaged else machine(self.seed)
+
+
+def jobs(count: int) -> list[Job]:
+    """The demo cell, the 11-lobe cell, and so many seeded machines."""
+    return [Job(0, "demo"), Job(0, "eleven"), *(Job(seed) for seed in range(1, count + 1))]
+
+
+def prove_one(job: Job, folder: Path) -> MachineResult:
+    """One machine in a folder that is removed when its run came to an end."""
+    from tests.closing.runs import run_machine
+
+    result = run_machine(job.cell(), job.seed, folder)
+    if not result.failed:
+        shutil.rmtree(folder)
+    return result
+
+
+def prove(
+    wanted: Sequence[Job], folder: Path, workers: int, heard: Callable[[MachineResult], None]
+) -> list[MachineResult]:
+    """All machines in their order; `heard` is told each as it ends. What a run raises by mistake is its failure."""
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        running = {pool.submit(prove_one, job, folder / job.name): job for job in wanted}
+        found = {}
+        for future in as_completed(running):
+            job = running[future]
+            found[job] = _result(job, future)
+            heard(found[job])
+    return [found[job] for job in wanted]
+
+
+def _result(job: Job, future: Future[MachineResult]) -> MachineResult:
+    error = future.exception()
+    if error is None:
+        return future.result()
+    part = job.cell().part
+    gear, lobes = (part.name, part.gear.zc) if part is not None else ("", 0)
+    failed = f"{type(error).__name__}: {str(error)[:200]}"
+    return MachineResult(job.name, job.seed, gear, lobes, short=False, utc="", failed=failed)

@@ -1,0 +1,163 @@
+"""One machine through the closing run in virtual time, and the truth's word on it as a `MachineResult`."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+from drivers.clock import Clock, LoopClock, run_virtual
+from drivers.errors import TrueflankError
+from gateway.config import SiteFile, load_site
+from gateway.store import RunFolder
+from gateway.tooth import FlankMap, FlankPrediction, InspectedFlank, ToothProposal, ToothVerdict
+from gateway.workflow import stages
+from gateway.workflow.closing import AFTER, BEFORE, close_site
+from simulators.cell import Cell, cell_running
+from simulators.cellfile import CellFile
+from simulators.grinding import WorkPiece
+from tests.closing.identified import identified
+from tests.closing.judge import Machine, b_left_on, floor, kept_floor, places, places_at, rms
+from tests.closing.record import MachineResult, Normalised
+from tests.closing.tables import Grid
+
+BLOCK_S = 0.5
+Edit = Callable[[Cell, str], str]
+Figures = Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Ground:
+    """A part as the truth has it, and when its wheel began, in seconds of the cell's clock."""
+
+    work: WorkPiece
+    start_s: float
+
+
+@dataclass
+class Watched:
+    """Listens to a run and keeps every part as soon as it has been inspected."""
+
+    cell: Cell
+    parts: dict[str, Ground] = field(default_factory=dict)
+    said: list[str] = field(default_factory=list)
+    _began: float = 0.0
+
+    def say(self, code: str, /, **fields: object) -> None:
+        """The run's progress."""
+        self.said.append(code)
+        if code == "P-PART":
+            self._began = self.cell.clock.now()
+        work = self.cell.shop.ground
+        if code == "P-PART-DONE" and work is not None:
+            self.parts[str(fields["part"])] = Ground(work, self._began)
+
+
+@dataclass(frozen=True)
+class Closed:
+    """A run that came to its end: its folder, its parts, M of each axis (by name) before and after."""
+
+    cell: Cell
+    site: SiteFile
+    folder: RunFolder
+    watched: Watched
+    axes: Mapping[str, tuple[float, float]]
+
+
+async def closed(cell: Cell, clock: Clock, edit: Edit | None = None) -> Closed:
+    """Close the loop on a running cell; `edit` may change its site file first."""
+    path = cell.site_path
+    if edit is not None:
+        path.write_text(edit(cell, path.read_text(encoding="utf-8")), encoding="utf-8")
+    site = load_site(path)
+    names = [axis.name for axis in site.axes]
+    before = {name: cell.figures(name, step=0.5)["M"] for name in names}
+    watched = Watched(cell)
+    name = site.site.name
+    outcome = await close_site(site, path, apply=True, machine_name=name, clock=clock, say=watched.say)
+    axes = {name: (before[name], cell.figures(name, step=0.5)["M"]) for name in names}
+    return Closed(cell, site, RunFolder(Path(outcome.run_folder)), watched, axes)
+
+
+async def close_machine(
+    file: CellFile, seed: int, folder: Path, *, short: bool, edit: Edit | None = None
+) -> MachineResult:
+    """The whole run on one machine, judged; an error of ours that ended it is its result. On a virtual loop."""
+    clock, began = LoopClock(), perf_counter()
+    assert file.part is not None
+    blank = MachineResult(file.name, seed, file.part.name, file.part.gear.zc, short, clock.utc().isoformat())
+    async with cell_running(file, folder, clock, wires="memory", block_s=BLOCK_S) as cell:
+        try:
+            result = judged(await closed(cell, clock, edit), blank)
+        except TrueflankError as error:
+            result = replace(blank, failed=f"{error.code} {error.where}")
+        return replace(result, virtual_s=clock.now(), wall_s=perf_counter() - began)
+
+
+def judged(done: Closed, blank: MachineResult) -> MachineResult:
+    """What the truth says of a finished run, and what the run said of itself."""
+    folder, parts = done.folder, done.watched.parts
+    tooth = folder.get(stages.TOOTH, ToothProposal)
+    verdict = folder.get(stages.TOOTH_VERDICT, ToothVerdict)
+    before, after = parts[BEFORE], parts[AFTER]
+    at = places(before.work.spec)
+    first = at.flank(before.work)
+    grids = grids_of(done.cell.site_path)
+    machine = Machine(done.cell.truth, after.work.spec, after.work.seat, after.start_s)
+    said = tooth.prediction
+    return replace(
+        blank,
+        before_um=rms(first),
+        set_right_um=rms(at.set_right(first)),
+        after_um=rms(at.flank(after.work)),
+        floor_um=kept_floor(machine, grids).rms_um,
+        least_um=floor(machine, grids).rms_um,
+        u_um=said.u_um,
+        predicted_um=said.rms_um,
+        rms_u_um=said.rms_u_um,
+        points=normalised(after.work, said),
+        components=identified(folder, done.cell.truth),
+        axes=done.axes,
+        b_left=(tooth.b_left, b_seen(folder, after.work)),
+        outcome=verdict.outcome,
+        words=verdict.words,
+    )
+
+
+def normalised(work: WorkPiece, said: FlankPrediction) -> Normalised:
+    """(true flank - predicted flank) / u at every point of the prediction."""
+    at = places_at(work.spec, said.after.theta_rad, said.after.z_mm)
+    return Normalised.of((at.flank(work) - said.after.deviation_um) / said.u_point_um)
+
+
+def b_seen(folder: RunFolder, work: WorkPiece) -> float:
+    """The share of B that the inspected parts before and after show to stay."""
+    first, last = (folder.get(stages.inspected(part), InspectedFlank).fitted for part in (BEFORE, AFTER))
+    at = places_at(work.spec, first.theta_rad, first.z_mm)
+    return b_left_on(_whole(first), _whole(last), at)
+
+
+def _whole(flank: FlankMap) -> np.ndarray:
+    return np.asarray(flank.deviation_um)
+
+
+def grids_of(site_path: Path) -> dict[str, Grid]:
+    """The control's grids by axis letter, as the site file has them."""
+    site = tomllib.loads(site_path.read_text(encoding="utf-8"))
+    found = {}
+    for axis in site["axes"]:
+        table = axis["table"]
+        low, high, step = (float(table[key]) for key in ("minimum", "maximum", "step"))
+        found[str(axis["letter"])] = Grid(low, high, step, float(axis["reference"]), modulo=bool(axis["modulo"]))
+    return found
+
+
+def run_machine(
+    file: CellFile, seed: int, folder: Path, *, short: bool = False, edit: Edit | None = None
+) -> MachineResult:
+    """The same on a virtual loop of its own."""
+    return run_virtual(lambda: close_machine(file, seed, folder, short=short, edit=edit))
