@@ -86,6 +86,9 @@ class MeasureSection(Section):
     cycle: Literal["standard", "pendulum", "pilgrim"] = Field(
         default="standard", description="only standard is ISO 230-2"
     )
+    between: int = Field(
+        default=6, ge=0, le=24, description="check stops between the targets, one for four of these at most"
+    )
     retakes: int = Field(default=1, ge=0, le=5, description="rounds over targets that did not settle")
     beam_recoveries: int = Field(
         default=2, ge=0, le=20, description="times a lost beam may be restored and the datum set anew"

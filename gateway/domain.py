@@ -79,13 +79,25 @@ class Corrections:
 
 
 @dataclass(frozen=True, slots=True)
+class Between:
+    """Check stops between the targets: places ``targets`` (k,), ``deviations`` (k, n, 2) as in a `Capture`.
+
+    They are held against the fitted curve and never fitted themselves.
+    """
+
+    targets: FloatArray
+    deviations: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
 class Capture:
     """Deviations of one axis as captured, corrected, in um or arcsec.
 
     ``targets`` (m,) machine coordinates in the axis unit. ``deviations`` (m, n, 2): target, repetition,
     approach + then -, NaN where missing. ``reading_u`` is the standard uncertainty of one averaged reading
     as seen in its own window. ``suspects`` lists (target, repetition, approach index) out of line.
-    ``live`` is what compensated the axis while it was measured.
+    ``live`` is what compensated the axis while it was measured. ``unsteady_u`` is the standard uncertainty that
+    drift and jumps leave in the targets' means.
     """
 
     axis: str
@@ -105,6 +117,8 @@ class Capture:
     ended_utc: str = ""
     notes: tuple[str, ...] = ()
     cycle: Literal["standard", "pendulum", "pilgrim"] = "standard"
+    between: Between | None = None
+    unsteady_u: float = 0.0
 
     @property
     def unit(self) -> DeviationUnit:
@@ -246,7 +260,10 @@ class PushRecord:
 
 @dataclass(frozen=True, slots=True)
 class AxisVerdict:
-    """Before and after of one axis in the words of ISO 230-2, and whether the prediction held."""
+    """Before and after of one axis in the words of ISO 230-2, and whether the prediction held.
+
+    ``improved`` and ``worse`` are judged at the targets and at the check stops between them.
+    """
 
     axis: str
     unit: DeviationUnit
@@ -255,6 +272,7 @@ class AxisVerdict:
     improved: bool
     within_prediction: bool
     words: str
+    worse: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,7 +35,14 @@ class Collection:
     """Arrays of one capture, (m, n, 2[, channels]); NaN where nothing was read yet."""
 
     def __init__(
-        self, axis: AxisSection, targets: FloatArray, channels: tuple[str, ...], combine: History, proof: SenseProof
+        self,
+        axis: AxisSection,
+        targets: FloatArray,
+        channels: tuple[str, ...],
+        combine: History,
+        proof: SenseProof,
+        *,
+        checks: tuple[int, ...] = (),
     ) -> None:
         shape = (len(targets), axis.measure.repetitions, 2)
         self._axis = axis
@@ -43,7 +50,7 @@ class Collection:
         self._combine = combine
         # The channel that a lost beam sets back to zero; a calibrator's own encoder keeps counting.
         self._counting = channels.index("laser_deg") if "laser_deg" in channels else 0
-        self._tolerance = _tolerance(axis, targets)
+        self._tolerance = _tolerance(axis, np.delete(targets, list(checks)))
         self._last_value = _standing(axis, proof, combine, len(channels))
         self._last_stop: Stop | None = None
         self._offset = np.zeros(len(channels))

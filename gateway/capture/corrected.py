@@ -5,14 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from drivers.types import Ambient, CompensatedFor, FloatArray, LiveSet, MeasuredSet
-from drivers.units import deviation_scale
+from drivers.units import deviation_scale, deviation_unit
 from gateway.capture.live import RawCapture
 from gateway.capture.surroundings import check_all
+from gateway.capture.targets import CHECK_REPETITIONS
 from gateway.config import AxisSection
-from gateway.domain import Capture, Corrections, SenseProof
+from gateway.domain import Between, Capture, Corrections, SenseProof
 from gateway.errors import AmbientOutOfRange, CaptureError
 from gateway.evaluate import corrections, length, rotary
 from gateway.evaluate.repetitions import robust_means
+from gateway.evaluate.steadiness import steadiness
 
 MOST_SUSPECTS = 0.05
 STEEP_UM_PER_M = 100.0
@@ -31,12 +33,14 @@ def from_live(axis: AxisSection, raw: RawCapture, proof: SenseProof, already: Co
         deviations, done = _rotary(axis, raw, proof)
     sigma = raw.window_sigma * deviation_scale(axis.unit)
     reading_u = float(np.sqrt(np.nanmean(sigma**2) / max(raw.window_count, 1)))
+    targets, deviations, times, between = _parted(raw, deviations)
+    steady = steadiness(times, deviations, deviation_unit(axis.unit))
     lost = (f"{raw.lost_samples} samples lost by the instrument",) if raw.lost_samples else ()
     return Capture(
         axis.name,
         axis.measure.component,
         axis.unit,
-        raw.targets,
+        targets,
         deviations,
         reading_u,
         raw.ambient[0],
@@ -44,13 +48,25 @@ def from_live(axis: AxisSection, raw: RawCapture, proof: SenseProof, already: Co
         done,
         raw.live,
         proof,
-        robust_means(raw.targets, deviations).suspects,
+        robust_means(targets, deviations).suspects,
         "live",
         raw.started_utc,
         raw.ended_utc,
-        (*lost, *raw.notes, *_alignment_doubt(axis, raw.targets, deviations)),
+        (*lost, *raw.notes, *_alignment_doubt(axis, targets, deviations), *steady.said),
         cycle=axis.measure.cycle,
+        between=between,
+        unsteady_u=steady.u,
     )
+
+
+def _parted(raw: RawCapture, deviations: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, Between | None]:
+    """Targets, deviations and times of the targets alone, and the check stops."""
+    if not raw.checks:
+        return raw.targets, deviations, raw.time_s, None
+    checks = list(raw.checks)
+    kept = np.setdiff1d(np.arange(len(raw.targets)), checks)
+    between = Between(raw.targets[checks], deviations[checks, :CHECK_REPETITIONS])
+    return raw.targets[kept], deviations[kept], raw.time_s[kept], between
 
 
 def _alignment_doubt(axis: AxisSection, targets: FloatArray, deviations: FloatArray) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ import numpy as np
 
 from drivers.errors import ConfigError
 from drivers.ports import Instrument
-from drivers.types import Ambient, FloatArray, Stop
+from drivers.types import Ambient, FloatArray, SampleBlock, Stop
 from drivers.units import ARCSEC_PER_DEG, UM_PER_MM, DeviationUnit
 from gateway.capture.collecting import Collection
 from gateway.capture.diagnosis import Doubt
@@ -86,6 +86,13 @@ class ErrorReadings(Readings):
         self._opened_s = self._clock.now()
         return await super().__aenter__()
 
+    def _take(self, block: SampleBlock) -> None:
+        """The first sample was taken after the stream was asked for: nothing later may bound how far time is ahead."""
+        known = self.latest_s
+        super()._take(block)
+        if self._ahead_s is None and self.latest_s > known:
+            self._ahead_s = float(self._blocks[-1].time_s[0]) - self._opened_s
+
     def datum(self) -> None:
         """Forget a break; what was known of the stream's delay goes with a restarted clock."""
         if self.restarted:
@@ -105,10 +112,8 @@ class ErrorReadings(Readings):
 
     async def _caught_up(self, timeout_s: float) -> None:
         asked = self._clock.now()
-        while not np.isfinite(self.latest_s):
+        while self._ahead_s is None:
             await self._next_block(timeout_s)
-        if self._ahead_s is None:
-            self._ahead_s = self.latest_s - self._opened_s
         while self.latest_s < asked + self._ahead_s:
             if self._clock.now() - asked > timeout_s:
                 late = f"samples are {asked + self._ahead_s - self.latest_s:.1f} s old when they arrive"

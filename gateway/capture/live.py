@@ -39,7 +39,7 @@ class RawCapture:
     ``values`` shape (m, n, 2, channels): target, repetition, approach + then -; ``time_s`` (m, n, 2) in
     instrument time; ``window_sigma`` (m, n, 2) of the combined quantity in the axis unit.
     ``ambient`` is the environment at the start of each one-way pass and after the last. ``notes`` tell what
-    was taken again.
+    was taken again. ``checks`` are indices of targets that are check stops only.
     """
 
     targets: FloatArray
@@ -55,6 +55,7 @@ class RawCapture:
     ended_utc: str
     lost_samples: int
     notes: tuple[str, ...] = ()
+    checks: tuple[int, ...] = ()
 
 
 def combined(axis: AxisSection, instrument: Instrument, sense: int) -> History:
@@ -65,19 +66,19 @@ def combined(axis: AxisSection, instrument: Instrument, sense: int) -> History:
     return lambda values: sense * values[:, laser] - values[:, device]
 
 
-async def capture_axis(rig: Rig, proof: SenseProof) -> RawCapture:
-    """Measure an axis with a proven instrument.
+async def capture_axis(rig: Rig, proof: SenseProof, between: FloatArray | None = None) -> RawCapture:
+    """Measure an axis with a proven instrument, at its targets and at check stops ``between`` (k,) them.
 
     Raises what `walk` and `Readings` raise: BeamObstructed once every allowed recovery is used up, Unstable
     when a stop does not settle in any round either.
     """
     axis, clock = rig.axis, rig.clock
-    targets = targets_of(axis)
+    targets, checks = with_checks(targets_of(axis), between)
     combine = combined(axis, rig.instrument, proof.sense)
-    found = Collection(axis, targets, rig.instrument.channels, combine, proof)
+    found = Collection(axis, targets, rig.instrument.channels, combine, proof, checks=checks)
     started = clock.utc().isoformat(timespec="seconds")
     async with Readings(rig.instrument, clock, combine) as readings:
-        plan = measuring_plan(axis, targets, "", name=f"TFMEAS{axis.letter}")
+        plan = measuring_plan(axis, targets, "", name=f"TFMEAS{axis.letter}", checks=checks)
         await Visits(rig, found, readings).all(plan, len(targets))
         found.ambients.append(await rig.instrument.ambient())
         found.ambient_times.append(readings.latest_s)
@@ -85,7 +86,16 @@ async def capture_axis(rig: Rig, proof: SenseProof) -> RawCapture:
         found.notes.extend(f"the instrument said: {event}" for event in dict.fromkeys(readings.events))
     live = await rig.controller.saved_tables(axis.name)
     ended = clock.utc().isoformat(timespec="seconds")
-    return raw_capture(found, targets, rig.instrument.channels, live, (started, ended), lost)
+    return replace(raw_capture(found, targets, rig.instrument.channels, live, (started, ended), lost), checks=checks)
+
+
+def with_checks(targets: FloatArray, between: FloatArray | None) -> tuple[FloatArray, tuple[int, ...]]:
+    """All places (m + k,) ascending, and which of them are check stops."""
+    if between is None or not between.size:
+        return targets, ()
+    places = np.concatenate([targets, between])
+    order = np.argsort(places)
+    return places[order], tuple(int(i) for i in np.flatnonzero(order >= targets.size))
 
 
 def targets_of(axis: AxisSection) -> FloatArray:

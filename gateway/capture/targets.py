@@ -10,6 +10,11 @@ from gateway.config import AxisSection, MeasureSection, Targets, Window
 
 DECIMALS = 3
 RULE_OFFSET = 0.3
+TARGETS_PER_CHECK = 4
+OFF_TARGET = 0.2
+# So often is a check stop visited from each side: the median then bears one reading out of line, and more places tell
+# more than more repetitions.
+CHECK_REPETITIONS = 2
 
 
 def positions(targets: Targets, reference: float, *, rotary: bool = False) -> FloatArray:
@@ -37,14 +42,34 @@ def _of_travel(targets: Targets, reference: float, *, rotary: bool) -> FloatArra
     return np.sort(np.round(np.clip(even + offsets, low, high), DECIMALS))
 
 
+def between_places(targets: FloatArray, count: int, seed: int) -> FloatArray:
+    """Places (k,) for check stops, ascending: one at random in each of k equal stretches, never close to a target.
+
+    One for every four targets at most. The same seed gives the same places, another one others, so that structure
+    which repeats at the targets' spacing meets each of them at another phase.
+    """
+    k = min(count, len(targets) // TARGETS_PER_CHECK)
+    if k < 1:
+        return np.empty(0)
+    drawn = np.random.default_rng([seed, len(targets)]).uniform(0.0, 1.0, k)
+    place = targets[0] + (np.arange(k) + drawn) * (targets[-1] - targets[0]) / k
+    left = np.clip(np.searchsorted(targets, place, side="right") - 1, 0, len(targets) - 2)
+    gap = targets[left + 1] - targets[left]
+    share = OFF_TARGET + (1.0 - 2.0 * OFF_TARGET) * (place - targets[left]) / gap
+    return np.unique(np.round(targets[left] + share * gap, DECIMALS))
+
+
 def _of_window(window: Window) -> FloatArray:
     count = int(np.floor((window.last - window.first) / window.step + 1e-9)) + 1
     return np.asarray(np.round(window.first + window.step * np.arange(count), DECIMALS))
 
 
-def measuring_plan(axis: AxisSection, at: FloatArray, setup: str, *, name: str) -> StopPlan:
-    """All visits of the axis' cycle; labels are target indices."""
-    stops = visits(axis.measure.cycle, at, axis.measure.repetitions)
+def measuring_plan(
+    axis: AxisSection, at: FloatArray, setup: str, *, name: str, checks: tuple[int, ...] = ()
+) -> StopPlan:
+    """All visits of the axis' cycle; labels are target indices, those of ``checks`` are visited twice only."""
+    every = visits(axis.measure.cycle, at, axis.measure.repetitions)
+    stops = tuple(stop for stop in every if stop.label not in checks or stop.repetition < CHECK_REPETITIONS)
     return plan_of(axis, stops, setup, name=name, dwell_s=axis.measure.dwell_s)
 
 

@@ -13,6 +13,7 @@ from drivers.types import CompensationTable, LiveSet
 from drivers.units import AxisUnit, DeviationUnit, deviation_unit
 from gateway.domain import Component, FloatArray, TableChange
 from gateway.model.components import is_periodic, standard_uncertainty, value
+from gateway.table import reasons
 from gateway.table.comparison import acting, effective
 from gateway.table.limits import Limits, check, check_points, told
 from gateway.table.projection import Grid, project, quantised, zeroed
@@ -39,11 +40,17 @@ class TableAxis:
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """Means of both directions (m,) at targets (m,), their standard uncertainties u (m,); NaN is missing."""
+    """Means of both directions (m,) at targets (m,), their standard uncertainties u (m,); NaN is missing.
+
+    ``rest`` is the RMS of what one reading differs from the mean by: half the reversal and scatter, no table's matter.
+    ``unseen`` is the best estimate of what lies between the targets (RMS); None takes the fit's ``residual_rms``.
+    """
 
     targets: FloatArray
     means: FloatArray
     u: FloatArray
+    rest: float = 0.0
+    unseen: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +89,9 @@ def propose(
     ``resolution`` (deviation unit: um or arcsec). Beyond the measured range the last fitted value holds.
 
     Nothing is proposed (``skipped`` says why) when the whole fitted curve lies within its uncertainty:
-    |d - mean d| <= U everywhere (see `_significance`), or when the means would not get a smaller range.
+    |d - mean d| <= U everywhere (see `_significance`), when the means would not get a smaller range, when what lies
+    unseen between the targets is more than half of what the table takes away, when reversal and scatter leave no gain
+    beyond the uncertainty (see `reasons`), or while CEC acted on the axis by its own position.
     The decision is for the whole curve: leaving out single points would put jumps of their uncertainty
     into the table. ``predicted`` is zero on the fitted curve at the reference; compare a later measurement
     after removing its common offset.
@@ -94,13 +103,15 @@ def propose(
     known = instrument or InstrumentU.usual(axis.deviation_unit)
     acts = effective(live.eec)
     new = _merged(axis, component, live.eec.table, acts, grid, resolution)
-    skipped = _why_not(axis, component, measured, known, acts, new)
+    skipped = reasons.other_layer(axis.name, live) or _why_not(axis, component, measured, known, acts, new)
     findings: tuple[str, ...] = ()
     if skipped:
         new = live.eec.table
     else:
         limit = limits or Limits.usual(axis.deviation_unit)
-        findings = (*_coverage(axis, component, grid), *check(new, acts, limit, axis.name))
+        hidden, taken = _unseen(component, measured), _taken(component, acts, new)
+        doubtful = reasons.doubtful(axis.name, axis.deviation_unit, hidden, taken)
+        findings = (*_coverage(axis, component, grid), *doubtful, *check(new, acts, limit, axis.name))
     return TableChange(
         axis=axis.name,
         old=live.eec.table,
@@ -154,16 +165,30 @@ def _why_not(
     acts: CompensationTable,
     new: CompensationTable,
 ) -> str:
-    largest, bound = _significance(axis, component, instrument)
     unit = axis.deviation_unit
-    if largest <= 1.0:
+    largest, bound = _significance(axis, component, instrument)
+    hidden, taken = _unseen(component, measured), _taken(component, acts, new)
+    if largest <= 1.0 and hidden <= max(instrument.constant, 2.0 * float(np.nanmax(measured.u))):
         return told("S-COMP-WITHIN-U", axis.name, bound=f"{bound:.2g}", unit=unit)
+    if largest <= 1.0 or reasons.may_harm(hidden, taken):
+        return reasons.unseen(axis.name, unit, hidden, taken)
     before = float(np.nanmax(measured.means) - np.nanmin(measured.means))
     after = _predicted(axis, component, measured, acts, new)
     left = float(np.nanmax(after) - np.nanmin(after))
     if left >= before:
         return told("S-COMP-NO-GAIN", axis.name, before=f"{before:.3g}", after=f"{left:.3g}", unit=unit)
-    return ""
+    U = _predicted_U(axis, component, measured, instrument)
+    return reasons.outweighed(axis.name, unit, measured.means, after, measured.rest, U)
+
+
+def _unseen(component: Component, measured: Measured) -> float:
+    return component.residual_rms if measured.unseen is None else measured.unseen
+
+
+def _taken(component: Component, acts: CompensationTable, new: CompensationTable) -> float:
+    """RMS of what the new table takes away from the measured range beyond what acts now, its mean left out."""
+    at = _over(component)
+    return float(np.std(acting(new, at) - acting(acts, at)))
 
 
 def _significance(axis: TableAxis, component: Component, instrument: InstrumentU) -> tuple[float, float]:
@@ -172,8 +197,7 @@ def _significance(axis: TableAxis, component: Component, instrument: InstrumentU
     U joins the Scheffe band of the fit, which holds for all positions at once with 99 %, what lies unseen
     between the targets, and the instrument.
     """
-    low, high = component.domain
-    at = np.linspace(low, low + TURN_DEG if is_periodic(component) else high, 721)
+    at = _over(component)
     d = value(component, at)
     freedom = max(component.coefficients.size - 1, 1)
     band = np.sqrt(chdtri(freedom, BAND_RISK)) * standard_uncertainty(component, at)
@@ -182,6 +206,11 @@ def _significance(axis: TableAxis, component: Component, instrument: InstrumentU
     ratio = np.abs(d - d.mean()) / U
     worst = int(np.argmax(ratio))
     return float(ratio[worst]), float(U[worst])
+
+
+def _over(component: Component) -> FloatArray:
+    low, high = component.domain
+    return np.linspace(low, low + TURN_DEG if is_periodic(component) else high, 721)
 
 
 def _predicted(

@@ -10,11 +10,12 @@ from drivers.errors import ConfigError, UnsupportedDevice
 from drivers.types import FloatArray, LiveSet, MeasuredSet, Stop, StopReached
 from drivers.units import deviation_unit
 from gateway.capture.corrected import from_file, from_live
-from gateway.capture.live import capture_axis
+from gateway.capture.live import capture_axis, targets_of
 from gateway.capture.sense import prove_sense
-from gateway.capture.targets import plan_of
+from gateway.capture.targets import between_places, plan_of
 from gateway.config import AxisSection, Targets
 from gateway.domain import Capture, Equipment, Evaluation, Item
+from gateway.evaluate.incurable import told_incurable
 from gateway.evaluate.iso230_2 import evaluate
 from gateway.evaluate.uncertainty import UNKNOWN_OFF_20_K, Budget, linear_budget
 from gateway.store import Maps, RunFolder
@@ -23,6 +24,9 @@ from gateway.walk import walk
 from gateway.workflow import stages
 from gateway.workflow.bench import Bench
 from gateway.workflow.importing import How, read_file
+
+# A push is proved at so many places that were not measured before, at least.
+PROOF_STOPS = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +75,7 @@ def evaluated(
     result = evaluate(capture.targets, capture.deviations, deviation_unit(axis.unit), budget=budget_of(capture))
     if capture.cycle != "standard":
         result = replace(result, flags=(*result.flags, f"{capture.cycle} cycle: not for acceptance to ISO 230-2"))
+    result = replace(result, flags=(*result.flags, *told_incurable(result)))
     folder.put(stages.evaluation(axis.name, phase), result, (digest,))
     return Measured(capture, result, digest)
 
@@ -80,10 +85,17 @@ async def _live(at: Bench, axis: AxisSection, phase: stages.Phase) -> tuple[Capt
         raise UnsupportedDevice("E-RUN-NO-PROGRAMS", axis.name)
     rig = at.rig(axis)
     proof = await prove_sense(rig)
-    raw = await capture_axis(rig, proof)
+    raw = await capture_axis(rig, proof, check_stops(axis, phase))
     digest = at.folder.put(stages.raw(axis.name, phase), raw)
     at.folder.write_text(f"tables-{axis.name}-{phase}.spf", raw.live.native)
     return from_live(axis, raw, proof, rig.instrument.compensated_for), (digest,)
+
+
+def check_stops(axis: AxisSection, phase: stages.Phase) -> FloatArray:
+    """Check stops: after a push at other places than before, and never none: a table cannot have been fitted there."""
+    seed, after = axis.measure.targets.seed if axis.measure.targets is not None else 0, phase == "after"
+    count = max(axis.measure.between, PROOF_STOPS) if after else axis.measure.between
+    return between_places(targets_of(axis), count, 2 * seed + after)
 
 
 async def _from_file(at: Bench, axis: AxisSection) -> tuple[Capture, tuple[str, ...]]:

@@ -12,7 +12,7 @@ from drivers.units import deviation_scale
 from gateway.config import AxisSection
 from gateway.domain import Capture, Component, Proposal, TableChange
 from gateway.errors import CaptureError
-from gateway.evaluate.hidden import Hidden, hidden_structure
+from gateway.evaluate.hidden import Hidden, hidden_structure, lonely
 from gateway.evaluate.repetitions import RobustMeans, robust_means
 from gateway.model.components import standard_uncertainty, value
 from gateway.model.fit import fit_positioning
@@ -56,7 +56,7 @@ async def _change(at: Bench, axis: AxisSection, item: Measured) -> TableChange:
     hidden = between_targets(component, capture)
     at.say("P-HIDDEN", axis=axis.name, words=hidden.words)
     at.folder.put(stages.hidden(axis.name), hidden, (item.digest,))
-    unseen = max(component.residual_rms, hidden.size)
+    unseen = _unseen(component, hidden, lonely(capture.targets, means.mean, means.u))
     component = replace(component, residual_rms=max(component.residual_rms, hidden.u))
     at.folder.put(stages.component(axis.name), component, (item.digest,))
     limits = await at.supervisor.controller.table_limits(axis.name)
@@ -86,6 +86,12 @@ def between_targets(component: Component, capture: Capture) -> Hidden:
         curve=curve,
         period=float(str(period)) if period is not None else None,
     )
+
+
+def _unseen(component: Component, hidden: Hidden, lone: float | None) -> float:
+    """Stops between the targets know better than what targets say of their neighbours, but not of one place alone."""
+    stops = hidden.by == "check stops"
+    return max(hidden.size, component.residual_rms) if lone is not None or not stops else hidden.size
 
 
 def _rest(means: RobustMeans) -> float:

@@ -22,6 +22,7 @@ from gateway.store import RunFolder
 from gateway.workflow import stages
 from gateway.workflow.bench import Bench, bench, check_name, site_of
 from gateway.workflow.consents import begin, consented, ended, failed, proving, refused, take_up, tell
+from gateway.workflow.explaining import check_between
 from gateway.workflow.measure import Measured, live_again, measure_axis
 from gateway.workflow.outcome import Outcome, finish, shown
 from gateway.workflow.verdict import PUSHED, judge, judge_axis, unmeasured
@@ -215,8 +216,8 @@ async def _verify(at: Bench, change: TableChange, before: Measured, push: PushRe
     again = live_again(at.axis(change.axis), change.targets) if measurable else None
     if again is None:
         return unmeasured(change.axis, before.evaluation, change, push)
-    after = (await measure_axis(at, again, "after")).evaluation
-    return judge_axis(change.axis, before.evaluation, after, change)
+    after = await measure_axis(at, again, "after")
+    return judge_axis(change.axis, before.evaluation, after.evaluation, change, check_between(change, after.capture))
 
 
 async def push_run(folder: RunFolder, *, apply: bool, machine_name: str, clock: Clock, say: Say) -> Outcome:

@@ -6,7 +6,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
-from drivers.types import MeasuredSet, Stop, StopReached
+from drivers.types import LiveSet, MeasuredSet, Stop, StopReached
 from drivers.units import rad_to_arcsec
 from gateway.capture.corrected import from_file, from_live
 from gateway.capture.errormotion import LARGEST, ErrorRig, capture_error, channel_of, error_capture
@@ -18,7 +18,7 @@ from gateway.domain import Capture
 from gateway.walk import walk
 from gateway.workflow import stages
 from gateway.workflow.bench import Bench
-from gateway.workflow.measure import fetch_tables, read_result
+from gateway.workflow.measure import check_stops, fetch_tables, read_result
 from gateway.workflow.setups import Planned
 
 OPTICS = {
@@ -29,11 +29,14 @@ OPTICS = {
 }
 
 
-async def measure_setup(at: Bench, one: Planned) -> Capture:
-    """Measure a set-up and store proof, averages, tables as read, and the capture last; returns it."""
+async def measure_setup(at: Bench, one: Planned, tables: dict[str, LiveSet] | None = None) -> Capture:
+    """Measure a set-up and store proof, averages, tables as read, and the capture last; returns it.
+
+    ``tables`` are those read for earlier files, by axis: files measured long ago share one look at what is live.
+    """
     at.say("P-SETUP", setup=one.key, component=one.setup.component, axis=one.axis.name)
     if one.setup.source == "file":
-        capture, parents = await _from_file(at, one)
+        capture, parents = await _from_file(at, one, tables if tables is not None else {})
     else:
         await _park(at, one)
         at.folder.write_text(stands_name(one.key), json.dumps(await _stands(at)))
@@ -69,7 +72,7 @@ def stands_name(key: str) -> str:
 async def _positioning(at: Bench, one: Planned) -> tuple[Capture, tuple[str, ...]]:
     rig = at.rig(one.axis)
     proof = await prove_sense(rig)
-    raw = await capture_axis(rig, proof)
+    raw = await capture_axis(rig, proof, check_stops(one.axis, "before"))
     digest = at.folder.put(stages.setup_raw(one.key), raw)
     at.folder.write_text(f"tables-{one.key}.spf", raw.live.native)
     return from_live(one.axis, raw, proof, rig.instrument.compensated_for), (digest,)
@@ -105,12 +108,14 @@ def error_rig(at: Bench, one: Planned) -> ErrorRig:
     )
 
 
-async def _from_file(at: Bench, one: Planned) -> tuple[Capture, tuple[str, ...]]:
+async def _from_file(at: Bench, one: Planned, tables: dict[str, LiveSet]) -> tuple[Capture, tuple[str, ...]]:
     path = at.site_path.parent / Path(str(one.setup.path))
     unit = one.setup.unit if one.positioning and one.setup.unit in ("mrad", "urad", "arcsec") else ""
     measured = read_result(path, unit, at)
     at.folder.write_bytes(f"source-{one.key}{path.suffix}", path.read_bytes())
-    live = await fetch_tables(at, at.axis(one.axis.name))
+    if one.axis.name not in tables:
+        tables[one.axis.name] = await fetch_tables(at, at.axis(one.axis.name))
+    live = tables[one.axis.name]
     if one.positioning:
         return from_file(one.axis, measured, live, path.name), ()
     scaled = replace(measured, deviations=one.setup.sense * _factor(one) * measured.deviations)

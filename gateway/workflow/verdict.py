@@ -7,21 +7,29 @@ import numpy as np
 from drivers.errors import words
 from drivers.types import FloatArray, SignProof
 from gateway.domain import AxisVerdict, Evaluation, PushRecord, TableChange, Verdict
-from gateway.workflow.explaining import explain
+from gateway.workflow.explaining import WIDEN, Checked, explain
 
-# The prediction is judged at every target at once, so the band is widened from k = 2 to k = 3.
-WIDEN = 1.5
 PUSHED = ("committed", "already-applied")
 _SIZES = {1: "W-VERDICT-BETTER", 0: "W-VERDICT-SAME", -1: "W-VERDICT-WORSE"}
 
 
-def judge_axis(axis: str, before: Evaluation, after: Evaluation, change: TableChange) -> AxisVerdict:
-    """A pushed axis measured again: is M smaller by more than its uncertainty, and did the prediction hold?"""
+def judge_axis(
+    axis: str, before: Evaluation, after: Evaluation, change: TableChange, checked: Checked | None = None
+) -> AxisVerdict:
+    """A pushed axis measured again: is M smaller by more than its uncertainty, and did the prediction hold?
+
+    ``checked`` is what places say that no table was fitted to: an axis that looks better at the targets is worse where
+    these are worse, or miss the prediction by more than a table may leave unseen.
+    """
     held = _prediction_holds(after, change)
     size = _smaller(before, after)
+    if checked is not None:
+        held, size = held and checked.held, -1 if checked.worse else size
     said = words(_SIZES[size]) + " " + words("W-VERDICT-HELD" if held else "W-VERDICT-MISSED")
     said += " " + explain(change, mean_of_both(before), mean_of_both(after), _U_of_change(before, after)).words
-    return AxisVerdict(axis, before.unit, before, after, size > 0, held, said)
+    said += f" {checked.words}" if checked is not None else ""
+    said += " " + words("W-VERDICT-RESTORE", axis=axis) if size < 0 else ""
+    return AxisVerdict(axis, before.unit, before, after, size > 0, held, said, size < 0)
 
 
 def unmeasured(axis: str, before: Evaluation, change: TableChange, push: PushRecord) -> AxisVerdict:
@@ -35,10 +43,9 @@ def judge(axes: tuple[AxisVerdict, ...], pushes: tuple[PushRecord, ...], proofs:
     """The run's answer: worse if any axis is, better if any is and none is worse."""
     if not any(push.outcome in PUSHED for push in pushes):
         return Verdict(axes, "not-pushed", proofs)
-    signs = [_smaller(axis.before, axis.after) for axis in axes]
-    if min(signs, default=0) < 0:
+    if any(axis.worse for axis in axes):
         return Verdict(axes, "worse", proofs)
-    return Verdict(axes, "better" if max(signs, default=0) > 0 else "unchanged", proofs)
+    return Verdict(axes, "better" if any(axis.improved for axis in axes) else "unchanged", proofs)
 
 
 def mean_of_both(evaluation: Evaluation) -> FloatArray:

@@ -40,7 +40,7 @@ def offer(means: np.ndarray, acts: np.ndarray | None = None, **changes: object) 
 
 
 def test_table_value_is_plus_the_deviation() -> None:
-    means = np.where(AT > 0.0, 5.0, 0.0)
+    means = 5.0 * AT / AT[-1]
     values = offer(means).new.deviations
     assert values[0] == 0.0
     assert values[-1] == pytest.approx(5.0)

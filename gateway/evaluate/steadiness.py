@@ -1,0 +1,143 @@
+"""Whether a machine and its instrument stood still while they measured: drift and jumps in the order of time; pure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from drivers.errors import words
+from drivers.units import DeviationUnit
+from gateway.domain import FloatArray
+
+DEGREE = 3
+SIDE = 8
+FEWEST = 16
+# With two repetitions nothing says which of them is off.
+TELLS_WHICH = 3
+SURE = 7.0
+# Steps and drifts below this are no news on any machine, um or arcsec.
+SMALL = 0.5
+MAD_TO_SIGMA = 1.4826
+MEDIAN = 1.25
+OUT_OF_LINE = 6.0
+
+
+@dataclass(frozen=True, slots=True)
+class Steadiness:
+    """Drift and largest jump of one capture, in the deviation unit; ``drift`` from first to last reading.
+
+    ``jump_at_s`` is instrument time of the first reading after the jump (NaN: none). ``u`` is the standard
+    uncertainty (RMS) that both leave in the means of the targets: what hits all targets alike is not in it.
+    """
+
+    drift: float
+    drift_u: float
+    jump: float
+    jump_at_s: float
+    u: float
+    said: tuple[str, ...]
+
+
+def steadiness(times_s: ArrayLike, deviations: ArrayLike, unit: DeviationUnit) -> Steadiness:
+    """Judge deviations (m, n, 2) by when each was read, times_s (m, n, 2), NaN where missing; n >= 2.
+
+    A target read again after a while shows what changed meanwhile. Drift is a cubic in time through these
+    differences. A jump is a step between the readings before and after a moment that no drift explains; in a cycle
+    that finishes one target before the next, it can only be seen among the readings of one target.
+    """
+    t, x = np.asarray(times_s, dtype=np.float64), np.asarray(deviations, dtype=np.float64)
+    repeated = np.isfinite(x).sum(axis=1, keepdims=True) > 1
+    good = np.isfinite(x) & np.isfinite(t) & repeated
+    if good.sum() < FEWEST:
+        return Steadiness(0.0, float("nan"), 0.0, float("nan"), 0.0, ())
+    powers = _powers(t, good)
+    course = _course(x, good, powers)
+    at_s = _moment(t[good], course.left) if np.max(good.sum(axis=1)) >= TELLS_WHICH else float("nan")
+    late = np.where(t >= at_s, 1.0, 0.0)
+    if np.isfinite(at_s):
+        course = _course(x, good, [*powers, late])
+    drifted = course.found[:DEGREE]
+    jump = float(course.found[DEGREE]) if np.isfinite(at_s) else 0.0
+    ones = np.ones(DEGREE)
+    drift_u = float(np.sqrt(ones @ course.covariance[:DEGREE, :DEGREE] @ ones))
+    left = np.stack([_per_target(power, good) for power in powers], axis=-1) @ drifted + jump * _per_target(late, good)
+    drift = float(drifted.sum())
+    return Steadiness(drift, drift_u, jump, at_s, float(np.std(left)), _said(drift, drift_u, jump, at_s, unit))
+
+
+def _said(drift: float, drift_u: float, jump: float, at_s: float, unit: DeviationUnit) -> tuple[str, ...]:
+    told: tuple[str, ...] = ()
+    if jump:
+        told += (words("W-STEADY-JUMP", jump=f"{jump:+.2g}", at_s=f"{at_s:.0f}", unit=unit),)
+    if abs(drift) > max(2.0 * SMALL, 3.0 * drift_u):
+        told += (words("W-STEADY-DRIFT", drift=f"{drift:+.2g}", unit=unit),)
+    return told
+
+
+def _apart(values: FloatArray, good: FloatArray) -> FloatArray:
+    """Values (m, n, 2) less their mean over the repetitions of the same target and approach."""
+    count = np.maximum(good.sum(axis=1, keepdims=True), 1)
+    mean = np.sum(np.where(good, values, 0.0), axis=1, keepdims=True) / count
+    return np.asarray(values - mean)
+
+
+def _per_target(values: FloatArray, good: FloatArray) -> FloatArray:
+    """Mean over all readings of each target (m',), targets without any left out."""
+    count = good.sum(axis=(1, 2))
+    sums = np.sum(np.where(good, values, 0.0), axis=(1, 2))
+    return np.asarray(sums[count > 0] / count[count > 0])
+
+
+@dataclass(frozen=True, slots=True)
+class _Course:
+    """Least squares through what changed between visits: step and powers of time, and their covariance."""
+
+    found: FloatArray
+    covariance: FloatArray
+    left: FloatArray
+
+
+def _course(x: FloatArray, good: FloatArray, columns: list[FloatArray]) -> _Course:
+    """Readings far out of line are left out, as in the means of the targets."""
+    design = np.stack([_apart(column, good)[good] for column in columns], axis=-1)
+    y = _apart(x, good)[good]
+    keep = np.ones(y.size, dtype=np.bool_)
+    for _ in range(3):
+        inverse = np.linalg.pinv(design[keep].T @ design[keep], rcond=1e-9)
+        found = inverse @ (design[keep].T @ y[keep])
+        left = y - design @ found
+        middle = float(np.median(left))
+        keep = np.abs(left - middle) <= OUT_OF_LINE * max(MAD_TO_SIGMA * float(np.median(np.abs(left - middle))), 1e-9)
+    freedom = max(int(keep.sum()) - len(columns) - 2 * x.shape[0], 1)
+    return _Course(found, inverse * float(left[keep] @ left[keep]) / freedom, left)
+
+
+def _powers(t: FloatArray, good: FloatArray) -> list[FloatArray]:
+    first, last = float(np.min(t[good])), float(np.max(t[good]))
+    share = (t - first) / max(last - first, 1e-9)
+    return [share**k for k in range(1, DEGREE + 1)]
+
+
+def _moment(t: FloatArray, apart: FloatArray) -> float:
+    """Time (of t (k,)) of the first reading after the clearest step in ``apart`` (k,), NaN where there is none."""
+    order = np.argsort(t)
+    times, y = t[order], apart[order]
+    if y.size < 2 * SIDE:
+        return float("nan")
+    medians = np.median(np.lib.stride_tricks.sliding_window_view(y, SIDE), axis=1)
+    steps = medians[SIDE:] - medians[:-SIDE]
+    steps = steps - np.median(steps)
+    # What neighbours in time differ by is scatter alone; a drift adds nothing to it.
+    scatter = MAD_TO_SIGMA * float(np.median(np.abs(np.diff(y)))) / np.sqrt(2.0)
+    worst = int(np.argmax(np.abs(steps)))
+    if abs(steps[worst]) <= max(SURE * MEDIAN * scatter * np.sqrt(2.0 / SIDE), SMALL):
+        return float("nan")
+    return float(times[worst + _split(y[worst : worst + 2 * SIDE])])
+
+
+def _split(y: FloatArray) -> int:
+    """Where two levels explain a stretch of readings best."""
+    left = [float(np.sum(np.abs(part - np.median(part)))) for k in range(2, y.size - 1) for part in (y[:k], y[k:])]
+    return int(np.argmin(np.asarray(left).reshape(-1, 2).sum(axis=1))) + 2

@@ -1,0 +1,58 @@
+"""Reasons against a table that the axis itself gives: CEC on, structure between targets, reversal and scatter; pure."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from drivers.types import LiveSet
+from drivers.units import DeviationUnit
+from gateway.domain import FloatArray
+from gateway.table.limits import told
+
+MOST_UNSEEN = 0.5
+WORTH_SAYING = 0.25
+OUTWEIGHS = 2.0
+
+
+def other_layer(axis: str, live: LiveSet) -> str:
+    """CEC by the axis' own position looks like its deviation; by another axis' position it is a constant here."""
+    acted = [
+        str(one.table.index)
+        for one in live.cec
+        if one.enabled and one.table.input_axis == one.table.output_axis and any(one.table.deviations)
+    ]
+    return told("S-COMP-CEC-ON", axis, tables=", ".join(acted)) if acted else ""
+
+
+def unseen(axis: str, unit: DeviationUnit, hidden: float, taken: float) -> str:
+    """Why ``hidden`` structure (RMS) forbids a table that takes ``taken`` (RMS) away."""
+    return told("S-COMP-HIDDEN", axis, hidden=f"{hidden:.2g}", gain=f"{taken:.2g}", unit=unit)
+
+
+def may_harm(hidden: float, taken: float) -> bool:
+    """Whether the axis might get worse, however unlucky the hidden structure lies to the correction.
+
+    With correction c and hidden h (RMS over the axis) the square of the error falls by |c|^2 + 2 <c, h> at least
+    |c|^2 - 2 |c| |h| (Cauchy and Schwarz): never below zero while |h| <= |c| / 2.
+    """
+    return hidden > MOST_UNSEEN * taken
+
+
+def doubtful(axis: str, unit: DeviationUnit, hidden: float, taken: float) -> tuple[str, ...]:
+    """A warning where hidden structure stays that is worth a second look."""
+    if hidden <= WORTH_SAYING * taken:
+        return ()
+    return (told("W-COMP-HIDDEN", axis, hidden=f"{hidden:.2g}", gain=f"{taken:.2g}", unit=unit),)
+
+
+def outweighed(axis: str, unit: DeviationUnit, means: FloatArray, after: FloatArray, rest: float, U: FloatArray) -> str:
+    """Where reversal and scatter (``rest``, RMS) are most of the error, the whole must fall by more than the table's U.
+
+    ``means`` and ``after`` (m,) are the means of both directions now and as predicted, ``U`` (m,) of these (k = 2).
+    """
+    now, then, bound = float(np.nanstd(means)), float(np.nanstd(after)), float(np.sqrt(np.nanmean(U**2)))
+    before, left = float(np.hypot(now, rest)), float(np.hypot(then, rest))
+    if rest <= OUTWEIGHS * now or before - left > bound:
+        return ""
+    fields = {"before": f"{before:.3g}", "after": f"{left:.3g}", "U": f"{bound:.2g}", "rest": f"{rest:.3g}"}
+    return told("S-COMP-REVERSAL", axis, **fields, unit=unit)
