@@ -155,6 +155,7 @@ class WorkSection(Section):
     clamping_arcsec: float = Field(default=2.0, ge=0, description="how well its flanks are centred (k = 2)")
     inspector: str = Field(default="", description="gear inspection machine among the instruments; empty: files")
     inspection_clamping_um: float = Field(default=0.5, ge=0, description="how well that clamps a part (k = 2)")
+    inspection_size_um: float = Field(default=0.0, ge=0, description="how well its probe's size is known (k = 2)")
     drift_um_per_h: float = Field(default=0.3, ge=0, description="how fast the infeed's zero wanders")
     drift_arcsec_per_h: float = Field(default=0.5, ge=0, description="how fast the index axis' zero wanders")
     part_h: float = Field(default=0.25, gt=0, description="hours that a part takes, its inspection included")

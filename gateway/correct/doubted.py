@@ -9,6 +9,7 @@ import numpy as np
 
 from drivers.types import FloatArray
 from drivers.units import arcsec_to_rad, um_to_mm
+from gateway.correct.between import slope_and_bow
 from gateway.correct.flankmodel import command_effects
 from gateway.correct.mounting import mounting_terms
 from gateway.correct.noise import noise_patterns
@@ -23,6 +24,7 @@ from gateway.model.known import ErrorModel, in_mm_rad
 
 COVERAGE = 2.0
 CLAMPING, DRIFT, INDEX, INFEED, SETUP = "clamping", "drift", "index", "infeed", "set-up values"
+SIZE = "inspection size"
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +35,8 @@ class Shop:
     ``drift_um_per_h``, ``drift_arcsec_per_h``: how fast the zeros of infeed and index wander; ``part_h``: hours that a
     part takes, inspection included, and so from the trial part to the next. ``infeed_um``, ``index_arcsec``: standard
     deviation of one approach from one side. ``setup_um``: standard uncertainty of x zero and dressing offset as the
-    trial part tells them.
+    trial part tells them; ``size_um`` that of the inspection machine's probe, whose error makes x zero wrong by just as
+    much and is never shown by the same machine. 0: a part is as large as that machine says.
     """
 
     clamping_um: float = 0.3
@@ -43,6 +46,7 @@ class Shop:
     infeed_um: float = 0.1
     index_arcsec: float = 0.2
     setup_um: float = 0.05
+    size_um: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -64,7 +68,8 @@ def lasting(grinding: Grinding, grid: FlankGrid, plan: Plan, model: ErrorModel, 
 
     Errors: `undone.doubts` (covariance of each fit, what repetition does not show, spans of what nobody measured) and
     the structure between the targets that a fit does not follow (``residual_rms``): independent in every space for an
-    error of the index axis, a slope and a bow over the face for one of the stroke axis, a constant for the infeed.
+    error of the index axis, a constant for the infeed, a slope and a bow over the face for one of the stroke axis
+    (`between`).
     """
     columns = doubts(model, grinding.chain, plan)
     names = tuple(one if isinstance(one, str) else one.name for one, _ in columns)
@@ -96,10 +101,19 @@ def passing(grinding: Grinding, grid: FlankGrid, shop: Shop) -> Doubted:
         (INDEX, index[:, :, None] * spaces[:, None, :] * arcsec_to_rad(shop.index_arcsec)),
         (SETUP, np.stack([infeed * um_to_mm(setup), offset * um_to_mm(shop.setup_um)], axis=-1)),
         (DRIFT, infeed[:, :, None] * um_to_mm(shop.drift_um_per_h * shop.part_h)),
+        (SIZE, _sized(grid, found.places)[:, :, None] * um_to_mm(shop.size_um)),
     )
     for name, patterns in parts:
         found = found.plus(Doubted(found.places, (name,) * patterns.shape[-1], patterns))
     return found
+
+
+def _sized(grid: FlankGrid, places: Places) -> FloatArray:
+    """A, B, G (G, 3) that set-up values give the next part if all points touched are too high by 1."""
+    section = grid.section
+    design = np.stack([np.ravel(one) for one in (section.nx, section.ny, section.h)], axis=1)
+    a, b, _ = np.linalg.lstsq(design, np.ones(design.shape[0]), rcond=None)[0]
+    return np.broadcast_to(np.array([-a, -b, 0.0]), (places.k.size, 3))
 
 
 def _none(grid: FlankGrid) -> Doubted:
@@ -122,26 +136,18 @@ def _growth(grinding: Grinding, grid: FlankGrid, shop: Shop) -> Doubted:
 def _unseen(grinding: Grinding, grid: FlankGrid, one: Component) -> Doubted:
     places = places_of_grid(grid)
     terms = np.moveaxis(linear_flank(grinding, grid, [one.name]).terms, 1, 2).reshape(places.k.size, 3)
-    size = in_mm_rad(component_unit(one.name, "mm"), one.residual_rms)
-    shapes = _shapes(grinding, grid, places, one) * size
+    shapes = _shapes(grinding, grid, places, one) * in_mm_rad(component_unit(one.name, "mm"), 1.0)
     patterns = terms[:, :, None] * shapes[:, None, :]
     return Doubted(places, (one.name,) * shapes.shape[1], patterns)
 
 
 def _shapes(grinding: Grinding, grid: FlankGrid, places: Places, one: Component) -> FloatArray:
-    """Values (G, S) of independent shapes that make up RMS 1 at most."""
+    """Values (G, S) of independent shapes, um or arcsec."""
     axis, _ = grinding.chain.error_place(one.name)
     if axis == grinding.index:
-        return np.asarray(places.k[:, None] == grid.ks, dtype=np.float64)
+        return np.asarray(places.k[:, None] == grid.ks, dtype=np.float64) * one.residual_rms
     if axis != grinding.stroke:
-        return np.ones((places.k.size, 1))
+        return np.full((places.k.size, 1), one.residual_rms)
     x = 2.0 * places.z / grid.gear.b
-    share = min(1.0, grid.gear.b / _apart(one)) if _apart(one) > 0.0 else 1.0
-    slope, bow = np.sqrt(3.0) * x, np.sqrt(5.0) * 0.5 * (3.0 * x**2 - 1.0)
-    return np.stack([share * slope, share**2 * bow], axis=-1) / np.sqrt(1.0 + share**2)
-
-
-def _apart(one: Component) -> float:
-    """How far apart the targets of a polygon stand, mm: what it does not follow changes no faster; 0 not known."""
-    nodes = np.asarray(one.parameters.get("nodes", ()), dtype=np.float64)
-    return float(np.mean(np.diff(nodes))) if one.basis == "piecewise" and nodes.size > 1 else 0.0
+    shapes = np.stack([np.sqrt(3.0) * x, np.sqrt(5.0) * 0.5 * (3.0 * x**2 - 1.0)], axis=-1)
+    return np.asarray(shapes * slope_and_bow(one, grid.gear.b))

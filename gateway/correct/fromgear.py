@@ -168,6 +168,7 @@ def correct_from_gear(
         norm=plan.norm,
         deviation=e - places.along_normal(mounting_terms(grinding, places) @ np.array(mounting.values)),
         noise=noise,
+        alike=plan.alike,
     )
     seen = visible(linear_flank(grinding, flank_grid(grinding.gear, profile=5, width=3), _constants(grinding)))
     return FromGear(fit, mounting, found, seen, (*_said(seen, found), *_sat(mounting), *_turning(found, mounting)))

@@ -1,8 +1,8 @@
 """The two layers: EEC takes each axis' own deviation, CEC and set-up values only what the tooth needs beyond that.
 
 No deviation stands in both: the second layer is worked out on the machine with the first one acting, be it worked out
-here or given as it will be live. What the flank does not see is decided by the axis (first layer) or by the least
-change, and is said.
+here or given as it will be live. What the flank does not see is decided by the axis (first layer) or goes back to what
+acts, and is said.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def correct(
     specs = cross_specs(chain, plan, live)
     bounds = [_bound(chain, plan, axis, first, live) for axis in plan.bounds if plan.has(axis)]
     setup = setup_values(chain, plan)
-    found = optimise(seated, grid, specs, setup, norm=plan.norm, noise=plan.noise, bounds=bounds)
+    found = optimise(seated, grid, specs, setup, norm=plan.norm, noise=plan.noise, bounds=bounds, alike=plan.alike)
     second = _added(chain, found.tables, live, "CEC")
     machine, unmoved = (_set_up(with_tables(one, second), found.setup) for one in (seated, acting))
     return LayeredCorrection(

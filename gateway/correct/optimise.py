@@ -1,7 +1,8 @@
 """Table and set-up values that make the tooth best on the controller's grid, resolution and limits (mm, rad).
 
 The smallest RMS or the smallest largest normal deviation; whole steps of resolution found as part of the problem; what
-corrects less than its uncertainty left alone; what the flank does not decide decided by the least change.
+corrects less than its uncertainty left alone. What the flank leaves open smoothness decides, and before it the least
+change what is a set-up value's.
 """
 
 from __future__ import annotations
@@ -15,24 +16,23 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csc_matrix
 
 from drivers.types import FloatArray
-from gateway.correct.flankmodel import FlankModel, SetupValue, flank_model, table_terms
+from gateway.correct.flankmodel import FlankModel, SetupValue, flank_model
 from gateway.correct.leastsquares import limited
-from gateway.correct.limits import AxisBound, TableSpec, stacked
+from gateway.correct.limits import AxisBound, TableSpec
 from gateway.correct.minimax import smallest_largest
 from gateway.correct.noise import Noise, Omitted, carried, worth_it
 from gateway.correct.places import Places
 from gateway.correct.rounding import Limits, lower_largest, nearest_whole
 from gateway.correct.tables import Table
+from gateway.correct.unknowns import UM, Work, tied, unseen_nodes, without_live, work_of
 from gateway.errors import ModelError
 from gateway.gear.flank import FlankFigure, FlankGrid
 from gateway.gear.grinding import Grinding
 
-UM = 1000.0  # work in um on the flank: numbers near 1
 TRADE = 1e-3  # of the largest deviation: nearer than this to the optimum, rounding looks no further
 IDLE = 1e-5  # mm RMS: a table of single steps that gains less is left out
 PEAK = 4.0  # how much more of the largest deviation that may be
-EASY = 10.0  # how much less a set-up value counts as a change than a table: a constant both could take is its own
-UNSEEN = 1e-6  # of what a unit does elsewhere: a node that no flank point depends on
+STEADY = 0.05  # um RMS, half a step: what all values a step beside the smoothest must gain on the flank
 Norm = Literal["rms", "max"]
 
 
@@ -65,26 +65,6 @@ class Optimum:
         raise ModelError("E-CORRECT-NAME", "optimum", name=name, known=", ".join(t.grid.name for t in self.tables))
 
 
-@dataclass(frozen=True)
-class _Work:
-    """The problem in independent unknowns y of about 1 um on the flank each: values = tie (scale y)."""
-
-    model: FlankModel
-    specs: tuple[TableSpec, ...]
-    setup: tuple[SetupValue, ...]
-    tie: FloatArray
-    scale: FloatArray
-    fixed: NDArray[np.bool_]
-    wish: FloatArray
-    G: FloatArray
-    g: FloatArray
-    limits: tuple[FloatArray, FloatArray]
-
-    def values(self, y: FloatArray) -> FloatArray:
-        """Values of all blocks, mm and rad."""
-        return np.asarray(self.tie @ (self.scale * y))
-
-
 def optimise(
     grinding: Grinding,
     grid: FlankGrid | Places,
@@ -96,9 +76,12 @@ def optimise(
     noise: Noise | None = None,
     bounds: Sequence[AxisBound] = (),
     turning: bool = True,
+    alike: float = 0.0,
 ) -> Optimum:
     """Best tables and set-up values for a machine's flank, or for measured deviations (one per point, mm).
 
+    Flanks whose RMS differ, in squares, by less than ``alike`` (mm) count as alike: the smoothest tables are taken,
+    before and in rounding. With 0 smoothness only decides what the flank leaves open.
     Raises ModelError E-CORRECT-INFEASIBLE if the limits leave no solution.
     """
     if norm not in ("rms", "max"):
@@ -106,73 +89,26 @@ def optimise(
     doubt = noise or Noise()
     grids = [spec.grid for spec in tables]
     measured = flank_model(grinding, grid, grids, setup, deviation=deviation, turning=turning)
-    worth, omitted = worth_it(_tied(measured, tables), doubt)
+    worth, omitted = worth_it(tied(measured, tables), doubt)
     kept = {block.name for block in worth.blocks}
     specs = tuple(spec for spec in tables if spec.name in kept)
     values = tuple(value for value in setup if value.name in kept)
     left_alone = [block.name for block in measured.blocks if block.name not in kept]
-    model = _without_live(measured.without(left_alone), grinding, specs)
-    work = _work(model, specs, values, bounds)
+    model = without_live(measured.without(left_alone), grinding, specs)
+    work = work_of(model, specs, values, bounds, alike)
     y = _continuous(work, norm)
-    x = _whole(work, y, norm)
-    answer = _answer(work, work.values(y), x, measured, omitted, carried(_tied(model, specs), doubt))
+    x = _whole(work, y, norm, STEADY if alike > 0.0 else 0.0)
+    answer = _answer(work, work.values(y), x, measured, omitted, carried(tied(model, specs), doubt))
     return _without_idle(answer, work, x)
 
 
-def _tied(model: FlankModel, specs: Sequence[TableSpec]) -> FlankModel:
-    """The model in values that are free once each table is zero at its reference."""
-    ties = {spec.name: spec.tie()[0] for spec in specs}
-    blocks = [replace(one, share=one.share @ ties[one.name]) if one.name in ties else one for one in model.blocks]
-    return replace(model, blocks=tuple(blocks))
-
-
-def _without_live(model: FlankModel, grinding: Grinding, specs: Sequence[TableSpec]) -> FlankModel:
-    live = [spec.live for spec in specs if spec.live is not None]
-    if not live:
-        return model
-    return replace(model, base=model.base - table_terms(grinding, model.places, live))
-
-
-def _work(
-    model: FlankModel, specs: tuple[TableSpec, ...], setup: tuple[SetupValue, ...], bounds: Sequence[AxisBound]
-) -> _Work:
-    sizes = [block.size for block in model.blocks]
-    ties, fixed = [], np.zeros(model.size, dtype=np.bool_)
-    for spec in specs:
-        tie, given = spec.tie()
-        ties.append(tie)
-        if given is not None:
-            at = model.spans[spec.name].start
-            fixed[at + given] = True
-            for other in np.flatnonzero(tie[given]):
-                fixed[at + other + (other >= given)] = True
-    ties += [np.eye(1)] * len(setup)
-    tie = _diagonal(ties)
-    reach = [_reach(model, i) / (1.0 if i < len(specs) else EASY) for i in range(len(sizes))]
-    scale = 1.0 / (UM * np.repeat(reach, [part.shape[1] for part in ties]))
-    acting = np.concatenate([*(spec.acting() for spec in specs), np.zeros(len(setup))])
-    wish = np.linalg.lstsq(tie, acting, rcond=None)[0] / scale if tie.shape[1] else np.zeros(0)
-    G, g = stacked(specs, len(setup), bounds)
-    limits = stacked(specs, len(setup), bounds, roundable=False)
-    return _Work(model, specs, setup, tie, scale, fixed, wish, G, g, limits)
-
-
-def _reach(model: FlankModel, which: int) -> float:
-    """mm on the flank per unit of a block's output, RMS; 1 if it has no effect at all."""
-    along = model.places.along_normal(model.blocks[which].effect)
-    return float(np.sqrt(np.mean(along**2))) or 1.0
-
-
-def _continuous(work: _Work, norm: Norm) -> FloatArray:
+def _continuous(work: Work, norm: Norm) -> FloatArray:
     """y without rounding."""
-    tied = work.tie * work.scale
-    G = work.G @ tied
-    y = limited(
-        UM * (work.model.rows @ tied), UM * work.model.right, work.wish, _row_scaled(G), _side_scaled(G, work.g)
-    )
+    G = work.G @ work.tied
+    y = limited(work.A @ work.tied, work.b, work.wish, _row_scaled(G), _side_scaled(G, work.g))
     if norm == "rms" or not y.size:
         return y
-    M = UM * (work.model.columns @ tied)
+    M = UM * (work.model.columns @ work.tied)
     lever = work.model.places.form[:, 2] if work.model.turning else None
     limits = _row_scaled(G), _side_scaled(G, work.g)
     return smallest_largest(csc_matrix(M), UM * work.model.start(), y, *limits, work.model.places.of, lever)
@@ -188,8 +124,11 @@ def _side_scaled(G: FloatArray, g: FloatArray) -> FloatArray:
     return np.divide(g, size, out=np.where(g >= 0.0, np.inf, g), where=size > 0.0)
 
 
-def _whole(work: _Work, y: FloatArray, norm: Norm) -> FloatArray:
-    """Values on the resolutions, mm and rad; those without a resolution are best for the others once these are set."""
+def _whole(work: Work, y: FloatArray, norm: Norm, steady: float) -> FloatArray:
+    """Values on the resolutions, mm and rad; those without a resolution are best for the others once these are set.
+
+    If every value stands a step beside its optimum, that counts as ``steady`` (um RMS) on the flank.
+    """
     steps = np.concatenate(
         [
             *(np.full(spec.grid.free.size, spec.resolution) for spec in work.specs),
@@ -206,7 +145,8 @@ def _whole(work: _Work, y: FloatArray, norm: Norm) -> FloatArray:
     G, g = work.limits
     limits = Limits(G[:, whole] * steps[whole], g - G[:, ~whole] @ x[~whole])
     movable = ~work.fixed[whole]
-    n = nearest_whole(lattice, x[whole] / steps[whole], limits, movable)
+    ridge = steady * (work.model.places.points / steps.size) ** 0.5
+    n = nearest_whole(lattice, x[whole] / steps[whole], limits, movable, ridge)
     if norm == "max":
         lever = work.model.places.form[:, 2] if work.model.turning else None
         enough = (1.0 + TRADE) * _figure(work.model, work.model.deviation(x)).largest
@@ -217,14 +157,14 @@ def _whole(work: _Work, y: FloatArray, norm: Norm) -> FloatArray:
 
 
 def _refilled(
-    work: _Work, n: NDArray[np.int64], whole: NDArray[np.bool_], steps: FloatArray, x: FloatArray
+    work: Work, n: NDArray[np.int64], whole: NDArray[np.bool_], steps: FloatArray, x: FloatArray
 ) -> FloatArray:
     """Values of whole steps n, the others by least squares of what is left."""
     full = x.copy()
     full[whole] = n * steps[whole]
     if not np.all(whole):
-        A = work.model.rows
-        full[~whole] = np.linalg.lstsq(A[:, ~whole], -(work.model.right + A[:, whole] @ full[whole]), rcond=1e-12)[0]
+        A = work.A
+        full[~whole] = np.linalg.lstsq(A[:, ~whole], -(work.b + A[:, whole] @ full[whole]), rcond=1e-12)[0]
     return full
 
 
@@ -236,7 +176,7 @@ def _basis_of(columns: FloatArray) -> FloatArray:
 
 
 def _answer(
-    work: _Work, best: FloatArray, x: FloatArray, measured: FlankModel, omitted: tuple[Omitted, ...], noise: float
+    work: Work, best: FloatArray, x: FloatArray, measured: FlankModel, omitted: tuple[Omitted, ...], noise: float
 ) -> Optimum:
     model = work.model
     before, after = measured.start(), model.deviation(x)
@@ -252,11 +192,11 @@ def _answer(
         deviation_before=before,
         deviation=after,
         noise=noise,
-        unseen={spec.name: _unseen(model, spec) for spec in work.specs},
+        unseen={spec.name: tuple(spec.grid.free[unseen_nodes(model, spec)].tolist()) for spec in work.specs},
     )
 
 
-def _without_idle(answer: Optimum, work: _Work, x: FloatArray) -> Optimum:
+def _without_idle(answer: Optimum, work: Work, x: FloatArray) -> Optimum:
     """Without the tables that differ from what acts by single steps at most and gain next to nothing by it."""
     model = work.model
     idle: list[Omitted] = []
@@ -281,20 +221,3 @@ def _figure(model: FlankModel, e: FloatArray) -> FlankFigure:
     if model.turning:
         return model.places.figure(e)
     return FlankFigure(float(np.sqrt(np.mean(e**2))), float(np.max(np.abs(e))), 0.0)
-
-
-def _unseen(model: FlankModel, spec: TableSpec) -> tuple[float, ...]:
-    """Nodes that no point of the flank depends on: the least change decides there."""
-    size = np.linalg.norm(model.rows[:, model.spans[spec.name]], axis=0)
-    largest = float(np.max(np.linalg.norm(model.rows, axis=0), initial=0.0))
-    return tuple(float(node) for node, one in zip(spec.grid.free, size, strict=True) if one <= UNSEEN * largest)
-
-
-def _diagonal(parts: Sequence[FloatArray]) -> FloatArray:
-    """Block-diagonal matrix."""
-    out = np.zeros((sum(p.shape[0] for p in parts), sum(p.shape[1] for p in parts)))
-    row = column = 0
-    for part in parts:
-        out[row : row + part.shape[0], column : column + part.shape[1]] = part
-        row, column = row + part.shape[0], column + part.shape[1]
-    return out

@@ -19,6 +19,7 @@ from gateway.table import Limits
 from gateway.table.limits import check_points
 
 RESOLUTION_MM, RESOLUTION_DEG = 1e-4, 1e-4
+ALIKE_MM = 5e-6  # a twentieth of a step: far below what is known of any flank
 CROSS = (("X", "Z"), ("X", "C"), ("C", "Z"), ("C", "C"))
 
 
@@ -39,9 +40,10 @@ class Plan:
     """Grids by input axis, axes with a table of their own (EEC), cross tables (output, input), set-up values, goal.
 
     ``mounting``: the work's eccentricity and tilt are set right by hand, no table takes them. ``bounds`` (um or arcsec
-    by axis) is how far CEC may spoil an axis; one without is bound by the limits of a table alone. ``noise`` says how
-    the errors may be wrong, ``reserved`` how many points the controller holds for a table, by name. Tables over an
-    axis without a grid are left out.
+    by axis) is how far CEC may spoil an axis; one without is bound by the limits of a table alone. ``alike`` (mm RMS,
+    in squares) is how much worse the flank may be for smoother tables. ``noise`` says how the errors may be wrong,
+    ``reserved`` how many points the controller holds for a table, by name. Tables over an axis without a grid are left
+    out.
     """
 
     grids: tuple[AxisGrid, ...]
@@ -52,6 +54,7 @@ class Plan:
     mounting: bool = True
     norm: Norm = "rms"
     bounds: Mapping[str, float] = field(default_factory=dict)
+    alike: float = ALIKE_MM
     noise: Noise = field(default_factory=Noise)
     reserved: Mapping[str, int] = field(default_factory=dict)
     resolution_mm: float = RESOLUTION_MM

@@ -33,15 +33,18 @@ class Limits:
         return bool(np.all(self.G @ n <= self.g + 1e-9 * (1.0 + np.abs(self.g))))
 
 
-def nearest_whole(A: FloatArray, best: FloatArray, limits: Limits, movable: NDArray[np.bool_]) -> Whole:
+def nearest_whole(
+    A: FloatArray, best: FloatArray, limits: Limits, movable: NDArray[np.bool_], ridge: float = 0.0
+) -> Whole:
     """Whole n with small |A (n - best)| that keep the limits; those not movable are simply rounded.
 
-    A in units of the flank per step. Raises ModelError E-CORRECT-INFEASIBLE if not even plain rounding keeps the limits
-    (give the continuous problem one step less room).
+    A in units of the flank per step, ``ridge`` in the same: what a value a step beside its optimum counts.
+    Raises ModelError E-CORRECT-INFEASIBLE if not even plain rounding keeps the limits (give the continuous problem one
+    step less room).
     """
     if not best.size:
         return np.zeros(0, dtype=np.int64)
-    ridge = RIDGE * float(np.max(np.linalg.norm(A, axis=0), initial=0.0)) or 1.0
+    ridge = max(ridge, RIDGE * float(np.max(np.linalg.norm(A, axis=0), initial=0.0))) or 1.0
     tall = np.concatenate([A, ridge * np.eye(best.size)])
     n = _plane_by_plane(tall, best)
     n[~movable] = np.rint(best[~movable]).astype(np.int64)

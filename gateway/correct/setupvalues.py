@@ -38,7 +38,8 @@ def setup_from_part(
     The constants are those of the fitted flank by least squares over the judged grid, one rotation with them: C zero
     stays, a rotation is no figure. Corrections are added to commands: a part with surplus in the bottom of its spaces
     (A > 0) asks for more infeed. A value within its uncertainty (k = 2) or half a step stays as it is. ``u`` is that of
-    the constants by the scatter of the points and the step; what an inspection machine has of its own is not in it.
+    the constants by the scatter of the points and the step. An eccentric clamping of the inspection makes no constant;
+    a probe whose size is wrong makes one, is in ``Shop.size_um`` and nowhere here.
     """
     flank = inspected.fitted
     shape = flank.deviation_um.shape

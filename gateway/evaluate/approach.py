@@ -1,4 +1,4 @@
-"""How an axis repeats when it comes to a place from one side: its own scatter, without outliers and instrument noise."""
+"""How an axis repeats when it comes to a place from one side: no outlier in it and none of the instrument's noise."""
 
 from __future__ import annotations
 

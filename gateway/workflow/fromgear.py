@@ -19,14 +19,12 @@ from gateway.correct.flankmodel import table_terms
 from gateway.correct.fromgear import FromGear, correct_from_gear
 from gateway.correct.mounting import mounting_terms
 from gateway.correct.places import places_of_grid
-from gateway.correct.plan import AxisGrid, Plan
-from gateway.correct.records import even_grid
+from gateway.correct.plan import Plan
 from gateway.correct.tables import Correction, Table, TableGrid
 from gateway.domain import Proposal, TableChange
 from gateway.errors import CaptureError
 from gateway.gear.flank import FlankGrid, flank_figure
 from gateway.gear.grinding import Grinding
-from gateway.model.chain import Chain
 from gateway.model.known import ErrorModel, chain_of_errors
 from gateway.say import Say
 from gateway.store import RunFolder
@@ -162,9 +160,7 @@ def from_flank(
     letters = {axis.name: axis.letter for axis in site.axes}
     acted = [_lettered(one, letters) for one in live]
     points = (flank.k, flank.theta_rad, flank.z_mm)
-    own = grids(site)
-    plan = Plan(tuple(as_coarse(grid, file.gear.zc) for grid in own))
-    found = correct_from_gear(grinding, points, flank.deviation_um / UM_PER_MM, plan, live=acted)
+    found = correct_from_gear(grinding, points, flank.deviation_um / UM_PER_MM, Plan(grids(site)), live=acted)
     setup, sat = found.optimum.setup, found.mounting
     proposal = GearProposal(
         part=flank.part,
@@ -180,27 +176,7 @@ def from_flank(
         tilt_arcsec=(float(rad_to_arcsec(sat.a)), float(rad_to_arcsec(sat.b))),
         said=found.said,
     )
-    by_axis = {grid.axis: grid for grid in own}
-    return proposal, tuple(_on_grid(chain, one, by_axis[one.grid.over]) for one in found.optimum.tables)
-
-
-def as_coarse(grid: AxisGrid, spaces: int) -> AxisGrid:
-    """A grid around the turn with no more points than the gear has spaces: others would swing where nothing is seen.
-
-    Each is also a point of the controller's grid.
-    """
-    count = round((grid.maximum - grid.minimum) / grid.step)
-    if not grid.modulo or count <= spaces:
-        return grid
-    every = next(one for one in range(1, count + 1) if count % one == 0 and count // one <= spaces)
-    return replace(grid, step=every * grid.step)
-
-
-def _on_grid(chain: Chain, table: Table, grid: AxisGrid) -> Table:
-    """The same corrections at the points of the controller's grid."""
-    out, over = table.grid.out, table.grid.over
-    fine = even_grid(chain, out, over, grid.minimum, grid.maximum, grid.step, modulo=grid.modulo)
-    return Table(fine, table(fine.nodes))
+    return proposal, found.optimum.tables
 
 
 def _lettered(table: CompensationTable, letters: Mapping[str, str]) -> CompensationTable:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from math import hypot
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from drivers.errors import ConfigError
 from drivers.types import CompensationTable, LiveSet
 from gateway.config import SiteFile, WorkSection
 from gateway.correct.compensability import tangential_cure
-from gateway.correct.doubted import Shop
+from gateway.correct.doubted import COVERAGE, Shop
 from gateway.correct.importance import cure_errors, rank_errors
 from gateway.correct.layers import LayeredCorrection, correct
 from gateway.correct.noise import noise_patterns
@@ -21,7 +22,8 @@ from gateway.correct.prediction import Outlook, predict
 from gateway.correct.records import record
 from gateway.correct.tables import Table
 from gateway.correct.undone import Tooth, doubts
-from gateway.domain import Evaluation, Proposal, TableChange
+from gateway.domain import Proposal, TableChange
+from gateway.evaluate.approach import approach_of
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import FlankGrid, flank_grid
 from gateway.gear.grinding import Grinding
@@ -184,28 +186,16 @@ def _lettered(table: CompensationTable, letters: Mapping[str, str]) -> Compensat
 def _shop(
     work: WorkSection | None, measured: Mapping[str, Measured], letters: Mapping[str, str], grinding: Grinding
 ) -> Shop:
-    """What the site file and the evaluations say of clamping, drift and repeatability; the usual for the rest."""
+    """What the site file and the captures say of clamping, drift and repeatability; the usual for the rest."""
     shop = Shop()
     if work is not None:
         keys = ("clamping_um", "drift_um_per_h", "drift_arcsec_per_h", "part_h")
-        shop = replace(shop, **{key: getattr(work, key) for key in keys})
-    known = {letters.get(name, name): item.evaluation for name, item in measured.items()}
+        size_um = work.inspection_size_um / COVERAGE
+        shop = replace(shop, **{key: getattr(work, key) for key in keys}, size_um=size_um)
+    known = {letters.get(name, name): approach_of(item.capture) for name, item in measured.items()}
     if grinding.infeed in known:
-        shop = replace(shop, infeed_um=_scatter(known[grinding.infeed]))
+        shop = replace(shop, infeed_um=known[grinding.infeed].scatter)
     if grinding.index in known:
         turned = known[grinding.index]
-        shop = replace(shop, index_arcsec=float(np.hypot(_scatter(turned), _half_reversal(turned))))
+        shop = replace(shop, index_arcsec=hypot(turned.scatter, turned.reversal))
     return shop
-
-
-def _scatter(found: Evaluation) -> float:
-    """Standard deviation of one approach from one side, the instrument's scatter in it."""
-    squares = np.concatenate([found.s_up, found.s_down]) ** 2
-    known = squares[np.isfinite(squares)]
-    return float(np.sqrt(np.mean(known))) if known.size else 0.0
-
-
-def _half_reversal(found: Evaluation) -> float:
-    """How half the reversal varies from place to place: coming from one side makes only its mean a constant."""
-    half = found.B_i[np.isfinite(found.B_i)] / 2.0
-    return float(np.std(half)) if half.size else 0.0

@@ -64,11 +64,20 @@ async def measured(cell: Cell, clock: LoopClock, without: tuple[str, ...] = ()) 
 
 
 def ground_flank(
-    truth: Truth, tables: tuple[CompensationTable, ...], off_um: tuple[float, float] = (0.0, 0.0), **set_up: float
+    truth: Truth,
+    tables: tuple[CompensationTable, ...],
+    off_um: tuple[float, float] = (0.0, 0.0),
+    more: int = 0,
+    **set_up: float,
 ) -> FlankMap:
-    """What a machine grinds with these tables (machine axes), the work that far off its axis; no rotation removed."""
+    """What a machine grinds with these tables (machine axes), the work that far off its axis; no rotation removed.
+
+    ``more`` spaces than the cell's gear has make it another one.
+    """
     part = truth.cell.part
     assert part is not None
+    counted = {"zc": part.gear.zc + more, "zp": part.gear.zp + more}
+    part = part.model_copy(update={"gear": part.gear.model_copy(update=counted)})
     grid = flank_grid(CycloidGear(**part.gear.model_dump()))
 
     def added(out: str) -> Any:
@@ -110,7 +119,7 @@ def test_a_measured_run_proposes_both_layers_and_the_flank_they_make(tmp_path: P
     assert set(cross) == {"X1(Z1)", "X1(C1)", "C1(Z1)", "C1(C1)"}
     assert sorted(cross.values()) == [0, 1, 2, 3]
     # Nothing refuses the push: signs are proved first, and the rest are warnings.
-    assert [line for line in told if line.startswith("E-")] == []
+    assert [line for line in told if line.startswith(("E-", "W-INT-SLOPE"))] == []
     assert flank.u_um <= 0.25
     tables = tuple(change.new for change in stored.changes if not change.skipped)
     gear = CycloidGear(**truth.cell.part.gear.model_dump())  # type: ignore[union-attr]
@@ -119,10 +128,18 @@ def test_a_measured_run_proposes_both_layers_and_the_flank_they_make(tmp_path: P
     assert abs(before.rms_um - found.fair_before_um) < 2.0 * flank.u_um
     assert after.rms_um < 0.2 * before.rms_um
     assert np.sqrt(np.mean((after.deviation_um - flank.after.deviation_um) ** 2)) < flank.u_um
+    # The tables are those of a machine, not of 39 places: another gear, with spaces between these, gets as good.
+    other = replace(gear, zc=gear.zc + 2, zp=gear.zp + 2)
+    before, after = (set_right(ground_flank(truth, one, more=2), other) for one in ((), tables))
+    print(f"another gear {before.rms_um:.3f} -> {after.rms_um:.3f}")
+    assert after.rms_um < 0.1 * before.rms_um
 
 
 @pytest.mark.soak
-def test_the_uncertainty_is_neither_too_small_nor_too_large_on_true_machines() -> None:
+@pytest.mark.parametrize(("repetitions", "counts"), [(5, {}), (2, {"Z": 11})])
+def test_the_uncertainty_is_neither_too_small_nor_too_large_on_true_machines(
+    repetitions: int, counts: dict[str, int]
+) -> None:
     """Seeded machines: fitted, corrected, a trial part, set-up values from it; the next part against what was said."""
     cell, normalised = load_cell("demo"), []
     assert cell.part is not None
@@ -131,7 +148,7 @@ def test_the_uncertainty_is_neither_too_small_nor_too_large_on_true_machines() -
     shop = Shop(clamping_um=clamping)
     for seed in range(21, 29):
         rng, truth = np.random.default_rng(seed), Truth(cell, seed)
-        model = read(truth, seed).model()
+        model = read(truth, seed, repetitions, counts).model()
         grinding = Grinding(chain_of_errors(model, height_mm=cell.part.grinding.height_mm), gear, 160.0)
         plan = replace(GRIDS, noise=noise_patterns(grinding, grid, doubts(model, grinding.chain, GRIDS)))
         found = correct(grinding, grid, plan)
@@ -147,7 +164,7 @@ def test_the_uncertainty_is_neither_too_small_nor_too_large_on_true_machines() -
         print(f"{seed}: u {said.u_um:.3f}, missed {np.sqrt(np.mean(missed**2)):.3f}, expected {said.rms_um:.3f}")
     pooled = float(np.sqrt(np.mean(np.square(normalised))))
     print(f"pooled {pooled:.3f}")
-    assert 0.7 < pooled < 1.4
+    assert 0.7 < pooled < 1.2
 
 
 def _off(rng: np.random.Generator, clamping_um: float) -> tuple[float, float]:

@@ -10,7 +10,7 @@ import pytest
 
 from gateway.correct.apply import Combined, with_tables
 from gateway.correct.compensability import tangential_cure
-from gateway.correct.doubted import CLAMPING, DRIFT, Shop
+from gateway.correct.doubted import CLAMPING, DRIFT, SIZE, Shop
 from gateway.correct.importance import cure_errors, rank_errors
 from gateway.correct.layers import LayeredCorrection, correct
 from gateway.correct.mounting import Mounting, centred
@@ -163,6 +163,20 @@ def test_what_a_set_up_value_takes_is_no_doubt_and_what_nobody_measured_is_the_l
     assert all_known.flank.u_um < outlook.flank.u_um
     assert all_known.worth
     assert outlook.worth
+
+
+def test_a_probe_of_another_size_is_set_into_the_next_part_and_into_u() -> None:
+    """Points that all look half a micrometre too high ask for as much infeed as no flank needs."""
+    grinding, grid, plan, found, outlook = corrected()
+    flank = set_right(flank_map(grinding, grid), RV40E)
+    high = replace(flank, deviation_um=flank.deviation_um + 0.5)
+    wrong = setup_from_part(inspected(high, 0.01), RV40E).setup
+    zero = [Table(TableGrid("X", "Z", np.zeros(1)), np.array([wrong.x_um * UM]))]
+    moved = flank_map(with_tables(grinding, zero), grid).deviation_um - flank_map(grinding, grid).deviation_um
+    told = predict(grinding, grid, plan, known(), found, replace(SHOP, size_um=0.5)).flank
+    assert told.parts_um[SIZE] == pytest.approx(np.sqrt(np.mean(moved**2)), rel=0.1)
+    assert told.u_um == pytest.approx(np.hypot(outlook.flank.u_um, told.parts_um[SIZE]))
+    assert outlook.flank.parts_um[SIZE] == 0.0
 
 
 def test_a_machine_of_which_little_is_known_gets_no_cross_tables() -> None:

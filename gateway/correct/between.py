@@ -1,0 +1,50 @@
+"""What an error does between its targets, where no fit follows it: how much it may slope and bow over a face.
+
+A polygon's own corners tell: each misses the line between its neighbours. Neighbours that miss alike, or hardly unlike,
+belong to waves of three target distances and more, of which a polygon leaves little; the rest is shorter than the
+targets can show and counts in full.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from drivers.types import FloatArray
+from gateway.domain import Component
+
+FEWEST = 6  # targets that tell neighbours apart
+LONG = -0.5  # cosine of a wave's phase from target to target: three distances
+# Of such a wave's misses, RMS: slope over one target distance and bow over its square that a polygon leaves of it.
+SLOPE, BOW = 0.227, 0.109
+
+
+def slope_and_bow(one: Component, face_mm: float) -> tuple[float, float]:
+    """RMS over a face of the slope and of the bow that an error of a linear axis may have beside its fit, um or arcsec.
+
+    A smooth fit leaves what its targets scatter about it (``residual_rms``), of any length: half of it each.
+    """
+    nodes = np.asarray(one.parameters.get("nodes", ()), dtype=np.float64)
+    if one.basis != "piecewise" or nodes.size < FEWEST:
+        return one.residual_rms / 2.0**0.5, one.residual_rms / 2.0**0.5
+    long, short = _long_and_short(one, nodes)
+    share, half = min(1.0, face_mm / float(np.mean(np.diff(nodes)))), short / 2.0**0.5
+    return float(np.hypot(SLOPE * share * long, half)), float(np.hypot(BOW * share**2 * long, half))
+
+
+def _long_and_short(one: Component, nodes: FloatArray) -> tuple[float, float]:
+    """RMS of what the inner targets miss by long waves, and RMS of structure too short for them."""
+    rows = _skipping(nodes)
+    missed, doubt = rows @ one.coefficients, rows @ one.covariance @ rows.T
+    square = max(float(np.mean(missed**2) - np.mean(np.diag(doubt))), 0.0)
+    along = float(np.mean(missed[1:] * missed[:-1]) - np.mean(np.diag(doubt, 1)))
+    # Independent values of variance w miss by 1.5 w, neighbours by -w together; the longest of the others by LONG.
+    short = min(max(LONG * square - along, 0.0) / (1.0 + 1.5 * LONG), square / 1.5)
+    return float(np.sqrt(max(square - 1.5 * short, 0.0))), float(np.sqrt(short))
+
+
+def _skipping(nodes: FloatArray) -> FloatArray:
+    """Rows (m - 2, m): each inner value less the line between its neighbours."""
+    share = (nodes[1:-1] - nodes[:-2]) / (nodes[2:] - nodes[:-2])
+    rows, i = np.zeros((nodes.size - 2, nodes.size)), np.arange(nodes.size - 2)
+    rows[i, i], rows[i, i + 1], rows[i, i + 2] = share - 1.0, 1.0, -share
+    return rows

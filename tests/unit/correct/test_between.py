@@ -1,0 +1,60 @@
+"""What a polygon leaves between its corners: held against drawn waves, long ones and ones too short for it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gateway.correct.between import slope_and_bow
+from gateway.domain import Component
+from gateway.model.components import value
+from gateway.model.fit import fit_polygon
+
+FACE_MM, APART_MM, U_UM = 10.0, 30.0, 0.05
+
+
+def drawn(rng: np.random.Generator, wave_mm: float) -> tuple[Component, float]:
+    """A polygon through a wave of 1 um, and how far the wave varies from it over a face (RMS), its mean taken off."""
+    at = np.linspace(0.0, 300.0, 11)
+    at[1:-1] += rng.uniform(-0.2, 0.2, 9) * APART_MM
+    phase = rng.uniform(0.0, 2.0 * np.pi)
+
+    def wave(q: np.ndarray) -> np.ndarray:
+        return np.cos(2.0 * np.pi * q / wave_mm + phase)
+
+    means = wave(at) + rng.normal(0.0, U_UM, at.size)
+    found = fit_polygon(at, means, U_UM, name="EXZ", axis="Z", axis_unit="mm")
+    z = rng.uniform(40.0, 260.0) + np.linspace(-FACE_MM / 2.0, FACE_MM / 2.0, 9)
+    missed = wave(z) - value(found, z)
+    return found, float(np.std(missed))
+
+
+def pooled(wave_mm: float) -> float:
+    """Root mean square of true variation against what the polygon's corners and their noise say of it."""
+    rng, normalised = np.random.default_rng(4), []
+    noise = U_UM * 2.0**0.5 * FACE_MM / APART_MM / 12.0**0.5
+    for _ in range(300):
+        found, missed = drawn(rng, wave_mm)
+        normalised.append(missed / np.hypot(np.hypot(*slope_and_bow(found, FACE_MM)), noise))
+    return float(np.sqrt(np.mean(np.square(normalised))))
+
+
+@pytest.mark.parametrize("wave_mm", [90.0, 130.0, 200.0])
+def test_long_waves_vary_little_over_a_face(wave_mm: float) -> None:
+    found = pooled(wave_mm)
+    print(f"{wave_mm} mm: {found:.2f}")
+    assert 0.6 < found < 1.25
+
+
+def test_structure_shorter_than_the_targets_show_counts_in_full() -> None:
+    """Waves of 11 mm look like scatter from target to target: half of them and more is what a face then sees."""
+    rng = np.random.default_rng(7)
+    rows = [(drawn(rng, 11.0)[1], np.hypot(*slope_and_bow(drawn(rng, 11.0)[0], FACE_MM))) for _ in range(300)]
+    missed, told = np.sqrt(np.mean(np.square(rows), axis=0))
+    print(f"true {missed:.2f} um, told {told:.2f} um")
+    assert 0.5 < missed / told < 1.6
+
+
+def test_a_smooth_fit_counts_what_its_targets_scatter_about_it() -> None:
+    smooth = Component("EXZ", "Z", "mm", "polynomial", (0.0, 300.0), np.zeros(3), np.zeros((3, 3)), residual_rms=0.4)
+    assert np.hypot(*slope_and_bow(smooth, FACE_MM)) == pytest.approx(0.4)
