@@ -24,6 +24,7 @@ from gateway.correct.tables import Table
 from gateway.correct.undone import Tooth, doubts
 from gateway.domain import Proposal, TableChange
 from gateway.evaluate.approach import approach_of
+from gateway.evaluate.hidden import Hidden
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import FlankGrid, flank_grid
 from gateway.gear.grinding import Grinding
@@ -80,6 +81,7 @@ async def propose_tooth(
     uncertainty. Raises TableError (E-COMP-...), CaptureError (E-RUN-LIVE), ModelError (E-CORRECT-...).
     """
     own = await axis_changes(at, measured)
+    model = _with_between(model, at)
     live = {name: item.capture.live for name, item in measured.items() if item.capture.live is not None}
     task = _Task.of(at, model, measured, work, own, live)
     plan, nowhere = await task.placed(at)
@@ -99,6 +101,17 @@ async def propose_tooth(
     tooth = replace(tooth, said=told(tooth, model, found, gains, (*nowhere, *_left_alone(own))))
     at.folder.put(stages.TOOTH, tooth, (at.folder.digest(stages.PROPOSAL), *parents))
     return proposal, tooth
+
+
+def _with_between(model: ErrorModel, at: Bench) -> ErrorModel:
+    """The model with what the axes' check stops saw between the targets as structure that no fit follows."""
+    seen = {
+        axis.measure.component: at.folder.get(stages.hidden(axis.name), Hidden).u
+        for axis in at.site.axes
+        if at.folder.has(stages.hidden(axis.name))
+    }
+    motions = (replace(one, residual_rms=max(one.residual_rms, seen.get(one.name, 0.0))) for one in model.motions)
+    return replace(model, motions=tuple(motions))
 
 
 def _left_alone(own: Sequence[TableChange]) -> tuple[str, ...]:

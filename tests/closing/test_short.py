@@ -1,0 +1,47 @@
+"""Four closing runs with a short plan: positioning live, everything else from files; the truth is the judge."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from simulators.cell import Cell
+from simulators.cell.filed import write_filed_site
+from simulators.cellfile import CellFile, load_cell, with_plan
+from tests.closing.machines import machine
+from tests.closing.record import MachineResult
+from tests.closing.runs import run_machine
+
+LIVE = {"EXX", "EZZ", "ECC"}
+
+
+def short(cell: Cell, text: str) -> str:
+    """X and Z at fewer targets, and every set-up but those of X, Z and C as a file that the cell's bench has written."""
+    path = cell.site_path
+    path.write_text(
+        text.replace("count = 11", "count = 21").replace("repetitions = 2", "repetitions = 5"), encoding="utf-8"
+    )
+    write_filed_site(cell, path, {setup.component for setup in cell.file.setups} - LIVE)
+    axes, rest = path.read_text(encoding="utf-8").split("[[setups]]", 1)
+    few = axes.replace("count = 21", "count = 11").replace("repetitions = 5", "repetitions = 4")
+    return f"{few}[[setups]]{rest}"
+
+
+def kept(one: MachineResult) -> list[str]:
+    """What a single machine breaks of what all are held to."""
+    said = [one.failed] if one.failed else []
+    said += ["above its floor"] if one.after_um > one.limit_um else []
+    said += ["worse"] if one.after_um > one.set_right_um + 2.0 * one.u_um else []
+    said += [f"{part.name} off by {part.off:.2f}" for part in one.components if part.off > part.limit]
+    return said
+
+
+@pytest.mark.parametrize("name", ["demo", "eleven", "2", "4"])
+def test_a_short_plan_ends_at_the_floor_of_its_machine(tmp_path: Path, name: str) -> None:
+    file: CellFile = machine(int(name)) if name.isdecimal() else with_plan(load_cell(name))
+    found = run_machine(file, file.seed, tmp_path, short=True, edit=short)
+    print(found)
+    assert kept(found) == []
+    assert found.after_um < 0.5 * found.set_right_um
+    assert found.outcome == "better"
