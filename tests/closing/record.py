@@ -80,6 +80,7 @@ class MachineResult:
     components: tuple[Identified, ...] = ()
     axes: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     b_left: tuple[float, float] = (0.0, 0.0)
+    done_twice: tuple[str, ...] = ()
     outcome: str = ""
     words: str = ""
     virtual_s: float = 0.0

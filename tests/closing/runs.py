@@ -9,6 +9,7 @@ from pathlib import Path
 from time import perf_counter
 
 import numpy as np
+import pytest
 
 from drivers.clock import Clock, LoopClock, run_virtual
 from drivers.errors import TrueflankError
@@ -17,6 +18,7 @@ from gateway.store import RunFolder
 from gateway.tooth import FlankMap, FlankPrediction, InspectedFlank, ToothProposal, ToothVerdict
 from gateway.workflow import stages
 from gateway.workflow.closing import AFTER, BEFORE, close_site
+from gateway.workflow.outcome import Outcome
 from simulators.cell import Cell, cell_running
 from simulators.cellfile import CellFile
 from simulators.grinding import WorkPiece
@@ -26,6 +28,8 @@ from tests.closing.record import MachineResult, Normalised
 from tests.closing.tables import Grid
 
 BLOCK_S = 0.5
+# How often a run may do what it must not repeat when it goes on after a stop.
+ONCE = {"P-SETUP": 28, "P-PROPOSED": 7, "P-PUSH-ACTIVATE": 12, "P-GRIND-DONE": 3, "P-EVALUATED": 3}
 Edit = Callable[[Cell, str], str]
 Figures = Mapping[str, float]
 
@@ -40,9 +44,14 @@ class Ground:
 
 @dataclass
 class Watched:
-    """Listens to a run and keeps every part as soon as it has been inspected."""
+    """Listens to a run and keeps every part as soon as it has been inspected.
+
+    ``absent_at`` names a part before which the operator goes home.
+    """
 
     cell: Cell
+    absent_at: str = ""
+    folder: Path = Path()
     parts: dict[str, Ground] = field(default_factory=dict)
     said: list[str] = field(default_factory=list)
     _began: float = 0.0
@@ -50,8 +59,11 @@ class Watched:
     def say(self, code: str, /, **fields: object) -> None:
         """The run's progress."""
         self.said.append(code)
+        if code == "P-RUN":
+            self.folder = Path(str(fields["folder"]))
         if code == "P-PART":
             self._began = self.cell.clock.now()
+            self.cell.operator.change(auto=fields["part"] != self.absent_at)
         work = self.cell.shop.ground
         if code == "P-PART-DONE" and work is not None:
             self.parts[str(fields["part"])] = Ground(work, self._began)
@@ -68,23 +80,35 @@ class Closed:
     axes: Mapping[str, tuple[float, float]]
 
 
-async def closed(cell: Cell, clock: Clock, edit: Edit | None = None) -> Closed:
-    """Close the loop on a running cell; `edit` may change its site file first."""
+async def closed(cell: Cell, clock: Clock, edit: Edit | None = None, absent_at: str = "") -> Closed:
+    """Close the loop on a running cell; `edit` may change its site file first.
+
+    Where the operator goes home before a part, the run must end with an error and go on when he is back.
+    """
     path = cell.site_path
     if edit is not None:
         path.write_text(edit(cell, path.read_text(encoding="utf-8")), encoding="utf-8")
     site = load_site(path)
     names = [axis.name for axis in site.axes]
     before = {name: cell.figures(name, step=0.5)["M"] for name in names}
-    watched = Watched(cell)
-    name = site.site.name
-    outcome = await close_site(site, path, apply=True, machine_name=name, clock=clock, say=watched.say)
+    watched = Watched(cell, absent_at)
+
+    async def run(resume: RunFolder | None = None) -> Outcome:
+        name = site.site.name
+        return await close_site(site, path, apply=True, machine_name=name, clock=clock, say=watched.say, resume=resume)
+
+    if absent_at:
+        with pytest.raises(TrueflankError):
+            await run()
+        watched.absent_at = ""
+        cell.operator.change(auto=True)
+    outcome = await run(RunFolder(watched.folder) if absent_at else None)
     axes = {name: (before[name], cell.figures(name, step=0.5)["M"]) for name in names}
     return Closed(cell, site, RunFolder(Path(outcome.run_folder)), watched, axes)
 
 
 async def close_machine(
-    file: CellFile, seed: int, folder: Path, *, short: bool, edit: Edit | None = None
+    file: CellFile, seed: int, folder: Path, *, short: bool, edit: Edit | None = None, absent_at: str = ""
 ) -> MachineResult:
     """The whole run on one machine, judged; an error of ours that ended it is its result. On a virtual loop."""
     clock, began = LoopClock(), perf_counter()
@@ -92,7 +116,7 @@ async def close_machine(
     blank = MachineResult(file.name, seed, file.part.name, file.part.gear.zc, short, clock.utc().isoformat())
     async with cell_running(file, folder, clock, wires="memory", block_s=BLOCK_S) as cell:
         try:
-            result = judged(await closed(cell, clock, edit), blank)
+            result = judged(await closed(cell, clock, edit, absent_at), blank)
         except TrueflankError as error:
             result = replace(blank, failed=f"{error.code} {error.where}")
         return replace(result, virtual_s=clock.now(), wall_s=perf_counter() - began)
@@ -123,6 +147,7 @@ def judged(done: Closed, blank: MachineResult) -> MachineResult:
         components=identified(folder, done.cell.truth),
         axes=done.axes,
         b_left=(tooth.b_left, b_seen(folder, after.work)),
+        done_twice=tuple(sorted(code for code in ONCE if done.watched.said.count(code) > ONCE[code])),
         outcome=verdict.outcome,
         words=verdict.words,
     )
@@ -157,7 +182,7 @@ def grids_of(site_path: Path) -> dict[str, Grid]:
 
 
 def run_machine(
-    file: CellFile, seed: int, folder: Path, *, short: bool = False, edit: Edit | None = None
+    file: CellFile, seed: int, folder: Path, *, short: bool = False, edit: Edit | None = None, absent_at: str = ""
 ) -> MachineResult:
     """The same on a virtual loop of its own."""
-    return run_virtual(lambda: close_machine(file, seed, folder, short=short, edit=edit))
+    return run_virtual(lambda: close_machine(file, seed, folder, short=short, edit=edit, absent_at=absent_at))

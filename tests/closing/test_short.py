@@ -17,7 +17,7 @@ LIVE = {"EXX", "EZZ", "ECC"}
 
 
 def short(cell: Cell, text: str) -> str:
-    """X and Z at fewer targets, and every set-up but those of X, Z and C as a file that the cell's bench has written."""
+    """X and Z at fewer targets, and every set-up but those of X, Z and C as a file that the cell's bench wrote."""
     path = cell.site_path
     path.write_text(
         text.replace("count = 11", "count = 21").replace("repetitions = 2", "repetitions = 5"), encoding="utf-8"
@@ -37,11 +37,13 @@ def kept(one: MachineResult) -> list[str]:
     return said
 
 
-@pytest.mark.parametrize("name", ["demo", "eleven", "2", "4"])
-def test_a_short_plan_ends_at_the_floor_of_its_machine(tmp_path: Path, name: str) -> None:
+@pytest.mark.parametrize(("name", "absent_at"), [("demo", ""), ("eleven", ""), ("2", ""), ("4", "trial")])
+def test_a_short_plan_ends_at_the_floor_of_its_machine(tmp_path: Path, name: str, absent_at: str) -> None:
+    """On the last one nobody loads the trial part: the run stops, goes on later, and does nothing twice."""
     file: CellFile = machine(int(name)) if name.isdecimal() else with_plan(load_cell(name))
-    found = run_machine(file, file.seed, tmp_path, short=True, edit=short)
+    found = run_machine(file, file.seed, tmp_path, short=True, edit=short, absent_at=absent_at)
     print(found)
     assert kept(found) == []
+    assert found.done_twice == ()
     assert found.after_um < 0.5 * found.set_right_um
     assert found.outcome == "better"
