@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
@@ -121,11 +121,28 @@ class Supervisor:
 
     async def open_all(self) -> MachineIdentity:
         """Open and identify every device together. Raises DevicesFailed naming each one that did not."""
-        results = await asyncio.gather(*(self._open(name) for name in self._devices))
+        await self._open_these(self._devices)
+        return await self._known_machine()
+
+    async def hold(self, names: Collection[str]) -> None:
+        """Keep of all instruments only these open: what is not in use streams to nobody and may be carried about.
+
+        One that was let go is opened and identified anew when it is named again. Raises DevicesFailed.
+        """
+        for name, seen in self._pictures.items():
+            if name != self.CONTROLLER and name not in names and seen.state == "open":
+                await self._devices[name].close()
+                self._picture(name, seen.driver, "closed", seen.identity)
+        await self._open_these([name for name in self._devices if name in names and not self._is_open(name)])
+
+    def _is_open(self, name: str) -> bool:
+        return self._pictures[name].state == "open"
+
+    async def _open_these(self, names: Iterable[str]) -> None:
+        results = await asyncio.gather(*(self._open(name) for name in names))
         failures = tuple((name, error) for name, error in results if error is not None)
         if failures:
             raise DevicesFailed(failures)
-        return await self._known_machine()
 
     async def _open(self, name: str) -> tuple[str, TrueflankError | None]:
         driver = self._pictures[name].driver

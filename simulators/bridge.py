@@ -93,6 +93,7 @@ class BridgeAnswerer(Outlet):
         finally:
             if first:
                 self._peer, self._sequence = None, None
+                self._listened.clear()
 
     async def _reply(self, message: Message, first: bool) -> Reply | Refusal:
         if not isinstance(message, Request):
@@ -144,11 +145,13 @@ class BridgeAnswerer(Outlet):
             raise Refused(BATTERY_LOW, f"battery at {self.battery_pct:.0f} %")
         await self._pump()
         self._sequence = 0
+        self._listened.set()
         self._framing = BINARY if params.get("framing") == BINARY else JSON
         return {"framing": self._framing}
 
     async def _stop(self, _params: Mapping[str, Any]) -> Any:
         self._sequence = None
+        self._listened.clear()
         return {}
 
     async def _datum(self, _params: Mapping[str, Any]) -> Any:
@@ -194,7 +197,7 @@ class BridgeAnswerer(Outlet):
 
     async def _produce(self) -> None:
         while True:
-            await self._clock.sleep(self._block_s)
+            await self._block_over()
             await self._pump()
 
     async def _pump(self) -> None:

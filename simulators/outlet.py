@@ -8,9 +8,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 
 from drivers.clock import Clock, LoopClock
+from drivers.errors import DeadlineExceeded
 from drivers.transport import ByteTransport, Listener, serve
 
 Around = Callable[[ByteTransport], ByteTransport]
+# Nobody listens: the instrument keeps up with its machine in stretches of this length.
+IDLE_S = 5.0
 
 
 class Outlet(ABC):
@@ -23,6 +26,7 @@ class Outlet(ABC):
         self._around = around
         self._listener: Listener | None = None
         self._task: asyncio.Task[None] | None = None
+        self._listened = asyncio.Event()
         self.silent = False
 
     @property
@@ -57,6 +61,14 @@ class Outlet(ABC):
 
     async def _visited(self, wire: ByteTransport) -> None:
         await self._converse(self._around(wire) if self._around is not None else wire)
+
+    async def _block_over(self) -> None:
+        """Let the time of a block pass; while nobody listens a longer one, cut short when somebody comes."""
+        if not self._listened.is_set():
+            with contextlib.suppress(DeadlineExceeded):
+                async with self._clock.deadline(IDLE_S - self._block_s, self.url):
+                    await self._listened.wait()
+        await self._clock.sleep(self._block_s)
 
     @abstractmethod
     def _skip_to(self, now_s: float) -> None:

@@ -49,18 +49,32 @@ class UmdAnswerer(Outlet):
 
     async def _converse(self, peer: ByteTransport) -> None:
         await peer.write(BANNER)
+        if not self._peers:
+            self._pass_over()
         self._peers.append(peer)
+        self._listened.set()
         try:
             while True:
                 await peer.read(4096)  # the counter takes no commands
         finally:
             self._peers.remove(peer)
+            if not self._peers:
+                self._listened.clear()
+
+    def _pass_over(self) -> None:
+        """Count on to now; what nobody heard is gone."""
+        counts = self.counter.read(self._clock.now())
+        if len(counts.counts):
+            self._last_count = int(counts.counts[-1])
 
     async def _produce(self) -> None:
         while True:
-            await self._clock.sleep(self._block_s)
+            await self._block_over()
+            if not self._peers or self.silent:
+                self._pass_over()
+                continue
             counts = self.counter.read(self._clock.now())
-            if len(counts.sequence) and self._peers and not self.silent:
+            if len(counts.sequence):
                 await self._send(encode_rows(self.rows(counts)))
 
     async def _send(self, data: bytes) -> None:

@@ -160,15 +160,17 @@ class SinumerikOpcUa:
         """
         end = self._clock.now() + timeout_s
         before: Glance | None = None
+        looks = 0
         if self._moving_since is not None:
             await self._dialogue.wait()
         while not self._ended:
             seen = await self._dialogue.look()
+            looks += 1
             await self._dialogue.check_alarms(seen)
             if seen.word(Word.TRANSACTION) == self._token:
                 self._note_progress(seen)
                 if before is not None and before.words == seen.words and self._is_stop(seen, after):
-                    self._time_move()
+                    self._time_move(at_once=looks == 2)
                     return self._stop(seen)
                 self._ended = self._is_over(before, seen)
                 fresh = self._is_stop(seen, after) and not (before and before.words == seen.words)
@@ -216,10 +218,14 @@ class SinumerikOpcUa:
         self._moving_since = self._clock.now()
         self._dialogue.pace.again(min(QUIET_PART * self._move_s, QUIET_S))
 
-    def _time_move(self) -> None:
-        """Remember how long the move took: the next stop is not expected much earlier."""
+    def _time_move(self, *, at_once: bool) -> None:
+        """Remember how long the move took: the next stop is not expected much earlier.
+
+        One that stood there at the first look may have stood there for long: the next is looked for earlier.
+        """
         if self._moving_since is not None:
-            self._move_s, self._moving_since = self._clock.now() - self._moving_since, None
+            took_s = self._clock.now() - self._moving_since
+            self._move_s, self._moving_since = (0.5 * took_s if at_once else took_s), None
 
     async def abort_program(self) -> None:
         """Set the abort word: a program of ours that waits, now or at its start, leaves to its end."""

@@ -11,6 +11,7 @@ from typing import Any
 
 from drivers.clock import Clock
 from drivers.errors import TrueflankError, words
+from drivers.types import LiveSet
 from gateway.config import SiteFile
 from gateway.correct.plan import AxisGrid
 from gateway.correct.undone import THRESHOLD_UM, Open, Tooth, what_next
@@ -71,9 +72,11 @@ async def measure_site(
 ) -> PlanOutcome:
     """Walk through the plan's set-ups (those wanted, by key or component) and tell what is known afterwards.
 
-    Each set-up is stored before the next; a run that stopped is resumed with its folder, finished set-ups are not
-    repeated. Raises ConfigError (E-SETUP-...), IllegalTransition (E-SETUP-MACHINE, E-SETUP-CHANGED), CaptureError
-    (E-SETUP-TABLES: tables changed since an earlier set-up), and what capturing raises; the folder keeps the error.
+    All instruments are opened before anything moves, so that a missing one is told at once; then only the one in
+    use stays open. Each set-up is stored before the next; a run that stopped is resumed with its folder, finished
+    set-ups are not repeated. Raises ConfigError (E-SETUP-...), IllegalTransition (E-SETUP-MACHINE, E-SETUP-CHANGED),
+    CaptureError (E-SETUP-TABLES: tables changed since an earlier set-up), and what capturing raises; the folder keeps
+    the error.
     """
     todo = chosen(planned(site), wanted)
     folder = resume or new_run(site, site_path)
@@ -111,9 +114,11 @@ async def _walk(at: Bench, left: Sequence[Planned], *, resumed: bool) -> None:
     known = await _same_machine(at) if resumed else {}
     store_equipment(at)
     at.folder.set_state(MEASURING)
+    tables: dict[str, LiveSet] = {}
     for number, one in enumerate(left):
         at.say("P-SETUP-PLAN", setup=one.key, number=number + 1, total=len(left))
-        capture = await measure_setup(at, one)
+        await at.supervisor.hold(instruments_of([one]))
+        capture = await measure_setup(at, one, tables)
         _same_tables(known, capture, one.key)
     at.folder.set_state(PARTIAL)
 
@@ -149,7 +154,7 @@ def conclude(site: SiteFile, folder: RunFolder, tooth: Tooth | None) -> PlanOutc
     captures = [folder.get(stages.setup(one.key), Capture) for one in done]
     rotary = [axis.name for axis in site.axes if axis.kind == "rotary"]
     measurements = [
-        one.measurement(capture.targets, capture.deviations, rotary, _stood(folder, one.key))
+        one.measurement(capture.targets, capture.deviations, rotary, _stood(site, folder, one))
         for one, capture in zip(done, captures, strict=True)
     ]
     usual = site.assumed
@@ -163,10 +168,12 @@ def conclude(site: SiteFile, folder: RunFolder, tooth: Tooth | None) -> PlanOutc
     return PlanOutcome(folder.state, str(folder.path), model, rows, remaining, opened, advice)
 
 
-def _stood(folder: RunFolder, key: str) -> dict[str, float]:
-    """Where the axes stood when a set-up began; nothing for a file."""
-    name = stands_name(key)
-    return dict(json.loads(folder.read_text(name))) if name in folder.facts["files"] else {}
+def _stood(site: SiteFile, folder: RunFolder, one: Planned) -> dict[str, float]:
+    """Where the axes stood when a set-up began, by letter; of a file what its `park` says."""
+    name = stands_name(one.key)
+    if name in folder.facts["files"]:
+        return dict(json.loads(folder.read_text(name)))
+    return {axis.letter: one.setup.park[axis.name] for axis in site.axes if axis.name in one.setup.park}
 
 
 def grids(site: SiteFile) -> tuple[AxisGrid, ...]:

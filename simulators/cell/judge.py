@@ -13,6 +13,7 @@ import numpy as np
 from drivers.errors import ConfigError, TrueflankError
 from simulators.cell import Cell
 from simulators.cell.control import with_serial
+from simulators.cell.filed import write_filed_site, write_setup_file
 from simulators.grinding import WorkPiece
 from simulators.modbus import PlcStation
 from simulators.nck.machine import NckRefusal
@@ -65,6 +66,8 @@ class Judge:
             "plc": self._change_plc,
             "cut_after_blocks": self._cut,
             "result_file": self._result_file,
+            "setup_file": self._setup_file,
+            "filed_site": self._filed_site,
             "gear_machine": lambda q: self._gear_machine().machine.change(**q["options"]),
             "reclamp": lambda _q: self._gear_machine().reclamp(),
             "load_blank": lambda _q: {"done": self._cell.shop.load()},
@@ -202,6 +205,17 @@ class Judge:
         path = Path(str(question["path"]))
         made = self._cell.write_result_file(str(question["axis"]), path, int(question.get("repetitions", 5)))
         return {"path": str(made)}
+
+    def _setup_file(self, question: Mapping[str, Any]) -> dict[str, Any]:
+        """{"component", "axis", "path", "targets", "repetitions", "park"}: any set-up, measured and saved as .csv."""
+        asked = {key: question[key] for key in ("targets", "repetitions", "park") if key in question}
+        component, axis, path = (str(question[key]) for key in ("component", "axis", "path"))
+        return {"path": str(write_setup_file(self._cell, component, axis, Path(path), **asked))}
+
+    def _filed_site(self, question: Mapping[str, Any]) -> dict[str, Any]:
+        """{"path", "components"}: a site file whose set-ups (those named, all without) come from tables beside it."""
+        path = Path(str(question.get("path", self._cell.site_path)))
+        return {"path": str(write_filed_site(self._cell, path, question.get("components", ())))}
 
     def _gear_machine(self) -> GearAnswerer:
         found = (one for one in self._cell.instruments.values() if isinstance(one, GearAnswerer))

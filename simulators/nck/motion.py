@@ -12,6 +12,8 @@ Array = NDArray[np.float64]
 
 HISTORY_S = 90.0
 _TRIM_ABOVE = 1024
+# So many lags after the last piece began nothing of what was left over shows in a double.
+_AT_REST_LAGS = 40.0
 
 
 class LaggedPath:
@@ -96,6 +98,8 @@ class LaggedPath:
 
     def responses(self, times: Array) -> Array:
         """The response at many times."""
+        if self._slopes[-1] == 0.0 and times.size and times.min() - self._starts[-1] > _AT_REST_LAGS * self._lag:
+            return np.full(times.shape, self._values[-1])
         if self._arrays is None:
             self._arrays = (
                 np.array(self._starts),
@@ -138,6 +142,8 @@ class DirectionLog:
 
     def at(self, times: Array) -> Array:
         """The sign at many times."""
+        if times.size and times.min() >= self._times[-1]:
+            return np.full(times.shape, float(self._signs[-1]))
         place = np.maximum(np.searchsorted(np.array(self._times), times, side="right") - 1, 0)
         signs: Array = np.array(self._signs, dtype=np.float64)[place]
         return signs

@@ -8,15 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simulators.cellfile import Sensor, Setup
-from simulators.optics.bench import Bench, Mounting, Watcher, letters_of
+from simulators.optics.bench import SETTLED, Bench, Mounting, Watcher, letters_of
 from simulators.optics.readings import component_of, reading
 from simulators.optics.stops import Stops
 from simulators.truth import AxisMotion, generator
-from simulators.truth.terms import curve
+from simulators.truth.terms import Curve, curve
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 UNITS = {"straightness": "um", "angle": "arcsec"}
+# Drift and warming move a machine that stands still by less than 5 nm in this time; noise is ten times that.
+STANDS_S = 3.0
 # What the optics of a set-up are called by the instrument that can tell.
 TOLD = {"angular": "angular", "level": "angular", "linear": "linear", "rotary": "rotary"}
 
@@ -45,6 +47,8 @@ class SensorReader:
         self._watcher = Watcher(bench)
         self._mounting: Mounting | None = None
         self._stops: Stops | None = None
+        self._own: dict[str, Curve] = {}
+        self._stood: tuple[dict[str, AxisMotion], float, FloatArray] | None = None
         self._zero = 0.0
         self._shown = 0.0
         self._next = 0
@@ -82,6 +86,7 @@ class SensorReader:
 
     def _remount(self, mounting: Mounting | None) -> None:
         self._mounting = mounting
+        self._stood = None
         self.beam_lost = mounting is None
         if mounting is not None:
             seed, name = self._bench.truth.seed, f"{self.spec.name} {mounting.number}"
@@ -91,19 +96,28 @@ class SensorReader:
             self._zero = 0.0 if absolute else drawn * self.spec.zero
 
     def _value(self, setup: Setup, times: FloatArray) -> FloatArray:
-        motions = self._watcher.motions(_watched(setup), times)
-        frames = self._bench.truth.frames(motions, float(times[-1]))
-        place = motions[setup.axis].position
-        value = reading(setup, frames, motions) + self._own_error(setup, place) + self._zero
+        motions = self._watcher.motions(watched(setup), times)
+        value = self._geometry(setup, motions, float(times[-1])) + self._zero
         drift = self.spec.noise.drift_per_h * times / 3600.0
         noise = self._rng.normal(0.0, self.spec.noise.sample, len(times))
         return value + drift + noise + self._offsets(motions[setup.axis], len(times))
 
+    def _geometry(self, setup: Setup, motions: dict[str, AxisMotion], t: float) -> FloatArray:
+        """What the optics show at these motions with the instrument's own error; kept while the machine stands."""
+        if self._stood is not None and t - self._stood[1] < STANDS_S and _same(self._stood[0], motions):
+            return self._stood[2]
+        frames = self._bench.truth.frames(motions, t)
+        value = reading(setup, frames, motions) + self._own_error(setup, motions[setup.axis].position)
+        self._stood = (motions, t, value) if len(value) == 1 else None
+        return value
+
     def _own_error(self, setup: Setup, place: FloatArray) -> FloatArray:
         axis = self._bench.cell.axis(setup.axis)
-        seed = self._bench.truth.seed
-        own = curve(self.spec.own_error, axis.travel, axis.kind == "rotary", seed, f"{self.spec.name} own error", False)
-        return own(np.mod(place, 360.0) if axis.kind == "rotary" else place)
+        if axis.letter not in self._own:
+            rotary, name = axis.kind == "rotary", f"{self.spec.name} own error"
+            own = curve(self.spec.own_error, axis.travel, rotary, self._bench.truth.seed, name, False)
+            self._own[axis.letter] = own
+        return self._own[axis.letter](np.mod(place, 360.0) if axis.kind == "rotary" else place)
 
     def _offsets(self, motion: AxisMotion, count: int) -> FloatArray:
         position = np.broadcast_to(motion.position, count)
@@ -118,7 +132,18 @@ class SensorReader:
         return Readings(times, shown, ~lost)
 
 
-def _watched(setup: Setup) -> str:
+def _same(before: dict[str, AxisMotion], now: dict[str, AxisMotion]) -> bool:
+    """Whether every axis stands where it stood."""
+    return all(_stands(one, now[letter]) for letter, one in before.items())
+
+
+def _stands(before: AxisMotion, now: AxisMotion) -> bool:
+    if len(now.position) > 1 or abs(now.position[0] - before.position[0]) > SETTLED:
+        return False
+    return bool(now.direction[0] == before.direction[0] and now.windup[0] == before.windup[0])
+
+
+def watched(setup: Setup) -> str:
     """The axes whose error motions reach this reading."""
     chain = "XZC" if setup.optics in {"ball", "bar"} else letters_of(setup)
     return "".join(dict.fromkeys(chain + setup.axis))

@@ -53,6 +53,7 @@ class Truth:
             a.letter: self._curve(a.reversal, a, f"reversal {a.letter}") for a in cell.axes
         }
         self._location = {name: self._located(name, value) for name, value in cell.truth.locations.items()}
+        self._rest: dict[str, tuple[float, FloatArray]] = {}
         self.climate = Climate(cell.climate)
 
     def _curve(self, terms: Terms, axis: Axis, name: str) -> Curve:
@@ -66,7 +67,16 @@ class Truth:
         """An error motion such as EYX at axis positions (n,), um or arcsec, without any reversal."""
         found = self._curves.get(name)
         place = np.asarray(position, dtype=np.float64)
-        return np.zeros_like(place) if found is None else self.sign * found(self._turned(name[2], place))
+        if found is None:
+            return np.zeros_like(place)
+        if place.shape != (1,):
+            return self.sign * found(self._turned(name[2], place))
+        # An axis that stands is asked for again and again.
+        at, value = self._rest.get(name, (np.nan, place))
+        if at != place[0]:
+            value = self.sign * found(self._turned(name[2], place))
+            self._rest[name] = float(place[0]), value
+        return value.copy()
 
     def _turned(self, letter: str, position: FloatArray) -> FloatArray:
         return np.mod(position, 360.0) if self.cell.axis(letter).kind == "rotary" else position

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -44,11 +45,15 @@ class Readings:
         return Capture(axis, name, one.axis_unit, *reading, source="file", started_utc=utc, ended_utc=utc)
 
 
-def read(truth: Truth, seed: int, repetitions: int = 5) -> Readings:
-    """Read all 18 motions and the leans of a true machine: with scatter, sloping mountings, eccentric artefacts."""
+def read(truth: Truth, seed: int, repetitions: int = 5, counts: Mapping[str, int] | None = None) -> Readings:
+    """Read all 18 motions and the leans of a true machine: with scatter, sloping mountings, eccentric artefacts.
+
+    ``counts`` gives other numbers of targets by axis.
+    """
     rng = np.random.default_rng(seed)
     found = []
-    for axis, (low, high, count) in TARGETS.items():
+    for axis, (low, high, usual) in TARGETS.items():
+        count = (counts or {}).get(axis, usual)
         at = np.linspace(low, high, count)
         at[1:-1] += rng.uniform(-0.2, 0.2, count - 2) * (at[1] - at[0])
         ball = {pair: rng.normal(0.0, BALL_UM, 2) for pair in ("XY", "AB")}

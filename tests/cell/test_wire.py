@@ -47,7 +47,7 @@ def _until(cell: Any, process: subprocess.Popen[str], good: Callable[[dict[str, 
 
 
 def test_a_run_over_the_wires_makes_the_axis_better(trueflank_cell: Any) -> None:
-    cell = trueflank_cell("demo", speed=100.0, seed=4)
+    cell = trueflank_cell("demo", speed=300.0, seed=4)
     site = _short_site(cell)
     code, out, _err = _ended("check", str(site), "--connect", "--json")
     assert code == 0
@@ -64,10 +64,10 @@ def test_a_run_over_the_wires_makes_the_axis_better(trueflank_cell: Any) -> None
 
 
 def test_the_gateway_killed_between_the_two_halves(trueflank_cell: Any) -> None:
-    cell = trueflank_cell("demo", speed=100.0, seed=6)
+    cell = trueflank_cell("demo", speed=300.0, seed=6)
     site = _short_site(cell)
     first = cell.ask("tables")
-    cell.set("operator", options={"release_delay_s": 600.0})  # long enough to die before NC START is pressed again
+    cell.set("operator", options={"release_delay_s": 900.0})  # long enough to die before NC START is pressed again
     with _command("run", str(site), "--apply", "--machine", MACHINE, "--json") as gateway:
         _until(cell, gateway, lambda status: status["message"].startswith("TRUEFLANK LOADED"))
         gateway.kill()

@@ -10,7 +10,7 @@ import pytest
 from drivers.clock import LoopClock, run_virtual
 from drivers.errors import ConfigError, UnsupportedDevice
 from drivers.types import Optics
-from gateway.capture.errormotion import ErrorRig, capture_error, channel_of, error_capture
+from gateway.capture.errormotion import ErrorReadings, ErrorRig, capture_error, channel_of, error_capture
 from gateway.capture.live import RawCapture
 from gateway.capture.mounting import MountingProof, prove_mounting
 from gateway.config import AxisSection
@@ -84,6 +84,22 @@ def test_every_reading_belongs_to_its_own_stop_with_the_sense_declared(factor: f
     assert capture.unit == "um"
     assert any("no jog can prove it" in note for note in capture.notes)
     assert (proof.optics, proof.unit, len(proof.evidence)) == ("straightness", "um", 3)
+
+
+def test_a_long_wait_before_the_first_stop_does_not_make_every_stop_as_long() -> None:
+    """The operator takes half a minute to mount; a reading then takes its window and a block or two, no more."""
+
+    async def main() -> float:
+        clock = LoopClock()
+        clock.now()
+        rig = rig_of(Little(clock, reading(), ("deviation_um",), "straightness"))
+        async with ErrorReadings(rig) as readings:
+            await clock.sleep(30.0)
+            asked = clock.now()
+            await readings.settled(rig.window)
+            return clock.now() - asked - rig.window.settle_s - rig.window.average_s
+
+    assert 0.0 <= run_virtual(main) < 1.5
 
 
 def test_samples_that_arrive_late_are_waited_for() -> None:

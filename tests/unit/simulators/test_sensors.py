@@ -207,3 +207,25 @@ def test_the_demo_cell_has_a_set_up_for_every_error_of_the_machine() -> None:
     wanted = {(f"E{to}{axis}", axis) for axis in "XZC" for to in "XYZABC"}
     wanted |= {("B0Z", "X"), ("B0Z", "Z"), ("B0Z-R", "X"), ("B0Z-R", "Z"), ("A0C", "Z"), ("B0C", "Z")}
     assert wanted <= have
+
+
+def test_a_machine_that_stands_is_not_asked_again_but_followed_within_5_nm() -> None:
+    """X wanders by a nanometre a second under a ball: asked often or once, an instrument tells the same."""
+    base = plain_cell()
+    axes = [axis | ({"drift_per_h": 3.6} if axis["letter"] == "X" else {}) for axis in base["axes"]]  # type: ignore[attr-defined]
+    sensor = {"kind": "straightness", "name": "sensor", "zero": 0.0}
+    setup = {"component": "EXC", "axis": "C", "instrument": "sensor", "optics": "ball"}
+    truth = {"motions": {"EXC": curve("C")}}
+    cell = CellFile.model_validate(plain_cell(axes=axes, instruments=[sensor], setups=[setup], truth=truth))
+
+    def told(asked: list[float]) -> list[float]:
+        bench = Bench(Truth(cell), Motion(C1=[(0.0, 10.0), (20.0, 10.0), (21.0, 70.0), (90.0, 70.0)]))
+        bench.mount(cell.setups[0])
+        reader = SensorReader(cell.instruments[0], bench)  # type: ignore[arg-type]
+        return [float(reader.read(at).value[-1]) for at in asked]
+
+    often = dict(enumerate(told(np.arange(0.5, 80.1, 0.5).tolist())))
+    for second in (10.0, 25.0, 80.0):
+        (once,) = told([second])
+        assert often[round(2.0 * second) - 1] == pytest.approx(once, abs=0.005)
+    assert often[159] - often[49] == pytest.approx(0.055, abs=0.005)

@@ -1,0 +1,76 @@
+"""Time is injected: deadlines, ages and waits come from a clock, wall or virtual, handed in from outside.
+
+The asyncio loop is the clock's source. Under `VirtualTimeLoop` the loop's own time stands still while any
+task can run and jumps to the next timer when none can, so a test waits hours in milliseconds and every
+library that sleeps on the loop (asyncua, pymodbus) follows without knowing.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator
+from datetime import UTC, datetime, timedelta
+from typing import Protocol
+
+from drivers.clock.virtual import VirtualTimeLoop, run_virtual
+from drivers.errors import DeadlineExceeded
+
+__all__ = ["Clock", "LoopClock", "VirtualTimeLoop", "run_virtual"]
+
+
+class Clock(Protocol):
+    """What a room may know of time. Seconds are monotonic; ``utc`` is for records only."""
+
+    def now(self) -> float:
+        """Monotonic seconds of this clock."""
+        ...
+
+    def utc(self) -> datetime:
+        """The moment for records, in UTC."""
+        ...
+
+    async def sleep(self, seconds: float) -> None:
+        """Wait that many seconds of this clock."""
+        ...
+
+    def deadline(self, timeout_s: float, where: str) -> contextlib.AbstractAsyncContextManager[None]:
+        """Bound a block; raises `DeadlineExceeded` (E-LINK-DEADLINE) when it takes longer."""
+        ...
+
+
+class LoopClock:
+    """The running loop's time times a fixed speed: wall time at speed 1, a fast cell at 100."""
+
+    def __init__(self, speed: float = 1.0, started_utc: datetime | None = None) -> None:
+        if speed <= 0:
+            raise ValueError("a clock's speed must be positive")
+        self.speed = speed
+        self._started_utc = started_utc
+        self._origin: float | None = None
+
+    def now(self) -> float:
+        """Seconds of this clock; starts near zero at first use."""
+        loop_time = asyncio.get_running_loop().time()
+        if self._origin is None:
+            self._origin = loop_time
+        return (loop_time - self._origin) * self.speed
+
+    def utc(self) -> datetime:
+        """UTC now, or the given start plus this clock's seconds."""
+        if self._started_utc is None:
+            return datetime.now(UTC)
+        return self._started_utc + timedelta(seconds=self.now())
+
+    async def sleep(self, seconds: float) -> None:
+        """Wait; zero or less gives other tasks one turn."""
+        await asyncio.sleep(max(seconds, 0.0) / self.speed)  # noqa: TID251 - the one place
+
+    @contextlib.asynccontextmanager
+    async def deadline(self, timeout_s: float, where: str) -> AsyncIterator[None]:
+        """Bound a block of awaits. Raises DeadlineExceeded; cancels from outside pass through."""
+        try:
+            async with asyncio.timeout(timeout_s / self.speed):  # noqa: TID251 - the one place
+                yield
+        except TimeoutError as error:
+            raise DeadlineExceeded("E-LINK-DEADLINE", where, timeout_s=timeout_s) from error
