@@ -10,7 +10,7 @@ from gateway.interlocks.cross import CROSS, CROSS_RELEASE
 from gateway.interlocks.facts import MAX_JUMP, PushFacts, Refusal, Rule, value_at
 from gateway.interlocks.limits import PushLimits, limits_of
 from gateway.interlocks.machine import CONSENT, MACHINE, NAMED, RELEASE
-from gateway.interlocks.measured import MEASURED, MEASURED_CROSS
+from gateway.interlocks.measured import MEASURED, MEASURED_CROSS, not_worth_it
 from gateway.interlocks.table import FITS, TABLE
 
 __all__ = [
@@ -20,6 +20,7 @@ __all__ = [
     "Refusal",
     "limits_of",
     "needed",
+    "not_worth_it",
     "refusals",
     "value_at",
     "warnings",

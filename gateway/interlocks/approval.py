@@ -32,7 +32,7 @@ def _steep(facts: PushFacts) -> Iterator[Refusal]:
 
 
 def _far(facts: PushFacts) -> Iterator[Refusal]:
-    change, limit = largest_change(facts), facts.bounds.warn_change
+    change, limit = largest_change(facts.change), facts.bounds.warn_change
     if limit + ROUNDING < change <= facts.bounds.change + ROUNDING:
         fields = {"change": round(change, 3), "limit": limit}
         yield from no("W-INT-CHANGE", table=facts.table.name, unit=facts.table.deviation_unit, **fields)

@@ -8,6 +8,7 @@ from datetime import datetime
 import numpy as np
 
 from drivers.types import Ambient, FloatArray
+from gateway.domain import Capture, TableChange
 from gateway.interlocks.facts import ROUNDING, PushFacts, Refusal, Rule, no
 from gateway.interlocks.limits import (
     MAX_AGE,
@@ -105,24 +106,34 @@ def _measured_axis(facts: PushFacts) -> Iterator[Refusal]:
         yield from no("E-INT-SENSE", axis=capture.axis)
 
 
-def _gain(facts: PushFacts) -> Iterator[Refusal]:
-    """What is predicted to remain must be half of what was measured at most."""
-    if facts.capture is None or facts.change.predicted.size < 2:
+def _worth(facts: PushFacts) -> Iterator[Refusal]:
+    if facts.capture is not None:
+        yield from not_worth_it(facts.capture, facts.change)
+
+
+def not_worth_it(capture: Capture, change: TableChange) -> tuple[Refusal, ...]:
+    """Why this change of an axis' own table gains too little for what was measured; empty: it is worth writing.
+
+    Twice the pooled standard deviation of one reading must be a third of the largest correction at most, and what is
+    predicted to remain half of what was measured.
+    """
+    return (*_scattered(capture, change), *_remaining(capture, change))
+
+
+def _scattered(capture: Capture, change: TableChange) -> Iterator[Refusal]:
+    scatter, largest = 2.0 * _pooled(capture.deviations), largest_change(change)
+    if largest > 0.0 and scatter > MAX_REPEATABILITY * largest:
+        fields = {"scatter": round(scatter, 3), "largest": round(largest, 3), "unit": change.new.deviation_unit}
+        yield from no("E-INT-REPEAT", axis=change.axis, **fields)
+
+
+def _remaining(capture: Capture, change: TableChange) -> Iterator[Refusal]:
+    if change.predicted.size < 2:
         return
-    measured, predicted = _spread(_means(facts.capture.deviations)), _spread(facts.change.predicted)
+    measured, predicted = _spread(_means(capture.deviations)), _spread(change.predicted)
     if not predicted <= measured * (MAX_REMAINING + 1e-9):
         fields = {"predicted": round(predicted, 3), "measured": round(measured, 3), "limit": 100.0 * MAX_REMAINING}
-        yield from no("E-INT-GAIN", axis=facts.change.axis, unit=facts.table.deviation_unit, **fields)
-
-
-def _repeatable(facts: PushFacts) -> Iterator[Refusal]:
-    """Twice the pooled standard deviation of one reading must be a third of the largest correction at most."""
-    if facts.capture is None:
-        return
-    scatter, largest = 2.0 * _pooled(facts.capture.deviations), largest_change(facts)
-    if largest > 0.0 and scatter > MAX_REPEATABILITY * largest:
-        fields = {"scatter": round(scatter, 3), "largest": round(largest, 3), "unit": facts.table.deviation_unit}
-        yield from no("E-INT-REPEAT", axis=facts.change.axis, **fields)
+        yield from no("E-INT-GAIN", axis=change.axis, unit=change.new.deviation_unit, **fields)
 
 
 def _pooled(deviations: FloatArray) -> float:
@@ -148,5 +159,5 @@ def _spread(values: FloatArray) -> float:
     return float(np.std(values)) if values.size else 0.0
 
 
-MEASURED: tuple[Rule, ...] = (_measured_axis, _age, _warmth, _coverage, _complete, _repeatable, _gain)
+MEASURED: tuple[Rule, ...] = (_measured_axis, _age, _warmth, _coverage, _complete, _worth)
 MEASURED_CROSS: tuple[Rule, ...] = (_age, _warmth, _complete)

@@ -8,6 +8,7 @@ import numpy as np
 
 from drivers.types import CompensationTable
 from drivers.units import deviation_scale
+from gateway.domain import TableChange
 from gateway.interlocks.facts import ROUNDING, PushFacts, Refusal, Rule, no, value_at
 from gateway.interlocks.limits import COARSEST_UM
 
@@ -92,17 +93,17 @@ def _reference(facts: PushFacts) -> Iterator[Refusal]:
         yield from no("E-INT-REF-VALUE", table=facts.table.name, unit=facts.table.deviation_unit, **fields)
 
 
-def largest_change(facts: PushFacts) -> float:
+def largest_change(change: TableChange) -> float:
     """Largest difference to what acts now, at the new table's points."""
-    old = facts.change.old if facts.change.old_enabled else None
-    places = np.asarray(facts.table.positions)
+    old = change.old if change.old_enabled else None
+    places = np.asarray(change.new.positions)
     before = np.array([value_at(old, place) for place in places]) if old is not None else np.zeros(places.shape)
-    changes = np.abs(np.asarray(facts.table.deviations, dtype=np.float64) - before)
+    changes = np.abs(np.asarray(change.new.deviations, dtype=np.float64) - before)
     return float(np.max(changes[np.isfinite(changes)], initial=0.0))
 
 
 def _change(facts: PushFacts) -> Iterator[Refusal]:
-    largest = largest_change(facts)
+    largest = largest_change(facts.change)
     if largest > facts.bounds.change + ROUNDING:
         fields = {"change": round(largest, 3), "limit": facts.bounds.change}
         yield from no("E-INT-CHANGE", table=facts.table.name, unit=facts.table.deviation_unit, **fields)

@@ -14,6 +14,7 @@ from gateway.domain import Capture, Component, Proposal, TableChange
 from gateway.errors import CaptureError
 from gateway.evaluate.hidden import Hidden, hidden_structure, lonely
 from gateway.evaluate.repetitions import RobustMeans, robust_means
+from gateway.interlocks import not_worth_it
 from gateway.model.components import standard_uncertainty, value
 from gateway.model.fit import fit_positioning
 from gateway.table import Grid, TableAxis
@@ -60,7 +61,7 @@ async def _change(at: Bench, axis: AxisSection, item: Measured) -> TableChange:
     component = replace(component, residual_rms=max(component.residual_rms, hidden.u))
     at.folder.put(stages.component(axis.name), component, (item.digest,))
     limits = await at.supervisor.controller.table_limits(axis.name)
-    return propose_table(
+    change = propose_table(
         TableAxis(axis.name, axis.unit, axis.reference, axis.modulo),
         component,
         MeasuredMeans(capture.targets, means.mean, means.u, _rest(means), unseen),
@@ -69,6 +70,8 @@ async def _change(at: Bench, axis: AxisSection, item: Measured) -> TableChange:
         resolution=limits.resolution * deviation_scale(axis.unit),
         reserved_points=limits.reserved_points,
     )
+    against = () if change.skipped else not_worth_it(capture, change)
+    return replace(change, skipped="; ".join(one.words for one in against)) if against else change
 
 
 def between_targets(component: Component, capture: Capture) -> Hidden:

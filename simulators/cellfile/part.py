@@ -10,10 +10,10 @@ from simulators.cellfile.terms import Section
 
 
 class Clamping(Section):
-    """How well a part is clamped: each clamping draws its own place within these sizes.
+    """How well a part is clamped: each clamping draws its own place, normal about none, these sizes being k = 2.
 
-    ``eccentric_um`` off the axis, ``tilt_arcsec`` out of it, ``turned_arcsec`` about it (a blank's flanks are
-    left and right of where they should be).
+    ``eccentric_um`` off the axis along x and along y, ``tilt_arcsec`` out of it about each, ``turned_arcsec`` about it
+    (a blank's flanks are left and right of where they should be).
     """
 
     eccentric_um: float = Field(default=0.0, ge=0)

@@ -33,12 +33,9 @@ class Pass:
 def clamped(clamping: Clamping, seed: int, *names: str) -> Pose:
     """Where a part comes to sit when somebody clamps it: its frame in that of the axis, drawn by the seed."""
     rng = generator(seed, "clamping", *names)
-    towards, leaning = rng.uniform(0.0, 2.0 * np.pi, 2)
-    far, much = rng.uniform(0.5, 1.0, 2)
-    turned = float(rng.uniform(-1.0, 1.0)) * clamping.turned_arcsec * ARCSEC
-    off, tilt = far * clamping.eccentric_um * UM, much * clamping.tilt_arcsec * ARCSEC
-    shift = (float(off * np.cos(towards)), float(off * np.sin(towards)), 0.0)
-    return still(shift, (float(tilt * np.cos(leaning)), float(tilt * np.sin(leaning)), turned))
+    x, y, a, b, turned = rng.normal(0.0, 0.5, 5)
+    off, tilt = clamping.eccentric_um * UM, clamping.tilt_arcsec * ARCSEC
+    return still((x * off, y * off, 0.0), (a * tilt, b * tilt, turned * clamping.turned_arcsec * ARCSEC))
 
 
 class WorkPiece:

@@ -20,6 +20,8 @@ from simulators.truth import generator
 LINEAR_UM = 5.0
 ANGULAR_ARCSEC = 7.2
 Rng = np.random.Generator
+# Targets of a set-up where the demo's plan has fewer.
+DENSE = {11: 21, 16: 24}
 # Sizes of what must not be seen whole at the tooth or lies below the class, in um or arcsec.
 STRAIGHT, TILT, RADIAL, AXIAL, WOBBLE = (1.5, 4.0), (1.0, 3.0), (0.6, 1.5), (0.5, 1.5), (0.3, 0.8)
 GEARS: Mapping[str, tuple[Mapping[str, float], float]] = {
@@ -154,7 +156,7 @@ def _axis(axis: dict[str, Any], rng: Rng) -> dict[str, Any]:
     changes: dict[str, Any] = {"reversal": reversal, "hysteresis": hysteresis}
     changes["drift_per_h"] = float(rng.uniform(-0.4, 0.4) * (0.5 if rotary else 1.0))
     if not rotary:
-        changes["expansion_ppm_per_k"] = float(rng.uniform(11.2, 11.9))
+        changes["expansion_ppm_per_k"] = float(rng.uniform(11.4, 11.6))
     return axis | changes
 
 
@@ -182,16 +184,29 @@ def _instrument(instrument: dict[str, Any], rng: Rng) -> dict[str, Any]:
     noise["drift_per_h"] *= float(rng.choice((-1.0, 1.0)))
     size = noise["outliers"]["size"] or 12.0 * noise["stop"]
     noise["outliers"] = noise["outliers"] | {"count": int(rng.integers(1, 4)), "size": size}
-    own = [term | {"phase_deg": float(rng.uniform(0.0, 360.0))} for term in instrument.get("own_error", ())]
+    own = [
+        term
+        | {"phase_deg": float(rng.uniform(0.0, 360.0)), "amplitude": term["amplitude"] * float(rng.uniform(0.4, 0.9))}
+        for term in instrument.get("own_error", ())
+    ]
     return instrument | {"noise": noise} | ({"own_error": own} if own else {})
 
 
+def _redrawn(term: dict[str, Any], rng: Rng) -> dict[str, Any]:
+    """An instrument's own wave: another phase, and smaller."""
+    return term | {"phase_deg": float(rng.uniform(0.0, 360.0)), "amplitude": term["amplitude"] * rng.uniform(0.4, 0.9)}
+
+
 def _setup(setup: dict[str, Any], rng: Rng) -> dict[str, Any]:
-    """Mounted a little differently; the square is the same piece in all its four set-ups."""
+    """Mounted a little differently, and measured more closely; the square is the same piece in all its set-ups."""
     changes: dict[str, Any] = {"misalign_mrad": [float(m * rng.uniform(-1.0, 1.0)) for m in setup["misalign_mrad"]]}
     changes["zero_um"] = float(setup["zero_um"] * rng.uniform(-1.0, 1.0))
     changes["own_angle_arcsec"] = float(setup["own_angle_arcsec"] and rng.uniform(-1.5, 1.5))
-    return setup | changes
+    plan = dict(setup["plan"])
+    if plan:
+        targets = plan["targets"]
+        plan |= {"repetitions": 3, "targets": targets | {"count": DENSE.get(targets["count"], targets["count"])}}
+    return setup | changes | {"plan": plan}
 
 
 def written(cell: CellFile, path: Path) -> Path:

@@ -11,7 +11,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from tests.closing.record import CRITERIA, EDGES, MachineResult, Results, pooled_points
+from tests.closing.record import CRITERIA, EDGES, FLOOR_FACTOR, MachineResult, Results, pooled_points
 
 LIBRARIES = ("trueflank", "numpy", "scipy", "asyncua")
 HEAD = (
@@ -61,6 +61,7 @@ def document(results: Results, command: str, picture: str) -> str:
         f"Normalised errors: {pooled.count} points, mean {pooled.mean:+.2f}, "
         f"standard deviation {pooled.deviation:.2f};",
         f"RMS of {len(done)} machines, mean {scalars.mean():+.2f}, standard deviation {scalars.std():.2f}.",
+        *stricter(done),
         "",
         WORDS,
         "",
@@ -77,6 +78,19 @@ def document(results: Results, command: str, picture: str) -> str:
         for one in few
     ] + [""] * bool(few)
     return "\n".join(lines)
+
+
+def stricter(done: Results) -> list[str]:
+    """How many machines would stay within stricter readings of the first criterion; for information."""
+    if not done:
+        return []
+    least = sum(one.after_um <= float(np.hypot(FLOOR_FACTOR * one.least_um, one.u_um)) for one in done)
+    spread = sum(one.after_um <= float(np.hypot(FLOOR_FACTOR * one.floor_um, one.rms_u_um)) for one in done)
+    return [
+        "",
+        f"Read more strictly, the limit of the flank after holds on {least} of {len(done)} machines with the least floor, "
+        f"and on {spread} of {len(done)} with the predicted standard deviation of the RMS in place of u.",
+    ]
 
 
 def criteria_rows(results: Results) -> list[str]:
