@@ -88,8 +88,8 @@ def stricter(done: Results) -> list[str]:
     spread = sum(one.after_um <= float(np.hypot(FLOOR_FACTOR * one.floor_um, one.rms_u_um)) for one in done)
     return [
         "",
-        f"Read more strictly, the limit of the flank after holds on {least} of {len(done)} machines with the least floor, "
-        f"and on {spread} of {len(done)} with the predicted standard deviation of the RMS in place of u.",
+        f"Read more strictly, the limit holds on {least} of {len(done)} machines with the least floor, and on "
+        f"{spread} of {len(done)} with the predicted standard deviation of the RMS in place of u.",
     ]
 
 
