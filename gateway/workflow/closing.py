@@ -20,7 +20,7 @@ from gateway.workflow.bench import Bench, bench, check_name
 from gateway.workflow.closed import closed
 from gateway.workflow.components import measure_site
 from gateway.workflow.fromsetups import axes_measured
-from gateway.workflow.grinding import grind_part
+from gateway.workflow.grinding import grind_part, same_machine
 from gateway.workflow.inspecting import inspect_part, inspector_name
 from gateway.workflow.measure import Measured
 from gateway.workflow.outcome import Outcome
@@ -44,8 +44,8 @@ async def close_site(
     """Do the whole loop, or go on with a run that stopped: what is stored is not done again.
 
     Without `apply` it ends with a stored proposal for the tooth; nothing is ground or written. Raises WriteRefused
-    (E-RUN-NAME), ConfigError (E-CLOSE-WORK, E-CLOSE-AXES, E-INSPECT-INSPECTOR), and what the stages raise; the folder
-    keeps every stage done and the error.
+    (E-RUN-NAME), ConfigError (E-CLOSE-WORK, E-CLOSE-AXES, E-INSPECT-INSPECTOR), IllegalTransition (E-SETUP-MACHINE),
+    and what the stages raise; the folder keeps every stage done and the error.
     """
     check_name(site, apply, machine_name)
     work = work_of(site, site_path)
@@ -76,6 +76,7 @@ class _Loop:
 
     async def close(self, *, apply: bool) -> None:
         at, folder = self.at, self.at.folder
+        same_machine(at)
         book = SetupBook(at.store.root)
         now = book.current(at.machine, self.work.name)
         before = await self._part(BEFORE, now) if apply else None
@@ -88,8 +89,9 @@ class _Loop:
         trial = await self._part(TRIAL, first)
         setup = first.plus(setup_from_part(trial, self.work.gear).setup)
         after = await self._part(AFTER, setup)
-        book.save(at.machine, self.work.name, setup, run=folder.run_id, clock=at.clock)
         judged = judge_tooth(before, after, tooth.prediction, self.work.gear)
+        if judged.outcome != "worse":
+            book.save(at.machine, self.work.name, setup, run=folder.run_id, clock=at.clock)
         folder.put(stages.TOOTH_VERDICT, judged, (folder.digest(stages.inspected(AFTER)),))
         folder.set_state("worse" if "worse" in (judged.outcome, verdict.outcome) else judged.outcome)
 

@@ -121,7 +121,7 @@ async def grind_site(
     say("P-RUN", folder=str(folder.path))
     try:
         async with bench(site, site_path, folder, clock, say, ()) as at:
-            _same_machine(at)
+            same_machine(at)
             made = await grind_part(at, part, setup)
     except TrueflankError as error:
         folder.set_state(before if run is not None else "failed", error=error.as_record())
@@ -133,8 +133,11 @@ async def grind_site(
     return made, folder
 
 
-def _same_machine(at: Bench) -> None:
-    """Whose run this is: noted in a new one, compared in an older one."""
+def same_machine(at: Bench) -> None:
+    """Whose run this is: noted in a new one, compared in an older one.
+
+    Raises IllegalTransition (E-SETUP-MACHINE) at another machine.
+    """
     if not at.folder.has(stages.EQUIPMENT):
         store_equipment(at)
         return

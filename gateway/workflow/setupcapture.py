@@ -15,6 +15,7 @@ from gateway.capture.mounting import prove_mounting
 from gateway.capture.sense import prove_sense
 from gateway.capture.targets import plan_of
 from gateway.domain import Capture
+from gateway.errors import CaptureError
 from gateway.walk import walk
 from gateway.workflow import stages
 from gateway.workflow.bench import Bench
@@ -69,9 +70,21 @@ def stands_name(key: str) -> str:
     return f"stands-{key}.json"
 
 
+def without_cross(live: LiveSet) -> None:
+    """Errors are measured without CEC: a set-up that sees the output axis would see it, another would not.
+
+    Raises CaptureError (E-SETUP-CEC) naming every cross table that acts.
+    """
+    cross = [one.table for one in (*live.cec, *live.others) if one.table.function == "CEC" and one.enabled]
+    acting = sorted({f"{table.name} (table {table.index})" for table in cross if any(table.deviations)})
+    if acting:
+        raise CaptureError("E-SETUP-CEC", live.axis, tables=", ".join(acting))
+
+
 async def _positioning(at: Bench, one: Planned) -> tuple[Capture, tuple[str, ...]]:
     rig = at.rig(one.axis)
     proof = await prove_sense(rig)
+    without_cross(await rig.controller.saved_tables(one.axis.name))
     raw = await capture_axis(rig, proof, check_stops(one.axis, "before"))
     digest = at.folder.put(stages.setup_raw(one.key), raw)
     at.folder.write_text(f"tables-{one.key}.spf", raw.live.native)
@@ -81,6 +94,7 @@ async def _positioning(at: Bench, one: Planned) -> tuple[Capture, tuple[str, ...
 async def _error(at: Bench, one: Planned) -> tuple[Capture, tuple[str, ...]]:
     rig = error_rig(at, one)
     proved = at.folder.put(stages.setup_proof(one.key), await prove_mounting(rig))
+    without_cross(await rig.controller.saved_tables(one.axis.name))
     raw = await capture_error(rig)
     digest = at.folder.put(stages.setup_raw(one.key), raw, (proved,))
     at.folder.write_text(f"tables-{one.key}.spf", raw.live.native)
@@ -116,6 +130,7 @@ async def _from_file(at: Bench, one: Planned, tables: dict[str, LiveSet]) -> tup
     if one.axis.name not in tables:
         tables[one.axis.name] = await fetch_tables(at, at.axis(one.axis.name))
     live = tables[one.axis.name]
+    without_cross(live)
     if one.positioning:
         return from_file(one.axis, measured, live, path.name), ()
     scaled = replace(measured, deviations=one.setup.sense * _factor(one) * measured.deviations)

@@ -1,0 +1,29 @@
+"""Errors are not measured while a cross table acts: some set-ups would see it, others not."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from drivers.types import CompensationTable, LiveSet, LiveTable
+from gateway.errors import CaptureError
+from gateway.workflow.setupcapture import without_cross
+
+
+def cross(*, on: bool, values: tuple[float, ...] = (0.0, 2.0, 0.0), index: int = 3) -> LiveTable:
+    return LiveTable(CompensationTable("CEC", "Z1", "X1", 0.0, 20.0, 10.0, values, index=index), on)
+
+
+def live(axis: str = "Z1", **tables: Any) -> LiveSet:
+    own = LiveTable(CompensationTable("EEC", axis, axis, 0.0, 20.0, 10.0, (0.0, 5.0, 0.0)), True)
+    return LiveSet(axis, own, tables.get("cec", ()), 0.0, "", "d", tables.get("others", ()))
+
+
+@pytest.mark.parametrize("where", ["cec", "others"])
+def test_every_cross_table_that_acts_is_named(where: str) -> None:
+    without_cross(live(**{where: (cross(on=False), cross(on=True, values=(0.0, 0.0, 0.0)))}))
+    with pytest.raises(CaptureError) as caught:
+        without_cross(live(**{where: (cross(on=True), cross(on=False, index=4), cross(on=True, index=5))}))
+    assert caught.value.code == "E-SETUP-CEC"
+    assert caught.value.fields["tables"] == "X1(Z1) (table 3), X1(Z1) (table 5)"
