@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import json
+from dataclasses import asdict, replace
 from typing import Any, TypeVar
 
 from gateway.config import SiteFile
@@ -11,7 +12,7 @@ from gateway.store import RunFolder
 from gateway.tooth import ToothProposal, ToothVerdict
 from gateway.workflow import stages
 from gateway.workflow.outcome import WORSE_EXIT, Outcome, closing_lines, outcome_of
-from gateway.workflow.reporting import write_report
+from gateway.workflow.reporting import ReportPaths, write_report
 
 R = TypeVar("R")
 
@@ -31,11 +32,19 @@ def closed(folder: RunFolder, site: SiteFile) -> Outcome:
     proposal = folder.get(stages.PROPOSAL, Proposal)
     plain = outcome_of(folder.state, str(folder.path), evaluations, proposal, verdict, paths)
     judged = _get(folder, stages.TOOTH_VERDICT, ToothVerdict)
-    said = folder.get(stages.TOOTH, ToothProposal).said
+    tooth = folder.get(stages.TOOTH, ToothProposal)
     *told, figure = closing_lines(folder)
-    lines = (*said, *told, *plain.lines[-2:], figure)
+    lines = (*tooth.said, *told, *plain.lines[-2:], figure)
     worse = plain.exit_code or (judged is not None and judged.outcome == "worse")
-    return replace(plain, lines=lines, data=plain.data | _tooth(judged), exit_code=WORSE_EXIT if worse else 0)
+    data = plain.data | _tooth(judged) | _details(paths, tooth)
+    return replace(plain, lines=lines, data=data, exit_code=WORSE_EXIT if worse else 0)
+
+
+def _details(paths: ReportPaths, tooth: ToothProposal) -> dict[str, Any]:
+    """What the report shows of the tooth but its raw records: errors, ranking, cures, tables, flanks, gear figures."""
+    shown = json.loads(paths.json.read_text(encoding="utf-8"))["tooth"]
+    ranking = [asdict(one) for one in tooth.ranking]
+    return {"details": {key: value for key, value in shown.items() if key != "records"} | {"ranking": ranking}}
 
 
 def _tooth(judged: ToothVerdict | None) -> dict[str, Any]:

@@ -22,7 +22,7 @@ from tests.closing.judge import SHARE, Machine, Places, kept_floor, places, rms
 from tests.closing.machines import machine, written
 from tests.closing.record import FLOOR_FACTOR
 
-SPEED = 100.0
+SPEED = 200.0
 LONGEST_S = 3000
 
 
