@@ -60,11 +60,14 @@ def _axis(cell: CellFile, axis: Axis) -> str:
 
 
 def _plan(cell: CellFile, axes: Mapping[str, str], gear: str) -> list[str]:
-    """Every set-up beyond the axes' own, those along a bar with the table at 0 and at 180, and the work."""
+    """Every set-up beyond the axes' own, those along a bar with the table at 0 and at 180, and the work.
+
+    An axis' own one is there too where its reflector stands off the point that counts, so that the lever is known.
+    """
     own = {(str((axis.measure or {}).get("component", "")), axis.letter) for axis in cell.axes}
     parts = []
     for setup in cell.setups:
-        if setup.axis in axes and (setup.component, setup.axis) not in own:
+        if setup.axis in axes and ((setup.component, setup.axis) not in own or any(setup.offset_mm)):
             turns = (0.0, 180.0) if setup.optics == "bar" and setup.axis == "Z" and "C" in axes else (None,)
             parts += [section("[setups]", _planned(cell, setup, axes, turn)) for turn in turns]
     if cell.part is not None and gear:

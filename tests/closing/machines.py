@@ -88,22 +88,22 @@ def locations(seed: int) -> dict[str, float]:
 
 
 def _along(travel: tuple[float, float], size: tuple[float, float], rng: Rng) -> list[dict[str, Any]]:
-    """Two slow waves and a bend over the travel, scaled to a greatest size, and a short wave of a thirtieth of it."""
+    """Two slow waves and a bend over the travel, scaled to a greatest size, and a short wave, a 45th of it."""
     span = travel[1] - travel[0]
     centre = 0.5 * (travel[0] + travel[1])
     bend = {"kind": "polynomial", "coefficients": [0.0, *rng.normal(size=2)], "center": centre, "scale": 0.5 * span}
     slow = [_wave({"period": span / cycles}, 0.5 * rng.normal(), rng) for cycles in rng.uniform(0.4, 2.0, 2)]
     wanted = float(rng.uniform(*size))
     scaled = _scaled([bend, *slow], np.linspace(*travel, 441), wanted)
-    return [*scaled, _wave({"period": float(rng.uniform(25.0, 60.0))}, wanted / 30.0, rng)]
+    return [*scaled, _wave({"period": float(rng.uniform(25.0, 60.0))}, wanted / 45.0, rng)]
 
 
 def _around(orders: tuple[int, ...], size: tuple[float, float], rng: Rng) -> list[dict[str, Any]]:
-    """Waves of these orders and falling size, scaled to a greatest size, and one of order 9 to 11, a thirtieth."""
+    """Waves of these orders and falling size, scaled to a greatest size, and one of order 9 to 11, a 45th."""
     slow = [_wave({"order": order}, rng.normal() / order, rng) for order in orders]
     wanted = float(rng.uniform(*size))
     scaled = _scaled(slow, np.arange(0.0, 360.0, 0.5), wanted)
-    return [*scaled, _wave({"order": int(rng.integers(9, 12))}, wanted / 30.0, rng)]
+    return [*scaled, _wave({"order": int(rng.integers(9, 12))}, wanted / 45.0, rng)]
 
 
 def _pair(size: tuple[float, float], rng: Rng) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
