@@ -12,7 +12,7 @@ from gateway.workflow.setups import planned
 
 
 def axes_measured(folder: RunFolder, site: SiteFile) -> dict[str, Measured]:
-    """Capture and evaluation of every axis whose own positioning the plan measured, by machine axis name.
+    """Capture and evaluation of each axis whose positioning the plan measured, by name, in the order of the site.
 
     Each is stored as the axis' capture and evaluation "before". Raises ConfigError (E-CLOSE-AXES) when no axis was.
     """
@@ -24,4 +24,4 @@ def axes_measured(folder: RunFolder, site: SiteFile) -> dict[str, Measured]:
             found[one.axis.name] = evaluated(folder, one.axis, "before", capture, parents)
     if not found:
         raise ConfigError("E-CLOSE-AXES", folder.run_id)
-    return found
+    return {axis.name: found[axis.name] for axis in site.axes if axis.name in found}
