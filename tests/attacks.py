@@ -1,0 +1,112 @@
+"""What attacks on a push found: each family of attacks counts its tries here, and the page is written from the counts.
+
+A test calls `counted` once it has judged its tries; counts of one run stand in a folder (`TRUEFLANK_ATTACKS`), one
+file a process. `python -m tests.attacks FOLDER PAGE` adds them up: `make attacks` does both.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import sys
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib import metadata
+from pathlib import Path
+
+HEAD = """# Attacks on a push, counted
+
+Written by the tests themselves on {date}, with Python {python}, trueflank {version}. Repeat with `{command}`.
+
+A *wrong table* is one that was enabled, at any change of the control's memory, and was neither the old table nor
+the new one, while the control itself did what it was told; or one that was left enabled at the end, and the gateway
+did not say "held, still on". A *false word* is an outcome, a journal, an audit record or a finding that is not true of
+the control's memory, switch and acting curve. The judge reads the simulated control, never the gateway.
+
+What this does not prove: the simulated control is a reading of manuals. No real control was attacked.
+
+| attack | on | tries | wrong tables | false words |
+|---|---|---:|---:|---:|
+"""
+
+
+@dataclass(frozen=True)
+class Count:
+    """One family of attacks on one road: how often it was tried and what went wrong."""
+
+    family: str
+    road: str
+    tries: int
+    wrong_tables: int = 0
+    false_words: int = 0
+
+    def __add__(self, other: Count) -> Count:
+        return Count(
+            self.family,
+            self.road,
+            self.tries + other.tries,
+            self.wrong_tables + other.wrong_tables,
+            self.false_words + other.false_words,
+        )
+
+
+def counted(family: str, road: str, tries: int, *, wrong_tables: int = 0, false_words: int = 0) -> None:
+    """Note a family's tries, before the test asserts on them, so that a failure is on the page too."""
+    folder = os.environ.get("TRUEFLANK_ATTACKS")
+    if not folder:
+        return
+    Path(folder).mkdir(parents=True, exist_ok=True)
+    one = {
+        "family": family,
+        "road": road,
+        "tries": tries,
+        "wrong_tables": wrong_tables,
+        "false_words": false_words,
+    }
+    with (Path(folder) / f"{os.getpid()}.jsonl").open("a", encoding="utf-8") as file:
+        file.write(json.dumps(one) + "\n")
+
+
+def added(folder: Path) -> tuple[Count, ...]:
+    """All counts of a run, one a family and road, in the order of their names."""
+    found: dict[tuple[str, str], Count] = {}
+    for path in sorted(folder.glob("*.jsonl")):
+        for line in path.read_text(encoding="utf-8").splitlines():
+            one = Count(**json.loads(line))
+            key = (one.family, one.road)
+            found[key] = found[key] + one if key in found else one
+    return tuple(found[key] for key in sorted(found))
+
+
+def page(counts: Iterable[Count], told: Mapping[str, str]) -> str:
+    """The page as Markdown; ``told`` fills the head (date, python, version, command)."""
+    counts = tuple(counts)
+    rows = [_row(one.family, one.road, one) for one in counts]
+    total = Count("", "", 0)
+    for one in counts:
+        total += one
+    return HEAD.format(**told) + "\n".join([*rows, _row("**all**", "", total), ""])
+
+
+def _row(family: str, road: str, one: Count) -> str:
+    return f"| {family} | {road} | {one.tries:,} | {one.wrong_tables} | {one.false_words} |".replace(",", " ")
+
+
+def main(folder: str, target: str, command: str) -> int:
+    """Write the page; 1 where anything was wrong or nothing was counted."""
+    counts = added(Path(folder))
+    told = {
+        "date": datetime.now(UTC).date().isoformat(),
+        "python": platform.python_version(),
+        "version": metadata.version("trueflank"),
+        "command": command,
+    }
+    Path(target).write_text(page(counts, told), encoding="utf-8")
+    print(f"{target}: {sum(one.tries for one in counts)} tries")
+    return int(not counts or any(one.wrong_tables or one.false_words for one in counts))
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))
