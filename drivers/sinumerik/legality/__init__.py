@@ -13,7 +13,7 @@ closed in order, without label and skip sign, labels and directions of jumps, th
 
 Refused though only recalled, because nothing is lost by keeping them: block of 512 characters, MSG 124, WRITE 200,
 structures nested 16 deep, no jump into a structure, block numbers of eight digits, the number of values of the
-procedures in ``functions``, no label or name twice in another case of letters. Refused because it misleads, though
+procedures in ``functions``. Refused because it misleads, though
 legal: a comparison beside an unbracketed AND, OR, XOR or comparison (it binds weakest), NOT before a bare number.
 Refused because this judge does not read it: more than 40 brackets in brackets.
 

@@ -14,6 +14,7 @@ from drivers.sinumerik.legality.variables import indices, parameter, system_vari
 
 _WHOLE = frozenset("MLDNG")  # printed: these addresses take whole numbers
 _EXTENDED = frozenset("ABCEIJKQUVWXYZSMHTFRG")  # printed: addresses that take a number as extension
+_AXES_BY_TEXT = ("$AN_CEC_INPUT_AXIS", "$AN_CEC_OUTPUT_AXIS")  # printed: (AX2), or a text "AX2"
 _WITHOUT_VALUE = ("DIA",)  # DIAMOFA[X]: the axis says it all
 _UNJUDGED = frozenset({"ID", "IDS", "WHEN", "WHENEVER", "EVERY", "FROM", "DO", "REDEF", "MCALL", "CALL", "PCALL"}) | {
     "ISOCALL",
@@ -61,6 +62,9 @@ def _assign(cursor: Cursor, name: str, target: str) -> None:
     if cursor.sees("SET", "REP"):
         cursor.take()
         values(cursor)
+        return
+    if name.startswith(_AXES_BY_TEXT) and cursor.token.kind == "string":
+        cursor.take()
         return
     declared = cursor.scope.variables.get(name)
     if declared is not None:

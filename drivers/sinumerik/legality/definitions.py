@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from drivers.sinumerik.legality.blocks import judge_constant
 from drivers.sinumerik.legality.cursor import Cursor, Declared
+from drivers.sinumerik.legality.dictionary import dictionary
 from drivers.sinumerik.legality.expressions import expression, values
 from drivers.sinumerik.legality.findings import Illegal
 from drivers.sinumerik.legality.lexer import MAX_STRING
@@ -32,9 +33,9 @@ def definition(cursor: Cursor) -> None:
 
 def procedure(cursor: Cursor) -> str:
     """PROC name(parameters) attributes. Returns the name."""
-    name = cursor.token.text
-    if cursor.take().kind != "name":
-        raise Illegal("E-LEGAL-NAME", name=name, kind="program")
+    if cursor.token.kind != "name":
+        raise cursor.wrong("a name")
+    name = cursor.take().text
     if cursor.accept("(") and not cursor.accept(")"):
         while True:
             cursor.accept("VAR")
@@ -88,7 +89,10 @@ def _variable(cursor: Cursor, kind: str, length: int) -> None:
     name = _name(cursor)
     if name in cursor.scope.variables:
         cursor.noted.append(Illegal("E-LEGAL-TWICE", name=name))
-    cursor.scope.variables[name] = Declared(kind, _sizes(cursor, name), length)
+    sizes = _sizes(cursor, name)
+    kept = name in dictionary().reserved or cursor.scope.is_axis(name)
+    if len(name) == 1 or not kept:  # a word of the language stays what it is
+        cursor.scope.variables[name] = Declared(kind, sizes, length)
     if cursor.accept("="):
         _value(cursor, name, kind, length)
 
@@ -121,10 +125,10 @@ def _sizes(cursor: Cursor, name: str) -> tuple[int, ...]:
 
 def _name(cursor: Cursor) -> str:
     """A name as it is written, letters and digits that the lexer parted put together again."""
-    token = cursor.take()
+    token = cursor.token
     if token.kind not in ("name", "din"):
-        raise Illegal("E-LEGAL-NAME", name=token.text or "nothing", kind="variable")
-    text = token.text
+        raise cursor.wrong("a name")
+    text = cursor.take().text
     while cursor.token.kind in ("name", "din") and cursor.token.column == token.column + len(text):
         text += cursor.take().text
     try:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from drivers.sinumerik.legality.cursor import Cursor
 from drivers.sinumerik.legality.findings import Illegal
 from drivers.sinumerik.legality.names import bare_name, judge_name, judge_program_name
+from drivers.sinumerik.legality.statements import JUMPS
 
 _HEADER = re.compile(r"%(?P<name>[A-Z0-9_]+_[A-Z0-9]{3})[ \t\r]*", re.ASCII | re.IGNORECASE)
 _PATH = re.compile(r";\$PATH=(?:/_N_[A-Z0-9_]+_(?:DIR|WPD))+[ \t\r]*", re.ASCII)
@@ -28,7 +29,7 @@ def head(cursor: Cursor) -> Head:
     skipped = _skip(cursor)
     number = _number(cursor)
     label = ""
-    if cursor.after.text == ":" and cursor.token.kind in ("name", "din"):
+    if cursor.after.text == ":" and cursor.token.kind in ("name", "din") and cursor.token.text not in JUMPS:
         label = cursor.take().text
         cursor.take()
         try:

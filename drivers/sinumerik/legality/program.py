@@ -121,7 +121,7 @@ class Program:
         paths, wrong = structures.judge([(block.line, block.word) for block in self._blocks])
         yield from wrong
         yield from self._names()
-        yield from self._jumps(paths)
+        yield from self._jumps([()] * len(paths) if wrong else paths)  # what is not closed has no inside
 
     def _end(self, lines: int) -> Iterator[Finding]:
         if not self._blocks:
