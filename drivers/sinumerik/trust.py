@@ -16,6 +16,7 @@ from cryptography.hazmat.primitives.serialization import Encoding
 from drivers.checks import CertificateView, TrustView
 from drivers.clock import Clock
 from drivers.errors import ConfigError, DeviceRefused
+from drivers.ownfiles import made_parents, opened
 from drivers.sinumerik import certificates
 from drivers.sinumerik.certificates import load
 from drivers.sinumerik.uaclient import UaSession
@@ -84,7 +85,7 @@ class UaTrust:
 
     def _pin(self, certificate: x509.Certificate, who: str, now: datetime) -> None:
         place = Path(self._settings.server_certificate)
-        place.parent.mkdir(parents=True, exist_ok=True)
+        made_parents(place)
         before = view(load(place.read_bytes())).sha256 if place.is_file() else ""
         if before:
             place.replace(place.with_name(f"{place.name}.old-{before.replace(':', '')[:16]}"))
@@ -123,7 +124,7 @@ def last_record(place: Path) -> dict[str, Any]:
 
 
 def _store(path: Path, content: bytes, mode: str) -> None:
-    with path.open(mode) as file:
+    with opened(path, mode) as file:
         file.write(content)
         file.flush()
         os.fsync(file.fileno())
