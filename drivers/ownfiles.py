@@ -12,7 +12,7 @@ import functools
 import os
 import stat
 from pathlib import Path
-from typing import IO, Any
+from typing import BinaryIO, cast
 
 from drivers.errors import words
 
@@ -22,9 +22,9 @@ _JUNCTION = 0xA0000003  # IO_REPARSE_TAG_MOUNT_POINT
 _SAFELY = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
 
 
-def opened(path: Path, mode: str, *, secret: bool = False, buffering: int = -1) -> IO[Any]:
+def opened(path: Path, mode: str, *, secret: bool = False, buffering: int = -1) -> BinaryIO:
     """Open a plain file of our own; ``mode`` binary as for `open`. Raises OSError, for a link or a pipe too."""
-    file: IO[Any] = open(path, mode, buffering, opener=functools.partial(_open, secret=secret))  # noqa: SIM115
+    file = cast(BinaryIO, open(path, mode, buffering, opener=functools.partial(_open, secret=secret)))  # noqa: SIM115
     if stat.S_ISREG(os.fstat(file.fileno()).st_mode):
         return file
     file.close()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +12,7 @@ from cryptography import x509
 
 from drivers.errors import ConfigError
 from drivers.link import read_settings, wrong_setting
+from drivers.names import shown
 from drivers.sinumerik import certificates, nodes
 from drivers.sinumerik.certificates import KeyPair
 from drivers.sinumerik.words import COUNT, SetupWord, Words
@@ -36,6 +38,7 @@ class UaSettings:
     user: str = ""
     password: str = ""
     password_file: str = ""
+    password_env: str = ""
     security: str = SECURED
     server_certificate: str = ""
     client_folder: str = ""
@@ -66,7 +69,7 @@ class UaSettings:
         return (
             ("security", self.security in (SECURED, "None"), f"must be {SECURED} or None"),
             ("server_certificate", pinned, "must name the server's certificate: nothing is trusted unseen"),
-            ("password_file", not (self.password and self.password_file), "give it or password, not both"),
+            ("password_file", self._one_password(), "give one of password_file, password_env and password"),
             ("r_first", 0 <= self.r_first <= nodes.R_LAST - COUNT, f"must be 0 .. {nodes.R_LAST - COUNT}"),
             ("r_setup", self._free(), f"must be 0 .. {nodes.R_LAST - 2}, clear of the 20 from r_first on, or -1"),
             ("channel", 1 <= self.channel <= 10, "must be 1 .. 10"),
@@ -78,6 +81,9 @@ class UaSettings:
             ("serial_node", nodes.parse(self.serial_node) is not None, "is no node path of this control"),
             ("version_node", nodes.parse(self.version_node) is not None, "is no node path of this control"),
         )
+
+    def _one_password(self) -> bool:
+        return sum(map(bool, (self.password, self.password_file, self.password_env))) <= 1
 
     def _free(self) -> bool:
         """Whether the set-up values have R parameters of their own."""
@@ -104,8 +110,15 @@ class Secrets:
 
 
 def secrets_of(settings: UaSettings, where: str) -> Secrets:
-    """Read password and certificates; blocking. Raises ConfigError (E-UA-SECRET) naming key, file and why."""
+    """Read password and certificates; blocking.
+
+    Raises ConfigError (E-UA-SECRET, E-UA-SECRET-ENV, E-UA-UNPINNED) naming key, file and why.
+    """
     password = settings.password
+    if settings.password_env:
+        password = os.environ.get(settings.password_env, "")
+        if not password:
+            raise ConfigError("E-UA-SECRET-ENV", where, name=shown(settings.password_env))
     if settings.password_file:
         content = _content("password_file", settings.password_file, where)
         password = content.decode("utf-8", errors="replace").strip("\r\n")

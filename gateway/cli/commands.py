@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from gateway.cli.show import echo
+
 app = typer.Typer(
     name="trueflank",
     help="Measure a gear grinder's axes, correct them through its controller, and prove the result.",
@@ -273,4 +275,4 @@ def schema() -> None:
     """Print the site file's JSON schema."""
     from gateway.config import schema as site_schema
 
-    typer.echo(json.dumps(site_schema(), indent=2))
+    echo(json.dumps(site_schema(), indent=2))

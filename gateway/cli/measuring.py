@@ -10,7 +10,7 @@ import typer
 
 from gateway.cli.commands import JsonOption, SiteArgument
 from gateway.cli.inspecting import FileOption, HeightsOption, guard_gear, show_lines
-from gateway.cli.show import progress, show_json, show_table
+from gateway.cli.show import echo, progress, show_json, show_table
 
 
 def add_to(app: typer.Typer) -> None:
@@ -54,7 +54,7 @@ def measure_command(
         show_json({**outcome.as_data(), "report": paths.as_data()})
     else:
         _tell(outcome)
-        typer.echo(f"report: {paths.html}")
+        echo(f"report: {paths.html}")
 
 
 def guard_command(
@@ -122,7 +122,7 @@ def _show_plan(tree: Any, *, as_json: bool) -> None:
         show_json({"plan": plan, "remountings": remountings(found)})
         return
     show_table("set-ups in their order", ("set-up", "component", "axis", "instrument", "source"), rows)
-    typer.echo(f"{len(found)} set-ups, {remountings(found)} times another instrument, axis or artefact")
+    echo(f"{len(found)} set-ups, {remountings(found)} times another instrument, axis or artefact")
 
 
 def _tell(outcome: Any) -> None:
@@ -131,6 +131,6 @@ def _tell(outcome: Any) -> None:
     ]
     show_table("errors of the machine (U: k = 2)", ("error", "low", "high", "U", "unit", "state"), rows)
     for line in outcome.model.said:
-        typer.echo(f"  note: {line}")
-    typer.echo(outcome.advice)
-    typer.echo(f"run folder: {outcome.run_folder}")
+        echo(f"  note: {line}")
+    echo(outcome.advice)
+    echo(f"run folder: {outcome.run_folder}")

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO
+from typing import BinaryIO
 
 from drivers.ownfiles import made_parents, opened
 from gateway.errors import BusyError, StoreError
@@ -40,7 +40,7 @@ def locked(folder: Path) -> Iterator[None]:
         yield
 
 
-def _opened(path: Path) -> IO[bytes]:
+def _opened(path: Path) -> BinaryIO:
     try:
         made_parents(path)
         return opened(path, "a+b", buffering=0)

@@ -8,7 +8,7 @@ import secrets
 import stat
 from pathlib import Path
 
-from drivers.ownfiles import made_parents, no_link, opened, read_own
+from drivers.ownfiles import no_link, opened, read_own
 from gateway.errors import StoreError
 
 TOKEN_FILE = "daemon.token"  # noqa: S105 - the file's name
@@ -48,7 +48,6 @@ def _is_private(path: Path) -> bool:
 def _made(path: Path) -> str:
     token = secrets.token_urlsafe(32)
     path.unlink(missing_ok=True)
-    made_parents(path)
     with opened(path, "xb", secret=True) as file:
         file.write(f"{token}\n".encode("ascii"))
     return token
