@@ -20,8 +20,8 @@ from drivers.ownfiles import made_parents, opened
 from drivers.sinumerik import certificates
 from drivers.sinumerik.certificates import load
 from drivers.sinumerik.uaclient import UaSession
-from drivers.sinumerik.ualogin import Offer
-from drivers.sinumerik.uasettings import APPLICATION_URI, SECURED, UaSettings, client_folder
+from drivers.sinumerik.ualogin import Offer, no_policy
+from drivers.sinumerik.uasettings import APPLICATION_URI, UaSettings, client_folder
 
 
 class UaTrust:
@@ -32,7 +32,7 @@ class UaTrust:
         self._url = url
         self._clock = clock
         self._settings = UaSettings.read(settings, name)
-        if self._settings.security != SECURED:
+        if not self._settings.secured:
             raise ConfigError("E-TRUST-NO-SECURITY", name, security=self._settings.security)
 
     async def show(self, timeout_s: float) -> TrustView:
@@ -64,8 +64,8 @@ class UaTrust:
 
     async def _shown(self, timeout_s: float) -> x509.Certificate:
         offer: Offer = await UaSession(self._url, self._clock, self.name).offer(timeout_s)
-        if not offer.secured or offer.certificate is None:
-            raise DeviceRefused("E-UA-POLICY", self.name)
+        if not offer.best(self._settings.policies) or offer.certificate is None:
+            raise no_policy(offer, self._settings.policies, self.name)
         return offer.certificate
 
     def _view(self, shown: x509.Certificate) -> TrustView:

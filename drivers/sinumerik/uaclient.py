@@ -90,15 +90,16 @@ class UaSession:
         """Log in and find name space, limits and methods. An older session is closed first.
 
         Raises TransportError (E-UA-CONNECT), DeadlineExceeded, DeviceRefused (E-UA-LOGIN, E-UA-TRUST,
-        E-UA-TRUST-US, E-UA-POLICY, E-UA-SESSIONS), UnsupportedDevice (E-UA-NAMESPACE), RemoteProtocolError.
+        E-UA-EXPIRED, E-UA-OWN-EXPIRED, E-UA-TRUST-US, E-UA-POLICY, E-UA-SESSIONS), UnsupportedDevice
+        (E-UA-NAMESPACE), RemoteProtocolError.
         """
         await self.close()
         self._secrets = secrets
         async with self._clock.deadline(timeout_s, self._where), self._lock:
-            await ualogin.check_trust(secrets, self._asked, self._clock.utc(), self._where)
+            policy = await ualogin.check_trust(secrets, self._asked, self._clock.utc(), self._where)
             self._client = client = ualogin.new_client(self._url, secrets)
             opened_at = self._clock.now()
-            await self._translated("login", secrets.user, ualogin.log_in(client, secrets))
+            await self._translated("login", secrets.user, ualogin.log_in(client, secrets, policy))
             self._renew_at = opened_at + 0.6 * client.secure_channel_timeout / 1000.0
             await self._translated("read", "the name space", self._look_around(client))
         self._alive = asyncio.get_running_loop().create_task(

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli.commands import JsonOption, SiteArgument
+from gateway.cli.commands import JsonOption, SiteArgument, named
 from gateway.cli.inspecting import HeightsOption, correct_gear
 from gateway.cli.show import echo, progress, show_json, show_table
 
@@ -25,7 +25,9 @@ def correct_command(
         str,
         typer.Option(help="Start from an inspected part: a run, or a file of flank points.", show_default=False),
     ] = "",
-    part: Annotated[str, typer.Option(help="With --gear: which part of the run.", show_default=False)] = "",
+    part: Annotated[
+        str, typer.Option(help="With --gear: which part of the run.", show_default=False, callback=named)
+    ] = "",
     heights: HeightsOption = "lower-face",
     as_json: JsonOption = False,
 ) -> None:

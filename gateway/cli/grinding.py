@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli.commands import JsonOption, SiteArgument
+from gateway.cli.commands import JsonOption, PartOption, SiteArgument
 from gateway.cli.show import echo, progress, show_json, show_table
 
 
@@ -20,7 +20,7 @@ def add_to(app: typer.Typer) -> None:
 
 def grind_command(
     site: SiteArgument,
-    part: Annotated[str, typer.Option(help="What the part is called in its run.")] = "part",
+    part: PartOption = "part",
     run: Annotated[str, typer.Option(help="Put it into this run: folder or id.", show_default=False)] = "",
     x_um: Annotated[
         float | None, typer.Option(help="Infeed's zero, um; + cuts deeper. Left out: what is set.", show_default=False)

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, cast
 
 import typer
 
-from gateway.cli.commands import JsonOption, SiteArgument
+from gateway.cli.commands import JsonOption, PartOption, SiteArgument
 from gateway.cli.importing import columns_of
 from gateway.cli.show import echo, progress, show_json, show_table
 
@@ -30,7 +30,7 @@ def add_to(app: typer.Typer) -> None:
 
 def inspect_command(
     site: SiteArgument,
-    part: Annotated[str, typer.Option(help="What the part is called in its run.")] = "part",
+    part: PartOption = "part",
     run: RunOption = "",
     file: FileOption = None,
     heights: HeightsOption = "lower-face",

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli.commands import JsonOption, SiteArgument
+from gateway.cli.commands import JsonOption, SiteArgument, named
 from gateway.cli.inspecting import FileOption, HeightsOption, guard_gear, show_lines
 from gateway.cli.show import echo, progress, show_json, show_table
 
@@ -62,7 +62,9 @@ def guard_command(
     run: Annotated[str, typer.Option(help="Run whose curve or part was approved: folder or id.")],
     axis: Annotated[str, typer.Option(help="Machine axis to check, e.g. C1.", show_default=False)] = "",
     gear: Annotated[bool, typer.Option("--gear", help="Check from an inspected gear, not from an axis.")] = False,
-    part: Annotated[str, typer.Option(help="The approved part; left out: after, or the only one.")] = "",
+    part: Annotated[
+        str, typer.Option(help="The approved part; left out: after, or the only one.", callback=named)
+    ] = "",
     file: FileOption = None,
     heights: HeightsOption = "lower-face",
     limit: Annotated[

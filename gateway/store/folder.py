@@ -50,6 +50,9 @@ class RunFolder:
     """One run on disk. Stages are stored once; a stage stored again gets a new file and the old one stays."""
 
     def __init__(self, path: Path) -> None:
+        """Raises StoreError (E-STORE-LINK) where another folder stands in for this one; CorruptRecord, FutureSchema."""
+        if is_link(path):
+            raise StoreError("E-STORE-LINK", str(path))
         self.path = path
         self._facts()
 
@@ -273,10 +276,10 @@ class Store:
         inside = (self.root / run,) if is_file_name(str(run)) else ()
         for path in (*inside, Path(run)):
             if (path / RUN_FILE).is_file():
-                return _folder_at(path)
+                return RunFolder(path)
         matches = [path for path in self._folders() if path.name.startswith(str(run))] if str(run) else []
         if len(matches) == 1:
-            return _folder_at(matches[0])
+            return RunFolder(matches[0])
         raise StoreError("E-STORE-RUN", str(self.root), run=shown(run), matches=len(matches))
 
     def runs(self) -> tuple[RunSummary, ...]:
@@ -290,15 +293,8 @@ class Store:
             return sorted(path for path in self.root.iterdir() if (path / RUN_FILE).exists())
 
 
-def _folder_at(path: Path) -> RunFolder:
-    """Raises StoreError (E-STORE-LINK), and as RunFolder."""
-    if is_link(path):
-        raise StoreError("E-STORE-LINK", str(path))
-    return RunFolder(path)
-
-
 def _summary(path: Path) -> RunSummary:
     try:
-        return _folder_at(path).summary()
+        return RunFolder(path).summary()
     except StoreError as error:
         return RunSummary(path.name, path, state="unreadable", problem=str(error))

@@ -140,7 +140,7 @@ url = "{url}"
 serial = "{serial}"
 [controller.settings]
 user = "trueflank"
-password = "trueflank"
+password_file = "{secret}"
 server_certificate = "{place}"
 [[instruments]]
 name = "laser"
@@ -180,7 +180,9 @@ def test_the_commands(keys: Path, tmp_path: Path) -> None:
         await nck.start()
         server = SinumerikServer(nck, clock, {"folder": str(keys), "users": {"trueflank": "trueflank"}})
         await server.start()
-        site.write_text(SITE.format(url=server.url, serial=SPEC.serial, place=place))
+        secret = tmp_path / "password"
+        secret.write_text("trueflank\n")
+        site.write_text(SITE.format(url=server.url, serial=SPEC.serial, place=place, secret=secret))
         code, said = await asyncio.to_thread(command, "trust", "show", "--json")
         shown = json.loads(said)
         assert (code, shown["equal"], shown["pinned"]) == (5, False, None)
