@@ -113,7 +113,12 @@ class UaDoctor:
             await self._session.open(secrets, timeout_s)
         except TrueflankError as error:
             return [*lines, failed(error, _part_of_login(error))]
-        return [*lines, fine("W-DOC-LOGIN", "login", user=self._settings.user or "(anonymous)")]
+        return [
+            *lines,
+            fine(
+                "W-DOC-LOGIN", "login", user=self._settings.user or "(anonymous)", policy=self._session.policy or "None"
+            ),
+        ]
 
 
 def _own(pair: KeyPair, now: datetime) -> list[CheckLine]:
