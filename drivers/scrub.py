@@ -14,8 +14,9 @@ _CERTAIN = re.compile(r"passw|passphrase|secret|token|credential", re.IGNORECASE
 _POINTER = re.compile(r"_(?:file|env)$", re.IGNORECASE)
 _USER = re.compile(r"//[^/@\s\"']*@")
 _VALUE = r"(?:\"\"\".*?\"\"\"|'''.*?'''|\"(?:\\.|[^\"\\\n])*\"|'[^'\n]*'|[^\s,}\]#]+)"
+_PART = r"(?:[A-Za-z0-9_-]{1,80}|\"(?:\\.|[^\"\\\n]){0,80}\"|'[^'\n]{0,80}')"
 _ENTRY = re.compile(
-    rf"(?P<key>(?:[A-Za-z0-9_-]|\.|\"(?:\\.|[^\"\\\n])*\"|'[^'\n]*')+)(?P<is>[ \t]*=[ \t]*)(?P<value>{_VALUE})",
+    rf"(?<![\w.-])(?P<key>(?:{_PART}[ \t]*\.[ \t]*){{0,8}}(?P<last>{_PART}))(?P<is>[ \t]*=[ \t]*)(?P<value>{_VALUE})",
     re.DOTALL,
 )
 
@@ -54,8 +55,8 @@ def without_secrets_text(text: str) -> str:
 
 
 def _hidden(found: re.Match[str]) -> str:
-    last = re.split(r"\.", found["key"])[-1].strip("\"'")
-    return f'{found["key"]}{found["is"]}"{HIDDEN}"' if is_secret(last) else found[0]
+    secret = is_secret(found["last"].strip("\"'"))
+    return f'{found["key"]}{found["is"]}"{HIDDEN}"' if secret else found[0]
 
 
 def secrets_in(settings: Mapping[str, Any], place: str = "") -> Iterator[str]:

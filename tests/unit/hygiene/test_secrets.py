@@ -72,6 +72,7 @@ HIDING = [
     f"password='{SECRET}' # {SECRET[:0]}",
     f'settings = {{ user = "u", password = "{SECRET}", n = 1 }}',
     f'settings.password = "{SECRET}"',
+    f'settings . "password" = "{SECRET}"',
     f'"pass word" = "{SECRET}"',
     f'# password = "{SECRET}"',
     f"#password={SECRET}",
