@@ -9,11 +9,10 @@ import numpy as np
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import spsolve
 
-from drivers.errors import Gap, TooManyPoints
+from drivers.errors import Gap
 from gateway.domain import FloatArray
 
 SAMPLES_PER_STEP = 24
-MOST_INTERVALS = 20_000
 Curve = Callable[[FloatArray], FloatArray]
 
 
@@ -27,15 +26,10 @@ class Grid:
 
     @property
     def intervals(self) -> int:
-        """k = (maximum - minimum) / step; raises Gap (E-COMP-GRID), TooManyPoints (E-COMP-SIZE).
-
-        The one where the step does not divide the range, the other where there are more than any control holds.
-        """
+        """k = (maximum - minimum) / step; raises Gap (E-COMP-GRID) when the step does not divide the range."""
         ratio = (self.maximum - self.minimum) / self.step if self.step > 0.0 else float("nan")
         if not (ratio >= 0.5 and abs(ratio - round(ratio)) < 1e-6):
             raise Gap("E-COMP-GRID", "table", minimum=self.minimum, maximum=self.maximum, step=self.step)
-        if ratio > MOST_INTERVALS:
-            raise TooManyPoints("E-COMP-SIZE", "table", needed=f"{ratio:.0f}", limit=MOST_INTERVALS)
         return round(ratio)
 
     @property

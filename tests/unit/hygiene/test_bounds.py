@@ -18,7 +18,6 @@ from drivers.sinumerik.uasettings import UaSettings
 from drivers.tomlfile import MOST_BYTES, parse_toml, read_toml
 from gateway.config import load_site
 from gateway.study.files import load_errors, load_gear
-from gateway.table.projection import Grid
 from simulators.cellfile import load_cell
 from tests.unit.ground.test_config import GOOD
 
@@ -107,11 +106,6 @@ def test_a_table_with_a_point_beyond_all_controls(tmp_path: Path) -> None:
     with pytest.raises((FileFormatError, TableError)) as caught:
         read_live(text, "f", "X1", 0, {}, 1)
     assert caught.value.code == "E-TABLE-SIZE"
-
-
-def test_a_grid_that_fits_into_no_control() -> None:
-    with pytest.raises(TableError, match="20000"):
-        _ = Grid(0.0, 100.0, 1e-7).points
 
 
 @pytest.mark.parametrize("value", [10**9, -1, True, 5000.5, float("nan"), "5000", None, [1]])
