@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
-import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 
-from drivers.errors import ConfigError
+from drivers.errors import ConfigError, words
+from drivers.names import shown
+from drivers.scrub import has_user, is_secret, secrets_in
+from drivers.tomlfile import read_toml
 from gateway.siteplan import (
+    MOST_POINTS,
+    MOST_REPETITIONS,
     AssumedSection,
     GuardSection,
+    MaybeName,
+    Name,
     Section,
     SetupSection,
     Targets,
@@ -40,10 +47,14 @@ __all__ = [
 ]
 
 
+# An 840D has 31 axes; the rest is far above any machine and far below what fills a memory.
+MOST_AXES, MOST_INSTRUMENTS, MOST_SETUPS = 31, 64, 500
+
+
 class Site(Section):
     """Whose machine this is and where runs are kept."""
 
-    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", description="what --machine must say")
+    name: Name = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", description="what --machine must say; no blanks")
     store: Path = Field(default=Path("runs"), description="run folders, relative to the site file")
     trace: bool = Field(default=False, description="keep what passes on every instrument's wire in the run folder")
     approvals: Literal[1, 2] | None = Field(
@@ -51,25 +62,44 @@ class Site(Section):
     )
 
 
-class ControllerSection(Section):
+class _Reached(Section):
+    """What is reached by an address with settings of its own: neither may hold a secret."""
+
+    url: str
+    settings: dict[str, Any] = Field(
+        default_factory=dict, description="driver's own keys; secrets as KEY_file or KEY_env, never in the site file"
+    )
+
+    @field_validator("url")
+    @classmethod
+    def _no_user(cls, url: str) -> str:
+        if has_user(url):
+            raise ValueError(words("W-SECRET-URL"))
+        return url
+
+    @field_validator("settings")
+    @classmethod
+    def _no_secret(cls, settings: dict[str, Any]) -> dict[str, Any]:
+        for key in secrets_in(settings):
+            raise ValueError(words("W-SECRET-INLINE", key=key))
+        return settings
+
+
+class ControllerSection(_Reached):
     """How to reach the control."""
 
     driver: str = "sinumerik-opcua"
-    url: str
     serial: str = Field(min_length=1, description="serial number this machine must answer with")
     timeout_s: float = Field(default=5.0, gt=0)
-    settings: dict[str, Any] = Field(default_factory=dict, description="driver's own keys")
 
 
-class InstrumentSection(Section):
+class InstrumentSection(_Reached):
     """One instrument and its wire."""
 
-    name: str
+    name: Name
     driver: str
-    url: str
     serial: str = Field(default="", description="serial number it must answer with; empty accepts any")
     timeout_s: float = Field(default=5.0, gt=0)
-    settings: dict[str, Any] = Field(default_factory=dict, description="driver's own keys")
 
 
 class MeasureSection(Section):
@@ -79,10 +109,10 @@ class MeasureSection(Section):
     when the axis' plus direction leads the reflector away from the interferometer, -1 when towards it.
     """
 
-    instrument: str = ""
-    component: str
+    instrument: MaybeName = ""
+    component: Name
     targets: Targets | None = None
-    repetitions: int = Field(default=5, ge=1)
+    repetitions: int = Field(default=5, ge=1, le=MOST_REPETITIONS)
     cycle: Literal["standard", "pendulum", "pilgrim"] = Field(
         default="standard", description="only standard is ISO 230-2"
     )
@@ -128,15 +158,15 @@ class TableSection(Section):
     @model_validator(mode="after")
     def _divides(self) -> TableSection:
         intervals = (self.maximum - self.minimum) / self.step
-        if intervals < 1 or abs(intervals - round(intervals)) > 1e-9:
-            raise ValueError("step must divide maximum - minimum")
+        if not 1 <= intervals < MOST_POINTS or abs(intervals - round(intervals)) > 1e-9:
+            raise ValueError(f"step must divide maximum - minimum into {MOST_POINTS - 1} intervals at most")
         return self
 
 
 class AxisSection(Section):
     """One machine axis: ``name`` as in MD10000 (X1), ``letter`` its ISO 230-1 and program name (X)."""
 
-    name: str
+    name: Name
     letter: str = Field(pattern=r"^[A-Z]$")
     kind: Literal["linear", "rotary"]
     travel: tuple[float, float]
@@ -170,10 +200,10 @@ class SiteFile(Section):
 
     site: Site
     controller: ControllerSection
-    instruments: tuple[InstrumentSection, ...] = ()
-    axes: tuple[AxisSection, ...] = Field(min_length=1)
+    instruments: tuple[InstrumentSection, ...] = Field(default=(), max_length=MOST_INSTRUMENTS)
+    axes: tuple[AxisSection, ...] = Field(min_length=1, max_length=MOST_AXES)
     operator: Operator = Operator()
-    setups: tuple[SetupSection, ...] = ()
+    setups: tuple[SetupSection, ...] = Field(default=(), max_length=MOST_SETUPS)
     assumed: AssumedSection = AssumedSection()
     work: WorkSection | None = None
     guard: GuardSection = GuardSection()
@@ -210,20 +240,27 @@ class SiteFile(Section):
 def load_site(path: Path) -> SiteFile:
     """Read a site file. Raises ConfigError (E-CFG-READ, E-CFG-TOML, E-CFG-VALUE) with file, key and why."""
     try:
-        text = path.read_text(encoding="utf-8")
+        data = read_toml(path)
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError("E-CFG-READ", str(path), why=str(error)) from error
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:
         raise ConfigError("E-CFG-TOML", str(path), why=str(error)) from error
     try:
         return SiteFile.model_validate(data)
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"]) or "(file)"
-        more = error.error_count() - 1
-        raise ConfigError("E-CFG-VALUE", str(path), key=key, why=first["msg"], more=more) from error
+        more, value = error.error_count() - 1, _given(first)
+        raise ConfigError("E-CFG-VALUE", str(path), key=shown(key), value=value, why=first["msg"], more=more) from error
+
+
+def _given(problem: Mapping[str, Any]) -> str:
+    """The value that was refused, as far as it is one and may be shown."""
+    value = problem["input"]
+    hidden = has_user(str(value)) or any(is_secret(str(part)) for part in problem["loc"])
+    if hidden or not isinstance(value, str | int | float) or problem["type"] == "missing":
+        return ""
+    return f' = "{shown(value)}"' if isinstance(value, str) else f" = {shown(value)}"
 
 
 def schema() -> dict[str, Any]:

@@ -3,15 +3,36 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+
+from drivers.names import MOST, PATTERN, allowed, is_name
+
+# A visit of all of them would take days; an 840D holds 5000 points of a table.
+MOST_TARGETS, MOST_REPETITIONS, MOST_POINTS = 2000, 50, 5000
+
+
+def _named(text: str) -> str:
+    if not is_name(text):
+        raise ValueError(allowed())
+    return text
+
+
+_AS_SCHEMA = {"pattern": PATTERN, "maxLength": MOST}
+Name = Annotated[str, AfterValidator(_named), Field(json_schema_extra=dict(_AS_SCHEMA))]
+"""A name by the one rule (`drivers.names`): it may stand in a file's name."""
+MaybeName = Annotated[
+    str, AfterValidator(lambda text: _named(text) if text else text), Field(json_schema_extra={"maxLength": MOST})
+]
 
 
 class Section(BaseModel):
-    """A part of a site file: nothing unknown, nothing changed later."""
+    """A part of a site file: nothing unknown, nothing infinite, nothing changed later."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, allow_inf_nan=False, str_max_length=1000, hide_input_in_errors=True
+    )
 
 
 class Window(Section):
@@ -25,6 +46,8 @@ class Window(Section):
     def _rises(self) -> Window:
         if self.last - self.first < self.step:
             raise ValueError("last must lie a step or more above first")
+        if (self.last - self.first) / self.step >= MOST_TARGETS:
+            raise ValueError(f"step gives more than {MOST_TARGETS} targets, the most there may be")
         return self
 
 
@@ -39,15 +62,15 @@ class Targets(Section):
     count: int | Literal["iso230-2"] = 0
     window: Window | None = None
     offset_fraction: float = Field(default=0.0, ge=0.0, le=0.3, description="of the interval, random")
-    seed: int = 1
-    positions: tuple[float, ...] = ()
+    seed: int = Field(default=1, ge=0, lt=1 << 63)
+    positions: tuple[float, ...] = Field(default=(), max_length=MOST_TARGETS)
 
     @model_validator(mode="after")
     def _one_way(self) -> Targets:
         if bool(self.positions) == bool(self.count):
             raise ValueError("give either positions or first, last and count")
-        if isinstance(self.count, int) and (self.count < 0 or self.count == 1):
-            raise ValueError("count must be 2 or more")
+        if isinstance(self.count, int) and (not 0 <= self.count <= MOST_TARGETS or self.count == 1):
+            raise ValueError(f"count must be 2 or more, {MOST_TARGETS} at most, not {self.count}")
         if self.count == "iso230-2" and self.first == self.last:
             raise ValueError("first and last must differ")
         return self
@@ -74,17 +97,19 @@ class SetupSection(Section):
     point less the point the component is meant for, machine directions (on a rotary axis along it only).
     """
 
-    axis: str
+    axis: Name
     component: str = Field(pattern=rf"^(?:{MOTION}|[XYZABC]0[A-Z](?:-R)?)$")
-    instrument: str = ""
-    channel: str = Field(default="", description="of the instrument; empty: its only one in um or arcsec")
+    instrument: MaybeName = ""
+    channel: str = Field(
+        default="", max_length=MOST, description="of the instrument; empty: its only one in um or arcsec"
+    )
     source: Literal["live", "file", "none"] = Field(default="live", description="none: not measured, only assumed")
     path: Path | None = None
     unit: Literal["", "um", "arcsec", "urad", "mrad"] = Field(default="", description="of the file's deviations")
     datum: float | None = Field(default=None, description="machine coordinate of the file's zero")
     file_axis_sense: Sense = 1
     targets: Targets | None = None
-    repetitions: int | None = Field(default=None, ge=1)
+    repetitions: int | None = Field(default=None, ge=1, le=MOST_REPETITIONS)
     settle_s: float | None = Field(default=None, ge=0)
     average_s: float | None = Field(default=None, gt=0)
     stable: float | None = Field(default=None, gt=0)
@@ -94,7 +119,7 @@ class SetupSection(Section):
     jog: float | None = Field(default=None, description="plausibility move, mm or deg")
     U: float | None = Field(default=None, ge=0, description="of the instrument (k = 2), um or arcsec")
     own_angle_arcsec: float | None = Field(default=None, description="what a square has more than 90 deg, if known")
-    park: dict[str, float] = Field(default_factory=dict, description="other axes and where they stand meanwhile")
+    park: dict[Name, float] = Field(default_factory=dict, description="other axes and where they stand meanwhile")
     assumed: float | None = Field(default=None, gt=0, description="half width it may have unmeasured, um or arcsec")
 
     @model_validator(mode="after")
@@ -133,17 +158,19 @@ class WorkSection(Section):
 
     gear: Path
     height_mm: float = 0.0
-    infeed: str = Field(default="X", description="axis of the site by letter or name; rises into the cut")
-    stroke: str = Field(default="Z", description="axis of the site along the face")
-    index: str = Field(default="C", description="axis of the site that turns the work")
+    infeed: Name = Field(default="X", description="axis of the site by letter or name; rises into the cut")
+    stroke: Name = Field(default="Z", description="axis of the site along the face")
+    index: Name = Field(default="C", description="axis of the site that turns the work")
     index_sense: Sense = Field(default=-1, description="-1: space k is at -360 k / number of spaces")
-    dresser: str = Field(default="Y1", description="machine axis of the form dresser; empty: none")
+    dresser: MaybeName = Field(default="Y1", description="machine axis of the form dresser; empty: none")
     dresser_letter: str = Field(default="Y", pattern=r"^[A-Z]$")
     dresser_travel: tuple[float, float] | None = None
     overrun_mm: float = Field(default=8.0, description="Z beyond the face")
     retract_mm: float = Field(default=10.0, description="X back from the centre distance")
-    rough_mm: tuple[float, ...] = Field(default=(0.05, 0.02), description="strokes this far short of full depth")
-    spark_out: int = Field(default=1, description="strokes at full depth after the first")
+    rough_mm: tuple[float, ...] = Field(
+        default=(0.05, 0.02), max_length=20, description="strokes this far short of full depth"
+    )
+    spark_out: int = Field(default=1, ge=0, le=20, description="strokes at full depth after the first")
     infeed_feed: float = Field(default=100.0, description="mm/min")
     stroke_feed: float = Field(default=3000.0, description="mm/min")
     index_feed: float = Field(default=1800.0, description="deg/min")
@@ -153,7 +180,7 @@ class WorkSection(Section):
     wheel_off: str = Field(default="", description="those that stop them")
     clamping_um: float = Field(default=0.3, ge=0, description="how well a blank sits on its datum (k = 2)")
     clamping_arcsec: float = Field(default=2.0, ge=0, description="how well its flanks are centred (k = 2)")
-    inspector: str = Field(default="", description="gear inspection machine among the instruments; empty: files")
+    inspector: MaybeName = Field(default="", description="gear inspection machine among the instruments; empty: files")
     inspection_clamping_um: float = Field(default=0.5, ge=0, description="how well that clamps a part (k = 2)")
     inspection_size_um: float = Field(default=0.0, ge=0, description="how well its probe's size is known (k = 2)")
     drift_um_per_h: float = Field(default=0.3, ge=0, description="how fast the infeed's zero wanders")
@@ -166,8 +193,8 @@ class GuardSection(Section):
 
     limit_um: float = Field(default=2.0, gt=0)
     limit_arcsec: float = Field(default=3.0, gt=0)
-    targets: int = Field(default=8, ge=3)
-    repetitions: int = Field(default=3, ge=2)
+    targets: int = Field(default=8, ge=3, le=MOST_TARGETS)
+    repetitions: int = Field(default=3, ge=2, le=MOST_REPETITIONS)
     mounting_um: float = Field(default=0.2, ge=0)
     mounting_arcsec: float = Field(default=0.2, ge=0)
 

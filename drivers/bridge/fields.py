@@ -11,6 +11,8 @@ import numpy as np
 from drivers.errors import RemoteProtocolError
 from drivers.types import FloatArray
 
+MOST = 1 << 53
+
 
 class Fields:
     """A JSON object from the peer, read field by field."""
@@ -49,10 +51,10 @@ class Fields:
         return None if self.get(name) is None else self.number(name)
 
     def integer(self, name: str, default: int | None = None) -> int:
-        """An integer from 0; required where no default is given."""
+        """An integer from 0 to 2^53, beyond which JSON holds none exactly; required where no default is given."""
         value = self.get(name, default)
-        if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-            raise self.wrong(name, "an integer from 0", value)
+        if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= MOST:
+            raise self.wrong(name, f"an integer from 0 to {MOST}", value)
         return value
 
     def flag(self, name: str) -> bool:

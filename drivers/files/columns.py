@@ -19,6 +19,7 @@ import numpy as np
 from drivers.errors import FileFormatError
 from drivers.files.declared import declared
 from drivers.files.numbers import decimal, whole
+from drivers.files.size import no_readings
 from drivers.files.text import end_doubts
 from drivers.types import FloatArray, MeasuredSet
 from drivers.units import (
@@ -222,7 +223,8 @@ def _arranged(rows: list[_Row], ways: list[int], columns: ColumnMap, where: str)
         found[target, repetition, way] = reading - target * to_reading if columns.measured else reading
     targets = sorted({target for target, _repetition, _way in found})
     place = {target: at for at, target in enumerate(targets)}
-    deviations = np.full((len(targets), 1 + max(repetition for _t, repetition, _w in found), 2), np.nan)
+    repetitions = 1 + max(repetition for _t, repetition, _w in found)
+    deviations = no_readings(len(targets), repetitions, where)
     for (target, repetition, way), value in found.items():
         deviations[place[target], repetition, way] = value
     return np.array(targets, np.float64), deviations

@@ -15,6 +15,7 @@ from drivers.files.csvlayout import COLUMNS, DIRECTIONS, UNITS, Layout, cells, l
 from drivers.files.csvtext import table_text
 from drivers.files.numbers import decimal, whole
 from drivers.files.signature import heading, signature_of
+from drivers.files.size import no_readings
 from drivers.files.text import decode, end_doubts, read_bytes
 from drivers.types import FloatArray, MeasuredSet
 from drivers.units import deviation_scale, deviation_unit
@@ -69,7 +70,7 @@ def parse_csv(text: str, unit: str, where: str) -> MeasuredSet:
         raise FileFormatError("E-FILE-CSV-HEADER", where, found="nothing", columns=", ".join(COLUMNS))
     found = layout(lines[0], lines[1:], unit, where)
     readings = _readings(lines[1:], found, where)
-    targets, deviations = _arranged(readings)
+    targets, deviations = _arranged(readings, where)
     targets, deviations = _converted(targets, deviations, found)
     header = {"Unit": found.unit} if found.reading == "deviation" else {"Unit": found.unit, "Reading": "position"}
     warnings = (*_warnings(deviations, found), *end_doubts(text))
@@ -110,12 +111,12 @@ def _reading(line: str, found: Layout, at: int, where: str) -> tuple[tuple[float
     return (float(target or 0.0), way or 0, repetition or 0), float(value or 0.0)
 
 
-def _arranged(readings: dict[tuple[float, int, int], float]) -> tuple[FloatArray, FloatArray]:
+def _arranged(readings: dict[tuple[float, int, int], float], where: str) -> tuple[FloatArray, FloatArray]:
     """Targets (m,) rising, readings (m, n, 2), as written."""
     targets = sorted({target for target, _way, _repetition in readings})
     row = {target: at for at, target in enumerate(targets)}
     column = _repetitions(readings)
-    values = np.full((len(targets), 1 + max(column.values()), 2), np.nan)
+    values = no_readings(len(targets), 1 + max(column.values()), where)
     for (target, way, repetition), value in readings.items():
         values[row[target], column[way, repetition], way] = value
     return np.array(targets, np.float64), values

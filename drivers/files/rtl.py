@@ -13,6 +13,7 @@ import numpy as np
 from drivers.errors import ConfigError, FileFormatError
 from drivers.files.environment import KEYS, environment, environment_words
 from drivers.files.rtltext import RtlText, lookup, parse, render
+from drivers.files.size import no_readings
 from drivers.files.text import decode, read_bytes
 from drivers.types import FloatArray, MeasuredSet
 from drivers.units import AxisUnit, mm_to_um, rad_to_arcsec
@@ -104,7 +105,7 @@ def measured_set(content: RtlText, axis_unit: AxisUnit, convert: Convert, where:
     """
     targets = np.array(content.targets, np.float64)
     rising = _rises(targets, where)
-    deviations, warnings = _deviations(content, len(targets))
+    deviations, warnings = _deviations(content, len(targets), where)
     deviations = convert(deviations)
     if not rising:
         targets, deviations = targets[::-1], deviations[::-1, :, ::-1]
@@ -133,8 +134,8 @@ def _rises(targets: FloatArray, where: str) -> bool:
     raise FileFormatError("E-FILE-TARGETS", where)
 
 
-def _deviations(content: RtlText, count: int) -> tuple[FloatArray, list[str]]:
-    deviations = np.full((count, (content.run_count + 1) // 2, 2), np.nan)
+def _deviations(content: RtlText, count: int, where: str) -> tuple[FloatArray, list[str]]:
+    deviations = no_readings(count, (content.run_count + 1) // 2, where)
     for run, target, value in content.rows:
         deviations[target - 1, (run - 1) // 2, (run - 1) % 2] = value
     warnings = [f"run {run} is listed upwards; its even number makes it a run down" for run in _odd_ones(content)]

@@ -11,6 +11,7 @@ from typing import Protocol, TextIO
 
 from drivers.clock import Clock
 from drivers.errors import ConfigError, TransportError
+from drivers.names import visible
 
 POLL_S = 0.2
 
@@ -37,7 +38,7 @@ class TerminalDesk:
 
     async def ask(self, question: str) -> str:
         """Print the question and wait for a line."""
-        self._writes.write(f"{question} ")
+        self._writes.write(f"{visible(question)} ")
         self._writes.flush()
         line = await asyncio.get_running_loop().run_in_executor(None, self._reads.readline)
         if not line:

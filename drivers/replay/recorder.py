@@ -8,7 +8,11 @@ from pathlib import Path
 from typing import Any, BinaryIO, Literal
 
 from drivers.clock import Clock
-from drivers.replay.tracefile import Record, encode, head, without_secrets
+from drivers.errors import ConfigError
+from drivers.names import allowed, is_name, shown
+from drivers.ownfiles import made_folder, opened
+from drivers.replay.tracefile import Record, encode, head
+from drivers.scrub import without_secrets
 
 FILE_BYTES = 16 << 20
 FILES = 4
@@ -17,7 +21,7 @@ FILES = 4
 class TraceRecorder:
     """A device's ``trace``: called with ">" or "<" and bytes. NAME.trace is the newest file, NAME.trace.3 the oldest.
 
-    ``failure`` says why it stopped, "" while it works.
+    ``failure`` says why it stopped, "" while it works. Raises ConfigError (E-NAME) when NAME is none.
     """
 
     def __init__(
@@ -30,6 +34,8 @@ class TraceRecorder:
         file_bytes: int = FILE_BYTES,
         files: int = FILES,
     ) -> None:
+        if not is_name(name):
+            raise ConfigError("E-NAME", str(folder), name=shown(name), allowed=allowed())
         self.path = folder / f"{name}.trace"
         self.failure = ""
         self._clock = clock
@@ -40,7 +46,7 @@ class TraceRecorder:
         self._file: BinaryIO | None = None
         self._size = 0
         with self._kept():
-            folder.mkdir(parents=True, exist_ok=True)
+            made_folder(folder)
             self._begin()
 
     def _kept(self) -> contextlib.AbstractContextManager[None]:
@@ -52,7 +58,7 @@ class TraceRecorder:
         self.close()
 
     def _begin(self) -> None:
-        self._file = self.path.open("wb")
+        self._file = opened(self.path, "wb")
         self._size = self._file.write(self._head)
 
     def session(self) -> None:

@@ -14,15 +14,13 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from drivers.errors import FileFormatError
+from drivers.scrub import without_user
 
 FORM = 1
 _RECORD = struct.Struct("<cdI")
 LONGEST = 1 << 26
 Direction = Literal["<", ">", "#"]
-_SECRET = re.compile(r"pass|secret|token|pin$|key$|credential", re.IGNORECASE)
 _SECRET_BYTES = re.compile(rb'("[^"]{0,40}(?:pass|secret|token|credential)[^"]{0,40}"\s*:\s*)"[^"\n]*"', re.IGNORECASE)
-_USER = re.compile(r"//[^/@]*@")
-HIDDEN = "***"
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,17 +50,9 @@ class Trace:
         return tuple(tuple(session) for session in found if session)
 
 
-def without_secrets(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Settings with every value hidden whose key sounds secret, however deep."""
-    return {
-        key: HIDDEN if _SECRET.search(key) else without_secrets(value) if isinstance(value, Mapping) else value
-        for key, value in settings.items()
-    }
-
-
 def head(about: Mapping[str, Any]) -> bytes:
     """The first line of a file."""
-    said = {"trueflank_trace": FORM, **about, "url": _USER.sub("//", str(about.get("url", "")))}
+    said = {"trueflank_trace": FORM, **about, "url": without_user(str(about.get("url", "")))}
     return json.dumps(said, default=str).encode("utf-8") + b"\n"
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -11,6 +10,8 @@ from cryptography import x509
 from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import rsa
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
+
+from drivers.ownfiles import made_folder, opened
 
 YEARS = 10
 
@@ -28,7 +29,7 @@ def own_key_pair(folder: Path, name: str, application_uri: str, host: str, *, se
     pair = KeyPair(folder / f"{name}.der", folder / f"{name}.key.pem")
     if pair.certificate.is_file() and pair.key.is_file():
         return pair
-    folder.mkdir(parents=True, exist_ok=True)
+    made_folder(folder)
     key = rsa.generate_private_key(public_exponent=65537, key_size=2048)
     _write_private(pair.key, _pem(key))
     certificate = _self_signed(key, name, application_uri, host, server=server)
@@ -60,8 +61,7 @@ def _pem(key: rsa.RSAPrivateKey) -> bytes:
 
 
 def _write_private(path: Path, content: bytes) -> None:
-    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
-    with os.fdopen(descriptor, "wb") as file:
+    with opened(path, "wb", secret=True) as file:
         file.write(content)
 
 

@@ -19,8 +19,8 @@ from drivers.sinumerik.machine import MachineReader
 from drivers.sinumerik.reach import host_and_port, reach
 from drivers.sinumerik.trust import last_record, view
 from drivers.sinumerik.uaclient import UaSession
-from drivers.sinumerik.ualogin import Offer
-from drivers.sinumerik.uasettings import SECURED, UaSettings, secrets_of
+from drivers.sinumerik.ualogin import Offer, no_policy
+from drivers.sinumerik.uasettings import UaSettings, secrets_of
 
 DEFAULT_PORT = 4840
 SOON = timedelta(days=60)
@@ -70,14 +70,17 @@ class UaDoctor:
         except TrueflankError as error:
             return [failed(error, "endpoint", "unknown")]
         lines = [fine("W-DOC-ENDPOINT", "endpoint", offered=", ".join(offer.security)), self._policy(offer)]
-        if self._settings.security == SECURED:
+        if self._settings.secured:
             lines += await asyncio.to_thread(self._certificates, offer, self._clock.utc())
         return lines
 
     def _policy(self, offer: Offer) -> CheckLine:
-        if self._settings.security != SECURED:
+        if not self._settings.secured:
             return wrong("E-DOC-NO-SECURITY", "policy", security=self._settings.security)
-        return fine("W-DOC-POLICY", "policy") if offer.secured else wrong("E-UA-POLICY", "policy")
+        policy = offer.best(self._settings.policies)
+        if not policy:
+            return failed(no_policy(offer, self._settings.policies, self.name), "policy")
+        return fine("W-DOC-POLICY", "policy", policy=policy)
 
     def _certificates(self, offer: Offer, now: datetime) -> list[CheckLine]:
         place = Path(self._settings.server_certificate)
@@ -110,7 +113,12 @@ class UaDoctor:
             await self._session.open(secrets, timeout_s)
         except TrueflankError as error:
             return [*lines, failed(error, _part_of_login(error))]
-        return [*lines, fine("W-DOC-LOGIN", "login", user=self._settings.user or "(anonymous)")]
+        return [
+            *lines,
+            fine(
+                "W-DOC-LOGIN", "login", user=self._settings.user or "(anonymous)", policy=self._session.policy or "None"
+            ),
+        ]
 
 
 def _own(pair: KeyPair, now: datetime) -> list[CheckLine]:

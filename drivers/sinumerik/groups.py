@@ -19,6 +19,8 @@ from drivers.units import AxisUnit
 
 Sign = Literal[1, -1]
 SCALE = {"mm": Decimal(1000), "deg": Decimal(3600)}
+MOST_POINTS = 20_000
+"""No control reserves more points for one table (840D: 5000); a file or a list that does is not believed."""
 _NEEDED = {"EEC": ("STEP", "MIN", "MAX"), "CEC": ("INPUT_AXIS", "OUTPUT_AXIS", "STEP", "MIN", "MAX")}
 _OTHER_COMPUTERS = ("$AN_CEC_INPUT_NCU", "$AN_CEC_OUTPUT_NCU")
 _WHOLE = Decimal("1e-9")
@@ -178,6 +180,9 @@ class Reader:
         return f"{self.where}, line {line}"
 
     def _table(self, group: Group, last: int, high: Decimal) -> CompensationTable:
+        if last >= MOST_POINTS:
+            fields: dict[str, Any] = {"line": group.line, "table": group.label, "last": last, "limit": MOST_POINTS}
+            raise FileFormatError("E-TABLE-SIZE", self._at(group.line), **fields)
         output = group.axis or _text(group, "OUTPUT_AXIS")
         source = group.axis or _text(group, "INPUT_AXIS")
         modulo = bool(_number(group, "IS_MODULO")) and last > 0

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from drivers.errors import RemoteProtocolError, TransportError, UnsupportedDevice
+from drivers.names import shown
 from drivers.sinumerik import nodes, uaalarms
 from drivers.sinumerik.backup import Memory
+from drivers.sinumerik.groups import MOST_POINTS
 from drivers.sinumerik.uaclient import Reading, UaSession
 from drivers.sinumerik.uasettings import UaSettings
 from drivers.sinumerik.uastatus import is_down, refusal
@@ -97,8 +99,17 @@ class MachineReader:
         paths = [self._datum(f"$MA_MM_ENC_COMP_MAX_POINTS[{encoder},{axis}]", names)]
         paths += [self._datum(f"$MN_MM_CEC_MAX_POINTS[{table}]", names) for table in range(tables)]
         eec, *cec = await self._read(paths)
-        points = tuple(0 if one.status else int(one.value) for one in cec)
-        return Memory(int(self._good([eec])[0]), points, names)
+        points = tuple(0 if one.status else self._reserved(one) for one in cec)
+        self._good([eec])
+        return Memory(self._reserved(eec), points, names)
+
+    def _reserved(self, reading: Reading) -> int:
+        """Points that a memory figure says. Raises RemoteProtocolError (E-UA-FIGURE) beyond what a control has."""
+        value = reading.value
+        if type(value) is int and 0 <= value <= MOST_POINTS:
+            return value
+        fields: dict[str, Any] = {"what": reading.path, "value": shown(value), "limit": MOST_POINTS}
+        raise RemoteProtocolError("E-UA-FIGURE", self._where, **fields)
 
     async def switch(self, name: str, configuration: Configuration) -> bool | None:
         """A switch by its NC name; None when this user may not read it or the NCK restarts just now."""

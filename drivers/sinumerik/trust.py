@@ -16,11 +16,12 @@ from cryptography.hazmat.primitives.serialization import Encoding
 from drivers.checks import CertificateView, TrustView
 from drivers.clock import Clock
 from drivers.errors import ConfigError, DeviceRefused
+from drivers.ownfiles import made_parents, opened
 from drivers.sinumerik import certificates
 from drivers.sinumerik.certificates import load
 from drivers.sinumerik.uaclient import UaSession
-from drivers.sinumerik.ualogin import Offer
-from drivers.sinumerik.uasettings import APPLICATION_URI, SECURED, UaSettings, client_folder
+from drivers.sinumerik.ualogin import Offer, no_policy
+from drivers.sinumerik.uasettings import APPLICATION_URI, UaSettings, client_folder
 
 
 class UaTrust:
@@ -31,7 +32,7 @@ class UaTrust:
         self._url = url
         self._clock = clock
         self._settings = UaSettings.read(settings, name)
-        if self._settings.security != SECURED:
+        if not self._settings.secured:
             raise ConfigError("E-TRUST-NO-SECURITY", name, security=self._settings.security)
 
     async def show(self, timeout_s: float) -> TrustView:
@@ -63,8 +64,8 @@ class UaTrust:
 
     async def _shown(self, timeout_s: float) -> x509.Certificate:
         offer: Offer = await UaSession(self._url, self._clock, self.name).offer(timeout_s)
-        if not offer.secured or offer.certificate is None:
-            raise DeviceRefused("E-UA-POLICY", self.name)
+        if not offer.best(self._settings.policies) or offer.certificate is None:
+            raise no_policy(offer, self._settings.policies, self.name)
         return offer.certificate
 
     def _view(self, shown: x509.Certificate) -> TrustView:
@@ -84,7 +85,7 @@ class UaTrust:
 
     def _pin(self, certificate: x509.Certificate, who: str, now: datetime) -> None:
         place = Path(self._settings.server_certificate)
-        place.parent.mkdir(parents=True, exist_ok=True)
+        made_parents(place)
         before = view(load(place.read_bytes())).sha256 if place.is_file() else ""
         if before:
             place.replace(place.with_name(f"{place.name}.old-{before.replace(':', '')[:16]}"))
@@ -123,7 +124,7 @@ def last_record(place: Path) -> dict[str, Any]:
 
 
 def _store(path: Path, content: bytes, mode: str) -> None:
-    with path.open(mode) as file:
+    with opened(path, mode) as file:
         file.write(content)
         file.flush()
         os.fsync(file.fileno())

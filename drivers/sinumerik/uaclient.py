@@ -63,11 +63,17 @@ class UaSession:
         self._alive: asyncio.Task[None] | None = None
         self._renew_at = 0.0
         self._why = "it was never opened"
+        self._policy = ""
 
     @property
     def is_open(self) -> bool:
         """Whether requests can be made."""
         return self._client is not None
+
+    @property
+    def policy(self) -> str:
+        """The security policy of an open session; "" without."""
+        return self._policy if self.is_open else ""
 
     @property
     def name_space(self) -> int:
@@ -89,16 +95,16 @@ class UaSession:
     async def open(self, secrets: Secrets, timeout_s: float) -> None:
         """Log in and find name space, limits and methods. An older session is closed first.
 
-        Raises TransportError (E-UA-CONNECT), DeadlineExceeded, DeviceRefused (E-UA-LOGIN, E-UA-TRUST,
-        E-UA-TRUST-US, E-UA-POLICY, E-UA-SESSIONS), UnsupportedDevice (E-UA-NAMESPACE), RemoteProtocolError.
+        Raises TransportError (E-UA-CONNECT), DeadlineExceeded, DeviceRefused (E-UA-LOGIN, E-UA-SESSIONS, and as
+        `ualogin.check_trust`), UnsupportedDevice (E-UA-NAMESPACE), RemoteProtocolError.
         """
         await self.close()
         self._secrets = secrets
         async with self._clock.deadline(timeout_s, self._where), self._lock:
-            await ualogin.check_trust(secrets, self._asked, self._clock.utc(), self._where)
+            self._policy = await ualogin.check_trust(secrets, self._asked, self._clock.utc(), self._where)
             self._client = client = ualogin.new_client(self._url, secrets)
             opened_at = self._clock.now()
-            await self._translated("login", secrets.user, ualogin.log_in(client, secrets))
+            await self._translated("login", secrets.user, ualogin.log_in(client, secrets, self._policy))
             self._renew_at = opened_at + 0.6 * client.secure_channel_timeout / 1000.0
             await self._translated("read", "the name space", self._look_around(client))
         self._alive = asyncio.get_running_loop().create_task(

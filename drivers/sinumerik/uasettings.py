@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,20 +12,25 @@ from cryptography import x509
 
 from drivers.errors import ConfigError
 from drivers.link import read_settings, wrong_setting
+from drivers.names import shown
 from drivers.sinumerik import certificates, nodes
 from drivers.sinumerik.certificates import KeyPair
 from drivers.sinumerik.words import COUNT, SetupWord, Words
 
 APPLICATION_URI = "urn:trueflank:gateway"
-SECURED = "Basic256Sha256"
+# Best first; both sign and encrypt. The last one is what every control has.
+POLICIES = ("Aes256_Sha256_RsaPss", "Basic256Sha256")
+BEST, NONE = "best", "None"
 
 
 @dataclass(frozen=True, slots=True)
 class UaSettings:
     """Keys under ``[controller.settings]``.
 
-    ``security`` "Basic256Sha256" (sign and encrypt, the server's certificate pinned) or "None", which must be
-    asked for. ``client_folder`` keeps our own certificate; beside the pinned one when empty. ``r_first`` is
+    ``security`` "best" (the better one of those the server offers), "Aes256_Sha256_RsaPss" or "Basic256Sha256" (each
+    signs and encrypts, the server's certificate pinned), or "None", which must be asked for. The password is in
+    ``password_file`` or in the environment variable ``password_env``; ``password`` itself is for programs, a site
+    file may not hold it. ``client_folder`` keeps our own certificate; beside the pinned one when empty. ``r_first`` is
     the first of 20 R parameters; ``r_setup`` the first of three for the set-up values of a test part, -1: the three
     before ``r_first`` (behind its 20 where there is no room).
     ``two_programs`` for controls that give no file out while a program waits.
@@ -36,7 +42,8 @@ class UaSettings:
     user: str = ""
     password: str = ""
     password_file: str = ""
-    security: str = SECURED
+    password_env: str = ""
+    security: str = BEST
     server_certificate: str = ""
     client_folder: str = ""
     r_first: int = 80
@@ -62,11 +69,11 @@ class UaSettings:
 
     def limits(self) -> tuple[tuple[str, bool, str], ...]:
         """Key, whether its value is allowed, and what is allowed."""
-        pinned = self.security != SECURED or bool(self.server_certificate)
+        pinned = not self.secured or bool(self.server_certificate)
         return (
-            ("security", self.security in (SECURED, "None"), f"must be {SECURED} or None"),
+            ("security", self.security in (BEST, *POLICIES, NONE), f"must be {BEST}, {', '.join(POLICIES)} or {NONE}"),
             ("server_certificate", pinned, "must name the server's certificate: nothing is trusted unseen"),
-            ("password_file", not (self.password and self.password_file), "give it or password, not both"),
+            ("password_file", self._one_password(), "give one of password_file, password_env and password"),
             ("r_first", 0 <= self.r_first <= nodes.R_LAST - COUNT, f"must be 0 .. {nodes.R_LAST - COUNT}"),
             ("r_setup", self._free(), f"must be 0 .. {nodes.R_LAST - 2}, clear of the 20 from r_first on, or -1"),
             ("channel", 1 <= self.channel <= 10, "must be 1 .. 10"),
@@ -78,6 +85,19 @@ class UaSettings:
             ("serial_node", nodes.parse(self.serial_node) is not None, "is no node path of this control"),
             ("version_node", nodes.parse(self.version_node) is not None, "is no node path of this control"),
         )
+
+    @property
+    def secured(self) -> bool:
+        """Whether messages are signed and encrypted."""
+        return self.security != NONE
+
+    @property
+    def policies(self) -> tuple[str, ...]:
+        """Security policies that may be used, best first."""
+        return POLICIES if self.security == BEST else (self.security,)
+
+    def _one_password(self) -> bool:
+        return sum(map(bool, (self.password, self.password_file, self.password_env))) <= 1
 
     def _free(self) -> bool:
         """Whether the set-up values have R parameters of their own."""
@@ -95,21 +115,32 @@ class UaSettings:
 
 @dataclass(frozen=True, slots=True)
 class Secrets:
-    """What a login needs, read from where the settings point: ``pinned`` and ``own`` are None without security."""
+    """What a login needs, read from where the settings point: ``pinned`` and ``own`` are None without security.
+
+    ``policies`` may be used, best first.
+    """
 
     user: str
     password: str
     pinned: x509.Certificate | None = None
     own: KeyPair | None = None
+    policies: tuple[str, ...] = POLICIES
 
 
 def secrets_of(settings: UaSettings, where: str) -> Secrets:
-    """Read password and certificates; blocking. Raises ConfigError (E-UA-SECRET) naming key, file and why."""
+    """Read password and certificates; blocking.
+
+    Raises ConfigError (E-UA-SECRET, E-UA-SECRET-ENV, E-UA-UNPINNED) naming key, file and why.
+    """
     password = settings.password
+    if settings.password_env:
+        password = os.environ.get(settings.password_env, "")
+        if not password:
+            raise ConfigError("E-UA-SECRET-ENV", where, name=shown(settings.password_env))
     if settings.password_file:
         content = _content("password_file", settings.password_file, where)
         password = content.decode("utf-8", errors="replace").strip("\r\n")
-    if settings.security != SECURED:
+    if not settings.secured:
         return Secrets(settings.user, password)
     path = settings.server_certificate
     if not Path(path).is_file():
@@ -123,7 +154,7 @@ def secrets_of(settings: UaSettings, where: str) -> Secrets:
         own = certificates.own_key_pair(folder, "trueflank", APPLICATION_URI, "localhost")
     except OSError as error:
         raise ConfigError("E-UA-SECRET", where, key="client_folder", path=str(folder), why=str(error)) from error
-    return Secrets(settings.user, password, pinned, own)
+    return Secrets(settings.user, password, pinned, own, settings.policies)
 
 
 def client_folder(settings: UaSettings) -> Path:

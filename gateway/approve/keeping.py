@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from drivers.ownfiles import opened
 from gateway.domain import Approval
 from gateway.errors import CorruptRecord, WriteRefused
 from gateway.store import records
-from gateway.store.disk import checked_name, disk_errors, sync_folder, write_whole
+from gateway.store.disk import checked_name, disk_errors, make_folder, read_whole, sync_folder, write_whole
 
 FOLDER = "approvals"
 
@@ -23,8 +24,7 @@ class Approvals:
         """Keep an approval for good; returns its hash. Raises StoreError (E-STORE-DISK)."""
         data = records.encode(approval)
         digest = records.sha256(data)
-        with disk_errors(self._folder):
-            self._folder.mkdir(exist_ok=True)
+        make_folder(self._folder)
         write_whole(self._path(digest), data)
         return digest
 
@@ -53,7 +53,7 @@ class Approvals:
     def _mark(self, path: Path, approval: Approval, used_by: str) -> None:
         with disk_errors(path):
             try:
-                file = path.open("xb")
+                file = opened(path, "xb")
             except FileExistsError as error:
                 raise WriteRefused("E-APPROVE-USED", path.name, actor=approval.actor) from error
             with file:
@@ -67,8 +67,7 @@ class Approvals:
 
 
 def _read(path: Path) -> Approval:
-    with disk_errors(path):
-        data = path.read_bytes()
+    data = read_whole(path)
     if path.stem.rpartition("-")[2] != records.sha256(data)[:16]:
         raise CorruptRecord("E-STORE-HASH", str(path), stage="approval")
     return records.decode(data, Approval, str(path))

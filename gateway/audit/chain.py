@@ -14,10 +14,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import Event
 
+from drivers.ownfiles import opened, read_own
 from gateway.audit.entries import TORN, Entry, Happening, Head, head_of, head_of_line, line_of, torn_facts
 from gateway.errors import BusyError, CorruptRecord
 from gateway.push.lock import held
-from gateway.store.disk import disk_errors, sync_folder, write_whole
+from gateway.store.disk import disk_errors, read_whole, sync_folder, write_whole
 
 AUDIT = "audit"
 HEAD = "head"
@@ -60,7 +61,7 @@ def _written(folder: Path, number: int, size: int, before: Head, entry: Entry) -
     if not (folder / HEAD).exists():
         write_whole(folder / HEAD, f"{before}\n".encode("ascii"))
     with disk_errors(path):
-        with path.open("ab") as file:
+        with opened(path, "ab") as file:
             file.write(line)
             file.flush()
             os.fsync(file.fileno())
@@ -129,7 +130,7 @@ def kept_text(folder: Path) -> bytes | None:
     """The head file as it is; None where there is none. Raises StoreError (E-STORE-DISK)."""
     with disk_errors(folder / HEAD):
         try:
-            return (folder / HEAD).read_bytes()
+            return read_own(folder / HEAD)
         except FileNotFoundError:
             return None
 
@@ -145,8 +146,7 @@ def head_in(text: bytes) -> Head:
 
 def content(path: Path) -> bytes:
     """A file of the log. Raises StoreError (E-STORE-DISK)."""
-    with disk_errors(path):
-        return path.read_bytes()
+    return read_whole(path)
 
 
 def _size(path: Path) -> int:

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from gateway.cli.commands import JsonOption
-from gateway.cli.show import show_json
+from gateway.cli.show import echo, show_json
 
 audit_app = typer.Typer(name="audit", help="The log of who did what to which machine.", no_args_is_help=True)
 
@@ -34,11 +34,11 @@ def verify_command(
             raise typer.Exit(11)
         return
     audit.demand(root, exported)
-    typer.echo(f"{root}: {health.head.seq} records in {health.files} files are whole; head {health.head}")
+    echo(f"{root}: {health.head.seq} records in {health.files} files are whole; head {health.head}")
     if health.torn_bytes:
-        typer.echo(f"a crash left {health.torn_bytes} bytes of a record; the next record will speak of it")
+        echo(f"a crash left {health.torn_bytes} bytes of a record; the next record will speak of it")
     if not exported:
-        typer.echo("give --head with a head kept elsewhere to see also that the end was not cut")
+        echo("give --head with a head kept elsewhere to see also that the end was not cut")
 
 
 @audit_app.command("head")
@@ -46,7 +46,7 @@ def head_command(store: PlaceArgument) -> None:
     """Print the head (number:hash); keep it where nobody who can write the store can change it."""
     from gateway import audit
 
-    typer.echo(str(audit.demand(store_root(store)).head))
+    echo(str(audit.demand(store_root(store)).head))
 
 
 @audit_app.command("show")
@@ -65,7 +65,7 @@ def show_command(
         show_json(found)
         return
     for entry in found:
-        typer.echo(_line(entry))
+        echo(_line(entry))
 
 
 @audit_app.command("correct")
@@ -87,7 +87,7 @@ def correct_command(
     async def main() -> audit.Head:
         return audit.correct(root, number, why, clock=LoopClock())
 
-    typer.echo(f"record {asyncio.run(main()).seq} corrects record {number}")
+    echo(f"record {asyncio.run(main()).seq} corrects record {number}")
 
 
 def add_to(app: typer.Typer) -> None:

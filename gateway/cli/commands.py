@@ -8,6 +8,10 @@ from typing import Annotated
 
 import typer
 
+from drivers.errors import ConfigError
+from drivers.names import allowed, is_name, shown
+from gateway.cli.show import echo
+
 app = typer.Typer(
     name="trueflank",
     help="Measure a gear grinder's axes, correct them through its controller, and prove the result.",
@@ -22,6 +26,16 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JS
 ApplyOption = Annotated[bool, typer.Option("--apply", help="Write to the controller (else: propose only).")]
 MachineOption = Annotated[str, typer.Option(help="The machine's name, typed to confirm --apply.")]
 StoreOption = Annotated[Path, typer.Option(help="Folder that holds the runs.")]
+
+
+def named(text: str) -> str:
+    """An option that becomes a part of a file's name. Raises ConfigError (E-NAME)."""
+    if text and not is_name(text):
+        raise ConfigError("E-NAME", "command line", name=shown(text), allowed=allowed())
+    return text
+
+
+PartOption = Annotated[str, typer.Option(help="What the part is called in its run.", callback=named)]
 
 
 @app.command()
@@ -248,9 +262,11 @@ def study(
     errors: Annotated[Path, typer.Argument(help="Error file (TOML).", show_default=False)],
     plots: Annotated[Path | None, typer.Option(help="Folder for pictures (PNG).", show_default=False)] = None,
     scheduler: Annotated[str, typer.Option(help="Dask scheduler, tcp://host:port.", show_default=False)] = "",
-    workers: Annotated[int | None, typer.Option(help="Processes for the ranking.", show_default=False)] = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, max=256, help="Processes for the ranking.", show_default=False)
+    ] = None,
     order: Annotated[str, typer.Option(help="Flank of the ranking: first, second or exact.")] = "first",
-    trajectories: Annotated[int, typer.Option(min=1, help="Morris trajectories.")] = 20,
+    trajectories: Annotated[int, typer.Option(min=1, max=10_000, help="Morris trajectories.")] = 20,
     as_json: JsonOption = False,
 ) -> None:
     """Work out a gear on a machine: each error alone, ranking, cures, before and after."""
@@ -273,4 +289,4 @@ def schema() -> None:
     """Print the site file's JSON schema."""
     from gateway.config import schema as site_schema
 
-    typer.echo(json.dumps(site_schema(), indent=2))
+    echo(json.dumps(site_schema(), indent=2))

@@ -13,7 +13,7 @@ from drivers.checks import CertificateView, TrustView, Wanted, WantedAxis
 from drivers.clock import Clock, LoopClock
 from drivers.errors import TrueflankError, words
 from gateway.cli.commands import JsonOption, SiteArgument
-from gateway.cli.show import show_json
+from gateway.cli.show import echo, show_json
 
 NOT_ALL_WELL = 5
 MARKS = {"ok": "ok", "wrong": "WRONG", "unknown": "could not tell"}
@@ -40,9 +40,9 @@ def doctor_command(site: SiteArgument, as_json: JsonOption = False) -> None:
     else:
         for line in lines:
             colour = {"ok": "green", "wrong": "red"}.get(line.outcome, "yellow")
-            typer.echo(f"{typer.style(f'{MARKS[line.outcome]:<14}', fg=colour)} {line.check}: {line.what}")
+            echo(f"{MARKS[line.outcome]:<14} {line.check}: {line.what}", colour=colour)
             if line.fix:
-                typer.echo(f"{'':<14} -> {line.fix}")
+                echo(f"{'':<14} -> {line.fix}")
     if not well:
         raise typer.Exit(NOT_ALL_WELL)
 
@@ -113,16 +113,16 @@ def tell(view: TrustView, *, as_json: bool) -> None:
         data |= {"url": view.url, "file": view.place, "equal": view.equal}
         show_json({**data, "accepted_by": view.accepted_by, "accepted_utc": view.accepted_utc})
         return
-    typer.echo(view.url)
+    echo(view.url)
     for title, one in (("shown now", view.shown), ("pinned", view.pinned), ("this gateway's own", view.own)):
         if one is not None:
-            typer.echo(f"{title}: {one.subject}, valid {one.valid_from:%Y-%m-%d} to {one.valid_until:%Y-%m-%d}")
-            typer.echo(f"  SHA-256 {one.sha256}\n  SHA-1   {one.sha1}")
+            echo(f"{title}: {one.subject}, valid {one.valid_from:%Y-%m-%d} to {one.valid_until:%Y-%m-%d}")
+            echo(f"  SHA-256 {one.sha256}\n  SHA-1   {one.sha1}")
     code = "W-TRUST-EQUAL" if view.equal else "W-TRUST-CHANGED" if view.pinned else "W-TRUST-NONE"
     who = f"{view.accepted_by}, {view.accepted_utc}" if view.accepted_by else "nobody on record"
-    typer.echo(words(code, file=view.place, who=who))
+    echo(words(code, file=view.place, who=who))
     if not view.equal:
-        typer.echo(f"  -> {TrueflankError(code, file=view.place, who=who).hint}")
+        echo(f"  -> {TrueflankError(code, file=view.place, who=who).hint}")
 
 
 def record(view: CertificateView) -> dict[str, str]:

@@ -18,7 +18,7 @@ def approve(
 ) -> None:
     """Show a stored proposal as `push` does, ask for the machine's name, and approve it for ten minutes."""
     from gateway.cli.running import show_outcome
-    from gateway.cli.show import progress, show_json
+    from gateway.cli.show import echo, progress, show_json
     from gateway.store import Store
     from gateway.workflow.approving import approve_plan, show_plan
 
@@ -34,7 +34,7 @@ def approve(
         show_json({"approved": plans, **outcome.as_data()})
         return
     for one in made:
-        typer.echo(f"approved by {one.actor} until {one.expires_utc}: plan {one.plan_hash[:12]}")
+        echo(f"approved by {one.actor} until {one.expires_utc}: plan {one.plan_hash[:12]}")
 
 
 def rollback(

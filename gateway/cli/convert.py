@@ -11,7 +11,7 @@ import typer
 from drivers.errors import ConfigError
 from drivers.tablefile import TableMachine
 from gateway.cli.files import reader
-from gateway.cli.show import show_json
+from gateway.cli.show import echo, show_json
 from gateway.cli.tables import number, show_findings, table_format
 
 FORMS = {".ini": "ini", ".arc": "archive"}
@@ -143,9 +143,9 @@ def _say(made: Any, told: list[str]) -> None:
         way = {0: "both directions", 1: "+ direction", -1: "- direction"}[table.direction]
         largest = max(abs(value) for value in table.deviations)
         grid = f"{table.minimum:g} .. {table.maximum:g} step {table.step:g} {table.input_unit}"
-        typer.echo(
+        echo(
             f"{table.function} {table.name}, {way}: {len(table.deviations)} points, {grid}, "
             f"largest {largest:.3f} {table.deviation_unit}"
         )
     for line in told:
-        typer.echo(f"note: {line}")
+        echo(f"note: {line}")

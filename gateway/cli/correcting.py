@@ -8,9 +8,9 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli.commands import JsonOption, SiteArgument
+from gateway.cli.commands import JsonOption, SiteArgument, named
 from gateway.cli.inspecting import HeightsOption, correct_gear
-from gateway.cli.show import progress, show_json, show_table
+from gateway.cli.show import echo, progress, show_json, show_table
 
 
 def add_to(app: typer.Typer) -> None:
@@ -25,7 +25,9 @@ def correct_command(
         str,
         typer.Option(help="Start from an inspected part: a run, or a file of flank points.", show_default=False),
     ] = "",
-    part: Annotated[str, typer.Option(help="With --gear: which part of the run.", show_default=False)] = "",
+    part: Annotated[
+        str, typer.Option(help="With --gear: which part of the run.", show_default=False, callback=named)
+    ] = "",
     heights: HeightsOption = "lower-face",
     as_json: JsonOption = False,
 ) -> None:
@@ -63,14 +65,14 @@ def _tell(found: Any) -> None:
     show_table("tables", ("table", "what", "points and values"), found.tables)
     setup = tooth.setup
     values = f"x zero {setup.x_um:+.1f} um, C zero {setup.c_arcsec:+.1f} arcsec, dressing {setup.dressing_um:+.1f} um"
-    typer.echo(f"set-up values: {values}; the trial part tells the final ones")
-    typer.echo(
+    echo(f"set-up values: {values}; the trial part tells the final ones")
+    echo(
         f"flank RMS: {flank.before.rms_um:.2f} um before ({found.fair_before_um:.2f} um with its set-up values right), "
         f"{flank.rms_um:.2f} +- {flank.rms_u_um:.2f} um after (calculated {flank.after.rms_um:.2f} um, "
         f"floor {flank.floor_um:.2f} um; u {flank.u_um:.2f} um)"
     )
     parts = ", ".join(f"{name} {value:.2f}" for name, value in flank.parts_um.items() if value >= 0.005)
-    typer.echo(f"u is made of (um): {parts}")
+    echo(f"u is made of (um): {parts}")
     rank = {one.error: one for one in tooth.ranking}
     rows = [
         (one.error, *_ranked(rank.get(one.error)), f"{one.rms_um:.3f}", one.by, f"{one.floor_um:.3f}")
@@ -79,9 +81,9 @@ def _tell(found: Any) -> None:
     headings = ("error", "rank", "mu* um", "alone um", "cured by", "left um")
     show_table("errors on the tooth", headings, rows)
     for line in tooth.said:
-        typer.echo(line)
-    typer.echo(f"run folder: {found.run_folder}")
-    typer.echo(f"next: trueflank push {found.run_folder}")
+        echo(line)
+    echo(f"run folder: {found.run_folder}")
+    echo(f"next: trueflank push {found.run_folder}")
 
 
 def _ranked(one: Any) -> tuple[str, str]:

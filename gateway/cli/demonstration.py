@@ -9,12 +9,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import typer
-
 from drivers.clock import LoopClock
 from drivers.errors import ConfigError
 from gateway.cli.closing import close_site_command
 from gateway.cli.running import run_site_command
+from gateway.cli.show import echo
 
 GRACE_S = 10.0
 EXPECT = {False: "all of the loop takes about three minutes", True: "the axes alone take about a minute and a half"}
@@ -65,7 +64,7 @@ def run_demo(folder: Path, cell: str, speed: float, seed: int | None, *, axes: b
     clock = LoopClock()
     with cell_process(cell, site, speed, seed, plan=not axes):
         if not as_json:
-            typer.echo(f"a simulated grinder runs at {speed:g} x machine time; {EXPECT[axes]}")
+            echo(f"a simulated grinder runs at {speed:g} x machine time; {EXPECT[axes]}")
         started = clock.utc()
         if axes:
             run_site_command(site, True, "", as_json=as_json, typed_by_demo=True, clock=clock)
@@ -73,15 +72,15 @@ def run_demo(folder: Path, cell: str, speed: float, seed: int | None, *, axes: b
             close_site_command(site, True, "", as_json=as_json, typed_by_demo=True, clock=clock)
         seconds = (clock.utc() - started).total_seconds()
     if not as_json:
-        typer.echo(f"(all of it took {seconds:.0f} s)")
+        echo(f"(all of it took {seconds:.0f} s)")
 
 
 def run_cell(cell: str, site: Path, speed: float, seed: int | None) -> None:
     """Run a cell until Ctrl-C."""
     with cell_process(cell, site, speed, seed) as child:
-        typer.echo(f"cell {cell} runs at {speed:g} x wall time; site file: {site}")
-        typer.echo(f"try: trueflank check {site} --connect   or   trueflank run {site}")
+        echo(f"cell {cell} runs at {speed:g} x wall time; site file: {site}")
+        echo(f"try: trueflank check {site} --connect   or   trueflank run {site}")
         try:
             child.wait()
         except KeyboardInterrupt:
-            typer.echo("ending the cell")
+            echo("ending the cell")

@@ -11,7 +11,7 @@ import typer
 
 from drivers.errors import ConfigError
 from gateway.cli.commands import JsonOption, StoreOption
-from gateway.cli.show import progress, show_json, show_table
+from gateway.cli.show import echo, progress, show_json, show_table
 
 KINDS = ("none", "value", "level", "external")
 
@@ -109,7 +109,7 @@ def tell(data: dict[str, Any]) -> None:
     """A record's results in words."""
     unit = data["unit"]
     head = f"{data['place']}: {data['samples']} samples at {data['rate_hz']:g} Hz, {data['duration_s']:.4g} s"
-    typer.echo(f"{head}, {data['gaps']} gap(s) with {data['lost']} lost")
+    echo(f"{head}, {data['gaps']} gap(s) with {data['lost']} lost")
     if "spectrum" in data:
         made = data["spectrum"]
         rows = [(f"{peak['frequency_hz']:.2f}", f"{peak['amplitude']:.4g}") for peak in made["peaks"]]
@@ -117,14 +117,14 @@ def tell(data: dict[str, Any]) -> None:
         show_table(title, ("frequency Hz", f"amplitude {unit}"), rows)
     found = data["settling"]
     if found is None:
-        typer.echo(f"settling: not shown; {data['settling_missing']}")
+        echo(f"settling: not shown; {data['settling_missing']}")
     else:
         time = "never" if found["time_s"] is None else f"after {1000.0 * found['time_s']:.2f} ms"
-        typer.echo(f"settling: step {found['step']:.4g} {unit}, within {found['band']:g} {unit} {time}")
-        typer.echo(f"  overshoot {found['overshoot']:.4g} {unit}")
+        echo(f"settling: step {found['step']:.4g} {unit}, within {found['band']:g} {unit} {time}")
+        echo(f"  overshoot {found['overshoot']:.4g} {unit}")
         if found["ringing"]:
             ringing = found["ringing"]
-            typer.echo(f"  ringing {ringing['frequency_hz']:.4g} Hz, {ringing['amplitude']:.4g} {unit}")
-    typer.echo(f"picture: {data['picture']}")
+            echo(f"  ringing {ringing['frequency_hz']:.4g} Hz, {ringing['amplitude']:.4g} {unit}")
+    echo(f"picture: {data['picture']}")
     for note in data["notes"]:
-        typer.echo(f"  note: {note}")
+        echo(f"  note: {note}")

@@ -12,7 +12,7 @@ import typer
 
 from drivers import registry
 from drivers.errors import ConfigError, TrueflankError
-from gateway.cli.show import show_error, show_json, show_table
+from gateway.cli.show import echo, show_error, show_json, show_table
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,16 +214,16 @@ def _show(result: dict[str, Any]) -> None:
     title = f"{result['file']}: {result['standard']}{formulas}, {result['targets']} targets x {result['repetitions']}"
     rows = [_row(result, name) for name in asked.parameters]
     show_table(title, ("parameter", "value", "U (k=2)", "95.45 % of repeats", "unit"), rows)
-    typer.echo(f"  edition {result['edition']}, formulas {result['certainty']}")
+    echo(f"  edition {result['edition']}, formulas {result['certainty']}")
     for item in result["verdicts"]:
         said = f" ({item['why']})" if item["why"] else ""
-        typer.echo(f"  {item['parameter']} <= {item['limit']:g} {result['unit']}: {item['verdict'].upper()}{said}")
+        echo(f"  {item['parameter']} <= {item['limit']:g} {result['unit']}: {item['verdict'].upper()}{said}")
     if result["verdicts"]:
-        typer.echo(f"  rule: {result['verdicts'][0]['rule']}")
+        echo(f"  rule: {result['verdicts'][0]['rule']}")
     for outcome in list(result["monte_carlo"].values())[:1]:
-        typer.echo(f"  Monte Carlo: {outcome['trials']} trials, seed {outcome['seed']}")
+        echo(f"  Monte Carlo: {outcome['trials']} trials, seed {outcome['seed']}")
     for flag in (*result["flags"], *result["corrected"], *result["supposed"]):
-        typer.echo(f"  note: {flag}")
+        echo(f"  note: {flag}")
 
 
 def _row(result: dict[str, Any], name: str) -> tuple[str, str, str, str, str]:

@@ -9,8 +9,8 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli.commands import JsonOption, SiteArgument
-from gateway.cli.show import progress, show_json, show_table
+from gateway.cli.commands import JsonOption, PartOption, SiteArgument
+from gateway.cli.show import echo, progress, show_json, show_table
 
 
 def add_to(app: typer.Typer) -> None:
@@ -20,7 +20,7 @@ def add_to(app: typer.Typer) -> None:
 
 def grind_command(
     site: SiteArgument,
-    part: Annotated[str, typer.Option(help="What the part is called in its run.")] = "part",
+    part: PartOption = "part",
     run: Annotated[str, typer.Option(help="Put it into this run: folder or id.", show_default=False)] = "",
     x_um: Annotated[
         float | None, typer.Option(help="Infeed's zero, um; + cuts deeper. Left out: what is set.", show_default=False)
@@ -67,8 +67,8 @@ def _grind(tree: Any, site: Path, part: str, setup: Any, machine: str, folder: A
     if as_json:
         show_json({**asdict(made), "run_folder": str(used.path)})
         return
-    typer.echo(f"{made.part}: {made.spaces} spaces ground, {made.started_utc} to {made.ended_utc}")
-    typer.echo(f"run folder: {used.path}")
+    echo(f"{made.part}: {made.spaces} spaces ground, {made.started_utc} to {made.ended_utc}")
+    echo(f"run folder: {used.path}")
 
 
 def _show(tree: Any, site: Path, part: str, setup: Any, *, as_json: bool) -> None:
@@ -87,11 +87,9 @@ def _show(tree: Any, site: Path, part: str, setup: Any, *, as_json: bool) -> Non
         show_json({"setup": values, "places": places, "seconds": round(plan.seconds), "program": text, "able": able})
         return
     if text:
-        typer.echo(text)
+        echo(text)
     show_table("outermost places (mm, deg; machine coordinates)", ("axis", "place"), rows)
-    typer.echo(
-        f"set-up values: x {setup.x_um:+.1f} um, C {setup.c_arcsec:+.1f} arcsec, dressing {setup.dressing_um:+.1f} um"
-    )
-    typer.echo(f"{plan.spaces} spaces, about {plan.seconds / 60.0:.0f} min; nothing was sent (--machine NAME grinds)")
+    echo(f"set-up values: x {setup.x_um:+.1f} um, C {setup.c_arcsec:+.1f} arcsec, dressing {setup.dressing_um:+.1f} um")
+    echo(f"{plan.spaces} spaces, about {plan.seconds / 60.0:.0f} min; nothing was sent (--machine NAME grinds)")
     if not able:
-        typer.echo(f"driver {tree.controller.driver} runs no programs: this part cannot be ground over it")
+        echo(f"driver {tree.controller.driver} runs no programs: this part cannot be ground over it")

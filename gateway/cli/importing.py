@@ -9,7 +9,7 @@ import typer
 
 from drivers.errors import ConfigError, TrueflankError
 from gateway.cli.commands import JsonOption, StoreOption
-from gateway.cli.show import show_error, show_json
+from gateway.cli.show import echo, show_error, show_json
 
 WORDS: dict[str, str | bool] = {"tab": "\t", "semicolon": ";", "comma": ",", "blank": ""}
 WORDS |= {"yes": True, "true": True, "no": False, "false": False}
@@ -74,9 +74,9 @@ def _tell(told: list[dict[str, Any]], failures: list[TrueflankError], *, as_json
     for one in () if as_json else told:
         if "error" not in one:
             what = "imported as" if one["new"] else "was imported before as"
-            typer.echo(f"{one['file']}: {what} {one['run']} ({one['kind']})")
+            echo(f"{one['file']}: {what} {one['run']} ({one['kind']})")
             for note in one["notes"]:
-                typer.echo(f"  note: {note}")
+                echo(f"  note: {note}")
     for failure in () if as_json else failures:
         show_error(failure, as_json=False)
     if failures:
@@ -106,6 +106,6 @@ def export_command(
     if as_json:
         show_json({"source": found[0].label, "file": str(output), "notes": notes})
         return
-    typer.echo(f"{found[0].label} -> {output}")
+    echo(f"{found[0].label} -> {output}")
     for note in notes:
-        typer.echo(f"  note: {note}")
+        echo(f"  note: {note}")

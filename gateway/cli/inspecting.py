@@ -9,9 +9,9 @@ from typing import Annotated, Any, Literal, cast
 
 import typer
 
-from gateway.cli.commands import JsonOption, SiteArgument
+from gateway.cli.commands import JsonOption, PartOption, SiteArgument
 from gateway.cli.importing import columns_of
-from gateway.cli.show import progress, show_json, show_table
+from gateway.cli.show import echo, progress, show_json, show_table
 
 Heights = Literal["lower-face", "middle"]
 HEIGHTS: tuple[str, ...] = ("lower-face", "middle")
@@ -30,7 +30,7 @@ def add_to(app: typer.Typer) -> None:
 
 def inspect_command(
     site: SiteArgument,
-    part: Annotated[str, typer.Option(help="What the part is called in its run.")] = "part",
+    part: PartOption = "part",
     run: RunOption = "",
     file: FileOption = None,
     heights: HeightsOption = "lower-face",
@@ -118,7 +118,7 @@ def show_lines(outcome: Any, *, as_json: bool) -> None:
         show_json(outcome.as_data())
     else:
         for line in outcome.lines:
-            typer.echo(line)
+            echo(line)
     if getattr(outcome, "exit_code", 0):
         raise typer.Exit(outcome.exit_code)
 
@@ -140,9 +140,9 @@ def _tell(found: Any, folder: str, picture: str) -> None:
 
     flank = {"rms": f"{found.fitted.rms_um:.2f}", "u": f"{found.rms_u_um:.2f}", "u_point": f"{found.u_um:.2f}"}
     more = {"largest": f"{found.fitted.largest_um:.2f}", "points": found.k.size}
-    typer.echo(words("W-INSPECTED", part=found.part, **flank, **more))
+    echo(words("W-INSPECTED", part=found.part, **flank, **more))
     show_table("largest of all flanks", ("value", "um"), [(name, f"{found.figures[name]:.2f}") for name in SHOWN])
     for line in found.said:
-        typer.echo(f"  note: {line}")
-    typer.echo(f"picture: {picture}")
-    typer.echo(f"run folder: {folder}")
+        echo(f"  note: {line}")
+    echo(f"picture: {picture}")
+    echo(f"run folder: {folder}")

@@ -8,9 +8,9 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli.commands import JsonOption, SiteArgument
+from gateway.cli.commands import JsonOption, SiteArgument, named
 from gateway.cli.inspecting import FileOption, HeightsOption, guard_gear, show_lines
-from gateway.cli.show import progress, show_json, show_table
+from gateway.cli.show import echo, progress, show_json, show_table
 
 
 def add_to(app: typer.Typer) -> None:
@@ -54,7 +54,7 @@ def measure_command(
         show_json({**outcome.as_data(), "report": paths.as_data()})
     else:
         _tell(outcome)
-        typer.echo(f"report: {paths.html}")
+        echo(f"report: {paths.html}")
 
 
 def guard_command(
@@ -62,7 +62,9 @@ def guard_command(
     run: Annotated[str, typer.Option(help="Run whose curve or part was approved: folder or id.")],
     axis: Annotated[str, typer.Option(help="Machine axis to check, e.g. C1.", show_default=False)] = "",
     gear: Annotated[bool, typer.Option("--gear", help="Check from an inspected gear, not from an axis.")] = False,
-    part: Annotated[str, typer.Option(help="The approved part; left out: after, or the only one.")] = "",
+    part: Annotated[
+        str, typer.Option(help="The approved part; left out: after, or the only one.", callback=named)
+    ] = "",
     file: FileOption = None,
     heights: HeightsOption = "lower-face",
     limit: Annotated[
@@ -122,7 +124,7 @@ def _show_plan(tree: Any, *, as_json: bool) -> None:
         show_json({"plan": plan, "remountings": remountings(found)})
         return
     show_table("set-ups in their order", ("set-up", "component", "axis", "instrument", "source"), rows)
-    typer.echo(f"{len(found)} set-ups, {remountings(found)} times another instrument, axis or artefact")
+    echo(f"{len(found)} set-ups, {remountings(found)} times another instrument, axis or artefact")
 
 
 def _tell(outcome: Any) -> None:
@@ -131,6 +133,6 @@ def _tell(outcome: Any) -> None:
     ]
     show_table("errors of the machine (U: k = 2)", ("error", "low", "high", "U", "unit", "state"), rows)
     for line in outcome.model.said:
-        typer.echo(f"  note: {line}")
-    typer.echo(outcome.advice)
-    typer.echo(f"run folder: {outcome.run_folder}")
+        echo(f"  note: {line}")
+    echo(outcome.advice)
+    echo(f"run folder: {outcome.run_folder}")

@@ -11,7 +11,7 @@ import typer
 from drivers import registry
 from drivers.errors import ConfigError
 from gateway.cli.commands import JsonOption
-from gateway.cli.show import show_json
+from gateway.cli.show import echo, show_json
 
 SHOWN_EVENTS = 20
 
@@ -109,15 +109,15 @@ def _record(found: Any) -> dict[str, Any]:
 
 def _tell(found: Any) -> None:
     who = found.identity
-    typer.echo(f"session {found.session} of {found.sessions}: {who.model if who else 'not opened'}")
-    typer.echo(f"{found.samples} samples, {found.lost} lost in {found.gaps} gaps, {found.invalid} invalid")
+    echo(f"session {found.session} of {found.sessions}: {who.model if who else 'not opened'}")
+    echo(f"{found.samples} samples, {found.lost} lost in {found.gaps} gaps, {found.invalid} invalid")
     if found.samples:
-        typer.echo(f"from {found.span_s[0]:.6f} s to {found.span_s[1]:.6f} s of the instrument")
+        echo(f"from {found.span_s[0]:.6f} s to {found.span_s[1]:.6f} s of the instrument")
         for name, low, high in zip(found.channels, found.lowest, found.highest, strict=True):
-            typer.echo(f"{name}: {low:.9g} .. {high:.9g}")
+            echo(f"{name}: {low:.9g} .. {high:.9g}")
     for event in found.events[:SHOWN_EVENTS]:
-        typer.echo(f"event: {event}")
+        echo(f"event: {event}")
     if found.event_count > SHOWN_EVENTS:
-        typer.echo(f"... and {found.event_count - SHOWN_EVENTS} more events")
+        echo(f"... and {found.event_count - SHOWN_EVENTS} more events")
     if found.ended is not None:
-        typer.echo(f"ended: {found.ended}")
+        echo(f"ended: {found.ended}")

@@ -9,7 +9,7 @@ from typing import Any
 import typer
 
 from drivers.clock import Clock, LoopClock
-from gateway.cli.show import progress, show_json, show_table
+from gateway.cli.show import echo, progress, show_json, show_table
 from gateway.config import load_site
 from gateway.say import Say
 
@@ -68,9 +68,9 @@ def recover_command(site: Path, apply: bool, machine: str, *, as_json: bool) -> 
         show_json([finding.as_data() for finding in findings])
         return
     for finding in findings:
-        typer.echo(finding.words)
+        echo(finding.words)
     if not findings:
-        typer.echo(f"{tree.site.name}: no push was left unfinished")
+        echo(f"{tree.site.name}: no push was left unfinished")
 
 
 def check_command(site: Path, connect: bool, *, as_json: bool) -> None:
@@ -84,7 +84,7 @@ def check_command(site: Path, connect: bool, *, as_json: bool) -> None:
         devices = [dict(zip(keys, row, strict=True)) for row in rows]
         show_json({"site": tree.site.name, "file": str(site), "devices": devices})
         return
-    typer.echo(f"{site}: site {tree.site.name}, {len(tree.axes)} axes, {len(tree.instruments)} instruments: valid")
+    echo(f"{site}: site {tree.site.name}, {len(tree.axes)} axes, {len(tree.instruments)} instruments: valid")
     if rows:
         show_table("devices", ("device", "model", "serial", "firmware"), rows)
 
@@ -119,7 +119,7 @@ def serve_command(site: Path, host: str, port: int) -> None:
         return await run_site(tree, site, apply=False, machine_name="", clock=clock, say=say)
 
     def ready(url: str) -> None:
-        typer.echo(f"{tree.site.name}: {url}   (token for starting runs: {token_path(store.root)}; Ctrl-C ends)")
+        echo(f"{tree.site.name}: {url}   (token for starting runs: {token_path(store.root)}; Ctrl-C ends)")
 
     async def main() -> None:
         devices = Supervisor(tree, clock)
@@ -143,8 +143,8 @@ def report_command(run_folder: str, store: Path, *, as_json: bool) -> None:
         show_json({**paths.as_data(), "summary": summary_of(paths)})
         return
     for line in closing_lines(folder):
-        typer.echo(line)
-    typer.echo(f"report: {paths.html}")
+        echo(line)
+    echo(f"report: {paths.html}")
 
 
 def show_outcome(outcome: Any, *, as_json: bool) -> None:
@@ -156,6 +156,6 @@ def show_outcome(outcome: Any, *, as_json: bool) -> None:
             headings = ("axis", "parameter", "before", "after", "unit", "change")
             show_table("before and after (ISO 230-2:2014)", headings, outcome.rows)
         for line in outcome.lines:
-            typer.echo(line)
+            echo(line)
     if outcome.exit_code:
         raise typer.Exit(outcome.exit_code)

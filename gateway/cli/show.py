@@ -11,12 +11,18 @@ from typing import Any
 import typer
 
 from drivers.errors import TrueflankError, words
+from drivers.names import visible
 from gateway.say import Say, silence
 
 
+def echo(text: str = "", *, err: bool = False, colour: str | None = None) -> None:
+    """Print a line: the one place from which words reach a terminal, so nothing in a name can steer one."""
+    typer.secho(visible(text), fg=colour, err=err)
+
+
 def show_json(data: Any) -> None:
-    """Print a result as data on standard output."""
-    typer.echo(json.dumps(data, indent=2, default=str))
+    """Print a result as data on standard output, ASCII alone, nothing in it that steers a terminal."""
+    typer.echo(json.dumps(data, indent=2, default=str).replace("\x7f", "\\u007f"))
 
 
 def show_error(error: TrueflankError, *, as_json: bool) -> None:
@@ -29,9 +35,9 @@ def show_error(error: TrueflankError, *, as_json: bool) -> None:
         return
     for _name, cause in causes or (("", error),):
         place = f" [{cause.where}]" if cause.where else ""
-        typer.secho(f"{cause.code}{place}: {cause.what}", fg="red", err=True)
+        echo(f"{cause.code}{place}: {cause.what}", colour="red", err=True)
         if cause.hint:
-            typer.echo(f"  -> {cause.hint}", err=True)
+            echo(f"  -> {cause.hint}", err=True)
 
 
 @contextmanager
@@ -44,7 +50,7 @@ def progress(*, quiet: bool) -> Iterator[Say]:
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
     console = Console(stderr=True, highlight=False)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True) as bars:
         tasks: dict[str, Any] = {}
 
@@ -53,12 +59,12 @@ def progress(*, quiet: bool) -> Iterator[Say]:
                 name = f"{fields['axis']} {fields['program']}"
                 done, total = int(str(fields["done"])), int(str(fields["total"]))
                 if name not in tasks:
-                    tasks[name] = bars.add_task(name, total=total)
+                    tasks[name] = bars.add_task(visible(name), total=total)
                 bars.update(tasks[name], completed=done)
                 if done == total:
                     bars.remove_task(tasks.pop(name))
                 return
-            bars.console.print(words(code, **fields), markup=False)
+            bars.console.print(visible(words(code, **fields)), markup=False)
 
         yield say
 
@@ -67,11 +73,15 @@ def show_table(title: str, headings: Sequence[str], rows: Iterable[Sequence[str]
     """A table on standard output; numbers to the right."""
     from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
 
-    table = Table(title=title, title_justify="left", title_style="bold")
+    def plain(text: str) -> Text:
+        return Text(visible(text))
+
+    table = Table(title=plain(title), title_justify="left", title_style="bold")
     for index, heading in enumerate(headings):
-        table.add_column(heading, justify="left" if index == 0 else "right")
+        table.add_column(plain(heading), justify="left" if index == 0 else "right")
     for row in rows:
-        table.add_row(*row)
+        table.add_row(*(plain(cell) for cell in row))
     console = Console(highlight=False, width=None if sys.stdout.isatty() else 110)
     console.print(table)

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import typer
-
-from gateway.cli.show import show_json, show_table
+from gateway.cli.show import echo, show_json, show_table
 
 
 def study_command(
@@ -39,7 +37,7 @@ def study_command(
     if as_json:
         show_json({**tell.as_data(found), "pictures": list(written)})
         return
-    typer.echo(f"{gear_file.name} on {error_file.name}")
+    echo(f"{gear_file.name} on {error_file.name}")
     headings = ("error", "RMS um", "largest um", "rank", "cured by", "here um", "left um")
     show_table("each error: alone at 5 um or 0.01 deg; in this machine", headings, tell.error_rows(found))
     show_table("by axis (range)", ("axis", "as it is", "EEC", "EEC + CEC", "unit"), tell.axis_rows(found))
@@ -50,6 +48,6 @@ def study_command(
     lines = [f"set-up values: {setup}"] if setup else []
     lines += [*found.correction.said, *tell.floor_lines(found), *tell.product_lines(found), *tell.visible_lines(found)]
     for line in (*lines, tell.next_line(found), tell.order_line(found)):
-        typer.echo(line)
+        echo(line)
     for path in written:
-        typer.echo(f"picture: {path}")
+        echo(f"picture: {path}")

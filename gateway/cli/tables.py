@@ -12,7 +12,7 @@ from drivers import registry
 from drivers.errors import ConfigError, TrueflankError
 from drivers.tablefile import TableFinding, TableMachine
 from drivers.units import AxisUnit
-from gateway.cli.show import show_error, show_json
+from gateway.cli.show import echo, show_error, show_json
 
 WORDS = {"wrong": ("error", "red"), "doubtful": ("warning", "yellow"), "note": ("note", "")}
 ORDER = ("wrong", "doubtful", "note")
@@ -73,9 +73,9 @@ def show_findings(file: Path, findings: Sequence[TableFinding], *, as_json: bool
         return
     for one in sorted(findings, key=lambda item: ORDER.index(item.severity)):
         word, colour = WORDS[one.severity]
-        typer.secho(f"{word}: {one.error}", fg=colour or None)
+        echo(f"{word}: {one.error}", colour=colour or None)
     told = ", ".join(f"{count} {WORDS[kind][0]}{'s' * (count != 1)}" for kind, count in counts.items() if count)
-    typer.echo(f"{file}: {told or 'no findings'}")
+    echo(f"{file}: {told or 'no findings'}")
 
 
 def diff_files(first: Path, second: Path, rotary: Sequence[str], *, as_json: bool) -> None:
@@ -95,35 +95,35 @@ def diff_files(first: Path, second: Path, rotary: Sequence[str], *, as_json: boo
         _show(first, second, difference)
         for path, file in zip((first, second), files, strict=True):
             for note in file.notes:
-                typer.echo(f"note: {path}: {note}")
+                echo(f"note: {path}: {note}")
     if not difference.same:
         raise typer.Exit(1)
 
 
 def _show(first: Path, second: Path, difference: Any) -> None:
     if difference.same:
-        typer.echo(f"{first} and {second} hold the same")
+        echo(f"{first} and {second} hold the same")
         return
     for path, labels in ((first, difference.only_first), (second, difference.only_second)):
         for label in labels:
-            typer.echo(f"only in {path}: {label}")
+            echo(f"only in {path}: {label}")
     for pair in difference.tables:
         _show_pair(pair)
     for setting in difference.settings:
         change = "" if setting.change is None else f" ({setting.change:+.4f} {setting.unit})"
-        typer.echo(f"{setting.name}: {_given(setting.first)} -> {_given(setting.second)}{change}")
+        echo(f"{setting.name}: {_given(setting.first)} -> {_given(setting.second)}{change}")
     if difference.largest:
         label, position, change, unit = difference.largest
-        typer.echo(f"largest: {label} at {position:g}: {change:+.4f} {unit}")
+        echo(f"largest: {label} at {position:g}: {change:+.4f} {unit}")
 
 
 def _show_pair(pair: Any) -> None:
     points = pair.points
-    typer.echo(f"{pair.label}: {points.positions.size} of {pair.count} points differ")
+    echo(f"{pair.label}: {points.positions.size} of {pair.count} points differ")
     for name, one, two in pair.parameters:
-        typer.echo(f"  {name}: {one} -> {two}")
+        echo(f"  {name}: {one} -> {two}")
     for position, old, new, change in zip(points.positions, points.old, points.new, points.change, strict=True):
-        typer.echo(f"  {position:12g} {pair.input_unit}: {old:+10.4f} -> {new:+10.4f}  {change:+10.4f} {pair.unit}")
+        echo(f"  {position:12g} {pair.input_unit}: {old:+10.4f} -> {new:+10.4f}  {change:+10.4f} {pair.unit}")
 
 
 def _given(value: object) -> str:

@@ -7,7 +7,9 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import BinaryIO
 
+from drivers.ownfiles import made_parents, opened
 from gateway.errors import BusyError, StoreError
 
 LOCK_FILE = "daemon.lock"
@@ -33,18 +35,15 @@ else:
 def locked(folder: Path) -> Iterator[None]:
     """Hold the folder's lock. Raises BusyError (E-WEB-LOCKED) naming the pid, StoreError (E-WEB-STATE)."""
     path = folder / LOCK_FILE
-    handle = _opened(path)
-    try:
-        _lock(handle, path)
+    with _opened(path) as file:
+        _lock(file.fileno(), path)
         yield
-    finally:
-        os.close(handle)
 
 
-def _opened(path: Path) -> int:
+def _opened(path: Path) -> BinaryIO:
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        return os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
+        made_parents(path)
+        return opened(path, "a+b", buffering=0)
     except OSError as error:
         raise StoreError("E-WEB-STATE", str(path), why=error.strerror or str(error)) from error
 

@@ -8,6 +8,7 @@ import secrets
 import stat
 from pathlib import Path
 
+from drivers.ownfiles import no_link, opened, read_own
 from gateway.errors import StoreError
 
 TOKEN_FILE = "daemon.token"  # noqa: S105 - the file's name
@@ -26,6 +27,7 @@ def token_of(folder: Path) -> str:
     """
     path = token_path(folder)
     try:
+        no_link(path)
         return _kept(path) or _made(path)
     except OSError as error:
         raise StoreError("E-WEB-STATE", str(path), why=error.strerror or str(error)) from error
@@ -34,7 +36,7 @@ def token_of(folder: Path) -> str:
 def _kept(path: Path) -> str:
     if not path.is_file() or not _is_private(path):
         return ""
-    text = path.read_text(encoding="ascii", errors="replace").strip()
+    text = read_own(path).decode("ascii", errors="replace").strip()
     return text if _SHAPE.fullmatch(text) else ""
 
 
@@ -46,7 +48,6 @@ def _is_private(path: Path) -> bool:
 def _made(path: Path) -> str:
     token = secrets.token_urlsafe(32)
     path.unlink(missing_ok=True)
-    handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-    with os.fdopen(handle, "w", encoding="ascii") as file:
-        file.write(token + "\n")
+    with opened(path, "xb", secret=True) as file:
+        file.write(f"{token}\n".encode("ascii"))
     return token

@@ -21,6 +21,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from drivers.names import stem
+from drivers.ownfiles import made_folder, opened, read_own
 from gateway.errors import StoreError
 
 FINAL = ("COMMITTED", "ROLLED_BACK", "ABORTED", "CLOSED")
@@ -85,7 +87,7 @@ class Journal:
             free = shutil.disk_usage(folder).free
             if free < FREE_BYTES:
                 raise StoreError("E-PUSH-DISK", str(folder), why=f"{free} bytes free, {FREE_BYTES} needed")
-            file = path.open("xb")
+            file = opened(path, "xb")
             _sync_folder(folder)
         except OSError as error:
             raise StoreError("E-PUSH-DISK", str(path), why=str(error)) from error
@@ -95,7 +97,7 @@ class Journal:
     def reopen(cls, found: JournalRead) -> Journal:
         """Go on with a journal whose end may be torn; the torn part is cut off."""
         try:
-            file = found.path.open("r+b")
+            file = opened(found.path, "r+b")
             file.truncate(found.whole_bytes)
             file.seek(found.whole_bytes)
         except OSError as error:
@@ -141,7 +143,7 @@ def _finite(value: Any) -> Any:
 def read(path: Path) -> JournalRead:
     """Read a journal; never raises for what is in it. Raises StoreError (E-PUSH-DISK) when it cannot be read."""
     try:
-        data = path.read_bytes()
+        data = read_own(path)
     except OSError as error:
         raise StoreError("E-PUSH-DISK", str(path), why=str(error)) from error
     match = _NAME.fullmatch(path.name)
@@ -174,10 +176,7 @@ def _entry(line: bytes, sequence: int, previous: str) -> Entry | None:
 
 def machine_folder(root: Path, serial: str) -> Path:
     """Where the journals of one machine are kept below a journal root."""
-    safe = re.sub(r"[^A-Za-z0-9_-]", "_", serial) or "_"
-    if safe != serial:
-        safe += "-" + hashlib.sha256(serial.encode()).hexdigest()[:8]
-    return root / safe
+    return root / stem(serial, unique=True)
 
 
 def all_of(folder: Path) -> tuple[JournalRead, ...]:
@@ -219,7 +218,7 @@ def set_aside(path: Path) -> None:
     """Move an ended journal to `done`, never delete it; where that is refused it stays and is still read."""
     done = path.parent / "done"
     try:
-        done.mkdir(exist_ok=True)
+        made_folder(done)
         os.replace(path, done / path.name)
         _sync_folder(done)
         _sync_folder(path.parent)
@@ -247,7 +246,7 @@ def allocate(folder: Path, seed: int) -> int:
 
 def _kept(counter: Path) -> int:
     try:
-        text = counter.read_text(encoding="ascii").strip()
+        text = read_own(counter).decode("ascii").strip()
     except (FileNotFoundError, UnicodeDecodeError):
         return 0
     return int(text) if text.isdigit() and int(text) <= MAX_NUMBER else 0
@@ -263,7 +262,7 @@ def _used(folder: Path) -> list[int]:
 
 def _keep(counter: Path, number: int) -> None:
     temporary = counter.with_name(f".number.{secrets.token_hex(4)}")
-    with temporary.open("xb") as file:
+    with opened(temporary, "xb") as file:
         file.write(str(number).encode("ascii"))
         file.flush()
         os.fsync(file.fileno())

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
+from drivers.ownfiles import made_folder, opened, read_own
 from gateway.errors import BusyError, StoreError
 
 # Windows forbids reading a locked byte, so the byte locked lies beyond the holder's name.
@@ -30,8 +31,8 @@ def held(folder: Path) -> Iterator[None]:
     """Hold one folder's lock. Raises BusyError (E-PUSH-BUSY) naming the holder, StoreError (E-PUSH-DISK)."""
     path = folder / "lock"
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        file = path.open("a+b")
+        made_folder(folder)
+        file = opened(path, "a+b")
     except OSError as error:
         raise StoreError("E-PUSH-DISK", str(path), why=str(error)) from error
     with file:
@@ -46,7 +47,7 @@ def held(folder: Path) -> Iterator[None]:
 
 def _holder(path: Path) -> str:
     try:
-        return path.read_bytes()[:80].decode("ascii", "replace").strip() or "unknown"
+        return read_own(path)[:80].decode("ascii", "replace").strip() or "unknown"
     except OSError:
         return "unknown"
 

@@ -12,6 +12,7 @@ import matplotlib as mpl
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from drivers.ownfiles import opened
 from gateway.errors import StoreError
 from gateway.report import draw
 from gateway.report.material import AxisMaterial, ReportMaterial
@@ -86,7 +87,8 @@ def png(size_inch: tuple[float, float], paint: Callable[[Figure], None], path: P
         picture = io.BytesIO()
         figure.savefig(picture, format="png", metadata={"Software": None})
     try:
-        path.write_bytes(picture.getvalue())
+        with opened(path, "wb") as file:
+            file.write(picture.getvalue())
     except OSError as error:
         raise StoreError("E-REPORT-WRITE", str(path), why=error.strerror or str(error)) from error
 

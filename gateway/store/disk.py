@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import contextlib
 import os
-import re
 import secrets
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 from threading import Event
 
+from drivers.names import MOST_OF_FILE, allowed, is_file_name, shown
+from drivers.ownfiles import made_folder, opened, read_own
 from gateway.errors import StoreError
 
-_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]{0,119}")
-_DEVICES = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
 # Windows: access denied, sharing violation, lock violation; a virus scanner holds a new file for a moment.
 _PASSING = (5, 32, 33)
 _TRIES = 25
@@ -32,9 +31,21 @@ def disk_errors(path: Path) -> Iterator[None]:
 
 def checked_name(name: str) -> str:
     """A file name that is safe on every system, else StoreError (E-STORE-NAME)."""
-    if not _NAME.fullmatch(name) or _DEVICES.fullmatch(name) or name.endswith("."):
-        raise StoreError("E-STORE-NAME", "store", name=name)
+    if not is_file_name(name):
+        raise StoreError("E-STORE-NAME", "store", name=shown(name), allowed=allowed(MOST_OF_FILE))
     return name
+
+
+def make_folder(path: Path) -> None:
+    """A folder of the store, private unless the one above is shared. Raises StoreError (E-STORE-DISK)."""
+    with disk_errors(path):
+        made_folder(path)
+
+
+def read_whole(path: Path) -> bytes:
+    """A file of the store; a link is none. Raises StoreError (E-STORE-DISK)."""
+    with disk_errors(path):
+        return read_own(path)
 
 
 def write_whole(path: Path, data: bytes) -> None:
@@ -42,7 +53,7 @@ def write_whole(path: Path, data: bytes) -> None:
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
     with disk_errors(path):
         try:
-            with temporary.open("xb") as file:
+            with opened(temporary, "xb") as file:
                 file.write(data)
                 file.flush()
                 os.fsync(file.fileno())

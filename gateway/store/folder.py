@@ -16,10 +16,12 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.names import is_file_name, shown
+from drivers.ownfiles import is_link, new_folder
 from drivers.types import MachineIdentity
 from gateway.errors import CorruptRecord, StoreError
 from gateway.store import records
-from gateway.store.disk import checked_name, disk_errors, write_whole
+from gateway.store.disk import checked_name, disk_errors, read_whole, write_whole
 
 R = TypeVar("R")
 RUN_FILE = "run.json"
@@ -48,6 +50,9 @@ class RunFolder:
     """One run on disk. Stages are stored once; a stage stored again gets a new file and the old one stays."""
 
     def __init__(self, path: Path) -> None:
+        """Raises StoreError (E-STORE-LINK) where another folder stands in for this one; CorruptRecord, FutureSchema."""
+        if is_link(path):
+            raise StoreError("E-STORE-LINK", str(path))
         self.path = path
         self._facts()
 
@@ -102,9 +107,8 @@ class RunFolder:
         FutureSchema.
         """
         entry = self._entry(stage)
-        path = self.path / entry["file"]
-        with disk_errors(path):
-            data = path.read_bytes()
+        path = self._place(entry["file"])
+        data = read_whole(path)
         if records.sha256(data) != entry["sha256"]:
             raise CorruptRecord("E-STORE-HASH", str(path), stage=stage)
         return records.decode(data, kind, str(path))
@@ -145,9 +149,8 @@ class RunFolder:
         known = self._facts()["files"]
         if name not in known:
             raise StoreError("E-STORE-FILE", str(self.path), name=name, known=", ".join(sorted(known)))
-        path = self.path / name
-        with disk_errors(path):
-            data = path.read_bytes()
+        path = self._place(name)
+        data = read_whole(path)
         if records.sha256(data) != known[name]:
             raise CorruptRecord("E-STORE-HASH", str(path), stage=name)
         return data
@@ -195,6 +198,12 @@ class RunFolder:
         entry: dict[str, Any] = stages[stage]
         return entry
 
+    def _place(self, name: object) -> Path:
+        """Where a file lies that `run.json` names: in this folder. Raises CorruptRecord (E-STORE-PLACE)."""
+        if not isinstance(name, str) or not is_file_name(name):
+            raise CorruptRecord("E-STORE-PLACE", str(self.path), name=shown(name))
+        return self.path / name
+
     def _free_name(self, stem: str, suffix: str) -> str:
         name, number = f"{stem}{suffix}", 2
         while (self.path / name).exists():
@@ -217,8 +226,7 @@ _KEYS = ("run_id", "site", "created_utc", "state", "machine", "software", "plan"
 
 
 def _read_facts(path: Path) -> dict[str, Any]:
-    with disk_errors(path):
-        data = path.read_bytes()
+    data = read_whole(path)
     facts = records.open_envelope(data, str(path))
     seal = facts.pop("sha256", "")
     if seal != records.sha256(records.canonical(facts)) or any(key not in facts for key in _KEYS):
@@ -256,22 +264,23 @@ class Store:
             "errors": [],
         }
         with disk_errors(path):
-            path.mkdir(parents=True)
+            new_folder(path)
         write_whole(path / RUN_FILE, _sealed(facts))
         return RunFolder(path)
 
     def open(self, run: str | Path) -> RunFolder:
         """A run by its id, by the start of its id when only one matches, or by its path.
 
-        Raises StoreError (E-STORE-RUN), CorruptRecord, FutureSchema.
+        Raises StoreError (E-STORE-RUN, E-STORE-LINK), CorruptRecord, FutureSchema.
         """
-        for path in (self.root / run, Path(run)):
+        inside = (self.root / run,) if is_file_name(str(run)) else ()
+        for path in (*inside, Path(run)):
             if (path / RUN_FILE).is_file():
                 return RunFolder(path)
         matches = [path for path in self._folders() if path.name.startswith(str(run))] if str(run) else []
         if len(matches) == 1:
             return RunFolder(matches[0])
-        raise StoreError("E-STORE-RUN", str(self.root), run=run, matches=len(matches))
+        raise StoreError("E-STORE-RUN", str(self.root), run=shown(run), matches=len(matches))
 
     def runs(self) -> tuple[RunSummary, ...]:
         """All runs, oldest first; one that cannot be read is listed with its problem."""

@@ -25,6 +25,7 @@ from sqlalchemy import (
 from sqlalchemy.exc import DatabaseError, SQLAlchemyError
 from sqlalchemy.pool import NullPool
 
+from drivers.ownfiles import made_folder, opened
 from gateway.errors import StoreError
 from gateway.store.disk import disk_errors, replace
 from gateway.store.folder import RunFolder, RunSummary, Store
@@ -106,7 +107,9 @@ class Index:
     def _prepare(self) -> None:
         if self._file is not None:
             with disk_errors(self._file):
-                self._file.parent.mkdir(parents=True, exist_ok=True)
+                made_folder(self._file.parent)
+                # SQLite gives its own files, the log beside it too, the rights of this one.
+                opened(self._file, "ab").close()
         try:
             _META.create_all(self._engine)
         except DatabaseError as error:

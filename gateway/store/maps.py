@@ -10,7 +10,7 @@ from pathlib import Path
 
 from gateway.errors import CorruptRecord
 from gateway.store import records
-from gateway.store.disk import disk_errors, sync_folder, write_whole
+from gateway.store.disk import disk_errors, make_folder, read_whole, sync_folder, write_whole
 
 _FOLDER = "maps"
 _KIND = re.compile(r"[a-z-]{1,20}")
@@ -36,8 +36,7 @@ class Maps:
     def keep(self, kind: str, key: str, said: Mapping[str, Value], utc: str) -> None:
         """Remember; an older answer gives way. Raises StoreError (E-STORE-DISK)."""
         body = {"schema": records.SCHEMA, "kind": kind, "key": key, "said": dict(said), "utc": utc}
-        with disk_errors(self._folder):
-            self._folder.mkdir(parents=True, exist_ok=True)
+        make_folder(self._folder)
         write_whole(self._path(kind, key), records.canonical(body))
 
     def find(self, kind: str, key: str) -> Said | None:
@@ -46,7 +45,7 @@ class Maps:
         with disk_errors(path):
             if not path.is_file():
                 return None
-            data = path.read_bytes()
+            data = read_whole(path)
         body = records.open_envelope(data, str(path))
         said, utc = body.get("said"), body.get("utc")
         if not isinstance(said, dict) or not isinstance(utc, str) or (body.get("kind"), body.get("key")) != (kind, key):

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
+from drivers.names import stem
 from drivers.types import MachineIdentity, SignProof
 from gateway.errors import CorruptRecord
 from gateway.store import records
-from gateway.store.disk import disk_errors, write_whole
+from gateway.store.disk import disk_errors, make_folder, read_whole, write_whole
 
 _FOLDER = "proofs"
 
@@ -23,9 +23,8 @@ class Proofs:
         """Keep a proof for good; its file name carries its hash. Raises StoreError (E-STORE-DISK)."""
         data = records.encode(proof)
         folder = self._folder(proof.machine)
-        with disk_errors(folder):
-            folder.mkdir(parents=True, exist_ok=True)
-        path = folder / f"{proof.function}-{_safe(proof.output_axis)}-{records.sha256(data)[:16]}.json"
+        make_folder(folder)
+        path = folder / f"{proof.function}-{stem(proof.output_axis)}-{records.sha256(data)[:16]}.json"
         write_whole(path, data)
         return path
 
@@ -36,16 +35,12 @@ class Proofs:
         """
         folder = self._folder(machine)
         with disk_errors(folder):
-            paths = sorted(folder.glob(f"{function}-{_safe(output_axis)}-*.json"))
+            paths = sorted(folder.glob(f"{function}-{stem(output_axis)}-*.json"))
         proofs = [proof for proof in map(_read, paths) if _fits(proof, machine, function, output_axis)]
         return max(proofs, key=lambda proof: proof.date_utc, default=None)
 
     def _folder(self, machine: MachineIdentity) -> Path:
-        return self._root / _safe(machine.serial)
-
-
-def _safe(name: str) -> str:
-    return re.sub(r"[^A-Za-z0-9_-]", "_", name) or "_"
+        return self._root / stem(machine.serial)
 
 
 def _fits(proof: SignProof, machine: MachineIdentity, function: str, output_axis: str) -> bool:
@@ -54,8 +49,7 @@ def _fits(proof: SignProof, machine: MachineIdentity, function: str, output_axis
 
 
 def _read(path: Path) -> SignProof:
-    with disk_errors(path):
-        data = path.read_bytes()
+    data = read_whole(path)
     if path.stem.rpartition("-")[2] != records.sha256(data)[:16]:
         raise CorruptRecord("E-STORE-HASH", str(path), stage="sign proof")
     return records.decode(data, SignProof, str(path))

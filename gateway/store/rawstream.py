@@ -15,10 +15,11 @@ from typing import BinaryIO, Self
 
 import numpy as np
 
+from drivers.ownfiles import opened
 from drivers.recordings import FloatArray, Gap, Recording
 from drivers.units import DeviationUnit
 from gateway.errors import CorruptRecord
-from gateway.store.disk import checked_name, disk_errors, write_whole
+from gateway.store.disk import checked_name, disk_errors, read_whole, write_whole
 
 SAMPLE = 8
 
@@ -54,13 +55,13 @@ class RawRecorder:
         write_whole(path.with_name(f"{path.name}.json"), json.dumps(said, indent=1).encode())
         self._gaps = path.with_name(f"{path.name}.gaps")
         with disk_errors(self.path):
-            self._file: BinaryIO = self.path.open("xb", buffering=0)
+            self._file: BinaryIO = opened(self.path, "xb", buffering=0)
 
     def append(self, block: FloatArray, lost: int = 0) -> None:
         """Add samples (n,); ``lost`` are missing just before them."""
         if lost:
-            with disk_errors(self._gaps), self._gaps.open("a", encoding="ascii") as file:
-                file.write(f"{self.count} {lost}\n")
+            with disk_errors(self._gaps), opened(self._gaps, "ab") as file:
+                file.write(f"{self.count} {lost}\n".encode("ascii"))
         data = np.ascontiguousarray(block, dtype="<f8").data.cast("B")
         with disk_errors(self.path):
             while len(data):
@@ -81,8 +82,7 @@ class RawRecorder:
 def open_stream(path: Path) -> Recording:
     """A stream by its .f64 file, mapped. Raises StoreError (E-STORE-DISK), CorruptRecord (E-STORE-STREAM)."""
     beside = path.with_suffix(".json")
-    with disk_errors(beside):
-        text = beside.read_bytes()
+    text = read_whole(beside)
     facts = _facts(text, beside)
     with disk_errors(path):
         count = path.stat().st_size // SAMPLE

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 
 from drivers.clock import Clock
+from drivers.names import stem
 from drivers.types import MachineIdentity
 from gateway.errors import CorruptRecord
 from gateway.store import records
-from gateway.store.disk import disk_errors, write_whole
+from gateway.store.disk import disk_errors, make_folder, read_whole, write_whole
 from gateway.tooth import SetupValues
 
 _FOLDER = "set-up-values"
@@ -47,7 +47,7 @@ class SetupBook:
         serial = machine if isinstance(machine, str) else machine.serial
         folder = self._folder(serial)
         with disk_errors(folder):
-            paths = sorted(folder.glob(f"{_safe(gear)}-*.json"))
+            paths = sorted(folder.glob(f"{stem(gear)}-*.json"))
         found = [entry for entry in map(_read, paths) if (entry.machine.serial, entry.gear) == (serial, gear)]
         return tuple(sorted(found, key=lambda entry: (entry.number, entry.date_utc)))
 
@@ -58,22 +58,16 @@ class SetupBook:
         entry = SetupEntry(machine, gear, setup, run, date, kept[-1].number + 1 if kept else 1)
         data = records.encode(entry)
         folder = self._folder(machine.serial)
-        with disk_errors(folder):
-            folder.mkdir(parents=True, exist_ok=True)
-        write_whole(folder / f"{_safe(gear)}-{entry.number:04d}-{records.sha256(data)[:16]}.json", data)
+        make_folder(folder)
+        write_whole(folder / f"{stem(gear)}-{entry.number:04d}-{records.sha256(data)[:16]}.json", data)
         return entry
 
     def _folder(self, serial: str) -> Path:
-        return self._root / _safe(serial)
-
-
-def _safe(name: str) -> str:
-    return re.sub(r"[^A-Za-z0-9_-]", "_", name)[:60] or "_"
+        return self._root / stem(serial)
 
 
 def _read(path: Path) -> SetupEntry:
-    with disk_errors(path):
-        data = path.read_bytes()
+    data = read_whole(path)
     if path.stem.rpartition("-")[2] != records.sha256(data)[:16]:
         raise CorruptRecord("E-STORE-HASH", str(path), stage="set-up values")
     return records.decode(data, SetupEntry, str(path))

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from drivers.errors import ConfigError
+from drivers.names import shown
+from drivers.tomlfile import read_toml
+from gateway.siteplan import MOST_POINTS, Name
 
 Number = float
 Tree = TypeVar("Tree", bound=BaseModel)
 
 
 class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, allow_inf_nan=False, str_max_length=1000, hide_input_in_errors=True
+    )
 
 
 class GearData(_Section):
@@ -24,8 +28,8 @@ class GearData(_Section):
     rp: float
     rrp: float
     a: float
-    zp: int
-    zc: int
+    zp: int = Field(le=1000)
+    zc: int = Field(le=1000)
     b: float = 10.0
     drp: float = 0.0
     drrp: float = 0.0
@@ -41,8 +45,8 @@ class GrindingData(_Section):
 class FlankData(_Section):
     """Points looked at on each flank, and the normal deviation that is allowed to either side."""
 
-    profile: int = Field(default=11, ge=3)
-    width: int = Field(default=5, ge=2)
+    profile: int = Field(default=11, ge=3, le=501)
+    width: int = Field(default=5, ge=2, le=101)
     fraction: float = Field(default=0.95, gt=0.0, le=1.0)
     limit_um: float = Field(default=2.0, gt=0.0)
 
@@ -50,7 +54,7 @@ class FlankData(_Section):
 class GearFile(_Section):
     """A whole gear file."""
 
-    name: str = Field(min_length=1)
+    name: Name
     note: str = ""
     gear: GearData
     grinding: GrindingData
@@ -75,21 +79,21 @@ class ErrorFunction(_Section):
     """An error motion over its axis' position: values in um or arcsec, positions in mm or deg."""
 
     type: Literal["poly", "fourier", "pl"]
-    c: tuple[float, ...] = ()
+    c: tuple[float, ...] = Field(default=(), max_length=MOST_POINTS)
     q0: float = 0.0
     scale: float = 1.0
     a0: float = 0.0
-    a: tuple[float, ...] = ()
-    b: tuple[float, ...] = ()
+    a: tuple[float, ...] = Field(default=(), max_length=MOST_POINTS)
+    b: tuple[float, ...] = Field(default=(), max_length=MOST_POINTS)
     period: float | None = None
-    q: tuple[float, ...] = ()
-    v: tuple[float, ...] = ()
+    q: tuple[float, ...] = Field(default=(), max_length=MOST_POINTS)
+    v: tuple[float, ...] = Field(default=(), max_length=MOST_POINTS)
 
 
 class Seeded(_Section):
     """Errors drawn for those not given: largest size of a motion's terms and of location errors."""
 
-    seed: int
+    seed: int = Field(ge=0, lt=1 << 63)
     linear_um: float = Field(default=3.0, ge=0.0)
     angular_arcsec: float = Field(default=4.0, ge=0.0)
     location_arcsec: float = Field(default=10.0, ge=0.0)
@@ -116,15 +120,15 @@ class GridData(_Section):
     @model_validator(mode="after")
     def _divides(self) -> GridData:
         intervals = (self.maximum - self.minimum) / self.step
-        if intervals < 1 or abs(intervals - round(intervals)) > 1e-9:
-            raise ValueError("step must divide maximum - minimum")
+        if not 1 <= intervals < MOST_POINTS or abs(intervals - round(intervals)) > 1e-9:
+            raise ValueError(f"step must divide maximum - minimum into {MOST_POINTS - 1} intervals at most")
         return self
 
 
 class ErrorFile(_Section):
     """A whole error file: the machine, its errors, how well they are known, and what its control can hold."""
 
-    name: str = Field(min_length=1)
+    name: Name
     note: str = ""
     machine: MachineData = MachineData()
     errors: dict[str, Number | ErrorFunction] = Field(default_factory=dict)
@@ -154,10 +158,10 @@ def load_errors(path: Path) -> ErrorFile:
 
 def _load(path: Path, kind: type[Tree]) -> Tree:
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        data = read_toml(path)
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError("E-STUDY-READ", str(path), why=str(error)) from error
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:
         raise ConfigError("E-STUDY-TOML", str(path), why=str(error)) from error
     try:
         return kind.model_validate(data)
@@ -165,4 +169,4 @@ def _load(path: Path, kind: type[Tree]) -> Tree:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"]) or "(file)"
         more = error.error_count() - 1
-        raise ConfigError("E-STUDY-VALUE", str(path), key=key, why=first["msg"], more=more) from error
+        raise ConfigError("E-STUDY-VALUE", str(path), key=shown(key), why=first["msg"], more=more) from error

@@ -6,6 +6,7 @@ import json
 import os
 from pathlib import Path
 
+from drivers.ownfiles import made_folder, opened, read_own
 from gateway.errors import CorruptRecord
 from gateway.store.disk import disk_errors, sync_folder
 
@@ -24,8 +25,8 @@ class Journal:
     def _load(self) -> None:
         """Raises CorruptRecord (E-STORE-JSON) when a line that was whole is damaged."""
         with disk_errors(self._path):
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            data = self._path.read_bytes() if self._path.exists() else b""
+            made_folder(self._path.parent)
+            data = read_own(self._path) if self._path.exists() else b""
         whole, _newline, rest = data.rpartition(b"\n")
         self._torn = bool(rest)
         for number, line in enumerate(whole.split(b"\n") if whole else (), start=1):
@@ -46,7 +47,7 @@ class Journal:
         line = json.dumps({"sha256": sha256, "outcome": outcome, "name": name}, ensure_ascii=True) + "\n"
         with disk_errors(self._path):
             new = not self._path.exists()
-            with self._path.open("ab") as file:
+            with opened(self._path, "ab") as file:
                 file.write((b"~torn\n" if self._torn else b"") + line.encode("ascii"))
                 file.flush()
                 os.fsync(file.fileno())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Awaitable, Callable
 from functools import cache
 from importlib import resources
@@ -14,12 +13,12 @@ from starlette.exceptions import HTTPException
 from starlette.responses import HTMLResponse, JSONResponse, Response
 
 from drivers.errors import TrueflankError
+from drivers.names import is_file_name, shown
 from gateway.errors import BusyError
 from gateway.report.words import visible, when
 from gateway.views import StatusView, as_data
 from gateway.web.gate import REPORT_POLICY, Gate, is_same_origin, is_token
 
-RUN_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,119}")
 STATIC = {"status.css": "text/css", "status.js": "text/javascript", "icon.svg": "image/svg+xml"}
 STATUS = {
     "E-WEB-PATH": 404,
@@ -89,10 +88,9 @@ def _add_start(app: FastAPI, start_run: StartRun | None, token: str) -> None:
 
 
 def _report(run_id: str, report: Report | None) -> Response:
-    known = RUN_ID.fullmatch(run_id) is not None and report is not None
-    document = report(run_id) if known and report is not None else None
+    document = report(run_id) if is_file_name(run_id) and report is not None else None
     if document is None:
-        raise TrueflankError("E-WEB-REPORT", "web", run=run_id)
+        raise TrueflankError("E-WEB-REPORT", "web", run=shown(run_id))
     return HTMLResponse(document, headers={"content-security-policy": REPORT_POLICY})
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from drivers.clock import Clock
 from drivers.errors import ConfigError
+from drivers.scrub import without_secrets_text
 from drivers.types import MachineIdentity
 from gateway.capture.rig import Rig
 from gateway.config import AxisSection, SiteFile, load_site
@@ -59,9 +60,9 @@ def store_of(site: SiteFile, site_path: Path) -> Store:
 
 
 def new_run(site: SiteFile, site_path: Path) -> RunFolder:
-    """A run folder that remembers the site file: its path and its text as it was."""
+    """A run folder that remembers the site file: its path and its text as it was, without any secret."""
     folder = store_of(site, site_path).create(site.site.name, {"site_file": str(site_path.resolve())})
-    folder.write_text("site.toml", site_path.read_text(encoding="utf-8"))
+    folder.write_text("site.toml", without_secrets_text(site_path.read_text(encoding="utf-8")))
     return folder
 
 

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from drivers.ownfiles import opened
 from drivers.recordings import Recording
 from gateway.evaluate.dynamic import DynamicSpectrum
 
@@ -24,7 +25,7 @@ def draw(recording: Recording, spectrum: DynamicSpectrum | None, path: Path) -> 
     above, below = figure.subplots(2, 1)
     _envelope(above, recording)
     _spectrum(below, spectrum, SIGN[recording.unit])
-    with path.open("xb") as file:
+    with opened(path, "xb") as file:
         figure.savefig(file, format="png")
     return path
 

@@ -75,7 +75,7 @@ class Roads:
         secret.write_text(self.password + "\n", encoding="utf-8")
         settings: dict[str, Any] = {"user": USER, "password_file": str(secret.resolve())}
         certificate = Path(self.server.certificate)
-        settings |= {"security": "Basic256Sha256", "server_certificate": str(certificate.resolve())}
+        settings |= {"security": "best", "server_certificate": str(certificate.resolve())}
         if self._memory:
             settings |= VIRTUAL_PACE
         return {

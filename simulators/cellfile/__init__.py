@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
@@ -11,9 +10,11 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError, model_validator
 
 from drivers.errors import ConfigError
+from drivers.names import shown
+from drivers.tomlfile import parse_toml, read_toml
 from simulators.cellfile.instruments import Calibrator, Instrument, Laser, Noise, Outliers, Sensor, Setup
 from simulators.cellfile.part import InspectionMachine, Part, Wheel
-from simulators.cellfile.terms import Section, Terms
+from simulators.cellfile.terms import Name, Section, Terms
 
 __all__ = [
     "Axis",
@@ -42,6 +43,10 @@ __all__ = [
 ]
 
 
+Reserved = Annotated[int, Field(ge=0, le=5000)]
+"""Interpolation points an 840D may reserve."""
+
+
 class Hysteresis(Section):
     """Reversal that builds up over a distance of travel: full difference ``size`` after ``distance``."""
 
@@ -56,7 +61,7 @@ class Axis(Section):
     the whole axis. ``thermal_origin`` is the position of the scale's fixed point.
     """
 
-    name: str = Field(pattern=r"^[A-Z][A-Z0-9]*$")
+    name: Name = Field(pattern=r"^[A-Z][A-Z0-9]*$")
     letter: Literal["X", "Y", "Z", "C"]
     kind: Literal["linear", "rotary"]
     travel: tuple[float, float]
@@ -64,7 +69,7 @@ class Axis(Section):
     modulo: bool = False
     max_velocity: float = Field(default=10000.0, gt=0)
     servo_time_s: float = Field(default=0.05, gt=0)
-    eec_points: tuple[int, int] = (0, 0)
+    eec_points: tuple[Reserved, Reserved] = (0, 0)
     absolute_encoder: bool = False
     backlash: float = 0.0
     reversal: Terms = ()
@@ -128,7 +133,7 @@ class Machine(Section):
     nck_version: str = "V4.94 + SP1"
     access_level: int = Field(default=2, ge=0, le=7)
     cec_sign: Literal["seed", 1, -1] = "seed"
-    cec_points: tuple[int, ...] = ()
+    cec_points: tuple[Reserved, ...] = Field(default=(), max_length=62)
     switches: dict[str, Any] = Field(
         default_factory=dict,
         description='any other field of the NCK double (simulators.nck.switches); an open one may say "seed"',
@@ -143,7 +148,7 @@ class Machine(Section):
 class SitePart(Section):
     """What the printed site file says beyond axes and instruments."""
 
-    name: str = "demo-grinder"
+    name: Name = "demo-grinder"
     store: str = "runs"
     plan: bool = Field(default=False, description="whether the site file names every set-up and the work")
     controller_settings: dict[str, Any] = Field(default_factory=dict)
@@ -154,14 +159,14 @@ class SitePart(Section):
 class CellFile(Section):
     """A whole cell."""
 
-    name: str
-    seed: int = Field(default=1, ge=0)
+    name: Name
+    seed: int = Field(default=1, ge=0, lt=1 << 63)
     machine: Machine = Machine()
-    axes: tuple[Axis, ...] = Field(min_length=1)
+    axes: tuple[Axis, ...] = Field(min_length=1, max_length=31)
     truth: Truth = Truth()
     climate: Climate = Climate()
-    instruments: tuple[Instrument, ...] = ()
-    setups: tuple[Setup, ...] = ()
+    instruments: tuple[Instrument, ...] = Field(default=(), max_length=64)
+    setups: tuple[Setup, ...] = Field(default=(), max_length=500)
     part: Part | None = None
     wheel: Wheel = Wheel()
     operator: Operator = Operator()
@@ -188,15 +193,13 @@ class CellFile(Section):
 
 def load_cell(source: str | Path) -> CellFile:
     """Read a cell: a packaged name ("demo") or a TOML file. Raises ConfigError (E-CELL-READ, E-CELL-VALUE)."""
-    text = _text(source)
+    tree = _tree(source)
     try:
-        return CellFile.model_validate(tomllib.loads(text))
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError("E-CELL-READ", str(source), why=str(error)) from error
+        return CellFile.model_validate(tree)
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"]) or "(file)"
-        raise ConfigError("E-CELL-VALUE", str(source), key=key, why=first["msg"]) from error
+        raise ConfigError("E-CELL-VALUE", str(source), key=shown(key), why=first["msg"]) from error
 
 
 def with_roads(cell: CellFile, road: str, modbus: Mapping[str, Any]) -> CellFile:
@@ -218,10 +221,11 @@ def packaged() -> tuple[str, ...]:
     return tuple(sorted(entry.name[:-5] for entry in folder.iterdir() if entry.name.endswith(".toml")))
 
 
-def _text(source: str | Path) -> str:
+def _tree(source: str | Path) -> dict[str, Any]:
     try:
         if str(source) in packaged():
-            return resources.files("simulators").joinpath("cells", f"{source}.toml").read_text(encoding="utf-8")
-        return Path(source).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+            inside = resources.files("simulators").joinpath("cells", f"{source}.toml")
+            return parse_toml(inside.read_text(encoding="utf-8"))
+        return read_toml(Path(source))
+    except (OSError, ValueError) as error:
         raise ConfigError("E-CELL-READ", str(source), why=str(error)) from error

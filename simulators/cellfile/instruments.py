@@ -7,15 +7,15 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from simulators.cellfile.part import InspectionMachine
-from simulators.cellfile.terms import Section, Terms
+from simulators.cellfile.terms import Name, Section, Terms
 
 
 class Outliers(Section):
     """Readings that are off for one whole stop: ``count`` of them in each ``every`` stops."""
 
-    count: int = Field(default=0, ge=0)
+    count: int = Field(default=0, ge=0, le=10_000)
     size: float = 0.0
-    every: int = Field(default=0, ge=0, description="0: the stops of one run of the axis")
+    every: int = Field(default=0, ge=0, le=1_000_000, description="0: the stops of one run of the axis")
 
 
 class Noise(Section):
@@ -31,11 +31,11 @@ class Laser(Section):
     """A laser on a uMD counter: quadrature counts of wavelength / 2 / counts_per_cycle."""
 
     kind: Literal["umd"]
-    name: str
+    name: Name
     serial: str = "uMD2-0001"
     firmware: float = 1.26
-    sample_hz: float = Field(default=1000.0, gt=0)
-    counts_per_cycle: int = Field(default=16, gt=0)
+    sample_hz: float = Field(default=1000.0, gt=0, le=1e6)
+    counts_per_cycle: int = Field(default=16, gt=0, le=1_000_000)
     wavelength_nm: float = Field(default=632.990577, gt=0)
     sense: Literal["seed", 1, -1] = "seed"
     noise: Noise = Noise()
@@ -50,10 +50,10 @@ class Calibrator(Section):
     """
 
     kind: Literal["bridge"]
-    name: str
+    name: Name
     serial: str = "XR-0001"
     model: str = "XR20-W (simulated)"
-    sample_hz: float = Field(default=100.0, gt=0)
+    sample_hz: float = Field(default=100.0, gt=0, le=1e6)
     sense: Literal["seed", 1, -1] = "seed"
     own_error: Terms = ()
     retro_spacing_mm: float = Field(default=30.0, gt=0)
@@ -73,10 +73,10 @@ class Sensor(Section):
     """
 
     kind: Literal["straightness", "angle"]
-    name: str
+    name: Name
     serial: str = "ST-0001"
     model: str = "optics (simulated)"
-    sample_hz: float = Field(default=50.0, gt=0)
+    sample_hz: float = Field(default=50.0, gt=0, le=1e6)
     own_error: Terms = ()
     zero: float = Field(default=20.0, ge=0)
     range: float = Field(default=2500.0, gt=0)

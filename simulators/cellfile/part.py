@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
-from simulators.cellfile.terms import Section
+from simulators.cellfile.terms import Name, Section
 
 
 class Clamping(Section):
@@ -30,8 +30,8 @@ class Gear(Section):
     rp: float = Field(gt=0)
     rrp: float = Field(gt=0)
     a: float = Field(gt=0)
-    zp: int = Field(ge=4)
-    zc: int = Field(ge=3)
+    zp: int = Field(ge=4, le=1000)
+    zc: int = Field(ge=3, le=1000)
     b: float = Field(default=10.0, gt=0)
     drp: float = 0.0
     drrp: float = 0.0
@@ -59,7 +59,7 @@ class Grinding(Section):
 class Part(Section):
     """The work piece."""
 
-    name: str = "part"
+    name: Name = "part"
     gear: Gear
     grinding: Grinding
     clamping: Clamping = Clamping()
@@ -87,7 +87,7 @@ class InspectionMachine(Section):
     """
 
     kind: Literal["gear"]
-    name: str
+    name: Name
     serial: str = "GMM-0001"
     model: str = "gear inspection machine (simulated)"
     deviations: bool = Field(default=False, description="gives nominal points with deviations, not measured points")
@@ -95,7 +95,7 @@ class InspectionMachine(Section):
     clamping: Clamping = Clamping(eccentric_um=0.5, turned_arcsec=30.0)
     seconds_per_point: float = Field(default=0.05, ge=0)
     wrong_part: bool = False
-    wrong_spaces: int = 0
-    glitches: int = Field(default=0, ge=0)
+    wrong_spaces: int = Field(default=0, ge=-1000, le=1000)
+    glitches: int = Field(default=0, ge=0, le=10_000)
     glitch_um: float = 25.0
     settings: dict[str, Any] = Field(default_factory=dict)

@@ -4,13 +4,27 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+
+from drivers.names import allowed, is_name
+
+
+def _named(text: str) -> str:
+    if not is_name(text):
+        raise ValueError(allowed())
+    return text
+
+
+Name = Annotated[str, AfterValidator(_named)]
+"""A name by the one rule (`drivers.names`): it may stand in a file's name."""
 
 
 class Section(BaseModel):
     """A part of a cell file: nothing unknown, nothing changed later."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, allow_inf_nan=False, str_max_length=1000, hide_input_in_errors=True
+    )
 
 
 class Constant(Section):
@@ -24,7 +38,7 @@ class Polynomial(Section):
     """Sum of coefficients[k] * ((q - center) / scale)^k; coefficients in um or arcsec."""
 
     kind: Literal["polynomial"]
-    coefficients: tuple[float, ...] = Field(min_length=1)
+    coefficients: tuple[float, ...] = Field(min_length=1, max_length=100)
     center: float = 0.0
     scale: float = Field(default=100.0, gt=0)
 
@@ -49,7 +63,7 @@ class Table(Section):
     """Straight lines between points; the end values hold outside."""
 
     kind: Literal["table"]
-    positions: tuple[float, ...] = Field(min_length=2)
+    positions: tuple[float, ...] = Field(min_length=2, max_length=10_000)
     values: tuple[float, ...]
 
     @model_validator(mode="after")

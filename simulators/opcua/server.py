@@ -31,6 +31,7 @@ APPLICATION_URI = "urn:sinumerik:opcua:server"
 _POLICIES = {
     "None": ua.SecurityPolicyType.NoSecurity,
     "Basic256Sha256": ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt,
+    "Aes256_Sha256_RsaPss": ua.SecurityPolicyType.Aes256Sha256RsaPss_SignAndEncrypt,
 }
 
 
@@ -47,7 +48,7 @@ class ServerSettings:
     """
 
     users: Mapping[str, Any] = field(default_factory=lambda: {"trueflank": "trueflank"})
-    security: tuple[str, ...] = ("None", "Basic256Sha256")
+    security: tuple[str, ...] = ("None", "Basic256Sha256", "Aes256_Sha256_RsaPss")
     folder: str = ""
     trusted: tuple[str, ...] | None = None
     session_limit: int = 10

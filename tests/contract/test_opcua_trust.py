@@ -5,18 +5,26 @@ from __future__ import annotations
 import asyncio
 import json
 import os
+import struct
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 import pytest
+from cryptography import x509
+from cryptography.hazmat.primitives.hashes import SHA256
+from cryptography.hazmat.primitives.serialization import Encoding, load_pem_private_key
 from typer.testing import CliRunner
 
 from drivers.clock import LoopClock
 from drivers.errors import ConfigError, TrueflankError
+from drivers.sinumerik import ualogin
+from drivers.sinumerik.certificates import own_key_pair
 from drivers.sinumerik.doctor import UaDoctor
 from drivers.sinumerik.opcua import SinumerikOpcUa
 from drivers.sinumerik.trust import UaTrust, record_of
+from drivers.sinumerik.uaclient import UaSession
+from drivers.sinumerik.uasettings import UaSettings, secrets_of
 from gateway.cli import app
 from simulators.nck.machine import Nck
 from simulators.opcua import SinumerikServer
@@ -140,7 +148,7 @@ url = "{url}"
 serial = "{serial}"
 [controller.settings]
 user = "trueflank"
-password = "trueflank"
+password_file = "{secret}"
 server_certificate = "{place}"
 [[instruments]]
 name = "laser"
@@ -180,7 +188,9 @@ def test_the_commands(keys: Path, tmp_path: Path) -> None:
         await nck.start()
         server = SinumerikServer(nck, clock, {"folder": str(keys), "users": {"trueflank": "trueflank"}})
         await server.start()
-        site.write_text(SITE.format(url=server.url, serial=SPEC.serial, place=place))
+        secret = tmp_path / "password"
+        secret.write_text("trueflank\n")
+        site.write_text(SITE.format(url=server.url, serial=SPEC.serial, place=place, secret=secret))
         code, said = await asyncio.to_thread(command, "trust", "show", "--json")
         shown = json.loads(said)
         assert (code, shown["equal"], shown["pinned"]) == (5, False, None)
@@ -213,5 +223,113 @@ def test_a_private_key_that_others_may_read_is_named(keys: Path, tmp_path: Path)
             await asyncio.to_thread(key.chmod, mode)
             lines = await UaDoctor("840D", on.server.url, settings(tmp_path), on.clock).examine(WANTED, 5.0)
             assert ("E-DOC-KEY-OPEN" in {line.code for line in lines}) == found
+
+    on_stage(act, folder=keys)
+
+
+# ---- policies ----------------------------------------------------------------------------------------
+
+BOTH = ("Aes256_Sha256_RsaPss", "Basic256Sha256")
+
+
+@pytest.mark.parametrize(
+    ("offered", "asked", "used"),
+    [
+        (("None", *BOTH[::-1]), "best", BOTH[0]),
+        (("None", BOTH[1]), "best", BOTH[1]),
+        (("None", *BOTH), BOTH[1], BOTH[1]),
+        (("None", BOTH[1]), BOTH[0], ""),
+    ],
+)
+def test_the_best_policy_that_both_know_is_used(
+    keys: Path, tmp_path: Path, offered: tuple[str, ...], asked: str, used: str
+) -> None:
+    async def act(on: Stage) -> None:
+        await on.device.close()
+        given = {**USER, "security": asked, "server_certificate": str(on.server.certificate)}
+        given["client_folder"] = str(keys / "client")
+        session = UaSession(on.server.url, on.clock, "840D")
+        secrets = secrets_of(UaSettings.read(given, "840D"), "840D")
+        lines = {one.check: one for one in await UaDoctor("840D", on.server.url, given, on.clock).examine(WANTED, 5.0)}
+        line = lines["policy"]
+        if used:
+            await session.open(secrets, 5.0)
+            assert session.policy == used
+            assert session._client.security_policy.URI.endswith(f"#{used}")
+            assert used in line.what
+            assert (await session.read(["/Nck/Configuration/basicLengthUnit"], 5.0))[0].value is not None
+            await session.close()
+            assert session.policy == ""
+        else:
+            error = await refused(session.open(secrets, 5.0), "E-UA-POLICY")
+            assert BOTH[0] in error.what
+            assert f"{BOTH[1]}/SignAndEncrypt" in error.what
+            assert line.code == "E-UA-POLICY"
+
+    on_stage(act, folder=keys, server={"security": list(offered)})
+
+
+def reissued(folder: Path, since_days: int, until_days: int) -> x509.Certificate:
+    """The server's certificate anew, of the same key, holding from and until so many days from now."""
+    path = folder / "server.der"
+    old = x509.load_der_x509_certificate(path.read_bytes())
+    key = load_pem_private_key((folder / "server.key.pem").read_bytes(), None)
+    now = datetime.now(UTC)
+    builder = x509.CertificateBuilder(old.issuer, old.subject, old.public_key(), x509.random_serial_number())
+    builder = builder.not_valid_before(now + timedelta(days=since_days)).not_valid_after(
+        now + timedelta(days=until_days)
+    )
+    for one in old.extensions:
+        builder = builder.add_extension(one.value, one.critical)
+    made = builder.sign(key, SHA256())  # type: ignore[arg-type]
+    path.write_bytes(made.public_bytes(Encoding.DER))
+    return made
+
+
+@pytest.mark.parametrize(("since", "until"), [(-20, -1), (1, 20)])
+def test_a_pinned_certificate_that_does_not_hold_now_connects_to_nothing(
+    keys: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, since: int, until: int
+) -> None:
+    for path in keys.glob("server.*"):
+        (tmp_path / path.name).write_bytes(path.read_bytes())
+    reissued(tmp_path, since, until)
+
+    async def garbled(_url: str) -> Any:
+        raise struct.error("no end points")
+
+    async def act(on: Stage) -> None:
+        await on.device.close()
+        before = dict(on.server.requests.services)
+        given = {**USER, "server_certificate": str(on.server.certificate), "client_folder": str(keys / "client")}
+        for ask in (ualogin.ask, garbled):
+            monkeypatch.setattr(ualogin, "ask", ask)
+            error = await refused(SinumerikOpcUa("840D", on.server.url, given, on.clock).open(5.0), "E-UA-EXPIRED")
+            assert "trust accept" in error.hint
+        assert dict(on.server.requests.services) == before
+        assert on.server.sessions == 0
+
+    on_stage(act, folder=tmp_path)
+
+
+def test_a_server_whose_end_points_are_garbled_must_still_be_the_pinned_one(
+    keys: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def garbled(_url: str) -> Any:
+        raise struct.error("no end points")
+
+    async def act(on: Stage) -> None:
+        await on.device.close()
+        monkeypatch.setattr(ualogin, "ask", garbled)
+        given = {**USER, "server_certificate": str(on.server.certificate), "client_folder": str(keys / "client")}
+        for asked, used in (("best", BOTH[1]), (BOTH[0], BOTH[0])):
+            session = UaSession(on.server.url, on.clock, "840D")
+            await session.open(secrets_of(UaSettings.read({**given, "security": asked}, "840D"), "840D"), 5.0)
+            assert session.policy == used
+            await session.close()
+        other = own_key_pair(tmp_path, "other", "urn:x", "127.0.0.1", server=True)
+        given["server_certificate"] = str(other.certificate)
+        with pytest.raises(TrueflankError):
+            await SinumerikOpcUa("840D", on.server.url, given, on.clock).open(5.0)
+        assert on.server.sessions == 0
 
     on_stage(act, folder=keys)
