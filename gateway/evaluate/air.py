@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from math import exp, hypot
+from math import exp
 from typing import Literal
 
 from drivers.types import Ambient
@@ -184,11 +184,3 @@ def sensitivities(t_degc: float, pressure_pa: float, humidity_pct: float) -> tup
         return (high - low) / 2.0
 
     return slope(0.01, 0.0, 0.0) / 0.01, slope(0.0, 10.0, 0.0) / 10.0, slope(0.0, 0.0, 0.1) / 0.1
-
-
-def index_uncertainty(
-    t_degc: float, pressure_pa: float, humidity_pct: float, *, u_degc: float, u_pa: float, u_pct: float
-) -> float:
-    """Standard uncertainty of n from those of the sensors."""
-    by_t, by_p, by_h = sensitivities(t_degc, pressure_pa, humidity_pct)
-    return hypot(by_t * u_degc, by_p * u_pa, by_h * u_pct)

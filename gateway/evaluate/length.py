@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import hypot, radians, tan
+from math import hypot
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from drivers.types import Ambient, CompensatedFor
-from drivers.units import ARCSEC_PER_DEG, DEG_PER_RAD, mm_to_um
+from drivers.units import mm_to_um
 from gateway.domain import Corrections, FloatArray
 from gateway.errors import ModelError
 from gateway.evaluate import air
@@ -34,11 +34,6 @@ def dead_path_corrected(
     return np.asarray(shown_mm - dead_path_mm * (n - n_datum) / n, dtype=np.float64)
 
 
-def recompensated(length_mm: FloatArray | float, n_used: float, n_right: float) -> FloatArray:
-    """A length shown with index `n_used`, for the right index: the same count, L n_used / n_right."""
-    return np.asarray(length_mm * (n_used / n_right), dtype=np.float64)
-
-
 def at_20_degc(length_mm: FloatArray | float, expansion_ppm_per_k: float, t_degc: FloatArray | float) -> FloatArray:
     """L / (1 + alpha (T - 20)): a length measured at T as it would be at 20 degC."""
     return np.asarray(length_mm / (1.0 + expansion_ppm_per_k * 1e-6 * (t_degc - air.REFERENCE_DEGC)), dtype=np.float64)
@@ -48,23 +43,6 @@ def cosine_error_mm(length_mm: float, lateral_mm: float) -> float:
     """Reading minus travel when the beam runs off by `lateral_mm` over the travel: always negative."""
     secant = hypot(1.0, lateral_mm / length_mm)
     return -length_mm * (lateral_mm / length_mm) ** 2 / (secant * (1.0 + secant))
-
-
-def cosine_corrected(reading_mm: FloatArray, length_mm: float, lateral_mm: float) -> FloatArray:
-    """Readings divided by the cosine of the misalignment."""
-    return np.asarray(reading_mm / (1.0 + cosine_error_mm(length_mm, lateral_mm) / length_mm))
-
-
-def abbe_um(offset_mm: float, angle_arcsec: FloatArray | float) -> FloatArray:
-    """Abbe error in um: offset of the beam from the line of interest x tan(angle); subtract it."""
-    angle = np.asarray(angle_arcsec, dtype=np.float64) / ARCSEC_PER_DEG / DEG_PER_RAD
-    return mm_to_um(np.asarray(offset_mm * np.tan(angle)))
-
-
-def heights_um(foot_mm: float, angles_arcsec: ArrayLike) -> FloatArray:
-    """Angular readings stepped by the foot length -> heights (k+1,) in um: h += foot tan(angle)."""
-    steps = [foot_mm * tan(radians(a / ARCSEC_PER_DEG)) for a in np.asarray(angles_arcsec, dtype=np.float64)]
-    return mm_to_um(np.concatenate(([0.0], np.cumsum(steps))))
 
 
 def drift_removed(

@@ -11,10 +11,8 @@ from numpy.random import Generator
 
 from gateway.domain import FloatArray
 from gateway.errors import ModelError
-from gateway.evaluate.distributions import Distribution
 
 Trial = Callable[[Generator, int], Mapping[str, FloatArray]]
-Model = Callable[[Mapping[str, FloatArray]], Mapping[str, FloatArray]]
 BLOCK, MOST = 10_000, 1_000_000
 
 
@@ -41,28 +39,6 @@ class Outcome:
     def U(self) -> float:
         """Half the width of the symmetric interval."""
         return (self.symmetric[1] - self.symmetric[0]) / 2.0
-
-
-def propagate(
-    inputs: Mapping[str, Distribution],
-    model: Model,
-    *,
-    probability: float = 0.95,
-    digits: int = 2,
-    seed: int = 1,
-    block: int = BLOCK,
-    most: int = MOST,
-) -> Mapping[str, Outcome]:
-    """Draw the inputs, apply the vectorised model, summarise each of its outputs.
-
-    ``digits`` of the standard uncertainty are to be meaningful: 2 stops when doubling the trials would not
-    change them. Raises ModelError (E-EVAL-TRIALS) for a probability, block or number that cannot be.
-    """
-
-    def trial(rng: Generator, count: int) -> Mapping[str, FloatArray]:
-        return model({name: item.draw(rng, count) for name, item in inputs.items()})
-
-    return run(trial, probability=probability, digits=digits, seed=seed, block=block, most=most)
 
 
 def run(

@@ -134,22 +134,11 @@ def _half(high: FloatArray, low: FloatArray, offset: bool) -> FloatArray:
     return np.asarray(np.fmax.reduce(np.abs(ends), axis=(-3, -2, -1)))
 
 
-def jis_b6330(one_pass: ArrayLike, repeated_up: ArrayLike, repeated_down: ArrayLike) -> Figures:
-    """JIS B 6330:1980: accuracy from one pass (m,), the rest from repeated readings (places, 7) each way."""
-    once = np.asarray(one_pass, dtype=np.float64)
-    up, down = (np.asarray(rows, dtype=np.float64) for rows in (repeated_up, repeated_down))
-    if once.ndim != 1 or up.ndim != 2 or up.shape != down.shape or not np.isfinite(once).all():
-        raise ModelError("E-EVAL-SHAPE", "JIS B 6330", targets=once.shape, deviations=up.shape)
-    repeated = jis_formulas(np.stack([up, down], axis=-1))
-    values = {**repeated, "accuracy": np.asarray(np.ptp(once))}
-    return Figures("JIS B 6330:1980", RECALLED, parameters.stated(values), _jis_flags(*up.shape))
-
-
 def jis_of_test(deviations: ArrayLike) -> Figures:
     """JIS B 6330:1980 of an ordinary test (m, n, 2): first passes for accuracy, every target a place; flagged."""
     x = _checked(deviations)
     found = _figures("JIS B 6330:1980", jis_formulas(x), x, "repeatability", JIS_REPETITIONS)
-    return Figures(found.standard, found.certainty, found.values, (*found.flags, *_jis_flags(x.shape[0], None)))
+    return Figures(found.standard, found.certainty, found.values, (*found.flags, *_jis_flags(x.shape[0])))
 
 
 def jis_formulas(x: FloatArray) -> Values:
@@ -163,11 +152,8 @@ def jis_formulas(x: FloatArray) -> Values:
     }
 
 
-def _jis_flags(places: int, repetitions: int | None) -> tuple[str, ...]:
-    found = [f"repeated at {places} places, the standard asks for {JIS_PLACES}"] if places != JIS_PLACES else []
-    if repetitions is not None and repetitions != JIS_REPETITIONS:
-        found.append(f"n = {repetitions}, the standard asks for {JIS_REPETITIONS}")
-    return tuple(found)
+def _jis_flags(places: int) -> tuple[str, ...]:
+    return (f"repeated at {places} places, the standard asks for {JIS_PLACES}",) if places != JIS_PLACES else ()
 
 
 def _checked(deviations: ArrayLike) -> FloatArray:

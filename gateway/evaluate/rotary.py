@@ -2,34 +2,14 @@
 
 from __future__ import annotations
 
-from math import asin
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from drivers.units import DEG_PER_RAD, arcsec_to_deg, deg_to_arcsec, wrap_deg
+from drivers.units import arcsec_to_deg, deg_to_arcsec, wrap_deg
 from gateway.domain import FloatArray
 from gateway.errors import ModelError
-
-
-def angle_deg(displacement_mm: float, spacing_mm: float) -> float:
-    """Angle in deg from the path difference of the two arms: asin(dL / S), S the reflector spacing.
-
-    Raises ModelError (E-EVAL-ASIN) when dL is longer than S.
-    """
-    if abs(displacement_mm) > abs(spacing_mm):
-        raise ModelError("E-EVAL-ASIN", "rotary", displacement=displacement_mm, spacing=spacing_mm)
-    return asin(displacement_mm / spacing_mm) * DEG_PER_RAD
-
-
-def spacing_factor(known: ArrayLike, indicated: ArrayLike) -> float:
-    """Factor k of the angular optics from known rotations: sum(known indicated) / sum(indicated^2)."""
-    truth, read = np.asarray(known, dtype=np.float64), np.asarray(indicated, dtype=np.float64)
-    power = float(read @ read)
-    if power == 0.0:
-        raise ModelError("E-EVAL-STILL", "rotary")
-    return float(truth @ read) / power
 
 
 def axis_deg(device_deg: ArrayLike, laser_deg: ArrayLike, sense: Literal[1, -1] = 1) -> FloatArray:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import asin
 from typing import Literal
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from drivers.units import rad_to_arcsec
-from gateway.domain import Evaluation
 from gateway.errors import ModelError
 from gateway.evaluate.straightness import straightness
 
@@ -73,58 +71,3 @@ def from_face_diagonals(d_pp: float, d_pm: float, length_x: float, length_y: flo
     if abs(cosine) > 1.0:
         raise ModelError("E-EVAL-DIAGONALS", "squareness", d_pp=d_pp, d_pm=d_pm)
     return -asin(cosine)
-
-
-@dataclass(frozen=True, slots=True)
-class BodyDiagonals:
-    """Three squarenesses in rad and the scale error common to the axes (relative)."""
-
-    C0Y: float
-    B0Z: float
-    A0Z: float
-    scale: float
-
-
-def from_body_diagonals(
-    deviations: Mapping[tuple[int, int], float], lengths: tuple[float, float, float]
-) -> BodyDiagonals:
-    """Solve the four body diagonals (ISO 230-6) for squarenesses and one common scale, first order.
-
-    ``deviations`` maps the signs (s_y, s_z) of the diagonal direction (+, s_y, s_z) to its length deviation
-    in the unit of `lengths`. Diagonals alone cannot tell scale, squareness and straightness apart.
-    """
-    lx, ly, lz = lengths
-    diagonal = float(np.sqrt(lx**2 + ly**2 + lz**2))
-    signs = [(1, 1), (1, -1), (-1, 1), (-1, -1)]
-    rows = [[-sy * lx * ly, sz * lx * lz, -sy * sz * ly * lz, diagonal**2] for sy, sz in signs]
-    found = np.linalg.solve(np.asarray(rows) / diagonal, np.asarray([deviations[sign] for sign in signs]))
-    return BodyDiagonals(*(float(value) for value in found))
-
-
-@dataclass(frozen=True, slots=True)
-class DiagonalDisplacement:
-    """ISO 230-6: R, B, E, A of each diagonal as ISO 230-2 has them, and the largest of each; E_d is that of E."""
-
-    diagonals: Mapping[str, Mapping[str, float | None]]
-    R_d: float | None
-    B_d: float | None
-    E_d: float | None
-    A_d: float | None
-
-
-def diagonal_displacement(evaluations: Mapping[str, Evaluation]) -> DiagonalDisplacement:
-    """The diagonal displacement test from evaluations by diagonal ("+++", "++-", ...).
-
-    It cannot separate scale, squareness and straightness: nothing is compensated from it. Raises
-    ModelError (E-EVAL-NO-DIAGONAL) without any.
-    """
-    if not evaluations:
-        raise ModelError("E-EVAL-NO-DIAGONAL", "ISO 230-6")
-    table = {name: {key: getattr(found, key) for key in "RBEA"} for name, found in evaluations.items()}
-    worst = {key: _largest([row[key] for row in table.values()]) for key in "RBEA"}
-    return DiagonalDisplacement(table, worst["R"], worst["B"], worst["E"], worst["A"])
-
-
-def _largest(values: Sequence[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return max(known) if len(known) == len(values) else None

@@ -130,9 +130,3 @@ def expanded(n: int, eve: float, systematic: float, targets: int = 1) -> Mapping
 def coverage_factor(confidence: float, degrees_of_freedom: float) -> float:
     """Student's two-sided coverage factor t_p(nu) (GUM table G.2)."""
     return float(stdtrit(degrees_of_freedom, 0.5 + confidence / 2.0))
-
-
-def effective_degrees(components: Mapping[str, tuple[float, float]]) -> float:
-    """Welch-Satterthwaite: effective degrees of freedom of components {name: (u, nu)} (GUM G.2b)."""
-    combined = sum(u**2 for u, _ in components.values())
-    return combined**2 / sum(u**4 / nu for u, nu in components.values())

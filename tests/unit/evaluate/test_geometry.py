@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -85,18 +83,6 @@ def test_turning_the_square_separates_its_own_angle() -> None:
     runs = [squareness.from_runs(x, (-2e-5 + e) / 2 * x, x, (-2e-5 + e) / 2 * x) for e in (3e-5, -3e-5)]
     machine, square = squareness.reversed_square(*runs)
     assert (machine, square) == pytest.approx((2e-5, 3e-5))
-
-
-def test_diagonal_displacement_reports_each_diagonal_and_the_worst() -> None:
-    x = np.random.default_rng(3).normal(size=(6, 5, 2))
-    tests = {name: iso230_2.evaluate(np.arange(6.0), k * x, "um") for k, name in ((1.0, "+++"), (3.0, "+-+"))}
-    found = squareness.diagonal_displacement(tests)
-    assert found.E_d == tests["+-+"].E
-    assert found.diagonals["+++"]["R"] == tests["+++"].R
-    one_way = replace(tests["+++"], R=None)
-    assert squareness.diagonal_displacement({"+++": one_way, "+-+": tests["+-+"]}).R_d is None
-    with pytest.raises(ModelError, match="E-EVAL-NO-DIAGONAL"):
-        squareness.diagonal_displacement({})
 
 
 def test_angular_motions_by_their_letters() -> None:

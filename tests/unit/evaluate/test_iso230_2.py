@@ -11,7 +11,7 @@ from hypothesis.extra.numpy import arrays
 from gateway.errors import ModelError
 from gateway.evaluate import iso230_2, readings
 from gateway.evaluate.iso230_2 import evaluate
-from gateway.evaluate.uncertainty import Budget, effective_degrees, linear_budget
+from gateway.evaluate.uncertainty import Budget, linear_budget
 
 SHAPES = st.tuples(st.integers(2, 9), st.integers(2, 6), st.just(2))
 READINGS = SHAPES.flatmap(lambda shape: arrays(np.float64, shape, elements=st.floats(-50, 50, width=32)))
@@ -144,11 +144,6 @@ def test_temperature_dominates_the_usual_budget() -> None:
     )
     assert budget.temperature == pytest.approx(12.6)
     assert budget.expansion == pytest.approx(10.5)
-
-
-def test_welch_satterthwaite_gum_h1() -> None:
-    parts = {"a": (25.0, 18.0), "b": (9.7, 25.6), "c": (2.9, 50.0), "d": (16.6, 2.0)}
-    assert effective_degrees(parts) == pytest.approx(16.76, abs=0.01)
 
 
 @pytest.mark.parametrize(
