@@ -10,15 +10,15 @@ import numpy as np
 
 from drivers.types import FloatArray
 from drivers.units import arcsec_to_rad, um_to_mm
-from gateway.correct.compensability import Cure, cures
-from gateway.correct.flankmodel import FlankModel, flank_model
-from gateway.correct.floor import Floor, floor
-from gateway.correct.fromgear import Visible, visible
-from gateway.correct.layers import LayeredCorrection, correct
-from gateway.correct.noise import Noise, noise_patterns
-from gateway.correct.plan import Plan, cross_specs, setup_values
-from gateway.correct.products import ProductResult, product_layer
-from gateway.correct.shapes import shapes_over
+from gateway.correct.flank.compensability import Cure, cures
+from gateway.correct.flank.flankmodel import FlankModel, flank_model
+from gateway.correct.flank.noise import Noise, noise_patterns
+from gateway.correct.flank.travel_shapes import shapes_over
+from gateway.correct.part.fromgear import Visible, visible
+from gateway.correct.plan.layers import LayeredCorrection, correct
+from gateway.correct.plan.plan import Plan, cross_specs, setup_values
+from gateway.correct.plan.products import ProductResult, product_layer
+from gateway.correct.solve.floor import Floor, floor
 from gateway.errors import ModelError
 from gateway.gear.first_order import judged
 from gateway.gear.flank import FlankFigure, FlankGrid, flank_figure

@@ -10,9 +10,9 @@ from drivers.errors import words
 from drivers.types import FloatArray, LiveTable
 from drivers.units import DeviationUnit
 from gateway.domain import Capture, TableChange
-from gateway.evaluate.hidden import means_between
-from gateway.evaluate.hypotheses import Finding, why
-from gateway.evaluate.repetitions import robust_means
+from gateway.evaluate.behaviour.fine_structure import means_between
+from gateway.evaluate.behaviour.repetitions import robust_means
+from gateway.evaluate.behaviour.table_effect import Finding, why
 from gateway.table.comparison import acting, effective
 from gateway.table.reasons import may_harm
 

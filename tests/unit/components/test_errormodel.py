@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gateway.evaluate.errormodel import Measurement, error_model
+from gateway.evaluate.geometry.errormodel import Measurement, error_model
 from gateway.model.components import standard_uncertainty, value
 from gateway.model.known import ErrorModel, chain_of_errors
 from gateway.model.preset import TWENTY_ONE

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from gateway.correct.flankmodel import SetupValue
-from gateway.correct.limits import TableSpec
-from gateway.correct.plan import AxisGrid, Plan
-from gateway.correct.tables import TableGrid
+from gateway.correct.flank.flankmodel import SetupValue
+from gateway.correct.flank.tables import TableGrid
+from gateway.correct.plan.plan import AxisGrid, Plan
+from gateway.correct.solve.limits import TableSpec
 from gateway.gear.flank import FlankGrid, flank_grid
 from gateway.gear.grinding import Grinding
 from tests.unit.gear.machines import DISC, RV40E, random_functions

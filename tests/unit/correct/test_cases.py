@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gateway.correct.flankmodel import corrected_flank
-from gateway.correct.limits import TableSpec
-from gateway.correct.optimise import optimise
-from gateway.correct.tables import Correction, Product, Table, TableGrid
+from gateway.correct.flank.flankmodel import corrected_flank
+from gateway.correct.flank.tables import Correction, Product, Table, TableGrid
+from gateway.correct.solve.limits import TableSpec
+from gateway.correct.solve.optimise import optimise
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import FlankGrid
 from gateway.gear.grinding import Grinding

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.correct.apply import Combined
-from gateway.correct.layers import LayeredCorrection, correct
-from gateway.correct.noise import Noise, noise_patterns
-from gateway.correct.plan import AxisGrid, Plan
-from gateway.correct.shapes import Shape
+from gateway.correct.flank.acting_tables import Combined
+from gateway.correct.flank.noise import Noise, noise_patterns
+from gateway.correct.flank.travel_shapes import Shape
+from gateway.correct.plan.layers import LayeredCorrection, correct
+from gateway.correct.plan.plan import AxisGrid, Plan
 from gateway.errors import ModelError
 from gateway.gear.first_order import judged
 from gateway.gear.flank import flank_figure

@@ -9,16 +9,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.correct.apply import with_tables
-from gateway.correct.flankmodel import command_effects, corrected_flank
-from gateway.correct.floor import floor
-from gateway.correct.fromgear import correct_from_gear, fit_places, visible
-from gateway.correct.layers import correct
-from gateway.correct.mounting import Mounting, centred, mounting_of
-from gateway.correct.places import places_of_grid, places_of_points
-from gateway.correct.records import record
-from gateway.correct.reversal import reversal_advice
-from gateway.correct.tables import Product, Table, TableGrid
+from gateway.correct.flank.acting_tables import with_tables
+from gateway.correct.flank.flankmodel import command_effects, corrected_flank
+from gateway.correct.flank.mounting import Mounting, centred, mounting_of
+from gateway.correct.flank.tables import Product, Table, TableGrid
+from gateway.correct.flank.wheel_places import places_of_grid, places_of_points
+from gateway.correct.part.fromgear import correct_from_gear, fit_places, visible
+from gateway.correct.plan.layers import correct
+from gateway.correct.plan.records import record
+from gateway.correct.plan.reversal import reversal_advice
+from gateway.correct.solve.floor import floor
 from gateway.errors import ModelError
 from gateway.gear.envelope import exact
 from gateway.gear.first_order import first_order, flank_abg, judged

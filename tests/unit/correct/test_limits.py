@@ -9,13 +9,13 @@ import pytest
 
 from drivers.errors import TooManyPoints
 from drivers.units import arcsec_to_rad
-from gateway.correct.flankmodel import SetupValue, corrected_flank
-from gateway.correct.layers import correct
-from gateway.correct.leastsquares import limited
-from gateway.correct.limits import AxisBound, TableSpec
-from gateway.correct.noise import Noise, component_doubts, noise_patterns
-from gateway.correct.optimise import optimise
-from gateway.correct.tables import Table, TableGrid
+from gateway.correct.flank.flankmodel import SetupValue, corrected_flank
+from gateway.correct.flank.noise import Noise, component_doubts, noise_patterns
+from gateway.correct.flank.tables import Table, TableGrid
+from gateway.correct.plan.layers import correct
+from gateway.correct.solve.leastsquares import limited
+from gateway.correct.solve.limits import AxisBound, TableSpec
+from gateway.correct.solve.optimise import optimise
 from gateway.errors import ModelError
 from gateway.gear.flank import flank_grid
 from gateway.gear.grinding import Grinding

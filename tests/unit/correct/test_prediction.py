@@ -8,19 +8,19 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gateway.correct.apply import Combined, with_tables
-from gateway.correct.compensability import tangential_cure
-from gateway.correct.doubted import CLAMPING, DRIFT, SIZE, Shop
-from gateway.correct.importance import cure_errors, rank_errors
-from gateway.correct.layers import LayeredCorrection, correct
-from gateway.correct.mounting import Mounting, centred
-from gateway.correct.noise import noise_patterns
-from gateway.correct.plan import AxisGrid, Plan
-from gateway.correct.prediction import Outlook, flank_map, predict
-from gateway.correct.records import table_of
-from gateway.correct.setupvalues import setup_from_part
-from gateway.correct.tables import Table, TableGrid
-from gateway.correct.undone import doubts
+from gateway.correct.flank.acting_tables import Combined, with_tables
+from gateway.correct.flank.compensability import tangential_cure
+from gateway.correct.flank.mounting import Mounting, centred
+from gateway.correct.flank.noise import noise_patterns
+from gateway.correct.flank.tables import Table, TableGrid
+from gateway.correct.outlook.flank_uncertainty import CLAMPING, DRIFT, SIZE, Shop
+from gateway.correct.outlook.next_setup import doubts
+from gateway.correct.outlook.prediction import Outlook, flank_map, predict
+from gateway.correct.outlook.ranking import cure_errors, rank_errors
+from gateway.correct.part.setupvalues import setup_from_part
+from gateway.correct.plan.layers import LayeredCorrection, correct
+from gateway.correct.plan.plan import AxisGrid, Plan
+from gateway.correct.plan.records import table_of
 from gateway.domain import Component, FloatArray
 from gateway.gear.flank import FlankGrid, flank_grid
 from gateway.gear.grinding import Grinding

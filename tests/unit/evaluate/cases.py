@@ -7,19 +7,10 @@ from typing import Any
 import numpy as np
 
 from gateway.domain import Evaluation
-from gateway.evaluate import (
-    air,
-    flank_tolerances,
-    harmonics,
-    iso230_2,
-    length,
-    other_standards,
-    readings,
-    rotary,
-    squareness,
-    straightness,
-    uncertainty,
-)
+from gateway.evaluate.geometry import harmonics, squareness, straightness
+from gateway.evaluate.optics import air, length, rotary
+from gateway.evaluate.standards import flank_tolerances, iso230_2, other_standards, readings
+from gateway.evaluate.uncertainty import budget
 from gateway.model import components, fit, regression
 from gateway.table import Grid, project
 
@@ -144,6 +135,6 @@ RUN = {
     "drift": _drift,
     "rotary_combine": lambda g: {"error": rotary.combine(g["command"], g["device"], g["interf"], g["reference"])},
     "harmonics": _harmonics,
-    "t_factor": lambda g: {"k": uncertainty.coverage_factor(g["p"], g["nu"])},
+    "t_factor": lambda g: {"k": budget.coverage_factor(g["p"], g["nu"])},
     "iso1328": _tolerances,
 }

@@ -9,7 +9,7 @@ import pytest
 
 from drivers.types import Ambient
 from gateway.domain import Capture, Corrections
-from gateway.evaluate.approach import approach_of
+from gateway.evaluate.behaviour.approach_scatter import approach_of
 
 TARGETS = np.linspace(0.0, 345.0, 24)
 

@@ -10,9 +10,9 @@ import pytest
 from drivers.types import Ambient, MeasuredSet
 from gateway.domain import Corrections
 from gateway.errors import AmbientOutOfRange, ModelError
-from gateway.evaluate import air, corrections, recompensation
-from gateway.evaluate.corrections import applied, begin, standing, told, undone
-from gateway.evaluate.recompensation import Compensation, recompensate, recompensated_set
+from gateway.evaluate.optics import air, corrections, recompensation
+from gateway.evaluate.optics.corrections import applied, begin, standing, told, undone
+from gateway.evaluate.optics.recompensation import Compensation, recompensate, recompensated_set
 
 REAL_START = Ambient(20.337280, 990.39005, 46.954897, (20.203292,))
 REAL_END = Ambient(20.384956, 990.49346, 46.893887, (20.321342,))

@@ -10,7 +10,8 @@ from hypothesis.extra.numpy import arrays
 from scipy.optimize import linprog
 
 from gateway.errors import ModelError, NotIdentifiable
-from gateway.evaluate import angular, axis_location, harmonics, iso230_2, rotary_motion, squareness, straightness
+from gateway.evaluate.geometry import angular, axis_location, harmonics, rotary_motion, squareness, straightness
+from gateway.evaluate.standards import iso230_2
 
 ARCSEC = np.pi / 180.0 / 3600.0
 

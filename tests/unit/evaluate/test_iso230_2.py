@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from gateway.errors import ModelError
-from gateway.evaluate import iso230_2, readings
-from gateway.evaluate.iso230_2 import evaluate
-from gateway.evaluate.uncertainty import Budget, linear_budget
+from gateway.evaluate.standards import iso230_2, readings
+from gateway.evaluate.standards.iso230_2 import evaluate
+from gateway.evaluate.uncertainty.budget import Budget, linear_budget
 
 SHAPES = st.tuples(st.integers(2, 9), st.integers(2, 6), st.just(2))
 READINGS = SHAPES.flatmap(lambda shape: arrays(np.float64, shape, elements=st.floats(-50, 50, width=32)))

@@ -12,10 +12,12 @@ from drivers.types import Ambient
 from drivers.units import arcsec_to_rad, rad_to_arcsec
 from gateway.cli.files import reader
 from gateway.errors import AmbientOutOfRange, ModelError
-from gateway.evaluate import air, harmonics, iso230_2, length, levers, readings, rotary, squareness, straightness
-from gateway.evaluate.corrections import begin
-from gateway.evaluate.standards import closure_notes, evaluate_by, set_up_notes
-from gateway.evaluate.uncertainty import file_budget, linear_budget
+from gateway.evaluate.geometry import abbe, harmonics, squareness, straightness
+from gateway.evaluate.optics import air, length, rotary
+from gateway.evaluate.optics.corrections import begin
+from gateway.evaluate.standards import iso230_2, readings
+from gateway.evaluate.standards.registry import closure_notes, evaluate_by, set_up_notes
+from gateway.evaluate.uncertainty.budget import file_budget, linear_budget
 
 S = np.array([-1.0, -1.0, 0.0, 1.0, 1.0])
 AT = np.array([0.0, 90.0, 210.0, 290.0, 400.0])
@@ -165,7 +167,7 @@ def test_mistake_16_least_squares_is_not_reported_as_minimum_zone() -> None:
 
 def test_mistake_17_an_arcsecond_is_4_848_microradians() -> None:
     assert arcsec_to_rad(1.0) * 1e6 == pytest.approx(4.848, abs=2e-4)
-    assert levers.arms("X", "X", (0.0, 0.0, 1000.0))["EBX"] == pytest.approx(4.848, abs=2e-4)
+    assert abbe.arms("X", "X", (0.0, 0.0, 1000.0))["EBX"] == pytest.approx(4.848, abs=2e-4)
 
 
 def test_mistake_18_drift_is_spread_by_time_not_by_index() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gateway.errors import ModelError
-from gateway.evaluate import flank_tolerances, other_standards
+from gateway.evaluate.standards import flank_tolerances, other_standards
 
 S = np.array([-1, -1, 0, 1, 1.0])
 UP = np.array([0, 1, 2, 3, 4.0])[:, None] + S

@@ -9,8 +9,9 @@ import pytest
 
 from drivers.types import Ambient
 from gateway.errors import AmbientOutOfRange, ModelError, NotIdentifiable
-from gateway.evaluate import air, harmonics, length, rotary, straightness
-from gateway.evaluate.corrections import begin
+from gateway.evaluate.geometry import harmonics, straightness
+from gateway.evaluate.optics import air, length, rotary
+from gateway.evaluate.optics.corrections import begin
 
 GOOD = Ambient(20.0, 1013.25, 50.0, (20.0,))
 TARGETS = np.array([0.0, 100.0, 250.0, 400.0])

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from gateway.capture.cycles import Cycle
-from gateway.evaluate.incurable import incurable, told_incurable
-from gateway.evaluate.iso230_2 import evaluate
-from gateway.evaluate.steadiness import steadiness
+from gateway.evaluate.behaviour.steadiness import steadiness
+from gateway.evaluate.standards.incurable import incurable, told_incurable
+from gateway.evaluate.standards.iso230_2 import evaluate
 from tests.unit.evaluate.hostile import captured
 
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from gateway.errors import ModelError
-from gateway.evaluate import distributions, montecarlo
-from gateway.evaluate.distributions import Normal, Rectangular
-from gateway.evaluate.parameters import of_readings
-from gateway.evaluate.trials import scatter_of_test
-from gateway.evaluate.uncertainty import Budget, expanded
+from gateway.evaluate.standards.parameters import of_readings
+from gateway.evaluate.standards.positioning_trials import scatter_of_test
+from gateway.evaluate.uncertainty import distributions, montecarlo
+from gateway.evaluate.uncertainty.budget import Budget, expanded
+from gateway.evaluate.uncertainty.distributions import Normal, Rectangular
 
 ROW = np.array([-1.0, -1.0, 0.0, 1.0, 1.0])
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gateway.correct.compensability import cures, observability, tangential_cure
+from gateway.correct.flank.compensability import cures, observability, tangential_cure
 from gateway.errors import ModelError
 from gateway.gear.first_order import first_order
 from gateway.gear.flank import flank_figure, flank_grid

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drivers.types import FloatArray
-from gateway.evaluate.hypotheses import APART, Finding, why
+from gateway.evaluate.behaviour.table_effect import APART, Finding, why
 
 TRUTHS = {"as-predicted": -1.0, "not-active": 0.0, "wrong-sign": 1.0, "doubled": -2.0}
 TRIALS = 2000
