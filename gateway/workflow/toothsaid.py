@@ -6,8 +6,9 @@ from collections.abc import Iterator, Sequence
 
 from drivers.errors import words
 from gateway.correct.outlook.next_setup import THRESHOLD_UM
-from gateway.correct.outlook.prediction import COVERAGE, Outlook
+from gateway.correct.outlook.prediction import Outlook
 from gateway.correct.plan.layers import LayeredCorrection
+from gateway.domain import COVERAGE
 from gateway.model.known import ErrorModel
 from gateway.tooth import ToothProposal
 

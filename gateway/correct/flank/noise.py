@@ -9,13 +9,12 @@ import numpy as np
 
 from drivers.types import FloatArray
 from gateway.correct.flank.flankmodel import FlankModel
-from gateway.domain import Component
+from gateway.domain import COVERAGE, Component
 from gateway.gear.flank import FlankGrid
 from gateway.gear.grinding import Grinding
 from gateway.gear.linear import Parameter, linear_flank
 from gateway.model.motion import motion_from
 
-COVERAGE = 2.0  # k of the expanded uncertainty
 SMALL = 1e-12  # of the largest variance
 RANK = 1e-8  # of a column: what is no direction of its own
 

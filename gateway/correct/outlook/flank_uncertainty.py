@@ -16,13 +16,12 @@ from gateway.correct.flank.wheel_places import Places, places_of_grid
 from gateway.correct.outlook.face_residual import slope_and_bow
 from gateway.correct.outlook.next_setup import doubts
 from gateway.correct.plan.plan import Plan
-from gateway.domain import Component, component_unit
+from gateway.domain import COVERAGE, Component, component_unit
 from gateway.gear.flank import FlankGrid
 from gateway.gear.grinding import Grinding
 from gateway.gear.linear import linear_flank
 from gateway.model.known import ErrorModel, in_mm_rad
 
-COVERAGE = 2.0
 CLAMPING, DRIFT, INDEX, INFEED, SETUP = "clamping", "drift", "index", "infeed", "set-up values"
 SIZE = "inspection size"
 

@@ -22,6 +22,7 @@ from gateway.correct.flank.wheel_places import Places
 from gateway.correct.outlook.flank_uncertainty import Doubted, Shop, lasting, passing
 from gateway.correct.plan.layers import LayeredCorrection
 from gateway.correct.plan.plan import Plan
+from gateway.domain import COVERAGE
 from gateway.gear.first_order import judged
 from gateway.gear.flank import FlankGrid, flank_figure
 from gateway.gear.grinding import Grinding
@@ -30,7 +31,6 @@ from gateway.model.known import ErrorModel
 from gateway.tooth import FlankMap, FlankPrediction
 
 DRAWS = 4000
-COVERAGE = 2.0
 
 
 @dataclass(frozen=True, slots=True)

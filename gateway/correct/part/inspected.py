@@ -15,6 +15,7 @@ from drivers.errors import words
 from drivers.types import FloatArray, GearInspection
 from drivers.units import UM_PER_MM, mm_to_um, rad_to_arcsec, um_to_mm
 from gateway.correct.part.fitted_places import Placed, check_points, placed
+from gateway.domain import COVERAGE
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import FlankGrid, flank_figure, flank_grid
 from gateway.gear.inspection import TraceValues, inspect, trace_values
@@ -22,7 +23,6 @@ from gateway.gear.touched import Heights, touched
 from gateway.tooth import FlankMap, InspectedFlank
 
 PROFILE, WIDTH = 11, 5
-COVERAGE = 2.0
 USUAL_CLAMPING_UM = 0.5
 LINE_POINTS, LINE_SHARE = 5, 0.5  # of a profile line: fewer points, or over less of a flank, make none
 TO_UM = np.array([UM_PER_MM, UM_PER_MM, rad_to_arcsec(1.0)])

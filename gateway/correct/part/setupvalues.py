@@ -12,12 +12,12 @@ from drivers.units import mm_to_um
 from gateway.correct.flank.flankmodel import command_effects
 from gateway.correct.flank.wheel_places import places_of_points
 from gateway.correct.plan.plan import RESOLUTION_MM
+from gateway.domain import COVERAGE
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.grinding import Grinding
 from gateway.model.preset import yk7350b
 from gateway.tooth import InspectedFlank, SetupValues
 
-COVERAGE = 2.0
 RESOLUTION_UM = float(mm_to_um(RESOLUTION_MM))
 
 

@@ -13,7 +13,7 @@ from scipy.special import fdtri
 
 from drivers.errors import words
 from drivers.units import DeviationUnit
-from gateway.domain import Between, FloatArray
+from gateway.domain import COVERAGE, COVERED, Between, FloatArray
 from gateway.evaluate.behaviour.repetitions import RobustMeans, robust_means
 from gateway.evaluate.uncertainty.budget import coverage_factor
 from gateway.model.components import standard_uncertainty, value
@@ -21,7 +21,6 @@ from gateway.model.fit import fit_positioning
 
 Curve = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 FALSE_ALARM = 0.005
-TWO_SIGMA = 0.9545
 # Optics, air and rounding make even an exact machine miss a curve by so much, um or arcsec.
 FLOOR = 0.05
 # A median of few readings scatters by so much more than their mean.
@@ -164,7 +163,7 @@ def _by_stops(
     seen, count = float(np.mean((stood - values)[good] ** 2)), int(good.sum())
     freedom = max(int(np.isfinite(means.mean_up).sum() + np.isfinite(means.mean_down).sum()), FEWEST)
     shown = seen / expected > float(fdtri(count, freedom, 1.0 - FALSE_ALARM))
-    wide = coverage_factor(TWO_SIGMA, count) / 2.0
+    wide = coverage_factor(COVERED, count) / COVERAGE
     size = sqrt(max(seen - expected, 0.0)) if shown else 0.0
     code = "W-HIDDEN-STOPS" if shown else "W-HIDDEN-NONE"
     told = _words(code, count, "check stops", sqrt(seen), sqrt(expected), wide * size, unit)

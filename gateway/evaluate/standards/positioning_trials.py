@@ -10,15 +10,13 @@ from numpy.random import Generator
 from numpy.typing import ArrayLike
 
 from drivers.units import DeviationUnit, deg_to_rad
-from gateway.domain import FloatArray
+from gateway.domain import COVERED, FloatArray
 from gateway.evaluate.standards import readings
 from gateway.evaluate.uncertainty import montecarlo
 from gateway.evaluate.uncertainty.budget import Budget
 from gateway.evaluate.uncertainty.distributions import Distribution, Normal, Rectangular
 from gateway.evaluate.uncertainty.montecarlo import Outcome
 
-PROBABILITY = 0.9545
-"""Two standard deviations of a normal quantity: comparable with U (k = 2)."""
 MOST_TRIALS = 100_000
 SCATTER = 4_000_000
 
@@ -55,7 +53,7 @@ def scatter_of_test(
         return formulas(mean + gap + noise + common(rng, count)[:, :, None, None])
 
     block = int(np.clip(SCATTER // x.size, 500, montecarlo.BLOCK))
-    return montecarlo.run(trial, probability=PROBABILITY, digits=digits, seed=seed, block=block, most=most)
+    return montecarlo.run(trial, probability=COVERED, digits=digits, seed=seed, block=block, most=most)
 
 
 def _sigma(x: FloatArray, budget: Budget) -> FloatArray | None:

@@ -190,7 +190,7 @@ def _figures(
 
 def _formulas(chosen: Standard) -> Formulas:
     if chosen.iso:
-        return partial(parameters.of_readings, k=iso230_2.coverage(chosen.iso))
+        return partial(parameters.of_readings, k=iso230_2.sigmas(chosen.iso))
     return _OTHERS[chosen.name][1]
 
 

@@ -175,7 +175,10 @@ def test_numacc4_by_two_passes() -> None:
     assert result.s_up[0] == pytest.approx(0.1, rel=1e-7)
 
 
-def test_long_axes_need_one_run() -> None:
+def test_long_axes_need_one_run_at_intervals_of_250_mm_at_most_on_average() -> None:
+    assert iso230_2.minimum_targets("linear", 2000.0) == (10, 5)
+    assert iso230_2.minimum_targets("linear", 2100.0) == (10, 1)
     assert iso230_2.minimum_targets("linear", 4000.0) == (17, 1)
     assert iso230_2.minimum_targets("rotary", 360.0) == (8, 5)
     assert iso230_2.minimum_targets("rotary", 720.0) == (16, 1)
+    assert iso230_2.minimum_targets("rotary", 400.0) == (9, 1)

@@ -75,7 +75,7 @@ def test_mistake_05_runs_down_belong_to_their_targets_not_to_their_order(tmp_pat
 def test_mistake_06_the_edition_decides_2_or_3_s_and_stands_beside_the_figures() -> None:
     assert (figures()["A"], figures(edition="1988")["A"]) == pytest.approx((10.0, 13.0))
     assert figures(edition="1988")["R"] == pytest.approx(12.0)
-    for edition in iso230_2.COVERAGE:
+    for edition in iso230_2.SIGMAS:
         found = iso230_2.evaluate(AT, X, "um", edition=edition)
         assert (found.standard, found.edition) == (f"ISO 230-2:{edition}", edition)
         assert found.certainty

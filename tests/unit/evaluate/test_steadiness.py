@@ -7,8 +7,7 @@ import pytest
 
 from gateway.capture.cycles import Cycle
 from gateway.evaluate.behaviour.steadiness import steadiness
-from gateway.evaluate.standards.incurable import incurable, told_incurable
-from gateway.evaluate.standards.iso230_2 import evaluate
+from gateway.evaluate.standards.iso230_2 import evaluate, incurable, told_incurable
 from tests.unit.evaluate.hostile import captured
 
 
