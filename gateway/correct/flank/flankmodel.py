@@ -7,7 +7,7 @@ does to the flank. Signs: corrections q, added to the commands.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -221,12 +221,9 @@ def table_terms(grinding: Grinding, places: Places, tables: Sequence[Correction]
     return total
 
 
-def corrected_flank(grinding: Grinding, grid: FlankGrid, tables: Sequence[Correction]) -> FloatArray:
-    """First-order deviations (K, T, Z) of the machine with tables acting."""
-    places = places_of_grid(grid)
-    base, extra = _errors(grinding, grid, places, None)
-    terms = base + table_terms(grinding, places, tables)
-    return (places.along_normal(terms) + extra).reshape(grid.shape)
+def with_acting(model: FlankModel, grinding: Grinding, tables: Sequence[Correction]) -> FlankModel:
+    """The model of the same flank with tables acting, products among them."""
+    return replace(model, base=model.base + table_terms(grinding, model.places, tables))
 
 
 def _errors(

@@ -6,13 +6,12 @@ this kind: additive tables reduce them by nothing beyond their means.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from drivers.types import FloatArray
-from gateway.correct.flank.flankmodel import FlankModel, command_effects, flank_model, table_terms
+from gateway.correct.flank.flankmodel import FlankModel, command_effects, flank_model, with_acting
 from gateway.correct.flank.tables import Product, Table, TableGrid
 from gateway.correct.plan.plan import Plan, table_spec
 from gateway.correct.solve.leastsquares import nearest
@@ -58,7 +57,7 @@ def best_product(
         f = np.rint(f / step) * step
         g = np.rint(_factor(plain, effect, left @ f, right) / step) * step
     product = Product(Table.of(first, f), Table.of(second, g))
-    after = _with(plain, grinding, [product]).rms(np.zeros(0))
+    after = with_acting(plain, grinding, [product]).rms(np.zeros(0))
     return ProductResult(product, before, after) if after < (1.0 - WORTH) * before else None
 
 
@@ -74,12 +73,8 @@ def product_layer(grinding: Grinding, grid: FlankGrid, plan: Plan, *, proved: bo
         one = best_product(grinding, model, first.grid, second.grid, proved=proved, step=first.resolution)
         if one is not None:
             found.append(one)
-            model = _with(model, grinding, [one.product])
+            model = with_acting(model, grinding, [one.product])
     return tuple(found)
-
-
-def _with(model: FlankModel, grinding: Grinding, products: Sequence[Product]) -> FlankModel:
-    return replace(model, base=model.base + table_terms(grinding, model.places, products))
 
 
 def _alternated(

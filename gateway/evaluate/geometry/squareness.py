@@ -1,43 +1,52 @@
-"""Squareness of two axes from straightness runs, face diagonals or body diagonals (ISO 230-1, -6)."""
+"""Squareness of two axes from straightness runs against a square, or from face diagonals (ISO 230-1, -6)."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import asin
+from math import asin, hypot
 from typing import Literal
-
-from numpy.typing import ArrayLike
 
 from drivers.units import rad_to_arcsec
 from gateway.errors import ModelError
-from gateway.evaluate.geometry.straightness import straightness
+from gateway.evaluate.geometry.straightness import StraightnessRun
 
 
 @dataclass(frozen=True, slots=True)
 class SquarenessRuns:
-    """Slopes of the two runs and E_C0Y in rad; positive: the angle from X to Y is above 90 deg."""
+    """Slopes of the two runs, E_C0Y (above 0: the angle from X to Y is above 90 deg), its standard uncertainty; rad."""
 
     slope_x: float
     slope_y: float
     C0Y: float
+    u: float
 
 
-def from_runs(x: ArrayLike, eyx: ArrayLike, y: ArrayLike, exy: ArrayLike, artefact_rad: float = 0.0) -> SquarenessRuns:
-    """E_C0Y = artefact - (slope of EYX along X + slope of EXY along Y), all lengths in one unit.
+def from_runs(along_x: StraightnessRun, along_y: StraightnessRun, artefact_rad: float = 0.0) -> SquarenessRuns:
+    """E_C0Y = artefact - (slope of EYX along X + slope of EXY along Y), the runs of any two axes against one square.
 
-    ``artefact_rad`` is the square's own angle less 90 deg.
+    ``artefact_rad`` is the square's own angle less 90 deg. Raises ModelError (E-EVAL-LINE).
     """
-    slope_x, slope_y = straightness(x, eyx, "lsq").slope, straightness(y, exy, "lsq").slope
-    return SquarenessRuns(slope_x, slope_y, artefact_rad - (slope_x + slope_y))
+    (slope_x, u_x), (slope_y, u_y) = along_x.direction(), along_y.direction()
+    return SquarenessRuns(slope_x, slope_y, artefact_rad - (slope_x + slope_y), hypot(u_x, u_y))
 
 
-def reversed_square(first: SquarenessRuns, turned: SquarenessRuns) -> tuple[float, float]:
-    """E_C0Y and the square's own angle less 90 deg, e, both rad: the square turned by 180 deg about an arm.
+@dataclass(frozen=True, slots=True)
+class ReversedSquare:
+    """E_C0Y with its standard uncertainty and the square's own angle less 90 deg, all rad."""
+
+    C0Y: float
+    u: float
+    own: float
+
+
+def reversed_square(first: SquarenessRuns, turned: SquarenessRuns) -> ReversedSquare:
+    """The machine and the square told apart: the square turned by 180 deg about an arm.
 
     Both evaluated without artefact angle they show C0Y - e and C0Y + e, so their mean is the machine's alone.
     """
-    return (first.C0Y + turned.C0Y) / 2.0, (turned.C0Y - first.C0Y) / 2.0
+    mean, own = (first.C0Y + turned.C0Y) / 2.0, (turned.C0Y - first.C0Y) / 2.0
+    return ReversedSquare(mean, hypot(first.u, turned.u) / 2.0, own)
 
 
 Plane = Literal["XY", "XZ", "YZ"]

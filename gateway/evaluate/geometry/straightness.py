@@ -10,9 +10,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gateway.domain import FloatArray
+from gateway.domain import COVERAGE, FloatArray
 from gateway.errors import ModelError
-from gateway.model.lines import end_point_line, least_squares_line
 
 Reference = Literal["lsq", "end-point", "minimum-zone"]
 
@@ -40,6 +39,40 @@ def straightness(positions: ArrayLike, deviations: ArrayLike, reference: Referen
     slope, intercept = _LINES[reference](x, y)
     residual = y - intercept - slope * x
     return Straightness(reference, slope, intercept, residual, float(np.ptp(residual)))
+
+
+@dataclass(frozen=True, slots=True)
+class StraightnessRun:
+    """Mean deviations (m,) of a run at positions (m,), both in one unit, with what is known of its uncertainty.
+
+    ``u`` (m,) are standard uncertainties of the means, None: from what the line leaves. ``direction_u`` is the standard
+    uncertainty of the direction itself in rad: instrument, tilt of what carries the artefact.
+    """
+
+    positions: FloatArray
+    deviations: FloatArray
+    u: FloatArray | None = None
+    direction_u: float = 0.0
+
+    def direction(self) -> tuple[float, float]:
+        """Slope of the least-squares line in rad, and its standard uncertainty. Raises ModelError (E-EVAL-LINE)."""
+        found = straightness(self.positions, self.deviations, "lsq")
+        own = slope_u(self.positions, found.residual) if self.u is None else slope_u_of(self.positions, self.u)
+        return found.slope, hypot(own, self.direction_u)
+
+
+def least_squares_line(x: FloatArray, y: FloatArray) -> tuple[float, float]:
+    """Slope and intercept (at x = 0) of the least-squares line."""
+    centre = x - x.mean()
+    slope = float(centre @ (y - y.mean()) / (centre @ centre))
+    return slope, float(y.mean() - slope * x.mean())
+
+
+def end_point_line(x: FloatArray, y: FloatArray) -> tuple[float, float]:
+    """Slope and intercept (at x = 0) of the line through the first and last position."""
+    first, last = int(np.argmin(x)), int(np.argmax(x))
+    slope = float((y[last] - y[first]) / (x[last] - x[first]))
+    return slope, float(y[first] - slope * x[first])
 
 
 def minimum_zone_line(x: FloatArray, y: FloatArray) -> tuple[float, float]:
@@ -86,10 +119,13 @@ class Parallelism:
 
 
 def parallel(first: tuple[ArrayLike, ArrayLike], second: tuple[ArrayLike, ArrayLike]) -> Parallelism:
-    """As `parallelism`, with U from what both lines leave (NaN with two positions only)."""
+    """Slope of the first run less that of the second; U from what both lines leave (NaN with two positions only).
+
+    Each run is (positions, deviations).
+    """
     runs = [straightness(x, y, "lsq") for x, y in (first, second)]
     u = [slope_u(x, run.residual) for (x, _y), run in zip((first, second), runs, strict=True)]
-    return Parallelism(runs[0].slope - runs[1].slope, 2.0 * hypot(*u))
+    return Parallelism(runs[0].slope - runs[1].slope, COVERAGE * hypot(*u))
 
 
 def slope_u(positions: ArrayLike, residual: FloatArray) -> float:
@@ -100,7 +136,8 @@ def slope_u(positions: ArrayLike, residual: FloatArray) -> float:
     return float(np.sqrt(residual @ residual / free / (centred @ centred))) if free > 0 else float("nan")
 
 
-def parallelism(first: tuple[ArrayLike, ArrayLike], second: tuple[ArrayLike, ArrayLike]) -> float:
-    """Slope of the first run less that of the second, least squares; each run is (positions, deviations)."""
-    slopes = [straightness(x, y, "lsq").slope for x, y in (first, second)]
-    return slopes[0] - slopes[1]
+def slope_u_of(positions: ArrayLike, u: FloatArray) -> float:
+    """Standard uncertainty of a least-squares slope from that of each deviation (m,)."""
+    x = np.asarray(positions, dtype=np.float64)
+    centred = x - x.mean()
+    return float(np.sqrt(np.sum((centred * u) ** 2)) / (centred @ centred))

@@ -61,18 +61,6 @@ def evaluate(
     )
 
 
-def evaluate_positions(
-    targets: ArrayLike,
-    positions: ArrayLike,
-    unit: DeviationUnit,
-    *,
-    edition: str = "2014",
-    budget: Budget | None = None,
-) -> Evaluation:
-    """As `evaluate`, from measured positions (m, n, 2) in the unit of the results."""
-    return evaluate(targets, readings.deviations_of(targets, positions), unit, edition=edition, budget=budget)
-
-
 def minimum_targets(kind: Literal["linear", "rotary"], travel: float) -> tuple[int, int]:
     """Fewest targets and runs for a travel in mm or deg (ISO 230-2, clause 4), for planning and for judging a plan.
 

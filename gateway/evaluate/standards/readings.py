@@ -26,14 +26,6 @@ def checked(targets: ArrayLike, deviations: ArrayLike) -> tuple[FloatArray, Floa
     return at, x
 
 
-def deviations_of(targets: ArrayLike, positions: ArrayLike) -> FloatArray:
-    """Deviation = measured - target, shape (m, n, 2), in the unit of `positions` (m, n, 2)."""
-    at, measured = np.asarray(targets, dtype=np.float64), np.asarray(positions, dtype=np.float64)
-    if at.ndim != 1 or measured.ndim != 3 or measured.shape[0] != at.size:
-        raise ModelError("E-EVAL-SHAPE", "evaluate", targets=at.shape, deviations=measured.shape)
-    return measured - at[:, None, None]
-
-
 def from_rows(up: ArrayLike | None = None, down: ArrayLike | None = None) -> FloatArray:
     """Two tables of rows (m, n), approach + and -, as (m, n, 2); a missing table is all NaN.
 

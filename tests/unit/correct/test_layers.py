@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.correct.flank.acting_tables import with_tables
-from gateway.correct.flank.flankmodel import command_effects, corrected_flank
+from gateway.correct.flank.flankmodel import command_effects
 from gateway.correct.flank.mounting import Mounting, centred, mounting_of
 from gateway.correct.flank.tables import Product, Table, TableGrid
 from gateway.correct.flank.wheel_places import places_of_grid, places_of_points
@@ -29,7 +29,7 @@ from gateway.model.layout import chain_of
 from gateway.model.motion import Fourier
 from gateway.model.preset import TWENTY_ONE, yk7350b
 from gateway.table import Grid
-from tests.unit.correct.machines import PLAN, machine
+from tests.unit.correct.machines import PLAN, corrected_flank, machine
 from tests.unit.gear.machines import DISC, RV40E
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from drivers.errors import TooManyPoints
 from drivers.units import arcsec_to_rad
-from gateway.correct.flank.flankmodel import SetupValue, corrected_flank
+from gateway.correct.flank.flankmodel import SetupValue
 from gateway.correct.flank.noise import Noise, component_doubts, noise_patterns
 from gateway.correct.flank.tables import Table, TableGrid
 from gateway.correct.plan.layers import correct
@@ -24,7 +24,7 @@ from gateway.model.components import standard_uncertainty
 from gateway.model.fit import fit_positioning
 from gateway.model.motion import Fourier, Polynomial
 from gateway.model.preset import yk7350b
-from tests.unit.correct.machines import PLAN, STEP_MM, TURN, machine, setup, specs
+from tests.unit.correct.machines import PLAN, STEP_MM, TURN, corrected_flank, machine, setup, specs
 from tests.unit.gear.machines import RV40E
 
 GRID = flank_grid(RV40E, profile=6, width=5)

@@ -9,7 +9,7 @@ import pytest
 
 from drivers.types import CompensationTable
 from drivers.units import arcsec_to_rad
-from gateway.correct.flank.flankmodel import corrected_flank, flank_model
+from gateway.correct.flank.flankmodel import flank_model
 from gateway.correct.flank.tables import Table, TableGrid
 from gateway.correct.plan.layers import correct
 from gateway.correct.plan.plan import AxisGrid, Plan, table_spec
@@ -22,7 +22,7 @@ from gateway.gear.flank import flank_grid
 from gateway.gear.grinding import Grinding
 from gateway.model.motion import Fourier, PiecewiseLinear
 from gateway.model.preset import yk7350b
-from tests.unit.correct.machines import PLAN, machine
+from tests.unit.correct.machines import PLAN, corrected_flank, machine
 from tests.unit.gear.machines import RV40E
 
 GRID = flank_grid(RV40E, profile=6, width=5)

@@ -170,8 +170,7 @@ def test_unknown_edition_and_shapeless_rows() -> None:
 
 def test_numacc4_by_two_passes() -> None:
     row = [10000000.2] + [10000000.1, 10000000.3] * 500
-    positions = readings.from_rows([row])
-    result = iso230_2.evaluate_positions([10000000.0], positions, "um")
+    result = iso230_2.evaluate([10000000.0], readings.from_rows([row]), "um")
     assert result.s_up[0] == pytest.approx(0.1, rel=1e-7)
 
 

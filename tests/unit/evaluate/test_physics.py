@@ -203,7 +203,7 @@ def test_straightness_references() -> None:
     zone = straightness.straightness(x, y, "minimum-zone").value
     assert ends == pytest.approx(6.0)
     assert zone <= straightness.straightness(x, y, "lsq").value <= ends
-    assert straightness.parallelism((x, y), (x, np.asarray(y) + 2)) == pytest.approx(0.0, abs=1e-15)
+    assert straightness.parallel((x, y), (x, np.asarray(y) + 2)).slope == pytest.approx(0.0, abs=1e-15)
 
 
 def test_minimum_zone_is_never_wider() -> None:
