@@ -36,10 +36,10 @@ from gateway.workflow.measure import fetch_tables, store_equipment
 from gateway.workflow.pushing import push_run
 from simulators.cell import Cell, cell_running
 from simulators.cellfile import load_cell, with_plan
-from simulators.grinding.plan import ground
 from simulators.grinding.seat import on_axis
 from simulators.truth import Truth
 from tests.cell.fitted import read
+from tests.unit.simulators.planned_run import ground
 
 SEED = 11
 OWN = {"X1": "EXX", "Z1": "EZZ", "C1": "ECC"}

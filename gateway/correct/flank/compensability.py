@@ -17,7 +17,7 @@ from gateway.errors import ModelError
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import FlankGrid
 from gateway.gear.grinding import Grinding
-from gateway.gear.linear import OFFSET, LinearFlank, Parameter, linear_flank
+from gateway.gear.linear import OFFSET, ErrorParameter, LinearFlank, linear_flank
 
 NULL = 1e-9  # of the largest column: what counts as no effect on the flank
 SAME = 1e-9  # relative, for the rank
@@ -79,22 +79,22 @@ class Cure:
     floor: float
 
 
-def families(grinding: Grinding, grid: FlankGrid) -> dict[str, tuple[Parameter, ...]]:
+def families(grinding: Grinding, grid: FlankGrid) -> dict[str, tuple[ErrorParameter, ...]]:
     """Families of cures in order of effort; each is the span of its parameters, tables as fine as the grid."""
     x, z, c = grinding.infeed, grinding.stroke, grinding.index
     at = grinding.commands(grid.ks, 0.0)[c], grinding.commands(0.0, grid.zs)[z]
     over = {c: _indicators(c, at[0]), z: _indicators(z, at[1])}
-    found: dict[str, tuple[Parameter, ...]] = {
-        f"{x} zero": (Parameter(x),),
-        f"{c} zero": (Parameter(c),),
-        "dressing offset": (Parameter(OFFSET),),
+    found: dict[str, tuple[ErrorParameter, ...]] = {
+        f"{x} zero": (ErrorParameter(x),),
+        f"{c} zero": (ErrorParameter(c),),
+        "dressing offset": (ErrorParameter(OFFSET),),
     }
     if grinding.chain.axis(c).err_frame == "moving":
-        found["mounting"] = tuple(Parameter(f"E{letter}{c}") for letter in "XYAB")
+        found["mounting"] = tuple(ErrorParameter(f"E{letter}{c}") for letter in "XYAB")
     setup = tuple(one for group in found.values() for one in group)
     found["set-up values"] = setup
     for out, over_axis in ((x, z), (x, c), (c, c), (c, z)):
-        found[f"{out}({over_axis})"] = tuple(Parameter(out, one.basis, (over_axis,)) for one in over[over_axis])
+        found[f"{out}({over_axis})"] = tuple(ErrorParameter(out, one.basis, (over_axis,)) for one in over[over_axis])
     for over_axis in (z, c):
         found[f"{x}({over_axis}), {c}({over_axis})"] = (*found[f"{x}({over_axis})"], *found[f"{c}({over_axis})"])
     sums = (*found[f"{x}({z}), {c}({z})"], *found[f"{x}({c}), {c}({c})"])
@@ -105,7 +105,7 @@ def families(grinding: Grinding, grid: FlankGrid) -> dict[str, tuple[Parameter, 
 
 
 def cures(
-    grinding: Grinding, grid: FlankGrid, errors: Sequence[Parameter | str], *, share: float = 0.1
+    grinding: Grinding, grid: FlankGrid, errors: Sequence[ErrorParameter | str], *, share: float = 0.1
 ) -> tuple[Cure, ...]:
     """Standing of each error (a parameter of one unit; give bases to say how it varies), in the order given.
 
@@ -150,11 +150,11 @@ def _left(span: FloatArray, columns: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.norm(columns - basis @ (basis.T @ columns), axis=0))
 
 
-def _indicators(axis: str, nodes: FloatArray) -> list[Parameter]:
+def _indicators(axis: str, nodes: FloatArray) -> list[ErrorParameter]:
     """A free value at each position of an axis."""
 
-    def one(node: float) -> Parameter:
-        return Parameter(axis, lambda q: _near(q, node), (axis,))
+    def one(node: float) -> ErrorParameter:
+        return ErrorParameter(axis, lambda q: _near(q, node), (axis,))
 
     return [one(float(node)) for node in nodes]
 
@@ -164,9 +164,9 @@ def _near(q: FloatArray, node: float) -> FloatArray:
     return here.astype(np.float64)
 
 
-def _product(out: str, a: Parameter, b: Parameter) -> Parameter:
+def _product(out: str, a: ErrorParameter, b: ErrorParameter) -> ErrorParameter:
     def basis(qa: FloatArray, qb: FloatArray) -> FloatArray:
         first, second = a.basis, b.basis
         return np.asarray((first(qa) if first else 1.0) * (second(qb) if second else 1.0))
 
-    return Parameter(out, basis, (a.over[0], b.over[0]))
+    return ErrorParameter(out, basis, (a.over[0], b.over[0]))

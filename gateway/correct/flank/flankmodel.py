@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csc_matrix, csr_matrix, hstack
 
 from drivers.types import FloatArray
-from gateway.correct.flank.tables import Correction, Table, TableGrid, corrections
+from gateway.correct.flank.tables import Correction, TableGrid, corrections
 from gateway.correct.flank.wheel_places import Places, places_of_grid
 from gateway.errors import ModelError
 from gateway.gear.first_order import abg, flank_abg, to_space
@@ -261,10 +261,3 @@ def _setup_block(value: SetupValue, effects: dict[str, FloatArray], places: Plac
     offset = np.broadcast_to(np.array([0.0, 1.0, 0.0]), (count, 3))
     effect = _effect(effects, value.axis) if value.axis else offset
     return Block(value.name, None, effect, np.ones((count, 1)))
-
-
-def as_table(block: Block, values: FloatArray) -> Table:
-    """The table of a block's values (m,)."""
-    if block.grid is None:
-        raise ModelError("E-CORRECT-GRID", block.name, nodes=0, period=None)
-    return Table.of(block.grid, values)

@@ -24,7 +24,7 @@ RANK = 1e-8
 
 
 @dataclass(frozen=True, slots=True)
-class Mounting:
+class WorkMounting:
     """Where the work's axis stands against the table's: eccentricity x, y (mm) and tilt a, b (rad), work frame."""
 
     x: float = 0.0
@@ -37,10 +37,10 @@ class Mounting:
         """x, y, a, b."""
         return self.x, self.y, self.a, self.b
 
-    def rounded(self, length: float, angle: float) -> Mounting:
+    def rounded(self, length: float, angle: float) -> WorkMounting:
         """In whole steps of a length (mm) and an angle (rad): less than half a step is no set-up."""
         steps = (length, length, angle, angle)
-        return Mounting(*(float(np.rint(v / s) * s) for v, s in zip(self.values, steps, strict=True)))
+        return WorkMounting(*(float(np.rint(v / s) * s) for v, s in zip(self.values, steps, strict=True)))
 
 
 def mounting_terms(grinding: Grinding, places: Places) -> FloatArray:
@@ -49,7 +49,7 @@ def mounting_terms(grinding: Grinding, places: Places) -> FloatArray:
     return np.stack(parts, axis=-1)
 
 
-def mounting_of(grinding: Grinding, places: Places) -> Mounting:
+def mounting_of(grinding: Grinding, places: Places) -> WorkMounting:
     """The in-phase first harmonics in a machine's errors, by least squares of A and B over all places.
 
     What repeats in every space (constants and slopes along the face) is told apart first.
@@ -57,7 +57,7 @@ def mounting_of(grinding: Grinding, places: Places) -> Mounting:
     return mounting_in(grinding, places, flank_abg(grinding, places.k, places.z))
 
 
-def mounting_in(grinding: Grinding, places: Places, terms: FloatArray) -> Mounting:
+def mounting_in(grinding: Grinding, places: Places, terms: FloatArray) -> WorkMounting:
     """The same in any A, B, G (G, 3) of the places, measured ones for instance."""
     field = terms[:, :2].reshape(-1)
     wanted = mounting_terms(grinding, places)[:, :2, :].reshape(-1, 4)
@@ -68,10 +68,10 @@ def mounting_in(grinding: Grinding, places: Places, terms: FloatArray) -> Mounti
     size = np.linalg.norm(columns, axis=0)
     scale = np.divide(1.0, size, out=np.zeros_like(size), where=size > 0.0)
     found = np.linalg.lstsq(columns * scale, field, rcond=RANK)[0] * scale
-    return Mounting(*(float(v) for v in found[:4]))
+    return WorkMounting(*(float(v) for v in found[:4]))
 
 
-def centred(grinding: Grinding, mounting: Mounting) -> Grinding:
+def centred(grinding: Grinding, mounting: WorkMounting) -> Grinding:
     """The machine with the work set right: that eccentricity and tilt taken out of the index axis' errors."""
     axis = grinding.chain.axis(grinding.index)
     sense = float(axis.vector[2])

@@ -12,7 +12,7 @@ from gateway.correct.flank.flankmodel import FlankModel
 from gateway.domain import COVERAGE, Component
 from gateway.gear.flank import FlankGrid
 from gateway.gear.grinding import Grinding
-from gateway.gear.linear import Parameter, linear_flank
+from gateway.gear.linear import ErrorParameter, linear_flank
 from gateway.model.motion import motion_from
 
 SMALL = 1e-12  # of the largest variance
@@ -20,7 +20,7 @@ RANK = 1e-8  # of a column: what is no direction of its own
 
 
 @dataclass(frozen=True)
-class Noise:
+class FitNoise:
     """How the errors may be wrong: independent patterns (G, 3, S) of one standard uncertainty each (A, B, G at the
     places), and the standard uncertainty of a single point (mm) where deviations were measured point by point."""
 
@@ -52,29 +52,31 @@ class Omitted:
     idle: bool = False
 
 
-def noise_patterns(grinding: Grinding, grid: FlankGrid, uncertain: Sequence[tuple[Parameter | str, float]]) -> Noise:
+def noise_patterns(
+    grinding: Grinding, grid: FlankGrid, uncertain: Sequence[tuple[ErrorParameter | str, float]]
+) -> FitNoise:
     """Noise of errors known to standard uncertainties (mm, rad), each independent of the others."""
     if not uncertain:
-        return Noise()
+        return FitNoise()
     flank = linear_flank(grinding, grid, [parameter for parameter, _ in uncertain])
     K, _, Z = grid.shape
     terms = np.moveaxis(flank.terms, 1, 2).reshape(K * Z, 3, -1)
-    return Noise(terms * np.array([u for _, u in uncertain]))
+    return FitNoise(terms * np.array([u for _, u in uncertain]))
 
 
-def component_doubts(components: Sequence[Component]) -> list[tuple[Parameter | str, float]]:
+def component_doubts(components: Sequence[Component]) -> list[tuple[ErrorParameter | str, float]]:
     """How fitted components (named EXX, EYC, ...) may be wrong: independent shapes from the covariance of each fit."""
-    found: list[tuple[Parameter | str, float]] = []
+    found: list[tuple[ErrorParameter | str, float]] = []
     for component in components:
         variances, vectors = np.linalg.eigh(component.covariance)
         for variance, vector in zip(variances, vectors.T, strict=True):
             if variance > SMALL * float(np.max(variances, initial=0.0)) > 0.0:
                 shape = motion_from(replace(component, coefficients=np.sqrt(variance) * vector))
-                found.append((Parameter(component.name, shape if callable(shape) else None), 1.0))
+                found.append((ErrorParameter(component.name, shape if callable(shape) else None), 1.0))
     return found
 
 
-def worth_it(model: FlankModel, noise: Noise) -> tuple[FlankModel, tuple[Omitted, ...]]:
+def worth_it(model: FlankModel, noise: FitNoise) -> tuple[FlankModel, tuple[Omitted, ...]]:
     """The model without the blocks that would correct less than their uncertainty, the weakest taken out first.
 
     What a block adds to the others decides: a table to the other tables and all set-up values, a set-up value to the
@@ -103,7 +105,7 @@ def _weak(short: _Short, names: Sequence[str]) -> tuple[Omitted, ...]:
     return tuple(omitted)
 
 
-def carried(model: FlankModel, noise: Noise) -> float:
+def carried(model: FlankModel, noise: FitNoise) -> float:
     """RMS (mm) that the errors' uncertainty puts on the flank through the corrections."""
     basis = _basis(model.rows)
     square = float(np.sum((basis.T @ noise.rows(model)) ** 2)) + noise.point**2 * basis.shape[1]
@@ -121,7 +123,7 @@ class _Short:
     points: int
 
     @staticmethod
-    def of(model: FlankModel, noise: Noise) -> _Short:
+    def of(model: FlankModel, noise: FitNoise) -> _Short:
         doubts = noise.rows(model)
         whole = np.concatenate([model.rows, doubts, model.right[:, None]], axis=1)
         short = np.asarray(np.linalg.qr(whole, mode="r"))

@@ -49,20 +49,20 @@ class Shop:
 
 
 @dataclass(frozen=True)
-class Doubted:
+class FlankDoubts:
     """Patterns (G, 3, S) of A, B, G at the places, one standard uncertainty each, ``sources`` (S,) by name."""
 
     places: Places
     sources: tuple[str, ...]
     patterns: FloatArray
 
-    def plus(self, other: Doubted) -> Doubted:
+    def plus(self, other: FlankDoubts) -> FlankDoubts:
         """Both together."""
         patterns = np.concatenate([self.patterns, other.patterns], axis=-1)
-        return Doubted(self.places, (*self.sources, *other.sources), patterns)
+        return FlankDoubts(self.places, (*self.sources, *other.sources), patterns)
 
 
-def lasting(grinding: Grinding, grid: FlankGrid, plan: Plan, model: ErrorModel, shop: Shop) -> Doubted:
+def lasting(grinding: Grinding, grid: FlankGrid, plan: Plan, model: ErrorModel, shop: Shop) -> FlankDoubts:
     """What is the same in the trial part and the next: the errors' own doubts, and the growth of drift over a part.
 
     Errors: `next_setup.doubts` (covariance of each fit, what repetition does not show, spans of what nobody measured)
@@ -75,14 +75,14 @@ def lasting(grinding: Grinding, grid: FlankGrid, plan: Plan, model: ErrorModel, 
     found = _none(grid)
     noise = noise_patterns(grinding, grid, columns).patterns
     if noise is not None:
-        found = found.plus(Doubted(found.places, names, noise))
+        found = found.plus(FlankDoubts(found.places, names, noise))
     for one in model.motions:
         if one.residual_rms > 0.0:
             found = found.plus(_unseen(grinding, grid, one))
     return found.plus(_growth(grinding, grid, shop))
 
 
-def passing(grinding: Grinding, grid: FlankGrid, shop: Shop) -> Doubted:
+def passing(grinding: Grinding, grid: FlankGrid, shop: Shop) -> FlankDoubts:
     """What is another in every part: clamping, repeatability of infeed and index, and the set-up values' own doubt.
 
     The zero of the infeed also wanders from the trial part to the next, and the trial's scatter is in the set-up.
@@ -103,7 +103,7 @@ def passing(grinding: Grinding, grid: FlankGrid, shop: Shop) -> Doubted:
         (SIZE, _sized(grid, found.places)[:, :, None] * um_to_mm(shop.size_um)),
     )
     for name, patterns in parts:
-        found = found.plus(Doubted(found.places, (name,) * patterns.shape[-1], patterns))
+        found = found.plus(FlankDoubts(found.places, (name,) * patterns.shape[-1], patterns))
     return found
 
 
@@ -115,12 +115,12 @@ def _sized(grid: FlankGrid, places: Places) -> FloatArray:
     return np.broadcast_to(np.array([-a, -b, 0.0]), (places.k.size, 3))
 
 
-def _none(grid: FlankGrid) -> Doubted:
+def _none(grid: FlankGrid) -> FlankDoubts:
     places = places_of_grid(grid)
-    return Doubted(places, (), np.zeros((places.k.size, 3, 0)))
+    return FlankDoubts(places, (), np.zeros((places.k.size, 3, 0)))
 
 
-def _growth(grinding: Grinding, grid: FlankGrid, shop: Shop) -> Doubted:
+def _growth(grinding: Grinding, grid: FlankGrid, shop: Shop) -> FlankDoubts:
     """Zeros that wander evenly while the spaces are ground one after the other."""
     places = places_of_grid(grid)
     effects = command_effects(grinding, places)
@@ -129,15 +129,15 @@ def _growth(grinding: Grinding, grid: FlankGrid, shop: Shop) -> Doubted:
     sizes = um_to_mm(shop.drift_um_per_h * shop.part_h), arcsec_to_rad(shop.drift_arcsec_per_h * shop.part_h)
     axes = (grinding.infeed, grinding.index)
     patterns = [effects[axis] * ramp[:, None] * size for axis, size in zip(axes, sizes, strict=True)]
-    return Doubted(places, (DRIFT, DRIFT), np.stack(patterns, axis=-1))
+    return FlankDoubts(places, (DRIFT, DRIFT), np.stack(patterns, axis=-1))
 
 
-def _unseen(grinding: Grinding, grid: FlankGrid, one: Component) -> Doubted:
+def _unseen(grinding: Grinding, grid: FlankGrid, one: Component) -> FlankDoubts:
     places = places_of_grid(grid)
     terms = np.moveaxis(linear_flank(grinding, grid, [one.name]).terms, 1, 2).reshape(places.k.size, 3)
     shapes = _shapes(grinding, grid, places, one) * in_mm_rad(component_unit(one.name, "mm"), 1.0)
     patterns = terms[:, :, None] * shapes[:, None, :]
-    return Doubted(places, (one.name,) * shapes.shape[1], patterns)
+    return FlankDoubts(places, (one.name,) * shapes.shape[1], patterns)
 
 
 def _shapes(grinding: Grinding, grid: FlankGrid, places: Places, one: Component) -> FloatArray:

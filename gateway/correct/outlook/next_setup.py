@@ -14,7 +14,7 @@ from gateway.domain import component_unit
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import flank_grid
 from gateway.gear.grinding import Grinding
-from gateway.gear.linear import Parameter
+from gateway.gear.linear import ErrorParameter
 from gateway.model.chain import Chain
 from gateway.model.known import ErrorModel, chain_of_errors, in_mm_rad
 from gateway.model.preset import LOCATION_NAMES
@@ -23,7 +23,7 @@ from gateway.sensitivity.next import measure_next
 # Flank RMS in um below which nobody needs to measure: half the noise of a gear inspection's probe.
 THRESHOLD_UM = 0.1
 PROFILE, WIDTH = 5, 3
-Doubt = tuple[Parameter | str, float]
+Doubt = tuple[ErrorParameter | str, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,22 +63,22 @@ def doubts(model: ErrorModel, chain: Chain, plan: Plan) -> list[Doubt]:
     for gap in model.unknown:
         found += _shaped(gap.name, gap.u, chain, travels)
     located = [one for one in model.locations if one.name in LOCATION_NAMES]
-    found += [(Parameter(one.name), in_mm_rad(one.unit, one.u)) for one in located]
+    found += [(ErrorParameter(one.name), in_mm_rad(one.unit, one.u)) for one in located]
     bar = any(one.name == "B0C" for one in located)
     return [(parameter, u) for parameter, u in found if u > 0.0 and not (bar and _name(parameter) == "B0Z")]
 
 
-def _name(parameter: Parameter | str) -> str:
+def _name(parameter: ErrorParameter | str) -> str:
     return parameter if isinstance(parameter, str) else parameter.name
 
 
 def _shaped(name: str, u: float, chain: Chain, travels: dict[str, tuple[float, float]]) -> list[Doubt]:
     size = in_mm_rad(component_unit(name, "mm"), u)
     if not name.startswith("E"):
-        return [(Parameter(name), size)]
+        return [(ErrorParameter(name), size)]
     axis, _ = chain.error_place(name)
     shapes = shapes_over(chain, axis, travels.get(axis, (-1.0, 1.0)))
-    return [(Parameter(name, shape), size / len(shapes) ** 0.5) for shape in shapes]
+    return [(ErrorParameter(name, shape), size / len(shapes) ** 0.5) for shape in shapes]
 
 
 def what_next(model: ErrorModel, tooth: Tooth, grids: Sequence[AxisGrid]) -> tuple[Open, ...]:

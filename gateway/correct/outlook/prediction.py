@@ -19,7 +19,7 @@ from drivers.types import FloatArray
 from drivers.units import mm_to_um
 from gateway.correct.flank.flankmodel import FlankModel, command_effects
 from gateway.correct.flank.wheel_places import Places
-from gateway.correct.outlook.flank_uncertainty import Doubted, Shop, lasting, passing
+from gateway.correct.outlook.flank_uncertainty import FlankDoubts, Shop, lasting, passing
 from gateway.correct.plan.layers import LayeredCorrection
 from gateway.correct.plan.plan import Plan
 from gateway.domain import COVERAGE
@@ -93,29 +93,29 @@ def flank_map(grinding: Grinding, grid: FlankGrid) -> FlankMap:
     return FlankMap(grid.thetas, grid.zs, np.asarray(mm_to_um(rest)))
 
 
-def without_setup(grinding: Grinding, doubt: Doubted) -> Doubted:
+def without_setup(grinding: Grinding, doubt: FlankDoubts) -> FlankDoubts:
     """Patterns less what x zero, dressing offset and C zero take of each, by least squares over the flank."""
     infeed = command_effects(grinding, doubt.places)[grinding.infeed]
     offset = np.broadcast_to(np.array([0.0, 1.0, 0.0]), infeed.shape)
     return less(doubt, [infeed, offset, _turn(doubt.places)])
 
 
-def less(doubt: Doubted, effects: list[FloatArray]) -> Doubted:
+def less(doubt: FlankDoubts, effects: list[FloatArray]) -> FlankDoubts:
     """Patterns less their least-squares share of effects (G, 3) each."""
     columns = np.stack(effects, axis=-1)
     rows, wide = _rows(doubt.places, doubt.patterns), _rows(doubt.places, columns)
     share = np.linalg.lstsq(wide, rows, rcond=None)[0]
-    return Doubted(doubt.places, doubt.sources, doubt.patterns - columns @ share)
+    return FlankDoubts(doubt.places, doubt.sources, doubt.patterns - columns @ share)
 
 
-def point_u_um(doubt: Doubted) -> FloatArray:
+def point_u_um(doubt: FlankDoubts) -> FloatArray:
     """Standard uncertainty of each point (N,), um."""
     spread = np.einsum("gis,gjs->gij", doubt.patterns, doubt.patterns)
     form = doubt.places.form
     return np.asarray(mm_to_um(np.sqrt(np.einsum("ni,nij,nj->n", form, spread[doubt.places.of], form))))
 
 
-def rows_of(doubt: Doubted) -> FloatArray:
+def rows_of(doubt: FlankDoubts) -> FloatArray:
     """The patterns (R, S) in rows whose sum of squares is the points' number times the mean square, mm."""
     return _rows(doubt.places, doubt.patterns)
 
@@ -132,7 +132,7 @@ def _plain(places: Places) -> FlankModel:
     return FlankModel(places, np.zeros((places.k.size, 3)), np.zeros(places.points), (), turning=False)
 
 
-def _parts(doubt: Doubted, squares: FloatArray) -> dict[str, float]:
+def _parts(doubt: FlankDoubts, squares: FloatArray) -> dict[str, float]:
     """RMS of each source, the largest first, um."""
     sums: dict[str, float] = {}
     for name, square in zip(doubt.sources, squares, strict=True):
@@ -148,7 +148,7 @@ class _Drawn:
     rms: tuple[FloatArray, ...]
 
     @staticmethod
-    def of(doubt: Doubted, flanks: tuple[FlankMap, ...], seed: int, draws: int) -> _Drawn:
+    def of(doubt: FlankDoubts, flanks: tuple[FlankMap, ...], seed: int, draws: int) -> _Drawn:
         """Draw the doubts; everything in as few rows as carry it."""
         plain = _plain(doubt.places)
         nothing = np.zeros((doubt.places.k.size, 3))

@@ -11,12 +11,12 @@ from drivers.units import mm_to_um
 from gateway.correct.flank.compensability import Cure, cures
 from gateway.correct.flank.travel_shapes import Shape
 from gateway.correct.flank.wheel_places import places_of_grid
-from gateway.correct.outlook.flank_uncertainty import Doubted
+from gateway.correct.outlook.flank_uncertainty import FlankDoubts
 from gateway.correct.outlook.prediction import rows_of, without_setup
 from gateway.correct.plan.plan import Plan
 from gateway.gear.flank import FlankGrid
 from gateway.gear.grinding import Grinding
-from gateway.gear.linear import Parameter, linear_flank
+from gateway.gear.linear import ErrorParameter, linear_flank
 from gateway.model.known import ErrorModel, Unknown, in_mm_rad
 from gateway.model.preset import TWENTY_ONE
 from gateway.sensitivity.outputs import Scaled
@@ -28,7 +28,7 @@ PART = 0.5  # of the RMS: a cure that leaves more is none
 
 
 @dataclass(frozen=True, slots=True)
-class Constant:
+class ConstantShape:
     """A motion that is the same everywhere, mm or rad."""
 
     value: float
@@ -42,7 +42,7 @@ class Constant:
 class Sized:
     """An error as it is in a machine, and between which multiples of that it may lie."""
 
-    parameter: Parameter
+    parameter: ErrorParameter
     low: float
     high: float
 
@@ -58,19 +58,21 @@ def errors_of(grinding: Grinding, plan: Plan, model: ErrorModel) -> tuple[Sized,
             continue
         gap = next((one for one in model.unknown if one.name == name), None)
         if gap is not None:
-            found.append(Sized(Parameter(name, _assumed(grinding, plan, gap)), -1.0, 1.0))
+            found.append(Sized(ErrorParameter(name, _assumed(grinding, plan, gap)), -1.0, 1.0))
             continue
         axis, key = grinding.chain.error_place(name)
         one = grinding.chain.axis(axis)
         motion = one.err.get(key, one.loc.get(key, 0.0))
-        found.append(Sized(Parameter(name, motion if callable(motion) else Constant(float(motion))), 0.0, 1.0))
+        found.append(
+            Sized(ErrorParameter(name, motion if callable(motion) else ConstantShape(float(motion))), 0.0, 1.0)
+        )
     return tuple(found)
 
 
-def _assumed(grinding: Grinding, plan: Plan, gap: Unknown) -> Constant | Scaled:
+def _assumed(grinding: Grinding, plan: Plan, gap: Unknown) -> ConstantShape | Scaled:
     size = in_mm_rad(gap.unit, gap.span)
     if not gap.name.startswith("E"):
-        return Constant(size)
+        return ConstantShape(size)
     axis, _ = grinding.chain.error_place(gap.name)
     if grinding.chain.axis(axis).kind == "revolute":
         return Scaled(Shape(3, 0.0, 0.0, turning=True), size / 2.0**0.5)
@@ -89,7 +91,7 @@ def rank_errors(
     places = places_of_grid(grid)
     terms = linear_flank(grinding, grid, [one.parameter for one in errors]).terms
     patterns = np.moveaxis(terms, 1, 2).reshape(places.k.size, 3, len(errors))
-    rows = rows_of(without_setup(grinding, Doubted(places, names, patterns)))
+    rows = rows_of(without_setup(grinding, FlankDoubts(places, names, patterns)))
     root = np.asarray(np.linalg.qr(rows, mode="r")) / np.sqrt(places.points)
     model_rms = _Rms(np.asarray(mm_to_um(root)), errors)
     found = screen(model_rms, names, ("rms",), r=r, seed=seed).rankings["rms"]

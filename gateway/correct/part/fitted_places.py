@@ -27,7 +27,7 @@ FULL = 0.95  # leverage of a point that its place can hardly do without
 
 
 @dataclass(frozen=True)
-class Placed:
+class FittedPlaces:
     """Points at places that all tell A, B and G, with the fit; how many points were left out, and why."""
 
     points: FlankPoints
@@ -37,7 +37,7 @@ class Placed:
     glitches: int = 0
 
 
-def placed(gear: CycloidGear, points: FlankPoints, probe: float = 0.0) -> Placed:
+def placed(gear: CycloidGear, points: FlankPoints, probe: float = 0.0) -> FittedPlaces:
     """The points that count. ``probe`` (mm): what is known of one touch; readings far off the fit are left out.
 
     Raises ModelError: E-INSPECT-GEAR (another gear, or spaces not ground), E-INSPECT-GLITCHES, E-INSPECT-SPACES.
@@ -53,13 +53,13 @@ def check_points(gear: CycloidGear, points: FlankPoints) -> None:
     _of_this_gear(_told(gear, points))
 
 
-def placed_again(gear: CycloidGear, points: FlankPoints) -> Placed:
+def placed_again(gear: CycloidGear, points: FlankPoints) -> FittedPlaces:
     """Points that were found good before, with their places and fit."""
     places = places_of_points(gear, points.k, points.theta, points.z)
-    return Placed(points, places, fit_places(places, points.deviation))
+    return FittedPlaces(points, places, fit_places(places, points.deviation))
 
 
-def of_record(gear: CycloidGear, flank: InspectedFlank) -> Placed:
+def of_record(gear: CycloidGear, flank: InspectedFlank) -> FittedPlaces:
     """The points of a stored inspection, with their places and fit."""
     deviation = np.asarray(flank.deviation_um) / UM_PER_MM
     return placed_again(gear, FlankPoints(flank.k, flank.theta_rad, flank.z_mm, deviation))
@@ -70,7 +70,7 @@ def leverage(places: Places, form: FloatArray, of: NDArray[np.intp]) -> FloatArr
     return np.asarray(np.einsum("ni,nij,nj->n", form, places.inverses[of], form))
 
 
-def _told(gear: CycloidGear, points: FlankPoints) -> Placed:
+def _told(gear: CycloidGear, points: FlankPoints) -> FittedPlaces:
     """Without the places whose flank a single touch would tell better."""
     found = placed_again(gear, points)
     K = found.places.k.size
@@ -84,15 +84,15 @@ def _told(gear: CycloidGear, points: FlankPoints) -> Placed:
     return found if np.all(good) else _kept(gear, found, good[found.places.of], beside=True)
 
 
-def _kept(gear: CycloidGear, found: Placed, here: NDArray[np.bool_], *, beside: bool) -> Placed:
+def _kept(gear: CycloidGear, found: FittedPlaces, here: NDArray[np.bool_], *, beside: bool) -> FittedPlaces:
     left = int(np.count_nonzero(~here))
     one = found.points
     again = placed_again(gear, FlankPoints(one.k[here], one.theta[here], one.z[here], one.deviation[here]))
     counts = (found.beside + left, found.glitches) if beside else (found.beside, found.glitches + left)
-    return Placed(again.points, again.places, again.fit, *counts)
+    return FittedPlaces(again.points, again.places, again.fit, *counts)
 
 
-def _of_this_gear(found: Placed) -> Placed:
+def _of_this_gear(found: FittedPlaces) -> FittedPlaces:
     left = np.array([np.median(part) for part in _by_place(found.places, np.abs(found.fit.residual))])
     if np.any(left > FORM_MM):
         wrong = sorted({int(k) for k in found.places.k[left > FORM_MM]})
@@ -107,7 +107,7 @@ def _by_place(places: Places, values: FloatArray) -> list[FloatArray]:
     return np.split(values[order], np.cumsum(np.bincount(places.of))[:-1])
 
 
-def _without_glitches(gear: CycloidGear, found: Placed, probe: float) -> Placed:
+def _without_glitches(gear: CycloidGear, found: FittedPlaces, probe: float) -> FittedPlaces:
     """The worst reading of each place goes first: it bends the fit of its neighbours."""
     most = max(int(MOST_GLITCHES * found.points.k.size), 1)
     for _ in range(ROUNDS):
@@ -120,13 +120,13 @@ def _without_glitches(gear: CycloidGear, found: Placed, probe: float) -> Placed:
     raise ModelError("E-INSPECT-GLITCHES", "inspection", count=found.glitches, limit=f"{GLITCH:g}", most=most)
 
 
-def _told_again(gear: CycloidGear, found: Placed) -> Placed:
+def _told_again(gear: CycloidGear, found: FittedPlaces) -> FittedPlaces:
     """A place that lost a point may not tell enough any more."""
     good = np.all(np.isfinite(found.fit.abg), axis=1)
     return found if np.all(good) else _kept(gear, found, good[found.places.of], beside=True)
 
 
-def _far(found: Placed, probe: float) -> NDArray[np.bool_]:
+def _far(found: FittedPlaces, probe: float) -> NDArray[np.bool_]:
     """Of each place the reading furthest from its fit, where that is too far."""
     places, residual = found.places, np.abs(found.fit.residual)
     own = np.minimum(leverage(places, places.form, places.of), FULL)

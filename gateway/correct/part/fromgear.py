@@ -16,8 +16,8 @@ from drivers.errors import words
 from drivers.types import CompensationTable, FloatArray
 from drivers.units import mm_to_um
 from gateway.correct.flank.flankmodel import table_terms
-from gateway.correct.flank.mounting import Mounting, mounting_in, mounting_terms
-from gateway.correct.flank.noise import Noise
+from gateway.correct.flank.mounting import WorkMounting, mounting_in, mounting_terms
+from gateway.correct.flank.noise import FitNoise
 from gateway.correct.flank.tables import Table
 from gateway.correct.flank.wheel_places import Places, places_of_points
 from gateway.correct.plan.plan import Plan, cross_specs, live_table, setup_values
@@ -134,7 +134,7 @@ class FromGear:
     """
 
     fit: PlaceFit
-    mounting: Mounting
+    mounting: WorkMounting
     optimum: Optimum
     visible: Visible
     said: tuple[str, ...]
@@ -158,7 +158,7 @@ def correct_from_gear(
     e = np.ravel(np.asarray(deviation, dtype=np.float64))
     fit = fit_places(places, e, u)
     mounting = _mounting(grinding, fit, plan, live)
-    noise = plan.noise if not plan.noise.none else Noise(point=fit.u)
+    noise = plan.noise if not plan.noise.none else FitNoise(point=fit.u)
     chain = grinding.chain
     found = optimise(
         replace(grinding, chain=chain.without_errors()),
@@ -174,12 +174,12 @@ def correct_from_gear(
     return FromGear(fit, mounting, found, seen, (*_said(seen, found), *_sat(mounting), *_turning(found, mounting)))
 
 
-def _mounting(grinding: Grinding, fit: PlaceFit, plan: Plan, live: Sequence[CompensationTable]) -> Mounting:
+def _mounting(grinding: Grinding, fit: PlaceFit, plan: Plan, live: Sequence[CompensationTable]) -> WorkMounting:
     """Eccentricity and tilt of the work in what the places tell, without what the tables that acted did."""
     here = np.all(np.isfinite(fit.abg), axis=1)
     k, z = fit.k[here], fit.z[here]
     if not plan.mounting or np.unique(k).size < FEWEST_SPACES:
-        return Mounting()
+        return WorkMounting()
     places = Places(k, z, np.empty((0, 3)), np.empty(0, dtype=np.intp))
     acted = (live_table(grinding.chain, out, over, live) for out, over in plan.cross)
     bare = fit.abg[here] - table_terms(grinding, places, [one for one in acted if one is not None])
@@ -205,7 +205,7 @@ def _said(seen: Visible, found: Optimum) -> tuple[str, ...]:
     return tuple(said)
 
 
-def _sat(mounting: Mounting) -> tuple[str, ...]:
+def _sat(mounting: WorkMounting) -> tuple[str, ...]:
     """Where the work sat, if that is worth telling."""
     size = float(np.hypot(mounting.x, mounting.y))
     if size < HARMONIC:
@@ -214,9 +214,9 @@ def _sat(mounting: Mounting) -> tuple[str, ...]:
     return (words("S-INSPECT-MOUNTING", size=f"{mm_to_um(size):.2f}", **told),)
 
 
-def _turning(found: Optimum, mounting: Mounting) -> tuple[str, ...]:
+def _turning(found: Optimum, mounting: WorkMounting) -> tuple[str, ...]:
     """Tables that may hold what a bad clamping made, where that was not taken off before."""
-    if mounting != Mounting():
+    if mounting != WorkMounting():
         return ()
     turning = [one for one in found.tables if one.grid.period is not None and one.grid.out != one.grid.over]
     sizes = {one.grid.name: _first_harmonic(one) for one in turning}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gateway.correct.flank.wheel_places import Places
-from gateway.correct.part.fitted_places import Placed, leverage, of_record
+from gateway.correct.part.fitted_places import FittedPlaces, leverage, of_record
 from gateway.correct.part.fromgear import PlaceFit
 from gateway.gear.cycloid import CycloidGear
 from gateway.guard import Flanks, GuardVerdict, guard_gear, not_alike
@@ -26,7 +26,7 @@ def guard_flanks(approved: InspectedFlank, now: InspectedFlank, gear: CycloidGea
     return guard_fits(known.fit, found.fit, found.places, gear, limit_um)
 
 
-def _one_plan(known: Placed, found: Placed) -> bool:
+def _one_plan(known: FittedPlaces, found: FittedPlaces) -> bool:
     one, other = known.places, found.places
     if one.k.shape != other.k.shape or not np.array_equal(one.k, other.k):
         return False

@@ -14,7 +14,7 @@ import numpy as np
 from drivers.errors import words
 from drivers.types import FloatArray, GearInspection
 from drivers.units import UM_PER_MM, mm_to_um, rad_to_arcsec, um_to_mm
-from gateway.correct.part.fitted_places import Placed, check_points, placed
+from gateway.correct.part.fitted_places import FittedPlaces, check_points, placed
 from gateway.domain import COVERAGE
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import FlankGrid, flank_figure, flank_grid
@@ -96,7 +96,7 @@ class _Fitted:
     rotation: float
 
     @staticmethod
-    def of(told: Placed, grid: FlankGrid) -> _Fitted:
+    def of(told: FittedPlaces, grid: FlankGrid) -> _Fitted:
         section = grid.gear.section(grid.thetas)
         form = np.stack([section.nx, section.ny, section.h], axis=-1)
         spread = told.places.inverses * told.fit.u**2
@@ -132,7 +132,7 @@ def _clamping_share(grid: FlankGrid) -> float:
     return float(np.hypot(x, y))
 
 
-def _figures(grid: FlankGrid, flank: _Fitted, told: Placed) -> dict[str, float]:
+def _figures(grid: FlankGrid, flank: _Fitted, told: FittedPlaces) -> dict[str, float]:
     """Largest over all flanks, um: profile on the measured lines where there are any, the rest on the fitted flank."""
     chart = inspect(grid, flank.deviation)
     lines = _profile_lines(grid.gear, told, flank.rotation)
@@ -154,7 +154,7 @@ def _values(trace: TraceValues) -> tuple[FloatArray, FloatArray, FloatArray]:
     return trace.F, trace.f_H, trace.f_f
 
 
-def _profile_lines(gear: CycloidGear, told: Placed, rotation: float) -> FloatArray:
+def _profile_lines(gear: CycloidGear, told: FittedPlaces, rotation: float) -> FloatArray:
     """|F|, |f_H|, f_f (L, 3) in mm of every measured profile line, the gear's rotation taken off."""
     points, h = told.points, told.places.form[:, 2]
     deviation, arc = points.deviation - rotation * h, gear.arc(points.theta)
@@ -167,7 +167,7 @@ def _profile_lines(gear: CycloidGear, told: Placed, rotation: float) -> FloatArr
     return np.array([[abs(float(value)) for value in _values(one)] for one in traces]).reshape(-1, 3)
 
 
-def _said(told: Placed, shift: int, about: About, probe: float) -> tuple[str, ...]:
+def _said(told: FittedPlaces, shift: int, about: About, probe: float) -> tuple[str, ...]:
     said = [words("S-INSPECT-CLAMPING", U=f"{about.clamping_um:g}")]
     if told.glitches:
         said.append(words("S-INSPECT-GLITCHES", count=told.glitches))

@@ -17,7 +17,7 @@ from drivers.errors import words
 from drivers.types import CompensationTable
 from drivers.units import mm_to_um, rad_to_arcsec
 from gateway.correct.flank.acting_tables import with_tables
-from gateway.correct.flank.mounting import Mounting, centred, mounting_of
+from gateway.correct.flank.mounting import WorkMounting, centred, mounting_of
 from gateway.correct.flank.tables import Table, TableGrid
 from gateway.correct.flank.wheel_places import places_of_grid
 from gateway.correct.plan.ownlayer import AxisCurve, axis_curve, own_layer, tooth_table
@@ -136,13 +136,13 @@ def _taken_off(chain: Chain, plan: Plan, live: Sequence[CompensationTable]) -> l
     return [Table(one.grid, -one.values) for one in found if one is not None]
 
 
-def _mounting(acting: Grinding, grid: FlankGrid, plan: Plan) -> Mounting:
+def _mounting(acting: Grinding, grid: FlankGrid, plan: Plan) -> WorkMounting:
     if not plan.mounting or grid.ks.size < FEWEST_SPACES:
-        return Mounting()
+        return WorkMounting()
     return mounting_of(acting, places_of_grid(grid)).rounded(plan.resolution_mm, np.deg2rad(plan.resolution_deg))
 
 
-def _mounting_told(mounting: Mounting) -> dict[str, float]:
+def _mounting_told(mounting: WorkMounting) -> dict[str, float]:
     """What to move the work by, um and arcsec; nothing for what is right."""
     names = ("work eccentricity x", "work eccentricity y", "work tilt a", "work tilt b")
     sizes = (mm_to_um(1.0), mm_to_um(1.0), rad_to_arcsec(1.0), rad_to_arcsec(1.0))

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from drivers.types import CompensationTable
 from drivers.units import deviation_unit
 from gateway.correct.flank.flankmodel import SetupValue
-from gateway.correct.flank.noise import Noise
+from gateway.correct.flank.noise import FitNoise
 from gateway.correct.flank.tables import Table
 from gateway.correct.plan.records import axis_unit, even_grid, in_deviation_unit, resolution, table_of
 from gateway.correct.solve.limits import TableSpec
@@ -55,7 +55,7 @@ class Plan:
     norm: Norm = "rms"
     bounds: Mapping[str, float] = field(default_factory=dict)
     alike: float = ALIKE_MM
-    noise: Noise = field(default_factory=Noise)
+    noise: FitNoise = field(default_factory=FitNoise)
     reserved: Mapping[str, int] = field(default_factory=dict)
     resolution_mm: float = RESOLUTION_MM
     resolution_deg: float = RESOLUTION_DEG

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Literal
 
@@ -120,14 +120,6 @@ def in_deviation_unit(chain: Chain, out: str, value: float) -> float:
     """mm or rad as um or arcsec."""
     unit = axis_unit(chain, out)
     return rad_to_arcsec(value) if unit == "deg" else value * deviation_scale(unit)
-
-
-def deviations_of(tables: Sequence[CompensationTable]) -> tuple[str, ...]:
-    """One line per table: name, points and span of its deviations."""
-    return tuple(
-        f"{t.name}: {len(t.deviations)} points, {min(t.deviations):+.2f} .. {max(t.deviations):+.2f} {t.deviation_unit}"
-        for t in tables
-    )
 
 
 def _closed_values(table: Table) -> tuple[FloatArray, FloatArray]:

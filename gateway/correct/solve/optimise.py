@@ -17,14 +17,14 @@ from scipy.sparse import csc_matrix
 
 from drivers.types import FloatArray
 from gateway.correct.flank.flankmodel import FlankModel, SetupValue, flank_model
-from gateway.correct.flank.noise import Noise, Omitted, carried, worth_it
+from gateway.correct.flank.noise import FitNoise, Omitted, carried, worth_it
 from gateway.correct.flank.tables import Table
 from gateway.correct.flank.wheel_places import Places
 from gateway.correct.solve.leastsquares import limited
 from gateway.correct.solve.limits import AxisBound, TableSpec
 from gateway.correct.solve.minimax import smallest_largest
-from gateway.correct.solve.rounding import Limits, lower_largest, nearest_whole
-from gateway.correct.solve.unknowns import UM, Work, tied, unseen_nodes, without_live, work_of
+from gateway.correct.solve.rounding import RoundingLimits, lower_largest, nearest_whole
+from gateway.correct.solve.unknowns import UM, SolverWork, tied, unseen_nodes, without_live, work_of
 from gateway.errors import ModelError
 from gateway.gear.flank import FlankFigure, FlankGrid
 from gateway.gear.grinding import Grinding
@@ -73,7 +73,7 @@ def optimise(
     *,
     norm: Norm = "rms",
     deviation: ArrayLike | None = None,
-    noise: Noise | None = None,
+    noise: FitNoise | None = None,
     bounds: Sequence[AxisBound] = (),
     turning: bool = True,
     alike: float = 0.0,
@@ -86,7 +86,7 @@ def optimise(
     """
     if norm not in ("rms", "max"):
         raise ModelError("E-CORRECT-NORM", "optimise", norm=norm)
-    doubt = noise or Noise()
+    doubt = noise or FitNoise()
     grids = [spec.grid for spec in tables]
     measured = flank_model(grinding, grid, grids, setup, deviation=deviation, turning=turning)
     worth, omitted = worth_it(tied(measured, tables), doubt)
@@ -102,7 +102,7 @@ def optimise(
     return _without_idle(answer, work, x)
 
 
-def _continuous(work: Work, norm: Norm) -> FloatArray:
+def _continuous(work: SolverWork, norm: Norm) -> FloatArray:
     """y without rounding."""
     G = work.G @ work.tied
     y = limited(work.A @ work.tied, work.b, work.wish, _row_scaled(G), _side_scaled(G, work.g))
@@ -124,7 +124,7 @@ def _side_scaled(G: FloatArray, g: FloatArray) -> FloatArray:
     return np.divide(g, size, out=np.where(g >= 0.0, np.inf, g), where=size > 0.0)
 
 
-def _whole(work: Work, y: FloatArray, norm: Norm, steady: float) -> FloatArray:
+def _whole(work: SolverWork, y: FloatArray, norm: Norm, steady: float) -> FloatArray:
     """Values on the resolutions, mm and rad; those without a resolution are best for the others once these are set.
 
     If every value stands a step beside its optimum, that counts as ``steady`` (um RMS) on the flank.
@@ -143,7 +143,7 @@ def _whole(work: Work, y: FloatArray, norm: Norm, steady: float) -> FloatArray:
     smooth = _basis_of(A[:, ~whole])
     lattice = (A - smooth @ (smooth.T @ A))[:, whole] * steps[whole]
     G, g = work.limits
-    limits = Limits(G[:, whole] * steps[whole], g - G[:, ~whole] @ x[~whole])
+    limits = RoundingLimits(G[:, whole] * steps[whole], g - G[:, ~whole] @ x[~whole])
     movable = ~work.fixed[whole]
     ridge = steady * (work.model.places.points / steps.size) ** 0.5
     n = nearest_whole(lattice, x[whole] / steps[whole], limits, movable, ridge)
@@ -157,7 +157,7 @@ def _whole(work: Work, y: FloatArray, norm: Norm, steady: float) -> FloatArray:
 
 
 def _refilled(
-    work: Work, n: NDArray[np.int64], whole: NDArray[np.bool_], steps: FloatArray, x: FloatArray
+    work: SolverWork, n: NDArray[np.int64], whole: NDArray[np.bool_], steps: FloatArray, x: FloatArray
 ) -> FloatArray:
     """Values of whole steps n, the others by least squares of what is left."""
     full = x.copy()
@@ -176,7 +176,7 @@ def _basis_of(columns: FloatArray) -> FloatArray:
 
 
 def _answer(
-    work: Work, best: FloatArray, x: FloatArray, measured: FlankModel, omitted: tuple[Omitted, ...], noise: float
+    work: SolverWork, best: FloatArray, x: FloatArray, measured: FlankModel, omitted: tuple[Omitted, ...], noise: float
 ) -> Optimum:
     model = work.model
     before, after = measured.start(), model.deviation(x)
@@ -196,7 +196,7 @@ def _answer(
     )
 
 
-def _without_idle(answer: Optimum, work: Work, x: FloatArray) -> Optimum:
+def _without_idle(answer: Optimum, work: SolverWork, x: FloatArray) -> Optimum:
     """Without the tables that differ from what acts by single steps at most and gain next to nothing by it."""
     model = work.model
     idle: list[Omitted] = []

@@ -21,7 +21,7 @@ TOUCHING = 0.05  # of the largest effect on the worst point: less moves it by th
 Whole = NDArray[np.int64]
 
 
-class Limits:
+class RoundingLimits:
     """G x <= g of values in steps, told apart by what a move changes."""
 
     def __init__(self, G: FloatArray, g: FloatArray) -> None:
@@ -34,7 +34,7 @@ class Limits:
 
 
 def nearest_whole(
-    A: FloatArray, best: FloatArray, limits: Limits, movable: NDArray[np.bool_], ridge: float = 0.0
+    A: FloatArray, best: FloatArray, limits: RoundingLimits, movable: NDArray[np.bool_], ridge: float = 0.0
 ) -> Whole:
     """Whole n with small |A (n - best)| that keep the limits; those not movable are simply rounded.
 
@@ -64,7 +64,7 @@ def _plane_by_plane(A: FloatArray, best: FloatArray) -> Whole:
     return n.astype(np.int64)
 
 
-def _exchanged(H: FloatArray, best: FloatArray, n: Whole, limits: Limits, movable: NDArray[np.bool_]) -> Whole:
+def _exchanged(H: FloatArray, best: FloatArray, n: Whole, limits: RoundingLimits, movable: NDArray[np.bool_]) -> Whole:
     """Steps of one value and of two at once, the best first, until none helps."""
     pull = H @ (n - best)
     diagonal = np.diag(H).copy()
@@ -122,7 +122,7 @@ def lower_largest(
     M: csc_matrix,
     e: FloatArray,
     n: Whole,
-    limits: Limits,
+    limits: RoundingLimits,
     movable: NDArray[np.bool_],
     *,
     enough: float,
@@ -169,7 +169,7 @@ class _Columns:
 
 
 def _lowering(
-    columns: _Columns, e: FloatArray, n: Whole, limits: Limits, movable: NDArray[np.bool_]
+    columns: _Columns, e: FloatArray, n: Whole, limits: RoundingLimits, movable: NDArray[np.bool_]
 ) -> list[tuple[int, int]] | None:
     worst = int(np.argmax(np.abs(e)))
     row = [float(columns.of(i)[worst]) if free else 0.0 for i, free in enumerate(movable)]

@@ -21,7 +21,7 @@ UNSEEN = 1e-6  # of what a unit does elsewhere: a node that no flank point depen
 
 
 @dataclass(frozen=True)
-class Work:
+class SolverWork:
     """The problem in independent unknowns y of about 1 um on the flank each: values = tie (scale y).
 
     ``A`` and ``b`` (um, on values): the flank, and beneath it weighted rows that make the values smooth; ``wish`` is
@@ -72,7 +72,7 @@ def work_of(
     setup: tuple[SetupValue, ...],
     bounds: Sequence[AxisBound],
     alike: float,
-) -> Work:
+) -> SolverWork:
     """The problem of these tables and set-up values; ``model`` holds their blocks in this order.
 
     Smoothness may cost ``alike`` (mm RMS, added in squares); with 0 it only decides what the flank leaves open.
@@ -93,7 +93,7 @@ def work_of(
     A, b, wish = _calm(model, specs, reach, tie * scale, (UM * alike) ** 2 * model.places.points)
     G, g = stacked(specs, len(setup), bounds)
     limits = stacked(specs, len(setup), bounds, roundable=False)
-    return Work(model, specs, setup, tie, scale, fixed, A, b, wish, G, g, limits)
+    return SolverWork(model, specs, setup, tie, scale, fixed, A, b, wish, G, g, limits)
 
 
 def _reach(model: FlankModel, which: int) -> float:

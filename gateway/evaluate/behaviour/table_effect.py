@@ -36,7 +36,7 @@ _WORDS: dict[Kind, str] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class TableEffect:
     """What happened. ``slope`` of the change over the table's shape with its standard uncertainty (NaN: none).
 
     ``slope_u`` is for errors that may all look like the table. ``residual`` is the RMS of what the table does not
@@ -75,7 +75,7 @@ class Finding:
         return told
 
 
-def why(before: FloatArray, after: FloatArray, effect: FloatArray, U: FloatArray, unit: str = "") -> Finding:
+def why(before: FloatArray, after: FloatArray, effect: FloatArray, U: FloatArray, unit: str = "") -> TableEffect:
     """Which hypothesis before and after support, or that they support none; never raises for what they hold.
 
     All arrays (m,), one value a target, in the same unit: mean deviation ``before`` and ``after`` the push,
@@ -88,13 +88,13 @@ def why(before: FloatArray, after: FloatArray, effect: FloatArray, U: FloatArray
     d = effect[good] - np.mean(effect[good]) if np.any(good) else np.zeros(0)
     doubt, size = _rms(U[good]), _rms(d)
     if d.size < FEWEST or not size > 0.0:
-        return Finding("cannot-tell", np.nan, np.nan, np.nan, size, doubt, unit)
+        return TableEffect("cannot-tell", np.nan, np.nan, np.nan, size, doubt, unit)
     change = after[good] - before[good]
     change = change - np.mean(change)
     slope = float(np.sum(change * d) / np.sum(d * d))
     residual = _rms(change - slope * d)
     slope_u = 0.5 * doubt / size
-    return Finding(_kind(slope, slope_u, residual, size, doubt), slope, slope_u, residual, size, doubt, unit)
+    return TableEffect(_kind(slope, slope_u, residual, size, doubt), slope, slope_u, residual, size, doubt, unit)
 
 
 def _kind(slope: float, slope_u: float, residual: float, size: float, doubt: float) -> Kind:

@@ -15,7 +15,7 @@ from gateway.errors import ModelError, NotIdentifiable
 
 
 @dataclass(frozen=True, slots=True)
-class Harmonic:
+class FittedHarmonic:
     """amplitude x cos(order x angle - phase), amplitude in the unit of the deviations."""
 
     amplitude: float
@@ -27,7 +27,7 @@ class Spectrum:
     """Mean, harmonics by order, and what they leave (m,) with its range."""
 
     mean: float
-    harmonics: Mapping[int, Harmonic]
+    harmonics: Mapping[int, FittedHarmonic]
     residual: FloatArray
     residual_range: float
 
@@ -52,7 +52,7 @@ def harmonics(angles_deg: ArrayLike, deviations: ArrayLike, orders: Sequence[int
     found = np.linalg.lstsq(design * weight[:, None], y * weight, rcond=None)[0]
     residual = y - design @ found
     pairs = {order: (found[1 + 2 * i], found[2 + 2 * i]) for i, order in enumerate(orders)}
-    named = {k: Harmonic(hypot(a, b), degrees(atan2(b, a))) for k, (a, b) in pairs.items()}
+    named = {k: FittedHarmonic(hypot(a, b), degrees(atan2(b, a))) for k, (a, b) in pairs.items()}
     return Spectrum(float(found[0]), named, residual, float(np.ptp(residual)))
 
 

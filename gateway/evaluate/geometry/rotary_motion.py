@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from drivers.units import ARCSEC_PER_RAD, deg_to_rad, um_to_mm
 from gateway.domain import FloatArray
 from gateway.errors import ModelError
-from gateway.evaluate.geometry.harmonics import Harmonic, harmonics
+from gateway.evaluate.geometry.harmonics import FittedHarmonic, harmonics
 from gateway.evaluate.standards.certainty import SECONDARY, Certainty
 
 Kind = Literal["radial, fixed direction", "radial, rotating direction", "axial", "tilt"]
@@ -36,7 +36,7 @@ class ErrorMotion:
     synchronous: float
     residual_synchronous: float
     asynchronous: float | None
-    fundamental: Harmonic
+    fundamental: FittedHarmonic
     removed: bool
     average: FloatArray
     residual: FloatArray

@@ -15,7 +15,7 @@ from gateway.evaluate.standards import readings
 from gateway.evaluate.uncertainty import montecarlo
 from gateway.evaluate.uncertainty.budget import Budget
 from gateway.evaluate.uncertainty.distributions import Distribution, Normal, Rectangular
-from gateway.evaluate.uncertainty.montecarlo import Outcome
+from gateway.evaluate.uncertainty.montecarlo import TrialOutcome
 
 MOST_TRIALS = 100_000
 SCATTER = 4_000_000
@@ -33,7 +33,7 @@ def scatter_of_test(
     seed: int = 1,
     digits: int = 2,
     most: int = MOST_TRIALS,
-) -> Mapping[str, Outcome]:
+) -> Mapping[str, TrialOutcome]:
     """Outcomes by parameter name; empty where nothing says how much readings scatter.
 
     Each trial makes the test again: the means of deviations (m, n, 2), NaN where missing, each reading with its

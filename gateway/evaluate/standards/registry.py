@@ -31,11 +31,11 @@ from gateway.evaluate.standards.other_standards import (
 )
 from gateway.evaluate.standards.positioning_trials import scatter_of_test
 from gateway.evaluate.uncertainty.budget import Budget
-from gateway.evaluate.uncertainty.montecarlo import Outcome
+from gateway.evaluate.uncertainty.montecarlo import TrialOutcome
 
 
 @dataclass(frozen=True, slots=True)
-class Standard:
+class PositioningStandard:
     """A standard in one edition. ``iso`` is the edition of ISO 230-2 whose formulas it has, "" for its own.
 
     ``certainty`` is of the formulas; for a national equivalent also of the equivalence.
@@ -50,20 +50,20 @@ class Standard:
 
 
 @dataclass(frozen=True, slots=True)
-class Result:
+class StandardResult:
     """A test by a standard: values by the standard's own names (None where absent), U (k = 2), Monte Carlo.
 
     ``U`` is by the law of propagation where it is known, else half the Monte Carlo interval; ``trials`` holds the
     Monte Carlo outcomes themselves.
     """
 
-    standard: Standard
+    standard: PositioningStandard
     unit: DeviationUnit
     targets: int
     repetitions: int
     values: Mapping[str, float | None]
     U: Mapping[str, float]
-    trials: Mapping[str, Outcome]
+    trials: Mapping[str, TrialOutcome]
     flags: tuple[str, ...] = ()
 
     def decided(self, limits: Mapping[str, float]) -> tuple[Decision, ...]:
@@ -92,9 +92,9 @@ _ISO_SAYS = {
 }
 
 
-def _equal(name: str, iso: str, certainty: Certainty = SECONDARY, says: str = "") -> Standard:
+def _equal(name: str, iso: str, certainty: Certainty = SECONDARY, says: str = "") -> PositioningStandard:
     edition = name[-4:] if _YEAR.fullmatch(name[-4:]) else iso
-    return Standard(name, edition, certainty, parameters.NAMES, iso, says or f"= ISO 230-2:{iso}")
+    return PositioningStandard(name, edition, certainty, parameters.NAMES, iso, says or f"= ISO 230-2:{iso}")
 
 
 _STANDARDS = (
@@ -115,21 +115,23 @@ _STANDARDS = (
     _equal("BS 3800-3", "1988", RECALLED),
     _equal("ASME B5.54-2005", "1997", RECALLED, "parameters of ISO 230-2:1997; its periodic error and drift apart"),
     _equal("ASME B5.57", "1997", RECALLED, "parameters of ISO 230-2:1997"),
-    Standard("ASME B5.54-1992", "1992", RECALLED, _ASME, says="spreads and ranges of the readings, no sigma"),
-    Standard("VDI/DGQ 3441:1977", "1977", RECALLED, _VDI, says="6 s, position scatter and uncertainty"),
-    Standard("VDI/DGQ 3441:1977 range", "1977", RECALLED, _VDI, says="as 3441, s from mean ranges over d2"),
-    Standard("NMTBA:1972", "1972", RECALLED, _NMTBA, says="3 s, half widths, band centred (with offset)"),
-    Standard("NMTBA:1972 without offset", "1972", RECALLED, _NMTBA, says="3 s, half widths about zero"),
-    Standard("JIS B 6330:1980", "1980", RECALLED, _JIS, says="one pass; half spread of repeated readings"),
+    PositioningStandard(
+        "ASME B5.54-1992", "1992", RECALLED, _ASME, says="spreads and ranges of the readings, no sigma"
+    ),
+    PositioningStandard("VDI/DGQ 3441:1977", "1977", RECALLED, _VDI, says="6 s, position scatter and uncertainty"),
+    PositioningStandard("VDI/DGQ 3441:1977 range", "1977", RECALLED, _VDI, says="as 3441, s from mean ranges over d2"),
+    PositioningStandard("NMTBA:1972", "1972", RECALLED, _NMTBA, says="3 s, half widths, band centred (with offset)"),
+    PositioningStandard("NMTBA:1972 without offset", "1972", RECALLED, _NMTBA, says="3 s, half widths about zero"),
+    PositioningStandard("JIS B 6330:1980", "1980", RECALLED, _JIS, says="one pass; half spread of repeated readings"),
 )
 
 
-def standards() -> tuple[Standard, ...]:
+def standards() -> tuple[PositioningStandard, ...]:
     """Every standard that can be asked for, the newest ISO 230-2 first."""
     return _STANDARDS
 
 
-def standard(name: str) -> Standard:
+def standard(name: str) -> PositioningStandard:
     """The standard of this name; spaces, marks and case do not matter, nor who publishes it where that is plain.
 
     A bare year is that edition of ISO 230-2; a name without edition is its newest. Raises ModelError
@@ -150,7 +152,7 @@ def _plain(name: str) -> str:
     return re.sub(r"[^a-z0-9.]", "", name.lower().replace("vdi/dgq", "vdi"))
 
 
-def _family(found: Standard) -> str:
+def _family(found: PositioningStandard) -> str:
     return _plain(re.sub(r"[:-](19|20)\d\d$", "", found.name))
 
 
@@ -163,7 +165,7 @@ def evaluate_by(
     budget: Budget | None = None,
     seed: int = 1,
     monte_carlo: bool = True,
-) -> Result:
+) -> StandardResult:
     """Evaluate deviations (m, n, 2), approach + then -, NaN where missing, in `unit`, by a standard.
 
     Raises ModelError as `standard` and `readings.checked`.
@@ -175,11 +177,11 @@ def evaluate_by(
     outcomes = scatter_of_test(at, x, unit, _formulas(chosen), costs, seed=seed) if monte_carlo else {}
     by_trials = {key: outcome.U for key, outcome in outcomes.items() if values.get(key) is not None}
     notes = (*flags, *set_up_notes(at, x.shape[1], unit), *closure_notes(at, x, unit))
-    return Result(chosen, unit, at.size, x.shape[1], values, {**by_trials, **by_law}, outcomes, notes)
+    return StandardResult(chosen, unit, at.size, x.shape[1], values, {**by_trials, **by_law}, outcomes, notes)
 
 
 def _figures(
-    chosen: Standard, at: FloatArray, x: FloatArray, unit: DeviationUnit, budget: Budget
+    chosen: PositioningStandard, at: FloatArray, x: FloatArray, unit: DeviationUnit, budget: Budget
 ) -> tuple[Mapping[str, float | None], Mapping[str, float], tuple[str, ...]]:
     if chosen.iso:
         found = iso230_2.evaluate(at, x, unit, edition=chosen.iso, budget=budget)
@@ -188,7 +190,7 @@ def _figures(
     return other.values, {}, other.flags
 
 
-def _formulas(chosen: Standard) -> Formulas:
+def _formulas(chosen: PositioningStandard) -> Formulas:
     if chosen.iso:
         return partial(parameters.of_readings, k=iso230_2.sigmas(chosen.iso))
     return _OTHERS[chosen.name][1]

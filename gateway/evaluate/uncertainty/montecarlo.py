@@ -17,7 +17,7 @@ BLOCK, MOST = 10_000, 1_000_000
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class TrialOutcome:
     """One output: mean, standard uncertainty, and two coverage intervals (low, high) of `probability`.
 
     ``symmetric`` leaves equal probability on both sides, ``shortest`` is as narrow as can be. ``tolerance`` is
@@ -49,7 +49,7 @@ def run(
     seed: int = 1,
     block: int = BLOCK,
     most: int = MOST,
-) -> Mapping[str, Outcome]:
+) -> Mapping[str, TrialOutcome]:
     """The adaptive procedure (clause 7.9) on a function that makes `count` trials of named outputs (count,).
 
     Outputs that are NaN in any trial do not exist for these inputs and are left out.
@@ -87,10 +87,12 @@ def _figures(y: FloatArray, probability: float) -> tuple[float, float, float, fl
     return (float(y.mean()), float(y.std(ddof=1)), *symmetric_interval(np.sort(y), probability))
 
 
-def _outcome(name: str, blocks: list[dict[str, FloatArray]], probability: float, digits: int, seed: int) -> Outcome:
+def _outcome(
+    name: str, blocks: list[dict[str, FloatArray]], probability: float, digits: int, seed: int
+) -> TrialOutcome:
     y = np.sort(np.concatenate([part[name] for part in blocks]))
     u = float(y.std(ddof=1))
-    return Outcome(
+    return TrialOutcome(
         mean=float(y.mean()),
         u=u,
         symmetric=symmetric_interval(y, probability),

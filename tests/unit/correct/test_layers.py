@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from gateway.correct.flank.acting_tables import with_tables
 from gateway.correct.flank.flankmodel import command_effects
-from gateway.correct.flank.mounting import Mounting, centred, mounting_of
+from gateway.correct.flank.mounting import WorkMounting, centred, mounting_of
 from gateway.correct.flank.tables import Product, Table, TableGrid
 from gateway.correct.flank.wheel_places import places_of_grid, places_of_points
 from gateway.correct.part.fromgear import correct_from_gear, fit_places, visible
@@ -214,7 +214,7 @@ def test_a_gear_without_its_mounting_taken_off_warns_of_what_turns() -> None:
     e = np.broadcast_to(judged(grinding, grid.k, grid.theta, grid.z).second, grid.shape)
     points = tuple(np.broadcast_to(part, grid.shape) for part in (grid.k, grid.theta, grid.z))
     found = correct_from_gear(grinding, points, e, replace(PLAN, mounting=False), u=2e-4)  # type: ignore[arg-type]
-    assert found.mounting == Mounting()
+    assert found.mounting == WorkMounting()
     assert any("first harmonic" in line for line in found.said)
 
 

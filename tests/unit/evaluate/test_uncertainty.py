@@ -22,7 +22,7 @@ def total(drawn: dict) -> dict:
     return {"y": sum(drawn.values())}
 
 
-def trials(inputs: dict, model: Callable[[dict], dict], **how: object) -> Mapping[str, montecarlo.Outcome]:
+def trials(inputs: dict, model: Callable[[dict], dict], **how: object) -> Mapping[str, montecarlo.TrialOutcome]:
     """Trials of independent inputs through a model."""
     return montecarlo.run(lambda rng, count: model({k: one.draw(rng, count) for k, one in inputs.items()}), **how)
 
