@@ -1,7 +1,13 @@
 """From an inspected gear back to the machine: A, B, G at each wheel place, table and set-up values, what is invisible.
 
-e = A n_x + B n_y + G h at every measured point. Only these three and only in the sums of the machine's errors that make
-them up can be told from a gear: the combinations are named, the rest is said to be invisible.
+e = A n_x + B n_y + G h at every measured point, one wheel place for each space and height. Least squares over the
+profile's points of a place gives its A, B, G with their covariance from the probe's noise. Only these three and only
+in the sums of the machine's errors that make them up can be told from a gear: the combinations are named (columns of
+the flank's Jacobian that are multiples of each other), the rest is said to be invisible. What acted while the part
+was ground is taken off: tables, set-up values. A clamped part turns about its own centre, so eccentricity and tilt of
+the clamping are fitted with it as first harmonics of A and B and set apart: they change with the next clamping and go
+into no table. What a constant may be is a set-up value's; the rest is solved for as for a known machine
+(`solve.optimise`), with measured deviations instead of the errors.
 """
 
 from __future__ import annotations

@@ -1,7 +1,12 @@
 """Product tables: corrections f(z) g(c) against errors that no sum of one-axis tables can reach (mm, rad).
 
 Only for machines on which multiplication ($AN_CEC_MULT_BY_TABLE) was proved. The errors z EBC(c) and z EAC(c) are of
-this kind: additive tables reduce them by nothing beyond their means.
+this kind: additive tables reduce them by nothing beyond their means. The flank is linear in f with g held and in g
+with f held. The start is the leading singular vector of the correction wanted over all pairs of nodes, the best
+product for places that fill the grid; then f and g are solved for in turn by least squares of minimum norm
+(alternating least squares). Each half round lowers the RMS, so it converges; f is kept at size one, and it ends when
+f stands still. Both factors are made equal in size, so that the resolution is used best; one is rounded, the other
+solved for again and rounded. A product that gains less than WORTH of the RMS is not proposed.
 """
 
 from __future__ import annotations

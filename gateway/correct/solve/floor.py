@@ -1,6 +1,13 @@
 """What a machine's flank keeps when everything possible is done, and why (mm, rad).
 
-Each step is judged with tables as fine as the grid: a real table does no better.
+At every wheel place the deviation is e = A n_x + B n_y + G h: A from the infeed, G from the index, B from what moves
+the wheel along its own axis. A grinder with X, Z and C can make any A and G at any place, but no B: there is the
+floor. It is told in steps, each by unlimited least squares on the same model: the machine as it is; set-up values and
+mounting alone (constants, first harmonics); tables with a node at every place that occurs, since a real table does no
+better; any correction at all, that is A and G free at each place. Part of B looks like G: a tangential shift of the
+profile is nearly a rotation. Least squares over the profile gives the rotation per B (alpha) and the share of B that
+then stays (eta): the odd rest that no command can take. Columns are scaled to one before they are solved, and
+directions below SAME of the largest are none.
 """
 
 from __future__ import annotations

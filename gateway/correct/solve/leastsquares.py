@@ -1,7 +1,13 @@
 """Least squares of the flank under linear limits: the solution nearest to a wish where the flank does not decide.
 
-Limits G x <= g by Lawson and Hanson's least-distance problem (Solving Least Squares Problems, ch. 23), solved by
-non-negative least squares: finite, exact, no step size.
+Minimise |A x + b| with G x <= g. Without limits x = wish + the minimum-norm step that A asks for; singular values
+below RANK of the largest are directions the flank does not see, and there the wish stays. Where limits act, a ridge
+of RIDGE (x - wish) makes A of full rank. QR of both, R (x - centre) = y, turns the objective into |y|: what is left
+is Lawson and Hanson's least-distance problem (Solving Least Squares Problems, ch. 23), the shortest y with C y >= d.
+Its dual is a non-negative least-squares problem, min |E u - f| over u >= 0, with E = [C'; d'] and f = (0, .., 0, 1).
+Its residual r gives y = -r[:-1] / r[-1]; r = 0 says that no y keeps the limits. The active-set method ends after
+finitely many steps and has no step size. Rows of C and d are scaled to one before, so that limits in mm and rad weigh
+alike. A solution that keeps the limits already is returned as it is.
 """
 
 from __future__ import annotations

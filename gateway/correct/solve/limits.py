@@ -1,4 +1,13 @@
-"""What a table may hold, as rows G x <= g of its free values: value, slope, change, the axis' accuracy (mm, rad)."""
+"""What a table may hold, as rows G x <= g of its free values: value, slope, change, the axis' accuracy (mm, rad).
+
+Every limit is linear in the values, so each table brings its rows and all are stacked: |x_i| <= value, the difference
+of neighbours over their distance <= slope, |x_i - what acts| <= change, and for an axis that the tooth's table spoils
+|what it still deviates + the table| <= its bound at given positions. A limit of infinity makes no row. A table is
+zero at its reference: one value is tied to the others by the interpolation there (`TableSpec.tie`), so what is solved
+for is free of it. A repeating table has its last point from the first; slopes go around the turn. Rounding may move a
+value by a step. Rows for the continuous problem are therefore narrower by what a step of every value in the row can
+add; rounded values are held to the full limits.
+"""
 
 from __future__ import annotations
 

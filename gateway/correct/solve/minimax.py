@@ -1,7 +1,14 @@
 """Smallest largest deviation of the flank under linear limits, by linear programming with growing rows (HiGHS).
 
-Only few points are ever the worst, so the programme starts with the extremes of the least-squares solution and takes up
-the points it still violates until none is left: the optimum over all points, at a fraction of the rows.
+Minimise s with -s <= e0 + M x + f c <= s at every point and G x <= g. The deviation's whole share along f (a common
+rotation, which the figure does not count) leaves through c: one equality that ties c to x. Only few points are ever
+the worst. The programme starts with the extremes of the least-squares solution, of each wheel place the highest and
+the lowest; its optimum s is a lower bound of the true one. All points that exceed it are looked at, the worst of each
+place are added as rows, and it is solved again. Once no point exceeds s, lower bound and value meet: the optimum over
+all points, at a fraction of the rows. Best solutions are rarely single. A second programme, over the same growing
+rows and with s at most a share SLACK above its optimum, takes the x nearest to the start in the sum of absolute
+changes, so that values that the worst points do not need stay where least squares put them. Numbers are in nm: the
+solver's own tolerance (1e-7) is then far below them.
 """
 
 from __future__ import annotations

@@ -1,8 +1,16 @@
 """Table and set-up values that make the tooth best on the controller's grid, resolution and limits (mm, rad).
 
-The smallest RMS or the smallest largest normal deviation; whole steps of resolution found as part of the problem; what
-corrects less than its uncertainty left alone. What the flank leaves open smoothness decides, and before it the least
-change what is a set-up value's.
+The flank is linear in all values, e = e0 + M x. What acted while e0 was measured is taken off, so that the answer
+holds total values. In this order:
+1. worth: a table that corrects less than the errors' own uncertainty carries onto the flank is left out (`noise`);
+2. continuous: least squares under the limits (`leastsquares`); what the flank leaves open is decided by smoothness
+   (`smoothness`), and before it by the least change what is a set-up value's (`unknowns`); for the norm "max" a
+   linear programme starts from there (`minimax`);
+3. whole steps of the resolution, found as part of the problem (`rounding`), values without one refilled at the end;
+4. idle tables, which differ from what acts by single steps and gain next to nothing, are left as they act.
+RMS and largest deviation are those of the flank figure: one rotation of the gear is free. All in um on the flank
+inside, so that tolerances mean something. The flank figure of the rounded values is what is reported, never the
+optimum's.
 """
 
 from __future__ import annotations

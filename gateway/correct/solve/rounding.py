@@ -1,7 +1,14 @@
 """Values on the controller's resolution that keep the flank best: rounding as part of the problem, not after it.
 
-Values are whole numbers of steps. Rounding one after the other, each time re-optimising those still free (Babai's
-nearest plane), then exchange steps of one and of two values as long as the flank gets better.
+With values x = n step, n whole, the loss |A (n - best)|^2 is a closest-point problem on a lattice; rounding each
+value by itself ignores that neighbours pull together and loses several times more than need be. First Babai's nearest
+plane: QR of A, then from the last value to the first each is rounded where the values already rounded want it, its
+own pull being R's upper part. A small ridge keeps values that the flank hardly sees near their optimum, at most
+FURTHEST steps away. Where this breaks a limit, plain rounding is taken: the continuous problem left room for it. Then
+steps of one value and of two at once are exchanged, always the move that lowers the loss most and keeps the limits:
+with H = A'A and pull = H (n - best) a move costs two entries and is exact. It ends when no move helps. For the
+largest deviation moves are tried only among values that touch the worst point, and only until the maximum is within a
+share of what the continuous optimum reached: lower would trade the many points for the one.
 """
 
 from __future__ import annotations

@@ -1,8 +1,14 @@
 """Of all tables that serve the flank alike the smoothest: even between its places, and back to what acts beside them.
 
-Rows say how uneven the values are: second differences of a table, times the square of half the length over which it
-goes back, and how far every value is from what acts. Standard form of Tikhonov's problem after
-Elden (BIT 17, 1977): the weight is as large as the flank allows.
+The flank sees a table only at the places of its points; between them, and beside the face, least squares leaves the
+values to noise. Rows R x = t say what a calm table is: second differences times the square of half the length over
+which a table goes back, and each value at what acts, firmly (HELD) far from the flank and loosely (LOOSE) near it.
+Where a second difference touches a node that the flank does not see, it is that of the change: what acts keeps its
+shape. The problem is Tikhonov's, |A y + b|^2 + w^2 |R y - t|^2. In standard form (Elden, BIT 17, 1977), QR of R and
+the singular values s of A R^-1, the price on the flank is the sum of (w^2 / (s^2 + w^2))^2 c^2 over the components c
+of what could be corrected: it grows with w. Bisection in log w finds the largest weight whose price stays within what
+may be lost. Directions with s below SEEN of the largest cost the flank nothing, and there the smoothest is taken
+whatever w is.
 """
 
 from __future__ import annotations

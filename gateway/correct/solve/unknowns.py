@@ -1,4 +1,14 @@
-"""Tables and set-up values as independent unknowns: tied at their references, scaled, limited, held calm."""
+"""Tables and set-up values as independent unknowns: tied at their references, scaled, limited, held calm.
+
+The model's unknowns are the values of all tables (mm, rad) and set-up values. They become y of about one um on the
+flank each, values = tie (scale y): the tie takes out the value that the reference fixes, the scale is the inverse of
+the RMS that a unit of the table's output makes on the flank. So mm and rad, face and turn weigh alike, and what
+"nearest to the wish" means does not depend on units. A constant can often be taken by a table as well as by a set-up
+value. A set-up value's scale is EASY times larger: it moves first. How much it takes is decided by the least change
+alone, before smoothness is weighed; no table bends less by leaving a constant to it. A are the flank's rows with the
+weighted rows of smoothness beneath, b likewise; the wish is the y that smoothness alone would choose, and stands
+wherever the flank does not decide. Nodes without any effect are named as unseen.
+"""
 
 from __future__ import annotations
 
