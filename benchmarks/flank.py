@@ -17,8 +17,8 @@ from gateway.gear.envelope import TOLERANCE, exact, prepare
 from gateway.gear.first_order import first_order
 from gateway.gear.flank import FlankGrid, flank_grid
 from gateway.gear.grinding import Grinding
-from gateway.gear.linear import LinearFlank, Parameter, linear_flank
-from gateway.gear.ray import State, residual
+from gateway.gear.linear import ErrorParameter, LinearFlank, linear_flank
+from gateway.gear.ray import RayState, residual
 from gateway.model.chain import Chain
 from gateway.model.motion import Fourier, Polynomial
 from gateway.model.preset import MOTION_NAMES, TWENTY_ONE, yk7350b
@@ -56,14 +56,14 @@ def machine(seed: int = 1) -> Chain:
     return yk7350b({**errors, "B0Z": 2e-5, "A0C": -3e-5, "B0C": 4e-5})
 
 
-def coefficients(count: int) -> list[Parameter]:
+def coefficients(count: int) -> list[ErrorParameter]:
     """Fourier coefficients of all 18 error motions, ``count`` in all."""
     pitch = {"X": 100.0, "Z": 20.0, "C": 2.0 * np.pi}
     orders = [(name, order) for order in range(count // 18 + 1) for name in MOTION_NAMES]
-    return [Parameter(name, Fourier(0.0, (0.0,) * o + (1.0,), (), pitch[name[2]])) for name, o in orders[:count]]
+    return [ErrorParameter(name, Fourier(0.0, (0.0,) * o + (1.0,), (), pitch[name[2]])) for name, o in orders[:count]]
 
 
-def linear(parameters: list[Parameter], title: str, rms_limit: float, grid: FlankGrid) -> None:
+def linear(parameters: list[ErrorParameter], title: str, rms_limit: float, grid: FlankGrid) -> None:
     """First-order flank of many vectors against the plain product of the same blocks; RMS by Gram factor."""
     grinding = Grinding(yk7350b(), GEAR, DISTANCE)
     flank = linear_flank(grinding, grid, parameters)
@@ -94,8 +94,8 @@ def one_by_one(grinding: Grinding, k: np.ndarray, theta: np.ndarray, z: np.ndarr
     for i in range(k.size):
         rays, start = prepare(grinding, k[i : i + 1], theta[i : i + 1], z[i : i + 1])
 
-        def miss(u: np.ndarray, rays: object = rays, start: State = start) -> np.ndarray:
-            state = State(u[0:1], u[1:2], u[2:3], start.low, start.high)
+        def miss(u: np.ndarray, rays: object = rays, start: RayState = start) -> np.ndarray:
+            state = RayState(u[0:1], u[1:2], u[2:3], start.low, start.high)
             return residual(rays, state)[:, 0]  # type: ignore[arg-type]
 
         answer = root(miss, [theta[i], 0.0, z[i]], method="hybr", options={"xtol": TOLERANCE})
@@ -185,7 +185,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="200 points for hybr instead of 2000")
     options = parser.parse_args()
     full = flank_grid(GEAR, profile=36, width=35)
-    linear([Parameter(name) for name in TWENTY_ONE], "21 constants", 1000.0, full)
+    linear([ErrorParameter(name) for name in TWENTY_ONE], "21 constants", 1000.0, full)
     linear(coefficients(200), "200 coefficients", 150.0, full)
     envelope(200 if options.quick else 2000, full)
     what_if()

@@ -20,8 +20,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 from matplotlib.figure import Figure
 
-from gateway.correct.layers import correct
-from gateway.correct.plan import AxisGrid, Plan
+from gateway.correct.plan.layers import correct
+from gateway.correct.plan.plan import AxisGrid, Plan
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.envelope import exact
 from gateway.gear.flank import flank_grid

@@ -13,6 +13,10 @@ from drivers.types import Ambient, CompensationTable, Identity, LiveSet, Machine
 from drivers.units import AxisUnit, DeviationUnit, deviation_unit
 
 FloatArray = NDArray[np.float64]
+COVERAGE = 2.0
+"""k of an expanded uncertainty U = k u; 95.45 % of a normal quantity (GUM 6.2)."""
+COVERED = 0.9545
+"""The share of a normal quantity within k = 2."""
 
 
 def component_unit(name: str, axis_unit: AxisUnit) -> DeviationUnit:

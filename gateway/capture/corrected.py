@@ -12,9 +12,9 @@ from gateway.capture.targets import CHECK_REPETITIONS
 from gateway.config import AxisSection
 from gateway.domain import Between, Capture, Corrections, SenseProof
 from gateway.errors import AmbientOutOfRange, CaptureError
-from gateway.evaluate import corrections, length, rotary
-from gateway.evaluate.repetitions import robust_means
-from gateway.evaluate.steadiness import steadiness
+from gateway.evaluate.behaviour.repetitions import robust_means
+from gateway.evaluate.behaviour.steadiness import steadiness
+from gateway.evaluate.optics import corrections, length, rotary
 
 MOST_SUSPECTS = 0.05
 STEEP_UM_PER_M = 100.0

@@ -49,19 +49,6 @@ def _pilgrim(targets: FloatArray, repetitions: int) -> Iterator[Stop]:
             yield from _up_and_down(targets, range(start, min(start + SECTION, len(targets))), repetition)
 
 
-def least_count(length: float, *, rotary: bool) -> int:
-    """The fewest targets ISO 230-2 asks for over a travel in mm or deg.
-
-    Linear up to 2 m: five per metre and five in all; beyond, one every 250 mm. Rotary: 3 up to 90 deg, 5 up to
-    180 deg, 8 beyond.
-    """
-    if rotary:
-        return 3 if length <= 90.0 else 5 if length <= 180.0 else 8
-    if length <= 2000.0:
-        return max(5, int(np.ceil(5.0 * length / 1000.0)))
-    return int(np.ceil(length / 250.0)) + 1
-
-
 def with_window(targets: FloatArray, window: FloatArray) -> FloatArray:
     """Targets of the full travel and of a working window together, ascending.
 

@@ -24,8 +24,8 @@ from gateway.capture.rig import SETTLE_TIMEOUT_S, Rig
 from gateway.capture.targets import measuring_plan
 from gateway.domain import Capture, SenseProof
 from gateway.errors import CaptureError, Unstable
-from gateway.evaluate import corrections
-from gateway.evaluate.repetitions import robust_means
+from gateway.evaluate.behaviour.repetitions import robust_means
+from gateway.evaluate.optics import corrections
 
 UNITS: dict[DeviationUnit, dict[str, float]] = {
     "um": {"_um": 1.0, "_mm": UM_PER_MM},

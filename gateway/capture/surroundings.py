@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from drivers.types import Ambient, CompensatedFor
 from gateway.config import AxisSection
 from gateway.errors import AmbientOutOfRange
-from gateway.evaluate.air import required
+from gateway.evaluate.optics.air import required
 
 STALE_S = 30.0
 NEEDED: dict[CompensatedFor, tuple[str, ...]] = {

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 
 from drivers.types import FloatArray, Stop, StopPlan
-from gateway.capture.cycles import least_count, visits, with_window
+from gateway.capture.cycles import visits, with_window
 from gateway.config import AxisSection, MeasureSection, Targets, Window
+from gateway.evaluate.standards.iso230_2 import minimum_targets
 
 DECIMALS = 3
 RULE_OFFSET = 0.3
@@ -33,7 +36,8 @@ def _of_travel(targets: Targets, reference: float, *, rotary: bool) -> FloatArra
         return np.sort(np.asarray(targets.positions, dtype=np.float64))
     low, high = sorted((targets.first, targets.last))
     by_rule = isinstance(targets.count, str)
-    count = least_count(high - low, rotary=rotary) if isinstance(targets.count, str) else targets.count
+    kind: Literal["linear", "rotary"] = "rotary" if rotary else "linear"
+    count = minimum_targets(kind, high - low)[0] if isinstance(targets.count, str) else targets.count
     even = np.linspace(targets.first, targets.last, count)
     interval = (targets.last - targets.first) / (count - 1)
     spread = abs(interval) * (targets.offset_fraction or (RULE_OFFSET if by_rule else 0.0))

@@ -50,7 +50,7 @@ def limits_of(texts: Sequence[str]) -> dict[str, float]:
 
 def list_standards(*, as_json: bool) -> None:
     """Print every standard by name with edition, certainty and parameters."""
-    from gateway.evaluate.standards import standards
+    from gateway.evaluate.standards.registry import standards
 
     if as_json:
         show_json([_label(item) | {"parameters": item.parameters} for item in standards()])
@@ -95,7 +95,7 @@ def evaluate_files(files: list[Path], asked: Asked, *, as_json: bool) -> None:
 def _refuse_unknown(name: str) -> None:
     """Raise ConfigError (E-CLI-STANDARD) before any file is read."""
     from gateway.errors import ModelError
-    from gateway.evaluate.standards import standard
+    from gateway.evaluate.standards.registry import standard
 
     try:
         standard(name)
@@ -116,8 +116,8 @@ def _evaluated(path: Path, asked: Asked) -> list[dict[str, Any]]:
 def _evaluate(item: Any, asked: Asked) -> dict[str, Any]:
     from drivers.types import MeasuredSet
     from drivers.units import deviation_unit
-    from gateway.evaluate import corrections
-    from gateway.evaluate.standards import evaluate_by
+    from gateway.evaluate.optics import corrections
+    from gateway.evaluate.standards.registry import evaluate_by
 
     measured, path = item.content, Path(item.label)
     if not isinstance(measured, MeasuredSet):
@@ -148,8 +148,8 @@ def _evaluate(item: Any, asked: Asked) -> dict[str, Any]:
 def _deviations(measured: Any, asked: Asked, path: Path) -> tuple[Any, Any]:
     """Deviations as they are, or re-compensated, with the record of what was done to them."""
     from gateway.errors import ModelError
-    from gateway.evaluate import air, corrections
-    from gateway.evaluate.recompensation import recompensated_set
+    from gateway.evaluate.optics import air, corrections
+    from gateway.evaluate.optics.recompensation import recompensated_set
 
     if not asked.recompensates:
         return measured.deviations, corrections.begin(measured.compensated_for)
@@ -168,8 +168,8 @@ def _deviations(measured: Any, asked: Asked, path: Path) -> tuple[Any, Any]:
 
 def _budget(measured: Any, asked: Asked) -> tuple[Any, tuple[str, ...]]:
     from drivers.units import deviation_unit
-    from gateway.evaluate import air
-    from gateway.evaluate.uncertainty import file_budget
+    from gateway.evaluate.optics import air
+    from gateway.evaluate.uncertainty.budget import file_budget
 
     sensors = measured.ambient_start.material_degc
     read = sum(sensors) / len(sensors) if sensors else None
@@ -207,7 +207,7 @@ def reader(path: Path, unit: str = "") -> Any:
 
 
 def _show(result: dict[str, Any]) -> None:
-    from gateway.evaluate.standards import standard
+    from gateway.evaluate.standards.registry import standard
 
     asked = standard(result["standard"])
     formulas = f" (formulas of {result['formulas']})" if asked.iso and not asked.name.startswith("ISO") else ""

@@ -102,7 +102,7 @@ def _tooth(tree: Any, site: Path) -> Any:
     """The work the site file names; None without. Raises what reading a gear file raises."""
     if tree.work is None:
         return None
-    from gateway.correct.undone import Tooth
+    from gateway.correct.outlook.next_setup import Tooth
     from gateway.study.files import load_gear
     from gateway.study.machine import gear_of
 

@@ -24,7 +24,7 @@ NEWTON_STEPS = 6
 
 
 @dataclass(frozen=True, slots=True)
-class Section:
+class ProfileSection:
     """Points of a plane profile: coordinates, outward unit normal, curvature (+ convex), arc length per theta.
 
     All arrays share the shape of theta. ``h`` = x n_y - y n_x is the lever of a rotation about the gear axis.
@@ -52,15 +52,15 @@ class Section:
         """Outward unit normals (..., 2)."""
         return np.stack([self.nx, self.ny], axis=-1)
 
-    def turned(self, angle: ArrayLike) -> Section:
+    def turned(self, angle: ArrayLike) -> ProfileSection:
         """The same points turned about the gear axis by angles (rad) that broadcast with theta."""
         c, s = np.cos(angle), np.sin(angle)
         x, y = c * self.x - s * self.y, s * self.x + c * self.y
-        return Section(x, y, c * self.nx - s * self.ny, s * self.nx + c * self.ny, self.curvature, self.speed)
+        return ProfileSection(x, y, c * self.nx - s * self.ny, s * self.nx + c * self.ny, self.curvature, self.speed)
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
+class GearLimits:
     """What a set of gear data allows: coefficient K1, radii, the largest pin radius without undercut."""
 
     K1: float
@@ -132,7 +132,7 @@ class CycloidGear:
         """Direction of the middle of space k: 2 pi k / z_c."""
         return np.asarray(k, dtype=np.float64) * (2.0 * pi / self.zc)
 
-    def section(self, theta: ArrayLike) -> Section:
+    def section(self, theta: ArrayLike) -> ProfileSection:
         """The profile in the frame of space 0, all three modifications applied."""
         t = np.asarray(theta, dtype=np.float64)
         plain = _section(t, self.pin_circle, self.pin, self.K, self.a, self.zp)
@@ -141,7 +141,7 @@ class CycloidGear:
         pitch = 2.0 * self.half_pitch
         return plain.turned(np.sign(t - pitch * np.round(t / pitch)) * self.drot)
 
-    def space(self, theta: ArrayLike, k: ArrayLike) -> Section:
+    def space(self, theta: ArrayLike, k: ArrayLike) -> ProfileSection:
         """The profile of spaces k in the gear's frame; theta and k broadcast together."""
         return self.section(theta).turned(self.space_angle(k))
 
@@ -158,7 +158,7 @@ class CycloidGear:
             t = t - (self.arc(t) - s) / self.section(t).speed
         return np.asarray(t)
 
-    def limits(self) -> Limits:
+    def limits(self) -> GearLimits:
         """Coefficient, radii and limits of this gear."""
         return limits(**{field.name: getattr(self, field.name) for field in fields(self)})
 
@@ -173,8 +173,8 @@ def limits(
     drp: float = 0.0,
     drrp: float = 0.0,
     drot: float = 0.0,
-) -> Limits:
-    """`Limits` of gear data, also of data that `CycloidGear` refuses for undercut; K1 < 1 is still needed.
+) -> GearLimits:
+    """`GearLimits` of gear data, also of data that `CycloidGear` refuses for undercut; K1 < 1 is still needed.
 
     ``b`` and ``drot`` change none of the values; they are taken so that a gear's whole data can be passed.
     """
@@ -185,7 +185,7 @@ def limits(
         raise ModelError("E-GEAR-K1", "gear", K1=a * zp / rp, K=K)
     largest = undercut_limit(circle, a, zp)
     half = float(_arc(np.asarray(pi / zc), circle, pin, K, zc))
-    return Limits(a * zp / rp, circle - a - pin, circle + a - pin, largest, not pin < largest, half)
+    return GearLimits(a * zp / rp, circle - a - pin, circle + a - pin, largest, not pin < largest, half)
 
 
 def undercut_limit(rp: float, a: float, zp: int) -> float:
@@ -199,7 +199,7 @@ def undercut_limit(rp: float, a: float, zp: int) -> float:
     return rp * (1.0 + K) ** 2 / (1.0 + zp * K)
 
 
-def _section(t: FloatArray, rp: float, r: float, K: float, a: float, zp: int) -> Section:
+def _section(t: FloatArray, rp: float, r: float, K: float, a: float, zp: int) -> ProfileSection:
     ct, st = np.cos(t), np.sin(t)
     cp, sp = np.cos(zp * t), np.sin(zp * t)
     cos_phi = ct * cp + st * sp
@@ -209,7 +209,7 @@ def _section(t: FloatArray, rp: float, r: float, K: float, a: float, zp: int) ->
     k0 = (1.0 + zp * K * K - (1.0 + zp) * K * cos_phi) / (rp * S * root)
     free = 1.0 - r * k0
     x, y = rp * ct - a * cp - r * nx, rp * st - a * sp - r * ny
-    return Section(x, y, nx, ny, k0 / free, rp * root * free)
+    return ProfileSection(x, y, nx, ny, k0 / free, rp * root * free)
 
 
 def _arc(t: FloatArray, rp: float, r: float, K: float, zc: int) -> FloatArray:

@@ -9,7 +9,7 @@ import numpy as np
 
 from drivers.types import FloatArray
 from gateway.errors import ModelError
-from gateway.gear.cycloid import CycloidGear, Section
+from gateway.gear.cycloid import CycloidGear, ProfileSection
 
 STEP = 1e-5  # rad of theta, for the slope of the profile deviation
 
@@ -42,11 +42,11 @@ class Dressing:
             return np.zeros_like(theta)
         return np.asarray(self.profile(theta), dtype=np.float64) + np.zeros_like(theta)
 
-    def first_order(self, section: Section, theta: FloatArray) -> FloatArray:
+    def first_order(self, section: ProfileSection, theta: FloatArray) -> FloatArray:
         """Normal deviation (mm, + surplus) it leaves on the flank to first order."""
         return self.deviation(theta) + self.offset * section.ny - self.radius * section.nx
 
-    def section(self, gear: CycloidGear, theta: FloatArray) -> Section:
+    def section(self, gear: CycloidGear, theta: FloatArray) -> ProfileSection:
         """The profile the wheel really has, in the frame of the space, exact; `Section.speed` is per theta."""
         plain = gear.section(theta)
         if self.perfect:
@@ -55,7 +55,7 @@ class Dressing:
             return _shifted(plain, self)
         return _shifted(self._bent(plain, theta), self)
 
-    def _bent(self, s: Section, theta: FloatArray) -> Section:
+    def _bent(self, s: ProfileSection, theta: FloatArray) -> ProfileSection:
         """P + p n: the tangent is (1 + kappa p) speed t + p' n."""
         p = self.deviation(theta)
         slope = (self.deviation(theta + STEP) - self.deviation(theta - STEP)) / (2.0 * STEP)
@@ -63,8 +63,8 @@ class Dressing:
         speed = np.hypot(along, slope)
         c, q = along / speed, slope / speed
         nx, ny = c * s.nx + q * s.ny, c * s.ny - q * s.nx
-        return Section(s.x + p * s.nx, s.y + p * s.ny, nx, ny, s.curvature / (1.0 + s.curvature * p), speed)
+        return ProfileSection(s.x + p * s.nx, s.y + p * s.ny, nx, ny, s.curvature / (1.0 + s.curvature * p), speed)
 
 
-def _shifted(s: Section, dressing: Dressing) -> Section:
-    return Section(s.x - dressing.radius, s.y + dressing.offset, s.nx, s.ny, s.curvature, s.speed)
+def _shifted(s: ProfileSection, dressing: Dressing) -> ProfileSection:
+    return ProfileSection(s.x - dressing.radius, s.y + dressing.offset, s.nx, s.ny, s.curvature, s.speed)

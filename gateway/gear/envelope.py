@@ -15,10 +15,10 @@ from numpy.typing import ArrayLike
 
 from drivers.types import FloatArray
 from gateway.errors import ModelError
-from gateway.gear.cycloid import Section
+from gateway.gear.cycloid import ProfileSection
 from gateway.gear.first_order import abg, along_normal, local_twist, stroke_slope
 from gateway.gear.grinding import Grinding
-from gateway.gear.ray import LONGEST_STEP, Rays, State, step
+from gateway.gear.ray import LONGEST_STEP, FlankRays, RayState, step
 from gateway.gear.valley import deepest
 from gateway.model.parts import Vector
 from gateway.model.stroke import split
@@ -67,26 +67,28 @@ def _block(grinding: Grinding, k: FloatArray, theta: FloatArray, z: FloatArray) 
     return _solve(rays, state).reshape(np.broadcast_shapes(k.shape, theta.shape, z.shape))
 
 
-def prepare(grinding: Grinding, k: FloatArray, theta: FloatArray, z: FloatArray) -> tuple[Rays, State]:
+def prepare(grinding: Grinding, k: FloatArray, theta: FloatArray, z: FloatArray) -> tuple[FlankRays, RayState]:
     """The rays of nominal points (arrays that broadcast together, flattened) and where Newton starts."""
     shape = np.broadcast_shapes(k.shape, theta.shape, z.shape)
     local = grinding.gear.section(theta)
     return _enter(grinding, local, k, z, shape), _start(grinding, local, k, theta, z, shape)
 
 
-def _enter(grinding: Grinding, local: Section, k: FloatArray, z: FloatArray, shape: tuple[int, ...]) -> Rays:
+def _enter(
+    grinding: Grinding, local: ProfileSection, k: FloatArray, z: FloatArray, shape: tuple[int, ...]
+) -> FlankRays:
     """The block's rays, seen from the stroke axis."""
     stroke = split(grinding.chain, grinding.stroke, grinding.commands(k, 0.0))
     nominal = local.turned(grinding.gear.space_angle(k))
     point, normal = stroke.enter((nominal.x, nominal.y, z), (nominal.nx, nominal.ny, np.zeros(())))
     if stroke.outer.ndim > 2:
         stroke = replace(stroke, outer=np.broadcast_to(stroke.outer, (*shape, 4, 4)).reshape(-1, 4, 4))
-    return Rays(grinding, stroke, _flat(point, shape), _flat(normal, shape))
+    return FlankRays(grinding, stroke, _flat(point, shape), _flat(normal, shape))
 
 
 def _start(
-    grinding: Grinding, local: Section, k: FloatArray, theta: FloatArray, z: FloatArray, shape: tuple[int, ...]
-) -> State:
+    grinding: Grinding, local: ProfileSection, k: FloatArray, theta: FloatArray, z: FloatArray, shape: tuple[int, ...]
+) -> RayState:
     """e1 - R g^2/(2 n_x) at s = z - R g/n_x, or the deepest valley of a scan."""
     R = grinding.E - local.x
     g = stroke_slope(grinding, local, k, z)
@@ -94,10 +96,10 @@ def _start(
     guess = z - np.clip(R * g / local.nx, -LONGEST_STEP, LONGEST_STEP)
     s, low, high = deepest(grinding, local, k, z) or (guess, np.asarray(-np.inf), np.asarray(np.inf))
     parts = (theta, e - 0.5 * R * g**2 / local.nx, s, low, high)
-    return State(*(np.broadcast_to(part, shape).ravel() for part in parts))
+    return RayState(*(np.broadcast_to(part, shape).ravel() for part in parts))
 
 
-def _solve(rays: Rays, state: State) -> FloatArray:
+def _solve(rays: FlankRays, state: RayState) -> FloatArray:
     """e of every ray: the whole block first, then only the rays that are still moving."""
     out, index, left = np.empty_like(state.e), np.arange(state.e.size), state.e
     for count in range(1, STEPS + 1):

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from drivers.types import FloatArray
-from gateway.gear.cycloid import Section
+from gateway.gear.cycloid import ProfileSection
 from gateway.gear.grinding import Grinding
 from gateway.model import se3
 
@@ -66,7 +66,7 @@ def flank_abg(grinding: Grinding, k: ArrayLike, z: ArrayLike) -> FloatArray:
     return abg(local_twist(grinding, k, z), z)
 
 
-def along_normal(section: Section, terms: FloatArray) -> FloatArray:
+def along_normal(section: ProfileSection, terms: FloatArray) -> FloatArray:
     """A n_x + B n_y + G h of (..., 3)."""
     return terms[..., 0] * section.nx + terms[..., 1] * section.ny + terms[..., 2] * section.h
 
@@ -78,7 +78,7 @@ def first_order(grinding: Grinding, k: ArrayLike, theta: ArrayLike, z: ArrayLike
     return along_normal(section, flank_abg(grinding, k, z)) + grinding.dressing.first_order(section, t)
 
 
-def stroke_slope(grinding: Grinding, section: Section, k: ArrayLike, z: ArrayLike) -> FloatArray:
+def stroke_slope(grinding: Grinding, section: ProfileSection, k: ArrayLike, z: ArrayLike) -> FloatArray:
     """g = d e1 / d stroke with the point held (mm/mm)."""
     at = np.asarray(z, dtype=np.float64)
     above, below = (abg(local_twist(grinding, k, at + step), at) for step in (STEP, -STEP))
@@ -122,7 +122,7 @@ def _curvature_slope(grinding: Grinding, theta: FloatArray) -> FloatArray:
 
 
 def _displacement(
-    grinding: Grinding, section: Section, k: ArrayLike, z: FloatArray
+    grinding: Grinding, section: ProfileSection, k: ArrayLike, z: FloatArray
 ) -> tuple[tuple[FloatArray, FloatArray, FloatArray], tuple[FloatArray, FloatArray, FloatArray]]:
     """Exact displacement of the points by E_W = T_act inv(T_id) and its rotation vector, in the space's frame."""
     q = grinding.commands(k, z)

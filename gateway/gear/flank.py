@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from drivers.types import FloatArray
 from gateway.errors import ModelError
-from gateway.gear.cycloid import CycloidGear, Section
+from gateway.gear.cycloid import CycloidGear, ProfileSection
 
 FRACTION = 0.95  # of the profile that is judged
 
@@ -55,7 +55,7 @@ class FlankGrid:
         return self.zs
 
     @property
-    def section(self) -> Section:
+    def section(self) -> ProfileSection:
         """Nominal profile of space 0 at the profile angles, arrays (T, 1)."""
         return self.gear.section(self.theta)
 

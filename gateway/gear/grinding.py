@@ -20,7 +20,7 @@ from gateway.gear.cycloid import CycloidGear
 from gateway.gear.dressing import Dressing
 from gateway.model import se3
 from gateway.model.chain import Chain
-from gateway.model.stroke import Pose, Twist, split
+from gateway.model.stroke import StrokePose, Twist, split
 
 ALIGNED = 1e-6  # rad and mm/mm: how exactly the ideal machine must be a form grinder
 PROFILE_SAMPLES = 721
@@ -148,7 +148,7 @@ def contact_angle(section: WheelSection, twist: Twist) -> FloatArray:
     return np.asarray(np.arctan2(sense * a, -sense * b) + np.arcsin(sense * c / size))
 
 
-def stroke_pose(grinding: Grinding, k: ArrayLike, s: ArrayLike) -> Pose:
+def stroke_pose(grinding: Grinding, k: ArrayLike, s: ArrayLike) -> StrokePose:
     """The stroke axis at heights s (mm) of spaces k, every other axis where the space needs it."""
     q = grinding.commands(k, s)
     return split(grinding.chain, grinding.stroke, q).pose(q[grinding.stroke])

@@ -25,7 +25,7 @@ OFFSET, RADIUS = "dressing.offset", "dressing.radius"
 
 
 @dataclass(frozen=True, slots=True)
-class Parameter:
+class ErrorParameter:
     """One column: an error ("EXX", "B0Z"), an axis' command ("X") or a dressing value, times a basis function.
 
     ``basis`` takes the positions of the axes in ``over`` (own axis if empty), mm or rad; none means constant.
@@ -115,12 +115,12 @@ class RmsForm:
         return np.sqrt(np.einsum("i...,i...->...", image, image))
 
 
-def linear_flank(grinding: Grinding, grid: FlankGrid, parameters: Sequence[Parameter | str]) -> LinearFlank:
+def linear_flank(grinding: Grinding, grid: FlankGrid, parameters: Sequence[ErrorParameter | str]) -> LinearFlank:
     """The linear map of those parameters on a grid; strings stand for constants.
 
     Raises ModelError E-CHAIN-ERROR-NAME for an unknown source.
     """
-    wanted = [Parameter(p) if isinstance(p, str) else p for p in parameters]
+    wanted = [ErrorParameter(p) if isinstance(p, str) else p for p in parameters]
     k, z = grid.ks[:, None], grid.zs
     q = grinding.commands(k, z)
     influences = {influence.axis.name: influence for influence in grinding.chain.influences(q)}
@@ -153,7 +153,7 @@ def _source(
     return abg(to_space(grinding, k, twist), z)
 
 
-def _weight(grinding: Grinding, parameter: Parameter, q: Positions) -> FloatArray:
+def _weight(grinding: Grinding, parameter: ErrorParameter, q: Positions) -> FloatArray:
     if parameter.basis is None:
         return np.ones(())
     over = parameter.over or (_own_axis(grinding, parameter.source),)

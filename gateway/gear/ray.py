@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.types import FloatArray
-from gateway.gear.cycloid import Section
+from gateway.gear.cycloid import ProfileSection
 from gateway.gear.grinding import Grinding
 from gateway.model.parts import Vector, add, cross, scale, sub
 from gateway.model.stroke import Stroke
@@ -19,7 +19,7 @@ FLATTEST = 0.05  # of the wheel's own curvature along the stroke: less is taken 
 
 
 @dataclass(frozen=True, slots=True)
-class Rays:
+class FlankRays:
     """Nominal points and normals entered into the stroke axis' frame, flat arrays (N,)."""
 
     grinding: Grinding
@@ -27,7 +27,7 @@ class Rays:
     point: Vector
     normal: Vector
 
-    def at(self, which: NDArray[np.bool_]) -> Rays:
+    def at(self, which: NDArray[np.bool_]) -> FlankRays:
         """Only the rays marked."""
         stroke = self.stroke
         if stroke.outer.ndim > 2:
@@ -36,7 +36,7 @@ class Rays:
 
 
 @dataclass(frozen=True, slots=True)
-class State:
+class RayState:
     """Unknowns theta (rad), e (mm) and stroke height s (mm) with the bracket of s, flat arrays (N,)."""
 
     theta: FloatArray
@@ -45,9 +45,9 @@ class State:
     low: FloatArray
     high: FloatArray
 
-    def at(self, which: NDArray[np.bool_]) -> State:
+    def at(self, which: NDArray[np.bool_]) -> RayState:
         """Only those marked."""
-        return State(self.theta[which], self.e[which], self.s[which], self.low[which], self.high[which])
+        return RayState(self.theta[which], self.e[which], self.s[which], self.low[which], self.high[which])
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +64,7 @@ class _Seen:
     change: Vector
 
 
-def step(rays: Rays, state: State) -> tuple[State, FloatArray]:
+def step(rays: FlankRays, state: RayState) -> tuple[RayState, FloatArray]:
     """One step for all rays; also (N,) how far e may have been from its end before the step (mm).
 
     Solves d_n + a de - f ds = 0 and f' = 0, f = n . v: e is least over s where f = 0. dn, dt are the distances of the
@@ -85,10 +85,10 @@ def step(rays: Rays, state: State) -> tuple[State, FloatArray]:
     de = (f * ds - dn) / a
     dtheta = (dt + way_t * de - slide * ds) / profile.speed
     left = np.abs(de) + grade * ds**2 + np.abs(profile.curvature) * dt**2
-    return State(state.theta + dtheta, state.e + de, state.s + ds, low, high), left
+    return RayState(state.theta + dtheta, state.e + de, state.s + ds, low, high), left
 
 
-def residual(rays: Rays, state: State) -> FloatArray:
+def residual(rays: FlankRays, state: RayState) -> FloatArray:
     """What `step` brings to zero, (3, N): distances along normal and tangent (mm), and n . v (mm/mm)."""
     profile = rays.grinding.dressing.section(rays.grinding.gear, state.theta)
     seen = _look(rays, state)
@@ -97,7 +97,7 @@ def residual(rays: Rays, state: State) -> FloatArray:
     return np.stack([dn, dt, f])
 
 
-def _look(rays: Rays, state: State) -> _Seen:
+def _look(rays: FlankRays, state: RayState) -> _Seen:
     grinding, sense = rays.grinding, rays.grinding.stroke_sense
     pose = rays.stroke.pose(grinding.stroke_command(state.s))
     p = pose.point(add(rays.point, scale(state.e, rays.normal)))
@@ -114,12 +114,12 @@ def _around(v: Vector, c: FloatArray, s: FloatArray) -> Vector:
     return v[1], s * v[2] - c * v[0], s * v[0] + c * v[2]
 
 
-def _on_profile(profile: Section, axial: FloatArray, radial: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _on_profile(profile: ProfileSection, axial: FloatArray, radial: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Parts along the profile's normal (n_y, -n_x) and tangent (n_x, n_y) of the (y, rho) plane."""
     return axial * profile.ny - radial * profile.nx, axial * profile.nx + radial * profile.ny
 
 
-def _bracket(state: State, pull: FloatArray, sure: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
+def _bracket(state: RayState, pull: FloatArray, sure: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
     left, right = sure & (pull < 0.0), sure & (pull > 0.0)
     return np.where(left, state.s, state.low), np.where(right, state.s, state.high)
 

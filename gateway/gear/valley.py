@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from drivers.types import FloatArray
-from gateway.gear.cycloid import Section
+from gateway.gear.cycloid import ProfileSection
 from gateway.gear.first_order import abg, along_normal, local_twist
 from gateway.gear.grinding import Grinding
 
@@ -17,7 +17,7 @@ ANGLES = ("ea", "eb", "ec")
 Found = tuple[FloatArray, FloatArray, FloatArray]
 
 
-def deepest(grinding: Grinding, local: Section, k: FloatArray, z: FloatArray) -> Found | None:
+def deepest(grinding: Grinding, local: ProfileSection, k: FloatArray, z: FloatArray) -> Found | None:
     """Stroke height of the deepest cut and its bracket, broadcast shape; None where one valley is certain.
 
     The cut is judged by e1(point held; s) + n_x (s - z)^2 / (2 R), every `SPACING` of s.
@@ -46,7 +46,7 @@ def _bend(grinding: Grinding, nodes: FloatArray) -> float:
     return total
 
 
-def _span(twists: FloatArray, local: Section, z: FloatArray) -> float:
+def _span(twists: FloatArray, local: ProfileSection, z: FloatArray) -> float:
     """How much e1 can change along the stroke."""
     span = np.max(np.ptp(twists, axis=-2), axis=tuple(range(twists.ndim - 2)))
     high = float(np.max(np.abs(z)))
@@ -54,7 +54,7 @@ def _span(twists: FloatArray, local: Section, z: FloatArray) -> float:
 
 
 def _scan(
-    local: Section, wheel: FloatArray, twists: FloatArray, z: FloatArray, nodes: FloatArray, reach: int
+    local: ProfileSection, wheel: FloatArray, twists: FloatArray, z: FloatArray, nodes: FloatArray, reach: int
 ) -> FloatArray:
     """The node with the least e, looked for ``reach`` nodes to each side of z."""
     shape = np.broadcast_shapes(twists.shape[:-2], z.shape)

@@ -26,7 +26,7 @@ LARGEST_TILT = 0.5  # rad: what is larger is a wrong unit or another machine, no
 
 
 @dataclass(frozen=True, slots=True)
-class Link:
+class FixedLink:
     """A fixed joint: trans(xyz) Rz(c) Ry(b) Rx(a), mm and rad."""
 
     xyz: tuple[float, float, float] = (0.0, 0.0, 0.0)

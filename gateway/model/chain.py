@@ -16,11 +16,11 @@ from numpy.typing import ArrayLike
 from drivers.types import FloatArray
 from gateway.errors import ModelError
 from gateway.model import se3
-from gateway.model.axis import LOCATIONS, MOTIONS, Axis, Link, Motion
+from gateway.model.axis import LOCATIONS, MOTIONS, Axis, FixedLink, Motion
 
 Positions = Mapping[str, ArrayLike]
 Frame = Literal["work", "wheel"]
-Element = Axis | Link
+Element = Axis | FixedLink
 
 LETTERS = ("X", "Y", "Z", "A", "B", "C")
 
@@ -147,7 +147,7 @@ def fold(side: tuple[Element, ...], q: Positions, *, actual: bool) -> FloatArray
     """Product of the elements of one side, (..., 4, 4), with or without their errors."""
     T = np.eye(4)
     for element in side:
-        if isinstance(element, Link):
+        if isinstance(element, FixedLink):
             T = T @ element.matrix()
         else:
             at = position(q, element.name)
@@ -167,7 +167,7 @@ def _walk(side: tuple[Element, ...], q: Positions) -> Iterator[tuple[Axis, Float
     """Each axis of one side with the ideal pose of its parent in the bed frame."""
     T = np.eye(4)
     for element in side:
-        if isinstance(element, Link):
+        if isinstance(element, FixedLink):
             T = T @ element.matrix()
         else:
             yield element, T

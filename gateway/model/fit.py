@@ -98,21 +98,6 @@ def fit_polygon(
     return _component(_polygon(data), data, name, axis, axis_unit)
 
 
-def fit_bspline(
-    positions: ArrayLike,
-    values: ArrayLike,
-    interior: Iterable[float],
-    u: ArrayLike | float,
-    *,
-    name: str,
-    axis: str,
-    axis_unit: AxisUnit,
-) -> Component:
-    """Least-squares cubic B-spline with given interior knots (Schoenberg-Whitney: E-MODEL-CONDITION)."""
-    data = _data(positions, values, u)
-    return _component(_candidate("bspline", _knots(data.at, tuple(interior)), data), data, name, axis, axis_unit)
-
-
 def _component(best: Candidate, data: _Data, name: str, axis: str, axis_unit: AxisUnit) -> Component:
     return Component(
         name=name,

@@ -8,7 +8,7 @@ from typing import Literal
 
 from drivers.units import DeviationUnit, arcsec_to_rad, um_to_mm
 from gateway.domain import Component, component_unit
-from gateway.model.axis import Link, Motion
+from gateway.model.axis import FixedLink, Motion
 from gateway.model.chain import Chain
 from gateway.model.motion import motion_from
 from gateway.model.preset import TWENTY_ONE, yk7350b
@@ -81,7 +81,7 @@ def chain_of_errors(
     errors: dict[str, Motion] = {one.name: motion_from(one) for one in model.motions if one.name in TWENTY_ONE}
     errors |= {one.name: in_mm_rad(one.unit, one.value) for one in model.locations if one.name in TWENTY_ONE}
     chain = yk7350b(errors, c_frame=c_frame)
-    return Chain((*chain.work, Link((0.0, 0.0, height_mm))), chain.tool) if height_mm else chain
+    return Chain((*chain.work, FixedLink((0.0, 0.0, height_mm))), chain.tool) if height_mm else chain
 
 
 def unmeasured(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from gateway.errors import ModelError
-from gateway.model.axis import Axis, Link
+from gateway.model.axis import Axis, FixedLink
 from gateway.model.chain import Chain, Element
 from gateway.model.motion import motion_of
 
@@ -41,7 +41,7 @@ def _element(data: object, where: str) -> Element:
         if key not in known:
             raise ModelError("E-CHAIN-WORD", where, key="key", value=key, known=", ".join(known))
     if data.get("kind") == "fixed":
-        return Link(data.get("xyz", (0.0, 0.0, 0.0)), data.get("abc", (0.0, 0.0, 0.0)))
+        return FixedLink(data.get("xyz", (0.0, 0.0, 0.0)), data.get("abc", (0.0, 0.0, 0.0)))
     for key in AXIS_KEYS[:3]:
         if key not in data:
             raise ModelError("E-CHAIN-ELEMENT", where, why=f"key {key} is missing")

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from gateway.domain import FloatArray
 from gateway.errors import NotIdentifiable
@@ -50,44 +49,3 @@ def weighted(design: FloatArray, values: FloatArray, u: FloatArray, where: str =
     chi_square = float(np.sum((residual / u) ** 2))
     scatter = max(1.0, chi_square / (m - p)) if m > p else 1.0
     return Regression(coefficients, inverse @ inverse.T * scatter, residual, np.sum(left**2, axis=1), chi_square)
-
-
-def slope_of(x: FloatArray, y: FloatArray, u: FloatArray) -> tuple[float, float]:
-    """Plain least-squares slope of y (m,) along x (m,), and its standard uncertainty from that of each point (m,)."""
-    centred = x - x.mean()
-    power = float(centred @ centred)
-    if power == 0.0:
-        raise NotIdentifiable("E-MODEL-POINTS", "slope", points=int(x.size), unknowns=2)
-    return float(centred @ y) / power, float(np.sqrt(np.sum((centred * u) ** 2))) / power
-
-
-@dataclass(frozen=True, slots=True)
-class PolynomialFit:
-    """y = sum coef_k (x - origin)^k with covariance and residual standard deviation s (relative weights)."""
-
-    origin: float
-    coefficients: FloatArray
-    covariance: FloatArray
-    s: float
-
-    def at(self, x: float) -> tuple[float, float]:
-        """Value and standard uncertainty at x."""
-        g = np.vander(np.asarray([x - self.origin]), self.coefficients.size, increasing=True)[0]
-        return float(g @ self.coefficients), float(np.sqrt(g @ self.covariance @ g))
-
-
-def fit_polynomial(x: ArrayLike, y: ArrayLike, degree: int, origin: float = 0.0) -> PolynomialFit:
-    """Unweighted polynomial of (x - origin), uncertainties from the residual scatter (GUM H.3).
-
-    Raises NotIdentifiable (E-MODEL-POINTS) unless there are more points than coefficients.
-    """
-    at, values = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
-    unknowns = degree + 1
-    if at.size <= unknowns:
-        raise NotIdentifiable("E-MODEL-POINTS", "polynomial", points=at.size, unknowns=unknowns)
-    design = np.vander(at - origin, unknowns, increasing=True)
-    left, singular, right = np.linalg.svd(design, full_matrices=False)
-    inverse = right.T / singular
-    coefficients = inverse @ (left.T @ values)
-    s = float(np.sqrt(np.sum((values - design @ coefficients) ** 2) / (at.size - unknowns)))
-    return PolynomialFit(origin, coefficients, inverse @ inverse.T * s**2, s)

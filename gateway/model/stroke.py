@@ -42,7 +42,7 @@ class Twist:
 
 
 @dataclass(frozen=True, slots=True)
-class Pose:
+class StrokePose:
     """The stroke axis at given positions: its rotation R, path g, offset delta; twist and its derivative."""
 
     stroke: Stroke
@@ -93,7 +93,7 @@ class Stroke:
         R, shift = rotation(self.inner[..., :3, :3]), vector(self.inner[..., :3, 3])
         return add(turn(R, point), shift), turn(R, direction)
 
-    def pose(self, s: FloatArray) -> Pose:
+    def pose(self, s: FloatArray) -> StrokePose:
         """The axis at commands s (mm, any shape)."""
         value, first, second = self._errors(s)
         direction, shift = self.axis.path()
@@ -102,7 +102,7 @@ class Stroke:
         offset, R = (value[0], value[1], value[2]), rpy(value[3], value[4], value[5])
         twist = self._twist(R, path, offset, _spin(value, first), (first[0], first[1], first[2]), d)
         rate = self._twist(R, path, offset, _spin(value, second), (second[0], second[1], second[2]), NOWHERE)
-        return Pose(self, R, path, offset, twist, rate)
+        return StrokePose(self, R, path, offset, twist, rate)
 
     def _twist(self, R: Rotation, path: Vector, offset: Vector, spin: Vector, slip: Vector, d: Vector) -> Twist:
         """Body twist of S for the tool side; minus its bed twist for the work side; in the wheel's frame."""

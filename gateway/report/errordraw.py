@@ -11,7 +11,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from drivers.types import FloatArray
-from gateway.domain import Component, TableChange
+from gateway.domain import COVERAGE, Component, TableChange
 from gateway.model.components import is_periodic, standard_uncertainty, value
 from gateway.model.known import ErrorModel, Unknown
 from gateway.model.preset import MOTION_NAMES
@@ -22,7 +22,6 @@ from gateway.report.words import number, signed
 
 POINTS = 121
 COLUMNS = 6
-COVERAGE = 2.0
 TAGS: dict[Tag, str] = {
     "EEC": "#5f86ab",
     "set-up": "#8a9299",

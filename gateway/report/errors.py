@@ -8,7 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 from drivers.units import DeviationUnit
-from gateway.domain import Component
+from gateway.domain import COVERAGE, Component
 from gateway.model.components import is_periodic, standard_uncertainty, value
 from gateway.model.known import ErrorModel
 from gateway.model.preset import TWENTY_ONE
@@ -41,9 +41,9 @@ def error_rows(model: ErrorModel) -> tuple[ErrorRow, ...]:
     """Rows in the usual order, then whatever else was located (X0C, Y0C)."""
     found = {one.name: _motion(one, model.systematic.get(one.name, 0.0)) for one in model.motions}
     for one in model.locations:
-        found[one.name] = ErrorRow(one.name, one.unit, one.value, one.value, 2.0 * one.u, "measured", one.how)
+        found[one.name] = ErrorRow(one.name, one.unit, one.value, one.value, COVERAGE * one.u, "measured", one.how)
     for gap in model.unknown:
-        found[gap.name] = ErrorRow(gap.name, gap.unit, -gap.span, gap.span, 2.0 * gap.u, "assumed", NOBODY)
+        found[gap.name] = ErrorRow(gap.name, gap.unit, -gap.span, gap.span, COVERAGE * gap.u, "assumed", NOBODY)
     order = [*TWENTY_ONE, *(name for name in found if name not in TWENTY_ONE)]
     return tuple(found[name] for name in order if name in found)
 
@@ -52,7 +52,7 @@ def _motion(one: Component, systematic: float) -> ErrorRow:
     low, high = (0.0, 360.0) if is_periodic(one) else one.domain
     at = np.linspace(low, high, POINTS)
     values = value(one, at)
-    U = 2.0 * float(np.hypot(np.max(standard_uncertainty(one, at)), systematic))
+    U = COVERAGE * float(np.hypot(np.max(standard_uncertainty(one, at)), systematic))
     found = float(values.min()), float(values.max())
     return ErrorRow(one.name, one.unit, *found, U, "measured", _fitted(one, low, high))
 

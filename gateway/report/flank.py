@@ -9,11 +9,11 @@ from typing import Literal
 import numpy as np
 
 from drivers.types import FloatArray
+from gateway.domain import COVERAGE
 from gateway.gear.setright import set_right
 from gateway.report.material import ToothMaterial
 from gateway.tooth import FlankMap, FlankPrediction, InspectedFlank
 
-COVERAGE = 2.0
 ENDS = ("before", "after")
 FROM_GEAR = "with the tables and set-up values it asks for"
 STEPS = (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from drivers.errors import words
+from gateway.domain import COVERAGE
 from gateway.report.errors import error_rows
-from gateway.report.flank import COVERAGE, before_after
+from gateway.report.flank import before_after
 from gateway.report.material import ReportMaterial, ToothMaterial
 from gateway.report.missing import PUSHED, missing
 from gateway.report.rows import cure_rows, setup_rows

@@ -8,7 +8,7 @@ from typing import Literal
 
 from drivers.types import Identity, MachineIdentity, SignProof
 from drivers.units import AxisUnit, DeviationUnit, deviation_unit
-from gateway.correct.undone import Open
+from gateway.correct.outlook.next_setup import Open
 from gateway.domain import AxisVerdict, Capture, Component, Evaluation, PushRecord, SenseProof, TableChange
 from gateway.gear.cycloid import CycloidGear
 from gateway.model.known import ErrorModel

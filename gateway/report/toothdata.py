@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from gateway.domain import COVERAGE
 from gateway.report.cured import shares
 from gateway.report.errors import error_rows
-from gateway.report.flank import COVERAGE, FlankState, before_after, gain_pct, states
+from gateway.report.flank import FlankState, before_after, gain_pct, states
 from gateway.report.material import ReportMaterial, TableMaterial, ToothMaterial
 from gateway.report.missing import missing
 from gateway.report.rows import cure_rows, figure_rows, inspected_parts, setup_rows, table_rows

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from gateway.correct.undone import Open
+from gateway.correct.outlook.next_setup import Open
 from gateway.report import toothplots
 from gateway.report.cured import Share, shares
 from gateway.report.errors import ErrorRow, error_rows

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from gateway.domain import COVERAGE
 from gateway.model.preset import TWENTY_ONE
 from gateway.report.errors import ErrorRow
-from gateway.report.flank import COVERAGE, before_after, gain_pct
+from gateway.report.flank import before_after, gain_pct
 from gateway.report.material import Outcome, ReportMaterial, ToothMaterial
 from gateway.report.words import OUTCOME, number, percent
 

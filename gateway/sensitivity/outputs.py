@@ -15,7 +15,7 @@ from gateway.gear.first_order import judged
 from gateway.gear.flank import FlankGrid, flank_figure
 from gateway.gear.grinding import Grinding
 from gateway.gear.inspection import inspect
-from gateway.gear.linear import Parameter, linear_flank
+from gateway.gear.linear import ErrorParameter, linear_flank
 from gateway.model.axis import Motion
 
 OUTPUTS = ("rms", "largest", "profile", "lead", "pitch", "runout")
@@ -134,11 +134,11 @@ def _constant(motion: Motion) -> float:
     return 0.0 if callable(motion) else float(motion)
 
 
-def _parameter(span: Span) -> Parameter:
+def _parameter(span: Span) -> ErrorParameter:
     shape = span.shape
     if callable(shape):
-        return Parameter(span.name, shape)
-    return Parameter(span.name) if shape == 1.0 else Parameter(span.name, lambda q: np.full_like(q, shape))
+        return ErrorParameter(span.name, shape)
+    return ErrorParameter(span.name) if shape == 1.0 else ErrorParameter(span.name, lambda q: np.full_like(q, shape))
 
 
 def _motion(span: Span, size: float) -> Motion:

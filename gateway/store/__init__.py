@@ -1,11 +1,10 @@
-"""Run folders, their index, the machines' sign proofs and set-up values: what is stored stays what it was."""
+"""Run folders, the machines' sign proofs and set-up values: what is stored stays what it was."""
 
 from __future__ import annotations
 
 from gateway.store.folder import RunFolder, RunSummary, Store
-from gateway.store.index import Index
 from gateway.store.maps import Maps, Said
 from gateway.store.proofs import Proofs
 from gateway.store.setupbook import SetupBook, SetupEntry
 
-__all__ = ["Index", "Maps", "Proofs", "RunFolder", "RunSummary", "Said", "SetupBook", "SetupEntry", "Store"]
+__all__ = ["Maps", "Proofs", "RunFolder", "RunSummary", "Said", "SetupBook", "SetupEntry", "Store"]

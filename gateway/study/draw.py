@@ -18,7 +18,7 @@ from matplotlib.ticker import MaxNLocator
 
 from drivers.types import FloatArray
 from drivers.units import mm_to_um
-from gateway.correct.ownlayer import AxisCurve
+from gateway.correct.plan.ownlayer import AxisCurve
 from gateway.gear.flank import FlankGrid
 from gateway.sensitivity.ranks import Ranked
 from gateway.study.tell import tag

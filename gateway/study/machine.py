@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from drivers.units import arcsec_to_rad, deg_to_rad, um_to_mm
-from gateway.correct.plan import AxisGrid, Plan
+from gateway.correct.plan.plan import AxisGrid, Plan
 from gateway.errors import ModelError
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import FlankGrid, flank_grid

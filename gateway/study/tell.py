@@ -10,8 +10,8 @@ import numpy as np
 from drivers.errors import words
 from drivers.types import CompensationTable
 from drivers.units import mm_to_um, rad_to_arcsec
-from gateway.correct.compensability import Cure
-from gateway.correct.layers import LayeredCorrection
+from gateway.correct.flank.compensability import Cure
+from gateway.correct.plan.layers import LayeredCorrection
 from gateway.gear.flank import FlankFigure
 from gateway.model.axis import MOTIONS
 from gateway.model.chain import LETTERS, Chain

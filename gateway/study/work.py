@@ -10,21 +10,21 @@ import numpy as np
 
 from drivers.types import FloatArray
 from drivers.units import arcsec_to_rad, um_to_mm
-from gateway.correct.compensability import Cure, cures
-from gateway.correct.flankmodel import FlankModel, flank_model
-from gateway.correct.floor import Floor, floor
-from gateway.correct.fromgear import Visible, visible
-from gateway.correct.layers import LayeredCorrection, correct
-from gateway.correct.noise import Noise, noise_patterns
-from gateway.correct.plan import Plan, cross_specs, setup_values
-from gateway.correct.products import ProductResult, product_layer
-from gateway.correct.shapes import shapes_over
+from gateway.correct.flank.compensability import Cure, cures
+from gateway.correct.flank.flankmodel import FlankModel, flank_model
+from gateway.correct.flank.noise import FitNoise, noise_patterns
+from gateway.correct.flank.travel_shapes import shapes_over
+from gateway.correct.part.fromgear import Visible, visible
+from gateway.correct.plan.layers import LayeredCorrection, correct
+from gateway.correct.plan.plan import Plan, cross_specs, setup_values
+from gateway.correct.plan.products import ProductResult, product_layer
+from gateway.correct.solve.floor import Floor, floor
 from gateway.errors import ModelError
 from gateway.gear.first_order import judged
 from gateway.gear.flank import FlankFigure, FlankGrid, flank_figure
 from gateway.gear.grinding import Grinding
 from gateway.gear.inspection import Inspection, inspect
-from gateway.gear.linear import Parameter, linear_flank
+from gateway.gear.linear import ErrorParameter, linear_flank
 from gateway.model.chain import Chain
 from gateway.sensitivity.next import Next, measure_next
 from gateway.sensitivity.outputs import OUTPUTS, FlankOutputs, Order, equal_size, equal_spans, measured_spans
@@ -126,20 +126,20 @@ def study(
     )
 
 
-def doubt_columns(chain: Chain, names: tuple[str, ...], doubt: Doubt, plan: Plan) -> list[tuple[Parameter, float]]:
+def doubt_columns(chain: Chain, names: tuple[str, ...], doubt: Doubt, plan: Plan) -> list[tuple[ErrorParameter, float]]:
     """How each error may be wrong: a location error by its value, a motion by independent smooth shapes that together
     make its standard uncertainty (first and second order over the travel, or two harmonics around the turn)."""
-    found: list[tuple[Parameter, float]] = []
+    found: list[tuple[ErrorParameter, float]] = []
     for name in names:
         axis, _ = chain.error_place(name)
         usual = arcsec_to_rad(doubt.angular_arcsec) if is_angle(name) else um_to_mm(doubt.linear_um)
         each = doubt.each.get(name)
         u = usual if each is None else each * (arcsec_to_rad(1.0) if is_angle(name) else um_to_mm(1.0))
         if not name.startswith("E"):
-            found.append((Parameter(name), u))
+            found.append((ErrorParameter(name), u))
             continue
         shapes = shapes_over(chain, axis, travels(plan, chain).get(axis, (-1.0, 1.0)))
-        found += [(Parameter(name, shape), u / np.sqrt(len(shapes))) for shape in shapes]
+        found += [(ErrorParameter(name, shape), u / np.sqrt(len(shapes))) for shape in shapes]
     return found
 
 
@@ -159,10 +159,10 @@ def _cures(grinding: Grinding, grid: FlankGrid, names: tuple[str, ...]) -> dict[
         one = grinding.chain.axis(axis)
         motion = one.err.get(key, one.loc.get(key, 0.0))
         if callable(motion):
-            wanted.append(Parameter(name, motion))
+            wanted.append(ErrorParameter(name, motion))
         else:
             size = float(motion) or equal_size(name)
-            wanted.append(Parameter(name, _Constant(size)))
+            wanted.append(ErrorParameter(name, _Constant(size)))
     return {cure.error: cure for cure in cures(grinding, grid, wanted)}
 
 
@@ -184,7 +184,7 @@ def _second(grinding: Grinding, grid: FlankGrid) -> FloatArray:
     return judged(grinding, grid.k, grid.theta, grid.z).second
 
 
-def _next(grinding: Grinding, grid: FlankGrid, plan: Plan, names: list[str], noise: Noise) -> tuple[Next, ...]:
+def _next(grinding: Grinding, grid: FlankGrid, plan: Plan, names: list[str], noise: FitNoise) -> tuple[Next, ...]:
     model = _tables_model(grinding, grid, plan)
     return measure_next(names, noise.rows(model), model.rows, model.places.points)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from drivers.clock import Clock
 from drivers.errors import TrueflankError
 from gateway.config import SiteFile
-from gateway.correct.setupvalues import setup_from_part
+from gateway.correct.part.setupvalues import setup_from_part
 from gateway.domain import Proposal, Verdict
 from gateway.model.known import ErrorModel
 from gateway.say import Say

@@ -13,11 +13,11 @@ from drivers.clock import Clock
 from drivers.errors import TrueflankError, words
 from drivers.types import LiveSet
 from gateway.config import SiteFile
-from gateway.correct.plan import AxisGrid
-from gateway.correct.undone import THRESHOLD_UM, Open, Tooth, what_next
+from gateway.correct.outlook.next_setup import THRESHOLD_UM, Open, Tooth, what_next
+from gateway.correct.plan.plan import AxisGrid
 from gateway.domain import Capture, Equipment
 from gateway.errors import CaptureError, IllegalTransition
-from gateway.evaluate.errormodel import error_model
+from gateway.evaluate.geometry.errormodel import error_model
 from gateway.model.known import ErrorModel
 from gateway.report.errors import ErrorRow, error_rows
 from gateway.say import Say

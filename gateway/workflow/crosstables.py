@@ -10,8 +10,8 @@ import numpy as np
 from drivers.errors import DeviceRefused, words
 from drivers.types import CompensationTable, LiveSet, LiveTable, TableLimits
 from drivers.units import deviation_scale, deviation_unit
-from gateway.correct.records import record
-from gateway.correct.tables import Table
+from gateway.correct.flank.tables import Table
+from gateway.correct.plan.records import record
 from gateway.domain import TableChange
 from gateway.errors import CaptureError
 from gateway.model.chain import Chain

@@ -17,7 +17,7 @@ from gateway.capture.dynamic import DynamicCapture
 from gateway.capture.dynamicrecords import Ended, LiveView, Sink, Stretch, Trigger, unit_of
 from gateway.config import InstrumentSection, SiteFile
 from gateway.errors import CaptureError, NotIdentifiable
-from gateway.evaluate.dynamic import DynamicSpectrum, Settling, settling, spectrum
+from gateway.evaluate.behaviour.dynamic import DynamicSpectrum, Settling, settling, spectrum
 from gateway.say import Say
 from gateway.store import RunFolder
 from gateway.store.rawstream import RawRecorder, StreamFacts, open_stream

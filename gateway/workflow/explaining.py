@@ -10,9 +10,9 @@ from drivers.errors import words
 from drivers.types import FloatArray, LiveTable
 from drivers.units import DeviationUnit
 from gateway.domain import Capture, TableChange
-from gateway.evaluate.hidden import means_between
-from gateway.evaluate.hypotheses import Finding, why
-from gateway.evaluate.repetitions import robust_means
+from gateway.evaluate.behaviour.fine_structure import means_between
+from gateway.evaluate.behaviour.repetitions import robust_means
+from gateway.evaluate.behaviour.table_effect import TableEffect, why
 from gateway.table.comparison import acting, effective
 from gateway.table.reasons import may_harm
 
@@ -20,7 +20,7 @@ from gateway.table.reasons import may_harm
 WIDEN = 1.5
 
 
-def explain(change: TableChange, before: FloatArray, after: FloatArray, U: float = np.inf) -> Finding:
+def explain(change: TableChange, before: FloatArray, after: FloatArray, U: float = np.inf) -> TableEffect:
     """The hypothesis that the means ``before`` and ``after`` (m,) at the change's targets support, if any.
 
     The table's effect comes from the tables themselves, so it carries no noise of the measurement. The uncertainty

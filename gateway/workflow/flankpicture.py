@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from gateway.domain import COVERAGE
 from gateway.report.flank import FlankState
 from gateway.report.flankdraw import flank_maps
 from gateway.report.plots import png
 from gateway.tooth import FlankMap, InspectedFlank
 
 SIZE_INCH = (9.0, 2.4)
-COVERAGE = 2.0
 
 
 def draw_flank(flank: InspectedFlank, folder: Path) -> Path:

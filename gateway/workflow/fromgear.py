@@ -15,12 +15,12 @@ from drivers.errors import TrueflankError, words
 from drivers.types import CompensationTable, FloatArray, LiveSet
 from drivers.units import UM_PER_MM, mm_to_um, rad_to_arcsec
 from gateway.config import SiteFile
-from gateway.correct.flankmodel import table_terms
-from gateway.correct.fromgear import FromGear, correct_from_gear
-from gateway.correct.mounting import mounting_terms
-from gateway.correct.places import places_of_grid
-from gateway.correct.plan import Plan
-from gateway.correct.tables import Correction, Table, TableGrid
+from gateway.correct.flank.flankmodel import table_terms
+from gateway.correct.flank.mounting import mounting_terms
+from gateway.correct.flank.tables import Correction, Table, TableGrid
+from gateway.correct.flank.wheel_places import places_of_grid
+from gateway.correct.part.fromgear import FromGear, correct_from_gear
+from gateway.correct.plan.plan import Plan
 from gateway.domain import Proposal, TableChange
 from gateway.errors import CaptureError
 from gateway.gear.flank import FlankGrid, flank_figure

@@ -18,7 +18,7 @@ from gateway.capture.sense import prove_sense
 from gateway.config import AxisSection, GuardSection, SiteFile, Targets
 from gateway.domain import Capture, Equipment
 from gateway.errors import CaptureError, IllegalTransition
-from gateway.evaluate.repetitions import robust_means
+from gateway.evaluate.behaviour.repetitions import robust_means
 from gateway.guard import Approved, Check, GuardVerdict, guard_axis
 from gateway.model.fit import fit_positioning
 from gateway.say import Say

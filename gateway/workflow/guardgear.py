@@ -10,7 +10,7 @@ from typing import Any
 from drivers.clock import Clock
 from drivers.errors import TrueflankError, words
 from gateway.config import SiteFile
-from gateway.correct.gearguard import guard_flanks
+from gateway.correct.part.gearguard import guard_flanks
 from gateway.guard import GuardVerdict
 from gateway.say import Say
 from gateway.store import RunFolder

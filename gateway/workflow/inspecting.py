@@ -15,7 +15,7 @@ from drivers.errors import ConfigError, DeviceRefused, TrueflankError, words
 from drivers.ports import GearInspector
 from drivers.types import ClampedPart, GearInspection, GearPlan, InspectedGear
 from gateway.config import SiteFile
-from gateway.correct.inspected import About, check_gear, inspected_flank
+from gateway.correct.part.inspected import About, check_gear, inspected_flank
 from gateway.domain import Equipment
 from gateway.errors import IllegalTransition
 from gateway.gear.cycloid import CycloidGear

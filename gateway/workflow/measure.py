@@ -15,9 +15,8 @@ from gateway.capture.sense import prove_sense
 from gateway.capture.targets import between_places, plan_of
 from gateway.config import AxisSection, Targets
 from gateway.domain import Capture, Equipment, Evaluation, Item
-from gateway.evaluate.incurable import told_incurable
-from gateway.evaluate.iso230_2 import evaluate
-from gateway.evaluate.uncertainty import UNKNOWN_OFF_20_K, Budget, linear_budget
+from gateway.evaluate.standards.iso230_2 import evaluate, told_incurable
+from gateway.evaluate.uncertainty.budget import UNKNOWN_OFF_20_K, Budget, linear_budget
 from gateway.store import Maps, RunFolder
 from gateway.table.proposal import InstrumentU
 from gateway.walk import walk

@@ -12,8 +12,8 @@ from drivers.units import deviation_scale
 from gateway.config import AxisSection
 from gateway.domain import Capture, Component, Proposal, TableChange
 from gateway.errors import CaptureError
-from gateway.evaluate.hidden import Hidden, hidden_structure, lonely
-from gateway.evaluate.repetitions import RobustMeans, robust_means
+from gateway.evaluate.behaviour.fine_structure import Hidden, hidden_structure, lonely
+from gateway.evaluate.behaviour.repetitions import RobustMeans, robust_means
 from gateway.interlocks import not_worth_it
 from gateway.model.components import standard_uncertainty, value
 from gateway.model.fit import fit_positioning

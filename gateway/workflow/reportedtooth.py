@@ -8,7 +8,7 @@ from typing import TypeVar
 from drivers.errors import ConfigError
 from drivers.types import SignProof
 from gateway.config import SiteFile
-from gateway.correct.undone import Open, what_next
+from gateway.correct.outlook.next_setup import Open, what_next
 from gateway.domain import Proposal, PushRecord, TableChange, Verdict
 from gateway.errors import ModelError
 from gateway.model.known import ErrorModel

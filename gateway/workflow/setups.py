@@ -10,7 +10,7 @@ from drivers.errors import ConfigError
 from drivers.units import DeviationUnit, deviation_unit
 from gateway.config import AxisSection, SetupSection, SiteFile
 from gateway.domain import component_unit
-from gateway.evaluate.errormodel import Measurement
+from gateway.evaluate.geometry.measurement import Measurement
 from gateway.table.proposal import InstrumentU
 
 # Inherited from the axis' measure section unless the set-up says otherwise.

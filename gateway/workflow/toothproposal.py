@@ -12,19 +12,19 @@ import numpy as np
 from drivers.errors import ConfigError
 from drivers.types import CompensationTable, LiveSet
 from gateway.config import SiteFile, WorkSection
-from gateway.correct.compensability import tangential_cure
-from gateway.correct.doubted import COVERAGE, Shop
-from gateway.correct.importance import cure_errors, rank_errors
-from gateway.correct.layers import LayeredCorrection, correct
-from gateway.correct.noise import noise_patterns
-from gateway.correct.plan import CROSS, Plan, cross_specs
-from gateway.correct.prediction import Outlook, predict
-from gateway.correct.records import record
-from gateway.correct.tables import Table
-from gateway.correct.undone import Tooth, doubts
-from gateway.domain import Proposal, TableChange
-from gateway.evaluate.approach import approach_of
-from gateway.evaluate.hidden import Hidden
+from gateway.correct.flank.compensability import tangential_cure
+from gateway.correct.flank.noise import noise_patterns
+from gateway.correct.flank.tables import Table
+from gateway.correct.outlook.flank_uncertainty import Shop
+from gateway.correct.outlook.next_setup import Tooth, doubts
+from gateway.correct.outlook.prediction import Outlook, predict
+from gateway.correct.outlook.ranking import cure_errors, rank_errors
+from gateway.correct.plan.layers import LayeredCorrection, correct
+from gateway.correct.plan.plan import CROSS, Plan, cross_specs
+from gateway.correct.plan.records import record
+from gateway.domain import COVERAGE, Proposal, TableChange
+from gateway.evaluate.behaviour.approach_scatter import approach_of
+from gateway.evaluate.behaviour.fine_structure import Hidden
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import FlankGrid, flank_grid
 from gateway.gear.grinding import Grinding

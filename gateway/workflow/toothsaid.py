@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from drivers.errors import words
-from gateway.correct.layers import LayeredCorrection
-from gateway.correct.prediction import COVERAGE, Outlook
-from gateway.correct.undone import THRESHOLD_UM
+from gateway.correct.outlook.next_setup import THRESHOLD_UM
+from gateway.correct.outlook.prediction import Outlook
+from gateway.correct.plan.layers import LayeredCorrection
+from gateway.domain import COVERAGE
 from gateway.model.known import ErrorModel
 from gateway.tooth import ToothProposal
 

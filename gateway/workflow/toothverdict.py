@@ -7,11 +7,11 @@ from typing import Literal
 import numpy as np
 
 from drivers.errors import words
+from gateway.domain import COVERAGE
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.setright import set_right
 from gateway.tooth import FlankMap, FlankPrediction, FloatArray, InspectedFlank, ToothVerdict
 
-COVERAGE = 2.0
 LEAST_UM = 0.05  # a smaller change of the RMS is nobody's business, whatever the uncertainty
 Outcome = Literal["better", "unchanged", "worse"]
 _SAID: dict[Outcome, str] = {

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from drivers.types import Ambient, LiveSet
 from gateway.domain import Capture, Corrections
-from gateway.evaluate.errormodel import Measurement, error_model
+from gateway.evaluate.geometry.errormodel import error_model
+from gateway.evaluate.geometry.measurement import Measurement
 from gateway.model.known import ErrorModel, LocationError
 from simulators.truth import Truth
 

@@ -13,7 +13,7 @@ import pytest
 from drivers.clock import LoopClock, run_virtual
 from drivers.errors import ConfigError, TrueflankError, UnsupportedDevice
 from gateway.config import SiteFile, load_site
-from gateway.correct.undone import Tooth
+from gateway.correct.outlook.next_setup import Tooth
 from gateway.domain import Capture
 from gateway.errors import CaptureError
 from gateway.model.components import value

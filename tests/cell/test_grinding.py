@@ -20,7 +20,7 @@ from gateway.workflow.bench import store_of
 from gateway.workflow.grinding import grind_site
 from simulators.cell import Cell, cell_running
 from simulators.cellfile import load_cell, with_plan
-from simulators.grinding.plan import ground
+from tests.unit.simulators.planned_run import ground
 from tests.unit.simulators.test_cell import load_table, settled
 
 SPACES = np.arange(39.0)

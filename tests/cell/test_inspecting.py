@@ -25,10 +25,10 @@ from gateway.workflow.pushing import push_run
 from simulators.cell import Cell, cell_running
 from simulators.cellfile import CellFile, load_cell, with_plan
 from simulators.grinding import WorkPiece
-from simulators.grinding.plan import ground
 from simulators.sensing import GearAnswerer
 from simulators.truth import Truth
 from tests.cell.test_components import few
+from tests.unit.simulators.planned_run import ground
 
 Story = Callable[[Cell, SiteFile, LoopClock], Awaitable[None]]
 

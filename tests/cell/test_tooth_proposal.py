@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from drivers.clock import LoopClock, run_virtual
 from drivers.types import CompensationTable
 from gateway.config import load_site
-from gateway.correct.doubted import Shop
-from gateway.correct.layers import correct
-from gateway.correct.noise import noise_patterns
-from gateway.correct.plan import AxisGrid, Plan
-from gateway.correct.prediction import predict
-from gateway.correct.setupvalues import setup_from_part
-from gateway.correct.undone import doubts
+from gateway.correct.flank.noise import noise_patterns
+from gateway.correct.outlook.flank_uncertainty import Shop
+from gateway.correct.outlook.next_setup import doubts
+from gateway.correct.outlook.prediction import predict
+from gateway.correct.part.setupvalues import setup_from_part
+from gateway.correct.plan.layers import correct
+from gateway.correct.plan.plan import AxisGrid, Plan
 from gateway.domain import Proposal
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import flank_figure, flank_grid
@@ -36,10 +36,10 @@ from gateway.workflow.measure import fetch_tables, store_equipment
 from gateway.workflow.pushing import push_run
 from simulators.cell import Cell, cell_running
 from simulators.cellfile import load_cell, with_plan
-from simulators.grinding.plan import ground
 from simulators.grinding.seat import on_axis
 from simulators.truth import Truth
 from tests.cell.fitted import read
+from tests.unit.simulators.planned_run import ground
 
 SEED = 11
 OWN = {"X1": "EXX", "Z1": "EZZ", "C1": "ECC"}

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from simulators.cell import Cell
 from simulators.grinding import WorkPiece
-from simulators.grinding.plan import ground
 from tests.closing.judge import Places
+from tests.unit.simulators.planned_run import ground
 
 FloatArray = NDArray[np.float64]
 PATH = "/_N_MPF_DIR/_N_AGAIN_MPF"

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from simulators.cellfile.part import Part
 from simulators.grinding import Lobes, WorkPiece
-from simulators.grinding.plan import ground
 from simulators.grinding.seat import on_axis
 from simulators.truth import Truth
 from simulators.truth.chain import Pose
 from tests.closing.tables import Grid, Layout, Table, fitted
+from tests.unit.simulators.planned_run import ground
 
 FloatArray = NDArray[np.float64]
 UM = 1e-3

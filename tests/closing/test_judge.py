@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gateway.correct.compensability import tangential_cure
+from gateway.correct.flank.compensability import tangential_cure
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import flank_figure, flank_grid
 from simulators.cellfile import CellFile, load_cell

@@ -25,8 +25,8 @@ from gateway.capture.targets import positions
 from gateway.config import AxisSection
 from gateway.domain import SenseProof
 from gateway.errors import AmbientOutOfRange, CaptureError, ModelError, Unstable
-from gateway.evaluate import rotary
-from gateway.evaluate.corrections import applied, begin
+from gateway.evaluate.optics import rotary
+from gateway.evaluate.optics.corrections import applied, begin
 from gateway.walk import Patience
 from tests.unit.capture.double import LittleMachine
 from tests.unit.capture.test_live import AXIS

@@ -10,7 +10,7 @@ import pytest
 from drivers.errors import catalogue
 from gateway.errors import ModelError
 from gateway.model import se3
-from gateway.model.axis import LOCATIONS, MOTIONS, Axis, Link
+from gateway.model.axis import LOCATIONS, MOTIONS, Axis, FixedLink
 from gateway.model.chain import Chain
 from gateway.model.layout import chain_of
 from gateway.model.preset import TWENTY_ONE, yk7350b
@@ -27,8 +27,8 @@ def random_chain(seed: int, scale: float = 1.0) -> tuple[Chain, dict[str, float]
         frame: Any = rng.choice(["moving", "fixed"])
         return Axis(name, kind, tuple(rng.normal(size=3)), err, loc, str(frame))  # type: ignore[arg-type]
 
-    def link() -> Link:
-        return Link(tuple(rng.normal(size=3) * 100.0), tuple(rng.normal(size=3)))
+    def link() -> FixedLink:
+        return FixedLink(tuple(rng.normal(size=3) * 100.0), tuple(rng.normal(size=3)))
 
     work = (axis("X", "prismatic"), link(), axis("C", "revolute"), axis("A", "revolute"), link())
     tool = (link(), axis("Z", "prismatic"), axis("Y", "prismatic"), link())

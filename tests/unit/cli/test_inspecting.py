@@ -13,7 +13,7 @@ from typer.testing import CliRunner, Result
 from drivers.errors import TrueflankError
 from drivers.types import GearInspection
 from gateway.cli import app
-from gateway.correct.inspected import inspected_flank
+from gateway.correct.part.inspected import inspected_flank
 from simulators.cell.site import section
 from tests.unit.components.test_command import written
 from tests.unit.correct.test_inspected import ABOUT, HEIGHTS, measured

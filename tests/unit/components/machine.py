@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gateway.evaluate.errormodel import Measurement
+from gateway.evaluate.geometry.measurement import Measurement
 
 ARCSEC = np.pi / 648000.0
 X = np.linspace(-400.0, 0.0, 21)

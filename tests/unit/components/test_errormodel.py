@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gateway.evaluate.errormodel import Measurement, error_model
+from gateway.evaluate.geometry.errormodel import arms, error_model, lever_um
+from gateway.evaluate.geometry.measurement import Measurement
 from gateway.model.components import standard_uncertainty, value
 from gateway.model.known import ErrorModel, chain_of_errors
 from gateway.model.preset import TWENTY_ONE
@@ -100,6 +101,27 @@ def test_an_unmeasured_angle_leaves_its_lever_in_the_uncertainty_and_is_said() -
     share = 12.0 * 4.0 * ARCSEC * 1e3 / np.sqrt(3.0)
     assert blind.systematic["EYX"] == pytest.approx(np.hypot(0.05, share), rel=1e-6)
     assert any("EAX was not measured" in line for line in blind.said)
+
+
+@pytest.mark.parametrize("axis", ["X", "Y", "Z"])
+def test_levers_are_those_of_a_small_rotation(axis: str) -> None:
+    arm, rotation = np.array([30.0, -70.0, 110.0]), np.array([2.0, -3.0, 4.0])
+    moved = np.cross(np.radians(rotation / 3600.0), arm)["XYZ".index(axis)] * 1000.0
+    levers = arms(axis, axis, tuple(arm))
+    angles = {f"E{letter}{axis}": np.array([value]) for letter, value in zip("ABC", rotation, strict=True)}
+    assert lever_um(levers, angles, 1)[0] == pytest.approx(moved, rel=1e-8)
+    assert arms(axis, axis, (0.0, 0.0, 0.0)) == {}
+
+
+def test_a_ball_tells_the_place_of_c_whatever_it_runs_out() -> None:
+    machine = Machine(8)
+    at = PLACES["C"]
+    wave = 40.0 * np.cos(np.deg2rad(at) + 0.3)
+    both = [machine.read("X0C", wave + 12.5, letter="C"), machine.read("Y0C", wave - 3.0, letter="C")]
+    found = {one.name: one for one in error_model(both, {}).locations}
+    assert (found["X0C"].value, found["Y0C"].value) == pytest.approx((12.5, -3.0), abs=0.05)
+    assert found["X0C"].unit == "um"
+    assert 0.05 < found["X0C"].u < 0.07
 
 
 def test_one_direction_alone_loses_all_that_comes_once_a_turn() -> None:

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.correct.plan import AxisGrid
-from gateway.correct.undone import THRESHOLD_UM, Open, Tooth, what_next
-from gateway.evaluate.errormodel import error_model
+from gateway.correct.outlook.next_setup import THRESHOLD_UM, Open, Tooth, what_next
+from gateway.correct.plan.plan import AxisGrid
+from gateway.evaluate.geometry.errormodel import error_model
 from gateway.gear.cycloid import CycloidGear
 from gateway.model.known import ErrorModel, Unknown
 from gateway.workflow.components import advise

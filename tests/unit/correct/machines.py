@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from gateway.correct.flankmodel import SetupValue
-from gateway.correct.limits import TableSpec
-from gateway.correct.plan import AxisGrid, Plan
-from gateway.correct.tables import TableGrid
+from gateway.correct.flank.flankmodel import SetupValue, flank_model, with_acting
+from gateway.correct.flank.tables import Correction, TableGrid
+from gateway.correct.plan.plan import AxisGrid, Plan
+from gateway.correct.solve.limits import TableSpec
 from gateway.gear.flank import FlankGrid, flank_grid
 from gateway.gear.grinding import Grinding
 from tests.unit.gear.machines import DISC, RV40E, random_functions
@@ -40,3 +42,8 @@ def specs(*, rounded: bool = True, reference: float | None = 0.0) -> list[TableS
 def setup(*, rounded: bool = True) -> list[SetupValue]:
     """X zero, C zero, dressing offset."""
     return [SetupValue("X", STEP_MM * rounded), SetupValue("C", STEP_RAD * rounded), SetupValue("", STEP_MM * rounded)]
+
+
+def corrected_flank(grinding: Grinding, grid: FlankGrid, tables: Sequence[Correction]) -> np.ndarray:
+    """First-order deviations (K, T, Z) of the machine with tables acting."""
+    return with_acting(flank_model(grinding, grid), grinding, tables).start().reshape(grid.shape)

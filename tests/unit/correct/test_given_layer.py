@@ -7,16 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.correct.apply import Combined
-from gateway.correct.layers import LayeredCorrection, correct
-from gateway.correct.noise import Noise, noise_patterns
-from gateway.correct.plan import AxisGrid, Plan
-from gateway.correct.shapes import Shape
+from gateway.correct.flank.acting_tables import Combined
+from gateway.correct.flank.noise import FitNoise, noise_patterns
+from gateway.correct.flank.travel_shapes import Shape
+from gateway.correct.plan.layers import LayeredCorrection, correct
+from gateway.correct.plan.plan import AxisGrid, Plan
 from gateway.errors import ModelError
 from gateway.gear.first_order import judged
 from gateway.gear.flank import flank_figure
 from gateway.gear.grinding import Grinding
-from gateway.gear.linear import Parameter
+from gateway.gear.linear import ErrorParameter
 from gateway.model.motion import Fourier, Polynomial
 from tests.unit.correct.machines import PLAN, machine
 
@@ -60,8 +60,8 @@ def test_a_constant_is_the_set_up_value_s_even_where_a_table_could_take_it() -> 
     """An infeed that is off by a constant nobody knows well: x zero takes it, and no table is judged by that doubt."""
     plain, grid = machine(6)
     off = replace(plain, chain=plain.chain.without_errors().with_errors({"EXX": 0.004, "EXZ": Polynomial((0.0, 6e-4))}))
-    doubts = [(Parameter("EXX"), 0.0015), (Parameter("EXZ", Shape(1, -10.0, 10.0, turning=False)), 1e-4)]
-    noise: Noise = noise_patterns(off, grid, doubts)
+    doubts = [(ErrorParameter("EXX"), 0.0015), (ErrorParameter("EXZ", Shape(1, -10.0, 10.0, turning=False)), 1e-4)]
+    noise: FitNoise = noise_patterns(off, grid, doubts)
     # Zero far below the face, so that the table over Z could hold a constant on it.
     grids = (PLAN.grids[0], AxisGrid("Z", -30.0, 10.0, 5.0, -30.0), PLAN.grids[2])
     plan: Plan = replace(PLAN, grids=grids, noise=noise)

@@ -10,8 +10,8 @@ import pytest
 
 from drivers.errors import TrueflankError
 from drivers.types import GearInspection
-from gateway.correct.gearguard import guard_flanks
-from gateway.correct.inspected import About, along_face, check_gear, inspected_flank
+from gateway.correct.part.gearguard import guard_flanks
+from gateway.correct.part.inspected import About, along_face, check_gear, inspected_flank
 from gateway.gear.cycloid import CycloidGear
 from gateway.tooth import FlankMap, InspectedFlank
 from tests.unit.gear.machines import RV40E

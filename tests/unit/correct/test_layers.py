@@ -9,16 +9,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.correct.apply import with_tables
-from gateway.correct.flankmodel import command_effects, corrected_flank
-from gateway.correct.floor import floor
-from gateway.correct.fromgear import correct_from_gear, fit_places, visible
-from gateway.correct.layers import correct
-from gateway.correct.mounting import Mounting, centred, mounting_of
-from gateway.correct.places import places_of_grid, places_of_points
-from gateway.correct.records import record
-from gateway.correct.reversal import reversal_advice
-from gateway.correct.tables import Product, Table, TableGrid
+from gateway.correct.flank.acting_tables import with_tables
+from gateway.correct.flank.flankmodel import command_effects
+from gateway.correct.flank.mounting import WorkMounting, centred, mounting_of
+from gateway.correct.flank.tables import Product, Table, TableGrid
+from gateway.correct.flank.wheel_places import places_of_grid, places_of_points
+from gateway.correct.part.fromgear import correct_from_gear, fit_places, visible
+from gateway.correct.plan.layers import correct
+from gateway.correct.plan.records import record
+from gateway.correct.plan.reversal import reversal_advice
+from gateway.correct.solve.floor import floor
 from gateway.errors import ModelError
 from gateway.gear.envelope import exact
 from gateway.gear.first_order import first_order, flank_abg, judged
@@ -29,7 +29,7 @@ from gateway.model.layout import chain_of
 from gateway.model.motion import Fourier
 from gateway.model.preset import TWENTY_ONE, yk7350b
 from gateway.table import Grid
-from tests.unit.correct.machines import PLAN, machine
+from tests.unit.correct.machines import PLAN, corrected_flank, machine
 from tests.unit.gear.machines import DISC, RV40E
 
 
@@ -214,7 +214,7 @@ def test_a_gear_without_its_mounting_taken_off_warns_of_what_turns() -> None:
     e = np.broadcast_to(judged(grinding, grid.k, grid.theta, grid.z).second, grid.shape)
     points = tuple(np.broadcast_to(part, grid.shape) for part in (grid.k, grid.theta, grid.z))
     found = correct_from_gear(grinding, points, e, replace(PLAN, mounting=False), u=2e-4)  # type: ignore[arg-type]
-    assert found.mounting == Mounting()
+    assert found.mounting == WorkMounting()
     assert any("first harmonic" in line for line in found.said)
 
 

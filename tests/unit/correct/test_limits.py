@@ -9,22 +9,22 @@ import pytest
 
 from drivers.errors import TooManyPoints
 from drivers.units import arcsec_to_rad
-from gateway.correct.flankmodel import SetupValue, corrected_flank
-from gateway.correct.layers import correct
-from gateway.correct.leastsquares import limited
-from gateway.correct.limits import AxisBound, TableSpec
-from gateway.correct.noise import Noise, component_doubts, noise_patterns
-from gateway.correct.optimise import optimise
-from gateway.correct.tables import Table, TableGrid
+from gateway.correct.flank.flankmodel import SetupValue
+from gateway.correct.flank.noise import FitNoise, component_doubts, noise_patterns
+from gateway.correct.flank.tables import Table, TableGrid
+from gateway.correct.plan.layers import correct
+from gateway.correct.solve.leastsquares import limited
+from gateway.correct.solve.limits import AxisBound, TableSpec
+from gateway.correct.solve.optimise import optimise
 from gateway.errors import ModelError
 from gateway.gear.flank import flank_grid
 from gateway.gear.grinding import Grinding
-from gateway.gear.linear import Parameter
+from gateway.gear.linear import ErrorParameter
 from gateway.model.components import standard_uncertainty
 from gateway.model.fit import fit_positioning
 from gateway.model.motion import Fourier, Polynomial
 from gateway.model.preset import yk7350b
-from tests.unit.correct.machines import PLAN, STEP_MM, TURN, machine, setup, specs
+from tests.unit.correct.machines import PLAN, STEP_MM, TURN, corrected_flank, machine, setup, specs
 from tests.unit.gear.machines import RV40E
 
 GRID = flank_grid(RV40E, profile=6, width=5)
@@ -144,9 +144,9 @@ def grid_rms(e: np.ndarray, grid: object) -> float:
 def test_what_corrects_less_than_its_uncertainty_is_left_alone_and_said() -> None:
     errors = {"EXZ": Polynomial((0.0, 0.003, 0.002), 0.0, 5.0), "EXC": Fourier(0.0, (0.0, 2e-4))}
     grinding = Grinding(yk7350b(errors, c_frame="fixed"), RV40E, 160.0)
-    doubts: list[tuple[Parameter | str, float]] = [
-        (Parameter("EXZ", Polynomial((0.0, 1.0), 0.0, 5.0)), 2e-4),
-        (Parameter("EXC", Fourier(0.0, (0.0, 1.0))), 4e-4),
+    doubts: list[tuple[ErrorParameter | str, float]] = [
+        (ErrorParameter("EXZ", Polynomial((0.0, 1.0), 0.0, 5.0)), 2e-4),
+        (ErrorParameter("EXC", Fourier(0.0, (0.0, 1.0))), 4e-4),
     ]
     noise = noise_patterns(grinding, GRID, doubts)
     found = correct(grinding, GRID, replace(PLAN, noise=noise))
@@ -156,7 +156,7 @@ def test_what_corrects_less_than_its_uncertainty_is_left_alone_and_said() -> Non
     told = next(one for one in found.optimum.omitted if one.name == "X(C)")
     assert told.gain < told.U
     assert any("X(C) is not proposed" in line for line in found.said)
-    sure = correct(grinding, GRID, replace(PLAN, noise=Noise()))
+    sure = correct(grinding, GRID, replace(PLAN, noise=FitNoise()))
     assert {"X(Z)", "X(C)"} <= {one.name for one in sure.cec}
     assert all(one.idle for one in sure.optimum.omitted)
     assert found.optimum.noise == pytest.approx(2e-4, rel=0.6)
@@ -169,7 +169,7 @@ def test_doubts_of_fitted_components_come_from_their_covariance() -> None:
         z, 3.0 * z / 10.0 + rng.normal(0.0, 0.3, z.size), 0.3, name="EXZ", axis="Z", axis_unit="mm", kind="linear"
     )
     doubts = component_doubts([fitted])
-    total = sum(np.asarray(one.basis(z)) ** 2 for one, _ in doubts if isinstance(one, Parameter) and one.basis)
+    total = sum(np.asarray(one.basis(z)) ** 2 for one, _ in doubts if isinstance(one, ErrorParameter) and one.basis)
     np.testing.assert_allclose(np.sqrt(total) * 1e3, standard_uncertainty(fitted, z), rtol=1e-6)
     assert noise_patterns(Grinding(yk7350b(), RV40E, 160.0), GRID, doubts).patterns is not None
 
@@ -183,12 +183,12 @@ def test_pure_noise_is_not_corrected() -> None:
     clean = Grinding(yk7350b(), RV40E, 160.0)
     rng = np.random.default_rng(11)
     e = rng.normal(0.0, 5e-4, GRID.shape)
-    found = optimise(clean, GRID, specs(), setup(), deviation=e, noise=Noise(point=5e-4))
+    found = optimise(clean, GRID, specs(), setup(), deviation=e, noise=FitNoise(point=5e-4))
     assert found.tables == ()
     assert found.setup == {}
     assert len(found.omitted) == 7
     signal = e + 0.003 * GRID.section.nx
-    found = optimise(clean, GRID, specs(), setup(), deviation=signal, noise=Noise(point=5e-4))
+    found = optimise(clean, GRID, specs(), setup(), deviation=signal, noise=FitNoise(point=5e-4))
     assert found.setup["X zero"] == pytest.approx(0.003, abs=2e-4)
     assert found.tables == ()
 

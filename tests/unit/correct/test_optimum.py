@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from gateway.correct.flankmodel import flank_model
-from gateway.correct.optimise import Optimum, optimise
-from gateway.correct.places import places_of_points
-from gateway.correct.tables import Table
+from gateway.correct.flank.flankmodel import flank_model
+from gateway.correct.flank.tables import Table
+from gateway.correct.flank.wheel_places import places_of_points
+from gateway.correct.solve.optimise import Optimum, optimise
 from gateway.errors import ModelError
 from gateway.gear.dressing import Dressing
 from gateway.gear.first_order import first_order

@@ -8,23 +8,23 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gateway.correct.apply import Combined, with_tables
-from gateway.correct.compensability import tangential_cure
-from gateway.correct.doubted import CLAMPING, DRIFT, SIZE, Shop
-from gateway.correct.importance import cure_errors, rank_errors
-from gateway.correct.layers import LayeredCorrection, correct
-from gateway.correct.mounting import Mounting, centred
-from gateway.correct.noise import noise_patterns
-from gateway.correct.plan import AxisGrid, Plan
-from gateway.correct.prediction import Outlook, flank_map, predict
-from gateway.correct.records import table_of
-from gateway.correct.setupvalues import setup_from_part
-from gateway.correct.tables import Table, TableGrid
-from gateway.correct.undone import doubts
+from gateway.correct.flank.acting_tables import Combined, with_tables
+from gateway.correct.flank.compensability import tangential_cure
+from gateway.correct.flank.mounting import WorkMounting, centred
+from gateway.correct.flank.noise import noise_patterns
+from gateway.correct.flank.tables import Table, TableGrid
+from gateway.correct.outlook.flank_uncertainty import CLAMPING, DRIFT, SIZE, Shop
+from gateway.correct.outlook.next_setup import doubts
+from gateway.correct.outlook.prediction import Outlook, flank_map, predict
+from gateway.correct.outlook.ranking import cure_errors, rank_errors
+from gateway.correct.part.setupvalues import setup_from_part
+from gateway.correct.plan.layers import LayeredCorrection, correct
+from gateway.correct.plan.plan import AxisGrid, Plan
+from gateway.correct.plan.records import table_of
 from gateway.domain import Component, FloatArray
 from gateway.gear.flank import FlankGrid, flank_grid
 from gateway.gear.grinding import Grinding
-from gateway.gear.linear import Parameter
+from gateway.gear.linear import ErrorParameter
 from gateway.gear.setright import set_right
 from gateway.model.axis import Motion
 from gateway.model.known import ErrorModel, LocationError, Unknown, chain_of_errors
@@ -85,7 +85,7 @@ def drawn(grinding: Grinding, unknown: tuple[str, ...], rng: np.random.Generator
     """A machine as it may be by what is known of it."""
     more: dict[str, list[Motion]] = {}
     for parameter, u in doubts(known(unknown), grinding.chain, PLAN):
-        one = parameter if isinstance(parameter, Parameter) else Parameter(parameter)
+        one = parameter if isinstance(parameter, ErrorParameter) else ErrorParameter(parameter)
         more.setdefault(one.name, []).append(_scaled(one.basis, float(rng.normal(0.0, u))))
     errors: dict[str, Motion] = {}
     for name, parts in more.items():
@@ -117,7 +117,7 @@ def part(
     for out, values in zip("XC", scatter + wander, strict=True):
         tables.append(Table(TableGrid(out, "C", at[order], 2.0 * np.pi), values[order]))
     x, y = rng.normal(0.0, SHOP.clamping_um / 2.0 * UM, 2)
-    return flank_map(centred(with_tables(machine, tables), Mounting(x, y)), grid)
+    return flank_map(centred(with_tables(machine, tables), WorkMounting(x, y)), grid)
 
 
 @pytest.mark.parametrize("unknown", [(), ("EXC",)])

@@ -9,20 +9,20 @@ import pytest
 
 from drivers.types import CompensationTable
 from drivers.units import arcsec_to_rad
-from gateway.correct.flankmodel import corrected_flank, flank_model
-from gateway.correct.layers import correct
-from gateway.correct.limits import TableSpec
-from gateway.correct.optimise import optimise
-from gateway.correct.plan import AxisGrid, Plan, table_spec
-from gateway.correct.products import best_product
-from gateway.correct.records import record, records_of_product, table_of
-from gateway.correct.tables import Table, TableGrid
+from gateway.correct.flank.flankmodel import flank_model
+from gateway.correct.flank.tables import Table, TableGrid
+from gateway.correct.plan.layers import correct
+from gateway.correct.plan.plan import AxisGrid, Plan, table_spec
+from gateway.correct.plan.products import best_product
+from gateway.correct.plan.records import record, records_of_product, table_of
+from gateway.correct.solve.limits import TableSpec
+from gateway.correct.solve.optimise import optimise
 from gateway.errors import ModelError
 from gateway.gear.flank import flank_grid
 from gateway.gear.grinding import Grinding
 from gateway.model.motion import Fourier, PiecewiseLinear
 from gateway.model.preset import yk7350b
-from tests.unit.correct.machines import PLAN, machine
+from tests.unit.correct.machines import PLAN, corrected_flank, machine
 from tests.unit.gear.machines import RV40E
 
 GRID = flank_grid(RV40E, profile=6, width=5)

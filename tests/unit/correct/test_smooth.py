@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.correct.flankmodel import FlankModel, flank_model
-from gateway.correct.limits import TableSpec
-from gateway.correct.optimise import Norm, optimise
-from gateway.correct.smoothness import smoothing
-from gateway.correct.tables import Table, TableGrid
+from gateway.correct.flank.flankmodel import FlankModel, flank_model
+from gateway.correct.flank.tables import Table, TableGrid
+from gateway.correct.solve.limits import TableSpec
+from gateway.correct.solve.optimise import Norm, optimise
+from gateway.correct.solve.smoothness import smoothing
 from gateway.gear.flank import FlankGrid, flank_grid
 from gateway.gear.grinding import Grinding
 from gateway.model.motion import Fourier, Polynomial

@@ -10,9 +10,9 @@ import numpy as np
 from gateway.capture.cycles import Cycle, visits
 from gateway.capture.targets import CHECK_REPETITIONS, between_places
 from gateway.domain import Between
-from gateway.evaluate.hidden import Hidden, hidden_structure
-from gateway.evaluate.repetitions import robust_means
-from gateway.evaluate.steadiness import Steadiness, steadiness
+from gateway.evaluate.behaviour.fine_structure import Hidden, hidden_structure
+from gateway.evaluate.behaviour.repetitions import robust_means
+from gateway.evaluate.behaviour.steadiness import Steadiness, steadiness
 from gateway.model.components import standard_uncertainty, value
 from gateway.model.fit import fit_positioning
 

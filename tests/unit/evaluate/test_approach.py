@@ -9,7 +9,7 @@ import pytest
 
 from drivers.types import Ambient
 from gateway.domain import Capture, Corrections
-from gateway.evaluate.approach import approach_of
+from gateway.evaluate.behaviour.approach_scatter import approach_of
 
 TARGETS = np.linspace(0.0, 345.0, 24)
 
@@ -67,7 +67,14 @@ def test_single_readings_tell_by_their_reversal_at_most() -> None:
     found = approach_of(capture(read(2, 1, 0.1)))
     assert 0.05 < found.scatter < 0.2
     assert found.reversal < 0.1
-    one_way = read(2, 1, 0.1)
-    one_way[:, :, 1] = np.nan
-    assert approach_of(capture(one_way)) == approach_of(capture(one_way[:, :, :]))
-    assert approach_of(capture(one_way)).reversal == 0.0
+
+
+@pytest.mark.parametrize(("repetitions", "scatter"), [(1, 0.0), (2, 0.1), (5, 0.1)])
+def test_one_side_alone_tells_its_scatter_where_it_repeats_and_no_reversal(repetitions: int, scatter: float) -> None:
+    found = []
+    for seed in range(30):
+        one_way = read(seed, repetitions, 0.1)
+        one_way[:, :, 1] = np.nan
+        found.append(approach_of(capture(one_way)))
+    assert rms([one.scatter for one in found]) == pytest.approx(scatter, rel=0.08)
+    assert [one.reversal for one in found] == [0.0] * 30

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.unit.evaluate.cases import RUN
+from tests.unit.evaluate.cases import CONTRASTS, RUN, stated
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "metrology_cases.json"
 CASES = json.loads(GOLDEN.read_text(encoding="utf-8"))["cases"]
@@ -35,7 +35,10 @@ def agree(found: Any, expected: Any, rel: float, tolerance: float, path: str) ->
 @pytest.mark.parametrize("case", CASES, ids=[case["id"] for case in CASES])
 def test_case(case: dict[str, Any]) -> None:
     found = RUN[case["kind"]](case["input"])
-    agree(found, case["expected"], case["tol_rel"], case["tol_abs"], case["id"])
+    agree(found, stated(case), case["tol_rel"], case["tol_abs"], case["id"])
+    for name in CONTRASTS.keys() & case["expected"].keys():
+        wrong = pytest.approx(case["expected"][name], rel=case["tol_rel"], abs=case["tol_abs"])
+        assert float(found[CONTRASTS[name]]) != wrong, name
 
 
 def test_all_cases_are_there() -> None:

@@ -1,4 +1,4 @@
-"""Corrections with their record: chain, refusal, undoing, re-compensation of files, Abbe, cosine, drift, closure."""
+"""Corrections with their record: chain, refusal, undoing, re-compensation of files."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import pytest
 from drivers.types import Ambient, MeasuredSet
 from gateway.domain import Corrections
 from gateway.errors import AmbientOutOfRange, ModelError
-from gateway.evaluate import air, corrections, recompensation, removals
-from gateway.evaluate.corrections import applied, begin, standing, told, undone
-from gateway.evaluate.recompensation import Compensation, recompensate, recompensated_set
+from gateway.evaluate.optics import air, corrections, recompensation
+from gateway.evaluate.optics.corrections import applied, begin, standing, told, undone
+from gateway.evaluate.optics.recompensation import Compensation, recompensate, recompensated_set
 
 REAL_START = Ambient(20.337280, 990.39005, 46.954897, (20.203292,))
 REAL_END = Ambient(20.384956, 990.49346, 46.893887, (20.321342,))
@@ -109,66 +109,6 @@ def test_what_cannot_be_recompensated_is_refused() -> None:
     with pytest.raises(AmbientOutOfRange, match="pressure_hpa"):
         recompensated_set(real("", ambient_start=replace(REAL_START, pressure_hpa=None)))
     assert recompensation.stated_factor({}) is None
-
-
-def test_abbe_error_is_taken_out_with_the_fitted_angles() -> None:
-    ebx, ecx = np.array([0.0, 5.0, -5.0, 10.0]), np.array([1.0, 1.0, 1.0, 1.0])
-    error = 200.0 * np.tan(np.radians(ebx / 3600)) * 1000 - 50.0 * np.tan(np.radians(ecx / 3600)) * 1000
-    true = np.array([0.0, 1.0, 2.0, 3.0])
-    measured = np.repeat((true + error)[:, None], 5, axis=1)
-    found, record = removals.abbe_removed(measured, "X", {"EBX": ebx, "ECX": ecx}, (0.0, 50.0, 200.0), begin("air"))
-    np.testing.assert_allclose(found, np.repeat(true[:, None], 5, axis=1), atol=1e-9)
-    assert "EBX, ECX" in standing(record, "abbe")
-    with pytest.raises(ModelError, match="E-EVAL-TWICE"):
-        removals.abbe_removed(found, "X", {"EBX": ebx, "ECX": ecx}, (0.0, 50.0, 200.0), record)
-
-
-@pytest.mark.parametrize("axis", ["X", "Y", "Z"])
-def test_abbe_levers_are_those_of_a_small_rotation(axis: str) -> None:
-    arm, rotation = np.array([30.0, -70.0, 110.0]), np.array([2.0, -3.0, 4.0])
-    moved = np.cross(np.radians(rotation / 3600.0), arm)["XYZ".index(axis)] * 1000.0
-    angles = {f"E{letter}{axis}": [value] for letter, value in zip("ABC", rotation, strict=True)}
-    assert removals.abbe_error_um(axis, angles, tuple(arm))[0] == pytest.approx(moved, rel=1e-8)
-
-
-def test_abbe_without_the_angle_or_for_another_axis_is_refused() -> None:
-    with pytest.raises(ModelError, match="ECX"):
-        removals.abbe_error_um("X", {"EBX": [1.0]}, (0.0, 50.0, 0.0))
-    with pytest.raises(ModelError, match="E-EVAL-ABBE"):
-        removals.abbe_error_um("C", {}, (0.0, 0.0, 0.0))
-    with pytest.raises(ModelError, match="E-EVAL-SHAPE"):
-        removals.abbe_removed([0.0, 1.0], "X", {"EBX": [1.0, 1.0, 1.0]}, (0.0, 0.0, 1.0), begin("air"))
-    assert removals.abbe_error_um("X", {}, (5.0, 0.0, 0.0)) == pytest.approx(0.0)
-
-
-def test_cosine_error_is_put_back_in_proportion_to_length() -> None:
-    short = -AT / 1000.0 * 0.5
-    found, record = removals.cosine_removed(short, AT, 1.0, begin("air"), datum_mm=0.0)
-    np.testing.assert_allclose(found, 0.0, atol=1e-5)
-    assert "1 mm over 1000 mm" in standing(record, "cosine")
-    with pytest.raises(ModelError, match="E-EVAL-LINE"):
-        removals.cosine_removed([0.0], [5.0], 1.0, begin("air"), datum_mm=5.0)
-
-
-def test_drift_goes_by_time_is_bounded_and_always_said() -> None:
-    times = np.array([0.0, 10.0, 40.0, 100.0])
-    found, record = removals.drift_removed(0.02 * times, times, (0.0, 0.0), (100.0, 2.0), begin("air"), largest=3.0)
-    np.testing.assert_allclose(found, 0.0, atol=1e-12)
-    assert any(line.startswith("drift: +2 over 100 s") for line in told(record))
-    with pytest.raises(ModelError, match="E-EVAL-DRIFT-SIZE"):
-        removals.drift_removed(times, times, (0.0, 0.0), (100.0, 2.0), begin("air"), largest=1.0)
-    with pytest.raises(ModelError, match="E-EVAL-SHAPE"):
-        removals.drift_removed(times, times[:2], (0.0, 0.0), (100.0, 2.0), begin("air"), largest=3.0)
-
-
-def test_closure_is_removed_on_request_only_and_never_with_an_indirect_encoder() -> None:
-    at, x = np.array([0.0, 90.0, 180.0, 270.0, 360.0]), np.array([0.0, 0.5, 1.0, 1.5, 2.0])
-    found, record = removals.closure_removed(at, x[:, None], begin("air+material"), encoder="direct")
-    np.testing.assert_allclose(found, 0.0, atol=1e-12)
-    assert "+2 arcsec over 360 deg" in standing(record, "closure")
-    for wrong in ((at, x, "indirect"), (at[:4], x[:4], "direct")):
-        with pytest.raises(ModelError, match="E-EVAL-CLOSURE"):
-            removals.closure_removed(wrong[0], wrong[1], begin("air+material"), encoder=wrong[2])
 
 
 def test_all_28_index_values_of_nist_and_env_factors() -> None:

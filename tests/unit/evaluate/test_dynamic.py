@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from drivers.recordings import Gap, Recording
 from gateway.errors import NotIdentifiable
-from gateway.evaluate.dynamic import settling, spectrum
+from gateway.evaluate.behaviour.dynamic import settling, spectrum
 
 RATE = 2000.0
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from gateway.domain import Between
-from gateway.evaluate.hidden import hidden_structure, lonely, means_between
-from gateway.evaluate.repetitions import robust_means
+from gateway.evaluate.behaviour.fine_structure import hidden_structure, lonely, means_between
+from gateway.evaluate.behaviour.repetitions import robust_means
 from tests.unit.evaluate.hostile import Captured, Curve, captured
 
 

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from gateway.errors import ModelError
-from gateway.evaluate import iso230_2, readings
-from gateway.evaluate.iso230_2 import evaluate
-from gateway.evaluate.uncertainty import Budget, effective_degrees, linear_budget
+from gateway.evaluate.standards import iso230_2, readings
+from gateway.evaluate.standards.iso230_2 import evaluate
+from gateway.evaluate.uncertainty.budget import Budget, linear_budget
 
 SHAPES = st.tuples(st.integers(2, 9), st.integers(2, 6), st.just(2))
 READINGS = SHAPES.flatmap(lambda shape: arrays(np.float64, shape, elements=st.floats(-50, 50, width=32)))
@@ -146,11 +146,6 @@ def test_temperature_dominates_the_usual_budget() -> None:
     assert budget.expansion == pytest.approx(10.5)
 
 
-def test_welch_satterthwaite_gum_h1() -> None:
-    parts = {"a": (25.0, 18.0), "b": (9.7, 25.6), "c": (2.9, 50.0), "d": (16.6, 2.0)}
-    assert effective_degrees(parts) == pytest.approx(16.76, abs=0.01)
-
-
 @pytest.mark.parametrize(
     ("targets", "x", "code"),
     [
@@ -175,12 +170,14 @@ def test_unknown_edition_and_shapeless_rows() -> None:
 
 def test_numacc4_by_two_passes() -> None:
     row = [10000000.2] + [10000000.1, 10000000.3] * 500
-    positions = readings.from_rows([row])
-    result = iso230_2.evaluate_positions([10000000.0], positions, "um")
+    result = iso230_2.evaluate([10000000.0], readings.from_rows([row]), "um")
     assert result.s_up[0] == pytest.approx(0.1, rel=1e-7)
 
 
-def test_long_axes_need_one_run() -> None:
+def test_long_axes_need_one_run_at_intervals_of_250_mm_at_most_on_average() -> None:
+    assert iso230_2.minimum_targets("linear", 2000.0) == (10, 5)
+    assert iso230_2.minimum_targets("linear", 2100.0) == (10, 1)
     assert iso230_2.minimum_targets("linear", 4000.0) == (17, 1)
     assert iso230_2.minimum_targets("rotary", 360.0) == (8, 5)
     assert iso230_2.minimum_targets("rotary", 720.0) == (16, 1)
+    assert iso230_2.minimum_targets("rotary", 400.0) == (9, 1)

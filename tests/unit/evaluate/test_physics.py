@@ -9,8 +9,9 @@ import pytest
 
 from drivers.types import Ambient
 from gateway.errors import AmbientOutOfRange, ModelError, NotIdentifiable
-from gateway.evaluate import air, harmonics, length, rotary, squareness, straightness
-from gateway.evaluate.corrections import begin
+from gateway.evaluate.geometry import harmonics, straightness
+from gateway.evaluate.optics import air, length, rotary
+from gateway.evaluate.optics.corrections import begin
 
 GOOD = Ambient(20.0, 1013.25, 50.0, (20.0,))
 TARGETS = np.array([0.0, 100.0, 250.0, 400.0])
@@ -151,13 +152,6 @@ def test_expansion_of_a_file_acts_on_target_and_deviation() -> None:
     np.testing.assert_allclose(found, [0.0, -40.948], atol=1e-3)
 
 
-def test_abbe_heights_and_recompensation() -> None:
-    assert float(length.abbe_um(200.0, 5.0)) == pytest.approx(4.848, abs=1e-3)
-    np.testing.assert_allclose(length.heights_um(100.0, [1.0, -1.0]), [0.0, 0.4848, 0.0], atol=1e-4)
-    n1, n2 = air.edlen(19.0, 101325.0, 50.0), air.edlen(20.0, 101325.0, 50.0)
-    assert float(length.recompensated(1000.0, n1, n2)) - 1000.0 == pytest.approx(0.000955, abs=2e-6)
-
-
 def test_drift_goes_by_time_not_by_index() -> None:
     times = np.array([0.0, 10.0, 40.0, 100.0])
     found = length.drift_removed(times, 0.02 * times + 7.0, (0.0, 7.0), (100.0, 9.0))
@@ -192,16 +186,6 @@ def test_closure_is_reported_for_whole_turns_only() -> None:
     assert rotary.closure_arcsec([0.0, 345.0], [0.0, 1.0]) is None
 
 
-def test_small_angle_is_arcsine_with_a_factor() -> None:
-    exact = rotary.angle_deg(30.0 * np.sin(np.radians(10.0)), 30.0)
-    assert exact == pytest.approx(10.0)
-    assert rotary.spacing_factor([1.0, -1.0], [0.99, -0.99]) == pytest.approx(1 / 0.99)
-    with pytest.raises(ModelError, match="E-EVAL-ASIN"):
-        rotary.angle_deg(31.0, 30.0)
-    with pytest.raises(ModelError, match="E-EVAL-STILL"):
-        rotary.spacing_factor([0.0], [0.0])
-
-
 def test_unequal_angles_keep_their_harmonics_and_too_few_are_refused() -> None:
     angle = np.sort(np.random.default_rng(3).uniform(0, 360, 24))
     error = 5 * np.cos(np.radians(3 * angle - 40)) + 2
@@ -219,7 +203,7 @@ def test_straightness_references() -> None:
     zone = straightness.straightness(x, y, "minimum-zone").value
     assert ends == pytest.approx(6.0)
     assert zone <= straightness.straightness(x, y, "lsq").value <= ends
-    assert straightness.parallelism((x, y), (x, np.asarray(y) + 2)) == pytest.approx(0.0, abs=1e-15)
+    assert straightness.parallel((x, y), (x, np.asarray(y) + 2)).slope == pytest.approx(0.0, abs=1e-15)
 
 
 def test_minimum_zone_is_never_wider() -> None:
@@ -230,16 +214,3 @@ def test_minimum_zone_is_never_wider() -> None:
         slopes = np.linspace(zone.slope - 0.05, zone.slope + 0.05, 2001)
         assert zone.value <= min(np.ptp(y - s * x) for s in slopes) + 1e-12
         assert zone.value <= straightness.straightness(x, y, "lsq").value + 1e-12
-
-
-def test_body_diagonals_give_back_squareness_and_scale() -> None:
-    lx, ly, lz = 400.0, 300.0, 250.0
-    c0y, b0z, a0z, scale = 2e-5, -1e-5, 3e-5, 5e-6
-    d = np.sqrt(lx**2 + ly**2 + lz**2)
-    given = {
-        (sy, sz): scale * d + (-sy * lx * ly * c0y + sz * lx * lz * b0z - sy * sz * ly * lz * a0z) / d
-        for sy in (1, -1)
-        for sz in (1, -1)
-    }
-    found = squareness.from_body_diagonals(given, (lx, ly, lz))
-    np.testing.assert_allclose([found.C0Y, found.B0Z, found.A0Z, found.scale], [c0y, b0z, a0z, scale], rtol=1e-9)

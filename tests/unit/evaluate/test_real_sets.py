@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gateway.evaluate import parameters
-from gateway.evaluate.standards import evaluate_by, standards
+from gateway.evaluate.standards import parameters
+from gateway.evaluate.standards.registry import evaluate_by, standards
 from tests.unit.evaluate.real_sets import SETS, table
 
 # B, B_mean, M, E, E_up, E_down, R, R_up, R_down, A, A_up, A_down in um, six figures.

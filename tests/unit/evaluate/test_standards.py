@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from gateway.errors import ModelError
-from gateway.evaluate import other_standards
-from gateway.evaluate.decision import RULE, decide
-from gateway.evaluate.standards import evaluate_by, set_up_notes, standard, standards
-from gateway.evaluate.uncertainty import Budget, file_budget
+from gateway.evaluate.standards import other_standards
+from gateway.evaluate.standards.decision import RULE, decide
+from gateway.evaluate.standards.registry import evaluate_by, set_up_notes, standard, standards
+from gateway.evaluate.uncertainty.budget import Budget, file_budget
 from tests.unit.evaluate.test_other_standards import X
 
 AT = np.array([0.0, 90.0, 210.0, 290.0, 400.0])

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from gateway.capture.cycles import Cycle
-from gateway.evaluate.incurable import incurable, told_incurable
-from gateway.evaluate.iso230_2 import evaluate
-from gateway.evaluate.steadiness import steadiness
+from gateway.evaluate.behaviour.steadiness import steadiness
+from gateway.evaluate.standards.iso230_2 import evaluate, incurable, told_incurable
 from tests.unit.evaluate.hostile import captured
 
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from gateway.correct.compensability import observability, tangential_cure
-from gateway.correct.inverse import flank_inverse, pose_inverse
+from gateway.correct.flank.compensability import observability, tangential_cure
+from gateway.correct.solve.inverse import flank_inverse, pose_inverse
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.envelope import exact
 from gateway.gear.first_order import first_order, flank_abg, judged

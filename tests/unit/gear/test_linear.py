@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gateway.correct.compensability import cures, observability, tangential_cure
+from gateway.correct.flank.compensability import cures, observability, tangential_cure
 from gateway.errors import ModelError
 from gateway.gear.first_order import first_order
 from gateway.gear.flank import flank_figure, flank_grid
 from gateway.gear.grinding import Grinding
-from gateway.gear.linear import OFFSET, RADIUS, Parameter, linear_flank
+from gateway.gear.linear import OFFSET, RADIUS, ErrorParameter, linear_flank
 from gateway.model.motion import Fourier, Polynomial
 from gateway.model.preset import MOTION_NAMES, TWENTY_ONE, yk7350b
 from tests.unit.gear.machines import DISC, RV40E, random_constants
@@ -38,7 +38,7 @@ def test_basis_functions_give_the_flank_of_the_function() -> None:
     flank = linear_flank(
         grinding_of(),
         grid,
-        [Parameter("EXZ", wave), Parameter("EAZ", bend), Parameter("EYZ", np.cos, ("C",), "EYZ over C")],
+        [ErrorParameter("EXZ", wave), ErrorParameter("EAZ", bend), ErrorParameter("EYZ", np.cos, ("C",), "EYZ over C")],
     )
     assert flank.names == ("EXZ", "EAZ", "EYZ over C")
     whole = Grinding(yk7350b({"EXZ": wave, "EAZ": bend}), RV40E, 160.0)
@@ -55,7 +55,7 @@ def test_basis_functions_give_the_flank_of_the_function() -> None:
 def test_blocks_go_into_the_given_output(many: int) -> None:
     grid = flank_grid(DISC, profile=3, width=4)
     names = [MOTION_NAMES[i % 18] for i in range(many)]
-    parameters = [Parameter(name, Fourier(1.0, (0.3,), (), 3.0 + i)) for i, name in enumerate(names)]
+    parameters = [ErrorParameter(name, Fourier(1.0, (0.3,), (), 3.0 + i)) for i, name in enumerate(names)]
     flank = linear_flank(Grinding(yk7350b(), DISC, 190.0), grid, parameters)
     V = RNG.normal(size=(many, 7))
     out = np.empty((flank.points, 7))
@@ -127,11 +127,11 @@ def test_cures_name_the_simplest_and_what_is_left() -> None:
         "EZX",
         "EBX",
         "A0C",
-        Parameter("EXZ", wave),
-        Parameter("EXC", round_),
-        Parameter("ECC", round_, label="ECC 2c"),
-        Parameter("EBC", round_),
-        Parameter("EYZ", wave, label="EYZ wave"),
+        ErrorParameter("EXZ", wave),
+        ErrorParameter("EXC", round_),
+        ErrorParameter("ECC", round_, label="ECC 2c"),
+        ErrorParameter("EBC", round_),
+        ErrorParameter("EYZ", wave, label="EYZ wave"),
     ]
     found = {cure.error: cure for cure in cures(grinding, grid, asked)}
     wanted = {

@@ -7,9 +7,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gateway.correct.fromgear import PlaceFit, fit_places
-from gateway.correct.gearguard import guard_fits
-from gateway.correct.places import places_of_grid
+from gateway.correct.flank.wheel_places import places_of_grid
+from gateway.correct.part.fromgear import PlaceFit, fit_places
+from gateway.correct.part.gearguard import guard_fits
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.first_order import judged
 from gateway.gear.flank import flank_grid

@@ -10,8 +10,8 @@ import pytest
 from gateway.domain import Component
 from gateway.errors import ModelError, NotIdentifiable
 from gateway.model import components, fit
-from gateway.model.components import at_datum, standard_uncertainty, value
-from gateway.model.lines import split_straightness
+from gateway.model.components import at_datum, design, standard_uncertainty, value
+from gateway.model.regression import weighted
 
 LINEAR = {"name": "EXX", "axis": "X", "axis_unit": "mm"}
 ROTARY = {"name": "ECC", "axis": "C", "axis_unit": "deg"}
@@ -20,22 +20,11 @@ Q = np.linspace(-200.0, 200.0, 21)
 
 def test_cubic_is_reproduced_by_the_spline() -> None:
     cubic = 1e-9 * Q**3 - 2e-5 * Q
-    fitted = fit.fit_bspline(Q, cubic, (-100.0, 0.0, 100.0), 1.0, **LINEAR)
+    knots = {"knots": (*[Q[0]] * 4, -100.0, 0.0, 100.0, *[Q[-1]] * 4)}
+    found = weighted(design("bspline", knots, Q), cubic, np.ones(Q.size))
+    fitted = Component("EXZ", "Z", "mm", "bspline", (Q[0], Q[-1]), found.coefficients, found.covariance, knots)
     expected = [-0.0030590000000000005, 5.9972999999999895e-05, -0.0009336250000000005, 0.003900599000000001]
     np.testing.assert_allclose(value(fitted, [-190.0, -3.0, 55.0, 199.0]), expected, rtol=1e-9, atol=1e-12)
-
-
-def test_straightness_splits_into_datum_squareness_and_motion() -> None:
-    curve = 5e-8 * Q**2 - 7.333333333333333e-4
-    found = split_straightness(Q, curve + 0.001 + 2e-5 * Q, "lsq")
-    assert found.offset == pytest.approx(0.001, rel=1e-9)
-    assert found.slope == pytest.approx(2e-5, rel=1e-9)
-    np.testing.assert_allclose(found.residual, curve, atol=1e-12)
-    ends = split_straightness(Q, curve + 2e-5 * Q, "ends")
-    assert ends.slope == pytest.approx(2e-5)
-    assert ends.residual[0] == pytest.approx(0.0, abs=1e-15)
-    with pytest.raises(ModelError, match="E-MODEL-POINTS"):
-        split_straightness([1.0, 1.0], [0.0, 1.0])
 
 
 def unequal(m: int, seed: int) -> np.ndarray:
@@ -177,8 +166,9 @@ def test_what_cannot_be_fitted_is_refused() -> None:
         fit.fit_positioning(Q, Q, np.nan, kind="linear", **LINEAR)
     with pytest.raises(ModelError, match="E-MODEL-BASIS"):
         value(replace(example("constant"), basis="wavelet"), 1.0)
+    knots = {"knots": (*[Q[0]] * 4, -199.0, -198.0, -197.0, -196.0, -195.0, *[Q[-1]] * 4)}
     with pytest.raises(NotIdentifiable, match="E-MODEL-CONDITION"):
-        fit.fit_bspline(Q, Q, (-199.0, -198.0, -197.0, -196.0, -195.0), 1.0, **LINEAR)
+        weighted(design("bspline", knots, Q), Q, np.ones(Q.size))
 
 
 @pytest.mark.parametrize("m", [2, 3, 4, 5])

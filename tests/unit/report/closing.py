@@ -8,7 +8,7 @@ import numpy as np
 
 from drivers.types import CompensationTable
 from drivers.units import arcsec_to_rad, mm_to_um
-from gateway.correct.undone import Open
+from gateway.correct.outlook.next_setup import Open
 from gateway.domain import Component, FloatArray, PushRecord, TableChange
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import FlankGrid, flank_grid

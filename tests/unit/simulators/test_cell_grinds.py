@@ -7,8 +7,8 @@ import pytest
 
 from simulators.cell import Cell
 from simulators.cell.judge import Judge
-from simulators.grinding.plan import ground
 from simulators.pytest_plugin import CellStarter
+from tests.unit.simulators.planned_run import ground
 from tests.unit.simulators.test_cell import load_table, settled
 
 PROGRAM = """G500 D0 G90 G94 G60 G601

@@ -9,7 +9,6 @@ from simulators.cellfile import CellFile
 from simulators.cellfile.part import Clamping, Gear, Part, Wheel
 from simulators.grinding import Grinder, Lobes, WorkPiece
 from simulators.grinding.entry import Poses, deepest
-from simulators.grinding.plan import PlannedRun, ground
 from simulators.grinding.sampling import closely, passes
 from simulators.grinding.wheel import WheelBody
 from simulators.grinding.work import clamped
@@ -17,6 +16,7 @@ from simulators.optics.bench import Bench
 from simulators.truth import Truth
 from simulators.truth.chain import rotation
 from tests.unit.simulators.motion import plain_cell
+from tests.unit.simulators.planned_run import PlannedRun, ground
 
 RV40 = {"rp": 64.0, "rrp": 3.0, "a": 1.3, "zp": 40, "zc": 39, "b": 10.0}
 ELEVEN = {"rp": 90.0, "rrp": 7.0, "a": 4.0, "zp": 12, "zc": 11, "b": 15.0}

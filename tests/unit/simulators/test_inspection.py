@@ -7,9 +7,9 @@ import pytest
 
 from simulators.cellfile.part import InspectionMachine
 from simulators.grinding import Lobes, WorkPiece
-from simulators.grinding.plan import ground
 from simulators.inspection import GearMachine, Touches
 from simulators.truth import Truth
+from tests.unit.simulators.planned_run import ground
 from tests.unit.simulators.test_grinding import ARCSEC, cell_of
 
 WAVE = {"ECC": [{"kind": "harmonic", "order": 3, "amplitude": 6.0}], "EXX": 2.0}

@@ -18,9 +18,9 @@ from gateway.config import load_site
 from simulators.cell import Cell
 from simulators.cell.judge import Judge
 from simulators.cellfile import load_cell, with_plan
-from simulators.grinding.plan import PlannedRun
 from simulators.grinding.work import WorkPiece
 from simulators.pytest_plugin import CellStarter
+from tests.unit.simulators.planned_run import PlannedRun
 
 PLAN = GearPlan(
     39,

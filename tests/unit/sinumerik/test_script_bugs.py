@@ -10,7 +10,7 @@ from drivers.sinumerik import forms, reader
 from drivers.sinumerik.tablefiles import TableFiles
 from drivers.tablefile import TableFile, TableMachine
 from drivers.types import MeasuredSet
-from gateway.evaluate.iso230_2 import evaluate
+from gateway.evaluate.standards.iso230_2 import evaluate
 from gateway.table.conversion import Datum, Request, convert
 from gateway.table.filediff import compare
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gateway.domain import TableChange
-from gateway.evaluate.repetitions import robust_means
+from gateway.evaluate.behaviour.repetitions import robust_means
 from tests.unit.table import truth as little
 from tests.unit.table.world import live, turn
 

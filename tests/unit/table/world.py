@@ -8,7 +8,7 @@ import numpy as np
 
 from drivers.types import CompensationTable, LiveSet, LiveTable
 from gateway.domain import TableChange
-from gateway.evaluate.repetitions import robust_means
+from gateway.evaluate.behaviour.repetitions import robust_means
 from gateway.model.fit import fit_positioning
 from gateway.table import Grid, Measured, TableAxis, effective, propose
 from tests.unit.table import truth as little

@@ -12,7 +12,7 @@ import pytest
 
 from drivers.errors import DeviceRefused, ValueOutOfRange
 from drivers.types import CompensationTable, LiveSet, LiveTable, TableLimits
-from gateway.correct.tables import Table, TableGrid
+from gateway.correct.flank.tables import Table, TableGrid
 from gateway.domain import TableChange
 from gateway.errors import CaptureError
 from gateway.model.preset import yk7350b

@@ -10,8 +10,8 @@ import pytest
 
 from drivers.types import Ambient
 from gateway.domain import AxisVerdict, Between, Capture, PushRecord
-from gateway.evaluate.corrections import begin
-from gateway.evaluate.iso230_2 import evaluate
+from gateway.evaluate.optics.corrections import begin
+from gateway.evaluate.standards.iso230_2 import evaluate
 from gateway.workflow.explaining import check_between
 from gateway.workflow.verdict import judge, judge_axis
 from tests.unit.verdict.test_explaining import CHANGE, OLD

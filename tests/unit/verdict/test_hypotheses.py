@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from drivers.types import FloatArray
-from gateway.evaluate.hypotheses import APART, Finding, why
+from gateway.evaluate.behaviour.table_effect import APART, TableEffect, why
 
 TRUTHS = {"as-predicted": -1.0, "not-active": 0.0, "wrong-sign": 1.0, "doubled": -2.0}
 TRIALS = 2000
@@ -20,7 +20,7 @@ def _shape(rng: np.random.Generator, count: int) -> FloatArray:
     return np.asarray(shape - np.mean(shape)) + rng.normal()
 
 
-def _trial(rng: np.random.Generator, apart: float, slope: float) -> Finding:
+def _trial(rng: np.random.Generator, apart: float, slope: float) -> TableEffect:
     """One measured push: ``apart`` is RMS(d) / U."""
     count = int(rng.integers(6, 60))
     d = _shape(rng, count)

@@ -1,0 +1,180 @@
+"""What an inspection tells of a part: A, B, G at every place, the flank these make on the judged grid, how sure it is.
+
+Between the heights measured A, B and G run straight, as a table over the stroke does, and on beyond the outermost; what
+bends between two heights is not seen. One rotation of the whole gear is removed. An eccentric clamping of the
+inspection cannot be told from the part's own eccentricity: it counts as uncertainty.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drivers.errors import words
+from drivers.types import FloatArray, GearInspection
+from drivers.units import UM_PER_MM, mm_to_um, rad_to_arcsec, um_to_mm
+from gateway.correct.part.fitted_places import FittedPlaces, check_points, placed
+from gateway.domain import COVERAGE
+from gateway.gear.cycloid import CycloidGear
+from gateway.gear.flank import FlankGrid, flank_figure, flank_grid
+from gateway.gear.inspection import TraceValues, inspect, trace_values
+from gateway.gear.touched import Heights, touched
+from gateway.tooth import FlankMap, InspectedFlank
+
+PROFILE, WIDTH = 11, 5
+USUAL_CLAMPING_UM = 0.5
+LINE_POINTS, LINE_SHARE = 5, 0.5  # of a profile line: fewer points, or over less of a flank, make none
+TO_UM = np.array([UM_PER_MM, UM_PER_MM, rad_to_arcsec(1.0)])
+
+
+@dataclass(frozen=True, slots=True)
+class About:
+    """What was inspected by whom: part's name in the run, source, serial number, when, how well it clamps (k = 2).
+
+    ``heights`` says what the heights count from; ``said`` goes before what the points themselves say.
+    """
+
+    part: str
+    source: str = ""
+    serial: str = ""
+    measured_utc: str = ""
+    clamping_um: float = USUAL_CLAMPING_UM
+    heights: Heights = "lower-face"
+    said: tuple[str, ...] = ()
+
+
+def inspected_flank(gear: CycloidGear, found: GearInspection, about: About) -> InspectedFlank:
+    """The record of measured points: fitted flank, uncertainties, figures, what must be minded.
+
+    Raises what `gateway.gear.touched.touched` and `gateway.correct.part.fitted_places.placed` raise.
+    """
+    seen = touched(gear, found, about.heights)
+    probe = um_to_mm(found.probe_u_um or 0.0)
+    told = placed(gear, seen.points, probe)
+    grid = flank_grid(gear, profile=PROFILE, width=WIDTH)
+    flank = _Fitted.of(told, grid)
+    point_um = float(mm_to_um(told.fit.u))
+    form = float(np.sqrt(max(told.fit.u**2 - probe**2, 0.0))) if probe else 0.0
+    clamping = um_to_mm(about.clamping_um / COVERAGE) * _clamping_share(grid)
+    rms_u = float(np.sqrt(np.mean(flank.variance) + form**2 + clamping**2))
+    return InspectedFlank(
+        part=about.part,
+        source=about.source,
+        serial=about.serial,
+        k=told.points.k,
+        theta_rad=told.points.theta,
+        z_mm=told.points.z,
+        deviation_um=told.points.deviation * UM_PER_MM,
+        u_um=point_um,
+        place_k=told.places.k,
+        place_z_mm=told.places.z,
+        abg=told.fit.abg * TO_UM,
+        abg_u=told.fit.abg_u * TO_UM,
+        fitted=FlankMap(grid.thetas, grid.zs, flank.deviation * UM_PER_MM),
+        rms_u_um=float(mm_to_um(rms_u)),
+        figures=_figures(grid, flank, told),
+        said=(*about.said, *_said(told, seen.shift, about, probe), *found.warnings),
+        measured_utc=about.measured_utc,
+    )
+
+
+def check_gear(gear: CycloidGear, found: GearInspection, heights: Heights = "lower-face") -> None:
+    """Refuse the points of another gear, or of spaces that are not ground, before all of them are there.
+
+    Raises what `touched` raises, ModelError E-INSPECT-GEAR.
+    """
+    check_points(gear, touched(gear, found, heights).points)
+
+
+@dataclass(frozen=True)
+class _Fitted:
+    """The flank (K, T, Z) in mm without its rotation (rad), and the variance of each point by the probe's noise."""
+
+    deviation: FloatArray
+    variance: FloatArray
+    rotation: float
+
+    @staticmethod
+    def of(told: FittedPlaces, grid: FlankGrid) -> _Fitted:
+        section = grid.gear.section(grid.thetas)
+        form = np.stack([section.nx, section.ny, section.h], axis=-1)
+        spread = told.places.inverses * told.fit.u**2
+        deviation, variance = np.empty(grid.shape), np.empty(grid.shape)
+        for index, k in enumerate(grid.ks):
+            here = np.flatnonzero(told.places.k == k)
+            weights = along_face(told.places.z[here], grid.zs)
+            deviation[index] = form @ (weights @ told.fit.abg[here]).T
+            shared = np.einsum("zh,hij->zij", weights**2, spread[here])
+            variance[index] = np.einsum("ti,zij,tj->tz", form, shared, form)
+        turned = flank_figure(deviation, grid.section.h).rotation
+        return _Fitted(deviation - turned * grid.section.h, variance, turned)
+
+
+def along_face(measured: FloatArray, wanted: FloatArray) -> FloatArray:
+    """Weights (Z, H) of values at heights (H,) measured for those at heights (Z,): straight between, and on beyond."""
+    order = np.argsort(measured)
+    at = measured[order]
+    left = np.clip(np.searchsorted(at, wanted) - 1, 0, at.size - 2)
+    share = (wanted - at[left]) / (at[left + 1] - at[left])
+    weights = np.zeros((wanted.size, at.size))
+    rows = np.arange(wanted.size)
+    weights[rows, order[left]], weights[rows, order[left + 1]] = 1.0 - share, share
+    return weights
+
+
+def _clamping_share(grid: FlankGrid) -> float:
+    """RMS on the flank (one rotation removed) of an eccentricity, as likely along x as along y, per mm of each."""
+    section, angle = grid.section, grid.gear.space_angle(grid.k)
+    cos, sin = np.cos(angle), np.sin(angle)
+    along = cos * section.nx - sin * section.ny, sin * section.nx + cos * section.ny
+    x, y = (flank_figure(np.broadcast_to(one, grid.shape), section.h).rms for one in along)
+    return float(np.hypot(x, y))
+
+
+def _figures(grid: FlankGrid, flank: _Fitted, told: FittedPlaces) -> dict[str, float]:
+    """Largest over all flanks, um: profile on the measured lines where there are any, the rest on the fitted flank."""
+    chart = inspect(grid, flank.deviation)
+    lines = _profile_lines(grid.gear, told, flank.rotation)
+    profile = np.max(lines, axis=0) if lines.size else np.array([np.max(np.abs(v)) for v in _values(chart.profile)])
+    lead = [np.max(np.abs(one)) for one in _values(chart.lead)]
+    pitch = chart.pitch
+    found = {
+        **dict(zip(("F_alpha", "f_Halpha", "f_falpha"), profile, strict=True)),
+        **dict(zip(("F_beta", "f_Hbeta", "f_fbeta"), lead, strict=True)),
+        "F_p": max(one.F_p for one in pitch),
+        "f_p": max(one.f_p for one in pitch),
+        "F_r": chart.runout.F_r,
+        "eccentricity": chart.runout.eccentricity,
+    }
+    return {name: float(mm_to_um(float(value))) for name, value in found.items()}
+
+
+def _values(trace: TraceValues) -> tuple[FloatArray, FloatArray, FloatArray]:
+    return trace.F, trace.f_H, trace.f_f
+
+
+def _profile_lines(gear: CycloidGear, told: FittedPlaces, rotation: float) -> FloatArray:
+    """|F|, |f_H|, f_f (L, 3) in mm of every measured profile line, the gear's rotation taken off."""
+    points, h = told.points, told.places.form[:, 2]
+    deviation, arc = points.deviation - rotation * h, gear.arc(points.theta)
+    line = 2 * told.places.of + (points.theta > 0.0)
+    order = np.argsort(line, kind="stable")
+    parts = np.split(order, np.flatnonzero(np.diff(line[order])) + 1)
+    least = LINE_SHARE * gear.limits().half_lobe_arc
+    long = [one for one in parts if one.size >= LINE_POINTS and float(np.ptp(arc[one])) >= least]
+    traces = [trace_values(deviation[one], arc[one]) for one in long]
+    return np.array([[abs(float(value)) for value in _values(one)] for one in traces]).reshape(-1, 3)
+
+
+def _said(told: FittedPlaces, shift: int, about: About, probe: float) -> tuple[str, ...]:
+    said = [words("S-INSPECT-CLAMPING", U=f"{about.clamping_um:g}")]
+    if told.glitches:
+        said.append(words("S-INSPECT-GLITCHES", count=told.glitches))
+    if told.beside:
+        said.append(words("S-INSPECT-BESIDE", count=told.beside))
+    if shift:
+        said.append(words("S-INSPECT-SHIFT", shift=shift))
+    if not probe:
+        said.append(words("S-INSPECT-PROBE", u=f"{mm_to_um(told.fit.u):.2f}"))
+    return (*said, words("S-INSPECT-FIGURES"))

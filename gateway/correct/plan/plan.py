@@ -1,0 +1,117 @@
+"""What may be used to correct a machine: grids, tables, set-up values, goal, limits, in the controller's units."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from drivers.types import CompensationTable
+from drivers.units import deviation_unit
+from gateway.correct.flank.flankmodel import SetupValue
+from gateway.correct.flank.noise import FitNoise
+from gateway.correct.flank.tables import Table
+from gateway.correct.plan.records import axis_unit, even_grid, in_deviation_unit, resolution, table_of
+from gateway.correct.solve.limits import TableSpec
+from gateway.correct.solve.optimise import Norm
+from gateway.errors import ModelError
+from gateway.model.chain import Chain
+from gateway.table import Limits
+from gateway.table.limits import check_points
+
+RESOLUTION_MM, RESOLUTION_DEG = 1e-4, 1e-4
+ALIKE_MM = 5e-6  # a twentieth of a step: far below what is known of any flank
+CROSS = (("X", "Z"), ("X", "C"), ("C", "Z"), ("C", "C"))
+
+
+@dataclass(frozen=True, slots=True)
+class AxisGrid:
+    """The controller's grid of one input axis in its unit (mm or deg), and where its tables are zero."""
+
+    axis: str
+    minimum: float
+    maximum: float
+    step: float
+    reference: float = 0.0
+    modulo: bool = False
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Grids by input axis, axes with a table of their own (EEC), cross tables (output, input), set-up values, goal.
+
+    ``mounting``: the work's eccentricity and tilt are set right by hand, no table takes them. ``bounds`` (um or arcsec
+    by axis) is how far CEC may spoil an axis; one without is bound by the limits of a table alone. ``alike`` (mm RMS,
+    in squares) is how much worse the flank may be for smoother tables. ``noise`` says how the errors may be wrong,
+    ``reserved`` how many points the controller holds for a table, by name. Tables over an axis without a grid are left
+    out.
+    """
+
+    grids: tuple[AxisGrid, ...]
+    own: tuple[str, ...] = ("X", "Z", "C")
+    cross: tuple[tuple[str, str], ...] = CROSS
+    zeros: tuple[str, ...] = ("X", "C")
+    dressing: bool = True
+    mounting: bool = True
+    norm: Norm = "rms"
+    bounds: Mapping[str, float] = field(default_factory=dict)
+    alike: float = ALIKE_MM
+    noise: FitNoise = field(default_factory=FitNoise)
+    reserved: Mapping[str, int] = field(default_factory=dict)
+    resolution_mm: float = RESOLUTION_MM
+    resolution_deg: float = RESOLUTION_DEG
+
+    def has(self, axis: str) -> bool:
+        """True if there is a grid for tables over that axis."""
+        return any(one.axis == axis for one in self.grids)
+
+    def grid(self, axis: str) -> AxisGrid:
+        """The grid of an input axis. Raises ModelError E-CORRECT-PLAN."""
+        for one in self.grids:
+            if one.axis == axis:
+                return one
+        raise ModelError("E-CORRECT-PLAN", "plan", axis=axis)
+
+    def resolution(self, chain: Chain, out: str) -> float:
+        """Smallest step of a value of that output axis, mm or rad."""
+        unit = axis_unit(chain, out)
+        return resolution(chain, out, self.resolution_deg if unit == "deg" else self.resolution_mm)
+
+
+def table_spec(chain: Chain, plan: Plan, out: str, over: str, live: Sequence[CompensationTable] = ()) -> TableSpec:
+    """One table with the limits of the house; ``live`` are the tables that acted while the errors were measured.
+
+    Raises TooManyPoints if the controller reserved fewer points.
+    """
+    grid = plan.grid(over)
+    points = round((grid.maximum - grid.minimum) / grid.step) + 1
+    check_points(points, plan.reserved.get(f"{out}({over})", points), f"{out}({over})", "EEC" if out == over else "CEC")
+    inside = in_deviation_unit(chain, over, 1.0) / (3600.0 if axis_unit(chain, over) == "deg" else 1000.0)
+    limits = Limits.usual(deviation_unit(axis_unit(chain, out)))
+    size = 1.0 / in_deviation_unit(chain, out, 1.0)
+    return TableSpec(
+        even_grid(chain, out, over, grid.minimum, grid.maximum, grid.step, modulo=grid.modulo),
+        resolution=plan.resolution(chain, out),
+        value=limits.value * size,
+        slope=limits.slope * size * inside,
+        change=limits.change * size,
+        reference=grid.reference / inside,
+        live=live_table(chain, out, over, live),
+    )
+
+
+def live_table(chain: Chain, out: str, over: str, live: Sequence[CompensationTable]) -> Table | None:
+    """The table of that name among those that acted, as corrections."""
+    found = [table_of(chain, one) for one in live if (one.output_axis, one.input_axis) == (out, over)]
+    return next((one for one in found if one is not None), None)
+
+
+def cross_specs(chain: Chain, plan: Plan, live: Sequence[CompensationTable] = ()) -> list[TableSpec]:
+    """All cross tables of the plan for which there is a grid."""
+    acting = [one for one in live if one.function == "CEC"]
+    return [table_spec(chain, plan, out, over, acting) for out, over in plan.cross if plan.has(over)]
+
+
+def setup_values(chain: Chain, plan: Plan) -> list[SetupValue]:
+    """The set-up values of the plan with their resolutions."""
+    zeros = [SetupValue(axis, plan.resolution(chain, axis)) for axis in plan.zeros]
+    return [*zeros, SetupValue("", plan.resolution_mm)] if plan.dressing else zeros

@@ -1,0 +1,123 @@
+"""Means of repeated readings for the fit: passes levelled against drift, readings out of line left out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gateway.domain import FloatArray
+from gateway.evaluate.standards import readings
+
+SUSPECT_FACTOR = 6.0
+OTHERS_FACTOR = 3.0
+MAD_TO_SIGMA = 1.4826
+Q80_TO_SIGMA = 1.2816
+
+
+@dataclass(frozen=True, slots=True)
+class RobustMeans:
+    """What the fit is given: all arrays (m,), in the deviation unit, NaN where there is no reading.
+
+    ``mean`` is the mean of both approaches (one approach less half the median reversal where the other
+    is missing), ``u`` its standard uncertainty from ``s``, the pooled standard deviation of one reading
+    with passes levelled. ``pass_offsets`` (n, 2) is the common shift of each pass. ``suspects`` lists
+    (target, repetition, approach index) left out here; the ISO evaluation keeps them.
+    """
+
+    mean_up: FloatArray
+    mean_down: FloatArray
+    mean: FloatArray
+    u: FloatArray
+    s: float
+    pass_offsets: FloatArray
+    suspects: tuple[tuple[int, int, int], ...]
+
+
+def robust_means(targets: ArrayLike, deviations: ArrayLike) -> RobustMeans:
+    """Summarise deviations (m, n, 2) robustly.
+
+    A reading is a suspect when it differs from the median of its repetitions by more than 6 robust standard
+    deviations (pooled over all targets, passes levelled) and clearly more than those differ among
+    themselves; three repetitions at least. A shift shared by a whole pass (drift) is no suspicion.
+    Raises ModelError as `readings.checked`.
+    """
+    _, x = readings.checked(targets, deviations)
+    offsets = _pass_offsets(x)
+    level = x - offsets[None, :, :]
+    out = _suspects(level)
+    kept = np.where(out, np.nan, level)
+    up, down = readings.means(kept).T
+    s = _pooled(kept)
+    mean, u = _both(up, down, readings.counts(kept), s)
+    found = tuple((int(i), int(j), int(a)) for i, j, a in np.argwhere(out))
+    return RobustMeans(up, down, mean, u, s, offsets, found)
+
+
+def _pass_offsets(x: FloatArray) -> FloatArray:
+    offsets = np.zeros(x.shape[1:])
+    for _ in range(3):
+        centre = _median(x - offsets[None], axis=1)
+        residual = x - centre[:, None, :]
+        step = _median(residual - offsets[None], axis=0)
+        offsets = offsets + step
+    for approach in range(2):
+        known = np.isfinite(x[:, :, approach]).any(axis=0)
+        shift = float(np.mean(offsets[known, approach])) if known.any() else 0.0
+        offsets[:, approach] -= shift
+    return offsets
+
+
+def _median(values: FloatArray, axis: int) -> FloatArray:
+    empty = ~np.isfinite(values).any(axis=axis, keepdims=True)
+    return np.asarray(np.nanmedian(np.where(empty, 0.0, values), axis=axis))
+
+
+def _suspects(level: FloatArray) -> NDArray[np.bool_]:
+    n = level.shape[1]
+    out = np.zeros(level.shape, dtype=np.bool_)
+    if n < 3:
+        return out
+    distance, spread = np.full(level.shape, np.nan), np.full(level.shape, np.nan)
+    for j in range(n):
+        others = np.delete(level, j, axis=1)
+        enough = np.isfinite(others).sum(axis=1) >= 2
+        centre = np.where(enough, _median(others, axis=1), np.nan)
+        distance[:, j] = np.abs(level[:, j] - centre)
+        spread[:, j] = MAD_TO_SIGMA * _median(np.abs(others - centre[:, None]), axis=1)
+    known = distance[np.isfinite(distance)]
+    if known.size < 3:
+        return out
+    scale = max(MAD_TO_SIGMA * float(np.median(known)), float(np.quantile(known, 0.8)) / Q80_TO_SIGMA)
+    with np.errstate(invalid="ignore"):
+        return np.asarray((distance > SUSPECT_FACTOR * scale) & (distance > OTHERS_FACTOR * spread))
+
+
+def _pooled(level: FloatArray) -> float:
+    n = readings.counts(level)
+    centre = readings.means(level)
+    used = n[n > 1]
+    # Levelling took one degree of freedom for each pass beyond the first of its approach.
+    passes = int(np.isfinite(level).any(axis=0).sum() - np.isfinite(level).any(axis=(0, 1)).sum())
+    freedom = int(np.sum(used - 1)) - passes
+    if freedom > 0:
+        return float(np.sqrt(np.nansum((level - centre[:, None, :]) ** 2) / freedom))
+    return _from_reversal(centre[:, 0] - centre[:, 1])
+
+
+def _from_reversal(reversal: FloatArray) -> float:
+    """Single readings each way: the scatter of B_i along the axis is all there is to see (an upper bound)."""
+    known = reversal[np.isfinite(reversal)]
+    return float(np.std(known, ddof=1) / np.sqrt(2.0)) if known.size > 2 else float("nan")
+
+
+def _both(up: FloatArray, down: FloatArray, n: NDArray[np.int64], s: float) -> tuple[FloatArray, FloatArray]:
+    reversal = up - down
+    known = reversal[np.isfinite(reversal)]
+    half = float(np.median(known)) / 2.0 if known.size else 0.0
+    mean = np.where(np.isfinite(reversal), (up + down) / 2.0, np.where(np.isfinite(up), up - half, down + half))
+    with np.errstate(divide="ignore"):
+        inverse = np.where(n > 0, 1.0 / n, 0.0)
+    both = (n > 0).sum(axis=1)
+    return mean, s * np.sqrt(inverse.sum(axis=1)) / np.maximum(both, 1)

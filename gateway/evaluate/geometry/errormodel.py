@@ -1,0 +1,147 @@
+"""Captures of single errors -> what is known of the machine: angles first, levers, then lengths, then locations."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from math import hypot
+
+import numpy as np
+
+from drivers.errors import words
+from drivers.units import arcsec_to_rad, mm_to_um, rad_to_arcsec, um_to_mm
+from gateway.domain import Component, FloatArray, component_unit
+from gateway.evaluate.geometry.locations import locations
+from gateway.evaluate.geometry.measurement import Means, Measurement, means_of
+from gateway.evaluate.geometry.straightness import straightness
+from gateway.model.components import at_datum, standard_uncertainty, value
+from gateway.model.conventions import first_harmonic, in_phase, without_line, without_mean
+from gateway.model.known import ErrorModel, unmeasured
+
+PAIRS = (("EXC", "EYC"), ("EAC", "EBC"))
+
+
+def error_model(
+    measurements: Sequence[Measurement],
+    spans: Mapping[str, float],
+    *,
+    linear_um: float = 5.0,
+    angular_arcsec: float = 5.0,
+) -> ErrorModel:
+    """What these measurements tell; the rest of the 21 is unknown with its span (half width).
+
+    Levers (known offsets) are taken off with fitted angles; an angle that was not measured leaves its share in the
+    systematic uncertainty. Raises what `fit_positioning` raises.
+    """
+    means = [means_of(one) for one in measurements]
+    motions = {one.of.name: one for one in means if one.of.is_motion}
+    angles = {name: one for name, one in motions.items() if component_unit(name, "mm") == "arcsec"}
+    work = _Work(dict(spans), linear_um, angular_arcsec)
+    for name, one in _centred(angles, work).items():
+        work.take(name, one)
+    lengths = {name: work.off_lever(one) for name, one in motions.items() if name not in angles}
+    for name, one in _centred(lengths, work).items():
+        work.take(name, one)
+    located, said = locations([one for one in means if not one.of.is_motion], work.tilt)
+    known = (*work.motions, *(one.name for one in located))
+    unknown = unmeasured(known, spans, linear_um=linear_um, angular_arcsec=angular_arcsec)
+    return ErrorModel(tuple(work.motions.values()), located, unknown, work.systematic, (*work.said, *said))
+
+
+# ------------------------------------------------------------------------------------------------ Abbe levers
+
+# (eps x r) along X, Y, Z: which rotation acts on which arm with which sign (right-handed, ISO 230-1).
+_ARMS: Mapping[str, tuple[tuple[str, int, float], tuple[str, int, float]]] = {
+    "X": (("B", 2, 1.0), ("C", 1, -1.0)),
+    "Y": (("C", 0, 1.0), ("A", 2, -1.0)),
+    "Z": (("A", 1, 1.0), ("B", 0, -1.0)),
+}
+
+
+def arms(along: str, axis: str, offset_mm: tuple[float, float, float]) -> dict[str, float]:
+    """Lever of each angular error motion of an axis, um per arcsec, that moves a point at the offset along a letter."""
+    found = {f"E{letter}{axis}": sign * offset_mm[place] for letter, place, sign in _ARMS[along]}
+    return {name: float(mm_to_um(arcsec_to_rad(arm))) for name, arm in found.items() if arm}
+
+
+def lever_um(levers: Mapping[str, float], angles_arcsec: Mapping[str, FloatArray], points: int) -> FloatArray:
+    """What those levers add to the readings (m,), from the angles (m,) that are known."""
+    total = np.zeros(points)
+    for name, lever in levers.items():
+        if name in angles_arcsec:
+            total = total + lever * angles_arcsec[name]
+    return total
+
+
+# ------------------------------------------------------------------------------------------ the model as it grows
+
+
+class _Work:
+    """The model as it grows: angles are there before the lengths that need them."""
+
+    def __init__(self, spans: Mapping[str, float], linear_um: float, angular_arcsec: float) -> None:
+        self.motions: dict[str, Component] = {}
+        self.systematic: dict[str, float] = {}
+        self.said: list[str] = []
+        self._spans = spans
+        self._usual = {"um": linear_um, "arcsec": angular_arcsec}
+
+    def take(self, name: str, one: Means) -> None:
+        """Fit and bring to convention; straightness loses its line."""
+        at, known = one.of.targets, np.isfinite(one.mean)
+        straight = one.of.axis_unit == "mm" and component_unit(name, "mm") == "um" and name[1] != name[2]
+        if straight:
+            slope = straightness(at[known], one.mean[known], "lsq").slope
+            one = one.less(slope * (at - at[known].mean()))
+            found = without_line(one.fitted(), at[known])
+            told = rad_to_arcsec(um_to_mm(slope))
+            self.said.append(words("S-MODEL-SLOPE", name=name, slope=f"{told:+.2f}"))
+        else:
+            found = one.fitted()
+        turning = one.of.axis_unit == "deg" and name[1] != "C"
+        self.motions[name] = without_mean(found) if turning else at_datum(found, one.of.reference)
+        self.systematic[name] = hypot(self.systematic.get(name, 0.0), one.of.systematic)
+
+    def off_lever(self, one: Means) -> Means:
+        """Readings without what the angles did at the offset, where offset and angles are known."""
+        name, offset = one.of.name, one.of.offset_mm
+        if offset is None:
+            return one
+        levers = arms(name[1], one.of.letter, offset)
+        at = one.of.targets
+        angles = {key: value(self.motions[key], at) for key in levers if key in self.motions}
+        for key in sorted(set(levers) - set(angles)):
+            share = abs(levers[key]) * self._spans.get(key, self._usual["arcsec"]) / 3.0**0.5
+            self.systematic[name] = hypot(self.systematic.get(name, 0.0), share)
+            self.said.append(words("S-MODEL-LEVER", name=name, angle=key, u=f"{share:.2f}"))
+        squares = [(levers[key] * standard_uncertainty(self.motions[key], at)) ** 2 for key in angles]
+        u = np.sqrt(one.u**2 + np.sum(squares, axis=0)) if squares else one.u
+        return replace(one.less(lever_um(levers, angles, at.size)), u=np.asarray(u))
+
+    def tilt(self, name: str, place: float | None) -> tuple[float, float]:
+        """An angular motion at a place and its standard uncertainty, arcsec; unknown ones are 0 within their span."""
+        motion = self.motions.get(name)
+        if motion is None:
+            return 0.0, self._spans.get(name, self._usual["arcsec"]) / 3.0**0.5
+        if place is None:
+            reach = value(motion, np.linspace(*motion.domain, 101))
+            return float(reach.max() + reach.min()) / 2.0, float(np.ptp(reach)) / 12.0**0.5
+        at = np.asarray([place])
+        return float(value(motion, at)[0]), float(standard_uncertainty(motion, at)[0])
+
+
+def _centred(found: dict[str, Means], work: _Work) -> dict[str, Means]:
+    """Pairs around a turning axis without the wave of an eccentric or leaning artefact."""
+    out = dict(found)
+    for first, second in PAIRS:
+        pair = [found[name] for name in (first, second) if name in found]
+        waves = [first_harmonic(one.fitted()) for one in pair]
+        if len(pair) == 2:
+            waves = list(in_phase(*waves))
+        for one, wave in zip(pair, waves, strict=True):
+            out[one.of.name] = one.less(wave(one.of.targets))
+            code = "S-MODEL-ECCENTRIC" if len(pair) == 2 else "S-MODEL-ONCE"
+            size = float(np.hypot(wave.a, wave.b))
+            unit = component_unit(one.of.name, "mm")
+            work.said.append(words(code, name=one.of.name, size=f"{size:.2f}", unit=unit))
+    return out

@@ -1,0 +1,97 @@
+"""What one set-up measured of one error, and the means of it that a fit is given."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from drivers.units import AxisUnit
+from gateway.domain import Component, FloatArray
+from gateway.evaluate.behaviour.repetitions import robust_means
+from gateway.model.components import value
+from gateway.model.fit import fit_polygon, fit_positioning
+
+LEAVES, FAR_ABOVE = 0.15, 4.0
+"""What a smooth fit may leave at a target: um or arcsec, and times the standard uncertainty of a mean."""
+
+
+@dataclass(frozen=True, slots=True)
+class Measurement:
+    """One set-up's deviations (m, n, 2) at targets (m,) in um or arcsec, and how it was mounted.
+
+    ``component`` may end in -R (artefact turned over). ``systematic`` is the standard uncertainty that repetition
+    does not show. ``turned_deg`` is where the rotary axis was parked, for a bar; ``stands`` where every axis stood when
+    the set-up began, by letter.
+    """
+
+    component: str
+    letter: str
+    axis_unit: AxisUnit
+    targets: FloatArray
+    deviations: FloatArray
+    reference: float = 0.0
+    modulo: bool = False
+    offset_mm: tuple[float, float, float] | None = None
+    systematic: float = 0.0
+    own_angle_arcsec: float | None = None
+    turned_deg: float | None = None
+    stands: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """The error without the mark of a turned artefact."""
+        return self.component.removesuffix("-R")
+
+    @property
+    def kind(self) -> Literal["linear", "rotary"]:
+        """Of the axis that moved."""
+        return "linear" if self.axis_unit == "mm" else "rotary"
+
+    @property
+    def is_motion(self) -> bool:
+        """An error motion, no location error."""
+        return self.name[1] != "0"
+
+
+@dataclass(frozen=True, slots=True)
+class Means:
+    """Means (m,) of a measurement with their standard uncertainties."""
+
+    of: Measurement
+    mean: FloatArray
+    u: FloatArray
+
+    def less(self, what: FloatArray) -> Means:
+        """The same with something (m,) taken off."""
+        return replace(self, mean=self.mean - what)
+
+    def fitted(self) -> Component:
+        """Fit as it stands; where a smooth curve leaves far more than the scatter, straight lines between the means."""
+        one = self.of
+        smooth = fit_positioning(
+            one.targets,
+            self.mean,
+            self.u,
+            name=one.name,
+            axis=one.letter,
+            axis_unit=one.axis_unit,
+            kind=one.kind,
+            modulo=one.modulo,
+        )
+        known = np.isfinite(self.mean)
+        left = float(np.max(np.abs(self.mean - value(smooth, one.targets))[known]))
+        if one.kind == "rotary" or left <= max(LEAVES, FAR_ABOVE * float(np.max(self.u[known]))):
+            return smooth
+        at, mean, u = one.targets[known], self.mean[known], self.u[known]
+        return fit_polygon(at, mean, u, name=one.name, axis=one.letter, axis_unit=one.axis_unit)
+
+
+def means_of(one: Measurement) -> Means:
+    """Means of a measurement's readings, robust against drift of passes and readings out of line."""
+    found = robust_means(one.targets, one.deviations)
+    # One repetition one way tells nothing of its scatter: the instrument's own uncertainty stands for it.
+    u = np.where(np.isfinite(found.u) & (found.u > 0.0), found.u, max(one.systematic, 1e-3))
+    return Means(one, found.mean, np.asarray(u))

@@ -1,0 +1,134 @@
+"""Error motions of a rotating axis, radial, axial and tilt, total, synchronous and asynchronous (ISO 230-7)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from drivers.units import ARCSEC_PER_RAD, deg_to_rad, um_to_mm
+from gateway.domain import FloatArray
+from gateway.errors import ModelError
+from gateway.evaluate.geometry.harmonics import FittedHarmonic, harmonics
+from gateway.evaluate.standards.certainty import SECONDARY, Certainty
+
+Kind = Literal["radial, fixed direction", "radial, rotating direction", "axial", "tilt"]
+STANDARD = "ISO 230-7"
+USUAL_TURNS = 20
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorMotion:
+    """Error motion values: widths of the polar plot about its least-squares-circle centre, in `unit`.
+
+    ``synchronous`` is the range of the average per angle, ``asynchronous`` the largest spread at one angle,
+    ``total`` the range of all readings. ``average`` (k,) and ``residual`` (turns, k) have mean and, where
+    `removed`, the fundamental taken out. ``fundamental`` is the once-per-turn part either way: of a radial plot
+    it is the artefact's eccentricity or the axis' own, which only a reversal can tell apart; of an axial one
+    it is error motion and stays in. ``residual_synchronous`` is `synchronous` without it.
+    """
+
+    kind: Kind
+    unit: Literal["um", "arcsec"]
+    total: float
+    synchronous: float
+    residual_synchronous: float
+    asynchronous: float | None
+    fundamental: FittedHarmonic
+    removed: bool
+    average: FloatArray
+    residual: FloatArray
+    flags: tuple[str, ...]
+    standard: str = STANDARD
+    certainty: Certainty = SECONDARY
+
+
+def radial_fixed(angles_deg: ArrayLike, readings_um: ArrayLike) -> ErrorMotion:
+    """One indicator at rest (sensitive direction fixed): readings (turns, k) at angles (k,) of every turn.
+
+    NaN marks a missing reading. Raises ModelError (E-EVAL-TURNS: shapes, an angle without reading, 0 and 360
+    both) and NotIdentifiable for too few angles.
+    """
+    return _motion("radial, fixed direction", "um", angles_deg, readings_um, removed=True)
+
+
+def radial_rotating(angles_deg: ArrayLike, x_um: ArrayLike, y_um: ArrayLike) -> ErrorMotion:
+    """Two indicators at 90 deg, direction turning with the axis: r = x cos(angle) + y sin(angle)."""
+    angle = deg_to_rad(np.asarray(angles_deg, dtype=np.float64))
+    x, y = np.asarray(x_um, dtype=np.float64), np.asarray(y_um, dtype=np.float64)
+    if x.shape != y.shape or x.shape[-1:] != angle.shape:
+        raise ModelError("E-EVAL-TURNS", "ISO 230-7", angles=angle.shape, readings=x.shape)
+    polar = x * np.cos(angle) + y * np.sin(angle)
+    return _motion("radial, rotating direction", "um", angles_deg, polar, removed=True)
+
+
+def axial(angles_deg: ArrayLike, readings_um: ArrayLike) -> ErrorMotion:
+    """An indicator along the axis, on it: the fundamental is kept."""
+    return _motion("axial", "um", angles_deg, readings_um, removed=False)
+
+
+def tilt(angles_deg: ArrayLike, far_um: ArrayLike, near_um: ArrayLike, distance_mm: float) -> ErrorMotion:
+    """Two radial indicators `distance_mm` apart along the axis: (far - near) / distance, in arcsec."""
+    far, near = np.asarray(far_um, dtype=np.float64), np.asarray(near_um, dtype=np.float64)
+    if far.shape != near.shape or not distance_mm > 0.0:
+        raise ModelError("E-EVAL-TURNS", "ISO 230-7", angles=near.shape, readings=far.shape)
+    angle = um_to_mm(far - near) / distance_mm * ARCSEC_PER_RAD
+    return _motion("tilt", "arcsec", angles_deg, angle, removed=True)
+
+
+def _motion(
+    kind: Kind, unit: Literal["um", "arcsec"], angles_deg: ArrayLike, readings: ArrayLike, *, removed: bool
+) -> ErrorMotion:
+    angles, x = _checked(angles_deg, readings)
+    level = x - np.nanmean(x)
+    average = np.nanmean(level, axis=0)
+    spectrum = harmonics(angles, average, (1,))
+    once = average - spectrum.mean - spectrum.residual
+    taken = spectrum.mean + (once if removed else np.zeros_like(once))
+    residual = level - taken
+    contour = np.nanmean(residual, axis=0)
+    return ErrorMotion(
+        kind,
+        unit,
+        total=float(np.nanmax(residual) - np.nanmin(residual)),
+        synchronous=float(np.ptp(contour)),
+        residual_synchronous=spectrum.residual_range,
+        asynchronous=_asynchronous(x),
+        fundamental=spectrum.harmonics[1],
+        removed=removed,
+        average=contour,
+        residual=residual,
+        flags=_flags(x, removed),
+    )
+
+
+def _checked(angles_deg: ArrayLike, readings: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    angles, x = np.asarray(angles_deg, dtype=np.float64), np.asarray(readings, dtype=np.float64)
+    fits = angles.ndim == 1 and x.ndim == 2 and x.shape[1] == angles.size and np.isfinite(angles).all()
+    if not fits or not np.isfinite(x).any(axis=0).all() or np.isinf(x).any():
+        raise ModelError("E-EVAL-TURNS", "ISO 230-7", angles=angles.shape, readings=x.shape)
+    if np.unique(np.round(angles % 360.0, 9) % 360.0).size != angles.size:
+        raise ModelError("E-EVAL-TURNS", "ISO 230-7", angles="one angle twice (0 and 360 deg?)", readings=x.shape)
+    return angles, x
+
+
+def _asynchronous(x: FloatArray) -> float | None:
+    repeated = np.isfinite(x).sum(axis=0) > 1
+    if not repeated.any():
+        return None
+    return float((np.fmax.reduce(x, axis=0) - np.fmin.reduce(x, axis=0))[repeated].max())
+
+
+def _flags(x: FloatArray, removed: bool) -> tuple[str, ...]:
+    turns = x.shape[0]
+    found = ["1 turn: no asynchronous value"] if turns == 1 else []
+    if 1 < turns < USUAL_TURNS:
+        found.append(f"{turns} turns, {USUAL_TURNS} are usual")
+    missing = int((~np.isfinite(x)).sum())
+    if missing:
+        found.append(f"{missing} readings are missing")
+    if removed:
+        found.append("once-per-turn part removed: eccentricity of the artefact, or of the axis (reversal tells)")
+    return tuple(found)

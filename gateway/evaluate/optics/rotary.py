@@ -1,0 +1,72 @@
+"""Rotary calibration: device and interferometer angles combined to deviations of a rotary axis in arcsec."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from drivers.units import arcsec_to_deg, deg_to_arcsec, wrap_deg
+from gateway.domain import FloatArray
+from gateway.errors import ModelError
+
+
+def axis_deg(device_deg: ArrayLike, laser_deg: ArrayLike, sense: Literal[1, -1] = 1) -> FloatArray:
+    """Angle of the axis in deg: sense x laser - device; the device counts against the axis."""
+    laser, device = np.asarray(laser_deg, dtype=np.float64), np.asarray(device_deg, dtype=np.float64)
+    return sense * laser - device
+
+
+def rotary_deviations(
+    device_deg: ArrayLike,
+    laser_deg: ArrayLike,
+    targets_deg: ArrayLike,
+    *,
+    reference_deg: float,
+    sense: Literal[1, -1] = 1,
+    zero_deg: float | None = None,
+) -> FloatArray:
+    """Deviations in arcsec, shape of the readings, zero at the reference target, wrapped the shortest way.
+
+    ``device_deg``, ``laser_deg`` (m, n, 2) or (m,), NaN where missing, of any number of turns;
+    ``targets_deg`` (m,) machine coordinates. ``zero_deg`` is the axis angle read when the axis stood at
+    `reference_deg`; None takes the mean of the readings at the target nearest to it.
+    Raises ModelError (E-EVAL-SHAPE, E-EVAL-DATUM when no reading exists there).
+    """
+    angle, targets = axis_deg(device_deg, laser_deg, sense), np.asarray(targets_deg, dtype=np.float64)
+    if targets.ndim != 1 or angle.ndim == 0 or angle.shape[0] != targets.size:
+        raise ModelError("E-EVAL-SHAPE", "rotary", targets=targets.shape, deviations=angle.shape)
+    commanded = targets.reshape((-1,) + (1,) * (angle.ndim - 1))
+    offset = _datum(angle - commanded, targets, reference_deg) if zero_deg is None else zero_deg - reference_deg
+    return deg_to_arcsec(wrap_deg(angle - commanded - offset))
+
+
+def _datum(difference: FloatArray, targets: FloatArray, reference_deg: float) -> float:
+    nearest = int(np.argmin(np.abs(wrap_deg(targets - reference_deg))))
+    known = np.ravel(difference[nearest])
+    known = known[np.isfinite(known)]
+    if not known.size:
+        raise ModelError("E-EVAL-DATUM", "rotary", reference=reference_deg)
+    # Differences to the first one are small, so their mean is safe across the wrap.
+    return float(known[0] + np.mean(wrap_deg(known - known[0])))
+
+
+def combine(command_deg: ArrayLike, device_deg: ArrayLike, laser_arcsec: ArrayLike, reference_deg: float) -> FloatArray:
+    """Deviations (m,) in arcsec of one pass, the interferometer's remainder given in arcsec."""
+    laser = arcsec_to_deg(np.asarray(laser_arcsec, dtype=np.float64))
+    return rotary_deviations(device_deg, laser, command_deg, reference_deg=reference_deg)
+
+
+def closure_arcsec(targets_deg: ArrayLike, deviations_arcsec: ArrayLike) -> float | None:
+    """Deviation at the last target less that at the first when they are whole turns apart, else None.
+
+    On an axis with a direct encoder this is drift, slip or lost counts; it is reported, never spread.
+    """
+    targets = np.asarray(targets_deg, dtype=np.float64)
+    first, last = int(np.argmin(targets)), int(np.argmax(targets))
+    span = float(targets[last] - targets[first])
+    if span < 180.0 or abs(float(wrap_deg(span))) > 1e-6:
+        return None
+    values = np.asarray(deviations_arcsec, dtype=np.float64)
+    return float(np.nanmean(values[last]) - np.nanmean(values[first]))

@@ -1,0 +1,96 @@
+"""Readings of a positioning test in one shape: deviations (m, n, 2), checked."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gateway.domain import FloatArray
+from gateway.errors import ModelError
+
+
+def checked(targets: ArrayLike, deviations: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Targets (m,) and deviations (m, n, 2) as float arrays; NaN marks a missing reading.
+
+    Raises ModelError: E-EVAL-SHAPE (shapes do not fit), E-EVAL-INFINITE, E-EVAL-EMPTY (no reading, or a
+    target without any).
+    """
+    at, x = np.asarray(targets, dtype=np.float64), np.asarray(deviations, dtype=np.float64)
+    if at.ndim != 1 or x.ndim != 3 or x.shape[0] != at.size or x.shape[2] != 2:
+        raise ModelError("E-EVAL-SHAPE", "evaluate", targets=at.shape, deviations=x.shape)
+    if np.isinf(x).any() or not np.isfinite(at).all():
+        raise ModelError("E-EVAL-INFINITE", "evaluate")
+    silent = ~np.isfinite(x).any(axis=(1, 2))
+    if at.size == 0 or silent.any():
+        raise ModelError("E-EVAL-EMPTY", "evaluate", targets=[int(i) + 1 for i in np.flatnonzero(silent)])
+    return at, x
+
+
+def from_rows(up: ArrayLike | None = None, down: ArrayLike | None = None) -> FloatArray:
+    """Two tables of rows (m, n), approach + and -, as (m, n, 2); a missing table is all NaN.
+
+    Rows are readings in order of repetition; None or NaN is a missing reading. Raises E-EVAL-SHAPE.
+    """
+    tables = [None if rows is None else np.asarray(rows, dtype=np.float64) for rows in (up, down)]
+    shapes = {table.shape for table in tables if table is not None}
+    if len(shapes) != 1 or len(next(iter(shapes))) != 2:
+        raise ModelError("E-EVAL-SHAPE", "evaluate", targets="rows", deviations=sorted(shapes))
+    shape = shapes.pop()
+    filled = [np.full(shape, np.nan) if table is None else table for table in tables]
+    return np.stack(filled, axis=2)
+
+
+def counts(deviations: FloatArray) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
+    """How many readings each target has in each approach: (..., m, n, 2) gives (..., m, 2)."""
+    return np.isfinite(deviations).sum(axis=-2, dtype=np.int64)
+
+
+def means(deviations: FloatArray) -> FloatArray:
+    """Mean of each target and approach over its own n, (..., m, 2); NaN where there is no reading."""
+    n = counts(deviations)
+    total = np.nansum(deviations, axis=-2)
+    return np.divide(total, n, out=np.full(n.shape, np.nan), where=n > 0)
+
+
+def standard_deviations(deviations: FloatArray) -> FloatArray:
+    """Sample standard deviation (n-1, two passes) of each target and approach, (..., m, 2); NaN where n < 2."""
+    return moments(deviations)[1]
+
+
+def moments(deviations: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Means and standard deviations (..., m, 2) at once, as `means` and `standard_deviations`."""
+    if np.isfinite(deviations).all() and deviations.shape[-2] > 1:
+        return _complete(deviations)
+    n, mean = counts(deviations), means(deviations)
+    centred = deviations - mean[..., None, :]
+    # The second sum removes the rounding of the mean (corrected two-pass algorithm).
+    squares = np.nansum(centred**2, axis=-2) - np.nansum(centred, axis=-2) ** 2 / np.maximum(n, 1)
+    variance = np.divide(squares, n - 1, out=np.full(n.shape, np.nan), where=n > 1)
+    return mean, np.sqrt(np.maximum(variance, 0.0))
+
+
+def _complete(x: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The same sums without looking for gaps: many trials are made of complete tests."""
+    n, mean = x.shape[-2], x.sum(axis=-2) / x.shape[-2]
+    centred = x - mean[..., None, :]
+    squares = np.einsum("...ij,...ij->...j", centred, centred) - centred.sum(axis=-2) ** 2 / n
+    return mean, np.sqrt(np.maximum(squares / (n - 1), 0.0))
+
+
+def gaps(n: np.ndarray[tuple[int, ...], np.dtype[np.int64]], wanted: int, lost: str) -> tuple[str, ...]:
+    """What is missing in counts (m, 2), in words: always said, never filled in.
+
+    ``wanted`` is the standard's number of repetitions, ``lost`` what single readings cannot give ("s, R, A").
+    """
+    used = n[:, n.any(axis=0)]
+    found = ["unidirectional"] if used.shape[1] == 1 else []
+    if n.shape[0] == 1:
+        found.append("one target")
+    found += [f"no approach {'+-'[a]} at i = {i + 1}" for i, a in np.argwhere(used == 0)]
+    runs = int(used.max())
+    found += [f"n = {used[i, a]} of {runs} at i = {i + 1}" for i, a in np.argwhere((used > 0) & (used < runs))]
+    if runs < wanted:
+        found.append(f"n = {runs}" + (f": no {lost}" if runs == 1 else f", the standard asks for {wanted}"))
+    elif 1 in used:
+        found.append(f"a target has one reading: no {lost.removeprefix('s, ')}")
+    return tuple(found)

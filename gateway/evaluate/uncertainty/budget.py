@@ -1,0 +1,132 @@
+"""Uncertainty of ISO 230-2 results: components of Annex A, combined by the GUM with our own coefficients."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import hypot, sqrt
+
+from scipy.special import stdtrit
+
+from drivers.units import DeviationUnit
+
+LABEL = "U (k = 2): GUM, own coefficients"
+RECTANGULAR = 0.6  # ISO/TR 230-9: U = 2 R / (2 sqrt 3) = 0.577 R, printed as 0.6 R
+
+
+@dataclass(frozen=True, slots=True)
+class Budget:
+    """Expanded uncertainties (k = 2) of one test, in the deviation unit (um or arcsec), 0 where negligible.
+
+    ``eve`` comes from a drift test of the machine at rest (0.6 E_VE); None takes the scatter of the
+    readings themselves, 2 s pooled. The other four are systematic: they act on E, M and A, not on B and R.
+    """
+
+    device: float = 0.0
+    misalignment: float = 0.0
+    temperature: float = 0.0
+    expansion: float = 0.0
+    eve: float | None = None
+
+    @property
+    def systematic(self) -> float:
+        """The systematic terms together, k = 2."""
+        return hypot(self.device, self.misalignment, self.temperature, self.expansion)
+
+
+def device_um(length_mm: float, calibration_um_per_m: float) -> float:
+    """U_DEVICE in um over a length, from a certificate in um/m (k = 2)."""
+    return calibration_um_per_m * abs(length_mm) / 1000.0
+
+
+def misalignment_um(length_mm: float, lateral_range_mm: float) -> float:
+    """U_MISALIGNMENT in um: 0.3 R^2 / L, R the range of lateral misalignment in mm, L in m."""
+    return 0.3 * lateral_range_mm**2 / (abs(length_mm) / 1000.0)
+
+
+def temperature_um(length_mm: float, expansion_ppm_per_k: float, range_k: float) -> float:
+    """U_M in um: 0.6 alpha L R(theta), the range of the temperature measurement."""
+    return RECTANGULAR * expansion_ppm_per_k * abs(length_mm) / 1000.0 * range_k
+
+
+def expansion_um(length_mm: float, off_20_k: float, range_ppm_per_k: float) -> float:
+    """U_E in um: 0.6 |T - 20| L R(alpha), the range of the expansion coefficient."""
+    return RECTANGULAR * abs(off_20_k) * abs(length_mm) / 1000.0 * range_ppm_per_k
+
+
+def linear_budget(
+    length_mm: float,
+    *,
+    expansion_ppm_per_k: float,
+    off_20_k: float,
+    calibration_um_per_m: float = 0.5,
+    lateral_range_mm: float = 1.0,
+    temperature_range_k: float = 0.2,
+    expansion_range_ppm_per_k: float = 2.0,
+    eve_um: float | None = None,
+) -> Budget:
+    """The usual budget of a laser on a linear axis of `length_mm`, in um, k = 2."""
+    return Budget(
+        device=device_um(length_mm, calibration_um_per_m),
+        misalignment=misalignment_um(length_mm, lateral_range_mm),
+        temperature=temperature_um(length_mm, expansion_ppm_per_k, temperature_range_k),
+        expansion=expansion_um(length_mm, off_20_k, expansion_range_ppm_per_k),
+        eve=eve_um,
+    )
+
+
+UNKNOWN_OFF_20_K = 15.0
+"""Where nobody measured the material: a workshop between 5 and 35 degC."""
+ROTARY_DEVICE_ARCSEC = 1.0
+
+
+def file_budget(
+    unit: DeviationUnit,
+    travel: float,
+    material_degc: float | None,
+    expansion_ppm_per_k: float = 11.5,
+    eve: float | None = None,
+) -> tuple[Budget, tuple[str, ...]]:
+    """The budget of a test known only from its file, and what had to be supposed, in words.
+
+    ``travel`` in mm or deg. The material's temperature is never taken to be 20 degC: unknown is a wide range.
+    """
+    if unit == "arcsec":
+        return Budget(device=ROTARY_DEVICE_ARCSEC, eve=eve), ("U supposes a rotary calibrator of 1 arcsec (k = 2)",)
+    off = UNKNOWN_OFF_20_K if material_degc is None else material_degc - 20.0
+    notes = ["U supposes a laser of 0.5 um/m (k = 2) aligned to 1 mm/m, and expansion known within 2 ppm/K"]
+    if material_degc is None:
+        notes.append("the material's temperature is not known: U supposes 5 to 35 degC")
+    if travel == 0.0:
+        return Budget(eve=eve), tuple(notes)
+    budget = linear_budget(
+        travel,
+        expansion_ppm_per_k=expansion_ppm_per_k,
+        off_20_k=off,
+        lateral_range_mm=min(1.0, travel / 1000.0),
+        eve_um=eve,
+    )
+    return budget, tuple(notes)
+
+
+def expanded(n: int, eve: float, systematic: float, targets: int = 1) -> Mapping[str, float]:
+    """U (k = 2) of every ISO 230-2 parameter for n readings per target and approach; `targets` have both.
+
+    Derived for independent readings with expanded uncertainty `eve` each: U(B) = eve sqrt(2/n), U(M) from
+    the mean of 2n readings, U(R) and U(A) also from s known to n - 1 degrees of freedom (absent for n = 1).
+    """
+    two = eve * sqrt(2.0 / n)
+    budget = {"B": two, "B_mean": two / sqrt(max(targets, 1)), "M": hypot(eve * sqrt(1.0 / n), systematic)}
+    budget |= dict.fromkeys(("E", "E_up", "E_down"), hypot(two, systematic))
+    if n > 1:
+        spread = sqrt(8.0 / (2.0 * (n - 1)))
+        budget |= dict.fromkeys(("R_up", "R_down"), eve * 4.0 / sqrt(2.0 * (n - 1)))
+        budget["R"] = eve * hypot(spread, sqrt(2.0 / n))
+        accuracy = hypot(eve * hypot(spread, sqrt(2.0 / n)), systematic)
+        budget |= dict.fromkeys(("A", "A_up", "A_down"), accuracy)
+    return budget
+
+
+def coverage_factor(confidence: float, degrees_of_freedom: float) -> float:
+    """Student's two-sided coverage factor t_p(nu) (GUM table G.2)."""
+    return float(stdtrit(degrees_of_freedom, 0.5 + confidence / 2.0))

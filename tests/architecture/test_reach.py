@@ -1,0 +1,146 @@
+"""What tests judge is what runs: every module is reached from an entry point, or waits for one by name."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections import Counter
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+TOPS = ("gateway", "drivers", "simulators")
+ENTRIES = (
+    "gateway.cli.__main__",
+    "gateway.daemon",
+    "simulators.cell.__main__",
+    "simulators.pytest_plugin",
+    "drivers.registry",
+)
+PURE = ("evaluate", "correct", "model", "gear", "sensitivity", "guard")
+LARGEST_FOLDER, LONGEST_FILE = 18, 300
+AWAITED = {
+    "gateway.evaluate.geometry.angular": "pitch, yaw and roll as evaluations of their own",
+    "gateway.evaluate.geometry.harmonics": "spectrum of a rotary axis",
+    "gateway.evaluate.geometry.rotary_motion": "error motions of a turning table",
+    "gateway.evaluate.standards.flank_tolerances": "flank classes in the report",
+    "gateway.correct.plan.reversal": "advice on curves for each direction",
+    "gateway.correct.solve.inverse": "commands that put one pose right",
+    "drivers.envelope": "a long stream on the web page",
+    "drivers.sinumerik.temperature": "temperature compensation as it is set",
+}
+"""Modules that no entry point reaches yet, and the use that will: this list only shrinks."""
+ALONE = {
+    "cosine_error_mm": "a worked case; no step of a run takes it off",
+    "drift_removed": "a worked case; the run levels passes and judges steadiness instead",
+    "from_face_diagonals": "a worked case; no set-up measures diagonals",
+    "parallel": "a worked case of two straightness runs",
+    "sensitivities": "a worked case of the refractive index",
+    "from_rows": "tables of readings by hand",
+    "observability": "a worked case of what the flank shows",
+    "contact_line": "a worked case of the grinding geometry",
+    "exhaustive": "worked cases of the Morris indices, which sampling meets at best nearly",
+    "records_of_product": "product tables wait for their proof on a machine",
+    "exact_twist": "the exact motion that the first order is held against",
+    "good_enough": "the bound on the first order",
+    "gram": "the closed form that the sweep is held against",
+}
+"""Public functions of the pure rooms that no product module names, and why they stay: this list only shrinks."""
+
+
+FROM = re.compile(r"^[ ]*from ([\w.]+) import (\([^)]*\)|.+)$", re.MULTILINE)
+IMPORT = re.compile(r"^[ ]*import ([\w.]+)", re.MULTILINE)
+LATE = re.compile(r'"((?:gateway|drivers|simulators)[\w.]*)(?::\w+)?"')
+DOCSTRING = re.compile(r'"""[\s\S]*?"""')
+
+
+@cache
+def _sources() -> dict[str, str]:
+    """Every module's code without its docstrings, by its name."""
+    found = {}
+    for top in TOPS:
+        for path in sorted((ROOT / top).rglob("*.py")):
+            parts = path.relative_to(ROOT).with_suffix("").parts
+            name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+            found[name] = DOCSTRING.sub('""', path.read_text(encoding="utf-8"))
+    return found
+
+
+def _named(code: str) -> Iterator[str]:
+    """Everything a module imports, by statement or as the text "module" or "module:attribute" that is loaded late."""
+    yield from IMPORT.findall(code)
+    yield from LATE.findall(code)
+    for module, names in FROM.findall(code):
+        yield module
+        yield from (f"{module}.{name}" for name in re.findall(r"\w+", names))
+
+
+@cache
+def _imports() -> dict[str, set[str]]:
+    modules = _sources()
+    return {name: {other for other in _named(code) if other in modules} - {name} for name, code in modules.items()}
+
+
+def _reached() -> set[str]:
+    seen: set[str] = set()
+    ahead = list(ENTRIES)
+    while ahead:
+        name = ahead.pop()
+        if name in seen:
+            continue
+        seen.add(name)
+        ahead += _imports()[name]
+        ahead += [name.rpartition(".")[0]] if "." in name else []
+    return seen
+
+
+def test_every_module_is_reached_from_an_entry_point_or_waits_for_one() -> None:
+    unreached = set(_sources()) - _reached()
+    assert sorted(unreached - set(AWAITED)) == [], "nothing but tests reaches these: take them out"
+    assert sorted(set(AWAITED) - unreached) == [], "these are reached now, or gone: take them off the list"
+
+
+def _circle(room: str) -> list[str]:
+    """A way from a module of a room back to itself inside the room, empty where there is none."""
+    graph = {a: {b for b in found if b.startswith(room)} for a, found in _imports().items() if a.startswith(room)}
+    done: set[str] = set()
+
+    def walk(name: str, way: list[str]) -> list[str]:
+        if name in way:
+            return [*way[way.index(name) :], name]
+        for other in sorted(graph[name] if name not in done else ()):
+            if found := walk(other, [*way, name]):
+                return found
+        done.add(name)
+        return []
+
+    return next((found for name in sorted(graph) if (found := walk(name, []))), [])
+
+
+@pytest.mark.parametrize("room", PURE)
+def test_pure_rooms_have_no_circles_and_keep_their_sizes(room: str) -> None:
+    assert _circle(f"gateway.{room}") == []
+    paths = [path for path in (ROOT / "gateway" / room).rglob("*.py") if path.name != "__init__.py"]
+    folders = Counter(str(path.parent.relative_to(ROOT)) for path in paths)
+    assert {folder: count for folder, count in folders.items() if count > LARGEST_FOLDER} == {}
+    lines = {path.name: len(path.read_text(encoding="utf-8").splitlines()) for path in paths}
+    assert {name: count for name, count in lines.items() if count > LONGEST_FILE} == {}
+
+
+def _definitions(code: str) -> Iterator[str]:
+    for node in ast.parse(code).body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
+            yield node.name
+        if isinstance(node, ast.ClassDef):
+            yield from (item.name for item in node.body if isinstance(item, ast.FunctionDef) and item.name[0] != "_")
+
+
+def test_public_functions_of_the_pure_rooms_are_named_by_the_product() -> None:
+    words = Counter(word for code in _sources().values() for word in re.findall(r"\b\w+\b", code))
+    rooms = tuple(f"gateway.{room}" for room in PURE)
+    judged = [code for name, code in _sources().items() if name.startswith(rooms) and name not in AWAITED]
+    names = {name for code in judged for name in _definitions(code)}
+    assert sorted(name for name in names if words[name] == 1) == sorted(ALONE)
