@@ -102,6 +102,12 @@ def new_client(url: str, secrets: Secrets) -> Any:
     return client
 
 
+async def log_out(client: Any) -> None:
+    """Close session and channel. Raises the library's errors."""
+    await client.close_session()
+    await client.close_secure_channel()
+
+
 async def log_in(client: Any, secrets: Secrets) -> None:
     """Open channel and session. With a pinned certificate only its holder can answer. Raises the library's errors.
 
