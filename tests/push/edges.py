@@ -112,11 +112,10 @@ class Limits:
 
     running: list[Deadline] = field(default_factory=list)
 
-    def next_s(self) -> float | None:
-        """When the first of them ends."""
-        return min(
-            (one._timer.when() for one in self.running if isinstance(one._timer, asyncio.TimerHandle)), default=None
-        )
+    def next_s(self, task: Any) -> float | None:
+        """When the first of a task's own ends."""
+        timers = (one._timer for one in self.running if one._task is task)
+        return min((timer.when() for timer in timers if isinstance(timer, asyncio.TimerHandle)), default=None)
 
     @contextlib.contextmanager
     def watched(self) -> Iterator[None]:
@@ -141,35 +140,48 @@ class Limits:
 @contextlib.contextmanager
 def at_the_deadline(count: Count, hair_s: float) -> Iterator[None]:
     """The nth answer is delivered in the very turn of the loop in which its deadline ends, a hair before or after."""
-    limits = Limits()
-    opcua, modbus = UASocketProtocol._call_callback, Link._deliver
+    limits, asking = Limits(), dict[Any, Any]()
+    send, opcua, ask, modbus = (
+        UASocketProtocol._send_request, UASocketProtocol._call_callback, Link._ask, Link._deliver,
+    )  # fmt: skip
 
-    def late(deliver: Callable[[], None], what: str) -> bool:
-        when = limits.next_s()
+    def late(deliver: Callable[[], None], question: Any) -> bool:
+        when = limits.next_s(asking.pop(question, None))
         if when is None or not count.due():
             return False
-        count.hit = what
+        count.hit = "an answer"
         asyncio.get_running_loop().call_at(when + hair_s, deliver)
         return True
 
+    def sent(self: Any, *what: Any, **more: Any) -> Any:
+        found = send(self, *what, **more)
+        asking[id(self), self._request_id] = asyncio.current_task()
+        return found
+
     def answered(self: Any, number: int, body: Any) -> None:
-        if not late(lambda: opcua(self, number, body), "an answer"):
+        if not late(lambda: opcua(self, number, body), (id(self), number)):
             opcua(self, number, body)
+
+    async def asked(self: Any, question: Any, data: bytes) -> Any:
+        asking[id(self)] = asyncio.current_task()
+        return await ask(self, question, data)
 
     def delivered(self: Any, message: Any) -> None:
         def deliver() -> None:
             with contextlib.suppress(TrueflankError):  # a stray answer ends the reader; here nobody reads
                 modbus(self, message)
 
-        if not late(deliver, "an answer"):
+        if not late(deliver, id(self)):
             modbus(self, message)
 
-    UASocketProtocol._call_callback, Link._deliver = answered, delivered  # type: ignore[method-assign]
+    UASocketProtocol._send_request, UASocketProtocol._call_callback = sent, answered  # type: ignore[method-assign]
+    Link._ask, Link._deliver = asked, delivered  # type: ignore[method-assign]
     try:
         with limits.watched():
             yield
     finally:
-        UASocketProtocol._call_callback, Link._deliver = opcua, modbus  # type: ignore[method-assign]
+        UASocketProtocol._send_request, UASocketProtocol._call_callback = send, opcua  # type: ignore[method-assign]
+        Link._ask, Link._deliver = ask, modbus  # type: ignore[method-assign]
 
 
 # ---- entries of the journal ------------------------------------------------------------------------------
