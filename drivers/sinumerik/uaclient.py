@@ -58,8 +58,7 @@ class UaSession:
         self._methods: dict[str, tuple[Any, Any]] = {}
         self._secrets: Secrets | None = None
         self._alive: asyncio.Task[None] | None = None
-        self._renew_at = 0.0
-        self._sign_s = SESSION_S
+        self._renew_at, self._sign_s = 0.0, SESSION_S
         self._why = "it was never opened"
 
     @property
@@ -225,7 +224,7 @@ class UaSession:
         most = self._limits.write
         found = await self._request(timeout_s, "write", values[0][0], lambda it: uarequests.write(it, items, most))
         self._check_count(len(items), len(found))
-        names = [status.name for status in found]
+        names = [uarequests.status_name(status) for status in found]
         if any(is_lost(name) for name in names):
             self._break("the session is gone")
         check_written([path for path, _ in values], names, self._where)

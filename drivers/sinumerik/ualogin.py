@@ -15,7 +15,7 @@ from asyncua.crypto.uacrypto import CertProperties
 from cryptography import x509
 from cryptography.hazmat.primitives.serialization import Encoding
 
-from drivers.errors import DeviceRefused, RemoteProtocolError
+from drivers.errors import ConfigError, DeviceRefused, RemoteProtocolError
 from drivers.sinumerik.certificates import fingerprint, load
 from drivers.sinumerik.uasettings import APPLICATION_URI, Secrets
 
@@ -73,8 +73,13 @@ async def check_trust(secrets: Secrets, ask_: Callable[[], Awaitable[Offer]], no
     """
     if secrets.pinned is None or secrets.own is None:
         return
-    own = await asyncio.to_thread(secrets.own.certificate.read_bytes)
-    check_own(load(own), str(secrets.own.certificate), now, where)
+    path = secrets.own.certificate
+    try:
+        own = load(await asyncio.to_thread(path.read_bytes))
+    except (OSError, ValueError) as error:
+        given = {"key": "client_folder", "path": path, "why": str(error)}
+        raise ConfigError("E-UA-SECRET", where, **given) from error  # type: ignore[arg-type]
+    check_own(own, str(path), now, where)
     try:
         offer = await ask_()
     except RemoteProtocolError:

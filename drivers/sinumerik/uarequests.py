@@ -166,12 +166,18 @@ def _reading(path: str, value: Any, where: str, now: datetime | None) -> Reading
     """Anything but plain "good" is a status: uncertain values do not count."""
     status = value.StatusCode
     if status is not None and status.value != ua.StatusCodes.Good:
-        return Reading(path, None, str(status.name))
+        return Reading(path, None, status_name(status))
     known = uavalues.moment(value.ServerTimestamp, f"the time of {path}", where)
     age = max((now - known).total_seconds(), 0.0) if now is not None and known is not None else None
     if value.Value is None:
         return Reading(path, None, age_s=age)
     return Reading(path, value.Value.Value, "", value.Value.VariantType.name, age)
+
+
+def status_name(status: Any) -> str:
+    """A status by its name; the library calls "Good" what it does not know of the good ones."""
+    known = status.name != "Good" or status.value == ua.StatusCodes.Good
+    return str(status.name) if known else f"Good {status.value:#010x}"
 
 
 def judged(found: Sequence[Reading], where: str) -> list[Reading]:

@@ -22,6 +22,7 @@ from asyncua.client.ua_client import UASocketProtocol
 from drivers.clock import Deadline, run_virtual
 from drivers.errors import TrueflankError
 from drivers.link import Link
+from drivers.sinumerik.modbuswire import ModbusWire
 from drivers.sinumerik.uaclient import UaSession
 from gateway.push.journal import Journal
 from tests.push import schedules, uaschedules
@@ -35,6 +36,7 @@ WRONG: tuple[Any, ...] = (
     [1.5], [], [0.0] * 3, "text", "", b"bytes", None, True, float("inf"), float("-inf"), float("nan"), 10**400, -1, 2.5,
     99, 1e300, {"a": 1}, ua.StatusCode(0x80000000), ua.StatusCode(0x40000000), ua.StatusCode(0x00A60000),
 )  # fmt: skip
+REGISTERS = (0, 1, 2, 3, 31, 32, 0x7FFF, 0x8000, 0xFFFF)
 HAIR_S = 1e-12  # within the resolution of the loop's clock: the same turn
 
 
@@ -101,6 +103,26 @@ def spoiled(value: Any, wrong: Any, rng: random.Random) -> Any:
     kind = SimpleNamespace(name="Any")
     given = SimpleNamespace(Value=wrong, VariantType=kind)
     return SimpleNamespace(StatusCode=value.StatusCode, Value=given, ServerTimestamp=value.ServerTimestamp)
+
+
+@contextlib.contextmanager
+def wrong_register(count: Count, wrong: int, only: int | None = None) -> Iterator[None]:
+    """The nth register (of all, or of one address) that the PLC gives is ``wrong``: out of range, or nothing there."""
+    read = ModbusWire.read
+
+    async def reading(self: ModbusWire, address: int, number: int) -> tuple[int, ...]:
+        found = list(await read(self, address, number))
+        for place in range(len(found)):
+            if only in (None, address + place) and count.due():
+                count.hit = f"register {address + place}"
+                found[place] = wrong
+        return tuple(found)
+
+    ModbusWire.read = reading  # type: ignore[method-assign]
+    try:
+        yield
+    finally:
+        ModbusWire.read = read  # type: ignore[method-assign]
 
 
 # ---- answers at their deadline ------------------------------------------------------------------------

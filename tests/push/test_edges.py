@@ -13,8 +13,10 @@ from pathlib import Path
 
 import pytest
 
+from drivers.sinumerik.mailbox.registers import ADDRESS
 from tests.push.edges import (
     HAIR_S,
+    REGISTERS,
     WRONG,
     Count,
     at_the_deadline,
@@ -22,13 +24,14 @@ from tests.push.edges import (
     played_mailbox,
     played_opcua,
     raised,
+    wrong_register,
     wrong_value,
 )
 from tests.push.judging import Played
 
 SOAK = int(os.environ.get("N", "2000"))
 # What one push reads, and how many answers it gets: seeds beyond that disturb nothing, and say so.
-VALUES, ANSWERS, REPLIES, ENTRIES = 1535, 258, 480, 12
+VALUES, ANSWERS, WORDS, REPLIES, ENTRIES = 1535, 258, 11500, 480, 12
 Play = Callable[[int, Path, Path], Played]
 
 
@@ -52,6 +55,16 @@ def answer(seed: int, folder: Path, keys: Path) -> Played:
     rng = random.Random(seed)
     count = Count(rng.randrange(1, ANSWERS))
     return played_opcua(seed, folder, keys, count, at_the_deadline(count, rng.choice((-HAIR_S, HAIR_S))))
+
+
+def register(seed: int, folder: Path, keys: Path) -> Played:
+    """One register of the mailbox out of range, or naming what is not there."""
+    del keys
+    rng = random.Random(seed)
+    wrong, count = rng.choice(REGISTERS), Count(rng.randrange(1, WORDS))
+    found = played_mailbox(seed, folder, count, wrong_register(count, wrong))
+    found.faults.append(f"{wrong:#06x}")
+    return found
 
 
 def reply(seed: int, folder: Path, keys: Path) -> Played:
@@ -85,15 +98,24 @@ def play(kind: Play, seeds: range, folder: Path, keys: Path) -> Counter[str]:
     return found
 
 
-@pytest.mark.parametrize(("kind", "count"), [(value, 4), (answer, 2), (reply, 8), (entry, 8)])
+@pytest.mark.parametrize(("kind", "count"), [(value, 2), (answer, 1), (register, 2), (reply, 2), (entry, 2)])
 def test_never_a_raw_exception_a_wrong_table_or_a_false_word(
     tmp_path: Path, keys: Path, kind: Play, count: int
 ) -> None:
     assert sum(play(kind, range(count), tmp_path, keys).values()) == count
 
 
+@pytest.mark.parametrize("nth", [1, 4])
+def test_a_cross_table_whose_input_axis_does_not_exist(tmp_path: Path, nth: int) -> None:
+    count = Count(nth)
+    around = wrong_register(count, 0, ADDRESS["LIVE_INPUT_AXIS"])
+    found = played_mailbox(2, tmp_path / "push", count, around)
+    assert count.hit
+    assert found.wrong == []
+
+
 @pytest.mark.soak
 @pytest.mark.timeout(7200)
-@pytest.mark.parametrize("kind", [value, answer, reply, entry])
+@pytest.mark.parametrize("kind", [value, answer, register, reply, entry])
 def test_many_more_of_them(tmp_path: Path, keys: Path, kind: Play) -> None:
-    play(kind, range(100_000, 100_000 + SOAK // 4), tmp_path, keys)
+    play(kind, range(100_000, 100_000 + SOAK // 5), tmp_path, keys)
