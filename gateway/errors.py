@@ -51,6 +51,10 @@ class RollbackFailed(TrueflankError):
     exit_code = 9
 
 
+class Unexpected(TrueflankError):
+    """Something failed that nobody foresaw: ours to correct; its kind and words are in the fields."""
+
+
 class BusyError(TrueflankError):
     """One run at a time."""
 

@@ -9,14 +9,13 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator
 from datetime import UTC, datetime, timedelta
 from typing import Protocol
 
+from drivers.clock.deadline import Deadline
 from drivers.clock.virtual import VirtualTimeLoop, run_virtual
-from drivers.errors import DeadlineExceeded
 
-__all__ = ["Clock", "LoopClock", "VirtualTimeLoop", "run_virtual"]
+__all__ = ["Clock", "Deadline", "LoopClock", "VirtualTimeLoop", "run_virtual"]
 
 
 class Clock(Protocol):
@@ -66,11 +65,6 @@ class LoopClock:
         """Wait; zero or less gives other tasks one turn."""
         await asyncio.sleep(max(seconds, 0.0) / self.speed)  # noqa: TID251 - the one place
 
-    @contextlib.asynccontextmanager
-    async def deadline(self, timeout_s: float, where: str) -> AsyncIterator[None]:
+    def deadline(self, timeout_s: float, where: str) -> Deadline:
         """Bound a block of awaits. Raises DeadlineExceeded; cancels from outside pass through."""
-        try:
-            async with asyncio.timeout(timeout_s / self.speed):  # noqa: TID251 - the one place
-                yield
-        except TimeoutError as error:
-            raise DeadlineExceeded("E-LINK-DEADLINE", where, timeout_s=timeout_s) from error
+        return Deadline(timeout_s / self.speed, timeout_s, where)

@@ -140,7 +140,7 @@ async def _identity(bed: Bedside) -> list[CheckLine]:
 
 async def _variables(bed: Bedside) -> list[CheckLine]:
     paths = _paths(bed)
-    found = await bed.session.read(paths, bed.timeout_s)
+    found = await bed.session.survey(paths, bed.timeout_s)
     lines = []
     for reading in found:
         if reading.status:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from drivers.clock import Clock
-from drivers.errors import DeviceRefused, RemoteProtocolError, TransportError, TrueflankError
+from drivers.errors import DeviceRefused, TransportError, TrueflankError
 from drivers.sinumerik import nodes
 from drivers.sinumerik.machine import ALARM_PLACES, MachineReader, channel_status
 from drivers.sinumerik.uaclient import UaSession
@@ -108,10 +107,10 @@ class Dialogue:
         status, words, message, exact_stop, referenced, alarms = await self._reader.values(paths)
         return Glance(
             channel=channel_status(status, self._where),
-            message=str(message or ""),
-            words=self._numbers(words),
-            alarms=await self._alarm_numbers(int(alarms)) if alarms else (),
-            in_position=int(exact_stop) == 4,
+            message=message,
+            words=tuple(words),
+            alarms=await self._alarm_numbers(alarms) if alarms else (),
+            in_position=exact_stop == 4,
             referenced=bool(referenced),
         )
 
@@ -127,12 +126,7 @@ class Dialogue:
     async def _alarm_numbers(self, count: int) -> tuple[int, ...]:
         places = range(1, min(count, ALARM_PLACES) + 1)
         found = await self._reader.values([nodes.alarm_number(place) for place in places])
-        return tuple(int(number) for number in found if number)
-
-    def _numbers(self, words: Any) -> tuple[float, ...]:
-        if not isinstance(words, list) or len(words) != COUNT:
-            raise RemoteProtocolError("E-UA-VALUE", self._where, what="the block of R parameters", value=words)
-        return tuple(float(word) for word in words)
+        return tuple(number for number in found if number)
 
     async def wait(self, longest_s: float | None = None) -> None:
         """Let time pass until the next look, ``longest_s`` at most."""
@@ -176,7 +170,7 @@ class Dialogue:
         """R parameters by number."""
         wanted = tuple(numbers)
         found = await self._reader.values([nodes.r_parameter(number, self._settings.channel) for number in wanted])
-        return dict(zip(wanted, map(float, found), strict=True))
+        return dict(zip(wanted, found, strict=True))
 
     def _path(self, word: Word) -> str:
         return nodes.r_parameter(self._settings.words.number(word), self._settings.channel)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from drivers.errors import RemoteProtocolError, TransportError, UnsupportedDevice
-from drivers.names import shown
-from drivers.sinumerik import nodes, uaalarms
+from drivers.errors import TransportError, UnsupportedDevice
+from drivers.sinumerik import nodes, uaalarms, uavalues
 from drivers.sinumerik.backup import Memory
 from drivers.sinumerik.groups import MOST_POINTS
 from drivers.sinumerik.uaclient import Reading, UaSession
@@ -21,6 +21,8 @@ MOST_AXES = 31
 MOST_CEC_TABLES = 62
 ALARM_PLACES = 8
 _IN_POSITION = 4
+_AXIS_NAME = re.compile(r"[A-Z_][A-Z0-9_]{0,31}")
+_CHANNEL = tuple(status.value for status in ChannelStatus)
 _AXIS_ITEMS = ("actToolBasePos", "aaRef", "aaStat", "vaEnc1CompVal", "vaCecCompVal")
 
 
@@ -69,11 +71,12 @@ class MachineReader:
         found = await self._read([nodes.axis_name(place) for place in range(1, MOST_AXES + 1)])
         names: list[str] = []
         for reading in found:
-            if reading.status or not str(reading.value).strip():
+            if reading.status or not reading.value.strip():
                 break
-            names.append(str(reading.value).strip().upper())
+            names.append(reading.value.strip().upper())
         if not names:
             raise self._bad(found[0])
+        self._check_names(names)
         flags = await self._read(
             [
                 self._datum(f"{datum}[{name}]", names)
@@ -81,15 +84,24 @@ class MachineReader:
                 for name in names
             ]
         )
-        known = tuple(None if reading.status else bool(reading.value) for reading in flags)
+        known = tuple(None if reading.status else reading.value for reading in flags)
         return Configuration(tuple(names), known[: len(names)], known[len(names) :])
+
+    def _check_names(self, names: Sequence[str]) -> None:
+        """Names go into programs and file names, each for one axis. Raises RemoteProtocolError (E-UA-VALUE)."""
+        for place, name in enumerate(names, start=1):
+            if not _AXIS_NAME.fullmatch(name) or name in names[: place - 1]:
+                raise uavalues.wrong(nodes.axis_name(place), name, "an axis name of its own", self._where)
 
     async def identity(self, names: tuple[str, ...]) -> MachineIdentity:
         """Serial number, NCK version and unit system, read afresh."""
-        paths = [self._settings.serial_node, self._settings.version_node, nodes.BASIC_LENGTH_UNIT]
-        serial, version, unit = await self.values(paths)
-        system: Literal["metric", "inch"] = "metric" if int(unit) == 0 else "inch"
-        return MachineIdentity(str(serial).strip(), str(version).strip(), names, system)
+        settings, where = self._settings, self._where
+        paths = [settings.serial_node, settings.version_node, nodes.BASIC_LENGTH_UNIT]
+        serial, version, unit = self._good(self._up(await self._session.survey(paths, self.timeout_s)))
+        inch = uavalues.checked(nodes.BASIC_LENGTH_UNIT, unit, where)
+        system: Literal["metric", "inch"] = "inch" if inch else "metric"
+        told = (uavalues.label(serial, paths[0], where), uavalues.label(version, paths[1], where))
+        return MachineIdentity(*told, names, system)
 
     async def memory(self, configuration: Configuration, axis: str, encoder: int) -> Memory:
         """Reserved points (MD38000 of the encoder, MD18342 of every CEC table that can be read)."""
@@ -104,12 +116,8 @@ class MachineReader:
         return Memory(self._reserved(eec), points, names)
 
     def _reserved(self, reading: Reading) -> int:
-        """Points that a memory figure says. Raises RemoteProtocolError (E-UA-FIGURE) beyond what a control has."""
-        value = reading.value
-        if type(value) is int and 0 <= value <= MOST_POINTS:
-            return value
-        fields: dict[str, Any] = {"what": reading.path, "value": shown(value), "limit": MOST_POINTS}
-        raise RemoteProtocolError("E-UA-FIGURE", self._where, **fields)
+        """Points that a memory figure says. Raises RemoteProtocolError (E-UA-VALUE) beyond what a control has."""
+        return uavalues.whole(reading.value, reading.path, self._where, MOST_POINTS)
 
     async def switch(self, name: str, configuration: Configuration) -> bool | None:
         """A switch by its NC name; None when this user may not read it or the NCK restarts just now."""
@@ -147,15 +155,15 @@ class MachineReader:
         rest = values[len(head) + len(alarms) :]
         return MachineState(
             channel=channel_status(status, self._where),
-            mode=nodes.MODES[int(mode)] if 0 <= int(mode) < len(nodes.MODES) else str(mode),
-            message=str(message or ""),
-            alarms=tuple(int(number) for number in pending if number),
-            access_level=int(level),
+            mode=nodes.MODES[mode] if mode < len(nodes.MODES) else str(mode),
+            message=message,
+            alarms=tuple(number for number in pending if number),
+            access_level=level,
             axes={
                 name: _axis_state(name, rest[place * 5 : place * 5 + 5], configuration)
                 for place, name in enumerate(configuration.names)
             },
-            program=str(program or ""),
+            program=program,
         )
 
     async def alarm_texts(self, count: int) -> str:
@@ -164,7 +172,7 @@ class MachineReader:
         if told:
             return told
         found = await self._read([nodes.alarm_text(place) for place in range(1, count + 1)])
-        return "; ".join(str(reading.value) for reading in found if not reading.status and reading.value)
+        return "; ".join(reading.value for reading in found if not reading.status and reading.value)
 
     async def values(self, paths: Sequence[str]) -> list[Any]:
         """Values that must all be readable, by one request. Raises the refusal of the first that is not."""
@@ -172,7 +180,9 @@ class MachineReader:
 
     async def _read(self, paths: Sequence[str], *, aged: bool = False) -> list[Reading]:
         ask = self._session.read_aged if aged else self._session.read
-        found = await ask(paths, self.timeout_s)
+        return self._up(await ask(paths, self.timeout_s))
+
+    def _up(self, found: list[Reading]) -> list[Reading]:
         for reading in found:
             if is_down(reading.status):
                 fields = {"status": reading.status, "what": reading.path}
@@ -207,10 +217,9 @@ class MachineReader:
 
 def channel_status(value: Any, where: str) -> ChannelStatus:
     """chanStatus as a record. Raises RemoteProtocolError (E-UA-VALUE)."""
-    try:
-        return ChannelStatus(int(value))
-    except (ValueError, TypeError) as error:
-        raise RemoteProtocolError("E-UA-VALUE", where, what="chanStatus", value=value) from error
+    if value not in _CHANNEL:
+        raise uavalues.wrong("chanStatus", value, f"one of {', '.join(map(str, _CHANNEL))}", where)
+    return ChannelStatus(value)
 
 
 def _axis_state(name: str, values: list[Any], configuration: Configuration) -> AxisState:
@@ -219,10 +228,10 @@ def _axis_state(name: str, values: list[Any], configuration: Configuration) -> A
     scale = deviation_scale(unit)
     return AxisState(
         name=name,
-        position=float(position),
+        position=position,
         referenced=bool(referenced),
-        in_position=int(status) == _IN_POSITION,
-        encoder_compensation=float(own) * scale,
-        cross_compensation=float(cross) * scale,
+        in_position=status == _IN_POSITION,
+        encoder_compensation=own * scale,
+        cross_compensation=cross * scale,
         unit=unit,
     )

@@ -12,7 +12,7 @@ from drivers.sinumerik import lint, tables
 from drivers.sinumerik.mailbox.commands import Order
 from drivers.sinumerik.mailbox.grids import POSITION_UNIT, VALUE_UNIT, AxisFacts, Stored, backup_text
 from drivers.sinumerik.mailbox.readings import Picture, Status
-from drivers.sinumerik.mailbox.registers import CHUNK_POINTS, AxisBit, Command, Kind, StatusBit
+from drivers.sinumerik.mailbox.registers import ADDRESS, CHUNK_POINTS, AxisBit, Command, Kind, StatusBit
 from drivers.sinumerik.modbustalk import Talk
 from drivers.sinumerik.reader import Sign
 from drivers.types import (
@@ -119,6 +119,9 @@ class MachineReader:
             order = _order(facts, Kind.CEC, table)
             grid = (await self._talk.select(order)).grid
             if grid.output_axis == facts.number and (grid.step or not grid.expressible):
+                if not 1 <= grid.input_axis <= len(self.axes):
+                    register = ADDRESS["LIVE_INPUT_AXIS"]
+                    raise RemoteProtocolError("E-MBX-REGISTER", self._where, register=register, value=grid.input_axis)
                 found.append(await self._stored(order))
         return Reading(facts, encoder, tuple(self.axes.values()), tuple(found), self._where)
 

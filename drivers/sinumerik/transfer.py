@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from drivers.errors import DeviceRefused, LocalProtocolError, RemoteProtocolError, UnsupportedDevice
-from drivers.sinumerik import nodes
+from drivers.errors import DeviceRefused, LocalProtocolError, UnsupportedDevice
+from drivers.sinumerik import nodes, uavalues
 from drivers.sinumerik.uaclient import UaSession
 from drivers.sinumerik.uafiles import FileNodes
 
@@ -54,9 +54,7 @@ class Transfer:
 
     async def fetch(self, path: str) -> str:
         """A file's text. Raises DeviceRefused (E-UA-FILE, E-UA-BUSY, E-UA-RIGHTS), RemoteProtocolError (E-UA-VALUE)."""
-        content = await self._get(_server_path(path))
-        if not isinstance(content, bytes):
-            raise RemoteProtocolError("E-UA-VALUE", self._where, what=path, value=type(content).__name__)
+        content = uavalues.content(await self._get(_server_path(path)), path, self._where)
         return content.decode("latin-1")
 
     async def _get(self, path: str) -> object:
@@ -76,7 +74,8 @@ class Transfer:
     async def select(self, path: str) -> None:
         """Select a program for NC START. Raises DeviceRefused (E-NC-CHANNEL, E-NC-NO-PROGRAM, E-NC-NOT-RESET...)."""
         arguments = [(_server_path(path), "String"), (self._channel, "Int32")]
-        code = await self._session.call("Select", arguments, self.timeout_s)
+        answer = await self._session.call("Select", arguments, self.timeout_s)
+        code = uavalues.whole(answer, f"Select {path}", self._where)
         if code != _SELECTED:
             refused = _SELECT.get(code, "E-NC-SELECT")
             raise DeviceRefused(refused, self._where, path=path, answer=code, channel=self._channel, status="busy")

@@ -11,12 +11,11 @@ import asyncio
 import contextlib
 import functools
 import logging
-import struct
 from collections.abc import Awaitable, Callable, Sequence
+from datetime import datetime
 from typing import Any, TypeVar
 
 from asyncua import ua
-from cryptography.exceptions import InvalidSignature
 
 from drivers.clock import Clock
 from drivers.errors import (
@@ -26,7 +25,7 @@ from drivers.errors import (
     TrueflankError,
     UnsupportedDevice,
 )
-from drivers.sinumerik import nodes, ualogin, uarequests
+from drivers.sinumerik import nodes, ualogin, uarequests, uavalues
 from drivers.sinumerik.ualogin import CHANNEL_S, SESSION_S, Offer
 from drivers.sinumerik.uarequests import AlarmEvent, Limits, Reading
 from drivers.sinumerik.uasettings import Secrets
@@ -38,10 +37,8 @@ T = TypeVar("T")
 Arguments = Sequence[tuple[Any, str]]
 
 CLOSE_S = 2.0
+SHORTEST_S = 0.5  # how often a server may make us show a sign of life, or renew its channel
 _TOO_MANY = "BadTooManyOperations"
-# The library asserts on what a peer said: a refused secure channel ends so.
-_GARBLED = (struct.error, ValueError, LookupError, TypeError, AttributeError, AssertionError)
-_FOREIGN = (ua.UaError, OSError, TimeoutError, InvalidSignature, *_GARBLED)
 
 logging.getLogger("asyncua").addHandler(logging.NullHandler())
 
@@ -61,7 +58,7 @@ class UaSession:
         self._methods: dict[str, tuple[Any, Any]] = {}
         self._secrets: Secrets | None = None
         self._alive: asyncio.Task[None] | None = None
-        self._renew_at = 0.0
+        self._renew_at, self._sign_s = 0.0, SESSION_S
         self._why = "it was never opened"
         self._policy = ""
 
@@ -105,11 +102,8 @@ class UaSession:
             self._client = client = ualogin.new_client(self._url, secrets)
             opened_at = self._clock.now()
             await self._translated("login", secrets.user, ualogin.log_in(client, secrets, self._policy))
-            self._renew_at = opened_at + 0.6 * client.secure_channel_timeout / 1000.0
-            await self._translated("read", "the name space", self._look_around(client))
-        self._alive = asyncio.get_running_loop().create_task(
-            self._keep_alive(client.session_timeout / 4000.0), name=f"keep-alive of {self._where}"
-        )
+            await self._translated("read", "the name space", self._look_around(client, opened_at))
+        self._alive = asyncio.get_running_loop().create_task(self._keep_alive(), name=f"keep-alive of {self._where}")
 
     async def beside(self, timeout_s: float) -> UaSession:
         """A second session with the same login, for what must not disturb this one. Raises as `open`."""
@@ -122,8 +116,9 @@ class UaSession:
     async def _asked(self) -> Offer:
         return await self._translated("read", "the end points", ualogin.ask(self._url))
 
-    async def _look_around(self, client: Any) -> None:
+    async def _look_around(self, client: Any, opened_at: float) -> None:
         """Resolve the name space by its URI, now and at every login, and find methods under either parent."""
+        self._note_lifetimes(client, opened_at)
         uris = await client.get_namespace_array()
         if nodes.NAMESPACE_URI not in uris:
             raise UnsupportedDevice("E-UA-NAMESPACE", self._where, wanted=nodes.NAMESPACE_URI, found=", ".join(uris))
@@ -136,23 +131,28 @@ class UaSession:
             found = await uarequests.methods(client, owner)
             self._methods |= {name: (owner, node) for name, node in found.items()}
 
+    def _note_lifetimes(self, client: Any, since: float) -> None:
+        channel_s = uavalues.lasting_s(client.secure_channel_timeout, "the secure channel's lifetime", self._where)
+        session_s = uavalues.lasting_s(client.session_timeout, "the session's timeout", self._where)
+        self._renew_at = since + max(0.6 * channel_s, SHORTEST_S)
+        self._sign_s = max(0.25 * session_s, SHORTEST_S)
+
     async def close(self) -> None:
         """Log out if the server still listens, and let go of the wire. Never raises, may be called twice."""
-        client, self._client, self._why = self._client, None, "it was closed"
+        client, self._client = self._client, None
         alive, self._alive = self._alive, None
-        if alive is not None:
-            alive.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await alive
-        if client is None:
-            return
         try:
-            with contextlib.suppress(TrueflankError, *_FOREIGN):
-                async with self._clock.deadline(CLOSE_S, self._where):
-                    await client.close_session()
-                    await client.close_secure_channel()
+            if alive is not None:
+                alive.cancel()
+                await asyncio.gather(alive, return_exceptions=True)
+            if client is not None:
+                with contextlib.suppress(TrueflankError):
+                    async with self._clock.deadline(CLOSE_S, self._where):
+                        await self._translated("call", "the log-out", ualogin.log_out(client))
         finally:
-            client.disconnect_socket()
+            self._why = "it was closed"
+            if client is not None:
+                client.disconnect_socket()
         await self._clock.sleep(0)
         await self._clock.sleep(0)
 
@@ -161,36 +161,38 @@ class UaSession:
         if client is not None:
             client.disconnect_socket()
 
-    async def _keep_alive(self, period_s: float) -> None:
+    async def _keep_alive(self) -> None:
         """Ask for a sign of life often enough that the server keeps the session; ends with the session."""
         with contextlib.suppress(TrueflankError):
             while self.is_open:
-                await self._clock.sleep(period_s)
-                await self._request(
-                    period_s,
-                    "read",
-                    "the server's state",
-                    lambda it: uarequests.values(it, [uarequests.SERVER_STATE], 1),
-                )
+                await self._clock.sleep(self._sign_s)
+                await self._request(self._sign_s, "read", "the server's state", uarequests.sign_of_life)
 
     # ---- requests -----------------------------------------------------------------------------------
 
     async def read(self, paths: Sequence[str], timeout_s: float) -> list[Reading]:
-        """Values of many variables in one batch; what could not be read carries its status name."""
+        """Values of many variables in one batch; what could not be read carries its status name.
+
+        Raises RemoteProtocolError (E-UA-VALUE) for a good value that is not what `uavalues` asks of its variable.
+        """
+        return uarequests.judged(await self.survey(paths, timeout_s), self._where)
+
+    async def survey(self, paths: Sequence[str], timeout_s: float) -> list[Reading]:
+        """As `read`, values as they came: for who judges them himself."""
         found = await self._read([self._node(path) for path in paths], paths[0], timeout_s, timed=False)
-        return [uarequests.reading(path, value) for path, value in zip(paths, found, strict=True)]
+        return uarequests.readings(paths, found, self._where)
 
     async def read_aged(self, paths: Sequence[str], timeout_s: float) -> list[Reading]:
         """As `read`, each with its age by the server's own clock, which is asked for in the same batch."""
         wanted = [*(self._node(path) for path in paths), uarequests.CURRENT_TIME]
         *found, clock = await self._read(wanted, paths[0], timeout_s, timed=True)
-        now = clock.Value.Value if clock.Value is not None else None
-        return [uarequests.reading(path, value, now) for path, value in zip(paths, found, strict=True)]
+        now = uarequests.time_of(clock, self._where)
+        return uarequests.judged(uarequests.readings(paths, found, self._where, now), self._where)
 
-    async def server_time(self, timeout_s: float) -> Any:
+    async def server_time(self, timeout_s: float) -> datetime | None:
         """The server's clock (UTC, naive as the library gives it); None when it has none."""
-        (found,) = await self._read([uarequests.CURRENT_TIME], "the server's clock", timeout_s, timed=False)
-        return found.Value.Value if found.Value is not None else None
+        (found,) = await self._read([uarequests.CURRENT_TIME], uarequests.CLOCK, timeout_s, timed=False)
+        return uarequests.time_of(found, self._where)
 
     async def _read(self, wanted: list[Any], what: str, timeout_s: float, *, timed: bool) -> list[Any]:
         """Reads may be repeated: a server that finds a batch too long gets it in halves."""
@@ -228,7 +230,7 @@ class UaSession:
         most = self._limits.write
         found = await self._request(timeout_s, "write", values[0][0], lambda it: uarequests.write(it, items, most))
         self._check_count(len(items), len(found))
-        names = [status.name for status in found]
+        names = [uarequests.status_name(status) for status in found]
         if any(is_lost(name) for name in names):
             self._break("the session is gone")
         check_written([path for path, _ in values], names, self._where)
@@ -276,7 +278,7 @@ class UaSession:
     async def _renew(self, client: Any) -> None:
         await client.open_secure_channel(renew=True)
         client.uaclient.revolve_security_token()
-        self._renew_at = self._clock.now() + 0.6 * client.secure_channel_timeout / 1000.0
+        self._note_lifetimes(client, self._clock.now())
 
     async def _translated(self, stage: Stage, what: str, work: Awaitable[T]) -> T:
         """Await the library; turn its errors into ours; break the session where its state became unknown."""
@@ -292,12 +294,12 @@ class UaSession:
         except TrueflankError:
             self._break("login was refused" if stage == "login" else "the server is not as expected")
             raise
-        except _FOREIGN as error:
-            self._break(str(error) or type(error).__name__)
-            raise foreign(error, stage, self._where, self._url) from error
         except asyncio.CancelledError:
             self._break("a request was interrupted")
             raise
+        except Exception as error:  # what the library makes of a peer's bytes is no list of types
+            self._break(str(error) or type(error).__name__)
+            raise foreign(error, stage, self._where, self._url) from error
         if task is not None and task.cancelling() > before:  # 3.11's wait_for can swallow a cancel
             self._break("a request was interrupted")
             raise asyncio.CancelledError

@@ -5,10 +5,12 @@ from __future__ import annotations
 import contextlib
 from typing import Any
 
-from drivers.errors import DeviceRefused, RemoteProtocolError, TrueflankError, UnsupportedDevice
+from drivers.errors import DeviceRefused, TrueflankError, UnsupportedDevice
+from drivers.sinumerik import uavalues
 from drivers.sinumerik.uaclient import UaSession
 
 PIECE = 64 * 1024
+MOST_PARTS = 64 * 1024  # a server that never ends, at a byte for each part
 _READ, _REWRITE = 1, 6  # modes of Open: read; write after erasing (OPC 10000-20, 4.2.2)
 _NOT_THERE = ("E-UA-FILE", "E-UA-ABSENT")
 
@@ -23,7 +25,7 @@ class FileNodes:
     async def writable(self, path: str, timeout_s: float) -> bool | None:
         """What the file says of this user's right to write it; None when it is not there or does not say."""
         (found,) = await self._session.read([f"{_node(path)}.UserWritable"], timeout_s)
-        return None if found.status or found.value is None else bool(found.value)
+        return None if found.status else bool(found.value)
 
     async def read(self, path: str, timeout_s: float) -> bytes:
         """The whole file; the limit is for each call. Raises DeviceRefused, UnsupportedDevice (E-UA-ABSENT)."""
@@ -33,15 +35,16 @@ class FileNodes:
         try:
             while part := await self._part(node, handle, timeout_s):
                 parts.append(part)
+                if len(parts) > MOST_PARTS:
+                    raise uavalues.wrong(f"{node}.Read", part, f"at its end after {MOST_PARTS} parts", self._where)
         finally:
             await self._let_go(node, handle, timeout_s)
         return b"".join(parts)
 
     async def _part(self, node: str, handle: int, timeout_s: float) -> bytes:
-        part = _one(await self._session.invoke(node, "Read", [(handle, "UInt32"), (PIECE, "Int32")], timeout_s))
-        if part is not None and not isinstance(part, bytes):
-            raise RemoteProtocolError("E-UA-VALUE", self._where, what=f"{node}.Read", value=type(part).__name__)
-        return part or b""
+        results = await self._session.invoke(node, "Read", [(handle, "UInt32"), (PIECE, "Int32")], timeout_s)
+        part = uavalues.output(results, 0, f"{node}.Read", self._where)
+        return b"" if part is None else uavalues.content(part, f"{node}.Read", self._where)
 
     async def write(self, path: str, content: bytes, timeout_s: float) -> None:
         """Replace or create a file. Each call once; what arrived must be read back by the caller.
@@ -70,16 +73,14 @@ class FileNodes:
                 raise
         folder, _, name = node.rpartition("/")
         results = await self._session.invoke(folder, "CreateFile", [(name, "String"), (True, "Boolean")], timeout_s)
-        return self._number(results[1] if len(results) > 1 else None, f"{folder}.CreateFile")
+        return self._handle(results, 1, f"{folder}.CreateFile")
 
     async def _open(self, node: str, mode: int, timeout_s: float) -> int:
         results = await self._session.invoke(node, "Open", [(mode, "Byte")], timeout_s)
-        return self._number(_one(results), f"{node}.Open")
+        return self._handle(results, 0, f"{node}.Open")
 
-    def _number(self, value: Any, what: str) -> int:
-        if not isinstance(value, int):
-            raise RemoteProtocolError("E-UA-VALUE", self._where, what=what, value=value)
-        return value
+    def _handle(self, results: list[Any], place: int, what: str) -> int:
+        return uavalues.whole(uavalues.output(results, place, what, self._where), what, self._where)
 
     async def _let_go(self, node: str, handle: int, timeout_s: float) -> None:
         """Close a file that is not needed any more; the server does so itself when the session ends."""
@@ -92,7 +93,3 @@ def _node(path: str) -> str:
     """File names stand in upper case in node identifiers; folders do not."""
     folder, _, name = path.rpartition("/")
     return f"{folder}/{name.upper()}"
-
-
-def _one(results: list[Any]) -> Any:
-    return results[0] if results else None

@@ -15,7 +15,7 @@ from asyncua.crypto.uacrypto import CertProperties
 from cryptography import x509
 from cryptography.hazmat.primitives.serialization import Encoding
 
-from drivers.errors import DeviceRefused, RemoteProtocolError
+from drivers.errors import ConfigError, DeviceRefused, RemoteProtocolError
 from drivers.sinumerik.certificates import fingerprint, load
 from drivers.sinumerik.uasettings import APPLICATION_URI, POLICIES, Secrets
 
@@ -102,8 +102,13 @@ async def check_trust(secrets: Secrets, ask_: Callable[[], Awaitable[Offer]], no
     """
     if secrets.pinned is None or secrets.own is None:
         return ""
-    own = await asyncio.to_thread(secrets.own.certificate.read_bytes)
-    check_own(load(own), str(secrets.own.certificate), now, where)
+    path = secrets.own.certificate
+    try:
+        own = load(await asyncio.to_thread(path.read_bytes))
+    except (OSError, ValueError) as error:
+        given = {"key": "client_folder", "path": path, "why": str(error)}
+        raise ConfigError("E-UA-SECRET", where, **given) from error  # type: ignore[arg-type]
+    check_own(own, str(path), now, where)
     check_pinned(secrets.pinned, now, where)
     try:
         offer = await ask_()
@@ -130,6 +135,12 @@ def new_client(url: str, secrets: Secrets) -> Any:
         client.set_user(secrets.user)
         client.set_password(secrets.password)
     return client
+
+
+async def log_out(client: Any) -> None:
+    """Close session and channel. Raises the library's errors."""
+    await client.close_session()
+    await client.close_secure_channel()
 
 
 async def log_in(client: Any, secrets: Secrets, policy: str) -> None:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any
 
 from asyncua import ua
 from asyncua.ua.ua_binary import struct_from_binary
 
+from drivers.sinumerik import uavalues
+
 CURRENT_TIME = ua.NodeId(ua.ObjectIds.Server_ServerStatus_CurrentTime)
+CLOCK = "the server's clock"
 SERVER_STATE = ua.NodeId(ua.ObjectIds.Server_ServerStatus_State)
 _LIMITS = (
     ua.NodeId(ua.ObjectIds.Server_ServerCapabilities_OperationLimits_MaxNodesPerRead),
@@ -69,6 +72,11 @@ async def values(client: Any, wanted: Sequence[Any], most: int, *, timed: bool =
         parameters.NodesToRead = [attribute(node) for node in wanted[start : start + most]]
         found += await client.uaclient.session.read(parameters)
     return found
+
+
+async def sign_of_life(client: Any) -> list[Any]:
+    """The server's state, asked for so that it keeps the session."""
+    return await values(client, [SERVER_STATE], 1)
 
 
 def attribute(node: Any, number: ua.AttributeIds = ua.AttributeIds.Value) -> Any:
@@ -149,17 +157,37 @@ async def limits(client: Any) -> Limits:
     return Limits(read or ANY, write_ or ANY)
 
 
-def reading(path: str, value: Any, now: datetime | None = None) -> Reading:
-    """A data value as a record. Anything but plain "good" is a status: uncertain values do not count."""
+def readings(paths: Sequence[str], found: Sequence[Any], where: str, now: datetime | None = None) -> list[Reading]:
+    """Data values as records, the values as they came. Raises RemoteProtocolError (E-UA-VALUE) for a wrong time."""
+    return [_reading(path, value, where, now) for path, value in zip(paths, found, strict=True)]
+
+
+def _reading(path: str, value: Any, where: str, now: datetime | None) -> Reading:
+    """Anything but plain "good" is a status: uncertain values do not count."""
     status = value.StatusCode
     if status is not None and status.value != ua.StatusCodes.Good:
-        return Reading(path, None, str(status.name))
-    age = None
-    if now is not None and value.ServerTimestamp is not None:
-        age = max((now - value.ServerTimestamp).total_seconds(), 0.0)
+        return Reading(path, None, status_name(status))
+    known = uavalues.moment(value.ServerTimestamp, f"the time of {path}", where)
+    age = max((now - known).total_seconds(), 0.0) if now is not None and known is not None else None
     if value.Value is None:
         return Reading(path, None, age_s=age)
     return Reading(path, value.Value.Value, "", value.Value.VariantType.name, age)
+
+
+def status_name(status: Any) -> str:
+    """A status by its name; the library calls "Good" what it does not know of the good ones."""
+    known = status.name != "Good" or status.value == ua.StatusCodes.Good
+    return str(status.name) if known else f"Good {status.value:#010x}"
+
+
+def judged(found: Sequence[Reading], where: str) -> list[Reading]:
+    """Readings whose good values are what their variables can hold. Raises RemoteProtocolError (E-UA-VALUE)."""
+    return [one if one.status else replace(one, value=uavalues.checked(one.path, one.value, where)) for one in found]
+
+
+def time_of(value: Any, where: str) -> datetime | None:
+    """The server's clock, UTC and naive; None when it has none. Raises RemoteProtocolError (E-UA-VALUE)."""
+    return uavalues.moment(value.Value.Value if value.Value is not None else None, CLOCK, where)
 
 
 def _good(value: Any) -> bool:

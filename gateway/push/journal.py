@@ -8,6 +8,7 @@ order "journal, then act" is worth more than a free event loop here.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import math
@@ -120,7 +121,15 @@ class Journal:
         self._sequence, self._previous = self._sequence + 1, sha
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Let go of the file; never raises.
+
+        Every entry that was accepted is on the disk already. What a refused one left in the buffer may be tried once
+        more by the system here, and may fail once more: that was told when it was refused.
+        """
+        with contextlib.suppress(OSError):
+            self._let_go()
+
+    def _let_go(self) -> None:
         self._file.close()
 
 

@@ -32,6 +32,7 @@ from gateway.push.effect import prove_effect
 from gateway.push.journal import JournalRead
 from gateway.push.lock import machine_lock
 from gateway.push.restoring import hold, roll_back
+from gateway.push.unexpected import foreseen, unheard
 from gateway.push.work import Work, closed_at_the_end
 
 Action = Literal["close", "restore", "none"]
@@ -188,9 +189,10 @@ async def look(found: JournalRead, context: PushContext) -> Finding:
     if without_controller.code != "R-PUSH-UNKNOWN":
         return without_controller
     try:
-        if context.machine.differences(await context.controller.identify()):
-            return without_controller
-        seen, allowed = await _see(found, context)
+        with foreseen(context.axis.name):
+            if context.machine.differences(await context.controller.identify()):
+                return without_controller
+            seen, allowed = await _see(found, context)
     except TrueflankError:
         return without_controller
     return verdict(found, seen, allowed, context.sign)
@@ -235,6 +237,11 @@ async def recover(
     if context.typed_name != context.site_name:
         typed = context.typed_name or "nothing"
         raise WriteRefused("E-INT-NAME", found.path.name, typed=typed, wanted=context.site_name)
+    with foreseen(context.axis.name):
+        return await _recovered(found, unheard(context), action)
+
+
+async def _recovered(found: JournalRead, context: PushContext, action: Literal["offered", "finish"]) -> PushRecord:
     with machine_lock(journal.machine_folder(context.journals, context.machine.serial)):
         finding = await look(found, context)
         if finding.code == "R-PUSH-TRIES":

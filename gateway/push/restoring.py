@@ -11,6 +11,7 @@ from gateway.interlocks import refusals
 from gateway.push import conversation
 from gateway.push.compare import differences, same_table, table_in
 from gateway.push.loading import is_coupled, load, release
+from gateway.push.unexpected import foreseen
 from gateway.push.work import Outcome, Work
 
 
@@ -19,15 +20,16 @@ async def roll_back(work: Work, why: str) -> Outcome:
 
     Raises StoreError when the journal cannot be written: then nothing more may be done.
     """
-    work.note("ROLLING_BACK", why=why)
-    work.context.say("P-PUSH-RESTORE", axis=work.axis, why=why)
     try:
-        await _restore(work)
+        with foreseen(work.axis):
+            work.note("ROLLING_BACK", why=why)
+            work.context.say("P-PUSH-RESTORE", axis=work.axis, why=why)
+            await _restore(work)
+            await work.finish("none")
+            work.note("ROLLED_BACK")
     except TrueflankError as error:
         await hold(work, str(error))
         return "held"
-    await work.finish("none")
-    work.note("ROLLED_BACK")
     return "rolled-back"
 
 

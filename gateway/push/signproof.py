@@ -27,6 +27,7 @@ from gateway.push.loading import load, release
 from gateway.push.lock import machine_lock
 from gateway.push.restoring import roll_back
 from gateway.push.transaction import ask, keep
+from gateway.push.unexpected import foreseen, unheard
 from gateway.push.work import Work, begun
 
 PEAK = 3.0
@@ -110,7 +111,7 @@ async def prove_sign(
     (E-PUSH-HELD), UnsupportedDevice (E-NC-NO-SWITCHING), BusyError, StoreError, and what port or reading raise;
     the old table is then live again.
     """
-    raw = replace(context, proof=None)
+    raw = replace(unheard(context), proof=None)
     can = raw.controller.capabilities
     table, peak = triangle(raw, minimum, maximum, step, function, index)
     if not (can.programs or can.switching):
@@ -154,11 +155,12 @@ async def _proved(work: Work, live: LiveSet, peak: float, read_stop: ReadStop, s
     keep(work, live)
     failure: TrueflankError | None = None
     try:
-        order = work.order(work.change.new, True, "sign-proof", work.number)
-        await load(work, order, live)
-        await release(work, order)
-        steps = await _measured(work, order, peak, read_stop, setup)
-        work.note("MEASURED", mean=steps.mean, u=steps.u, each=list(steps.each))
+        with foreseen(work.axis):
+            order = work.order(work.change.new, True, "sign-proof", work.number)
+            await load(work, order, live)
+            await release(work, order)
+            steps = await _measured(work, order, peak, read_stop, setup)
+            work.note("MEASURED", mean=steps.mean, u=steps.u, each=list(steps.each))
     except TrueflankError as error:
         failure = error
         if work.marked is None:

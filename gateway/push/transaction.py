@@ -30,6 +30,7 @@ from gateway.push.loading import is_coupled, load, release
 from gateway.push.lock import machine_lock
 from gateway.push.plan import plan_hash
 from gateway.push.restoring import roll_back
+from gateway.push.unexpected import foreseen, unheard
 from gateway.push.work import Outcome, Purpose, Work, begun
 
 _NOTHING = "E-INT-NOTHING"
@@ -52,10 +53,15 @@ async def push_table(change: TableChange, context: PushContext) -> PushRecord:
 
     Reads and refusals change nothing. The context's key with the same plan again gives the earlier answer.
     Raises BusyError (E-PUSH-BUSY) when another push is under way, StoreError when the journal cannot be kept,
-    and the port's errors as long as nothing has been written.
+    and as long as nothing has been written the port's errors and Unexpected (E-PUSH-UNEXPECTED).
     """
     if change.skipped:
         return PushRecord(0, change.axis, "skipped", (change.skipped,), "")
+    with foreseen(change.axis):
+        return await _pushed(change, unheard(context))
+
+
+async def _pushed(change: TableChange, context: PushContext) -> PushRecord:
     folder = journal.machine_folder(context.journals, context.machine.serial)
     with machine_lock(folder):
         earlier = _same_again(change, context, folder)
@@ -136,8 +142,9 @@ def refused(context: PushContext, axis: str, reasons: tuple[Refusal, ...]) -> Pu
 
 async def _push(work: Work) -> Outcome:
     try:
-        base = await snapshot(work)
-        reasons = await _still_allowed(work, base)
+        with foreseen(work.axis):
+            base = await snapshot(work)
+            reasons = await _still_allowed(work, base)
     except TrueflankError as error:
         work.note("ABORTED", why=str(error))
         raise
@@ -151,14 +158,15 @@ async def _push(work: Work) -> Outcome:
         work.steps += [reason.words for reason in reasons]
         return "refused"
     try:
-        await _write(work, base)
+        with foreseen(work.axis):
+            await _write(work, base)
+            await work.finish("committed")
+            work.note("COMMITTED")
     except TrueflankError as failure:
         if work.marked is None:  # nothing was sent: nothing to take back
             work.note("ABORTED", why=str(failure))
             raise
         return await roll_back(work, str(failure))
-    await work.finish("committed")
-    work.note("COMMITTED")
     return "committed"
 
 

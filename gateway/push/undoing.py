@@ -23,6 +23,7 @@ from gateway.push.loading import load, release
 from gateway.push.lock import machine_lock
 from gateway.push.restoring import roll_back
 from gateway.push.transaction import Asked, place_for, refused, snapshot, unfinished_names
+from gateway.push.unexpected import foreseen, unheard
 from gateway.push.work import Outcome, Work, begun
 from gateway.table.threeway import ThreeWay, compare
 
@@ -66,6 +67,11 @@ async def undo(done: Committed, context: PushContext) -> PushRecord:
     "refused" with nothing written when an interlock speaks against it or the live table is not the one ``done``
     wrote. Raises BusyError (E-PUSH-BUSY), StoreError, and the port's errors as long as nothing has been written.
     """
+    with foreseen(done.axis):
+        return await _undone(done, unheard(context))
+
+
+async def _undone(done: Committed, context: PushContext) -> PushRecord:
     folder = journal.machine_folder(context.journals, context.machine.serial)
     with machine_lock(folder):
         asked = await ask_undo(done, context)
@@ -79,9 +85,10 @@ async def undo(done: Committed, context: PushContext) -> PushRecord:
 
 async def _undo(work: Work, done: Committed) -> Outcome:
     try:
-        base = await snapshot(work)
-        live = table_in(base, work.change.new)
-        reasons = await _still_allowed(work, base)
+        with foreseen(work.axis):
+            base = await snapshot(work)
+            live = table_in(base, work.change.new)
+            reasons = await _still_allowed(work, base)
     except TrueflankError as error:
         work.note("ABORTED", why=str(error))
         raise
@@ -101,11 +108,12 @@ async def _undo(work: Work, done: Committed) -> Outcome:
 async def _exchange(work: Work, done: Committed, live: LiveTable, base: LiveSet) -> Outcome:
     work.restore_to = live
     try:
-        await _put_back(work, done, base)
+        with foreseen(work.axis):
+            await _put_back(work, done, base)
+            await work.finish("committed")
+            work.note("COMMITTED")
     except TrueflankError as failure:
         return await roll_back(work, str(failure))
-    await work.finish("committed")
-    work.note("COMMITTED")
     return "committed"
 
 

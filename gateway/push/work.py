@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -11,11 +12,12 @@ from typing import Literal
 from drivers.errors import TrueflankError
 from drivers.types import CompensationTable, LiveSet, LiveTable, PushOrder, TableLimits
 from gateway.domain import PushRecord, TableChange
-from gateway.errors import VerifyError
+from gateway.errors import StoreError, VerifyError
 from gateway.push import journal
 from gateway.push.compare import signed, table_facts, tolerance
 from gateway.push.context import PushContext
 from gateway.push.plan import plan_hash
+from gateway.push.unexpected import foreseen
 
 Purpose = Literal["table", "sign-proof", "restore"]
 Outcome = Literal["committed", "already-applied", "rolled-back", "held", "refused", "skipped"]
@@ -93,8 +95,9 @@ class Work:
         if self.marked is None:
             return
         try:
-            await self.same_machine()
-            await self.context.controller.finish_push(self.marked, state)
+            with foreseen(self.axis):
+                await self.same_machine()
+                await self.context.controller.finish_push(self.marked, state)
         except TrueflankError as error:
             self.steps.append(f"{self._utc()} the marker could not be written: {error}")
 
@@ -151,10 +154,14 @@ def begun(
 
 @contextmanager
 def closed_at_the_end(work: Work) -> Iterator[Work]:
-    """Let go of the journal's file, and move the journal to `done` when its last entry is final."""
+    """Let go of the journal's file, and move the journal to `done` when its last entry is final.
+
+    A disk that refuses here changes nothing of how the push ended: the journal is read and moved later.
+    """
     try:
         yield work
     finally:
         work.journal.close()
-    if journal.read(work.journal.path).finished:
-        journal.set_aside(work.journal.path)
+    with contextlib.suppress(StoreError):
+        if journal.read(work.journal.path).finished:
+            journal.set_aside(work.journal.path)

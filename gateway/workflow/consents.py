@@ -16,6 +16,7 @@ from gateway.workflow.bench import Bench
 
 # A push that has begun may wait for people and machine for hours; what it was allowed at its start stays allowed.
 IN_USE = timedelta(hours=24)
+UNSURE = frozenset({"E-PUSH-JOURNAL", "E-PUSH-HELD", "E-PUSH-UNEXPECTED"})
 
 
 def consented(
@@ -77,10 +78,26 @@ def refused(at: Bench, reasons: tuple[str, ...]) -> str:
     return audit.note(at.store.root, "push-refused", clock=at.clock, serial=at.machine.serial, details=told)
 
 
-def failed(at: Bench, change: TableChange, error: TrueflankError) -> str:
-    """Keep that a push ended with an error before anything was written; the log's problem in words ("": none)."""
-    told = {"table": change.name, "run": at.folder.run_id, "why": str(error)}
-    return audit.note(at.store.root, "push-failed", clock=at.clock, serial=at.machine.serial, details=told)
+def failed(at: Bench, change: TableChange, error: BaseException) -> str:
+    """Keep that a push ended without a record; the log's problem in words ("": none).
+
+    "push-failed": with an error and nothing written; "push-unknown": stopped from outside, or its journal refused an
+    entry, so that only `recover` can say what stands in the control.
+    """
+    told = {"table": change.name, "run": at.folder.run_id, "why": why_of(error)}
+    action = f"push-{word_of(error)}"
+    return audit.note(at.store.root, action, clock=at.clock, serial=at.machine.serial, details=told)
+
+
+def word_of(error: BaseException) -> str:
+    """ "failed" where an error says that nothing was written, "unknown" where it cannot."""
+    sure = isinstance(error, TrueflankError) and error.code not in UNSURE
+    return "failed" if sure else "unknown"
+
+
+def why_of(error: BaseException) -> str:
+    """An error's words, those of a stop from outside as well."""
+    return str(error) if isinstance(error, TrueflankError) else "stopped from outside"
 
 
 def ended(at: Bench, change: TableChange, record: PushRecord) -> str:
@@ -118,6 +135,13 @@ def recovered(at: Bench, action: str, record: PushRecord) -> str:
     number, serial = record.transaction, at.machine.serial
     action = f"recover-{record.outcome}"
     return audit.note(at.store.root, action, clock=at.clock, serial=serial, transaction=number, details=told)
+
+
+def not_recovered(at: Bench, action: str, number: int, error: BaseException) -> str:
+    """Keep that a recovery ended without a record; returns the log's problem in words ("": none)."""
+    told = {"run": at.folder.run_id, "finding": action, "why": why_of(error)}
+    serial, word = at.machine.serial, f"recover-{word_of(error)}"
+    return audit.note(at.store.root, word, clock=at.clock, serial=serial, transaction=number, details=told)
 
 
 def table_hash(change: TableChange) -> str:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import asyncio
+from collections.abc import Awaitable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 from drivers.clock import Clock
 from drivers.errors import TrueflankError, words
@@ -14,7 +16,7 @@ from gateway.capture.readings import Readings
 from gateway.capture.sense import prove_sense
 from gateway.config import AxisSection
 from gateway.domain import Approval, AxisVerdict, Capture, Evaluation, Proposal, PushRecord, TableChange, Verdict
-from gateway.errors import WriteRefused
+from gateway.errors import StoreError, WriteRefused
 from gateway.interlocks import Refusal
 from gateway.push import Asked, AxisFacts, PushContext, ask, outcome_error, prove_sign, push_table
 from gateway.say import Say
@@ -26,6 +28,8 @@ from gateway.workflow.explaining import check_between
 from gateway.workflow.measure import Measured, live_again, measure_axis
 from gateway.workflow.outcome import Outcome, finish, shown
 from gateway.workflow.verdict import PUSHED, judge, judge_axis, unmeasured
+
+Done = TypeVar("Done")
 
 JOURNALS = "journal"
 # Switching a table moves the axis by micrometres: no motion is seen, so the reading waits longer instead.
@@ -72,27 +76,35 @@ class _Done:
 async def _push(at: Bench, change: TableChange, capture: Capture | None, done: _Done) -> None:
     context = replace(table_context(at, change.new, capture), pushed=tuple(done.tables))
     if not change.skipped:
-        proof = context.proof or await _prove(at, change, context)
+        proof = context.proof
+        if proof is None:
+            proof = await _kept(at, change, _prove(at, change, context))
         done.proofs.append(proof)
         context = replace(context, proof=proof, ambient_now=await _ambient(at, change))
         context = consented(at, change, context, done.approvals[change.name])
         begin(at, change, context)
-    record = await _pushed(at, change, context)
-    at.folder.put(stages.push(change.name), record, (at.folder.digest(stages.PROPOSAL),))
+    record = await _kept(at, change, push_table(change, context))
     if not change.skipped:
         tell(at, ended(at, change, record))
     done.records[change.name] = record
     failure = outcome_error(record)
+    try:
+        at.folder.put(stages.push(change.name), record, (at.folder.digest(stages.PROPOSAL),))
+    except StoreError as error:
+        if failure is not None:  # how the push ended is told before all else
+            raise failure from error
+        raise
     if failure is not None:
         raise failure
     if record.outcome in PUSHED:
         done.tables.append(change.new)
 
 
-async def _pushed(at: Bench, change: TableChange, context: PushContext) -> PushRecord:
+async def _kept(at: Bench, change: TableChange, work: Awaitable[Done]) -> Done:
+    """Keep in the audit log how a push or sign proof ended that leaves no record, a stop from outside included."""
     try:
-        return await push_table(change, context)
-    except TrueflankError as error:
+        return await work
+    except (TrueflankError, asyncio.CancelledError) as error:
         tell(at, failed(at, change, error))
         raise
 

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import asyncio
 from pathlib import Path
 
 from drivers.clock import Clock
-from drivers.errors import ConfigError
+from drivers.errors import ConfigError, TrueflankError
 from drivers.types import CompensationTable
 from gateway.config import SiteFile
+from gateway.domain import PushRecord
 from gateway.errors import StoreError
 from gateway.push import PushContext
 from gateway.push.journal import JournalRead, machine_folder, tidy
 from gateway.push.recovery import Finding, look, recover, tables_of, unfinished, verdict
 from gateway.say import Say
 from gateway.workflow.bench import Bench, bench, check_name, new_run
-from gateway.workflow.consents import recovered, tell
+from gateway.workflow.consents import not_recovered, recovered, tell
 from gateway.workflow.pushing import JOURNALS, table_context
 
 
@@ -49,9 +51,18 @@ async def _one(at: Bench, found: JournalRead, *, apply: bool) -> Finding:
     finding = await look(found, context)
     at.say("P-RECOVER", words=finding.words)
     if apply:
-        record = await recover(found, context)
+        record = await _recovered(at, found, context, finding)
         tell(at, recovered(at, finding.code, record))
     return finding
+
+
+async def _recovered(at: Bench, found: JournalRead, context: PushContext, finding: Finding) -> PushRecord:
+    """Carry out the offer; one that ends without a record is kept in the audit log too."""
+    try:
+        return await recover(found, context)
+    except (TrueflankError, asyncio.CancelledError) as error:
+        tell(at, not_recovered(at, finding.code, found.number, error))
+        raise
 
 
 def _context(at: Bench, found: JournalRead) -> PushContext | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from gateway.push.undoing import ask_undo, undo
 from gateway.say import Say
 from gateway.table.comparison import acting, effective
 from gateway.workflow.bench import Bench, bench, check_name, new_run
+from gateway.workflow.consents import tell, why_of, word_of
 from gateway.workflow.outcome import Outcome
 from gateway.workflow.pushing import JOURNALS, table_context
 
@@ -94,7 +96,13 @@ async def _applied(at: Bench, done: Committed, context: PushContext) -> Outcome:
     root, serial = at.store.root, at.machine.serial
     told = {"table": done.table, "undoes": done.transaction, "run": at.folder.run_id}
     audit.record(root, "rollback-start", clock=at.clock, serial=serial, details=told)
-    record = await undo(done, context)
+    try:
+        record = await undo(done, context)
+    except (TrueflankError, asyncio.CancelledError) as error:
+        why = {**told, "why": why_of(error)}
+        action = f"rollback-{word_of(error)}"
+        tell(at, audit.note(root, action, clock=at.clock, serial=serial, details=why))
+        raise
     at.folder.put(f"rollback-{done.table}", record)
     at.folder.set_state(f"rollback-{record.outcome}")
     action = f"rollback-{record.outcome}"

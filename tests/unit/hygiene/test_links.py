@@ -24,7 +24,6 @@ from gateway.errors import StoreError
 from gateway.push import journal
 from gateway.push.lock import held
 from gateway.store import Proofs, Store
-from gateway.store.index import Index
 from gateway.store.rawstream import RawRecorder, StreamFacts
 from gateway.watch.journal import Journal as Watched
 
@@ -165,7 +164,6 @@ def filled(root: Path) -> Path:
     Approvals(folder.path).keep(APPROVAL)
     Proofs(root).save(SignProof(MACHINE, "CEC", "X1", 1.0, 0.1, 1, "2026-01-01"))
     record(root)
-    Index(store).rebuild()
     Watched(root).note("0" * 64, "run", "f")
     token_of(root)
     with held(root / "journal" / "SN-1"), locked(root):
