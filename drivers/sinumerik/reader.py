@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from drivers.errors import FileFormatError
 from drivers.sinumerik.archive import Listing, listing
-from drivers.sinumerik.groups import Group, Reader, Sign, groups_of, mixed_encoders, settings_of, units_of
+from drivers.sinumerik.groups import Reader, Sign, groups_of, mixed_encoders, settings_of, units_of
 from drivers.sinumerik.variables import VARIABLES
 from drivers.tablefile import TableFile
 from drivers.units import AxisUnit
@@ -37,8 +37,8 @@ def read_loosely(text: str, where: str, units: Mapping[str, AxisUnit] | None = N
     found = _faultless(text, where)
     groups = groups_of(found)
     reader = Reader(where, units_of(groups.values(), units or {}), 1)
-    loaded = [group for group in groups.values() if not _empty(group)]
-    notes = [f"{group.label}: never loaded (STEP 0)" for group in groups.values() if _empty(group)]
+    loaded = [group for group in groups.values() if not group.never_loaded]
+    notes = [f"{group.label}: never loaded (STEP 0)" for group in groups.values() if group.never_loaded]
     tables = []
     for group in loaded:
         tables.append(reader.whole(group))
@@ -63,10 +63,3 @@ def _faultless(text: str, where: str) -> Listing:
     if mixed:
         raise mixed[0]
     return found
-
-
-def _empty(group: Group) -> bool:
-    """STEP 0 with no other grid; our own back-ups say nothing more than STEP of a CEC table never loaded."""
-    values = [group.parameters[name].value for name in ("STEP", "MIN", "MAX") if name in group.parameters]
-    alone = set(group.parameters) == {"STEP"} and not group.points
-    return (len(values) == 3 or alone) and not any(values)

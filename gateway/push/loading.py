@@ -33,6 +33,7 @@ async def load(work: Work, order: PushOrder, base: LiveSet | None) -> None:
     await _check_marker(work, order)
     context.say("P-PUSH-LOAD", axis=work.axis, transaction=order.transaction)
     kept = await _kept_before(work, order, base)
+    work.begun = True
     backup, readback = await _loaded(work, order)
     if kept is None:
         keep_backup(work, order, backup)
