@@ -69,6 +69,11 @@ def numbered(lines: list[str], rng: random.Random) -> list[str]:
     return [*lines[:place], f"{name}={other}", *lines[place + 1 :]]
 
 
+def without_switch(lines: list[str], _rng: random.Random) -> list[str]:
+    """The switches of the axis."""
+    return [line for line in lines if not line.startswith(("$MA_ENC_COMP_ENABLE", "$MA_CEC_ENABLE"))]
+
+
 SHAPES: tuple[Change, ...] = (left_out, run_left_out, doubled, exchanged, older)
 
 
@@ -124,15 +129,21 @@ def drawn(rng: random.Random) -> tuple[Attack, ...]:
     return (first,)
 
 
-def played(seed: int, folder: Path, keys: Path, attacks: tuple[Attack, ...] | None = None) -> Played:
-    """The push of a seed, and the recovery of what it left, judged. ``attacks`` in place of those drawn."""
+def played(seed: int, folder: Path, keys: Path) -> Played:
+    """The push of a seed, and the recovery of what it left, judged."""
     rng = random.Random(seed)
     cross = rng.random() < 0.4
-    wire = Wire(rng, drawn(rng) if attacks is None else attacks)
+    return attacked(seed, drawn(rng), folder, keys, cross=cross)
+
+
+def attacked(seed: int, attacks: tuple[Attack, ...], folder: Path, keys: Path, *, cross: bool = False) -> Played:
+    """A push with these attacks, and the recovery of what it left, judged."""
+    rng = random.Random(seed)
+    wire = Wire(rng, attacks)
     told = [str(one) for one in wire.attacks]
     found = Played(seed, [*told, "CEC" if cross else "EEC"])
     folder.mkdir(parents=True)
-    old, new = (CROSS.tables) if cross else (choice(rng), NEW)
+    old, new = CROSS.tables if cross else (choice(rng), NEW)
 
     async def main() -> None:
         async with ua_world(LoopClock(), keys, old, new, activation="newconf") as at:
