@@ -51,10 +51,6 @@ class Reading:
         units: Mapping[str, AxisUnit] = {one.name: one.unit for one in self.axes}
         return read_written(text, self.where, saving, units, cec_sign)
 
-    def keys(self) -> list[tuple[object, ...]]:
-        """What must be equal in two readings."""
-        return [table.key() for table in self.stored]
-
 
 class MachineReader:
     """Everything the driver wants to know of one control. Reading selects tables; it changes nothing else."""
@@ -114,47 +110,51 @@ class MachineReader:
     async def tables(self, axis: str, encoder: int) -> Reading:
         """EEC of the axis and every loaded CEC table with this output axis: all reserved points, fresh.
 
-        All is read twice, the second time in chunks that begin elsewhere: a chunk left out, given twice or kept from
-        earlier is then another number in one of the two readings.
-        Raises DeviceRefused (E-MBX-UNSTEADY; E-MBX-GRID for a table whose grid the map cannot express).
+        Raises DeviceRefused (E-MBX-UNSTEADY, E-MBX-CHANGED; E-MBX-GRID for a table whose grid the map cannot express).
         """
-        first = await self._tables(axis, encoder, cut=False)
-        second = await self._tables(axis, encoder, cut=True)
-        if first.keys() != second.keys():
-            raise DeviceRefused("E-MBX-UNSTEADY", self._where, table=axis)
-        return second
-
-    async def _tables(self, axis: str, encoder: int, *, cut: bool) -> Reading:
         facts = self.axis(axis)
-        own = await self._stored(_order(facts, Kind.EEC, encoder), cut=cut)
+        own = await self._stored(_order(facts, Kind.EEC, encoder))
         found = [own]
         for table in range(own.picture.tables):
             order = _order(facts, Kind.CEC, table)
             grid = (await self._talk.select(order)).grid
             if grid.output_axis == facts.number and (grid.step or not grid.expressible):
-                found.append(await self._stored(order, cut=cut))
+                found.append(await self._stored(order))
         return Reading(facts, encoder, tuple(self.axes.values()), tuple(found), self._where)
 
-    async def _stored(self, order: Order, *, cut: bool) -> Stored:
+    async def _stored(self, order: Order) -> Stored:
+        """Every point is read twice, the second time in chunks that begin elsewhere, and the picture before and after.
+
+        A chunk left out, given twice or kept from earlier is then another number in one of the two readings.
+        """
         before = await self._talk.select(order)
-        reserved = self._talk.reserved
         if not before.grid.expressible:
             raise DeviceRefused("E-MBX-GRID", self._where, kind=order.kind.name, index=order.index)
-        points: list[int] = []
-        for first, count in spans(reserved, cut=cut):
-            points += await self._talk.points(order, first, count)
+        first, second = await self._points(order, cut=False), await self._points(order, cut=True)
+        if first != second:
+            raise DeviceRefused("E-MBX-UNSTEADY", self._where, kind=order.kind.name, index=order.index)
         status, picture = await self._talk.recent(), await self._talk.picture_for(order)
-        same = picture.grid == before.grid and picture.switches == before.switches
-        if not same or not _agree(order, status, picture):
+        if _lasting(picture) != _lasting(before) or not _agree(order, status, picture):
             raise DeviceRefused("E-MBX-CHANGED", self._where, kind=order.kind.name, index=order.index)
-        return Stored("EEC" if order.kind is Kind.EEC else "CEC", picture, tuple(points))
+        return Stored("EEC" if order.kind is Kind.EEC else "CEC", picture, second)
+
+    async def _points(self, order: Order, *, cut: bool) -> tuple[int, ...]:
+        points: tuple[int, ...] = ()
+        for first, count in spans(self._talk.reserved, cut=cut):
+            points += await self._talk.points(order, first, count)
+        return points
 
 
 def spans(reserved: int, *, cut: bool) -> tuple[tuple[int, int], ...]:
-    """First point and number of points of each chunk that reads a table; ``cut``: the first is half as long."""
-    half = min(reserved, CHUNK_POINTS) // 2
-    begins = [0, *range(half if cut and half else CHUNK_POINTS, reserved, CHUNK_POINTS)] if reserved else []
-    return tuple((first, end - first) for first, end in pairwise([*begins, reserved]))
+    """First point and number of points of each chunk of a table; ``cut``: the first of several is half as long."""
+    first = CHUNK_POINTS // 2 if cut and reserved > CHUNK_POINTS else CHUNK_POINTS
+    ends = [*range(first, reserved, CHUNK_POINTS), reserved] if reserved else []
+    return tuple((begin, end - begin) for begin, end in pairwise([0, *ends]))
+
+
+def _lasting(picture: Picture) -> tuple[object, ...]:
+    """What of a picture does not move with the machine."""
+    return picture.grid, picture.switches, picture.weight, picture.backlash
 
 
 def _agree(order: Order, status: Status, picture: Picture) -> bool:

@@ -110,7 +110,7 @@ def agrees(work: Work, backup: LiveSet) -> bool:
     if work.base is not None:
         return same_set(work.base, backup, work.allowed)
     same = same_table(work.restore_to, table_in(backup, work.change.new), work.allowed)
-    return same and is_coupled(backup, work) == work.coupled
+    return same and backup.digest == work.base_digest
 
 
 def _compare(work: Work, base: LiveSet | None, backup: LiveSet) -> None:

@@ -25,6 +25,7 @@ Outcome = Literal["committed", "already-applied", "rolled-back", "held", "refuse
 class Work:
     """A push in progress. ``restore_to`` is what must be live again if it fails; ``change`` what is wanted.
 
+    ``base`` is all that was live before, ``base_digest`` what remains of it in a later process.
     ``confirmed`` says that two independent readings agree on ``restore_to``: it goes back to nothing else.
     ``coupled`` says that other CEC tables of the output axis were on before, so that they must be again.
     ``begun`` says that a load may have written something. ``marked`` is the order whose number the controller's marker
@@ -51,6 +52,7 @@ class Work:
     torn: bool = False
     confirmed: bool = False
     begun: bool = False
+    base_digest: str = ""
 
     @property
     def axis(self) -> str:

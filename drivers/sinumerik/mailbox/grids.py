@@ -120,12 +120,6 @@ class Stored:
     picture: Picture
     points: tuple[int, ...]
 
-    def key(self) -> tuple[object, ...]:
-        """What must be equal in two readings of the same table."""
-        grid = self.picture.grid
-        seen = self.picture
-        return seen.selection, grid, seen.switches, seen.weight, seen.backlash, self.points
-
 
 def saved_text(tables: Sequence[Stored], axes: Mapping[int, AxisFacts], saving: Saving) -> str:
     """Loadable text of tables, switches and backlash of one axis, as a program of ours would have written it."""
