@@ -64,10 +64,8 @@ class SinumerikOpcUa:
         self._grinding = Grinding(self._dialogue, self._reader, self._transfer, self._settings, clock, name)
         self._configuration = Configuration((), (), ())
         self._plan: StopPlan | None = None
-        self._token = 0
-        self._memory = Memory(0)
-        self._saved = False
-        self._ended = False
+        self._token, self._memory = 0, Memory(0)
+        self._saved = self._ended = False
         self._moving_since: float | None = None
         self._move_s = 0.0
 
