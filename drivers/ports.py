@@ -228,6 +228,15 @@ class Controller(Device, Protocol):
         """
         ...
 
+    async def backup_of(self, order: PushOrder) -> LiveSet:
+        """What stood before ``order`` began, as the controller or this driver kept it under the order's number.
+
+        With `Capabilities.programs` from the file that the order's first half wrote, also in a later process; else
+        from `prepare_push`, in the same process. CEC deviations carry the sign of the order's proof.
+        Raises DeviceRefused when there is none, FileFormatError when it is not whole or of another order.
+        """
+        ...
+
     async def release_push(self, order: PushOrder) -> None:
         """Set the release word to the transaction number; the operator's second NC START enables."""
         ...

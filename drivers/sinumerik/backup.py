@@ -1,15 +1,23 @@
 """NC blocks that write live tables, switches and backlash of an axis to a file, loadable as a program.
 
 WRITE appends one block to a file, DELETE removes the old one (Job Planning manual; signatures as in the
-editor completion lists); STOPRE before, because system variables are read ahead of the axes else.
+editor completion lists); STOPRE before, because system variables are read ahead of the axes else. What such a
+file must hold, line by line, stands here once: `drivers.sinumerik.written` believes a file only when it holds it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Literal
 
+from drivers.sinumerik.words import file_path
+
+Section = Literal["LIVE", "BACK", "READ"]
+END_WORD = "M17"
 _CEC_PARAMETERS = ("STEP", "MIN", "MAX", "DIRECTION", "MULT_BY_TABLE", "IS_MODULO", "TYPE")
+_COUNTER = "LINES"
+VARIABLES = f"ERR, N, {_COUNTER}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,51 +32,140 @@ class Memory:
     axes: tuple[str, ...] = ()
 
 
-def blocks(path: str, axis: str, encoder: int, memory: Memory, failed: str) -> list[str]:
-    """Blocks that write everything which moves ``axis`` to ``path``; they jump to ``failed`` if they cannot.
+@dataclass(frozen=True, slots=True)
+class Saving:
+    """One file of ours: which run wrote it, and of what. ``number`` is the program's transaction number or token."""
 
-    They use the integers ERR and N, which the program must define. All reserved points are written, so
-    that leftovers beyond the end of a table are on record too.
+    section: Section
+    number: int
+    axis: str
+    encoder: int
+    memory: Memory
+
+    @property
+    def path(self) -> str:
+        """Where the program writes it."""
+        return file_path(self.section, self.axis)
+
+    @property
+    def first_line(self) -> str:
+        """A comment to the control: whose file this is."""
+        return f";TRUEFLANK {self.section} {self.number} {self.axis} ENCODER {self.encoder}"
+
+    @property
+    def last_mark(self) -> str:
+        """The comment before the end word, up to the count of the lines before it."""
+        return f";TRUEFLANK END {self.section} {self.number} LINES "
+
+
+@dataclass(frozen=True, slots=True)
+class Points:
+    """The reserved points of one table: names ``left`` number ``right``, numbers from 0."""
+
+    left: str
+    right: str
+    count: int
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """All names, in order."""
+        return tuple(f"{self.left}{number}{self.right}" for number in range(self.count))
+
+
+def own_points(saving: Saving) -> Points:
+    """Points of the axis' EEC table."""
+    return Points(f"$AA_ENC_COMP[{saving.encoder},", f",{saving.axis}]", saving.memory.eec_points)
+
+
+def own_parameters(saving: Saving) -> tuple[str, ...]:
+    """Parameters of the axis' EEC table; none where nothing is reserved."""
+    names = ("STEP", "MIN", "MAX", "IS_MODULO") if saving.memory.eec_points else ()
+    return tuple(f"$AA_ENC_COMP_{name}[{saving.encoder},{saving.axis}]" for name in names)
+
+
+def cross_points(table: int, saving: Saving) -> Points:
+    """Points of a CEC table."""
+    return Points(f"$AN_CEC[{table},", "]", saving.memory.cec_points[table])
+
+
+def cross_axes(table: int) -> tuple[str, ...]:
+    """Input and output axis of a CEC table."""
+    return f"$AN_CEC_INPUT_AXIS[{table}]", f"$AN_CEC_OUTPUT_AXIS[{table}]"
+
+
+def cross_parameters(table: int) -> tuple[str, ...]:
+    """The other parameters of a CEC table."""
+    return tuple(f"$AN_CEC_{name}[{table}]" for name in _CEC_PARAMETERS)
+
+
+def cross_step(table: int) -> str:
+    """What alone is written of a CEC table that was never loaded: its STEP, which is 0."""
+    return f"$AN_CEC_STEP[{table}]"
+
+
+def cross_switches(table: int) -> tuple[str, ...]:
+    """SD41300 and SD41310 of a CEC table, loaded or not."""
+    return f"$SN_CEC_TABLE_ENABLE[{table}]", f"$SN_CEC_TABLE_WEIGHT[{table}]"
+
+
+def axis_settings(saving: Saving) -> tuple[str, ...]:
+    """Backlash and EEC switch of the axis, its CEC switch, and that of every other axis: tables may act on those."""
+    own = f"[{saving.encoder},{saving.axis}]"
+    switches = (f"$MA_CEC_ENABLE[{axis}]" for axis in switched_axes(saving))
+    return f"$MA_BACKLASH{own}", f"$MA_ENC_COMP_ENABLE{own}", *switches
+
+
+def switched_axes(saving: Saving) -> tuple[str, ...]:
+    """The axes whose CEC switch is written, the file's own first."""
+    return tuple(dict.fromkeys((saving.axis, *saving.memory.axes)))
+
+
+def reserved_tables(memory: Memory) -> tuple[int, ...]:
+    """Numbers of the CEC tables that have memory."""
+    return tuple(table for table, points in enumerate(memory.cec_points) if points)
+
+
+def blocks(saving: Saving, failed: str) -> list[str]:
+    """Blocks that write everything which moves the axis to its file; they jump to ``failed`` if they cannot.
+
+    They use the integers `VARIABLES`, which the program must define. All reserved points are written, so that
+    leftovers beyond the end of a table are on record too. The lines are counted as they are written.
     """
-    out = [f'DELETE(ERR,"{path}")', "STOPRE"]
-    if memory.eec_points:
-        out += _points(path, f"$AA_ENC_COMP[{encoder},", f",{axis}]", memory.eec_points, failed)
-        names = (f"$AA_ENC_COMP_{name}[{encoder},{axis}]" for name in ("STEP", "MIN", "MAX", "IS_MODULO"))
-        out += _values(path, names, failed)
-    for table, points in enumerate(memory.cec_points):
-        if points:
-            out += _cross(path, table, points, memory.axes, failed)
-    out += _values(
-        path,
-        (
-            f"$MA_BACKLASH[{encoder},{axis}]",
-            f"$MA_ENC_COMP_ENABLE[{encoder},{axis}]",
-            f"$MA_CEC_ENABLE[{axis}]",
-        ),
-        failed,
-    )
-    return [*out, *_line(path, '"M17"', failed)]
+    write = _Writer(saving.path, failed)
+    out = [f'DELETE(ERR,"{saving.path}")', "STOPRE", f"{_COUNTER}=0", *write.text(f'"{saving.first_line}"')]
+    if saving.memory.eec_points:
+        out += [*write.points(own_points(saving)), *write.values(own_parameters(saving))]
+    for table in reserved_tables(saving.memory):
+        out += _cross(write, table, saving)
+    out += write.values(axis_settings(saving))
+    return [*out, *write.text(f'"{saving.last_mark}"<<{_COUNTER}'), *write.text(f'"{END_WORD}"')]
 
 
-def _cross(path: str, table: int, points: int, axes: tuple[str, ...], failed: str) -> list[str]:
-    """One CEC table; a table that was never loaded (STEP 0) has no axes to name and is left out."""
-    inner = _points(path, f"$AN_CEC[{table},", "]", points, failed)
-    for name in (f"$AN_CEC_INPUT_AXIS[{table}]", f"$AN_CEC_OUTPUT_AXIS[{table}]"):
-        for axis in axes:
-            inner += [f"IF {name}=={axis}", *_line(path, f'"{name}=({axis})"', failed), "ENDIF"]
-    names = [f"$AN_CEC_{name}[{table}]" for name in _CEC_PARAMETERS]
-    names += [f"$SN_CEC_TABLE_ENABLE[{table}]", f"$SN_CEC_TABLE_WEIGHT[{table}]"]
-    return [f"IF $AN_CEC_STEP[{table}]<>0", *inner, *_values(path, names, failed), "ENDIF"]
+def _cross(write: _Writer, table: int, saving: Saving) -> list[str]:
+    """One CEC table; one that was never loaded (STEP 0) has no axes to name: its STEP says so."""
+    inner = write.points(cross_points(table, saving))
+    for name in cross_axes(table):
+        for axis in saving.memory.axes:
+            inner += [f"IF {name}=={axis}", *write.text(f'"{name}=({axis})"'), "ENDIF"]
+    inner += write.values(cross_parameters(table))
+    never = write.values((cross_step(table),))
+    switches = write.values(cross_switches(table))
+    return [f"IF {cross_step(table)}<>0", *inner, "ELSE", *never, "ENDIF", *switches]
 
 
-def _points(path: str, left: str, right: str, count: int, failed: str) -> list[str]:
-    text = f'"{left}"<<N<<"{right}="<<{left}N{right}'
-    return [f"FOR N=0 TO {count - 1}", *_line(path, text, failed), "ENDFOR"]
+@dataclass(frozen=True, slots=True)
+class _Writer:
+    path: str
+    failed: str
 
+    def text(self, text: str) -> list[str]:
+        counted = f"{_COUNTER}={_COUNTER}+1"
+        return [f'WRITE(ERR,"{self.path}",{text})', f"IF ERR<>0 GOTOF {self.failed}", counted]
 
-def _values(path: str, names: Iterable[str], failed: str) -> list[str]:
-    return [block for name in names for block in _line(path, f'"{name}="<<{name}', failed)]
+    def values(self, names: Iterable[str]) -> list[str]:
+        return [block for name in names for block in self.text(f'"{name}="<<{name}')]
 
-
-def _line(path: str, text: str, failed: str) -> list[str]:
-    return [f'WRITE(ERR,"{path}",{text})', f"IF ERR<>0 GOTOF {failed}"]
+    def points(self, points: Points) -> list[str]:
+        left, right = points.left, points.right
+        text = f'"{left}"<<N<<"{right}="<<{left}N{right}'
+        return [f"FOR N=0 TO {points.count - 1}", *self.text(text), "ENDFOR"]

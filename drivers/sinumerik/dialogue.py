@@ -17,6 +17,7 @@ from drivers.types import ChannelStatus
 # Alarms that report and let the program run on: rights for machine data, memory display, CEC limits.
 HARMLESS = frozenset({4070, 4075, 4400, 20124, 20125})
 GROWTH = 1.3
+LEAVES_S = 1.0  # a program that waits looks at the abort word four times a second
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,10 +201,10 @@ class Dialogue:
         return True
 
     async def _after_abort(self, seen: Glance) -> Glance:
+        """Look until the program has left: it takes until it looks at the abort word itself."""
         self.pace.again()
-        for _ in range(12):
-            if _done(seen):
-                break
+        end = self._clock.now() + LEAVES_S
+        while not _done(seen) and self._clock.now() < end:
             await self.wait()
             seen = await self.look()
         return seen

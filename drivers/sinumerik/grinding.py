@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import secrets as random_source
+from collections.abc import Mapping
 
 from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded, DeviceRefused
 from drivers.sinumerik import grindprogram
+from drivers.sinumerik.backup import Memory, Saving
 from drivers.sinumerik.dialogue import Dialogue, Glance
 from drivers.sinumerik.grindprogram import GrindSetting
 from drivers.sinumerik.machine import Configuration, MachineReader
@@ -41,6 +43,7 @@ class Grinding:
         self._clock = clock
         self._where = where
         self._token = 0
+        self._memory: Mapping[str, Memory] = {}
         self._saved = False
         self._ended = False
         self._placed: dict[int, float] = {}
@@ -59,6 +62,7 @@ class Grinding:
         text = grindprogram.grinding(plan, token, setting)
         await self._dialogue.begin(numbers[0])
         self.plan, self._token, self._saved, self._ended = plan, token, False, False
+        self._memory = setting.memory
         values = {SetupWord.X: plan.x_mm, SetupWord.C: plan.c_deg, SetupWord.DRESSING: plan.dressing_mm}
         self._placed = {setting.words.setup_number(word): value for word, value in values.items()}
         await self._dialogue.place(self._placed)
@@ -141,4 +145,5 @@ class Grinding:
         found = next((one for one in wanted if one.name == axis), None)
         if self.plan is None or found is None or not (self._saved and self.plan.save_tables):
             raise DeviceRefused("E-NC-NOT-SAVED", self._where, axis=axis)
-        return await live_tables(self._transfer, "LIVE", axis, found.encoder, configuration)
+        saving = Saving("LIVE", self._token, axis, found.encoder, self._memory[axis])
+        return await live_tables(self._transfer, saving, configuration)

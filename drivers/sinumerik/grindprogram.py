@@ -14,11 +14,11 @@ from typing import Any
 
 from drivers.errors import LocalProtocolError
 from drivers.sinumerik import backup
-from drivers.sinumerik.backup import Memory
+from drivers.sinumerik.backup import Memory, Saving
 from drivers.sinumerik.motion import number
 from drivers.sinumerik.program import PREPARE, check_names, phase_block, text_of, unless_aborted
 from drivers.sinumerik.uasettings import UaSettings
-from drivers.sinumerik.words import Phase, SetupWord, Word, Words, file_path
+from drivers.sinumerik.words import Phase, SetupWord, Word, Words
 from drivers.workpiece import (
     DRESSER_OVERRUN_MM,
     INDEX_OVERRUN_DEG,
@@ -69,7 +69,7 @@ def _text(plan: GrindPlan, token: int, setting: GrindSetting, *, saves: bool) ->
     if not _MESSAGE.fullmatch(plan.part):
         raise LocalProtocolError("E-PROGRAM-MESSAGE", plan.name, text=plan.part)
     words = setting.words
-    out = ["DEF INT ERR, N, K", "DEF REAL XSET, CSET, YSET, CAT", PREPARE]
+    out = [f"DEF INT {backup.VARIABLES}, K", "DEF REAL XSET, CSET, YSET, CAT", PREPARE]
     out += ["STOPRE", f"IF {words.name(Word.RELEASE)}<>{token} GOTOF {_STALE}"]
     out += [f"{words.name(word)}=0" for word in (Word.COUNTER, Word.ECHO, Word.MISMATCHES, Word.RELEASE)]
     out += [f"{words.name(Word.TRANSACTION)}={token}", phase_block(words, Phase.BACKING_UP), "STOPRE"]
@@ -77,7 +77,7 @@ def _text(plan: GrindPlan, token: int, setting: GrindSetting, *, saves: bool) ->
     if saves:
         for axis in plan.compensated:
             memory = setting.memory[axis.name]
-            out += backup.blocks(file_path("LIVE", axis.name), axis.name, axis.encoder, memory, _FAILED)
+            out += backup.blocks(Saving("LIVE", token, axis.name, axis.encoder, memory), _FAILED)
     out += ["STOPRE", phase_block(words, Phase.GRINDING), *_clear(plan)]
     out += [*_person(f"TRUEFLANK LOAD BLANK {plan.part}"), unless_aborted(words, _LEFT)]
     out += [*([plan.wheel_on] if plan.wheel_on else []), *_spaces(plan, setting), *_stopped(plan)]

@@ -43,6 +43,17 @@ class Group:
         """The table as the control names it."""
         return f"$AA_ENC_COMP[{self.index},..,{self.axis}]" if self.axis else f"$AN_CEC[{self.index},..]"
 
+    @property
+    def never_loaded(self) -> bool:
+        """STEP, MIN and MAX 0; or STEP 0 and nothing else, which is all that our own files say of such a table."""
+        values = [self.parameters[name].value for name in ("STEP", "MIN", "MAX") if name in self.parameters]
+        return (len(values) == 3 or self.only_step) and not any(values)
+
+    @property
+    def only_step(self) -> bool:
+        """Whether nothing but STEP is said of it."""
+        return set(self.parameters) == {"STEP"} and not self.points
+
 
 def groups_of(found: Listing) -> dict[str, Group]:
     """Sort point and parameter assignments by the table they belong to, in order of appearance."""

@@ -133,7 +133,7 @@ class SinumerikModbus:
             ours = self._talk.session
             await self._talk.enter()
             try:
-                return (await self._reader.tables(axis, self._encoder)).live()
+                return (await self._reader.tables(axis, self._encoder)).live("LIVE", self._talk.session)
             finally:
                 if not ours:
                     await self._talk.leave()
@@ -147,6 +147,10 @@ class SinumerikModbus:
         """Disable, load, read back twice afresh: (old, new). Raises as `Pushing.loaded`."""
         async with self._talk.turn:
             return await self._pushing.loaded(order, timeout_s)
+
+    async def backup_of(self, order: PushOrder) -> LiveSet:
+        """What `prepare_push` read for this very order. Raises DeviceRefused (E-MBX-NOT-PREPARED)."""
+        return self._pushing.backup_of(order)
 
     async def release_push(self, order: PushOrder) -> None:
         """Ask the PLC to activate; it waits for the panel. Raises as `Switching.release`."""

@@ -57,6 +57,7 @@ class Pushing:
         self._machine: MachineIdentity | None = None
         self._plan: tuple[PushOrder, Plan] | None = None
         self.backup: LiveSet | None = None
+        self._backup_of = 0
         self.connect_s = 10.0
 
     async def prepare(self, order: PushOrder) -> None:
@@ -74,13 +75,19 @@ class Pushing:
             await self._check(order, plan)
             reading = await self._tables(order)
             checks.coupled(order, reading, self._where)
-            backup = reading.live(checks.sign_of(order))
+            backup = reading.live("BACK", order.transaction, checks.sign_of(order))
             await self.check_place(order, backup)
             await self.mark(order.transaction, "in-progress")
         except TrueflankError:
             await self._talk.leave()
             raise
-        self.backup = backup
+        self.backup, self._backup_of = backup, order.transaction
+
+    def backup_of(self, order: PushOrder) -> LiveSet:
+        """What `prepare` read for this very order. Raises DeviceRefused (E-MBX-NOT-PREPARED)."""
+        if self.backup is None or self._backup_of != order.transaction:
+            raise DeviceRefused("E-MBX-NOT-PREPARED", self._where, table=order.table.name)
+        return self.backup
 
     def plan(self, order: PushOrder) -> Plan:
         """The order as numbers. Raises TableError and ValueOutOfRange for what cannot or must not be said."""
@@ -134,20 +141,15 @@ class Pushing:
 
         Raises DeviceRefused (E-MBX-STILL-ON, E-MBX-STILL-ACTING, E-MBX-READBACK, E-MBX-UNSTEADY...), LinkBroken.
         """
-        backup = self.backup
-        if backup is None:
-            raise DeviceRefused("E-MBX-NOT-PREPARED", self._where, table=order.table.name)
+        backup = self.backup_of(order)
         plan = self.plan(order)
         async with self._clock.deadline(timeout_s, self._where):
             await self.disable(plan.begin)
             await self._load(plan)
             await self._talk.renew(self.connect_s)
-            first = await self._read_again(order)
-            second = await self._read_again(order)
-        if first.keys() != second.keys():
-            raise DeviceRefused("E-MBX-UNSTEADY", self._where, table=order.table.name)
-        checks.same(order, plan.begin, plan.values, second, self._where)
-        return backup, second.live(checks.sign_of(order))
+            found = await self._read_again(order)
+        checks.same(order, plan.begin, plan.values, found, self._where)
+        return backup, found.live("READ", order.transaction, checks.sign_of(order))
 
     async def disable(self, begin: Order) -> None:
         """Off by its switch and by what acts: a switch that reads off proves nothing.

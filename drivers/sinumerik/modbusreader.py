@@ -5,16 +5,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from decimal import Decimal
+from itertools import pairwise
 from typing import Literal
 
 from drivers.errors import DeviceRefused, RemoteProtocolError, UnsupportedDevice
-from drivers.sinumerik import lint, tables
+from drivers.sinumerik import lint
+from drivers.sinumerik.backup import Saving, Section
 from drivers.sinumerik.mailbox.commands import Order
-from drivers.sinumerik.mailbox.grids import POSITION_UNIT, VALUE_UNIT, AxisFacts, Stored, backup_text
+from drivers.sinumerik.mailbox.grids import POSITION_UNIT, VALUE_UNIT, AxisFacts, Stored, memory_of, saved_text
 from drivers.sinumerik.mailbox.readings import Picture, Status
-from drivers.sinumerik.mailbox.registers import ADDRESS, CHUNK_POINTS, AxisBit, Command, Kind, StatusBit
+from drivers.sinumerik.mailbox.registers import ADDRESS, CHUNK_POINTS, AxisBit, Command, Kind, StatusBit, SwitchBit
 from drivers.sinumerik.modbustalk import Talk
 from drivers.sinumerik.reader import Sign
+from drivers.sinumerik.written import read_written
 from drivers.types import (
     AxisState,
     ChannelStatus,
@@ -41,15 +44,12 @@ class Reading:
     stored: tuple[Stored, ...]
     where: str
 
-    def live(self, cec_sign: Sign = 1) -> LiveSet:
-        """The same as a record, by way of the text that a control would have written."""
-        text = backup_text(self.stored, {one.number: one for one in self.axes}, self.axis, self.encoder)
+    def live(self, section: Section, number: int, cec_sign: Sign = 1) -> LiveSet:
+        """The same as a record, by way of the text that a program of ours would have written under ``number``."""
+        saving = Saving(section, number, self.axis.name, self.encoder, memory_of(self.stored))
+        text = saved_text(self.stored, {one.number: one for one in self.axes}, saving)
         units: Mapping[str, AxisUnit] = {one.name: one.unit for one in self.axes}
-        return tables.read_live(text, self.where, self.axis.name, self.encoder, units, cec_sign)
-
-    def keys(self) -> list[tuple[object, ...]]:
-        """What must be equal in two readings."""
-        return [table.key() for table in self.stored]
+        return read_written(text, self.where, saving, units, cec_sign)
 
 
 class MachineReader:
@@ -110,7 +110,7 @@ class MachineReader:
     async def tables(self, axis: str, encoder: int) -> Reading:
         """EEC of the axis and every loaded CEC table with this output axis: all reserved points, fresh.
 
-        Raises DeviceRefused (E-MBX-GRID) for a table whose grid the map cannot express.
+        Raises DeviceRefused (E-MBX-UNSTEADY, E-MBX-CHANGED; E-MBX-GRID for a table whose grid the map cannot express).
         """
         facts = self.axis(axis)
         own = await self._stored(_order(facts, Kind.EEC, encoder))
@@ -126,18 +126,46 @@ class MachineReader:
         return Reading(facts, encoder, tuple(self.axes.values()), tuple(found), self._where)
 
     async def _stored(self, order: Order) -> Stored:
+        """Every point is read twice, the second time in chunks that begin elsewhere, and the picture before and after.
+
+        A chunk left out, given twice or kept from earlier is then another number in one of the two readings.
+        """
         before = await self._talk.select(order)
-        reserved = self._talk.reserved
         if not before.grid.expressible:
             raise DeviceRefused("E-MBX-GRID", self._where, kind=order.kind.name, index=order.index)
-        points: list[int] = []
-        while len(points) < reserved:
-            count = min(CHUNK_POINTS, reserved - len(points))
-            points += await self._talk.points(order, len(points), count)
-        picture = await self._talk.picture_for(order)
-        if picture.grid != before.grid or picture.switches != before.switches:
+        first, second = await self._points(order, cut=False), await self._points(order, cut=True)
+        if first != second:
+            raise DeviceRefused("E-MBX-UNSTEADY", self._where, kind=order.kind.name, index=order.index)
+        status, picture = await self._talk.recent(), await self._talk.picture_for(order)
+        if _lasting(picture) != _lasting(before) or not _agree(order, status, picture):
             raise DeviceRefused("E-MBX-CHANGED", self._where, kind=order.kind.name, index=order.index)
-        return Stored("EEC" if order.kind is Kind.EEC else "CEC", picture, tuple(points))
+        return Stored("EEC" if order.kind is Kind.EEC else "CEC", picture, second)
+
+    async def _points(self, order: Order, *, cut: bool) -> tuple[int, ...]:
+        points: tuple[int, ...] = ()
+        for first, count in spans(self._talk.reserved, cut=cut):
+            points += await self._talk.points(order, first, count)
+        return points
+
+
+def spans(reserved: int, *, cut: bool) -> tuple[tuple[int, int], ...]:
+    """First point and number of points of each chunk of a table; ``cut``: the first of several is half as long."""
+    first = CHUNK_POINTS // 2 if cut and reserved > CHUNK_POINTS else CHUNK_POINTS
+    ends = [*range(first, reserved, CHUNK_POINTS), reserved] if reserved else []
+    return tuple((begin, end - begin) for begin, end in pairwise([0, *ends]))
+
+
+def _lasting(picture: Picture) -> tuple[object, ...]:
+    """What of a picture does not move with the machine."""
+    return picture.grid, picture.switches, picture.weight, picture.backlash
+
+
+def _agree(order: Order, status: Status, picture: Picture) -> bool:
+    """The status word comes with the number and the check sum of the last command; the picture's switches do not."""
+    if order.kind is Kind.EEC:
+        return (SwitchBit.EEC in picture.switches) == status.has(StatusBit.EEC_ENABLED)
+    both = SwitchBit.CEC_AXIS | SwitchBit.CEC_TABLE
+    return (both in picture.switches) == status.has(StatusBit.CEC_ENABLED)
 
 
 def machine_of(picture: Picture, names: tuple[str, ...]) -> MachineIdentity:

@@ -46,9 +46,7 @@ class Switching:
 
         Raises DeviceRefused (E-MBX-NOT-PREPARED, E-MBX-MARKER, E-MBX-STILL-ON, E-MBX-PLACE...) before it asks.
         """
-        backup = self._pushing.backup
-        if backup is None:
-            raise DeviceRefused("E-MBX-NOT-PREPARED", self._where, table=order.table.name)
+        backup = self._pushing.backup_of(order)
         await self._pushing.check_place(order, backup)
         named = self._naming(order)
         picture = await self._talk.select(named)

@@ -17,6 +17,7 @@ from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded, DeviceRefused, TrueflankError, UnsupportedDevice
 from drivers.sinumerik import lint, program, tables
 from drivers.sinumerik.activation import activation
+from drivers.sinumerik.backup import Memory, Saving
 from drivers.sinumerik.dialogue import Dialogue, Glance
 from drivers.sinumerik.grinding import Grinding
 from drivers.sinumerik.machine import Configuration, MachineReader
@@ -63,9 +64,8 @@ class SinumerikOpcUa:
         self._grinding = Grinding(self._dialogue, self._reader, self._transfer, self._settings, clock, name)
         self._configuration = Configuration((), (), ())
         self._plan: StopPlan | None = None
-        self._token = 0
-        self._saved = False
-        self._ended = False
+        self._token, self._memory = 0, Memory(0)
+        self._saved = self._ended = False
         self._moving_since: float | None = None
         self._move_s = 0.0
 
@@ -134,7 +134,7 @@ class SinumerikOpcUa:
         text = program.measuring(plan, token, setting)
         await self._dialogue.begin(setting.axis_number)
         self._plan, self._token, self._saved, self._ended = plan, token, False, False
-        self._grinding.plan = None
+        self._memory, self._grinding.plan = setting.memory, None
         self._moving_since, self._move_s = None, 0.0
         path = program_path("MEAS", plan.compensated_axis)
         await self._transfer.send(path, text)
@@ -243,7 +243,8 @@ class SinumerikOpcUa:
                 self._note_progress(seen)
         if plan is None or plan.compensated_axis != axis or not self._saved or not plan.save_tables:
             raise DeviceRefused("E-NC-NOT-SAVED", self.name, axis=axis)
-        return await live_tables(self._transfer, "LIVE", axis, plan.encoder, self._configuration)
+        saving = Saving("LIVE", self._token, axis, plan.encoder, self._memory)
+        return await live_tables(self._transfer, saving, self._configuration)
 
     # ---- the test part ------------------------------------------------------------------------------
 
@@ -269,6 +270,10 @@ class SinumerikOpcUa:
     async def wait_loaded(self, order: PushOrder, timeout_s: float) -> tuple[LiveSet, LiveSet]:
         """(Back-up of the old, read-back of the new) at the end of the first half. Raises as `Pushing.loaded`."""
         return await self._pushing.loaded(order, timeout_s, self._configuration)
+
+    async def backup_of(self, order: PushOrder) -> LiveSet:
+        """What stood before the order, from the file that its own program wrote. Raises as `Pushing.backup`."""
+        return await self._pushing.backup(order, self._configuration)
 
     async def release_push(self, order: PushOrder) -> None:
         """Set the release word to the transaction number; never retried. Two programs: select the second."""

@@ -12,9 +12,9 @@ from itertools import groupby
 
 from drivers.errors import LocalProtocolError
 from drivers.sinumerik import backup
-from drivers.sinumerik.backup import Memory
+from drivers.sinumerik.backup import Memory, Saving
 from drivers.sinumerik.motion import Motion, number
-from drivers.sinumerik.words import Phase, Word, Words, file_path
+from drivers.sinumerik.words import Phase, Word, Words
 from drivers.types import Stop, StopPlan
 
 POLL_S = 0.25
@@ -50,13 +50,13 @@ def measuring(plan: StopPlan, token: int, setting: Setting) -> str:
     if not plan.stops:
         raise LocalProtocolError("E-PROGRAM-EMPTY", plan.name)
     words = setting.words
-    out = ["DEF INT ERR, N, K, WAITED", PREPARE]
+    out = [f"DEF INT {backup.VARIABLES}, K, WAITED", PREPARE]
     out += [f"{words.name(word)}=0" for word in (Word.COUNTER, Word.ECHO, Word.MISMATCHES, Word.RELEASE)]
     out += [f"{words.name(Word.TRANSACTION)}={token}", phase_block(words, Phase.BACKING_UP), "STOPRE"]
     out += [unless_aborted(words, _LEFT)]
     if plan.save_tables:
-        path = file_path("LIVE", plan.compensated_axis)
-        out += backup.blocks(path, plan.compensated_axis, plan.encoder, setting.memory, _FAILED)
+        saving = Saving("LIVE", token, plan.compensated_axis, plan.encoder, setting.memory)
+        out += backup.blocks(saving, _FAILED)
     out += ["STOPRE", phase_block(words, Phase.MEASURING)]
     if plan.setup:
         out += [f'MSG("{plan.setup}")', "M0", 'MSG("")', "STOPRE", unless_aborted(words, _LEFT)]

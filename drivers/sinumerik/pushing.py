@@ -7,25 +7,25 @@ from typing import TypeVar
 
 from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded, DeviceRefused
-from drivers.sinumerik import pushprogram, tables
+from drivers.sinumerik import pushprogram
+from drivers.sinumerik.backup import Memory, Saving, Section
 from drivers.sinumerik.dialogue import Dialogue, Glance
 from drivers.sinumerik.machine import Configuration, MachineReader
 from drivers.sinumerik.program import Setting
 from drivers.sinumerik.reader import Sign
 from drivers.sinumerik.transfer import Transfer
 from drivers.sinumerik.uasettings import UaSettings
-from drivers.sinumerik.words import MARKER_STATES, Phase, Word, file_path, program_path
+from drivers.sinumerik.words import MARKER_STATES, Phase, Word, program_path
+from drivers.sinumerik.written import read_written
 from drivers.types import ChannelStatus, LiveSet, Marker, PushOrder
 
 T = TypeVar("T")
 
 
-async def live_tables(
-    transfer: Transfer, purpose: str, axis: str, encoder: int, configuration: Configuration, cec_sign: Sign = 1
-) -> LiveSet:
-    """Fetch a file that a program of ours wrote and read it; raises what either does."""
-    path = file_path(purpose, axis)
-    return tables.read_live(await transfer.fetch(path), path, axis, encoder, configuration.units, cec_sign)
+async def live_tables(transfer: Transfer, saving: Saving, configuration: Configuration, cec_sign: Sign = 1) -> LiveSet:
+    """Fetch the file of one run of our program and read it; raises what `Transfer.fetch` and `read_written` do."""
+    text = await transfer.fetch(saving.path)
+    return read_written(text, saving.path, saving, configuration.units, cec_sign)
 
 
 class Pushing:
@@ -46,13 +46,14 @@ class Pushing:
         self._settings = settings
         self._clock = clock
         self._where = where
+        self._memory = Memory(0)
 
     async def prepare(self, order: PushOrder, setting: Setting) -> None:
         """Send, read back and select the two-half program; nothing in the control changes until NC START.
 
         Raises TableError (E-TABLE-NO-PROOF, E-TABLE-POINTS, E-TABLE-FINITE...) before anything is written.
         """
-        axis = order.table.output_axis
+        axis, self._memory = order.table.output_axis, setting.memory
         if self._settings.two_programs:
             texts = {"LOAD": pushprogram.loading(order, setting), "ENAB": pushprogram.enabling(order, setting)}
         else:
@@ -82,13 +83,22 @@ class Pushing:
         """Wait for the end of the first half: (back-up of the old, read-back of the new), both as written there.
 
         Raises DeviceRefused: E-NC-MISMATCH (count) when the program found differences, E-NC-LEVEL when the
-        compensation could not be switched off, E-NC-FILE, E-NC-ALARM, E-NC-STOPPED; DeadlineExceeded.
+        compensation could not be switched off, E-NC-FILE, E-NC-ALARM, E-NC-STOPPED; DeadlineExceeded;
+        FileFormatError as `written.read_written` for a file that is not the whole one of this very order.
         """
         await self._until(order, timeout_s, self._is_loaded)
-        sign: Sign = order.proof.sign if order.proof and order.table.function == "CEC" else 1
-        axis, encoder = order.table.output_axis, order.table.index if order.table.function == "EEC" else 0
-        backup = await live_tables(self._transfer, "BACK", axis, encoder, configuration, sign)
-        return backup, await live_tables(self._transfer, "READ", axis, encoder, configuration, sign)
+        sections: tuple[Section, Section] = ("BACK", "READ")
+        files = [pushprogram.saving(section, order, self._memory) for section in sections]
+        backup, readback = [await live_tables(self._transfer, one, configuration, _sign_of(order)) for one in files]
+        return backup, readback
+
+    async def backup(self, order: PushOrder, configuration: Configuration) -> LiveSet:
+        """What stood before the order, from the file that its own first half wrote; raises as `live_tables`."""
+        table = order.table
+        encoder = table.index if table.function == "EEC" else 0
+        memory = await self._reader.memory(configuration, table.output_axis, encoder)
+        saving = pushprogram.saving("BACK", order, memory)
+        return await live_tables(self._transfer, saving, configuration, _sign_of(order))
 
     async def _until(
         self, order: PushOrder, timeout_s: float, reached: Callable[[PushOrder, Glance | None, Glance], T | None]
@@ -154,3 +164,7 @@ class Pushing:
         waits_for_second = self._settings.two_programs and seen.phase == Phase.WAITING
         stopped = before is not None and before.channel is seen.channel is ChannelStatus.RESET
         return False if stopped and not waits_for_second else None
+
+
+def _sign_of(order: PushOrder) -> Sign:
+    return order.proof.sign if order.proof and order.table.function == "CEC" else 1

@@ -11,11 +11,11 @@ from decimal import Decimal
 
 from drivers.errors import TableError, TooManyPoints
 from drivers.sinumerik import backup, tables
-from drivers.sinumerik.backup import Memory
+from drivers.sinumerik.backup import Memory, Saving, Section
 from drivers.sinumerik.grammar import value_text
 from drivers.sinumerik.motion import Motion, number
 from drivers.sinumerik.program import PREPARE, Setting, check_names, phase_block, text_of, unless_aborted
-from drivers.sinumerik.words import Phase, Word, Words, file_path
+from drivers.sinumerik.words import Phase, Word, Words
 from drivers.types import CompensationTable, PushOrder
 
 SETTLE_S = 0.2
@@ -77,7 +77,7 @@ def _program(order: PushOrder, setting: Setting, body: list[str]) -> str:
     if order.table.function == "CEC":
         ends += [f"{_WAKES}:", "STOPRE", phase_block(words, Phase.WOULD_WAKE), "M30"]
         ends += [f"{_ALONE}:", "STOPRE", phase_block(words, Phase.ENDED_DISABLED), 'MSG("")', "M30"]
-    return text_of(["DEF INT ERR, N, HALF", PREPARE, *body, *check, *ends])
+    return text_of([f"DEF INT {backup.VARIABLES}, HALF", PREPARE, *body, *check, *ends])
 
 
 def _first_half(order: PushOrder, setting: Setting) -> list[str]:
@@ -86,14 +86,14 @@ def _first_half(order: PushOrder, setting: Setting) -> list[str]:
     out = [f"{words.name(word)}=0" for word in (Word.COUNTER, Word.MISMATCHES, Word.RELEASE)]
     out += [f"{words.name(word)}={value}" for word, value in _identity(order, setting).items()]
     out += [phase_block(words, Phase.BACKING_UP), "STOPRE", unless_aborted(words, _LEFT)]
-    out += _save("BACK", table, setting, _FAILED)
+    out += backup.blocks(saving("BACK", order, setting.memory), _FAILED)
     out += _asleep(order, setting)
     out += [_go(order, setting), "STOPRE", *_disable(table), "STOPRE"]
     out += [f"IF {switch}<>0 GOTOF {_LEFT}" for switch in switches(table)]
     out += [*_still_acting(table), phase_block(words, Phase.DISABLED)]
     out += [*_write(order, setting), "STOPRE", phase_block(words, Phase.WRITTEN)]
     out += ["HALF=1", f"GOTOF {_COMPARE}", f"{_COMPARE}_1:"]
-    out += _save("READ", table, setting, _HELD)
+    out += backup.blocks(saving("READ", order, setting.memory), _HELD)
     out += [f"IF {words.name(Word.MISMATCHES)}<>0 GOTOF {_HELD}", "STOPRE"]
     return [*out, phase_block(words, Phase.WAITING)]
 
@@ -172,10 +172,10 @@ def _still_acting(table: CompensationTable) -> list[str]:
     return [f"G4 F{number(SETTLE_S)}", "STOPRE", f"IF ABS({acting})>{value_text(NOTHING)} GOTOF {_HELD}"]
 
 
-def _save(purpose: str, table: CompensationTable, setting: Setting, failed: str) -> list[str]:
-    path = file_path(purpose, table.output_axis)
-    encoder = table.index if table.function == "EEC" else 0
-    return backup.blocks(path, table.output_axis, encoder, setting.memory, failed)
+def saving(section: Section, order: PushOrder, memory: Memory) -> Saving:
+    """What the order's program writes to a file, and what proves that it did."""
+    encoder = order.table.index if order.table.function == "EEC" else 0
+    return Saving(section, order.transaction, order.table.output_axis, encoder, memory)
 
 
 def _go(order: PushOrder, setting: Setting) -> str:

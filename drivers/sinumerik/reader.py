@@ -1,20 +1,17 @@
-"""Whole texts -> TableFile, and back-ups that the control wrote -> LiveSet."""
+"""Whole texts of anybody -> TableFile. What a table is restored from is read strictly: `drivers.sinumerik.written`."""
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
-from decimal import Decimal
 
 from drivers.errors import FileFormatError
 from drivers.sinumerik.archive import Listing, listing
-from drivers.sinumerik.groups import Group, Reader, Sign, groups_of, mixed_encoders, settings_of, units_of
+from drivers.sinumerik.groups import Reader, Sign, groups_of, mixed_encoders, settings_of, units_of
 from drivers.sinumerik.variables import VARIABLES
 from drivers.tablefile import TableFile
-from drivers.types import CompensationTable, LiveSet, LiveTable
 from drivers.units import AxisUnit
 
-__all__ = ["Sign", "TableFile", "read", "read_live", "read_loosely"]
+__all__ = ["Sign", "TableFile", "read", "read_loosely"]
 
 
 def read(text: str, where: str, units: Mapping[str, AxisUnit] | None = None, cec_sign: Sign = 1) -> TableFile:
@@ -40,8 +37,8 @@ def read_loosely(text: str, where: str, units: Mapping[str, AxisUnit] | None = N
     found = _faultless(text, where)
     groups = groups_of(found)
     reader = Reader(where, units_of(groups.values(), units or {}), 1)
-    loaded = [group for group in groups.values() if not _empty(group)]
-    notes = [f"{group.label}: never loaded (STEP 0)" for group in groups.values() if _empty(group)]
+    loaded = [group for group in groups.values() if not group.never_loaded]
+    notes = [f"{group.label}: never loaded (STEP 0)" for group in groups.values() if group.never_loaded]
     tables = []
     for group in loaded:
         tables.append(reader.whole(group))
@@ -66,52 +63,3 @@ def _faultless(text: str, where: str) -> Listing:
     if mixed:
         raise mixed[0]
     return found
-
-
-def _empty(group: Group) -> bool:
-    values = [group.parameters[name].value for name in ("STEP", "MIN", "MAX") if name in group.parameters]
-    return len(values) == 3 and not any(values)
-
-
-def read_live(
-    text: str,
-    where: str,
-    axis: str,
-    encoder: int,
-    units: Mapping[str, AxisUnit] | None = None,
-    cec_sign: Sign = 1,
-) -> LiveSet:
-    """Read a back-up that the control wrote: every table that moves ``axis``, switches and backlash.
-
-    Points beyond the end stay unused, as in the control; a table never loaded (STEP 0) is one zero point.
-    Raises FileFormatError (E-TABLE-CUT) when the end word is missing: the file was not written to its end.
-    """
-    found = listing(text, where)
-    if found.errors:
-        raise found.errors[0]
-    if not found.ended:
-        raise FileFormatError("E-TABLE-CUT", where, line=found.lines)
-    switches, groups = settings_of(found), groups_of(found)
-    reader = Reader(where, units_of(groups.values(), units or {}), cec_sign)
-    eec = groups.get(f"EEC[{encoder},{axis}]")
-    table = reader.live(eec) if eec else _never_loaded(axis, encoder, reader.unit(axis))
-    enabled = bool(switches.get(f"$MA_ENC_COMP_ENABLE[{encoder},{axis}]", 0))
-    cross = [reader.live(group) for group in groups.values() if group.function == "CEC"]
-    return LiveSet(
-        axis=axis,
-        eec=LiveTable(table, enabled),
-        cec=tuple(LiveTable(one, _cec_on(one, switches)) for one in cross if one.output_axis == axis),
-        others=tuple(LiveTable(one, _cec_on(one, switches)) for one in cross if one.output_axis != axis),
-        backlash=float(switches.get(f"$MA_BACKLASH[{encoder},{axis}]", 0)),
-        native=text,
-        digest=hashlib.sha256(text.encode()).hexdigest(),
-    )
-
-
-def _cec_on(table: CompensationTable, switches: Mapping[str, Decimal]) -> bool:
-    table_on = switches.get(f"$SN_CEC_TABLE_ENABLE[{table.index}]", 0)
-    return bool(table_on and switches.get(f"$MA_CEC_ENABLE[{table.output_axis}]", 0))
-
-
-def _never_loaded(axis: str, encoder: int, unit: AxisUnit) -> CompensationTable:
-    return CompensationTable("EEC", axis, axis, 0.0, 0.0, 0.0, (0.0,), index=encoder, input_unit=unit, output_unit=unit)

@@ -89,6 +89,8 @@ def _of_group(
     group: Group, own: Reader, where: str, known: TableMachine
 ) -> tuple[CompensationTable | None, list[TableFinding]]:
     place = f"{where}, line {group.line}"
+    if group.only_step and group.never_loaded:
+        return None, [TableFinding("note", TableError("W-TABLE-NEVER", place, table=group.label))]
     try:
         leftover = list(_leftovers(own, group, place))
         table = own.whole(group)

@@ -15,7 +15,7 @@ from math import isfinite
 from drivers.errors import TableError, ValueOutOfRange
 from drivers.sinumerik.grammar import DECIMALS, FINEST_POSITION, LARGEST, grid_text, value_text
 from drivers.sinumerik.groups import SCALE, Sign, axis_unit
-from drivers.sinumerik.reader import read, read_live
+from drivers.sinumerik.reader import read
 from drivers.tablefile import TableFile
 from drivers.types import CompensationTable, SignProof
 
@@ -28,7 +28,6 @@ __all__ = [
     "point_name",
     "quantised",
     "read",
-    "read_live",
     "stored_values",
     "written_sign",
 ]

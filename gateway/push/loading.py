@@ -11,7 +11,7 @@ from gateway.interlocks import PushFacts, refusals
 from gateway.interlocks.facts import rest_of
 from gateway.push import conversation
 from gateway.push.byhand import room_of, stand_at
-from gateway.push.compare import differences, same_rest, same_set, table_facts, table_in
+from gateway.push.compare import differences, same_rest, same_set, same_table, table_facts, table_in
 from gateway.push.work import Work
 
 # The control's own comparison comes after the last point: these say that it got there.
@@ -32,10 +32,33 @@ async def load(work: Work, order: PushOrder, base: LiveSet | None) -> None:
     await context.controller.prepare_push(order)
     await _check_marker(work, order)
     context.say("P-PUSH-LOAD", axis=work.axis, transaction=order.transaction)
+    kept = await _kept_before(work, order, base)
+    work.begun = True
     backup, readback = await _loaded(work, order)
-    _keep_backup(work, order, backup)
-    _judge(work, order, base, backup, readback)
+    if kept is None:
+        keep_backup(work, order, backup)
+        _compare(work, base, backup)
+    _judge(work, order, backup, readback)
     work.note("LOADED", order=order.transaction, digest=readback.digest)
+
+
+async def _kept_before(work: Work, order: PushOrder, base: LiveSet | None) -> LiveSet | None:
+    """Where the driver itself has read what stands there: kept before anything is switched off; None elsewhere.
+
+    Raises VerifyError (E-PUSH-LOST-UPDATE); nothing was changed then, and there is nothing to take back.
+    """
+    controller = work.context.controller
+    if controller.capabilities.programs:
+        return None
+    backup = await controller.backup_of(order)
+    keep_backup(work, order, backup)
+    try:
+        _compare(work, base, backup)
+    except VerifyError:
+        await work.finish("none")
+        work.marked = None
+        raise
+    return backup
 
 
 async def _loaded(work: Work, order: PushOrder) -> tuple[LiveSet, LiveSet]:
@@ -66,24 +89,39 @@ async def _check_marker(work: Work, order: PushOrder) -> None:
         raise VerifyError("E-PUSH-MARKER", work.axis, axis=work.axis, wanted=order.transaction, found=found)
 
 
-def _keep_backup(work: Work, order: PushOrder, backup: LiveSet) -> None:
-    """The text as read, durable before anything else; a restore's own back-up shows the table that failed."""
+def keep_backup(work: Work, order: PushOrder, backup: LiveSet) -> None:
+    """The text as read, durable before anything else; a restore's own back-up shows the table that failed.
+
+    The transaction's own back-up confirms what to go back to where it agrees with what was live before.
+    """
     name = f"backup-{work.axis}-{order.transaction:06d}.mpf"
     path = str(work.context.folder.write_text(name, backup.native))
-    if order.purpose == "restore":
+    if order.transaction != work.number:
         work.note("FAILED_TABLE", path=path, digest=backup.digest)
         return
     work.backup_path = path
-    work.restore_to = table_in(backup, order.table)
-    work.base = backup
+    work.confirmed = agrees(work, backup)
     old = {"old": table_facts(work.restore_to.table), "old_enabled": work.restore_to.enabled}
-    work.note("BACKUP", path=path, digest=backup.digest, **old)
+    work.note("BACKUP", path=path, digest=backup.digest, confirmed=work.confirmed, **old)
 
 
-def _judge(work: Work, order: PushOrder, base: LiveSet | None, backup: LiveSet, readback: LiveSet) -> None:
-    axis, found = work.axis, table_in(readback, order.table)
+def agrees(work: Work, backup: LiveSet) -> bool:
+    """Whether a second reading says the same of what was live before: then, and only then, it may be restored."""
+    if work.base is not None:
+        return same_set(work.base, backup, work.allowed)
+    same = same_table(work.restore_to, table_in(backup, work.change.new), work.allowed)
+    return same and backup.digest == work.base_digest
+
+
+def _compare(work: Work, base: LiveSet | None, backup: LiveSet) -> None:
+    """Raises VerifyError (E-PUSH-LOST-UPDATE)."""
     if base is not None and not same_set(base, backup, work.allowed):
-        raise VerifyError("E-PUSH-LOST-UPDATE", axis, axis=axis, base=base.digest[:12], found=backup.digest[:12])
+        before, found = base.digest[:12], backup.digest[:12]
+        raise VerifyError("E-PUSH-LOST-UPDATE", work.axis, axis=work.axis, base=before, found=found)
+
+
+def _judge(work: Work, order: PushOrder, backup: LiveSet, readback: LiveSet) -> None:
+    axis, found = work.axis, table_in(readback, order.table)
     different = list(differences(order.table, found.table, work.allowed))
     if found.enabled:
         different.append("the compensation is still enabled")

@@ -266,6 +266,8 @@ async def _work(found: JournalRead, context: PushContext) -> Work:
     work.backup_path = str(found.latest("path") or "")
     work.marked = work.order(new, False, "restore", found.number)
     work.cut_short, work.torn = True, bool(found.latest("torn"))
+    work.base_digest = next((str(one.facts["digest"]) for one in found.entries if one.kind == "SNAPSHOT"), "")
+    work.confirmed, work.begun = bool(found.latest("confirmed")), True
     return work
 
 

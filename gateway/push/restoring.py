@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from drivers.errors import TransportError, TrueflankError
+from drivers.errors import TransportError, TrueflankError, words
 from drivers.types import LiveSet
 from gateway.errors import VerifyError, WriteRefused
 from gateway.interlocks import refusals
 from gateway.push import conversation
 from gateway.push.compare import differences, same_table, table_in
-from gateway.push.loading import is_coupled, load, release
+from gateway.push.loading import is_coupled, keep_backup, load, release
 from gateway.push.unexpected import foreseen
 from gateway.push.work import Outcome, Work
 
@@ -51,13 +51,33 @@ async def _restore(work: Work) -> None:
     await conversation.leave_program(work.context)
     await _asked(work)
     live = await conversation.read_live(work.context, work.agreeing_position)
-    if as_before(work, live):
+    before = as_before(work, live)
+    if before and not _doubted(work):
         return
     found = table_in(live, work.change.new)
-    if found.enabled and differences(work.change.new, found.table, work.allowed):
+    if not before and found.enabled and differences(work.change.new, found.table, work.allowed):
         raise VerifyError("E-PUSH-FOREIGN", work.axis, axis=work.axis)
+    await confirm(work)
     _note_half(work, live)
     await play_back(work)
+
+
+async def confirm(work: Work) -> None:
+    """Two readings must agree on what to go back to: what was live before, and the back-up of the first half.
+
+    The back-up may not have been read yet, because the push failed or the gateway died before: it is fetched now, by
+    the transaction's number. Raises VerifyError (E-PUSH-UNCONFIRMED): nothing may be put back, compensation stays off.
+    """
+    if work.confirmed:
+        return
+    order = work.order(work.change.new, False, "restore", work.number)
+    try:
+        backup = await work.context.controller.backup_of(order)
+    except TrueflankError as error:
+        raise VerifyError("E-PUSH-UNCONFIRMED", work.axis, axis=work.axis, why=str(error)) from error
+    keep_backup(work, order, backup)
+    if not work.confirmed:
+        raise VerifyError("E-PUSH-UNCONFIRMED", work.axis, axis=work.axis, why=words("W-PUSH-TWO-READS"))
 
 
 def _note_half(work: Work, live: LiveSet) -> None:
@@ -67,6 +87,15 @@ def _note_half(work: Work, live: LiveSet) -> None:
     if work.cut_short and all(differences(table, found, work.allowed) for table in known):
         work.note("TORN", torn=True)
         work.torn = True
+
+
+def _doubted(work: Work) -> bool:
+    """Whether "as before" must be made true rather than believed.
+
+    A file names the run that wrote it. What a mailbox shows may be an older picture of the table, and once a load has
+    begun the older picture is the very thing that would hide it.
+    """
+    return work.begun and not work.context.controller.capabilities.programs
 
 
 def as_before(work: Work, live: LiveSet) -> bool:

@@ -21,6 +21,7 @@ from gateway.push.compare import (
     same_set,
     same_table,
     signed,
+    table_facts,
     table_in,
     with_table,
 )
@@ -192,7 +193,9 @@ def keep(work: Work, live: LiveSet) -> None:
     name = f"live-{work.axis}-{work.number:06d}.mpf"
     work.backup_path = str(work.context.folder.write_text(name, live.native))
     work.base, work.coupled = live, is_coupled(live, work)
-    work.note("SNAPSHOT", path=work.backup_path, digest=live.digest, coupled=work.coupled)
+    work.restore_to = table_in(live, work.change.new)
+    old = {"old": table_facts(work.restore_to.table), "old_enabled": work.restore_to.enabled}
+    work.note("SNAPSHOT", path=work.backup_path, digest=live.digest, coupled=work.coupled, **old)
 
 
 def already(work: Work, live: LiveSet) -> bool:
@@ -214,7 +217,6 @@ async def _still_allowed(work: Work, live: LiveSet) -> tuple[Refusal, ...]:
         live=live,
         unchanged=unchanged(work.context, work.change, live, work.allowed),
     )
-    work.restore_to = old
     if facts.agreeing_position is not None:
         work.agreeing_position = facts.agreeing_position
     return tuple(refusal for refusal in refusals(facts) if refusal.code != _NOTHING)

@@ -102,17 +102,19 @@ async def _undo(work: Work, done: Committed) -> Outcome:
         work.note("ABORTED", why=f"{len(reasons)} reason(s)")
         work.steps += refused(work.context, work.axis, reasons).steps
         return "refused"
-    return await _exchange(work, done, live, base)
+    return await _exchange(work, done, base)
 
 
-async def _exchange(work: Work, done: Committed, live: LiveTable, base: LiveSet) -> Outcome:
-    work.restore_to = live
+async def _exchange(work: Work, done: Committed, base: LiveSet) -> Outcome:
     try:
         with foreseen(work.axis):
             await _put_back(work, done, base)
             await work.finish("committed")
             work.note("COMMITTED")
     except TrueflankError as failure:
+        if work.marked is None:  # nothing was sent: nothing to take back
+            work.note("ABORTED", why=str(failure))
+            raise
         return await roll_back(work, str(failure))
     return "committed"
 

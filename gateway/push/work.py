@@ -27,9 +27,12 @@ Outcome = Literal["committed", "already-applied", "rolled-back", "held", "refuse
 class Work:
     """A push in progress. ``restore_to`` is what must be live again if it fails; ``change`` what is wanted.
 
+    ``base`` is all that was live before, ``base_digest`` what remains of it in a later process.
+    ``confirmed`` says that two independent readings agree on ``restore_to``: it goes back to nothing else.
     ``coupled`` says that other CEC tables of the output axis were on before, so that they must be again.
-    ``marked`` is the order whose number the controller's marker carries. ``cut_short`` says that a load may have
-    stopped in its middle, ``torn`` that a control which has restarted since may act by half a table once it is on.
+    ``begun`` says that a load may have written something. ``marked`` is the order whose number the controller's marker
+    carries. ``cut_short`` says that a load may have stopped in its middle, ``torn`` that a control which has restarted
+    since may act by half a table once it is on.
     """
 
     context: PushContext
@@ -49,6 +52,9 @@ class Work:
     base: LiveSet | None = None
     cut_short: bool = False
     torn: bool = False
+    confirmed: bool = False
+    begun: bool = False
+    base_digest: str = ""
 
     @property
     def axis(self) -> str:

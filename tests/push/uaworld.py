@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 import random
 from collections.abc import AsyncIterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,16 +16,19 @@ from drivers.types import CompensationTable, LiveSet, LiveTable, MachineIdentity
 from gateway.domain import TableChange
 from gateway.push import AxisFacts, PushContext
 from gateway.push.compare import table_in
-from simulators.nck.data_table import ENC_ENABLE
+from simulators.nck.data_table import CEC_ENABLE, ENC_ENABLE
 from simulators.nck.machine import Nck
 from simulators.nck.spec import AxisSpec, NckSpec
 from simulators.opcua import SinumerikServer
 from tests.push.oracle import Oracle, content_of
-from tests.push.world import NAME, NEW, NOTHING, OLD, POINTS, Folder
+from tests.push.world import NAME, NEW, NOTHING, OLD, POINTS, Folder, Scene
 
 SETTINGS: Mapping[str, Any] = {"user": "trueflank", "password": "trueflank", "security": "None", "poll_s": 0.2}
 X_SPEC = AxisSpec("X1", "X", travel=(-100.0, 100.0), eec_points=(POINTS, 0))
+Z_SPEC = AxisSpec("Z1", "Z", travel=(-100.0, 100.0))
 X_AXIS = AxisFacts("X1", "X", "mm", False, False, (-100.0, 100.0), 0.0, 6000.0, dwell_s=0.2)
+Z_AXIS = AxisFacts("Z1", "Z", "mm", False, False, (-100.0, 100.0), 0.0, 6000.0, dwell_s=0.2)
+CROSS = Scene(cross=True)
 
 
 @dataclass
@@ -153,13 +156,18 @@ async def ua_world(
 ) -> AsyncIterator[UaWorld]:
     """A machine that is switched on, referenced, in AUTO, with the old table live; ``keys`` keeps the server's."""
     old = LiveTable(OLD, True) if old is None else old
-    nck = Nck(NckSpec((X_SPEC,), access_level=2, **switches), clock)
-    held = nck.core.memory.eec[0, 0]
+    cross = new.function == "CEC"
+    spec = NckSpec((X_SPEC, Z_SPEC), cec_points=(POINTS, 2)) if cross else NckSpec((X_SPEC,))
+    nck = Nck(replace(spec, access_level=2, **switches), clock)
+    held: Any = nck.core.memory.cec[0] if cross else nck.core.memory.eec[0, 0]
     content = content_of(old.table, len(held.points))
     held.points = list(content.points)
     held.minimum, held.maximum, held.step, held.is_modulo = content.shape
+    if cross:
+        held.input_axis, held.output_axis = "Z1", "X1"
     await nck.start()
-    nck.core.data.store(ENC_ENABLE, (0, 0), old.enabled)
+    for name, place in (("$SN_CEC_TABLE_ENABLE", (0,)), (CEC_ENABLE, (0,))) if cross else ((ENC_ENABLE, (0, 0)),):
+        nck.core.data.store(name, place, old.enabled)
     nck.core.newconf()
     server = SinumerikServer(nck, clock, {"folder": str(keys), "security": ("None",)})
     await server.start()
@@ -173,7 +181,8 @@ async def ua_world(
 
 def ua_context(controller: Any, clock: Clock, root: Path, machine: MachineIdentity, **more: Any) -> PushContext:
     """What a push or a recovery at this machine works with."""
-    proof = SignProof(machine, "EEC", "X1", -1.0, 0.01, 1, "2026-01-01T00:00:00+00:00")
+    function: Any = "CEC" if more.get("input") else "EEC"
+    proof = SignProof(machine, function, "X1", -1.0, 0.01, 1, "2026-01-01T00:00:00+00:00")
     given: dict[str, Any] = {"proof": proof, "start_timeout_s": 60.0, "approvals_needed": 1, "actor": "anna", **more}
     return PushContext(controller, clock, Folder(root), root / "journal", X_AXIS, machine, NAME, NAME, **given)
 

@@ -1,7 +1,7 @@
 """CompensationTable <-> mailbox numbers: whole nm, 1e-7 deg, 0.1 um and 1e-6 deg, exact or refused.
 
-The back-up over this road is text as the control would write it, so that `drivers.sinumerik.tables` reads it
-and any tool can load it again.
+The back-up over this road is text as a program of ours would write it: one strict reader serves both roads, and any
+tool can load it again.
 """
 
 from __future__ import annotations
@@ -12,11 +12,14 @@ from decimal import Decimal
 from typing import Any, Literal
 
 from drivers.errors import Gap, TableError, ValueOutOfRange
+from drivers.sinumerik import backup
+from drivers.sinumerik.backup import Memory, Saving
 from drivers.sinumerik.grammar import position_text, value_text
 from drivers.sinumerik.mailbox.commands import Order
 from drivers.sinumerik.mailbox.packing import HIGHEST, LOWEST
 from drivers.sinumerik.mailbox.readings import Picture
 from drivers.sinumerik.mailbox.registers import Command, Kind, SwitchBit, TableFlag
+from drivers.sinumerik.written import text_of
 from drivers.types import CompensationTable
 from drivers.units import AxisUnit
 
@@ -117,40 +120,42 @@ class Stored:
     picture: Picture
     points: tuple[int, ...]
 
-    def key(self) -> tuple[object, ...]:
-        """What must be equal in two readings of the same table."""
-        grid = self.picture.grid
-        return self.picture.selection, grid, self.picture.switches, self.picture.weight, self.points
 
-
-def backup_text(tables: Sequence[Stored], axes: Mapping[int, AxisFacts], axis: AxisFacts, encoder: int) -> str:
-    """Loadable text of tables, switches and backlash of one axis, in the order a control writes its back-up."""
-    lines: list[str] = []
+def saved_text(tables: Sequence[Stored], axes: Mapping[int, AxisFacts], saving: Saving) -> str:
+    """Loadable text of tables, switches and backlash of one axis, as a program of ours would have written it."""
+    axis = next(one for one in axes.values() if one.name == saving.axis)
+    own, unit = tables[0].picture, VALUE_UNIT[axis.unit]
+    backlash, eec_switch, cec_switch = backup.axis_settings(saving)
+    values = {
+        backlash: value_text(own.backlash * unit),
+        eec_switch: str(int(SwitchBit.EEC in own.switches)),
+        cec_switch: str(int(SwitchBit.CEC_AXIS in own.switches)),
+    }
     for table in tables:
-        lines += _eec(table, axis, encoder) if table.function == "EEC" else _cec(table, axes)
-    own = tables[0].picture
-    unit = VALUE_UNIT[axis.unit]
-    lines += [
-        f"$MA_BACKLASH[{encoder},{axis.name}]={value_text(own.backlash * unit)}",
-        f"$MA_ENC_COMP_ENABLE[{encoder},{axis.name}]={int(SwitchBit.EEC in own.switches)}",
-        f"$MA_CEC_ENABLE[{axis.name}]={int(SwitchBit.CEC_AXIS in own.switches)}",
-    ]
-    return "\n".join([*lines, "M17", ""])
+        values |= _eec(table, axis, saving) if table.function == "EEC" else _cec(table, axes)
+    return text_of(saving, values)
 
 
-def _eec(table: Stored, axis: AxisFacts, encoder: int) -> list[str]:
-    unit = VALUE_UNIT[axis.unit]
-    tail = f"[{encoder},{axis.name}]"
-    points = enumerate(table.points)
-    lines = [f"$AA_ENC_COMP[{encoder},{place},{axis.name}]={value_text(value * unit)}" for place, value in points]
-    return [*lines, *(f"$AA_ENC_COMP_{name}{tail}={value}" for name, value in _grid(table, axis.unit).items())]
+def memory_of(tables: Sequence[Stored]) -> Memory:
+    """What the tables that were read have reserved; tables that were not read count as none."""
+    cross = {table.picture.selection.index: len(table.points) for table in tables if table.function == "CEC"}
+    return Memory(len(tables[0].points), tuple(cross.get(number, 0) for number in range(max(cross, default=-1) + 1)))
 
 
-def _cec(table: Stored, axes: Mapping[int, AxisFacts]) -> list[str]:
+def _eec(table: Stored, axis: AxisFacts, saving: Saving) -> dict[str, str]:
+    places = backup.own_points(saving).places
+    values = {
+        place: value_text(value * VALUE_UNIT[axis.unit]) for place, value in zip(places, table.points, strict=True)
+    }
+    return values | {
+        f"$AA_ENC_COMP_{name}[{saving.encoder},{axis.name}]": value for name, value in _grid(table, axis.unit).items()
+    }
+
+
+def _cec(table: Stored, axes: Mapping[int, AxisFacts]) -> dict[str, str]:
     grid, index = table.picture.grid, table.picture.selection.index
     source, output = axes[grid.input_axis], axes[grid.output_axis]
     unit = VALUE_UNIT[output.unit]
-    lines = [f"$AN_CEC[{index},{place}]={value_text(value * unit)}" for place, value in enumerate(table.points)]
     direction = {0: 0, TableFlag.POSITIVE: 1, TableFlag.NEGATIVE: -1}[TableFlag(grid.flags & 6)]
     parameters = {
         "INPUT_AXIS": f"({source.name})",
@@ -160,10 +165,13 @@ def _cec(table: Stored, axes: Mapping[int, AxisFacts]) -> list[str]:
         "MULT_BY_TABLE": str(grid.multiply_by),
         "TYPE": str(int(bool(grid.flags & TableFlag.CYLINDER))),
     }
-    lines += [f"$AN_CEC_{name}[{index}]={value}" for name, value in parameters.items()]
-    on = int(SwitchBit.CEC_TABLE in table.picture.switches)
-    weight = value_text(table.picture.weight * WEIGHT_UNIT)
-    return [*lines, f"$SN_CEC_TABLE_ENABLE[{index}]={on}", f"$SN_CEC_TABLE_WEIGHT[{index}]={weight}"]
+    switch, weight = backup.cross_switches(index)
+    return {
+        **{f"$AN_CEC[{index},{place}]": value_text(value * unit) for place, value in enumerate(table.points)},
+        **{f"$AN_CEC_{name}[{index}]": value for name, value in parameters.items()},
+        switch: str(int(SwitchBit.CEC_TABLE in table.picture.switches)),
+        weight: value_text(table.picture.weight * WEIGHT_UNIT),
+    }
 
 
 def _grid(table: Stored, unit: AxisUnit) -> dict[str, str]:

@@ -99,6 +99,7 @@ class Machine:
     operator: bool = True
     saved: LiveSet | None = None
     backup: LiveSet | None = None
+    backup_number: int = 0
     readback: LiveSet | None = None
     wrong_point: float = 0.0
     ignore_release: bool = False
@@ -176,7 +177,7 @@ class Machine:
         order = self.order
         if order is None or self.phase:
             return
-        self.backup = self.live(_sign(order))
+        self.keep_backup(order)
         if moves:
             self.go(order.table.input_axis, order.agreeing_position)
         old, new = self.held(order.table), self._stored(order)
@@ -189,6 +190,10 @@ class Machine:
         self.writes.append(order.purpose)
         self.put(new, enabled=False)
         self.readback, self.phase, self.channel = self.live(_sign(order)), 4, ChannelStatus.INTERRUPTED
+
+    def keep_backup(self, order: PushOrder) -> None:
+        """Under the order's number; CEC as deviations by its proof."""
+        self.backup, self.backup_number = self.live(_sign(order)), order.transaction
 
     def _stored(self, order: PushOrder) -> CompensationTable:
         wanted = order.table
@@ -393,6 +398,15 @@ class Controller:
         if not m.forgets_marker:
             m.marker = Marker(order.transaction, "in-progress")
         self._end("prepare_push", number)
+
+    async def backup_of(self, order: PushOrder) -> LiveSet:
+        number = await self._begin("backup_of")
+        if self.by_hand and self.machine.order is order:
+            self.machine.keep_backup(order)
+        self._end("backup_of", number)
+        if self.machine.backup is None or self.machine.backup_number != order.transaction:
+            raise DeviceRefused("E-TEST-FILE", "double")
+        return self.machine.backup
 
     async def wait_loaded(self, order: PushOrder, timeout_s: float) -> tuple[LiveSet, LiveSet]:
         number = await self._begin("wait_loaded")

@@ -52,8 +52,25 @@ def stopped_at(root: Path, kind: str, change: Callable[[Machine], None], *, by_h
         with pytest.raises(Killed):
             run_virtual(lambda: push_table(change_of(at.machine), at.context))
     at.machine.nck_reset()
+    if kind == "DISABLE" and not by_hand:  # the program went on alone: its back-up is in the control
+        at.machine.backup, at.machine.backup_number = at.machine.live(), journals_of(root)[0].number
     change(at.machine)
     return at
+
+
+@pytest.mark.parametrize("lost", ["none", "of another order", "another set"])
+def test_what_two_readings_do_not_agree_on_is_never_put_back_after_a_crash(tmp_path: Path, lost: str) -> None:
+    at = stopped_at(tmp_path, "DISABLE", live(LiveTable(ODD, False)))
+    assert at.machine.backup is not None
+    at.machine.backup_number += lost == "of another order"
+    other = replace(at.machine.backup, backlash=0.5, digest="other")
+    at.machine.backup = {"none": None, "another set": other}.get(lost, at.machine.backup)
+    (found,) = unfinished(tmp_path / "journal", MACHINE.serial)
+    record = run_virtual(lambda: recover(found, bench(tmp_path, machine=at.machine).context))
+    assert record.outcome == "held"
+    assert any("E-PUSH-UNCONFIRMED" in step for step in record.steps)
+    assert at.machine.eec == LiveTable(ODD, False)
+    assert at.machine.writes == []
 
 
 def nothing(_machine: Machine) -> None:

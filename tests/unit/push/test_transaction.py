@@ -14,7 +14,7 @@ from drivers.errors import DeadlineExceeded, DeviceRefused, TransportError, True
 from drivers.types import LiveTable
 from gateway.domain import PushRecord, TableChange
 from gateway.errors import BusyError, RollbackFailed, StoreError, VerifyError, WriteRefused
-from gateway.push import journal, outcome_error, push_table
+from gateway.push import journal, outcome_error, push_table, recover
 from gateway.push.lock import machine_lock
 from tests.unit.push.double import (
     MACHINE,
@@ -178,7 +178,6 @@ ROLLED_BACK: dict[str, tuple[str, Fault]] = {
     "alarm between the halves": ("after wait_loaded", changing(alarms=(4075,))),
     "mode changed between the halves": ("after wait_loaded", changing(mode="JOG")),
     "axis moved between the halves": ("after wait_loaded", changing(position=150.0)),
-    "other table changed between": ("before wait_loaded", changing(backlash=0.5)),
 }
 
 
@@ -254,14 +253,55 @@ def _replaced(machine: Machine) -> None:
     machine.eec = LiveTable(table(*[0.0, 9.0, 9.0, 9.0, 9.0, 9.0, 9.0, 9.0, 0.0]), enabled=True)
 
 
-def test_changed_between_snapshot_and_load_goes_back_to_the_other_writers_table(tmp_path: Path) -> None:
+@pytest.mark.parametrize("fault", [_replaced, changing(backlash=0.5)])
+def test_changed_between_snapshot_and_load_goes_back_to_neither_reading(tmp_path: Path, fault: Fault) -> None:
     at = bench(tmp_path)
-    at.controller.faults[("prepare_push", 1, "before")] = _replaced
+    at.controller.faults[("prepare_push", 1, "before")] = fault
     record = push(at)
-    assert record.outcome == "rolled-back"
+    assert record.outcome == "held"
     assert any("E-PUSH-LOST-UPDATE" in step for step in record.steps)
-    assert at.machine.eec.table.deviations[1] == 9.0
+    assert any("E-PUSH-UNCONFIRMED" in step for step in record.steps)
+    assert at.machine.eec == LiveTable(NEW, enabled=False)
+    assert "restore" not in at.machine.writes
+    (left,) = journals_of(tmp_path)
+    context = bench(tmp_path, machine=at.machine).context
+
+    async def main() -> PushRecord:
+        return await recover(left, context)
+
+    assert run_virtual(main).outcome == "held"
+    assert not at.machine.eec.enabled
+
+
+def test_changed_between_two_readings_of_the_driver_nothing_is_sent(tmp_path: Path) -> None:
+    at = bench(tmp_path, by_hand=True)
+    at.controller.faults[("prepare_push", 1, "before")] = _replaced
+    with pytest.raises(VerifyError, match="E-PUSH-LOST-UPDATE"):
+        push(at)
+    assert at.machine.writes == []
     assert at.machine.eec.enabled
+    assert at.machine.marker.state == "none"
+    (found,) = journals_of(tmp_path)
+    assert found.kinds[-1] == "ABORTED"
+
+
+@pytest.mark.parametrize("lost", ["none", "of another order", "another table"])
+def test_a_failed_load_is_taken_back_only_with_a_second_reading(tmp_path: Path, lost: str) -> None:
+    at = bench(tmp_path)
+
+    def fail(machine: Machine) -> None:
+        assert machine.backup is not None
+        machine.backup_number += lost == "of another order"
+        other = replace(machine.backup, eec=LiveTable(NEW, enabled=True), digest="")
+        machine.backup = {"none": None, "another table": other}.get(lost, machine.backup)
+        deadline(machine)
+
+    at.controller.faults[("wait_loaded", 1, "after")] = fail
+    record = push(at)
+    assert record.outcome == "held"
+    assert any("E-PUSH-UNCONFIRMED" in step for step in record.steps)
+    assert at.machine.eec == LiveTable(NEW, enabled=False)
+    assert at.machine.writes == ["table"]
 
 
 HELD: dict[str, tuple[str, Fault]] = {
@@ -272,6 +312,7 @@ HELD: dict[str, tuple[str, Fault]] = {
     "the operator leaves before activation": ("before wait_activated", changing(operator=False)),
     "every write is wrong": ("before wait_loaded", changing(wrong_point=1.0)),
     "an alarm that stays": ("after wait_loaded", changing(alarms=(25000,))),
+    "something else changed between": ("before wait_loaded", changing(backlash=0.5)),
     "a foreign table appears enabled": ("before saved_tables 2", _replaced),
 }
 

@@ -76,42 +76,6 @@ def test_a_cec_pair_of_one_axis() -> None:
     assert turned.deviations == (0.0, -2.0, 0.0)
 
 
-def test_a_back_up_gives_the_live_set() -> None:
-    text = (GOLDEN / "backup_c1.spf").read_text()
-    live = tables.read_live(text, "back", "C1", 0)
-    assert live.eec.enabled
-    assert live.eec.table.deviations == pytest.approx((0.0, -2.9988, 0.0), abs=1e-12)
-    assert live.eec.table.modulo
-    assert live.eec.table.input_unit == "deg"
-    (cross,) = live.cec
-    assert (cross.table.name, cross.enabled) == ("C1(Z1)", False)
-    assert cross.table.input_unit == "mm"
-    assert cross.table.deviations == pytest.approx((0.0, 14.4))
-    assert live.backlash == 0.0002
-    assert live.native == text
-    assert tables.read_live(text, "back", "X1", 0).cec == ()
-    assert tables.read_live(text.replace("=(C1)", "=(X1)"), "back", "C1", 0).digest != live.digest
-
-
-def test_a_back_up_that_was_not_finished_is_refused() -> None:
-    text = (GOLDEN / "backup_c1.spf").read_text().replace("M17\n", "")
-    with pytest.raises(FileFormatError, match="E-TABLE-CUT"):
-        tables.read_live(text, "back", "C1", 0)
-
-
-def test_a_table_never_loaded_is_one_zero_point_and_off() -> None:
-    text = "$AA_ENC_COMP[0,0,X1]=0\n$AA_ENC_COMP_STEP[0,X1]=0\n$AA_ENC_COMP_MIN[0,X1]=0\n$AA_ENC_COMP_MAX[0,X1]=0\nM17"
-    live = tables.read_live(text, "back", "X1", 0)
-    assert (live.eec.table.deviations, live.eec.table.step, live.eec.enabled) == ((0.0,), 0.0, False)
-
-
-def test_a_range_beyond_the_memory_is_shortened_as_the_control_does() -> None:
-    points = "".join(f"$AA_ENC_COMP[0,{n},X1]=0.00{n}\n" for n in range(3))
-    text = points + "$AA_ENC_COMP_STEP[0,X1]=10\n$AA_ENC_COMP_MIN[0,X1]=0\n$AA_ENC_COMP_MAX[0,X1]=90\nM17"
-    table = tables.read_live(text, "back", "X1", 0).eec.table
-    assert (table.maximum, table.deviations) == (20.0, (0.0, 1.0, 2.0))
-
-
 GOOD = "$AA_ENC_COMP[0,0,X1]=0\n$AA_ENC_COMP[0,1,X1]=0.001\n$AA_ENC_COMP[0,2,X1]=0\n" + (
     "$AA_ENC_COMP_STEP[0,X1]=10\n$AA_ENC_COMP_MIN[0,X1]=0\n$AA_ENC_COMP_MAX[0,X1]=20\nM17\n"
 )
