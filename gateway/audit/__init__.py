@@ -12,25 +12,47 @@ from gateway.audit.checking import Health, Problem, check, demand, sound
 from gateway.audit.entries import CORRECTION, TORN, Entry, Happening, Head, head_of, line_of
 from gateway.audit.reading import entries
 from gateway.audit.recording import correct, note, record
+from gateway.audit.standing import (
+    APPROVED,
+    AS_PUSHED,
+    BEGUN,
+    DIFFERS,
+    ENDING,
+    PROPOSED,
+    USED,
+    Standing,
+    head_now,
+    standing,
+)
 
 __all__ = [
+    "APPROVED",
+    "AS_PUSHED",
     "AUDIT",
+    "BEGUN",
     "CORRECTION",
+    "DIFFERS",
+    "ENDING",
+    "PROPOSED",
     "TORN",
+    "USED",
     "Entry",
     "Happening",
     "Head",
     "Health",
     "Problem",
+    "Standing",
     "append",
     "check",
     "correct",
     "demand",
     "entries",
+    "head_now",
     "head_of",
     "line_of",
     "note",
     "os_user",
     "record",
     "sound",
+    "standing",
 ]

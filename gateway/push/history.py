@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -40,13 +41,34 @@ def committed(journals: Path, serial: str, table: str, sign: int = 1) -> tuple[C
     found = [one for one in (*journal.all_of(folder / "done"), *journal.all_of(folder)) if one.entries or one.broken]
     every = (_committed(one, sign) for one in found)
     pushes = [push for push in every if push is not None and push.table == table]
-    last = _last_number(folder, pushes)
-    return tuple(sorted(pushes, key=lambda push: _age(push.transaction, last)))
+    return tuple(sorted(pushes, key=_age_among(pushes, _last_number(folder, pushes))))
 
 
-def _age(number: int, last: int) -> int:
-    """Place in the order of giving: numbers count up and begin again after the largest; the PC's clock may jump."""
-    return (number - last - 1) % journal.MAX_NUMBER
+def _age_among(pushes: list[Committed], last: int) -> Callable[[Committed], tuple[int, str, int]]:
+    """Place in the order of giving: counts go up and begin again after the largest; the PC's clock may jump.
+
+    Numbers without a store's part are older than all others. Where a store lost its part and drew another, the
+    numbers of ``last`` are the newest and the other parts go by their first date.
+    """
+    newest = last // journal.PART_SIZE
+    firsts: dict[int, str] = {}
+    for push in pushes:
+        part = push.transaction // journal.PART_SIZE
+        firsts[part] = min(firsts.get(part, push.utc), push.utc)
+
+    def age(push: Committed) -> tuple[int, str, int]:
+        if push.transaction <= journal.OLD_MAX:
+            return (
+                0,
+                "",
+                (push.transaction - last - 1) % journal.OLD_MAX if last <= journal.OLD_MAX else push.transaction,
+            )
+        part, count = divmod(push.transaction, journal.PART_SIZE)
+        if part == newest:
+            return 2, "", (count - last % journal.PART_SIZE - 1) % journal.MAX_COUNT
+        return 1, firsts[part], count
+
+    return age
 
 
 def _last_number(folder: Path, pushes: list[Committed]) -> int:

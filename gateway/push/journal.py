@@ -16,18 +16,27 @@ import re
 import secrets
 import shutil
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
 from gateway.errors import StoreError
 
+FOLDER = "journal"
 FINAL = ("COMMITTED", "ROLLED_BACK", "ABORTED", "CLOSED")
 FREE_BYTES = 50_000_000
-MAX_NUMBER = 999_999
+PART_SIZE = 100_000  # a number is the store's part and a count: 4 and 5 digits
+MAX_COUNT = PART_SIZE - 1
+MAX_NUMBER = 9999 * PART_SIZE + MAX_COUNT
+OLD_MAX = 999_999  # numbers once had no part
+PART = ".part"  # no serial number makes a folder of this name
+_FIRST_PART, _PARTS = 1000, 9000
 _START = "0" * 64
-_NAME = re.compile(r"tx-(\d{6})\.jnl")
+_NAME = re.compile(r"tx-(\d{6}|\d{9})\.jnl")
+
+
+Begun = Callable[[int], bool]
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,7 +193,24 @@ def all_of(folder: Path) -> tuple[JournalRead, ...]:
     """Every journal of a machine that is still in place, oldest number first."""
     if not folder.is_dir():
         return ()
-    return tuple(read(path) for path in sorted(folder.iterdir()) if _NAME.fullmatch(path.name))
+    paths = [path for path in folder.iterdir() if _NAME.fullmatch(path.name)]
+    return tuple(read(path) for path in sorted(paths, key=lambda path: (len(path.name), path.name)))
+
+
+def judged(found: JournalRead, begun: Begun | None) -> JournalRead:
+    """A journal that says nothing although its transaction had begun is no finished one: it was emptied."""
+    if found.entries or found.broken or begun is None or not begun(found.number):
+        return found
+    return replace(found, broken="it is empty, and the audit log says that its transaction had begun")
+
+
+def left_open(folder: Path, begun: Begun | None = None) -> tuple[JournalRead, ...]:
+    """Journals of a machine that did not end, oldest number first; those put among the ended ones as well.
+
+    ``begun`` says whether a transaction is known elsewhere to have begun.
+    """
+    every = (judged(found, begun) for found in (*all_of(folder), *all_of(folder / "done")))
+    return tuple(found for found in every if not found.finished)
 
 
 def knows(folder: Path, number: int) -> bool:
@@ -192,7 +218,13 @@ def knows(folder: Path, number: int) -> bool:
     named = f"tx-{number:06d}.jnl"
     if (folder / named).exists() or (folder / "done" / named).exists():
         return True
-    return any(number in orders_of(found) for found in (*all_of(folder), *reversed(all_of(folder / "done"))))
+    return bool(sender(folder, number))
+
+
+def sender(folder: Path, number: int) -> int:
+    """The transaction of a machine's journals that sent this order number; 0 where none did."""
+    every = (*all_of(folder), *reversed(all_of(folder / "done")))
+    return next((found.number for found in every if number in orders_of(found)), 0)
 
 
 def orders_of(found: JournalRead) -> frozenset[int]:
@@ -207,9 +239,9 @@ def by_key(folder: Path, key: str) -> JournalRead | None:
     return next((one for one in reversed(found) if one.entries[0].facts.get("key") == key), None)
 
 
-def tidy(folder: Path) -> tuple[JournalRead, ...]:
-    """Set ended journals aside that a crash left in place; returns them."""
-    left = tuple(found for found in all_of(folder) if found.finished)
+def tidy(folder: Path, begun: Begun | None = None) -> tuple[JournalRead, ...]:
+    """Set ended journals aside that a crash left in place; returns them. ``begun`` as for `left_open`."""
+    left = tuple(found for found in all_of(folder) if judged(found, begun).finished)
     for found in left:
         set_aside(found.path)
     return left
@@ -217,6 +249,8 @@ def tidy(folder: Path) -> tuple[JournalRead, ...]:
 
 def set_aside(path: Path) -> None:
     """Move an ended journal to `done`, never delete it; where that is refused it stays and is still read."""
+    if path.parent.name == "done":
+        return
     done = path.parent / "done"
     try:
         done.mkdir(exist_ok=True)
@@ -228,21 +262,41 @@ def set_aside(path: Path) -> None:
 
 
 def allocate(folder: Path, seed: int) -> int:
-    """The next transaction number of a machine, durable before it is used; it fits an R parameter exactly.
+    """The next transaction number of a machine, durable before it is used; an R parameter holds it exactly.
 
-    ``seed`` begins the count where no number was ever kept, so that a lost folder does not repeat numbers that
-    the control may still hold. Raises StoreError (E-PUSH-DISK).
+    Its first four digits are the store's own, so that two stores give no number twice. ``seed`` begins the count
+    where none was ever kept, so that a lost folder does not repeat numbers that the control may still hold.
+    Raises StoreError (E-PUSH-DISK).
     """
     counter = folder / "number"
     try:
-        last = max([_kept(counter), *_used(folder)], default=0) or seed % 800_000 + 100_000
-        number = last % MAX_NUMBER + 1
-        while (folder / f"tx-{number:06d}.jnl").exists() or (folder / "done" / f"tx-{number:06d}.jnl").exists():
-            number = number % MAX_NUMBER + 1
+        part = _part(folder.parent)
+        last = max([_kept(counter), *_used(folder)], default=0)
+        count = last % PART_SIZE if last else seed % (PART_SIZE // 2)
+        while True:
+            count = count % MAX_COUNT + 1
+            number = part * PART_SIZE + count
+            if not (folder / f"tx-{number}.jnl").exists() and not (folder / "done" / f"tx-{number}.jnl").exists():
+                break
         _keep(counter, number)
     except OSError as error:
         raise StoreError("E-PUSH-DISK", str(counter), why=str(error)) from error
     return number
+
+
+def is_ours(folder: Path, number: int) -> bool:
+    """Whether the store that a machine's journals are kept in gave this number, by the part it carries."""
+    kept = _kept(folder.parent / PART)
+    return _FIRST_PART <= kept == number // PART_SIZE
+
+
+def _part(root: Path) -> int:
+    """The store's own part of its numbers, drawn once and kept."""
+    kept = _kept(root / PART)
+    if not _FIRST_PART <= kept < _FIRST_PART + _PARTS:
+        kept = _FIRST_PART + secrets.randbelow(_PARTS)
+        _keep(root / PART, kept)
+    return kept
 
 
 def _kept(counter: Path) -> int:

@@ -124,7 +124,8 @@ def _key_taken(change: TableChange, context: PushContext) -> str:
 def unfinished_names(context: PushContext) -> tuple[str, ...]:
     """Names of journals of this machine that did not end."""
     folder = journal.machine_folder(context.journals, context.machine.serial)
-    return tuple(found.path.name for found in journal.all_of(folder) if not found.finished)
+    begun = context.log.begun if context.log is not None else None
+    return tuple(found.path.name for found in journal.left_open(folder, begun))
 
 
 def refused(context: PushContext, axis: str, reasons: tuple[Refusal, ...]) -> PushRecord:
@@ -206,7 +207,7 @@ async def _still_allowed(work: Work, live: LiveSet) -> tuple[Refusal, ...]:
         live=live,
         unchanged=unchanged(work.context, work.change, live, work.allowed),
     )
-    work.restore_to = old
+    work.restore_to, work.before = old, facts.marker
     if facts.agreeing_position is not None:
         work.agreeing_position = facts.agreeing_position
     return tuple(refusal for refusal in refusals(facts) if refusal.code != _NOTHING)

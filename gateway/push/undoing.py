@@ -51,6 +51,8 @@ def _reasons(facts: PushFacts) -> list[Refusal]:
         found += no("E-INT-UNFINISHED", journals=", ".join(facts.unfinished))
     if facts.audit_broken:
         found += no("E-INT-AUDIT-BROKEN", why=facts.audit_broken)
+    if facts.behind:
+        found += no("E-INT-AUDIT-BEHIND", why=facts.behind)
     marker = facts.marker
     if marker is not None and marker.state in ("in-progress", "held") and not facts.marker_ours:
         found += no("E-INT-MARKER", number=marker.transaction, state=marker.state)
@@ -103,6 +105,9 @@ async def _exchange(work: Work, done: Committed, live: LiveTable, base: LiveSet)
     try:
         await _put_back(work, done, base)
     except TrueflankError as failure:
+        if work.marked is None:  # nothing was sent: nothing to take back
+            work.note("ABORTED", why=str(failure))
+            raise
         return await roll_back(work, str(failure))
     await work.finish("committed")
     work.note("COMMITTED")
@@ -112,6 +117,7 @@ async def _exchange(work: Work, done: Committed, live: LiveTable, base: LiveSet)
 async def _still_allowed(work: Work, base: LiveSet) -> tuple[Refusal, ...]:
     place = work.agreeing_position
     facts = await conversation.facts_at_start(work.context, work.change, "restore", work.limits, place, live=base)
+    work.before = facts.marker
     return tuple(_reasons(facts))
 
 

@@ -72,6 +72,17 @@ class RunFolder:
         return str(self._facts()["state"])
 
     @property
+    def anchor(self) -> str:
+        """The head that the audit log had when this run last proposed; "" where it did not."""
+        return str(self._facts().get("audit", ""))
+
+    def set_anchor(self, head: str) -> None:
+        """Note the audit log's head, so that a log that is gone or cut is missed."""
+        facts = self._facts()
+        facts["audit"] = head
+        self._write_facts(facts)
+
+    @property
     def plan(self) -> Any:
         """What the run was created for, as given."""
         return records.from_plain(self._facts()["plan"])

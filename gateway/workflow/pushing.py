@@ -13,7 +13,7 @@ from gateway.capture.live import combined
 from gateway.capture.readings import Readings
 from gateway.capture.sense import prove_sense
 from gateway.config import AxisSection
-from gateway.domain import Approval, AxisVerdict, Capture, Evaluation, Proposal, PushRecord, TableChange, Verdict
+from gateway.domain import AxisVerdict, Capture, Evaluation, Proposal, PushRecord, TableChange, Verdict
 from gateway.errors import WriteRefused
 from gateway.interlocks import Refusal
 from gateway.push import Asked, AxisFacts, PushContext, ask, outcome_error, prove_sign, push_table
@@ -21,13 +21,13 @@ from gateway.say import Say
 from gateway.store import RunFolder
 from gateway.workflow import stages
 from gateway.workflow.bench import Bench, bench, check_name, site_of
-from gateway.workflow.consents import begin, consented, ended, failed, proving, refused, take_up, tell
+from gateway.workflow.consents import Taken, begin, consented, ended, failed, proving, refused, take_up, tell
 from gateway.workflow.explaining import check_between
 from gateway.workflow.measure import Measured, live_again, measure_axis
 from gateway.workflow.outcome import Outcome, finish, shown
 from gateway.workflow.verdict import PUSHED, judge, judge_axis, unmeasured
+from gateway.workflow.witness import JOURNALS, Witness
 
-JOURNALS = "journal"
 # Switching a table moves the axis by micrometres: no motion is seen, so the reading waits longer instead.
 SWITCH_SETTLE_S = 8.0
 
@@ -63,7 +63,7 @@ class _Done:
     ``approvals`` by the change's name were used up at the start and hold to the end.
     """
 
-    approvals: Mapping[str, tuple[Approval, ...]]
+    approvals: Mapping[str, Taken]
     records: dict[str, PushRecord] = field(default_factory=dict)
     tables: list[CompensationTable] = field(default_factory=list)
     proofs: list[SignProof] = field(default_factory=list)
@@ -72,7 +72,7 @@ class _Done:
 async def _push(at: Bench, change: TableChange, capture: Capture | None, done: _Done) -> None:
     context = replace(table_context(at, change.new, capture), pushed=tuple(done.tables))
     if not change.skipped:
-        proof = context.proof or await _prove(at, change, context)
+        proof = context.proof or await _prove(at, change, replace(context, log=Witness(at)))
         done.proofs.append(proof)
         context = replace(context, proof=proof, ambient_now=await _ambient(at, change))
         context = consented(at, change, context, done.approvals[change.name])

@@ -465,5 +465,5 @@ def test_room_to_jog_shrinks_with_the_slope() -> None:
     assert room_of() == 1.0
     assert room_of(WAVE) == 1.0
     assert room_of(replace(WAVE, deviations=(0.0, 50.0) * 4 + (0.0,))) == pytest.approx(0.25)
-    assert journal.MAX_NUMBER == 999_999
+    assert journal.MAX_NUMBER < 2**31
     assert issubclass(UnsupportedDevice, TrueflankError)

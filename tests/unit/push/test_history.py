@@ -68,6 +68,16 @@ def test_numbers_that_begin_again_are_in_order(tmp_path: Path) -> None:
     assert [push.transaction for push in committed(tmp_path, SERIAL, "X1")] == [999_998, 999_999, 1, 2]
 
 
+def test_numbers_with_a_part_are_newer_than_those_without_and_the_newest_part_is_last(tmp_path: Path) -> None:
+    last = 4_321 * journal.PART_SIZE + 2
+    wrapped = 4_321 * journal.PART_SIZE + journal.MAX_COUNT
+    for number in (523_456, 999_999, 9_000 * journal.PART_SIZE + 7, wrapped, last):
+        written(tmp_path, number, 0.0, 1.0)
+    (journal.machine_folder(tmp_path, SERIAL) / "number").write_text(str(last))
+    given = [push.transaction for push in committed(tmp_path, SERIAL, "X1")]
+    assert given == [523_456, 999_999, 9_000 * journal.PART_SIZE + 7, wrapped, last]
+
+
 def test_what_was_taken_back_is_not_taken_back_again(tmp_path: Path) -> None:
     written(tmp_path, 1, 0.0, 1.0)
     written(tmp_path, 2, 1.0, 2.0)
