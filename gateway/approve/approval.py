@@ -28,8 +28,8 @@ def consent(
     """One person's approval of one change on one machine, from now for ten minutes.
 
     ``run_id`` is the run that proposed it; ``given`` are the approvals of this plan that have not been used.
-    Raises WriteRefused: E-APPROVE-NAME (the machine's name was not typed), E-APPROVE-NOTHING (no table is proposed), E-APPROVE-TWICE (this person's
-    approval of this plan still holds).
+    Raises WriteRefused: E-APPROVE-NAME (the machine's name was not typed), E-APPROVE-NOTHING (no table is proposed),
+    E-APPROVE-TWICE (this person's approval of this plan still holds).
     """
     if typed_name != site_name:
         raise WriteRefused("E-APPROVE-NAME", change.name, typed=typed_name or "nothing", wanted=site_name)

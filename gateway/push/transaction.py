@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from drivers.errors import TrueflankError
-from drivers.types import LiveSet, LiveTable, TableLimits
+from drivers.types import LiveSet, LiveTable, Marker, TableLimits
 from gateway.domain import PushRecord, TableChange
 from gateway.interlocks import PushFacts, Refusal, needed, refusals, warnings
 from gateway.push import conversation, journal
@@ -38,13 +38,17 @@ _ENDED: dict[str, Outcome] = {"COMMITTED": "committed", "ROLLED_BACK": "rolled-b
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """The answer of the interlocks before anything is sent; ``warnings`` ask for a second person."""
+    """The answer of the interlocks before anything is sent; ``warnings`` ask for a second person.
+
+    ``marker`` is the control's as it stood then: while it stands, nobody else has pushed.
+    """
 
     limits: TableLimits
     agreeing_position: float | None
     refusals: tuple[Refusal, ...]
     warnings: tuple[Refusal, ...] = ()
     people: int = 1
+    marker: Marker | None = None
 
 
 async def push_table(change: TableChange, context: PushContext) -> PushRecord:
@@ -66,6 +70,7 @@ async def push_table(change: TableChange, context: PushContext) -> PushRecord:
         if reasons or asked.agreeing_position is None:
             return refused(context, change.axis, reasons)
         with begun(context, folder, change, "table", asked.limits, asked.agreeing_position) as work:
+            work.before = asked.marker
             return work.record(await _push(work))
 
 
@@ -105,7 +110,7 @@ async def ask(change: TableChange, context: PushContext, purpose: Purpose, live:
 
 
 def _asked(facts: PushFacts, limits: TableLimits, place: float | None) -> Asked:
-    return Asked(limits, place, refusals(facts), warnings(facts), needed(facts))
+    return Asked(limits, place, refusals(facts), warnings(facts), needed(facts), facts.marker)
 
 
 def place_for(old: LiveTable, change: TableChange, context: PushContext) -> float | None:
@@ -207,7 +212,7 @@ async def _still_allowed(work: Work, live: LiveSet) -> tuple[Refusal, ...]:
         live=live,
         unchanged=unchanged(work.context, work.change, live, work.allowed),
     )
-    work.restore_to, work.before = old, facts.marker
+    work.restore_to = old
     if facts.agreeing_position is not None:
         work.agreeing_position = facts.agreeing_position
     return tuple(refusal for refusal in refusals(facts) if refusal.code != _NOTHING)

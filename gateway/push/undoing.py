@@ -41,7 +41,7 @@ async def ask_undo(done: Committed, context: PushContext) -> Asked:
     place = place_for(done.new, change, context)
     names = unfinished_names(context)
     facts = await conversation.facts_at_start(context, change, "restore", limits, place, unfinished=names)
-    return Asked(limits, place, tuple(_reasons(facts)))
+    return Asked(limits, place, tuple(_reasons(facts)), marker=facts.marker)
 
 
 def _reasons(facts: PushFacts) -> list[Refusal]:
@@ -75,6 +75,7 @@ async def undo(done: Committed, context: PushContext) -> PushRecord:
             return refused(context, done.axis, asked.refusals)
         change = undoing(done)
         with begun(context, folder, change, "restore", asked.limits, asked.agreeing_position) as work:
+            work.before = asked.marker
             work.note("UNDOES", undoes=done.transaction)
             return work.record(await _undo(work, done))
 
@@ -117,7 +118,6 @@ async def _exchange(work: Work, done: Committed, live: LiveTable, base: LiveSet)
 async def _still_allowed(work: Work, base: LiveSet) -> tuple[Refusal, ...]:
     place = work.agreeing_position
     facts = await conversation.facts_at_start(work.context, work.change, "restore", work.limits, place, live=base)
-    work.before = facts.marker
     return tuple(_reasons(facts))
 
 

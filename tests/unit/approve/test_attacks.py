@@ -10,6 +10,7 @@ from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from drivers.clock import Clock, run_virtual
@@ -99,8 +100,7 @@ class Shop:
         async def main() -> PushRecord:
             (change,) = self.stored.changes
             context = consents.consented(self.at, change, self.context(people))
-            found = await push_table(change, context)
-            return found
+            return await push_table(change, context)
 
         return run_virtual(main)
 
@@ -167,21 +167,21 @@ def more(change: TableChange) -> TableChange:
     "change",
     [
         more,
-        lambda one: replace(one, predicted=one.predicted + 1.0),
+        lambda one: replace(one, predicted=np.ones(9)),
         lambda one: replace(one, base=None, findings=("x",)),
     ],
     ids=["the table", "what is predicted", "what was found"],
 )
 def test_a_proposal_with_other_values_was_not_proposed_here(shop: Shop, change: Any) -> None:
     forge(shop, change)
-    assert "trueflank run" not in shop.refused("E-INT-NOT-PROPOSED") or True
+    assert "was not proposed here" in shop.refused("E-INT-NOT-PROPOSED")
     shutil.rmtree(shop.store.root / AUDIT)
     shop.refused("E-INT-NOT-PROPOSED")
     assert "does not hold" in shop.refused("E-INT-AUDIT-BROKEN")
 
 
 def test_a_log_that_is_gone_is_missed(shop: Shop) -> None:
-    kept = shop.at.folder.anchor
+    kept = shop.at.folder.anchor.partition(":")[2]
     shutil.rmtree(shop.store.root / AUDIT)
     assert kept in shop.refused("E-INT-AUDIT-BROKEN")
     for path in (shop.store.root / AUDIT).glob("audit-*"):
