@@ -18,11 +18,12 @@ from numpy.typing import NDArray
 
 from drivers.types import MachineIdentity
 from gateway.errors import CorruptRecord, StoreError
-from gateway.store import records
+from gateway.store import records, seal
 from gateway.store.disk import checked_name, disk_errors, write_whole
 
 R = TypeVar("R")
 RUN_FILE = "run.json"
+BESIDE = seal.BESIDE
 
 
 def _utc_now() -> datetime:
@@ -98,6 +99,8 @@ class RunFolder:
         known = facts["stages"].get(checked_name(stage))
         if known is not None and known["sha256"] == digest:
             return digest
+        if known is not None:
+            facts.setdefault(BESIDE, {})[known["file"]] = known["sha256"]
         name = self._free_name(stage, ".json")
         write_whole(self.path / name, data)
         entry = {"file": name, "sha256": digest, "parents": list(parents), "type": type(record).__name__}
@@ -150,6 +153,22 @@ class RunFolder:
         buffer = io.BytesIO()
         np.save(buffer, array, allow_pickle=False)
         return self.write_bytes(name if name.endswith(".npy") else f"{name}.npy", buffer.getvalue())
+
+    def adopt(self, *paths: Path) -> None:
+        """Take files that others wrote into the folder (pictures, streams, traces) into its seal, as they are now.
+
+        What is not there is left out. Raises StoreError (E-STORE-DISK).
+        """
+        found = {path.relative_to(self.path).as_posix(): seal.digest_of(path) for path in paths if path.is_file()}
+        if not found:
+            return
+        facts = self._facts()
+        facts.setdefault(BESIDE, {}).update(found)
+        self._write_facts(facts)
+
+    def differences(self) -> tuple[seal.Difference, ...]:
+        """Files that are not as the seal has them: changed, missing, added. Raises StoreError, CorruptRecord."""
+        return seal.compare(self.path, self._facts())
 
     def read_bytes(self, name: str) -> bytes:
         """A stored file, its hash checked. Raises StoreError (E-STORE-FILE), CorruptRecord (E-STORE-HASH)."""
@@ -264,6 +283,7 @@ class Store:
             "plan": records.plain(plan),
             "stages": {},
             "files": {},
+            BESIDE: {},
             "errors": [],
         }
         with disk_errors(path):
