@@ -22,6 +22,7 @@ from gateway.audit.standing import (
     USED,
     Standing,
     head_now,
+    size,
     standing,
 )
 
@@ -53,6 +54,7 @@ __all__ = [
     "note",
     "os_user",
     "record",
+    "size",
     "sound",
     "standing",
 ]

@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from gateway.audit.chain import AUDIT, tail_of
+from gateway.audit.chain import AUDIT, files, tail_of
 from gateway.audit.reading import entries
+from gateway.store.disk import disk_errors
 
 BEGUN, ENDING = "push-begun", "push-ending"
 PROPOSED, APPROVED, USED = "propose", "approve", "approval-used"
@@ -73,6 +74,12 @@ def standing(root: Path, serial: str = "") -> Standing:
         if not entry["damaged"]:
             found.take(entry, serial)
     return found
+
+
+def size(root: Path) -> tuple[tuple[str, int], ...]:
+    """The files of the log with their sizes: these change with every line. Raises StoreError (E-STORE-DISK)."""
+    with disk_errors(root):
+        return tuple((path.name, path.stat().st_size) for path in files(root / AUDIT))
 
 
 def head_now(root: Path) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
@@ -9,7 +10,7 @@ from typing import Protocol
 
 from drivers.clock import Clock
 from drivers.ports import Controller
-from drivers.types import Ambient, CompensationTable, MachineIdentity, SignProof
+from drivers.types import Ambient, CompensationTable, LiveSet, MachineIdentity, SignProof
 from drivers.units import AxisUnit
 from gateway.domain import Approval, Capture, TableChange
 from gateway.say import Say, silence
@@ -86,7 +87,8 @@ class PushContext:
     ``log`` is the audit log (None: nobody keeps one, as in a trial). ``proposed`` says whether it holds the proposal
     of this plan, ``used`` and ``unrecorded`` are approvals that it knows as used, or does not know at all, ``alarms``
     what it holds against the live tables of the axis. ``run_id`` is the run that approvals must name;
-    ``consent_utc`` when this push began, which is when they must hold (None: now).
+    ``consent_utc`` when this push began, which is when they must hold (None: now). ``on_live`` is told the live tables
+    as read before anything is disabled, CEC as deviations, and answers with the alarms that stand then.
 
     ``journals`` is the folder of all machines' journals; ``machine`` the fingerprint the run was made on;
     ``typed_name`` what the operator gave as the machine's name, ``site_name`` what it must be. Timeouts in s of
@@ -123,6 +125,7 @@ class PushContext:
     unrecorded: tuple[Approval, ...] = ()
     alarms: tuple[str, ...] = ()
     run_id: str = ""
+    on_live: Callable[[LiveSet], tuple[str, ...]] | None = None
     consent_utc: datetime | None = None
 
     @property

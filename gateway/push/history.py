@@ -80,6 +80,14 @@ def _last_number(folder: Path, pushes: list[Committed]) -> int:
     return int(text) if text.isdigit() else max((push.transaction for push in pushes), default=0)
 
 
+def pushed_tables(journals: Path, serial: str) -> tuple[str, ...]:
+    """Names of the tables of a machine that committed pushes have left, in order. Raises as `committed`."""
+    folder = journal.machine_folder(journals, serial)
+    found = (one for one in (*journal.all_of(folder / "done"), *journal.all_of(folder)) if one.entries or one.broken)
+    pushes = (_committed(one, 1) for one in found)
+    return tuple(sorted({push.table for push in pushes if push is not None}))
+
+
 def to_undo(pushes: tuple[Committed, ...]) -> Committed | None:
     """The newest push that no later one has taken back; None when there is none left."""
     standing: list[Committed] = []

@@ -182,6 +182,8 @@ async def snapshot(work: Work) -> LiveSet:
     """The live tables, kept as read, before anything is disabled."""
     live = await conversation.read_live(work.context, work.agreeing_position)
     keep(work, live)
+    if work.context.on_live is not None:
+        work.context = replace(work.context, alarms=work.context.on_live(live))
     return live
 
 

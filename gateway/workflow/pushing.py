@@ -20,11 +20,12 @@ from gateway.push import Asked, AxisFacts, PushContext, ask, outcome_error, prov
 from gateway.say import Say
 from gateway.store import RunFolder
 from gateway.workflow import stages
+from gateway.workflow.aftercare import in_push, standing_alarms
 from gateway.workflow.bench import Bench, bench, check_name, site_of
 from gateway.workflow.consents import Taken, begin, consented, ended, failed, proving, refused, take_up, tell
 from gateway.workflow.explaining import check_between
 from gateway.workflow.measure import Measured, live_again, measure_axis
-from gateway.workflow.outcome import Outcome, finish, shown
+from gateway.workflow.outcome import Outcome, alarmed, finish, shown
 from gateway.workflow.verdict import PUSHED, judge, judge_axis, unmeasured
 from gateway.workflow.witness import JOURNALS, Witness
 
@@ -76,6 +77,7 @@ async def _push(at: Bench, change: TableChange, capture: Capture | None, done: _
         done.proofs.append(proof)
         context = replace(context, proof=proof, ambient_now=await _ambient(at, change))
         context = consented(at, change, context, done.approvals[change.name])
+        context = replace(context, on_live=await in_push(at, change.axis))
         begin(at, change, context)
     record = await _pushed(at, change, context)
     at.folder.put(stages.push(change.name), record, (at.folder.digest(stages.PROPOSAL),))
@@ -233,7 +235,8 @@ async def push_run(folder: RunFolder, *, apply: bool, machine_name: str, clock: 
         async with bench(site, path, folder, clock, say) as at:
             if not apply:
                 return await _show(at, proposal, measured)
-            return finish(folder, measured, proposal, await apply_proposal(at, proposal, measured))
+            verdict = await apply_proposal(at, proposal, measured)
+            return alarmed(finish(folder, measured, proposal, verdict), standing_alarms(at))
     except TrueflankError as error:
         folder.set_state("failed", error=error.as_record())
         raise
