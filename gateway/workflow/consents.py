@@ -165,7 +165,7 @@ def proposed(at: Bench, proposal: Proposal) -> str:
 
     The run folder then names the log's head, so that a log which is gone or cut is missed.
     """
-    told = {"run": at.folder.run_id, "proposal": at.folder.digest(stages.PROPOSAL)}
+    told: dict[str, object] = {"run": at.folder.run_id, "proposal": at.folder.digest(stages.PROPOSAL)}
     problems = [_proposed(at, change, told) for change in proposal.changes if not change.skipped]
     if not problems:
         problems = [

@@ -37,6 +37,10 @@ class At:
     folder: RunFolder
     clock: Clock
     machine: MachineIdentity = MACHINE
+    supervisor: Any = None
+    site: Any = None
+    proofs: Any = None
+    say: Any = None
 
 
 class Shop:
