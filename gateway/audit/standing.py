@@ -23,9 +23,9 @@ class Standing:
     """One machine's part of a log, but for ``prefixes``: the first 64 bits of every line's hash.
 
     ``plans`` are (plan hash, hash of the stored proposal) pairs that were proposed; ``approved`` and ``used`` hashes of
-    approvals; ``begun`` transactions; ``last_mark`` the transaction whose end the control's marker should still name (0
-    none); ``alarms`` what was found at each table at the last look, where it was not as pushed; ``looked`` when each
-    table was compared last (UTC).
+    approvals; ``begun`` transactions, ``announced`` those of them with a journal; ``last_mark`` the transaction whose
+    end the control's marker should still name (0 none); ``alarms`` what was found at each table at the last look, where
+    it was not as pushed; ``looked`` when each table was compared last (UTC).
     """
 
     prefixes: set[int] = field(default_factory=set)
@@ -33,6 +33,7 @@ class Standing:
     approved: set[str] = field(default_factory=set)
     used: set[str] = field(default_factory=set)
     begun: set[int] = field(default_factory=set)
+    announced: set[int] = field(default_factory=set)
     last_mark: int = 0
     alarms: dict[str, str] = field(default_factory=dict)
     looked: dict[str, str] = field(default_factory=dict)
@@ -45,6 +46,8 @@ class Standing:
         action, details, number = str(entry["action"]), entry["details"], int(entry["transaction"])
         if number:
             self.begun.add(number)
+        if action == BEGUN:
+            self.announced.add(number)
         if action == PROPOSED:
             self.plans.add((entry["plan_hash"], str(details.get("proposal", ""))))
         elif action in (APPROVED, USED):

@@ -63,6 +63,7 @@ class PushFacts:
     knows as used or does not know; ``run_id`` the run they must name, ``consent_utc`` when they must hold (None: now).
     ``behind`` says how the log falls short of the control's marker ("": it does not); ``mark_lost`` is a transaction
     that the marker should name and does not, ``stranger`` one it names that another gateway ended, 0 for none.
+    ``missing`` are transactions begun here whose journals are gone.
     ``alarms`` are differences found between this axis' live tables and what was pushed.
     """
 
@@ -104,6 +105,7 @@ class PushFacts:
     behind: str = ""
     mark_lost: int = 0
     stranger: int = 0
+    missing: tuple[int, ...] = ()
     alarms: tuple[str, ...] = ()
 
     @property

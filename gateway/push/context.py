@@ -43,6 +43,10 @@ class AuditLog(Protocol):
         """Whether the log knows that this transaction of the machine began."""
         ...
 
+    def announced(self) -> frozenset[int]:
+        """Every transaction of the machine that `begin` has kept: each has a journal."""
+        ...
+
     def holds(self, head: int) -> bool:
         """Whether a line of the log has a hash that begins so."""
         ...

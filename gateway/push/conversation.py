@@ -12,7 +12,7 @@ from gateway.interlocks import PushFacts
 from gateway.push.byhand import visit_by_hand
 from gateway.push.compare import signed
 from gateway.push.context import PushContext
-from gateway.push.marking import against_the_log
+from gateway.push.marking import against_the_log, missing_journals
 from gateway.push.plan import plan_hash
 from gateway.push.work import Purpose
 from gateway.walk import Patience, walk
@@ -82,6 +82,7 @@ async def facts_at_start(
         behind=mark.behind,
         mark_lost=mark.lost,
         stranger=mark.stranger,
+        missing=missing_journals(context),
         alarms=context.alarms,
     )
 

@@ -197,6 +197,12 @@ def all_of(folder: Path) -> tuple[JournalRead, ...]:
     return tuple(read(path) for path in sorted(paths, key=lambda path: (len(path.name), path.name)))
 
 
+def numbers(folder: Path) -> frozenset[int]:
+    """Numbers of a machine's journals, ended ones as well, by the names of their files."""
+    paths = [*folder.glob("tx-*.jnl"), *folder.glob("done/tx-*.jnl")]
+    return frozenset(int(match.group(1)) for path in paths if (match := _NAME.fullmatch(path.name)))
+
+
 def judged(found: JournalRead, begun: Begun | None) -> JournalRead:
     """A journal that says nothing although its transaction had begun is no finished one: it was emptied."""
     if found.entries or found.broken or begun is None or not begun(found.number):
@@ -309,10 +315,7 @@ def _kept(counter: Path) -> int:
 
 def _used(folder: Path) -> list[int]:
     """Numbers of all journals; only asked for when the counter was lost or runs behind."""
-    paths = [*folder.glob("tx-*.jnl"), *folder.glob("done/tx-*.jnl")]
-    if _kept(folder / "number"):
-        return []
-    return [int(match.group(1)) for path in paths if (match := _NAME.fullmatch(path.name))]
+    return [] if _kept(folder / "number") else sorted(numbers(folder))
 
 
 def _keep(counter: Path, number: int) -> None:

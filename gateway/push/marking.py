@@ -42,6 +42,14 @@ def against_the_log(context: PushContext, marker: Marker | None) -> Mark:
     return Mark(known, _behind(log, folder, marker))
 
 
+def missing_journals(context: PushContext) -> tuple[int, ...]:
+    """Transactions that the audit log says began here and whose journals are gone."""
+    if context.log is None:
+        return ()
+    folder = journal.machine_folder(context.journals, context.machine.serial)
+    return tuple(sorted(context.log.announced() - journal.numbers(folder)))
+
+
 def _behind(log: AuditLog, folder: Path, marker: Marker) -> str:
     """How the log falls short of a marker that this store has left."""
     if marker.head is not None and not log.holds(marker.head):

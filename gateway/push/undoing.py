@@ -51,6 +51,8 @@ def _reasons(facts: PushFacts) -> list[Refusal]:
         found += no("E-INT-UNFINISHED", journals=", ".join(facts.unfinished))
     if facts.audit_broken:
         found += no("E-INT-AUDIT-BROKEN", why=facts.audit_broken)
+    if facts.missing:
+        found += no("E-INT-JOURNAL-MISSING", numbers=", ".join(map(str, facts.missing)))
     if facts.behind:
         found += no("E-INT-AUDIT-BEHIND", why=facts.behind)
     marker = facts.marker

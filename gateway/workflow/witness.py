@@ -57,6 +57,10 @@ class Witness:
         """Whether a line names this transaction."""
         return transaction in self.standing.begun
 
+    def announced(self) -> frozenset[int]:
+        """Transactions that were begun here, each with its journal."""
+        return frozenset(self.standing.announced)
+
     def holds(self, head: int) -> bool:
         """Whether a line has a hash that begins so."""
         return head in self.standing.prefixes

@@ -334,6 +334,19 @@ def test_an_emptied_journal_is_no_finished_one(shop: Shop, left: int) -> None:
     assert path.name in shop.refused("E-INT-UNFINISHED")
 
 
+@pytest.mark.parametrize("whole", [False, True], ids=["the journal", "the folder"])
+def test_a_journal_that_is_gone_is_missed(shop: Shop, whole: bool) -> None:
+    assert shop.push().outcome == "committed"
+    (path,) = shop.journals.rglob("tx-*.jnl")
+    number = path.stem.partition("-")[2]
+    if whole:
+        shutil.rmtree(shop.store.root / JOURNALS)
+    else:
+        path.unlink()
+    shop.double.machine.writes.clear()
+    assert number in shop.refused("E-INT-JOURNAL-MISSING")
+
+
 def test_a_switch_of_the_table_is_part_of_no_plan_but_the_base_is(shop: Shop) -> None:
     forge(shop, lambda one: replace(one, base_digest="0" * 64))
     shop.refused("E-INT-NOT-PROPOSED")

@@ -162,6 +162,7 @@ MORE: list[tuple[str, PushFacts]] = [
     ("E-INT-AUDIT-BROKEN", replace(GOOD, audit_broken="entry 7 was altered")),
     ("E-INT-AUDIT-BEHIND", replace(GOOD, behind="no line has it")),
     ("E-INT-AUDIT-BEHIND", replace(GOOD, behind="no line has it", purpose="sign-proof")),
+    ("E-INT-JOURNAL-MISSING", replace(GOOD, missing=(432_100_007,))),
     ("E-INT-NOT-PROPOSED", replace(GOOD, proposed=False)),
 ]  # fmt: skip
 C_EEC = replace(
