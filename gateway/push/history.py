@@ -8,7 +8,7 @@ from pathlib import Path
 
 from drivers.types import LiveTable
 from gateway.errors import StoreError
-from gateway.push import journal
+from gateway.push import journal, numbering
 from gateway.push.journal import JournalRead
 from gateway.push.recovery import tables_of
 
@@ -50,22 +50,22 @@ def _age_among(pushes: list[Committed], last: int) -> Callable[[Committed], tupl
     Numbers without a store's part are older than all others. Where a store lost its part and drew another, the
     numbers of ``last`` are the newest and the other parts go by their first date.
     """
-    newest = last // journal.PART_SIZE
+    newest = last // numbering.PART_SIZE
     firsts: dict[int, str] = {}
     for push in pushes:
-        part = push.transaction // journal.PART_SIZE
+        part = push.transaction // numbering.PART_SIZE
         firsts[part] = min(firsts.get(part, push.utc), push.utc)
 
     def age(push: Committed) -> tuple[int, str, int]:
-        if push.transaction <= journal.OLD_MAX:
+        if push.transaction <= numbering.OLD_MAX:
             return (
                 0,
                 "",
-                (push.transaction - last - 1) % journal.OLD_MAX if last <= journal.OLD_MAX else push.transaction,
+                (push.transaction - last - 1) % numbering.OLD_MAX if last <= numbering.OLD_MAX else push.transaction,
             )
-        part, count = divmod(push.transaction, journal.PART_SIZE)
+        part, count = divmod(push.transaction, numbering.PART_SIZE)
         if part == newest:
-            return 2, "", (count - last % journal.PART_SIZE - 1) % journal.MAX_COUNT
+            return 2, "", (count - last % numbering.PART_SIZE - 1) % numbering.MAX_COUNT
         return 1, firsts[part], count
 
     return age

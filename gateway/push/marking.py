@@ -7,7 +7,7 @@ from pathlib import Path
 
 from drivers.errors import words
 from drivers.types import Marker
-from gateway.push import journal
+from gateway.push import journal, numbering
 from gateway.push.context import AuditLog, PushContext
 
 
@@ -37,7 +37,7 @@ def against_the_log(context: PushContext, marker: Marker | None) -> Mark:
     known = journal.knows(folder, marker.transaction)
     if log is None:
         return Mark(known)
-    if not journal.is_ours(folder, marker.transaction):
+    if not numbering.is_ours(folder, marker.transaction):
         return Mark(known, stranger=0 if known else marker.transaction)
     return Mark(known, _behind(log, folder, marker))
 

@@ -12,7 +12,7 @@ from drivers.errors import TrueflankError
 from drivers.types import CompensationTable, LiveSet, LiveTable, Marker, PushOrder, TableLimits
 from gateway.domain import PushRecord, TableChange
 from gateway.errors import BusyError, VerifyError
-from gateway.push import journal
+from gateway.push import journal, numbering
 from gateway.push.compare import signed, table_facts, tolerance
 from gateway.push.context import PushContext
 from gateway.push.plan import plan_hash
@@ -85,7 +85,7 @@ class Work:
 
     def fresh_number(self) -> int:
         """Another transaction number of this machine."""
-        return journal.allocate(self.folder, seed_of(self.context))
+        return numbering.allocate(self.folder, seed_of(self.context))
 
     async def same_machine(self) -> None:
         """The fingerprint once more. Raises VerifyError (E-PUSH-OTHER-MACHINE)."""
@@ -148,7 +148,7 @@ def begun(
 ) -> Iterator[Work]:
     """A new transaction: number, journal, its first entry. The journal is set aside once it has ended."""
     journal.tidy(folder, context.log.begun if context.log is not None else None)
-    number = journal.allocate(folder, seed_of(context))
+    number = numbering.allocate(folder, seed_of(context))
     written = journal.Journal.create(folder, number)
     old = LiveTable(change.old, change.old_enabled)
     work = Work(context, folder, written, number, change, purpose, limits, agreeing_position, old)

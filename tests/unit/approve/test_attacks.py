@@ -19,7 +19,7 @@ from gateway import audit
 from gateway.approve import Approvals, consent
 from gateway.audit.chain import AUDIT
 from gateway.domain import Approval, Proposal, PushRecord, TableChange
-from gateway.push import PushContext, journal, push_table
+from gateway.push import PushContext, journal, numbering, push_table
 from gateway.store import RunFolder, Store, records
 from gateway.workflow import consents, stages
 from gateway.workflow.witness import JOURNALS
@@ -210,8 +210,8 @@ def test_a_log_from_before_is_behind_the_controls_mark_even_when_the_store_is_as
     shutil.copytree(copy, shop.store.root)
     number = shop.double.machine.marker.transaction
     (shop.store.root / JOURNALS).mkdir(exist_ok=True)
-    part = shop.store.root / JOURNALS / journal.PART
-    part.write_text(str(number // journal.PART_SIZE))
+    part = shop.store.root / JOURNALS / numbering.PART
+    part.write_text(str(number // numbering.PART_SIZE))
     shop.double.machine.eec = before.eec
     shop.double.machine.writes.clear()
     assert str(number) in shop.refused("E-INT-AUDIT-BEHIND")

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gateway.errors import StoreError
-from gateway.push import journal
+from gateway.push import journal, numbering
 
 
 def _written(folder: Path, count: int = 4) -> Path:
@@ -114,16 +114,16 @@ def test_an_fsync_error_poisons(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 def test_numbers_go_up_and_survive_a_lost_counter(tmp_path: Path) -> None:
     folder = tmp_path / "SN-1"
     folder.mkdir()
-    first = journal.allocate(folder, 1_763_000_123)
+    first = numbering.allocate(folder, 1_763_000_123)
     assert 100_000_000 < first < 1_000_000_000
-    assert journal.allocate(folder, 0) == first + 1
+    assert numbering.allocate(folder, 0) == first + 1
     journal.Journal.create(folder, first + 40).close()
     for damage in (b"", b"what", b"\xff", b"99999999999"):
         (folder / "number").write_bytes(damage)
-        assert journal.allocate(folder, 0) > first + 40
-    part = first // journal.PART_SIZE
-    (folder / "number").write_text(str(part * journal.PART_SIZE + journal.MAX_COUNT))
-    assert journal.allocate(folder, 0) == part * journal.PART_SIZE + 1
+        assert numbering.allocate(folder, 0) > first + 40
+    part = first // numbering.PART_SIZE
+    (folder / "number").write_text(str(part * numbering.PART_SIZE + numbering.MAX_COUNT))
+    assert numbering.allocate(folder, 0) == part * numbering.PART_SIZE + 1
 
 
 def test_two_stores_begun_in_the_same_second_give_no_number_twice(tmp_path: Path) -> None:
@@ -131,9 +131,9 @@ def test_two_stores_begun_in_the_same_second_give_no_number_twice(tmp_path: Path
     for name in ("one", "two", "three"):
         folder = tmp_path / name / "SN-1"
         folder.mkdir(parents=True)
-        given.append({journal.allocate(folder, 1_763_000_123) for _ in range(20)})
-        assert all(journal.is_ours(folder, number) for number in given[-1])
-        assert not journal.is_ours(tmp_path / "nowhere" / "SN-1", min(given[-1]))
+        given.append({numbering.allocate(folder, 1_763_000_123) for _ in range(20)})
+        assert all(numbering.is_ours(folder, number) for number in given[-1])
+        assert not numbering.is_ours(tmp_path / "nowhere" / "SN-1", min(given[-1]))
     assert len(set().union(*given)) == 60
 
 
@@ -144,11 +144,11 @@ def test_a_store_with_numbers_of_six_digits_goes_on(tmp_path: Path) -> None:
     old.append("COMMITTED")
     old.close()
     (folder / "number").write_text("523456")
-    number = journal.allocate(folder, 0)
+    number = numbering.allocate(folder, 0)
     journal.Journal.create(folder, number).close()
     assert [found.number for found in journal.all_of(folder)] == [523_456, number]
     assert journal.knows(folder, 523_456)
-    assert not journal.is_ours(folder, 523_456)
+    assert not numbering.is_ours(folder, 523_456)
 
 
 def test_an_emptied_journal_of_a_transaction_that_had_begun_is_not_finished(tmp_path: Path) -> None:
