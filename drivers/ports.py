@@ -175,7 +175,7 @@ class Controller(Device, Protocol):
         ...
 
     async def marker(self) -> Marker | None:
-        """What the controller remembers of the last push; None without `Capabilities.marker`."""
+        """What the controller remembers of the last push, whoever made it; None without `Capabilities.marker`."""
         ...
 
     async def prepare_stops(self, plan: StopPlan) -> None:
@@ -257,7 +257,7 @@ class Controller(Device, Protocol):
         ...
 
     async def finish_push(self, order: PushOrder, state: Literal["committed", "held", "none"]) -> None:
-        """Leave the marker in its last state (none: cleared) and end the conversation about this order."""
+        """Leave the marker in its last state (none: nothing is left of it) and end the talk about this order."""
         ...
 
 

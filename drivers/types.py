@@ -135,10 +135,15 @@ class Capabilities:
 
 @dataclass(frozen=True, slots=True)
 class Marker:
-    """What the controller itself remembers of the last push: transaction number (0 none) and its state."""
+    """What the controller itself remembers of the last push: transaction number (0 none) and its state.
+
+    ``head`` is what it was told of the audit log's end, 64 bits; None where the road carries none. It is no part of
+    what makes two markers the same.
+    """
 
     transaction: int
     state: Literal["none", "in-progress", "committed", "held"]
+    head: int | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -317,7 +322,8 @@ class PushOrder:
     ``table`` is the old table and ``enable`` the switch it had.
     ``agreeing_position`` is where old and new table agree and the table's *input* axis must stand; ``letter``
     and ``rotary`` are those of the input axis. ``coupled`` (CEC) says that other tables of the output axis were
-    on and must be on again at the end, whether this one is enabled or not.
+    on and must be on again at the end, whether this one is enabled or not. ``head`` (64 bits) is left in the
+    controller's marker, where that holds it.
     """
 
     transaction: int
@@ -329,6 +335,7 @@ class PushOrder:
     purpose: Literal["table", "sign-proof", "restore"]
     proof: SignProof | None = None
     coupled: bool = False
+    head: int = 0
 
 
 @dataclass(frozen=True, slots=True)

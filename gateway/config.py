@@ -57,6 +57,10 @@ class Site(Section):
     name: Name = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", description="what --machine must say; no blanks")
     store: Path = Field(default=Path("runs"), description="run folders, relative to the site file")
     trace: bool = Field(default=False, description="keep what passes on every instrument's wire in the run folder")
+    verify_each_day: bool = Field(
+        default=False, description="`serve` compares the live tables with what was pushed once a day, or says it is due"
+    )
+    verify_hour: int = Field(default=6, ge=0, le=23, description="hour (UTC) from which on that comparison is due")
     approvals: Literal[1, 2] | None = Field(
         default=None, description="people who must agree to a push; left out: one, and two when anything warns"
     )

@@ -229,7 +229,7 @@ class Approval:
     """One person's consent to one plan: ``plan_hash`` from `gateway.push.plan_hash`, bound to base and machine.
 
     ``actor`` is who gave it; ``serial`` the machine; it holds from ``given_utc`` until ``expires_utc`` (ISO 8601
-    with offset).
+    with offset). ``run_id`` is the run whose proposal was approved.
     """
 
     actor: str
@@ -238,6 +238,7 @@ class Approval:
     serial: str
     given_utc: str
     expires_utc: str
+    run_id: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -78,6 +78,7 @@ class Dialogue:
         self._before: frozenset[int] = frozenset()
         self._original: tuple[float, ...] | None = None
         self._others: dict[int, float] = {}
+        self._mine: set[float] = set()
         self.pace = Pace(settings.fast_poll_s, settings.poll_s)
 
     async def begin(self, axis_number: int) -> None:
@@ -92,6 +93,20 @@ class Dialogue:
         self._before = frozenset(seen.alarms)
         await self.write({word: 0.0 for word in Word if word not in MARKED})
         self.pace.again()
+
+    def own(self, number: int) -> None:
+        """A program of this number is ours; its word stands while it runs."""
+        self._mine.add(float(number))
+
+    def another(self, seen: Glance) -> bool:
+        """Whether a program that is not of this conversation stands in the words; never before our own first one."""
+        return bool(self._mine) and seen.word(Word.TRANSACTION) not in (0.0, *self._mine)
+
+    async def check_own(self) -> None:
+        """Raise DeviceRefused (E-NC-ANOTHER) when the words are another gateway's: then nothing may be written."""
+        seen = await self.look()
+        if self.another(seen):
+            raise DeviceRefused("E-NC-ANOTHER", self._where, number=round(seen.word(Word.TRANSACTION)))
 
     async def look(self) -> Glance:
         """One look. Raises TransportError (E-UA-NCK-DOWN) while the NCK restarts, and what the session raises."""
@@ -180,11 +195,14 @@ class Dialogue:
         """Restore the R parameters if no program of ours needs them any more; false when one still does.
 
         A program that waits is asked to leave first: given-back words must not look like an answer to it. The
-        marker of a push stays as it is: it is there for whoever comes next.
+        marker of a push stays as it is: it is there for whoever comes next. Words that another gateway uses by now
+        are left alone.
         """
         if self._original is None:
             return True
         seen = await self.look()
+        if self.another(seen):
+            return False
         if not _done(seen):
             await self.write({Word.ABORT: 1.0})
             seen = await self._after_abort(seen)

@@ -61,6 +61,7 @@ class Grinding:
         token = random_source.randbelow(899_999) + 100_000
         text = grindprogram.grinding(plan, token, setting)
         await self._dialogue.begin(numbers[0])
+        self._dialogue.own(token)
         self.plan, self._token, self._saved, self._ended = plan, token, False, False
         self._memory = setting.memory
         values = {SetupWord.X: plan.x_mm, SetupWord.C: plan.c_deg, SetupWord.DRESSING: plan.dressing_mm}

@@ -105,7 +105,7 @@ class SinumerikOpcUa:
 
     @property
     def capabilities(self) -> Capabilities:
-        """Programs of ours run; switching is a stop of theirs; the marker stands in two R parameters."""
+        """Programs of ours run; switching is a stop of theirs; the marker stands in four R parameters."""
         return Capabilities(programs=True, switching=False, marker=True, consent="nc-start")
 
     async def table_limits(self, axis: str, function: Literal["EEC", "CEC"] = "EEC", index: int = 0) -> TableLimits:
@@ -119,7 +119,7 @@ class SinumerikOpcUa:
         return TableLimits(reserved, tables.RESOLUTION, lint.MAX_VALUE[unit], largest)
 
     async def marker(self) -> Marker | None:
-        """The last push as two R parameters remember it, whoever made it."""
+        """The last push as R parameters remember it, whoever made it."""
         return await self._pushing.marker()
 
     # ---- measuring ----------------------------------------------------------------------------------
@@ -133,6 +133,7 @@ class SinumerikOpcUa:
         token = random_source.randbelow(899_999) + 100_000
         text = program.measuring(plan, token, setting)
         await self._dialogue.begin(setting.axis_number)
+        self._dialogue.own(token)
         self._plan, self._token, self._saved, self._ended = plan, token, False, False
         self._memory, self._grinding.plan = setting.memory, None
         self._moving_since, self._move_s = None, 0.0
@@ -228,7 +229,11 @@ class SinumerikOpcUa:
             self._move_s, self._moving_since = (0.5 * took_s if at_once else took_s), None
 
     async def abort_program(self) -> None:
-        """Set the abort word: a program of ours that waits, now or at its start, leaves to its end."""
+        """Set the abort word: a program of ours that waits, now or at its start, leaves to its end.
+
+        Raises DeviceRefused (E-NC-ANOTHER) with nothing written when another gateway's program stands there.
+        """
+        await self._dialogue.check_own()
         await self._dialogue.write({Word.ABORT: 1.0})
         self._dialogue.pace.again()
 
@@ -297,4 +302,4 @@ class SinumerikOpcUa:
 
     async def finish_push(self, order: PushOrder, state: Literal["committed", "held", "none"]) -> None:
         """Leave the marker in its last state. Never retried."""
-        await self._pushing.mark(order.transaction, state)
+        await self._pushing.mark(order, state)

@@ -15,7 +15,7 @@ from drivers.sinumerik.program import Setting
 from drivers.sinumerik.reader import Sign
 from drivers.sinumerik.transfer import Transfer
 from drivers.sinumerik.uasettings import UaSettings
-from drivers.sinumerik.words import MARKER_STATES, Phase, Word, program_path
+from drivers.sinumerik.words import HALF, MARKER_STATES, Phase, Word, program_path
 from drivers.sinumerik.written import read_written
 from drivers.types import ChannelStatus, LiveSet, Marker, PushOrder
 
@@ -59,16 +59,18 @@ class Pushing:
         else:
             texts = {"PUSH": pushprogram.pushing(order, setting)}
         await self._dialogue.begin(setting.axis_number)
-        await self.mark(order.transaction, "in-progress")
+        self._dialogue.own(order.transaction)
+        await self.mark(order, "in-progress")
         for purpose, text in texts.items():
             await self._transfer.send(program_path(purpose, axis), text)
         await self._transfer.select(program_path(next(iter(texts)), axis))
 
-    async def mark(self, transaction: int, state: str) -> None:
-        """Write the marker, never retried; "none" clears it."""
-        code = next((code for code, name in MARKER_STATES.items() if name == state), 0)
-        number = float(transaction) if code else 0.0
-        await self._dialogue.write({Word.MARKER: number, Word.MARKER_STATE: float(code)})
+    async def mark(self, order: PushOrder, state: str) -> None:
+        """Write the marker with the order's number and head, by one request, never retried."""
+        code = next(code for code, name in MARKER_STATES.items() if name == state)
+        high, low = divmod(order.head, HALF)
+        head = {Word.HEAD_HIGH: float(high), Word.HEAD_LOW: float(low)}
+        await self._dialogue.write({Word.MARKER: float(order.transaction), Word.MARKER_STATE: float(code), **head})
 
     async def marker(self) -> Marker:
         """The marker as it stands; anything that is not one of ours is none."""
@@ -77,7 +79,9 @@ class Pushing:
         state = MARKER_STATES.get(int(code)) if code.is_integer() else None
         if state is None or not number.is_integer() or number < 1:
             return Marker(0, "none")
-        return Marker(int(number), state)
+        high, low = seen.word(Word.HEAD_HIGH), seen.word(Word.HEAD_LOW)
+        whole = all(half.is_integer() and 0 <= half < HALF for half in (high, low))
+        return Marker(int(number), state, int(high) * HALF + int(low) if whole else 0)
 
     async def loaded(self, order: PushOrder, timeout_s: float, configuration: Configuration) -> tuple[LiveSet, LiveSet]:
         """Wait for the end of the first half: (back-up of the old, read-back of the new), both as written there.

@@ -30,14 +30,19 @@ class Word(IntEnum):
     POINTS = 15
     MARKER = 16
     MARKER_STATE = 17
+    HEAD_HIGH = 18
+    HEAD_LOW = 19
 
 
 # The marker outlives programs and sessions; odd numbers, so that no other use of these R parameters reads as one.
-MARKED = (Word.MARKER, Word.MARKER_STATE)
+# The head of the audit log stands in two halves of 32 bits, each exact in an R parameter.
+MARKED = (Word.MARKER, Word.MARKER_STATE, Word.HEAD_HIGH, Word.HEAD_LOW)
+HALF = 1 << 32
 MARKER_STATES: dict[int, Literal["none", "in-progress", "committed", "held"]] = {
     8401: "in-progress",
     8402: "committed",
     8403: "held",
+    8404: "none",
 }
 
 

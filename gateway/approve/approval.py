@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from datetime import datetime, timedelta
+from datetime import datetime
 
 from drivers.types import MachineIdentity
 from gateway.domain import Approval, TableChange
 from gateway.errors import WriteRefused
+from gateway.interlocks.limits import APPROVED_FOR
 from gateway.push import plan_hash
 
-VALID = timedelta(minutes=10)
+VALID = APPROVED_FOR
 
 
 def consent(
@@ -21,13 +22,14 @@ def consent(
     typed_name: str,
     site_name: str,
     now_utc: datetime,
+    run_id: str = "",
     given: Iterable[Approval] = (),
 ) -> Approval:
     """One person's approval of one change on one machine, from now for ten minutes.
 
-    ``given`` are the approvals of this plan that have not been used. Raises WriteRefused: E-APPROVE-NAME (the
-    machine's name was not typed), E-APPROVE-NOTHING (no table is proposed), E-APPROVE-TWICE (this person's
-    approval of this plan still holds).
+    ``run_id`` is the run that proposed it; ``given`` are the approvals of this plan that have not been used.
+    Raises WriteRefused: E-APPROVE-NAME (the machine's name was not typed), E-APPROVE-NOTHING (no table is proposed),
+    E-APPROVE-TWICE (this person's approval of this plan still holds).
     """
     if typed_name != site_name:
         raise WriteRefused("E-APPROVE-NAME", change.name, typed=typed_name or "nothing", wanted=site_name)
@@ -39,4 +41,5 @@ def consent(
         if same and now_utc < datetime.fromisoformat(other.expires_utc):
             raise WriteRefused("E-APPROVE-TWICE", change.name, actor=actor, until=other.expires_utc)
     until = (now_utc + VALID).isoformat(timespec="seconds")
-    return Approval(actor, plan, change.base_digest, machine.serial, now_utc.isoformat(timespec="seconds"), until)
+    since = now_utc.isoformat(timespec="seconds")
+    return Approval(actor, plan, change.base_digest, machine.serial, since, until, run_id)

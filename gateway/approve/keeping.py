@@ -31,6 +31,7 @@ class Approvals:
     def unused(self, plan_hash: str = "") -> tuple[Approval, ...]:
         """Approvals (of one plan) that no push has used, oldest first, expired ones too.
 
+        This goes by the marks; a mark can be deleted, so whether one is used is the audit log's to say.
         Raises CorruptRecord (E-STORE-HASH) when one was altered.
         """
         with disk_errors(self._folder):
@@ -39,6 +40,11 @@ class Approvals:
         found = [_read(self._folder / name) for name in fresh]
         wanted = [approval for approval in found if plan_hash in ("", approval.plan_hash)]
         return tuple(sorted(wanted, key=lambda approval: (approval.given_utc, approval.actor)))
+
+    @staticmethod
+    def digest(approval: Approval) -> str:
+        """The hash that names an approval."""
+        return records.sha256(records.encode(approval))
 
     def use(self, approvals: tuple[Approval, ...], used_by: str) -> None:
         """Use them up, durably, before anything is written to a machine; ``used_by`` says for what.

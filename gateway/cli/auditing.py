@@ -23,22 +23,29 @@ def verify_command(
     head: Annotated[list[str] | None, typer.Option(help="A head exported earlier; may be repeated.")] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Check every record's hash and place, and heads exported earlier; exit code 11 when the log is not whole."""
+    """Check every record, every file of every run, and heads exported earlier; exit code 11 when one is not whole."""
     from gateway import audit
+    from gateway.audit import runs
 
-    root, exported = store_root(store), tuple(audit.head_of(text) for text in head or ())
-    health = audit.check(root, exported)
+    root = store_root(store)
+    exported, kept = tuple(audit.head_of(text) for text in head or ()), runs.look(root)
+    health = audit.check(root, (*exported, *kept.heads))
     if as_json:
-        show_json(health.as_data())
-        if not health.sound:
+        show_json({**health.as_data(), "runs": kept.runs, "files": health.files, "wrong": list(kept.problems)})
+        if not health.sound or kept.problems:
             raise typer.Exit(11)
         return
-    audit.demand(root, exported)
+    for problem in kept.problems:
+        echo(problem)
+    audit.demand(root, (*exported, *kept.heads))
     echo(f"{root}: {health.head.seq} records in {health.files} files are whole; head {health.head}")
+    echo(f"{kept.runs} runs: {len(kept.problems) or 'no'} files are not as they were kept")
     if health.torn_bytes:
         echo(f"a crash left {health.torn_bytes} bytes of a record; the next record will speak of it")
     if not exported:
         echo("give --head with a head kept elsewhere to see also that the end was not cut")
+    if kept.problems:
+        raise typer.Exit(11)
 
 
 @audit_app.command("head")

@@ -59,11 +59,11 @@ def rollback(
 
 def verify_table_command(
     site: SiteArgument,
-    axis: TableOption,
-    run: Annotated[str, typer.Option(help="Compare with this run's proposal instead.")] = "",
+    axis: TableOption = "",
+    run: Annotated[str, typer.Option(help="Compare with this run's proposal instead; with --axis.")] = "",
     as_json: JsonOption = False,
 ) -> None:
-    """Read the live table and compare it with the last committed push; exit code 9 unless it is as approved."""
+    """Compare the live tables (all that pushes left, or one) with the last committed push; exit code 9: one differs."""
     from gateway.cli.running import show_outcome
     from gateway.cli.show import progress
     from gateway.config import load_site

@@ -106,13 +106,25 @@ async def _identities(site: Path) -> list[tuple[str, str, str, str]]:
 
 def serve_command(site: Path, host: str, port: int) -> None:
     """Serve a site until Ctrl-C."""
-    from gateway.daemon import serve, token_path
+    from gateway.daemon import Daily, serve, token_path
     from gateway.supervisor import Supervisor
+    from gateway.workflow.aftercare import StandingAlarms, due
     from gateway.workflow.bench import store_of
     from gateway.workflow.run import run_site
+    from gateway.workflow.verifying import verify_table
 
     tree, clock = load_site(site), LoopClock()
-    store = store_of(tree, site)
+    store, serial, hour = store_of(tree, site), tree.controller.serial, tree.site.verify_hour
+
+    async def compare(say: Say) -> object:
+        return await verify_table(tree, site, table="", run=None, clock=clock, say=say)
+
+    def daily(devices: Supervisor) -> Daily | None:
+        if not tree.site.verify_each_day:
+            return None
+        # With programs every reading is an operator's NC START: it is told as due, and nothing starts by itself.
+        job = None if devices.controller.capabilities.programs else compare
+        return Daily(hour, lambda: due(store, serial, clock.utc(), hour), job)
 
     async def starter(say: Say) -> object:
         # Nobody at a desk can consent to a write: a run from the page only proposes.
@@ -125,7 +137,17 @@ def serve_command(site: Path, host: str, port: int) -> None:
         devices = Supervisor(tree, clock)
         stop = asyncio.Event()
         await serve(
-            tree, lambda: devices, starter, store=store, clock=clock, stop=stop, host=host, port=port, ready=ready
+            tree,
+            lambda: devices,
+            starter,
+            store=store,
+            clock=clock,
+            stop=stop,
+            host=host,
+            port=port,
+            ready=ready,
+            daily=daily(devices),
+            alarms=StandingAlarms(store, serial),
         )
 
     asyncio.run(main())

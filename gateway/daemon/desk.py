@@ -50,6 +50,7 @@ class Desk:
     def __init__(self, devices: Devices, starter: RunStarter | None, clock: Clock) -> None:
         self._devices = devices
         self._starter = starter
+        self._job = starter
         self._clock = clock
         self._wanted = asyncio.Event()
         self._begun: asyncio.Future[str] | None = None
@@ -67,8 +68,8 @@ class Desk:
         """All devices as they are now."""
         return device_views(self._devices.picture(), lent=self.run is not None)
 
-    async def start(self) -> str:
-        """Ask for a run and return its id as soon as it has one.
+    async def start(self, job: RunStarter | None = None) -> str:
+        """Ask for a run, or for another ``job`` of the same kind, and return its id as soon as it has one.
 
         Raises BusyError (E-WEB-BUSY, E-WEB-STOPPING), and whatever kept the run from beginning.
         """
@@ -76,6 +77,7 @@ class Desk:
             raise BusyError("E-WEB-STOPPING", "daemon")
         if self._wanted.is_set():
             raise BusyError("E-WEB-BUSY", "daemon", run=self.run.run_id if self.run else "being prepared")
+        self._job = job or self._starter
         self._begun = asyncio.get_running_loop().create_future()
         self._wanted.set()
         return await asyncio.shield(self._begun)
@@ -118,10 +120,10 @@ class Desk:
             self._wanted.clear()
 
     async def _run(self) -> None:
-        if self._starter is None:
+        if self._job is None:
             return
         try:
-            await self._starter(self._say)
+            await self._job(self._say)
             self._begin("")
         except TrueflankError as error:
             self._failed(error)

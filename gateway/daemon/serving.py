@@ -16,6 +16,7 @@ import uvicorn
 from drivers.clock import Clock
 from drivers.errors import ConfigError, DeadlineExceeded
 from gateway.config import SiteFile
+from gateway.daemon.daily import Daily, each_day
 from gateway.daemon.desk import Desk, Devices, RunStarter, interrupt
 from gateway.daemon.lock import locked
 from gateway.daemon.stored import last_result, newest_runs, stored_report
@@ -55,19 +56,22 @@ async def serve(
     host: str = "127.0.0.1",
     port: int = 8617,
     ready: Callable[[str], None] = lambda _url: None,
+    daily: Daily | None = None,
+    alarms: Callable[[], tuple[str, ...]] = tuple,
 ) -> None:
     """Open and watch the devices and serve the page until `stop` is set; ends within 3 s of it.
 
     ``run_starter`` does a whole run that only proposes (see `Desk`); None makes a gateway that only watches.
-    ``ready`` gets the page's url once it answers. The lock and the token live in the store's folder.
+    ``ready`` gets the page's url once it answers. ``daily`` is what is compared each day; ``alarms`` tells the live
+    tables that are not as they were pushed. The lock and the token live in the store's folder.
     Raises ConfigError (E-WEB-BIND, E-WEB-PORT), BusyError (E-WEB-LOCKED), StoreError (E-WEB-STATE).
     """
     with locked(store.root), _listener(host, port) as listener:
         desk = Desk(supervisor_factory(), run_starter, clock)
-        picture = partial(status, site, desk, store, clock)
+        picture = partial(status, site, desk, store, clock, alarms, daily)
         starter = desk.start if run_starter is not None else None
         app = create_app(picture, starter, token_of(store.root), partial(stored_report, store))
-        await _together(_server(app), listener, desk, clock, stop, ready)
+        await _together(_server(app), listener, desk, clock, stop, ready, daily)
 
 
 async def _together(
@@ -77,19 +81,22 @@ async def _together(
     clock: Clock,
     stop: asyncio.Event,
     ready: Callable[[str], None],
+    daily: Daily | None,
 ) -> None:
     over = asyncio.Event()
     page = asyncio.create_task(server.serve(sockets=[listener]), name="page")
     work = asyncio.create_task(desk.work(over), name="desk")
     ended = asyncio.create_task(stop.wait(), name="stop")
     listening = asyncio.create_task(_announce(server, listener, ready), name="ready")
+    days = asyncio.create_task(each_day(desk, daily, clock), name="daily") if daily is not None else None
     try:
         await asyncio.wait((page, work, ended), return_when=asyncio.FIRST_COMPLETED)
     finally:
         over.set()
         server.should_exit = True
         await asyncio.gather(_ended(work, clock), _ended(page, clock))
-        await asyncio.gather(interrupt(ended, clock), interrupt(listening, clock))
+        others = [task for task in (ended, listening, days) if task is not None]
+        await asyncio.gather(*(interrupt(task, clock) for task in others))
     for task in (work, page):
         if task.done() and not task.cancelled():
             task.result()
@@ -153,7 +160,14 @@ def _family(address: str) -> socket.AddressFamily:
     return socket.AF_INET6 if known.version == 6 else socket.AF_INET
 
 
-def status(site: SiteFile, desk: Desk, store: Store, clock: Clock) -> StatusView:
+def status(
+    site: SiteFile,
+    desk: Desk,
+    store: Store,
+    clock: Clock,
+    alarms: Callable[[], tuple[str, ...]] = tuple,
+    daily: Daily | None = None,
+) -> StatusView:
     """The whole picture as it is now; reads the newest runs from the store."""
     return StatusView(
         site.site.name,
@@ -165,4 +179,6 @@ def status(site: SiteFile, desk: Desk, store: Store, clock: Clock) -> StatusView
         desk.failure,
         last_result(store),
         desk.trouble,
+        alarms(),
+        daily.words if daily is not None else "",
     )

@@ -7,7 +7,7 @@ from datetime import datetime
 
 from gateway.domain import Approval
 from gateway.interlocks.facts import ROUNDING, PushFacts, Refusal, Rule, no
-from gateway.interlocks.limits import MAX_AGE, MAX_AHEAD, WARN_AGE
+from gateway.interlocks.limits import APPROVED_AHEAD, APPROVED_FOR, MAX_AGE, WARN_AGE
 from gateway.interlocks.measured import unmeasured
 from gateway.interlocks.table import largest_change, steepest
 
@@ -69,7 +69,20 @@ def _forgetful(facts: PushFacts) -> Iterator[Refusal]:
         yield from no("W-INT-NO-MARKER", axis=facts.change.axis)
 
 
-_WARNING: tuple[Rule, ...] = (_steep, _far, _old, _flat, _found, _forgetful)
+def _marked(facts: PushFacts) -> Iterator[Refusal]:
+    """A control that lost its memory, or one that another gateway has pushed to since."""
+    if facts.mark_lost:
+        yield from no("W-INT-MARK-LOST", number=facts.mark_lost)
+    if facts.stranger and facts.marker is not None and facts.marker.state in ("none", "committed"):
+        yield from no("W-INT-STRANGER", number=facts.stranger)
+
+
+def _alarmed(facts: PushFacts) -> Iterator[Refusal]:
+    for alarm in facts.alarms:
+        yield from no("W-INT-ALARM", axis=facts.change.axis, alarm=alarm)
+
+
+_WARNING: tuple[Rule, ...] = (_steep, _far, _old, _flat, _found, _forgetful, _marked, _alarmed)
 _JUDGED_HERE = ("W-COMP-STEEP", "W-COMP-FLAT")
 
 
@@ -91,16 +104,38 @@ def _problem(facts: PushFacts, approval: Approval) -> Iterator[Refusal]:
     wanted = (facts.plan, facts.change.base_digest, facts.expected.serial)
     if (approval.plan_hash, approval.base_digest, approval.serial) != wanted:
         yield from no("E-INT-APPROVAL-OTHER-PLAN", actor=approval.actor)
-    elif not _holds(approval, facts.now_utc):
-        yield from no("E-INT-APPROVAL-EXPIRED", actor=approval.actor, until=approval.expires_utc)
+    elif approval.run_id != facts.run_id:
+        yield from no("E-INT-APPROVAL-OTHER-RUN", actor=approval.actor, run=approval.run_id or "none")
+    elif approval in facts.used:
+        yield from no("E-INT-APPROVAL-USED", actor=approval.actor)
+    elif approval in facts.unrecorded:
+        yield from no("E-INT-APPROVAL-UNRECORDED", actor=approval.actor)
+    elif not _bounded(approval):
+        yield from no("E-INT-APPROVAL-TOO-LONG", actor=approval.actor, given=approval.given_utc, **_times(approval))
+    elif not _holds(approval, facts.consent_utc or facts.now_utc):
+        yield from no("E-INT-APPROVAL-EXPIRED", actor=approval.actor, given=approval.given_utc, **_times(approval))
     elif approval.actor == facts.actor:
         yield from no("E-INT-APPROVAL-SAME-PERSON", actor=approval.actor)
 
 
-def _holds(approval: Approval, now: datetime) -> bool:
+def _times(approval: Approval) -> dict[str, object]:
+    return {"until": approval.expires_utc, "minutes": round(APPROVED_FOR.total_seconds() / 60.0)}
+
+
+def _bounded(approval: Approval) -> bool:
+    """Whether it ends soon enough after it was given."""
     try:
         given, until = datetime.fromisoformat(approval.given_utc), datetime.fromisoformat(approval.expires_utc)
-        return given - MAX_AHEAD <= now < until
+        return until - given <= APPROVED_FOR
+    except (ValueError, TypeError):
+        return True  # then it never holds
+
+
+def _holds(approval: Approval, now: datetime) -> bool:
+    """Whether ``now`` lies between its own two dates; another PC's clock may be a little ahead."""
+    try:
+        given, until = datetime.fromisoformat(approval.given_utc), datetime.fromisoformat(approval.expires_utc)
+        return given - APPROVED_AHEAD <= now < until
     except (ValueError, TypeError):
         return False
 
@@ -110,4 +145,9 @@ def _audit(facts: PushFacts) -> Iterator[Refusal]:
         yield from no("E-INT-AUDIT-BROKEN", why=facts.audit_broken)
 
 
-APPROVED: tuple[Rule, ...] = (_agreed, _audit)
+def _proposed(facts: PushFacts) -> Iterator[Refusal]:
+    if not facts.proposed:
+        yield from no("E-INT-NOT-PROPOSED", table=facts.table.name, plan=facts.plan[:12])
+
+
+APPROVED: tuple[Rule, ...] = (_agreed, _audit, _proposed)

@@ -58,6 +58,13 @@ class PushFacts:
     ``plan`` is `gateway.push.plan_hash` of the change; ``actor`` who pushes; ``approvals`` who else agreed;
     ``approvals_needed`` None: one person, two when there is any warning. ``audit_broken`` says why the audit
     chain cannot be trusted ("": it can). ``key_taken`` names another plan under the same transaction key.
+
+    ``proposed`` whether the audit log holds this plan's proposal; ``used`` and ``unrecorded`` are approvals that it
+    knows as used or does not know; ``run_id`` the run they must name, ``consent_utc`` when they must hold (None: now).
+    ``behind`` says how the log falls short of the control's marker ("": it does not); ``mark_lost`` is a transaction
+    that the marker should name and does not, ``stranger`` one it names that another gateway ended, 0 for none.
+    ``missing`` are transactions begun here whose journals are gone.
+    ``alarms`` are differences found between this axis' live tables and what was pushed.
     """
 
     change: TableChange
@@ -90,6 +97,16 @@ class PushFacts:
     approvals_needed: int | None = None
     audit_broken: str = ""
     key_taken: str = ""
+    proposed: bool = True
+    used: tuple[Approval, ...] = ()
+    unrecorded: tuple[Approval, ...] = ()
+    run_id: str = ""
+    consent_utc: datetime | None = None
+    behind: str = ""
+    mark_lost: int = 0
+    stranger: int = 0
+    missing: tuple[int, ...] = ()
+    alarms: tuple[str, ...] = ()
 
     @property
     def table(self) -> CompensationTable:

@@ -11,6 +11,8 @@ from gateway.table.limits import Limits
 MAX_AGE = timedelta(hours=24)
 WARN_AGE = timedelta(hours=4)
 MAX_AHEAD = timedelta(minutes=2)
+APPROVED_FOR = timedelta(minutes=10)
+APPROVED_AHEAD = timedelta(seconds=10)
 MAX_DRIFT_K = 2.0
 MIN_REPETITIONS = 3
 MAX_SUSPECT_SHARE = 0.1

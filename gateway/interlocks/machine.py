@@ -108,6 +108,17 @@ def _marker(facts: PushFacts) -> Iterator[Refusal]:
         yield from no("E-INT-MARKER", number=marker.transaction, state=marker.state)
 
 
+def _behind(facts: PushFacts) -> Iterator[Refusal]:
+    """The control remembers more of this store than its audit log does."""
+    if facts.behind:
+        yield from no("E-INT-AUDIT-BEHIND", why=facts.behind)
+
+
+def _missing(facts: PushFacts) -> Iterator[Refusal]:
+    if facts.missing:
+        yield from no("E-INT-JOURNAL-MISSING", numbers=", ".join(map(str, facts.missing)))
+
+
 def _key(facts: PushFacts) -> Iterator[Refusal]:
     if facts.key_taken:
         yield from no("E-INT-KEY", key=facts.key_taken)
@@ -143,6 +154,6 @@ def _sound(proof: SignProof) -> bool:
 
 
 MACHINE: tuple[Rule, ...] = (_machine, _units, _channel, _mode, _alarms, _axis, _axis_units, _access)
-CONSENT: tuple[Rule, ...] = (_name, _unfinished, _marker, _key, _skipped, _nothing, _base, _proof)
+CONSENT: tuple[Rule, ...] = (_name, _unfinished, _marker, _behind, _missing, _key, _skipped, _nothing, _base, _proof)
 RELEASE: tuple[Rule, ...] = (*MACHINE, _jump)
 NAMED: tuple[Rule, ...] = (_name,)

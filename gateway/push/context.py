@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from datetime import datetime
 from pathlib import Path
 from typing import Protocol
 
 from drivers.clock import Clock
 from drivers.ports import Controller
-from drivers.types import Ambient, CompensationTable, MachineIdentity, SignProof
+from drivers.types import Ambient, CompensationTable, LiveSet, MachineIdentity, SignProof
 from drivers.units import AxisUnit
-from gateway.domain import Approval, Capture
+from gateway.domain import Approval, Capture, TableChange
 from gateway.say import Say, silence
 
 
@@ -19,6 +21,38 @@ class Keeper(Protocol):
 
     def write_text(self, name: str, text: str) -> Path:
         """Keep a text exactly as given."""
+        ...
+
+
+class AuditLog(Protocol):
+    """What a push asks of the log of who did what: it is told before anything is sent, and it can be asked."""
+
+    def begin(self, transaction: int, change: TableChange) -> str:
+        """Keep, durable, that a transaction begins; the log's head. Raises CorruptRecord, BusyError, StoreError."""
+        ...
+
+    def end(self, transaction: int, state: str) -> None:
+        """Keep how the control's marker is about to say that it ended; a log that takes nothing stops nothing."""
+        ...
+
+    def head(self) -> int:
+        """The first 64 bits of the log's head; 0 for none."""
+        ...
+
+    def begun(self, transaction: int) -> bool:
+        """Whether the log knows that this transaction of the machine began."""
+        ...
+
+    def announced(self) -> frozenset[int]:
+        """Every transaction of the machine that `begin` has kept: each has a journal."""
+        ...
+
+    def holds(self, head: int) -> bool:
+        """Whether a line of the log has a hash that begins so."""
+        ...
+
+    def last_mark(self) -> int:
+        """The transaction that the machine's marker should still name; 0 where it need name none."""
         ...
 
 
@@ -54,6 +88,12 @@ class PushContext:
     for (None: one, two when anything warns). ``audit_broken`` says why the audit cannot be trusted. ``key`` is
     the caller's transaction key: the same key with the same plan gives the same answer.
 
+    ``log`` is the audit log (None: nobody keeps one, as in a trial). ``proposed`` says whether it holds the proposal
+    of this plan, ``used`` and ``unrecorded`` are approvals that it knows as used, or does not know at all, ``alarms``
+    what it holds against the live tables of the axis. ``run_id`` is the run that approvals must name;
+    ``consent_utc`` when this push began, which is when they must hold (None: now). ``on_live`` is told the live tables
+    as read before anything is disabled, CEC as deviations, and answers with the alarms that stand then.
+
     ``journals`` is the folder of all machines' journals; ``machine`` the fingerprint the run was made on;
     ``typed_name`` what the operator gave as the machine's name, ``site_name`` what it must be. Timeouts in s of
     the clock: for a person to press NC START or do a reference run, and for one move to end.
@@ -83,6 +123,14 @@ class PushContext:
     approvals_needed: int | None = None
     audit_broken: str = ""
     key: str = ""
+    log: AuditLog | None = None
+    proposed: bool = True
+    used: tuple[Approval, ...] = ()
+    unrecorded: tuple[Approval, ...] = ()
+    alarms: tuple[str, ...] = ()
+    run_id: str = ""
+    on_live: Callable[[LiveSet], tuple[str, ...]] | None = None
+    consent_utc: datetime | None = None
 
     @property
     def moved(self) -> AxisFacts:

@@ -9,10 +9,10 @@ from drivers.errors import TransportError, TrueflankError
 from drivers.types import Approach, ChannelStatus, LiveSet, PushOrder, Stop, StopPlan, StopReached, TableLimits
 from gateway.domain import TableChange
 from gateway.interlocks import PushFacts
-from gateway.push import journal
 from gateway.push.byhand import visit_by_hand
 from gateway.push.compare import signed
 from gateway.push.context import PushContext
+from gateway.push.marking import against_the_log, missing_journals
 from gateway.push.plan import plan_hash
 from gateway.push.work import Purpose
 from gateway.walk import Patience, walk
@@ -42,7 +42,7 @@ async def facts_at_start(
     state = await controller.state()
     kept = controller.capabilities.marker
     marker = await controller.marker() if kept else None
-    folder = journal.machine_folder(context.journals, context.machine.serial)
+    mark = against_the_log(context, marker)
     return PushFacts(
         change=change,
         purpose=purpose,
@@ -66,7 +66,7 @@ async def facts_at_start(
         access_level_needed=context.access_level_needed,
         live=live,
         marker=marker,
-        marker_ours=marker is None or marker.transaction == 0 or journal.knows(folder, marker.transaction),
+        marker_ours=mark.ours,
         marker_kept=kept,
         plan=plan_hash(change, context.machine),
         actor=context.actor,
@@ -74,6 +74,16 @@ async def facts_at_start(
         approvals_needed=context.approvals_needed,
         audit_broken=context.audit_broken,
         key_taken=key_taken,
+        proposed=context.proposed,
+        used=context.used,
+        unrecorded=context.unrecorded,
+        run_id=context.run_id,
+        consent_utc=context.consent_utc,
+        behind=mark.behind,
+        mark_lost=mark.lost,
+        stranger=mark.stranger,
+        missing=missing_journals(context),
+        alarms=context.alarms,
     )
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from drivers.types import LiveTable
 from gateway.errors import StoreError
-from gateway.push import journal
+from gateway.push import journal, numbering
 from gateway.push.journal import JournalRead
 from gateway.push.recovery import tables_of
 
@@ -40,13 +41,34 @@ def committed(journals: Path, serial: str, table: str, sign: int = 1) -> tuple[C
     found = [one for one in (*journal.all_of(folder / "done"), *journal.all_of(folder)) if one.entries or one.broken]
     every = (_committed(one, sign) for one in found)
     pushes = [push for push in every if push is not None and push.table == table]
-    last = _last_number(folder, pushes)
-    return tuple(sorted(pushes, key=lambda push: _age(push.transaction, last)))
+    return tuple(sorted(pushes, key=_age_among(pushes, _last_number(folder, pushes))))
 
 
-def _age(number: int, last: int) -> int:
-    """Place in the order of giving: numbers count up and begin again after the largest; the PC's clock may jump."""
-    return (number - last - 1) % journal.MAX_NUMBER
+def _age_among(pushes: list[Committed], last: int) -> Callable[[Committed], tuple[int, str, int]]:
+    """Place in the order of giving: counts go up and begin again after the largest; the PC's clock may jump.
+
+    Numbers without a store's part are older than all others. Where a store lost its part and drew another, the
+    numbers of ``last`` are the newest and the other parts go by their first date.
+    """
+    newest = last // numbering.PART_SIZE
+    firsts: dict[int, str] = {}
+    for push in pushes:
+        part = push.transaction // numbering.PART_SIZE
+        firsts[part] = min(firsts.get(part, push.utc), push.utc)
+
+    def age(push: Committed) -> tuple[int, str, int]:
+        if push.transaction <= numbering.OLD_MAX:
+            return (
+                0,
+                "",
+                (push.transaction - last - 1) % numbering.OLD_MAX if last <= numbering.OLD_MAX else push.transaction,
+            )
+        part, count = divmod(push.transaction, numbering.PART_SIZE)
+        if part == newest:
+            return 2, "", (count - last % numbering.PART_SIZE - 1) % numbering.MAX_COUNT
+        return 1, firsts[part], count
+
+    return age
 
 
 def _last_number(folder: Path, pushes: list[Committed]) -> int:
@@ -56,6 +78,14 @@ def _last_number(folder: Path, pushes: list[Committed]) -> int:
     except (OSError, UnicodeDecodeError):
         text = ""
     return int(text) if text.isdigit() else max((push.transaction for push in pushes), default=0)
+
+
+def pushed_tables(journals: Path, serial: str) -> tuple[str, ...]:
+    """Names of the tables of a machine that committed pushes have left, in order. Raises as `committed`."""
+    folder = journal.machine_folder(journals, serial)
+    found = (one for one in (*journal.all_of(folder / "done"), *journal.all_of(folder)) if one.entries or one.broken)
+    pushes = (_committed(one, 1) for one in found)
+    return tuple(sorted({push.table for push in pushes if push is not None}))
 
 
 def to_undo(pushes: tuple[Committed, ...]) -> Committed | None:

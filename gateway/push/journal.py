@@ -14,10 +14,9 @@ import json
 import math
 import os
 import re
-import secrets
 import shutil
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -26,11 +25,14 @@ from drivers.names import stem
 from drivers.ownfiles import made_folder, opened, read_own
 from gateway.errors import StoreError
 
+FOLDER = "journal"
 FINAL = ("COMMITTED", "ROLLED_BACK", "ABORTED", "CLOSED")
 FREE_BYTES = 50_000_000
-MAX_NUMBER = 999_999
 _START = "0" * 64
-_NAME = re.compile(r"tx-(\d{6})\.jnl")
+_NAME = re.compile(r"tx-(\d{6}|\d{9})\.jnl")
+
+
+Begun = Callable[[int], bool]
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +91,7 @@ class Journal:
             if free < FREE_BYTES:
                 raise StoreError("E-PUSH-DISK", str(folder), why=f"{free} bytes free, {FREE_BYTES} needed")
             file = opened(path, "xb")
-            _sync_folder(folder)
+            sync_folder(folder)
         except OSError as error:
             raise StoreError("E-PUSH-DISK", str(path), why=str(error)) from error
         return cls(path, file, 0, _START)
@@ -192,7 +194,30 @@ def all_of(folder: Path) -> tuple[JournalRead, ...]:
     """Every journal of a machine that is still in place, oldest number first."""
     if not folder.is_dir():
         return ()
-    return tuple(read(path) for path in sorted(folder.iterdir()) if _NAME.fullmatch(path.name))
+    paths = [path for path in folder.iterdir() if _NAME.fullmatch(path.name)]
+    return tuple(read(path) for path in sorted(paths, key=lambda path: (len(path.name), path.name)))
+
+
+def numbers(folder: Path) -> frozenset[int]:
+    """Numbers of a machine's journals, ended ones as well, by the names of their files."""
+    paths = [*folder.glob("tx-*.jnl"), *folder.glob("done/tx-*.jnl")]
+    return frozenset(int(match.group(1)) for path in paths if (match := _NAME.fullmatch(path.name)))
+
+
+def judged(found: JournalRead, begun: Begun | None) -> JournalRead:
+    """A journal that says nothing although its transaction had begun is no finished one: it was emptied."""
+    if found.entries or found.broken or begun is None or not begun(found.number):
+        return found
+    return replace(found, broken="it is empty, and the audit log says that its transaction had begun")
+
+
+def left_open(folder: Path, begun: Begun | None = None) -> tuple[JournalRead, ...]:
+    """Journals of a machine that did not end, oldest number first; those put among the ended ones as well.
+
+    ``begun`` says whether a transaction is known elsewhere to have begun.
+    """
+    every = (judged(found, begun) for found in (*all_of(folder), *all_of(folder / "done")))
+    return tuple(found for found in every if not found.finished)
 
 
 def knows(folder: Path, number: int) -> bool:
@@ -200,7 +225,13 @@ def knows(folder: Path, number: int) -> bool:
     named = f"tx-{number:06d}.jnl"
     if (folder / named).exists() or (folder / "done" / named).exists():
         return True
-    return any(number in orders_of(found) for found in (*all_of(folder), *reversed(all_of(folder / "done"))))
+    return bool(sender(folder, number))
+
+
+def sender(folder: Path, number: int) -> int:
+    """The transaction of a machine's journals that sent this order number; 0 where none did."""
+    every = (*all_of(folder), *reversed(all_of(folder / "done")))
+    return next((found.number for found in every if number in orders_of(found)), 0)
 
 
 def orders_of(found: JournalRead) -> frozenset[int]:
@@ -215,9 +246,9 @@ def by_key(folder: Path, key: str) -> JournalRead | None:
     return next((one for one in reversed(found) if one.entries[0].facts.get("key") == key), None)
 
 
-def tidy(folder: Path) -> tuple[JournalRead, ...]:
-    """Set ended journals aside that a crash left in place; returns them."""
-    left = tuple(found for found in all_of(folder) if found.finished)
+def tidy(folder: Path, begun: Begun | None = None) -> tuple[JournalRead, ...]:
+    """Set ended journals aside that a crash left in place; returns them. ``begun`` as for `left_open`."""
+    left = tuple(found for found in all_of(folder) if judged(found, begun).finished)
     for found in left:
         set_aside(found.path)
     return left
@@ -225,61 +256,20 @@ def tidy(folder: Path) -> tuple[JournalRead, ...]:
 
 def set_aside(path: Path) -> None:
     """Move an ended journal to `done`, never delete it; where that is refused it stays and is still read."""
+    if path.parent.name == "done":
+        return
     done = path.parent / "done"
     try:
         made_folder(done)
         os.replace(path, done / path.name)
-        _sync_folder(done)
-        _sync_folder(path.parent)
+        sync_folder(done)
+        sync_folder(path.parent)
     except OSError:
         return
 
 
-def allocate(folder: Path, seed: int) -> int:
-    """The next transaction number of a machine, durable before it is used; it fits an R parameter exactly.
-
-    ``seed`` begins the count where no number was ever kept, so that a lost folder does not repeat numbers that
-    the control may still hold. Raises StoreError (E-PUSH-DISK).
-    """
-    counter = folder / "number"
-    try:
-        last = max([_kept(counter), *_used(folder)], default=0) or seed % 800_000 + 100_000
-        number = last % MAX_NUMBER + 1
-        while (folder / f"tx-{number:06d}.jnl").exists() or (folder / "done" / f"tx-{number:06d}.jnl").exists():
-            number = number % MAX_NUMBER + 1
-        _keep(counter, number)
-    except OSError as error:
-        raise StoreError("E-PUSH-DISK", str(counter), why=str(error)) from error
-    return number
-
-
-def _kept(counter: Path) -> int:
-    try:
-        text = read_own(counter).decode("ascii").strip()
-    except (FileNotFoundError, UnicodeDecodeError):
-        return 0
-    return int(text) if text.isdigit() and int(text) <= MAX_NUMBER else 0
-
-
-def _used(folder: Path) -> list[int]:
-    """Numbers of all journals; only asked for when the counter was lost or runs behind."""
-    paths = [*folder.glob("tx-*.jnl"), *folder.glob("done/tx-*.jnl")]
-    if _kept(folder / "number"):
-        return []
-    return [int(match.group(1)) for path in paths if (match := _NAME.fullmatch(path.name))]
-
-
-def _keep(counter: Path, number: int) -> None:
-    temporary = counter.with_name(f".number.{secrets.token_hex(4)}")
-    with opened(temporary, "xb") as file:
-        file.write(str(number).encode("ascii"))
-        file.flush()
-        os.fsync(file.fileno())
-    os.replace(temporary, counter)
-    _sync_folder(counter.parent)
-
-
-def _sync_folder(folder: Path) -> None:
+def sync_folder(folder: Path) -> None:
+    """Make a new or renamed file durable; Windows has no way to ask for it."""
     if sys.platform == "win32":
         return
     descriptor = os.open(folder, os.O_RDONLY)

@@ -27,8 +27,10 @@ async def load(work: Work, order: PushOrder, base: LiveSet | None) -> None:
     """
     context = work.context
     await _stand(work, order)
-    work.note("DISABLE", order=order.transaction, purpose=order.purpose)
+    await _alone(work)
+    work.note("DISABLE", order=order.transaction, purpose=order.purpose, **_stood(work))
     work.marked, work.cut_short = order, True
+    work.sent.add(order.transaction)
     await context.controller.prepare_push(order)
     await _check_marker(work, order)
     context.say("P-PUSH-LOAD", axis=work.axis, transaction=order.transaction)
@@ -61,6 +63,20 @@ async def _kept_before(work: Work, order: PushOrder, base: LiveSet | None) -> Li
     return backup
 
 
+async def _alone(work: Work) -> None:
+    """Nobody else may have come since the marker was last looked at. Raises BusyError (E-PUSH-ANOTHER)."""
+    controller = work.context.controller
+    if work.before is None and not work.sent and controller.capabilities.marker:
+        work.before = await controller.marker()
+    await work.only_ours()
+
+
+def _stood(work: Work) -> dict[str, object]:
+    """The marker from before the first order, for whoever recovers this."""
+    before = work.before
+    return {} if before is None or work.sent else {"before": before.transaction, "before_state": before.state}
+
+
 async def _loaded(work: Work, order: PushOrder) -> tuple[LiveSet, LiveSet]:
     """What stood before and what stands now, once every point has been written, or was found to differ after that."""
     try:
@@ -87,6 +103,7 @@ async def _check_marker(work: Work, order: PushOrder) -> None:
     if marker is None or (marker.transaction, marker.state) != (order.transaction, "in-progress"):
         found = "nothing" if marker is None else f"{marker.transaction} {marker.state}"
         raise VerifyError("E-PUSH-MARKER", work.axis, axis=work.axis, wanted=order.transaction, found=found)
+    work.acknowledged = True
 
 
 def keep_backup(work: Work, order: PushOrder, backup: LiveSet) -> None:

@@ -87,10 +87,9 @@ class Seen:
     marker_ours: bool = True
 
 
-def unfinished(journals: Path, serial: str) -> tuple[JournalRead, ...]:
-    """The journals of a machine that did not end, oldest first."""
-    folder = journal.machine_folder(journals, serial)
-    return tuple(found for found in journal.all_of(folder) if not found.finished)
+def unfinished(journals: Path, serial: str, begun: journal.Begun | None = None) -> tuple[JournalRead, ...]:
+    """The journals of a machine that did not end, oldest first; ``begun`` as for `journal.left_open`."""
+    return journal.left_open(journal.machine_folder(journals, serial), begun)
 
 
 def verdict(found: JournalRead, live: LiveTable | Seen | None, allowed: float, sign: int = 1) -> Finding:
@@ -120,6 +119,8 @@ def _verdict(found: JournalRead, seen: Seen | None, allowed: float, sign: int) -
         return "R-PUSH-UNKNOWN", "none"
     if _foreign_marker(seen):
         return "R-PUSH-OTHER-MARKER", "none"
+    if _superseded(seen, found):
+        return "R-PUSH-SUPERSEDED", "close"
     old, new = tables_of(found, sign)
     if not differences(old.table, seen.live.table, allowed):
         return _is_old(old, seen, found)
@@ -131,6 +132,25 @@ def _verdict(found: JournalRead, seen: Seen | None, allowed: float, sign: int) -
 def _foreign_marker(seen: Seen) -> bool:
     marker = seen.marker
     return marker is not None and marker.state in ("in-progress", "held") and not seen.marker_ours
+
+
+def _before(found: JournalRead) -> Marker | None:
+    """The marker from before the first order, as far as the journal knows it."""
+    number, state = found.latest("before"), found.latest("before_state")
+    return Marker(number, state) if isinstance(number, int) and state is not None else None
+
+
+def _superseded(seen: Seen, found: JournalRead) -> bool:
+    """Whether the marker names another push since: this one would have kept it out, so nothing of it arrived."""
+    marker = seen.marker
+    if (
+        marker is None
+        or marker.transaction in (0, *journal.orders_of(found))
+        or marker.state not in ("none", "committed")
+    ):
+        return False
+    before = _before(found)
+    return before is not None and marker != before
 
 
 def _is_old(old: LiveTable, seen: Seen, found: JournalRead) -> tuple[str, Action]:
@@ -268,6 +288,8 @@ async def _work(found: JournalRead, context: PushContext) -> Work:
     work.cut_short, work.torn = True, bool(found.latest("torn"))
     work.base_digest = next((str(one.facts["digest"]) for one in found.entries if one.kind == "SNAPSHOT"), "")
     work.confirmed, work.begun = bool(found.latest("confirmed")), True
+    work.sent |= journal.orders_of(found)
+    work.before = _before(found)
     return work
 
 

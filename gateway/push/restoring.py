@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from drivers.errors import TransportError, TrueflankError, words
 from drivers.types import LiveSet
-from gateway.errors import VerifyError, WriteRefused
+from gateway.errors import BusyError, VerifyError, WriteRefused
 from gateway.interlocks import refusals
 from gateway.push import conversation
 from gateway.push.compare import differences, same_table, table_in
@@ -18,7 +18,8 @@ from gateway.push.work import Outcome, Work
 async def roll_back(work: Work, why: str) -> Outcome:
     """Restore what was live before. "rolled-back" when it is proved to be so again, else "held".
 
-    Raises StoreError when the journal cannot be written: then nothing more may be done.
+    Raises StoreError when the journal cannot be written: then nothing more may be done. BusyError (E-PUSH-ANOTHER)
+    with nothing touched when another gateway pushed before anything of this push arrived in the control.
     """
     try:
         with foreseen(work.axis):
@@ -27,6 +28,12 @@ async def roll_back(work: Work, why: str) -> Outcome:
             await _restore(work)
             await work.finish("none")
             work.note("ROLLED_BACK")
+    except BusyError as error:
+        if not work.acknowledged:  # nothing of ours ever stood in the control
+            work.note("ABORTED", why=str(error))
+            raise
+        await hold(work, str(error))
+        return "held"
     except TrueflankError as error:
         await hold(work, str(error))
         return "held"
@@ -48,7 +55,9 @@ async def _restore(work: Work) -> None:
         # What became of the last request is unknown: only a connection of its own can tell.
         await conversation.connect_again(work.context)
         await work.same_machine()
+    await work.only_ours()
     await conversation.leave_program(work.context)
+    await work.only_ours()
     await _asked(work)
     live = await conversation.read_live(work.context, work.agreeing_position)
     before = as_before(work, live)

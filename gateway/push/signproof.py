@@ -16,7 +16,7 @@ from typing import Any, Literal
 import numpy as np
 
 from drivers.errors import TableError, TrueflankError, UnsupportedDevice
-from drivers.types import CompensationTable, LiveSet, PushOrder, SignProof, Stop, StopReached, TableLimits
+from drivers.types import CompensationTable, LiveSet, Marker, PushOrder, SignProof, Stop, StopReached, TableLimits
 from drivers.units import deviation_unit
 from gateway.domain import TableChange
 from gateway.errors import RollbackFailed, VerifyError, WriteRefused
@@ -123,6 +123,7 @@ async def prove_sign(
         change = _change(table, live)
         asked = await _allowed(raw, change, live)
         with begun(raw, folder, change, "sign-proof", asked.limits, asked.place) as work:
+            work.before = asked.marker
             steps = await _proved(work, live, peak, read_stop, setup)
     return _judged(raw, steps, function)
 
@@ -131,6 +132,7 @@ async def prove_sign(
 class _Allowed:
     limits: TableLimits
     place: float
+    marker: Marker | None
 
 
 def _change(table: CompensationTable, live: LiveSet | None) -> TableChange:
@@ -147,7 +149,7 @@ async def _allowed(context: PushContext, change: TableChange, live: LiveSet | No
     if asked.refusals or asked.agreeing_position is None:
         reasons = "; ".join(refusal.words for refusal in asked.refusals)
         raise WriteRefused("E-PUSH-REFUSED", change.axis, count=len(asked.refusals), reasons=reasons)
-    return _Allowed(asked.limits, asked.agreeing_position)
+    return _Allowed(asked.limits, asked.agreeing_position, asked.marker)
 
 
 async def _proved(work: Work, live: LiveSet, peak: float, read_stop: ReadStop, setup: str) -> Steps:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from drivers.errors import TrueflankError
-from drivers.types import LiveSet, LiveTable, TableLimits
+from drivers.types import LiveSet, LiveTable, Marker, TableLimits
 from gateway.domain import PushRecord, TableChange
 from gateway.interlocks import PushFacts, Refusal, needed, refusals, warnings
 from gateway.push import conversation, journal
@@ -40,13 +40,17 @@ _ENDED: dict[str, Outcome] = {"COMMITTED": "committed", "ROLLED_BACK": "rolled-b
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """The answer of the interlocks before anything is sent; ``warnings`` ask for a second person."""
+    """The answer of the interlocks before anything is sent; ``warnings`` ask for a second person.
+
+    ``marker`` is the control's as it stood then: while it stands, nobody else has pushed.
+    """
 
     limits: TableLimits
     agreeing_position: float | None
     refusals: tuple[Refusal, ...]
     warnings: tuple[Refusal, ...] = ()
     people: int = 1
+    marker: Marker | None = None
 
 
 async def push_table(change: TableChange, context: PushContext) -> PushRecord:
@@ -73,6 +77,7 @@ async def _pushed(change: TableChange, context: PushContext) -> PushRecord:
         if reasons or asked.agreeing_position is None:
             return refused(context, change.axis, reasons)
         with begun(context, folder, change, "table", asked.limits, asked.agreeing_position) as work:
+            work.before = asked.marker
             return work.record(await _push(work))
 
 
@@ -112,7 +117,7 @@ async def ask(change: TableChange, context: PushContext, purpose: Purpose, live:
 
 
 def _asked(facts: PushFacts, limits: TableLimits, place: float | None) -> Asked:
-    return Asked(limits, place, refusals(facts), warnings(facts), needed(facts))
+    return Asked(limits, place, refusals(facts), warnings(facts), needed(facts), facts.marker)
 
 
 def place_for(old: LiveTable, change: TableChange, context: PushContext) -> float | None:
@@ -131,7 +136,8 @@ def _key_taken(change: TableChange, context: PushContext) -> str:
 def unfinished_names(context: PushContext) -> tuple[str, ...]:
     """Names of journals of this machine that did not end."""
     folder = journal.machine_folder(context.journals, context.machine.serial)
-    return tuple(found.path.name for found in journal.all_of(folder) if not found.finished)
+    begun = context.log.begun if context.log is not None else None
+    return tuple(found.path.name for found in journal.left_open(folder, begun))
 
 
 def refused(context: PushContext, axis: str, reasons: tuple[Refusal, ...]) -> PushRecord:
@@ -185,6 +191,8 @@ async def snapshot(work: Work) -> LiveSet:
     """The live tables, kept as read, before anything is disabled."""
     live = await conversation.read_live(work.context, work.agreeing_position)
     keep(work, live)
+    if work.context.on_live is not None:
+        work.context = replace(work.context, alarms=work.context.on_live(live))
     return live
 
 

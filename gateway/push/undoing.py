@@ -42,7 +42,7 @@ async def ask_undo(done: Committed, context: PushContext) -> Asked:
     place = place_for(done.new, change, context)
     names = unfinished_names(context)
     facts = await conversation.facts_at_start(context, change, "restore", limits, place, unfinished=names)
-    return Asked(limits, place, tuple(_reasons(facts)))
+    return Asked(limits, place, tuple(_reasons(facts)), marker=facts.marker)
 
 
 def _reasons(facts: PushFacts) -> list[Refusal]:
@@ -52,6 +52,10 @@ def _reasons(facts: PushFacts) -> list[Refusal]:
         found += no("E-INT-UNFINISHED", journals=", ".join(facts.unfinished))
     if facts.audit_broken:
         found += no("E-INT-AUDIT-BROKEN", why=facts.audit_broken)
+    if facts.missing:
+        found += no("E-INT-JOURNAL-MISSING", numbers=", ".join(map(str, facts.missing)))
+    if facts.behind:
+        found += no("E-INT-AUDIT-BEHIND", why=facts.behind)
     marker = facts.marker
     if marker is not None and marker.state in ("in-progress", "held") and not facts.marker_ours:
         found += no("E-INT-MARKER", number=marker.transaction, state=marker.state)
@@ -79,6 +83,7 @@ async def _undone(done: Committed, context: PushContext) -> PushRecord:
             return refused(context, done.axis, asked.refusals)
         change = undoing(done)
         with begun(context, folder, change, "restore", asked.limits, asked.agreeing_position) as work:
+            work.before = asked.marker
             work.note("UNDOES", undoes=done.transaction)
             return work.record(await _undo(work, done))
 

@@ -5,15 +5,15 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
 from drivers.errors import TrueflankError
-from drivers.types import CompensationTable, LiveSet, LiveTable, PushOrder, TableLimits
+from drivers.types import CompensationTable, LiveSet, LiveTable, Marker, PushOrder, TableLimits
 from gateway.domain import PushRecord, TableChange
-from gateway.errors import StoreError, VerifyError
-from gateway.push import journal
+from gateway.errors import BusyError, StoreError, VerifyError
+from gateway.push import journal, numbering
 from gateway.push.compare import signed, table_facts, tolerance
 from gateway.push.context import PushContext
 from gateway.push.plan import plan_hash
@@ -32,7 +32,8 @@ class Work:
     ``coupled`` says that other CEC tables of the output axis were on before, so that they must be again.
     ``begun`` says that a load may have written something. ``marked`` is the order whose number the controller's marker
     carries. ``cut_short`` says that a load may have stopped in its middle, ``torn`` that a control which has restarted
-    since may act by half a table once it is on.
+    since may act by half a table once it is on. ``before`` is the marker as it stood before the first order, ``sent``
+    are the numbers of all orders, and ``acknowledged`` says that the marker has carried one of them.
     """
 
     context: PushContext
@@ -55,6 +56,9 @@ class Work:
     confirmed: bool = False
     begun: bool = False
     base_digest: str = ""
+    before: Marker | None = None
+    sent: set[int] = field(default_factory=set)
+    acknowledged: bool = False
 
     @property
     def axis(self) -> str:
@@ -79,7 +83,8 @@ class Work:
         proof = self.context.proof
         if purpose == "sign-proof" or (purpose == "restore" and table.function == "EEC"):
             proof = None
-        return PushOrder(number, table, moved.letter, moved.rotary, enable, place, purpose, proof, self.coupled)
+        head = self.context.log.head() if self.context.log is not None else 0
+        return PushOrder(number, table, moved.letter, moved.rotary, enable, place, purpose, proof, self.coupled, head)
 
     def signed(self, live: LiveSet) -> LiveSet:
         """A live set as saved, CEC as deviations by this push's proof."""
@@ -87,7 +92,7 @@ class Work:
 
     def fresh_number(self) -> int:
         """Another transaction number of this machine."""
-        return journal.allocate(self.folder, seed_of(self.context))
+        return numbering.allocate(self.folder, seed_of(self.context))
 
     async def same_machine(self) -> None:
         """The fingerprint once more. Raises VerifyError (E-PUSH-OTHER-MACHINE)."""
@@ -96,14 +101,32 @@ class Work:
         if different:
             raise VerifyError("E-PUSH-OTHER-MACHINE", self.axis, differ=", ".join(different))
 
+    async def only_ours(self) -> None:
+        """Raise BusyError (E-PUSH-ANOTHER) when the control's marker is another gateway's: nothing may be touched."""
+        controller = self.context.controller
+        marker = await controller.marker() if controller.capabilities.marker else None
+        if marker is None or marker.transaction in (0, *self.sent):
+            return
+        if self.acknowledged or marker != self.before:
+            raise BusyError("E-PUSH-ANOTHER", self.axis, number=marker.transaction, state=marker.state)
+
     async def finish(self, state: Literal["committed", "held", "none"]) -> None:
-        """Leave the controller's marker in its last state; where that fails the journal still knows the number."""
+        """Leave the controller's marker in its last state; where that fails the journal still knows the number.
+
+        The audit log is told first, so that the marker carries a head that knows of the end. A marker that is another
+        gateway's by now stays as it is.
+        """
         if self.marked is None:
             return
+        log = self.context.log
+        if log is not None:
+            log.end(self.number, state)
+        order = replace(self.marked, head=log.head() if log is not None else 0)
         try:
             with foreseen(self.axis):
                 await self.same_machine()
-                await self.context.controller.finish_push(self.marked, state)
+                await self.only_ours()
+                await self.context.controller.finish_push(order, state)
         except TrueflankError as error:
             self.steps.append(f"{self._utc()} the marker could not be written: {error}")
 
@@ -132,8 +155,8 @@ def begun(
     agreeing_position: float,
 ) -> Iterator[Work]:
     """A new transaction: number, journal, its first entry. The journal is set aside once it has ended."""
-    journal.tidy(folder)
-    number = journal.allocate(folder, seed_of(context))
+    journal.tidy(folder, context.log.begun if context.log is not None else None)
+    number = numbering.allocate(folder, seed_of(context))
     written = journal.Journal.create(folder, number)
     old = LiveTable(change.old, change.old_enabled)
     work = Work(context, folder, written, number, change, purpose, limits, agreeing_position, old)
@@ -155,7 +178,24 @@ def begun(
             approved_by=sorted({approval.actor for approval in context.approvals}),
             sign=context.sign,
         )
+        _announce(work)
         yield work
+
+
+def _announce(work: Work) -> None:
+    """The audit log knows the transaction before anything is sent, and the journal names the log's line.
+
+    Raises CorruptRecord, BusyError, StoreError: then nothing is sent.
+    """
+    log = work.context.log
+    if log is None:
+        return
+    try:
+        line = log.begin(work.number, work.change)
+    except TrueflankError as error:
+        work.note("ABORTED", why=str(error))
+        raise
+    work.note("AUDITED", audit=line)
 
 
 @contextmanager

@@ -20,11 +20,12 @@ from drivers.names import is_file_name, shown
 from drivers.ownfiles import is_link, new_folder
 from drivers.types import MachineIdentity
 from gateway.errors import CorruptRecord, StoreError
-from gateway.store import records
+from gateway.store import records, seal
 from gateway.store.disk import checked_name, disk_errors, read_whole, write_whole
 
 R = TypeVar("R")
 RUN_FILE = "run.json"
+BESIDE = seal.BESIDE
 
 
 def _utc_now() -> datetime:
@@ -77,6 +78,17 @@ class RunFolder:
         return str(self._facts()["state"])
 
     @property
+    def anchor(self) -> str:
+        """The head that the audit log had when this run last proposed; "" where it did not."""
+        return str(self._facts().get("audit", ""))
+
+    def set_anchor(self, head: str) -> None:
+        """Note the audit log's head, so that a log that is gone or cut is missed."""
+        facts = self._facts()
+        facts["audit"] = head
+        self._write_facts(facts)
+
+    @property
     def plan(self) -> Any:
         """What the run was created for, as given."""
         return records.from_plain(self._facts()["plan"])
@@ -92,6 +104,8 @@ class RunFolder:
         known = facts["stages"].get(checked_name(stage))
         if known is not None and known["sha256"] == digest:
             return digest
+        if known is not None:
+            facts.setdefault(BESIDE, {})[known["file"]] = known["sha256"]
         name = self._free_name(stage, ".json")
         write_whole(self.path / name, data)
         entry = {"file": name, "sha256": digest, "parents": list(parents), "type": type(record).__name__}
@@ -143,6 +157,22 @@ class RunFolder:
         buffer = io.BytesIO()
         np.save(buffer, array, allow_pickle=False)
         return self.write_bytes(name if name.endswith(".npy") else f"{name}.npy", buffer.getvalue())
+
+    def adopt(self, *paths: Path) -> None:
+        """Take files that others wrote into the folder (pictures, streams, traces) into its seal, as they are now.
+
+        What is not there is left out. Raises StoreError (E-STORE-DISK).
+        """
+        found = {path.relative_to(self.path).as_posix(): seal.digest_of(path) for path in paths if path.is_file()}
+        if not found:
+            return
+        facts = self._facts()
+        facts.setdefault(BESIDE, {}).update(found)
+        self._write_facts(facts)
+
+    def differences(self) -> tuple[seal.Difference, ...]:
+        """Files that are not as the seal has them: changed, missing, added. Raises StoreError, CorruptRecord."""
+        return seal.compare(self.path, self._facts())
 
     def read_bytes(self, name: str) -> bytes:
         """A stored file, its hash checked. Raises StoreError (E-STORE-FILE), CorruptRecord (E-STORE-HASH)."""
@@ -261,6 +291,7 @@ class Store:
             "plan": records.plain(plan),
             "stages": {},
             "files": {},
+            BESIDE: {},
             "errors": [],
         }
         with disk_errors(path):

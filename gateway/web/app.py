@@ -51,8 +51,9 @@ def create_app(picture: Picture, start_run: StartRun | None, token: str, report:
 
 def _add_pages(app: FastAPI, picture: Picture, report: Report | None) -> None:
     @app.get("/healthz")
-    async def healthz() -> dict[str, str]:
-        return {"status": "ok"}
+    async def healthz() -> dict[str, object]:
+        alarms = picture().alarms
+        return {"status": "alarm", "alarms": list(alarms)} if alarms else {"status": "ok"}
 
     @app.get("/")
     async def page() -> Response:

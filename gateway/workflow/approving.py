@@ -43,6 +43,7 @@ async def approve_plan(
             typed_name=typed_name,
             site_name=site.site.name,
             now_utc=clock.utc(),
+            run_id=folder.run_id,
             given=kept.unused(),
         )
         for change in _wanted(proposal, table, folder)

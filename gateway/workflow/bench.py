@@ -102,3 +102,4 @@ async def bench(
         yield Bench(site, site_path, supervisor, machine, folder, store, Proofs(store.root), clock, say)
     finally:
         await supervisor.close_all()
+        folder.adopt(*(folder.path / "traces").glob("*"))

@@ -16,6 +16,7 @@ from gateway.say import Say
 from gateway.store import RunFolder, SetupBook
 from gateway.tooth import InspectedFlank, SetupValues, ToothProposal
 from gateway.workflow import stages
+from gateway.workflow.aftercare import standing_alarms
 from gateway.workflow.bench import Bench, bench, check_name
 from gateway.workflow.closed import closed
 from gateway.workflow.components import measure_site
@@ -23,7 +24,7 @@ from gateway.workflow.fromsetups import axes_measured
 from gateway.workflow.grinding import grind_part, same_machine
 from gateway.workflow.inspecting import inspect_part, inspector_name
 from gateway.workflow.measure import Measured
-from gateway.workflow.outcome import Outcome
+from gateway.workflow.outcome import Outcome, alarmed
 from gateway.workflow.pushing import apply_proposal
 from gateway.workflow.toothproposal import Work, propose_tooth, work_of
 from gateway.workflow.toothverdict import judge_tooth
@@ -56,13 +57,14 @@ async def close_site(
     try:
         async with bench(site, site_path, folder, clock, say, used) as at:
             await _Loop(at, work, plan.model, axes_measured(folder, site)).close(apply=apply)
+            alarms = standing_alarms(at)
     except TrueflankError as error:
         folder.set_state("failed", error=error.as_record())
         raise
     except asyncio.CancelledError:
         folder.set_state("stopped")
         raise
-    return closed(folder, site)
+    return alarmed(closed(folder, site), alarms)
 
 
 @dataclass(frozen=True)

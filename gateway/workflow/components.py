@@ -23,6 +23,7 @@ from gateway.report.errors import ErrorRow, error_rows
 from gateway.say import Say
 from gateway.store import RunFolder
 from gateway.workflow import stages
+from gateway.workflow.aftercare import look_at
 from gateway.workflow.bench import Bench, bench, new_run
 from gateway.workflow.measure import fetch_tables, store_equipment
 from gateway.workflow.setupcapture import measure_setup, stands_name
@@ -119,6 +120,8 @@ async def _walk(at: Bench, left: Sequence[Planned], *, resumed: bool) -> None:
         at.say("P-SETUP-PLAN", setup=one.key, number=number + 1, total=len(left))
         await at.supervisor.hold(instruments_of([one]))
         capture = await measure_setup(at, one, tables)
+        if capture.axis not in known:
+            await look_at(at, capture.live)
         _same_tables(known, capture, one.key)
     at.folder.set_state(PARTIAL)
 

@@ -2,60 +2,122 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from datetime import datetime, timedelta
+from dataclasses import dataclass, replace
+from datetime import datetime
 
 from drivers.errors import TrueflankError
 from gateway import audit
 from gateway.approve import Approvals
 from gateway.domain import Approval, Proposal, PushRecord, TableChange
+from gateway.errors import CorruptRecord
 from gateway.push import PushContext, plan_hash
 from gateway.push.compare import table_facts
 from gateway.store.records import canonical, sha256
+from gateway.workflow import stages
 from gateway.workflow.bench import Bench
+from gateway.workflow.witness import Witness, anchors
 
-# A push that has begun may wait for people and machine for hours; what it was allowed at its start stays allowed.
-IN_USE = timedelta(hours=24)
 UNSURE = frozenset({"E-PUSH-JOURNAL", "E-PUSH-HELD", "E-PUSH-UNEXPECTED"})
 
 
-def consented(
-    at: Bench, change: TableChange, context: PushContext, taken: tuple[Approval, ...] | None = None
-) -> PushContext:
-    """The context with who pushes, the approvals of this plan, and the state of the audit.
+def consented(at: Bench, change: TableChange, context: PushContext, taken: Taken | None = None) -> PushContext:
+    """The context with who pushes, the approvals of this plan, and what the audit log knows of plan and table.
 
     ``taken`` are approvals this push has taken up already; None: those nobody has used yet. Raises CorruptRecord
-    (E-STORE-HASH) when one was altered.
+    (E-STORE-HASH) when one was altered, StoreError.
     """
-    health = audit.check(at.store.root)
-    broken = health.problem.words if health.problem is not None else ""
-    approvals = _unused(at, change) if taken is None else taken
-    return replace(context, actor=audit.os_user(), approvals=approvals, audit_broken=broken)
+    log = Witness(at)
+    known = log.standing
+    approvals = _unused(at, change) if taken is None else taken.approvals
+    digests = {approval: Approvals.digest(approval) for approval in approvals}
+    return replace(
+        context,
+        actor=audit.os_user(),
+        approvals=approvals,
+        audit_broken=audit_problem(at),
+        log=log,
+        proposed=_is_proposed(at, change, known, context),
+        used=tuple(one for one, digest in digests.items() if taken is None and digest in known.used),
+        unrecorded=tuple(one for one, digest in digests.items() if digest not in known.approved),
+        alarms=alarms_of(known, change.axis),
+        run_id=at.folder.run_id,
+        consent_utc=None if taken is None else taken.at_utc,
+    )
+
+
+def audit_problem(at: Bench) -> str:
+    """Why the log cannot be trusted, in words ("": it can): its own lines, and what this store's files say of it."""
+    root = at.store.root
+    try:
+        heads = anchors(root, at.machine.serial, at.folder.anchor)
+        problem = audit.check(root, heads).problem
+    except CorruptRecord as error:
+        return str(error)
+    return problem.words if problem is not None else ""
+
+
+def alarms_of(known: audit.Standing, axis: str) -> tuple[str, ...]:
+    """What stands against the tables of an axis."""
+    return tuple(told for table, told in known.alarms.items() if table.partition("-cec")[0] == axis)
+
+
+def _is_proposed(at: Bench, change: TableChange, known: audit.Standing, context: PushContext) -> bool:
+    """Whether the log holds this plan's proposal as it is stored, made of the very capture it is judged by."""
+    folder = at.folder
+    if not folder.has(stages.PROPOSAL):
+        return False
+    if (plan_hash(change, at.machine), folder.digest(stages.PROPOSAL)) not in known.plans:
+        return False
+    if context.capture is None:
+        return True
+    capture = folder.digest(stages.capture(change.axis, "before"))
+    return capture in folder.get(stages.PROPOSAL, Proposal).parents
 
 
 def _unused(at: Bench, change: TableChange) -> tuple[Approval, ...]:
     return Approvals(at.folder.path).unused(plan_hash(change, at.machine))
 
 
-def take_up(at: Bench, proposal: Proposal) -> dict[str, tuple[Approval, ...]]:
+@dataclass(frozen=True, slots=True)
+class Taken:
+    """Approvals of one table that this push has used up, and when it began: they must have held then."""
+
+    approvals: tuple[Approval, ...]
+    at_utc: datetime
+
+
+def take_up(at: Bench, proposal: Proposal) -> dict[str, Taken]:
     """Use up the approvals of every proposed table, by its name, durably and before anything is written.
 
     Call it once nothing speaks against the push. What is returned holds for this push, however long people and
-    machine take; an approval that has expired before stays expired. Raises WriteRefused (E-APPROVE-USED), StoreError.
+    machine take; an approval that has expired before stays expired, and those the audit log knows as used stay used.
+    Raises WriteRefused (E-APPROVE-USED), StoreError, BusyError (E-AUDIT-BUSY).
     """
-    now = at.clock.utc()
-    held: dict[str, tuple[Approval, ...]] = {}
+    now, known = at.clock.utc(), Witness(at).standing
+    held: dict[str, Taken] = {}
     for change in proposal.changes:
-        approvals = () if change.skipped else _unused(at, change)
+        fresh = () if change.skipped else _unused(at, change)
+        approvals = tuple(one for one in fresh if Approvals.digest(one) not in known.used)
         Approvals(at.folder.path).use(approvals, f"push of {change.name} by {audit.os_user()} at {now.isoformat()}")
-        held[change.name] = tuple(_held(approval, now) for approval in approvals)
+        for approval in approvals:
+            _used(at, change, approval)
+        held[change.name] = Taken(approvals, now)
     return held
 
 
-def _held(approval: Approval, now: datetime) -> Approval:
-    if now >= datetime.fromisoformat(approval.expires_utc):
-        return approval
-    return replace(approval, expires_utc=(now + IN_USE).isoformat(timespec="seconds"))
+def _used(at: Bench, change: TableChange, approval: Approval) -> None:
+    """The log's line is what makes an approval used for good; the mark beside it only keeps two pushes apart."""
+    told = {"approval": Approvals.digest(approval), "run": at.folder.run_id, "table": change.name}
+    told["approved_by"] = approval.actor
+    audit.record(
+        at.store.root,
+        audit.USED,
+        clock=at.clock,
+        serial=at.machine.serial,
+        plan_hash=approval.plan_hash,
+        base_hash=approval.base_digest,
+        details=told,
+    )
 
 
 def begin(at: Bench, change: TableChange, context: PushContext) -> None:
@@ -117,10 +179,32 @@ def ended(at: Bench, change: TableChange, record: PushRecord) -> str:
 
 
 def proposed(at: Bench, proposal: Proposal) -> str:
-    """Keep that a run proposed tables; returns the log's problem in words ("": none)."""
-    tables = ", ".join(change.name for change in proposal.changes if not change.skipped)
-    told = {"run": at.folder.run_id, "tables": tables}
-    return audit.note(at.store.root, "propose", clock=at.clock, serial=at.machine.serial, details=told)
+    """Keep what a run has proposed and stored, a line for each table; the log's problem in words ("": none).
+
+    The run folder then names the log's head, so that a log which is gone or cut is missed.
+    """
+    told: dict[str, object] = {"run": at.folder.run_id, "proposal": at.folder.digest(stages.PROPOSAL)}
+    problems = [_proposed(at, change, told) for change in proposal.changes if not change.skipped]
+    if not problems:
+        problems = [
+            audit.note(at.store.root, "propose-nothing", clock=at.clock, serial=at.machine.serial, details=told)
+        ]
+    if not any(problems):
+        at.folder.set_anchor(audit.head_now(at.store.root))
+    return next((one for one in problems if one), "")
+
+
+def _proposed(at: Bench, change: TableChange, told: dict[str, object]) -> str:
+    return audit.note(
+        at.store.root,
+        audit.PROPOSED,
+        clock=at.clock,
+        serial=at.machine.serial,
+        plan_hash=plan_hash(change, at.machine),
+        base_hash=change.base_digest,
+        new_hash=table_hash(change),
+        details={**told, "table": change.name},
+    )
 
 
 def tell(at: Bench, problem: str) -> None:

@@ -117,6 +117,7 @@ async def capture_dynamic(site: SiteFile, site_path: Path, wish: Wish, clock: Cl
         raise
     found = outcome_of(open_stream(path), path, folder.path / PICTURE, wish.band, notes)
     folder.write_text("dynamic.json", json.dumps({**found.as_data(), "ended": ended.why}, indent=1, default=str))
+    folder.adopt(*(one for one in folder.path.iterdir() if one.stem == path.stem or one.name == PICTURE))
     folder.set_state(STATE)
     return found
 

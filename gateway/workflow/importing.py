@@ -276,6 +276,7 @@ def _stream(folder: RunFolder, content: Recording) -> None:
     with RawRecorder(folder.path, DYNAMIC, facts) as recorder:
         for block in content.blocks():
             recorder.append(block)
+    folder.adopt(*folder.path.glob(f"{DYNAMIC}.*"))
 
 
 def watcher_of(site: SiteFile, site_path: Path, folder: Path, *, settle_s: float = 5.0, say: Say = silence) -> Watcher:

@@ -21,6 +21,7 @@ from gateway.store import Maps, RunFolder
 from gateway.table.proposal import InstrumentU
 from gateway.walk import walk
 from gateway.workflow import stages
+from gateway.workflow.aftercare import look_at
 from gateway.workflow.bench import Bench
 from gateway.workflow.importing import How, read_file
 
@@ -61,6 +62,8 @@ async def measure_axis(at: Bench, axis: AxisSection, phase: stages.Phase) -> Mea
     else:
         capture, parents = await _live(at, axis, phase)
     measured = evaluated(at.folder, axis, phase, capture, parents)
+    if phase == "before":
+        await look_at(at, capture.live)
     result = measured.evaluation
     at.say("P-EVALUATED", axis=axis.name, M=_figure(result.M), B=_figure(result.B), unit=result.unit)
     return measured

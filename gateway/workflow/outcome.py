@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
+from drivers.errors import words
 from gateway.domain import Evaluation, Proposal, Verdict
 from gateway.report import parameter_rows
 from gateway.report.lines import tooth_lines
@@ -63,6 +64,15 @@ def shown(folder: RunFolder, proposal: Proposal, refusals: Mapping[str, list[str
     lines.append("nothing was written; live tables are compared when the push is applied")
     data = {"refusals": dict(refusals), "not_corrected": {c.axis: c.skipped for c in proposal.changes if c.skipped}}
     return Outcome(folder.state, str(folder.path), (), tuple(lines), data)
+
+
+def alarmed(outcome: Outcome, alarms: tuple[str, ...]) -> Outcome:
+    """The outcome of a run that has met alarms: it says them and ends with exit code 9."""
+    if not alarms:
+        return outcome
+    lines = (*outcome.lines, *(words("W-TABLE-ALARM", alarm=alarm) for alarm in alarms))
+    data = {**outcome.data, "alarms": list(alarms)}
+    return replace(outcome, lines=lines, data=data, exit_code=outcome.exit_code or WORSE_EXIT)
 
 
 def closing_lines(folder: RunFolder) -> tuple[str, ...]:

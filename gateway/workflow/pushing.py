@@ -15,23 +15,24 @@ from gateway.capture.live import combined
 from gateway.capture.readings import Readings
 from gateway.capture.sense import prove_sense
 from gateway.config import AxisSection
-from gateway.domain import Approval, AxisVerdict, Capture, Evaluation, Proposal, PushRecord, TableChange, Verdict
+from gateway.domain import AxisVerdict, Capture, Evaluation, Proposal, PushRecord, TableChange, Verdict
 from gateway.errors import StoreError, WriteRefused
 from gateway.interlocks import Refusal
 from gateway.push import Asked, AxisFacts, PushContext, ask, outcome_error, prove_sign, push_table
 from gateway.say import Say
 from gateway.store import RunFolder
 from gateway.workflow import stages
+from gateway.workflow.aftercare import in_push, standing_alarms
 from gateway.workflow.bench import Bench, bench, check_name, site_of
-from gateway.workflow.consents import begin, consented, ended, failed, proving, refused, take_up, tell
+from gateway.workflow.consents import Taken, begin, consented, ended, failed, proving, refused, take_up, tell
 from gateway.workflow.explaining import check_between
 from gateway.workflow.measure import Measured, live_again, measure_axis
-from gateway.workflow.outcome import Outcome, finish, shown
+from gateway.workflow.outcome import Outcome, alarmed, finish, shown
 from gateway.workflow.verdict import PUSHED, judge, judge_axis, unmeasured
+from gateway.workflow.witness import JOURNALS, Witness
 
 Done = TypeVar("Done")
 
-JOURNALS = "journal"
 # Switching a table moves the axis by micrometres: no motion is seen, so the reading waits longer instead.
 SWITCH_SETTLE_S = 8.0
 
@@ -67,7 +68,7 @@ class _Done:
     ``approvals`` by the change's name were used up at the start and hold to the end.
     """
 
-    approvals: Mapping[str, tuple[Approval, ...]]
+    approvals: Mapping[str, Taken]
     records: dict[str, PushRecord] = field(default_factory=dict)
     tables: list[CompensationTable] = field(default_factory=list)
     proofs: list[SignProof] = field(default_factory=list)
@@ -78,10 +79,11 @@ async def _push(at: Bench, change: TableChange, capture: Capture | None, done: _
     if not change.skipped:
         proof = context.proof
         if proof is None:
-            proof = await _kept(at, change, _prove(at, change, context))
+            proof = await _kept(at, change, _prove(at, change, replace(context, log=Witness(at))))
         done.proofs.append(proof)
         context = replace(context, proof=proof, ambient_now=await _ambient(at, change))
         context = consented(at, change, context, done.approvals[change.name])
+        context = replace(context, on_live=await in_push(at, change.axis))
         begin(at, change, context)
     record = await _kept(at, change, push_table(change, context))
     if not change.skipped:
@@ -245,7 +247,8 @@ async def push_run(folder: RunFolder, *, apply: bool, machine_name: str, clock: 
         async with bench(site, path, folder, clock, say) as at:
             if not apply:
                 return await _show(at, proposal, measured)
-            return finish(folder, measured, proposal, await apply_proposal(at, proposal, measured))
+            verdict = await apply_proposal(at, proposal, measured)
+            return alarmed(finish(folder, measured, proposal, verdict), standing_alarms(at))
     except TrueflankError as error:
         folder.set_state("failed", error=error.as_record())
         raise

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from dataclasses import replace
 from pathlib import Path
 
 from drivers.clock import Clock
@@ -17,7 +18,8 @@ from gateway.push.recovery import Finding, look, recover, tables_of, unfinished,
 from gateway.say import Say
 from gateway.workflow.bench import Bench, bench, check_name, new_run
 from gateway.workflow.consents import not_recovered, recovered, tell
-from gateway.workflow.pushing import JOURNALS, table_context
+from gateway.workflow.pushing import table_context
+from gateway.workflow.witness import JOURNALS, Witness
 
 
 async def recover_site(
@@ -33,10 +35,11 @@ async def recover_site(
     folder.set_state("recovering")
     findings: list[Finding] = []
     async with bench(site, site_path, folder, clock, say) as at:
-        for ended in tidy(machine_folder(at.store.root / JOURNALS, at.machine.serial)):
+        begun = Witness(at).begun
+        for ended in tidy(machine_folder(at.store.root / JOURNALS, at.machine.serial), begun):
             if ended.entries:
                 say("P-RECOVER", words=verdict(ended, None, 0.0).words)
-        for found in unfinished(at.store.root / JOURNALS, at.machine.serial):
+        for found in unfinished(at.store.root / JOURNALS, at.machine.serial, begun):
             findings.append(await _one(at, found, apply=apply))
     folder.set_state("recovered" if apply else "looked")
     return tuple(findings)
@@ -69,6 +72,6 @@ def _context(at: Bench, found: JournalRead) -> PushContext | None:
     """What the journal's table is worked with; None where the journal does not say, or not of this site."""
     try:
         table: CompensationTable = tables_of(found)[1]
-        return table_context(at, table, None)
+        return replace(table_context(at, table, None), log=Witness(at))
     except (StoreError, ConfigError):
         return None

@@ -66,6 +66,7 @@ def write_report(folder: RunFolder) -> ReportPaths:
         before_after_png(material, picture)
     else:
         picture = drawn[0]
+    folder.adopt(picture, *drawn)
     html = folder.write_text("report.html", render(material))
     data = folder.write_text("report.json", json.dumps(as_json(material), indent=1))
     return ReportPaths(html, data, picture, drawn)

@@ -18,9 +18,10 @@ from gateway.push.undoing import ask_undo, undo
 from gateway.say import Say
 from gateway.table.comparison import acting, effective
 from gateway.workflow.bench import Bench, bench, check_name, new_run
-from gateway.workflow.consents import tell, why_of, word_of
+from gateway.workflow.consents import audit_problem, tell, why_of, word_of
 from gateway.workflow.outcome import Outcome
-from gateway.workflow.pushing import JOURNALS, table_context
+from gateway.workflow.pushing import table_context
+from gateway.workflow.witness import JOURNALS, Witness
 
 
 async def roll_back_site(
@@ -64,9 +65,8 @@ def history(at: Bench, table: str) -> tuple[Committed, ...]:
 
 def context_of(at: Bench, table: CompensationTable) -> PushContext:
     """What a transaction without a capture works with, with who asks for it and the state of the audit."""
-    health = audit.check(at.store.root)
-    broken = health.problem.words if health.problem is not None else ""
-    return replace(table_context(at, table, None), actor=audit.os_user(), audit_broken=broken)
+    broken = audit_problem(at)
+    return replace(table_context(at, table, None), actor=audit.os_user(), audit_broken=broken, log=Witness(at))
 
 
 async def _shown(at: Bench, done: Committed, context: PushContext) -> Outcome:

@@ -8,9 +8,10 @@ from drivers.clock import Clock
 from drivers.errors import TrueflankError
 from gateway.config import SiteFile
 from gateway.say import Say
+from gateway.workflow.aftercare import standing_alarms
 from gateway.workflow.bench import Bench, bench, check_name, new_run
 from gateway.workflow.measure import measure_axis, store_equipment
-from gateway.workflow.outcome import Outcome, finish
+from gateway.workflow.outcome import Outcome, alarmed, finish
 from gateway.workflow.propose import propose
 from gateway.workflow.pushing import apply_proposal
 
@@ -39,7 +40,5 @@ async def _work(at: Bench, *, apply: bool) -> Outcome:
     measured = {axis.name: await measure_axis(at, axis, "before") for axis in at.site.axes}
     proposal = await propose(at, measured)
     at.folder.set_state("proposed")
-    if not apply:
-        return finish(at.folder, measured, proposal, None)
-    verdict = await apply_proposal(at, proposal, measured)
-    return finish(at.folder, measured, proposal, verdict)
+    verdict = await apply_proposal(at, proposal, measured) if apply else None
+    return alarmed(finish(at.folder, measured, proposal, verdict), standing_alarms(at))

@@ -14,7 +14,7 @@ from gateway.config import load_site
 from gateway.domain import Proposal, TableChange, Verdict
 from gateway.push.compare import table_in
 from gateway.say import silence
-from gateway.workflow import stages
+from gateway.workflow import consents, stages
 from gateway.workflow.bench import bench, new_run
 from gateway.workflow.measure import fetch_tables
 from gateway.workflow.pushing import apply_proposal
@@ -71,6 +71,7 @@ def test_cross_tables_are_proved_pushed_and_act(tmp_path: Path, sign: int) -> No
                 )
                 proposal = Proposal(at.machine, changes, (), clock.utc().isoformat())
                 folder.put(stages.PROPOSAL, proposal)
+                assert consents.proposed(at, proposal) == ""
                 verdict = await apply_proposal(at, proposal, {})
                 proof = at.proofs.find(at.machine, "CEC", "X1")
             middle = (len(tables[0].deviations) - 1) // 2

@@ -122,13 +122,17 @@ def test_approved_pushed_compared_taken_back(tmp_path: Path) -> None:
         live = await at.compare()
         assert (live.exit_code, live.data["kind"]) == (9, "differs")
         assert "at 1 of " in live.lines[1]
+        (alarm,) = audit.standing(at.root, at.site.controller.serial).alarms.values()
+        assert "neither the approved one" in alarm
         edited = await at.tables()
         with pytest.raises(WriteRefused) as caught:
             await at.take_back(apply=True)
         assert "E-PUSH-UNDO-FOREIGN" in str(caught.value)
         assert await at.tables() == edited
         await at.foreign_edit(7)
-        assert (await at.compare()).exit_code == 0
+        every = await verify_table(at.site, at.path, table="", run=None, **at.asked)
+        assert (every.exit_code, [one["axis"] for one in every.data["tables"]]) == (0, ["C1"])
+        assert audit.standing(at.root, at.site.controller.serial).alarms == {}
 
         assert (await at.take_back(apply=True)).data["outcome"] == "committed"
         assert (await at.compare()).data["kind"] == "as-approved"
@@ -140,10 +144,13 @@ def test_approved_pushed_compared_taken_back(tmp_path: Path) -> None:
 
         done = [entry["action"] for entry in audit.entries(at.root)]
         assert done == [
-            *("propose", "approve", "push-start", "push-committed"),
-            *("rollback-start", "rollback-refused", "rollback-start", "rollback-committed"),
+            *("propose", "approve", "approval-used", "push-start", "push-begun", "push-ending", "push-committed"),
+            *("table-as-pushed", "table-differs"),
+            *("rollback-start", "push-begun", "rollback-refused", "table-as-pushed"),
+            *("rollback-start", "push-begun", "push-ending", "rollback-committed", "table-as-pushed"),
         ]
-        given_by, start = list(audit.entries(at.root))[1:3]
+        given_by, used, start = list(audit.entries(at.root))[1:4]
+        assert used["details"]["approval"] == given_by["details"]["approval"]
         assert given_by["actor"] == "ann"
         assert (start["actor"], start["details"]["approved_by"]) == (audit.os_user(), "ann")
         assert given_by["plan_hash"] == start["plan_hash"]

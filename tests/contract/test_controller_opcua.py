@@ -147,6 +147,20 @@ def test_abort_leaves_a_waiting_program_and_one_not_yet_started(keys: Path) -> N
     on_stage(act, folder=keys)
 
 
+def test_another_gateways_program_is_not_aborted_and_its_words_stay(keys: Path) -> None:
+    async def act(on: Stage) -> None:
+        on.nck.set("R[80]", 7.0, 7)
+        await on.device.prepare_stops(plan(STOPS))
+        for number, value in ((80, 4.0), (87, 555_555.0), (89, 3.0)):
+            on.nck.set(f"R[{number}]", value, 7)
+        error = await refused(on.device.abort_program(), "E-NC-ANOTHER")
+        assert "555555" in str(error)
+        await on.device.close()
+        assert [on.nck.get(f"R[{number}]") for number in (80, 86, 87, 89)] == [4.0, 0.0, 555_555.0, 3.0]
+
+    on_stage(act, folder=keys)
+
+
 def test_a_program_left_alone_ends_by_itself(keys: Path) -> None:
     async def act(on: Stage) -> None:
         await on.device.prepare_stops(plan(STOPS))

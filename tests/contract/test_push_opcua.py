@@ -164,7 +164,9 @@ def test_the_sign_is_measured_on_the_output_axis(keys: Path, tmp_path: Path, sig
         assert (found.sign, found.function, found.output_axis) == (sign, "CEC", "X1")
         assert found.slope == pytest.approx(-sign, abs=0.05)
         assert (await live_of(on, tmp_path)).cec == ()
-        assert await on.device.marker() == Marker(0, "none")
+        left = await on.device.marker()
+        assert left is not None
+        assert left.state == "none"
 
     on_stage(act, replace(SPEC, cec_sign=sign), folder=keys)
 
@@ -251,7 +253,9 @@ def test_the_marker_outlives_session_and_programs_until_it_is_recovered(keys: Pa
             finding = await look(found, mine)
             assert finding.action == "restore", finding
             assert (await recover(found, mine)).outcome == "rolled-back"
-        assert await other.marker() == Marker(0, "none")
+        marker = await other.marker()
+        assert marker is not None
+        assert marker.state == "none"
         await other.close()
 
     on_stage(act, SPEC, folder=keys)
@@ -265,6 +269,11 @@ def test_limits_of_a_cross_table_come_from_its_own_machine_data(keys: Path) -> N
         assert (await on.device.table_limits("X1")).max_sum is None
         assert on.device.capabilities.programs
         order = PushOrder(1, WAVE, "Z", False, True, 0.0, "table", proof(on, 1))
+        for head in (0, 1, 0xFEDC_BA98_7654_3210, 2**64 - 1):
+            await on.device.finish_push(replace(order, transaction=987_600_001, head=head), "committed")
+            marker = await on.device.marker()
+            assert marker == Marker(987_600_001, "committed")
+            assert marker.head == head
         with pytest.raises(TrueflankError) as caught:
             await on.device.switch_table(order, True, 1.0)
         assert caught.value.code == "E-NC-NO-SWITCHING"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from datetime import datetime, timedelta
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
@@ -45,20 +45,25 @@ def at(tmp_path: Path) -> Any:
 
 def given(at: At, actor: str, ago: timedelta = timedelta(0)) -> None:
     now = at.clock.utc() - ago
-    Approvals(at.folder.path).keep(
-        consent(CHANGE, MACHINE, actor=actor, typed_name="mill", site_name="mill", now_utc=now)
-    )
+    run = at.folder.run_id
+    made = consent(CHANGE, MACHINE, actor=actor, typed_name="mill", site_name="mill", now_utc=now, run_id=run)
+    Approvals(at.folder.path).keep(made)
+    told = {"approval": Approvals.digest(made)}
+    audit.record(at.store.root, audit.APPROVED, clock=at.clock, serial=MACHINE.serial, details=told)
 
 
 def test_taken_up_once_and_held_for_the_push(at: Any) -> None:
     given(at, "ann")
     given(at, "eve", ago=timedelta(minutes=11))
     taken = consents.take_up(at, PROPOSAL)
-    assert taken["C1"] == ()
-    until = {one.actor: datetime.fromisoformat(one.expires_utc) - at.clock.utc() for one in taken["X1"]}
-    assert until["ann"] > timedelta(hours=20)
-    assert until["eve"] < timedelta(0)
-    assert consents.take_up(at, PROPOSAL) == {"X1": (), "C1": ()}
+    assert taken["C1"].approvals == ()
+    assert [one.actor for one in taken["X1"].approvals] == ["eve", "ann"]
+    held = consents.consented(at, CHANGE, push_bench(at.store.root).context, taken["X1"])
+    assert (held.consent_utc, held.used, held.run_id) == (taken["X1"].at_utc, (), at.folder.run_id)
+    again = consents.take_up(at, PROPOSAL)
+    assert {name: one.approvals for name, one in again.items()} == {"X1": (), "C1": ()}
+    used = [entry for entry in audit.entries(at.store.root) if entry["action"] == audit.USED]
+    assert {entry["details"]["approved_by"] for entry in used} == {"ann", "eve"}
 
 
 def test_two_pushes_cannot_take_up_the_same(at: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -66,6 +71,8 @@ def test_two_pushes_cannot_take_up_the_same(at: Any, monkeypatch: pytest.MonkeyP
     both = Approvals(at.folder.path).unused()
     consents.take_up(at, PROPOSAL)
     monkeypatch.setattr(Approvals, "unused", lambda *_: both)
+    assert consents.take_up(at, PROPOSAL)["X1"].approvals == (), "the log knows them as used"
+    monkeypatch.setattr(audit.Standing, "take", lambda *_: None)
     with pytest.raises(WriteRefused) as caught:
         consents.take_up(at, PROPOSAL)
     assert caught.value.code == "E-APPROVE-USED"
@@ -77,11 +84,12 @@ def test_the_context_is_told_who_what_and_whether_the_audit_is_whole(at: Any, tm
     seen = consents.consented(at, CHANGE, context)
     assert (seen.actor, seen.audit_broken) == (audit.os_user(), "")
     assert [one.actor for one in seen.approvals] == ["ann"]
-    assert consents.consented(at, CHANGE, context, ()).approvals == ()
+    none = consents.Taken((), at.clock.utc())
+    assert consents.consented(at, CHANGE, context, none).approvals == ()
     consents.begin(at, CHANGE, seen)
     path = next((tmp_path / AUDIT).glob("*.jsonl"))
     path.write_bytes(path.read_bytes().replace(b"push-start", b"push-stork"))
-    assert "record 1" in consents.consented(at, CHANGE, context).audit_broken
+    assert "record 2" in consents.consented(at, CHANGE, context).audit_broken
     with pytest.raises(CorruptRecord):
         consents.begin(at, CHANGE, seen)
 
@@ -94,10 +102,12 @@ def test_every_end_leaves_its_record(at: Any, tmp_path: Path) -> None:
         assert consents.ended(at, CHANGE, PushRecord(number, "X1", outcome, (), "b.mpf")) == ""
     assert consents.failed(at, CHANGE, DeadlineExceeded("E-LINK-DEADLINE", "x", timeout_s=1.0)) == ""
     assert consents.refused(at, ("E-INT-MODE: wrong",)) == ""
+    at.folder.put("proposal", PROPOSAL)
     assert consents.proposed(at, PROPOSAL) == ""
     assert consents.recovered(at, "R-PUSH-HALF", PushRecord(9, "X1", "rolled-back", (), "")) == ""
     consents.proving(at, CHANGE)
     found = list(audit.entries(tmp_path))
+    assert found.pop(0)["action"] == audit.APPROVED
     assert [entry["action"] for entry in found] == [
         "push-start",
         *(f"push-{outcome}" for outcome in ends),
@@ -106,4 +116,8 @@ def test_every_end_leaves_its_record(at: Any, tmp_path: Path) -> None:
     assert found[0]["details"]["approved_by"] == "ann"
     assert found[1]["plan_hash"] == found[0]["plan_hash"] != ""
     assert found[1]["new_hash"] == found[0]["new_hash"] != ""
+    (plan,) = [entry for entry in found if entry["action"] == "propose"]
+    assert (plan["plan_hash"], plan["new_hash"]) == (found[0]["plan_hash"], found[0]["new_hash"])
+    assert plan["details"]["proposal"] == at.folder.digest("proposal")
+    assert at.folder.anchor.partition(":")[2] == plan["hash"]
     assert audit.sound(tmp_path)

@@ -150,7 +150,20 @@ MORE: list[tuple[str, PushFacts]] = [
     ("E-INT-APPROVAL-OTHER-PLAN", approved(plan_hash="0" * 64)),
     ("E-INT-APPROVAL-OTHER-PLAN", approved(base_digest="other")),
     ("E-INT-APPROVAL-OTHER-PLAN", approved(serial="SN-2")),
+    ("E-INT-APPROVAL-TOO-LONG", approved(expires_utc=(NOW + timedelta(days=3650)).isoformat())),
+    ("E-INT-APPROVAL-TOO-LONG", approved(expires_utc=(NOW + timedelta(minutes=8, seconds=1)).isoformat())),
+    ("E-INT-APPROVAL-EXPIRED", approved(
+        given_utc=(NOW + timedelta(minutes=1)).isoformat(), expires_utc=(NOW + timedelta(minutes=9)).isoformat()
+    )),
+    ("E-INT-APPROVAL-EXPIRED", replace(TWO, consent_utc=NOW + timedelta(minutes=8))),
+    ("E-INT-APPROVAL-OTHER-RUN", approved(run_id="20261121T100000000Z-mill-0000")),
+    ("E-INT-APPROVAL-USED", replace(TWO, used=(GIVEN,))),
+    ("E-INT-APPROVAL-UNRECORDED", replace(TWO, unrecorded=(GIVEN,))),
     ("E-INT-AUDIT-BROKEN", replace(GOOD, audit_broken="entry 7 was altered")),
+    ("E-INT-AUDIT-BEHIND", replace(GOOD, behind="no line has it")),
+    ("E-INT-AUDIT-BEHIND", replace(GOOD, behind="no line has it", purpose="sign-proof")),
+    ("E-INT-JOURNAL-MISSING", replace(GOOD, missing=(432_100_007,))),
+    ("E-INT-NOT-PROPOSED", replace(GOOD, proposed=False)),
 ]  # fmt: skip
 C_EEC = replace(
     NEW, input_axis="C1", output_axis="C1", input_unit="deg", output_unit="deg", minimum=0.0, maximum=360.0, step=45.0
@@ -237,6 +250,9 @@ def test_a_second_person_counts_and_one_is_enough_without_a_warning() -> None:
         ("W-INT-AGE", captured(ended_utc=(NOW - timedelta(hours=5)).isoformat())),
         ("W-INT-FINDING", replace(GOOD, change=replace(CHANGE, findings=("W-COMP-BRIDGE [X1]: wide",)))),
         ("W-INT-NO-MARKER", replace(GOOD, marker_kept=False)),
+        ("W-INT-MARK-LOST", replace(GOOD, mark_lost=7)),
+        ("W-INT-STRANGER", replace(GOOD, marker=Marker(7, "committed"), stranger=7)),
+        ("W-INT-ALARM", replace(GOOD, alarms=("X1: switched off",))),
         ("W-INT-COVERAGE", new(minimum=-50.0, maximum=450.0, deviations=(0.0, *NEW.deviations, 0.0))),
     ],
 )  # fmt: skip

@@ -14,7 +14,7 @@ from drivers.errors import DeadlineExceeded, TrueflankError, UnsupportedDevice
 from drivers.types import CompensationTable, LiveTable, Marker, SignProof, Stop
 from gateway.domain import PushRecord, TableChange
 from gateway.errors import RollbackFailed, VerifyError, WriteRefused
-from gateway.push import journal, look, prove_sign, push_table, recover, unfinished
+from gateway.push import look, numbering, prove_sign, push_table, recover, unfinished
 from gateway.push.byhand import room_of
 from gateway.push.compare import signed, table_in
 from gateway.push.effect import sums
@@ -465,5 +465,5 @@ def test_room_to_jog_shrinks_with_the_slope() -> None:
     assert room_of() == 1.0
     assert room_of(WAVE) == 1.0
     assert room_of(replace(WAVE, deviations=(0.0, 50.0) * 4 + (0.0,))) == pytest.approx(0.25)
-    assert journal.MAX_NUMBER == 999_999
+    assert numbering.MAX_NUMBER < 2**31
     assert issubclass(UnsupportedDevice, TrueflankError)

@@ -8,7 +8,7 @@ import pytest
 
 from drivers.types import CompensationTable
 from gateway.errors import StoreError
-from gateway.push import journal
+from gateway.push import journal, numbering
 from gateway.push.compare import table_facts
 from gateway.push.history import committed, to_undo
 
@@ -66,6 +66,16 @@ def test_numbers_that_begin_again_are_in_order(tmp_path: Path) -> None:
         written(tmp_path, number, old, old + 1.0)
     (journal.machine_folder(tmp_path, SERIAL) / "number").write_text("2")
     assert [push.transaction for push in committed(tmp_path, SERIAL, "X1")] == [999_998, 999_999, 1, 2]
+
+
+def test_numbers_with_a_part_are_newer_than_those_without_and_the_newest_part_is_last(tmp_path: Path) -> None:
+    last = 4_321 * numbering.PART_SIZE + 2
+    wrapped = 4_321 * numbering.PART_SIZE + numbering.MAX_COUNT
+    for number in (523_456, 999_999, 9_000 * numbering.PART_SIZE + 7, wrapped, last):
+        written(tmp_path, number, 0.0, 1.0)
+    (journal.machine_folder(tmp_path, SERIAL) / "number").write_text(str(last))
+    given = [push.transaction for push in committed(tmp_path, SERIAL, "X1")]
+    assert given == [523_456, 999_999, 9_000 * numbering.PART_SIZE + 7, wrapped, last]
 
 
 def test_what_was_taken_back_is_not_taken_back_again(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gateway.errors import StoreError
-from gateway.push import journal
+from gateway.push import journal, numbering
 
 
 def _written(folder: Path, count: int = 4) -> Path:
@@ -112,15 +112,61 @@ def test_an_fsync_error_poisons(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 
 
 def test_numbers_go_up_and_survive_a_lost_counter(tmp_path: Path) -> None:
-    first = journal.allocate(tmp_path, 1_763_000_123)
-    assert 100_000 < first < 1_000_000
-    assert journal.allocate(tmp_path, 0) == first + 1
-    journal.Journal.create(tmp_path, first + 40).close()
+    folder = tmp_path / "SN-1"
+    folder.mkdir()
+    first = numbering.allocate(folder, 1_763_000_123)
+    assert 100_000_000 < first < 1_000_000_000
+    assert numbering.allocate(folder, 0) == first + 1
+    journal.Journal.create(folder, first + 40).close()
     for damage in (b"", b"what", b"\xff", b"99999999999"):
-        (tmp_path / "number").write_bytes(damage)
-        assert journal.allocate(tmp_path, 0) > first + 40
-    (tmp_path / "number").write_text(str(journal.MAX_NUMBER))
-    assert journal.allocate(tmp_path, 0) == 1
+        (folder / "number").write_bytes(damage)
+        assert numbering.allocate(folder, 0) > first + 40
+    part = first // numbering.PART_SIZE
+    (folder / "number").write_text(str(part * numbering.PART_SIZE + numbering.MAX_COUNT))
+    assert numbering.allocate(folder, 0) == part * numbering.PART_SIZE + 1
+
+
+def test_two_stores_begun_in_the_same_second_give_no_number_twice(tmp_path: Path) -> None:
+    given = []
+    for name in ("one", "two", "three"):
+        folder = tmp_path / name / "SN-1"
+        folder.mkdir(parents=True)
+        given.append({numbering.allocate(folder, 1_763_000_123) for _ in range(20)})
+        assert all(numbering.is_ours(folder, number) for number in given[-1])
+        assert not numbering.is_ours(tmp_path / "nowhere" / "SN-1", min(given[-1]))
+    assert len(set().union(*given)) == 60
+
+
+def test_a_store_with_numbers_of_six_digits_goes_on(tmp_path: Path) -> None:
+    folder = tmp_path / "SN-1"
+    folder.mkdir()
+    old = journal.Journal.create(folder, 523_456)
+    old.append("COMMITTED")
+    old.close()
+    (folder / "number").write_text("523456")
+    number = numbering.allocate(folder, 0)
+    journal.Journal.create(folder, number).close()
+    assert [found.number for found in journal.all_of(folder)] == [523_456, number]
+    assert journal.knows(folder, 523_456)
+    assert not numbering.is_ours(folder, 523_456)
+
+
+def test_an_emptied_journal_of_a_transaction_that_had_begun_is_not_finished(tmp_path: Path) -> None:
+    path = _written(tmp_path)
+    path.write_bytes(b"")
+    assert journal.left_open(tmp_path) == ()
+    (found,) = journal.left_open(tmp_path, lambda number: number == 12)
+    assert not found.finished
+    assert journal.tidy(tmp_path, lambda number: True) == ()
+    assert path.exists()
+
+
+def test_an_unfinished_journal_among_the_ended_ones_is_still_open(tmp_path: Path) -> None:
+    journal.set_aside(_written(tmp_path))
+    (found,) = journal.left_open(tmp_path)
+    journal.set_aside(found.path)
+    assert found.path.parent.name == "done"
+    assert found.path.exists()
 
 
 def test_machines_do_not_share_a_folder(tmp_path: Path) -> None:

@@ -74,7 +74,7 @@ def test_committed(tmp_path: Path, old: LiveTable) -> None:
     )
     assert found.path.parent.name == "done"
     assert record.transaction == found.number
-    assert 0 < record.transaction < 1_000_000
+    assert 0 < record.transaction < 1_000_000_000
     assert outcome_error(record) is None
 
 

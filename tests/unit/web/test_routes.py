@@ -41,6 +41,17 @@ def test_health_is_short() -> None:
     assert (answer.status_code, answer.json()) == (200, {"status": "ok"})
 
 
+def test_an_alarm_stands_on_the_page_in_the_data_and_in_the_health() -> None:
+    alarm = "X1: the live table holds <b>other</b> values"
+    at = client(lambda: status(devices=(), run=None, alarms=(alarm,), due="C1 is due"))
+    assert at.get("/healthz").json() == {"status": "alarm", "alarms": [alarm]}
+    data = at.get("/api/status").json()
+    assert (data["state"], data["alarms"], data["due"]) == ("attention", [alarm], "C1 is due")
+    text = Outline(at.get("/").text).text
+    assert text.index(alarm) < text.index("C1 is due") < text.index("Devices")
+    assert "Needs attention" in text
+
+
 def test_page_shows_devices_run_result_and_past_runs() -> None:
     answer = client().get("/")
     text = Outline(answer.text).text

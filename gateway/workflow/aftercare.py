@@ -1,0 +1,175 @@
+"""Are the tables that pushes left still in the control? Compared wherever live tables are read; a difference alarms."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from datetime import datetime, timedelta
+
+from drivers.errors import words
+from drivers.types import CompensationTable, LiveSet
+from gateway import audit
+from gateway.errors import StoreError
+from gateway.push.compare import signed, table_in, tolerance
+from gateway.push.history import Committed, committed, pushed_tables
+from gateway.store import Store
+from gateway.table.threeway import ThreeWay, compare
+from gateway.workflow.bench import Bench
+from gateway.workflow.consents import alarms_of, tell
+from gateway.workflow.witness import JOURNALS, Witness
+
+
+@dataclass(frozen=True, slots=True)
+class Expected:
+    """A table as the last committed push left it; ``sign`` turns stored CEC values, ``allowed`` is no difference."""
+
+    push: Committed
+    sign: int
+    allowed: float
+
+    @property
+    def table(self) -> CompensationTable:
+        """The table itself."""
+        return self.push.new.table
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """One comparison: what was wanted, what was found, and the hash of the live set it was found in."""
+
+    expected: Expected
+    found: ThreeWay
+    digest: str
+
+    @property
+    def name(self) -> str:
+        """The table as in a proposal."""
+        return self.expected.push.table
+
+    @property
+    def lines(self) -> tuple[str, str]:
+        """What it was compared with, and what is live."""
+        push = self.expected.push
+        said = words("W-VERIFY-AGAINST-PUSH", table=self.name, transaction=push.transaction, utc=push.utc)
+        return said, self.found.words
+
+
+async def expected_of(at: Bench, axis: str = "") -> tuple[Expected, ...]:
+    """Every table of an axis of the site (all: "") that a committed push left. Raises StoreError, what the port raises.
+
+    A cross table whose sign is not proved any more cannot be compared: it is told and left out.
+    """
+    found = []
+    for name in pushed_tables(at.store.root / JOURNALS, at.machine.serial):
+        output, _, cross = name.partition("-cec")
+        if (axis and output != axis) or output not in {one.name for one in at.site.axes}:
+            continue
+        proof = at.proofs.find(at.machine, "CEC", output) if cross else None
+        if cross and proof is None:
+            at.say("P-VERIFY-UNPROVED", table=name)
+            continue
+        found.append(await _expected(at, name, proof.sign if proof is not None else 1))
+    return tuple(found)
+
+
+async def _expected(at: Bench, name: str, sign: int) -> Expected:
+    last = committed(at.store.root / JOURNALS, at.machine.serial, name, sign)[-1]
+    shape = last.new.table
+    limits = await at.supervisor.controller.table_limits(shape.output_axis, shape.function, shape.index)
+    return Expected(last, sign, tolerance(limits, shape))
+
+
+def compare_with(wanted: tuple[Expected, ...], live: LiveSet) -> tuple[Look, ...]:
+    """The live tables of an axis, as stored in the control, against what pushes left; pure."""
+    return tuple(
+        Look(
+            one,
+            compare(table_in(signed(live, one.sign), one.table), one.push.new, one.push.old, one.allowed),
+            live.digest,
+        )
+        for one in wanted
+        if one.push.axis == live.axis
+    )
+
+
+def keep_looks(at: Bench, looks: tuple[Look, ...]) -> None:
+    """Record every comparison, and say what is not as it was left."""
+    for look in looks:
+        same = look.found.kind == "as-approved"
+        if not same:
+            at.say("P-TABLE-ALARM", table=look.name, words=look.found.words)
+        told = {"table": look.name, "found": look.found.words, "run": at.folder.run_id}
+        problem = audit.note(
+            at.store.root,
+            audit.AS_PUSHED if same else audit.DIFFERS,
+            clock=at.clock,
+            serial=at.machine.serial,
+            details={**told, "against": look.expected.push.transaction},
+        )
+        tell(at, problem)
+
+
+async def look_at(at: Bench, live: LiveSet | None) -> None:
+    """Compare live tables that were read for another purpose, just now."""
+    if live is not None:
+        keep_looks(at, while_measuring(compare_with(await expected_of(at, live.axis), live)))
+
+
+def while_measuring(looks: tuple[Look, ...]) -> tuple[Look, ...]:
+    """Cross tables are switched off to measure an axis: that says nothing about them."""
+    return tuple(one for one in looks if one.expected.table.function == "EEC" or one.found.kind != "switched-off")
+
+
+async def in_push(at: Bench, axis: str) -> Callable[[LiveSet], tuple[str, ...]]:
+    """What a push calls with the live tables it has read, CEC as deviations; it answers with the axis' alarms."""
+    wanted = await expected_of(at, axis)
+
+    def seen(live: LiveSet) -> tuple[str, ...]:
+        # The set comes with its CEC values turned already, by the very proof that the history was read in.
+        looks = compare_with(tuple(replace(one, sign=1) for one in wanted), live)
+        keep_looks(at, while_measuring(looks))
+        return standing_alarms(at, axis)
+
+    return seen
+
+
+def standing_alarms(at: Bench, axis: str = "") -> tuple[str, ...]:
+    """What the last looks found that was not put right since, of one axis or of all."""
+    known = Witness(at).standing
+    return alarms_of(known, axis) if axis else tuple(known.alarms.values())
+
+
+def due(store: Store, serial: str, now: datetime, hour: int) -> tuple[str, ...]:
+    """Tables that no look has met since the last ``hour`` o'clock (UTC). Raises StoreError."""
+    last = now.replace(hour=hour, minute=0, second=0, microsecond=0)
+    last = last if last <= now else last - timedelta(days=1)
+    looked = audit.standing(store.root, serial).looked
+    names = pushed_tables(store.root / JOURNALS, serial)
+    return tuple(name for name in names if not _since(looked.get(name, ""), last))
+
+
+class StandingAlarms:
+    """The alarms of a machine as the log has them, read again whenever it has grown."""
+
+    def __init__(self, store: Store, serial: str) -> None:
+        self._root, self._serial = store.root, serial
+        self._as_of: tuple[tuple[str, int], ...] = ()
+        self._alarms: tuple[str, ...] = ()
+
+    def __call__(self) -> tuple[str, ...]:
+        """What stands now; a log that cannot be read is an alarm of its own."""
+        try:
+            as_of = audit.size(self._root)
+            if as_of != self._as_of:
+                known = audit.standing(self._root, self._serial)
+                self._alarms, self._as_of = tuple(known.alarms.values()), as_of
+        except StoreError as error:
+            return (str(error),)
+        return self._alarms
+
+
+def _since(utc: str, moment: datetime) -> bool:
+    try:
+        return datetime.fromisoformat(utc) >= moment
+    except (ValueError, TypeError):
+        return False

@@ -1,0 +1,184 @@
+"""After the last read somebody still looks: live tables against what pushes left, and what a difference leads to."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from drivers.clock import LoopClock, run_virtual
+from drivers.types import LiveTable
+from gateway import audit
+from gateway.daemon.daily import LOOK_EVERY_S, TRY_AGAIN_S, Daily, each_day
+from gateway.domain import PushRecord
+from gateway.errors import BusyError
+from gateway.push import ask, push_table
+from gateway.say import silence
+from gateway.workflow import aftercare, consents
+from gateway.workflow.outcome import Outcome, alarmed
+from tests.unit.approve.test_attacks import Shop
+from tests.unit.push.double import MACHINE, NEW, change_of
+
+
+@pytest.fixture
+def shop(tmp_path: Path) -> Shop:
+    """A machine whose table was pushed from here."""
+    made = Shop(tmp_path)
+    at, controller = made.at, made.double.controller
+    at.supervisor, at.site = SimpleNamespace(controller=controller), SimpleNamespace(axes=[SimpleNamespace(name="X1")])
+    at.proofs, at.say = SimpleNamespace(find=lambda *_: None), silence
+    made.propose()
+    record = made.push()
+    assert record.outcome == "committed"
+    assert made.do(lambda: consents.ended(at, made.stored.changes[0], record)) == ""
+    return made
+
+
+def look(shop: Shop) -> tuple[str, ...]:
+    """As a run does with the live tables it has captured; the alarms that stand then."""
+
+    async def main() -> tuple[str, ...]:
+        await aftercare.look_at(shop.at, shop.double.machine.live())
+        return aftercare.standing_alarms(shop.at, "X1")
+
+    return run_virtual(main)
+
+
+def actions(shop: Shop) -> list[str]:
+    return [entry["action"] for entry in audit.entries(shop.store.root)]
+
+
+def by_hand(shop: Shop, **changed: Any) -> None:
+    """Somebody changes the live table at the control."""
+    machine = shop.double.machine
+    machine.eec = replace(machine.eec, **changed)
+
+
+def test_what_is_as_pushed_is_kept_and_no_alarm(shop: Shop) -> None:
+    assert look(shop) == ()
+    assert actions(shop)[-1] == audit.AS_PUSHED
+    assert shop.do(aftercare.StandingAlarms(shop.store, MACHINE.serial)) == ()
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"enabled": False},
+        {"table": replace(NEW, deviations=(0.0,) * 9)},
+        {"table": replace(NEW, step=40.0, maximum=320.0)},
+    ],
+    ids=["switched off", "zeros", "another grid"],
+)
+def test_a_difference_is_an_alarm_until_it_is_put_right(shop: Shop, changed: dict[str, Any]) -> None:
+    right = shop.double.machine.eec
+    page = aftercare.StandingAlarms(shop.store, MACHINE.serial)
+    assert page() == ()
+    by_hand(shop, **changed)
+    (alarm,) = look(shop)
+    assert actions(shop)[-1] == audit.DIFFERS
+    assert page() == (alarm,)
+    outcome = Outcome("proposed", "", (), ("line",), {})
+    told = alarmed(outcome, (alarm,))
+    assert (told.exit_code, told.data["alarms"]) == (9, [alarm])
+    assert alarm in told.lines[-1]
+    assert alarmed(outcome, ()) is outcome
+    shop.double.machine.eec = right
+    assert look(shop) == ()
+    assert page() == ()
+
+
+def proposed_again(shop: Shop) -> None:
+    """Measured again over what is live now."""
+    wanted = replace(NEW, deviations=(0.0, 4.0, 9.0, 12.5, 9.0, 4.0, -3.0, -6.0, 0.0))
+    shop.proposal = replace(shop.proposal, changes=(change_of(shop.double.machine, wanted),))
+    shop.propose()
+
+
+def test_a_push_to_that_axis_asks_for_a_second_person(shop: Shop) -> None:
+    by_hand(shop, enabled=False)
+    look(shop)
+    proposed_again(shop)
+
+    async def asked() -> Any:
+        (change,) = shop.stored.changes
+        context = consents.consented(shop.at, change, replace(shop.context(), approvals_needed=None))
+        return await ask(change, context, "table")
+
+    found = run_virtual(asked)
+    assert [one.code for one in found.warnings] == ["W-INT-ALARM"]
+    assert (found.people, [one.code for one in found.refusals]) == (2, ["E-INT-APPROVAL-MISSING"])
+
+
+def test_a_push_compares_what_it_reads_and_a_committed_one_ends_the_alarm(shop: Shop) -> None:
+    by_hand(shop, enabled=False)
+    proposed_again(shop)
+
+    async def main(people: int | None) -> PushRecord:
+        (change,) = shop.stored.changes
+        context = consents.consented(shop.at, change, replace(shop.context(), approvals_needed=people))
+        context = replace(context, on_live=await aftercare.in_push(shop.at, "X1"))
+        record = await push_table(change, context)
+        assert consents.ended(shop.at, change, record) == ""
+        return record
+
+    alone = run_virtual(lambda: main(None))
+    assert alone.outcome == "refused"
+    assert "W-INT-ALARM" in alone.steps[-1]
+    assert shop.double.machine.live().eec == LiveTable(NEW, enabled=False)
+    assert look(shop) != ()
+    assert run_virtual(lambda: main(1)).outcome == "committed"
+    assert aftercare.standing_alarms(shop.at, "X1") == ()
+
+
+def test_it_is_due_once_a_day_from_its_hour_on(shop: Shop) -> None:
+    look(shop)
+    seen = datetime.fromisoformat(audit.standing(shop.store.root, MACHINE.serial).looked["X1"])
+    assert aftercare.due(shop.store, MACHINE.serial, seen, seen.hour) == ()
+    next_day = (seen + timedelta(days=1)).replace(hour=6, minute=0)
+    assert aftercare.due(shop.store, MACHINE.serial, next_day - timedelta(minutes=1), 6) == ()
+    assert aftercare.due(shop.store, MACHINE.serial, next_day, 6) == ("X1",)
+    assert aftercare.due(shop.store, "another machine", next_day, 6) == ()
+
+
+@dataclass
+class Watcher:
+    """What the daemon's desk is asked for."""
+
+    clock: LoopClock
+    run: object = None
+    begun: int = 0
+
+    async def start(self, job: Any) -> str:
+        self.begun += 1
+        await job(silence)
+        return "r-1"
+
+
+@pytest.mark.parametrize("alone", [True, False], ids=["no person needed", "an operator needed"])
+def test_the_daemon_compares_by_itself_or_says_that_it_is_due(alone: bool) -> None:
+    async def main() -> None:
+        clock, done = LoopClock(started_utc=datetime(2026, 11, 21, 5, tzinfo=UTC)), []
+
+        async def job(_say: Any) -> object:
+            done.append(clock.utc())
+            raise BusyError("E-WEB-BUSY", "daemon", run="r-0")
+
+        daily = Daily(6, lambda: ("X1",) if clock.utc().hour >= 6 else (), job if alone else None)
+        desk: Any = Watcher(clock)
+        task = asyncio.create_task(each_day(desk, daily, clock))
+        await clock.sleep(3600.0 - LOOK_EVERY_S)
+        assert (done, daily.words) == ([], "")
+        await clock.sleep(2 * LOOK_EVERY_S)
+        assert len(done) == alone
+        assert ("X1" in daily.words) is not alone
+        await clock.sleep(TRY_AGAIN_S)
+        assert desk.begun == 2 * alone, "what failed is tried again after an hour, not before"
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+    run_virtual(main)
