@@ -97,7 +97,8 @@ class StatusView:
     """The daemon as it is now.
 
     ``failure`` is the last run's error, ``result`` the last verdict's table, ``trouble`` what is wrong with
-    the devices together when each of them answers.
+    the devices together when each of them answers, ``left`` what an earlier gateway left in the control or the
+    journal.
     """
 
     site: str
@@ -109,14 +110,15 @@ class StatusView:
     failure: Mapping[str, object] | None = None
     result: tuple[TableRow, ...] = ()
     trouble: Mapping[str, object] | None = None
+    left: tuple[Mapping[str, object], ...] = ()
 
     @property
     def state(self) -> str:
-        """One word for all: running, ready, or attention when a device is not open or not the site's."""
+        """One word for all: running, ready, or attention: a device not open, not the site's, or with something left."""
         if self.run is not None:
             return "running"
         open_all = all(device.state == "open" for device in self.devices)
-        return "ready" if open_all and self.trouble is None else "attention"
+        return "ready" if open_all and self.trouble is None and not self.left else "attention"
 
 
 def device_views(seen: Iterable[SeenDevice], *, lent: bool) -> tuple[DeviceView, ...]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,6 +13,7 @@ from drivers.clock import Clock, LoopClock
 from drivers.errors import TrueflankError, words
 from gateway.cli.commands import JsonOption, SiteArgument
 from gateway.cli.show import show_json
+from gateway.cli.stopping import run_to_end
 
 NOT_ALL_WELL = 5
 MARKS = {"ok": "ok", "wrong": "WRONG", "unknown": "could not tell"}
@@ -33,7 +33,7 @@ def add_to(app: typer.Typer) -> None:
 def doctor_command(site: SiteArgument, as_json: JsonOption = False) -> None:
     """Look at the road to the control, line by line, and change nothing; exit code 0 only if all is well."""
     tree = load(site)
-    lines = asyncio.run(port(tree, "doctor", LoopClock()).examine(wanted(tree), tree.controller.timeout_s))
+    lines = run_to_end(port(tree, "doctor", LoopClock()).examine(wanted(tree), tree.controller.timeout_s))
     well = all(line.outcome == "ok" for line in lines)
     if as_json:
         show_json({"site": tree.site.name, "ok": well, "lines": [line.as_record() for line in lines]})
@@ -51,7 +51,7 @@ def doctor_command(site: SiteArgument, as_json: JsonOption = False) -> None:
 def show_command(site: SiteArgument, as_json: JsonOption = False) -> None:
     """What the server shows now, what is pinned, and whether they are equal; exit code 5 when they are not."""
     tree = load(site)
-    view: TrustView = asyncio.run(port(tree, "trust", LoopClock()).show(tree.controller.timeout_s))
+    view: TrustView = run_to_end(port(tree, "trust", LoopClock()).show(tree.controller.timeout_s))
     tell(view, as_json=as_json)
     if not view.equal:
         raise typer.Exit(NOT_ALL_WELL)
@@ -73,7 +73,7 @@ def accept_command(site: SiteArgument, thumbprint: ThumbprintOption, as_json: Js
         audit.record(root, "trust-accept", clock=clock, role="service", details=told)
         return view
 
-    tell(asyncio.run(main()), as_json=as_json)
+    tell(run_to_end(main()), as_json=as_json)
 
 
 def load(site: Path) -> Any:

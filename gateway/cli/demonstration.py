@@ -8,6 +8,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import typer
 
@@ -34,7 +35,12 @@ def cell_process(
     if seed is not None:
         command += ["--seed", str(seed)]
     # The cell ends by itself when its standard input closes, so no orphan outlives us on any system.
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as child:  # noqa: S603
+    # Ctrl-C in the terminal is ours: the machine must still be there while a run leaves it in order.
+    apart: dict[str, Any] = (
+        {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP} if sys.platform == "win32" else {"process_group": 0}
+    )
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
+    with subprocess.Popen(command, **pipes, **apart, text=True) as child:  # noqa: S603
         try:
             if child.stdout is None or child.stdin is None:
                 raise ConfigError("E-CLI-CELL", cell, why="it has no pipes")

@@ -16,9 +16,9 @@ import uvicorn
 from drivers.clock import Clock
 from drivers.errors import ConfigError, DeadlineExceeded
 from gateway.config import SiteFile
-from gateway.daemon.desk import Desk, Devices, RunStarter, interrupt
+from gateway.daemon.desk import Desk, Devices, RunStarter, interrupt, left_in_order
 from gateway.daemon.lock import locked
-from gateway.daemon.stored import last_result, newest_runs, stored_report
+from gateway.daemon.stored import last_result, left_behind, newest_runs, stored_report
 from gateway.daemon.token import token_of
 from gateway.store import Store
 from gateway.views import StatusView
@@ -57,6 +57,8 @@ async def serve(
     ready: Callable[[str], None] = lambda _url: None,
 ) -> None:
     """Open and watch the devices and serve the page until `stop` is set; ends within 3 s of it.
+
+    A run at work leaves its machine in order first, which is bounded by `gateway.stopping.LONGEST_S`.
 
     ``run_starter`` does a whole run that only proposes (see `Desk`); None makes a gateway that only watches.
     ``ready`` gets the page's url once it answers. The lock and the token live in the store's folder.
@@ -107,6 +109,7 @@ async def _ended(task: asyncio.Task[None], clock: Clock) -> None:
         async with clock.deadline(GRACE_S + 0.4, task.get_name()):
             await asyncio.wait((task,))
     except DeadlineExceeded:
+        await left_in_order(task, clock)
         await interrupt(task, clock, 0.1)
 
 
@@ -165,4 +168,5 @@ def status(site: SiteFile, desk: Desk, store: Store, clock: Clock) -> StatusView
         desk.failure,
         last_result(store),
         desk.trouble,
+        left_behind(desk.left, store, site.controller.serial),
     )

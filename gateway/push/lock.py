@@ -44,6 +44,17 @@ def held(folder: Path) -> Iterator[None]:
             _give_back(file)
 
 
+def is_held(folder: Path) -> bool:
+    """Whether somebody, this process included, holds a folder's lock. Raises StoreError (E-PUSH-DISK)."""
+    if not folder.is_dir():
+        return False
+    try:
+        with held(folder):
+            return False
+    except BusyError:
+        return True
+
+
 def _holder(path: Path) -> str:
     try:
         return path.read_bytes()[:80].decode("ascii", "replace").strip() or "unknown"

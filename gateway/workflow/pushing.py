@@ -20,14 +20,13 @@ from gateway.push import Asked, AxisFacts, PushContext, ask, outcome_error, prov
 from gateway.say import Say
 from gateway.store import RunFolder
 from gateway.workflow import stages
-from gateway.workflow.bench import Bench, bench, check_name, site_of
+from gateway.workflow.bench import JOURNALS, Bench, bench, check_name, site_of
 from gateway.workflow.consents import begin, consented, ended, failed, proving, refused, take_up, tell
 from gateway.workflow.explaining import check_between
 from gateway.workflow.measure import Measured, live_again, measure_axis
 from gateway.workflow.outcome import Outcome, finish, shown
 from gateway.workflow.verdict import PUSHED, judge, judge_axis, unmeasured
 
-JOURNALS = "journal"
 # Switching a table moves the axis by micrometres: no motion is seen, so the reading waits longer instead.
 SWITCH_SETTLE_S = 8.0
 

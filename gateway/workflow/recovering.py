@@ -6,6 +6,7 @@ from pathlib import Path
 
 from drivers.clock import Clock
 from drivers.errors import ConfigError
+from drivers.leftover import LeftOver
 from drivers.types import CompensationTable
 from gateway.config import SiteFile
 from gateway.errors import StoreError
@@ -13,15 +14,18 @@ from gateway.push import PushContext
 from gateway.push.journal import JournalRead, machine_folder, tidy
 from gateway.push.recovery import Finding, look, recover, tables_of, unfinished, verdict
 from gateway.say import Say
-from gateway.workflow.bench import Bench, bench, check_name, new_run
+from gateway.workflow.bench import JOURNALS, Bench, bench, check_name, new_run
 from gateway.workflow.consents import recovered, tell
-from gateway.workflow.pushing import JOURNALS, table_context
+from gateway.workflow.leaving import LeftFinding, clear, left_over
+from gateway.workflow.pushing import table_context
 
 
 async def recover_site(
     site: SiteFile, site_path: Path, *, apply: bool, machine_name: str, clock: Clock, say: Say
-) -> tuple[Finding, ...]:
-    """Every unfinished push of the site's machine; with `apply` what each finding offers is carried out.
+) -> tuple[Finding | LeftFinding, ...]:
+    """What an earlier gateway left in the control, and every unfinished push of the site's machine.
+
+    With `apply` what each finding offers is carried out.
 
     Looking reads the live tables and changes none. A journal that cannot be believed is told and left alone.
     Raises WriteRefused when nothing is offered.
@@ -29,8 +33,11 @@ async def recover_site(
     check_name(site, apply, machine_name)
     folder = new_run(site, site_path)
     folder.set_state("recovering")
-    findings: list[Finding] = []
+    findings: list[Finding | LeftFinding] = []
     async with bench(site, site_path, folder, clock, say) as at:
+        left = await left_over(at.supervisor)
+        if not left.clear:
+            findings.append(await _left(at, left, apply=apply))
         for ended in tidy(machine_folder(at.store.root / JOURNALS, at.machine.serial)):
             if ended.entries:
                 say("P-RECOVER", words=verdict(ended, None, 0.0).words)
@@ -38,6 +45,16 @@ async def recover_site(
             findings.append(await _one(at, found, apply=apply))
     folder.set_state("recovered" if apply else "looked")
     return tuple(findings)
+
+
+async def _left(at: Bench, found: LeftOver, *, apply: bool) -> LeftFinding:
+    """A program of ours is asked to end and its words are given back, before anything else is begun there."""
+    at.say("P-RECOVER", words=found.words)
+    if not apply:
+        return LeftFinding(found)
+    after = await clear(at.supervisor, at.patience.start_s)
+    at.say("P-RECOVER", words=after.words)
+    return LeftFinding(found, after)
 
 
 async def _one(at: Bench, found: JournalRead, *, apply: bool) -> Finding:

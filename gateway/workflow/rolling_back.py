@@ -16,9 +16,9 @@ from gateway.push.history import Committed, committed, to_undo
 from gateway.push.undoing import ask_undo, undo
 from gateway.say import Say
 from gateway.table.comparison import acting, effective
-from gateway.workflow.bench import Bench, bench, check_name, new_run
+from gateway.workflow.bench import JOURNALS, Bench, bench, check_name, new_run
 from gateway.workflow.outcome import Outcome
-from gateway.workflow.pushing import JOURNALS, table_context
+from gateway.workflow.pushing import table_context
 
 
 async def roll_back_site(

@@ -16,6 +16,7 @@ import pytest
 
 from drivers.clock import LoopClock, run_virtual
 from drivers.errors import ConfigError, TransportError, TrueflankError
+from drivers.leftover import NOTHING, LeftOver
 from gateway.config import SiteFile
 from gateway.daemon import RunStarter, serve, token_path
 from gateway.daemon.desk import Desk, interrupt, unless
@@ -56,6 +57,7 @@ class Devices:
     per_device: bool = True
     calls: list[str] = field(default_factory=list)
     state: str = "closed"
+    left: LeftOver = NOTHING
     watching: asyncio.Event = field(default_factory=asyncio.Event)
 
     async def open_all(self) -> None:
