@@ -131,7 +131,9 @@ class Supervisor:
     async def open_all(self) -> MachineIdentity:
         """Open and identify every device together. Raises DevicesFailed naming each one that did not."""
         await self._open_these(self._devices)
-        return await self._known_machine()
+        machine = await self._known_machine()
+        await self._look_around()
+        return machine
 
     async def hold(self, names: Collection[str]) -> None:
         """Keep of all instruments only these open: what is not in use streams to nobody and may be carried about.

@@ -106,6 +106,8 @@ async def bench(
         machine = await supervisor.open_all()
         folder.set_state("opened", machine=machine)
         say("P-OPEN", site=site.site.name, serial=machine.serial, count=len(supervisor.picture()))
+        if not supervisor.left.clear:
+            say("P-LEFT", words=supervisor.left.words)
         yield Bench(site, site_path, supervisor, machine, folder, store, Proofs(store.root), clock, say)
     except (TrueflankError, asyncio.CancelledError) as error:
         await leave(supervisor, folder, store, clock, say, error)

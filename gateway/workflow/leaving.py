@@ -72,12 +72,6 @@ def _note(folder: RunFolder, store: Store, clock: Clock, say: Say, stop: stoppin
     stop.transactions.clear()
 
 
-async def left_over(supervisor: Supervisor) -> LeftOver:
-    """What an earlier gateway left in the control; reads only."""
-    controller = supervisor.controller
-    return await controller.left_over() if isinstance(controller, Leavable) else NOTHING
-
-
 async def clear(supervisor: Supervisor, timeout_s: float) -> LeftOver:
     """End it; ``timeout_s`` is the time for a person to press what was said."""
     controller = supervisor.controller

@@ -16,7 +16,7 @@ from gateway.push.recovery import Finding, look, recover, tables_of, unfinished,
 from gateway.say import Say
 from gateway.workflow.bench import JOURNALS, Bench, bench, check_name, new_run
 from gateway.workflow.consents import recovered, tell
-from gateway.workflow.leaving import LeftFinding, clear, left_over
+from gateway.workflow.leaving import LeftFinding, clear
 from gateway.workflow.pushing import table_context
 
 
@@ -35,7 +35,7 @@ async def recover_site(
     folder.set_state("recovering")
     findings: list[Finding | LeftFinding] = []
     async with bench(site, site_path, folder, clock, say) as at:
-        left = await left_over(at.supervisor)
+        left = at.supervisor.left
         if not left.clear:
             findings.append(await _left(at, left, apply=apply))
         for ended in tidy(machine_folder(at.store.root / JOURNALS, at.machine.serial)):
@@ -49,7 +49,6 @@ async def recover_site(
 
 async def _left(at: Bench, found: LeftOver, *, apply: bool) -> LeftFinding:
     """A program of ours is asked to end and its words are given back, before anything else is begun there."""
-    at.say("P-RECOVER", words=found.words)
     if not apply:
         return LeftFinding(found)
     after = await clear(at.supervisor, at.patience.start_s)
