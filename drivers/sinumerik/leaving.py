@@ -141,8 +141,7 @@ class Leaving:
             return LeftOver("unknown", sent.number, short_name(sent.program), why=f"{error.code}: {error.what}")
 
     async def _end(self, sent: Sent, end: float, *, for_person: bool) -> LeftOver:
-        await self._connected()
-        await self._answering(end)
+        await self._connected(end)
         await self._dialogue.write({Word.ABORT: 1.0, Word.RELEASE: 0.0})
         seen = await self._at_rest(end, for_person=for_person)
         if seen.channel is ChannelStatus.RESET and not await self._disarmed(sent):
@@ -153,17 +152,25 @@ class Leaving:
             return _left("ended", sent, seen)
         return _left("asked" if seen.channel is ChannelStatus.INTERRUPTED else "finishing", sent, seen)
 
-    async def _connected(self) -> None:
-        """What became of the last request of a broken session is unknown; only a fresh one can tell."""
-        try:
-            await self._dialogue.look_through_restart()
-        except TransportError:
-            await self._reopen()
+    async def _connected(self, end: float) -> None:
+        """What became of the last request of a broken session is unknown: only a fresh one can tell.
 
-    async def _answering(self, end: float) -> None:
-        """While the NCK restarts nothing can be written."""
-        while await self._dialogue.look_through_restart() is None and self._clock.now() < end:
+        While the NCK restarts nothing can be read or written.
+        """
+        while not await self._answers(end) and self._clock.now() < end:
             await self._dialogue.wait()
+
+    async def _answers(self, end: float) -> bool:
+        try:
+            return await self._dialogue.look_through_restart() is not None
+        except TransportError:
+            pass
+        try:
+            await self._reopen()
+        except TransportError as error:
+            if not error.retryable or self._clock.now() >= end:
+                raise
+        return False
 
     async def _at_rest(self, end: float, *, for_person: bool) -> Glance:
         """The channel in reset, or standing where only a person goes on, or whatever it does at ``end``."""

@@ -57,7 +57,8 @@ def heard(loop: asyncio.AbstractEventLoop, stop: Stop) -> Iterator[None]:
     finally:
         over.set()
         for name, handler in before.items():
-            signal.signal(getattr(signal, name), handler)
+            # None: somebody else than Python had set it, and Python cannot set it again.
+            signal.signal(getattr(signal, name), signal.SIG_DFL if handler is None else handler)
 
 
 def _ask(stop: Stop, by: str, exit_code: int) -> None:

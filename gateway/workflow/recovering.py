@@ -25,7 +25,7 @@ async def recover_site(
 ) -> tuple[Finding | LeftFinding, ...]:
     """What an earlier gateway left in the control, and every unfinished push of the site's machine.
 
-    With `apply` what each finding offers is carried out.
+    With `apply` what each finding offers is carried out; a program that stands until a person presses keeps the rest.
 
     Looking reads the live tables and changes none. A journal that cannot be believed is told and left alone.
     Raises WriteRefused when nothing is offered.
@@ -35,14 +35,15 @@ async def recover_site(
     folder.set_state("recovering")
     findings: list[Finding | LeftFinding] = []
     async with bench(site, site_path, folder, clock, say) as at:
-        left = at.supervisor.left
+        left, may_write = at.supervisor.left, apply
         if not left.clear:
-            findings.append(await _left(at, left, apply=apply))
+            findings.append(told := await _left(at, left, apply=apply))
+            may_write = apply and told.after is not None and told.after.clear
         for ended in tidy(machine_folder(at.store.root / JOURNALS, at.machine.serial)):
             if ended.entries:
                 say("P-RECOVER", words=verdict(ended, None, 0.0).words)
         for found in unfinished(at.store.root / JOURNALS, at.machine.serial):
-            findings.append(await _one(at, found, apply=apply))
+            findings.append(await _one(at, found, apply=may_write))
     folder.set_state("recovered" if apply else "looked")
     return tuple(findings)
 
