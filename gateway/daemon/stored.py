@@ -41,7 +41,7 @@ def left_behind(left: LeftOver, store: Store, serial: str) -> tuple[Mapping[str,
     except StoreError as error:
         return (*found, error.as_record())
     for one in open_ones:
-        axis, last = str(one.latest("axis") or "?"), one.kinds[-1] if one.kinds else "nothing"
+        axis, last = one.latest("axis") or "?", one.said_last
         said = TrueflankError("W-WEB-UNFINISHED", "journal", transaction=one.number, axis=axis, last=last)
         found.append(said.as_record())
     return tuple(found)

@@ -19,7 +19,7 @@ LOADED = re.compile(r"TRUEFLANK LOADED .+ NC START WHEN R(?P<number>\d+)=(?P<val
 ACTIVATE = re.compile(r"TRUEFLANK ACTIVATE NCK RESET AND REFERENCE (?P<axis>\S+)$")
 RESET, ACTIVE, INTERRUPTED = 0, 1, 2
 LOOK_S = 0.5
-KEYS = ("RESET", "NC START")
+KEYS = ("RESET", "NC START", "NCK RESET")
 # Kept in the same box: what someone takes who takes the wrong ones.
 WRONG = {
     "linear": "angular",
@@ -98,7 +98,12 @@ class Operator:
 
     def press(self, key: str) -> None:
         """One of `KEYS` on the machine's panel, whatever the operator does by himself. Raises KeyError."""
-        act = {"RESET": self._control.channel_reset, "NC START": self._control.nc_start}[key]
+        acts: dict[str, Callable[[], object]] = {
+            "RESET": self._control.channel_reset,
+            "NC START": self._control.nc_start,
+            "NCK RESET": self._control.nck_reset,
+        }
+        act = acts[key]
         self.log.append(key)
         act()
 
