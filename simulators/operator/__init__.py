@@ -59,7 +59,12 @@ class Operator:
         self.log: list[str] = []
 
     def change(self, **options: object) -> None:
-        """Become another kind of operator: fields of the cell file's operator section."""
+        """Become another kind of operator: fields of the cell file's operator section.
+
+        Who comes back to work (``auto``) does not start what was selected while nobody was there.
+        """
+        if not self.spec.auto:
+            self._started = self._control.selections
         self.spec = OperatorSpec.model_validate({**self.spec.model_dump(), **options})
 
     def start(self) -> None:

@@ -101,9 +101,10 @@ class Shop:
 
 
 @contextlib.asynccontextmanager
-async def shop(folder: Path, **operator: Any) -> AsyncIterator[Shop]:
-    """A cell in virtual time; X1 comes from a result file, and its sign was proved before."""
-    clock = LoopClock(started_utc=datetime.now(UTC))
+async def shop(folder: Path, clock: LoopClock | None = None, **operator: Any) -> AsyncIterator[Shop]:
+    """A cell, in virtual time without a clock of its own; X1 comes from a result file, its sign was proved before."""
+    gateways = LoopClock() if clock else LoopClock(started_utc=datetime.now(UTC))
+    clock = clock or gateways
     async with cell_running("demo", folder / "cell", clock, wires="memory", block_s=0.5) as cell:
         cell.operator.change(**operator)
         measured = folder / "measured.rtl"
@@ -114,8 +115,8 @@ async def shop(folder: Path, **operator: Any) -> AsyncIterator[Shop]:
         plain = path.read_text(encoding="utf-8").replace('security = "Basic256Sha256"', 'security = "None"')
         path.write_text(edit(plain), encoding="utf-8")
         site = load_site(path)
-        at = Shop(cell, clock, site, path)
-        supervisor = Supervisor(site, clock, only=())
+        at = Shop(cell, gateways, site, path)
+        supervisor = Supervisor(site, gateways, only=())
         machine = await supervisor.open_all()
         await supervisor.close_all()
         proof = SignProof(machine, "EEC", "X1", -1.0, 0.01, 1, "2026-01-01T00:00:00+00:00")
@@ -219,7 +220,7 @@ async def cleared(at: Shop, *, resets: bool = True) -> list[str]:
     """A person comes, presses RESET if anything stands, and has it recovered; what is wrong afterwards."""
     if resets and at.channel != RESET:
         at.cell.operator.press("RESET")
-        await at.clock.sleep(2.0)
+        await at.cell.clock.sleep(2.0)
     await at.cell.operator.power_up()
     at.cell.operator.change(auto=True)
     await at.recovery(apply=True)

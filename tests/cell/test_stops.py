@@ -90,7 +90,8 @@ def stops(folder: Path, count: int, seed: int) -> Counter[str]:
                 problems.extend(f"at {moment:.2f} s ({what}): {one}" for one in wrong)
 
     run_virtual(main)
-    assert problems == []
+    if problems:
+        raise AssertionError("\n".join(problems))
     return seen
 
 
@@ -128,7 +129,8 @@ def kills(folder: Path, count: int, seed: int, killing: Killing) -> Counter[str]
                     problems.extend(f"at {moment:.2f} s ({what}): {one}" for one in wrong)
 
     run_virtual(main)
-    assert problems == []
+    if problems:
+        raise AssertionError("\n".join(problems))
     return seen
 
 
