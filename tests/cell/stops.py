@@ -70,8 +70,13 @@ class Shop:
     def say(self, code: str, /, **fields: object) -> None:
         """What is told on the way; whoever is asked to press RESET does so."""
         self.said.append(code)
-        if "press RESET" in str(fields.get("words", "")) and self.cell.operator.spec.auto:
-            asyncio.get_running_loop().call_later(5.0, self.cell.operator.press, "RESET")
+        if str(fields.get("words", "")).startswith("W-LEFT-STOPPED") and self.cell.operator.spec.auto:
+            asyncio.get_running_loop().call_later(5.0, self._reset, self.cell.nck.message)
+
+    def _reset(self, shown: str) -> None:
+        """Press RESET if it still stands as it did when that was asked for."""
+        if self.channel == INTERRUPTED and self.cell.nck.message == shown:
+            self.cell.operator.press("RESET")
 
     def work(self, *, apply: bool = True) -> Coroutine[Any, Any, Any]:
         """A whole run."""
