@@ -147,7 +147,7 @@ class Leaving:
         if seen.channel is ChannelStatus.RESET and not await self._disarmed(sent):
             return _left("selected", sent, seen)
         if seen.channel is ChannelStatus.RESET:
-            seen = await self._dialogue.look()
+            seen = await self._seen(end)
         if seen.channel is ChannelStatus.RESET and await self._dialogue.give_back():
             return _left("ended", sent, seen)
         return _left("asked" if seen.channel is ChannelStatus.INTERRUPTED else "finishing", sent, seen)
@@ -177,13 +177,22 @@ class Leaving:
         stands_since: float | None = None
         self._dialogue.pace.again()
         while True:
-            seen, now = await self._dialogue.look(), self._clock.now()
+            seen, now = await self._seen(end), self._clock.now()
             stands = seen.channel is ChannelStatus.INTERRUPTED and not for_person
             stands_since = (now if stands_since is None else stands_since) if stands else None
             stood = stands_since is not None and now - stands_since >= STANDS_S
             if seen.channel is ChannelStatus.RESET or stood or now >= end:
                 return seen
             await self._dialogue.wait()
+
+    async def _seen(self, end: float) -> Glance:
+        """One look, as soon as the NCK answers; raises what looking raises at ``end``."""
+        while self._clock.now() < end:
+            seen = await self._dialogue.look_through_restart()
+            if seen is not None:
+                return seen
+            await self._dialogue.wait()
+        return await self._dialogue.look()
 
     async def _disarmed(self, sent: Sent) -> bool:
         """A selected program of ours ends at once from now on; false when the control refused that."""

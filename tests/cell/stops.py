@@ -21,10 +21,12 @@ from drivers.leftover import LeftOver
 from drivers.sinumerik.uaclient import UaSession
 from drivers.types import SignProof
 from gateway.config import SiteFile, load_site
+from gateway.daemon.desk import Desk
 from gateway.daemon.stored import left_behind
 from gateway.push import lock, unfinished
 from gateway.push.sent import SentBook
-from gateway.stopping import Stop, Stopped, obey
+from gateway.say import Say
+from gateway.stopping import Stop, Stopped, current, obey
 from gateway.store import Proofs
 from gateway.supervisor import Supervisor
 from gateway.workflow.bench import JOURNALS, store_of
@@ -83,6 +85,22 @@ class Shop:
         name = self.site.site.name if apply else ""
         return run_site(self.site, self.path, apply=apply, machine_name=name, clock=self.clock, say=self.say)
 
+    async def served(self) -> None:
+        """What `trueflank serve` does when a run is started from its page: watch, run, watch."""
+        store = store_of(self.site, self.path)
+        devices = Supervisor(self.site, self.clock, only=(), book=SentBook(store.root / JOURNALS, self.serial))
+
+        async def starter(_say: Say) -> object:
+            return await self.work(apply=False)
+
+        desk = Desk(devices, starter, self.clock)
+        starting = asyncio.create_task(desk.start())
+        try:
+            await desk.work(current().asked)
+        finally:
+            starting.cancel()
+            await asyncio.gather(starting, return_exceptions=True)
+
     def recovery(self, *, apply: bool) -> Coroutine[Any, Any, Any]:
         """What `trueflank recover` does."""
         name = self.site.site.name if apply else ""
@@ -138,7 +156,9 @@ class Stopping:
     told: list[str]
 
 
-async def stopped(at: Shop, work: Coroutine[Any, Any, Any], after_s: float, then: Callable[[], None]) -> Stopping:
+async def stopped(
+    at: Shop, work: Coroutine[Any, Any, Any], after_s: float, then: Callable[[], None], *, ends_itself: bool = False
+) -> Stopping:
     """Do some work and ask for a stop after that many seconds; ``then`` is done in the same moment."""
     stop = Stop()
     asked: list[float] = []
@@ -152,7 +172,7 @@ async def stopped(at: Shop, work: Coroutine[Any, Any, Any], after_s: float, then
     asking = asyncio.create_task(ask())
     error: Stopped | None = None
     try:
-        await obey(work, stop, at.clock)
+        await obey(work, stop, at.clock, ends_itself=ends_itself)
     except Stopped as caught:
         error = caught
     finally:

@@ -13,6 +13,7 @@ from drivers.clock import run_virtual
 from tests.cell.stops import ACTIVE, RESET, Killing, Shop, cleared, shop, stopped, table_of
 
 RUN_S = 41.5  # from the start almost to the last word, where nobody stops it
+SERVED_S = 6.5  # the same for a run that only proposes, started at a daemon's desk
 JOURNAL_S, STOP_S = 5.0, 30.0
 
 
@@ -108,6 +109,43 @@ def test_stops_at_thirty_moments(tmp_path: Path, seed: int) -> None:
     found = stops(tmp_path, 30, seed)
     print(dict(found))
     assert sum(found.values()) == 30
+
+
+def served(folder: Path, count: int, seed: int) -> Counter[str]:
+    """Stop a daemon with a run at work that only proposes."""
+    seen: Counter[str] = Counter()
+    problems: list[str] = []
+    rng = random.Random(seed)
+
+    async def main() -> None:
+        async with shop(folder) as at:
+            for number in range(count):
+                moment, wrong, alone = SERVED_S * (number + rng.random()) / count, list[str](), bool(number % 2)
+
+                def leave(alone: bool = alone) -> None:
+                    at.cell.operator.change(auto=not alone)
+
+                how = await stopped(at, at.served(), moment, leave, ends_itself=True)
+                what = _judged(at, " ".join(how.told), wrong)
+                wrong += [f"it took {how.took_s:.1f} s"] if how.took_s > STOP_S else []
+                await _looked(at, wrong, unfinished=False)
+                wrong += await cleared(at)
+                seen[what] += 1
+                problems.extend(f"at {moment:.2f} s ({what}): {one}" for one in wrong)
+
+    run_virtual(main)
+    if problems:
+        raise AssertionError("\n".join(problems))
+    return seen
+
+
+def test_a_stop_of_the_daemon_ends_its_run_at_the_machine(tmp_path: Path) -> None:
+    assert served(tmp_path, 2, seed=1) == {"ended": 2}
+
+
+@pytest.mark.soak
+def test_stops_of_the_daemon_at_thirty_moments(tmp_path: Path) -> None:
+    assert sum(served(tmp_path, 30, seed=2).values()) == 30
 
 
 def kills(folder: Path, count: int, seed: int, killing: Killing) -> Counter[str]:
