@@ -170,6 +170,8 @@ class Operator:
 
     async def _activate(self, _found: re.Match[str]) -> None:
         await self._clock.sleep(self.spec.activate_delay_s)
+        if self._control.channel_status != INTERRUPTED:
+            return  # whoever ended the program meanwhile does not want it any more
         self._control.nck_reset()
         self.log.append("NCK RESET")
         await self.power_up()
