@@ -97,10 +97,7 @@ def stops(folder: Path, count: int, seed: int) -> Counter[str]:
 
 
 def test_a_stop_at_any_moment_of_a_run_leaves_the_machine_as_told(tmp_path: Path) -> None:
-    found = stops(tmp_path, 3, seed=5)
-    print(dict(found))
-    assert sum(found.values()) == 3
-    assert found["ended"] >= 2
+    assert stops(tmp_path, 2, seed=5) == {"ended": 1, "W-LEFT-ASKED": 1}
 
 
 @pytest.mark.soak
@@ -137,10 +134,6 @@ def served(folder: Path, count: int, seed: int) -> Counter[str]:
     if problems:
         raise AssertionError("\n".join(problems))
     return seen
-
-
-def test_a_stop_of_the_daemon_ends_its_run_at_the_machine(tmp_path: Path) -> None:
-    assert served(tmp_path, 2, seed=1) == {"ended": 2}
 
 
 @pytest.mark.soak
@@ -183,10 +176,8 @@ async def _found_after_the_kill(at: Shop) -> tuple[str, list[str]]:
 
 
 def test_what_a_killed_gateway_left_is_known_by_its_number(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    found = kills(tmp_path, 2, seed=6, killing=Killing(monkeypatch))
-    print(dict(found))
-    assert sum(found.values()) == 2
-    assert len(found) >= 2
+    found = kills(tmp_path, 2, seed=5, killing=Killing(monkeypatch))
+    assert found == {"W-LEFT-STOPPED": 1, "W-LEFT-WAITING": 1}
 
 
 @pytest.mark.soak
