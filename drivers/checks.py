@@ -7,6 +7,7 @@ from datetime import datetime
 from typing import Literal
 
 from drivers.errors import TrueflankError
+from drivers.leftover import Sent
 
 Outcome = Literal["ok", "wrong", "unknown"]
 
@@ -75,10 +76,11 @@ class WantedAxis:
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """What a site expects of its control."""
+    """What a site expects of its control; ``sent`` are the programs it ever sent there, if none is at work now."""
 
     serial: str
     axes: tuple[WantedAxis, ...] = ()
+    sent: tuple[Sent, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,7 @@ from typing import Any, cast
 from drivers import registry
 from drivers.clock import Clock
 from drivers.errors import ConfigError, TrueflankError, UnsupportedDevice
+from drivers.leftover import NOTHING, Leavable, SentBook
 from drivers.ports import Controller, Device, Instrument
 from drivers.types import Identity, MachineIdentity
 from gateway.config import InstrumentSection, SiteFile
@@ -56,9 +57,15 @@ class Supervisor:
         say: Callable[[str], None] = lambda _text: None,
         *,
         only: Collection[str] | None = None,
+        book: SentBook | None = None,
     ) -> None:
-        """``only`` names the instruments that are wanted; all of the site's without it."""
+        """``only`` names the instruments that are wanted; all of the site's without it.
+
+        ``book`` keeps which programs were sent to the controller, so that what is left of them is known later.
+        """
         self._site = site
+        self._book = book
+        self.left = NOTHING
         self._only = only
         self._clock = clock
         self._say = say
@@ -73,6 +80,8 @@ class Supervisor:
         for instrument in self._wanted:
             role = next((role for role in _ROLES if instrument.driver in registry.known(role)), _ROLES[0])
             self._add(instrument.name, instrument.driver, role, instrument.url, instrument.settings)
+        if isinstance(self.controller, Leavable):
+            self.controller.book = self._book
 
     @property
     def _wanted(self) -> tuple[InstrumentSection, ...]:
@@ -122,7 +131,9 @@ class Supervisor:
     async def open_all(self) -> MachineIdentity:
         """Open and identify every device together. Raises DevicesFailed naming each one that did not."""
         await self._open_these(self._devices)
-        return await self._known_machine()
+        machine = await self._known_machine()
+        await self._look_around()
+        return machine
 
     async def hold(self, names: Collection[str]) -> None:
         """Keep of all instruments only these open: what is not in use streams to nobody and may be carried about.
@@ -196,11 +207,17 @@ class Supervisor:
     async def _sign_of_life(self) -> None:
         try:
             await self.controller.state()
+            await self._look_around()
         except TrueflankError as error:
             seen = self._pictures[self.CONTROLLER]
             self._pictures[self.CONTROLLER] = replace(seen, state="lost", error=error)
             self._say(str(error))
             await self.controller.close()
+
+    async def _look_around(self) -> None:
+        """What of ours stands in the control without a gateway at work with it: kept in ``left``."""
+        if isinstance(self.controller, Leavable):
+            self.left = await self.controller.left_over()
 
     async def _wait(self, stop: asyncio.Event, seconds: float) -> None:
         waiter = asyncio.ensure_future(stop.wait())
@@ -221,3 +238,5 @@ class Supervisor:
                 self._picture(name, seen.driver, "closed", seen.identity)
         for trace in self._traces.values():
             trace.close()
+        if self._book is not None:
+            self._book.close()

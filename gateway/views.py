@@ -98,7 +98,8 @@ class StatusView:
 
     ``failure`` is the last run's error, ``result`` the last verdict's table, ``trouble`` what is wrong with
     the devices together when each of them answers. ``alarms`` are live tables that are not as they were pushed,
-    ``due`` says which were not compared when they should have been.
+    ``due`` says which were not compared when they should have been, ``left`` what an earlier gateway left in the
+    control or the journal.
     """
 
     site: str
@@ -112,14 +113,15 @@ class StatusView:
     trouble: Mapping[str, object] | None = None
     alarms: tuple[str, ...] = ()
     due: str = ""
+    left: tuple[Mapping[str, object], ...] = ()
 
     @property
     def state(self) -> str:
-        """One word for all: running, ready, or attention when a device is not open or not the site's, or an alarm."""
+        """One word for all: running, ready, or attention: a device not open or not the site's, alarm, left-over."""
         if self.run is not None:
             return "running"
         open_all = all(device.state == "open" for device in self.devices)
-        quiet = self.trouble is None and not self.alarms and not self.due
+        quiet = self.trouble is None and not self.alarms and not self.due and not self.left
         return "ready" if open_all and quiet else "attention"
 
 

@@ -12,6 +12,8 @@ from drivers.checks import CheckLine, Wanted, failed, fine, unknown, wrong
 from drivers.clock import Clock
 from drivers.errors import TransportError, TrueflankError
 from drivers.sinumerik import nodes, uaalarms
+from drivers.sinumerik.dialogue import Dialogue
+from drivers.sinumerik.leaving import found as found_left
 from drivers.sinumerik.machine import Configuration, MachineReader
 from drivers.sinumerik.uaclient import UaSession
 from drivers.sinumerik.uafiles import FileNodes
@@ -221,6 +223,14 @@ async def _files(bed: Bedside) -> list[CheckLine]:
     return [fine("W-DOC-FILES", "files") if said else fine("W-DOC-FILES-BY-RIGHTS", "files")]
 
 
+async def _left_over(bed: Bedside) -> list[CheckLine]:
+    """Programs of ours whose gateway is gone, and their words, by the numbers they were sent with."""
+    selected = await bed.value(nodes.in_channel("progName", bed.settings.channel, "ProgramInfo"))
+    seen = await Dialogue(bed.session, bed.reader, bed.settings, bed.clock, bed.where).look()
+    left, _sent = found_left(seen, str(selected or ""), bed.wanted.sent)
+    return [(fine if left.clear else wrong)(left.code, "left over", **left.facts)]
+
+
 async def _r_parameters(bed: Bedside) -> list[CheckLine]:
     first, channel = bed.settings.r_first, bed.settings.channel
     span = {"first": first, "last": first + COUNT - 1}
@@ -265,6 +275,7 @@ _QUESTIONS: tuple[tuple[str, Callable[[Bedside], Awaitable[list[CheckLine]]]], .
     ("table memory", _memory),
     ("key switch", _level),
     ("files", _files),
+    ("left over", _left_over),
     ("R parameters", _r_parameters),
     ("alarms", _alarms),
     ("state", _state),

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from drivers.clock import Clock
 from drivers.errors import DeviceRefused, TransportError, TrueflankError
+from drivers.leftover import Sent, SentBook
 from drivers.sinumerik import nodes
 from drivers.sinumerik.machine import ALARM_PLACES, MachineReader, channel_status
 from drivers.sinumerik.uaclient import UaSession
@@ -79,24 +80,25 @@ class Dialogue:
         self._original: tuple[float, ...] | None = None
         self._others: dict[int, float] = {}
         self._mine: set[float] = set()
+        self.book: SentBook | None = None
+        self.sent: Sent | None = None
         self.pace = Pace(settings.fast_poll_s, settings.poll_s)
 
-    async def begin(self, axis_number: int) -> None:
-        """Clear all words for a new program; remember the alarms that were there before it.
+    async def begin(self, axis_number: int, number: int, program: str) -> None:
+        """Clear all words for a new program, noted by its number first; remember the alarms that were there before it.
 
-        Raises DeviceRefused (E-NC-NOT-RESET) when the channel is not in reset: nothing is written then.
+        Raises DeviceRefused (E-NC-NOT-RESET) when the channel is not in reset, and what the book raises when the
+        program cannot be noted: nothing is written then.
         """
         self._axis_number = axis_number
         seen = await self.look()
         if seen.channel is not ChannelStatus.RESET:
             raise DeviceRefused("E-NC-NOT-RESET", self._where, status=seen.channel.name)
         self._before = frozenset(seen.alarms)
+        self._note(Sent(number, program, self._settings.r_first, self._kept(seen.words), dict(self._others)))
         await self.write({word: 0.0 for word in Word if word not in MARKED})
-        self.pace.again()
-
-    def own(self, number: int) -> None:
-        """A program of this number is ours; its word stands while it runs."""
         self._mine.add(float(number))
+        self.pace.again()
 
     def another(self, seen: Glance) -> bool:
         """Whether a program that is not of this conversation stands in the words; never before our own first one."""
@@ -107,6 +109,32 @@ class Dialogue:
         seen = await self.look()
         if self.another(seen):
             raise DeviceRefused("E-NC-ANOTHER", self._where, number=round(seen.word(Word.TRANSACTION)))
+
+    def _note(self, sent: Sent) -> None:
+        if self.book is not None:
+            self.book.note(sent)
+        self.sent = sent
+
+    def _kept(self, words: tuple[float, ...]) -> tuple[float, ...]:
+        """What the words were before this session; what an earlier gateway left there of its own does not count."""
+        if self._original is None:
+            numbers = (words[Word.TRANSACTION], words[Word.RELEASE])
+            known = self.book.known() if self.book is not None else ()
+            left = next((one for one in reversed(known) if one.open and one.number in numbers), None)
+            self._original = words if left is None else left.before
+            self._others = {} if left is None else dict(left.others)
+        return self._original
+
+    def follow(self, program: str) -> None:
+        """The conversation goes on with another program under the same number."""
+        if self.sent is not None:
+            self._note(replace(self.sent, program=program))
+
+    def take_over(self, sent: Sent) -> None:
+        """What an earlier gateway sent is ours to end; what stood in the words before it is what is given back."""
+        self._note(sent)
+        self._mine.add(float(sent.number))
+        self._original, self._others = sent.before, dict(sent.others)
 
     async def look(self) -> Glance:
         """One look. Raises TransportError (E-UA-NCK-DOWN) while the NCK restarts, and what the session raises."""
@@ -162,7 +190,7 @@ class Dialogue:
     async def write(self, words: dict[Word, float]) -> None:
         """Write words, typed, by one request, never retried; their old values are kept first."""
         if self._original is None:
-            self._original = (await self.look()).words
+            self._kept((await self.look()).words)
         await self._session.write(
             [(self._path(word), float(value)) for word, value in words.items()], self._reader.timeout_s
         )
@@ -174,6 +202,8 @@ class Dialogue:
         """
         before = await self.numbered(values)
         self._others = {**before, **self._others}
+        if self.sent is not None:
+            self._note(replace(self.sent, others=dict(self._others)))
         await self._session.write(
             [(nodes.r_parameter(number, self._settings.channel), value) for number, value in values.items()],
             self._reader.timeout_s,
@@ -203,7 +233,7 @@ class Dialogue:
         seen = await self.look()
         if self.another(seen):
             return False
-        if not _done(seen):
+        if not _done(seen) and self.sent is not None:
             await self.write({Word.ABORT: 1.0})
             seen = await self._after_abort(seen)
         if not _done(seen):
@@ -215,7 +245,9 @@ class Dialogue:
         await self._session.write(
             [(nodes.r_parameter(number, channel), value) for number, value in old.items()], self._reader.timeout_s
         )
-        self._original, self._others = None, {}
+        self._original, self._others, self.sent = None, {}, None
+        if self.book is not None:
+            self.book.given_back()
         return True
 
     async def _after_abort(self, seen: Glance) -> Glance:

@@ -60,15 +60,14 @@ class Grinding:
         setting = await self._setting(plan, configuration)
         token = random_source.randbelow(899_999) + 100_000
         text = grindprogram.grinding(plan, token, setting)
-        await self._dialogue.begin(numbers[0])
-        self._dialogue.own(token)
+        path = program_path("GRIND", plan.index.name)
+        await self._dialogue.begin(numbers[0], token, path)
         self.plan, self._token, self._saved, self._ended = plan, token, False, False
         self._memory = setting.memory
         values = {SetupWord.X: plan.x_mm, SetupWord.C: plan.c_deg, SetupWord.DRESSING: plan.dressing_mm}
         self._placed = {setting.words.setup_number(word): value for word, value in values.items()}
         await self._dialogue.place(self._placed)
         await self._dialogue.write({Word.RELEASE: float(token)})
-        path = program_path("GRIND", plan.index.name)
         await self._transfer.send(path, text)
         await self._transfer.select(path)
         return text

@@ -13,6 +13,7 @@ from typing import Any, Literal
 
 from drivers.clock import Clock
 from drivers.errors import UnsupportedDevice
+from drivers.leftover import NOTHING, LeftOver, SentBook
 from drivers.sinumerik.mailbox.registers import Kind
 from drivers.sinumerik.modbuspush import Pushing
 from drivers.sinumerik.modbusreader import MachineReader
@@ -48,6 +49,7 @@ class SinumerikModbus:
         self._pushing = Pushing(self._talk, self._reader, found, clock, name)
         self._switching = Switching(self._talk, self._reader, self._pushing, found, clock, name)
         self._encoder = found.encoder
+        self.book: SentBook | None = None
 
     @property
     def capabilities(self) -> Capabilities:
@@ -91,6 +93,28 @@ class SinumerikModbus:
     async def marker(self) -> Marker | None:
         """What the PLC keeps of the last push."""
         return await self._reader.marker()
+
+    # ---- what is left of ours -------------------------------------------------------------------------
+
+    async def left_over(self) -> LeftOver:
+        """No programs run on this road, and the PLC ends a session whose heartbeat stops: nothing is left."""
+        return NOTHING
+
+    async def withdraw(self, timeout_s: float) -> LeftOver:
+        """End our session; a table that waits for the panel is then not activated any more."""
+        ours = self._talk.session
+        if not ours:
+            return NOTHING
+        del timeout_s  # leaving is bounded by itself
+        await self._talk.leave()
+        if self._talk.unended:
+            return LeftOver("session", ours)
+        return LeftOver("closed", ours)
+
+    async def clear_left_over(self, timeout_s: float) -> LeftOver:
+        """Nothing is left on this road."""
+        del timeout_s
+        return NOTHING
 
     # ---- not on this road ---------------------------------------------------------------------------
 

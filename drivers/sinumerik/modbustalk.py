@@ -64,6 +64,11 @@ class Talk:
         return self._session
 
     @property
+    def unended(self) -> int:
+        """The number of a session that we could not end, because the wire was broken; 0 for none."""
+        return self._left
+
+    @property
     def reserved(self) -> int:
         """Reserved points of the table selected last (register 10, as its command was reported done)."""
         return self._last.reserved if self._last is not None else 0

@@ -20,6 +20,7 @@ from drivers.sinumerik.activation import activation
 from drivers.sinumerik.backup import Memory, Saving
 from drivers.sinumerik.dialogue import Dialogue, Glance
 from drivers.sinumerik.grinding import Grinding
+from drivers.sinumerik.leaving import Leaver, Leaving
 from drivers.sinumerik.machine import Configuration, MachineReader
 from drivers.sinumerik.program import Setting
 from drivers.sinumerik.pushing import Pushing, live_tables
@@ -49,7 +50,7 @@ _SAVED = (Phase.MEASURING, Phase.FINISHED, Phase.LEFT)
 _OVER = (Phase.FINISHED, Phase.LEFT)
 
 
-class SinumerikOpcUa:
+class SinumerikOpcUa(Leaver):
     """Driver "sinumerik-opcua": settings in `drivers.sinumerik.uasettings.UaSettings`."""
 
     def __init__(self, name: str, url: str, settings: Mapping[str, Any], clock: Clock) -> None:
@@ -62,6 +63,9 @@ class SinumerikOpcUa:
         self._dialogue = Dialogue(self._session, self._reader, self._settings, clock, name)
         self._pushing = Pushing(self._dialogue, self._reader, self._transfer, self._settings, clock, name)
         self._grinding = Grinding(self._dialogue, self._reader, self._transfer, self._settings, clock, name)
+        self._leaving = Leaving(
+            self._dialogue, self._reader, self._transfer, self._settings.channel, clock, name, self._open_again
+        )
         self._configuration = Configuration((), (), ())
         self._plan: StopPlan | None = None
         self._token, self._memory = 0, Memory(0)
@@ -93,6 +97,9 @@ class SinumerikOpcUa:
                 async with self._clock.deadline(GIVE_BACK_S, self.name):
                     await self._dialogue.give_back()
         await self._session.close()
+
+    async def _open_again(self) -> None:
+        await self.open(self._reader.timeout_s)
 
     async def identify(self) -> MachineIdentity:
         """Serial number, NCK version, axis names and unit system, read afresh."""
@@ -132,12 +139,11 @@ class SinumerikOpcUa:
         setting = await self._setting(plan.axis, plan.compensated_axis, plan.encoder, rotary=plan.rotary)
         token = random_source.randbelow(899_999) + 100_000
         text = program.measuring(plan, token, setting)
-        await self._dialogue.begin(setting.axis_number)
-        self._dialogue.own(token)
+        path = program_path("MEAS", plan.compensated_axis)
+        await self._dialogue.begin(setting.axis_number, token, path)
         self._plan, self._token, self._saved, self._ended = plan, token, False, False
         self._memory, self._grinding.plan = setting.memory, None
         self._moving_since, self._move_s = None, 0.0
-        path = program_path("MEAS", plan.compensated_axis)
         await self._transfer.send(path, text)
         await self._transfer.select(path)
 

@@ -58,12 +58,12 @@ class Pushing:
             texts = {"LOAD": pushprogram.loading(order, setting), "ENAB": pushprogram.enabling(order, setting)}
         else:
             texts = {"PUSH": pushprogram.pushing(order, setting)}
-        await self._dialogue.begin(setting.axis_number)
-        self._dialogue.own(order.transaction)
+        first = program_path(next(iter(texts)), axis)
+        await self._dialogue.begin(setting.axis_number, order.transaction, first)
         await self.mark(order, "in-progress")
         for purpose, text in texts.items():
             await self._transfer.send(program_path(purpose, axis), text)
-        await self._transfer.select(program_path(next(iter(texts)), axis))
+        await self._transfer.select(first)
 
     async def mark(self, order: PushOrder, state: str) -> None:
         """Write the marker with the order's number and head, by one request, never retried."""
@@ -147,7 +147,9 @@ class Pushing:
         """Set the release word to the transaction number; never retried. Two programs: select the second."""
         await self._dialogue.write({Word.RELEASE: float(order.transaction)})
         if self._settings.two_programs:
-            await self._transfer.select(program_path("ENAB", order.table.output_axis))
+            second = program_path("ENAB", order.table.output_axis)
+            self._dialogue.follow(second)
+            await self._transfer.select(second)
         self._dialogue.pace.again()
 
     async def enabled(self, order: PushOrder, timeout_s: float, configuration: Configuration) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from pathlib import Path
 from typing import Annotated
 
@@ -12,6 +11,7 @@ from drivers.clock import Clock, LoopClock
 from gateway.cli.commands import ApplyOption, JsonOption, MachineOption, SiteArgument
 from gateway.cli.running import show_outcome
 from gateway.cli.show import progress
+from gateway.cli.stopping import run_to_end
 from gateway.say import Say
 
 
@@ -54,5 +54,5 @@ def close_site_command(
         return await close_site(tree, site, apply=apply, machine_name=name, clock=used, say=say, resume=folder)
 
     with progress(quiet=as_json) as say:
-        outcome = asyncio.run(main(say))
+        outcome = run_to_end(main(say))
     show_outcome(outcome, as_json=as_json)

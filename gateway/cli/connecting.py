@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import asyncio
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from drivers import registry
-from drivers.checks import CertificateView, TrustView, Wanted, WantedAxis
+from drivers.checks import CertificateView, CheckLine, TrustView, Wanted, WantedAxis, wrong
 from drivers.clock import Clock, LoopClock
 from drivers.errors import TrueflankError, words
+from drivers.leftover import Sent
 from gateway.cli.commands import JsonOption, SiteArgument
 from gateway.cli.show import echo, show_json
+from gateway.cli.stopping import run_to_end
 
 NOT_ALL_WELL = 5
 MARKS = {"ok": "ok", "wrong": "WRONG", "unknown": "could not tell"}
@@ -33,7 +34,9 @@ def add_to(app: typer.Typer) -> None:
 def doctor_command(site: SiteArgument, as_json: JsonOption = False) -> None:
     """Look at the road to the control, line by line, and change nothing; exit code 0 only if all is well."""
     tree = load(site)
-    lines = asyncio.run(port(tree, "doctor", LoopClock()).examine(wanted(tree), tree.controller.timeout_s))
+    sought = wanted(tree, sent_before(tree, site))
+    lines = run_to_end(port(tree, "doctor", LoopClock()).examine(sought, tree.controller.timeout_s))
+    lines = (*lines, *unended(tree, site))
     well = all(line.outcome == "ok" for line in lines)
     if as_json:
         show_json({"site": tree.site.name, "ok": well, "lines": [line.as_record() for line in lines]})
@@ -51,7 +54,7 @@ def doctor_command(site: SiteArgument, as_json: JsonOption = False) -> None:
 def show_command(site: SiteArgument, as_json: JsonOption = False) -> None:
     """What the server shows now, what is pinned, and whether they are equal; exit code 5 when they are not."""
     tree = load(site)
-    view: TrustView = asyncio.run(port(tree, "trust", LoopClock()).show(tree.controller.timeout_s))
+    view: TrustView = run_to_end(port(tree, "trust", LoopClock()).show(tree.controller.timeout_s))
     tell(view, as_json=as_json)
     if not view.equal:
         raise typer.Exit(NOT_ALL_WELL)
@@ -73,7 +76,7 @@ def accept_command(site: SiteArgument, thumbprint: ThumbprintOption, as_json: Js
         audit.record(root, "trust-accept", clock=clock, role="service", details=told)
         return view
 
-    tell(asyncio.run(main()), as_json=as_json)
+    tell(run_to_end(main()), as_json=as_json)
 
 
 def load(site: Path) -> Any:
@@ -90,14 +93,38 @@ def port(tree: Any, role: str, clock: Clock) -> Any:
     return factory(tree.site.name, controller.url, controller.settings, clock)
 
 
-def wanted(tree: Any) -> Wanted:
-    """What the site expects of its control."""
+def sent_before(tree: Any, site: Path) -> tuple[Sent, ...]:
+    """Every program this store sent to the control; none while a gateway is at work with them."""
+    from gateway.push.sent import SentBook
+    from gateway.workflow.bench import JOURNALS, store_of
+
+    book = SentBook(store_of(tree, site).root / JOURNALS, tree.controller.serial)
+    return () if book.at_work() else book.known()
+
+
+def unended(tree: Any, site: Path) -> tuple[CheckLine, ...]:
+    """A line for each push of this store that did not end and that nobody is at work with."""
+    from gateway.push import unfinished
+    from gateway.push.journal import machine_folder
+    from gateway.push.lock import is_held
+    from gateway.workflow.bench import JOURNALS, store_of
+
+    journals, serial = store_of(tree, site).root / JOURNALS, tree.controller.serial
+    found = () if is_held(machine_folder(journals, serial)) else unfinished(journals, serial)
+    return tuple(
+        wrong("W-WEB-UNFINISHED", "journal", transaction=one.number, axis=one.latest("axis") or "?", last=one.said_last)
+        for one in found
+    )
+
+
+def wanted(tree: Any, sent: tuple[Sent, ...] = ()) -> Wanted:
+    """What the site expects of its control; ``sent`` are the programs that were sent there."""
     axes = tuple(
         WantedAxis(axis.name, axis.unit, axis.encoder, points(axis.table))
         for axis in tree.axes
         if getattr(axis, "table", None) is not None
     )
-    return Wanted(tree.controller.serial, axes)
+    return Wanted(tree.controller.serial, axes, sent)
 
 
 def points(table: Any) -> int:

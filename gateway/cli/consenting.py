@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import asyncio
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from gateway.cli.commands import ApplyOption, JsonOption, MachineOption, RunArgument, SiteArgument, StoreOption
+from gateway.cli.stopping import run_to_end
 
 TableOption = Annotated[str, typer.Option("--axis", help="Machine axis, or a cross table: C1-cec3.")]
 
@@ -24,11 +24,11 @@ def approve(
 
     folder = Store(store).open(run_folder)
     with progress(quiet=as_json) as say:
-        outcome = asyncio.run(_main(lambda clock: show_plan(folder, clock=clock, say=say)))
+        outcome = run_to_end(_main(lambda clock: show_plan(folder, clock=clock, say=say)))
     if not as_json:
         show_outcome(outcome, as_json=False)
     typed = typer.prompt("type the machine's name to approve", err=True, default="", show_default=False).strip()
-    made = asyncio.run(_main(lambda clock: approve_plan(folder, table=axis, typed_name=typed, clock=clock)))
+    made = run_to_end(_main(lambda clock: approve_plan(folder, table=axis, typed_name=typed, clock=clock)))
     if as_json:
         plans = [{"plan_hash": one.plan_hash, "actor": one.actor, "expires_utc": one.expires_utc} for one in made]
         show_json({"approved": plans, **outcome.as_data()})
@@ -53,7 +53,7 @@ def rollback(
     site, path = _site(place, store)
     with progress(quiet=as_json) as say:
         asked: dict[str, Any] = {"table": axis, "apply": apply, "machine_name": machine, "say": say}
-        outcome = asyncio.run(_main(lambda clock: roll_back_site(site, path, clock=clock, **asked)))
+        outcome = run_to_end(_main(lambda clock: roll_back_site(site, path, clock=clock, **asked)))
     show_outcome(outcome, as_json=as_json)
 
 
@@ -74,7 +74,7 @@ def verify_table_command(
     folder = store_of(tree, site).open(run) if run else None
     with progress(quiet=as_json) as say:
         asked: dict[str, Any] = {"table": axis, "run": folder, "say": say}
-        outcome = asyncio.run(_main(lambda clock: verify_table(tree, site, clock=clock, **asked)))
+        outcome = run_to_end(_main(lambda clock: verify_table(tree, site, clock=clock, **asked)))
     show_outcome(outcome, as_json=as_json)
 
 

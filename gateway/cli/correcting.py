@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,6 +10,7 @@ import typer
 from gateway.cli.commands import JsonOption, SiteArgument, named
 from gateway.cli.inspecting import HeightsOption, correct_gear
 from gateway.cli.show import echo, progress, show_json, show_table
+from gateway.cli.stopping import run_to_end
 
 
 def add_to(app: typer.Typer) -> None:
@@ -53,7 +53,7 @@ def _from_run(site: Path, run: str, *, as_json: bool) -> None:
         return await correct_site(tree, site, folder, clock=LoopClock(), say=say)
 
     with progress(quiet=as_json) as say:
-        found = asyncio.run(main(say))
+        found = run_to_end(main(say))
     if as_json:
         show_json(found.as_data())
     else:

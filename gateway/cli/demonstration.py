@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any, TextIO
 
 from drivers.clock import LoopClock
 from drivers.errors import ConfigError
@@ -33,7 +37,9 @@ def cell_process(
     if seed is not None:
         command += ["--seed", str(seed)]
     # The cell ends by itself when its standard input closes, so no orphan outlives us on any system.
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as child:  # noqa: S603
+    # Ctrl-C in the terminal is ours: the machine must still be there while a run leaves it in order.
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, **_apart()) as child:  # noqa: S603
         try:
             if child.stdout is None or child.stdin is None:
                 raise ConfigError("E-CLI-CELL", cell, why="it has no pipes")
@@ -46,6 +52,12 @@ def cell_process(
                 child.wait(GRACE_S)
             except subprocess.TimeoutExpired:
                 child.kill()
+
+
+def _apart() -> dict[str, Any]:
+    if sys.platform == "win32":
+        return {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
+    return {"process_group": 0}
 
 
 def _ready(child: subprocess.Popen[str], cell: str) -> dict[str, object]:
@@ -80,7 +92,27 @@ def run_cell(cell: str, site: Path, speed: float, seed: int | None) -> None:
     with cell_process(cell, site, speed, seed) as child:
         echo(f"cell {cell} runs at {speed:g} x wall time; site file: {site}")
         echo(f"try: trueflank check {site} --connect   or   trueflank run {site}")
+        echo("type a key of its panel and Enter: reset, nc start, nck reset; or auto off, auto on: its operator")
+        threading.Thread(target=_hand_on, args=(child.stdin,), daemon=True, name="keys").start()
+        threading.Thread(target=_show, args=(child.stdout,), daemon=True, name="answers").start()
         try:
             child.wait()
         except KeyboardInterrupt:
             echo("ending the cell")
+
+
+def _hand_on(keys: TextIO | None) -> None:
+    """What is typed here goes to the cell's panel; the end of our input is not that of the cell.
+
+    Read below Python's buffer, whose lock this thread would still hold when the program ends.
+    """
+    with contextlib.suppress(OSError, ValueError):
+        while keys is not None and (typed := os.read(sys.stdin.fileno(), 4096)):
+            keys.write(typed.decode("utf-8", "replace"))
+            keys.flush()
+
+
+def _show(answers: TextIO | None) -> None:
+    with contextlib.suppress(OSError, ValueError):
+        for line in answers or ():
+            echo(line.rstrip())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import math
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,6 +11,7 @@ import typer
 from drivers.errors import ConfigError
 from gateway.cli.commands import JsonOption, StoreOption
 from gateway.cli.show import echo, progress, show_json, show_table
+from gateway.cli.stopping import run_to_end
 
 KINDS = ("none", "value", "level", "external")
 
@@ -76,7 +76,7 @@ def _captured(site: Path, wish: Any, *, as_json: bool) -> Any:
 
     tree = load_site(site)
     with progress(quiet=as_json) as say:
-        return asyncio.run(capture_dynamic(tree, site, wish, LoopClock(), say))
+        return run_to_end(capture_dynamic(tree, site, wish, LoopClock(), say))
 
 
 def _opened(path: Path, unit: str, plot: Path | None, band: float | None, store: Path) -> Any:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
@@ -11,6 +10,7 @@ import typer
 
 from gateway.cli.commands import JsonOption, PartOption, SiteArgument
 from gateway.cli.show import echo, progress, show_json, show_table
+from gateway.cli.stopping import run_to_end
 
 
 def add_to(app: typer.Typer) -> None:
@@ -63,7 +63,7 @@ def _grind(tree: Any, site: Path, part: str, setup: Any, machine: str, folder: A
         return await grind_site(tree, site, clock=LoopClock(), say=say, **asked)
 
     with progress(quiet=as_json) as say:
-        made, used = asyncio.run(main(say))
+        made, used = run_to_end(main(say))
     if as_json:
         show_json({**asdict(made), "run_folder": str(used.path)})
         return

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, Literal, cast
@@ -12,6 +11,7 @@ import typer
 from gateway.cli.commands import JsonOption, PartOption, SiteArgument
 from gateway.cli.importing import columns_of
 from gateway.cli.show import echo, progress, show_json, show_table
+from gateway.cli.stopping import run_to_end
 
 Heights = Literal["lower-face", "middle"]
 HEIGHTS: tuple[str, ...] = ("lower-face", "middle")
@@ -125,7 +125,7 @@ def show_lines(outcome: Any, *, as_json: bool) -> None:
 
 def _run(work: Callable[[Any], Any], *, as_json: bool) -> Any:
     with progress(quiet=as_json) as say:
-        return asyncio.run(work(say))
+        return run_to_end(work(say))
 
 
 def _data(found: Any, folder: str, picture: str) -> dict[str, Any]:

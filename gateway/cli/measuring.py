@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,6 +10,7 @@ import typer
 from gateway.cli.commands import JsonOption, SiteArgument, named
 from gateway.cli.inspecting import FileOption, HeightsOption, guard_gear, show_lines
 from gateway.cli.show import echo, progress, show_json, show_table
+from gateway.cli.stopping import run_to_end
 
 
 def add_to(app: typer.Typer) -> None:
@@ -48,7 +48,7 @@ def measure_command(
         return await measure_site(tree, site, clock=LoopClock(), say=say, **asked)
 
     with progress(quiet=as_json) as say:
-        outcome = asyncio.run(main(say))
+        outcome = run_to_end(main(say))
     paths = write_report(RunFolder(Path(outcome.run_folder)))
     if as_json:
         show_json({**outcome.as_data(), "report": paths.as_data()})
@@ -94,7 +94,7 @@ def _guard_axis(site: Path, run: str, axis: str, limit: float | None, *, as_json
         return await guard_site(tree, site, folder, axis, clock=LoopClock(), say=say, limit=limit)
 
     with progress(quiet=as_json) as say:
-        outcome = asyncio.run(main(say))
+        outcome = run_to_end(main(say))
     show_lines(outcome, as_json=as_json)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +9,7 @@ import typer
 
 from drivers.clock import Clock, LoopClock
 from gateway.cli.show import echo, progress, show_json, show_table
+from gateway.cli.stopping import run_to_end
 from gateway.config import load_site
 from gateway.say import Say
 
@@ -34,7 +34,7 @@ def run_site_command(
         return await run_site(tree, site, apply=apply, machine_name=name, clock=used, say=say)
 
     with progress(quiet=as_json) as say:
-        outcome = asyncio.run(main(say))
+        outcome = run_to_end(main(say))
     show_outcome(outcome, as_json=as_json)
 
 
@@ -49,7 +49,7 @@ def push_run_command(run_folder: str, store: Path, apply: bool, machine: str, *,
         return await push_run(folder, apply=apply, machine_name=machine, clock=LoopClock(), say=say)
 
     with progress(quiet=as_json) as say:
-        outcome = asyncio.run(main(say))
+        outcome = run_to_end(main(say))
     show_outcome(outcome, as_json=as_json)
 
 
@@ -63,14 +63,14 @@ def recover_command(site: Path, apply: bool, machine: str, *, as_json: bool) -> 
         return await recover_site(tree, site, apply=apply, machine_name=machine, clock=LoopClock(), say=say)
 
     with progress(quiet=as_json) as say:
-        findings = asyncio.run(main(say))
+        findings = run_to_end(main(say))
     if as_json:
         show_json([finding.as_data() for finding in findings])
         return
     for finding in findings:
         echo(finding.words)
     if not findings:
-        echo(f"{tree.site.name}: no push was left unfinished")
+        echo(f"{tree.site.name}: no push was left unfinished, and nothing of ours is left in the control")
 
 
 def check_command(site: Path, connect: bool, *, as_json: bool) -> None:
@@ -78,7 +78,7 @@ def check_command(site: Path, connect: bool, *, as_json: bool) -> None:
     tree = load_site(site)
     rows: list[tuple[str, str, str, str]] = []
     if connect:
-        rows = asyncio.run(_identities(site))
+        rows = run_to_end(_identities(site))
     if as_json:
         keys = ("device", "model", "serial", "firmware")
         devices = [dict(zip(keys, row, strict=True)) for row in rows]
@@ -105,11 +105,13 @@ async def _identities(site: Path) -> list[tuple[str, str, str, str]]:
 
 
 def serve_command(site: Path, host: str, port: int) -> None:
-    """Serve a site until Ctrl-C."""
+    """Serve a site until it is stopped; raises Stopped when that cut a run short."""
     from gateway.daemon import Daily, serve, token_path
+    from gateway.push.sent import SentBook
+    from gateway.stopping import Stop
     from gateway.supervisor import Supervisor
     from gateway.workflow.aftercare import StandingAlarms, due
-    from gateway.workflow.bench import store_of
+    from gateway.workflow.bench import JOURNALS, store_of
     from gateway.workflow.run import run_site
     from gateway.workflow.verifying import verify_table
 
@@ -130,12 +132,14 @@ def serve_command(site: Path, host: str, port: int) -> None:
         # Nobody at a desk can consent to a write: a run from the page only proposes.
         return await run_site(tree, site, apply=False, machine_name="", clock=clock, say=say)
 
+    stopped = Stop()
+
     def ready(url: str) -> None:
         echo(f"{tree.site.name}: {url}   (token for starting runs: {token_path(store.root)}; Ctrl-C ends)")
 
     async def main() -> None:
-        devices = Supervisor(tree, clock)
-        stop = asyncio.Event()
+        devices = Supervisor(tree, clock, book=SentBook(store.root / JOURNALS, tree.controller.serial))
+        stop = stopped.asked
         await serve(
             tree,
             lambda: devices,
@@ -150,7 +154,9 @@ def serve_command(site: Path, host: str, port: int) -> None:
             alarms=StandingAlarms(store, serial),
         )
 
-    asyncio.run(main())
+    run_to_end(main(), stop=stopped, ends_itself=True)
+    if stopped.told:
+        raise stopped.error()
 
 
 def report_command(run_folder: str, store: Path, *, as_json: bool) -> None:

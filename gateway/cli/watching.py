@@ -10,6 +10,7 @@ import typer
 
 from gateway.cli.commands import SiteArgument
 from gateway.cli.show import progress
+from gateway.cli.stopping import run_to_end
 
 POLL_S = 2.0
 
@@ -44,4 +45,4 @@ def watch_command(
             await clock.sleep(min(max(settle, 0.01), POLL_S))
 
     with progress(quiet=False) as say:
-        asyncio.run(main(say))
+        run_to_end(main(say))

@@ -12,11 +12,14 @@ from typing import Any, Protocol
 
 from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded, TrueflankError, words
+from drivers.leftover import NOTHING, LeftOver
 from gateway.errors import BusyError
 from gateway.say import Say
+from gateway.stopping import LONGEST_S, current
 from gateway.views import DeviceView, RunView, SeenDevice, device_views
 
 RunStarter = Callable[[Say], Awaitable[object]]
+LOOK_S = 0.1
 _LOG = logging.getLogger("trueflank.daemon")
 
 
@@ -29,6 +32,11 @@ class Devices(Protocol):
 
     def picture(self) -> Sequence[SeenDevice]:
         """All devices as they are now."""
+        ...
+
+    @property
+    def left(self) -> LeftOver:
+        """What an earlier gateway left in the control, as seen last."""
         ...
 
     async def watch(self, stop: asyncio.Event) -> None:
@@ -63,6 +71,11 @@ class Desk:
     def trouble(self) -> Mapping[str, object] | None:
         """Why the devices, though each of them answers, are not the site's: another machine, a missing axis."""
         return None if any(device.error is not None for device in self.devices()) else self._trouble
+
+    @property
+    def left(self) -> LeftOver:
+        """What an earlier gateway left in the control; nothing while a run has it."""
+        return NOTHING if self.run is not None else self._devices.left
 
     def devices(self) -> tuple[DeviceView, ...]:
         """All devices as they are now."""
@@ -185,14 +198,29 @@ async def unless(work: Coroutine[Any, Any, object], clock: Clock, *signals: asyn
             await interrupt(waiter, clock)
 
 
+async def left_in_order(task: asyncio.Task[Any], clock: Clock) -> None:
+    """Wait for a task as long as somebody leaves a machine in order; bounded."""
+    until = clock.now() + LONGEST_S
+    while not task.done() and current().in_order and clock.now() < until:
+        await _wait(task, clock, LOOK_S)
+
+
+async def _wait(task: asyncio.Task[Any], clock: Clock, seconds: float) -> None:
+    with contextlib.suppress(DeadlineExceeded):
+        async with clock.deadline(seconds, "daemon"):
+            await asyncio.wait((task,))
+
+
 async def interrupt(task: asyncio.Task[Any], clock: Clock, patience_s: float = 0.4) -> None:
-    """Cancel a task until it ends, four times at most: a library below may swallow a cancel."""
+    """Cancel a task until it ends, again and again: a library below may swallow a cancel.
+
+    While a run leaves its machine in order it is waited for, and not cancelled again.
+    """
     for _attempt in range(4):
         if task.done():
             break
         task.cancel()
-        with contextlib.suppress(DeadlineExceeded):
-            async with clock.deadline(patience_s, "daemon"):
-                await asyncio.wait((task,))
+        await _wait(task, clock, patience_s)
+        await left_in_order(task, clock)
     if task.done() and not task.cancelled():
         task.exception()

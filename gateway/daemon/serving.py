@@ -17,9 +17,9 @@ from drivers.clock import Clock
 from drivers.errors import ConfigError, DeadlineExceeded
 from gateway.config import SiteFile
 from gateway.daemon.daily import Daily, each_day
-from gateway.daemon.desk import Desk, Devices, RunStarter, interrupt
+from gateway.daemon.desk import Desk, Devices, RunStarter, interrupt, left_in_order
 from gateway.daemon.lock import locked
-from gateway.daemon.stored import last_result, newest_runs, stored_report
+from gateway.daemon.stored import last_result, left_behind, newest_runs, stored_report
 from gateway.daemon.token import token_of
 from gateway.store import Store
 from gateway.views import StatusView
@@ -60,6 +60,8 @@ async def serve(
     alarms: Callable[[], tuple[str, ...]] = tuple,
 ) -> None:
     """Open and watch the devices and serve the page until `stop` is set; ends within 3 s of it.
+
+    A run at work leaves its machine in order first, which is bounded by `gateway.stopping.LONGEST_S`.
 
     ``run_starter`` does a whole run that only proposes (see `Desk`); None makes a gateway that only watches.
     ``ready`` gets the page's url once it answers. ``daily`` is what is compared each day; ``alarms`` tells the live
@@ -114,6 +116,7 @@ async def _ended(task: asyncio.Task[None], clock: Clock) -> None:
         async with clock.deadline(GRACE_S + 0.4, task.get_name()):
             await asyncio.wait((task,))
     except DeadlineExceeded:
+        await left_in_order(task, clock)
         await interrupt(task, clock, 0.1)
 
 
@@ -181,4 +184,5 @@ def status(
         desk.trouble,
         alarms(),
         daily.words if daily is not None else "",
+        left_behind(desk.left, store, site.controller.serial),
     )

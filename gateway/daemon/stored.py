@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
+from drivers.errors import TrueflankError
+from drivers.leftover import LeftOver
 from gateway.domain import Verdict
 from gateway.errors import StoreError
+from gateway.push import unfinished
+from gateway.push.journal import machine_folder
+from gateway.push.lock import is_held
 from gateway.store import RunFolder, Store
 from gateway.store.folder import RUN_FILE
 from gateway.views import PastRun, TableRow, axis_table, past_run
+from gateway.workflow.bench import JOURNALS
 
 REPORT_FILE = "report.html"
 VERDICT_STAGE = "verdict"
@@ -22,6 +30,21 @@ def last_result(store: Store) -> tuple[TableRow, ...]:
     """The before/after table of the newest run that has a verdict; empty when none of the last has."""
     tables = (_table(store, run_id) for run_id in _newest(store))
     return next((table for table in tables if table), ())
+
+
+def left_behind(left: LeftOver, store: Store, serial: str) -> tuple[Mapping[str, object], ...]:
+    """What a person must see to before the machine is ready: left in the control, or a push that did not end."""
+    found: list[Mapping[str, object]] = [] if left.clear else [left.said.as_record()]
+    journals = store.root / JOURNALS
+    try:
+        open_ones = () if is_held(machine_folder(journals, serial)) else unfinished(journals, serial)
+    except StoreError as error:
+        return (*found, error.as_record())
+    for one in open_ones:
+        axis, last = one.latest("axis") or "?", one.said_last
+        said = TrueflankError("W-WEB-UNFINISHED", "journal", transaction=one.number, axis=axis, last=last)
+        found.append(said.as_record())
+    return tuple(found)
 
 
 def stored_report(store: Store, run_id: str) -> str | None:

@@ -64,6 +64,11 @@ class JournalRead:
         """Whether nothing is left to do: ended, or torn before anything was announced."""
         return not self.broken and (not self.entries or self.entries[-1].kind in FINAL)
 
+    @property
+    def said_last(self) -> str:
+        """Its newest entry; "nothing" where there is none."""
+        return self.entries[-1].kind if self.entries else "nothing"
+
     def latest(self, name: str) -> Any:
         """The newest value of a fact, None where it was never noted."""
         for entry in reversed(self.entries):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
-from drivers.errors import TrueflankError
+from drivers.errors import TrueflankError, words
 from drivers.types import CompensationTable, LiveSet, LiveTable, Marker, PushOrder, TableLimits
 from gateway.domain import PushRecord, TableChange
 from gateway.errors import BusyError, StoreError, VerifyError
@@ -18,6 +19,7 @@ from gateway.push.compare import signed, table_facts, tolerance
 from gateway.push.context import PushContext
 from gateway.push.plan import plan_hash
 from gateway.push.unexpected import foreseen
+from gateway.stopping import current
 
 Purpose = Literal["table", "sign-proof", "restore"]
 Outcome = Literal["committed", "already-applied", "rolled-back", "held", "refused", "skipped"]
@@ -59,6 +61,7 @@ class Work:
     before: Marker | None = None
     sent: set[int] = field(default_factory=set)
     acknowledged: bool = False
+    last: str = "nothing"
 
     @property
     def axis(self) -> str:
@@ -73,9 +76,25 @@ class Work:
     def note(self, kind: str, **facts: object) -> None:
         """Write the journal first, then tell. Raises StoreError when the journal refuses."""
         self.journal.append(kind, utc=self._utc(), **facts)
+        self.last = kind
         told = ", ".join(f"{key} {value}" for key, value in facts.items() if isinstance(value, (str, int)))
         self.steps.append(f"{self._utc()} {kind}" + (f": {told}" if told else ""))
         self.context.say("P-PUSH-STEP", axis=self.axis, step=kind)
+
+    def stopped(self) -> None:
+        """Somebody ended us from outside: where it stands, on the disk before anything else is done."""
+        stop, last = current(), self.last
+        why = f"stopped by {stop.by or 'a cancel'}"
+        try:
+            if self.marked is None:
+                self.note("ABORTED", why=f"{why} before anything was sent")
+                return
+            stop.transactions.append(self.number)
+            self.note("STOPPED", why=why, after=last)
+        except StoreError as error:
+            stop.tell(str(error))
+        self.context.say("P-STOPPED-PUSH", axis=self.axis, transaction=self.number, last=last)
+        stop.tell(words("P-STOPPED-PUSH", axis=self.axis, transaction=self.number, last=last))
 
     def order(self, table: CompensationTable, enable: bool, purpose: Purpose, number: int) -> PushOrder:
         """The order for the controller to load one table."""
@@ -206,6 +225,9 @@ def closed_at_the_end(work: Work) -> Iterator[Work]:
     """
     try:
         yield work
+    except asyncio.CancelledError:
+        work.stopped()
+        raise
     finally:
         work.journal.close()
     with contextlib.suppress(StoreError):

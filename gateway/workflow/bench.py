@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import AsyncIterator, Collection
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from drivers.clock import Clock
-from drivers.errors import ConfigError
+from drivers.errors import ConfigError, TrueflankError
 from drivers.scrub import without_secrets_text
 from drivers.types import MachineIdentity
+from gateway import stopping
 from gateway.capture.rig import Rig
 from gateway.config import AxisSection, SiteFile, load_site
 from gateway.errors import WriteRefused
+from gateway.push.sent import SentBook
 from gateway.say import Say
 from gateway.store import Proofs, RunFolder, Store
 from gateway.supervisor import Supervisor
 from gateway.walk import Patience
+from gateway.workflow.leaving import leave
+
+JOURNALS = "journal"
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,17 +95,25 @@ async def bench(
 ) -> AsyncIterator[Bench]:
     """Open the controller and the instruments (all failures at once), hand out the bench, close everything at the end.
 
+    A failure or a stop leaves the machine in order first: what was sent is asked to end, and what is left is told.
+
     Without ``instruments`` those that measure the site's axes; others may stand in the site file unplugged.
     """
     used = {axis.measure.instrument for axis in site.axes} if instruments is None else set(instruments)
-    supervisor = Supervisor(site, clock, only=used)
-    supervisor.trace_into(folder.path / "traces")
     store = store_of(site, site_path)
+    supervisor = Supervisor(site, clock, only=used, book=SentBook(store.root / JOURNALS, site.controller.serial))
+    supervisor.trace_into(folder.path / "traces")
     try:
         machine = await supervisor.open_all()
         folder.set_state("opened", machine=machine)
         say("P-OPEN", site=site.site.name, serial=machine.serial, count=len(supervisor.picture()))
+        if not supervisor.left.clear:
+            say("P-LEFT", words=supervisor.left.words)
         yield Bench(site, site_path, supervisor, machine, folder, store, Proofs(store.root), clock, say)
+    except (TrueflankError, asyncio.CancelledError) as error:
+        await leave(supervisor, folder, store, clock, say, error)
+        raise
     finally:
-        await supervisor.close_all()
+        with stopping.current().leaving():
+            await supervisor.close_all()
         folder.adopt(*(folder.path / "traces").glob("*"))

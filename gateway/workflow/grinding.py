@@ -151,7 +151,7 @@ async def grind_part(at: Bench, part: str, setup: SetupValues) -> GroundPart:
 
     The program as sent and the live tables it saved stand in the run folder. Raises ConfigError (E-GRIND-...),
     UnsupportedDevice where the road runs no programs, DeviceRefused (E-GRIND-READY, alarm, reset), DeadlineExceeded;
-    on any of these the program is asked to end, which it does between spaces with the wheel clear.
+    on any of these, and by the bench at a stop, the program is asked to end: between spaces with the wheel clear.
     """
     checked_name(f"grind-{part}.mpf")
     plan = grind_plan(at.site, gear_of_site(at.site, at.site_path), setup, part)
@@ -165,7 +165,7 @@ async def grind_part(at: Bench, part: str, setup: SetupValues) -> GroundPart:
     at.say("P-GRIND-PREPARED", part=part, program=plan.name)
     try:
         started = await _followed(at, plan, part)
-    except (TrueflankError, asyncio.CancelledError):
+    except TrueflankError:
         await _ask_to_leave(at)
         raise
     live = {axis.name: await _saved(at, axis, part) for axis in plan.compensated}

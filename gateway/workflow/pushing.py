@@ -23,13 +23,13 @@ from gateway.say import Say
 from gateway.store import RunFolder
 from gateway.workflow import stages
 from gateway.workflow.aftercare import in_push, standing_alarms
-from gateway.workflow.bench import Bench, bench, check_name, site_of
+from gateway.workflow.bench import JOURNALS, Bench, bench, check_name, site_of
 from gateway.workflow.consents import Taken, begin, consented, ended, failed, proving, refused, take_up, tell
 from gateway.workflow.explaining import check_between
 from gateway.workflow.measure import Measured, live_again, measure_axis
 from gateway.workflow.outcome import Outcome, alarmed, finish, shown
 from gateway.workflow.verdict import PUSHED, judge, judge_axis, unmeasured
-from gateway.workflow.witness import JOURNALS, Witness
+from gateway.workflow.witness import Witness
 
 Done = TypeVar("Done")
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from drivers.clock import Clock
 from drivers.errors import ConfigError, TrueflankError
+from drivers.leftover import LeftOver
 from drivers.types import CompensationTable
 from gateway.config import SiteFile
 from gateway.domain import PushRecord
@@ -16,16 +17,19 @@ from gateway.push import PushContext
 from gateway.push.journal import JournalRead, machine_folder, tidy
 from gateway.push.recovery import Finding, look, recover, tables_of, unfinished, verdict
 from gateway.say import Say
-from gateway.workflow.bench import Bench, bench, check_name, new_run
+from gateway.workflow.bench import JOURNALS, Bench, bench, check_name, new_run
 from gateway.workflow.consents import not_recovered, recovered, tell
+from gateway.workflow.leaving import LeftFinding, clear
 from gateway.workflow.pushing import table_context
-from gateway.workflow.witness import JOURNALS, Witness
+from gateway.workflow.witness import Witness
 
 
 async def recover_site(
     site: SiteFile, site_path: Path, *, apply: bool, machine_name: str, clock: Clock, say: Say
-) -> tuple[Finding, ...]:
-    """Every unfinished push of the site's machine; with `apply` what each finding offers is carried out.
+) -> tuple[Finding | LeftFinding, ...]:
+    """What an earlier gateway left in the control, and every unfinished push of the site's machine.
+
+    With `apply` what each finding offers is carried out; a program that stands until a person presses keeps the rest.
 
     Looking reads the live tables and changes none. A journal that cannot be believed is told and left alone.
     Raises WriteRefused when nothing is offered.
@@ -33,16 +37,29 @@ async def recover_site(
     check_name(site, apply, machine_name)
     folder = new_run(site, site_path)
     folder.set_state("recovering")
-    findings: list[Finding] = []
+    findings: list[Finding | LeftFinding] = []
     async with bench(site, site_path, folder, clock, say) as at:
+        left, may_write = at.supervisor.left, apply
+        if not left.clear:
+            findings.append(told := await _left(at, left, apply=apply))
+            may_write = apply and told.after is not None and told.after.clear
         begun = Witness(at).begun
         for ended in tidy(machine_folder(at.store.root / JOURNALS, at.machine.serial), begun):
             if ended.entries:
                 say("P-RECOVER", words=verdict(ended, None, 0.0).words)
         for found in unfinished(at.store.root / JOURNALS, at.machine.serial, begun):
-            findings.append(await _one(at, found, apply=apply))
+            findings.append(await _one(at, found, apply=may_write))
     folder.set_state("recovered" if apply else "looked")
     return tuple(findings)
+
+
+async def _left(at: Bench, found: LeftOver, *, apply: bool) -> LeftFinding:
+    """A program of ours is asked to end and its words are given back, before anything else is begun there."""
+    if not apply:
+        return LeftFinding(found)
+    after = await clear(at.supervisor, at.patience.start_s)
+    at.say("P-RECOVER", words=after.words)
+    return LeftFinding(found, after)
 
 
 async def _one(at: Bench, found: JournalRead, *, apply: bool) -> Finding:

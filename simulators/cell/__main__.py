@@ -1,4 +1,8 @@
-"""`python -m simulators.cell CELL`: runs a cell until its stdin closes, a stop file appears or Ctrl-C."""
+"""`python -m simulators.cell CELL`: runs a cell until its stdin closes, a stop file appears or Ctrl-C.
+
+A line on stdin is a key of the machine's panel (RESET, NC START, NCK RESET, in any letters), a question or an order to
+the judge as JSON, or "auto off" and "auto on": whether the operator does by himself what the control's message says.
+"""
 
 from __future__ import annotations
 
@@ -22,6 +26,7 @@ from simulators.cell import Cell
 from simulators.cell.filed import write_filed_site
 from simulators.cell.judge import Judge
 from simulators.cellfile import load_cell, with_plan
+from simulators.operator import KEYS
 
 BLOCK_WALL_S = 0.002
 LOOK_S = 0.2
@@ -126,10 +131,16 @@ async def _until_told(options: argparse.Namespace, judge: Judge) -> None:
 async def _answer_all(lines: asyncio.Queue[bytes | None], judge: Judge) -> None:
     while (line := await lines.get()) is not None:
         if line.strip():
-            _tell(await _answered(judge, line))
+            _tell(await answered(judge, line))
 
 
-async def _answered(judge: Judge, line: bytes) -> dict[str, Any]:
+async def answered(judge: Judge, line: bytes) -> dict[str, Any]:
+    """What a line says: a key, an order, or a question; {"error": ...} when it is none of them."""
+    typed = " ".join(line.decode("utf-8", "replace").upper().split())
+    if typed in KEYS:
+        return {**await judge.answer({"set": "press", "key": typed}), "pressed": typed}
+    if typed in ("AUTO ON", "AUTO OFF"):
+        return await judge.answer({"set": "operator", "options": {"auto": typed == "AUTO ON"}})
     try:
         question = json.loads(line)
     except ValueError as error:
@@ -161,7 +172,7 @@ async def _visit(judge: Judge, wire: ByteTransport) -> None:
         if len(pending) > LINE_BYTES:
             raise TransportError("E-LINK-CLOSED", "judge", why="an endless line")
         for line in lines:
-            await wire.write(json.dumps(await _answered(judge, line)).encode() + b"\n")
+            await wire.write(json.dumps(await answered(judge, line)).encode() + b"\n")
 
 
 def _finely_timed() -> asyncio.AbstractEventLoop:

@@ -17,6 +17,7 @@ from simulators.optics.readings import component_of, reading
 from simulators.optics.sensor import watched
 from simulators.optics.stops import Stops
 from simulators.truth import AxisMotion, generator
+from simulators.truth.drift import drifted_s
 from simulators.truth.terms import curve
 
 FloatArray = NDArray[np.float64]
@@ -93,7 +94,7 @@ class SetupPc:
         passes = []
         for passed in range(2 * repetitions):
             stop = np.asarray([stops.offset(passed * count + place) for place in range(count)])
-            drift = noise.drift_per_h * (self._at(passed) + STOP_S * np.arange(count)) / 3600.0
+            drift = noise.drift_per_h * drifted_s(self._at(passed) + STOP_S * np.arange(count)) / 3600.0
             passes.append(stop + drift + rng.normal(0.0, scatter, count) + self._zero(zero))
         return passes
 

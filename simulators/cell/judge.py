@@ -50,6 +50,7 @@ class Judge:
             "variable": self._variable,
             "access_level": lambda q: self._cell.nck.set_access_level(int(q["value"])),
             "power_cycle": lambda _q: self._cell.power_cycle(),
+            "press": lambda q: self._cell.operator.press(str(q["key"]).upper()),
             "nc_start": lambda _q: self._cell.nck.nc_start(),
             "channel_reset": lambda _q: self._cell.nck.channel_reset(),
             "nck_reset": lambda _q: self._cell.nck.nck_reset(),

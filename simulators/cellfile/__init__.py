@@ -89,7 +89,10 @@ class Truth(Section):
 
 
 class Course(Section):
-    """How a quantity of the surroundings runs: start, drift an hour, a slow wave, and its sensor's error."""
+    """How a quantity of the surroundings runs: start, drift an hour, a slow wave, and its sensor's error.
+
+    A drift goes one way for half a day and then back, at most 12 h of it from the start.
+    """
 
     start: float
     per_h: float = 0.0

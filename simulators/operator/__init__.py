@@ -19,6 +19,7 @@ LOADED = re.compile(r"TRUEFLANK LOADED .+ NC START WHEN R(?P<number>\d+)=(?P<val
 ACTIVATE = re.compile(r"TRUEFLANK ACTIVATE NCK RESET AND REFERENCE (?P<axis>\S+)$")
 RESET, ACTIVE, INTERRUPTED = 0, 1, 2
 LOOK_S = 0.5
+KEYS = ("RESET", "NC START", "NCK RESET")
 # Kept in the same box: what someone takes who takes the wrong ones.
 WRONG = {
     "linear": "angular",
@@ -58,7 +59,12 @@ class Operator:
         self.log: list[str] = []
 
     def change(self, **options: object) -> None:
-        """Become another kind of operator: fields of the cell file's operator section."""
+        """Become another kind of operator: fields of the cell file's operator section.
+
+        Who comes back to work (``auto``) does not start what was selected while nobody was there.
+        """
+        if not self.spec.auto:
+            self._started = self._control.selections
         self.spec = OperatorSpec.model_validate({**self.spec.model_dump(), **options})
 
     def start(self) -> None:
@@ -93,14 +99,18 @@ class Operator:
         self._started = self._control.selections
         await self._clock.sleep(self.spec.start_delay_s)
         if self._control.channel_status == RESET:
-            self._press("NC START")
+            self.press("NC START")
 
-    def _press(self, what: str) -> None:
-        self.log.append(what)
-        if what == "RESET":
-            self._control.channel_reset()
-        else:
-            self._control.nc_start()
+    def press(self, key: str) -> None:
+        """One of `KEYS` on the machine's panel, whatever the operator does by himself. Raises KeyError."""
+        acts: dict[str, Callable[[], object]] = {
+            "RESET": self._control.channel_reset,
+            "NC START": self._control.nc_start,
+            "NCK RESET": self._control.nck_reset,
+        }
+        act = acts[key]
+        self.log.append(key)
+        act()
 
     async def _act(self, message: str) -> None:
         acts: tuple[tuple[re.Pattern[str], Callable[[re.Match[str]], Awaitable[None]]], ...] = (
@@ -128,7 +138,7 @@ class Operator:
         self._bench.mount(setup, WRONG[setup.optics] if wrong else None)
         self.log.append(f"mounted {setup.component} on {setup.axis}")
         if self._control.channel_status == INTERRUPTED:
-            self._press("NC START")
+            self.press("NC START")
 
     async def _load_blank(self, _found: re.Match[str]) -> None:
         await self._clock.sleep(self.spec.load_delay_s)
@@ -141,14 +151,14 @@ class Operator:
     def _go_on(self, done: str) -> None:
         self.log.append(done)
         if self._control.channel_status == INTERRUPTED and not done.startswith("no "):
-            self._press("NC START")
+            self.press("NC START")
 
     async def _release(self, found: re.Match[str]) -> None:
         number, value = int(found["number"]), float(found["value"])
         waited = 0.0
         while self.spec.looks_at_r and self._control.r_parameter(number) != value:
             if waited >= self.spec.release_patience_s:
-                self._press("RESET")
+                self.press("RESET")
                 return
             await self._clock.sleep(LOOK_S)
             waited += LOOK_S
@@ -156,10 +166,12 @@ class Operator:
                 return
         await self._clock.sleep(self.spec.release_delay_s)
         if self._control.channel_status == INTERRUPTED:
-            self._press("NC START")
+            self.press("NC START")
 
     async def _activate(self, _found: re.Match[str]) -> None:
         await self._clock.sleep(self.spec.activate_delay_s)
+        if self._control.channel_status != INTERRUPTED:
+            return  # whoever ended the program meanwhile does not want it any more
         self._control.nck_reset()
         self.log.append("NCK RESET")
         await self.power_up()

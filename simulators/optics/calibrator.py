@@ -11,6 +11,7 @@ from simulators.cellfile import Calibrator
 from simulators.optics.bench import Bench, Mounting, Watcher, letters_of
 from simulators.optics.stops import Stops
 from simulators.truth import AxisMotion, generator
+from simulators.truth.drift import drifted_s
 from simulators.truth.terms import curve
 
 FloatArray = NDArray[np.float64]
@@ -165,7 +166,7 @@ class RotaryReader:
             theta = np.zeros_like(theta)  # no angular reflector: nothing to follow
         beam = self._beam(theta)
         ratio = np.clip(np.sin(np.deg2rad(theta)) * (1.0 + self.spec.spacing_error), -1.0, 1.0)
-        drift = self.spec.noise.drift_per_h * times / 3600.0
+        drift = self.spec.noise.drift_per_h * drifted_s(times) / 3600.0
         noise = offsets + drift + self._rng.normal(0.0, self.spec.noise.sample, len(times))
         return self.sense * (np.rad2deg(np.arcsin(ratio)) + noise * ARCSEC_DEG), beam
 

@@ -19,6 +19,7 @@ from simulators.optics.bench import (
 )
 from simulators.optics.stops import Stops
 from simulators.truth import AxisMotion, generator
+from simulators.truth.drift import drifted_s
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -117,7 +118,7 @@ class LaserCounter:
         if self._stops is None:
             return np.zeros(1)
         position = np.broadcast_to(motion.position, len(knots))
-        drift = self.spec.noise.drift_per_h * knots / 3600.0
+        drift = self.spec.noise.drift_per_h * drifted_s(knots) / 3600.0
         return (self._stops.offsets(position, float(knots[1] - knots[0])) + drift) * UM
 
 

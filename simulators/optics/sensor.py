@@ -12,6 +12,7 @@ from simulators.optics.bench import SETTLED, Bench, Mounting, Watcher, letters_o
 from simulators.optics.readings import component_of, reading
 from simulators.optics.stops import Stops
 from simulators.truth import AxisMotion, generator
+from simulators.truth.drift import drifted_s
 from simulators.truth.terms import Curve, curve
 
 FloatArray = NDArray[np.float64]
@@ -98,7 +99,7 @@ class SensorReader:
     def _value(self, setup: Setup, times: FloatArray) -> FloatArray:
         motions = self._watcher.motions(watched(setup), times)
         value = self._geometry(setup, motions, float(times[-1])) + self._zero
-        drift = self.spec.noise.drift_per_h * times / 3600.0
+        drift = self.spec.noise.drift_per_h * drifted_s(times) / 3600.0
         noise = self._rng.normal(0.0, self.spec.noise.sample, len(times))
         return value + drift + noise + self._offsets(motions[setup.axis], len(times))
 

@@ -11,6 +11,7 @@ from simulators.cellfile import Axis, CellFile
 from simulators.cellfile.terms import Terms
 from simulators.truth.chain import BED, FloatArray, Pose, rotation, slide, still, table
 from simulators.truth.climate import Climate, Weather
+from simulators.truth.drift import drifted_s
 from simulators.truth.terms import Curve, curve, generator
 
 __all__ = ["AxisMotion", "Climate", "Hysteresis", "Truth", "Weather", "generator"]
@@ -107,7 +108,7 @@ class Truth:
     def along(self, letter: str, motion: AxisMotion, t: float) -> FloatArray:
         """The axis' own deviation (EXX, EZZ, ECC, ...) with reversal and drift, um or arcsec."""
         axis = self.cell.axis(letter)
-        drift = self.sign * axis.drift_per_h * t / 3600.0
+        drift = self.sign * axis.drift_per_h * drifted_s(t) / 3600.0
         return self.motion(f"E{letter}{letter}", motion.position) + self.reversal(letter, motion) + drift
 
     def _six(self, letter: str, motion: AxisMotion, t: float) -> tuple[FloatArray, FloatArray]:

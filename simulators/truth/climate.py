@@ -8,6 +8,7 @@ import numpy as np
 
 from simulators.cellfile import Climate as ClimateSpec
 from simulators.cellfile import Course
+from simulators.truth.drift import drifted_s
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +22,7 @@ class Weather:
 
 
 class Climate:
-    """The surroundings over the cell's clock."""
+    """The surroundings over the cell's clock; a drift turns back after half a day, so they stay within bounds."""
 
     def __init__(self, spec: ClimateSpec) -> None:
         self._spec = spec
@@ -43,4 +44,4 @@ class Climate:
 
 def _value(course: Course, t: float) -> float:
     wave = course.wave * float(np.sin(2.0 * np.pi * t / course.wave_period_s))
-    return course.start + course.per_h * t / 3600.0 + wave
+    return course.start + course.per_h * drifted_s(t) / 3600.0 + wave

@@ -30,7 +30,7 @@ CHECKS = (
         "methods",
     ),
     *("rights", "axes", "serial number", "variables", "units", "table memory", "table memory", "cross tables"),
-    *("key switch", "files", "R parameters", "alarms", "state"),
+    *("key switch", "files", "left over", "R parameters", "alarms", "state"),
 )
 
 

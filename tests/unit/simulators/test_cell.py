@@ -14,6 +14,7 @@ from drivers.types import Ambient
 from drivers.umd.device import UmdCounter
 from gateway.config import load_site
 from simulators.cell import Cell
+from simulators.cell.__main__ import answered
 from simulators.cell.judge import Judge
 from simulators.cellfile import load_cell
 from simulators.pytest_plugin import CellStarter, WireCell
@@ -164,6 +165,26 @@ def test_the_judge_answers_and_says_what_it_does_not_know(trueflank_cell: CellSt
 
     trueflank_cell.in_memory(main)
     assert (tmp_path / "x.rtl").read_bytes().startswith(b"HEADER::")
+
+
+def test_the_panel_has_a_reset_key(trueflank_cell: CellStarter) -> None:
+    async def main(cell: Cell) -> None:
+        judge, nck = Judge(cell), cell.nck
+        cell.operator.change(auto=False)
+        path = "/_N_MPF_DIR/_N_STANDS_MPF"
+        nck.files.write(path, b"M0\nM30\n")
+        nck.select(path)
+        assert await answered(judge, b"NC start\n") == {"done": True, "pressed": "NC START"}
+        await cell.clock.sleep(1.0)
+        assert int(nck.channel_status) == 2
+        assert await answered(judge, b" reset ") == {"done": True, "pressed": "RESET"}
+        assert int(nck.channel_status) == 0
+        assert cell.operator.log[-2:] == ["NC START", "RESET"]
+        assert await answered(judge, b"auto on") == {"done": True}
+        assert cell.operator.spec.auto
+        assert "not JSON" in (await answered(judge, b"emergency stop"))["error"]
+
+    trueflank_cell.in_memory(main)
 
 
 def test_a_result_file_holds_the_axis_as_it_is(trueflank_cell: CellStarter, tmp_path: Path) -> None:

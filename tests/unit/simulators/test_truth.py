@@ -11,6 +11,8 @@ from pydantic import ValidationError
 from drivers.errors import ConfigError
 from simulators.cellfile import CellFile, load_cell, packaged
 from simulators.truth import AxisMotion, Hysteresis, Truth
+from simulators.truth.climate import Climate
+from simulators.truth.drift import drifted_s
 from tests.unit.simulators.motion import plain_cell
 
 UP = np.asarray([1.0])
@@ -155,3 +157,21 @@ def test_a_wrong_cell_file_is_refused(change: dict[str, object]) -> None:
 def test_a_missing_cell_file_says_where(tmp_path: object) -> None:
     with pytest.raises(ConfigError, match="E-CELL-READ"):
         load_cell(f"{tmp_path}/none.toml")
+
+
+def test_a_drift_turns_back_after_half_a_day() -> None:
+    hours = np.arange(0.0, 24.0 * 30.0, 0.25)
+    found = drifted_s(3600.0 * hours) / 3600.0
+    assert np.array_equal(found[hours <= 12.0], hours[hours <= 12.0])
+    assert np.max(np.abs(found)) <= 12.0
+    assert np.max(np.abs(np.diff(found))) <= 0.25 + 1e-9
+    assert [drifted_s(3600.0 * hour) / 3600.0 for hour in (0.0, 12.0, 24.0, 36.0, 48.0)] == [0.0, 12.0, 0.0, -12.0, 0.0]
+
+
+def test_the_surroundings_of_a_cell_left_running_stay_within_bounds() -> None:
+    climate = Climate(load_cell("demo").climate)
+    days = [climate.true(86400.0 * day / 8.0) for day in range(8 * 60)]
+    assert all(17.0 < weather.air_degc < 28.0 for weather in days)
+    assert all(17.0 < weather.material_degc < 26.0 for weather in days)
+    assert all(980.0 < weather.pressure_hpa < 1005.0 for weather in days)
+    assert all(30.0 < weather.humidity_pct < 65.0 for weather in days)

@@ -16,6 +16,7 @@ import pytest
 
 from drivers.clock import LoopClock, run_virtual
 from drivers.errors import ConfigError, TransportError, TrueflankError
+from drivers.leftover import NOTHING, LeftOver
 from gateway.config import SiteFile
 from gateway.daemon import RunStarter, serve, token_path
 from gateway.daemon.desk import Desk, interrupt, unless
@@ -25,6 +26,7 @@ from gateway.daemon.token import token_of
 from gateway.domain import AxisVerdict, Verdict
 from gateway.errors import BusyError, StoreError
 from gateway.say import Say
+from gateway.stopping import current
 from gateway.store import Store
 from tests.unit.report.synthetic import axis_material
 from tests.unit.web.pictures import Seen
@@ -56,6 +58,7 @@ class Devices:
     per_device: bool = True
     calls: list[str] = field(default_factory=list)
     state: str = "closed"
+    left: LeftOver = NOTHING
     watching: asyncio.Event = field(default_factory=asyncio.Event)
 
     async def open_all(self) -> None:
@@ -90,6 +93,8 @@ class Runs:
     error: Exception | None = None
     early: bool = False
     cancelled: bool = False
+    leaving_s: float = 0.0
+    left: bool = False
 
     async def __call__(self, say: Say) -> None:
         if self.early and self.error is not None:
@@ -100,6 +105,9 @@ class Runs:
             await self.go_on.wait()
         except asyncio.CancelledError:
             self.cancelled = True
+            with current().leaving():
+                await LoopClock().sleep(self.leaving_s)
+            self.left = True
             raise
         if self.error is not None:
             raise self.error
@@ -187,6 +195,29 @@ def test_stopping_interrupts_a_run() -> None:
 
     at_desk(body, devices, runs)
     assert runs.cancelled
+
+
+def test_a_run_that_is_stopped_leaves_its_machine_in_order() -> None:
+    devices, runs = Devices(), Runs(leaving_s=18.0)
+
+    async def body(desk: Desk, stop: asyncio.Event) -> None:
+        await desk.start()
+        stop.set()
+
+    at_desk(body, devices, runs)
+    assert runs.left
+
+
+def test_what_is_left_in_the_control_is_shown_while_no_run_has_it() -> None:
+    devices, runs = Devices(left=LeftOver("waiting", 123456, "TFMEAS_X1")), Runs()
+
+    async def body(desk: Desk, _stop: asyncio.Event) -> None:
+        assert desk.left.kind == "waiting"
+        await desk.start()
+        assert desk.left.clear
+        runs.go_on.set()
+
+    at_desk(body, devices, runs)
 
 
 def test_after_the_stop_no_run_begins() -> None:

@@ -6,9 +6,12 @@ import json
 from dataclasses import replace
 
 from drivers.errors import TransportError
+from drivers.leftover import LeftOver
 from gateway.domain import AxisVerdict, Verdict
 from gateway.views import RunView, as_data, axis_table, device_views
+from gateway.web import create_app
 from tests.unit.report.synthetic import axis_material
+from tests.unit.web.client import Client
 from tests.unit.web.pictures import Seen, status
 
 
@@ -65,3 +68,14 @@ def test_data_are_json_with_state_and_progress() -> None:
         "run_id": "r-2", "created_utc": "2026-03-01T09:00:00+00:00", "state": "better", "problem": "", "report": True,
     }  # fmt: skip
     assert as_data(status(run=None))["run"] is None
+
+
+def test_something_of_ours_in_the_control_is_never_ready() -> None:
+    left = LeftOver("stopped", 123456, "TFPUSH_X1", "TRUEFLANK LOADED").said.as_record()
+    clean = status(run=None, devices=())
+    assert clean.state == "ready"
+    assert status(run=None, devices=(), left=(left,)).state == "attention"
+    shown = Client(create_app(lambda: status(run=None, devices=(), left=(left,)), None, "x" * 43)).get("/").text
+    assert "W-LEFT-STOPPED" in shown
+    assert "press RESET at the machine, not NC START" in shown
+    assert "Needs attention" in shown

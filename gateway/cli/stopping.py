@@ -1,0 +1,108 @@
+"""Where signals end: SIGTERM, Ctrl-C, a hung-up terminal, a closed console and a service stop ask for one stop."""
+
+from __future__ import annotations
+
+import asyncio
+import signal
+import sys
+import threading
+from collections.abc import Callable, Coroutine, Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import Any, TypeVar
+
+import typer
+
+from drivers.clock import LoopClock
+from drivers.errors import words
+from gateway.stopping import INTERRUPTED, LONGEST_S, TERMINATED, Stop, obey
+
+T = TypeVar("T")
+Ask = Callable[[str, int], None]
+
+# Those a system does not have are left out: on Windows a console sends SIGINT and SIGBREAK, elsewhere SIGHUP hangs up.
+SIGNALS = {"SIGINT": INTERRUPTED, "SIGTERM": TERMINATED, "SIGHUP": TERMINATED, "SIGBREAK": TERMINATED}
+
+
+def run_to_end(work: Coroutine[Any, Any, T], *, stop: Stop | None = None, ends_itself: bool = False) -> T:
+    """Run a command's work in a loop of its own; a stop asked for by the system ends it in order.
+
+    ``ends_itself``: the work heeds ``stop`` without being cancelled. Raises Stopped, else what the work raises.
+    """
+    asked = stop or Stop()
+
+    async def main() -> T:
+        with heard(asyncio.get_running_loop(), asked):
+            return await obey(work, asked, LoopClock(), ends_itself=ends_itself)
+
+    with asyncio.Runner() as runner:
+        return runner.run(main())
+
+
+@contextmanager
+def heard(loop: asyncio.AbstractEventLoop, stop: Stop) -> Iterator[None]:
+    """While the block lasts signals ask for the stop, from whatever thread they come; afterwards they are as before."""
+
+    def ask(by: str, exit_code: int) -> None:
+        loop.call_soon_threadsafe(_ask, stop, by, exit_code)
+
+    if threading.current_thread() is not threading.main_thread():
+        yield  # signals are the main thread's business
+        return
+    before = {name: _listen(name, code, ask) for name, code in SIGNALS.items() if hasattr(signal, name)}
+    over = threading.Event()
+    try:
+        with console_close(ask, over):
+            yield
+    finally:
+        over.set()
+        for name, handler in before.items():
+            # None: somebody else than Python had set it, and Python cannot set it again.
+            signal.signal(getattr(signal, name), signal.SIG_DFL if handler is None else handler)
+
+
+def _ask(stop: Stop, by: str, exit_code: int) -> None:
+    first = stop.ask(by, exit_code)
+    told = words("P-STOPPING", by=by, most_s=LONGEST_S) if first else words("P-STOPPING-STILL", most_s=LONGEST_S)
+    typer.echo(told, err=True)
+
+
+def _listen(name: str, exit_code: int, ask: Ask) -> Any:
+    def handler(_number: int, _frame: FrameType | None) -> None:
+        ask("Ctrl-C" if name == "SIGINT" else name, exit_code)
+
+    number = getattr(signal, name)
+    if signal.getsignal(number) is signal.SIG_IGN:
+        return signal.SIG_IGN  # nohup, or a shell's background job: whoever started us does not want it heard
+    return signal.signal(number, handler)
+
+
+if sys.platform == "win32":
+    import ctypes
+
+    # Close button, log-off, shutdown: the process ends once the handler returns, or when the system's patience does.
+    _EVENTS = {2: "a closed console", 5: "a log-off", 6: "a shutdown of the computer"}
+
+    @contextmanager
+    def console_close(ask: Ask, over: threading.Event) -> Iterator[None]:
+        """A console that is closed asks for the stop too, and is kept waiting as long as the system allows."""
+
+        @ctypes.WINFUNCTYPE(ctypes.c_int, ctypes.c_uint)
+        def handler(event: int) -> int:
+            if event not in _EVENTS:
+                return 0
+            ask(_EVENTS[event], TERMINATED)
+            over.wait(LONGEST_S)
+            return 1
+
+        ctypes.windll.kernel32.SetConsoleCtrlHandler(handler, 1)
+        try:
+            yield
+        finally:
+            ctypes.windll.kernel32.SetConsoleCtrlHandler(handler, 0)
+else:
+
+    @contextmanager
+    def console_close(_ask: Ask, _over: threading.Event) -> Iterator[None]:
+        """Here a closed terminal is SIGHUP."""
+        yield

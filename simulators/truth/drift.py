@@ -1,0 +1,20 @@
+"""How long something has drifted: half a day one way, then back, so that a cell left running for days stays a cell."""
+
+from __future__ import annotations
+
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+TURN_S = 12.0 * 3600.0
+
+Seconds = TypeVar("Seconds", float, NDArray[np.floating[Any]])
+
+
+def drifted_s(t: Seconds) -> Seconds:
+    """Seconds of drift at cell time ``t`` (s): as long as ``t`` up to 12 h, down again to -12 h at 36 h, and so on."""
+    phase = (t + TURN_S) % (4.0 * TURN_S)
+    turned = np.where(phase < 2.0 * TURN_S, phase - TURN_S, 3.0 * TURN_S - phase)
+    found = np.where(np.abs(t) <= TURN_S, t, turned)
+    return found if isinstance(t, np.ndarray) else float(found)

@@ -1,0 +1,257 @@
+"""A gateway at a simulated machine, stopped or killed at a moment; what the machine then holds, and what is said of it.
+
+One process and virtual time. A killed gateway is one that never gets another turn: its clock and its requests stand
+still for ever, its locks are the kernel's to free. What it was about to clean up is not cleaned up.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator, Callable, Coroutine
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import pytest
+
+from drivers.clock import LoopClock
+from drivers.leftover import LeftOver
+from drivers.sinumerik.uaclient import UaSession
+from drivers.types import SignProof
+from gateway.config import SiteFile, load_site
+from gateway.daemon.desk import Desk
+from gateway.daemon.stored import left_behind
+from gateway.push import lock, unfinished
+from gateway.push.sent import SentBook
+from gateway.say import Say
+from gateway.stopping import Stop, Stopped, current, obey
+from gateway.store import Proofs
+from gateway.supervisor import Supervisor
+from gateway.workflow.bench import JOURNALS, store_of
+from gateway.workflow.recovering import recover_site
+from gateway.workflow.run import run_site
+from simulators.cell import Cell, cell_running
+from tests.cell.bench import short
+
+WORDS = range(80, 96)  # the marker's two keep what a push left for whoever comes next
+RESET, ACTIVE, INTERRUPTED = 0, 1, 2
+
+
+@dataclass
+class Shop:
+    """A machine with a site whose one axis was measured by somebody else: what is left to do is reading and pushing."""
+
+    cell: Cell
+    clock: LoopClock
+    site: SiteFile
+    path: Path
+    said: list[str] = field(default_factory=list)
+
+    @property
+    def serial(self) -> str:
+        """The machine's."""
+        return self.cell.file.machine.serial
+
+    @property
+    def words(self) -> tuple[float, ...]:
+        """Our R parameters."""
+        return tuple(float(self.cell.nck.get(f"R[{number}]")) for number in WORDS)
+
+    @property
+    def program(self) -> str:
+        """What would start at NC START, or runs."""
+        return str(self.cell.nck.selected)
+
+    @property
+    def channel(self) -> int:
+        """0 reset, 1 active, 2 interrupted."""
+        return int(self.cell.nck.channel_status)
+
+    def say(self, code: str, /, **fields: object) -> None:
+        """What is told on the way; whoever is asked to press RESET does so."""
+        self.said.append(code)
+        if str(fields.get("words", "")).startswith("W-LEFT-STOPPED") and self.cell.operator.spec.auto:
+            asyncio.get_running_loop().call_later(5.0, self._reset, self.cell.nck.message)
+
+    def _reset(self, shown: str) -> None:
+        """Press RESET if it still stands as it did when that was asked for."""
+        if self.channel == INTERRUPTED and self.cell.nck.message == shown:
+            self.cell.operator.press("RESET")
+
+    def work(self, *, apply: bool = True) -> Coroutine[Any, Any, Any]:
+        """A whole run."""
+        name = self.site.site.name if apply else ""
+        return run_site(self.site, self.path, apply=apply, machine_name=name, clock=self.clock, say=self.say)
+
+    async def served(self) -> None:
+        """What `trueflank serve` does when a run is started from its page: watch, run, watch."""
+        store = store_of(self.site, self.path)
+        devices = Supervisor(self.site, self.clock, only=(), book=SentBook(store.root / JOURNALS, self.serial))
+
+        async def starter(_say: Say) -> object:
+            return await self.work(apply=False)
+
+        desk = Desk(devices, starter, self.clock)
+        starting = asyncio.create_task(desk.start())
+        try:
+            await desk.work(current().asked)
+        finally:
+            starting.cancel()
+            await asyncio.gather(starting, return_exceptions=True)
+
+    def recovery(self, *, apply: bool) -> Coroutine[Any, Any, Any]:
+        """What `trueflank recover` does."""
+        name = self.site.site.name if apply else ""
+        return recover_site(self.site, self.path, apply=apply, machine_name=name, clock=self.clock, say=self.say)
+
+    async def page(self) -> tuple[LeftOver, tuple[str, ...]]:
+        """What a daemon that opens the devices now sees in the control, and the codes its page shows."""
+        store = store_of(self.site, self.path)
+        book = SentBook(store.root / JOURNALS, self.serial)
+        devices = Supervisor(self.site, self.clock, only=(), book=book)
+        try:
+            await devices.open_all()
+            shown = left_behind(devices.left, store, self.serial)
+            return devices.left, tuple(str(one["code"]) for one in shown)
+        finally:
+            await devices.close_all()
+
+    def journal(self) -> tuple[Any, ...]:
+        """Pushes that did not end."""
+        return unfinished(store_of(self.site, self.path).root / JOURNALS, self.serial)
+
+
+@contextlib.asynccontextmanager
+async def shop(folder: Path, clock: LoopClock | None = None, **operator: Any) -> AsyncIterator[Shop]:
+    """A cell, in virtual time without a clock of its own; X1 comes from a result file, its sign was proved before."""
+    gateways = LoopClock() if clock else LoopClock(started_utc=datetime.now(UTC))
+    clock = clock or gateways
+    async with cell_running("demo", folder / "cell", clock, wires="memory", block_s=0.5) as cell:
+        cell.operator.change(**operator)
+        measured = folder / "measured.rtl"
+        cell.write_result_file("X1", measured)
+        path = cell.site_path
+        edit = short(("X1",), 24, 2, file=str(measured), file_datum=-400.0, instrument="")
+        # Signatures cost time and are not what is looked at here.
+        plain = path.read_text(encoding="utf-8").replace('security = "Basic256Sha256"', 'security = "None"')
+        path.write_text(edit(plain), encoding="utf-8")
+        site = load_site(path)
+        at = Shop(cell, gateways, site, path)
+        supervisor = Supervisor(site, gateways, only=())
+        machine = await supervisor.open_all()
+        await supervisor.close_all()
+        proof = SignProof(machine, "EEC", "X1", -1.0, 0.01, 1, "2026-01-01T00:00:00+00:00")
+        Proofs(store_of(site, path).root).save(proof)
+        yield at
+
+
+@dataclass
+class Stopping:
+    """How a stop went: seconds from the asking, and the last word."""
+
+    took_s: float
+    error: Stopped | None
+    told: list[str]
+
+
+async def stopped(
+    at: Shop, work: Coroutine[Any, Any, Any], after_s: float, then: Callable[[], None], *, ends_itself: bool = False
+) -> Stopping:
+    """Do some work and ask for a stop after that many seconds; ``then`` is done in the same moment."""
+    stop = Stop()
+    asked: list[float] = []
+
+    async def ask() -> None:
+        await at.clock.sleep(after_s)
+        asked.append(at.clock.now())
+        then()
+        stop.ask("SIGTERM")
+
+    asking = asyncio.create_task(ask())
+    error: Stopped | None = None
+    try:
+        await obey(work, stop, at.clock, ends_itself=ends_itself)
+    except Stopped as caught:
+        error = caught
+    finally:
+        asking.cancel()
+        await asyncio.gather(asking, return_exceptions=True)
+    return Stopping(at.clock.now() - asked[0] if asked else 0.0, error, stop.told)
+
+
+class Killing:
+    """Takes a gateway's turns away, and frees its locks as a kernel does."""
+
+    def __init__(self, patch: pytest.MonkeyPatch) -> None:
+        self._dead: set[asyncio.Task[Any]] = set()
+        self._files: list[BinaryIO] = []
+        take, request, sleep = lock._take, UaSession._request, LoopClock.sleep
+
+        def taking(file: BinaryIO) -> bool:
+            taken = take(file)
+            if taken:
+                self._files.append(file)
+            return taken
+
+        async def requesting(session: UaSession, *given: Any) -> Any:
+            await self._turn()
+            answer = await request(session, *given)
+            await self._turn()
+            return answer
+
+        async def sleeping(clock: LoopClock, seconds: float) -> None:
+            await self._turn()
+            await sleep(clock, seconds)
+            await self._turn()
+
+        patch.setattr(lock, "_take", taking)
+        patch.setattr(UaSession, "_request", requesting)
+        patch.setattr(LoopClock, "sleep", sleeping)
+
+    async def _turn(self) -> None:
+        if asyncio.current_task() in self._dead:
+            await asyncio.Event().wait()
+
+    def kill(self, task: asyncio.Task[Any]) -> None:
+        """It never gets another turn; what it held is free."""
+        self._dead.add(task)
+        for file in self._files:
+            if not file.closed:
+                lock._give_back(file)
+
+    @contextlib.asynccontextmanager
+    async def gateway(self, work: Coroutine[Any, Any, Any]) -> AsyncIterator[asyncio.Task[Any]]:
+        """A gateway at work; its remains are swept away at the end."""
+        task = asyncio.create_task(work)
+        try:
+            yield task
+        finally:
+            self._dead.discard(task)
+            task.cancel()
+            await asyncio.gather(task, return_exceptions=True)
+
+
+def table_of(cell: Cell) -> tuple[tuple[float, ...], bool]:
+    """X1's points in memory, and whether they are switched on."""
+    nck = cell.nck
+    count = int(nck.get("$MA_MM_ENC_COMP_MAX_POINTS[0,X1]"))
+    points = tuple(float(nck.get(f"$AA_ENC_COMP[0,{point},X1]")) for point in range(count))
+    return points, bool(nck.get("$MA_ENC_COMP_ENABLE[0,X1]"))
+
+
+async def cleared(at: Shop, *, resets: bool = True) -> list[str]:
+    """A person comes, presses RESET if anything stands, and has it recovered; what is wrong afterwards."""
+    if resets and at.channel != RESET:
+        at.cell.operator.press("RESET")
+        await at.cell.clock.sleep(2.0)
+    await at.cell.operator.power_up()
+    at.cell.operator.change(auto=True)
+    await at.recovery(apply=True)
+    left, codes = await at.page()
+    wrong = [f"after recovery: {left.words}"] if not left.clear else []
+    wrong += [f"after recovery the page says {codes}"] if codes else []
+    wrong += [f"after recovery R parameters are {at.words}"] if any(at.words) else []
+    wrong += [f"after recovery {len(at.journal())} journals"] if at.journal() else []
+    return wrong
