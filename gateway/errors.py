@@ -51,6 +51,12 @@ class RollbackFailed(TrueflankError):
     exit_code = 9
 
 
+class StillOn(RollbackFailed):
+    """Held, and no read-back says that the table is off: something acts that nobody stands for."""
+
+    exit_code = 12
+
+
 class BusyError(TrueflankError):
     """One run at a time."""
 

@@ -12,12 +12,12 @@ from typing import Any, Literal
 
 import numpy as np
 
-from drivers.errors import TrueflankError, words
+from drivers.errors import DeadlineExceeded, TransportError, TrueflankError, words
 from drivers.types import ChannelStatus, CompensationTable, LiveSet, LiveTable, Marker
 from gateway.domain import PushRecord, TableChange
 from gateway.errors import StoreError, VerifyError, WriteRefused
 from gateway.interlocks.facts import rest_of
-from gateway.push import conversation, journal
+from gateway.push import conversation, disabling, journal
 from gateway.push.compare import (
     agreeing_position,
     differences,
@@ -29,12 +29,13 @@ from gateway.push.compare import (
 )
 from gateway.push.context import PushContext
 from gateway.push.effect import prove_effect
+from gateway.push.holding import standing
 from gateway.push.journal import JournalRead
 from gateway.push.lock import machine_lock
-from gateway.push.restoring import hold, roll_back
+from gateway.push.restoring import held, hold, roll_back
 from gateway.push.work import Work, closed_at_the_end
 
-Action = Literal["close", "restore", "none"]
+Action = Literal["close", "restore", "disable", "none"]
 MOST_TRIES = 3
 
 
@@ -42,7 +43,8 @@ MOST_TRIES = 3
 class Finding:
     """What one unfinished push left. ``code`` is its catalogue entry, ``action`` what is offered.
 
-    ``difference`` says, where somebody else wrote, what is neither old nor new.
+    ``difference`` says, where somebody else wrote, what is neither old nor new. ``still_on``: something is enabled,
+    or may be, that no push stands for; it is told before all else.
     """
 
     transaction: int
@@ -53,6 +55,7 @@ class Finding:
     last: str
     backup: str
     difference: tuple[str, ...] = ()
+    still_on: bool = False
 
     @property
     def words(self) -> str:
@@ -72,6 +75,7 @@ class Finding:
             "last": self.last,
             "backup": self.backup,
             "difference": list(self.difference),
+            "still_on": self.still_on,
             "what": self.words,
         }
 
@@ -102,10 +106,17 @@ def verdict(found: JournalRead, live: LiveTable | Seen | None, allowed: float, s
     last = found.kinds[-1] if found.kinds else "nothing"
     backup = str(found.latest("path") or "none")
     difference: tuple[str, ...] = ()
-    if code == "R-PUSH-FOREIGN" and seen is not None:
+    if code in ("R-PUSH-FOREIGN", "R-PUSH-STILL-ON") and seen is not None:
         old, new = tables_of(found, sign)
         difference = tuple(three_way(old.table, new, seen.live.table))
-    return Finding(found.number, str(found.latest("axis") or ""), code, action, found.path, last, backup, difference)
+    axis, loud = str(found.latest("axis") or ""), _still_on(found, seen, code, action)
+    return Finding(found.number, axis, code, action, found.path, last, backup, difference, loud)
+
+
+def _still_on(found: JournalRead, seen: Seen | None, code: str, action: Action) -> bool:
+    """What is to be switched off, or was held without proof and does not read off now."""
+    held = standing(found) == "still-on" and code not in ("R-PUSH-UNTOUCHED", "R-PUSH-DONE")
+    return action == "disable" or (held and (seen is None or seen.live.enabled))
 
 
 def _verdict(found: JournalRead, seen: Seen | None, allowed: float, sign: int) -> tuple[str, Action]:
@@ -113,12 +124,23 @@ def _verdict(found: JournalRead, seen: Seen | None, allowed: float, sign: int) -
         return "R-PUSH-DAMAGED", "none"
     if found.finished:
         return "R-PUSH-DONE", "close"
-    if found.kinds.count("RECOVERING") >= MOST_TRIES:
-        return "R-PUSH-TRIES", "none"
+    if found.latest("purpose") == "disable":
+        return "R-DISABLE-LEFT", "close"
+    tried = _tries(found) >= MOST_TRIES
     if seen is None:
-        return "R-PUSH-UNKNOWN", "none"
+        return "R-PUSH-TRIES" if tried else "R-PUSH-UNKNOWN", "none"
     if _foreign_marker(seen):
         return "R-PUSH-OTHER-MARKER", "none"
+    code, action = _by_content(found, seen, allowed, sign)
+    return (code, action) if action == "disable" or not tried else ("R-PUSH-TRIES", "none")
+
+
+def _tries(found: JournalRead) -> int:
+    """Restores begun; switching off is never given up."""
+    return sum(entry.kind == "RECOVERING" and entry.facts.get("action") != "disable" for entry in found.entries)
+
+
+def _by_content(found: JournalRead, seen: Seen, allowed: float, sign: int) -> tuple[str, Action]:
     old, new = tables_of(found, sign)
     if not differences(old.table, seen.live.table, allowed):
         return _is_old(old, seen, found)
@@ -136,21 +158,26 @@ def _is_old(old: LiveTable, seen: Seen, found: JournalRead) -> tuple[str, Action
     together = found.latest("coupled") is None or seen.neighbours_on == _coupled(found)
     if seen.live.enabled == old.enabled and together:
         return "R-PUSH-UNTOUCHED", "close"
-    if (seen.live.enabled and not old.enabled) or not _announced(found, "DISABLE"):
-        return "R-PUSH-FOREIGN", "none"
-    return "R-PUSH-DISABLED", "restore"
+    if seen.live.enabled and not old.enabled:
+        return _not_ours(found)
+    return ("R-PUSH-DISABLED", "restore") if _announced(found, "DISABLE") else ("R-PUSH-FOREIGN", "none")
 
 
 def _is_new(live: LiveTable, found: JournalRead) -> tuple[str, Action]:
     if not live.enabled:
         return "R-PUSH-WRITTEN", "restore"
-    return ("R-PUSH-ENABLED", "restore") if _announced(found, "ENABLE") else ("R-PUSH-FOREIGN", "none")
+    return ("R-PUSH-ENABLED", "restore") if _announced(found, "ENABLE") else _not_ours(found)
 
 
 def _is_neither(live: LiveTable, found: JournalRead) -> tuple[str, Action]:
-    if live.enabled or not _announced(found, "DISABLE"):
-        return "R-PUSH-FOREIGN", "none"
-    return "R-PUSH-HALF", "restore"
+    if live.enabled:
+        return _not_ours(found)
+    return ("R-PUSH-HALF", "restore") if _announced(found, "DISABLE") else ("R-PUSH-FOREIGN", "none")
+
+
+def _not_ours(found: JournalRead) -> tuple[str, Action]:
+    """Something is on that this push did not switch on: off, once it had announced a write; else it is another's."""
+    return ("R-PUSH-STILL-ON", "disable") if _announced(found, "DISABLE") else ("R-PUSH-FOREIGN", "none")
 
 
 def _announced(found: JournalRead, kind: str) -> bool:
@@ -185,15 +212,27 @@ async def look(found: JournalRead, context: PushContext) -> Finding:
     A controller that cannot be read, or whose program still waits, gives a finding that says so.
     """
     without_controller = verdict(found, None, 0.0)
-    if without_controller.code != "R-PUSH-UNKNOWN":
+    if without_controller.code not in ("R-PUSH-UNKNOWN", "R-PUSH-TRIES"):
         return without_controller
     try:
         if context.machine.differences(await context.controller.identify()):
             return without_controller
         seen, allowed = await _see(found, context)
-    except TrueflankError:
+    except (TransportError, DeadlineExceeded):
         return without_controller
+    except TrueflankError:
+        return await _unreadable(found, context, without_controller)
     return verdict(found, seen, allowed, context.sign)
+
+
+async def _unreadable(found: JournalRead, context: PushContext, otherwise: Finding) -> Finding:
+    """Tables that cannot be read may be anything: unless the switch reads off, they are switched off."""
+    if not _announced(found, "DISABLE"):
+        return otherwise
+    reading = await disabling.read(context, disabling.order_of(tables_of(found, context.sign)[1]))
+    if reading is not None and reading.off:
+        return otherwise
+    return replace(otherwise, code="R-PUSH-UNREADABLE", action="disable", still_on=True)
 
 
 async def _see(found: JournalRead, context: PushContext) -> tuple[Seen | None, float]:
@@ -228,7 +267,7 @@ def _place(found: JournalRead, context: PushContext) -> float:
 async def recover(
     found: JournalRead, context: PushContext, action: Literal["offered", "finish"] = "offered"
 ) -> PushRecord:
-    """Carry out what `look` offers: close, or restore the old table; "finish" proves a new one that is enabled.
+    """Carry out what `look` offers: close, switch off, restore the old table; "finish" proves a new one that is on.
 
     Raises WriteRefused (E-PUSH-NO-OFFER, E-PUSH-TRIES, E-INT-NAME) with nothing written, BusyError, StoreError.
     """
@@ -242,8 +281,21 @@ async def recover(
         may_finish = finding.code == "R-PUSH-ENABLED" and found.latest("purpose") == "table"
         if finding.action == "none" or (action == "finish" and not may_finish):
             raise WriteRefused("E-PUSH-NO-OFFER", found.path.name, finding=finding.words)
+        if finding.code == "R-DISABLE-LEFT":
+            return _closed(found, finding)
         with closed_at_the_end(await _work(found, context)) as work:
             return await _carry_out(work, finding, action)
+
+
+def _closed(found: JournalRead, finding: Finding) -> PushRecord:
+    """A disable order leaves nothing half done: its journal ends as it stands."""
+    kept = journal.Journal.reopen(found)
+    try:
+        kept.append("CLOSED", finding=finding.code)
+    finally:
+        kept.close()
+    journal.set_aside(found.path)
+    return PushRecord(found.number, finding.axis, "skipped", (finding.words,), "")
 
 
 async def _work(found: JournalRead, context: PushContext) -> Work:
@@ -269,7 +321,9 @@ async def _carry_out(work: Work, finding: Finding, action: str) -> PushRecord:
         await work.finish("none")
         work.note("CLOSED", finding=finding.code)
         return work.record("rolled-back")
-    work.note("RECOVERING", finding=finding.code, action=action)
+    work.note("RECOVERING", finding=finding.code, action="disable" if finding.action == "disable" else action)
+    if finding.action == "disable":
+        return work.record(await held(work, finding.code, off=await disabling.switch_off(work)))
     if action != "finish":
         return work.record(await roll_back(work, finding.code))
     axis = work.context.moved
@@ -278,8 +332,8 @@ async def _carry_out(work: Work, finding: Finding, action: str) -> PushRecord:
     try:
         await prove_effect(work, positions, base)
     except VerifyError as error:
-        await hold(work, str(error))
-        return work.record("held")
+        work.seen = table_in(base, work.change.new)
+        return work.record(await hold(work, str(error)))
     await work.finish("committed")
     work.note("COMMITTED")
     return work.record("committed")

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from drivers.errors import TransportError, TrueflankError
+from drivers.errors import TrueflankError
 from drivers.types import LiveSet
 from gateway.errors import VerifyError, WriteRefused
 from gateway.interlocks import refusals
-from gateway.push import conversation
+from gateway.push import conversation, disabling, journal
 from gateway.push.compare import differences, same_table, table_in
 from gateway.push.loading import is_coupled, load, release
 from gateway.push.work import Outcome, Work
 
 
 async def roll_back(work: Work, why: str) -> Outcome:
-    """Restore what was live before. "rolled-back" when it is proved to be so again, else "held".
+    """Restore what was live before. "rolled-back" when it is proved to be so again, else as `hold`.
 
     Raises StoreError when the journal cannot be written: then nothing more may be done.
     """
@@ -24,34 +24,74 @@ async def roll_back(work: Work, why: str) -> Outcome:
     try:
         await _restore(work)
     except TrueflankError as error:
-        await hold(work, str(error))
-        return "held"
+        return await hold(work, str(error))
     await work.finish("none")
     work.note("ROLLED_BACK")
     return "rolled-back"
 
 
-async def hold(work: Work, why: str) -> None:
-    """Stop here: note it, tell it, and let the controller's marker say so to whoever comes next."""
-    work.note("HELD", why=why, backup=work.backup_path)
-    work.context.say("P-PUSH-HELD", axis=work.axis, why=why, backup=work.backup_path or "none yet")
+async def hold(work: Work, why: str) -> Outcome:
+    """Stop here. "held" once a read-back says that the table is off; until then "held-on", noted and said at once.
+
+    What is enabled and neither the old nor the new table is switched off, if a person or the panel lets it.
+    The controller's marker says "held" either way, to whoever comes next.
+    """
+    order = disabling.order_of(work.change.new)
+    found = await disabling.read(work.context, order)
+    if found is not None and found.off:
+        return await held(work, why, off=True)
+    _tell(work, why, off=False)
+    off = not await _is_whole(work) and await disabling.switch_off(work)
+    return await held(work, why, off=off, said=not off)
+
+
+async def held(work: Work, why: str, *, off: bool, said: bool = False) -> Outcome:
+    """The last word of a hold: ``off`` is what was read back; ``said`` already, so only the journal's end."""
+    if said:
+        work.note("HELD", why=why, backup=work.backup_path, on=not off)
+    else:
+        _tell(work, why, off=off)
     await work.finish("held")
+    return "held" if off else "held-on"
+
+
+def _tell(work: Work, why: str, *, off: bool) -> None:
+    """Journal first, then people: a PC that dies now leaves the louder word behind."""
+    work.note("HELD", why=why, backup=work.backup_path, on=not off)
+    code = "P-PUSH-HELD" if off else "P-PUSH-HELD-ON"
+    work.context.say(code, axis=work.axis, why=why, backup=work.backup_path or "none yet")
+
+
+async def _is_whole(work: Work) -> bool:
+    """Whether what is enabled is known to be the old table as it was, or the new one that this push released.
+
+    Read where no program is needed for it, else as it was read last; what cannot be told is not whole.
+    """
+    found = work.seen
+    if not work.context.controller.capabilities.programs:
+        try:
+            live = await conversation.read_live(work.context, work.agreeing_position)
+        except TrueflankError:
+            return False
+        found = table_in(live, work.change.new)
+    if found is None or not found.enabled:
+        return False
+    old = work.restore_to
+    if old.enabled and not differences(old.table, found.table, work.allowed):
+        return True
+    released = "ENABLE" in journal.read(work.journal.path).kinds
+    return released and not differences(work.change.new, found.table, work.allowed)
 
 
 async def _restore(work: Work) -> None:
     """Read first: what is already as it was is left alone, what is neither old nor new is left to a person."""
-    try:
-        await work.same_machine()
-    except TransportError:
-        # What became of the last request is unknown: only a connection of its own can tell.
-        await conversation.connect_again(work.context)
-        await work.same_machine()
+    await conversation.reach(work.context)
     await conversation.leave_program(work.context)
     await _asked(work)
     live = await conversation.read_live(work.context, work.agreeing_position)
+    found = work.seen = table_in(live, work.change.new)
     if as_before(work, live):
         return
-    found = table_in(live, work.change.new)
     if found.enabled and differences(work.change.new, found.table, work.allowed):
         raise VerifyError("E-PUSH-FOREIGN", work.axis, axis=work.axis)
     _note_half(work, live)
@@ -93,9 +133,11 @@ async def play_back(work: Work) -> None:
     if work.torn and old.enabled:
         await _restart_with_old(work)
     order = work.order(old.table, old.enabled, "restore", work.fresh_number())
+    work.seen = None
     await load(work, order, None)
     await release(work, order)
     live = await conversation.read_live(work.context, work.agreeing_position)
+    work.seen = table_in(live, work.change.new)
     if not as_before(work, live):
         found = table_in(live, old.table).table
         different = differences(old.table, found, work.allowed) or ("the switch differs",)

@@ -18,7 +18,7 @@ from gateway.push.context import PushContext
 from gateway.push.plan import plan_hash
 
 Purpose = Literal["table", "sign-proof", "restore"]
-Outcome = Literal["committed", "already-applied", "rolled-back", "held", "refused", "skipped"]
+Outcome = Literal["committed", "already-applied", "rolled-back", "held", "held-on", "refused", "skipped"]
 
 
 @dataclass(slots=True)
@@ -28,6 +28,7 @@ class Work:
     ``coupled`` says that other CEC tables of the output axis were on before, so that they must be again.
     ``marked`` is the order whose number the controller's marker carries. ``cut_short`` says that a load may have
     stopped in its middle, ``torn`` that a control which has restarted since may act by half a table once it is on.
+    ``seen`` is the table as it was read last, None once something was announced since.
     """
 
     context: PushContext
@@ -47,6 +48,7 @@ class Work:
     base: LiveSet | None = None
     cut_short: bool = False
     torn: bool = False
+    seen: LiveTable | None = None
 
     @property
     def axis(self) -> str:
