@@ -11,6 +11,7 @@ import typer
 from drivers.clock import Clock, LoopClock
 from gateway.cli.show import progress, show_json, show_table
 from gateway.config import load_site
+from gateway.errors import StillOn
 from gateway.say import Say
 
 
@@ -66,11 +67,12 @@ def recover_command(site: Path, apply: bool, machine: str, *, as_json: bool) -> 
         findings = asyncio.run(main(say))
     if as_json:
         show_json([finding.as_data() for finding in findings])
-        return
-    for finding in findings:
-        typer.echo(finding.words)
-    if not findings:
+    for finding in () if as_json else findings:
+        typer.secho(finding.words, fg="red" if finding.still_on else None, bold=finding.still_on)
+    if not findings and not as_json:
         typer.echo(f"{tree.site.name}: no push was left unfinished")
+    if not apply and any(finding.still_on for finding in findings):
+        raise typer.Exit(StillOn.exit_code)
 
 
 def check_command(site: Path, connect: bool, *, as_json: bool) -> None:

@@ -160,7 +160,8 @@ def _is_old(old: LiveTable, seen: Seen, found: JournalRead) -> tuple[str, Action
         return "R-PUSH-UNTOUCHED", "close"
     if seen.live.enabled and not old.enabled:
         return _not_ours(found)
-    return ("R-PUSH-DISABLED", "restore") if _announced(found, "DISABLE") else ("R-PUSH-FOREIGN", "none")
+    ours = _announced(found, "DISABLE") or _announced(found, "SWITCH_OFF")
+    return ("R-PUSH-DISABLED", "restore") if ours else ("R-PUSH-FOREIGN", "none")
 
 
 def _is_new(live: LiveTable, found: JournalRead) -> tuple[str, Action]:
