@@ -93,11 +93,19 @@ class TableRow:
 
 
 @dataclass(frozen=True, slots=True)
+class HeldView:
+    """A push that did not end, in words; ``loud`` unless a read-back said last that its table is off."""
+
+    words: str
+    loud: bool
+
+
+@dataclass(frozen=True, slots=True)
 class StatusView:
     """The daemon as it is now.
 
     ``failure`` is the last run's error, ``result`` the last verdict's table, ``trouble`` what is wrong with
-    the devices together when each of them answers.
+    the devices together when each of them answers. ``held`` are pushes that did not end, the loud ones first.
     """
 
     site: str
@@ -109,14 +117,21 @@ class StatusView:
     failure: Mapping[str, object] | None = None
     result: tuple[TableRow, ...] = ()
     trouble: Mapping[str, object] | None = None
+    held: tuple[HeldView, ...] = ()
 
     @property
     def state(self) -> str:
-        """One word for all: running, ready, or attention when a device is not open or not the site's."""
+        """One word for all.
+
+        Still-on before all else, while a push is held without proof that its table is off; running, ready, or
+        attention when a device is not open or not the site's, or a push is held.
+        """
+        if any(one.loud for one in self.held) and self.run is None:
+            return "still-on"
         if self.run is not None:
             return "running"
         open_all = all(device.state == "open" for device in self.devices)
-        return "ready" if open_all and self.trouble is None else "attention"
+        return "ready" if open_all and self.trouble is None and not self.held else "attention"
 
 
 def device_views(seen: Iterable[SeenDevice], *, lent: bool) -> tuple[DeviceView, ...]:

@@ -18,7 +18,7 @@ from drivers.errors import ConfigError, DeadlineExceeded
 from gateway.config import SiteFile
 from gateway.daemon.desk import Desk, Devices, RunStarter, interrupt
 from gateway.daemon.lock import locked
-from gateway.daemon.stored import last_result, newest_runs, stored_report
+from gateway.daemon.stored import last_result, newest_runs, pushes_held, stored_report
 from gateway.daemon.token import token_of
 from gateway.store import Store
 from gateway.views import StatusView
@@ -165,4 +165,5 @@ def status(site: SiteFile, desk: Desk, store: Store, clock: Clock) -> StatusView
         desk.failure,
         last_result(store),
         desk.trouble,
+        pushes_held(store),
     )

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from gateway.domain import Verdict
 from gateway.errors import StoreError
+from gateway.push.holding import held_pushes
 from gateway.store import RunFolder, Store
 from gateway.store.folder import RUN_FILE
-from gateway.views import PastRun, TableRow, axis_table, past_run
+from gateway.views import HeldView, PastRun, TableRow, axis_table, past_run
 
 REPORT_FILE = "report.html"
 VERDICT_STAGE = "verdict"
+JOURNALS = "journal"
 MOST_RUNS = 10
 
 
@@ -22,6 +24,14 @@ def last_result(store: Store) -> tuple[TableRow, ...]:
     """The before/after table of the newest run that has a verdict; empty when none of the last has."""
     tables = (_table(store, run_id) for run_id in _newest(store))
     return next((table for table in tables if table), ())
+
+
+def pushes_held(store: Store) -> tuple[HeldView, ...]:
+    """Every push that did not end, from the journals alone; one that cannot be read is as loud as any."""
+    try:
+        return tuple(HeldView(one.words, one.loud) for one in held_pushes(store.root / JOURNALS))
+    except StoreError as error:
+        return (HeldView(f"{error.code}: {error.what}", loud=True),)
 
 
 def stored_report(store: Store, run_id: str) -> str | None:

@@ -18,7 +18,7 @@ from simulators.nck.axis import AxisView, MachineAxis
 from simulators.nck.compensation import Curve, shifted
 from simulators.nck.data_table import CEC_ENABLE, CEC_POINTS, EEC_POINTS, ENC_ENABLE, ENC_STATE
 from simulators.nck.machine_data import MachineData
-from simulators.nck.memory import TableMemory
+from simulators.nck.memory import Table, TableMemory
 from simulators.nck.setpoints import Setpoints
 from simulators.nck.spec import NckRefusal, NckSpec
 
@@ -130,7 +130,8 @@ class Core:
         if place is None or not started:
             return
         self.whim("swap")
-        for table in (*self.memory.eec.values(), *self.memory.cec):
+        tables: list[Table] = [*self.memory.eec.values(), *self.memory.cec]
+        for table in tables:
             if table.step > 0.0 and len(table.points) > place + 1:
                 points = table.points
                 points[place], points[place + 1] = points[place + 1], points[place]

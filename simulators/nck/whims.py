@@ -6,6 +6,7 @@ from typing import Literal
 
 from simulators.nck.core import Core
 from simulators.nck.data_table import CEC_ENABLE, ENC_ENABLE
+from simulators.nck.memory import Table
 
 Forgotten = Literal["words", "memory", "switch"]
 SWITCHES = (ENC_ENABLE, CEC_ENABLE, "$SN_CEC_TABLE_ENABLE")
@@ -37,7 +38,8 @@ def forget(core: Core, what: Forgotten) -> None:
     if what == "words":
         core.r = [0.0] * len(core.r)
     elif what == "memory":
-        for table in (*core.memory.eec.values(), *core.memory.cec):
+        tables: list[Table] = [*core.memory.eec.values(), *core.memory.cec]
+        for table in tables:
             table.points = [0.0] * len(table.points)
     else:
         for axis in core.axes:

@@ -63,9 +63,8 @@ def judge(oracle: Oracle, found: Played, said: list[str], context: PushContext) 
     if outcome in ("refused", "already-applied") and oracle.writes and not oracle.foreign:
         found.wrong.append(f"{outcome}, but {oracle.writes} values were written")
     word = {"held": "P-PUSH-HELD", "held-on": "P-PUSH-HELD-ON"}.get(outcome, "")
-    if word and (
-        [code for code in said if "HELD" in code][-1:] != [word] or [one.kinds[-1] for one in left] != ["HELD"]
-    ):
+    loudest = [code for code in said if "HELD" in code][-1:]
+    if word and (loudest != [word] or [one.kinds[-1] for one in left] != ["HELD"]):
         found.wrong.append(f"{outcome}, but not said or not kept")
     if word and [one.loud for one in held_pushes(context.journals)] != [outcome == "held-on"]:
         found.wrong.append(f"{outcome}, but the journal says another thing")
