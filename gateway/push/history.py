@@ -8,8 +8,8 @@ from pathlib import Path
 from drivers.types import LiveTable
 from gateway.errors import StoreError
 from gateway.push import journal
+from gateway.push.finding import tables_of
 from gateway.push.journal import JournalRead
-from gateway.push.recovery import tables_of
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,8 +16,9 @@ from gateway.domain import SwitchRecord
 from gateway.errors import StillOn, StoreError, WriteRefused
 from gateway.push.context import PushContext
 from gateway.push.disabling import Switch, ask_disable, disable, order_of
+from gateway.push.finding import tables_of
 from gateway.push.journal import JournalRead
-from gateway.push.recovery import tables_of, unfinished
+from gateway.push.recovery import unfinished
 from gateway.say import Say
 from gateway.workflow.bench import Bench, bench, check_name, new_run
 from gateway.workflow.consents import tell

@@ -11,8 +11,9 @@ from gateway.config import SiteFile
 from gateway.domain import PushRecord
 from gateway.errors import StoreError
 from gateway.push import PushContext, outcome_error
+from gateway.push.finding import Finding, tables_of, verdict
 from gateway.push.journal import JournalRead, machine_folder, tidy
-from gateway.push.recovery import Finding, look, recover, tables_of, unfinished, verdict
+from gateway.push.recovery import look, recover, unfinished
 from gateway.say import Say
 from gateway.workflow.bench import Bench, bench, check_name, new_run
 from gateway.workflow.consents import recovered, tell

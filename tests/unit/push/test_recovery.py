@@ -16,7 +16,7 @@ from drivers.types import ChannelStatus, LiveTable
 from gateway.domain import PushRecord
 from gateway.errors import StoreError, WriteRefused
 from gateway.push import Finding, journal, look, push_table, recover, unfinished
-from gateway.push.recovery import verdict
+from gateway.push.finding import verdict
 from tests.unit.push.double import (
     MACHINE,
     NEVER,

@@ -15,8 +15,8 @@ from drivers.types import LiveTable, Marker
 from gateway.domain import Approval, PushRecord
 from gateway.errors import BusyError, WriteRefused
 from gateway.push import journal, look, plan_hash, push_table, recover, unfinished
+from gateway.push.finding import Seen, verdict
 from gateway.push.lock import machine_lock
-from gateway.push.recovery import Seen, verdict
 from tests.unit.push.double import (
     MACHINE,
     NEW,
