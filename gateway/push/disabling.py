@@ -45,6 +45,16 @@ async def read(context: PushContext, order: DisableOrder) -> SwitchReading | Non
         return None
 
 
+async def read_in_time(context: PushContext, order: DisableOrder) -> SwitchReading | None:
+    """As `read`, but a control that restarts or a wire that is mended gets a minute to answer."""
+    end = context.clock.now() + conversation.CONNECT_WITHIN_S
+    while True:
+        found = await read(context, order)
+        if found is not None or context.clock.now() + conversation.CONNECT_PAUSE_S >= end:
+            return found
+        await context.clock.sleep(conversation.CONNECT_PAUSE_S)
+
+
 def order_of(table: CompensationTable, number: int = 0) -> DisableOrder:
     """The order that switches this table off."""
     return DisableOrder(number, table.function, table.output_axis, table.index)

@@ -5,13 +5,15 @@ from __future__ import annotations
 from dataclasses import replace
 
 from drivers.errors import TrueflankError
-from drivers.types import LiveSet
+from drivers.types import DisableOrder, LiveSet, SwitchReading
 from gateway.errors import VerifyError, WriteRefused
 from gateway.interlocks import refusals
 from gateway.push import conversation, disabling, journal
 from gateway.push.compare import differences, same_table, table_in
 from gateway.push.loading import is_coupled, load, release
 from gateway.push.work import Outcome, Work
+
+SETTLE_S = 4.0
 
 
 async def roll_back(work: Work, why: str) -> Outcome:
@@ -38,11 +40,23 @@ async def hold(work: Work, why: str) -> Outcome:
     """
     order = disabling.order_of(work.change.new)
     found = await disabling.read(work.context, order)
-    if found is not None and found.off:
+    if _is_off(work, found):
         return await held(work, why, off=True)
     _tell(work, why, off=False)
-    off = not await _is_whole(work) and await disabling.switch_off(work)
+    off = await _made_off(work, order)
     return await held(work, why, off=off, said=not off)
+
+
+async def _made_off(work: Work, order: DisableOrder) -> bool:
+    """Now that people know: wait for a control that restarts, read again, and switch off what is not whole."""
+    found = await disabling.read_in_time(work.context, order)
+    if _is_off(work, found):
+        return True
+    return not await _is_whole(work) and await disabling.switch_off(work) and not work.protected
+
+
+def _is_off(work: Work, found: SwitchReading | None) -> bool:
+    return found is not None and found.off and not work.protected
 
 
 async def held(work: Work, why: str, *, off: bool, said: bool = False) -> Outcome:
@@ -87,6 +101,8 @@ async def _restore(work: Work) -> None:
     """Read first: what is already as it was is left alone, what is neither old nor new is left to a person."""
     await conversation.reach(work.context)
     await conversation.leave_program(work.context)
+    # What a failed load left under way must have come to rest before anything is read, compared or written.
+    await work.context.clock.sleep(SETTLE_S)
     await _asked(work)
     live = await conversation.read_live(work.context, work.agreeing_position)
     found = work.seen = table_in(live, work.change.new)

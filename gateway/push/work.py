@@ -28,7 +28,8 @@ class Work:
     ``coupled`` says that other CEC tables of the output axis were on before, so that they must be again.
     ``marked`` is the order whose number the controller's marker carries. ``cut_short`` says that a load may have
     stopped in its middle, ``torn`` that a control which has restarted since may act by half a table once it is on.
-    ``seen`` is the table as it was read last, None once something was announced since.
+    ``seen`` is the table as it was read last, None once something was announced since;
+    ``protected`` that the control refused to write it as one that is on, whatever its switch reads.
     """
 
     context: PushContext
@@ -49,6 +50,7 @@ class Work:
     cut_short: bool = False
     torn: bool = False
     seen: LiveTable | None = None
+    protected: bool = False
 
     @property
     def axis(self) -> str:

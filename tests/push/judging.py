@@ -150,8 +150,8 @@ async def _switched_off(
     return "off " + await _settled(oracle, again, context, found, willing=willing)
 
 
-def truth(oracle: Oracle, kinds: tuple[str, ...] = ()) -> str:
-    """What the machine's memory says a finding must be."""
+def truth(oracle: Oracle, kinds: tuple[str, ...] = ("DISABLE", "ENABLE")) -> str:
+    """What the machine's memory, and what the journal had announced, say a finding must be."""
     if oracle.as_before:
         return "R-PUSH-UNTOUCHED"
     if oracle.switched_on and (not oracle.is_new() or "ENABLE" not in kinds):

@@ -110,6 +110,7 @@ def on_ua(root: Path, keys: Path, act: Any, **switches: Any) -> None:
     run_virtual(main)
 
 
+@pytest.mark.soak
 def test_points_exchanged_at_the_activating_reset_end_off_by_a_program(tmp_path: Path, keys: Path) -> None:
     async def act(at: UaWorld) -> None:
         outcome, said, context = await pushed(at, tmp_path)

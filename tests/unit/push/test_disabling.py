@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from drivers.clock import run_virtual
+from drivers.errors import DeviceRefused
 from drivers.types import DisableOrder, LiveTable
 from gateway.errors import StillOn
 from gateway.push import journal, look, outcome_error, push_table, recover, unfinished
@@ -101,6 +102,17 @@ def test_what_is_whole_is_left_to_a_restore_and_told_as_on(tmp_path: Path) -> No
     assert push(at) == "held"
     assert not at.machine.eec.enabled
     assert "prepare_disable" in at.controller.calls  # what a refused restore left is not known on this road
+
+
+def test_a_table_that_could_not_be_written_because_it_is_on_is_on_whatever_its_switch_reads(tmp_path: Path) -> None:
+    def protected(_machine: Machine) -> None:
+        raise DeviceRefused("E-MBX-PROTECTED", "double", command="BEGIN", detail=0)
+
+    at = bench(tmp_path)
+    at.controller.faults[("wait_loaded", 0, "before")] = changing(eec=LiveTable(OLD, enabled=False))
+    at.controller.faults[("wait_loaded", 0, "after")] = protected
+    assert push(at) == "held-on"
+    assert not at.machine.eec.enabled
 
 
 def test_recovery_switches_off_and_then_restores_however_often_it_was_tried(tmp_path: Path) -> None:
