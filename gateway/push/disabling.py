@@ -60,10 +60,13 @@ def order_of(table: CompensationTable, number: int = 0) -> DisableOrder:
     return DisableOrder(number, table.function, table.output_axis, table.index)
 
 
-async def switch_off(work: Work) -> bool:
-    """Journal, order, and what is read back afterwards; true once that says off. Raises StoreError alone."""
+async def switch_off(work: Work, before: SwitchReading | None) -> bool:
+    """Journal, order, and what is read back afterwards; true once that says off. Raises StoreError alone.
+
+    ``before`` is what was read last: how far the axis will move is said of it.
+    """
     order = order_of(work.change.new, work.fresh_number())
-    await _say_how_far(work.context, order)
+    _say_how_far(work.context, order, before)
     work.note("SWITCH_OFF", order=order.transaction)
     found, why = await _carried_out(work.context, order)
     if found is not None and found.off:
@@ -77,6 +80,9 @@ async def _carried_out(context: PushContext, order: DisableOrder) -> tuple[Switc
     """The reading after the order, whatever became of it: an order without an answer is read back, never repeated."""
     try:
         await conversation.reach(context)
+    except TrueflankError as error:  # nothing was sent, and who does not answer cannot be read
+        return None, str(error)
+    try:
         await conversation.leave_program(context)
         await context.controller.prepare_disable(order)
         if context.controller.capabilities.programs:
@@ -87,8 +93,7 @@ async def _carried_out(context: PushContext, order: DisableOrder) -> tuple[Switc
     return found, "" if found.off else f"the switch reads {found.enabled}, acting {found.acting:+.3f}"
 
 
-async def _say_how_far(context: PushContext, order: DisableOrder) -> None:
-    found = await read(context, order)
+def _say_how_far(context: PushContext, order: DisableOrder, found: SwitchReading | None) -> None:
     if found is not None and not found.off:
         acting, unit = round(found.acting, 3), _unit(context)
         context.say("P-PUSH-DISABLE-MOVES", axis=order.axis, table=order.name, acting=acting, unit=unit)
@@ -139,7 +144,7 @@ async def _in_journal(
         if found is None:
             facts = {"purpose": "disable", "axis": order.axis, "function": order.function, "index": order.index}
             kept.append("LEASED", serial=context.machine.serial, actor=context.actor, **facts, **told)
-        await _say_how_far(context, numbered)
+        _say_how_far(context, numbered, asked.reading)
         kept.append("SWITCH_OFF", **told)
         reading, why = await _carried_out(context, numbered)
         off = reading is not None and reading.off

@@ -156,7 +156,8 @@ async def _carry_out(work: Work, finding: Finding, action: str) -> PushRecord:
         return work.record("rolled-back")
     work.note("RECOVERING", finding=finding.code, action="disable" if finding.action == "disable" else action)
     if finding.action == "disable":
-        return work.record(await held(work, finding.code, off=await disabling.switch_off(work)))
+        reading = await disabling.read(work.context, disabling.order_of(work.change.new))
+        return work.record(await held(work, finding.code, off=await disabling.switch_off(work, reading)))
     if action != "finish":
         return work.record(await roll_back(work, finding.code))
     axis = work.context.moved

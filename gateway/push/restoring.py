@@ -52,7 +52,7 @@ async def _made_off(work: Work, order: DisableOrder) -> bool:
     found = await disabling.read_in_time(work.context, order)
     if _is_off(work, found):
         return True
-    return not await _is_whole(work) and await disabling.switch_off(work) and not work.protected
+    return not await _is_whole(work) and await disabling.switch_off(work, found) and not work.protected
 
 
 def _is_off(work: Work, found: SwitchReading | None) -> bool:
