@@ -14,6 +14,7 @@ from drivers.types import (
     ClampedPart,
     CompensatedFor,
     CompensationTable,
+    DisableOrder,
     GearPlan,
     Identity,
     InspectedGear,
@@ -27,6 +28,7 @@ from drivers.types import (
     SampleBlock,
     StopPlan,
     StopReached,
+    SwitchReading,
     TableLimits,
 )
 from drivers.units import AxisUnit
@@ -253,6 +255,25 @@ class Controller(Device, Protocol):
         """Switch the order's table on or off and wait until it acts or is gone, confirmed at the machine.
 
         Raises UnsupportedDevice (E-NC-NO-SWITCHING) without `Capabilities.switching`, DeadlineExceeded, DeviceRefused.
+        """
+        ...
+
+    async def switch_reading(self, order: DisableOrder) -> SwitchReading:
+        """The switch of the order's table and what acts on its axis, read afresh; writes and starts nothing."""
+        ...
+
+    async def prepare_disable(self, order: DisableOrder) -> None:
+        """Get ready to switch a table off, wherever its axis stands; nothing changes yet.
+
+        With `Capabilities.programs` a program that does only this is sent, read back and selected; the person at
+        the machine starts it. Raises DeviceRefused when the machine may not be switched now.
+        """
+        ...
+
+    async def wait_disabled(self, order: DisableOrder, timeout_s: float) -> SwitchReading:
+        """Switch off, wait until nothing acts, read back; never retried. What is read is the answer, on or off.
+
+        Raises DeadlineExceeded (nobody started the program, or unknown), DeviceRefused.
         """
         ...
 

@@ -15,6 +15,8 @@ from drivers.units import AxisUnit, DeviationUnit, deviation_unit
 FloatArray = NDArray[np.float64]
 Approach = Literal[1, -1]
 CompensatedFor = Literal["nothing", "air", "air+material"]
+# um or arcsec: an acting compensation below this is none
+GONE = 0.001
 
 
 @dataclass(frozen=True, slots=True)
@@ -336,6 +338,43 @@ class PushOrder:
     proof: SignProof | None = None
     coupled: bool = False
     head: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class DisableOrder:
+    """One table to switch off; it carries no value, so that none can be written.
+
+    ``transaction`` is the number the controller must echo. ``axis`` is the output axis; ``index`` the encoder of
+    an EEC table or the number of a CEC table. For CEC the axis' own switch goes off with the table's: all CEC of
+    that axis is silent then.
+    """
+
+    transaction: int
+    function: Literal["EEC", "CEC"]
+    axis: str
+    index: int = 0
+
+    @property
+    def name(self) -> str:
+        """The table among all of a machine: "X1" for an axis' EEC, "X1-cec3" for CEC table 3."""
+        return self.axis if self.function == "EEC" else f"{self.axis}-cec{self.index}"
+
+
+@dataclass(frozen=True, slots=True)
+class SwitchReading:
+    """A table's switch as read back, and what acts on its axis now.
+
+    ``enabled``: every switch of it reads on, or off; None where they differ or cannot be read. ``acting`` is the
+    acting compensation of the table's layer, um or arcsec.
+    """
+
+    enabled: bool | None
+    acting: float
+
+    @property
+    def off(self) -> bool:
+        """Proved off: the switch reads off and nothing acts; a switch alone proves nothing."""
+        return self.enabled is False and abs(self.acting) <= GONE
 
 
 @dataclass(frozen=True, slots=True)

@@ -253,14 +253,35 @@ class Proposal:
 
 @dataclass(frozen=True, slots=True)
 class PushRecord:
-    """What a push did to one axis: the outcome in one word and every step with its time."""
+    """What a push did to one axis: the outcome in one word and every step with its time.
+
+    "held": stopped half way, and a read-back says that the table is off. "held-on": it is still on, or unknown.
+    """
 
     transaction: int
     axis: str
-    outcome: Literal["committed", "already-applied", "rolled-back", "held", "refused", "skipped"]
+    outcome: Literal["committed", "already-applied", "rolled-back", "held", "held-on", "refused", "skipped"]
     steps: tuple[str, ...]
     backup_path: str
     effect: tuple[tuple[float, float, float], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class SwitchRecord:
+    """What a disable-only order did to one table; ``table`` as in a proposal ("X1", "X1-cec3").
+
+    "off" and "already-off" are said of what was read back. ``before`` and ``after`` are the acting compensation, in
+    ``unit``; None where it could not be read. ``steps`` say why it is still on, or every reason against it.
+    """
+
+    transaction: int
+    axis: str
+    table: str
+    outcome: Literal["off", "already-off", "still-on", "refused"]
+    unit: str
+    before: float | None
+    after: float | None
+    steps: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -55,6 +55,12 @@ class Unexpected(TrueflankError):
     """Something failed that nobody foresaw: ours to correct; its kind and words are in the fields."""
 
 
+class StillOn(RollbackFailed):
+    """Held, and no read-back says that the table is off: something acts that nobody stands for."""
+
+    exit_code = 12
+
+
 class BusyError(TrueflankError):
     """One run at a time."""
 

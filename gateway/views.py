@@ -93,13 +93,21 @@ class TableRow:
 
 
 @dataclass(frozen=True, slots=True)
+class HeldView:
+    """A push that did not end, in words; ``loud`` unless a read-back said last that its table is off."""
+
+    words: str
+    loud: bool
+
+
+@dataclass(frozen=True, slots=True)
 class StatusView:
     """The daemon as it is now.
 
     ``failure`` is the last run's error, ``result`` the last verdict's table, ``trouble`` what is wrong with
     the devices together when each of them answers. ``alarms`` are live tables that are not as they were pushed,
     ``due`` says which were not compared when they should have been, ``left`` what an earlier gateway left in the
-    control or the journal.
+    control, ``held`` the pushes that did not end, the loud ones first.
     """
 
     site: str
@@ -114,15 +122,22 @@ class StatusView:
     alarms: tuple[str, ...] = ()
     due: str = ""
     left: tuple[Mapping[str, object], ...] = ()
+    held: tuple[HeldView, ...] = ()
 
     @property
     def state(self) -> str:
-        """One word for all: running, ready, or attention: a device not open or not the site's, alarm, left-over."""
+        """One word for all.
+
+        Running; still-on, while a push is held without proof that its table is off; attention when a device is not
+        open or not the site's, a live table is another, or something is left or held; else ready.
+        """
         if self.run is not None:
             return "running"
+        if any(one.loud for one in self.held):
+            return "still-on"
         open_all = all(device.state == "open" for device in self.devices)
-        quiet = self.trouble is None and not self.alarms and not self.due and not self.left
-        return "ready" if open_all and quiet else "attention"
+        troubles = (self.trouble is not None, self.alarms, self.due, self.left, self.held)
+        return "ready" if open_all and not any(troubles) else "attention"
 
 
 def device_views(seen: Iterable[SeenDevice], *, lent: bool) -> tuple[DeviceView, ...]:

@@ -15,6 +15,7 @@ from drivers.clock import Clock
 from drivers.errors import UnsupportedDevice
 from drivers.leftover import NOTHING, LeftOver, SentBook
 from drivers.sinumerik.mailbox.registers import Kind
+from drivers.sinumerik.modbusdisable import Disabling
 from drivers.sinumerik.modbuspush import Pushing
 from drivers.sinumerik.modbusreader import MachineReader
 from drivers.sinumerik.modbussettings import ModbusSettings
@@ -23,6 +24,7 @@ from drivers.sinumerik.modbustalk import Talk
 from drivers.sinumerik.modbuswire import ModbusWire
 from drivers.types import (
     Capabilities,
+    DisableOrder,
     Identity,
     LiveSet,
     MachineIdentity,
@@ -31,6 +33,7 @@ from drivers.types import (
     PushOrder,
     StopPlan,
     StopReached,
+    SwitchReading,
     TableLimits,
 )
 from drivers.workpiece import GrindPlan
@@ -48,6 +51,7 @@ class SinumerikModbus:
         self._reader = MachineReader(self._talk, name)
         self._pushing = Pushing(self._talk, self._reader, found, clock, name)
         self._switching = Switching(self._talk, self._reader, self._pushing, found, clock, name)
+        self._disabling = Disabling(self._talk, self._reader, found, clock, name)
         self._encoder = found.encoder
         self.book: SentBook | None = None
 
@@ -193,6 +197,21 @@ class SinumerikModbus:
         """Switch the order's table and wait until it acts or is gone. Raises as `Switching.switch`."""
         async with self._talk.turn:
             await self._switching.switch(order, enable, timeout_s)
+
+    async def switch_reading(self, order: DisableOrder) -> SwitchReading:
+        """Switches and acting value of a table, read afresh."""
+        async with self._talk.turn:
+            return await self._disabling.reading(order)
+
+    async def prepare_disable(self, order: DisableOrder) -> None:
+        """Whether command 6 would be taken now; the release is a person's consent. Raises as `Disabling.check`."""
+        async with self._talk.turn:
+            await self._disabling.check(order)
+
+    async def wait_disabled(self, order: DisableOrder, timeout_s: float) -> SwitchReading:
+        """Command 6, and what is read back. Raises as `Disabling.disabled`."""
+        async with self._talk.turn:
+            return await self._disabling.disabled(order, timeout_s)
 
     async def finish_push(self, order: PushOrder, state: Literal["committed", "held", "none"]) -> None:
         """Leave the marker in its last state and end the session. Raises DeviceRefused (E-MBX-MARKER)."""

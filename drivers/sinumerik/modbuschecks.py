@@ -33,6 +33,14 @@ def guard(status: Status, where: str, alarm: int = 0) -> None:
         raise DeviceRefused("E-MBX-ALARM", where, number=alarm or "in the panel's list")
 
 
+def switchable(status: Status, where: str) -> None:
+    """What command 6 needs; an alarm does not keep a table on. Raises DeviceRefused as `guard`."""
+    if not status.has(StatusBit.RELEASED):
+        raise DeviceRefused("E-MBX-NOT-RELEASED", where, command="DISABLE", detail=0)
+    if not status.has(*_SAFE):
+        raise DeviceRefused("E-MBX-NOT-IN-RESET", where, command="DISABLE", detail=0)
+
+
 def is_on(order: Order, status: Status, picture: Picture) -> bool:
     """Whether the table that ``order`` names is at work, by its switches; the status word must agree."""
     if order.kind is Kind.EEC:

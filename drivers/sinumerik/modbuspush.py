@@ -31,9 +31,8 @@ from drivers.sinumerik.modbusreader import (
 )
 from drivers.sinumerik.modbussettings import ModbusSettings
 from drivers.sinumerik.modbustalk import Talk
-from drivers.types import LiveSet, MachineIdentity, PushOrder
+from drivers.types import GONE, LiveSet, MachineIdentity, PushOrder
 
-GONE = 0.001  # um or arcsec: an acting value below this is none
 MARKER_DIGITS = 16
 
 

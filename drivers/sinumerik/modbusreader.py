@@ -100,7 +100,7 @@ class MachineReader:
     async def limits(self, axis: str, kind: Kind, index: int) -> TableLimits:
         """Reserved points of an encoder or table, the step of a value, and the value limit of this product."""
         facts = self.axis(axis)
-        await self._talk.select(_order(facts, kind, index))
+        await self._talk.select(table_order(facts, kind, index))
         return TableLimits(self._talk.reserved, float(VALUE_UNIT[facts.unit]), lint.MAX_VALUE[facts.unit])
 
     async def marker(self) -> Marker:
@@ -113,10 +113,10 @@ class MachineReader:
         Raises DeviceRefused (E-MBX-UNSTEADY, E-MBX-CHANGED; E-MBX-GRID for a table whose grid the map cannot express).
         """
         facts = self.axis(axis)
-        own = await self._stored(_order(facts, Kind.EEC, encoder))
+        own = await self._stored(table_order(facts, Kind.EEC, encoder))
         found = [own]
         for table in range(own.picture.tables):
-            order = _order(facts, Kind.CEC, table)
+            order = table_order(facts, Kind.CEC, table)
             grid = (await self._talk.select(order)).grid
             if grid.output_axis == facts.number and (grid.step or not grid.expressible):
                 if not 1 <= grid.input_axis <= len(self.axes):
@@ -190,7 +190,7 @@ def deviation_of(value: int, unit: AxisUnit) -> float:
     return float(value * VALUE_UNIT[unit] * Decimal(deviation_scale(unit)))
 
 
-def _order(axis: AxisFacts, kind: Kind, index: int) -> Order:
+def table_order(axis: AxisFacts, kind: Kind, index: int) -> Order:
     """Select: ``index`` is the encoder of an EEC table or the number of a CEC table."""
     if kind is Kind.EEC:
         return Order(Command.SELECT, kind, axis.number, index)

@@ -12,11 +12,11 @@ from drivers.sinumerik.mailbox import grids
 from drivers.sinumerik.mailbox.commands import Order
 from drivers.sinumerik.mailbox.readings import Picture
 from drivers.sinumerik.mailbox.registers import AxisBit, Command, Kind, StatusBit, TableFlag
-from drivers.sinumerik.modbuspush import GONE, Pushing, acting_of
+from drivers.sinumerik.modbuspush import Pushing, acting_of
 from drivers.sinumerik.modbusreader import MachineReader, MarkerState, marker_of, position_of
 from drivers.sinumerik.modbussettings import ModbusSettings
 from drivers.sinumerik.modbustalk import Talk
-from drivers.types import PushOrder
+from drivers.types import GONE, PushOrder
 
 GRACE_S = 3.0
 CONFIRM_S = 60.0 + 10.0

@@ -27,10 +27,12 @@ from drivers.sinumerik.pushing import Pushing, live_tables
 from drivers.sinumerik.transfer import Transfer
 from drivers.sinumerik.uaclient import UaSession
 from drivers.sinumerik.uasettings import UaSettings, secrets_of
+from drivers.sinumerik.uaswitch import Disabling
 from drivers.sinumerik.words import Phase, Word, program_path
 from drivers.types import (
     Capabilities,
     ChannelStatus,
+    DisableOrder,
     Identity,
     LiveSet,
     MachineIdentity,
@@ -39,6 +41,7 @@ from drivers.types import (
     PushOrder,
     StopPlan,
     StopReached,
+    SwitchReading,
     TableLimits,
 )
 from drivers.units import deviation_scale
@@ -62,6 +65,7 @@ class SinumerikOpcUa(Leaver):
         self._transfer = Transfer(self._session, self._settings.channel, name)
         self._dialogue = Dialogue(self._session, self._reader, self._settings, clock, name)
         self._pushing = Pushing(self._dialogue, self._reader, self._transfer, self._settings, clock, name)
+        self._disabling = Disabling(self._dialogue, self._reader, self._transfer, self._pushing, name)
         self._grinding = Grinding(self._dialogue, self._reader, self._transfer, self._settings, clock, name)
         self._leaving = Leaving(
             self._dialogue, self._reader, self._transfer, self._settings.channel, clock, name, self._open_again
@@ -305,6 +309,21 @@ class SinumerikOpcUa(Leaver):
         raise UnsupportedDevice(
             "E-NC-NO-SWITCHING", self.name, table=order.table.name, enable=enable, timeout_s=timeout_s
         )
+
+    async def switch_reading(self, order: DisableOrder) -> SwitchReading:
+        """Switches, as far as this user may read them, and the acting value."""
+        return await self._disabling.reading(order, self._configuration)
+
+    async def prepare_disable(self, order: DisableOrder) -> None:
+        """Send, read back and select the program that switches off. Raises as `Disabling.prepare`."""
+        encoder = order.index if order.function == "EEC" else 0
+        setting = await self._setting(order.axis, order.axis, encoder, rotary=False)
+        self._plan, self._saved, self._grinding.plan = None, False, None
+        await self._disabling.prepare(order, setting)
+
+    async def wait_disabled(self, order: DisableOrder, timeout_s: float) -> SwitchReading:
+        """Wait for that program's end and read back. Raises as `Disabling.disabled`."""
+        return await self._disabling.disabled(order, timeout_s, self._configuration)
 
     async def finish_push(self, order: PushOrder, state: Literal["committed", "held", "none"]) -> None:
         """Leave the marker in its last state. Never retried."""

@@ -107,7 +107,13 @@ class Pushing:
     async def _until(
         self, order: PushOrder, timeout_s: float, reached: Callable[[PushOrder, Glance | None, Glance], T | None]
     ) -> T:
-        """Look until ``reached(order, before, seen)`` says something other than None."""
+        """As `until`, for a push's order."""
+        return await self.until(order.transaction, timeout_s, lambda before, seen: reached(order, before, seen))
+
+    async def until(
+        self, transaction: int, timeout_s: float, reached: Callable[[Glance | None, Glance], T | None]
+    ) -> T:
+        """Look until ``reached(before, seen)`` says something other than None of the program with this number."""
         end = self._clock.now() + timeout_s
         before: Glance | None = None
         self._dialogue.pace.again()
@@ -115,8 +121,8 @@ class Pushing:
             seen = await self._dialogue.look_through_restart()
             if seen is not None:
                 await self._dialogue.check_alarms(seen)
-                ours = seen.word(Word.TRANSACTION) == order.transaction
-                answer = reached(order, before, seen) if ours else None
+                ours = seen.word(Word.TRANSACTION) == transaction
+                answer = reached(before, seen) if ours else None
                 if answer is not None:
                     return answer
                 before = seen if ours else None

@@ -49,7 +49,8 @@ MARKER_STATES: dict[int, Literal["none", "in-progress", "committed", "held"]] = 
 class Phase(IntEnum):
     """How far a program is.
 
-    1 to 5 and 9 are a push; 1 and 6 to 8 a measuring run; 1, 7, 8, 13 and 14 a test part; 8, 11 and 14 changed nothing.
+    1 to 5 and 9 are a push; 1 and 6 to 8 a measuring run; 1, 7, 8, 13 and 14 a test part; 8, 15 and 16 a
+    disable-only order; 8, 11 and 14 changed nothing.
     """
 
     NONE = 0
@@ -66,6 +67,8 @@ class Phase(IntEnum):
     WOULD_WAKE = 12
     GRINDING = 13
     SETUP_REFUSED = 14
+    SWITCHED_OFF = 15
+    STILL_ON = 16
 
 
 class SetupWord(IntEnum):
@@ -97,7 +100,7 @@ class Words:
 
 
 def program_path(purpose: str, axis: str) -> str:
-    """Name of a main program of ours in the control: purposes MEAS, PUSH, LOAD, ENAB, GRIND."""
+    """Name of a main program of ours in the control: purposes MEAS, PUSH, LOAD, ENAB, OFF, GRIND."""
     return f"/_N_MPF_DIR/_N_TF{purpose}_{axis}_MPF"
 
 

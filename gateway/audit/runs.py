@@ -47,7 +47,7 @@ def look(root: Path) -> Kept:
 
 def _journals(root: Path) -> tuple[journal.JournalRead, ...]:
     """Journals of every machine; one that is empty though the log knows its transaction is broken."""
-    folders = [path for path in (root / journal.FOLDER).glob("*") if path.is_dir()]
+    folders = [path for path in (root / journal.JOURNALS).glob("*") if path.is_dir()]
     begun = standing(root).begun
     every = (one for folder in folders for one in (*journal.all_of(folder), *journal.all_of(folder / "done")))
     return tuple(journal.judged(one, begun.__contains__) for one in every)

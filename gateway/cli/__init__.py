@@ -16,6 +16,7 @@ from gateway.cli import (
     inspecting,
     measuring,
     replaying,
+    switching,
     watching,
 )
 from gateway.cli.commands import app
@@ -23,6 +24,7 @@ from gateway.cli.show import show_error
 
 auditing.add_to(app)
 consenting.add_to(app)
+switching.add_to(app)
 connecting.add_to(app)
 replaying.add_to(app)
 importing.add_to(app)

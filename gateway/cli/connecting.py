@@ -95,26 +95,21 @@ def port(tree: Any, role: str, clock: Clock) -> Any:
 
 def sent_before(tree: Any, site: Path) -> tuple[Sent, ...]:
     """Every program this store sent to the control; none while a gateway is at work with them."""
+    from gateway.push.journal import JOURNALS
     from gateway.push.sent import SentBook
-    from gateway.workflow.bench import JOURNALS, store_of
+    from gateway.workflow.bench import store_of
 
     book = SentBook(store_of(tree, site).root / JOURNALS, tree.controller.serial)
     return () if book.at_work() else book.known()
 
 
 def unended(tree: Any, site: Path) -> tuple[CheckLine, ...]:
-    """A line for each push of this store that did not end and that nobody is at work with."""
-    from gateway.push import unfinished
-    from gateway.push.journal import machine_folder
-    from gateway.push.lock import is_held
-    from gateway.workflow.bench import JOURNALS, store_of
+    """A line for each push of this store that did not end and that nobody is at work with, the loud ones first."""
+    from gateway.push.holding import held_pushes
+    from gateway.push.journal import JOURNALS
+    from gateway.workflow.bench import store_of
 
-    journals, serial = store_of(tree, site).root / JOURNALS, tree.controller.serial
-    found = () if is_held(machine_folder(journals, serial)) else unfinished(journals, serial)
-    return tuple(
-        wrong("W-WEB-UNFINISHED", "journal", transaction=one.number, axis=one.latest("axis") or "?", last=one.said_last)
-        for one in found
-    )
+    return tuple(wrong(one.code, "journal", **one.fields) for one in held_pushes(store_of(tree, site).root / JOURNALS))
 
 
 def wanted(tree: Any, sent: tuple[Sent, ...] = ()) -> Wanted:

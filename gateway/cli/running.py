@@ -11,6 +11,7 @@ from drivers.clock import Clock, LoopClock
 from gateway.cli.show import echo, progress, show_json, show_table
 from gateway.cli.stopping import run_to_end
 from gateway.config import load_site
+from gateway.errors import StillOn
 from gateway.say import Say
 
 
@@ -66,10 +67,11 @@ def recover_command(site: Path, apply: bool, machine: str, *, as_json: bool) -> 
         findings = run_to_end(main(say))
     if as_json:
         show_json([finding.as_data() for finding in findings])
-        return
-    for finding in findings:
-        echo(finding.words)
-    if not findings:
+    for finding in () if as_json else findings:
+        echo(finding.words, colour="red" if finding.still_on else None, bold=finding.still_on)
+    if not apply and any(finding.still_on for finding in findings):
+        raise typer.Exit(StillOn.exit_code)
+    if not findings and not as_json:
         echo(f"{tree.site.name}: no push was left unfinished, and nothing of ours is left in the control")
 
 
@@ -107,11 +109,12 @@ async def _identities(site: Path) -> list[tuple[str, str, str, str]]:
 def serve_command(site: Path, host: str, port: int) -> None:
     """Serve a site until it is stopped; raises Stopped when that cut a run short."""
     from gateway.daemon import Daily, serve, token_path
+    from gateway.push.journal import JOURNALS
     from gateway.push.sent import SentBook
     from gateway.stopping import Stop
     from gateway.supervisor import Supervisor
     from gateway.workflow.aftercare import StandingAlarms, due
-    from gateway.workflow.bench import JOURNALS, store_of
+    from gateway.workflow.bench import store_of
     from gateway.workflow.run import run_site
     from gateway.workflow.verifying import verify_table
 

@@ -15,9 +15,9 @@ from drivers.names import visible
 from gateway.say import Say, silence
 
 
-def echo(text: str = "", *, err: bool = False, colour: str | None = None) -> None:
+def echo(text: str = "", *, err: bool = False, colour: str | None = None, bold: bool = False) -> None:
     """Print a line: the one place from which words reach a terminal, so nothing in a name can steer one."""
-    typer.secho(visible(text), fg=colour, err=err)
+    typer.secho(visible(text), fg=colour, bold=bold, err=err)
 
 
 def show_json(data: Any) -> None:

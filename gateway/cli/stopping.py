@@ -11,10 +11,9 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any, TypeVar
 
-import typer
-
 from drivers.clock import LoopClock
 from drivers.errors import words
+from gateway.cli.show import echo
 from gateway.stopping import INTERRUPTED, LONGEST_S, TERMINATED, Stop, obey
 
 T = TypeVar("T")
@@ -64,7 +63,7 @@ def heard(loop: asyncio.AbstractEventLoop, stop: Stop) -> Iterator[None]:
 def _ask(stop: Stop, by: str, exit_code: int) -> None:
     first = stop.ask(by, exit_code)
     told = words("P-STOPPING", by=by, most_s=LONGEST_S) if first else words("P-STOPPING-STILL", most_s=LONGEST_S)
-    typer.echo(told, err=True)
+    echo(told, err=True)
 
 
 def _listen(name: str, exit_code: int, ask: Ask) -> Any:

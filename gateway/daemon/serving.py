@@ -19,7 +19,7 @@ from gateway.config import SiteFile
 from gateway.daemon.daily import Daily, each_day
 from gateway.daemon.desk import Desk, Devices, RunStarter, interrupt, left_in_order
 from gateway.daemon.lock import locked
-from gateway.daemon.stored import last_result, left_behind, newest_runs, stored_report
+from gateway.daemon.stored import last_result, newest_runs, pushes_held, stored_report
 from gateway.daemon.token import token_of
 from gateway.store import Store
 from gateway.views import StatusView
@@ -184,5 +184,6 @@ def status(
         desk.trouble,
         alarms(),
         daily.words if daily is not None else "",
-        left_behind(desk.left, store, site.controller.serial),
+        () if desk.left.clear else (desk.left.said.as_record(),),
+        pushes_held(store),
     )

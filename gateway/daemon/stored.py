@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
-from drivers.errors import TrueflankError
-from drivers.leftover import LeftOver
 from gateway.domain import Verdict
 from gateway.errors import StoreError
-from gateway.push import unfinished
-from gateway.push.journal import machine_folder
-from gateway.push.lock import is_held
+from gateway.push.holding import held_pushes
+from gateway.push.journal import JOURNALS
 from gateway.store import RunFolder, Store
 from gateway.store.folder import RUN_FILE
-from gateway.views import PastRun, TableRow, axis_table, past_run
-from gateway.workflow.bench import JOURNALS
+from gateway.views import HeldView, PastRun, TableRow, axis_table, past_run
 
 REPORT_FILE = "report.html"
 VERDICT_STAGE = "verdict"
@@ -32,19 +26,12 @@ def last_result(store: Store) -> tuple[TableRow, ...]:
     return next((table for table in tables if table), ())
 
 
-def left_behind(left: LeftOver, store: Store, serial: str) -> tuple[Mapping[str, object], ...]:
-    """What a person must see to before the machine is ready: left in the control, or a push that did not end."""
-    found: list[Mapping[str, object]] = [] if left.clear else [left.said.as_record()]
-    journals = store.root / JOURNALS
+def pushes_held(store: Store) -> tuple[HeldView, ...]:
+    """Every push that did not end, from the journals alone; one that cannot be read is as loud as any."""
     try:
-        open_ones = () if is_held(machine_folder(journals, serial)) else unfinished(journals, serial)
+        return tuple(HeldView(one.words, one.loud) for one in held_pushes(store.root / JOURNALS))
     except StoreError as error:
-        return (*found, error.as_record())
-    for one in open_ones:
-        axis, last = one.latest("axis") or "?", one.said_last
-        said = TrueflankError("W-WEB-UNFINISHED", "journal", transaction=one.number, axis=axis, last=last)
-        found.append(said.as_record())
-    return tuple(found)
+        return (HeldView(f"{error.code}: {error.what}", loud=True),)
 
 
 def stored_report(store: Store, run_id: str) -> str | None:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from drivers.errors import TrueflankError
 from gateway.domain import PushRecord
-from gateway.errors import RollbackFailed, VerifyError, WriteRefused
+from gateway.errors import RollbackFailed, StillOn, VerifyError, WriteRefused
 from gateway.push.context import AxisFacts, PushContext
+from gateway.push.finding import Finding
 from gateway.push.plan import plan_hash
-from gateway.push.recovery import Finding, look, recover, unfinished
+from gateway.push.recovery import look, recover, unfinished
 from gateway.push.signproof import prove_sign
 from gateway.push.transaction import Asked, ask, push_table
 
@@ -38,4 +39,6 @@ def outcome_error(record: PushRecord) -> TrueflankError | None:
         return VerifyError("E-PUSH-ROLLED-BACK", record.axis, axis=record.axis, why=why)
     if record.outcome == "held":
         return RollbackFailed("E-PUSH-HELD", record.axis, axis=record.axis, backup=record.backup_path or "none")
+    if record.outcome == "held-on":
+        return StillOn("E-PUSH-HELD-ON", record.axis, axis=record.axis, backup=record.backup_path or "none")
     return None

@@ -8,6 +8,7 @@ from collections.abc import Awaitable, Callable
 from drivers.errors import TransportError, TrueflankError
 from drivers.types import Approach, ChannelStatus, LiveSet, PushOrder, Stop, StopPlan, StopReached, TableLimits
 from gateway.domain import TableChange
+from gateway.errors import VerifyError
 from gateway.interlocks import PushFacts
 from gateway.push.byhand import visit_by_hand
 from gateway.push.compare import signed
@@ -180,6 +181,22 @@ async def connect_again(context: PushContext) -> None:
             await context.clock.sleep(CONNECT_PAUSE_S)
         else:
             return
+
+
+async def reach(context: PushContext) -> None:
+    """The machine that is meant answers, over a fresh connection where the old one broke.
+
+    What became of the last request is unknown then: only a connection of its own can tell. Raises VerifyError
+    (E-PUSH-OTHER-MACHINE), TransportError.
+    """
+    try:
+        found = await context.controller.identify()
+    except TransportError:
+        await connect_again(context)
+        found = await context.controller.identify()
+    different = context.machine.differences(found)
+    if different:
+        raise VerifyError("E-PUSH-OTHER-MACHINE", context.axis.name, differ=", ".join(different))
 
 
 async def leave_program(context: PushContext) -> None:

@@ -6,11 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from drivers.ownfiles import read_own
 from drivers.types import LiveTable
 from gateway.errors import StoreError
 from gateway.push import journal, numbering
+from gateway.push.finding import tables_of
 from gateway.push.journal import JournalRead
-from gateway.push.recovery import tables_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +75,7 @@ def _age_among(pushes: list[Committed], last: int) -> Callable[[Committed], tupl
 def _last_number(folder: Path, pushes: list[Committed]) -> int:
     """The number given last, from the machine's counter; where that is lost, the largest seen."""
     try:
-        text = (folder / "number").read_text(encoding="ascii").strip()
+        text = read_own(folder / "number").decode("ascii").strip()
     except (OSError, UnicodeDecodeError):
         text = ""
     return int(text) if text.isdigit() else max((push.transaction for push in pushes), default=0)

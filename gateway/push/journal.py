@@ -25,7 +25,7 @@ from drivers.names import stem
 from drivers.ownfiles import made_folder, opened, read_own
 from gateway.errors import StoreError
 
-FOLDER = "journal"
+JOURNALS = "journal"
 FINAL = ("COMMITTED", "ROLLED_BACK", "ABORTED", "CLOSED")
 FREE_BYTES = 50_000_000
 _START = "0" * 64

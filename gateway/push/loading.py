@@ -16,6 +16,8 @@ from gateway.push.work import Work
 
 # The control's own comparison comes after the last point: these say that it got there.
 RAN_THROUGH = ("E-NC-MISMATCH", "E-MBX-MISMATCH")
+# The control refuses to write a table that is on: whatever the switch reads, it is on.
+PROTECTED = "E-MBX-PROTECTED"
 
 
 async def load(work: Work, order: PushOrder, base: LiveSet | None) -> None:
@@ -83,6 +85,7 @@ async def _loaded(work: Work, order: PushOrder) -> tuple[LiveSet, LiveSet]:
         found = await work.context.controller.wait_loaded(order, work.context.start_timeout_s)
     except TrueflankError as error:
         work.cut_short = error.code not in RAN_THROUGH
+        work.protected = work.protected or error.code == PROTECTED
         raise
     work.cut_short = False
     return found

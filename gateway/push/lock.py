@@ -50,7 +50,7 @@ def held(folder: Path) -> Iterator[None]:
 def is_held(folder: Path) -> bool:
     """Whether somebody, this process included, holds a folder's lock. Raises StoreError (E-PUSH-DISK)."""
     try:
-        file = (folder / "lock").open("r+b")
+        file = opened(folder / "lock", "r+b")
     except FileNotFoundError:
         return False
     except OSError as error:

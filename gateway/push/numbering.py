@@ -6,6 +6,7 @@ import os
 import secrets
 from pathlib import Path
 
+from drivers.ownfiles import opened, read_own
 from gateway.errors import StoreError
 from gateway.push.journal import numbers, sync_folder
 
@@ -57,7 +58,7 @@ def _part(root: Path) -> int:
 
 def _kept(counter: Path) -> int:
     try:
-        text = counter.read_text(encoding="ascii").strip()
+        text = read_own(counter).decode("ascii").strip()
     except (FileNotFoundError, UnicodeDecodeError):
         return 0
     return int(text) if text.isdigit() and int(text) <= MAX_NUMBER else 0
@@ -70,7 +71,7 @@ def _used(folder: Path) -> list[int]:
 
 def _keep(counter: Path, number: int) -> None:
     temporary = counter.with_name(f".number.{secrets.token_hex(4)}")
-    with temporary.open("xb") as file:
+    with opened(temporary, "xb") as file:
         file.write(str(number).encode("ascii"))
         file.flush()
         os.fsync(file.fileno())

@@ -6,198 +6,37 @@ compensation, and nothing is written before a person asks for it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
-from drivers.errors import TrueflankError, words
-from drivers.types import ChannelStatus, CompensationTable, LiveSet, LiveTable, Marker
+from drivers.errors import DeadlineExceeded, TransportError, TrueflankError
+from drivers.types import ChannelStatus, CompensationTable, LiveSet, Marker
 from gateway.domain import PushRecord, TableChange
-from gateway.errors import StoreError, VerifyError, WriteRefused
+from gateway.errors import VerifyError, WriteRefused
 from gateway.interlocks.facts import rest_of
-from gateway.push import conversation, journal
+from gateway.push import conversation, disabling, journal
 from gateway.push.compare import (
     agreeing_position,
-    differences,
     effect_positions,
-    table_from,
     table_in,
-    three_way,
     tolerance,
 )
 from gateway.push.context import PushContext
 from gateway.push.effect import prove_effect
+from gateway.push.finding import MOST_TRIES, Finding, Seen, announced, before, coupled, tables_of, verdict
 from gateway.push.journal import JournalRead
 from gateway.push.lock import machine_lock
-from gateway.push.restoring import hold, roll_back
+from gateway.push.restoring import held, hold, roll_back
 from gateway.push.unexpected import foreseen, unheard
 from gateway.push.work import Work, closed_at_the_end
-
-Action = Literal["close", "restore", "none"]
-MOST_TRIES = 3
-
-
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """What one unfinished push left. ``code`` is its catalogue entry, ``action`` what is offered.
-
-    ``difference`` says, where somebody else wrote, what is neither old nor new.
-    """
-
-    transaction: int
-    axis: str
-    code: str
-    action: Action
-    journal: Path
-    last: str
-    backup: str
-    difference: tuple[str, ...] = ()
-
-    @property
-    def words(self) -> str:
-        """The finding as people read it."""
-        told = {"axis": self.axis, "transaction": self.transaction, "last": self.last, "backup": self.backup}
-        text = f"{self.code}: {words(self.code, **told, count=MOST_TRIES)}"
-        return f"{text}: {'; '.join(self.difference)}" if self.difference else text
-
-    def as_data(self) -> dict[str, Any]:
-        """The finding as JSON data."""
-        return {
-            "transaction": self.transaction,
-            "axis": self.axis,
-            "code": self.code,
-            "action": self.action,
-            "journal": str(self.journal),
-            "last": self.last,
-            "backup": self.backup,
-            "difference": list(self.difference),
-            "what": self.words,
-        }
-
-
-@dataclass(frozen=True, slots=True)
-class Seen:
-    """What the controller says: the table in question, whether its neighbours are on, and its marker."""
-
-    live: LiveTable
-    neighbours_on: bool = False
-    marker: Marker | None = None
-    marker_ours: bool = True
 
 
 def unfinished(journals: Path, serial: str, begun: journal.Begun | None = None) -> tuple[JournalRead, ...]:
     """The journals of a machine that did not end, oldest first; ``begun`` as for `journal.left_open`."""
     return journal.left_open(journal.machine_folder(journals, serial), begun)
-
-
-def verdict(found: JournalRead, live: LiveTable | Seen | None, allowed: float, sign: int = 1) -> Finding:
-    """What happened, from the journal and the live table (None: not readable now).
-
-    ``sign`` is that of the machine's CEC proof, in which ``live`` was read.
-    """
-    seen = Seen(live, _coupled(found)) if isinstance(live, LiveTable) else live
-    code, action = _verdict(found, seen, allowed, sign)
-    last = found.kinds[-1] if found.kinds else "nothing"
-    backup = str(found.latest("path") or "none")
-    difference: tuple[str, ...] = ()
-    if code == "R-PUSH-FOREIGN" and seen is not None:
-        old, new = tables_of(found, sign)
-        difference = tuple(three_way(old.table, new, seen.live.table))
-    return Finding(found.number, str(found.latest("axis") or ""), code, action, found.path, last, backup, difference)
-
-
-def _verdict(found: JournalRead, seen: Seen | None, allowed: float, sign: int) -> tuple[str, Action]:
-    if found.broken or not found.entries:
-        return "R-PUSH-DAMAGED", "none"
-    if found.finished:
-        return "R-PUSH-DONE", "close"
-    if found.kinds.count("RECOVERING") >= MOST_TRIES:
-        return "R-PUSH-TRIES", "none"
-    if seen is None:
-        return "R-PUSH-UNKNOWN", "none"
-    if _foreign_marker(seen):
-        return "R-PUSH-OTHER-MARKER", "none"
-    if _superseded(seen, found):
-        return "R-PUSH-SUPERSEDED", "close"
-    old, new = tables_of(found, sign)
-    if not differences(old.table, seen.live.table, allowed):
-        return _is_old(old, seen, found)
-    if not differences(new, seen.live.table, allowed):
-        return _is_new(seen.live, found)
-    return _is_neither(seen.live, found)
-
-
-def _foreign_marker(seen: Seen) -> bool:
-    marker = seen.marker
-    return marker is not None and marker.state in ("in-progress", "held") and not seen.marker_ours
-
-
-def _before(found: JournalRead) -> Marker | None:
-    """The marker from before the first order, as far as the journal knows it."""
-    number, state = found.latest("before"), found.latest("before_state")
-    return Marker(number, state) if isinstance(number, int) and state is not None else None
-
-
-def _superseded(seen: Seen, found: JournalRead) -> bool:
-    """Whether the marker names another push since: this one would have kept it out, so nothing of it arrived."""
-    marker = seen.marker
-    if (
-        marker is None
-        or marker.transaction in (0, *journal.orders_of(found))
-        or marker.state not in ("none", "committed")
-    ):
-        return False
-    before = _before(found)
-    return before is not None and marker != before
-
-
-def _is_old(old: LiveTable, seen: Seen, found: JournalRead) -> tuple[str, Action]:
-    together = found.latest("coupled") is None or seen.neighbours_on == _coupled(found)
-    if seen.live.enabled == old.enabled and together:
-        return "R-PUSH-UNTOUCHED", "close"
-    if (seen.live.enabled and not old.enabled) or not _announced(found, "DISABLE"):
-        return "R-PUSH-FOREIGN", "none"
-    return "R-PUSH-DISABLED", "restore"
-
-
-def _is_new(live: LiveTable, found: JournalRead) -> tuple[str, Action]:
-    if not live.enabled:
-        return "R-PUSH-WRITTEN", "restore"
-    return ("R-PUSH-ENABLED", "restore") if _announced(found, "ENABLE") else ("R-PUSH-FOREIGN", "none")
-
-
-def _is_neither(live: LiveTable, found: JournalRead) -> tuple[str, Action]:
-    if live.enabled or not _announced(found, "DISABLE"):
-        return "R-PUSH-FOREIGN", "none"
-    return "R-PUSH-HALF", "restore"
-
-
-def _announced(found: JournalRead, kind: str) -> bool:
-    return kind in found.kinds
-
-
-def _coupled(found: JournalRead) -> bool:
-    return bool(found.latest("coupled"))
-
-
-def tables_of(found: JournalRead, sign: int = 1) -> tuple[LiveTable, CompensationTable]:
-    """The old table with its switch and the new one, as the journal noted them last.
-
-    CEC deviations are turned from the sign the journal was kept in to ``sign``. Raises StoreError
-    (E-PUSH-JOURNAL) when the journal does not hold them.
-    """
-    try:
-        old, new = table_from(found.latest("old")), table_from(found.latest("new"))
-        turn = (int(found.latest("sign") or 1) * sign) if new.function == "CEC" else 1
-        return LiveTable(_turned(old, turn), bool(found.latest("old_enabled"))), _turned(new, turn)
-    except (TypeError, KeyError) as error:
-        raise StoreError("E-PUSH-JOURNAL", str(found.path), why="it names no tables") from error
-
-
-def _turned(table: CompensationTable, turn: int) -> CompensationTable:
-    return replace(table, deviations=tuple(turn * value + 0.0 for value in table.deviations))
 
 
 async def look(found: JournalRead, context: PushContext) -> Finding:
@@ -206,16 +45,28 @@ async def look(found: JournalRead, context: PushContext) -> Finding:
     A controller that cannot be read, or whose program still waits, gives a finding that says so.
     """
     without_controller = verdict(found, None, 0.0)
-    if without_controller.code != "R-PUSH-UNKNOWN":
+    if without_controller.code not in ("R-PUSH-UNKNOWN", "R-PUSH-TRIES"):
         return without_controller
     try:
         with foreseen(context.axis.name):
             if context.machine.differences(await context.controller.identify()):
                 return without_controller
             seen, allowed = await _see(found, context)
-    except TrueflankError:
+    except (TransportError, DeadlineExceeded):
         return without_controller
+    except TrueflankError:
+        return await _unreadable(found, context, without_controller)
     return verdict(found, seen, allowed, context.sign)
+
+
+async def _unreadable(found: JournalRead, context: PushContext, otherwise: Finding) -> Finding:
+    """Tables that cannot be read may be anything: unless the switch reads off, they are switched off."""
+    if not announced(found, "DISABLE"):
+        return otherwise
+    reading = await disabling.read(context, disabling.order_of(tables_of(found, context.sign)[1]))
+    if reading is not None and reading.off:
+        return otherwise
+    return replace(otherwise, code="R-PUSH-UNREADABLE", action="disable", still_on=True)
 
 
 async def _see(found: JournalRead, context: PushContext) -> tuple[Seen | None, float]:
@@ -250,7 +101,7 @@ def _place(found: JournalRead, context: PushContext) -> float:
 async def recover(
     found: JournalRead, context: PushContext, action: Literal["offered", "finish"] = "offered"
 ) -> PushRecord:
-    """Carry out what `look` offers: close, or restore the old table; "finish" proves a new one that is enabled.
+    """Carry out what `look` offers: close, switch off, restore the old table; "finish" proves a new one that is on.
 
     Raises WriteRefused (E-PUSH-NO-OFFER, E-PUSH-TRIES, E-INT-NAME) with nothing written, BusyError, StoreError.
     """
@@ -269,8 +120,21 @@ async def _recovered(found: JournalRead, context: PushContext, action: Literal["
         may_finish = finding.code == "R-PUSH-ENABLED" and found.latest("purpose") == "table"
         if finding.action == "none" or (action == "finish" and not may_finish):
             raise WriteRefused("E-PUSH-NO-OFFER", found.path.name, finding=finding.words)
+        if finding.code == "R-DISABLE-LEFT":
+            return _closed(found, finding)
         with closed_at_the_end(await _work(found, context)) as work:
             return await _carry_out(work, finding, action)
+
+
+def _closed(found: JournalRead, finding: Finding) -> PushRecord:
+    """A disable order leaves nothing half done: its journal ends as it stands."""
+    kept = journal.Journal.reopen(found)
+    try:
+        kept.append("CLOSED", finding=finding.code)
+    finally:
+        kept.close()
+    journal.set_aside(found.path)
+    return PushRecord(found.number, finding.axis, "skipped", (finding.words,), "")
 
 
 async def _work(found: JournalRead, context: PushContext) -> Work:
@@ -282,14 +146,14 @@ async def _work(found: JournalRead, context: PushContext) -> Work:
     folder = journal.machine_folder(context.journals, context.machine.serial)
     written = journal.Journal.reopen(found)
     place = _place(found, context)
-    work = Work(context, folder, written, found.number, change, "table", limits, place, old, _coupled(found))
+    work = Work(context, folder, written, found.number, change, "table", limits, place, old, coupled(found))
     work.backup_path = str(found.latest("path") or "")
     work.marked = work.order(new, False, "restore", found.number)
     work.cut_short, work.torn = True, bool(found.latest("torn"))
     work.base_digest = next((str(one.facts["digest"]) for one in found.entries if one.kind == "SNAPSHOT"), "")
     work.confirmed, work.begun = bool(found.latest("confirmed")), True
     work.sent |= journal.orders_of(found)
-    work.before = _before(found)
+    work.before = before(found)
     return work
 
 
@@ -300,7 +164,10 @@ async def _carry_out(work: Work, finding: Finding, action: str) -> PushRecord:
         await work.finish("none")
         work.note("CLOSED", finding=finding.code)
         return work.record("rolled-back")
-    work.note("RECOVERING", finding=finding.code, action=action)
+    work.note("RECOVERING", finding=finding.code, action="disable" if finding.action == "disable" else action)
+    if finding.action == "disable":
+        reading = await disabling.read(work.context, disabling.order_of(work.change.new))
+        return work.record(await held(work, finding.code, off=await disabling.switch_off(work, reading)))
     if action != "finish":
         return work.record(await roll_back(work, finding.code))
     axis = work.context.moved
@@ -309,8 +176,8 @@ async def _carry_out(work: Work, finding: Finding, action: str) -> PushRecord:
     try:
         await prove_effect(work, positions, base)
     except VerifyError as error:
-        await hold(work, str(error))
-        return work.record("held")
+        work.seen = table_in(base, work.change.new)
+        return work.record(await hold(work, str(error)))
     await work.finish("committed")
     work.note("COMMITTED")
     return work.record("committed")

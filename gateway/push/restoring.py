@@ -4,19 +4,21 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from drivers.errors import TransportError, TrueflankError, words
-from drivers.types import LiveSet
+from drivers.errors import TrueflankError, words
+from drivers.types import DisableOrder, LiveSet, SwitchReading
 from gateway.errors import BusyError, VerifyError, WriteRefused
 from gateway.interlocks import refusals
-from gateway.push import conversation
+from gateway.push import conversation, disabling, journal
 from gateway.push.compare import differences, same_table, table_in
 from gateway.push.loading import is_coupled, keep_backup, load, release
 from gateway.push.unexpected import foreseen
 from gateway.push.work import Outcome, Work
 
+SETTLE_S = 4.0
+
 
 async def roll_back(work: Work, why: str) -> Outcome:
-    """Restore what was live before. "rolled-back" when it is proved to be so again, else "held".
+    """Restore what was live before. "rolled-back" when it is proved to be so again, else as `hold`.
 
     Raises StoreError when the journal cannot be written: then nothing more may be done. BusyError (E-PUSH-ANOTHER)
     with nothing touched when another gateway pushed before anything of this push arrived in the control.
@@ -32,38 +34,106 @@ async def roll_back(work: Work, why: str) -> Outcome:
         if not work.acknowledged:  # nothing of ours ever stood in the control
             work.note("ABORTED", why=str(error))
             raise
-        await hold(work, str(error))
-        return "held"
+        return await hold(work, str(error))
     except TrueflankError as error:
-        await hold(work, str(error))
-        return "held"
+        return await hold(work, str(error))
     return "rolled-back"
 
 
-async def hold(work: Work, why: str) -> None:
-    """Stop here: note it, tell it, and let the controller's marker say so to whoever comes next."""
-    work.note("HELD", why=why, backup=work.backup_path)
-    work.context.say("P-PUSH-HELD", axis=work.axis, why=why, backup=work.backup_path or "none yet")
+async def hold(work: Work, why: str) -> Outcome:
+    """Stop here. "held" once a read-back says that the table is off; until then "held-on", noted and said at once.
+
+    What is enabled and neither the old nor the new table is switched off, if a person or the panel lets it.
+    The controller's marker says "held" either way, to whoever comes next.
+    """
+    order = disabling.order_of(work.change.new)
+    found = await disabling.read(work.context, order)
+    if _is_off(work, found):
+        return await held(work, why, off=True)
+    _tell(work, why, off=False)
+    off = await _made_off(work, order)
+    return await held(work, why, off=off, said=not off)
+
+
+async def _made_off(work: Work, order: DisableOrder) -> bool:
+    """Now that people know: wait for a control that restarts, read again, and switch off what is not whole."""
+    found = await disabling.read_in_time(work.context, order)
+    if _is_off(work, found):
+        return True
+    if await _is_whole(work) or not await _may_touch(work):
+        return False
+    return await disabling.switch_off(work, found) and not work.protected
+
+
+async def _may_touch(work: Work) -> bool:
+    """Whether no other gateway's push stands in the control: what is on is its then, and stays as it is."""
+    try:
+        with foreseen(work.axis):
+            await work.only_ours()
+    except BusyError:
+        return False
+    except TrueflankError:
+        return True
+    return True
+
+
+def _is_off(work: Work, found: SwitchReading | None) -> bool:
+    return found is not None and found.off and not work.protected
+
+
+async def held(work: Work, why: str, *, off: bool, said: bool = False) -> Outcome:
+    """The last word of a hold: ``off`` is what was read back; ``said`` already, so only the journal's end."""
+    if said:
+        work.note("HELD", why=why, backup=work.backup_path, on=not off)
+    else:
+        _tell(work, why, off=off)
     await work.finish("held")
+    return "held" if off else "held-on"
+
+
+def _tell(work: Work, why: str, *, off: bool) -> None:
+    """Journal first, then people: a PC that dies now leaves the louder word behind."""
+    work.note("HELD", why=why, backup=work.backup_path, on=not off)
+    code = "P-PUSH-HELD" if off else "P-PUSH-HELD-ON"
+    work.context.say(code, axis=work.axis, why=why, backup=work.backup_path or "none yet")
+
+
+async def _is_whole(work: Work) -> bool:
+    """Whether what is enabled is known to be the old table as it was, or the new one that this push released.
+
+    Read where no program is needed for it, else as it was read last; what cannot be told is not whole.
+    """
+    found = work.seen
+    if not work.context.controller.capabilities.programs:
+        try:
+            with foreseen(work.axis):
+                live = await conversation.read_live(work.context, work.agreeing_position)
+        except TrueflankError:
+            return False
+        found = table_in(live, work.change.new)
+    if found is None or not found.enabled:
+        return False
+    old = work.restore_to
+    if old.enabled and not differences(old.table, found.table, work.allowed):
+        return True
+    released = "ENABLE" in journal.read(work.journal.path).kinds
+    return released and not differences(work.change.new, found.table, work.allowed)
 
 
 async def _restore(work: Work) -> None:
     """Read first: what is already as it was is left alone, what is neither old nor new is left to a person."""
-    try:
-        await work.same_machine()
-    except TransportError:
-        # What became of the last request is unknown: only a connection of its own can tell.
-        await conversation.connect_again(work.context)
-        await work.same_machine()
+    await conversation.reach(work.context)
     await work.only_ours()
     await conversation.leave_program(work.context)
+    # What a failed load left under way must have come to rest before anything is read, compared or written.
+    await work.context.clock.sleep(SETTLE_S)
     await work.only_ours()
     await _asked(work)
     live = await conversation.read_live(work.context, work.agreeing_position)
+    found = work.seen = table_in(live, work.change.new)
     before = as_before(work, live)
     if before and not _doubted(work):
         return
-    found = table_in(live, work.change.new)
     if not before and found.enabled and differences(work.change.new, found.table, work.allowed):
         raise VerifyError("E-PUSH-FOREIGN", work.axis, axis=work.axis)
     await confirm(work)
@@ -133,9 +203,11 @@ async def play_back(work: Work) -> None:
     if work.torn and old.enabled:
         await _restart_with_old(work)
     order = work.order(old.table, old.enabled, "restore", work.fresh_number())
+    work.seen = None
     await load(work, order, None)
     await release(work, order)
     live = await conversation.read_live(work.context, work.agreeing_position)
+    work.seen = table_in(live, work.change.new)
     if not as_before(work, live):
         found = table_in(live, old.table).table
         different = differences(old.table, found, work.allowed) or ("the switch differs",)

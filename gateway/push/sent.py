@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.leftover import Sent
+from drivers.ownfiles import opened, read_own
 from gateway.errors import BusyError, StoreError
 from gateway.push.journal import machine_folder
 from gateway.push.lock import held, is_held
@@ -93,7 +94,7 @@ class SentBook:
 
     def _lines(self) -> list[dict[str, Any]]:
         try:
-            text = (self._folder / FILE).read_text(encoding="ascii", errors="replace")
+            text = read_own(self._folder / FILE).decode("ascii", "replace")
         except FileNotFoundError:
             return []
         except OSError as error:
@@ -104,12 +105,9 @@ class SentBook:
         # A leading end of line keeps a line torn by a crash apart from this one.
         text = "\n" + json.dumps(entry, separators=(",", ":")) + "\n"
         try:
-            descriptor = os.open(path or self._folder / FILE, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
-            try:
-                os.write(descriptor, text.encode("ascii"))
-                os.fsync(descriptor)
-            finally:
-                os.close(descriptor)
+            with opened(path or self._folder / FILE, "ab", buffering=0) as file:
+                file.write(text.encode("ascii"))
+                os.fsync(file.fileno())
         except OSError as error:
             raise StoreError("E-PUSH-DISK", str(self._folder), why=str(error)) from error
 

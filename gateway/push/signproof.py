@@ -19,7 +19,7 @@ from drivers.errors import TableError, TrueflankError, UnsupportedDevice
 from drivers.types import CompensationTable, LiveSet, Marker, PushOrder, SignProof, Stop, StopReached, TableLimits
 from drivers.units import deviation_unit
 from gateway.domain import TableChange
-from gateway.errors import RollbackFailed, VerifyError, WriteRefused
+from gateway.errors import RollbackFailed, StillOn, VerifyError, WriteRefused
 from gateway.push import conversation, journal
 from gateway.push.compare import table_in
 from gateway.push.context import PushContext
@@ -169,9 +169,11 @@ async def _proved(work: Work, live: LiveSet, peak: float, read_stop: ReadStop, s
             work.note("ABORTED", why=str(error))
             raise
     why = str(failure) if failure is not None else "the sign proof has been measured"
-    if await roll_back(work, why) == "held":
-        held = RollbackFailed("E-PUSH-HELD", work.axis, axis=work.axis, backup=work.backup_path)
-        raise held from failure
+    outcome = await roll_back(work, why)
+    if outcome == "held":
+        raise RollbackFailed("E-PUSH-HELD", work.axis, axis=work.axis, backup=work.backup_path) from failure
+    if outcome == "held-on":
+        raise StillOn("E-PUSH-HELD-ON", work.axis, axis=work.axis, backup=work.backup_path) from failure
     if failure is not None:
         raise failure
     return steps

@@ -22,7 +22,7 @@ from gateway.push.unexpected import foreseen
 from gateway.stopping import current
 
 Purpose = Literal["table", "sign-proof", "restore"]
-Outcome = Literal["committed", "already-applied", "rolled-back", "held", "refused", "skipped"]
+Outcome = Literal["committed", "already-applied", "rolled-back", "held", "held-on", "refused", "skipped"]
 
 
 @dataclass(slots=True)
@@ -36,6 +36,8 @@ class Work:
     carries. ``cut_short`` says that a load may have stopped in its middle, ``torn`` that a control which has restarted
     since may act by half a table once it is on. ``before`` is the marker as it stood before the first order, ``sent``
     are the numbers of all orders, and ``acknowledged`` says that the marker has carried one of them.
+    ``seen`` is the table as it was read last, None once something was announced since; ``protected`` that the control
+    refused to write it as one that is on, whatever its switch reads.
     """
 
     context: PushContext
@@ -62,6 +64,8 @@ class Work:
     sent: set[int] = field(default_factory=set)
     acknowledged: bool = False
     last: str = "nothing"
+    seen: LiveTable | None = None
+    protected: bool = False
 
     @property
     def axis(self) -> str:

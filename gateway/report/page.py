@@ -51,7 +51,10 @@ def render(material: ReportMaterial) -> str:
     editions = sorted({_edition(item) for axis in material.axes for item in _evaluations(axis)})
     headline = (*words.OUTCOME[material.outcome][:2], toothwords.sentence(material))
     tooth = tooth_page(material)
-    return _template().render(report=material, axes=axes, editions=editions, outcome=headline, tooth=tooth)
+    loud = words.still_on(material)
+    return _template().render(
+        report=material, axes=axes, editions=editions, outcome=headline, tooth=tooth, still_on=loud
+    )
 
 
 @cache

@@ -9,7 +9,7 @@ from math import isfinite
 
 from drivers.types import CompensationTable, SignProof
 from gateway.domain import Capture
-from gateway.report.material import AxisMaterial, Outcome
+from gateway.report.material import AxisMaterial, Outcome, ReportMaterial
 from gateway.report.parameters import parameter_rows
 
 UNIT = {"um": "µm", "arcsec": "arcsec", "mm": "mm", "deg": "deg"}
@@ -31,7 +31,8 @@ PUSH = {
     "committed": "written, read back equal, enabled, effect proved",
     "already-applied": "the controller already held this table; nothing was written",
     "rolled-back": "the new table did not pass its checks; the old table was restored",
-    "held": "stopped half way; compensation is disabled and the back-up is ready to be restored",
+    "held": "stopped half way; the table was read back as off and the back-up is ready to be restored",
+    "held-on": "HELD, STILL ON: stopped half way, and what compensates the axis is not proved; do not machine parts",
     "refused": "refused before anything was written",
     "skipped": "nothing to write",
 }
@@ -96,8 +97,18 @@ def when(stamp: str) -> str:
     return moment.astimezone(UTC).strftime("%Y-%m-%d %H:%M UTC") if moment.tzinfo else stamp
 
 
+def still_on(report: ReportMaterial) -> tuple[str, ...]:
+    """One line for each table whose push was held with nothing to prove that it is off: first in every report."""
+    tables = report.tooth.tables if report.tooth is not None else ()
+    pushes = [(axis.axis, axis.push) for axis in report.axes] + [(one.change.name, one.push) for one in tables]
+    left = {name: push for name, push in pushes if push is not None and push.outcome == "held-on"}
+    return tuple(f"{name}: {PUSH['held-on']} (back-up: {push.backup_path or 'none'})" for name, push in left.items())
+
+
 def axis_state(axis: AxisMaterial) -> tuple[str, str, str]:
     """Class, symbol and word of one axis: what became of it."""
+    if axis.push is not None and axis.push.outcome == "held-on":
+        return "worse", "✖", "held, still on"
     if axis.verdict is not None:
         return _judged(axis)
     if axis.push is not None and axis.push.outcome in {"rolled-back", "held"}:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+from drivers.ownfiles import opened
 from gateway.store.disk import disk_errors
 
 BESIDE = "beside"
@@ -28,7 +29,7 @@ class Difference:
 def digest_of(path: Path) -> str:
     """sha256 of a file, piece by piece. Raises StoreError (E-STORE-DISK)."""
     digest = hashlib.sha256()
-    with disk_errors(path), path.open("rb") as file:
+    with disk_errors(path), opened(path, "rb") as file:
         while block := file.read(_BLOCK):
             digest.update(block)
     return digest.hexdigest()

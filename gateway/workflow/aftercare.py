@@ -12,11 +12,12 @@ from gateway import audit
 from gateway.errors import StoreError
 from gateway.push.compare import signed, table_in, tolerance
 from gateway.push.history import Committed, committed, pushed_tables
+from gateway.push.journal import JOURNALS
 from gateway.store import Store
 from gateway.table.threeway import ThreeWay, compare
 from gateway.workflow.bench import Bench
 from gateway.workflow.consents import alarms_of, tell
-from gateway.workflow.witness import JOURNALS, Witness
+from gateway.workflow.witness import Witness
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 from drivers.clock import Clock
 from drivers.errors import TrueflankError
@@ -25,6 +25,7 @@ class LeftFinding:
 
     found: LeftOver
     after: LeftOver | None = None
+    still_on: ClassVar[bool] = False
 
     @property
     def words(self) -> str:

@@ -11,7 +11,7 @@ from gateway.domain import Evaluation, Proposal, Verdict
 from gateway.report import parameter_rows
 from gateway.report.lines import tooth_lines
 from gateway.report.parameters import PARAMETERS
-from gateway.report.words import number, percent
+from gateway.report.words import number, percent, still_on
 from gateway.store import RunFolder
 from gateway.workflow import stages
 from gateway.workflow.measure import Measured
@@ -77,7 +77,8 @@ def alarmed(outcome: Outcome, alarms: tuple[str, ...]) -> Outcome:
 
 def closing_lines(folder: RunFolder) -> tuple[str, ...]:
     """What a run did for axes and tooth, from what its folder holds; the last line is the tooth's figure."""
-    return tooth_lines(material_of(folder))
+    material = material_of(folder)
+    return (*still_on(material), *tooth_lines(material))
 
 
 def outcome_of(

@@ -19,11 +19,12 @@ from gateway.domain import AxisVerdict, Capture, Evaluation, Proposal, PushRecor
 from gateway.errors import StoreError, WriteRefused
 from gateway.interlocks import Refusal
 from gateway.push import Asked, AxisFacts, PushContext, ask, outcome_error, prove_sign, push_table
+from gateway.push.journal import JOURNALS
 from gateway.say import Say
 from gateway.store import RunFolder
 from gateway.workflow import stages
 from gateway.workflow.aftercare import in_push, standing_alarms
-from gateway.workflow.bench import JOURNALS, Bench, bench, check_name, site_of
+from gateway.workflow.bench import Bench, bench, check_name, site_of
 from gateway.workflow.consents import Taken, begin, consented, ended, failed, proving, refused, take_up, tell
 from gateway.workflow.explaining import check_between
 from gateway.workflow.measure import Measured, live_again, measure_axis

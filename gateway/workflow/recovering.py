@@ -13,14 +13,15 @@ from drivers.types import CompensationTable
 from gateway.config import SiteFile
 from gateway.domain import PushRecord
 from gateway.errors import StoreError
-from gateway.push import PushContext
-from gateway.push.journal import JournalRead, machine_folder, tidy
-from gateway.push.recovery import Finding, look, recover, tables_of, unfinished, verdict
+from gateway.push import PushContext, outcome_error
+from gateway.push.finding import Finding, tables_of, verdict
+from gateway.push.journal import JOURNALS, JournalRead, machine_folder, tidy
+from gateway.push.recovery import look, recover, unfinished
 from gateway.say import Say
-from gateway.workflow.bench import JOURNALS, Bench, bench, check_name, new_run
+from gateway.workflow.bench import Bench, bench, check_name, new_run
 from gateway.workflow.consents import not_recovered, recovered, tell
 from gateway.workflow.leaving import LeftFinding, clear
-from gateway.workflow.pushing import table_context
+from gateway.workflow.pushing import push_context, table_context
 from gateway.workflow.witness import Witness
 
 
@@ -31,14 +32,16 @@ async def recover_site(
 
     With `apply` what each finding offers is carried out; a program that stands until a person presses keeps the rest.
 
-    Looking reads the live tables and changes none. A journal that cannot be believed is told and left alone.
-    Raises WriteRefused when nothing is offered.
+    Looking reads the live tables and changes none. A journal that cannot be believed is told and left alone. The
+    findings with something still on come first. Raises WriteRefused when nothing is offered, StillOn
+    (E-PUSH-HELD-ON) when what was carried out left something on.
     """
     check_name(site, apply, machine_name)
     folder = new_run(site, site_path)
     folder.set_state("recovering")
     findings: list[Finding | LeftFinding] = []
-    async with bench(site, site_path, folder, clock, say) as at:
+    left_on: list[PushRecord] = []
+    async with bench(site, site_path, folder, clock, say, instruments=()) as at:
         left, may_write = at.supervisor.left, apply
         if not left.clear:
             findings.append(told := await _left(at, left, apply=apply))
@@ -48,9 +51,15 @@ async def recover_site(
             if ended.entries:
                 say("P-RECOVER", words=verdict(ended, None, 0.0).words)
         for found in unfinished(at.store.root / JOURNALS, at.machine.serial, begun):
-            findings.append(await _one(at, found, apply=may_write))
-    folder.set_state("recovered" if apply else "looked")
-    return tuple(findings)
+            finding, record = await _one(at, found, apply=may_write)
+            findings.append(finding)
+            left_on += [record] if record is not None and record.outcome == "held-on" else []
+    folder.set_state(("held-on" if left_on else "recovered") if apply else "looked")
+    for record in left_on:
+        failure = outcome_error(record)
+        if failure is not None:
+            raise failure
+    return tuple(sorted(findings, key=lambda finding: not finding.still_on))
 
 
 async def _left(at: Bench, found: LeftOver, *, apply: bool) -> LeftFinding:
@@ -62,18 +71,19 @@ async def _left(at: Bench, found: LeftOver, *, apply: bool) -> LeftFinding:
     return LeftFinding(found, after)
 
 
-async def _one(at: Bench, found: JournalRead, *, apply: bool) -> Finding:
+async def _one(at: Bench, found: JournalRead, *, apply: bool) -> tuple[Finding, PushRecord | None]:
     context = _context(at, found)
     if context is None:
         finding = verdict(found, None, 0.0)
         at.say("P-RECOVER", words=finding.words)
-        return finding
+        return finding, None
     finding = await look(found, context)
     at.say("P-RECOVER", words=finding.words)
-    if apply:
-        record = await _recovered(at, found, context, finding)
-        tell(at, recovered(at, finding.code, record))
-    return finding
+    if not apply:
+        return finding, None
+    record = await _recovered(at, found, context, finding)
+    tell(at, recovered(at, finding.code, record))
+    return finding, record
 
 
 async def _recovered(at: Bench, found: JournalRead, context: PushContext, finding: Finding) -> PushRecord:
@@ -88,6 +98,8 @@ async def _recovered(at: Bench, found: JournalRead, context: PushContext, findin
 def _context(at: Bench, found: JournalRead) -> PushContext | None:
     """What the journal's table is worked with; None where the journal does not say, or not of this site."""
     try:
+        if found.latest("purpose") == "disable":
+            return push_context(at, at.axis(str(found.latest("axis"))), None)
         table: CompensationTable = tables_of(found)[1]
         return replace(table_context(at, table, None), log=Witness(at))
     except (StoreError, ConfigError):

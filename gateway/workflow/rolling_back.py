@@ -14,10 +14,11 @@ from gateway.config import SiteFile
 from gateway.errors import WriteRefused
 from gateway.push import PushContext, outcome_error
 from gateway.push.history import Committed, committed, to_undo
+from gateway.push.journal import JOURNALS
 from gateway.push.undoing import ask_undo, undo
 from gateway.say import Say
 from gateway.table.comparison import acting, effective
-from gateway.workflow.bench import JOURNALS, Bench, bench, check_name, new_run
+from gateway.workflow.bench import Bench, bench, check_name, new_run
 from gateway.workflow.consents import audit_problem, tell, why_of, word_of
 from gateway.workflow.outcome import Outcome
 from gateway.workflow.pushing import table_context

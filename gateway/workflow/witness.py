@@ -9,10 +9,9 @@ from gateway import audit
 from gateway.domain import TableChange
 from gateway.push import journal
 from gateway.push.compare import table_facts
+from gateway.push.journal import JOURNALS
 from gateway.store.records import canonical, sha256
 from gateway.workflow.bench import Bench
-
-JOURNALS = journal.FOLDER
 
 
 class Witness:

@@ -90,6 +90,10 @@ class Commands:
             self._access.nck.drive_alarm(_ALARM, "PLC: coolant level low")
         if settings.nck_refuses == code:
             raise PlcFault(NCK_REFUSED, settings.nck_result)
+        if settings.enables_itself == code:
+            self._access.nck.enable_by_itself()
+        if settings.forgets == code:
+            self._desk.forget(settings.forgets_what)
         while self._desk.settings.busy_forever == code:
             yield LOOK_S
 

@@ -9,6 +9,7 @@ from typing import Protocol
 from simulators.modbus.access import Target
 from simulators.modbus.registers import Command, Image
 from simulators.modbus.switches import PlcSettings
+from simulators.nck.whims import Forgotten
 
 # A command gives the seconds until it is called again, and ends by returning or by PlcFault.
 Work = Generator[float, None, None]
@@ -70,6 +71,14 @@ class Desk(Protocol):
 
     def close_session(self) -> None:
         """The session ends."""
+        ...
+
+    def forget(self, what: Forgotten) -> None:
+        """What was kept is lost: words of the PLC, or points or switches of the control."""
+        ...
+
+    def do_again(self, target: Target) -> None:
+        """A table that was just switched on is switched on once more, later, whatever was done to it since."""
         ...
 
     def switches(self, target: Target) -> int:

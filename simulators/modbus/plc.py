@@ -17,6 +17,7 @@ from simulators.modbus.picture import BUSY, DONE, FAILED, RELEASED_LEVEL, WAITIN
 from simulators.modbus.registers import Command, Image
 from simulators.modbus.switches import PlcSettings
 from simulators.nck.machine import Nck
+from simulators.nck.whims import Forgotten
 
 # Less than this is rounding: a clock might not move at all in it.
 NO_TIME_S = 1e-6
@@ -130,6 +131,25 @@ class Plc:
     def is_off(self, target: Target) -> bool:
         """Whether the PLC takes the table for off."""
         return target.table in self.lied or self._access.is_off(target)
+
+    def forget(self, what: Forgotten) -> None:
+        """What was kept is lost: words of the PLC, or points or switches of the control."""
+        if what == "words":
+            self.nck.core.whim("forget words")
+            self.memory = Retentive()
+            self.close_session()
+        else:
+            self.nck.forget(what)
+
+    def do_again(self, target: Target) -> None:
+        """`PlcSettings.enables_twice_s`."""
+        self._spawn(self._enable_again(target))
+
+    async def _enable_again(self, target: Target) -> None:
+        await self._clock.sleep(self.settings.enables_twice_s)
+        if not self.nck.booting:
+            self.nck.core.whim("enable")
+            self._access.switch(target, on=True)
 
     def open_session(self, number: int) -> None:
         """A session begins, and the watch over register 15 with it."""

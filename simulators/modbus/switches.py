@@ -31,7 +31,10 @@ class PlcSettings:
     ``power_cut_after`` points have gone into the NCK in command 4: the mains fail, once; ``overwrites`` pairs of
     register and value that the PLC program sets in every cycle; ``second_master`` after so many commands, once,
     another PC puts one of its own; ``nck_refuses`` that command ends with error 11 and ``nck_result``;
-    ``confirm_dead``: the panel's button is not wired.
+    ``confirm_dead``: the panel's button is not wired; ``enables_itself``: while that command is under way the
+    control switches every table that was ever loaded on; ``enables_twice_s``: command 5 is done once more that many
+    seconds after it was done; ``forgets``: while that command is under way the PLC and its control forget what
+    ``forgets_what`` says: "words" (marker, half-written marks, session), "memory" (points of tables) or "switch".
     """
 
     framer: Literal["tcp", "rtu"] = "tcp"
@@ -71,6 +74,10 @@ class PlcSettings:
     nck_refuses: int = 0
     nck_result: int = 5
     confirm_dead: bool = False
+    enables_itself: int = 0
+    enables_twice_s: float = 0.0
+    forgets: int = 0
+    forgets_what: Literal["words", "memory", "switch"] = "switch"
 
     @classmethod
     def of(cls, given: Mapping[str, Any]) -> PlcSettings:
@@ -89,7 +96,12 @@ class PlcSettings:
         return (self.word_order == "low-first") != self.swap_words
 
 
-_WORDS = {"framer": ("tcp", "rtu"), "parity": ("N", "E", "O"), "word_order": ("high-first", "low-first")}
+_WORDS = {
+    "framer": ("tcp", "rtu"),
+    "forgets_what": ("words", "memory", "switch"),
+    "parity": ("N", "E", "O"),
+    "word_order": ("high-first", "low-first"),
+}
 
 
 def _check(key: str, value: Any, default: Any) -> None:

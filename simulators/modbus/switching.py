@@ -32,6 +32,8 @@ class Switching:
             self._desk.turn_key_back()
         self._check_activation(target)
         yield from self._switched(target, on=True, alone=alone)
+        if self._desk.settings.enables_twice_s > 0.0:
+            self._desk.do_again(target)
 
     def _check_activation(self, target: Target) -> None:
         self._checks.check_machine(no_alarm=True)

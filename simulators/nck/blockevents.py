@@ -8,6 +8,7 @@ from typing import Protocol
 from simulators.nck.spec import NckRefusal
 from simulators.nck.switches import Switches
 from simulators.nck.values import Value
+from simulators.nck.whims import Forgotten
 
 _HMI_LEVEL = 1
 
@@ -31,6 +32,14 @@ class Control(Protocol):
         """RESET and JOG."""
         ...
 
+    def enable_by_itself(self) -> None:
+        """Switch on every table that was ever loaded."""
+        ...
+
+    def forget(self, what: Forgotten) -> None:
+        """Lose R parameters, points or switches."""
+        ...
+
     def set(self, name: str, value: Value, level: int) -> None:
         """Write a variable. Raises NckRefusal."""
         ...
@@ -48,6 +57,8 @@ class BlockEvents:
             (switches.hmi_writes_at_block, self._write),
             (switches.mode_change_at_block, control.change_mode_by_hand),
             (switches.alarm_at_block, lambda: control.drive_alarm(switches.block_alarm, "fault of a drive")),
+            (switches.enables_at_block, control.enable_by_itself),
+            (switches.forgets_at_block, lambda: control.forget(switches.forgets)),
             (switches.power_cut_at_block, control.power_cycle),
         )
         self._open = [(block, act) for block, act in acts if block is not None]

@@ -7,7 +7,7 @@ value (K3 pp. 234-248). Nothing acts on an axis that is not referenced.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from simulators.nck.axis import AxisView, MachineAxis
 from simulators.nck.compensation import Curve, shifted
 from simulators.nck.data_table import CEC_ENABLE, CEC_POINTS, EEC_POINTS, ENC_ENABLE, ENC_STATE
 from simulators.nck.machine_data import MachineData
-from simulators.nck.memory import TableMemory
+from simulators.nck.memory import Table, TableMemory
 from simulators.nck.setpoints import Setpoints
 from simulators.nck.spec import NckRefusal, NckSpec
 
@@ -47,6 +47,9 @@ class Core:
                 self._names.setdefault(name, place)
         self._letters = {axis.letter.upper(): place for place, axis in enumerate(spec.axes)}
         self.axes = [MachineAxis(axis, place, 0.0) for place, axis in enumerate(spec.axes)]
+        self.on_whim: Callable[[str], None] = lambda _kind: None
+        self.whims: list[str] = []
+        self._started = False
         self._eec: dict[tuple[int, int], Curve | None] = {}
         self._shifted: dict[tuple[int, int, bool], Curve | None] = {}
         self._setpoints = Setpoints(spec, self.data, self.alarms, self.axes)
@@ -109,10 +112,29 @@ class Core:
             self.memory.convert(converted, [axis.spec.rotary for axis in self.axes])
         for axis in self.axes:
             self._boot_axis(axis, lost)
+        self._exchange_points()
         if power_on or self.spec.acts_from != "power_on" or lost:
             self.load_tables()
         self.refresh()
         return lost
+
+    def whim(self, kind: str) -> None:
+        """Keep that the control does something by itself, before it does it."""
+        self.whims.append(kind)
+        self.on_whim(kind)
+
+    def _exchange_points(self) -> None:
+        """`Switches.swaps_points_at_reset`, at every start but the first."""
+        started, self._started = self._started, True
+        place = self.spec.swaps_points_at_reset
+        if place is None or not started:
+            return
+        self.whim("swap")
+        tables: list[Table] = [*self.memory.eec.values(), *self.memory.cec]
+        for table in tables:
+            if table.step > 0.0 and len(table.points) > place + 1:
+                points = table.points
+                points[place], points[place + 1] = points[place + 1], points[place]
 
     def _boot_axis(self, axis: MachineAxis, lost: bool) -> None:
         for encoder in (0, 1):

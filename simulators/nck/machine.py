@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from drivers.clock import Clock
-from simulators.nck import inifile, static
+from simulators.nck import inifile, static, whims
 from simulators.nck.alarms import Alarm
 from simulators.nck.axis import AxisView
 from simulators.nck.blockevents import BlockEvents
@@ -40,6 +40,8 @@ class Nck(Display):
         self._clock = clock
         self._boot_task: asyncio.Task[None] | None = None
         self._referencing: dict[int, asyncio.Task[None]] = {}
+        self._again: set[asyncio.Task[None]] = set()
+        self.variables.on_switched_on = self._switched_on
         self.events = BlockEvents(spec, self)
         self.on_block: Callable[[int], None] | None = None
 
@@ -54,7 +56,7 @@ class Nck(Display):
     async def stop(self) -> None:
         """Switch it off and end all its tasks."""
         tasks = [task for task in (self.channel.task, self._boot_task) if task is not None]
-        tasks += self._referencing.values()
+        tasks += [*self._referencing.values(), *self._again]
         self.channel.abort()
         for task in tasks:
             task.cancel()
@@ -219,7 +221,26 @@ class Nck(Display):
         """For tests: the mains fail when that many blocks have been executed, from now or the next NC START."""
         self.cut_power_after(block)
 
+    def enable_by_itself(self) -> None:
+        """For tests: the control switches on every table that was ever loaded."""
+        whims.enable_all(self.core)
+
+    def forget(self, what: whims.Forgotten) -> None:
+        """For tests: the control loses R parameters, points or switches."""
+        whims.forget(self.core, what)
+
     # -- inside ------------------------------------------------------------------------------------
+
+    def _switched_on(self, name: str, index: tuple[int, ...]) -> None:
+        if self.core.spec.enables_again_s > 0.0:
+            task = asyncio.ensure_future(self._enable_again(name, index))
+            self._again.add(task)
+            task.add_done_callback(self._again.discard)
+
+    async def _enable_again(self, name: str, index: tuple[int, ...]) -> None:
+        await self._clock.sleep(self.core.spec.enables_again_s)
+        if not self.booting:
+            whims.enable_again(self.core, name, index)
 
     def _at_block(self, block: int) -> None:
         self.events.at(block)

@@ -68,12 +68,18 @@ class Switches:
         ``stale_files``: a file that was replaced is still read from outside as it was before.
         ``reads_another_axis``: ``$AA_ENC_COMP`` of an axis shows the next axis that has a table.
 
+        ``swaps_points_at_reset``: at every start but the first, before tables are taken over, point n of every
+        table and the next are exchanged. ``enables_again_s``: what was switched on is switched on once more that
+        many s later, whatever was done to it since.
+
     At block k of a program (counted from 1 at NC START, with all subprograms; once for each control)
         ``power_cut_at_block``: the mains fail when block k is done. ``alarm_at_block``: the drive reports
         alarm ``block_alarm`` and the program stops. ``keyswitch_at_block``: somebody turns the key switch to
         ``block_access_level``. ``mode_change_at_block``: somebody stops, resets and chooses JOG.
         ``hmi_writes_at_block``: somebody at the HMI with service rights writes ``hmi_writes``, pairs of name
-        and value in order; what the control refuses is refused to him as well.
+        and value in order; what the control refuses is refused to him as well. ``enables_at_block``: the control
+        switches every table that was ever loaded on, by itself. ``forgets_at_block``: it forgets what ``forgets``
+        says: "words" (R parameters), "memory" (points of tables) or "switch".
     """
 
     cec_sign: int = 1
@@ -100,6 +106,8 @@ class Switches:
     writes_late_s: float = 0.0
     stale_files: bool = False
     reads_another_axis: bool = False
+    swaps_points_at_reset: int | None = None
+    enables_again_s: float = 0.0
     power_cut_at_block: int | None = None
     alarm_at_block: int | None = None
     block_alarm: int = 300504
@@ -108,6 +116,9 @@ class Switches:
     mode_change_at_block: int | None = None
     hmi_writes_at_block: int | None = None
     hmi_writes: tuple[HmiWrite, ...] = ()
+    enables_at_block: int | None = None
+    forgets_at_block: int | None = None
+    forgets: Literal["words", "memory", "switch"] = "switch"
 
     @property
     def acts_from(self) -> Activation:
@@ -119,5 +130,8 @@ class Switches:
         for name, choices in OPEN.items():
             if getattr(self, name) not in choices and name != "locked_alarm":
                 raise ValueError(f"{name} is one of {', '.join(map(str, choices))}")
-        if self.preprocess_ahead < 0 or self.loses_last_points < 0 or self.writes_late_s < 0.0:
-            raise ValueError("preprocess_ahead, loses_last_points and writes_late_s are not negative")
+        if self.forgets not in ("words", "memory", "switch"):
+            raise ValueError("forgets is one of words, memory, switch")
+        least = min(self.preprocess_ahead, self.loses_last_points, self.writes_late_s, self.enables_again_s)
+        if least < 0.0:
+            raise ValueError("preprocess_ahead, loses_last_points, writes_late_s and enables_again_s are not negative")

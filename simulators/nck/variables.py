@@ -16,6 +16,7 @@ from simulators.nck.machine_data import checked
 from simulators.nck.spec import NckRefusal
 from simulators.nck.table_variables import TableVariables, is_table
 from simulators.nck.values import Value, real, whole
+from simulators.nck.whims import SWITCHES
 
 _NAME = re.compile(r"\s*(\$?[A-Za-z_][A-Za-z0-9_]*)\s*(?:\[([^\]]*)\])?\s*")
 _INTEGER = re.compile(r"[+-]?\d{1,9}")
@@ -43,6 +44,7 @@ class Variables:
 
     def __init__(self, core: Core) -> None:
         self._core = core
+        self.on_switched_on: Callable[[str, tuple[int, ...]], None] = lambda _name, _index: None
         self._tables = TableVariables(core, self._axis)
         self._readers: dict[str, Callable[[Indices], Value]] = self._axis_readers()
 
@@ -135,6 +137,8 @@ class Variables:
             self._refused(*missing, program)
             return
         core.data.store(name, index, datum)
+        if datum and name in SWITCHES:
+            self.on_switched_on(name, index)
         self._after_datum(name, index, bool(datum) and not before)
 
     def _refused(self, number: int, text: str, program: bool) -> None:

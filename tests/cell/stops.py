@@ -22,14 +22,15 @@ from drivers.sinumerik.uaclient import UaSession
 from drivers.types import SignProof
 from gateway.config import SiteFile, load_site
 from gateway.daemon.desk import Desk
-from gateway.daemon.stored import left_behind
+from gateway.daemon.stored import pushes_held
 from gateway.push import lock, unfinished
+from gateway.push.journal import JOURNALS
 from gateway.push.sent import SentBook
 from gateway.say import Say
 from gateway.stopping import Stop, Stopped, current, obey
 from gateway.store import Proofs
 from gateway.supervisor import Supervisor
-from gateway.workflow.bench import JOURNALS, store_of
+from gateway.workflow.bench import store_of
 from gateway.workflow.recovering import recover_site
 from gateway.workflow.run import run_site
 from simulators.cell import Cell, cell_running
@@ -113,8 +114,8 @@ class Shop:
         devices = Supervisor(self.site, self.clock, only=(), book=book)
         try:
             await devices.open_all()
-            shown = left_behind(devices.left, store, self.serial)
-            return devices.left, tuple(str(one["code"]) for one in shown)
+            left = () if devices.left.clear else (devices.left.said.code,)
+            return devices.left, (*left, *(one.words.split(":")[0] for one in pushes_held(store)))
         finally:
             await devices.close_all()
 

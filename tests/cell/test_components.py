@@ -47,7 +47,7 @@ def only(keys: tuple[str, ...], axes: tuple[str, ...], count: int, repetitions: 
         parts += [section("[instruments]", item) for item in site["instruments"] if item["name"] in used]
         for axis in (axis for axis in site["axes"] if axis["name"] in axes):
             targets = {**axis["measure"]["targets"], "count": count}
-            measure = {**axis["measure"], "targets": targets, "repetitions": repetitions, "component": "-"}
+            measure = {**axis["measure"], "targets": targets, "repetitions": repetitions, "component": "none"}
             measure["instrument"] = next(one["instrument"] for one in setups if one["axis"] == axis["name"])
             parts += [section("[axes]", {k: v for k, v in axis.items() if k not in ("measure", "table")})]
             parts += [section("axes.measure", measure), section("axes.table", axis["table"])]

@@ -23,6 +23,7 @@ from gateway.store import Store
 from gateway.workflow import consents, stages
 from gateway.workflow.approving import approve_plan, show_plan
 from gateway.workflow.bench import bench, store_of
+from gateway.workflow.disabling import disable_site
 from gateway.workflow.outcome import Outcome
 from gateway.workflow.pushing import push_context
 from gateway.workflow.rolling_back import roll_back_site
@@ -71,6 +72,11 @@ class Story:
         asked = {"apply": apply, "machine_name": name, **self.asked}
         return await roll_back_site(self.site, self.path, table="C1", **asked)
 
+    async def switch_off(self, *, apply: bool, machine_name: str = "") -> Outcome:
+        name = machine_name or (self.site.site.name if apply else "")
+        asked = {"axis": "C1", "table": "", "apply": apply, "machine_name": name, **self.asked}
+        return await disable_site(self.site, self.path, **asked)
+
     async def foreign_edit(self, point: int) -> None:
         """Somebody with a manufacturer's rights turns one value round, and back the next time."""
         name, switch = f"$AA_ENC_COMP[0,{point},C1]", "$MA_ENC_COMP_ENABLE[0,C1]"
@@ -101,6 +107,24 @@ def told(tmp_path: Path, story: Callable[[Story], Any]) -> Any:
     return run_virtual(job)
 
 
+async def switched_off(at: Story) -> None:
+    """Shown, refused without the name, done, and said again when it is off already; every value stays."""
+    before = (await at.tables())["tables"]["C1"]
+    looked = await at.switch_off(apply=False)
+    assert (looked.data["enabled"], looked.data["off"], looked.data["refusals"]) == (True, False, [])
+    assert (await at.tables())["tables"]["C1"] == before
+    with pytest.raises(WriteRefused) as caught:
+        await at.switch_off(apply=True, machine_name="another")
+    assert caught.value.code == "E-RUN-NAME"
+    done = await at.switch_off(apply=True)
+    assert (done.data["outcome"], done.data["after"]) == ("off", 0.0)
+    assert (await at.tables())["tables"]["C1"] == {**before, "enabled": False}
+    assert (await at.compare()).data["kind"] == "switched-off"
+    assert (await at.switch_off(apply=True)).data["outcome"] == "already-off"
+    actions = [entry["action"] for entry in audit.entries(at.root)]
+    assert actions[-4:] == ["disable-start", "disable-off", "disable-start", "disable-already-off"]
+
+
 def test_approved_pushed_compared_taken_back(tmp_path: Path) -> None:
     async def story(at: Story) -> None:
         await at.propose()
@@ -118,6 +142,7 @@ def test_approved_pushed_compared_taken_back(tmp_path: Path) -> None:
         live = await at.compare()
         assert (live.exit_code, live.data["kind"]) == (0, "as-approved")
         assert (await at.take_back(apply=False)).data["refusals"] == []
+        await switched_off(at)
         await at.foreign_edit(7)
         live = await at.compare()
         assert (live.exit_code, live.data["kind"]) == (9, "differs")
@@ -145,7 +170,8 @@ def test_approved_pushed_compared_taken_back(tmp_path: Path) -> None:
         done = [entry["action"] for entry in audit.entries(at.root)]
         assert done == [
             *("propose", "approve", "approval-used", "push-start", "push-begun", "push-ending", "push-committed"),
-            *("table-as-pushed", "table-differs"),
+            *("disable-start", "disable-off", "table-differs", "disable-start", "disable-already-off"),
+            *("table-differs",),
             *("rollback-start", "push-begun", "rollback-refused", "table-as-pushed"),
             *("rollback-start", "push-begun", "push-ending", "rollback-committed", "table-as-pushed"),
         ]

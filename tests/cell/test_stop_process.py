@@ -76,6 +76,6 @@ def test_kill_in_mid_push_is_known_by_its_number(tmp_path: Path) -> None:
             left, codes = await at.page()
             assert left.kind == "stopped"
             assert left.number == at.journal()[0].number
-            assert set(codes) == {"W-LEFT-STOPPED", "W-WEB-UNFINISHED"}
+            assert set(codes) == {"W-LEFT-STOPPED", "R-HELD-UNKNOWN"}
 
     asyncio.run(main())

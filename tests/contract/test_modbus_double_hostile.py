@@ -323,3 +323,58 @@ def test_a_silent_plc_and_a_pulled_cable() -> None:
 def test_settings_are_checked(wrong: dict[str, object]) -> None:
     with pytest.raises(ConfigError, match=next(iter(wrong))):
         PlcSettings.of(wrong)
+
+
+async def loaded_off(desk: Desk) -> None:
+    """A table in the control that nobody switched on."""
+    await desk.master.open()
+    assert await desk.master.load(Z1, [0, 3000, 0]) == (0, 0)
+    assert not desk.nck.get("$MA_ENC_COMP_ENABLE[0,Z1]")
+
+
+def test_a_control_that_switches_on_by_itself_at_a_command() -> None:
+    async def body(desk: Desk) -> None:
+        await loaded_off(desk)
+        desk.plc.change(enables_itself=7)
+        await desk.master.read_back(Z1, 0, 3)
+        assert desk.nck.get("$MA_ENC_COMP_ENABLE[0,Z1]")
+        assert desk.nck.core.whims == ["enable"]
+
+    at_desk(body, spec=QUICK)
+
+
+@pytest.mark.parametrize("what", ["words", "memory", "switch"])
+def test_a_plc_that_forgets_at_a_command(what: str) -> None:
+    async def body(desk: Desk) -> None:
+        await loaded_off(desk)
+        desk.nck.set("$MA_ENC_COMP_ENABLE[0,Z1]", 1, 0)
+        desk.plc.memory.marker_state = 1
+        before = points(desk, "Z1", 3)
+        desk.plc.forget(what)
+        assert (desk.plc.memory.marker_state == 0, desk.plc.session == 0) == ((what == "words"),) * 2
+        assert (points(desk, "Z1", 3) != before) is (what == "memory")
+        assert bool(desk.nck.get("$MA_ENC_COMP_ENABLE[0,Z1]")) is (what != "switch")
+
+    at_desk(body, spec=QUICK, forgets_what=what)
+
+
+def test_forgetting_comes_while_the_command_is_under_way() -> None:
+    async def body(desk: Desk) -> None:
+        await loaded_off(desk)
+        desk.plc.change(forgets=7, forgets_what="memory")
+        assert await desk.master.read_back(Z1, 0, 3) == [0, 0, 0]
+
+    at_desk(body, spec=QUICK)
+
+
+def test_a_switching_on_that_is_done_a_second_time() -> None:
+    async def body(desk: Desk) -> None:
+        await loaded_off(desk)
+        desk.plc.change(enables_twice_s=8.0)
+        assert await desk.confirmed(5, Z1) == (0, 0)
+        assert desk.nck.get("$MA_ENC_COMP_ENABLE[0,Z1]")
+        desk.nck.set("$MA_ENC_COMP_ENABLE[0,Z1]", 0, 0)
+        await desk.bench.sleep(10.0)
+        assert desk.nck.get("$MA_ENC_COMP_ENABLE[0,Z1]")
+
+    at_desk(body, spec=QUICK)

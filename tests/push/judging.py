@@ -10,8 +10,9 @@ from typing import Any
 
 from drivers.errors import TrueflankError
 from gateway.domain import PushRecord
-from gateway.errors import RollbackFailed, VerifyError, WriteRefused
+from gateway.errors import RollbackFailed, StillOn, VerifyError, WriteRefused
 from gateway.push import PushContext, journal, look, outcome_error, recover, unfinished
+from gateway.push.holding import held_pushes
 from tests.push.oracle import Oracle
 
 
@@ -24,6 +25,8 @@ class Played:
     outcome: str = ""
     recovered: str = ""
     wrong: list[str] = field(default_factory=list)
+    whims: list[str] = field(default_factory=list)
+    unseen: bool = False
 
     def __str__(self) -> str:
         told = "; ".join(self.wrong)
@@ -38,7 +41,8 @@ async def ended(work: Awaitable[PushRecord]) -> str:
         return "cancelled"
     except TrueflankError as error:
         return f"raised {error.code}"
-    kinds: dict[str, Any] = {"refused": WriteRefused, "rolled-back": VerifyError, "held": RollbackFailed}
+    kinds: dict[str, Any] = {"refused": WriteRefused, "rolled-back": VerifyError}
+    kinds |= {"held": RollbackFailed, "held-on": StillOn}
     assert isinstance(outcome_error(record), kinds.get(record.outcome, type(None)))
     return str(record.outcome)
 
@@ -49,24 +53,36 @@ def judge(oracle: Oracle, found: Played, said: list[str], context: PushContext) 
     found.wrong += oracle.broken
     serial, outcome = context.machine.serial, found.outcome
     left = unfinished(context.journals, serial)
-    if outcome == "committed" and not oracle.as_wanted:
+    found.unseen = oracle.unseen
+    if outcome == "committed" and not oracle.as_wanted and not oracle.unseen:
         found.wrong.append("committed, but the new table is not on")
-    if outcome == "rolled-back" and not (oracle.as_before or oracle.foreign):
+    if outcome == "rolled-back" and not (oracle.as_before or oracle.foreign or oracle.unseen):
         found.wrong.append("rolled back, but the old table is not as it was")
+    if outcome == "held" and not (oracle.off or oracle.unseen or lies(oracle)):
+        found.wrong.append("held, but it is on: nobody was told")
     if outcome in ("refused", "already-applied") and oracle.writes and not oracle.foreign:
         found.wrong.append(f"{outcome}, but {oracle.writes} values were written")
-    if outcome == "held" and ("P-PUSH-HELD" not in said or [one.kinds[-1] for one in left] != ["HELD"]):
-        found.wrong.append("held, but not said or not kept")
+    word = {"held": "P-PUSH-HELD", "held-on": "P-PUSH-HELD-ON"}.get(outcome, "")
+    loudest = [code for code in said if "HELD" in code][-1:]
+    if word and (loudest != [word] or [one.kinds[-1] for one in left] != ["HELD"]):
+        found.wrong.append(f"{outcome}, but not said or not kept")
+    if word and [one.loud for one in held_pushes(context.journals)] != [outcome == "held-on"]:
+        found.wrong.append(f"{outcome}, but the journal says another thing")
     over = outcome in ("committed", "rolled-back", "refused", "already-applied")
     if over and left:
         found.wrong.append(f"{outcome}, but the journal says {left[0].kinds[-1:]}")
     if (
         not over
-        and outcome != "held"
+        and not word
         and not left
-        and not (oracle.foreign or as_kept(oracle, context.journals, serial))
+        and not (oracle.foreign or oracle.unseen or as_kept(oracle, context.journals, serial))
     ):
         found.wrong.append(f"{outcome}, nothing left open in the journal, but the machine is not as it says")
+
+
+def lies(oracle: Oracle) -> bool:
+    """A control or PLC whose switch reads off while the table acts, where nothing of it is to be seen."""
+    return oracle.nck.spec.lies_about_disable or oracle.plc_lied
 
 
 def as_kept(oracle: Oracle, journals: Path, serial: str) -> bool:
@@ -94,7 +110,7 @@ async def settle(oracle: Oracle, context: PushContext, found: Played, *, willing
 async def _settled(
     oracle: Oracle, one: journal.JournalRead, context: PushContext, found: Played, *, willing: bool
 ) -> str:
-    writes, expected = oracle.writes, truth(oracle)
+    writes, expected = oracle.writes, truth(oracle, one.kinds)
     finding = await look(one, context)
     if oracle.writes != writes:
         found.wrong.append("looking wrote")
@@ -102,6 +118,8 @@ async def _settled(
         found.wrong.append(f"found {finding.words}, but it is {expected}")
     if finding.action == "none":
         return f"{finding.code} "
+    if finding.action == "disable":
+        return f"{finding.code} " + await _switched_off(oracle, one, context, found, willing=willing)
     try:
         record = await recover(one, context)
     except TrueflankError as error:
@@ -114,12 +132,54 @@ async def _settled(
     return f"{finding.code} {record.outcome} "
 
 
-def truth(oracle: Oracle) -> str:
-    """What the machine's memory says a finding must be."""
+async def _switched_off(
+    oracle: Oracle, one: journal.JournalRead, context: PushContext, found: Played, *, willing: bool
+) -> str:
+    """What was found on goes off by the first recovery, with no value written; the next is a restore."""
+    before = oracle.content
+    record = await recover(one, context)
+    if record.outcome != "held" and willing:
+        found.wrong.append(f"it could not be switched off: {record.outcome} {record.steps[-2:]}")
+    if record.outcome == "held" and not (oracle.off or lies(oracle)):
+        found.wrong.append("switched off, says the recovery, but it is on")
+    if oracle.content != before:
+        found.wrong.append("switching off wrote values")
+    if record.outcome != "held":
+        return f"{record.outcome} "
+    again = next(left for left in unfinished(context.journals, context.machine.serial) if left.number == one.number)
+    return "off " + await _settled(oracle, again, context, found, willing=willing)
+
+
+def truth(oracle: Oracle, kinds: tuple[str, ...] = ("DISABLE", "ENABLE")) -> str:
+    """What the machine's memory, and what the journal had announced, say a finding must be."""
     if oracle.as_before:
         return "R-PUSH-UNTOUCHED"
+    if oracle.switched_on and (not oracle.is_new() or "ENABLE" not in kinds):
+        return "R-PUSH-STILL-ON" if "DISABLE" in kinds else "R-PUSH-FOREIGN"
     if oracle.is_old():
         return "R-PUSH-DISABLED"
     if oracle.is_new():
         return "R-PUSH-ENABLED" if oracle.switched_on else "R-PUSH-WRITTEN"
     return "R-PUSH-HALF"
+
+
+def watching(device: Any, oracle: Oracle) -> Any:
+    """The gateway's looks at the control: what the control does by itself before one begins can be seen by it.
+
+    With programs the tables are saved at a program's start; what is fetched later is of that moment.
+    """
+    looks = ["prepare_stops", "switch_reading", "wait_disabled"]
+    looks += [] if device.capabilities.programs else ["saved_tables"]
+
+    def watched(name: str) -> Any:
+        real = getattr(device, name)
+
+        async def look_at(*args: Any) -> Any:
+            oracle.unseen = False
+            return await real(*args)
+
+        return look_at
+
+    for name in looks:
+        setattr(device, name, watched(name))
+    return device

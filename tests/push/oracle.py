@@ -16,6 +16,7 @@ from drivers.types import CompensationTable, LiveTable
 from simulators.nck.data_table import CEC_ENABLE, ENC_ENABLE
 from simulators.nck.machine import Nck
 from simulators.nck.memory import CecTable
+from simulators.nck.whims import SWITCHES
 
 # Values are kept to a nanometre or 1e-7 deg: below half of that a value is the same.
 LAST_PLACE = {"mm": 1e-6, "deg": 1e-7}
@@ -61,7 +62,10 @@ def content_of(table: CompensationTable, memory: int, sign: int = 1) -> Content:
 class Oracle:
     """Watches one table of one control. ``broken`` says every moment at which the invariant did not hold.
 
-    ``foreign`` once somebody else has written the table: what it holds is no longer the push's doing alone.
+    ``foreign`` once somebody else has written the table: what it holds is no longer the push's doing alone. ``whims``
+    are what the control did by itself; after one, an enabled wrong table is the push's doing only if the push
+    switched it on. ``unseen`` while the control did something after the gateway's last look had begun: no gateway
+    can know of that.
     """
 
     nck: Nck
@@ -72,6 +76,9 @@ class Oracle:
     looked: int = 0
     writes: int = 0
     foreign: bool = False
+    unseen: bool = False
+    backed_up: bool = False
+    plc_lied: bool = False
 
     def __post_init__(self) -> None:
         count = len(self._table.points)
@@ -83,16 +90,35 @@ class Oracle:
         for owner, name in ((core.data, "store"), (core.data, "activate"), (core, "refresh"), (core, "load_tables")):
             self._watch(owner, name)
         self._watch(core, "boot")
+        core.on_whim = self._whim
         writes = self.nck.variables.write
 
         def counted(plain: str, indices: Any, value: Any, level: int, **more: Any) -> Any:
             if plain.startswith("$"):
                 self.writes += 1
             found = writes(plain, indices, value, level, **more)
+            if plain in SWITCHES and value and not self.foreign:
+                self._check_switching_on()
             self.look(f"{plain}{list(indices)} = {value}")
             return found
 
         self.nck.variables.write = counted  # type: ignore[method-assign, assignment]
+
+    @property
+    def whims(self) -> list[str]:
+        """What the control did by itself, in order."""
+        return self.nck.core.whims
+
+    def _whim(self, kind: str) -> None:
+        """What it changes before the back-up is made is the push's base from then on."""
+        self.unseen = True
+        self.foreign = self.foreign or (not self.backed_up and kind != "forget words")
+
+    def _check_switching_on(self) -> None:
+        """The gateway, or who acts for it, switches on: that is never a torn table that it could have compared."""
+        changed = {"swap", "forget memory"} & set(self.whims)
+        if self.whims and not changed and self.switched_on and not (self.is_old() or self.is_new()):
+            self.broken.append(f"a torn table was switched on after {self.whims}: {self.content}")
 
     def _watch(self, owner: Any, name: str) -> None:
         real: Callable[..., Any] = getattr(owner, name)
@@ -171,7 +197,7 @@ class Oracle:
     def look(self, why: str = "asked") -> None:
         """Judge this very moment."""
         self.looked += 1
-        if self.foreign:
+        if self.foreign or self.whims:
             return
         # A control that lies about its switch goes on with the content it had: that is judged by what acts.
         on = self.switched_on or (self.acts and not self.nck.spec.lies_about_disable)

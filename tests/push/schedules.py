@@ -21,7 +21,7 @@ from drivers.clock import LoopClock, run_virtual
 from gateway.push import push_table
 from simulators.nck.spec import NckRefusal
 from tests.push.disk import FAULTS, Disk, failing
-from tests.push.judging import Played, ended, judge, settle
+from tests.push.judging import Played, ended, judge, settle, watching
 from tests.push.mischief import COMMANDS, LIES, Mischief, Moment
 from tests.push.world import Scene, World, change_of, context_for, world
 
@@ -32,7 +32,7 @@ HONEST: dict[str, Any] = {
     "lies_about_disable": False, "float32_values": False, "quantum_points": 0, "accepts_wrong_length": False,
     "lose_points": 0, "key_back": False, "alarm_during": 0, "power_cut_after": 0, "overwrites": (),
     "second_master": 0, "nck_refuses": 0, "confirm_dead": False, "swap_words": False, "swap_data_words": False,
-    "map_version": 2, "stale_heartbeat": False,
+    "map_version": 2, "stale_heartbeat": False, "enables_itself": 0, "enables_twice_s": 0.0, "forgets": 0,
 }  # fmt: skip
 
 
@@ -216,6 +216,28 @@ def _foreign(made: Schedule, at: World, place: int, value: float) -> None:
         at.oracle.foreign = True
 
 
+def _whim(made: Schedule) -> None:
+    """The control, or its PLC, does something by itself: at a reset, a command, or anywhere."""
+    rng, moment = made.rng, made.moment()
+    kind = rng.choice(("swap", "enable", "enable at a command", "twice", "forget", "forget at a command"))
+    what = rng.choice(("words", "memory", "switch"))
+    plc: dict[str, Any] = {
+        "enable at a command": {"enables_itself": rng.choice((2, 3, 4, 6, 10))},
+        "twice": {"enables_twice_s": rng.uniform(0.5, 20.0)},
+        "forget at a command": {"forgets": rng.choice((2, 3, 4, 5, 6, 10)), "forgets_what": what},
+    }.get(kind, {})
+    made.faults.append(f"whim {kind} {plc or what if kind != 'swap' else 'and NCK reset'} at {moment}")
+    if kind == "swap":
+        made.scene = dataclasses.replace(made.scene, nck={**made.scene.nck, "swaps_points_at_reset": rng.randrange(10)})
+    acts: dict[str, Callable[[World], None]] = {
+        "swap": lambda at: None if at.scene.strict else at.nck.nck_reset(),
+        "enable": lambda at: at.nck.enable_by_itself(),
+        "forget": lambda at: at.station.plc.forget(what),
+    }
+    act = acts.get(kind, lambda at: at.station.plc.change(**plc))
+    made.late.append(lambda at, bad, _task: bad.due.append((moment, lambda: act(at))))
+
+
 def _person(made: Schedule) -> None:
     """A person who does not do what is asked, or late."""
     kind = made.rng.choice(("never confirms", "confirms late", "never jogs", "never restarts"))
@@ -265,6 +287,7 @@ def stop(task: asyncio.Task[Any]) -> None:
 
 KINDS: tuple[Callable[[Schedule], None], ...] = (
     _wire, _wire, _wire, _wire, _plc, _plc, _plc, _nck, _machine, _machine, _person, _disk, _calendar, _stopped,
+    _whim, _whim,
 )  # fmt: skip
 
 
@@ -288,7 +311,7 @@ def played(seed: int, folder: Path) -> Played:
 
 
 async def _play(made: Schedule, at: World, bad: Mischief, folder: Path, found: Played) -> None:
-    device = at.driver()
+    device = watching(at.driver(), at.oracle)
     await device.open(5.0)
     base = await device.saved_tables("X1")
     machine = await device.identify()
@@ -296,6 +319,7 @@ async def _play(made: Schedule, at: World, bad: Mischief, folder: Path, found: P
 
     def say(code: str, /, **fields: object) -> None:
         said.append(code)
+        at.oracle.backed_up = at.oracle.backed_up or fields.get("step") == "BACKUP"
         at.person.hear(code, fields)
 
     more = {"say": say, "start_timeout_s": PATIENCE_S, "stop_timeout_s": PATIENCE_S}
@@ -307,13 +331,16 @@ async def _play(made: Schedule, at: World, bad: Mischief, folder: Path, found: P
             begin(at, bad, task)
         found.outcome = await task
     await device.close()
+    at.oracle.plc_lied = bool(at.station.plc.lied)
     judge(at.oracle, found, said, context)
+    found.whims = list(at.oracle.whims)
     await _mended(at, bad, off_and_on=made.rng.random() < 0.3)
     fresh = at.driver()
     await fresh.open(5.0)
     try:
         context = dataclasses.replace(context, controller=fresh, say=say, start_timeout_s=60.0)
-        await settle(at.oracle, context, found, willing=not made.scene.nck)
+        odd = set(made.scene.nck) - {"swaps_points_at_reset"}
+        await settle(at.oracle, context, found, willing=not odd)
     finally:
         await fresh.close()
 
@@ -330,6 +357,7 @@ async def _mended(at: World, bad: Mischief, *, off_and_on: bool) -> None:
         await at.station.plug(at.station.home)
     at.station.plc.change(**HONEST)
     at.station.plc.lied.clear()
+    at.nck.core.spec = dataclasses.replace(at.nck.core.spec, swaps_points_at_reset=None, enables_again_s=0.0)
     at.nck.set_access_level(2)
     await at.ready()
     at.nck.channel_reset()

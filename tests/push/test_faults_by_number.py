@@ -37,7 +37,7 @@ FAULTS: dict[int, tuple[str, str]] = {
     **{number: (HERE, f"test_fault_{number}_") for number in (63, 64, *range(89, 105), 106, 107, 108)},
     105: ("tests/contract/test_push_opcua.py", "test_a_mismatch_leads_back_and_the_neighbour_works_again"),
 }
-NOT_THERE = ("rolled-back", "held")
+NOT_THERE = ("rolled-back", "held", "held-on")
 TRANSFER = ("DISABLE", "BEGIN", "CHUNK", "VERIFY", "ACTIVATE")
 
 

@@ -46,7 +46,7 @@ def test_an_answer_that_is_lost_leads_back_over_a_fresh_connection(tmp_path: Pat
     run_virtual(main)
 
 
-def test_a_control_that_stays_away_is_held(tmp_path: Path) -> None:
+def test_a_control_that_stays_away_is_told_as_still_on(tmp_path: Path) -> None:
     def gone(at: object) -> None:
         at.station.silent = True  # type: ignore[attr-defined]
 
@@ -54,8 +54,8 @@ def test_a_control_that_stays_away_is_held(tmp_path: Path) -> None:
         at.station.silent = False  # type: ignore[attr-defined]
 
     story = told(Plan(at=((Moment(1, "VERIFY"), gone),), mend=back), tmp_path)
-    assert (story.outcome, story.off, story.wrong) == ("held", True, [])
-    assert "P-PUSH-HELD" in story.said
+    assert (story.outcome, story.off, story.wrong) == ("held-on", True, [])
+    assert "P-PUSH-HELD-ON" in story.said
     assert "rolled-back" in story.recovered
 
 

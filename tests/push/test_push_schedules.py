@@ -1,6 +1,9 @@
 """Pushes with seeded faults on both roads: never a corrupted table that is on, and every failure leads home or holds.
 
-More of them: N=5000 python -m pytest -m soak tests/push/test_push_schedules.py
+Among the faults are controls that exchange points, switch on or forget by themselves: what is then held is off, or
+told as still on.
+
+More of them: PUSHES=20000 python -m pytest -m soak tests/push/test_push_schedules.py
 One again: python -m tests.push.schedules SEED
 """
 
@@ -16,7 +19,7 @@ from tests.push import schedules, uaschedules
 
 SHARDS = 10
 MODBUS = 900
-SOAK = int(os.environ.get("N", "5000"))
+SOAK = int(os.environ.get("PUSHES", "10000"))
 
 
 def play(seeds: range, folder: Path) -> Counter[str]:

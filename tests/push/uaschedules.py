@@ -18,12 +18,13 @@ from drivers.clock import run_virtual
 from drivers.errors import TrueflankError
 from gateway.push import push_table
 from tests.push.disk import FAULTS, Disk, failing
-from tests.push.judging import Played, ended, judge, settle
+from tests.push.judging import Played, ended, judge, settle, watching
 from tests.push.schedules import JUMPS_S, JumpingClock, stop
 from tests.push.uaworld import UaPerson, UaWorld, choice, ua_change, ua_context, ua_world
 
 PATIENCE_S = 25.0
 BLOCKS, REQUESTS = 440, 230
+WHIMS = {"swaps_points_at_reset", "enables_again_s"}
 Begin = Callable[[UaWorld, "Schedule", asyncio.Task[Any]], None]
 
 
@@ -120,6 +121,22 @@ def _nck(made: Schedule) -> None:
     made.switches |= option
 
 
+def _whim(made: Schedule) -> None:
+    """The control does something by itself."""
+    rng = made.rng
+    kind, what = rng.choice(("swap", "enable", "enable", "twice", "forget")), rng.choice(("words", "memory", "switch"))
+    if kind in ("swap", "twice"):
+        twice = {"enables_again_s": rng.uniform(0.5, 60.0)}
+        option: dict[str, Any] = {"swaps_points_at_reset": rng.randrange(10)} if kind == "swap" else twice
+        made.faults.append(f"whim {option}")
+        made.switches |= option
+        return
+    act: Callable[[UaWorld], None] = lambda at: at.nck.enable_by_itself()  # noqa: E731
+    if kind == "forget":
+        act = lambda at: at.nck.forget(what)  # noqa: E731
+    made.when(act, f"whim {kind} {what if kind == 'forget' else ''}")
+
+
 def _hand(made: Schedule) -> None:
     """Somebody at the HMI writes a point; what is enabled the control itself protects."""
     number, value = made.rng.randrange(12), made.rng.uniform(-0.02, 0.02)
@@ -166,6 +183,7 @@ def _stopped(made: Schedule) -> None:
 
 KINDS: tuple[Callable[[Schedule], None], ...] = (
     _machine, _machine, _machine, _wire, _wire, _wire, _nck, _hand, _person, _disk, _calendar, _stopped,
+    _whim, _whim,
 )  # fmt: skip
 
 
@@ -185,7 +203,7 @@ def played(seed: int, folder: Path, keys: Path) -> Played:
 
 
 async def _play(made: Schedule, at: UaWorld, folder: Path, found: Played) -> None:
-    device = at.driver(**made.settings)
+    device = watching(at.driver(**made.settings), at.oracle)
     await device.open(5.0)
     try:
         base = await at.base(device)
@@ -198,6 +216,7 @@ async def _play(made: Schedule, at: UaWorld, folder: Path, found: Played) -> Non
 
     def say(code: str, /, **fields: object) -> None:
         said.append(code)
+        at.oracle.backed_up = at.oracle.backed_up or fields.get("step") == "BACKUP"
         at.person.hear(code, fields)
 
     machine = await device.identify()
@@ -210,12 +229,13 @@ async def _play(made: Schedule, at: UaWorld, folder: Path, found: Played) -> Non
     at.nck.on_block, at.server.manners.on_request = None, lambda _service: None
     await device.close()
     judge(at.oracle, found, said, context)
+    found.whims = list(at.oracle.whims)
     await _mended(at, off_and_on=made.rng.random() < 0.3)
     fresh = at.driver(**made.settings)
     await fresh.open(5.0)
     try:
         context = replace(context, controller=fresh, start_timeout_s=60.0)
-        await settle(at.oracle, context, found, willing=not made.switches)
+        await settle(at.oracle, context, found, willing=not set(made.switches) - WHIMS)
     finally:
         await fresh.close()
 
@@ -237,6 +257,7 @@ def _arm(made: Schedule, at: UaWorld, task: asyncio.Task[Any]) -> None:
 async def _mended(at: UaWorld, *, off_and_on: bool) -> None:
     """Everything is put right again: server, key, alarms, person; what waits is reset, or all switched off and on."""
     at.person = UaPerson()
+    at.nck.core.spec = replace(at.nck.core.spec, swaps_points_at_reset=None, enables_again_s=0.0)
     await at.clock.sleep(20.0)
     at.nck.set_access_level(2)
     await at.ready()

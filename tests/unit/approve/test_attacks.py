@@ -20,9 +20,9 @@ from gateway.approve import Approvals, consent
 from gateway.audit.chain import AUDIT
 from gateway.domain import Approval, Proposal, PushRecord, TableChange
 from gateway.push import PushContext, journal, numbering, push_table
+from gateway.push.journal import JOURNALS
 from gateway.store import RunFolder, Store, records
 from gateway.workflow import consents, stages
-from gateway.workflow.witness import JOURNALS
 from tests.unit.push.double import MACHINE, NEW, Bench, change_of
 from tests.unit.push.double import bench as push_bench
 
@@ -323,7 +323,7 @@ def test_an_approval_that_ends_while_the_push_waits_still_holds(shop: Shop) -> N
 @pytest.mark.parametrize("left", [0, 40], ids=["emptied", "beheaded"])
 def test_an_emptied_journal_is_no_finished_one(shop: Shop, left: int) -> None:
     shop.double.controller.faults[("wait_loaded", 0, "before")] = lambda machine: setattr(machine, "operator", False)
-    assert shop.push().outcome == "held"
+    assert shop.push().outcome == "held-on"
     shop.double.controller.faults.clear()
     shop.double.machine.operator = True
     shop.double.machine.marker = Marker(0, "none")

@@ -11,8 +11,9 @@ from drivers.bridge.fields import Fields
 from drivers.errors import ConfigError, FileFormatError, RemoteProtocolError, TableError
 from drivers.files.csvmap import CsvFormat
 from drivers.files.size import MOST_READINGS, no_readings
+from drivers.sinumerik.archive import listing
+from drivers.sinumerik.groups import Reader, groups_of
 from drivers.sinumerik.machine import Configuration, MachineReader
-from drivers.sinumerik.tables import read_live
 from drivers.sinumerik.uarequests import Reading
 from drivers.sinumerik.uasettings import UaSettings
 from drivers.tomlfile import MOST_BYTES, parse_toml, read_toml
@@ -103,9 +104,12 @@ def test_a_result_file_gets_no_more_room_than_a_measurement_needs(tmp_path: Path
 def test_a_table_with_a_point_beyond_all_controls(tmp_path: Path) -> None:
     lines = ["$AA_ENC_COMP_STEP[0,X1]=0.000001", "$AA_ENC_COMP_MIN[0,X1]=0", "$AA_ENC_COMP_MAX[0,X1]=100000"]
     text = "\n".join([*lines, "$AA_ENC_COMP[0,0,X1]=0", "$AA_ENC_COMP[0,30000,X1]=0", "M17"])
-    with pytest.raises((FileFormatError, TableError)) as caught:
-        read_live(text, "f", "X1", 0, {}, 1)
-    assert caught.value.code == "E-TABLE-SIZE"
+    (group,) = groups_of(listing(text, "f")).values()
+    reader = Reader("f", {}, 1)
+    for read, code in ((reader.live, "E-TABLE-SIZE"), (reader.whole, "E-TABLE-GAP")):
+        with pytest.raises((FileFormatError, TableError)) as caught:
+            read(group)
+        assert caught.value.code == code
 
 
 @pytest.mark.parametrize("value", [10**9, -1, True, 5000.5, float("nan"), "5000", None, [1]])

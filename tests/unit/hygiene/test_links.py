@@ -21,7 +21,7 @@ from gateway.daemon.stored import newest_runs, stored_report
 from gateway.daemon.token import TOKEN_FILE, token_of, token_path
 from gateway.domain import Approval
 from gateway.errors import StoreError
-from gateway.push import journal
+from gateway.push import journal, numbering
 from gateway.push.lock import held
 from gateway.store import Proofs, Store
 from gateway.store.rawstream import RawRecorder, StreamFacts
@@ -65,7 +65,7 @@ OPENERS: list[tuple[str, Callable[[Path], object]]] = [
     (LOCK_FILE, with_daemon),
     (TOKEN_FILE, token_of),
     ("tx-000007.jnl", with_journal),
-    ("number", lambda root: journal.allocate(root, 1)),
+    ("number", lambda root: numbering.allocate(root, 1)),
     ("watch/journal.jsonl", lambda root: Watched(root).note("0" * 64, "run", "f")),
     ("s.f64", lambda root: RawRecorder(root, "s", StreamFacts(1.0, "um"))),
 ]
@@ -167,7 +167,7 @@ def filled(root: Path) -> Path:
     Watched(root).note("0" * 64, "run", "f")
     token_of(root)
     with held(root / "journal" / "SN-1"), locked(root):
-        journal.allocate(root / "journal" / "SN-1", 1)
+        numbering.allocate(root / "journal" / "SN-1", 1)
         with_journal(root / "journal" / "SN-1")
     TraceRecorder(folder.path / "traces", "laser", Told(), {}).close()
     return root

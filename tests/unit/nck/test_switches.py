@@ -215,3 +215,73 @@ def test_encoder_lead_shared(shared: bool, ahead: float, behind: float) -> None:
 
 
 # preprocess_ahead= and system_reads_stop= have their tests in test_preprocess.py.
+
+
+# -- what a control does that nobody asked of it ---------------------------------------------------------
+
+ENABLE = "$MA_ENC_COMP_ENABLE[0,X1]"
+POINTS = tuple(f"$AA_ENC_COMP[0,{place},X1]" for place in range(4))
+
+
+async def switched_off(bench: Bench) -> None:
+    """A small table of X1, loaded and off; no program has run since."""
+    for name, value in zip(POINTS, (0.0, 0.001, 0.002, 0.003), strict=True):
+        bench.nck.set(name, value, 0)
+    for part, value in (("STEP", 10.0), ("MIN", 0.0), ("MAX", 30.0)):
+        bench.nck.set(f"$AA_ENC_COMP_{part}[0,X1]", value, 0)
+
+
+def points(bench: Bench) -> list[float]:
+    return [float(bench.nck.get(name)) for name in POINTS]
+
+
+def test_swaps_points_at_reset() -> None:
+    async def body(bench: Bench) -> None:
+        await switched_off(bench)
+        before = points(bench)
+        bench.nck.nck_reset()
+        await bench.sleep(30.0)
+        assert points(bench) == [before[0], before[2], before[1], before[3]]
+        assert bench.nck.core.whims == ["swap"]
+
+    on_bench(body, swaps_points_at_reset=1)
+
+
+def test_enables_again_s() -> None:
+    async def body(bench: Bench) -> None:
+        await switched_off(bench)
+        for value in (1, 0):
+            bench.nck.set(ENABLE, value, 0)
+        assert not bench.nck.get(ENABLE)
+        await bench.sleep(6.0)
+        assert bench.nck.get(ENABLE)
+
+    on_bench(body, enables_again_s=5.0)
+
+
+def test_enables_at_block() -> None:
+    async def body(bench: Bench) -> None:
+        await switched_off(bench)
+        await bench.run("G4 F1\nG4 F1\nM30")
+        assert bench.nck.get(ENABLE)
+        assert "enable" in bench.nck.core.whims
+
+    on_bench(body, enables_at_block=2)
+
+
+@pytest.mark.parametrize("what", ["words", "memory", "switch"])
+def test_forgets_at_block(what: str) -> None:
+    async def body(bench: Bench) -> None:
+        await switched_off(bench)
+        bench.nck.set("R[7]", 7.0, 0)
+        bench.nck.set(ENABLE, 1, 0)
+        kept = {"words": bench.nck.get("R[7]"), "memory": points(bench)[1], "switch": bench.nck.get(ENABLE)}
+        bench.nck.forget(what)  # type: ignore[arg-type]
+        now = {"words": bench.nck.get("R[7]"), "memory": points(bench)[1], "switch": bench.nck.get(ENABLE)}
+        assert [name for name in kept if kept[name] != now[name]] == [what]
+        bench.nck.set("R[7]", 7.0, 0)
+        bench.nck.set(ENABLE, 1, 0)
+        await bench.run("G4 F1\nM30")
+        assert bench.nck.core.whims.count(f"forget {what}") == 2
+
+    on_bench(body, forgets_at_block=1, forgets=what)

@@ -19,6 +19,7 @@ from drivers.types import (
     Capabilities,
     ChannelStatus,
     CompensationTable,
+    DisableOrder,
     Identity,
     LiveSet,
     LiveTable,
@@ -29,6 +30,7 @@ from drivers.types import (
     SignProof,
     StopPlan,
     StopReached,
+    SwitchReading,
     TableLimits,
 )
 from gateway.domain import TableChange
@@ -115,6 +117,7 @@ class Machine:
     jumps: list[float] = field(default_factory=list)
     shown_sense: float = 1.0
     keeps_grids: bool = False
+    stuck_on: bool = False
 
     def __post_init__(self) -> None:
         self.acting = self.eec.table
@@ -220,6 +223,21 @@ class Machine:
     def end(self) -> None:
         """RESET or the program's other end: nothing is enabled by it."""
         self.channel, self.phase, self.order, self.plan = ChannelStatus.RESET, 9, None, None
+
+    def reading(self, order: DisableOrder) -> SwitchReading:
+        if order.function == "EEC":
+            return SwitchReading(self.eec.enabled, self.compensation)
+        table = any(one.enabled and one.table.index == order.index for one in self.cec)
+        return SwitchReading(table if table == self.cec_on else None, self.cross)
+
+    def switch_off(self, order: DisableOrder) -> None:
+        if self.stuck_on:
+            return
+        if order.function == "EEC":
+            self.become(LiveTable(self.eec.table, enabled=False))
+            return
+        kept = [LiveTable(one.table, one.enabled and one.table.index != order.index) for one in self.cec]
+        self.cec, self.cec_on = tuple(kept), False
 
     def nck_reset(self) -> None:
         self.end()
@@ -435,6 +453,23 @@ class Controller:
         await self._operator(timeout_s)
         self.machine.nck_reset()
         self._end("wait_activated", number)
+
+    async def switch_reading(self, order: DisableOrder) -> SwitchReading:
+        number = await self._begin("switch_reading")
+        self._end("switch_reading", number)
+        return self.machine.reading(order)
+
+    async def prepare_disable(self, order: DisableOrder) -> None:
+        number = await self._begin("prepare_disable")
+        self._in_reset()
+        self._end("prepare_disable", number)
+
+    async def wait_disabled(self, order: DisableOrder, timeout_s: float) -> SwitchReading:
+        number = await self._begin("wait_disabled")
+        await self._operator(timeout_s)
+        self.machine.switch_off(order)
+        self._end("wait_disabled", number)
+        return self.machine.reading(order)
 
     async def finish_push(self, order: PushOrder, state: Literal["committed", "held", "none"]) -> None:
         number = await self._begin("finish_push")

@@ -228,7 +228,7 @@ def test_held_says_so_in_the_control_and_refuses_the_next(tmp_path: Path) -> Non
     at = stage(tmp_path)
     at.controller.faults[("wait_loaded", 0, "before")] = changing(operator=False)
     record = push(at)
-    assert record.outcome == "held"
+    assert record.outcome == "held-on"
     at.machine.operator = True
     assert at.machine.marker.state == "held"
     elsewhere = tmp_path / "another-pc"
@@ -382,7 +382,7 @@ def _recovered(root: Path, machine: Machine, sign: int, by_hand: bool, neighbour
 def test_finishing_a_cross_push_proves_it_first(tmp_path: Path) -> None:
     at = stage(tmp_path)
     at.controller.faults[("wait_activated", 1, "before")] = changing(operator=False)
-    assert push(at).outcome == "held"
+    assert push(at).outcome == "held-on"
     at.machine.operator = True
     at.machine.nck_reset()
     (found,) = unfinished(tmp_path / "journal", MACHINE.serial)

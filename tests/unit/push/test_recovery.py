@@ -16,7 +16,7 @@ from drivers.types import ChannelStatus, LiveTable
 from gateway.domain import PushRecord
 from gateway.errors import StoreError, WriteRefused
 from gateway.push import Finding, journal, look, push_table, recover, unfinished
-from gateway.push.recovery import verdict
+from gateway.push.finding import verdict
 from tests.unit.push.double import (
     MACHINE,
     NEVER,
@@ -156,7 +156,7 @@ def test_killed_again_during_recovery(tmp_path: Path, monkeypatch: pytest.Monkey
 def _held(root: Path) -> tuple[Bench, journal.JournalRead]:
     here = bench(root)
     here.controller.faults[("wait_activated", 1, "before")] = changing(operator=False)
-    assert run_virtual(lambda: push_table(change_of(here.machine), here.context)).outcome == "held"
+    assert run_virtual(lambda: push_table(change_of(here.machine), here.context)).outcome == "held-on"
     here.machine.operator = True
     (found,) = unfinished(root / "journal", MACHINE.serial)
     return here, found
@@ -189,7 +189,7 @@ def test_finish_without_effect_is_held(tmp_path: Path) -> None:
     here.machine.end()
     again = bench(tmp_path, machine=here.machine)
     record = run_virtual(lambda: recover(found, again.context, "finish"))
-    assert record.outcome == "held"
+    assert record.outcome == "held-on"
     assert len(unfinished(tmp_path / "journal", MACHINE.serial)) == 1
 
 
@@ -249,9 +249,10 @@ def _told(root: Path, *kinds: str) -> journal.JournalRead:
         (("DISABLE",), LiveTable(OLD, True), "R-PUSH-UNTOUCHED", "close"),
         (("DISABLE",), LiveTable(ODD, False), "R-PUSH-HALF", "restore"),
         ((), LiveTable(ODD, False), "R-PUSH-FOREIGN", "none"),
-        (("DISABLE",), LiveTable(ODD, True), "R-PUSH-FOREIGN", "none"),
+        ((), LiveTable(ODD, True), "R-PUSH-FOREIGN", "none"),
+        (("DISABLE",), LiveTable(ODD, True), "R-PUSH-STILL-ON", "disable"),
         (("DISABLE", "LOADED"), LiveTable(NEW, False), "R-PUSH-WRITTEN", "restore"),
-        (("DISABLE", "LOADED"), LiveTable(NEW, True), "R-PUSH-FOREIGN", "none"),
+        (("DISABLE", "LOADED"), LiveTable(NEW, True), "R-PUSH-STILL-ON", "disable"),
         (("DISABLE", "LOADED", "ENABLE"), LiveTable(NEW, False), "R-PUSH-WRITTEN", "restore"),
         (("DISABLE", "LOADED", "ENABLE"), LiveTable(NEW, True), "R-PUSH-ENABLED", "restore"),
         (("DISABLE", "LOADED", "ENABLE"), None, "R-PUSH-UNKNOWN", "none"),

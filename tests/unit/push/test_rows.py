@@ -15,8 +15,8 @@ from drivers.types import LiveTable, Marker
 from gateway.domain import Approval, PushRecord
 from gateway.errors import BusyError, WriteRefused
 from gateway.push import journal, look, plan_hash, push_table, recover, unfinished
+from gateway.push.finding import Seen, verdict
 from gateway.push.lock import machine_lock
-from gateway.push.recovery import Seen, verdict
 from tests.unit.push.double import (
     MACHINE,
     NEW,
@@ -89,8 +89,9 @@ ROWS: list[tuple[str, str, Callable[[Machine], None], str, str]] = [
     ("enable announced, new and off", "ENABLE", nothing, "R-PUSH-WRITTEN", "restore"),
     ("enable announced, new and on", "ENABLE", live(NEW_ON), "R-PUSH-ENABLED", "restore"),
     ("activated, new and on", "ACTIVATED", nothing, "R-PUSH-ENABLED", "restore"),
-    ("neither, on", "LOADED", live(LiveTable(ODD, True)), "R-PUSH-FOREIGN", "none"),
-    ("new and on before enable", "LOADED", live(NEW_ON), "R-PUSH-FOREIGN", "none"),
+    ("neither, on", "LOADED", live(LiveTable(ODD, True)), "R-PUSH-STILL-ON", "disable"),
+    ("new and on before enable", "LOADED", live(NEW_ON), "R-PUSH-STILL-ON", "disable"),
+    ("neither, on, before any write", "SNAPSHOT", live(LiveTable(ODD, True)), "R-PUSH-FOREIGN", "none"),
     ("switched off by somebody else", "SNAPSHOT", live(LiveTable(OLD, False)), "R-PUSH-FOREIGN", "none"),
     ("a foreign marker", "LOADED", changing(marker=Marker(4711, "in-progress")), "R-PUSH-OTHER-MARKER", "none"),
     ("unreachable", "LOADED", changing(operator=False), "R-PUSH-UNKNOWN", "none"),
@@ -116,6 +117,13 @@ def test_row(tmp_path: Path, name: str, kind: str, change: Any, code: str, actio
         assert unfinished(tmp_path / "journal", MACHINE.serial)
         return
     record = run_virtual(lambda: recover(found, again.context))
+    if action == "disable":  # off first, with every value as it was; then the old table goes back
+        assert finding.still_on
+        assert (record.outcome, at.machine.writes) == ("held", writes)
+        assert at.machine.eec == replace(before.eec, enabled=False)
+        (found,) = unfinished(tmp_path / "journal", MACHINE.serial)
+        assert run_virtual(lambda: look(found, again.context)).action == "restore"
+        record = run_virtual(lambda: recover(found, again.context))
     assert record.outcome == "rolled-back"
     assert at.machine.eec == OLD_ON
     assert at.machine.marker.state == "none"

@@ -317,6 +317,15 @@ HELD: dict[str, tuple[str, Fault]] = {
 }
 
 
+# Whoever cannot read that it is off says that it is on.
+STILL_ON = {
+    "another machine answers",
+    "another software",
+    "the operator is gone",
+    "the operator leaves before activation",
+}
+
+
 @pytest.mark.parametrize("name", HELD)
 def test_held(tmp_path: Path, name: str) -> None:
     place, fault = HELD[name]
@@ -327,14 +336,18 @@ def test_held(tmp_path: Path, name: str) -> None:
         at.machine.ignore_reset = True
         at.controller.faults[("prepare_stops", 3, "before")] = _replaced
     record = push(at)
-    assert record.outcome == "held", record.steps
+    assert record.outcome == ("held-on" if name in STILL_ON else "held"), record.steps
     (found,) = journals_of(tmp_path)
     assert not found.finished
-    assert found.kinds[-1] == "HELD"
+    assert (found.kinds[-1], found.latest("on")) == ("HELD", name in STILL_ON)
+    assert at.machine.eec.enabled is (name in STILL_ON and not name.startswith("another"))
+    loud = [code for code, _fields in at.told if code in ("P-PUSH-HELD", "P-PUSH-HELD-ON")]
+    assert loud[-1] == ("P-PUSH-HELD-ON" if name in STILL_ON else "P-PUSH-HELD")
     assert at.machine.writes.count("restore") <= 1
     assert only_old_or_new_enabled(at.machine, OLD, NEW) or name.startswith("a foreign")
     error = outcome_error(record)
     assert isinstance(error, RollbackFailed)
+    assert error.exit_code == (12 if name in STILL_ON else 9)
     assert record.backup_path in str(error)
     again = push(bench(tmp_path, machine=at.machine))
     assert any(step.startswith("E-INT-UNFINISHED") for step in again.steps)
@@ -450,8 +463,9 @@ def test_seeded_faults_never_enable_a_wrong_table(tmp_path: Path, seed: int) -> 
         assert at.machine.eec == NEW_ON
     if outcome in ("rolled-back", "refused", "raised"):
         assert at.machine.eec == old
-    if outcome == "held":
+    if outcome in ("held", "held-on"):
         assert not journals_of(tmp_path)[0].finished
+    assert outcome != "held" or not at.machine.eec.enabled
 
 
 def test_every_code_said_or_raised_is_in_the_catalogue(tmp_path: Path) -> None:

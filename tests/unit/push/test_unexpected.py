@@ -96,7 +96,7 @@ def test_a_cancel_from_outside_passes_and_the_journal_stays_open(tmp_path: Path)
 
     run_virtual(main)
     (found,) = journals_of(tmp_path)
-    assert found.kinds[-1] == "DISABLE"
+    assert found.kinds[-2:] == ("DISABLE", "STOPPED")
     assert not found.finished
 
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from drivers.errors import catalogue
 from gateway.errors import StoreError
-from gateway.report import as_json, before_after_png, parameter_rows, words
+from gateway.report import as_json, before_after_png, parameter_rows, render, words
 from gateway.report.data import plain
 from gateway.report.draw import mean
 from gateway.report.page import columns
@@ -110,6 +110,13 @@ def test_state_of_an_axis_follows_verdict_push_and_proposal() -> None:
     assert words.axis_state(replace(axis, verdict=not_improved, before=axis.after, after=axis.before))[0] == "worse"
     held = replace(axis, verdict=None, push=replace(axis.push, outcome="held"))
     assert words.axis_state(held) == ("worse", "✖", "held")
+    loud = replace(axis, push=replace(axis.push, outcome="held-on"))
+    assert words.axis_state(loud) == ("worse", "✖", "held, still on")
+    (line,) = words.still_on(replace(synthetic.material(), axes=(loud, axis)))
+    assert line.startswith("X1: HELD, STILL ON")
+    page = render(replace(synthetic.material(), axes=(loud, axis)))
+    assert page.index(line.split(" (")[0]) < page.index("Better")
+    assert words.still_on(synthetic.material()) == ()
     assert words.axis_state(replace(axis, verdict=None, change=None, push=None))[2] == "measured only"
 
 

@@ -21,10 +21,11 @@ from gateway.config import SiteFile
 from gateway.daemon import RunStarter, serve, token_path
 from gateway.daemon.desk import Desk, interrupt, unless
 from gateway.daemon.lock import LOCK_FILE, locked
-from gateway.daemon.stored import last_result, newest_runs, stored_report
+from gateway.daemon.stored import last_result, newest_runs, pushes_held, stored_report
 from gateway.daemon.token import token_of
 from gateway.domain import AxisVerdict, Verdict
 from gateway.errors import BusyError, StoreError
+from gateway.push import journal
 from gateway.say import Say
 from gateway.stopping import current
 from gateway.store import Store
@@ -547,3 +548,20 @@ def test_stored_runs_newest_first_with_result_and_report(tmp_path: Path) -> None
     assert stored_report(store, first.run_id) == "<p>r</p>"
     assert stored_report(store, second.run_id) is None
     assert stored_report(store, "gone") is None
+
+
+def test_pushes_that_did_not_end_are_shown_by_what_their_journals_prove(tmp_path: Path) -> None:
+    store = Store(tmp_path / "runs")
+    assert pushes_held(store) == ()
+    for number, (kind, on) in enumerate((("HELD", False), ("HELD", True), ("ENABLE", None), ("SNAPSHOT", None)), 7):
+        folder = journal.machine_folder(store.root / "journal", "SN-1")
+        folder.mkdir(parents=True, exist_ok=True)
+        kept = journal.Journal.create(folder, number)
+        kept.append("LEASED", axis="X1")
+        kept.append("DISABLE") if kind != "SNAPSHOT" else None
+        kept.append(kind, on=on)
+        kept.close()
+    told = [(one.words.split(":")[0], one.loud) for one in pushes_held(store)]
+    assert told == [("R-HELD-ON", True), ("R-HELD-UNKNOWN", True), ("R-HELD-OFF", False), ("R-HELD-BEFORE", False)]
+    (folder / "tx-000007.jnl").write_bytes(b"7|0|nonsense\nmore\n")
+    assert sum(one.loud for one in pushes_held(store)) == 3

@@ -9,7 +9,7 @@ import pytest
 from drivers.errors import DeviceRefused, catalogue
 from gateway.errors import BusyError
 from gateway.report import render
-from gateway.views import DeviceView, PastRun, RunView, StatusView
+from gateway.views import DeviceView, HeldView, PastRun, RunView, StatusView
 from gateway.web import create_app
 from tests.unit.report.attacks import STRINGS
 from tests.unit.report.synthetic import material
@@ -63,6 +63,18 @@ def test_page_shows_devices_run_result_and_past_runs() -> None:
         assert wanted in text
     assert 'href="/runs/r-2/report"' in answer.text
     assert "r-1/report" not in answer.text
+
+
+def test_a_table_that_is_still_on_stands_first_and_loudest() -> None:
+    loud = HeldView("R-HELD-ON: HELD, STILL ON: X1, transaction 7: look", loud=True)
+    calm = HeldView("R-HELD-OFF: X1, transaction 8: held, and read back as off", loud=False)
+    answer = client(lambda: status(run=None, held=(loud, calm))).get("/")
+    text = Outline(answer.text).text
+    assert text.index("Held, still on") < text.index(loud.words) < text.index(calm.words) < text.index("Devices")
+    assert f"<strong>{loud.words}</strong>" in answer.text
+    data = client(lambda: status(run=None, held=(loud, calm))).get("/api/status").json()
+    assert (data["state"], data["held"][0]) == ("still-on", {"words": loud.words, "loud": True})
+    assert client(lambda: status(run=None, held=(calm,))).get("/api/status").json()["state"] == "attention"
 
 
 def test_page_without_devices_runs_or_trouble_is_calm() -> None:
