@@ -6,7 +6,7 @@ WORKERS ?= 2
 # Our matrices are small: BLAS threads of several processes only wait for each other.
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: demo test check soak interop bench clean
+.PHONY: demo test check soak attacks interop bench clean
 
 demo: $(VENV)/installed
 	$(BIN)/trueflank demo
@@ -26,6 +26,13 @@ PROOF ?= docs
 soak: $(VENV)/developed
 	TRUEFLANK_MACHINES=$(N) TRUEFLANK_PROOF=$(PROOF) \
 		$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal -m soak
+
+# Attacks on a push, counted into docs/reliability.md. PUSHES and N say how many seeded ones.
+ATTACKS := .attacks
+attacks: $(VENV)/developed
+	rm -rf $(ATTACKS)
+	TRUEFLANK_ATTACKS=$(ATTACKS) $(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal -m attack
+	$(BIN)/python -m tests.attacks $(ATTACKS) docs/reliability.md "make attacks"
 
 # Peers nobody here wrote: node-opcua, libmodbus, mbpoll. What is not installed and cannot be is said and skipped.
 interop: $(VENV)/developed

@@ -1,7 +1,7 @@
 """What attacks on a push found: each family of attacks counts its tries here, and the page is written from the counts.
 
-A test calls `counted` once it has judged its tries; counts of one run stand in a folder (`TRUEFLANK_ATTACKS`), one
-file a process. `python -m tests.attacks FOLDER PAGE` adds them up: `make attacks` does both.
+A test calls `judged` or `counted` once it has judged its tries. Counts of one run stand in a folder
+(`TRUEFLANK_ATTACKS`), one file a process. `python -m tests.attacks FOLDER PAGE COMMAND` adds them up: `make attacks`.
 """
 
 from __future__ import annotations
@@ -30,6 +30,10 @@ What this does not prove: the simulated control is a reading of manuals. No real
 | attack | on | tries | wrong tables | false words |
 |---|---|---:|---:|---:|
 """
+
+
+# What the judge of the pushes says of a wrong table (`tests/push/oracle.py`); all else that is wrong is a word.
+WRONG_TABLE = ("neither the old nor the new table", "a torn table")
 
 
 @dataclass(frozen=True)
@@ -67,6 +71,14 @@ def counted(family: str, road: str, tries: int, *, wrong_tables: int = 0, false_
     }
     with (Path(folder) / f"{os.getpid()}.jsonl").open("a", encoding="utf-8") as file:
         file.write(json.dumps(one) + "\n")
+
+
+def judged(family: str, road: str, wrong: Iterable[Iterable[str]]) -> None:
+    """Note a family's tries, each given by what was wrong with it (nothing: it was as it should be)."""
+    told = [" ".join(one) for one in wrong]
+    tables = sum(any(word in one for word in WRONG_TABLE) for one in told)
+    false = sum(bool(one) for one in told) - tables
+    counted(family, road, len(told), wrong_tables=tables, false_words=false)
 
 
 def added(folder: Path) -> tuple[Count, ...]:

@@ -10,7 +10,10 @@ from pathlib import Path
 import pytest
 
 from drivers.clock import run_virtual
+from tests import attacks
 from tests.cell.stops import ACTIVE, RESET, Killing, Shop, cleared, shop, stopped, table_of
+
+pytestmark = pytest.mark.attack
 
 RUN_S = 41.5  # from the start almost to the last word, where nobody stops it
 SERVED_S = 6.5  # the same for a run that only proposes, started at a daemon's desk
@@ -80,6 +83,7 @@ def stops(folder: Path, count: int, seed: int) -> Counter[str]:
     """Stop a run at so many moments, each time cleared up by a person afterwards."""
     seen: Counter[str] = Counter()
     problems: list[str] = []
+    judged: list[list[str]] = []
 
     async def main() -> None:
         async with shop(folder) as at:
@@ -88,9 +92,11 @@ def stops(folder: Path, count: int, seed: int) -> Counter[str]:
                 what, wrong = await _stopped_at(at, moment, alone=bool(number % 2), off=before)
                 wrong += await cleared(at)
                 seen[what] += 1
+                judged.append(wrong)
                 problems.extend(f"at {moment:.2f} s ({what}): {one}" for one in wrong)
 
     run_virtual(main)
+    attacks.judged("a stop (SIGTERM) at a seeded moment of a run", "OPC UA", judged)
     if problems:
         raise AssertionError("\n".join(problems))
     return seen
@@ -112,6 +118,7 @@ def served(folder: Path, count: int, seed: int) -> Counter[str]:
     """Stop a daemon with a run at work that only proposes."""
     seen: Counter[str] = Counter()
     problems: list[str] = []
+    judged: list[list[str]] = []
     rng = random.Random(seed)
 
     async def main() -> None:
@@ -128,9 +135,11 @@ def served(folder: Path, count: int, seed: int) -> Counter[str]:
                 await _looked(at, wrong, unfinished=False)
                 wrong += await cleared(at)
                 seen[what] += 1
+                judged.append(wrong)
                 problems.extend(f"at {moment:.2f} s ({what}): {one}" for one in wrong)
 
     run_virtual(main)
+    attacks.judged("a stop (SIGTERM) at a seeded moment of the daemon", "OPC UA", judged)
     if problems:
         raise AssertionError("\n".join(problems))
     return seen
@@ -145,6 +154,7 @@ def kills(folder: Path, count: int, seed: int, killing: Killing) -> Counter[str]
     """Kill the gateway of a run at so many moments; each time somebody finds the machine and has it cleared up."""
     seen: Counter[str] = Counter()
     problems: list[str] = []
+    judged: list[list[str]] = []
 
     async def main() -> None:
         async with shop(folder) as at:
@@ -157,9 +167,11 @@ def kills(folder: Path, count: int, seed: int, killing: Killing) -> Counter[str]
                     what, wrong = await _found_after_the_kill(at)
                     wrong += await cleared(at, resets=bool(number % 3))
                     seen[what] += 1
-                    problems.extend(f"at {moment:.2f} s ({what}): {one}" for one in wrong)
+                    judged.append(wrong)
+                problems.extend(f"at {moment:.2f} s ({what}): {one}" for one in wrong)
 
     run_virtual(main)
+    attacks.judged("kill -9 at a seeded moment of a run", "OPC UA", judged)
     if problems:
         raise AssertionError("\n".join(problems))
     return seen

@@ -14,8 +14,11 @@ from pathlib import Path
 
 import pytest
 
+from tests import attacks
 from tests.push import chunks, doubtful
 from tests.push.doubtful import Attack, attacked, exchanged, left_out, numbered, older, without_switch
+
+pytestmark = pytest.mark.attack
 
 SHARDS = 4
 SOAK = int(os.environ.get("N", "400"))
@@ -47,26 +50,23 @@ def test_a_changed_file_is_refused_and_nothing_goes_back_to_it(tmp_path: Path, k
 
 def play(seeds: range, folder: Path, keys: Path) -> Counter[str]:
     """Pushes over OPC UA; every one that went wrong is told with how to play it again."""
-    found, wrong = Counter[str](), []
-    for seed in seeds:
-        one = doubtful.played(seed, folder / str(seed), keys)
-        found[one.outcome] += 1
-        if one.wrong:
-            wrong.append(f"{one}\n  again: python -m tests.push.doubtful {seed}")
+    stories = [doubtful.played(seed, folder / str(seed), keys) for seed in seeds]
+    attacks.judged(
+        "a saved file changed or of an earlier time, in a whole push", "OPC UA", (one.wrong for one in stories)
+    )
+    wrong = [f"{one}\n  again: python -m tests.push.doubtful {one.seed}" for one in stories if one.wrong]
     assert wrong == []
-    return found
+    return Counter(one.outcome for one in stories)
 
 
 def play_chunks(seeds: range, folder: Path) -> Counter[str]:
     """Pushes through the mailbox."""
-    found, wrong = Counter[str](), []
-    for seed in seeds:
-        story, what = chunks.played(seed, folder / str(seed))
-        found[story.outcome] += 1
-        if story.wrong:
-            wrong.append(f"{what}: {story.wrong}")
-    assert wrong == []
-    return found
+    stories = [chunks.played(seed, folder / str(seed)) for seed in seeds]
+    attacks.judged(
+        "a chunk left out, twice or of an earlier time", "mailbox", (story.wrong for story, _what in stories)
+    )
+    assert [f"{what}: {story.wrong}" for story, what in stories if story.wrong] == []
+    return Counter(story.outcome for story, _what in stories)
 
 
 def test_chunks_left_out_given_twice_or_of_an_earlier_moment(tmp_path: Path) -> None:

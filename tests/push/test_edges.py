@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from drivers.sinumerik.mailbox.registers import ADDRESS
+from tests import attacks
 from tests.push.edges import (
     HAIR_S,
     REGISTERS,
@@ -29,9 +30,18 @@ from tests.push.edges import (
 )
 from tests.push.judging import Played
 
+pytestmark = pytest.mark.attack
+
 SOAK = int(os.environ.get("N", "2000"))
 # What one push reads, and how many answers it gets: seeds beyond that disturb nothing, and say so.
 VALUES, ANSWERS, WORDS, REPLIES, ENTRIES = 1535, 258, 11500, 480, 12
+FAMILIES = {
+    "value": ("a value of a wrong kind or range", "OPC UA"),
+    "register": ("a value of a wrong kind or range", "mailbox"),
+    "answer": ("an answer in the turn of its deadline", "OPC UA"),
+    "reply": ("an answer in the turn of its deadline", "mailbox"),
+    "entry": ("an exception at an entry of the journal", "mailbox"),
+}
 Play = Callable[[int, Path, Path], Played]
 
 
@@ -85,13 +95,12 @@ def entry(seed: int, folder: Path, keys: Path) -> Played:
 
 def play(kind: Play, seeds: range, folder: Path, keys: Path) -> Counter[str]:
     """Play them all; every one that went wrong is told, and that something was really disturbed."""
-    found: Counter[str] = Counter()
-    wrong, quiet = [], 0
-    for seed in seeds:
-        one = kind(seed, folder / str(seed), keys)
-        found[one.outcome] += 1
-        quiet += one.faults[0].startswith("nothing")
-        wrong += [str(one)] if one.wrong else []
+    stories = [kind(seed, folder / str(seed), keys) for seed in seeds]
+    found = Counter(one.outcome for one in stories)
+    wrong = [str(one) for one in stories if one.wrong]
+    disturbed = [one for one in stories if not one.faults[0].startswith("nothing")]
+    quiet = len(stories) - len(disturbed)
+    attacks.judged(*FAMILIES[kind.__name__], (one.wrong for one in disturbed))
     print(f"{kind.__name__}, seeds {seeds.start}..{seeds.stop - 1}: {dict(found.most_common())}, undisturbed {quiet}")
     assert wrong == []
     assert quiet <= len(seeds) // 2

@@ -15,9 +15,12 @@ from drivers.clock import run_virtual
 from drivers.types import LiveSet
 from gateway import audit
 from gateway.push import journal, unfinished
+from tests import attacks
 from tests.push.judging import truth
 from tests.push.killing import IDLE, Ended, gateway, memory_of, pushing, recovering
 from tests.push.world import Scene, World, world
+
+pytestmark = pytest.mark.attack
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="a process is forked")
 
@@ -132,6 +135,7 @@ def sweep(scene: Scene, root: Path, points: Sequence[int]) -> Counter[str]:
             found[run_virtual(main)] += 1
         except AssertionError as error:
             raise AssertionError(f"killed at step {point} of {scene}: {error}") from error
+    attacks.counted("the gateway killed at a step", "mailbox", len(points))
     return found
 
 
@@ -200,7 +204,9 @@ def twice(scene: Scene, root: Path, where: str, few: int | None, shard: slice) -
     first = steps_of(scene, root / "count").index(where)
     steps = recovery_steps(scene, root / "again", first)
     points = chosen(steps, few or 0, every=few is None)[shard]
-    return Counter(killed_twice(scene, root / str(point), first, point) for point in points)
+    found = Counter(killed_twice(scene, root / str(point), first, point) for point in points)
+    attacks.counted("the gateway killed, and killed again while recovering", "mailbox", len(points))
+    return found
 
 
 @pytest.mark.parametrize("where", list(FIRST))

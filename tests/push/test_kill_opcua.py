@@ -18,9 +18,12 @@ import pytest
 from drivers.clock import LoopClock, run_virtual
 from drivers.types import LiveTable
 from gateway.push import push_table
+from tests import attacks
 from tests.push.judging import Played, ended, judge, settle
 from tests.push.uaworld import UaWorld, never_loaded, ua_change, ua_context, ua_world
 from tests.push.world import OLD
+
+pytestmark = pytest.mark.attack
 
 SPEED = 80.0
 SHARDS, EACH = 6, 5
@@ -221,6 +224,7 @@ def halves(tmp_path_factory: pytest.TempPathFactory, keys: Path) -> tuple[list[i
 def sweep(blocks: Sequence[int], keys: Path, root: Path, old: LiveTable, killed: bool) -> Counter[str]:
     """Cut the mains at each of these blocks, each time at a machine of its own."""
     found = [cut_at(block, keys, root / str(block), old, killed) for block in blocks]
+    attacks.judged("the mains cut at a block of the program", "OPC UA", (one.wrong for one in found))
     assert [str(one) for one in found if one.wrong] == []
     return Counter(f"{one.outcome}, {one.recovered.strip()}" for one in found)
 

@@ -9,10 +9,13 @@ import pytest
 
 from drivers.clock import LoopClock, run_virtual
 from gateway.push import push_table
+from tests import attacks
 from tests.push.bench import Moment, Plan, told
 from tests.push.judging import Played, ended, judge, settle
 from tests.push.mischief import Mischief
 from tests.push.world import Scene, change_of, context_for, world
+
+pytestmark = pytest.mark.attack
 
 
 @pytest.mark.parametrize("command", ["MARKER", "DISABLE", "BEGIN", "CHUNK", "VERIFY", "ACTIVATE"])
@@ -64,6 +67,7 @@ def test_cut_after_sampled_bytes_of_the_exchange(tmp_path: Path, shard: int) -> 
     """Old, new or held, whichever byte is the last to pass."""
     sampled = random.Random(7).sample(range(1, 20_000), 40)[shard::2]
     outcomes = [cut_after(count, tmp_path / str(count)) for count in sampled]
+    attacks.judged("the wire cut after a byte", "mailbox", (one.wrong for one in outcomes))
     assert [str(one) for one in outcomes if one.wrong] == []
     assert {"rolled-back"} <= {one.outcome for one in outcomes}
 
@@ -73,6 +77,7 @@ def test_cut_after_sampled_bytes_of_the_exchange(tmp_path: Path, shard: int) -> 
 @pytest.mark.parametrize("shard", range(8))
 def test_cut_after_every_seventh_byte(tmp_path: Path, shard: int) -> None:
     outcomes = [cut_after(count, tmp_path / str(count)) for count in range(1 + 7 * shard, 20_000, 56)]
+    attacks.judged("the wire cut after a byte", "mailbox", (one.wrong for one in outcomes))
     assert [str(one) for one in outcomes if one.wrong] == []
 
 

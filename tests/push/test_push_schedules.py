@@ -15,8 +15,12 @@ from pathlib import Path
 
 import pytest
 
+from tests import attacks
 from tests.push import schedules, uaschedules
 
+pytestmark = pytest.mark.attack
+
+FAMILY = "seeded faults of wire, control, people and disk; controls that swap, switch or forget by themselves"
 SHARDS = 10
 MODBUS = 900
 SOAK = int(os.environ.get("PUSHES", "10000"))
@@ -25,12 +29,10 @@ SOAK = int(os.environ.get("PUSHES", "10000"))
 def play(seeds: range, folder: Path) -> Counter[str]:
     """Play them all; every one that went wrong is told with how to play it again."""
     found: Counter[str] = Counter()
-    wrong = []
-    for seed in seeds:
-        one = schedules.played(seed, folder / str(seed))
-        found[one.outcome] += 1
-        if one.wrong:
-            wrong.append(f"{one}\n  again: python -m tests.push.schedules {seed}")
+    stories = [schedules.played(seed, folder / str(seed)) for seed in seeds]
+    found.update(one.outcome for one in stories)
+    wrong = [f"{one}\n  again: python -m tests.push.schedules {one.seed}" for one in stories if one.wrong]
+    attacks.judged(FAMILY, "mailbox", (one.wrong for one in stories))
     print(f"seeds {seeds.start}..{seeds.stop - 1}: {dict(found.most_common())}")
     assert wrong == []
     return found
@@ -61,12 +63,10 @@ def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def play_opcua(seeds: range, folder: Path, keys: Path) -> Counter[str]:
     """The same over OPC UA."""
     found: Counter[str] = Counter()
-    wrong = []
-    for seed in seeds:
-        one = uaschedules.played(seed, folder / str(seed), keys)
-        found[one.outcome] += 1
-        if one.wrong:
-            wrong.append(f"{one}\n  again: python -m tests.push.uaschedules {seed}")
+    stories = [uaschedules.played(seed, folder / str(seed), keys) for seed in seeds]
+    found.update(one.outcome for one in stories)
+    wrong = [f"{one}\n  again: python -m tests.push.uaschedules {one.seed}" for one in stories if one.wrong]
+    attacks.judged(FAMILY, "OPC UA", (one.wrong for one in stories))
     print(f"OPC UA, seeds {seeds.start}..{seeds.stop - 1}: {dict(found.most_common())}")
     assert wrong == []
     return found

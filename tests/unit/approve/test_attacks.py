@@ -26,6 +26,9 @@ from gateway.workflow import consents, stages
 from tests.unit.push.double import MACHINE, NEW, Bench, change_of
 from tests.unit.push.double import bench as push_bench
 
+pytestmark = pytest.mark.attack("a proposal, approval, audit log, journal or run folder changed", "store")
+
+
 READS = {"identify", "state", "table_limits", "marker"}
 
 

@@ -17,6 +17,9 @@ from gateway.push import push_table
 from gateway.push.recovery import look, recover, unfinished
 from tests.unit.push.double import MACHINE, NEW, Bench, Machine, bench, change_of, journals_of
 
+pytestmark = pytest.mark.attack("another gateway pushes or loads in between", "port")
+
+
 THEIRS = replace(NEW, deviations=(0.0, 1.0, 2.0, 3.0, 2.0, 1.0, 0.0, -1.0, 0.0))
 NUMBER = 777_700_042
 # Every request that A makes between its first look and its first write, and that write itself.

@@ -21,6 +21,10 @@ from drivers.sinumerik.words import Words
 from drivers.sinumerik.written import read_written, text_of
 from drivers.types import CompensationTable, LiveSet, PushOrder
 from simulators.nck.machine import AxisSpec, Nck, NckSpec
+from tests import attacks
+
+pytestmark = pytest.mark.attack
+FAMILY = "lines of a saved file left out, doubled, exchanged, foreign; one alone, runs and pairs"
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "sinumerik" / "saved_c1.spf"
 SAVING = Saving("BACK", 4711, "C1", 0, Memory(4, (3, 2, 0), ("X1", "Z1", "C1")))
@@ -89,22 +93,27 @@ def test_any_line_left_out_doubled_or_foreign_is_refused(name: str) -> None:
             [*lines[:place], lines[place] + ")", *lines[place + 1 :]],
         ):
             assert refusal(changed, saving).code.startswith(("E-SAVED-", "E-TABLE-"))
+    attacks.counted(FAMILY, "OPC UA", 5 * len(lines))
 
 
 @pytest.mark.parametrize("name", SECTIONS)
 def test_any_run_of_lines_left_out_is_refused(name: str) -> None:
     lines, saving = section(name)
-    for first, behind in itertools.combinations(range(len(lines) + 1), 2):
+    runs = list(itertools.combinations(range(len(lines) + 1), 2))
+    for first, behind in runs:
         refusal([*lines[:first], *lines[behind:]], saving)
+    attacks.counted(FAMILY, "OPC UA", len(runs))
 
 
 @pytest.mark.parametrize("name", SECTIONS)
 def test_any_pair_of_lines_exchanged_is_refused(name: str) -> None:
     lines, saving = section(name)
-    for one, two in itertools.combinations(range(len(lines)), 2):
+    pairs = list(itertools.combinations(range(len(lines)), 2))
+    for one, two in pairs:
         changed = list(lines)
         changed[one], changed[two] = lines[two], lines[one]
         refusal(changed, saving)
+    attacks.counted(FAMILY, "OPC UA", len(pairs))
 
 
 def test_a_line_left_out_is_refused_though_the_count_was_made_to_fit() -> None:
