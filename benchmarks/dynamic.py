@@ -21,8 +21,8 @@ from matplotlib.figure import Figure
 from scipy import signal
 
 from drivers.recordings import Recording
-from gateway.workflow.dynamic import outcome_of
-from gateway.workflow.importing import How, read_file
+from gateway.workflow.axes.dynamic import outcome_of
+from gateway.workflow.files.importing import How, read_file
 
 COUNT, RATE_HZ = 1_000_001, 50_000.0
 LIMIT = 3.0

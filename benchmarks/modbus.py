@@ -16,13 +16,13 @@ import numpy as np
 from pymodbus.client import AsyncModbusTcpClient
 
 from drivers.clock import LoopClock
-from drivers.sinumerik.modbus import SinumerikModbus
-from drivers.sinumerik.modbussettings import ModbusSettings
-from drivers.sinumerik.modbustalk import Talk
-from drivers.sinumerik.modbuswire import ModbusWire
+from drivers.sinumerik.mailbox.conversation import Talk
+from drivers.sinumerik.mailbox.device import SinumerikModbus
+from drivers.sinumerik.mailbox.settings import ModbusSettings
+from drivers.sinumerik.mailbox.wire import ModbusWire
 from drivers.types import CompensationTable, PushOrder, SignProof
 from simulators.modbus import serving
-from simulators.nck.machine import AxisSpec, Nck
+from simulators.nck.control import AxisSpec, Nck
 from simulators.nck.spec import NckSpec
 
 POINTS = 801

@@ -20,12 +20,13 @@ from typing import Any
 import numpy as np
 
 from drivers.clock import LoopClock
-from drivers.sinumerik.opcua import SinumerikOpcUa
+from drivers.sinumerik.opcua.device import SinumerikOpcUa
 from drivers.types import CompensationTable, LiveSet, SignProof, Stop, StopPlan
 from gateway.domain import PushRecord, TableChange
-from gateway.push import AxisFacts, PushContext, journal, push_table
+from gateway.push import AxisFacts, PushContext, push_table
+from gateway.push.records import journal
 from simulators.cell.control import CellNck
-from simulators.nck.machine import AxisSpec
+from simulators.nck.control import AxisSpec
 from simulators.nck.spec import NckSpec
 from simulators.opcua import SinumerikServer
 

@@ -27,12 +27,12 @@ class DriverSpec:
 
 
 _OWN = (
-    DriverSpec("sinumerik-opcua", "controller", "drivers.sinumerik.opcua:SinumerikOpcUa"),
-    DriverSpec("sinumerik-opcua-doctor", "doctor", "drivers.sinumerik.doctor:UaDoctor"),
-    DriverSpec("sinumerik-modbus-doctor", "doctor", "drivers.sinumerik.modbusdoctor:ModbusDoctor"),
-    DriverSpec("sinumerik-opcua-program", "program", "drivers.sinumerik.grindprogram:preview"),
-    DriverSpec("sinumerik-opcua-trust", "trust", "drivers.sinumerik.trust:UaTrust"),
-    DriverSpec("sinumerik-modbus", "controller", "drivers.sinumerik.modbus:SinumerikModbus"),
+    DriverSpec("sinumerik-opcua", "controller", "drivers.sinumerik.opcua.device:SinumerikOpcUa"),
+    DriverSpec("sinumerik-opcua-doctor", "doctor", "drivers.sinumerik.opcua.doctor:UaDoctor"),
+    DriverSpec("sinumerik-modbus-doctor", "doctor", "drivers.sinumerik.mailbox.doctor:ModbusDoctor"),
+    DriverSpec("sinumerik-opcua-program", "program", "drivers.sinumerik.opcua.grinding:preview"),
+    DriverSpec("sinumerik-opcua-trust", "trust", "drivers.sinumerik.opcua.trust:UaTrust"),
+    DriverSpec("sinumerik-modbus", "controller", "drivers.sinumerik.mailbox.device:SinumerikModbus"),
     DriverSpec("umd", "instrument", "drivers.umd.device:UmdCounter"),
     DriverSpec("bridge", "instrument", "drivers.bridge.device:BridgeInstrument"),
     DriverSpec("bridge-gear", "gear-inspector", "drivers.bridge.gear:BridgeGear"),
@@ -47,7 +47,7 @@ _OWN = (
     DriverSpec("csv", "file", "drivers.files.csvmap:CsvFormat"),
     DriverSpec("gear-csv", "gear-file", "drivers.files.gear:GearCsvFormat"),
     DriverSpec("gde", "gear-file", "drivers.files.gde:GdeFormat"),
-    DriverSpec("sinumerik-tables", "table-file", "drivers.sinumerik.tablefiles:TableFiles"),
+    DriverSpec("sinumerik-tables", "table-file", "drivers.sinumerik.tablefile.format:TableFiles"),
 )
 
 

@@ -304,7 +304,7 @@ class SignProof:
     """How this machine's compensation acts, measured: +1 a positive stored value moves the axis negative.
 
     ``slope`` is measured step / commanded deviation with standard uncertainty ``slope_u``; ``machine`` the
-    fingerprint it holds for; ``sign`` is what `drivers.sinumerik.tables` multiplies d with (EEC: +1).
+    fingerprint it holds for; ``sign`` is what `drivers.sinumerik.tablefile.tables` multiplies d with (EEC: +1).
     """
 
     machine: MachineIdentity

@@ -17,7 +17,7 @@ from threading import Event
 from drivers.ownfiles import opened, read_own
 from gateway.audit.entries import TORN, Entry, Happening, Head, head_of, head_of_line, line_of, torn_facts
 from gateway.errors import BusyError, CorruptRecord
-from gateway.push.lock import held
+from gateway.push.records.lock import held
 from gateway.store.disk import disk_errors, read_whole, sync_folder, write_whole
 
 AUDIT = "audit"

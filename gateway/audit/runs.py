@@ -10,7 +10,7 @@ from drivers.errors import words
 from gateway.audit.entries import Head, head_of
 from gateway.audit.standing import standing
 from gateway.errors import StoreError
-from gateway.push import journal
+from gateway.push.records import journal
 from gateway.store import RunFolder, Store
 from gateway.store.seal import APPROVALS, Kind, digest_of
 

@@ -4,22 +4,10 @@ from __future__ import annotations
 
 import sys
 
-from gateway.cli import (
-    auditing,
-    closing,
-    connecting,
-    consenting,
-    correcting,
-    dynamic,
-    grinding,
-    importing,
-    inspecting,
-    measuring,
-    replaying,
-    switching,
-    watching,
-)
 from gateway.cli.commands import app
+from gateway.cli.control import auditing, connecting, consenting, switching
+from gateway.cli.files import importing, replaying, watching
+from gateway.cli.machine import closing, correcting, dynamic, grinding, inspecting, measuring
 from gateway.cli.show import show_error
 
 auditing.add_to(app)

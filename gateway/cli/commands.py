@@ -74,7 +74,7 @@ def run(
     as_json: JsonOption = False,
 ) -> None:
     """Measure every axis, propose tables; with --apply push them, measure again and prove it."""
-    from gateway.cli.running import run_site_command
+    from gateway.cli.machine.running import run_site_command
 
     run_site_command(site, apply, machine, as_json=as_json)
 
@@ -88,7 +88,7 @@ def push(
     as_json: JsonOption = False,
 ) -> None:
     """Show a stored proposal's difference and every refusal; with --apply write it and measure again."""
-    from gateway.cli.running import push_run_command
+    from gateway.cli.machine.running import push_run_command
 
     push_run_command(run_folder, store, apply, machine, as_json=as_json)
 
@@ -101,7 +101,7 @@ def recover(
     as_json: JsonOption = False,
 ) -> None:
     """Say what an interrupted push left behind; with --apply put the old table back."""
-    from gateway.cli.running import recover_command
+    from gateway.cli.machine.running import recover_command
 
     recover_command(site, apply, machine, as_json=as_json)
 
@@ -113,7 +113,7 @@ def check(
     as_json: JsonOption = False,
 ) -> None:
     """Check a site file; with --connect also every device it names, all failures at once."""
-    from gateway.cli.running import check_command
+    from gateway.cli.machine.running import check_command
 
     check_command(site, connect, as_json=as_json)
 
@@ -125,7 +125,7 @@ def serve(
     port: Annotated[int, typer.Option(min=0, max=65535, help="0 takes a free one.")] = 8617,
 ) -> None:
     """Open and watch the devices, show a read-only status page, start runs on command."""
-    from gateway.cli.running import serve_command
+    from gateway.cli.machine.running import serve_command
 
     serve_command(site, host, port)
 
@@ -148,7 +148,7 @@ def evaluate(
     as_json: JsonOption = False,
 ) -> None:
     """Evaluate result files or runs to ISO 230-2 or another standard, with uncertainty and verdicts."""
-    from gateway.cli.files import Asked, evaluate_files, limits_of, list_standards
+    from gateway.cli.files.evaluating import Asked, evaluate_files, limits_of, list_standards
 
     if standard == "list":
         list_standards(as_json=as_json)
@@ -177,7 +177,7 @@ def lint(
 ) -> None:
     """Say everything that is wrong or doubtful in a compensation table file."""
     from drivers.tablefile import TableMachine
-    from gateway.cli.tables import lint_file, positions, rotary_units
+    from gateway.cli.files.tables import lint_file, positions, rotary_units
 
     known = TableMachine(
         control=control.upper().removesuffix("SL").strip(),
@@ -198,7 +198,7 @@ def diff(
     as_json: JsonOption = False,
 ) -> None:
     """Compare two table files point by point; exit code 0 the same, 1 different, 2 trouble."""
-    from gateway.cli.tables import diff_files
+    from gateway.cli.files.tables import diff_files
 
     diff_files(first, second, rotary or [], as_json=as_json)
 
@@ -227,7 +227,7 @@ def convert(
     as_json: JsonOption = False,
 ) -> None:
     """Make a compensation table file of a measured result file; the datum must be given."""
-    from gateway.cli.convert import Wish, convert_file
+    from gateway.cli.files.convert import Wish, convert_file
 
     wish = Wish(
         result=result,
@@ -251,7 +251,7 @@ def convert(
 @app.command()
 def report(run_folder: RunArgument, store: StoreOption = Path("runs"), as_json: JsonOption = False) -> None:
     """Write a run's report again (HTML, JSON, picture) and print where it is."""
-    from gateway.cli.running import report_command
+    from gateway.cli.machine.running import report_command
 
     report_command(run_folder, store, as_json=as_json)
 
@@ -270,7 +270,7 @@ def study(
     as_json: JsonOption = False,
 ) -> None:
     """Work out a gear on a machine: each error alone, ranking, cures, before and after."""
-    from gateway.cli.study import study_command
+    from gateway.cli.files.study import study_command
 
     study_command(
         gear,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from gateway.domain import Verdict
 from gateway.errors import StoreError
-from gateway.push.holding import held_pushes
-from gateway.push.journal import JOURNALS
+from gateway.push.records.holding import held_pushes
+from gateway.push.records.journal import JOURNALS
 from gateway.store import RunFolder, Store
 from gateway.store.folder import RUN_FILE
 from gateway.views import HeldView, PastRun, TableRow, axis_table, past_run

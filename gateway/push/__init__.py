@@ -6,11 +6,11 @@ from drivers.errors import TrueflankError
 from gateway.domain import PushRecord
 from gateway.errors import RollbackFailed, StillOn, VerifyError, WriteRefused
 from gateway.push.context import AxisFacts, PushContext
-from gateway.push.finding import Finding
 from gateway.push.plan import plan_hash
-from gateway.push.recovery import look, recover, unfinished
 from gateway.push.signproof import prove_sign
 from gateway.push.transaction import Asked, ask, push_table
+from gateway.push.undo.finding import Finding
+from gateway.push.undo.recovery import look, recover, unfinished
 
 __all__ = [
     "Asked",

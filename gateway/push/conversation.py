@@ -13,8 +13,8 @@ from gateway.interlocks import PushFacts
 from gateway.push.byhand import visit_by_hand
 from gateway.push.compare import signed
 from gateway.push.context import PushContext
-from gateway.push.marking import against_the_log, missing_journals
 from gateway.push.plan import plan_hash
+from gateway.push.records.marking import against_the_log, missing_journals
 from gateway.push.work import Purpose
 from gateway.walk import Patience, walk
 

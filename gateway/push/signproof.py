@@ -20,13 +20,14 @@ from drivers.types import CompensationTable, LiveSet, Marker, PushOrder, SignPro
 from drivers.units import deviation_unit
 from gateway.domain import TableChange
 from gateway.errors import RollbackFailed, StillOn, VerifyError, WriteRefused
-from gateway.push import conversation, journal
+from gateway.push import conversation
 from gateway.push.compare import table_in
 from gateway.push.context import PushContext
 from gateway.push.loading import load, release
-from gateway.push.lock import machine_lock
-from gateway.push.restoring import roll_back
+from gateway.push.records import journal
+from gateway.push.records.lock import machine_lock
 from gateway.push.transaction import ask, keep
+from gateway.push.undo.restoring import roll_back
 from gateway.push.unexpected import foreseen, unheard
 from gateway.push.work import Work, begun
 

@@ -14,7 +14,7 @@ from drivers.errors import TrueflankError
 from drivers.types import LiveSet, LiveTable, Marker, TableLimits
 from gateway.domain import PushRecord, TableChange
 from gateway.interlocks import PushFacts, Refusal, needed, refusals, warnings
-from gateway.push import conversation, journal
+from gateway.push import conversation
 from gateway.push.compare import (
     agreeing_position,
     effect_positions,
@@ -28,9 +28,10 @@ from gateway.push.compare import (
 from gateway.push.context import PushContext
 from gateway.push.effect import prove_effect
 from gateway.push.loading import is_coupled, load, release
-from gateway.push.lock import machine_lock
 from gateway.push.plan import plan_hash
-from gateway.push.restoring import roll_back
+from gateway.push.records import journal
+from gateway.push.records.lock import machine_lock
+from gateway.push.undo.restoring import roll_back
 from gateway.push.unexpected import foreseen, unheard
 from gateway.push.work import Outcome, Purpose, Work, begun
 

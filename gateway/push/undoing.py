@@ -14,15 +14,16 @@ from gateway.domain import PushRecord, TableChange
 from gateway.errors import VerifyError
 from gateway.interlocks import PushFacts, Refusal, refusals
 from gateway.interlocks.facts import no
-from gateway.push import conversation, journal
+from gateway.push import conversation
 from gateway.push.compare import differences, effect_positions, same_table, table_in, tolerance
 from gateway.push.context import PushContext
 from gateway.push.effect import prove_effect
-from gateway.push.history import Committed
 from gateway.push.loading import load, release
-from gateway.push.lock import machine_lock
-from gateway.push.restoring import roll_back
+from gateway.push.records import journal
+from gateway.push.records.history import Committed
+from gateway.push.records.lock import machine_lock
 from gateway.push.transaction import Asked, place_for, refused, snapshot, unfinished_names
+from gateway.push.undo.restoring import roll_back
 from gateway.push.unexpected import foreseen, unheard
 from gateway.push.work import Outcome, Work, begun
 from gateway.table.threeway import ThreeWay, compare

@@ -14,10 +14,10 @@ from drivers.errors import TrueflankError, words
 from drivers.types import CompensationTable, LiveSet, LiveTable, Marker, PushOrder, TableLimits
 from gateway.domain import PushRecord, TableChange
 from gateway.errors import BusyError, StoreError, VerifyError
-from gateway.push import journal, numbering
 from gateway.push.compare import signed, table_facts, tolerance
 from gateway.push.context import PushContext
 from gateway.push.plan import plan_hash
+from gateway.push.records import journal, numbering
 from gateway.push.unexpected import foreseen
 from gateway.stopping import current
 

@@ -49,9 +49,9 @@ def as_json(material: ReportMaterial) -> dict[str, object]:
 
 def tooth_pictures(material: ToothMaterial, folder: Path) -> tuple[Path, ...]:
     """Draw flank maps, charts, ranking and errors, those there are, into a folder. Raises StoreError."""
-    return cast("tuple[Path, ...]", import_module("gateway.report.toothplots").pictures(material, folder))
+    return cast("tuple[Path, ...]", import_module("gateway.report.drawings.tooth").pictures(material, folder))
 
 
 def before_after_png(material: ReportMaterial, path: Path) -> None:
     """Draw the before-after curves, one row per axis. Raises StoreError (E-REPORT-WRITE)."""
-    import_module("gateway.report.plots").before_after_png(material, path)
+    import_module("gateway.report.drawings.plots").before_after_png(material, path)

@@ -12,7 +12,7 @@ import numpy as np
 
 from gateway.report.material import AxisMaterial, ReportMaterial
 from gateway.report.parameters import parameter_rows
-from gateway.report.toothdata import summary, tooth_data
+from gateway.report.tooth.data import summary, tooth_data
 
 SCHEMA = "trueflank.report/1"
 

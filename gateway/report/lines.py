@@ -6,12 +6,12 @@ from collections.abc import Iterator
 
 from drivers.errors import words
 from gateway.domain import COVERAGE
-from gateway.report.errors import error_rows
-from gateway.report.flank import before_after
 from gateway.report.material import ReportMaterial, ToothMaterial
 from gateway.report.missing import PUSHED, missing
-from gateway.report.rows import cure_rows, setup_rows
-from gateway.report.toothwords import known
+from gateway.report.tooth.errors import error_rows
+from gateway.report.tooth.flank import before_after
+from gateway.report.tooth.rows import cure_rows, setup_rows
+from gateway.report.tooth.words import known
 from gateway.report.words import plain
 
 

@@ -12,10 +12,12 @@ from markupsafe import Markup
 
 from drivers.types import Ambient
 from gateway.domain import Capture, Evaluation, TableChange
-from gateway.report import plots, toothwords, words
+from gateway.report import words
+from gateway.report.drawings import plots
 from gateway.report.material import AxisMaterial, ReportMaterial
 from gateway.report.parameters import ParameterRow, parameter_rows
-from gateway.report.toothpage import tooth_page
+from gateway.report.tooth import words as tooth_words
+from gateway.report.tooth.page import tooth_page
 
 MOST_TABLE_VALUES = 400
 
@@ -49,7 +51,7 @@ def render(material: ReportMaterial) -> str:
     """The whole document. Same material, same text."""
     axes = [_axis_page(axis) for axis in material.axes]
     editions = sorted({_edition(item) for axis in material.axes for item in _evaluations(axis)})
-    headline = (*words.OUTCOME[material.outcome][:2], toothwords.sentence(material))
+    headline = (*words.OUTCOME[material.outcome][:2], tooth_words.sentence(material))
     tooth = tooth_page(material)
     loud = words.still_on(material)
     return _template().render(
@@ -71,7 +73,7 @@ def _template() -> Template:
     for name in ("number", "signed", "percent", "when", "shortest", "plain", "micro"):
         environment.filters[name] = getattr(words, name)
     environment.globals.update(
-        words=words, say=toothwords, captures=_captures, environment_rows=environment_rows, columns=columns
+        words=words, say=tooth_words, captures=_captures, environment_rows=environment_rows, columns=columns
     )
     return environment.get_template("report.html.j2")
 

@@ -11,8 +11,8 @@ from drivers.types import CompensationTable, LiveSet
 from gateway import audit
 from gateway.errors import StoreError
 from gateway.push.compare import signed, table_in, tolerance
-from gateway.push.history import Committed, committed, pushed_tables
-from gateway.push.journal import JOURNALS
+from gateway.push.records.history import Committed, committed, pushed_tables
+from gateway.push.records.journal import JOURNALS
 from gateway.store import Store
 from gateway.table.threeway import ThreeWay, compare
 from gateway.workflow.bench import Bench

@@ -16,8 +16,8 @@ from gateway import stopping
 from gateway.capture.rig import Rig
 from gateway.config import AxisSection, SiteFile, load_site
 from gateway.errors import WriteRefused
-from gateway.push.journal import JOURNALS
-from gateway.push.sent import SentBook
+from gateway.push.records.journal import JOURNALS
+from gateway.push.records.sent import SentBook
 from gateway.say import Say
 from gateway.store import Proofs, RunFolder, Store
 from gateway.supervisor import Supervisor

@@ -7,9 +7,9 @@ from pathlib import Path
 from drivers.errors import TrueflankError
 from gateway import audit
 from gateway.domain import TableChange
-from gateway.push import journal
 from gateway.push.compare import table_facts
-from gateway.push.journal import JOURNALS
+from gateway.push.records import journal
+from gateway.push.records.journal import JOURNALS
 from gateway.store.records import canonical, sha256
 from gateway.workflow.bench import Bench
 

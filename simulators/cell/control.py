@@ -12,7 +12,7 @@ from drivers.clock import Clock
 from drivers.errors import ConfigError
 from drivers.units import deviation_scale
 from simulators.cellfile import CellFile
-from simulators.nck.machine import AxisSpec, Nck, NckRefusal, NckSpec
+from simulators.nck.control import AxisSpec, Nck, NckRefusal, NckSpec
 from simulators.nck.switches import OPEN
 from simulators.truth import Truth, generator
 

@@ -16,7 +16,7 @@ from simulators.cell.control import with_serial
 from simulators.cell.filed import write_filed_site, write_setup_file
 from simulators.grinding import WorkPiece
 from simulators.modbus import PlcStation
-from simulators.nck.machine import NckRefusal
+from simulators.nck.control import NckRefusal
 from simulators.sensing import GearAnswerer
 from simulators.umd import UmdAnswerer
 

@@ -10,7 +10,7 @@ from drivers.clock import Clock
 from simulators.cellfile import CellFile
 from simulators.faults import FaultPlan
 from simulators.modbus import PlcStation, station_of
-from simulators.nck.machine import Nck
+from simulators.nck.control import Nck
 from simulators.opcua import SinumerikServer
 
 USER = "trueflank"

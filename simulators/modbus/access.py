@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from simulators.modbus.registers import DINT_HIGH, DINT_LOW
-from simulators.nck.machine import Nck, NckRefusal
+from simulators.nck.control import Nck, NckRefusal
 from simulators.nck.spec import AxisSpec
 
 EEC, CEC, BACKLASH_KIND, TEMPERATURE = 1, 2, 3, 4

@@ -16,7 +16,7 @@ from simulators.modbus.pdu import DEVICE_FAILURE, ILLEGAL_ADDRESS, Refused, Unan
 from simulators.modbus.picture import BUSY, DONE, FAILED, RELEASED_LEVEL, WAITING, Picture
 from simulators.modbus.registers import Command, Image
 from simulators.modbus.switches import PlcSettings
-from simulators.nck.machine import Nck
+from simulators.nck.control import Nck
 from simulators.nck.whims import Forgotten
 
 # Less than this is rounding: a clock might not move at all in it.

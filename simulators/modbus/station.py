@@ -14,7 +14,7 @@ from simulators.modbus.frames import BrokenFrame, Frame, Framing, Mbap, Rtu
 from simulators.modbus.pdu import Unanswered, answer
 from simulators.modbus.plc import Plc
 from simulators.modbus.switches import PlcSettings
-from simulators.nck.machine import Nck
+from simulators.nck.control import Nck
 from simulators.outlet import Around, Outlet
 
 READ_BYTES = 4096

@@ -6,13 +6,13 @@ import asyncio
 from collections.abc import Callable
 from typing import Literal
 
-from simulators.nck.alarms import AlarmList
-from simulators.nck.core import Core
-from simulators.nck.files import FileSystem, canonical
-from simulators.nck.interpreter import BrokenOff, Interpreter, PowerCut
+from simulators.nck.language.syntax import NcSyntaxError
+from simulators.nck.machine.alarms import AlarmList
+from simulators.nck.machine.core import Core
+from simulators.nck.machine.files import FileSystem, canonical
+from simulators.nck.program.interpreter import BrokenOff, Interpreter, PowerCut
+from simulators.nck.program.variables import Variables
 from simulators.nck.spec import NckRefusal
-from simulators.nck.syntax import NcSyntaxError
-from simulators.nck.variables import Variables
 
 Mode = Literal["AUTO", "JOG", "MDA"]
 

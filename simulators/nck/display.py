@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.clock import Clock
-from simulators.nck.alarms import Alarm
-from simulators.nck.axis import AxisView
 from simulators.nck.channel import Channel, Mode
-from simulators.nck.core import Core
-from simulators.nck.files import FileSystem
+from simulators.nck.machine.alarms import Alarm
+from simulators.nck.machine.axis import AxisView
+from simulators.nck.machine.core import Core
+from simulators.nck.machine.files import FileSystem
+from simulators.nck.program.variables import Variables, split_name
 from simulators.nck.spec import NckSpec
 from simulators.nck.values import Value
-from simulators.nck.variables import Variables, split_name
 
 Array = NDArray[np.float64]
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Literal
 
-from simulators.nck.core import Core
-from simulators.nck.data_table import CEC_ENABLE, ENC_ENABLE
-from simulators.nck.memory import Table
+from simulators.nck.machine.core import Core
+from simulators.nck.machine.data_table import CEC_ENABLE, ENC_ENABLE
+from simulators.nck.machine.memory import Table
 
 Forgotten = Literal["words", "memory", "switch"]
 SWITCHES = (ENC_ENABLE, CEC_ENABLE, "$SN_CEC_TABLE_ENABLE")

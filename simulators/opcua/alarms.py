@@ -12,9 +12,9 @@ from asyncua.common.events import Event
 from asyncua.server.subscription_service import SubscriptionService
 
 from drivers.clock import Clock
-from drivers.sinumerik import nodes
-from simulators.nck.alarms import POWER_ON_LOCK, STOPPING, Alarm
-from simulators.nck.machine import Nck
+from drivers.sinumerik.opcua.session import nodes
+from simulators.nck.control import Nck
+from simulators.nck.machine.alarms import POWER_ON_LOCK, STOPPING, Alarm
 from simulators.opcua.manners import Manners
 
 REFRESH = ua.NodeId(ua.ObjectIds.ConditionType_ConditionRefresh)

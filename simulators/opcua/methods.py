@@ -6,8 +6,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from drivers.sinumerik import nodes
-from simulators.nck.machine import Nck
+from drivers.sinumerik.opcua.session import nodes
+from simulators.nck.control import Nck
 from simulators.nck.spec import NckRefusal
 from simulators.opcua.space import Refused
 from simulators.opcua.users import Account

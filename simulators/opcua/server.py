@@ -17,9 +17,9 @@ from asyncua.server.server import Server
 
 from drivers.clock import Clock
 from drivers.errors import ConfigError
-from drivers.sinumerik import nodes
-from drivers.sinumerik.certificates import KeyPair, load, own_key_pair
-from simulators.nck.machine import Nck
+from drivers.sinumerik.opcua.session import nodes
+from drivers.sinumerik.opcua.session.certificates import KeyPair, load, own_key_pair
+from simulators.nck.control import Nck
 from simulators.opcua.filenodes import FileNodes
 from simulators.opcua.manners import Manners, Requests
 from simulators.opcua.methods import COPY_METHODS, FILE_METHODS, MAX_FILE, SIGNATURES, Methods, Signature

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from drivers.sinumerik import nodes
-from drivers.sinumerik.nodes import Address, Kind
-from simulators.nck.machine import Nck
+from drivers.sinumerik.opcua.session import nodes
+from drivers.sinumerik.opcua.session.nodes import Address, Kind
+from simulators.nck.control import Nck
 from simulators.nck.spec import NckRefusal
 from simulators.opcua.users import Account
 

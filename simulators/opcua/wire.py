@@ -15,7 +15,7 @@ from asyncua.server.internal_session import InternalSession
 from asyncua.server.user_managers import UserManager
 
 from drivers.clock import Clock
-from drivers.sinumerik import nodes
+from drivers.sinumerik.opcua.session import nodes
 from simulators.opcua.alarms import AlarmEvents
 from simulators.opcua.filenodes import RESULTS, FileNodes
 from simulators.opcua.manners import Requests

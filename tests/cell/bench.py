@@ -10,8 +10,8 @@ from typing import Any
 
 from drivers.clock import LoopClock, run_virtual
 from gateway.config import load_site
+from gateway.workflow.loop.run import run_site
 from gateway.workflow.outcome import Outcome
-from gateway.workflow.run import run_site
 from simulators.cell import Cell, cell_running
 from simulators.cell.site import section
 

@@ -18,21 +18,22 @@ import pytest
 
 from drivers.clock import LoopClock
 from drivers.leftover import LeftOver
-from drivers.sinumerik.uaclient import UaSession
+from drivers.sinumerik.opcua.session.client import UaSession
 from drivers.types import SignProof
 from gateway.config import SiteFile, load_site
 from gateway.daemon.desk import Desk
 from gateway.daemon.stored import pushes_held
-from gateway.push import lock, unfinished
-from gateway.push.journal import JOURNALS
-from gateway.push.sent import SentBook
+from gateway.push import unfinished
+from gateway.push.records import lock
+from gateway.push.records.journal import JOURNALS
+from gateway.push.records.sent import SentBook
 from gateway.say import Say
 from gateway.stopping import Stop, Stopped, current, obey
 from gateway.store import Proofs
 from gateway.supervisor import Supervisor
 from gateway.workflow.bench import store_of
-from gateway.workflow.recovering import recover_site
-from gateway.workflow.run import run_site
+from gateway.workflow.control.recovering import recover_site
+from gateway.workflow.loop.run import run_site
 from simulators.cell import Cell, cell_running
 from tests.cell.bench import short
 

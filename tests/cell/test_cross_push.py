@@ -15,9 +15,9 @@ from gateway.domain import Proposal, TableChange, Verdict
 from gateway.push.compare import table_in
 from gateway.say import silence
 from gateway.workflow import consents, stages
+from gateway.workflow.axes.measure import fetch_tables
 from gateway.workflow.bench import bench, new_run
-from gateway.workflow.measure import fetch_tables
-from gateway.workflow.pushing import apply_proposal
+from gateway.workflow.control.pushing import apply_proposal
 from simulators.cell import cell_running
 from tests.cell.bench import short
 

@@ -17,7 +17,7 @@ from gateway.say import silence
 from gateway.store import Store
 from gateway.tooth import GroundPart, SetupValues
 from gateway.workflow.bench import store_of
-from gateway.workflow.grinding import grind_site
+from gateway.workflow.part.grinding import grind_site
 from simulators.cell import Cell, cell_running
 from simulators.cellfile import load_cell, with_plan
 from tests.unit.simulators.planned_run import ground

@@ -21,14 +21,14 @@ from gateway.push import push_table
 from gateway.say import silence
 from gateway.store import Store
 from gateway.workflow import consents, stages
-from gateway.workflow.approving import approve_plan, show_plan
 from gateway.workflow.bench import bench, store_of
-from gateway.workflow.disabling import disable_site
+from gateway.workflow.control.approving import approve_plan, show_plan
+from gateway.workflow.control.disabling import disable_site
+from gateway.workflow.control.pushing import push_context
+from gateway.workflow.control.rolling_back import roll_back_site
+from gateway.workflow.control.verifying import verify_table
+from gateway.workflow.loop.run import run_site
 from gateway.workflow.outcome import Outcome
-from gateway.workflow.pushing import push_context
-from gateway.workflow.rolling_back import roll_back_site
-from gateway.workflow.run import run_site
-from gateway.workflow.verifying import verify_table
 from simulators.cell import Cell, cell_running
 from simulators.cell.judge import Judge
 from tests.cell.bench import short

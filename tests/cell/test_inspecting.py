@@ -16,12 +16,12 @@ from gateway.domain import Proposal
 from gateway.say import silence
 from gateway.store import RunFolder, Store
 from gateway.tooth import GearProposal, GroundPart, InspectedFlank, SetupValues
-from gateway.workflow import inspecting
 from gateway.workflow.bench import store_of
-from gateway.workflow.fromgear import propose_from_gear
-from gateway.workflow.guardgear import guard_gear_site
-from gateway.workflow.inspecting import inspect_site
-from gateway.workflow.pushing import push_run
+from gateway.workflow.control.pushing import push_run
+from gateway.workflow.part import inspecting
+from gateway.workflow.part.correcting import propose_from_gear
+from gateway.workflow.part.guard import guard_gear_site
+from gateway.workflow.part.inspecting import inspect_site
 from simulators.cell import Cell, cell_running
 from simulators.cellfile import CellFile, load_cell, with_plan
 from simulators.grinding import WorkPiece

@@ -9,8 +9,8 @@ from drivers.clock import LoopClock, run_virtual
 from gateway.config import load_site
 from gateway.say import silence
 from gateway.store import Store
-from gateway.workflow.pushing import push_run
-from gateway.workflow.run import run_site
+from gateway.workflow.control.pushing import push_run
+from gateway.workflow.loop.run import run_site
 from simulators.cell import cell_running
 from simulators.cell.judge import Judge
 from tests.cell.bench import short

@@ -21,9 +21,9 @@ from gateway.interlocks import value_at
 from gateway.push import push_table
 from gateway.push.compare import signed, table_in
 from gateway.say import silence
-from gateway.workflow import pushing
+from gateway.workflow.axes.measure import fetch_tables
 from gateway.workflow.bench import Bench, bench, new_run
-from gateway.workflow.measure import fetch_tables
+from gateway.workflow.control import pushing
 from simulators.cell import Cell, cell_running
 from simulators.cellfile import load_cell
 from tests.cell.bench import short

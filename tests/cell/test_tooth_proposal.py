@@ -30,10 +30,10 @@ from gateway.say import silence
 from gateway.store import RunFolder
 from gateway.tooth import FlankMap, InspectedFlank, ToothProposal
 from gateway.workflow import stages
+from gateway.workflow.axes.measure import fetch_tables, store_equipment
 from gateway.workflow.bench import bench, new_run
-from gateway.workflow.correcting import ToothOutcome, correct_site
-from gateway.workflow.measure import fetch_tables, store_equipment
-from gateway.workflow.pushing import push_run
+from gateway.workflow.control.pushing import push_run
+from gateway.workflow.tooth.correcting import ToothOutcome, correct_site
 from simulators.cell import Cell, cell_running
 from simulators.cellfile import load_cell, with_plan
 from simulators.grinding.seat import on_axis

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from drivers.clock import run_virtual
-from drivers.sinumerik.modbus import SinumerikModbus
+from drivers.sinumerik.mailbox.device import SinumerikModbus
 from drivers.types import CompensationTable, LiveSet, PushOrder, SignProof
 from simulators.modbus import PlcStation, serving
-from simulators.nck.machine import AxisSpec
+from simulators.nck.control import AxisSpec
 from tests.unit.nck.bench import Bench
 
 AXES = (

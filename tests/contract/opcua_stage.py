@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from drivers.clock import LoopClock, run_virtual
-from drivers.sinumerik.opcua import SinumerikOpcUa
+from drivers.sinumerik.opcua.device import SinumerikOpcUa
 from drivers.types import CompensationTable, LiveSet, PushOrder, Stop, StopPlan, StopReached
-from simulators.nck.machine import Nck
+from simulators.nck.control import Nck
 from simulators.nck.spec import AxisSpec, NckSpec
 from simulators.opcua import SinumerikServer
 

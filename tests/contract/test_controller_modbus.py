@@ -23,7 +23,7 @@ from drivers.errors import (
     ValueOutOfRange,
 )
 from drivers.ports import Controller
-from drivers.sinumerik import reader
+from drivers.sinumerik.tablefile import reader
 from drivers.types import Capabilities, ChannelStatus, Marker, StopPlan
 from drivers.workpiece import GrindAxis, GrindPlan
 from tests.contract.modbus_stage import Stage, cross, on_stage, order_for, play, table

@@ -11,8 +11,8 @@ import pytest
 
 from drivers.errors import DeadlineExceeded, DeviceRefused, LinkBroken, TableError, TransportError, TrueflankError
 from drivers.ports import Controller
-from drivers.sinumerik.opcua import SinumerikOpcUa
-from drivers.sinumerik.words import COUNT
+from drivers.sinumerik.ncprogram.words import COUNT
+from drivers.sinumerik.opcua.device import SinumerikOpcUa
 from drivers.types import ChannelStatus, CompensationTable, Stop, StopReached
 from drivers.units import wrap_deg
 from drivers.workpiece import GrindAxis, GrindPlan

@@ -10,9 +10,9 @@ import pytest
 
 from drivers.checks import CheckLine, Wanted, WantedAxis
 from drivers.clock import LoopClock, run_virtual
-from drivers.sinumerik.modbusdoctor import ModbusDoctor
+from drivers.sinumerik.mailbox.doctor import ModbusDoctor
 from simulators.modbus import serving
-from simulators.nck.machine import Nck
+from simulators.nck.control import Nck
 from simulators.nck.spec import NckSpec
 from tests.contract.opcua_stage import SPEC
 

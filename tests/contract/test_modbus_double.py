@@ -38,7 +38,7 @@ def worked_exchange() -> list[tuple[str, int, list[int]]]:
 
 
 def test_the_worked_exchange_passes_as_printed() -> None:
-    from simulators.nck.machine import AxisSpec
+    from simulators.nck.control import AxisSpec
 
     axes = (AxisSpec("X1", "X", travel=(-300.0, 700.0), eec_points=(801, 0)),)
 

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from drivers.checks import CheckLine, Wanted, WantedAxis
-from drivers.sinumerik.doctor import UaDoctor
+from drivers.sinumerik.opcua.doctor import UaDoctor
 from simulators.nck.spec import NckSpec
 from tests.contract.opcua_stage import PLAIN, SPEC, Stage, on_stage
 

@@ -13,9 +13,9 @@ from typing import Any
 import pytest
 
 from drivers.errors import DeadlineExceeded, DeviceRefused, LinkBroken, TransportError, TrueflankError
-from drivers.sinumerik import nodes, ualogin
-from drivers.sinumerik.uaclient import UaSession
-from drivers.sinumerik.uasettings import Secrets
+from drivers.sinumerik.opcua.session import login, nodes
+from drivers.sinumerik.opcua.session.client import UaSession
+from drivers.sinumerik.opcua.settings import Secrets
 from drivers.types import Stop
 from simulators.opcua import SinumerikServer
 from simulators.opcua.space import Space
@@ -107,7 +107,7 @@ async def wire(on: Stage) -> AsyncIterator[Wire]:
 def test_fault_46_renewing_the_channel_loses_and_doubles_no_write(
     keys: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(ualogin, "CHANNEL_S", 30.0)
+    monkeypatch.setattr(login, "CHANNEL_S", 30.0)
 
     async def act(on: Stage) -> None:
         settings = {"security": "Basic256Sha256", "server_certificate": str(on.server.certificate)}

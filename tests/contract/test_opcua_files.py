@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from drivers.errors import TrueflankError
-from drivers.sinumerik.uaclient import UaSession
-from drivers.sinumerik.uasettings import Secrets
+from drivers.sinumerik.opcua.session.client import UaSession
+from drivers.sinumerik.opcua.settings import Secrets
 from drivers.types import Stop
 from tests.contract.opcua_stage import Stage, on_stage, plan
 

@@ -18,15 +18,15 @@ from typer.testing import CliRunner
 
 from drivers.clock import LoopClock
 from drivers.errors import ConfigError, TrueflankError
-from drivers.sinumerik import ualogin
-from drivers.sinumerik.certificates import own_key_pair
-from drivers.sinumerik.doctor import UaDoctor
-from drivers.sinumerik.opcua import SinumerikOpcUa
-from drivers.sinumerik.trust import UaTrust, record_of
-from drivers.sinumerik.uaclient import UaSession
-from drivers.sinumerik.uasettings import UaSettings, secrets_of
+from drivers.sinumerik.opcua.device import SinumerikOpcUa
+from drivers.sinumerik.opcua.doctor import UaDoctor
+from drivers.sinumerik.opcua.session import login
+from drivers.sinumerik.opcua.session.certificates import own_key_pair
+from drivers.sinumerik.opcua.session.client import UaSession
+from drivers.sinumerik.opcua.settings import UaSettings, secrets_of
+from drivers.sinumerik.opcua.trust import UaTrust, record_of
 from gateway.cli import app
-from simulators.nck.machine import Nck
+from simulators.nck.control import Nck
 from simulators.opcua import SinumerikServer
 from tests.contract.opcua_stage import SPEC, Stage, on_stage
 from tests.contract.test_opcua_doctor import WANTED
@@ -301,8 +301,8 @@ def test_a_pinned_certificate_that_does_not_hold_now_connects_to_nothing(
         await on.device.close()
         before = dict(on.server.requests.services)
         given = {**USER, "server_certificate": str(on.server.certificate), "client_folder": str(keys / "client")}
-        for ask in (ualogin.ask, garbled):
-            monkeypatch.setattr(ualogin, "ask", ask)
+        for ask in (login.ask, garbled):
+            monkeypatch.setattr(login, "ask", ask)
             error = await refused(SinumerikOpcUa("840D", on.server.url, given, on.clock).open(5.0), "E-UA-EXPIRED")
             assert "trust accept" in error.hint
         assert dict(on.server.requests.services) == before
@@ -319,7 +319,7 @@ def test_a_server_whose_end_points_are_garbled_must_still_be_the_pinned_one(
 
     async def act(on: Stage) -> None:
         await on.device.close()
-        monkeypatch.setattr(ualogin, "ask", garbled)
+        monkeypatch.setattr(login, "ask", garbled)
         given = {**USER, "server_certificate": str(on.server.certificate), "client_folder": str(keys / "client")}
         for asked, used in (("best", BOTH[1]), (BOTH[0], BOTH[0])):
             session = UaSession(on.server.url, on.clock, "840D")

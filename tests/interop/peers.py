@@ -18,9 +18,9 @@ from cryptography.hazmat.primitives.serialization import Encoding
 
 from drivers.clock import LoopClock
 from drivers.errors import DeadlineExceeded
-from drivers.sinumerik import nodes
-from drivers.sinumerik.certificates import load, own_key_pair
-from simulators.nck.machine import Nck
+from drivers.sinumerik.opcua.session import nodes
+from drivers.sinumerik.opcua.session.certificates import load, own_key_pair
+from simulators.nck.control import Nck
 from simulators.opcua.methods import SIGNATURES, Methods
 from simulators.opcua.space import Refused, Space
 from simulators.opcua.users import ANONYMOUS, accounts_of

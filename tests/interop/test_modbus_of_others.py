@@ -13,9 +13,9 @@ import pytest
 
 from drivers.clock import LoopClock
 from drivers.errors import TrueflankError
-from drivers.sinumerik.modbus import SinumerikModbus
+from drivers.sinumerik.mailbox.device import SinumerikModbus
 from simulators.modbus import Plc, PlcSettings, PlcStation
-from simulators.nck.machine import Nck
+from simulators.nck.control import Nck
 from tests.contract.opcua_stage import ORDER, SPEC
 from tests.interop.modbus_peers import LibmodbusServer, Line, libmodbus_server, mbpoll
 

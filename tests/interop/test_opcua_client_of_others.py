@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from drivers.clock import LoopClock
-from drivers.sinumerik.certificates import own_key_pair
-from simulators.nck.machine import Nck
+from drivers.sinumerik.opcua.session.certificates import own_key_pair
+from simulators.nck.control import Nck
 from simulators.opcua import SinumerikServer
 from tests.contract.opcua_stage import SPEC
 from tests.interop.peers import HERE, node_opcua
@@ -59,7 +59,7 @@ async def conversation(folder: Path, *, trusted: bool, name_space: int = 2) -> t
 def _pem(path: Path) -> bytes:
     from cryptography.hazmat.primitives.serialization import Encoding
 
-    from drivers.sinumerik.certificates import load
+    from drivers.sinumerik.opcua.session.certificates import load
 
     return load(path.read_bytes()).public_bytes(Encoding.PEM)
 

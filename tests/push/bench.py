@@ -10,7 +10,8 @@ from typing import Any
 
 from drivers.clock import LoopClock, run_virtual
 from drivers.types import MachineIdentity
-from gateway.push import PushContext, journal, push_table, unfinished
+from gateway.push import PushContext, push_table, unfinished
+from gateway.push.records import journal
 from tests.push.judging import Played, ended, judge, settle
 from tests.push.mischief import COMMANDS, Mischief, Moment
 from tests.push.world import NEW, OLD, Scene, World, change_of, context_for, world

@@ -22,9 +22,9 @@ from asyncua.client.ua_client import UASocketProtocol
 from drivers.clock import Deadline, run_virtual
 from drivers.errors import TrueflankError
 from drivers.link import Link
-from drivers.sinumerik.modbuswire import ModbusWire
-from drivers.sinumerik.uaclient import UaSession
-from gateway.push.journal import Journal
+from drivers.sinumerik.mailbox.wire import ModbusWire
+from drivers.sinumerik.opcua.session.client import UaSession
+from gateway.push.records.journal import Journal
 from tests.push import schedules, uaschedules
 from tests.push.judging import Played
 from tests.push.mischief import Mischief

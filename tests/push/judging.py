@@ -11,8 +11,9 @@ from typing import Any
 from drivers.errors import TrueflankError
 from gateway.domain import PushRecord
 from gateway.errors import RollbackFailed, StillOn, VerifyError, WriteRefused
-from gateway.push import PushContext, journal, look, outcome_error, recover, unfinished
-from gateway.push.holding import held_pushes
+from gateway.push import PushContext, look, outcome_error, recover, unfinished
+from gateway.push.records import journal
+from gateway.push.records.holding import held_pushes
 from tests.push.oracle import Oracle
 
 

@@ -22,11 +22,12 @@ from typing import Any
 
 from drivers.clock import LoopClock, run_virtual
 from drivers.errors import TransportError, TrueflankError
-from drivers.sinumerik.modbus import SinumerikModbus
+from drivers.sinumerik.mailbox.device import SinumerikModbus
 from drivers.transport import ByteTransport, listen_memory, memory, open_transport
 from drivers.types import LiveSet, MachineIdentity
 from gateway import audit
-from gateway.push import PushContext, journal, look, push_table, recover, unfinished
+from gateway.push import PushContext, look, push_table, recover, unfinished
+from gateway.push.records import journal
 from tests.push.world import URL, Scene, World, change_of, context_for, driver_settings
 
 _TURNS = 60

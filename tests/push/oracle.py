@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from drivers.types import CompensationTable, LiveTable
-from simulators.nck.data_table import CEC_ENABLE, ENC_ENABLE
-from simulators.nck.machine import Nck
-from simulators.nck.memory import CecTable
+from simulators.nck.control import Nck
+from simulators.nck.machine.data_table import CEC_ENABLE, ENC_ENABLE
+from simulators.nck.machine.memory import CecTable
 from simulators.nck.whims import SWITCHES
 
 # Values are kept to a nanometre or 1e-7 deg: below half of that a value is the same.

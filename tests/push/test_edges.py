@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from drivers.sinumerik.mailbox.registers import ADDRESS
+from drivers.sinumerik.mailbox.codec.registers import ADDRESS
 from tests import attacks
 from tests.push.edges import (
     HAIR_S,

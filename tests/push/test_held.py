@@ -11,7 +11,7 @@ import pytest
 
 from drivers.clock import LoopClock, run_virtual
 from gateway.push import look, push_table, recover, unfinished
-from gateway.push.holding import held_pushes
+from gateway.push.records.holding import held_pushes
 from tests.push.bench import Plan, Story, told
 from tests.push.judging import ended
 from tests.push.mischief import Moment

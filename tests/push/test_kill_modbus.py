@@ -14,7 +14,8 @@ import pytest
 from drivers.clock import run_virtual
 from drivers.types import LiveSet
 from gateway import audit
-from gateway.push import journal, unfinished
+from gateway.push import unfinished
+from gateway.push.records import journal
 from tests import attacks
 from tests.push.judging import truth
 from tests.push.killing import IDLE, Ended, gateway, memory_of, pushing, recovering

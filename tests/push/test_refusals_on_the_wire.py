@@ -18,8 +18,8 @@ from gateway.domain import PushRecord, TableChange
 from gateway.errors import BusyError
 from gateway.interlocks import refusals
 from gateway.push import PushContext, conversation, push_table
-from gateway.push.journal import Journal, machine_folder
-from gateway.push.lock import machine_lock
+from gateway.push.records.journal import Journal, machine_folder
+from gateway.push.records.lock import machine_lock
 from simulators.modbus import registers
 from tests.push.mischief import Mischief
 from tests.push.oracle import content_of

@@ -15,10 +15,11 @@ from pathlib import Path
 from typing import Any
 
 from drivers.clock import LoopClock
-from drivers.sinumerik.opcua import SinumerikOpcUa
-from drivers.sinumerik.uaclient import UaSession
+from drivers.sinumerik.opcua.device import SinumerikOpcUa
+from drivers.sinumerik.opcua.session.client import UaSession
 from drivers.types import Stop, StopPlan
-from gateway.push import journal, push_table
+from gateway.push import push_table
+from gateway.push.records import journal
 from tests.push.uaworld import SETTINGS, ua_change, ua_context
 from tests.push.world import NEW
 

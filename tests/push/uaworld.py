@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import Any
 
 from drivers.clock import Clock
-from drivers.sinumerik.opcua import SinumerikOpcUa
+from drivers.sinumerik.opcua.device import SinumerikOpcUa
 from drivers.types import CompensationTable, LiveSet, LiveTable, MachineIdentity, SignProof, Stop, StopPlan
 from gateway.domain import TableChange
 from gateway.push import AxisFacts, PushContext
 from gateway.push.compare import table_in
-from simulators.nck.data_table import CEC_ENABLE, ENC_ENABLE
-from simulators.nck.machine import Nck
+from simulators.nck.control import Nck
+from simulators.nck.machine.data_table import CEC_ENABLE, ENC_ENABLE
 from simulators.nck.spec import AxisSpec, NckSpec
 from simulators.opcua import SinumerikServer
 from tests.push.oracle import Oracle, content_of

@@ -15,14 +15,14 @@ from typing import Any
 import numpy as np
 
 from drivers.clock import Clock, LoopClock
-from drivers.sinumerik.modbus import SinumerikModbus
+from drivers.sinumerik.mailbox.device import SinumerikModbus
 from drivers.types import CompensationTable, LiveSet, LiveTable, MachineIdentity, SignProof
 from gateway.domain import TableChange
 from gateway.push import AxisFacts, PushContext
 from gateway.push.compare import signed, table_in
 from simulators.modbus import PlcStation, station_of
-from simulators.nck.data_table import CEC_ENABLE, ENC_ENABLE
-from simulators.nck.machine import AxisSpec, Nck, NckSpec
+from simulators.nck.control import AxisSpec, Nck, NckSpec
+from simulators.nck.machine.data_table import CEC_ENABLE, ENC_ENABLE
 from simulators.outlet import Around
 from tests.push.oracle import Oracle, content_of
 

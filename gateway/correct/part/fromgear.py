@@ -6,7 +6,7 @@ in the sums of the machine's errors that make them up can be told from a gear: t
 the flank's Jacobian that are multiples of each other), the rest is said to be invisible. What acted while the part
 was ground is taken off: tables, set-up values. A clamped part turns about its own centre, so eccentricity and tilt of
 the clamping are fitted with it as first harmonics of A and B and set apart: they change with the next clamping and go
-into no table. What a constant may be is a set-up value's; the rest is solved for as for a known machine
+into no table. What a constant may be is a set-up value's; the rest is solved for a known machine
 (`solve.optimise`), with measured deviations instead of the errors.
 """
 

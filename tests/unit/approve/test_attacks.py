@@ -19,8 +19,9 @@ from gateway import audit
 from gateway.approve import Approvals, consent
 from gateway.audit.chain import AUDIT
 from gateway.domain import Approval, Proposal, PushRecord, TableChange
-from gateway.push import PushContext, journal, numbering, push_table
-from gateway.push.journal import JOURNALS
+from gateway.push import PushContext, push_table
+from gateway.push.records import journal, numbering
+from gateway.push.records.journal import JOURNALS
 from gateway.store import RunFolder, Store, records
 from gateway.workflow import consents, stages
 from tests.unit.push.double import MACHINE, NEW, Bench, change_of

@@ -16,7 +16,8 @@ from gateway.cli import app
 from gateway.domain import Proposal
 from gateway.errors import WriteRefused
 from gateway.store import RunFolder, Store
-from gateway.workflow import approving, stages
+from gateway.workflow import stages
+from gateway.workflow.control import approving
 from gateway.workflow.outcome import Outcome
 from tests.unit.approve.test_approve import CHANGE, MACHINE
 from tests.unit.approve.test_consents import SKIPPED

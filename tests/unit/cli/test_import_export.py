@@ -24,7 +24,7 @@ from gateway.errors import CaptureError, CorruptRecord
 from gateway.store import Maps, Store
 from gateway.store.rawstream import open_stream
 from gateway.workflow import stages
-from gateway.workflow.importing import How, import_file
+from gateway.workflow.files.importing import How, import_file
 from tests.unit.capture.test_live import AXIS
 from tests.unit.capture.test_plans import run as captured
 from tests.unit.drivers.test_rtx_files import written

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from drivers.errors import ConfigError, TrueflankError
 from gateway.cli import app
-from gateway.workflow.setups import key_of
+from gateway.workflow.errors21.setups import key_of
 from simulators.cell.site import section
 from tests.unit.components.site import site_data, site_of
 

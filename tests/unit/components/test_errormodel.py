@@ -10,7 +10,7 @@ from gateway.evaluate.geometry.measurement import Measurement
 from gateway.model.components import standard_uncertainty, value
 from gateway.model.known import ErrorModel, chain_of_errors
 from gateway.model.preset import TWENTY_ONE
-from gateway.report.errors import error_rows
+from gateway.report.tooth.errors import error_rows
 from tests.unit.components.machine import ARCSEC, PLACES, Machine
 
 

@@ -10,7 +10,7 @@ import pytest
 from pydantic import ValidationError
 
 from drivers.errors import ConfigError
-from gateway.workflow.setups import chosen, key_of, planned, remountings, spans
+from gateway.workflow.errors21.setups import chosen, key_of, planned, remountings, spans
 from tests.unit.components.site import SETUPS, setup, site_of
 
 

@@ -12,8 +12,8 @@ from gateway.correct.plan.plan import AxisGrid
 from gateway.evaluate.geometry.errormodel import error_model
 from gateway.gear.cycloid import CycloidGear
 from gateway.model.known import ErrorModel, Unknown
-from gateway.workflow.components import advise
-from gateway.workflow.setups import Planned, planned
+from gateway.workflow.errors21.components import advise
+from gateway.workflow.errors21.setups import Planned, planned
 from tests.unit.components.machine import Machine
 from tests.unit.components.site import site_of
 from tests.unit.components.test_errormodel import whole_plan

@@ -21,8 +21,8 @@ from gateway.daemon.stored import newest_runs, stored_report
 from gateway.daemon.token import TOKEN_FILE, token_of, token_path
 from gateway.domain import Approval
 from gateway.errors import StoreError
-from gateway.push import journal, numbering
-from gateway.push.lock import held
+from gateway.push.records import journal, numbering
+from gateway.push.records.lock import held
 from gateway.store import Proofs, Store
 from gateway.store.rawstream import RawRecorder, StreamFacts
 from gateway.watch.journal import Journal as Watched

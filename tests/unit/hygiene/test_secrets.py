@@ -9,7 +9,7 @@ import pytest
 
 from drivers.errors import ConfigError
 from drivers.scrub import HIDDEN, has_user, without_secrets, without_secrets_text
-from drivers.sinumerik.uasettings import UaSettings, secrets_of
+from drivers.sinumerik.opcua.settings import UaSettings, secrets_of
 from gateway.config import load_site
 from gateway.workflow.bench import new_run
 from tests.unit.ground.test_config import GOOD

@@ -6,7 +6,7 @@ from collections.abc import Callable, Coroutine
 from typing import Any
 
 from drivers.clock import run_virtual
-from drivers.sinumerik.modbus import SinumerikModbus
+from drivers.sinumerik.mailbox.device import SinumerikModbus
 from drivers.types import CompensationTable, LiveSet, PushOrder, SignProof
 from tests.unit.mailbox.rogue import Rogue, serving
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from drivers.sinumerik.mailbox.registers import CHUNK_POINTS
-from drivers.sinumerik.modbusreader import spans
+from drivers.sinumerik.mailbox.codec.registers import CHUNK_POINTS
+from drivers.sinumerik.mailbox.reader import spans
 
 
 @pytest.mark.parametrize("reserved", [0, 1, 2, 49, 50, 51, 75, 76, 100, 121, 801, 5000])

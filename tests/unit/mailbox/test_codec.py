@@ -13,12 +13,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.errors import Gap, RemoteProtocolError, TableError, UnsupportedDevice, ValueOutOfRange
-from drivers.sinumerik.mailbox import commands, grids, packing, readings
-from drivers.sinumerik.mailbox.commands import Order, encode
-from drivers.sinumerik.mailbox.grids import AxisFacts
-from drivers.sinumerik.mailbox.registers import ADDRESS, Command, Kind, StatusBit
-from drivers.sinumerik.modbusrefusals import check_map
-from drivers.sinumerik.modbuswire import ModbusCodec, Question
+from drivers.sinumerik.mailbox.codec import commands, grids, packing, readings
+from drivers.sinumerik.mailbox.codec.commands import Order, encode
+from drivers.sinumerik.mailbox.codec.grids import AxisFacts
+from drivers.sinumerik.mailbox.codec.registers import ADDRESS, Command, Kind, StatusBit
+from drivers.sinumerik.mailbox.refusals import check_map
+from drivers.sinumerik.mailbox.wire import ModbusCodec, Question
 from drivers.types import CompensationTable
 
 ROOT = Path(__file__).parents[3]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from drivers.sinumerik.mailbox import registers
+from drivers.sinumerik.mailbox.codec import registers
 
 FOLDER = Path(__file__).parents[3] / "docs" / "plc"
 FILES = sorted(FOLDER.glob("*.st"))

@@ -9,14 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.errors import ConfigError, RemoteProtocolError, UnsupportedDevice
-from drivers.sinumerik.mailbox import readings
-from drivers.sinumerik.mailbox.commands import Order
-from drivers.sinumerik.mailbox.readings import Status
-from drivers.sinumerik.mailbox.registers import Command, Kind, Refusal, StatusBit
-from drivers.sinumerik.modbusreader import marker_of
-from drivers.sinumerik.modbusrefusals import check_map, refusal
-from drivers.sinumerik.modbussettings import ModbusSettings
-from drivers.sinumerik.modbuswire import ModbusCodec, Question
+from drivers.sinumerik.mailbox.codec import readings
+from drivers.sinumerik.mailbox.codec.commands import Order
+from drivers.sinumerik.mailbox.codec.readings import Status
+from drivers.sinumerik.mailbox.codec.registers import Command, Kind, Refusal, StatusBit
+from drivers.sinumerik.mailbox.reader import marker_of
+from drivers.sinumerik.mailbox.refusals import check_map, refusal
+from drivers.sinumerik.mailbox.settings import ModbusSettings
+from drivers.sinumerik.mailbox.wire import ModbusCodec, Question
 
 WORDS = st.integers(0, 0xFFFF)
 

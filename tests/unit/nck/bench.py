@@ -7,7 +7,7 @@ from collections.abc import Callable, Coroutine
 from typing import Any
 
 from drivers.clock import LoopClock, run_virtual
-from simulators.nck.machine import AxisSpec, Nck, NckSpec
+from simulators.nck.control import AxisSpec, Nck, NckSpec
 
 SPEC = NckSpec(
     axes=(

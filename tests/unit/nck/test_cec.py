@@ -7,7 +7,7 @@ import itertools
 import numpy as np
 import pytest
 
-from simulators.nck.compensation import follow
+from simulators.nck.machine.compensation import follow
 from tests.unit.nck.bench import Bench, on_bench
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from simulators.nck.compensation import curve_of
+from simulators.nck.machine.compensation import curve_of
 from tests.unit.nck.bench import Bench, eec_lines, enable, load_eec, on_bench
 
 TRIANGLE = [0.0, 0.003, 0.010, 0.004, 0.0]

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from simulators.nck.language import NcSyntaxError, parse
+from simulators.nck.language.parser import NcSyntaxError, parse
 from tests.unit.nck.bench import MAIN, Bench, on_bench
 from tests.unit.nck.test_execution import SKELETON
 

@@ -4,9 +4,20 @@ from __future__ import annotations
 
 import pytest
 
-from simulators.nck.grammar import parse_block
-from simulators.nck.language import NcSyntaxError, outline, parse
-from simulators.nck.syntax import Address, Assign, Binary, Define, IfJump, Indexed, Name, Number, Procedure, Words
+from simulators.nck.language.grammar import parse_block
+from simulators.nck.language.parser import NcSyntaxError, outline, parse
+from simulators.nck.language.syntax import (
+    Address,
+    Assign,
+    Binary,
+    Define,
+    IfJump,
+    Indexed,
+    Name,
+    Number,
+    Procedure,
+    Words,
+)
 
 
 def words(text: str) -> tuple[object, ...]:

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from simulators.nck.motion import LaggedPath
+from simulators.nck.machine.motion import LaggedPath
 from tests.unit.nck.bench import Bench, on_bench
 
 

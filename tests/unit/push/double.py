@@ -35,8 +35,9 @@ from drivers.types import (
 )
 from gateway.domain import TableChange
 from gateway.interlocks import value_at
-from gateway.push import AxisFacts, PushContext, journal
+from gateway.push import AxisFacts, PushContext
 from gateway.push.compare import signed
+from gateway.push.records import journal
 
 MACHINE = MachineIdentity("SN-1", "V4.8", ("X1", "Z1"))
 PROOF = SignProof(MACHINE, "EEC", "X1", -1.0, 0.02, 1, "2026-11-21T09:00:00+00:00")

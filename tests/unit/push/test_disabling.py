@@ -11,9 +11,10 @@ from drivers.clock import run_virtual
 from drivers.errors import DeviceRefused
 from drivers.types import DisableOrder, LiveTable
 from gateway.errors import StillOn
-from gateway.push import journal, look, outcome_error, push_table, recover, unfinished
-from gateway.push.disabling import ask_disable, disable
-from gateway.push.holding import held_pushes
+from gateway.push import look, outcome_error, push_table, recover, unfinished
+from gateway.push.records import journal
+from gateway.push.records.holding import held_pushes
+from gateway.push.undo.disabling import ask_disable, disable
 from tests.unit.push.double import (
     MACHINE,
     OLD,

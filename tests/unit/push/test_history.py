@@ -8,9 +8,9 @@ import pytest
 
 from drivers.types import CompensationTable
 from gateway.errors import StoreError
-from gateway.push import journal, numbering
 from gateway.push.compare import table_facts
-from gateway.push.history import committed, to_undo
+from gateway.push.records import journal, numbering
+from gateway.push.records.history import committed, to_undo
 
 SERIAL = "SN-1"
 

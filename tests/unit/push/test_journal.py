@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gateway.errors import StoreError
-from gateway.push import journal, numbering
+from gateway.push.records import journal, numbering
 
 
 def _written(folder: Path, count: int = 4) -> Path:

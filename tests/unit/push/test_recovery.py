@@ -15,8 +15,9 @@ from drivers.errors import DeadlineExceeded, TrueflankError
 from drivers.types import ChannelStatus, LiveTable
 from gateway.domain import PushRecord
 from gateway.errors import StoreError, WriteRefused
-from gateway.push import Finding, journal, look, push_table, recover, unfinished
-from gateway.push.finding import verdict
+from gateway.push import Finding, look, push_table, recover, unfinished
+from gateway.push.records import journal
+from gateway.push.undo.finding import verdict
 from tests.unit.push.double import (
     MACHINE,
     NEVER,

@@ -14,9 +14,10 @@ from drivers.errors import DeadlineExceeded
 from drivers.types import LiveTable, Marker
 from gateway.domain import Approval, PushRecord
 from gateway.errors import BusyError, WriteRefused
-from gateway.push import journal, look, plan_hash, push_table, recover, unfinished
-from gateway.push.finding import Seen, verdict
-from gateway.push.lock import machine_lock
+from gateway.push import look, plan_hash, push_table, recover, unfinished
+from gateway.push.records import journal
+from gateway.push.records.lock import machine_lock
+from gateway.push.undo.finding import Seen, verdict
 from tests.unit.push.double import (
     MACHINE,
     NEW,

@@ -9,8 +9,8 @@ import pytest
 
 from drivers.leftover import Sent
 from gateway.errors import BusyError
-from gateway.push import sent as rooms
-from gateway.push.sent import FILE, SentBook
+from gateway.push.records import sent as rooms
+from gateway.push.records.sent import FILE, SentBook
 
 FIRST = Sent(123456, "/_N_MPF_DIR/_N_TFMEAS_X1_MPF", 80, (0.0,) * 19 + (7.5,))
 SECOND = replace(FIRST, number=654321, program="/_N_MPF_DIR/_N_TFPUSH_X1_MPF", others={77: 0.25})

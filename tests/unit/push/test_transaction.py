@@ -14,8 +14,9 @@ from drivers.errors import DeadlineExceeded, DeviceRefused, TransportError, True
 from drivers.types import LiveTable
 from gateway.domain import PushRecord, TableChange
 from gateway.errors import BusyError, RollbackFailed, StoreError, VerifyError, WriteRefused
-from gateway.push import journal, outcome_error, push_table, recover
-from gateway.push.lock import machine_lock
+from gateway.push import outcome_error, push_table, recover
+from gateway.push.records import journal
+from gateway.push.records.lock import machine_lock
 from tests.unit.push.double import (
     MACHINE,
     NEVER,

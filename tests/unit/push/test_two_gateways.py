@@ -14,7 +14,7 @@ from drivers.types import ChannelStatus, LiveTable, Marker
 from gateway.domain import PushRecord
 from gateway.errors import BusyError, VerifyError
 from gateway.push import push_table
-from gateway.push.recovery import look, recover, unfinished
+from gateway.push.undo.recovery import look, recover, unfinished
 from tests.unit.push.double import MACHINE, NEW, Bench, Machine, bench, change_of, journals_of
 
 pytestmark = pytest.mark.attack("another gateway pushes or loads in between", "port")

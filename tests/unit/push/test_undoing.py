@@ -12,8 +12,9 @@ from drivers.errors import DeadlineExceeded
 from drivers.types import LiveTable
 from gateway.domain import PushRecord
 from gateway.errors import RollbackFailed, VerifyError
-from gateway.push import journal, outcome_error, push_table
-from gateway.push.history import Committed, committed, to_undo
+from gateway.push import outcome_error, push_table
+from gateway.push.records import journal
+from gateway.push.records.history import Committed, committed, to_undo
 from gateway.push.undoing import ask_undo, compare_now, undo
 from tests.unit.push.double import (
     MACHINE,

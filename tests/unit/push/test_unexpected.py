@@ -13,7 +13,8 @@ from drivers.clock import run_virtual
 from drivers.errors import DeviceRefused
 from drivers.types import LiveTable
 from gateway.errors import StoreError, Unexpected
-from gateway.push import journal, push_table
+from gateway.push import push_table
+from gateway.push.records import journal
 from gateway.push.unexpected import foreseen
 from gateway.workflow.consents import why_of, word_of
 from tests.unit.push.double import NEW, OLD, bench, change_of, journals_of

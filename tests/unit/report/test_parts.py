@@ -16,7 +16,7 @@ from drivers.errors import catalogue
 from gateway.errors import StoreError
 from gateway.report import as_json, before_after_png, parameter_rows, render, words
 from gateway.report.data import plain
-from gateway.report.draw import mean
+from gateway.report.drawings.curves import mean
 from gateway.report.page import columns
 from tests.unit.report import synthetic
 

@@ -14,13 +14,13 @@ from matplotlib.figure import Figure
 from drivers.types import FloatArray
 from gateway.model.preset import TWENTY_ONE
 from gateway.report import ReportMaterial, ToothMaterial, as_json
-from gateway.report.cured import shares
-from gateway.report.flank import close_up, shown, states, top_of, traces
-from gateway.report.flankdraw import flank_maps
+from gateway.report.drawings.flank import flank_maps
 from gateway.report.lines import tooth_lines
 from gateway.report.missing import missing
-from gateway.report.rows import cure_rows, setup_rows
-from gateway.report.why import tag, why
+from gateway.report.tooth.cured import shares
+from gateway.report.tooth.flank import close_up, shown, states, top_of, traces
+from gateway.report.tooth.rows import cure_rows, setup_rows
+from gateway.report.tooth.why import tag, why
 from gateway.tooth import CureRecord, FlankMap, FlankPrediction, GearProposal, SetupValues
 from tests.unit.report import closing
 from tests.unit.report.closing import GEAR, GRID, flank_of

@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 from gateway.model.known import ErrorModel, LocationError
-from gateway.report import PartMaterial, ReportMaterial, TableMaterial, ToothMaterial, render, toothplots
-from gateway.report.flank import states
+from gateway.report import PartMaterial, ReportMaterial, TableMaterial, ToothMaterial, render
+from gateway.report.drawings import tooth as tooth_drawings
+from gateway.report.tooth.flank import states
 from gateway.report.words import number, signed
 from gateway.tooth import FlankMap, GroundPart, SetupValues
 from tests.unit.report import closing
@@ -136,7 +137,7 @@ def test_nothing_is_fetched_and_nothing_runs(document: str) -> None:
     used = set(re.findall(r"url\(#([^)]+)\)", bare)) | set(re.findall(r'href="#([^"]+)"', bare))
     assert used <= set(outline.ids)
     assert len(outline.ids) == len(set(outline.ids))
-    assert toothplots.maps(closing.tooth()) in document  # drawn anew: the same bytes
+    assert tooth_drawings.maps(closing.tooth()) in document  # drawn anew: the same bytes
 
 
 def _small(text: str) -> FlankMap:

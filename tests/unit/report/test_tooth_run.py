@@ -15,9 +15,9 @@ from gateway.model.known import ErrorModel, Unknown
 from gateway.store import RunFolder, Store
 from gateway.tooth import GearProposal, SetupValues
 from gateway.workflow import stages
-from gateway.workflow.outcome import closing_lines
-from gateway.workflow.reportedtooth import part_names
-from gateway.workflow.reporting import material_of, outcome_of, write_report
+from gateway.workflow.results.ending import closing_lines
+from gateway.workflow.results.reporting import material_of, outcome_of, write_report
+from gateway.workflow.results.tooth import part_names
 from tests.unit.report import closing, synthetic
 
 AXIS = """

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.errors import ConfigError, FileFormatError
-from drivers.sinumerik import backlash, forms, reader, temperature
+from drivers.sinumerik.tablefile import backlash, forms, reader, temperature
 from drivers.tablefile import TableFile
 from drivers.types import CompensationTable
 

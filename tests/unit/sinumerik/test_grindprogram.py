@@ -12,12 +12,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.errors import ConfigError, LocalProtocolError
-from drivers.sinumerik.backup import Memory
-from drivers.sinumerik.grindprogram import GrindSetting, grinding, preview
-from drivers.sinumerik.uasettings import UaSettings
-from drivers.sinumerik.words import Words
+from drivers.sinumerik.ncprogram.backup import Memory
+from drivers.sinumerik.ncprogram.grinding import GrindSetting, grinding
+from drivers.sinumerik.ncprogram.words import Words
+from drivers.sinumerik.opcua.grinding import preview
+from drivers.sinumerik.opcua.settings import UaSettings
 from drivers.workpiece import GrindAxis, GrindPlan, check_plan
-from simulators.nck.language import parse
+from simulators.nck.language.parser import parse
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "sinumerik" / "grind.mpf"
 MEMORY = {name: Memory(2, (0, 0), ("X1", "Y1", "Z1", "C1")) for name in ("X1", "Z1", "C1")}

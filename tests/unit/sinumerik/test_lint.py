@@ -9,8 +9,8 @@ import pytest
 
 from drivers import registry
 from drivers.errors import ConfigError
-from drivers.sinumerik import forms, lint, suspicion, tables
-from drivers.sinumerik.tablefiles import TableFiles
+from drivers.sinumerik.tablefile import forms, lint, suspicion, tables
+from drivers.sinumerik.tablefile.format import TableFiles
 from drivers.tablefile import TableFile, TableMachine
 from drivers.types import CompensationTable
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.sinumerik import nodes
+from drivers.sinumerik.opcua.session import nodes
 
 AXES = ("X1", "Z1", "C1")
 GOLDEN = tomllib.loads((Path(__file__).parents[2] / "golden" / "sinumerik" / "nodes.toml").read_text())

@@ -10,13 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.errors import LocalProtocolError, TableError
-from drivers.sinumerik import program, pushprogram
-from drivers.sinumerik.backup import Memory
-from drivers.sinumerik.motion import Motion
-from drivers.sinumerik.program import Setting
-from drivers.sinumerik.words import Words
+from drivers.sinumerik.ncprogram import measuring as measuring_program
+from drivers.sinumerik.ncprogram import pushing as pushing_program
+from drivers.sinumerik.ncprogram.backup import Memory
+from drivers.sinumerik.ncprogram.measuring import Setting
+from drivers.sinumerik.ncprogram.motion import Motion
+from drivers.sinumerik.ncprogram.words import Words
 from drivers.types import CompensationTable, MachineIdentity, PushOrder, SignProof, Stop, StopPlan
-from simulators.nck.language import parse
+from simulators.nck.language.parser import parse
 
 SETTING = Setting(Words(80), Memory(80, (0, 30), ("X1", "Z1", "C1")), modulo=False)
 TABLE = CompensationTable("EEC", "X1", "X1", 0.0, 100.0, 50.0, (0.0, -3.0, 0.0))
@@ -43,10 +44,10 @@ def moves(text: str) -> list[str]:
 
 
 def test_like_repetitions_become_one_loop_and_others_are_written_out() -> None:
-    looped = program.measuring(plan(rounds(5)), 123456, SETTING)
+    looped = measuring_program.measuring(plan(rounds(5)), 123456, SETTING)
     assert "FOR K=0 TO 4" in looped
     assert looped.count("R80=R80+1") == 6
-    uneven = program.measuring(plan((*rounds(2), Stop(10.0, 1, 2, 9))), 123456, SETTING)
+    uneven = measuring_program.measuring(plan((*rounds(2), Stop(10.0, 1, 2, 9))), 123456, SETTING)
     assert "FOR K" not in uneven
     assert uneven.count("R80=R80+1") == 13
     for text in (looped, uneven):
@@ -54,7 +55,7 @@ def test_like_repetitions_become_one_loop_and_others_are_written_out() -> None:
 
 
 def test_each_stop_is_approached_from_its_own_side_with_overrun() -> None:
-    assert moves(program.measuring(plan(rounds(1)), 1, SETTING)) == [
+    assert moves(measuring_program.measuring(plan(rounds(1)), 1, SETTING)) == [
         "SUPA G1 X=-5.0 F=500.0",
         "SUPA G1 X=0.0 F=500.0",
         "SUPA G1 X=50.0 F=500.0",
@@ -68,7 +69,9 @@ def test_each_stop_is_approached_from_its_own_side_with_overrun() -> None:
 
 def test_a_modulo_axis_turns_with_acp_and_acn() -> None:
     turning = plan(rounds(1, (0.0, 180.0, 360.0)), letter="C", axis="C1", unit="deg", rotary=True)
-    assert [line.split()[2] for line in moves(program.measuring(turning, 1, replace(SETTING, modulo=True)))] == [
+    assert [
+        line.split()[2] for line in moves(measuring_program.measuring(turning, 1, replace(SETTING, modulo=True)))
+    ] == [
         "C=DC(355.0)",
         "C=ACP(0.0)",
         "C=ACP(180.0)",
@@ -82,7 +85,7 @@ def test_a_modulo_axis_turns_with_acp_and_acn() -> None:
 
 def test_standing_still_to_switch_does_not_move() -> None:
     stops = tuple(Stop(50.0, 1, 0, n, switch) for n, switch in enumerate((True, False, True)))
-    text = program.measuring(plan(stops), 1, SETTING)
+    text = measuring_program.measuring(plan(stops), 1, SETTING)
     assert len(moves(text)) == 2
     assert text.count("$MA_ENC_COMP_ENABLE[0,X1]=1\nNEWCONF") == 2
     assert text.count("$MA_ENC_COMP_ENABLE[0,X1]=0\nNEWCONF") == 1
@@ -126,7 +129,7 @@ def _travel(block: str, position: float) -> float:
 
 
 def test_the_counter_is_written_last_and_every_wait_can_be_left() -> None:
-    text = program.measuring(plan(rounds(1)), 1, SETTING)
+    text = measuring_program.measuring(plan(rounds(1)), 1, SETTING)
     for block in text.split("G4 F1.0\n")[1:]:
         lines = block.splitlines()
         counted = lines.index("R80=R80+1")
@@ -137,14 +140,14 @@ def test_the_counter_is_written_last_and_every_wait_can_be_left() -> None:
 
 
 def test_tables_are_saved_before_the_first_move_and_the_set_up() -> None:
-    text = program.measuring(plan(rounds(1)), 1, SETTING)
+    text = measuring_program.measuring(plan(rounds(1)), 1, SETTING)
     saved, setup, moved = text.index('"M17"'), text.index("TRUEFLANK SETUP EXX ON X"), text.index("SUPA")
     assert saved < setup < moved
     assert "$MA_BACKLASH[0,X1]" in text
     assert "IF $AN_CEC_STEP[1]<>0" in text
     assert "$AN_CEC[0," not in text
-    assert "SETUP" not in program.measuring(plan(rounds(1), setup=""), 1, SETTING)
-    assert "WRITE" not in program.measuring(plan(rounds(1), save_tables=False), 1, SETTING)
+    assert "SETUP" not in measuring_program.measuring(plan(rounds(1), setup=""), 1, SETTING)
+    assert "WRITE" not in measuring_program.measuring(plan(rounds(1), save_tables=False), 1, SETTING)
 
 
 @pytest.mark.parametrize(
@@ -158,11 +161,13 @@ def test_tables_are_saved_before_the_first_move_and_the_set_up() -> None:
 )
 def test_nothing_can_break_out_of_a_block(change: dict[str, object], code: str) -> None:
     with pytest.raises(LocalProtocolError, match=code):
-        program.measuring(replace(plan(rounds(1)), **change), 1, SETTING)
+        measuring_program.measuring(replace(plan(rounds(1)), **change), 1, SETTING)
 
 
 def texts_of(order: PushOrder, setting: Setting = SETTING) -> list[str]:
-    return [make(order, setting) for make in (pushprogram.pushing, pushprogram.loading, pushprogram.enabling)]
+    return [
+        make(order, setting) for make in (pushing_program.pushing, pushing_program.loading, pushing_program.enabling)
+    ]
 
 
 def test_push_programs_are_readable_and_never_write_the_memory_data() -> None:
@@ -174,7 +179,7 @@ def test_push_programs_are_readable_and_never_write_the_memory_data() -> None:
 
 
 def test_order_of_the_first_half() -> None:
-    text = pushprogram.pushing(ORDER, SETTING)
+    text = pushing_program.pushing(ORDER, SETTING)
     marks = [
         'DELETE(ERR,"/_N_SPF_DIR/_N_TFBACK_X1_SPF")',
         "SUPA G1 X=0.0 F=2000.0",
@@ -195,26 +200,26 @@ def test_order_of_the_first_half() -> None:
 
 
 def test_the_switch_goes_on_at_one_place_only_and_not_at_all_unless_ordered() -> None:
-    assert pushprogram.pushing(ORDER, SETTING).count("ENABLE[0,X1]=1") == 1
-    assert pushprogram.loading(ORDER, SETTING).count("ENABLE[0,X1]=1") == 0
+    assert pushing_program.pushing(ORDER, SETTING).count("ENABLE[0,X1]=1") == 1
+    assert pushing_program.loading(ORDER, SETTING).count("ENABLE[0,X1]=1") == 0
     for text in texts_of(replace(ORDER, enable=False)):
         assert "ENABLE[0,X1]=1" not in text
 
 
 def test_a_table_that_does_not_fit_or_has_no_proof_makes_no_program() -> None:
     with pytest.raises(TableError, match="E-TABLE-POINTS"):
-        pushprogram.pushing(ORDER, replace(SETTING, memory=Memory(2)))
+        pushing_program.pushing(ORDER, replace(SETTING, memory=Memory(2)))
     with pytest.raises(TableError, match="E-TABLE-NO-PROOF"):
-        pushprogram.pushing(replace(ORDER, proof=None), SETTING)
+        pushing_program.pushing(replace(ORDER, proof=None), SETTING)
     with pytest.raises(TableError, match="E-TABLE-FINITE"):
-        pushprogram.pushing(replace(ORDER, table=replace(TABLE, deviations=(0.0, float("nan"), 0.0))), SETTING)
-    exact = pushprogram.pushing(ORDER, replace(SETTING, memory=Memory(3)))
+        pushing_program.pushing(replace(ORDER, table=replace(TABLE, deviations=(0.0, float("nan"), 0.0))), SETTING)
+    exact = pushing_program.pushing(ORDER, replace(SETTING, memory=Memory(3)))
     assert "FOR N=3" not in exact
 
 
 def test_new_tables_are_rounded_once_and_restored_ones_are_not() -> None:
     fine = replace(TABLE, deviations=(0.0, 1.23456789, 0.0))
-    assert "$AA_ENC_COMP[0,1,X1]=0.001235\n" in pushprogram.pushing(replace(ORDER, table=fine), SETTING)
-    restored = pushprogram.pushing(replace(ORDER, table=fine, purpose="restore", proof=None), SETTING)
+    assert "$AA_ENC_COMP[0,1,X1]=0.001235\n" in pushing_program.pushing(replace(ORDER, table=fine), SETTING)
+    restored = pushing_program.pushing(replace(ORDER, table=fine, purpose="restore", proof=None), SETTING)
     assert "$AA_ENC_COMP[0,1,X1]=0.0012345679\n" in restored
     assert "IF ABS($AA_ENC_COMP[0,1,X1]-0.0012345679)>0.000000001\n" in restored

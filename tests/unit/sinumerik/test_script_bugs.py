@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from drivers.errors import FileFormatError
-from drivers.sinumerik import forms, reader
-from drivers.sinumerik.tablefiles import TableFiles
+from drivers.sinumerik.tablefile import forms, reader
+from drivers.sinumerik.tablefile.format import TableFiles
 from drivers.tablefile import TableFile, TableMachine
 from drivers.types import MeasuredSet
 from gateway.evaluate.standards.iso230_2 import evaluate

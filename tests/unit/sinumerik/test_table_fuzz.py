@@ -9,8 +9,8 @@ from collections import Counter
 import pytest
 
 from drivers.errors import FileFormatError, Gap, TrueflankError
-from drivers.sinumerik import forms, reader
-from drivers.sinumerik.tablefiles import TableFiles
+from drivers.sinumerik.tablefile import forms, reader
+from drivers.sinumerik.tablefile.format import TableFiles
 from drivers.tablefile import TableFile
 
 INPUTS = 100_000

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.errors import FileFormatError, Gap, TableError
-from drivers.sinumerik import forms, tables
+from drivers.sinumerik.tablefile import forms, tables
 from drivers.types import CompensationTable, MachineIdentity, SignProof
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "sinumerik"

@@ -12,15 +12,15 @@ import pytest
 
 from drivers.clock import LoopClock, run_virtual
 from drivers.errors import FileFormatError
-from drivers.sinumerik import backup, pushprogram
-from drivers.sinumerik.backup import Memory, Saving
-from drivers.sinumerik.program import Setting
-from drivers.sinumerik.reader import read_loosely
-from drivers.sinumerik.tablefiles import TableFiles
-from drivers.sinumerik.words import Words
-from drivers.sinumerik.written import read_written, text_of
+from drivers.sinumerik.ncprogram import backup, pushing
+from drivers.sinumerik.ncprogram.backup import Memory, Saving
+from drivers.sinumerik.ncprogram.measuring import Setting
+from drivers.sinumerik.ncprogram.words import Words
+from drivers.sinumerik.ncprogram.written import read_written, text_of
+from drivers.sinumerik.tablefile.format import TableFiles
+from drivers.sinumerik.tablefile.reader import read_loosely
 from drivers.types import CompensationTable, LiveSet, PushOrder
-from simulators.nck.machine import AxisSpec, Nck, NckSpec
+from simulators.nck.control import AxisSpec, Nck, NckSpec
 from tests import attacks
 
 pytestmark = pytest.mark.attack
@@ -227,7 +227,7 @@ async def _saved_by_the_control(clock: LoopClock, *, never: bool) -> tuple[str, 
                 nck.set(f"$AN_CEC_{name}[2]", value, 0)
             nck.set("$AN_CEC[2,1]", -0.0015, 0)
         setting = Setting(WORDS, Memory(4, (2, 0, 3), ("X1", "Z1")), modulo=False)
-        nck.files.write("/_N_MPF_DIR/_N_TFPUSH_X1_MPF", pushprogram.loading(ORDER, setting).encode())
+        nck.files.write("/_N_MPF_DIR/_N_TFPUSH_X1_MPF", pushing.loading(ORDER, setting).encode())
         nck.set_mode("AUTO")
         assert nck.select("/_N_MPF_DIR/_N_TFPUSH_X1_MPF") == 0
         assert nck.nc_start()

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from drivers.errors import ConfigError
 from drivers.units import arcsec_to_rad
-from gateway.cli.study import study_command
+from gateway.cli.files.study import study_command
 from gateway.errors import ModelError, StoreError
 from gateway.gear.first_order import first_order
 from gateway.gear.flank import flank_figure

@@ -16,7 +16,7 @@ from gateway.correct.flank.tables import Table, TableGrid
 from gateway.domain import TableChange
 from gateway.errors import CaptureError
 from gateway.model.preset import yk7350b
-from gateway.workflow.crosstables import acting_cross, cross_changes
+from gateway.workflow.tooth.crosstables import acting_cross, cross_changes
 
 CHAIN = yk7350b()
 Z, C = np.linspace(0.0, 40.0, 5), np.deg2rad(np.arange(0.0, 361.0, 45.0))

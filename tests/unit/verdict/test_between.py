@@ -12,8 +12,8 @@ from drivers.types import Ambient
 from gateway.domain import AxisVerdict, Between, Capture, PushRecord
 from gateway.evaluate.optics.corrections import begin
 from gateway.evaluate.standards.iso230_2 import evaluate
-from gateway.workflow.explaining import check_between
-from gateway.workflow.verdict import judge, judge_axis
+from gateway.workflow.axes.explaining import check_between
+from gateway.workflow.axes.verdict import judge, judge_axis
 from tests.unit.verdict.test_explaining import CHANGE, OLD
 
 TARGETS = CHANGE.targets

@@ -22,7 +22,7 @@ from gateway.store import Store
 from gateway.watch.journal import Journal
 from gateway.watch.listing import Folder, Seen
 from gateway.watch.watcher import Watcher
-from gateway.workflow.importing import How, import_file
+from gateway.workflow.files.importing import How, import_file
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "files"
 BASIC = (GOLDEN / "basic.rtl").read_bytes()

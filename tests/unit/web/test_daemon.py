@@ -25,7 +25,7 @@ from gateway.daemon.stored import last_result, newest_runs, pushes_held, stored_
 from gateway.daemon.token import token_of
 from gateway.domain import AxisVerdict, Verdict
 from gateway.errors import BusyError, StoreError
-from gateway.push import journal
+from gateway.push.records import journal
 from gateway.say import Say
 from gateway.stopping import current
 from gateway.store import Store

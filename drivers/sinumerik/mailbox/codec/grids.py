@@ -1,0 +1,184 @@
+"""CompensationTable <-> mailbox numbers: whole nm, 1e-7 deg, 0.1 um and 1e-6 deg, exact or refused.
+
+The back-up over this road is text as a program of ours would write it: one strict reader serves both roads, and any
+tool can load it again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from decimal import Decimal
+from typing import Any, Literal
+
+from drivers.errors import Gap, TableError, ValueOutOfRange
+from drivers.sinumerik.mailbox.codec.commands import Order
+from drivers.sinumerik.mailbox.codec.packing import HIGHEST, LOWEST
+from drivers.sinumerik.mailbox.codec.readings import Picture
+from drivers.sinumerik.mailbox.codec.registers import Command, Kind, SwitchBit, TableFlag
+from drivers.sinumerik.ncprogram import backup
+from drivers.sinumerik.ncprogram.backup import Memory, Saving
+from drivers.sinumerik.ncprogram.written import text_of
+from drivers.sinumerik.tablefile.grammar import position_text, value_text
+from drivers.types import CompensationTable
+from drivers.units import AxisUnit
+
+VALUE_UNIT: Mapping[AxisUnit, Decimal] = {"mm": Decimal("1e-6"), "deg": Decimal("1e-7")}
+POSITION_UNIT: Mapping[AxisUnit, Decimal] = {"mm": Decimal("1e-4"), "deg": Decimal("1e-6")}
+WEIGHT_UNIT = Decimal("1e-6")
+
+
+@dataclass(frozen=True, slots=True)
+class AxisFacts:
+    """One machine axis as the PLC names it; ``number`` counts from 1."""
+
+    number: int
+    name: str
+    unit: AxisUnit
+    modulo: bool
+
+
+def whole(value: Decimal, unit: Decimal, table: CompensationTable, what: str) -> int:
+    """``value`` (mm or deg) as a whole number of ``unit``.
+
+    Raises ValueOutOfRange E-MBX-FRACTION (not expressible: nothing is rounded silently) or E-MBX-RANGE.
+    """
+    steps = value / unit
+    fields: dict[str, Any] = {"table": table.name, "what": what, "value": value, "unit": unit}
+    if steps != steps.to_integral_value():
+        raise ValueOutOfRange("E-MBX-FRACTION", table.name, **fields)
+    if not LOWEST <= steps <= HIGHEST:
+        raise ValueOutOfRange("E-MBX-RANGE", table.name, **fields)
+    return int(steps)
+
+
+def sayable(table: CompensationTable) -> CompensationTable:
+    """A table never loaded as two points of zero: the mailbox can empty a table, but not take its grid away."""
+    if table.step > 0 or any(table.deviations):
+        return table
+    return replace(table, minimum=0.0, maximum=1.0, step=1.0, deviations=(0.0, 0.0), modulo=False)
+
+
+def begin_order(table: CompensationTable, points: int, axes: Mapping[str, AxisFacts]) -> Order:
+    """Command 2 for a table of ``points`` points; registers 18-28 and 31-33 serve commands 3 and 4 as well.
+
+    Raises ValueOutOfRange, Gap (E-TABLE-STEP) and TableError (E-MBX-KIND) for what the map cannot say.
+    """
+    unit = POSITION_UNIT[axes[table.input_axis].unit]
+    low, step, high = (
+        whole(Decimal(repr(float(value))), unit, table, what)
+        for what, value in (("MIN", table.minimum), ("STEP", table.step), ("MAX", table.maximum))
+    )
+    if step <= 0 or high - low != step * (points - 1):
+        grid: dict[str, Any] = {"step": table.step, "low": table.minimum, "high": table.maximum}
+        raise Gap("E-TABLE-STEP", table.name, table=table.name, **grid)
+    named = naming(table, axes)
+    return Order(
+        Command.BEGIN,
+        named.kind,
+        named.index,
+        named.encoder,
+        flags_of(table),
+        low,
+        step,
+        high,
+        points,
+        0,
+        0,
+        named.input_axis,
+        named.output_axis,
+        table.multiply_by,
+    )
+
+
+def naming(table: CompensationTable, axes: Mapping[str, AxisFacts], command: Command = Command.SELECT) -> Order:
+    """A command that names a table and nothing of what is in it."""
+    output = axes[table.output_axis].number
+    if table.function == "EEC":
+        return Order(command, Kind.EEC, output, table.index)
+    return Order(command, Kind.CEC, table.index, input_axis=axes[table.input_axis].number, output_axis=output)
+
+
+def flags_of(table: CompensationTable) -> int:
+    """Register 21 of a table. Raises TableError (E-MBX-KIND) for a direction or type that EEC does not have."""
+    direction = {0: 0, 1: TableFlag.POSITIVE, -1: TableFlag.NEGATIVE}[table.direction]
+    if table.table_type not in (0, 1) or (table.function == "EEC" and (direction or table.table_type)):
+        raise TableError("E-MBX-KIND", table.name, table=table.name)
+    return int((TableFlag.MODULO if table.modulo else 0) | direction | (TableFlag.CYLINDER if table.table_type else 0))
+
+
+def numbers_of(table: CompensationTable, values: Sequence[Decimal], unit: AxisUnit) -> tuple[int, ...]:
+    """Stored values (mm or deg) as nm or 1e-7 deg. Raises as `whole`."""
+    return tuple(whole(value, VALUE_UNIT[unit], table, f"point {place}") for place, value in enumerate(values))
+
+
+@dataclass(frozen=True, slots=True)
+class Stored:
+    """One table as read back: the picture it came with and all reserved points."""
+
+    function: Literal["EEC", "CEC"]
+    picture: Picture
+    points: tuple[int, ...]
+
+
+def saved_text(tables: Sequence[Stored], axes: Mapping[int, AxisFacts], saving: Saving) -> str:
+    """Loadable text of tables, switches and backlash of one axis, as a program of ours would have written it."""
+    axis = next(one for one in axes.values() if one.name == saving.axis)
+    own, unit = tables[0].picture, VALUE_UNIT[axis.unit]
+    backlash, eec_switch, cec_switch = backup.axis_settings(saving)
+    values = {
+        backlash: value_text(own.backlash * unit),
+        eec_switch: str(int(SwitchBit.EEC in own.switches)),
+        cec_switch: str(int(SwitchBit.CEC_AXIS in own.switches)),
+    }
+    for table in tables:
+        values |= _eec(table, axis, saving) if table.function == "EEC" else _cec(table, axes)
+    return text_of(saving, values)
+
+
+def memory_of(tables: Sequence[Stored]) -> Memory:
+    """What the tables that were read have reserved; tables that were not read count as none."""
+    cross = {table.picture.selection.index: len(table.points) for table in tables if table.function == "CEC"}
+    return Memory(len(tables[0].points), tuple(cross.get(number, 0) for number in range(max(cross, default=-1) + 1)))
+
+
+def _eec(table: Stored, axis: AxisFacts, saving: Saving) -> dict[str, str]:
+    places = backup.own_points(saving).places
+    values = {
+        place: value_text(value * VALUE_UNIT[axis.unit]) for place, value in zip(places, table.points, strict=True)
+    }
+    return values | {
+        f"$AA_ENC_COMP_{name}[{saving.encoder},{axis.name}]": value for name, value in _grid(table, axis.unit).items()
+    }
+
+
+def _cec(table: Stored, axes: Mapping[int, AxisFacts]) -> dict[str, str]:
+    grid, index = table.picture.grid, table.picture.selection.index
+    source, output = axes[grid.input_axis], axes[grid.output_axis]
+    unit = VALUE_UNIT[output.unit]
+    direction = {0: 0, TableFlag.POSITIVE: 1, TableFlag.NEGATIVE: -1}[TableFlag(grid.flags & 6)]
+    parameters = {
+        "INPUT_AXIS": f"({source.name})",
+        "OUTPUT_AXIS": f"({output.name})",
+        **_grid(table, source.unit),
+        "DIRECTION": str(direction),
+        "MULT_BY_TABLE": str(grid.multiply_by),
+        "TYPE": str(int(bool(grid.flags & TableFlag.CYLINDER))),
+    }
+    switch, weight = backup.cross_switches(index)
+    return {
+        **{f"$AN_CEC[{index},{place}]": value_text(value * unit) for place, value in enumerate(table.points)},
+        **{f"$AN_CEC_{name}[{index}]": value for name, value in parameters.items()},
+        switch: str(int(SwitchBit.CEC_TABLE in table.picture.switches)),
+        weight: value_text(table.picture.weight * WEIGHT_UNIT),
+    }
+
+
+def _grid(table: Stored, unit: AxisUnit) -> dict[str, str]:
+    grid, scale = table.picture.grid, POSITION_UNIT[unit]
+    return {
+        "STEP": position_text(grid.step * scale),
+        "MIN": position_text(grid.minimum * scale),
+        "MAX": position_text(grid.maximum * scale),
+        "IS_MODULO": str(grid.flags & TableFlag.MODULO),
+    }

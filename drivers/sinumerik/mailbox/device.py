@@ -1,0 +1,219 @@
+"""The SINUMERIK 840D behind a PLC mailbox on Modbus TCP or RTU, as a Controller without motion programs.
+
+Tables are loaded, read back and switched by the PLC (docs/plc-mailbox.md); a person confirms at the panel. Axes
+are moved by the operator: a site with this road alone measures by dwell or from files.
+Compensation values come in um or arcsec, positions in mm or deg. Reads may be repeated by the caller, a write
+never: after a timeout what the PLC did is unknown, `open` makes a fresh connection.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+from drivers.clock import Clock
+from drivers.errors import UnsupportedDevice
+from drivers.leftover import NOTHING, LeftOver, SentBook
+from drivers.sinumerik.mailbox.codec.registers import Kind
+from drivers.sinumerik.mailbox.conversation import Talk
+from drivers.sinumerik.mailbox.disabling import Disabling
+from drivers.sinumerik.mailbox.pushing import Pushing
+from drivers.sinumerik.mailbox.reader import MachineReader
+from drivers.sinumerik.mailbox.settings import ModbusSettings
+from drivers.sinumerik.mailbox.switching import Switching
+from drivers.sinumerik.mailbox.wire import ModbusWire
+from drivers.types import (
+    Capabilities,
+    DisableOrder,
+    Identity,
+    LiveSet,
+    MachineIdentity,
+    MachineState,
+    Marker,
+    PushOrder,
+    StopPlan,
+    StopReached,
+    SwitchReading,
+    TableLimits,
+)
+from drivers.workpiece import GrindPlan
+
+CAPABILITIES = Capabilities(programs=False, switching=True, marker=True, consent="panel")
+
+
+class SinumerikModbus:
+    """Driver "sinumerik-modbus": settings in `drivers.sinumerik.mailbox.settings.ModbusSettings`."""
+
+    def __init__(self, name: str, url: str, settings: Mapping[str, Any], clock: Clock) -> None:
+        self.name = name
+        found = ModbusSettings.read(settings, name)
+        self._talk = Talk(ModbusWire(url, found, clock, name), found, clock, name)
+        self._reader = MachineReader(self._talk, name)
+        self._pushing = Pushing(self._talk, self._reader, found, clock, name)
+        self._switching = Switching(self._talk, self._reader, self._pushing, found, clock, name)
+        self._disabling = Disabling(self._talk, self._reader, found, clock, name)
+        self._encoder = found.encoder
+        self.book: SentBook | None = None
+
+    @property
+    def capabilities(self) -> Capabilities:
+        """No programs; tables can be switched one by one; the PLC keeps the marker; consent is given at the panel."""
+        return CAPABILITIES
+
+    async def open(self, timeout_s: float) -> Identity:
+        """Connect, check map and word order, and read who the machine is.
+
+        Raises UnsupportedDevice (E-MBX-MAGIC, E-MBX-VERSION, E-MBX-WORD-ORDER, E-MBX-SILENT), TransportError,
+        ProtocolError.
+        """
+        self._pushing.connect_s = timeout_s
+        try:
+            await self._talk.begin(timeout_s)
+            machine = await self.identify()
+        except BaseException:
+            await self._talk.close()
+            raise
+        return Identity("sinumerik-modbus", "SINUMERIK 840D behind a PLC mailbox", machine.serial, machine.nck_version)
+
+    async def close(self) -> None:
+        """End our session, if the PLC still listens, and let go of the wire. Never raises."""
+        await self._talk.close()
+
+    async def identify(self) -> MachineIdentity:
+        """Serial number, NCK version, axis names and unit system, read afresh."""
+        async with self._talk.turn:
+            return await self._reader.identity()
+
+    async def state(self) -> MachineState:
+        """Status word and every axis, read afresh; there are no part-program messages on this road."""
+        async with self._talk.turn:
+            return await self._reader.state()
+
+    async def table_limits(self, axis: str, function: Literal["EEC", "CEC"] = "EEC", index: int = 0) -> TableLimits:
+        """Reserved points (register 10), 1 nm or 1e-7 deg, and the value limit of this product."""
+        async with self._talk.turn:
+            return await self._reader.limits(axis, Kind[function], index)
+
+    async def marker(self) -> Marker | None:
+        """What the PLC keeps of the last push."""
+        return await self._reader.marker()
+
+    # ---- what is left of ours -------------------------------------------------------------------------
+
+    async def left_over(self) -> LeftOver:
+        """No programs run on this road, and the PLC ends a session whose heartbeat stops: nothing is left."""
+        return NOTHING
+
+    async def withdraw(self, timeout_s: float) -> LeftOver:
+        """End our session; a table that waits for the panel is then not activated any more."""
+        ours = self._talk.session
+        if not ours:
+            return NOTHING
+        del timeout_s  # leaving is bounded by itself
+        await self._talk.leave()
+        if self._talk.unended:
+            return LeftOver("session", ours)
+        return LeftOver("closed", ours)
+
+    async def clear_left_over(self, timeout_s: float) -> LeftOver:
+        """Nothing is left on this road."""
+        del timeout_s
+        return NOTHING
+
+    # ---- not on this road ---------------------------------------------------------------------------
+
+    def _no_programs(self) -> UnsupportedDevice:
+        return UnsupportedDevice("E-MBX-NO-PROGRAMS", self.name)
+
+    async def prepare_stops(self, plan: StopPlan) -> None:
+        """Not on this road. Raises UnsupportedDevice (E-MBX-NO-PROGRAMS)."""
+        del plan
+        raise self._no_programs()
+
+    async def wait_stop(self, after: int, timeout_s: float) -> StopReached | None:
+        """Not on this road. Raises UnsupportedDevice (E-MBX-NO-PROGRAMS)."""
+        del after, timeout_s
+        raise self._no_programs()
+
+    async def release_stop(self, counter: int) -> None:
+        """Not on this road. Raises UnsupportedDevice (E-MBX-NO-PROGRAMS)."""
+        del counter
+        raise self._no_programs()
+
+    async def abort_program(self) -> None:
+        """Not on this road. Raises UnsupportedDevice (E-MBX-NO-PROGRAMS)."""
+        raise self._no_programs()
+
+    async def prepare_grinding(self, plan: GrindPlan) -> str:
+        """Not on this road. Raises UnsupportedDevice (E-GRIND-NO-PROGRAMS)."""
+        raise UnsupportedDevice("E-GRIND-NO-PROGRAMS", self.name, part=plan.part)
+
+    async def wait_ground(self, after: int, timeout_s: float) -> int | None:
+        """Not on this road. Raises UnsupportedDevice (E-MBX-NO-PROGRAMS)."""
+        del after, timeout_s
+        raise self._no_programs()
+
+    # ---- tables -------------------------------------------------------------------------------------
+
+    async def saved_tables(self, axis: str) -> LiveSet:
+        """The live tables of an axis, read afresh; in a session of their own outside a push."""
+        async with self._talk.turn:
+            ours = self._talk.session
+            await self._talk.enter()
+            try:
+                return (await self._reader.tables(axis, self._encoder)).live("LIVE", self._talk.session)
+            finally:
+                if not ours:
+                    await self._talk.leave()
+
+    async def prepare_push(self, order: PushOrder) -> None:
+        """Open a session, check, back up, set the marker. Raises as `Pushing.prepare`; nothing acts differently yet."""
+        async with self._talk.turn:
+            await self._pushing.prepare(order)
+
+    async def wait_loaded(self, order: PushOrder, timeout_s: float) -> tuple[LiveSet, LiveSet]:
+        """Disable, load, read back twice afresh: (old, new). Raises as `Pushing.loaded`."""
+        async with self._talk.turn:
+            return await self._pushing.loaded(order, timeout_s)
+
+    async def backup_of(self, order: PushOrder) -> LiveSet:
+        """What `prepare_push` read for this very order. Raises DeviceRefused (E-MBX-NOT-PREPARED)."""
+        return self._pushing.backup_of(order)
+
+    async def release_push(self, order: PushOrder) -> None:
+        """Ask the PLC to activate; it waits for the panel. Raises as `Switching.release`."""
+        async with self._talk.turn:
+            await self._switching.release(order)
+
+    async def wait_enabled(self, order: PushOrder, timeout_s: float) -> bool:
+        """True when a person confirmed and the switches read on, false when it was left off."""
+        return await self._switching.enabled(order, timeout_s)
+
+    async def wait_activated(self, order: PushOrder, timeout_s: float) -> None:
+        """Wait through NCK reset and reference run. Raises DeadlineExceeded (E-NC-NO-ACTIVATION)."""
+        await self._switching.activated(order, timeout_s)
+
+    async def switch_table(self, order: PushOrder, enable: bool, timeout_s: float) -> None:
+        """Switch the order's table and wait until it acts or is gone. Raises as `Switching.switch`."""
+        async with self._talk.turn:
+            await self._switching.switch(order, enable, timeout_s)
+
+    async def switch_reading(self, order: DisableOrder) -> SwitchReading:
+        """Switches and acting value of a table, read afresh."""
+        async with self._talk.turn:
+            return await self._disabling.reading(order)
+
+    async def prepare_disable(self, order: DisableOrder) -> None:
+        """Whether command 6 would be taken now; the release is a person's consent. Raises as `Disabling.check`."""
+        async with self._talk.turn:
+            await self._disabling.check(order)
+
+    async def wait_disabled(self, order: DisableOrder, timeout_s: float) -> SwitchReading:
+        """Command 6, and what is read back. Raises as `Disabling.disabled`."""
+        async with self._talk.turn:
+            return await self._disabling.disabled(order, timeout_s)
+
+    async def finish_push(self, order: PushOrder, state: Literal["committed", "held", "none"]) -> None:
+        """Leave the marker in its last state and end the session. Raises DeviceRefused (E-MBX-MARKER)."""
+        async with self._talk.turn:
+            await self._switching.finish(order, state)

@@ -1,0 +1,203 @@
+"""The first half of a push through the mailbox: back up, mark, disable, load, read back over a new connection.
+
+A table is never loaded while it acts, and what the control holds afterwards is read from the control twice
+before anybody may enable it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from drivers.clock import Clock
+from drivers.errors import DeviceRefused, TableError, TooManyPoints, TrueflankError
+from drivers.sinumerik.mailbox import checks
+from drivers.sinumerik.mailbox.codec import grids
+from drivers.sinumerik.mailbox.codec.commands import Order, chunks, marker_data
+from drivers.sinumerik.mailbox.codec.packing import dints
+from drivers.sinumerik.mailbox.codec.readings import Picture, Status
+from drivers.sinumerik.mailbox.codec.registers import AxisBit, Command, Kind, StatusBit
+from drivers.sinumerik.mailbox.conversation import Talk
+from drivers.sinumerik.mailbox.reader import (
+    MARKER_STATES,
+    MachineReader,
+    MarkerState,
+    Reading,
+    deviation_of,
+    machine_of,
+    marker_of,
+    position_of,
+)
+from drivers.sinumerik.mailbox.settings import ModbusSettings
+from drivers.sinumerik.ncprogram import pushing
+from drivers.types import GONE, LiveSet, MachineIdentity, PushOrder
+
+MARKER_DIGITS = 16
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """An order as numbers: command 2, and the values of all points."""
+
+    begin: Order
+    values: tuple[int, ...]
+
+
+class Pushing:
+    """The first half; `modbusswitch.Switching` is the second and uses this one's back-up and marker."""
+
+    def __init__(self, talk: Talk, reader: MachineReader, settings: ModbusSettings, clock: Clock, where: str) -> None:
+        self._talk = talk
+        self._reader = reader
+        self._settings = settings
+        self._clock = clock
+        self._where = where
+        self._machine: MachineIdentity | None = None
+        self._plan: tuple[PushOrder, Plan] | None = None
+        self.backup: LiveSet | None = None
+        self._backup_of = 0
+        self.connect_s = 10.0
+
+    async def prepare(self, order: PushOrder) -> None:
+        """Open a session, check, back up and mark; nothing that moves an axis changes.
+
+        Raises TableError (E-TABLE-NO-PROOF, E-MBX-FRACTION, ...) before anything is written, DeviceRefused
+        (E-MBX-NOT-RELEASED, E-MBX-PLACE, E-MBX-COUPLED, ...); the session is closed again then.
+        """
+        self._plan = None
+        plan = self.plan(order)
+        await self._talk.alive()
+        await self._talk.enter()
+        try:
+            self._machine = await self._reader.identity()
+            await self._check(order, plan)
+            reading = await self._tables(order)
+            checks.coupled(order, reading, self._where)
+            backup = reading.live("BACK", order.transaction, checks.sign_of(order))
+            await self.check_place(order, backup)
+            await self.mark(order.transaction, "in-progress")
+        except TrueflankError:
+            await self._talk.leave()
+            raise
+        self.backup, self._backup_of = backup, order.transaction
+
+    def backup_of(self, order: PushOrder) -> LiveSet:
+        """What `prepare` read for this very order. Raises DeviceRefused (E-MBX-NOT-PREPARED)."""
+        if self.backup is None or self._backup_of != order.transaction:
+            raise DeviceRefused("E-MBX-NOT-PREPARED", self._where, table=order.table.name)
+        return self.backup
+
+    def plan(self, order: PushOrder) -> Plan:
+        """The order as numbers. Raises TableError and ValueOutOfRange for what cannot or must not be said."""
+        if self._plan is None or self._plan[0] is not order:
+            self._plan = order, self._planned(order)
+        return self._plan[1]
+
+    def _planned(self, order: PushOrder) -> Plan:
+        order = replace(order, table=grids.sayable(order.table))
+        table = order.table
+        source, output = self._reader.axis(table.input_axis), self._reader.axis(table.output_axis)
+        if (table.input_unit, table.output_unit) != (source.unit, output.unit):
+            raise TableError("E-MBX-UNIT", self._where, table=table.name, input=source.unit, output=output.unit)
+        values = grids.numbers_of(table, pushing.values_of(order), output.unit)
+        return Plan(grids.begin_order(table, len(values), self._reader.axes), values)
+
+    async def _check(self, order: PushOrder, plan: Plan) -> None:
+        picture = await self._talk.select(plan.begin)
+        checks.guard(await self._talk.recent(), self._where, picture.alarm)
+        if AxisBit.REFERENCED not in picture.axis:
+            raise DeviceRefused("E-MBX-NOT-REFERENCED", self._where, axis=order.table.output_axis)
+        if self._talk.reserved < len(plan.values):
+            told: dict[str, Any] = {"points": len(plan.values), "reserved": self._talk.reserved}
+            raise TooManyPoints("E-TABLE-POINTS", self._where, table=order.table.name, **told)
+
+    async def _tables(self, order: PushOrder) -> Reading:
+        table = order.table
+        encoder = table.index if table.function == "EEC" else self._settings.encoder
+        return await self._reader.tables(table.output_axis, encoder)
+
+    async def check_place(self, order: PushOrder, backup: LiveSet) -> None:
+        """Raises DeviceRefused (E-MBX-PLACE) where switching the old off or the new on would move the axis."""
+        source = self._reader.axis(order.table.input_axis)
+        position = position_of(await self._talk.select(Order(Command.SELECT, Kind.EEC, source.number)))
+        checks.place(order, backup, position, self._where)
+
+    async def mark(self, transaction: int, state: MarkerState) -> None:
+        """Set the marker and read it back. Raises DeviceRefused (E-MBX-MARKER)."""
+        number = "" if state == "none" else str(transaction)
+        wanted = f"{number} {state}".strip()
+        if len(number) > MARKER_DIGITS:
+            raise DeviceRefused("E-MBX-MARKER", self._where, wanted=wanted, found="nothing: it is too long")
+        await self._talk.do(Order(Command.MARKER), marker_data(number, MARKER_STATES.index(state)))
+        found = marker_of(await self._talk.picture(), self._where)
+        if (found.transaction, found.state) != (int(number or 0), state):
+            told = f"{found.transaction} {found.state}"
+            raise DeviceRefused("E-MBX-MARKER", self._where, wanted=wanted, found=told)
+
+    async def loaded(self, order: PushOrder, timeout_s: float) -> tuple[LiveSet, LiveSet]:
+        """Disable, load, verify, and read back twice over a new connection: (back-up of the old, what stands now).
+
+        Raises DeviceRefused (E-MBX-STILL-ON, E-MBX-STILL-ACTING, E-MBX-READBACK, E-MBX-UNSTEADY...), LinkBroken.
+        """
+        backup = self.backup_of(order)
+        plan = self.plan(order)
+        async with self._clock.deadline(timeout_s, self._where):
+            await self.disable(plan.begin)
+            await self._load(plan)
+            await self._talk.renew(self.connect_s)
+            found = await self._read_again(order)
+        checks.same(order, plan.begin, plan.values, found, self._where)
+        return backup, found.live("READ", order.transaction, checks.sign_of(order))
+
+    async def disable(self, begin: Order) -> None:
+        """Off by its switch and by what acts: a switch that reads off proves nothing.
+
+        Raises DeviceRefused (E-MBX-STILL-ON, E-MBX-STILL-ACTING).
+        """
+        checks.guard(await self._talk.recent(), self._where)
+        await self._talk.do(begin.as_command(Command.DISABLE))
+        end = self._clock.now() + self._settings.command_s
+        while True:
+            # What the table held the axis away by is travelled now: it may move until it has come to rest.
+            picture, status = await self._talk.picture_for(begin), await self._talk.status()
+            if not checks.is_off(begin, status, picture):
+                raise DeviceRefused("E-MBX-STILL-ON", self._where, kind=begin.kind.name, index=begin.index)
+            gone = abs(acting_of(picture)) <= GONE
+            if gone and status.has(StatusBit.STANDSTILL):
+                checks.guard(status, self._where, picture.alarm)
+                return
+            if self._clock.now() >= end:
+                checks.guard(status, self._where, picture.alarm)
+                raise DeviceRefused("E-MBX-STILL-ACTING", self._where, acting=acting_of(picture), kind=begin.kind.name)
+            await self._clock.sleep(self._settings.poll_s)
+
+    async def _guarded(self, order: Order, data: Sequence[int] = (), whole: Sequence[int] = ()) -> Status:
+        """A command of the transfer: the state is looked at right before and in its answer."""
+        checks.guard(await self._talk.recent(), self._where)
+        status = await self._talk.do(order, data, whole)
+        checks.guard(status, self._where)
+        return status
+
+    async def _load(self, plan: Plan) -> None:
+        order = self._settings.order
+        await self._guarded(plan.begin)
+        for first, count, data in chunks(plan.values, order):
+            status = await self._guarded(plan.begin.as_command(Command.CHUNK, first, count), data)
+            if status.stored != first + count:
+                raise DeviceRefused("E-MBX-LENGTH", self._where, command="CHUNK", detail=status.stored)
+        await self._guarded(plan.begin.as_command(Command.VERIFY), (), dints(plan.values, order))
+
+    async def _read_again(self, order: PushOrder) -> Reading:
+        reading = await self._tables(order)
+        seen = reading.stored[0].picture
+        if self._machine is not None:
+            different = self._machine.differences(machine_of(seen, self._machine.axis_names))
+            if different or seen.axis_name != order.table.output_axis:
+                raise DeviceRefused("E-MBX-OTHER", self._where, differ=", ".join(different) or "axis name")
+        return reading
+
+
+def acting_of(picture: Picture) -> float:
+    """The acting compensation of the selected kind, um or arcsec."""
+    return deviation_of(picture.acting, "deg" if picture.rotary else "mm")

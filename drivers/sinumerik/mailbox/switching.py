@@ -1,0 +1,188 @@
+"""The second half of a push through the mailbox: asked for, confirmed by a person at the panel, and seen to act."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from drivers.clock import Clock
+from drivers.errors import DeadlineExceeded, DeviceRefused
+from drivers.sinumerik.mailbox import checks
+from drivers.sinumerik.mailbox.codec import grids
+from drivers.sinumerik.mailbox.codec.commands import Order
+from drivers.sinumerik.mailbox.codec.readings import Picture
+from drivers.sinumerik.mailbox.codec.registers import AxisBit, Command, Kind, StatusBit, TableFlag
+from drivers.sinumerik.mailbox.conversation import Talk
+from drivers.sinumerik.mailbox.pushing import Pushing, acting_of
+from drivers.sinumerik.mailbox.reader import MachineReader, MarkerState, marker_of, position_of
+from drivers.sinumerik.mailbox.settings import ModbusSettings
+from drivers.types import GONE, PushOrder
+
+GRACE_S = 3.0
+CONFIRM_S = 60.0 + 10.0
+
+
+class Switching:
+    """Release, enabling, activation, switching, and the marker's last state."""
+
+    def __init__(
+        self,
+        talk: Talk,
+        reader: MachineReader,
+        pushing: Pushing,
+        settings: ModbusSettings,
+        clock: Clock,
+        where: str,
+    ) -> None:
+        self._talk = talk
+        self._reader = reader
+        self._pushing = pushing
+        self._settings = settings
+        self._clock = clock
+        self._where = where
+
+    async def release(self, order: PushOrder) -> None:
+        """Ask the PLC to activate; it waits for the person at the panel. Nothing is asked when it shall stay off.
+
+        Raises DeviceRefused (E-MBX-NOT-PREPARED, E-MBX-MARKER, E-MBX-STILL-ON, E-MBX-PLACE...) before it asks.
+        """
+        backup = self._pushing.backup_of(order)
+        await self._pushing.check_place(order, backup)
+        named = self._naming(order)
+        picture = await self._talk.select(named)
+        status = await self._talk.status()
+        checks.guard(status, self._where, picture.alarm)
+        self._check_marker(order, picture)
+        if not checks.is_off(named, status, picture):
+            raise DeviceRefused("E-MBX-STILL-ON", self._where, kind=named.kind.name, index=named.index)
+        activate = self._activation(order)
+        if activate is not None:
+            await self._talk.start(activate)
+            await self._talk.ended(activate, self._settings.command_s, or_waiting=True)
+
+    def _check_marker(self, order: PushOrder, picture: Picture) -> None:
+        found = marker_of(picture, self._where)
+        if (found.transaction, found.state) != (order.transaction, "in-progress"):
+            told = f"{found.transaction} {found.state}"
+            raise DeviceRefused("E-MBX-MARKER", self._where, wanted=f"{order.transaction} in-progress", found=told)
+
+    def _naming(self, order: PushOrder) -> Order:
+        return grids.naming(order.table, self._reader.axes)
+
+    def _activation(self, order: PushOrder) -> Order | None:
+        """Command 5; for a CEC table that stays off beside others that act, the axis switch alone; else nothing."""
+        named = self._naming(order).as_command(Command.ACTIVATE)
+        if order.enable:
+            return named
+        others = named.kind is Kind.CEC and order.coupled
+        return replace(named, flags=int(TableFlag.AXIS_ONLY)) if others else None
+
+    async def enabled(self, order: PushOrder, timeout_s: float) -> bool:
+        """Wait for the panel; true when the switches then read on. False: nobody confirmed, the table is off.
+
+        Raises DeviceRefused (E-MBX-NOT-RELEASED, E-MBX-NOT-IN-RESET...: the PLC's reason not to), nothing is on then.
+        """
+        activate = self._activation(order)
+        if activate is not None and not await self._confirmed(activate, timeout_s):
+            return False
+        named = self._naming(order)
+        async with self._talk.turn:
+            picture = await self._talk.select(named)
+            return checks.is_on(named, await self._talk.recent(), picture)
+
+    async def _confirmed(self, activate: Order, timeout_s: float) -> bool:
+        """False when the PLC says that time was over; a limit of the caller's ends the waiting at the panel."""
+        try:
+            await self._talk.ended(activate, min(timeout_s, CONFIRM_S))
+        except DeviceRefused as error:
+            if error.code == "E-MBX-TIME":
+                return False
+            raise
+        except DeadlineExceeded as error:
+            if error.code != "E-MBX-NO-ANSWER":
+                raise
+            await self._talk.do(Order(Command.ABORT))
+        return True
+
+    async def activated(self, order: PushOrder, timeout_s: float) -> None:
+        """Return when the axis is referenced again after it was not, or its table is seen to act.
+
+        Without `ModbusSettings.needs_reference` a state that stays ready for `GRACE_S` is enough. Whether the table
+        acts as it should is proved by its values, not here. Raises DeadlineExceeded (E-NC-NO-ACTIVATION).
+        """
+        end, seen_down, settled_since = self._clock.now() + timeout_s, False, None
+        while True:
+            async with self._talk.turn:
+                back, acts = await self._look(order)
+            now = self._clock.now()
+            seen_down = seen_down or not back
+            settled_since = None if not back else now if settled_since is None else settled_since
+            settled = settled_since is not None and now - settled_since >= GRACE_S
+            if back and (seen_down or acts or (settled and not self._settings.needs_reference)):
+                return
+            if now >= end:
+                axis = order.table.output_axis
+                raise DeadlineExceeded("E-NC-NO-ACTIVATION", self._where, axis=axis, timeout_s=timeout_s)
+            await self._clock.sleep(self._settings.poll_s)
+
+    async def _look(self, order: PushOrder) -> tuple[bool, bool]:
+        """Whether the NCK is up with the axis referenced, and whether its table is seen to act."""
+        status = await self._talk.status()
+        if not status.has(StatusBit.READY, StatusBit.IN_RESET):
+            return False, False
+        try:
+            expected = await self._expected(order)
+            picture = await self._talk.select(self._naming(order))
+        except DeviceRefused as error:
+            if error.code != "E-MBX-NOT-IN-RESET":
+                raise
+            return False, False  # it went down between two looks
+        # Where little is expected nothing can be seen to act.
+        acts = expected > 10 * GONE and abs(acting_of(picture)) >= 0.5 * expected
+        return AxisBit.REFERENCED in picture.axis, acts
+
+    async def _expected(self, order: PushOrder) -> float:
+        """How much the order's table should act where its input axis stands, without sign, um or arcsec."""
+        source = self._reader.axis(order.table.input_axis)
+        picture = await self._talk.select(Order(Command.SELECT, Kind.EEC, source.number))
+        return abs(checks.value_at(order.table, position_of(picture)))
+
+    async def switch(self, order: PushOrder, enable: bool, timeout_s: float) -> None:
+        """Off by command 6, on by command 5 and the panel; returns when the acting value has followed.
+
+        Raises DeadlineExceeded (E-MBX-NOT-ACTING), DeviceRefused (E-MBX-TIME: nobody confirmed).
+        """
+        await self._talk.enter()
+        named = self._naming(order)
+        async with self._clock.deadline(timeout_s, self._where):
+            if not enable:
+                await self._talk.select(named)
+                await self._pushing.disable(named)
+                return
+            activate = named.as_command(Command.ACTIVATE)
+            checks.guard(await self._talk.status(), self._where)
+            await self._talk.start(activate)
+            await self._talk.ended(activate, CONFIRM_S)
+            await self._until_acting(order, named)
+
+    async def _until_acting(self, order: PushOrder, named: Order) -> None:
+        expected = await self._expected(order)
+        await self._talk.select(named)
+        end = self._clock.now() + self._settings.command_s
+        while True:
+            picture = await self._talk.picture_for(named)
+            acting, status = abs(acting_of(picture)), await self._talk.status()
+            at_work = checks.is_on(named, status, picture) and acting >= 0.5 * expected - GONE
+            if at_work and status.has(StatusBit.STANDSTILL):
+                return
+            if self._clock.now() >= end:
+                told: dict[str, Any] = {"expected": round(expected, 4), "acting": round(acting, 4)}
+                raise DeadlineExceeded("E-MBX-NOT-ACTING", self._where, table=order.table.name, **told)
+            await self._clock.sleep(self._settings.poll_s)
+
+    async def finish(self, order: PushOrder, state: MarkerState) -> None:
+        """The marker's last state, read back, then the end of the session. Raises DeviceRefused (E-MBX-MARKER)."""
+        await self._talk.enter()
+        await self._pushing.mark(order.transaction, state)
+        self._pushing.backup = None
+        await self._talk.leave()

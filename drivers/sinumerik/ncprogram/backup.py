@@ -1,0 +1,171 @@
+"""NC blocks that write live tables, switches and backlash of an axis to a file, loadable as a program.
+
+WRITE appends one block to a file, DELETE removes the old one (Job Planning manual; signatures as in the
+editor completion lists); STOPRE before, because system variables are read ahead of the axes else. What such a
+file must hold, line by line, stands here once: `written` believes a file only when it holds it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal
+
+from drivers.sinumerik.ncprogram.words import file_path
+
+Section = Literal["LIVE", "BACK", "READ"]
+END_WORD = "M17"
+_CEC_PARAMETERS = ("STEP", "MIN", "MAX", "DIRECTION", "MULT_BY_TABLE", "IS_MODULO", "TYPE")
+_COUNTER = "LINES"
+VARIABLES = f"ERR, N, {_COUNTER}"
+
+
+@dataclass(frozen=True, slots=True)
+class Memory:
+    """What the control reserved: EEC points of the axis' encoder (MD38000), CEC points by table (MD18342).
+
+    ``axes`` are the machine axis names: a program can compare values of type AXIS, but not write them down.
+    """
+
+    eec_points: int
+    cec_points: tuple[int, ...] = ()
+    axes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Saving:
+    """One file of ours: which run wrote it, and of what. ``number`` is the program's transaction number or token."""
+
+    section: Section
+    number: int
+    axis: str
+    encoder: int
+    memory: Memory
+
+    @property
+    def path(self) -> str:
+        """Where the program writes it."""
+        return file_path(self.section, self.axis)
+
+    @property
+    def first_line(self) -> str:
+        """A comment to the control: whose file this is."""
+        return f";TRUEFLANK {self.section} {self.number} {self.axis} ENCODER {self.encoder}"
+
+    @property
+    def last_mark(self) -> str:
+        """The comment before the end word, up to the count of the lines before it."""
+        return f";TRUEFLANK END {self.section} {self.number} LINES "
+
+
+@dataclass(frozen=True, slots=True)
+class Points:
+    """The reserved points of one table: names ``left`` number ``right``, numbers from 0."""
+
+    left: str
+    right: str
+    count: int
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """All names, in order."""
+        return tuple(f"{self.left}{number}{self.right}" for number in range(self.count))
+
+
+def own_points(saving: Saving) -> Points:
+    """Points of the axis' EEC table."""
+    return Points(f"$AA_ENC_COMP[{saving.encoder},", f",{saving.axis}]", saving.memory.eec_points)
+
+
+def own_parameters(saving: Saving) -> tuple[str, ...]:
+    """Parameters of the axis' EEC table; none where nothing is reserved."""
+    names = ("STEP", "MIN", "MAX", "IS_MODULO") if saving.memory.eec_points else ()
+    return tuple(f"$AA_ENC_COMP_{name}[{saving.encoder},{saving.axis}]" for name in names)
+
+
+def cross_points(table: int, saving: Saving) -> Points:
+    """Points of a CEC table."""
+    return Points(f"$AN_CEC[{table},", "]", saving.memory.cec_points[table])
+
+
+def cross_axes(table: int) -> tuple[str, ...]:
+    """Input and output axis of a CEC table."""
+    return f"$AN_CEC_INPUT_AXIS[{table}]", f"$AN_CEC_OUTPUT_AXIS[{table}]"
+
+
+def cross_parameters(table: int) -> tuple[str, ...]:
+    """The other parameters of a CEC table."""
+    return tuple(f"$AN_CEC_{name}[{table}]" for name in _CEC_PARAMETERS)
+
+
+def cross_step(table: int) -> str:
+    """What alone is written of a CEC table that was never loaded: its STEP, which is 0."""
+    return f"$AN_CEC_STEP[{table}]"
+
+
+def cross_switches(table: int) -> tuple[str, ...]:
+    """SD41300 and SD41310 of a CEC table, loaded or not."""
+    return f"$SN_CEC_TABLE_ENABLE[{table}]", f"$SN_CEC_TABLE_WEIGHT[{table}]"
+
+
+def axis_settings(saving: Saving) -> tuple[str, ...]:
+    """Backlash and EEC switch of the axis, its CEC switch, and that of every other axis: tables may act on those."""
+    own = f"[{saving.encoder},{saving.axis}]"
+    switches = (f"$MA_CEC_ENABLE[{axis}]" for axis in switched_axes(saving))
+    return f"$MA_BACKLASH{own}", f"$MA_ENC_COMP_ENABLE{own}", *switches
+
+
+def switched_axes(saving: Saving) -> tuple[str, ...]:
+    """The axes whose CEC switch is written, the file's own first."""
+    return tuple(dict.fromkeys((saving.axis, *saving.memory.axes)))
+
+
+def reserved_tables(memory: Memory) -> tuple[int, ...]:
+    """Numbers of the CEC tables that have memory."""
+    return tuple(table for table, points in enumerate(memory.cec_points) if points)
+
+
+def blocks(saving: Saving, failed: str) -> list[str]:
+    """Blocks that write everything which moves the axis to its file; they jump to ``failed`` if they cannot.
+
+    They use the integers `VARIABLES`, which the program must define. All reserved points are written, so that
+    leftovers beyond the end of a table are on record too. The lines are counted as they are written.
+    """
+    write = _Writer(saving.path, failed)
+    out = [f'DELETE(ERR,"{saving.path}")', "STOPRE", f"{_COUNTER}=0", *write.text(f'"{saving.first_line}"')]
+    if saving.memory.eec_points:
+        out += [*write.points(own_points(saving)), *write.values(own_parameters(saving))]
+    for table in reserved_tables(saving.memory):
+        out += _cross(write, table, saving)
+    out += write.values(axis_settings(saving))
+    return [*out, *write.text(f'"{saving.last_mark}"<<{_COUNTER}'), *write.text(f'"{END_WORD}"')]
+
+
+def _cross(write: _Writer, table: int, saving: Saving) -> list[str]:
+    """One CEC table; one that was never loaded (STEP 0) has no axes to name: its STEP says so."""
+    inner = write.points(cross_points(table, saving))
+    for name in cross_axes(table):
+        for axis in saving.memory.axes:
+            inner += [f"IF {name}=={axis}", *write.text(f'"{name}=({axis})"'), "ENDIF"]
+    inner += write.values(cross_parameters(table))
+    never = write.values((cross_step(table),))
+    switches = write.values(cross_switches(table))
+    return [f"IF {cross_step(table)}<>0", *inner, "ELSE", *never, "ENDIF", *switches]
+
+
+@dataclass(frozen=True, slots=True)
+class _Writer:
+    path: str
+    failed: str
+
+    def text(self, text: str) -> list[str]:
+        counted = f"{_COUNTER}={_COUNTER}+1"
+        return [f'WRITE(ERR,"{self.path}",{text})', f"IF ERR<>0 GOTOF {self.failed}", counted]
+
+    def values(self, names: Iterable[str]) -> list[str]:
+        return [block for name in names for block in self.text(f'"{name}="<<{name}')]
+
+    def points(self, points: Points) -> list[str]:
+        left, right = points.left, points.right
+        text = f'"{left}"<<N<<"{right}="<<{left}N{right}'
+        return [f"FOR N=0 TO {points.count - 1}", *self.text(text), "ENDFOR"]

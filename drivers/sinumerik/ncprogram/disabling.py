@@ -1,0 +1,59 @@
+"""DisableOrder -> NC program text: one table is switched off, and nothing else is done.
+
+No point and no parameter is written and no axis is moved by the program. It says that the table is off only when
+its switches read so and nothing acts any more; M30 ends it either way, and nothing waits for an answer.
+"""
+
+from __future__ import annotations
+
+from drivers.sinumerik.ncprogram.measuring import PREPARE, Setting, check_names, phase_block, text_of, unless_aborted
+from drivers.sinumerik.ncprogram.motion import number
+from drivers.sinumerik.ncprogram.pushing import NOTHING
+from drivers.sinumerik.ncprogram.words import Phase, Word
+from drivers.sinumerik.tablefile.grammar import value_text
+from drivers.types import DisableOrder
+
+SETTLE_S = 0.5
+_LEFT, _ON = "TF_LEFT", "TF_ON"
+
+
+def disabling(order: DisableOrder, setting: Setting) -> str:
+    """The whole program. Raises LocalProtocolError (E-PROGRAM-NAME)."""
+    check_names(order.axis)
+    words = setting.words
+    out = [PREPARE, *(f"{words.name(word)}=0" for word in (Word.COUNTER, Word.MISMATCHES, Word.RELEASE))]
+    out += [f"{words.name(word)}={value}" for word, value in _identity(order, setting).items()]
+    out += ["STOPRE", unless_aborted(words, _LEFT), *(f"{switch}=0" for switch in switches(order))]
+    out += ["NEWCONF", f"G4 F{number(SETTLE_S)}", "STOPRE"]
+    out += [f"IF {switch}<>0 GOTOF {_ON}" for switch in switches(order)]
+    out += [f"IF ABS({acting(order)})>{value_text(NOTHING)} GOTOF {_ON}"]
+    for label, phase in (("", Phase.SWITCHED_OFF), (_ON, Phase.STILL_ON), (_LEFT, Phase.LEFT)):
+        out += [f"{label}:"] if label else []
+        out += ["STOPRE", phase_block(words, phase), "M30"]
+    return text_of(out)
+
+
+def switches(order: DisableOrder) -> tuple[str, ...]:
+    """The variables that put the table to work, in the order of switching off."""
+    if order.function == "EEC":
+        return (f"$MA_ENC_COMP_ENABLE[{order.index},{order.axis}]",)
+    return (f"$SN_CEC_TABLE_ENABLE[{order.index}]", f"$MA_CEC_ENABLE[{order.axis}]")
+
+
+def acting(order: DisableOrder) -> str:
+    """The system variable that shows what acts on the axis."""
+    return (
+        f"$VA_ENC{order.index + 1}_COMP_VAL[{order.axis}]"
+        if order.function == "EEC"
+        else (f"$VA_CEC_COMP_VAL[{order.axis}]")
+    )
+
+
+def _identity(order: DisableOrder, setting: Setting) -> dict[Word, int]:
+    kind = 1000 if order.function == "EEC" else 2000
+    return {
+        Word.TRANSACTION: order.transaction,
+        Word.TABLE: kind + order.index,
+        Word.AXIS: setting.axis_number,
+        Word.POINTS: 0,
+    }

@@ -1,0 +1,162 @@
+"""GrindPlan -> NC program text: a disc ground space by space, each axis always from the same side.
+
+Set-up values are not in the text: the program takes them from R parameters, once, and refuses them beyond the limits
+of `drivers.workpiece`. While a blank can be clamped or C turns, X is retracted and Z beyond the face. No table and no
+machine datum is written. Words and phases: `drivers.sinumerik.ncprogram.words`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from drivers.errors import LocalProtocolError
+from drivers.sinumerik.ncprogram import backup
+from drivers.sinumerik.ncprogram.backup import Memory, Saving
+from drivers.sinumerik.ncprogram.measuring import PREPARE, check_names, phase_block, text_of, unless_aborted
+from drivers.sinumerik.ncprogram.motion import number
+from drivers.sinumerik.ncprogram.words import Phase, SetupWord, Word, Words
+from drivers.workpiece import (
+    DRESSER_OVERRUN_MM,
+    INDEX_OVERRUN_DEG,
+    MOST_C_DEG,
+    MOST_DRESSING_MM,
+    MOST_X_MM,
+    GrindPlan,
+    check_plan,
+)
+
+_MESSAGE = re.compile(r"[A-Za-z0-9 ()=.,:_/+-]{1,60}")
+_LEFT, _FAILED, _REFUSED, _STALE = "TF_LEFT", "TF_FAILED", "TF_REFUSED", "TF_STALE"
+NEVER_GIVEN = 999_999
+_PLACES = {SetupWord.X: "XSET", SetupWord.C: "CSET", SetupWord.DRESSING: "YSET"}
+_MOST = {"XSET": MOST_X_MM, "CSET": MOST_C_DEG, "YSET": MOST_DRESSING_MM}
+
+
+@dataclass(frozen=True, slots=True)
+class GrindSetting:
+    """What the generator must know of a machine: R words, memory of each compensated axis, whether C is endless."""
+
+    words: Words
+    memory: Mapping[str, Memory]
+    modulo: bool = True
+
+
+def preview(plan: GrindPlan, words: Words) -> str:
+    """The program as it would be sent, but for the blocks that save the live tables: those need the machine.
+
+    Raises as `grinding`.
+    """
+    return _text(plan, NEVER_GIVEN, GrindSetting(words, {}), saves=False)
+
+
+def grinding(plan: GrindPlan, token: int, setting: GrindSetting) -> str:
+    """The program of a plan; ``token`` is echoed so that an older program's words are never taken.
+
+    It runs once, and only while the release word is the token: started again, or after its gateway has gone, it ends
+    at once.
+    Raises ConfigError as `check_plan`, LocalProtocolError (E-PROGRAM-NAME, E-PROGRAM-MESSAGE).
+    """
+    return _text(plan, token, setting, saves=plan.save_tables)
+
+
+def _text(plan: GrindPlan, token: int, setting: GrindSetting, *, saves: bool) -> str:
+    check_plan(plan)
+    check_names(*(name for axis in plan.axes for name in (axis.name, axis.letter)))
+    if not _MESSAGE.fullmatch(plan.part):
+        raise LocalProtocolError("E-PROGRAM-MESSAGE", plan.name, text=plan.part)
+    words = setting.words
+    out = [f"DEF INT {backup.VARIABLES}, K", "DEF REAL XSET, CSET, YSET, CAT", PREPARE]
+    out += ["STOPRE", f"IF {words.name(Word.RELEASE)}<>{token} GOTOF {_STALE}"]
+    out += [f"{words.name(word)}=0" for word in (Word.COUNTER, Word.ECHO, Word.MISMATCHES, Word.RELEASE)]
+    out += [f"{words.name(Word.TRANSACTION)}={token}", phase_block(words, Phase.BACKING_UP), "STOPRE"]
+    out += [unless_aborted(words, _LEFT), *_taken(words)]
+    if saves:
+        for axis in plan.compensated:
+            memory = setting.memory[axis.name]
+            out += backup.blocks(Saving("LIVE", token, axis.name, axis.encoder, memory), _FAILED)
+    out += ["STOPRE", phase_block(words, Phase.GRINDING), *_clear(plan)]
+    out += [*_person(f"TRUEFLANK LOAD BLANK {plan.part}"), unless_aborted(words, _LEFT)]
+    out += [*([plan.wheel_on] if plan.wheel_on else []), *_spaces(plan, setting), *_stopped(plan)]
+    out += [*_person(f"TRUEFLANK UNLOAD PART {plan.part}"), phase_block(words, Phase.FINISHED), "M30"]
+    out += [f"{_LEFT}:", "STOPRE", *_stopped(plan), phase_block(words, Phase.LEFT), "M30"]
+    out += [f"{_FAILED}:", "STOPRE", phase_block(words, Phase.FILE_FAILED), "M30"]
+    out += [f"{_REFUSED}:", "STOPRE", phase_block(words, Phase.SETUP_REFUSED), "M30"]
+    out += [f"{_STALE}:", "M30"]
+    return text_of(out)
+
+
+def _taken(words: Words) -> list[str]:
+    """Set-up values into variables of our own, so that nothing changes them under way; refused beyond their limits."""
+    taken = [f"{name}=R{words.setup_number(word)}" for word, name in _PLACES.items()]
+    return [*taken, *(f"IF ABS({name})>{number(most)} GOTOF {_REFUSED}" for name, most in _MOST.items())]
+
+
+def _person(message: str) -> list[str]:
+    return ["STOPRE", f'MSG("{message}")', "M0", 'MSG("")', "STOPRE"]
+
+
+def _stopped(plan: GrindPlan) -> list[str]:
+    return [plan.wheel_off] if plan.wheel_off else []
+
+
+def _move(letter: str, place: str, feed: float) -> str:
+    return f"SUPA G1 {letter}={place} F={number(feed)}"
+
+
+def _retract(plan: GrindPlan) -> str:
+    return _move(plan.infeed.letter, number(plan.retracted_mm), plan.positioning_feed)
+
+
+def _clear(plan: GrindPlan) -> list[str]:
+    """From anywhere to where a blank can be clamped: X first; the dresser comes up to its place."""
+    feed = plan.positioning_feed
+    out = [_retract(plan), _move(plan.stroke.letter, number(plan.ends_mm[0]), feed)]
+    if plan.dresser is not None:
+        letter = plan.dresser.letter
+        out += [_move(letter, f"YSET-{number(DRESSER_OVERRUN_MM)}", feed), _move(letter, "YSET", feed)]
+    return out
+
+
+def _spaces(plan: GrindPlan, setting: GrindSetting) -> list[str]:
+    words, letter, feed = setting.words, plan.index.letter, plan.index_feed
+    back, on = ("+", "-") if plan.index_sense < 0 else ("-", "+")
+    begin = [f"CAT=CSET{back}{number(INDEX_OVERRUN_DEG)}", *_turn(setting)]
+    turn = [f"CAT=CSET{on}K*360.0/{plan.spaces}", *_turn(setting)]
+    way = "ACN" if plan.index_sense < 0 else "ACP"
+    counter = words.name(Word.COUNTER)
+    return [
+        *begin,
+        _move(letter, "DC(CAT)" if setting.modulo else "CAT", feed),
+        f"FOR K=0 TO {plan.spaces - 1}",
+        *turn,
+        _move(letter, f"{way}(CAT)" if setting.modulo else "CAT", feed),
+        f"G4 F{number(plan.dwell_s)}",
+        *_strokes(plan),
+        "STOPRE",
+        f"{counter}={counter}+1",
+        unless_aborted(words, _LEFT),
+        "ENDFOR",
+    ]
+
+
+def _turn(setting: GrindSetting) -> list[str]:
+    """A place of an endless axis is written as 0 to 360."""
+    return ["IF CAT<0", "CAT=CAT+360.0", "ENDIF"] if setting.modulo else []
+
+
+def _strokes(plan: GrindPlan) -> list[str]:
+    """One space: X comes up to each depth while Z is beyond the face; afterwards X back, and Z where it began."""
+    low, high = (number(end) for end in plan.ends_mm)
+    out: list[str] = []
+    before: float | None = None
+    for count, short in enumerate(plan.strokes):
+        if short != before:
+            feed = plan.positioning_feed if before is None else plan.infeed_feed
+            place = f"XSET-{number(plan.centre_distance_mm + short)}"
+            out.append(_move(plan.infeed.letter, place, feed))
+        out.append(_move(plan.stroke.letter, low if count % 2 else high, plan.stroke_feed))
+        before = short
+    home = [_move(plan.stroke.letter, low, plan.positioning_feed)] if len(plan.strokes) % 2 else []
+    return [*out, _retract(plan), *home]

@@ -1,0 +1,264 @@
+"""The conversation with a running program through R parameters: poll, echo, release, abort, give back."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+from drivers.clock import Clock
+from drivers.errors import DeviceRefused, TransportError, TrueflankError
+from drivers.leftover import Sent, SentBook
+from drivers.sinumerik.ncprogram.words import COUNT, MARKED, Phase, Word
+from drivers.sinumerik.opcua.machine import ALARM_PLACES, MachineReader, channel_status
+from drivers.sinumerik.opcua.session import nodes
+from drivers.sinumerik.opcua.session.client import UaSession
+from drivers.sinumerik.opcua.settings import UaSettings
+from drivers.types import ChannelStatus
+
+# Alarms that report and let the program run on: rights for machine data, memory display, CEC limits.
+HARMLESS = frozenset({4070, 4075, 4400, 20124, 20125})
+GROWTH = 1.3
+LEAVES_S = 1.0  # a program that waits looks at the abort word four times a second
+
+
+@dataclass(frozen=True, slots=True)
+class Glance:
+    """Everything a waiting gateway needs, from one request. ``words`` are the R parameters of the site."""
+
+    channel: ChannelStatus
+    message: str
+    words: tuple[float, ...]
+    alarms: tuple[int, ...]
+    in_position: bool
+    referenced: bool
+
+    def word(self, word: Word) -> float:
+        """One R parameter."""
+        return self.words[word]
+
+    @property
+    def phase(self) -> int:
+        """How far the program is."""
+        return round(self.words[Word.PHASE])
+
+
+class Pace:
+    """How long to wait between two looks: short after something happened, longer while nothing does."""
+
+    def __init__(self, fast_s: float, slow_s: float) -> None:
+        self._fast_s = fast_s
+        self._slow_s = slow_s
+        self._next_s = fast_s
+        self._quiet_s = 0.0
+
+    def again(self, quiet_s: float = 0.0) -> None:
+        """Something happened; nothing more is expected for ``quiet_s``."""
+        self._next_s, self._quiet_s = self._fast_s, quiet_s
+
+    def step(self) -> float:
+        """Seconds until the next look."""
+        if self._quiet_s > self._next_s:
+            quiet, self._quiet_s = self._quiet_s, 0.0
+            return quiet
+        now, self._next_s = self._next_s, min(self._next_s * GROWTH, self._slow_s)
+        return now
+
+
+class Dialogue:
+    """R words of one site. Their old values are kept at the first write and given back at the end."""
+
+    def __init__(
+        self, session: UaSession, reader: MachineReader, settings: UaSettings, clock: Clock, where: str
+    ) -> None:
+        self._session = session
+        self._reader = reader
+        self._settings = settings
+        self._clock = clock
+        self._where = where
+        self._axis_number = 1
+        self._before: frozenset[int] = frozenset()
+        self._original: tuple[float, ...] | None = None
+        self._others: dict[int, float] = {}
+        self._mine: set[float] = set()
+        self.book: SentBook | None = None
+        self.sent: Sent | None = None
+        self.pace = Pace(settings.fast_poll_s, settings.poll_s)
+
+    async def begin(self, axis_number: int, number: int, program: str) -> None:
+        """Clear all words for a new program, noted by its number first; remember the alarms that were there before it.
+
+        Raises DeviceRefused (E-NC-NOT-RESET) when the channel is not in reset, and what the book raises when the
+        program cannot be noted: nothing is written then.
+        """
+        self._axis_number = axis_number
+        seen = await self.look()
+        if seen.channel is not ChannelStatus.RESET:
+            raise DeviceRefused("E-NC-NOT-RESET", self._where, status=seen.channel.name)
+        self._before = frozenset(seen.alarms)
+        self._note(Sent(number, program, self._settings.r_first, self._kept(seen.words), dict(self._others)))
+        await self.write({word: 0.0 for word in Word if word not in MARKED})
+        self._mine.add(float(number))
+        self.pace.again()
+
+    def another(self, seen: Glance) -> bool:
+        """Whether a program that is not of this conversation stands in the words; never before our own first one."""
+        return bool(self._mine) and seen.word(Word.TRANSACTION) not in (0.0, *self._mine)
+
+    async def check_own(self) -> None:
+        """Raise DeviceRefused (E-NC-ANOTHER) when the words are another gateway's: then nothing may be written."""
+        seen = await self.look()
+        if self.another(seen):
+            raise DeviceRefused("E-NC-ANOTHER", self._where, number=round(seen.word(Word.TRANSACTION)))
+
+    def _note(self, sent: Sent) -> None:
+        if self.book is not None:
+            self.book.note(sent)
+        self.sent = sent
+
+    def _kept(self, words: tuple[float, ...]) -> tuple[float, ...]:
+        """What the words were before this session; what an earlier gateway left there of its own does not count."""
+        if self._original is None:
+            numbers = (words[Word.TRANSACTION], words[Word.RELEASE])
+            known = self.book.known() if self.book is not None else ()
+            left = next((one for one in reversed(known) if one.open and one.number in numbers), None)
+            self._original = words if left is None else left.before
+            self._others = {} if left is None else dict(left.others)
+        return self._original
+
+    def follow(self, program: str) -> None:
+        """The conversation goes on with another program under the same number."""
+        if self.sent is not None:
+            self._note(replace(self.sent, program=program))
+
+    def take_over(self, sent: Sent) -> None:
+        """What an earlier gateway sent is ours to end; what stood in the words before it is what is given back."""
+        self._note(sent)
+        self._mine.add(float(sent.number))
+        self._original, self._others = sent.before, dict(sent.others)
+
+    async def look(self) -> Glance:
+        """One look. Raises TransportError (E-UA-NCK-DOWN) while the NCK restarts, and what the session raises."""
+        settings = self._settings
+        channel = settings.channel
+        paths = [
+            nodes.in_channel("chanStatus", channel),
+            nodes.r_block(settings.r_first, COUNT, channel),
+            nodes.in_channel("msg", channel, "ProgramInfo"),
+            nodes.of_axis("aaStat", self._axis_number, channel),
+            nodes.of_axis("aaRef", self._axis_number, channel),
+            nodes.ALARM_COUNT,
+        ]
+        status, words, message, exact_stop, referenced, alarms = await self._reader.values(paths)
+        return Glance(
+            channel=channel_status(status, self._where),
+            message=message,
+            words=tuple(words),
+            alarms=await self._alarm_numbers(alarms) if alarms else (),
+            in_position=exact_stop == 4,
+            referenced=bool(referenced),
+        )
+
+    async def look_through_restart(self) -> Glance | None:
+        """One look; None while the NCK restarts."""
+        try:
+            return await self.look()
+        except TransportError as error:
+            if error.code != "E-UA-NCK-DOWN":
+                raise
+            return None
+
+    async def _alarm_numbers(self, count: int) -> tuple[int, ...]:
+        places = range(1, min(count, ALARM_PLACES) + 1)
+        found = await self._reader.values([nodes.alarm_number(place) for place in places])
+        return tuple(number for number in found if number)
+
+    async def wait(self, longest_s: float | None = None) -> None:
+        """Let time pass until the next look, ``longest_s`` at most."""
+        pause = self.pace.step()
+        await self._clock.sleep(pause if longest_s is None else min(pause, longest_s))
+
+    async def check_alarms(self, seen: Glance) -> None:
+        """Raise DeviceRefused (E-NC-ALARM) for an alarm that came up since `begin` and stops programs."""
+        new = [number for number in seen.alarms if number not in self._before and number not in HARMLESS]
+        if new:
+            try:
+                text = await self._reader.alarm_texts(len(seen.alarms))
+            except TrueflankError:
+                text = ""
+            raise DeviceRefused("E-NC-ALARM", self._where, number=new[0], text=text or "no text", phase=seen.phase)
+
+    async def write(self, words: dict[Word, float]) -> None:
+        """Write words, typed, by one request, never retried; their old values are kept first."""
+        if self._original is None:
+            self._kept((await self.look()).words)
+        await self._session.write(
+            [(self._path(word), float(value)) for word, value in words.items()], self._reader.timeout_s
+        )
+
+    async def place(self, values: Mapping[int, float]) -> None:
+        """Write other R parameters by number and read them back, never retried; given back as the words are.
+
+        Raises DeviceRefused (E-GRIND-NOT-HELD) for one that is not held as written.
+        """
+        before = await self.numbered(values)
+        self._others = {**before, **self._others}
+        if self.sent is not None:
+            self._note(replace(self.sent, others=dict(self._others)))
+        await self._session.write(
+            [(nodes.r_parameter(number, self._settings.channel), value) for number, value in values.items()],
+            self._reader.timeout_s,
+        )
+        for number, held in (await self.numbered(values)).items():
+            if held != values[number]:
+                raise DeviceRefused("E-GRIND-NOT-HELD", self._where, number=number, value=values[number], held=held)
+
+    async def numbered(self, numbers: Iterable[int]) -> dict[int, float]:
+        """R parameters by number."""
+        wanted = tuple(numbers)
+        found = await self._reader.values([nodes.r_parameter(number, self._settings.channel) for number in wanted])
+        return dict(zip(wanted, found, strict=True))
+
+    def _path(self, word: Word) -> str:
+        return nodes.r_parameter(self._settings.words.number(word), self._settings.channel)
+
+    async def give_back(self) -> bool:
+        """Restore the R parameters if no program of ours needs them any more; false when one still does.
+
+        A program that waits is asked to leave first: given-back words must not look like an answer to it. The
+        marker of a push stays as it is: it is there for whoever comes next. Words that another gateway uses by now
+        are left alone.
+        """
+        if self._original is None:
+            return True
+        seen = await self.look()
+        if self.another(seen):
+            return False
+        if not _done(seen) and self.sent is not None:
+            await self.write({Word.ABORT: 1.0})
+            seen = await self._after_abort(seen)
+        if not _done(seen):
+            return False
+        first = self._settings.r_first
+        old = {first + place: value for place, value in enumerate(self._original) if place not in MARKED}
+        old |= self._others
+        channel = self._settings.channel
+        await self._session.write(
+            [(nodes.r_parameter(number, channel), value) for number, value in old.items()], self._reader.timeout_s
+        )
+        self._original, self._others, self.sent = None, {}, None
+        if self.book is not None:
+            self.book.given_back()
+        return True
+
+    async def _after_abort(self, seen: Glance) -> Glance:
+        """Look until the program has left: it takes until it looks at the abort word itself."""
+        self.pace.again()
+        end = self._clock.now() + LEAVES_S
+        while not _done(seen) and self._clock.now() < end:
+            await self.wait()
+            seen = await self.look()
+        return seen
+
+
+def _done(seen: Glance) -> bool:
+    return seen.channel is ChannelStatus.RESET or seen.phase == Phase.ENABLED

@@ -1,0 +1,155 @@
+"""A test part on the control, step by step: set-up values placed, program sent, spaces counted, its end told."""
+
+from __future__ import annotations
+
+import secrets as random_source
+from collections.abc import Mapping
+from typing import Any
+
+from drivers.clock import Clock
+from drivers.errors import DeadlineExceeded, DeviceRefused
+from drivers.sinumerik.ncprogram import grinding as grinding_program
+from drivers.sinumerik.ncprogram.backup import Memory, Saving
+from drivers.sinumerik.ncprogram.grinding import GrindSetting
+from drivers.sinumerik.ncprogram.words import Phase, SetupWord, Word, program_path
+from drivers.sinumerik.opcua.dialogue import Dialogue, Glance
+from drivers.sinumerik.opcua.machine import Configuration, MachineReader
+from drivers.sinumerik.opcua.pushing import live_tables
+from drivers.sinumerik.opcua.settings import UaSettings
+from drivers.sinumerik.opcua.transfer import Transfer
+from drivers.types import ChannelStatus, LiveSet
+from drivers.workpiece import GrindPlan, check_plan
+
+# Nothing waits for an echo here: looks are this many polls apart, a second at most.
+CALM, LONGEST_LOOK_S = 4.0, 1.0
+_BEGUN = (Phase.GRINDING, Phase.FINISHED, Phase.LEFT)
+
+
+def preview(plan: GrindPlan, settings: Mapping[str, Any], where: str) -> str:
+    """The program that would be sent, without a control. Raises as `grinding_program.preview`, and ConfigError."""
+    return grinding_program.preview(plan, UaSettings.read(settings, where).words)
+
+
+class Grinding:
+    """The grinding part of the driver; it shares dialogue, reader and transfer with the others."""
+
+    def __init__(
+        self,
+        dialogue: Dialogue,
+        reader: MachineReader,
+        transfer: Transfer,
+        settings: UaSettings,
+        clock: Clock,
+        where: str,
+    ) -> None:
+        self._dialogue = dialogue
+        self._reader = reader
+        self._transfer = transfer
+        self._settings = settings
+        self._clock = clock
+        self._where = where
+        self._token = 0
+        self._memory: Mapping[str, Memory] = {}
+        self._saved = False
+        self._ended = False
+        self._placed: dict[int, float] = {}
+        self.plan: GrindPlan | None = None
+
+    async def prepare(self, plan: GrindPlan, configuration: Configuration) -> str:
+        """Place the set-up values, send the program, read both back and select it; returns its text.
+
+        Raises ConfigError as `check_plan`, UnsupportedDevice (E-NC-AXIS), DeviceRefused (E-NC-NOT-RESET) before
+        anything was written; E-GRIND-NOT-HELD, and what sending and selecting raise, before anything was selected.
+        """
+        check_plan(plan)
+        numbers = [configuration.number(axis.name, self._where) for axis in plan.axes]
+        setting = await self._setting(plan, configuration)
+        token = random_source.randbelow(899_999) + 100_000
+        text = grinding_program.grinding(plan, token, setting)
+        path = program_path("GRIND", plan.index.name)
+        await self._dialogue.begin(numbers[0], token, path)
+        self.plan, self._token, self._saved, self._ended = plan, token, False, False
+        self._memory = setting.memory
+        values = {SetupWord.X: plan.x_mm, SetupWord.C: plan.c_deg, SetupWord.DRESSING: plan.dressing_mm}
+        self._placed = {setting.words.setup_number(word): value for word, value in values.items()}
+        await self._dialogue.place(self._placed)
+        await self._dialogue.write({Word.RELEASE: float(token)})
+        await self._transfer.send(path, text)
+        await self._transfer.select(path)
+        return text
+
+    async def _setting(self, plan: GrindPlan, configuration: Configuration) -> GrindSetting:
+        memory = {
+            axis.name: await self._reader.memory(configuration, axis.name, axis.encoder) for axis in plan.compensated
+        }
+        modulo = configuration.is_modulo(plan.index.name, rotary=True)
+        return GrindSetting(self._settings.words, memory, modulo)
+
+    async def ground(self, after: int, timeout_s: float) -> int | None:
+        """Spaces done, once they are more than ``after`` (-1: once the program has begun); None when it has ended.
+
+        Raises DeadlineExceeded (E-GRIND-NO-START, E-GRIND-NO-PROGRESS), DeviceRefused (E-NC-ALARM, E-NC-FILE,
+        E-GRIND-SETUP-REFUSED, E-GRIND-LEFT, E-GRIND-STOPPED, E-GRIND-SETUP-CHANGED), and what the wire raises.
+        """
+        end = self._clock.now() + timeout_s
+        look_s = min(CALM * self._settings.poll_s, LONGEST_LOOK_S)
+        before: Glance | None = None
+        while not self._ended:
+            seen = await self._dialogue.look()
+            await self._dialogue.check_alarms(seen)
+            ours = seen.word(Word.TRANSACTION) == self._token
+            if ours:
+                done = self._note(seen)
+                if self._saved and done > after:
+                    return done
+                await self._check_end(before, seen, done)
+            before = seen if ours else None
+            if self._clock.now() >= end and not self._ended:
+                raise self._late(seen, timeout_s, ours=ours)
+            await self._clock.sleep(0.0 if self._ended else look_s)
+        return None
+
+    def _note(self, seen: Glance) -> int:
+        if seen.phase == Phase.FILE_FAILED:
+            names = ", ".join(axis.name for axis in self.plan.compensated) if self.plan else ""
+            raise DeviceRefused("E-NC-FILE", self._where, axis=names)
+        if seen.phase == Phase.SETUP_REFUSED:
+            raise DeviceRefused("E-GRIND-SETUP-REFUSED", self._where, first=self._settings.words.setup)
+        self._saved = self._saved or seen.phase in _BEGUN
+        return round(seen.word(Word.COUNTER))
+
+    async def _check_end(self, before: Glance | None, seen: Glance, done: int) -> None:
+        """By its own word, or because the channel is in reset at two looks after the program had begun."""
+        total = self.plan.spaces if self.plan else 0
+        if seen.channel is not ChannelStatus.RESET:
+            return
+        if seen.phase == Phase.LEFT:
+            raise DeviceRefused("E-GRIND-LEFT", self._where, done=done, total=total)
+        if seen.phase == Phase.FINISHED:
+            await self._check_placed()
+            self._ended = True
+        elif before is not None and before.channel is ChannelStatus.RESET:
+            raise DeviceRefused("E-GRIND-STOPPED", self._where, done=done, total=total)
+
+    async def _check_placed(self) -> None:
+        """The set-up values must still be those that were asked for: they are what this part was ground with."""
+        for number, held in (await self._dialogue.numbered(self._placed)).items():
+            if held != self._placed[number]:
+                wanted = self._placed[number]
+                raise DeviceRefused("E-GRIND-SETUP-CHANGED", self._where, number=number, value=wanted, held=held)
+
+    def _late(self, seen: Glance, timeout_s: float, *, ours: bool) -> DeadlineExceeded:
+        if not ours:
+            return DeadlineExceeded("E-GRIND-NO-START", self._where, timeout_s=timeout_s)
+        shown = seen.message or "no message"
+        done = round(seen.word(Word.COUNTER))
+        return DeadlineExceeded("E-GRIND-NO-PROGRESS", self._where, timeout_s=timeout_s, done=done, message=shown)
+
+    async def saved_tables(self, axis: str, configuration: Configuration) -> LiveSet:
+        """The live tables that the program wrote before its first move. Raises DeviceRefused (E-NC-NOT-SAVED...)."""
+        wanted = () if self.plan is None else self.plan.compensated
+        found = next((one for one in wanted if one.name == axis), None)
+        if self.plan is None or found is None or not (self._saved and self.plan.save_tables):
+            raise DeviceRefused("E-NC-NOT-SAVED", self._where, axis=axis)
+        saving = Saving("LIVE", self._token, axis, found.encoder, self._memory[axis])
+        return await live_tables(self._transfer, saving, configuration)

@@ -1,0 +1,239 @@
+"""What a control says about itself over OPC UA -> identity, configuration, memory and state records."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from drivers.errors import TransportError, UnsupportedDevice
+from drivers.sinumerik.ncprogram.backup import Memory
+from drivers.sinumerik.opcua.session import alarms as alarm_nodes
+from drivers.sinumerik.opcua.session import nodes
+from drivers.sinumerik.opcua.session import values as typed_values
+from drivers.sinumerik.opcua.session.client import Reading, UaSession
+from drivers.sinumerik.opcua.session.status import is_down, refusal
+from drivers.sinumerik.opcua.settings import UaSettings
+from drivers.sinumerik.tablefile.groups import MOST_POINTS
+from drivers.types import AxisState, ChannelStatus, MachineIdentity, MachineState
+from drivers.units import AxisUnit, deviation_scale
+
+MOST_AXES = 31
+MOST_CEC_TABLES = 62
+ALARM_PLACES = 8
+_IN_POSITION = 4
+_AXIS_NAME = re.compile(r"[A-Z_][A-Z0-9_]{0,31}")
+_CHANNEL = tuple(status.value for status in ChannelStatus)
+_AXIS_ITEMS = ("actToolBasePos", "aaRef", "aaStat", "vaEnc1CompVal", "vaCecCompVal")
+
+
+@dataclass(frozen=True, slots=True)
+class Configuration:
+    """Machine axes in order: names (MD10000), whether rotary (MD30300) and modulo (MD30310); None: not readable."""
+
+    names: tuple[str, ...]
+    rotary: tuple[bool | None, ...]
+    modulo: tuple[bool | None, ...]
+
+    def number(self, axis: str, where: str) -> int:
+        """1-based number of an axis. Raises UnsupportedDevice (E-NC-AXIS)."""
+        if axis not in self.names:
+            raise UnsupportedDevice("E-NC-AXIS", where, axis=axis, known=", ".join(self.names))
+        return self.names.index(axis) + 1
+
+    def is_rotary(self, axis: str) -> bool:
+        """By MD30300; by its name's letter where that cannot be read."""
+        place = self.names.index(axis) if axis in self.names else -1
+        known = self.rotary[place] if place >= 0 else None
+        return axis[:1] in "ABC" if known is None else known
+
+    def is_modulo(self, axis: str, *, rotary: bool) -> bool:
+        """By MD30310; a rotary axis of which nothing can be read turns endlessly."""
+        known = self.modulo[self.names.index(axis)] if axis in self.names else None
+        return rotary if known is None else known and rotary
+
+    @property
+    def units(self) -> dict[str, AxisUnit]:
+        """Unit of each axis by name."""
+        return {name: "deg" if self.is_rotary(name) else "mm" for name in self.names}
+
+
+class MachineReader:
+    """Reads by batches; ``timeout_s`` bounds each request."""
+
+    def __init__(self, session: UaSession, settings: UaSettings, where: str) -> None:
+        self._session = session
+        self._settings = settings
+        self._where = where
+        self.timeout_s = 5.0
+
+    async def configuration(self) -> Configuration:
+        """Axes of the machine. Raises UnsupportedDevice (E-UA-ABSENT) when none can be read."""
+        found = await self._read([nodes.axis_name(place) for place in range(1, MOST_AXES + 1)])
+        names: list[str] = []
+        for reading in found:
+            if reading.status or not reading.value.strip():
+                break
+            names.append(reading.value.strip().upper())
+        if not names:
+            raise self._bad(found[0])
+        self._check_names(names)
+        flags = await self._read(
+            [
+                self._datum(f"{datum}[{name}]", names)
+                for datum in ("$MA_IS_ROT_AX", "$MA_ROT_IS_MODULO")
+                for name in names
+            ]
+        )
+        known = tuple(None if reading.status else reading.value for reading in flags)
+        return Configuration(tuple(names), known[: len(names)], known[len(names) :])
+
+    def _check_names(self, names: Sequence[str]) -> None:
+        """Names go into programs and file names, each for one axis. Raises RemoteProtocolError (E-UA-VALUE)."""
+        for place, name in enumerate(names, start=1):
+            if not _AXIS_NAME.fullmatch(name) or name in names[: place - 1]:
+                raise typed_values.wrong(nodes.axis_name(place), name, "an axis name of its own", self._where)
+
+    async def identity(self, names: tuple[str, ...]) -> MachineIdentity:
+        """Serial number, NCK version and unit system, read afresh."""
+        settings, where = self._settings, self._where
+        paths = [settings.serial_node, settings.version_node, nodes.BASIC_LENGTH_UNIT]
+        serial, version, unit = self._good(self._up(await self._session.survey(paths, self.timeout_s)))
+        inch = typed_values.checked(nodes.BASIC_LENGTH_UNIT, unit, where)
+        system: Literal["metric", "inch"] = "inch" if inch else "metric"
+        told = (typed_values.label(serial, paths[0], where), typed_values.label(version, paths[1], where))
+        return MachineIdentity(*told, names, system)
+
+    async def memory(self, configuration: Configuration, axis: str, encoder: int) -> Memory:
+        """Reserved points (MD38000 of the encoder, MD18342 of every CEC table that can be read)."""
+        configuration.number(axis, self._where)
+        names = configuration.names
+        tables = min(2 * len(names), MOST_CEC_TABLES)
+        paths = [self._datum(f"$MA_MM_ENC_COMP_MAX_POINTS[{encoder},{axis}]", names)]
+        paths += [self._datum(f"$MN_MM_CEC_MAX_POINTS[{table}]", names) for table in range(tables)]
+        eec, *cec = await self._read(paths)
+        points = tuple(0 if one.status else self._reserved(one) for one in cec)
+        self._good([eec])
+        return Memory(self._reserved(eec), points, names)
+
+    def _reserved(self, reading: Reading) -> int:
+        """Points that a memory figure says. Raises RemoteProtocolError (E-UA-VALUE) beyond what a control has."""
+        return typed_values.whole(reading.value, reading.path, self._where, MOST_POINTS)
+
+    async def switch(self, name: str, configuration: Configuration) -> bool | None:
+        """A switch by its NC name; None when this user may not read it or the NCK restarts just now."""
+        path = self._datum(name, configuration.names)
+        (reading,) = await self._session.read([path], self.timeout_s)
+        return None if reading.status else bool(reading.value)
+
+    async def figure(self, name: str, configuration: Configuration) -> float | None:
+        """A machine datum by its NC name; None where there is no public node for it or it cannot be read."""
+        path = nodes.to_path(name, configuration.names, self._settings.channel)
+        if path is None:
+            return None
+        (reading,) = await self._session.read([path], self.timeout_s)
+        return None if reading.status else float(reading.value)
+
+    async def state(self, configuration: Configuration) -> MachineState:
+        """Channel, mode, message, alarms, access level and every axis, in one batch, all of it live.
+
+        Raises TransportError (E-UA-STALE) for an uncertain value or one older than the settings' ``stale_s``.
+        """
+        channel = self._settings.channel
+        head = [
+            nodes.in_channel("chanStatus", channel),
+            nodes.OPERATING_MODE,
+            nodes.in_channel("msg", channel, "ProgramInfo"),
+            nodes.in_channel("progName", channel, "ProgramInfo"),
+            nodes.ACCESS_LEVEL,
+        ]
+        alarms = [nodes.alarm_number(place) for place in range(1, ALARM_PLACES + 1)]
+        numbers = range(1, len(configuration.names) + 1)
+        axes = [nodes.of_axis(item, number, channel) for number in numbers for item in _AXIS_ITEMS]
+        values = self._fresh(await self._read([*head, *alarms, *axes], aged=True))
+        status, mode, message, program, level = values[: len(head)]
+        pending = values[len(head) : len(head) + len(alarms)]
+        rest = values[len(head) + len(alarms) :]
+        return MachineState(
+            channel=channel_status(status, self._where),
+            mode=nodes.MODES[mode] if mode < len(nodes.MODES) else str(mode),
+            message=message,
+            alarms=tuple(number for number in pending if number),
+            access_level=level,
+            axes={
+                name: _axis_state(name, rest[place * 5 : place * 5 + 5], configuration)
+                for place, name in enumerate(configuration.names)
+            },
+            program=program,
+        )
+
+    async def alarm_texts(self, count: int) -> str:
+        """Texts of pending alarms: by events, else from the variables; "" where the control gives neither."""
+        told = alarm_nodes.text(await alarm_nodes.standing(self._session, self.timeout_s))
+        if told:
+            return told
+        found = await self._read([nodes.alarm_text(place) for place in range(1, count + 1)])
+        return "; ".join(reading.value for reading in found if not reading.status and reading.value)
+
+    async def values(self, paths: Sequence[str]) -> list[Any]:
+        """Values that must all be readable, by one request. Raises the refusal of the first that is not."""
+        return self._good(await self._read(paths))
+
+    async def _read(self, paths: Sequence[str], *, aged: bool = False) -> list[Reading]:
+        ask = self._session.read_aged if aged else self._session.read
+        return self._up(await ask(paths, self.timeout_s))
+
+    def _up(self, found: list[Reading]) -> list[Reading]:
+        for reading in found:
+            if is_down(reading.status):
+                fields = {"status": reading.status, "what": reading.path}
+                raise TransportError("E-UA-NCK-DOWN", self._where, retryable=True, **fields)
+        return found
+
+    def _good(self, readings: Sequence[Reading]) -> list[Any]:
+        for reading in readings:
+            if reading.status:
+                raise self._bad(reading)
+        return [reading.value for reading in readings]
+
+    def _fresh(self, readings: Sequence[Reading]) -> list[Any]:
+        """Good values that the server itself calls recent, as far as it gives their time."""
+        limit_s = self._settings.stale_s
+        for reading in readings:
+            if limit_s and reading.age_s is not None and reading.age_s > limit_s:
+                raise TransportError(
+                    "E-UA-STALE", self._where, retryable=True, what=reading.path, why=f"{reading.age_s:.1f} s old"
+                )
+        return self._good(readings)
+
+    def _bad(self, reading: Reading) -> Exception:
+        return refusal(reading.status or "empty", self._where, "read", reading.path)
+
+    def _datum(self, name: str, axes: Sequence[str]) -> str:
+        path = nodes.to_path(name, axes, self._settings.channel)
+        if path is None:
+            raise UnsupportedDevice("E-UA-ABSENT", self._where, status="no node is public", what=name)
+        return path
+
+
+def channel_status(value: Any, where: str) -> ChannelStatus:
+    """chanStatus as a record. Raises RemoteProtocolError (E-UA-VALUE)."""
+    if value not in _CHANNEL:
+        raise typed_values.wrong("chanStatus", value, f"one of {', '.join(map(str, _CHANNEL))}", where)
+    return ChannelStatus(value)
+
+
+def _axis_state(name: str, values: list[Any], configuration: Configuration) -> AxisState:
+    position, referenced, status, own, cross = values
+    unit: AxisUnit = "deg" if configuration.is_rotary(name) else "mm"
+    scale = deviation_scale(unit)
+    return AxisState(
+        name=name,
+        position=position,
+        referenced=bool(referenced),
+        in_position=status == _IN_POSITION,
+        encoder_compensation=own * scale,
+        cross_compensation=cross * scale,
+        unit=unit,
+    )

@@ -1,0 +1,164 @@
+"""What an OPC UA server shows before anybody logs in: end points and certificate, and whether it is the pinned one."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+from asyncua import ua
+from asyncua.client.client import Client
+from asyncua.crypto.security_policies import SecurityPolicyAes256Sha256RsaPss, SecurityPolicyBasic256Sha256
+from asyncua.crypto.uacrypto import CertProperties
+from cryptography import x509
+from cryptography.hazmat.primitives.serialization import Encoding
+
+from drivers.errors import ConfigError, DeviceRefused, RemoteProtocolError
+from drivers.sinumerik.opcua.session.certificates import fingerprint, load
+from drivers.sinumerik.opcua.settings import APPLICATION_URI, POLICIES, Secrets
+
+SESSION_S = 60.0
+CHANNEL_S = 3600.0
+LIBRARY_TIMEOUT_S = 86400.0  # the caller's deadline rules, never the library's own
+
+
+_CLASSES = dict(zip(POLICIES, (SecurityPolicyAes256Sha256RsaPss, SecurityPolicyBasic256Sha256), strict=True))
+
+
+@dataclass(frozen=True, slots=True)
+class Offer:
+    """Security a server offers, as "policy/mode", and the certificate it shows (None: none at all).
+
+    ``policies`` are those of ours that it offers with sign and encrypt, best first.
+    """
+
+    security: tuple[str, ...]
+    policies: tuple[str, ...]
+    certificate: x509.Certificate | None
+
+    def best(self, wanted: tuple[str, ...]) -> str:
+        """The best policy that is wanted and offered; "" where there is none."""
+        return next((name for name in self.policies if name in wanted), "")
+
+
+async def ask(url: str) -> Offer:
+    """Get the end points without logging in. Raises the library's errors, ValueError for a broken certificate."""
+    probe = Client(url, timeout=LIBRARY_TIMEOUT_S)
+    try:
+        endpoints = await probe.connect_and_get_server_endpoints()
+    finally:
+        probe.disconnect_socket()
+    ours = [end for end in endpoints if _policy(end) in _CLASSES and _encrypts(end)]
+    shown = [bytes(end.ServerCertificate) for end in (ours or endpoints) if end.ServerCertificate]
+    names = sorted({f"{_policy(end)}/{end.SecurityMode.name.rstrip('_')}" for end in endpoints})
+    offered = {_policy(end) for end in ours}
+    policies = tuple(name for name in POLICIES if name in offered)
+    return Offer(tuple(names), policies, load(shown[0]) if shown else None)
+
+
+def _policy(end: Any) -> str:
+    return str(end.SecurityPolicyUri or "").removeprefix("http://opcfoundation.org/UA/SecurityPolicy#")
+
+
+def _encrypts(end: Any) -> bool:
+    return bool(end.SecurityMode == ua.MessageSecurityMode.SignAndEncrypt)
+
+
+def check(offer: Offer, pinned: x509.Certificate, wanted: tuple[str, ...], where: str) -> str:
+    """Refuse a server that is not the pinned one; returns the policy to use.
+
+    Raises DeviceRefused (E-UA-POLICY, E-UA-TRUST).
+    """
+    policy = offer.best(wanted)
+    if not policy or offer.certificate is None:
+        raise no_policy(offer, wanted, where)
+    if offer.certificate != pinned:
+        found, known = fingerprint(offer.certificate), fingerprint(pinned)
+        raise DeviceRefused("E-UA-TRUST", where, found=found, pinned=known)
+    return policy
+
+
+def no_policy(offer: Offer, wanted: tuple[str, ...], where: str) -> DeviceRefused:
+    """The error for a server with none of the wanted policies."""
+    offered = ", ".join(offer.security) or "nothing"
+    return DeviceRefused("E-UA-POLICY", where, wanted=" or ".join(wanted), offered=offered)
+
+
+def check_pinned(pinned: x509.Certificate, now: datetime, where: str) -> None:
+    """Refuse a pinned certificate that does not hold now, whatever its server shows. Raises E-UA-EXPIRED."""
+    if not pinned.not_valid_before_utc <= now <= pinned.not_valid_after_utc:
+        since, until = pinned.not_valid_before_utc.isoformat(), pinned.not_valid_after_utc.isoformat()
+        raise DeviceRefused("E-UA-EXPIRED", where, since=since, until=until)
+
+
+async def check_trust(secrets: Secrets, ask_: Callable[[], Awaitable[Offer]], now: datetime, where: str) -> str:
+    """Compare certificates before anything is entrusted to a server; the policy to use, "" without security.
+
+    Whether our own and the pinned one hold now is asked before anything is sent. A server that answers nobody
+    without a login cannot be asked; then the channel itself must prove the pinned certificate, by the policy that
+    every control has. Raises as `check`, `check_pinned` and `check_own`, and what ``ask_`` raises.
+    """
+    if secrets.pinned is None or secrets.own is None:
+        return ""
+    path = secrets.own.certificate
+    try:
+        own = load(await asyncio.to_thread(path.read_bytes))
+    except (OSError, ValueError) as error:
+        given = {"key": "client_folder", "path": path, "why": str(error)}
+        raise ConfigError("E-UA-SECRET", where, **given) from error  # type: ignore[arg-type]
+    check_own(own, str(path), now, where)
+    check_pinned(secrets.pinned, now, where)
+    try:
+        offer = await ask_()
+    except RemoteProtocolError:
+        return secrets.policies[-1]
+    return check(offer, secrets.pinned, secrets.policies, where)
+
+
+def check_own(own: x509.Certificate, path: str, now: datetime, where: str) -> None:
+    """Refuse to log in with a certificate of ours that is not valid. Raises DeviceRefused (E-UA-OWN-EXPIRED)."""
+    if not own.not_valid_before_utc <= now <= own.not_valid_after_utc:
+        raise DeviceRefused("E-UA-OWN-EXPIRED", where, path=path, until=own.not_valid_after_utc.isoformat())
+
+
+def new_client(url: str, secrets: Secrets) -> Any:
+    """A fresh client: one request at a time, no reconnecting of its own."""
+    client = Client(url, timeout=LIBRARY_TIMEOUT_S)
+    client.name = client.description = "trueflank"
+    client.application_uri = APPLICATION_URI
+    client.session_timeout = SESSION_S * 1000.0
+    client.secure_channel_timeout = int(CHANNEL_S * 1000)
+    client.set_max_concurrent_requests(1)
+    if secrets.user:
+        client.set_user(secrets.user)
+        client.set_password(secrets.password)
+    return client
+
+
+async def log_out(client: Any) -> None:
+    """Close session and channel. Raises the library's errors."""
+    await client.close_session()
+    await client.close_secure_channel()
+
+
+async def log_in(client: Any, secrets: Secrets, policy: str) -> None:
+    """Open channel and session, secured by a policy; with a pinned certificate only its holder can answer.
+
+    Raises the library's errors.
+    Files are read here: the library's own reading uses threads that the loop's clock does not know of.
+    """
+    if secrets.pinned is not None and secrets.own is not None:
+        await client.set_security(
+            _CLASSES[policy],
+            certificate=CertProperties(await asyncio.to_thread(secrets.own.certificate.read_bytes), "der"),
+            private_key=CertProperties(await asyncio.to_thread(secrets.own.key.read_bytes), "pem"),
+            server_certificate=secrets.pinned.public_bytes(Encoding.DER),
+            mode=ua.MessageSecurityMode.SignAndEncrypt,
+        )
+    await client.connect_socket()
+    await client.send_hello()
+    await client.open_secure_channel()
+    await client.create_session()
+    await client.activate_session(username=secrets.user or None, password=secrets.password or None)

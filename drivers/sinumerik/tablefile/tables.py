@@ -1,0 +1,125 @@
+"""EEC and CEC text <-> CompensationTable: values, signs, grids and the set of tables live in the control.
+
+Sign (SINUMERIK FM Extended Functions 03/2013, K3, p. 238): a positive EEC value moves the axis in the
+negative direction, so the stored value is the deviation itself, +d. For CEC no public text settles it: the
+machine's `SignProof` does. Values are in mm or deg; `quantised` brings a table to the resolution once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from decimal import ROUND_HALF_EVEN, Decimal
+from math import isfinite
+
+from drivers.errors import TableError, ValueOutOfRange
+from drivers.sinumerik.tablefile.grammar import DECIMALS, FINEST_POSITION, LARGEST, grid_text, value_text
+from drivers.sinumerik.tablefile.groups import SCALE, Sign, axis_unit
+from drivers.sinumerik.tablefile.reader import read
+from drivers.tablefile import TableFile
+from drivers.types import CompensationTable, SignProof
+
+__all__ = [
+    "RESOLUTION",
+    "TableFile",
+    "as_stored",
+    "axis_unit",
+    "parameters",
+    "point_name",
+    "quantised",
+    "read",
+    "stored_values",
+    "written_sign",
+]
+
+RESOLUTION = 1e-6  # mm or deg: values go to the control with six decimals
+
+
+def stored_values(table: CompensationTable, proof: SignProof | None = None) -> tuple[Decimal, ...]:
+    """The values for the control, mm or deg, exact to ten decimals: EEC +d, CEC d times the proven sign.
+
+    Raises TableError E-TABLE-NO-PROOF for CEC without this machine's proof, ValueOutOfRange
+    E-TABLE-FINITE for a value that is no number.
+    """
+    return _stored(table, written_sign(table, proof))
+
+
+def written_sign(table: CompensationTable, proof: SignProof | None) -> Sign:
+    """What d is multiplied with. Raises TableError (E-TABLE-NO-PROOF, E-TABLE-SIGN)."""
+    if proof is not None and (proof.function, proof.output_axis) != (table.function, table.output_axis):
+        proof = None
+    if table.function == "CEC":
+        if proof is None:
+            raise TableError("E-TABLE-NO-PROOF", table.name, table=table.name, function="CEC")
+        return proof.sign
+    if proof is not None and proof.sign != 1:
+        raise TableError("E-TABLE-SIGN", table.name, table=table.name, slope=proof.slope)
+    return 1
+
+
+def as_stored(table: CompensationTable) -> tuple[Decimal, ...]:
+    """The values of a table that was read without proof: what stood in the control, sign untouched."""
+    return _stored(table, 1)
+
+
+def _stored(table: CompensationTable, sign: Sign) -> tuple[Decimal, ...]:
+    scale, places = SCALE[table.output_unit], Decimal(1).scaleb(-DECIMALS)
+    values, largest = [], float(LARGEST * scale)
+    for number, deviation in enumerate(table.deviations):
+        if not isfinite(deviation) or abs(deviation) > largest:
+            raise ValueOutOfRange("E-TABLE-FINITE", table.name, point=number, value=deviation)
+        value = (Decimal(repr(float(deviation))) * sign / scale).quantize(places, ROUND_HALF_EVEN)
+        values.append(value + 0 if value else Decimal(0))
+    return tuple(values)
+
+
+def quantised(table: CompensationTable, resolution: float = RESOLUTION) -> CompensationTable:
+    """The table with every value at the nearest multiple of ``resolution`` (mm or deg). Idempotent."""
+    unit, scale = Decimal(repr(resolution)), SCALE[table.output_unit]
+    steps = ((value / unit).to_integral_value(ROUND_HALF_EVEN) * unit for value in as_stored(table))
+    return replace(table, deviations=tuple(float(value * scale) + 0.0 for value in steps))
+
+
+def point_lines(table: CompensationTable, values: Iterable[Decimal]) -> list[str]:
+    """One assignment for each interpolation point."""
+    return [f"{point_name(table, number)}={value_text(value)}" for number, value in enumerate(values)]
+
+
+def point_name(table: CompensationTable, number: int | str) -> str:
+    """The control's name of one interpolation point; ``number`` may be a program's own variable."""
+    if table.function == "EEC":
+        return f"$AA_ENC_COMP[{table.index},{number},{table.output_axis}]"
+    return f"$AN_CEC[{table.index},{number}]"
+
+
+def parameters(table: CompensationTable) -> dict[str, str]:
+    """Name and value of everything but the points, as the control takes them."""
+    grid = {
+        "STEP": _position(table.step),
+        "MIN": _position(table.minimum),
+        "MAX": _position(table.maximum),
+        "IS_MODULO": str(int(table.modulo)),
+    }
+    if table.function == "EEC":
+        tail = f"[{table.index},{table.output_axis}]"
+        return {f"$AA_ENC_COMP_{name}{tail}": value for name, value in grid.items()}
+    cross = {
+        "INPUT_AXIS": f"({table.input_axis})",
+        "OUTPUT_AXIS": f"({table.output_axis})",
+        **grid,
+        "DIRECTION": str(table.direction),
+        "MULT_BY_TABLE": str(table.multiply_by),
+        "TYPE": str(table.table_type),
+    }
+    return {f"$AN_CEC_{name}[{table.index}]": value for name, value in cross.items()}
+
+
+def parameter_lines(table: CompensationTable) -> list[str]:
+    """One assignment for each parameter."""
+    return [f"{name}={value}" for name, value in parameters(table).items()]
+
+
+def _position(value: float) -> str:
+    if not isfinite(value) or abs(value) > 1e5 or 0.0 < abs(value) < FINEST_POSITION:
+        raise ValueOutOfRange("E-TABLE-FINITE", "grid", point="grid", value=value)
+    return grid_text(value)

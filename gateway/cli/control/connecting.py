@@ -1,0 +1,153 @@
+"""The commands `doctor` and `trust`: is the road to the control in order, and whose certificate is trusted."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from drivers import registry
+from drivers.checks import CertificateView, CheckLine, TrustView, Wanted, WantedAxis, wrong
+from drivers.clock import Clock, LoopClock
+from drivers.errors import TrueflankError, words
+from drivers.leftover import Sent
+from gateway.cli.commands import JsonOption, SiteArgument
+from gateway.cli.show import echo, show_json
+from gateway.cli.stopping import run_to_end
+
+NOT_ALL_WELL = 5
+MARKS = {"ok": "ok", "wrong": "WRONG", "unknown": "could not tell"}
+
+trust_app = typer.Typer(name="trust", help="The control's certificate: show it, accept it.", no_args_is_help=True)
+ThumbprintOption = Annotated[
+    str, typer.Option(help="Typed from the control's own dialog: SHA-256 or SHA-1, whole.", show_default=False)
+]
+
+
+def add_to(app: typer.Typer) -> None:
+    """Give the command line these commands."""
+    app.command("doctor")(doctor_command)
+    app.add_typer(trust_app)
+
+
+def doctor_command(site: SiteArgument, as_json: JsonOption = False) -> None:
+    """Look at the road to the control, line by line, and change nothing; exit code 0 only if all is well."""
+    tree = load(site)
+    sought = wanted(tree, sent_before(tree, site))
+    lines = run_to_end(port(tree, "doctor", LoopClock()).examine(sought, tree.controller.timeout_s))
+    lines = (*lines, *unended(tree, site))
+    well = all(line.outcome == "ok" for line in lines)
+    if as_json:
+        show_json({"site": tree.site.name, "ok": well, "lines": [line.as_record() for line in lines]})
+    else:
+        for line in lines:
+            colour = {"ok": "green", "wrong": "red"}.get(line.outcome, "yellow")
+            echo(f"{MARKS[line.outcome]:<14} {line.check}: {line.what}", colour=colour)
+            if line.fix:
+                echo(f"{'':<14} -> {line.fix}")
+    if not well:
+        raise typer.Exit(NOT_ALL_WELL)
+
+
+@trust_app.command("show")
+def show_command(site: SiteArgument, as_json: JsonOption = False) -> None:
+    """What the server shows now, what is pinned, and whether they are equal; exit code 5 when they are not."""
+    tree = load(site)
+    view: TrustView = run_to_end(port(tree, "trust", LoopClock()).show(tree.controller.timeout_s))
+    tell(view, as_json=as_json)
+    if not view.equal:
+        raise typer.Exit(NOT_ALL_WELL)
+
+
+@trust_app.command("accept")
+def accept_command(site: SiteArgument, thumbprint: ThumbprintOption, as_json: JsonOption = False) -> None:
+    """Pin the certificate that the server shows now, if its thumbprint is the one you read at the control."""
+    from gateway import audit
+    from gateway.workflow.bench import store_of
+
+    tree, clock = load(site), LoopClock()
+    trust, root = port(tree, "trust", clock), store_of(tree, site).root
+    audit.demand(root)
+
+    async def main() -> TrustView:
+        view: TrustView = await trust.accept(thumbprint, audit.os_user(), tree.controller.timeout_s)
+        told = {"url": view.url, "sha256": view.shown.sha256, "subject": view.shown.subject}
+        audit.record(root, "trust-accept", clock=clock, role="service", details=told)
+        return view
+
+    tell(run_to_end(main()), as_json=as_json)
+
+
+def load(site: Path) -> Any:
+    """The site file. Raises ConfigError."""
+    from gateway.config import load_site
+
+    return load_site(site)
+
+
+def port(tree: Any, role: str, clock: Clock) -> Any:
+    """Doctor or trust of the site's control, by its driver's name. Raises ConfigError (E-CFG-DRIVER)."""
+    controller = tree.controller
+    factory = registry.load(f"{controller.driver}-{role}", role)
+    return factory(tree.site.name, controller.url, controller.settings, clock)
+
+
+def sent_before(tree: Any, site: Path) -> tuple[Sent, ...]:
+    """Every program this store sent to the control; none while a gateway is at work with them."""
+    from gateway.push.records.journal import JOURNALS
+    from gateway.push.records.sent import SentBook
+    from gateway.workflow.bench import store_of
+
+    book = SentBook(store_of(tree, site).root / JOURNALS, tree.controller.serial)
+    return () if book.at_work() else book.known()
+
+
+def unended(tree: Any, site: Path) -> tuple[CheckLine, ...]:
+    """A line for each push of this store that did not end and that nobody is at work with, the loud ones first."""
+    from gateway.push.records.holding import held_pushes
+    from gateway.push.records.journal import JOURNALS
+    from gateway.workflow.bench import store_of
+
+    return tuple(wrong(one.code, "journal", **one.fields) for one in held_pushes(store_of(tree, site).root / JOURNALS))
+
+
+def wanted(tree: Any, sent: tuple[Sent, ...] = ()) -> Wanted:
+    """What the site expects of its control; ``sent`` are the programs that were sent there."""
+    axes = tuple(
+        WantedAxis(axis.name, axis.unit, axis.encoder, points(axis.table))
+        for axis in tree.axes
+        if getattr(axis, "table", None) is not None
+    )
+    return Wanted(tree.controller.serial, axes, sent)
+
+
+def points(table: Any) -> int:
+    """Interpolation points of a site's table."""
+    return round((table.maximum - table.minimum) / table.step) + 1
+
+
+def tell(view: TrustView, *, as_json: bool) -> None:
+    """A certificate beside the pinned one."""
+    if as_json:
+        named = {"shown": view.shown, "pinned": view.pinned, "own": view.own}
+        data: dict[str, Any] = {name: record(one) if one else None for name, one in named.items()}
+        data |= {"url": view.url, "file": view.place, "equal": view.equal}
+        show_json({**data, "accepted_by": view.accepted_by, "accepted_utc": view.accepted_utc})
+        return
+    echo(view.url)
+    for title, one in (("shown now", view.shown), ("pinned", view.pinned), ("this gateway's own", view.own)):
+        if one is not None:
+            echo(f"{title}: {one.subject}, valid {one.valid_from:%Y-%m-%d} to {one.valid_until:%Y-%m-%d}")
+            echo(f"  SHA-256 {one.sha256}\n  SHA-1   {one.sha1}")
+    code = "W-TRUST-EQUAL" if view.equal else "W-TRUST-CHANGED" if view.pinned else "W-TRUST-NONE"
+    who = f"{view.accepted_by}, {view.accepted_utc}" if view.accepted_by else "nobody on record"
+    echo(words(code, file=view.place, who=who))
+    if not view.equal:
+        echo(f"  -> {TrueflankError(code, file=view.place, who=who).hint}")
+
+
+def record(view: CertificateView) -> dict[str, str]:
+    """A certificate as data."""
+    dates = {"valid_from": view.valid_from.isoformat(), "valid_until": view.valid_until.isoformat()}
+    return {"subject": view.subject, "sha256": view.sha256, "sha1": view.sha1, **dates}

@@ -1,0 +1,102 @@
+"""The commands `approve`, `rollback` and `verify-table`: who agrees, what is taken back, what is live."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from gateway.cli.commands import ApplyOption, JsonOption, MachineOption, RunArgument, SiteArgument, StoreOption
+from gateway.cli.stopping import run_to_end
+
+TableOption = Annotated[str, typer.Option("--axis", help="Machine axis, or a cross table: C1-cec3.")]
+
+
+def approve(
+    run_folder: RunArgument, axis: TableOption = "", store: StoreOption = Path("runs"), as_json: JsonOption = False
+) -> None:
+    """Show a stored proposal as `push` does, ask for the machine's name, and approve it for ten minutes."""
+    from gateway.cli.machine.running import show_outcome
+    from gateway.cli.show import echo, progress, show_json
+    from gateway.store import Store
+    from gateway.workflow.control.approving import approve_plan, show_plan
+
+    folder = Store(store).open(run_folder)
+    with progress(quiet=as_json) as say:
+        outcome = run_to_end(_main(lambda clock: show_plan(folder, clock=clock, say=say)))
+    if not as_json:
+        show_outcome(outcome, as_json=False)
+    typed = typer.prompt("type the machine's name to approve", err=True, default="", show_default=False).strip()
+    made = run_to_end(_main(lambda clock: approve_plan(folder, table=axis, typed_name=typed, clock=clock)))
+    if as_json:
+        plans = [{"plan_hash": one.plan_hash, "actor": one.actor, "expires_utc": one.expires_utc} for one in made]
+        show_json({"approved": plans, **outcome.as_data()})
+        return
+    for one in made:
+        echo(f"approved by {one.actor} until {one.expires_utc}: plan {one.plan_hash[:12]}")
+
+
+def rollback(
+    place: Annotated[str, typer.Argument(metavar="SITE|RUN", help="Site file, or run.", show_default=False)],
+    axis: TableOption,
+    apply: ApplyOption = False,
+    machine: MachineOption = "",
+    store: StoreOption = Path("runs"),
+    as_json: JsonOption = False,
+) -> None:
+    """Say what the last committed push of an axis replaced; with --apply put that table back."""
+    from gateway.cli.machine.running import show_outcome
+    from gateway.cli.show import progress
+    from gateway.workflow.control.rolling_back import roll_back_site
+
+    site, path = _site(place, store)
+    with progress(quiet=as_json) as say:
+        asked: dict[str, Any] = {"table": axis, "apply": apply, "machine_name": machine, "say": say}
+        outcome = run_to_end(_main(lambda clock: roll_back_site(site, path, clock=clock, **asked)))
+    show_outcome(outcome, as_json=as_json)
+
+
+def verify_table_command(
+    site: SiteArgument,
+    axis: TableOption = "",
+    run: Annotated[str, typer.Option(help="Compare with this run's proposal instead; with --axis.")] = "",
+    as_json: JsonOption = False,
+) -> None:
+    """Compare the live tables (all that pushes left, or one) with the last committed push; exit code 9: one differs."""
+    from gateway.cli.machine.running import show_outcome
+    from gateway.cli.show import progress
+    from gateway.config import load_site
+    from gateway.workflow.bench import store_of
+    from gateway.workflow.control.verifying import verify_table
+
+    tree = load_site(site)
+    folder = store_of(tree, site).open(run) if run else None
+    with progress(quiet=as_json) as say:
+        asked: dict[str, Any] = {"table": axis, "run": folder, "say": say}
+        outcome = run_to_end(_main(lambda clock: verify_table(tree, site, clock=clock, **asked)))
+    show_outcome(outcome, as_json=as_json)
+
+
+def add_to(app: typer.Typer) -> None:
+    """Put the commands of this file into the program."""
+    app.command("approve")(approve)
+    app.command("rollback")(rollback)
+    app.command("verify-table")(verify_table_command)
+
+
+async def _main(work: Any) -> Any:
+    from drivers.clock import LoopClock
+
+    return await work(LoopClock())
+
+
+def _site(place: str, store: Path) -> tuple[Any, Path]:
+    """The site named by its file or by a run made at it."""
+    from gateway.config import load_site
+    from gateway.store import Store
+    from gateway.workflow.bench import site_of
+
+    if place.endswith(".toml"):
+        return load_site(Path(place)), Path(place)
+    return site_of(Store(store).open(place))

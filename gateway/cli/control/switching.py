@@ -1,0 +1,41 @@
+"""The command `disable`: one table off, wherever its axis stands."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import typer
+
+from gateway.cli.commands import ApplyOption, JsonOption, MachineOption, SiteArgument
+
+
+def disable(
+    site: SiteArgument,
+    axis: Annotated[str, typer.Option("--axis", help="Machine axis that the table compensates.")],
+    table: Annotated[str, typer.Option("--table", help="A cross table, cec3; else the axis' EEC.")] = "",
+    apply: ApplyOption = False,
+    machine: MachineOption = "",
+    as_json: JsonOption = False,
+) -> None:
+    """Say what a table does to its axis now; with --apply switch it off and read that back. Writes no value."""
+    from drivers.clock import LoopClock
+    from gateway.cli.machine.running import show_outcome
+    from gateway.cli.show import progress
+    from gateway.cli.stopping import run_to_end
+    from gateway.config import load_site
+    from gateway.workflow.control.disabling import disable_site
+
+    tree = load_site(site)
+    asked: dict[str, Any] = {"axis": axis, "table": table, "apply": apply, "machine_name": machine}
+    with progress(quiet=as_json) as say:
+
+        async def main() -> Any:
+            return await disable_site(tree, site, clock=LoopClock(), say=say, **asked)
+
+        outcome = run_to_end(main())
+    show_outcome(outcome, as_json=as_json)
+
+
+def add_to(app: typer.Typer) -> None:
+    """Put the command of this file into the program."""
+    app.command("disable")(disable)

@@ -1,0 +1,1 @@
+"""Commands on files at a desk; no machine is needed: evaluate, convert, lint, import, replay, study, watch."""

@@ -1,0 +1,151 @@
+"""The command that makes a compensation table file of a measured result file, once its datum is known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import typer
+
+from drivers.errors import ConfigError
+from drivers.tablefile import TableMachine
+from gateway.cli.files.evaluating import reader
+from gateway.cli.files.tables import number, show_findings, table_format
+from gateway.cli.show import echo, show_json
+
+FORMS = {".ini": "ini", ".arc": "archive"}
+LAYERS = ("eec", "cec")
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """What was typed: result file, layer, axis, datum words, grid, output."""
+
+    result: Path
+    to: str
+    axis: str
+    reference: float | None
+    datum: tuple[str, ...]
+    minimum: float | None
+    maximum: float | None
+    step: float | None
+    modulo: bool
+    unit: str
+    index: int
+    form: str
+    output: Path
+    force: bool
+
+
+def convert_file(wish: Wish, *, as_json: bool) -> None:
+    """Write the table file and say what its reader must know; nothing is written unless all is known and right."""
+    from gateway.table.conversion import convert
+
+    measured = reader(wish.result, wish.unit).read(wish.result)
+    request = _request(wish, _complete(wish, measured))
+    made = convert(measured, request)
+    text = table_format().write(made.tables, wish.form or _form(wish.output), _comments(wish))
+    known = TableMachine(references={request.axis: request.reference}, units={request.axis: measured.axis_unit})
+    findings = table_format().findings(text, str(wish.output), known)
+    wrong = any(one.severity == "wrong" for one in findings)
+    if not wrong:
+        _write(wish.output, text, force=wish.force)
+    told = [*measured.warnings, *made.findings]
+    if as_json:
+        records = [{"severity": one.severity, **one.error.as_record()} for one in findings]
+        show_json({"file": str(wish.output), "written": not wrong, "notes": told, "findings": records})
+    else:
+        _say(made, told)
+        show_findings(wish.output, findings, as_json=False)
+    if wrong:
+        raise typer.Exit(7)
+
+
+def _request(wish: Wish, reference: float) -> Any:
+    from gateway.table.conversion import Request, datum_of
+
+    return Request(
+        to=_layer(wish.to),
+        axis=wish.axis.strip().upper(),
+        reference=reference,
+        datum=datum_of([_pair(word) for word in wish.datum]),
+        minimum=wish.minimum,
+        maximum=wish.maximum,
+        step=wish.step,
+        modulo=wish.modulo,
+        index=wish.index,
+    )
+
+
+def _complete(wish: Wish, measured: Any) -> float:
+    """The reference, once reference and datum are given. Raises ConfigError (E-CLI-DATUM) saying what is needed."""
+    if wish.reference is None or not wish.datum:
+        low, high = float(measured.targets[0]), float(measured.targets[-1])
+        missing = [
+            name for name, given in (("--reference", wish.reference), ("--datum", wish.datum or None)) if given is None
+        ]
+        raise ConfigError(
+            "E-CLI-DATUM",
+            str(wish.result),
+            missing=" and ".join(missing),
+            low=f"{low:g}",
+            high=f"{high:g}",
+            unit=measured.axis_unit,
+        )
+    return number(str(wish.reference), "--reference")
+
+
+def _layer(to: str) -> Literal["eec", "cec"]:
+    if to.lower() not in LAYERS:
+        raise ConfigError("E-CLI-LAYER", "--to", to=to, known=", ".join(LAYERS))
+    return "cec" if to.lower() == "cec" else "eec"
+
+
+def _pair(word: str) -> tuple[float, float]:
+    file, mark, machine = word.partition("=")
+    if not mark:
+        raise ConfigError("E-CLI-POSITION", "--datum", text=word)
+    return number(file, "--datum"), number(machine, "--datum")
+
+
+def _form(output: Path) -> str:
+    return FORMS.get(output.suffix.lower(), "program")
+
+
+def _comments(wish: Wish) -> list[str]:
+    """What stands in the file for its next reader; the control takes plain ASCII."""
+    datum = ", ".join(wish.datum)
+    lines = [
+        f"made by trueflank from {wish.result.name}",
+        f"datum (file=machine) {datum}; zero at machine position {wish.reference:g}",
+        "replaces another table, is not added to one",
+    ]
+    if wish.to.lower() == "cec":
+        lines += ["CEC SIGN UNPROVEN: values follow the EEC convention (value = +deviation)"]
+        lines += ["prove the sign on this machine before these tables are switched on"]
+    return ["".join(char if " " <= char <= "~" else "?" for char in line)[:180] for line in lines]
+
+
+def _write(output: Path, text: str, *, force: bool) -> None:
+    """Raises ConfigError (E-CLI-EXISTS, E-CLI-WRITE)."""
+    try:
+        with output.open("w" if force else "x", encoding="ascii", newline="\n") as file:
+            file.write(text)
+    except FileExistsError as error:
+        raise ConfigError("E-CLI-EXISTS", str(output)) from error
+    except OSError as error:
+        raise ConfigError("E-CLI-WRITE", str(output), why=str(error)) from error
+
+
+def _say(made: Any, told: list[str]) -> None:
+    for table in made.tables:
+        way = {0: "both directions", 1: "+ direction", -1: "- direction"}[table.direction]
+        largest = max(abs(value) for value in table.deviations)
+        grid = f"{table.minimum:g} .. {table.maximum:g} step {table.step:g} {table.input_unit}"
+        echo(
+            f"{table.function} {table.name}, {way}: {len(table.deviations)} points, {grid}, "
+            f"largest {largest:.3f} {table.deviation_unit}"
+        )
+    for line in told:
+        echo(f"note: {line}")

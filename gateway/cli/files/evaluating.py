@@ -1,0 +1,240 @@
+"""Commands on result files alone: evaluate."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from drivers import registry
+from drivers.errors import ConfigError, TrueflankError
+from gateway.cli.show import echo, show_error, show_json, show_table
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """How files are to be evaluated: None and "" leave things as the file has them."""
+
+    standard: str = "2014"
+    unit: str = ""
+    limits: Mapping[str, float] = field(default_factory=dict)
+    air: str = ""
+    expansion_ppm_per_k: float | None = None
+    material_degc: float | None = None
+    seed: int = 1
+    store: Path = Path("runs")
+    axis: str = ""
+    phase: str = ""
+
+    @property
+    def recompensates(self) -> bool:
+        """Whether the file's own correction is to be undone and made again."""
+        return bool(self.air) or self.expansion_ppm_per_k is not None
+
+
+def limits_of(texts: Sequence[str]) -> dict[str, float]:
+    """Limits by parameter from "A=10". Raises ConfigError (E-CLI-LIMIT)."""
+    found = {}
+    for text in texts:
+        name, _, number = text.partition("=")
+        try:
+            found[name.strip()] = float(number)
+        except ValueError:
+            raise ConfigError("E-CLI-LIMIT", "--limit", text=text) from None
+    return found
+
+
+def list_standards(*, as_json: bool) -> None:
+    """Print every standard by name with edition, certainty and parameters."""
+    from gateway.evaluate.standards.registry import standards
+
+    if as_json:
+        show_json([_label(item) | {"parameters": item.parameters} for item in standards()])
+        return
+    rows = [(item.name, item.edition, item.certainty, item.says) for item in standards()]
+    show_table("Standards by name (formulas as sure as said)", ("standard", "edition", "certainty", "what it is"), rows)
+
+
+def _label(standard: Any) -> dict[str, Any]:
+    return {
+        "standard": standard.name,
+        "edition": standard.edition,
+        "certainty": standard.certainty,
+        "formulas": f"ISO 230-2:{standard.iso}" if standard.iso else "its own",
+    }
+
+
+def evaluate_files(files: list[Path], asked: Asked, *, as_json: bool) -> None:
+    """Print each file's parameters by a standard; a file that cannot be read does not stop the others."""
+    _refuse_unknown(asked.standard)
+    if not files:
+        raise ConfigError("E-CLI-NO-FILES", "evaluate")
+    results, failures = [], []
+    for path in files:
+        try:
+            results += _evaluated(path, asked)
+        except TrueflankError as error:
+            failures.append(error)
+            results.append({"file": str(path), "error": error.as_record()})
+    if as_json:
+        show_json(results)
+    else:
+        for result in results:
+            if "error" not in result:
+                _show(result)
+        for failure in failures:
+            show_error(failure, as_json=False)
+    if failures:
+        raise typer.Exit(failures[0].exit_code)
+
+
+def _refuse_unknown(name: str) -> None:
+    """Raise ConfigError (E-CLI-STANDARD) before any file is read."""
+    from gateway.errors import ModelError
+    from gateway.evaluate.standards.registry import standard
+
+    try:
+        standard(name)
+    except ModelError as error:
+        raise ConfigError("E-CLI-STANDARD", "--standard", standard=name, known=error.fields["known"]) from error
+
+
+def _evaluated(path: Path, asked: Asked) -> list[dict[str, Any]]:
+    """Every set that a file or a run holds."""
+    from gateway.store import Store
+    from gateway.workflow.files.exporting import items
+    from gateway.workflow.files.importing import How
+
+    found = items(path, How(asked.unit), Store(asked.store), axis=asked.axis, phase=asked.phase)
+    return [_evaluate(item, asked) for item in found]
+
+
+def _evaluate(item: Any, asked: Asked) -> dict[str, Any]:
+    from drivers.types import MeasuredSet
+    from drivers.units import deviation_unit
+    from gateway.evaluate.optics import corrections
+    from gateway.evaluate.standards.registry import evaluate_by
+
+    measured, path = item.content, Path(item.label)
+    if not isinstance(measured, MeasuredSet):
+        raise ConfigError("E-CLI-KIND", item.label, kind=type(measured).__name__)
+    deviations, record = _deviations(measured, asked, path)
+    if item.corrections is not None and not asked.recompensates:
+        record = item.corrections
+    budget, supposed = _budget(measured, asked)
+    unit = deviation_unit(measured.axis_unit)
+    found = evaluate_by(asked.standard, measured.targets, deviations, unit, budget=budget, seed=asked.seed)
+    return {
+        "file": item.label,
+        **_label(found.standard),
+        "unit": found.unit,
+        "targets": found.targets,
+        "repetitions": found.repetitions,
+        **found.values,
+        "U": dict(found.U),
+        "monte_carlo": {name: _outcome(outcome) for name, outcome in found.trials.items()},
+        "verdicts": [_verdict(item) for item in found.decided(asked.limits)],
+        "corrected": list(corrections.told(record)),
+        "corrections": [_step(item) for item in record.chain],
+        "flags": [*found.flags, *measured.warnings, *item.notes],
+        "supposed": list(supposed),
+    }
+
+
+def _deviations(measured: Any, asked: Asked, path: Path) -> tuple[Any, Any]:
+    """Deviations as they are, or re-compensated, with the record of what was done to them."""
+    from gateway.errors import ModelError
+    from gateway.evaluate.optics import air, corrections
+    from gateway.evaluate.optics.recompensation import recompensated_set
+
+    if not asked.recompensates:
+        return measured.deviations, corrections.begin(measured.compensated_for)
+    if measured.axis_unit != "mm":
+        raise ModelError("E-EVAL-NOT-LINEAR", str(path))
+    equation: Any = asked.air or "edlen"
+    if equation not in air.EQUATIONS:
+        raise ConfigError("E-CLI-AIR", "--air", equation=equation, known=", ".join(air.EQUATIONS))
+    return recompensated_set(
+        measured,
+        equation=equation,
+        expansion_ppm_per_k=asked.expansion_ppm_per_k,
+        material_degc=asked.material_degc,
+    )
+
+
+def _budget(measured: Any, asked: Asked) -> tuple[Any, tuple[str, ...]]:
+    from drivers.units import deviation_unit
+    from gateway.evaluate.optics import air
+    from gateway.evaluate.uncertainty.budget import file_budget
+
+    sensors = measured.ambient_start.material_degc
+    read = sum(sensors) / len(sensors) if sensors else None
+    given = asked.material_degc
+    material = read if given is None else air.required("material_degc", given, "--material-degc")
+    stated = (asked.expansion_ppm_per_k, measured.expansion_ppm_per_k, 11.5)
+    alpha = next(value for value in stated if value is not None)
+    travel = float(measured.targets.max() - measured.targets.min())
+    return file_budget(deviation_unit(measured.axis_unit), travel, material, alpha)
+
+
+def _outcome(outcome: Any) -> dict[str, Any]:
+    names = ("mean", "u", "symmetric", "shortest", "probability", "trials", "seed", "tolerance", "converged")
+    return {name: getattr(outcome, name) for name in names}
+
+
+def _verdict(item: Any) -> dict[str, Any]:
+    return {name: getattr(item, name) for name in ("parameter", "value", "U", "limit", "verdict", "why", "rule")}
+
+
+def _step(item: Any) -> dict[str, Any]:
+    names = ("step", "by", "words", "coefficients", "undone")
+    return {name: getattr(item, name) for name in names}
+
+
+def reader(path: Path, unit: str = "") -> Any:
+    """The driver for a result file by its ending. Raises ConfigError (E-CLI-FILE) for unknown endings."""
+    name = path.suffix.lower().lstrip(".")
+    known = registry.known("file")
+    if name not in known:
+        endings = ", ".join(f".{ending}" for ending in sorted(known))
+        raise ConfigError("E-CLI-FILE", str(path), ending=path.suffix or "(none)", known=endings)
+    factory = known[name].load()
+    return factory(unit=unit) if unit and "unit" in inspect.signature(factory).parameters else factory()
+
+
+def _show(result: dict[str, Any]) -> None:
+    from gateway.evaluate.standards.registry import standard
+
+    asked = standard(result["standard"])
+    formulas = f" (formulas of {result['formulas']})" if asked.iso and not asked.name.startswith("ISO") else ""
+    title = f"{result['file']}: {result['standard']}{formulas}, {result['targets']} targets x {result['repetitions']}"
+    rows = [_row(result, name) for name in asked.parameters]
+    show_table(title, ("parameter", "value", "U (k=2)", "95.45 % of repeats", "unit"), rows)
+    echo(f"  edition {result['edition']}, formulas {result['certainty']}")
+    for item in result["verdicts"]:
+        said = f" ({item['why']})" if item["why"] else ""
+        echo(f"  {item['parameter']} <= {item['limit']:g} {result['unit']}: {item['verdict'].upper()}{said}")
+    if result["verdicts"]:
+        echo(f"  rule: {result['verdicts'][0]['rule']}")
+    for outcome in list(result["monte_carlo"].values())[:1]:
+        echo(f"  Monte Carlo: {outcome['trials']} trials, seed {outcome['seed']}")
+    for flag in (*result["flags"], *result["corrected"], *result["supposed"]):
+        echo(f"  note: {flag}")
+
+
+def _row(result: dict[str, Any], name: str) -> tuple[str, str, str, str, str]:
+    value, U, trials = result[name], result["U"].get(name), result["monte_carlo"].get(name)
+    missing = trials is None or value is None
+    interval = "-" if missing else " .. ".join(_figure(end) for end in trials["symmetric"])
+    return name, _figure(value), _figure(U), interval, result["unit"]
+
+
+def _figure(value: float | None) -> str:
+    """Three decimals, or three digits where those would show little."""
+    if value is None:
+        return "-"
+    return f"{value:.3f}" if abs(value) >= 0.1 or value == 0.0 else f"{value:.3g}"

@@ -1,0 +1,111 @@
+"""The commands `import` and `export`: files of others into the store, measured results out of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from drivers.errors import ConfigError, TrueflankError
+from gateway.cli.commands import JsonOption, StoreOption
+from gateway.cli.show import echo, show_error, show_json
+
+WORDS: dict[str, str | bool] = {"tab": "\t", "semicolon": ";", "comma": ",", "blank": ""}
+WORDS |= {"yes": True, "true": True, "no": False, "false": False}
+
+
+def add_to(app: typer.Typer) -> None:
+    """Give the command line these commands."""
+    app.command("import")(import_command)
+    app.command("export")(export_command)
+
+
+def import_command(
+    files: Annotated[list[Path], typer.Argument(help="Result files of others.", show_default=False)],
+    store: StoreOption = Path("runs"),
+    unit: Annotated[str, typer.Option(help="Unit of an .rta's or .rtx's numbers; said once.")] = "",
+    machine: Annotated[str, typer.Option(help="Whose files they are; the unit is remembered for it.")] = "",
+    column: Annotated[
+        list[str] | None, typer.Option(help="NAME=VALUE of the column map; said once for a heading.")
+    ] = None,
+    gear: Annotated[bool, typer.Option("--gear", help="The tables hold flank points of a gear.")] = False,
+    forget: Annotated[bool, typer.Option("--forget", help="Forget what was said about such files before.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Take result files into the store; what they do not say is said once and remembered."""
+    from datetime import UTC, datetime
+
+    from gateway.store import Store
+    from gateway.workflow.files.importing import How, import_file
+
+    how = How(unit, machine, columns_of(column or []) or None, gear, forget)
+    told: list[dict[str, Any]] = []
+    failures: list[TrueflankError] = []
+    for path in files:
+        try:
+            done = import_file(path, Store(store), how, lambda: datetime.now(UTC))
+        except TrueflankError as error:
+            failures.append(error)
+            told.append({"file": str(path), "error": error.as_record()})
+            continue
+        told.append({"file": str(path), "run": done.run_id, "folder": str(done.folder), "kind": done.kind})
+        told[-1] |= {"new": done.new, "sha256": done.sha256, "notes": list(done.notes)}
+    _tell(told, failures, as_json=as_json)
+
+
+def columns_of(words: list[str]) -> dict[str, str | int | bool]:
+    """A column map from NAME=VALUE words. Raises ConfigError (E-CLI-COLUMN)."""
+    found: dict[str, str | int | bool] = {}
+    for word in words:
+        name, mark, value = word.partition("=")
+        if not mark or not name.strip():
+            raise ConfigError("E-CLI-COLUMN", "--column", text=word)
+        plain = value.strip().lower()
+        number = plain.lstrip("+-")
+        is_number = number.isascii() and number.isdigit() and len(number) < 9
+        found[name.strip()] = int(plain) if is_number else WORDS.get(plain, value.strip())
+    return found
+
+
+def _tell(told: list[dict[str, Any]], failures: list[TrueflankError], *, as_json: bool) -> None:
+    if as_json:
+        show_json(told)
+    for one in () if as_json else told:
+        if "error" not in one:
+            what = "imported as" if one["new"] else "was imported before as"
+            echo(f"{one['file']}: {what} {one['run']} ({one['kind']})")
+            for note in one["notes"]:
+                echo(f"  note: {note}")
+    for failure in () if as_json else failures:
+        show_error(failure, as_json=False)
+    if failures:
+        raise typer.Exit(failures[0].exit_code)
+
+
+def export_command(
+    source: Annotated[str, typer.Argument(metavar="RUN|FILE", help="Run folder or id, or a file.", show_default=False)],
+    to: Annotated[str, typer.Option(help="rtl, rta, csv, or rtx for dynamic captures.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="File to write.")],
+    axis: Annotated[str, typer.Option(help="Which axis of the run.")] = "",
+    phase: Annotated[str, typer.Option(help="before or after, where the run has both.")] = "",
+    unit: Annotated[str, typer.Option(help="Unit of the file read or written where it does not say it.")] = "",
+    store: StoreOption = Path("runs"),
+    force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Write a run's capture, or any file that can be read, in a form that others read."""
+    from gateway.store import Store
+    from gateway.workflow.files.exporting import export, items
+    from gateway.workflow.files.importing import How
+
+    found = items(source, How(unit), Store(store), axis=axis, phase=phase)
+    if len(found) > 1:
+        raise ConfigError("E-EXPORT-SEVERAL", source, labels=", ".join(item.label for item in found))
+    notes = [*found[0].notes, *export(found[0], to.lower(), output, unit=unit, force=force)]
+    if as_json:
+        show_json({"source": found[0].label, "file": str(output), "notes": notes})
+        return
+    echo(f"{found[0].label} -> {output}")
+    for note in notes:
+        echo(f"  note: {note}")

@@ -1,0 +1,48 @@
+"""The command `watch`: result files that appear in a folder go into the site's store by themselves."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from gateway.cli.commands import SiteArgument
+from gateway.cli.show import progress
+from gateway.cli.stopping import run_to_end
+
+POLL_S = 2.0
+
+
+def add_to(app: typer.Typer) -> None:
+    """Give the command line this command."""
+    app.command("watch")(watch_command)
+
+
+def watch_command(
+    site: SiteArgument,
+    folder: Annotated[Path, typer.Option(help="Folder to watch.", show_default=False)],
+    settle: Annotated[float, typer.Option(min=0.0, help="Seconds without growth after which a file is whole.")] = 5.0,
+    once: Annotated[bool, typer.Option("--once", help="End when nothing is awaited any more.")] = False,
+) -> None:
+    """Import each new result file of a folder once, until Ctrl-C; the files themselves are left as they are."""
+    from drivers.clock import LoopClock
+    from gateway.config import load_site
+    from gateway.workflow.files.importing import watcher_of
+
+    tree = load_site(site)
+
+    async def main(say: Any) -> None:
+        clock, stop = LoopClock(), asyncio.Event()
+        watcher = watcher_of(tree, site, folder, settle_s=settle, say=say)
+        if not once:
+            await watcher.watch(clock, stop, POLL_S)
+        while once:
+            watcher.look(clock.now())
+            if not watcher.waiting or clock.now() > 2.0 * settle + POLL_S:
+                return
+            await clock.sleep(min(max(settle, 0.01), POLL_S))
+
+    with progress(quiet=False) as say:
+        run_to_end(main(say))

@@ -1,0 +1,1 @@
+"""Commands for who measures and grinds: run, measure, correct, grind, inspect, close."""

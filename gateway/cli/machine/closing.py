@@ -1,0 +1,58 @@
+"""The command `close`: the whole loop, from all 21 errors to a test part that proves it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from drivers.clock import Clock, LoopClock
+from gateway.cli.commands import ApplyOption, JsonOption, MachineOption, SiteArgument
+from gateway.cli.machine.running import show_outcome
+from gateway.cli.show import progress
+from gateway.cli.stopping import run_to_end
+from gateway.say import Say
+
+
+def add_to(app: typer.Typer) -> None:
+    """Give the command line this command."""
+    app.command("close")(close_command)
+
+
+def close_command(
+    site: SiteArgument,
+    apply: ApplyOption = False,
+    machine: MachineOption = "",
+    resume: Annotated[str, typer.Option(help="Go on with this run: folder or id.", show_default=False)] = "",
+    as_json: JsonOption = False,
+) -> None:
+    """Measure all errors, propose tables for the tooth; with --apply grind, push, grind again and prove it."""
+    close_site_command(site, apply, machine, resume, as_json=as_json)
+
+
+def close_site_command(
+    site: Path,
+    apply: bool,
+    machine: str,
+    resume: str = "",
+    *,
+    as_json: bool,
+    typed_by_demo: bool = False,
+    clock: Clock | None = None,
+) -> None:
+    """Close the loop at a site; the demo, which owns its cell, types the machine's name itself."""
+    from gateway.config import load_site
+    from gateway.workflow.bench import store_of
+    from gateway.workflow.loop.closing import close_site
+
+    tree, used = load_site(site), clock or LoopClock()
+    folder = store_of(tree, site).open(resume) if resume else None
+    name = tree.site.name if typed_by_demo else machine
+
+    async def main(say: Say) -> object:
+        return await close_site(tree, site, apply=apply, machine_name=name, clock=used, say=say, resume=folder)
+
+    with progress(quiet=as_json) as say:
+        outcome = run_to_end(main(say))
+    show_outcome(outcome, as_json=as_json)

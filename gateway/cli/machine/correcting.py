@@ -1,0 +1,96 @@
+"""The command `correct`: what a measured run, or an inspected gear, proposes for the tooth, and what it will do."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from gateway.cli.commands import JsonOption, SiteArgument, named
+from gateway.cli.machine.inspecting import HeightsOption, correct_gear
+from gateway.cli.show import echo, progress, show_json, show_table
+from gateway.cli.stopping import run_to_end
+
+
+def add_to(app: typer.Typer) -> None:
+    """Give the command line this command."""
+    app.command("correct")(correct_command)
+
+
+def correct_command(
+    site: SiteArgument,
+    run: Annotated[str, typer.Option(help="Measured run: folder or id.", show_default=False)] = "",
+    gear: Annotated[
+        str,
+        typer.Option(help="Start from an inspected part: a run, or a file of flank points.", show_default=False),
+    ] = "",
+    part: Annotated[
+        str, typer.Option(help="With --gear: which part of the run.", show_default=False, callback=named)
+    ] = "",
+    heights: HeightsOption = "lower-face",
+    as_json: JsonOption = False,
+) -> None:
+    """Propose EEC, cross tables and set-up values for the tooth from a measured run, and predict the flank."""
+    if bool(run) == bool(gear):
+        raise typer.BadParameter("give either a measured run or an inspected gear", param_hint="--run, --gear")
+    if gear:
+        correct_gear(site, gear, part, heights, as_json=as_json)
+    else:
+        _from_run(site, run, as_json=as_json)
+
+
+def _from_run(site: Path, run: str, *, as_json: bool) -> None:
+    from drivers.clock import LoopClock
+    from gateway.config import load_site
+    from gateway.workflow.bench import store_of
+    from gateway.workflow.tooth.correcting import correct_site
+
+    tree = load_site(site)
+    folder = store_of(tree, site).open(run)
+
+    async def main(say: Any) -> Any:
+        return await correct_site(tree, site, folder, clock=LoopClock(), say=say)
+
+    with progress(quiet=as_json) as say:
+        found = run_to_end(main(say))
+    if as_json:
+        show_json(found.as_data())
+    else:
+        _tell(found)
+
+
+def _tell(found: Any) -> None:
+    tooth, flank = found.tooth, found.tooth.prediction
+    show_table("tables", ("table", "what", "points and values"), found.tables)
+    setup = tooth.setup
+    values = f"x zero {setup.x_um:+.1f} um, C zero {setup.c_arcsec:+.1f} arcsec, dressing {setup.dressing_um:+.1f} um"
+    echo(f"set-up values: {values}; the trial part tells the final ones")
+    echo(
+        f"flank RMS: {flank.before.rms_um:.2f} um before ({found.fair_before_um:.2f} um with its set-up values right), "
+        f"{flank.rms_um:.2f} +- {flank.rms_u_um:.2f} um after (calculated {flank.after.rms_um:.2f} um, "
+        f"floor {flank.floor_um:.2f} um; u {flank.u_um:.2f} um)"
+    )
+    parts = ", ".join(f"{name} {value:.2f}" for name, value in flank.parts_um.items() if value >= 0.005)
+    echo(f"u is made of (um): {parts}")
+    rank = {one.error: one for one in tooth.ranking}
+    rows = [
+        (one.error, *_ranked(rank.get(one.error)), f"{one.rms_um:.3f}", one.by, f"{one.floor_um:.3f}")
+        for one in tooth.cures
+    ]
+    headings = ("error", "rank", "mu* um", "alone um", "cured by", "left um")
+    show_table("errors on the tooth", headings, rows)
+    for line in tooth.said:
+        echo(line)
+    echo(f"run folder: {found.run_folder}")
+    echo(f"next: trueflank push {found.run_folder}")
+
+
+def _ranked(one: Any) -> tuple[str, str]:
+    """Its place among all, with the interval of both."""
+    if one is None:
+        return "-", "-"
+    low, high = one.rank
+    return (
+        str(low) if low == high else f"{low}-{high}"
+    ), f"{one.mu_star_um:.3f} ({one.low_um:.3f} .. {one.high_um:.3f})"

@@ -1,0 +1,95 @@
+"""The command `grind`: one test part through the control, or what would be sent."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from gateway.cli.commands import JsonOption, PartOption, SiteArgument
+from gateway.cli.show import echo, progress, show_json, show_table
+from gateway.cli.stopping import run_to_end
+
+
+def add_to(app: typer.Typer) -> None:
+    """Give the command line this command."""
+    app.command("grind")(grind_command)
+
+
+def grind_command(
+    site: SiteArgument,
+    part: PartOption = "part",
+    run: Annotated[str, typer.Option(help="Put it into this run: folder or id.", show_default=False)] = "",
+    x_um: Annotated[
+        float | None, typer.Option(help="Infeed's zero, um; + cuts deeper. Left out: what is set.", show_default=False)
+    ] = None,
+    c_arcsec: Annotated[
+        float | None, typer.Option(help="Index's zero, arcsec. Left out: what is set.", show_default=False)
+    ] = None,
+    dressing_um: Annotated[
+        float | None, typer.Option(help="Dresser's place, um. Left out: what is set.", show_default=False)
+    ] = None,
+    machine: Annotated[
+        str, typer.Option(help="The machine's name, typed to consent; without it nothing is sent.")
+    ] = "",
+    as_json: JsonOption = False,
+) -> None:
+    """Grind a test part with these set-up values; without --machine show the program and its places only."""
+    from gateway.config import load_site
+    from gateway.store import SetupBook
+    from gateway.tooth import SetupValues
+    from gateway.workflow.bench import store_of
+    from gateway.workflow.part.grinding import gear_of_site
+
+    tree = load_site(site)
+    store = store_of(tree, site)
+    now = SetupBook(store.root).current(tree.controller.serial, gear_of_site(tree, site).name)
+    given = {"x_um": x_um, "c_arcsec": c_arcsec, "dressing_um": dressing_um}
+    setup = SetupValues(**{**asdict(now), **{key: value for key, value in given.items() if value is not None}})
+    if machine:
+        _grind(tree, site, part, setup, machine, store.open(run) if run else None, as_json=as_json)
+    else:
+        _show(tree, site, part, setup, as_json=as_json)
+
+
+def _grind(tree: Any, site: Path, part: str, setup: Any, machine: str, folder: Any, *, as_json: bool) -> None:
+    from drivers.clock import LoopClock
+    from gateway.workflow.part.grinding import grind_site
+
+    async def main(say: Any) -> Any:
+        asked = {"part": part, "setup": setup, "machine_name": machine, "run": folder}
+        return await grind_site(tree, site, clock=LoopClock(), say=say, **asked)
+
+    with progress(quiet=as_json) as say:
+        made, used = run_to_end(main(say))
+    if as_json:
+        show_json({**asdict(made), "run_folder": str(used.path)})
+        return
+    echo(f"{made.part}: {made.spaces} spaces ground, {made.started_utc} to {made.ended_utc}")
+    echo(f"run folder: {used.path}")
+
+
+def _show(tree: Any, site: Path, part: str, setup: Any, *, as_json: bool) -> None:
+    """The program as it would be sent, but for the blocks that save the tables; nothing is opened."""
+    from drivers import registry
+    from gateway.workflow.part.grinding import gear_of_site, grind_plan
+
+    plan = grind_plan(tree, gear_of_site(tree, site), setup, part)
+    name = f"{tree.controller.driver}-program"
+    able = name in registry.known("program")
+    text = registry.load(name, "program")(plan, tree.controller.settings, str(site)) if able else ""
+    rows = [(axis.name, f"{place:.4f}") for axis, place in plan.places()]
+    if as_json:
+        places = [{"axis": axis, "place": float(place)} for axis, place in rows]
+        values = asdict(setup)
+        show_json({"setup": values, "places": places, "seconds": round(plan.seconds), "program": text, "able": able})
+        return
+    if text:
+        echo(text)
+    show_table("outermost places (mm, deg; machine coordinates)", ("axis", "place"), rows)
+    echo(f"set-up values: x {setup.x_um:+.1f} um, C {setup.c_arcsec:+.1f} arcsec, dressing {setup.dressing_um:+.1f} um")
+    echo(f"{plan.spaces} spaces, about {plan.seconds / 60.0:.0f} min; nothing was sent (--machine NAME grinds)")
+    if not able:
+        echo(f"driver {tree.controller.driver} runs no programs: this part cannot be ground over it")

@@ -1,0 +1,140 @@
+"""What earlier pushes left for good, from their journals: the table that should be live, and what can be undone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from drivers.ownfiles import read_own
+from drivers.types import CompensationTable, LiveTable
+from gateway.errors import StoreError
+from gateway.push.compare import table_from
+from gateway.push.records import journal, numbering
+from gateway.push.records.journal import JournalRead
+
+
+@dataclass(frozen=True, slots=True)
+class Committed:
+    """A push that ended well: ``old`` was live before it, ``new`` since; ``undoes`` the push it took back (0: none).
+
+    ``table`` names the table as in a proposal ("C1", "C1-cec3"); ``backup`` is where the old text is kept.
+    """
+
+    transaction: int
+    table: str
+    axis: str
+    utc: str
+    old: LiveTable
+    new: LiveTable
+    undoes: int
+    backup: str
+    journal: Path
+
+
+def committed(journals: Path, serial: str, table: str, sign: int = 1) -> tuple[Committed, ...]:
+    """Every committed push of one table of one machine, oldest first; sign proofs leave nothing behind.
+
+    ``sign`` is that of the machine's CEC proof, in which CEC deviations are given. Raises StoreError
+    (E-PUSH-JOURNAL) when a journal cannot be believed: then nobody knows what should be live.
+    """
+    folder = journal.machine_folder(journals, serial)
+    found = [one for one in (*journal.all_of(folder / "done"), *journal.all_of(folder)) if one.entries or one.broken]
+    every = (_committed(one, sign) for one in found)
+    pushes = [push for push in every if push is not None and push.table == table]
+    return tuple(sorted(pushes, key=_age_among(pushes, _last_number(folder, pushes))))
+
+
+def _age_among(pushes: list[Committed], last: int) -> Callable[[Committed], tuple[int, str, int]]:
+    """Place in the order of giving: counts go up and begin again after the largest; the PC's clock may jump.
+
+    Numbers without a store's part are older than all others. Where a store lost its part and drew another, the
+    numbers of ``last`` are the newest and the other parts go by their first date.
+    """
+    newest = last // numbering.PART_SIZE
+    firsts: dict[int, str] = {}
+    for push in pushes:
+        part = push.transaction // numbering.PART_SIZE
+        firsts[part] = min(firsts.get(part, push.utc), push.utc)
+
+    def age(push: Committed) -> tuple[int, str, int]:
+        if push.transaction <= numbering.OLD_MAX:
+            return (
+                0,
+                "",
+                (push.transaction - last - 1) % numbering.OLD_MAX if last <= numbering.OLD_MAX else push.transaction,
+            )
+        part, count = divmod(push.transaction, numbering.PART_SIZE)
+        if part == newest:
+            return 2, "", (count - last % numbering.PART_SIZE - 1) % numbering.MAX_COUNT
+        return 1, firsts[part], count
+
+    return age
+
+
+def _last_number(folder: Path, pushes: list[Committed]) -> int:
+    """The number given last, from the machine's counter; where that is lost, the largest seen."""
+    try:
+        text = read_own(folder / "number").decode("ascii").strip()
+    except (OSError, UnicodeDecodeError):
+        text = ""
+    return int(text) if text.isdigit() else max((push.transaction for push in pushes), default=0)
+
+
+def pushed_tables(journals: Path, serial: str) -> tuple[str, ...]:
+    """Names of the tables of a machine that committed pushes have left, in order. Raises as `committed`."""
+    folder = journal.machine_folder(journals, serial)
+    found = (one for one in (*journal.all_of(folder / "done"), *journal.all_of(folder)) if one.entries or one.broken)
+    pushes = (_committed(one, 1) for one in found)
+    return tuple(sorted({push.table for push in pushes if push is not None}))
+
+
+def to_undo(pushes: tuple[Committed, ...]) -> Committed | None:
+    """The newest push that no later one has taken back; None when there is none left."""
+    standing: list[Committed] = []
+    for push in pushes:
+        if push.undoes:
+            standing = [other for other in standing if other.transaction != push.undoes]
+        else:
+            standing.append(push)
+    return standing[-1] if standing else None
+
+
+def _committed(found: JournalRead, sign: int) -> Committed | None:
+    if found.broken:
+        raise StoreError("E-PUSH-JOURNAL", str(found.path), why=found.broken)
+    ends = [entry for entry in found.entries if entry.kind == "COMMITTED"]
+    if not ends or found.entries[0].facts.get("purpose") not in ("table", "restore"):
+        return None
+    old, new = tables_of(found, sign)
+    switch = found.latest("enable")
+    axis = str(found.latest("axis") or "")
+    return Committed(
+        found.number,
+        axis if new.function == "EEC" else f"{axis}-cec{new.index}",
+        axis,
+        str(ends[-1].facts.get("utc", "")),
+        old,
+        LiveTable(new, enabled=True if switch is None else bool(switch)),
+        int(found.latest("undoes") or 0),
+        str(found.latest("path") or ""),
+        found.path,
+    )
+
+
+def tables_of(found: JournalRead, sign: int = 1) -> tuple[LiveTable, CompensationTable]:
+    """The old table with its switch and the new one, as the journal noted them last.
+
+    CEC deviations are turned from the sign the journal was kept in to ``sign``. Raises StoreError
+    (E-PUSH-JOURNAL) when the journal does not hold them.
+    """
+    try:
+        old, new = table_from(found.latest("old")), table_from(found.latest("new"))
+        turn = (int(found.latest("sign") or 1) * sign) if new.function == "CEC" else 1
+        return LiveTable(_turned(old, turn), bool(found.latest("old_enabled"))), _turned(new, turn)
+    except (TypeError, KeyError) as error:
+        raise StoreError("E-PUSH-JOURNAL", str(found.path), why="it names no tables") from error
+
+
+def _turned(table: CompensationTable, turn: int) -> CompensationTable:
+    return replace(table, deviations=tuple(turn * value + 0.0 for value in table.deviations))

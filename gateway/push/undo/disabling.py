@@ -1,0 +1,173 @@
+"""Off, and nothing else: what is switched on that should not be, read, switched off and read back.
+
+Where a table is read as whole, old or new, it is left to a restore. All else that is enabled after a write was
+announced must go off, wherever its axis stands: the rule of the agreeing position is waived for this alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from drivers.errors import TrueflankError
+from drivers.types import ChannelStatus, CompensationTable, DisableOrder, SwitchReading
+from gateway.domain import SwitchRecord
+from gateway.interlocks import Refusal
+from gateway.interlocks.switching import switching_refusals
+from gateway.push import conversation
+from gateway.push.context import PushContext
+from gateway.push.records import journal, numbering
+from gateway.push.records.journal import JournalRead
+from gateway.push.records.lock import machine_lock
+from gateway.push.unexpected import foreseen, unheard
+from gateway.push.work import Work, seed_of
+
+Ending = Literal["off", "already-off", "still-on", "refused"]
+
+
+@dataclass(frozen=True, slots=True)
+class Switch:
+    """What a disable order would do now: the switch, how far its axis will move, and every reason against it.
+
+    ``reading`` is None when the control cannot be read.
+    """
+
+    order: DisableOrder
+    unit: str
+    reading: SwitchReading | None
+    refusals: tuple[Refusal, ...] = ()
+
+
+async def read(context: PushContext, order: DisableOrder) -> SwitchReading | None:
+    """The switch and what acts, from the machine that is meant; None where that cannot be told."""
+    try:
+        with foreseen(context.axis.name):
+            await conversation.reach(context)
+            return await context.controller.switch_reading(order)
+    except TrueflankError:
+        return None
+
+
+async def read_in_time(context: PushContext, order: DisableOrder) -> SwitchReading | None:
+    """As `read`, but a control that restarts or a wire that is mended gets a minute to answer."""
+    end = context.clock.now() + conversation.CONNECT_WITHIN_S
+    while True:
+        found = await read(context, order)
+        if found is not None or context.clock.now() + conversation.CONNECT_PAUSE_S >= end:
+            return found
+        await context.clock.sleep(conversation.CONNECT_PAUSE_S)
+
+
+def order_of(table: CompensationTable, number: int = 0) -> DisableOrder:
+    """The order that switches this table off."""
+    return DisableOrder(number, table.function, table.output_axis, table.index)
+
+
+async def switch_off(work: Work, before: SwitchReading | None) -> bool:
+    """Journal, order, and what is read back afterwards; true once that says off. Raises StoreError alone.
+
+    ``before`` is what was read last: how far the axis will move is said of it.
+    """
+    order = order_of(work.change.new, work.fresh_number())
+    _say_how_far(work.context, order, before)
+    work.note("SWITCH_OFF", order=order.transaction)
+    found, why = await _carried_out(work.context, order)
+    if found is not None and found.off:
+        work.note("OFF", order=order.transaction, acting=found.acting)
+        return True
+    work.note("STILL_ON", order=order.transaction, why=why)
+    return False
+
+
+async def _carried_out(context: PushContext, order: DisableOrder) -> tuple[SwitchReading | None, str]:
+    """The reading after the order, whatever became of it: an order without an answer is read back, never repeated."""
+    try:
+        with foreseen(context.axis.name):
+            await conversation.reach(context)
+    except TrueflankError as error:  # nothing was sent, and who does not answer cannot be read
+        return None, str(error)
+    try:
+        with foreseen(context.axis.name):
+            await conversation.leave_program(context)
+            await context.controller.prepare_disable(order)
+            if context.controller.capabilities.programs:
+                context.say("P-PUSH-DISABLE", axis=context.axis.name, table=order.name)
+            found = await context.controller.wait_disabled(order, context.start_timeout_s)
+    except TrueflankError as error:
+        return await read(context, order), str(error)
+    return found, "" if found.off else f"the switch reads {found.enabled}, acting {found.acting:+.3f}"
+
+
+def _say_how_far(context: PushContext, order: DisableOrder, found: SwitchReading | None) -> None:
+    if found is not None and not found.off:
+        acting, unit = round(found.acting, 3), _unit(context)
+        context.say("P-PUSH-DISABLE-MOVES", axis=order.axis, table=order.name, acting=acting, unit=unit)
+
+
+def _unit(context: PushContext) -> str:
+    return "arcsec" if context.axis.unit == "deg" else "um"
+
+
+# ---- asked for by a person --------------------------------------------------------------------------
+
+
+async def ask_disable(order: DisableOrder, context: PushContext) -> Switch:
+    """What `disable` would do, and every reason against it; reads only."""
+    controller = context.controller
+    found, state = await controller.identify(), await controller.state()
+    in_reset = state.channel is ChannelStatus.RESET
+    reasons = switching_refusals(context.machine, found, order.axis, tuple(state.axes), in_reset=in_reset)
+    reading = None if reasons and order.axis not in state.axes else await controller.switch_reading(order)
+    return Switch(order, _unit(context), reading, reasons)
+
+
+async def disable(order: DisableOrder, context: PushContext, found: JournalRead | None = None) -> SwitchRecord:
+    """Switch a table off, in a journal of its own or going on in ``found``, that of the push it came from.
+
+    Nothing is sent when it is off already ("already-off") or an interlock speaks against it ("refused"). Raises
+    BusyError (E-PUSH-BUSY), StoreError, and the port's errors as long as nothing has been sent.
+    """
+    context = unheard(context)
+    with foreseen(context.axis.name), machine_lock(journal.machine_folder(context.journals, context.machine.serial)):
+        asked = await ask_disable(order, context)
+        if asked.refusals:
+            return _record(order, "refused", asked, None, tuple(reason.words for reason in asked.refusals))
+        if asked.reading is not None and asked.reading.off and found is None:
+            return _record(order, "already-off", asked, asked.reading, ())
+        return await _in_journal(order, context, found, asked)
+
+
+async def _in_journal(
+    order: DisableOrder, context: PushContext, found: JournalRead | None, asked: Switch
+) -> SwitchRecord:
+    """Each entry is on the disk before what it announces; a journal of its own always ends."""
+    folder = journal.machine_folder(context.journals, context.machine.serial)
+    numbered = DisableOrder(numbering.allocate(folder, seed_of(context)), order.function, order.axis, order.index)
+    kept = journal.Journal.reopen(found) if found else journal.Journal.create(folder, numbered.transaction)
+    told = {"utc": context.clock.utc().isoformat(timespec="milliseconds"), "order": numbered.transaction}
+    try:
+        if found is None:
+            facts = {"purpose": "disable", "axis": order.axis, "function": order.function, "index": order.index}
+            kept.append("LEASED", serial=context.machine.serial, actor=context.actor, **facts, **told)
+        _say_how_far(context, numbered, asked.reading)
+        kept.append("SWITCH_OFF", **told)
+        reading, why = await _carried_out(context, numbered)
+        off = reading is not None and reading.off
+        kept.append("OFF" if off else "STILL_ON", why=why, **told)
+        if found is None:
+            kept.append("CLOSED" if off else "ABORTED", why=why, **told)
+        else:
+            kept.append("HELD", on=not off, why=why, **told)
+    finally:
+        kept.close()
+    if found is None:
+        journal.set_aside(kept.path)
+    return _record(numbered, "off" if off else "still-on", asked, reading, (why,) if why else ())
+
+
+def _record(
+    order: DisableOrder, outcome: Ending, asked: Switch, after: SwitchReading | None, steps: tuple[str, ...]
+) -> SwitchRecord:
+    before = asked.reading.acting if asked.reading is not None else None
+    acting = after.acting if after is not None else None
+    return SwitchRecord(order.transaction, order.axis, order.name, outcome, asked.unit, before, acting, steps)

@@ -1,0 +1,188 @@
+"""What one unfinished push left, from its journal and from what the controller says; pure.
+
+Each finding carries what is offered; nothing is read or written here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from drivers.errors import words
+from drivers.types import LiveTable, Marker
+from gateway.push.compare import differences, three_way
+from gateway.push.records import journal
+from gateway.push.records.history import tables_of
+from gateway.push.records.holding import standing
+from gateway.push.records.journal import JournalRead
+
+Action = Literal["close", "restore", "disable", "none"]
+MOST_TRIES = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """What one unfinished push left. ``code`` is its catalogue entry, ``action`` what is offered.
+
+    ``difference`` says, where somebody else wrote, what is neither old nor new. ``still_on``: something is enabled,
+    or may be, that no push stands for; it is told before all else.
+    """
+
+    transaction: int
+    axis: str
+    code: str
+    action: Action
+    journal: Path
+    last: str
+    backup: str
+    difference: tuple[str, ...] = ()
+    still_on: bool = False
+
+    @property
+    def words(self) -> str:
+        """The finding as people read it."""
+        told = {"axis": self.axis, "transaction": self.transaction, "last": self.last, "backup": self.backup}
+        text = f"{self.code}: {words(self.code, **told, count=MOST_TRIES)}"
+        return f"{text}: {'; '.join(self.difference)}" if self.difference else text
+
+    def as_data(self) -> dict[str, Any]:
+        """The finding as JSON data."""
+        return {
+            "transaction": self.transaction,
+            "axis": self.axis,
+            "code": self.code,
+            "action": self.action,
+            "journal": str(self.journal),
+            "last": self.last,
+            "backup": self.backup,
+            "difference": list(self.difference),
+            "still_on": self.still_on,
+            "what": self.words,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What the controller says: the table in question, whether its neighbours are on, and its marker."""
+
+    live: LiveTable
+    neighbours_on: bool = False
+    marker: Marker | None = None
+    marker_ours: bool = True
+
+
+def verdict(found: JournalRead, live: LiveTable | Seen | None, allowed: float, sign: int = 1) -> Finding:
+    """What happened, from the journal and the live table (None: not readable now).
+
+    ``sign`` is that of the machine's CEC proof, in which ``live`` was read.
+    """
+    seen = Seen(live, coupled(found)) if isinstance(live, LiveTable) else live
+    code, action = _verdict(found, seen, allowed, sign)
+    last = found.kinds[-1] if found.kinds else "nothing"
+    backup = str(found.latest("path") or "none")
+    difference: tuple[str, ...] = ()
+    if code in ("R-PUSH-FOREIGN", "R-PUSH-STILL-ON") and seen is not None:
+        old, new = tables_of(found, sign)
+        difference = tuple(three_way(old.table, new, seen.live.table))
+    axis, loud = str(found.latest("axis") or ""), _still_on(found, seen, code, action)
+    return Finding(found.number, axis, code, action, found.path, last, backup, difference, loud)
+
+
+def _still_on(found: JournalRead, seen: Seen | None, code: str, action: Action) -> bool:
+    """What is to be switched off, or was held without proof and does not read off now."""
+    held = standing(found) == "still-on" and code not in ("R-PUSH-UNTOUCHED", "R-PUSH-SUPERSEDED", "R-PUSH-DONE")
+    return action == "disable" or (held and (seen is None or seen.live.enabled))
+
+
+def _verdict(found: JournalRead, seen: Seen | None, allowed: float, sign: int) -> tuple[str, Action]:
+    if found.broken or not found.entries:
+        return "R-PUSH-DAMAGED", "none"
+    if found.finished:
+        return "R-PUSH-DONE", "close"
+    if found.latest("purpose") == "disable":
+        return "R-DISABLE-LEFT", "close"
+    tried = _tries(found) >= MOST_TRIES
+    if seen is None:
+        return "R-PUSH-TRIES" if tried else "R-PUSH-UNKNOWN", "none"
+    if _foreign_marker(seen):
+        return "R-PUSH-OTHER-MARKER", "none"
+    if _superseded(seen, found):
+        return "R-PUSH-SUPERSEDED", "close"
+    code, action = _by_content(found, seen, allowed, sign)
+    return (code, action) if action == "disable" or not tried else ("R-PUSH-TRIES", "none")
+
+
+def _tries(found: JournalRead) -> int:
+    """Restores begun; switching off is never given up."""
+    return sum(entry.kind == "RECOVERING" and entry.facts.get("action") != "disable" for entry in found.entries)
+
+
+def _by_content(found: JournalRead, seen: Seen, allowed: float, sign: int) -> tuple[str, Action]:
+    old, new = tables_of(found, sign)
+    if not differences(old.table, seen.live.table, allowed):
+        return _is_old(old, seen, found)
+    if not differences(new, seen.live.table, allowed):
+        return _is_new(seen.live, found)
+    return _is_neither(seen.live, found)
+
+
+def _foreign_marker(seen: Seen) -> bool:
+    marker = seen.marker
+    return marker is not None and marker.state in ("in-progress", "held") and not seen.marker_ours
+
+
+def before(found: JournalRead) -> Marker | None:
+    """The marker from before the first order, as far as the journal knows it."""
+    number, state = found.latest("before"), found.latest("before_state")
+    return Marker(number, state) if isinstance(number, int) and state is not None else None
+
+
+def _superseded(seen: Seen, found: JournalRead) -> bool:
+    """Whether the marker names another push since: this one would have kept it out, so nothing of it arrived."""
+    marker = seen.marker
+    if (
+        marker is None
+        or marker.transaction in (0, *journal.orders_of(found))
+        or marker.state not in ("none", "committed")
+    ):
+        return False
+    earlier = before(found)
+    return earlier is not None and marker != earlier
+
+
+def _is_old(old: LiveTable, seen: Seen, found: JournalRead) -> tuple[str, Action]:
+    together = found.latest("coupled") is None or seen.neighbours_on == coupled(found)
+    if seen.live.enabled == old.enabled and together:
+        return "R-PUSH-UNTOUCHED", "close"
+    if seen.live.enabled and not old.enabled:
+        return _not_ours(found)
+    ours = announced(found, "DISABLE") or announced(found, "SWITCH_OFF")
+    return ("R-PUSH-DISABLED", "restore") if ours else ("R-PUSH-FOREIGN", "none")
+
+
+def _is_new(live: LiveTable, found: JournalRead) -> tuple[str, Action]:
+    if not live.enabled:
+        return "R-PUSH-WRITTEN", "restore"
+    return ("R-PUSH-ENABLED", "restore") if announced(found, "ENABLE") else _not_ours(found)
+
+
+def _is_neither(live: LiveTable, found: JournalRead) -> tuple[str, Action]:
+    if live.enabled:
+        return _not_ours(found)
+    return ("R-PUSH-HALF", "restore") if announced(found, "DISABLE") else ("R-PUSH-FOREIGN", "none")
+
+
+def _not_ours(found: JournalRead) -> tuple[str, Action]:
+    """Something is on that this push did not switch on: off, once it had announced a write; else it is another's."""
+    return ("R-PUSH-STILL-ON", "disable") if announced(found, "DISABLE") else ("R-PUSH-FOREIGN", "none")
+
+
+def announced(found: JournalRead, kind: str) -> bool:
+    """Whether the journal says that this was about to be done."""
+    return kind in found.kinds
+
+
+def coupled(found: JournalRead) -> bool:
+    """Whether other CEC tables of the output axis were on before."""
+    return bool(found.latest("coupled"))

@@ -1,0 +1,233 @@
+"""A dynamic capture of one instrument into a run of its own, and what it shows: vibrations and settling."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, cast
+
+from drivers import registry
+from drivers.clock import Clock
+from drivers.errors import ConfigError, DeadlineExceeded, TrueflankError, UnsupportedDevice
+from drivers.ports import Instrument
+from drivers.recordings import Recording
+from gateway.capture.dynamic import DynamicCapture
+from gateway.capture.dynamicrecords import Ended, LiveView, Sink, Stretch, Trigger, unit_of
+from gateway.config import InstrumentSection, SiteFile
+from gateway.errors import CaptureError, NotIdentifiable
+from gateway.evaluate.behaviour.dynamic import DynamicSpectrum, Settling, settling, spectrum
+from gateway.say import Say
+from gateway.store import RunFolder
+from gateway.store.rawstream import RawRecorder, StreamFacts, open_stream
+from gateway.workflow.axes.dynamicpicture import draw
+from gateway.workflow.bench import new_run
+
+PICTURE, STATE = "dynamic.png", "captured"
+# Settling looks at the whole record at once; a longer one is cut by its trigger or recorded shorter.
+MOST_FOR_SETTLING = 20_000_000
+DEFAULT_BAND = {"um": 1.0, "arcsec": 1.0}
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """What to capture: an instrument of the site, how long, from which trigger, of which axis (for the record)."""
+
+    instrument: str
+    seconds: float
+    trigger: Trigger = field(default_factory=Trigger)
+    axis: str = ""
+    channel: str = ""
+    wait_s: float = 60.0
+    band: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """What a record shows. ``settling`` None with ``why_not`` where it shows no move."""
+
+    spectrum: DynamicSpectrum | None
+    settling: Settling | None
+    why_not: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class DynamicOutcome:
+    """A record, what it shows, where it is kept and drawn; ``notes`` what must be known of it."""
+
+    recording: Recording
+    shown: Shown
+    place: Path
+    picture: Path
+    notes: tuple[str, ...] = ()
+
+    def as_data(self) -> dict[str, Any]:
+        """For --json and the run folder: everything but the samples and the spectrum's lines."""
+        made, found = self.shown.spectrum, self.shown.settling
+        record = self.recording
+        data: dict[str, Any] = {"place": str(self.place), "picture": str(self.picture), "samples": len(record)}
+        data |= {"rate_hz": record.rate_hz, "duration_s": record.duration_s, "unit": record.unit}
+        data |= {"trigger": record.trigger, "gaps": len(record.gaps), "lost": sum(gap.lost for gap in record.gaps)}
+        if made is not None:
+            data["spectrum"] = {"rms": made.rms, "averages": made.averages, "peaks": [asdict(p) for p in made.peaks]}
+        data["settling"] = asdict(found) if found is not None else None
+        return data | {"settling_missing": self.shown.why_not, "notes": [*self.notes, *record.warnings]}
+
+
+def show(recording: Recording, band: float | None = None) -> Shown:
+    """Spectrum and settling of a record; what it does not show is said in words."""
+    try:
+        made: DynamicSpectrum | None = spectrum(recording)
+    except NotIdentifiable:
+        made = None
+    try:
+        if len(recording) > MOST_FOR_SETTLING:
+            raise NotIdentifiable("E-DYN-LONG", "settling", samples=len(recording), limit=MOST_FOR_SETTLING)
+        return Shown(made, settling(recording, band or DEFAULT_BAND[recording.unit]))
+    except NotIdentifiable as error:
+        return Shown(made, None, error.what)
+
+
+def outcome_of(
+    recording: Recording, place: Path, picture: Path, band: float | None, notes: tuple[str, ...] = ()
+) -> Any:
+    """Evaluate and draw a record. Raises ConfigError (E-CLI-EXISTS, E-CLI-WRITE) for the picture."""
+    shown = show(recording, band)
+    try:
+        draw(recording, shown.spectrum, picture)
+    except FileExistsError as error:
+        raise ConfigError("E-CLI-EXISTS", str(picture)) from error
+    except OSError as error:
+        raise ConfigError("E-CLI-WRITE", str(picture), why=error.strerror or str(error)) from error
+    return DynamicOutcome(recording, shown, place, picture, notes)
+
+
+async def capture_dynamic(site: SiteFile, site_path: Path, wish: Wish, clock: Clock, say: Say) -> DynamicOutcome:
+    """Record, evaluate, draw and keep. Whatever fails, what was recorded before stays readable.
+
+    Raises ConfigError (E-DYN-INSTRUMENT), CaptureError (E-CAP-TRIGGER, E-CAP-CLOCK), what the instrument raises.
+    """
+    section = _section(site, wish.instrument)
+    folder = new_run(site, site_path)
+    try:
+        ended, path, notes = await _recorded(section, wish, clock, folder, say)
+    except TrueflankError as error:
+        folder.set_state("failed", error=error.as_record())
+        raise
+    found = outcome_of(open_stream(path), path, folder.path / PICTURE, wish.band, notes)
+    folder.write_text("dynamic.json", json.dumps({**found.as_data(), "ended": ended.why}, indent=1, default=str))
+    folder.adopt(*(one for one in folder.path.iterdir() if one.stem == path.stem or one.name == PICTURE))
+    folder.set_state(STATE)
+    return found
+
+
+def _section(site: SiteFile, name: str) -> InstrumentSection:
+    for section in site.instruments:
+        if section.name == name:
+            return section
+    known = ", ".join(section.name for section in site.instruments)
+    raise ConfigError("E-DYN-INSTRUMENT", site.site.name, name=name, known=known or "none")
+
+
+async def _recorded(
+    section: InstrumentSection, wish: Wish, clock: Clock, folder: RunFolder, say: Say
+) -> tuple[Ended, Path, tuple[str, ...]]:
+    factory = registry.load(section.driver, "instrument")
+    instrument = cast(Instrument, factory(section.name, section.url, section.settings, clock))
+    try:
+        identity = await instrument.open(section.timeout_s)
+        if section.serial and identity.serial != section.serial:
+            raise UnsupportedDevice("E-SUP-SERIAL", section.name, found=identity.serial, wanted=section.serial)
+        header = {"Machine": folder.facts["site"], "Serial No": identity.serial, "Axis": wish.axis}
+        header |= {"Owner": f"{identity.driver} {identity.model}", "Date": clock.utc().isoformat(timespec="seconds")}
+        maker = _Recorders(folder, section.name, wish, header, say)
+        ended = await _follow(instrument, wish, clock, maker, say)
+    finally:
+        await instrument.close()
+    if maker.path is None:
+        raise CaptureError("E-DYN-NOTHING", section.name, why=ended.why)
+    return ended, maker.path, _notes(instrument, ended)
+
+
+class _Recorders:
+    """Opens the one recorder when the signal is known, and closes it."""
+
+    def __init__(self, folder: RunFolder, name: str, wish: Wish, header: dict[str, str], say: Say) -> None:
+        self._folder = folder
+        self._name = name
+        self._wish = wish
+        self._header = header
+        self._say = say
+        self._recorder: RawRecorder | None = None
+
+    @property
+    def path(self) -> Path | None:
+        """Where the samples are; None before the first."""
+        return self._recorder.path if self._recorder else None
+
+    def begin(self, stretch: Stretch) -> Sink:
+        """The recorder of a signal."""
+        facts = StreamFacts(stretch.rate_hz, stretch.unit, stretch.scale, stretch.trigger, self._header)
+        label = f"dynamic-{self._wish.axis or stretch.channel}"
+        self._recorder = RawRecorder(self._folder.path, label, facts)
+        said = {"instrument": self._name, "rate_hz": f"{stretch.rate_hz:g}", "file": str(self._recorder.path)}
+        self._say("P-CAP-DYNAMIC", channel=stretch.channel, **said)
+        return self._recorder
+
+    def close(self) -> None:
+        """Let go of the file."""
+        if self._recorder is not None:
+            self._recorder.close()
+
+
+async def _follow(instrument: Instrument, wish: Wish, clock: Clock, maker: _Recorders, say: Say) -> Ended:
+    made = DynamicCapture(
+        instrument.channels,
+        wish.seconds,
+        maker.begin,
+        channel=wish.channel,
+        trigger=wish.trigger,
+        view=_live(say, wish.channel or instrument.channels[0]),
+    )
+    stream = instrument.blocks()
+    try:
+        async with clock.deadline(wish.wait_s + wish.seconds, instrument.name):
+            return await made.follow(stream)
+    except DeadlineExceeded as error:
+        if error.code == "E-LINK-DEADLINE" and maker.path is None:
+            raise CaptureError("E-CAP-TRIGGER", instrument.name, timeout_s=wish.wait_s + wish.seconds) from error
+        raise
+    finally:
+        maker.close()
+        closer = getattr(stream, "aclose", None)
+        if closer is not None:
+            await closer()
+
+
+def _live(say: Say, channel: str) -> Callable[[LiveView], None]:
+    unit, _scale = unit_of(channel)
+
+    def view(seen: LiveView) -> None:
+        say(
+            "P-CAP-LIVE",
+            state="waiting" if seen.waiting else "at",
+            time_s=f"{seen.time_s:.2f}",
+            low=f"{seen.low:.4g}",
+            high=f"{seen.high:.4g}",
+            mean=f"{seen.mean:.4g}",
+            unit=unit,
+            samples=seen.samples,
+            lost=seen.lost,
+        )
+
+    return view
+
+
+def _notes(instrument: Instrument, ended: Ended) -> tuple[str, ...]:
+    notes = [*ended.notes, *instrument.notices]
+    if ended.why != "complete":
+        notes.append(f"the capture ended early: {ended.why}")
+    if instrument.compensated_for == "nothing" and instrument.channels[0].endswith("mm"):
+        notes.append("lengths are in vacuum wavelengths: up to 0.03 % longer than in air")
+    return tuple(notes)

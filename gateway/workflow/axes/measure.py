@@ -1,0 +1,169 @@
+"""One axis from instrument or file to evaluation: sense proved, captured, corrected, evaluated, stored."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from drivers import registry
+from drivers.errors import ConfigError, UnsupportedDevice
+from drivers.types import FloatArray, LiveSet, MeasuredSet, Stop, StopReached
+from drivers.units import deviation_unit
+from gateway.capture.corrected import from_file, from_live
+from gateway.capture.live import capture_axis, targets_of
+from gateway.capture.sense import prove_sense
+from gateway.capture.targets import between_places, plan_of
+from gateway.config import AxisSection, Targets
+from gateway.domain import Capture, Equipment, Evaluation, Item
+from gateway.evaluate.standards.iso230_2 import evaluate, told_incurable
+from gateway.evaluate.uncertainty.budget import UNKNOWN_OFF_20_K, Budget, linear_budget
+from gateway.store import Maps, RunFolder
+from gateway.table.proposal import InstrumentU
+from gateway.walk import walk
+from gateway.workflow import stages
+from gateway.workflow.aftercare import look_at
+from gateway.workflow.bench import Bench
+from gateway.workflow.files.importing import How, read_file
+
+# A push is proved at so many places that were not measured before, at least.
+PROOF_STOPS = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """A measured axis: what was captured and what ISO 230-2 says of it."""
+
+    capture: Capture
+    evaluation: Evaluation
+    digest: str
+
+
+def store_equipment(at: Bench) -> None:
+    """Store who every device said it was."""
+    items = tuple(
+        Item(seen.name, seen.identity, _notices(at, seen.name))
+        for seen in at.supervisor.picture()
+        if seen.identity is not None
+    )
+    at.folder.put(stages.EQUIPMENT, Equipment(at.machine, items, at.clock.utc().isoformat(timespec="seconds")))
+
+
+def _notices(at: Bench, name: str) -> tuple[str, ...]:
+    if name == at.supervisor.CONTROLLER:
+        return ()
+    return at.supervisor.instrument(name).notices
+
+
+async def measure_axis(at: Bench, axis: AxisSection, phase: stages.Phase) -> Measured:
+    """Measure one axis and store every step before the next. Raises what capture and evaluation raise."""
+    at.say("P-MEASURE", axis=axis.name, component=axis.measure.component, phase=phase)
+    if axis.measure.file is not None:
+        capture, parents = await _from_file(at, axis)
+    else:
+        capture, parents = await _live(at, axis, phase)
+    measured = evaluated(at.folder, axis, phase, capture, parents)
+    if phase == "before":
+        await look_at(at, capture.live)
+    result = measured.evaluation
+    at.say("P-EVALUATED", axis=axis.name, M=_figure(result.M), B=_figure(result.B), unit=result.unit)
+    return measured
+
+
+def evaluated(
+    folder: RunFolder, axis: AxisSection, phase: stages.Phase, capture: Capture, parents: tuple[str, ...]
+) -> Measured:
+    """A capture of an axis, stored and evaluated."""
+    digest = folder.put(stages.capture(axis.name, phase), capture, parents)
+    result = evaluate(capture.targets, capture.deviations, deviation_unit(axis.unit), budget=budget_of(capture))
+    if capture.cycle != "standard":
+        result = replace(result, flags=(*result.flags, f"{capture.cycle} cycle: not for acceptance to ISO 230-2"))
+    result = replace(result, flags=(*result.flags, *told_incurable(result)))
+    folder.put(stages.evaluation(axis.name, phase), result, (digest,))
+    return Measured(capture, result, digest)
+
+
+async def _live(at: Bench, axis: AxisSection, phase: stages.Phase) -> tuple[Capture, tuple[str, ...]]:
+    if not at.supervisor.controller.capabilities.programs:
+        raise UnsupportedDevice("E-RUN-NO-PROGRAMS", axis.name)
+    rig = at.rig(axis)
+    proof = await prove_sense(rig)
+    raw = await capture_axis(rig, proof, check_stops(axis, phase))
+    digest = at.folder.put(stages.raw(axis.name, phase), raw)
+    at.folder.write_text(f"tables-{axis.name}-{phase}.spf", raw.live.native)
+    return from_live(axis, raw, proof, rig.instrument.compensated_for), (digest,)
+
+
+def check_stops(axis: AxisSection, phase: stages.Phase) -> FloatArray:
+    """Check stops: after a push at other places than before, and never none: a table cannot have been fitted there."""
+    seed, after = axis.measure.targets.seed if axis.measure.targets is not None else 0, phase == "after"
+    count = max(axis.measure.between, PROOF_STOPS) if after else axis.measure.between
+    return between_places(targets_of(axis), count, 2 * seed + after)
+
+
+async def _from_file(at: Bench, axis: AxisSection) -> tuple[Capture, tuple[str, ...]]:
+    path = at.site_path.parent / Path(str(axis.measure.file))
+    measured = read_result(path, axis.measure.file_unit, at)
+    at.folder.write_bytes(f"source-{axis.name}{path.suffix}", path.read_bytes())
+    live = await fetch_tables(at, axis)
+    return from_file(axis, measured, live, path.name), ()
+
+
+def read_result(path: Path, unit: str, at: Bench) -> MeasuredSet:
+    """A result file, its unit and columns as the site file or an earlier import said them.
+
+    Raises ConfigError (E-RUN-FILE) for an ending that holds no results, and what `read_file` raises.
+    """
+    known = registry.known("file")
+    if path.suffix.lower().lstrip(".") not in known:
+        raise ConfigError("E-RUN-FILE", str(path), known=", ".join(f".{ending}" for ending in sorted(known)))
+    content = read_file(path, How(unit, at.site.site.name), Maps(at.store.root)).content
+    if not isinstance(content, MeasuredSet):
+        raise ConfigError("E-RUN-FILE", str(path), known=", ".join(f".{ending}" for ending in sorted(known)))
+    return content
+
+
+def live_again(axis: AxisSection, targets: FloatArray) -> AxisSection | None:
+    """How an axis can be measured again: as it was, or live at the targets of its file; None without instrument."""
+    if axis.measure.file is None:
+        return axis
+    if not axis.measure.instrument:
+        return None
+    same = Targets(positions=tuple(float(target) for target in targets))
+    return axis.model_copy(update={"measure": axis.measure.model_copy(update={"file": None, "targets": same})})
+
+
+async def fetch_tables(at: Bench, axis: AxisSection) -> LiveSet:
+    """Read what compensates an axis now; writes no table.
+
+    By a one-stop program at its reference; directly where the road runs no programs.
+    """
+    if not at.supervisor.controller.capabilities.programs:
+        return await at.supervisor.controller.saved_tables(axis.name)
+    stop = Stop(axis.reference, 1)
+    plan = plan_of(axis, (stop,), "", name=f"TFREAD{axis.letter}", dwell_s=0.1)
+
+    async def at_stop(_index: int, _stop: Stop, _reached: StopReached) -> None:
+        return None
+
+    await walk(at.supervisor.controller, plan, at_stop, at.patience, at.say)
+    return await at.supervisor.controller.saved_tables(axis.name)
+
+
+def budget_of(capture: Capture) -> Budget:
+    """Expanded uncertainties (k = 2) of one capture: instrument, temperature and expansion over its travel.
+
+    Laser system 0.5 um/m; temperature measured within 0.2 K, an unknown one never taken to be 20 degC; expansion
+    coefficient within 2 ppm/K. A rotary
+    calibrator as `InstrumentU.usual` has it: what is proposed and what is reported rest on the same figure.
+    """
+    if capture.axis_unit == "deg":
+        return Budget(device=InstrumentU.usual("arcsec").constant)
+    material = capture.ambient_start.material_degc
+    off = float(material[0]) - 20.0 if material else UNKNOWN_OFF_20_K
+    length_mm = float(capture.targets[-1] - capture.targets[0])
+    expansion = capture.corrections.details.get("expansion.ppm_per_k", 11.5)
+    return linear_budget(length_mm, expansion_ppm_per_k=expansion, off_20_k=off)
+
+
+def _figure(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f}"

@@ -1,0 +1,75 @@
+"""Before against after, axis by axis, in the words of ISO 230-2 and against what was predicted; pure."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from drivers.errors import words
+from drivers.types import FloatArray, SignProof
+from gateway.domain import AxisVerdict, Evaluation, PushRecord, TableChange, Verdict
+from gateway.workflow.axes.explaining import WIDEN, Checked, explain
+
+PUSHED = ("committed", "already-applied")
+_SIZES = {1: "W-VERDICT-BETTER", 0: "W-VERDICT-SAME", -1: "W-VERDICT-WORSE"}
+
+
+def judge_axis(
+    axis: str, before: Evaluation, after: Evaluation, change: TableChange, checked: Checked | None = None
+) -> AxisVerdict:
+    """A pushed axis measured again: is M smaller by more than its uncertainty, and did the prediction hold?
+
+    ``checked`` is what places say that no table was fitted to: an axis that looks better at the targets is worse where
+    these are worse, or miss the prediction by more than a table may leave unseen.
+    """
+    held = _prediction_holds(after, change)
+    size = _smaller(before, after)
+    if checked is not None:
+        held, size = held and checked.held, -1 if checked.worse else size
+    said = words(_SIZES[size]) + " " + words("W-VERDICT-HELD" if held else "W-VERDICT-MISSED")
+    said += " " + explain(change, mean_of_both(before), mean_of_both(after), _U_of_change(before, after)).words
+    said += f" {checked.words}" if checked is not None else ""
+    said += " " + words("W-VERDICT-RESTORE", axis=axis) if size < 0 else ""
+    return AxisVerdict(axis, before.unit, before, after, size > 0, held, said, size < 0)
+
+
+def unmeasured(axis: str, before: Evaluation, change: TableChange, push: PushRecord) -> AxisVerdict:
+    """An axis that was not measured again: nothing was pushed, or there is no instrument to prove it with."""
+    pushed = push.outcome in PUSHED
+    said = words("W-VERDICT-UNPROVED") if pushed else change.skipped or words("W-VERDICT-NOTHING")
+    return AxisVerdict(axis, before.unit, before, before, improved=False, within_prediction=False, words=said)
+
+
+def judge(axes: tuple[AxisVerdict, ...], pushes: tuple[PushRecord, ...], proofs: tuple[SignProof, ...]) -> Verdict:
+    """The run's answer: worse if any axis is, better if any is and none is worse."""
+    if not any(push.outcome in PUSHED for push in pushes):
+        return Verdict(axes, "not-pushed", proofs)
+    if any(axis.worse for axis in axes):
+        return Verdict(axes, "worse", proofs)
+    return Verdict(axes, "better" if any(axis.improved for axis in axes) else "unchanged", proofs)
+
+
+def mean_of_both(evaluation: Evaluation) -> FloatArray:
+    """Mean of both approaches at each target, shape (m,); the one that exists where only one does."""
+    both = np.stack([evaluation.mean_up, evaluation.mean_down])
+    return np.asarray(np.nanmean(both, axis=0), dtype=np.float64)
+
+
+def _smaller(before: Evaluation, after: Evaluation) -> int:
+    if before.M is None or after.M is None:
+        return 0
+    doubt = float(np.hypot(before.U.get("M", 0.0), after.U.get("M", 0.0)))
+    change = before.M - after.M
+    return 0 if abs(change) <= doubt else int(np.sign(change))
+
+
+def _U_of_change(before: Evaluation, after: Evaluation) -> float:
+    """Expanded uncertainty of a mean after less the same before: the instrument's own share is counted twice."""
+    return float(np.hypot(before.U.get("M", np.inf), after.U.get("M", np.inf)))
+
+
+def _prediction_holds(after: Evaluation, change: TableChange) -> bool:
+    if len(change.targets) != len(after.targets) or not np.allclose(change.targets, after.targets, atol=1e-6):
+        return False
+    difference = mean_of_both(after) - change.predicted
+    difference -= float(np.nanmedian(difference))
+    return bool(np.all(np.abs(difference) <= WIDEN * change.predicted_U))

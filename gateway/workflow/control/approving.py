@@ -1,0 +1,76 @@
+"""A person's approval of a stored plan: shown as a push would show it, bound to what was shown, kept and recorded."""
+
+from __future__ import annotations
+
+from drivers.clock import Clock
+from drivers.errors import ConfigError
+from gateway import audit
+from gateway.approve import Approvals, consent
+from gateway.domain import Approval, Proposal, TableChange
+from gateway.errors import WriteRefused
+from gateway.say import Say
+from gateway.store import RunFolder
+from gateway.store.records import encode, sha256
+from gateway.workflow import stages
+from gateway.workflow.bench import site_of, store_of
+from gateway.workflow.control.pushing import push_run
+from gateway.workflow.outcome import Outcome
+
+
+async def show_plan(folder: RunFolder, *, clock: Clock, say: Say) -> Outcome:
+    """The plan against the live machine, with every warning and refusal; writes nothing. Raises as `push_run`."""
+    return await push_run(folder, apply=False, machine_name="", clock=clock, say=say)
+
+
+async def approve_plan(
+    folder: RunFolder, *, table: str, typed_name: str, clock: Clock, actor: str = ""
+) -> tuple[Approval, ...]:
+    """Approve the proposed tables of a run, or the one named (an axis, or "C1-cec3"), as ``actor`` (the OS user).
+
+    Each approval holds ten minutes, for this plan on this machine, for one push. Raises WriteRefused (E-APPROVE-...)
+    with nothing approved, ConfigError (E-RUN-AXIS), CorruptRecord (E-AUDIT-BROKEN), StoreError.
+    """
+    site, path = site_of(folder)
+    root, person = store_of(site, path).root, actor or audit.os_user()
+    proposal = folder.get(stages.PROPOSAL, Proposal)
+    kept = Approvals(folder.path)
+    audit.demand(root)
+    made = [
+        consent(
+            change,
+            proposal.machine,
+            actor=person,
+            typed_name=typed_name,
+            site_name=site.site.name,
+            now_utc=clock.utc(),
+            run_id=folder.run_id,
+            given=kept.unused(),
+        )
+        for change in _wanted(proposal, table, folder)
+    ]
+    for approval in made:
+        # The record comes first: an approval nobody can look up later must not exist.
+        audit.record(
+            root,
+            "approve",
+            clock=clock,
+            actor=person,
+            role="approver",
+            serial=approval.serial,
+            plan_hash=approval.plan_hash,
+            base_hash=approval.base_digest,
+            details={"run": folder.run_id, "approval": sha256(encode(approval)), "until": approval.expires_utc},
+        )
+        kept.keep(approval)
+    return tuple(made)
+
+
+def _wanted(proposal: Proposal, table: str, folder: RunFolder) -> list[TableChange]:
+    known = [change.name for change in proposal.changes]
+    if table and table not in known:
+        raise ConfigError("E-RUN-AXIS", str(folder.path), axis=table, known=", ".join(known))
+    named = [change for change in proposal.changes if change.name == table]
+    found = named or [change for change in proposal.changes if not change.skipped]
+    if not found:
+        raise WriteRefused("E-APPROVE-NOTHING", folder.run_id, why="; ".join(one.skipped for one in proposal.changes))
+    return found

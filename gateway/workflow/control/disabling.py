@@ -1,0 +1,133 @@
+"""One table of the site's machine switched off on request, and nothing else done to it."""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from drivers.clock import Clock
+from drivers.errors import ConfigError, TrueflankError, words
+from drivers.types import DisableOrder
+from gateway import audit
+from gateway.config import AxisSection, SiteFile
+from gateway.domain import SwitchRecord
+from gateway.errors import StillOn, StoreError, WriteRefused
+from gateway.push.context import PushContext
+from gateway.push.records.history import tables_of
+from gateway.push.records.journal import JOURNALS, JournalRead
+from gateway.push.undo.disabling import Switch, ask_disable, disable, order_of
+from gateway.push.undo.recovery import unfinished
+from gateway.say import Say
+from gateway.workflow.bench import Bench, bench, check_name, new_run
+from gateway.workflow.consents import tell, why_of, word_of
+from gateway.workflow.control.pushing import push_context
+from gateway.workflow.outcome import Outcome
+
+_CROSS = re.compile(r"cec(\d{1,2})")
+
+
+async def disable_site(
+    site: SiteFile, site_path: Path, *, axis: str, table: str, apply: bool, machine_name: str, clock: Clock, say: Say
+) -> Outcome:
+    """Switch a table off; without `apply` only say what acts, and so how far the axis would move.
+
+    ``table`` "" is the axis' EEC, "cec3" a cross table. No instrument is opened. Raises WriteRefused (E-RUN-NAME,
+    E-PUSH-REFUSED), ConfigError (E-RUN-AXIS, E-DISABLE-TABLE), StillOn (E-DISABLE-STILL-ON), BusyError.
+    """
+    check_name(site, apply, machine_name)
+    folder = new_run(site, site_path)
+    folder.set_state("disabling")
+    try:
+        async with bench(site, site_path, folder, clock, say, instruments=()) as at:
+            name, _, cross = axis.partition("-")
+            section = at.axis(name)
+            order = order_named(section, table or cross)
+            context = replace(push_context(at, section, None), actor=audit.os_user())
+            if not apply:
+                return _shown(at, await ask_disable(order, context))
+            return _told(at, await _applied(at, order, context))
+    except TrueflankError as error:
+        folder.set_state("failed", error=error.as_record())
+        raise
+
+
+def order_named(axis: AxisSection, table: str) -> DisableOrder:
+    """The table of an axis that is meant: "", "eec", "cec3" or "X1-cec3". Raises ConfigError (E-DISABLE-TABLE)."""
+    plain = table.removeprefix(f"{axis.name}-").lower()
+    cross = _CROSS.fullmatch(plain)
+    if cross:
+        return DisableOrder(0, "CEC", axis.name, int(cross.group(1)))
+    if plain not in ("", "eec", axis.name.lower()):
+        raise ConfigError("E-DISABLE-TABLE", "--table", table=table, axis=axis.name)
+    return DisableOrder(0, "EEC", axis.name, axis.encoder)
+
+
+async def _applied(at: Bench, order: DisableOrder, context: PushContext) -> SwitchRecord:
+    """Kept in the audit at both ends, but a log that cannot be written is told and keeps no table on."""
+    tell(at, _note(at, "disable-start", order.name, 0))
+    try:
+        record = await disable(order, context, _left_by(at, order))
+    except (TrueflankError, asyncio.CancelledError) as error:
+        tell(at, _note(at, f"disable-{word_of(error)}", order.name, 0, why=why_of(error)))
+        raise
+    at.folder.put(f"disable-{order.name}", record)
+    told = {"before": record.before, "after": record.after, "unit": record.unit}
+    tell(at, _note(at, f"disable-{record.outcome}", order.name, record.transaction, **told))
+    at.folder.set_state(f"disable-{record.outcome}")
+    return record
+
+
+def _note(at: Bench, action: str, table: str, transaction: int, **told: Any) -> str:
+    details = {"table": table, "run": at.folder.run_id, **told}
+    root, serial = at.store.root, at.machine.serial
+    return audit.note(root, action, clock=at.clock, serial=serial, transaction=transaction, details=details)
+
+
+def _left_by(at: Bench, order: DisableOrder) -> JournalRead | None:
+    """The journal of a push of this very table that did not end: its hold is told there."""
+    for found in unfinished(at.store.root / JOURNALS, at.machine.serial):
+        try:
+            same = not found.broken and order_of(tables_of(found)[1]) == order
+        except StoreError:
+            continue
+        if same:
+            return found
+    return None
+
+
+def _shown(at: Bench, asked: Switch) -> Outcome:
+    at.folder.set_state("looked")
+    lines = [_line(asked), *(f"  {reason.words}" for reason in asked.refusals), words("W-DISABLE-DRY")]
+    reading, reasons = asked.reading, [reason.words for reason in asked.refusals]
+    data: dict[str, Any] = {"table": asked.order.name, "unit": asked.unit, "applied": False, "refusals": reasons}
+    data |= {"enabled": None, "acting": None, "off": None}
+    if reading is not None:
+        data |= {"enabled": reading.enabled, "acting": reading.acting, "off": reading.off}
+    return Outcome("looked", str(at.folder.path), (), tuple(lines), data)
+
+
+def _line(asked: Switch) -> str:
+    fields = {"table": asked.order.name, "axis": asked.order.axis, "unit": asked.unit}
+    if asked.reading is None:
+        return words("W-DISABLE-UNREAD", **fields)
+    if asked.reading.off:
+        return words("W-DISABLE-OFF", **fields)
+    return words("W-DISABLE-PLAN", acting=round(asked.reading.acting, 3), **fields)
+
+
+def _told(at: Bench, record: SwitchRecord) -> Outcome:
+    """Raises WriteRefused (E-PUSH-REFUSED), StillOn (E-DISABLE-STILL-ON)."""
+    if record.outcome == "refused":
+        reasons = "; ".join(record.steps)
+        raise WriteRefused("E-PUSH-REFUSED", record.table, count=len(record.steps), reasons=reasons)
+    if record.outcome == "still-on":
+        why = "; ".join(record.steps) or "nothing answered"
+        raise StillOn("E-DISABLE-STILL-ON", record.table, table=record.table, axis=record.axis, why=why)
+    code = "W-DISABLE-OFF" if record.outcome == "already-off" else "W-DISABLE-DONE"
+    lines = (words(code, table=record.table, axis=record.axis),)
+    data = {"transaction": record.transaction, "table": record.table, "applied": True, "outcome": record.outcome}
+    data |= {"unit": record.unit, "before": record.before, "after": record.after}
+    return Outcome(at.folder.state, str(at.folder.path), (), lines, data)

@@ -1,0 +1,289 @@
+"""A proposal into the controller: signs proved, tables pushed axis by axis, measured again and judged."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TypeVar
+
+from drivers.clock import Clock
+from drivers.errors import TrueflankError, words
+from drivers.types import Ambient, CompensationTable, SignProof, Stop
+from drivers.units import deviation_scale
+from gateway.capture.live import combined
+from gateway.capture.readings import Readings
+from gateway.capture.sense import prove_sense
+from gateway.config import AxisSection
+from gateway.domain import AxisVerdict, Capture, Evaluation, Proposal, PushRecord, TableChange, Verdict
+from gateway.errors import StoreError, WriteRefused
+from gateway.interlocks import Refusal
+from gateway.push import Asked, AxisFacts, PushContext, ask, outcome_error, prove_sign, push_table
+from gateway.push.records.journal import JOURNALS
+from gateway.say import Say
+from gateway.store import RunFolder
+from gateway.workflow import stages
+from gateway.workflow.aftercare import in_push, standing_alarms
+from gateway.workflow.axes.explaining import check_between
+from gateway.workflow.axes.measure import Measured, live_again, measure_axis
+from gateway.workflow.axes.verdict import PUSHED, judge, judge_axis, unmeasured
+from gateway.workflow.bench import Bench, bench, check_name, site_of
+from gateway.workflow.consents import Taken, begin, consented, ended, failed, proving, refused, take_up, tell
+from gateway.workflow.outcome import Outcome, alarmed, shown
+from gateway.workflow.results.ending import finish
+from gateway.workflow.witness import Witness
+
+Done = TypeVar("Done")
+
+# Switching a table moves the axis by micrometres: no motion is seen, so the reading waits longer instead.
+SWITCH_SETTLE_S = 8.0
+
+
+async def apply_proposal(at: Bench, proposal: Proposal, measured: Mapping[str, Measured]) -> Verdict:
+    """Push every change of a proposal, measure the pushed axes again and judge.
+
+    EEC tables come first and are judged on the axis before any CEC table is pushed: each axis' own deviation is
+    judged without what the tooth asks of it. Raises WriteRefused, VerifyError (rolled back) or RollbackFailed
+    (held) at the first table that was not committed, after everything about it is stored; with any reason against
+    any table at the start, nothing at all is written.
+    """
+    await _nothing_against(at, proposal, measured)
+    done = _Done(take_up(at, proposal))
+    own = [change for change in proposal.changes if change.layer == "EEC"]
+    for change in own:
+        await _push(at, change, measured[change.axis].capture, done)
+    at.folder.set_state("pushed")
+    verdicts = [await _verify(at, change, measured[change.axis], done.records[change.name]) for change in own]
+    for change in proposal.changes:
+        if change.layer == "CEC":
+            known = measured.get(change.axis)
+            await _push(at, change, known.capture if known is not None else None, done)
+    verdict = judge(tuple(verdicts), tuple(done.records.values()), tuple(done.proofs))
+    at.folder.put(stages.VERDICT, verdict, tuple(at.folder.digest(stages.push(name)) for name in done.records))
+    return verdict
+
+
+@dataclass(slots=True)
+class _Done:
+    """What a run has pushed so far: records by the change's name, tables now live, proofs used.
+
+    ``approvals`` by the change's name were used up at the start and hold to the end.
+    """
+
+    approvals: Mapping[str, Taken]
+    records: dict[str, PushRecord] = field(default_factory=dict)
+    tables: list[CompensationTable] = field(default_factory=list)
+    proofs: list[SignProof] = field(default_factory=list)
+
+
+async def _push(at: Bench, change: TableChange, capture: Capture | None, done: _Done) -> None:
+    context = replace(table_context(at, change.new, capture), pushed=tuple(done.tables))
+    if not change.skipped:
+        proof = context.proof
+        if proof is None:
+            proof = await _kept(at, change, _prove(at, change, replace(context, log=Witness(at))))
+        done.proofs.append(proof)
+        context = replace(context, proof=proof, ambient_now=await _ambient(at, change))
+        context = consented(at, change, context, done.approvals[change.name])
+        context = replace(context, on_live=await in_push(at, change.axis))
+        begin(at, change, context)
+    record = await _kept(at, change, push_table(change, context))
+    if not change.skipped:
+        tell(at, ended(at, change, record))
+    done.records[change.name] = record
+    failure = outcome_error(record)
+    try:
+        at.folder.put(stages.push(change.name), record, (at.folder.digest(stages.PROPOSAL),))
+    except StoreError as error:
+        if failure is not None:  # how the push ended is told before all else
+            raise failure from error
+        raise
+    if failure is not None:
+        raise failure
+    if record.outcome in PUSHED:
+        done.tables.append(change.new)
+
+
+async def _kept(at: Bench, change: TableChange, work: Awaitable[Done]) -> Done:
+    """Keep in the audit log how a push or sign proof ended that leaves no record, a stop from outside included."""
+    try:
+        return await work
+    except (TrueflankError, asyncio.CancelledError) as error:
+        tell(at, failed(at, change, error))
+        raise
+
+
+async def _nothing_against(at: Bench, proposal: Proposal, measured: Mapping[str, Measured]) -> None:
+    """Ask about every table before the first is touched. Raises WriteRefused (E-PUSH-REFUSED) with every reason."""
+    reasons = []
+    for change in proposal.changes:
+        refusals = () if change.skipped else (await _asked(at, change, measured)).refusals
+        for refusal in refusals:
+            if refusal.code != "E-INT-NOTHING" and not _proved_first(at, refusal, at.axis(change.axis)):
+                at.say("P-PUSH-REFUSED", axis=change.name, reason=refusal.words)
+                reasons.append(f"{change.name}: {refusal.words}")
+    if reasons:
+        tell(at, refused(at, tuple(reasons)))
+        name = at.site.site.name
+        raise WriteRefused("E-PUSH-REFUSED", name, count=len(reasons), reasons="; ".join(reasons))
+
+
+async def _asked(at: Bench, change: TableChange, measured: Mapping[str, Measured]) -> Asked:
+    known = measured.get(change.axis)
+    context = table_context(at, change.new, known.capture if known is not None else None)
+    return await ask(change, consented(at, change, replace(context, ambient_now=await _ambient(at, change))), "table")
+
+
+async def _ambient(at: Bench, change: TableChange) -> Ambient | None:
+    """What the axis' instrument reads of its environment now; None where the axis has none."""
+    name = at.axis(change.axis).measure.instrument
+    return await at.supervisor.instrument(name).ambient() if name else None
+
+
+def table_context(at: Bench, table: CompensationTable, capture: Capture | None) -> PushContext:
+    """What a push of this very table works with: its axes, and the proof of its function if there is one."""
+    context = push_context(at, at.axis(table.output_axis), capture)
+    other = _facts_of(at.axis(table.input_axis)) if table.input_axis != table.output_axis else None
+    return replace(context, input=other, proof=at.proofs.find(at.machine, table.function, table.output_axis))
+
+
+def push_context(at: Bench, axis: AxisSection, capture: Capture | None) -> PushContext:
+    """What a push of this axis works with; the operator's consent was checked before the bench was opened."""
+    operator, name = at.site.operator, at.site.site.name
+    return PushContext(
+        controller=at.supervisor.controller,
+        clock=at.clock,
+        folder=at.folder,
+        journals=at.store.root / JOURNALS,
+        axis=_facts_of(axis),
+        machine=at.machine,
+        typed_name=name,
+        site_name=name,
+        capture=capture,
+        start_timeout_s=operator.start_timeout_s,
+        stop_timeout_s=operator.stop_timeout_s,
+        approvals_needed=at.site.site.approvals,
+        say=at.say,
+    )
+
+
+def _facts_of(axis: AxisSection) -> AxisFacts:
+    measure = axis.measure
+    return AxisFacts(
+        axis.name,
+        axis.letter,
+        axis.unit,
+        axis.kind == "rotary",
+        axis.modulo,
+        axis.travel,
+        axis.reference,
+        measure.feed,
+        measure.overrun,
+        measure.dwell_s,
+        axis.encoder,
+    )
+
+
+def provable(at: Bench, axis: AxisSection) -> bool:
+    """Whether a push can prove a sign itself: an instrument sees the output axis, and the table can be switched."""
+    can = at.supervisor.controller.capabilities
+    return bool(axis.measure.instrument) and (can.programs or can.switching)
+
+
+async def _prove(at: Bench, change: TableChange, context: PushContext) -> SignProof:
+    """Mount the output axis' instrument again, prove its sense, then the sign of the table's function.
+
+    Raises WriteRefused (E-RUN-NO-PROOF) where nothing can see the output axis.
+    """
+    axis, table = at.axis(change.axis), change.new
+    if not provable(at, axis):
+        raise WriteRefused("E-RUN-NO-PROOF", axis.name)
+    at.say("P-SIGN", axis=axis.name)
+    rig = at.rig(axis)
+    sense = await prove_sense(rig)
+    combine = combined(axis, rig.instrument, sense.sense)
+    window = replace(rig.window, settle_s=SWITCH_SETTLE_S)
+    scale = deviation_scale(axis.unit)
+    async with Readings(rig.instrument, at.clock, combine) as readings:
+
+        async def read_stop(_stop: Stop) -> tuple[float, float]:
+            reading = await readings.settled(window)
+            value = float(combine(reading.values[None, :])[0])
+            return value * scale, float(reading.sigma.max()) * scale / reading.count**0.5
+
+        grid = at.axis(table.input_axis).table
+        proving(at, change)
+        proof = await prove_sign(
+            context,
+            grid.minimum,
+            grid.maximum,
+            grid.step,
+            read_stop,
+            function=table.function,
+            index=table.index,
+        )
+    at.proofs.save(proof)
+    at.say("P-SIGN-PROVED", axis=axis.name, slope=f"{proof.slope:+.3f}")
+    return proof
+
+
+async def _verify(at: Bench, change: TableChange, before: Measured, push: PushRecord) -> AxisVerdict:
+    measurable = push.outcome in PUSHED and at.supervisor.controller.capabilities.programs
+    again = live_again(at.axis(change.axis), change.targets) if measurable else None
+    if again is None:
+        return unmeasured(change.axis, before.evaluation, change, push)
+    after = await measure_axis(at, again, "after")
+    return judge_axis(change.axis, before.evaluation, after.evaluation, change, check_between(change, after.capture))
+
+
+async def push_run(folder: RunFolder, *, apply: bool, machine_name: str, clock: Clock, say: Say) -> Outcome:
+    """A stored run's proposal against the live machine: difference and refusals; with `apply` the push itself.
+
+    Without `apply` nothing is written. Raises what `run_site` raises.
+    """
+    site, path = site_of(folder)
+    check_name(site, apply, machine_name)
+    proposal = folder.get(stages.PROPOSAL, Proposal)
+    measured = _stored_axes(folder, proposal)
+    try:
+        async with bench(site, path, folder, clock, say) as at:
+            if not apply:
+                return await _show(at, proposal, measured)
+            verdict = await apply_proposal(at, proposal, measured)
+            return alarmed(finish(folder, measured, proposal, verdict), standing_alarms(at))
+    except TrueflankError as error:
+        folder.set_state("failed", error=error.as_record())
+        raise
+
+
+def _stored_axes(folder: RunFolder, proposal: Proposal) -> dict[str, Measured]:
+    """Measurements by axis; the output axis of a cross table need not have been measured itself."""
+    names = dict.fromkeys(change.axis for change in proposal.changes)
+    own = {change.axis for change in proposal.changes if change.layer == "EEC"}
+    return {name: _stored(folder, name) for name in names if name in own or folder.has(stages.capture(name, "before"))}
+
+
+def _stored(folder: RunFolder, axis: str) -> Measured:
+    capture = folder.get(stages.capture(axis, "before"), Capture)
+    evaluation = folder.get(stages.evaluation(axis, "before"), Evaluation)
+    return Measured(capture, evaluation, folder.digest(stages.capture(axis, "before")))
+
+
+def _proved_first(at: Bench, refusal: Refusal, axis: AxisSection) -> bool:
+    """A missing sign proof is no reason where the push can make one with the axis' instrument."""
+    return refusal.code == "E-INT-NO-PROOF" and provable(at, axis)
+
+
+async def _show(at: Bench, proposal: Proposal, measured: Mapping[str, Measured]) -> Outcome:
+    refusals: dict[str, list[str]] = {}
+    for change in proposal.changes:
+        axis = at.axis(change.axis)
+        if change.skipped:
+            refusals[change.name] = [change.skipped]
+            continue
+        asked = await _asked(at, change, measured)
+        first = words("W-RUN-PROOF-FIRST", axis=axis.name)
+        told = [first if _proved_first(at, refusal, axis) else refusal.words for refusal in asked.refusals]
+        refusals[change.name] = [*told, *(warning.words for warning in asked.warnings)]
+    at.folder.set_state("proposed")
+    return shown(at.folder, proposal, refusals)

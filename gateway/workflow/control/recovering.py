@@ -1,0 +1,107 @@
+"""What an interrupted push left at a site, and the old table back on request."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import replace
+from pathlib import Path
+
+from drivers.clock import Clock
+from drivers.errors import ConfigError, TrueflankError
+from drivers.leftover import LeftOver
+from drivers.types import CompensationTable
+from gateway.config import SiteFile
+from gateway.domain import PushRecord
+from gateway.errors import StoreError
+from gateway.push import PushContext, outcome_error
+from gateway.push.records.history import tables_of
+from gateway.push.records.journal import JOURNALS, JournalRead, machine_folder, tidy
+from gateway.push.undo.finding import Finding, verdict
+from gateway.push.undo.recovery import look, recover, unfinished
+from gateway.say import Say
+from gateway.workflow.bench import Bench, bench, check_name, new_run
+from gateway.workflow.consents import not_recovered, recovered, tell
+from gateway.workflow.control.pushing import push_context, table_context
+from gateway.workflow.leaving import LeftFinding, clear
+from gateway.workflow.witness import Witness
+
+
+async def recover_site(
+    site: SiteFile, site_path: Path, *, apply: bool, machine_name: str, clock: Clock, say: Say
+) -> tuple[Finding | LeftFinding, ...]:
+    """What an earlier gateway left in the control, and every unfinished push of the site's machine.
+
+    With `apply` what each finding offers is carried out; a program that stands until a person presses keeps the rest.
+
+    Looking reads the live tables and changes none. A journal that cannot be believed is told and left alone. The
+    findings with something still on come first. Raises WriteRefused when nothing is offered, StillOn
+    (E-PUSH-HELD-ON) when what was carried out left something on.
+    """
+    check_name(site, apply, machine_name)
+    folder = new_run(site, site_path)
+    folder.set_state("recovering")
+    findings: list[Finding | LeftFinding] = []
+    left_on: list[PushRecord] = []
+    async with bench(site, site_path, folder, clock, say, instruments=()) as at:
+        left, may_write = at.supervisor.left, apply
+        if not left.clear:
+            findings.append(told := await _left(at, left, apply=apply))
+            may_write = apply and told.after is not None and told.after.clear
+        begun = Witness(at).begun
+        for ended in tidy(machine_folder(at.store.root / JOURNALS, at.machine.serial), begun):
+            if ended.entries:
+                say("P-RECOVER", words=verdict(ended, None, 0.0).words)
+        for found in unfinished(at.store.root / JOURNALS, at.machine.serial, begun):
+            finding, record = await _one(at, found, apply=may_write)
+            findings.append(finding)
+            left_on += [record] if record is not None and record.outcome == "held-on" else []
+    folder.set_state(("held-on" if left_on else "recovered") if apply else "looked")
+    for record in left_on:
+        failure = outcome_error(record)
+        if failure is not None:
+            raise failure
+    return tuple(sorted(findings, key=lambda finding: not finding.still_on))
+
+
+async def _left(at: Bench, found: LeftOver, *, apply: bool) -> LeftFinding:
+    """A program of ours is asked to end and its words are given back, before anything else is begun there."""
+    if not apply:
+        return LeftFinding(found)
+    after = await clear(at.supervisor, at.patience.start_s)
+    at.say("P-RECOVER", words=after.words)
+    return LeftFinding(found, after)
+
+
+async def _one(at: Bench, found: JournalRead, *, apply: bool) -> tuple[Finding, PushRecord | None]:
+    context = _context(at, found)
+    if context is None:
+        finding = verdict(found, None, 0.0)
+        at.say("P-RECOVER", words=finding.words)
+        return finding, None
+    finding = await look(found, context)
+    at.say("P-RECOVER", words=finding.words)
+    if not apply:
+        return finding, None
+    record = await _recovered(at, found, context, finding)
+    tell(at, recovered(at, finding.code, record))
+    return finding, record
+
+
+async def _recovered(at: Bench, found: JournalRead, context: PushContext, finding: Finding) -> PushRecord:
+    """Carry out the offer; one that ends without a record is kept in the audit log too."""
+    try:
+        return await recover(found, context)
+    except (TrueflankError, asyncio.CancelledError) as error:
+        tell(at, not_recovered(at, finding.code, found.number, error))
+        raise
+
+
+def _context(at: Bench, found: JournalRead) -> PushContext | None:
+    """What the journal's table is worked with; None where the journal does not say, or not of this site."""
+    try:
+        if found.latest("purpose") == "disable":
+            return push_context(at, at.axis(str(found.latest("axis"))), None)
+        table: CompensationTable = tables_of(found)[1]
+        return replace(table_context(at, table, None), log=Witness(at))
+    except (StoreError, ConfigError):
+        return None

@@ -1,0 +1,116 @@
+"""The table from before the last committed push, put back on request as a transaction of its own."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import replace
+from pathlib import Path
+
+from drivers.clock import Clock
+from drivers.errors import TrueflankError, words
+from drivers.types import CompensationTable
+from gateway import audit
+from gateway.config import SiteFile
+from gateway.errors import WriteRefused
+from gateway.push import PushContext, outcome_error
+from gateway.push.records.history import Committed, committed, to_undo
+from gateway.push.records.journal import JOURNALS
+from gateway.push.undoing import ask_undo, undo
+from gateway.say import Say
+from gateway.table.comparison import acting, effective
+from gateway.workflow.bench import Bench, bench, check_name, new_run
+from gateway.workflow.consents import audit_problem, tell, why_of, word_of
+from gateway.workflow.control.pushing import table_context
+from gateway.workflow.outcome import Outcome
+from gateway.workflow.witness import Witness
+
+
+async def roll_back_site(
+    site: SiteFile, site_path: Path, *, table: str, apply: bool, machine_name: str, clock: Clock, say: Say
+) -> Outcome:
+    """Take back the last committed push of a table (an axis, or "C1-cec3"); without `apply` only say what would be.
+
+    Raises WriteRefused (E-RUN-NAME, E-ROLLBACK-NOTHING, E-PUSH-REFUSED), ConfigError (E-RUN-AXIS), VerifyError (the
+    rollback failed and the newer table is live again), RollbackFailed (held), CorruptRecord (E-AUDIT-BROKEN).
+    """
+    check_name(site, apply, machine_name)
+    folder = new_run(site, site_path)
+    folder.set_state("rolling-back")
+    try:
+        async with bench(site, site_path, folder, clock, say) as at:
+            done = to_undo(history(at, table))
+            if done is None:
+                raise WriteRefused("E-ROLLBACK-NOTHING", table, table=table, serial=at.machine.serial)
+            context = context_of(at, done.new.table)
+            return await (_applied(at, done, context) if apply else _shown(at, done, context))
+    except TrueflankError as error:
+        folder.set_state("failed", error=error.as_record())
+        raise
+
+
+def history(at: Bench, table: str) -> tuple[Committed, ...]:
+    """Every committed push of a table of this machine, CEC in the sign of its proof.
+
+    Raises ConfigError (E-RUN-AXIS), WriteRefused (E-RUN-NO-PROOF), StoreError.
+    """
+    axis, _, cross = table.partition("-cec")
+    at.axis(axis)
+    sign = 1
+    if cross:
+        proof = at.proofs.find(at.machine, "CEC", axis)
+        if proof is None:
+            raise WriteRefused("E-RUN-NO-PROOF", table)
+        sign = proof.sign
+    return committed(at.store.root / JOURNALS, at.machine.serial, table, sign)
+
+
+def context_of(at: Bench, table: CompensationTable) -> PushContext:
+    """What a transaction without a capture works with, with who asks for it and the state of the audit."""
+    broken = audit_problem(at)
+    return replace(table_context(at, table, None), actor=audit.os_user(), audit_broken=broken, log=Witness(at))
+
+
+async def _shown(at: Bench, done: Committed, context: PushContext) -> Outcome:
+    asked = await ask_undo(done, context)
+    reasons = [reason.words for reason in asked.refusals]
+    lines = [words("W-ROLLBACK-PLAN", table=done.table, transaction=done.transaction, utc=done.utc), *_difference(done)]
+    lines += [f"  {reason}" for reason in reasons] or ["  " + words("W-ROLLBACK-FREE")]
+    lines.append(words("W-ROLLBACK-DRY"))
+    at.folder.set_state("looked")
+    data = {"transaction": done.transaction, "table": done.table, "refusals": reasons, "applied": False}
+    return Outcome("looked", str(at.folder.path), (), tuple(lines), data)
+
+
+def _difference(done: Committed) -> list[str]:
+    """What the table would become, at the points of the larger of both."""
+    new, old = done.new, done.old
+    places = max((new.table, old.table), key=lambda table: len(table.deviations)).positions
+    now, then = acting(effective(new), places), acting(effective(old), places)
+    unit = new.table.deviation_unit
+    return [
+        f"  {place:10.3f} {was:+9.3f} -> {becomes:+9.3f} {unit}"
+        for place, was, becomes in zip(places, now, then, strict=True)
+    ]
+
+
+async def _applied(at: Bench, done: Committed, context: PushContext) -> Outcome:
+    root, serial = at.store.root, at.machine.serial
+    told = {"table": done.table, "undoes": done.transaction, "run": at.folder.run_id}
+    audit.record(root, "rollback-start", clock=at.clock, serial=serial, details=told)
+    try:
+        record = await undo(done, context)
+    except (TrueflankError, asyncio.CancelledError) as error:
+        why = {**told, "why": why_of(error)}
+        action = f"rollback-{word_of(error)}"
+        tell(at, audit.note(root, action, clock=at.clock, serial=serial, details=why))
+        raise
+    at.folder.put(f"rollback-{done.table}", record)
+    at.folder.set_state(f"rollback-{record.outcome}")
+    action = f"rollback-{record.outcome}"
+    problem = audit.note(root, action, clock=at.clock, serial=serial, transaction=record.transaction, details=told)
+    failure = outcome_error(record)
+    if failure is not None:
+        raise failure
+    lines = [words("W-ROLLBACK-DONE", table=done.table, transaction=done.transaction), *([problem] if problem else [])]
+    data = {"transaction": record.transaction, "undoes": done.transaction, "table": done.table, "applied": True}
+    return Outcome(at.folder.state, str(at.folder.path), (), tuple(lines), {**data, "outcome": record.outcome})

@@ -1,0 +1,103 @@
+"""Is the table that was approved the one that is live? Read from the control and compared point by point."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from drivers.clock import Clock
+from drivers.errors import ConfigError, TrueflankError, words
+from drivers.types import LiveSet, LiveTable
+from gateway.config import SiteFile
+from gateway.domain import Proposal
+from gateway.errors import StoreError
+from gateway.push import conversation
+from gateway.push.compare import table_in, tolerance
+from gateway.say import Say
+from gateway.store import RunFolder
+from gateway.table.threeway import compare
+from gateway.workflow import stages
+from gateway.workflow.aftercare import Look, compare_with, expected_of, keep_looks
+from gateway.workflow.bench import Bench, bench, new_run
+from gateway.workflow.control.pushing import push_context
+from gateway.workflow.control.rolling_back import context_of
+from gateway.workflow.outcome import Outcome
+
+DIFFERS_EXIT = 9
+
+
+async def verify_table(
+    site: SiteFile, site_path: Path, *, table: str, run: RunFolder | None, clock: Clock, say: Say
+) -> Outcome:
+    """The live table (an axis, or "C1-cec3") against the last committed push, or against what a run proposed.
+
+    Changes no compensation; where the road runs programs the operator starts one for each axis, which saves its
+    tables. Without ``table`` every table that a committed push left. What is not as pushed is an alarm, and the
+    outcome's exit code is 9. Raises ConfigError (E-RUN-AXIS), StoreError (E-VERIFY-NOTHING), and what the port raises.
+    """
+    folder = new_run(site, site_path)
+    folder.set_state("verifying-table")
+    say("P-RUN", folder=str(folder.path))
+    try:
+        async with bench(site, site_path, folder, clock, say, ()) as at:
+            if run is not None:
+                return await _against_run(at, table, run)
+            return await _against_pushes(at, table)
+    except TrueflankError as error:
+        folder.set_state("failed", error=error.as_record())
+        raise
+
+
+async def _against_pushes(at: Bench, table: str) -> Outcome:
+    if table:
+        at.axis(table.partition("-cec")[0])
+    every = await expected_of(at)
+    wanted = tuple(one for one in every if table in ("", one.push.table))
+    if not wanted:
+        raise StoreError("E-VERIFY-NOTHING", str(at.store.root), table=table or "any table", serial=at.machine.serial)
+    looks: list[Look] = []
+    for axis in dict.fromkeys(one.push.axis for one in wanted):
+        live = await read_axis(at, axis)
+        at.folder.write_text("live-tables.mpf" if table else f"live-tables-{axis}.mpf", live.native)
+        found = compare_with(wanted, live)
+        keep_looks(at, found)
+        looks += found
+    return _outcome(at, table, looks)
+
+
+def _outcome(at: Bench, table: str, looks: list[Look]) -> Outcome:
+    kinds = {look.found.kind for look in looks} - {"as-approved"}
+    at.folder.set_state(f"table-{min(kinds) if kinds else 'as-approved'}")
+    rows = [{"axis": one.name, "against": one.lines[0], "digest": one.digest, **one.found.as_data()} for one in looks]
+    data: dict[str, Any] = rows[0] if table else {"tables": rows}
+    lines = tuple(line for look in looks for line in look.lines)
+    return Outcome(at.folder.state, str(at.folder.path), (), lines, data, DIFFERS_EXIT if kinds else 0)
+
+
+async def read_axis(at: Bench, axis: str) -> LiveSet:
+    """The live tables of an axis as stored; with programs the operator starts one that saves them."""
+    section = at.axis(axis)
+    return await conversation.read_live(push_context(at, section, None), section.reference)
+
+
+async def _against_run(at: Bench, table: str, run: RunFolder) -> Outcome:
+    approved, before, said = _proposed(run, table)
+    shape, context = approved.table, context_of(at, approved.table)
+    limits = await context.controller.table_limits(shape.output_axis, shape.function, shape.index)
+    live = await conversation.read_live(context, context.moved.reference)
+    found = compare(table_in(live, shape), approved, before, tolerance(limits, shape))
+    at.folder.write_text("live-tables.mpf", live.native)
+    at.folder.set_state(f"table-{found.kind}")
+    data = {"axis": table, "against": said, "digest": live.digest, **found.as_data()}
+    exit_code = 0 if found.kind == "as-approved" else DIFFERS_EXIT
+    return Outcome(at.folder.state, str(at.folder.path), (), (said, found.words), data, exit_code)
+
+
+def _proposed(run: RunFolder, table: str) -> tuple[LiveTable, LiveTable, str]:
+    proposal = run.get(stages.PROPOSAL, Proposal)
+    for change in proposal.changes:
+        if change.name == table and not change.skipped:
+            old = LiveTable(change.old, change.old_enabled)
+            return LiveTable(change.new, enabled=True), old, words("W-VERIFY-AGAINST-RUN", table=table, run=run.run_id)
+    known = ", ".join(change.name for change in proposal.changes if not change.skipped)
+    raise ConfigError("E-RUN-AXIS", str(run.path), axis=table, known=known or "none")

@@ -1,0 +1,204 @@
+"""Measures all errors of a machine set-up by set-up, resumes between them, and tells what is known and what is open."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from drivers.clock import Clock
+from drivers.errors import TrueflankError, words
+from drivers.types import LiveSet
+from gateway.config import SiteFile
+from gateway.correct.outlook.next_setup import THRESHOLD_UM, Open, Tooth, what_next
+from gateway.correct.plan.plan import AxisGrid
+from gateway.domain import Capture, Equipment
+from gateway.errors import CaptureError, IllegalTransition
+from gateway.evaluate.geometry.errormodel import error_model
+from gateway.model.known import ErrorModel
+from gateway.report.tooth.errors import ErrorRow, error_rows
+from gateway.say import Say
+from gateway.store import RunFolder
+from gateway.workflow import stages
+from gateway.workflow.aftercare import look_at
+from gateway.workflow.axes.measure import fetch_tables, store_equipment
+from gateway.workflow.bench import Bench, bench, new_run
+from gateway.workflow.errors21.setupcapture import measure_setup, stands_name
+from gateway.workflow.errors21.setups import Planned, chosen, planned, spans
+
+MEASURING, PARTIAL, MEASURED, STOPPED = "measuring", "partly-measured", "measured", "stopped"
+
+
+@dataclass(frozen=True, slots=True)
+class PlanOutcome:
+    """What is known after the set-ups so far: rows of the 21, what is open, what to measure next in words."""
+
+    state: str
+    run_folder: str
+    model: ErrorModel
+    rows: tuple[ErrorRow, ...]
+    remaining: tuple[str, ...]
+    open: tuple[Open, ...]
+    advice: str
+
+    def as_data(self) -> dict[str, Any]:
+        """For --json."""
+        return {
+            "state": self.state,
+            "run_folder": self.run_folder,
+            "errors": [row.as_data() for row in self.rows],
+            "remaining": list(self.remaining),
+            "open": [
+                {"name": one.name, "change_um": one.change_um, "share": one.share, "measured": one.measured}
+                for one in self.open
+            ],
+            "threshold_um": THRESHOLD_UM,
+            "advice": self.advice,
+            "said": list(self.model.said),
+        }
+
+
+async def measure_site(
+    site: SiteFile,
+    site_path: Path,
+    *,
+    clock: Clock,
+    say: Say,
+    wanted: Sequence[str] = (),
+    resume: RunFolder | None = None,
+    tooth: Tooth | None = None,
+) -> PlanOutcome:
+    """Walk through the plan's set-ups (those wanted, by key or component) and tell what is known afterwards.
+
+    All instruments are opened before anything moves, so that a missing one is told at once; then only the one in
+    use stays open. Each set-up is stored before the next; a run that stopped is resumed with its folder, finished
+    set-ups are not repeated. Raises ConfigError (E-SETUP-...), IllegalTransition (E-SETUP-MACHINE, E-SETUP-CHANGED),
+    CaptureError (E-SETUP-TABLES: tables changed since an earlier set-up), and what capturing raises; the folder keeps
+    the error.
+    """
+    todo = chosen(planned(site), wanted)
+    folder = resume or new_run(site, site_path)
+    say("P-RUN", folder=str(folder.path))
+    left = _left(folder, todo)
+    try:
+        if left:
+            async with bench(site, site_path, folder, clock, say, instruments_of(left)) as at:
+                await _walk(at, left, resumed=resume is not None)
+    except TrueflankError as error:
+        folder.set_state("failed", error=error.as_record())
+        raise
+    except asyncio.CancelledError:
+        folder.set_state(STOPPED)
+        raise
+    return conclude(site, folder, tooth)
+
+
+def _left(folder: RunFolder, todo: Sequence[Planned]) -> tuple[Planned, ...]:
+    """Set-ups without a capture; a finished one must still be what the site file says."""
+    for one in todo:
+        if not folder.has(stages.setup(one.key)):
+            continue
+        if folder.read_text(f"setup-{one.key}.json") != one.setup.model_dump_json():
+            raise IllegalTransition("E-SETUP-CHANGED", folder.run_id, setup=one.key)
+    return tuple(one for one in todo if not folder.has(stages.setup(one.key)))
+
+
+def instruments_of(plan: Sequence[Planned]) -> set[str]:
+    """The instruments these set-ups need at the machine."""
+    return {one.setup.instrument for one in plan if one.setup.source == "live"}
+
+
+async def _walk(at: Bench, left: Sequence[Planned], *, resumed: bool) -> None:
+    known = await _same_machine(at) if resumed else {}
+    store_equipment(at)
+    at.folder.set_state(MEASURING)
+    tables: dict[str, LiveSet] = {}
+    for number, one in enumerate(left):
+        at.say("P-SETUP-PLAN", setup=one.key, number=number + 1, total=len(left))
+        await at.supervisor.hold(instruments_of([one]))
+        capture = await measure_setup(at, one, tables)
+        if capture.axis not in known:
+            await look_at(at, capture.live)
+        _same_tables(known, capture, one.key)
+    at.folder.set_state(PARTIAL)
+
+
+async def _same_machine(at: Bench) -> dict[str, str]:
+    """Refuse to go on at another machine, or where what compensated a measured axis is not what it was."""
+    before = at.folder.get(stages.EQUIPMENT, Equipment).machine
+    different = before.differences(at.machine)
+    if different:
+        raise IllegalTransition("E-SETUP-MACHINE", at.folder.run_id, fields=", ".join(different))
+    known: dict[str, str] = {}
+    for one in planned(at.site):
+        if at.folder.has(stages.setup(one.key)):
+            _same_tables(known, at.folder.get(stages.setup(one.key), Capture), one.key)
+    for name, digest in known.items():
+        if (await fetch_tables(at, at.axis(name))).digest != digest:
+            raise CaptureError("E-SETUP-TABLES", name, setup="the resume")
+    return known
+
+
+def _same_tables(known: dict[str, str], capture: Capture, key: str) -> None:
+    """All set-ups of an axis must have been measured under the same tables."""
+    if capture.live is None:
+        return
+    if known.setdefault(capture.axis, capture.live.digest) != capture.live.digest:
+        raise CaptureError("E-SETUP-TABLES", capture.axis, setup=key)
+
+
+def conclude(site: SiteFile, folder: RunFolder, tooth: Tooth | None) -> PlanOutcome:
+    """Fit everything captured so far, store the error model, and say what should be measured next."""
+    plan = planned(site)
+    done = [one for one in plan if one.measured and folder.has(stages.setup(one.key))]
+    captures = [folder.get(stages.setup(one.key), Capture) for one in done]
+    rotary = [axis.name for axis in site.axes if axis.kind == "rotary"]
+    measurements = [
+        one.measurement(capture.targets, capture.deviations, rotary, _stood(site, folder, one))
+        for one, capture in zip(done, captures, strict=True)
+    ]
+    usual = site.assumed
+    model = error_model(measurements, spans(site), linear_um=usual.linear_um, angular_arcsec=usual.angular_arcsec)
+    folder.put(stages.ERRORS, model, tuple(folder.digest(stages.setup(one.key)) for one in done))
+    remaining = tuple(one.key for one in plan if one.measured and one not in done)
+    folder.set_state(PARTIAL if remaining else MEASURED)
+    opened = what_next(model, tooth, grids(site)) if tooth is not None else ()
+    advice = advise(plan, remaining, opened, asked=tooth is not None)
+    rows = error_rows(model)
+    return PlanOutcome(folder.state, str(folder.path), model, rows, remaining, opened, advice)
+
+
+def _stood(site: SiteFile, folder: RunFolder, one: Planned) -> dict[str, float]:
+    """Where the axes stood when a set-up began, by letter; of a file what its `park` says."""
+    name = stands_name(one.key)
+    if name in folder.facts["files"]:
+        return dict(json.loads(folder.read_text(name)))
+    return {axis.letter: one.setup.park[axis.name] for axis in site.axes if axis.name in one.setup.park}
+
+
+def grids(site: SiteFile) -> tuple[AxisGrid, ...]:
+    """The controller's grids by axis letter."""
+    return tuple(
+        AxisGrid(axis.letter, axis.table.minimum, axis.table.maximum, axis.table.step, axis.reference, axis.modulo)
+        for axis in site.axes
+    )
+
+
+def advise(plan: Sequence[Planned], remaining: Sequence[str], opened: Sequence[Open], *, asked: bool) -> str:
+    """Which remaining set-up would change the proposal most, or that none would by the threshold."""
+    if not asked:
+        return words("W-SETUP-NO-WORK", count=len(remaining))
+    able = {one.setup.name: one.key for one in reversed(plan) if one.key in remaining}
+    best = next((one for one in opened if one.name in able and not one.measured), None)
+    limit = f"{THRESHOLD_UM:g}"
+    rest = next((one for one in opened if one.name not in able and not one.measured), None)
+    more = ""
+    if rest is not None and rest.change_um > THRESHOLD_UM:
+        more = " " + words("W-SETUP-UNPLANNED", name=rest.name, change=f"{rest.change_um:.2f}")
+    if best is None or best.change_um <= THRESHOLD_UM:
+        return words("W-SETUP-NONE-MATTERS", count=len(remaining), limit=limit) + more
+    said = {"setup": able[best.name], "name": best.name, "share": f"{100.0 * best.share:.0f}"}
+    return words("W-SETUP-NEXT", **said, change=f"{best.change_um:.2f}", limit=limit) + more

@@ -1,0 +1,27 @@
+"""The axes' own positioning out of a measured plan: as `run` would have stored it, so that a push finds it."""
+
+from __future__ import annotations
+
+from drivers.errors import ConfigError
+from gateway.config import SiteFile
+from gateway.domain import Capture
+from gateway.store import RunFolder
+from gateway.workflow import stages
+from gateway.workflow.axes.measure import Measured, evaluated
+from gateway.workflow.errors21.setups import planned
+
+
+def axes_measured(folder: RunFolder, site: SiteFile) -> dict[str, Measured]:
+    """Capture and evaluation of each axis whose positioning the plan measured, by name, in the order of the site.
+
+    Each is stored as the axis' capture and evaluation "before". Raises ConfigError (E-CLOSE-AXES) when no axis was.
+    """
+    found: dict[str, Measured] = {}
+    for one in planned(site):
+        if one.positioning and folder.has(stages.setup(one.key)):
+            capture = folder.get(stages.setup(one.key), Capture)
+            parents = (folder.digest(stages.setup(one.key)),)
+            found[one.axis.name] = evaluated(folder, one.axis, "before", capture, parents)
+    if not found:
+        raise ConfigError("E-CLOSE-AXES", folder.run_id)
+    return {axis.name: found[axis.name] for axis in site.axes if axis.name in found}

@@ -1,0 +1,148 @@
+"""One set-up measured and stored: mounting proved, captured live or read from a file; every step before the next."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+from drivers.types import LiveSet, MeasuredSet, Stop, StopReached
+from drivers.units import rad_to_arcsec
+from gateway.capture.corrected import from_file, from_live
+from gateway.capture.errormotion import LARGEST, ErrorRig, capture_error, channel_of, error_capture
+from gateway.capture.live import capture_axis
+from gateway.capture.mounting import prove_mounting
+from gateway.capture.sense import prove_sense
+from gateway.capture.targets import plan_of
+from gateway.domain import Capture
+from gateway.errors import CaptureError
+from gateway.walk import walk
+from gateway.workflow import stages
+from gateway.workflow.axes.measure import check_stops, fetch_tables, read_result
+from gateway.workflow.bench import Bench
+from gateway.workflow.errors21.setups import Planned
+
+OPTICS = {
+    ("linear", "um"): ("straightness", "unknown"),
+    ("linear", "arcsec"): ("angular", "unknown"),
+    ("rotary", "um"): ("straightness", "unknown"),
+    ("rotary", "arcsec"): ("angular", "straightness", "unknown"),
+}
+
+
+async def measure_setup(at: Bench, one: Planned, tables: dict[str, LiveSet] | None = None) -> Capture:
+    """Measure a set-up and store proof, averages, tables as read, and the capture last; returns it.
+
+    ``tables`` are those read for earlier files, by axis: files measured long ago share one look at what is live.
+    """
+    at.say("P-SETUP", setup=one.key, component=one.setup.component, axis=one.axis.name)
+    if one.setup.source == "file":
+        capture, parents = await _from_file(at, one, tables if tables is not None else {})
+    else:
+        await _park(at, one)
+        at.folder.write_text(stands_name(one.key), json.dumps(await _stands(at)))
+        capture, parents = await (_positioning(at, one) if one.positioning else _error(at, one))
+    at.folder.write_text(f"setup-{one.key}.json", one.setup.model_dump_json())
+    at.folder.put(stages.setup(one.key), capture, parents)
+    return capture
+
+
+async def _park(at: Bench, one: Planned) -> None:
+    """Bring the other axes to where they must stand; writes nothing but the program."""
+
+    async def at_stop(_index: int, _stop: Stop, _reached: StopReached) -> None:
+        return None
+
+    for name, place in sorted(one.setup.park.items()):
+        axis = at.axis(name)
+        plan = plan_of(axis, (Stop(place, 1),), "", name=f"TFPARK{axis.letter}", dwell_s=0.1, save=False)
+        await walk(at.supervisor.controller, plan, at_stop, at.patience, at.say)
+
+
+async def _stands(at: Bench) -> dict[str, float]:
+    """Where the site's axes stand now, by letter."""
+    axes = (await at.supervisor.controller.state()).axes
+    return {axis.letter: axes[axis.name].position for axis in at.site.axes if axis.name in axes}
+
+
+def stands_name(key: str) -> str:
+    """The file that keeps where all axes stood when a set-up began."""
+    return f"stands-{key}.json"
+
+
+def without_cross(live: LiveSet) -> None:
+    """Errors are measured without CEC: a set-up that sees the output axis would see it, another would not.
+
+    Raises CaptureError (E-SETUP-CEC) naming every cross table that acts.
+    """
+    cross = [one.table for one in (*live.cec, *live.others) if one.table.function == "CEC" and one.enabled]
+    acting = sorted({f"{table.name} (table {table.index})" for table in cross if any(table.deviations)})
+    if acting:
+        raise CaptureError("E-SETUP-CEC", live.axis, tables=", ".join(acting))
+
+
+async def _positioning(at: Bench, one: Planned) -> tuple[Capture, tuple[str, ...]]:
+    rig = at.rig(one.axis)
+    proof = await prove_sense(rig)
+    without_cross(await rig.controller.saved_tables(one.axis.name))
+    raw = await capture_axis(rig, proof, check_stops(one.axis, "before"))
+    digest = at.folder.put(stages.setup_raw(one.key), raw)
+    at.folder.write_text(f"tables-{one.key}.spf", raw.live.native)
+    return from_live(one.axis, raw, proof, rig.instrument.compensated_for), (digest,)
+
+
+async def _error(at: Bench, one: Planned) -> tuple[Capture, tuple[str, ...]]:
+    rig = error_rig(at, one)
+    proved = at.folder.put(stages.setup_proof(one.key), await prove_mounting(rig))
+    without_cross(await rig.controller.saved_tables(one.axis.name))
+    raw = await capture_error(rig)
+    digest = at.folder.put(stages.setup_raw(one.key), raw, (proved,))
+    at.folder.write_text(f"tables-{one.key}.spf", raw.live.native)
+    absolute = one.setup.name in ("X0C", "Y0C")
+    return error_capture(rig, raw, one.setup.sense, absolute=absolute), (digest,)
+
+
+def error_rig(at: Bench, one: Planned) -> ErrorRig:
+    """The rig of an error motion. Raises ConfigError (E-SETUP-CHANNEL)."""
+    rig = at.rig(one.axis)
+    column, scale = channel_of(rig.instrument, one.setup.channel, one.unit)
+    return ErrorRig(
+        one.axis,
+        rig.controller,
+        rig.instrument,
+        rig.clock,
+        rig.patience,
+        rig.say,
+        unit=one.unit,
+        column=column,
+        factor=one.setup.sense * scale,
+        largest=one.setup.largest or LARGEST[one.unit],
+        jog=one.jog,
+        optics=OPTICS[one.axis.kind, one.unit],
+    )
+
+
+async def _from_file(at: Bench, one: Planned, tables: dict[str, LiveSet]) -> tuple[Capture, tuple[str, ...]]:
+    path = at.site_path.parent / Path(str(one.setup.path))
+    unit = one.setup.unit if one.positioning and one.setup.unit in ("mrad", "urad", "arcsec") else ""
+    measured = read_result(path, unit, at)
+    at.folder.write_bytes(f"source-{one.key}{path.suffix}", path.read_bytes())
+    if one.axis.name not in tables:
+        tables[one.axis.name] = await fetch_tables(at, at.axis(one.axis.name))
+    live = tables[one.axis.name]
+    without_cross(live)
+    if one.positioning:
+        return from_file(one.axis, measured, live, path.name), ()
+    scaled = replace(measured, deviations=one.setup.sense * _factor(one) * measured.deviations)
+    return from_file(one.axis, _across(scaled, one), live, path.name), ()
+
+
+def _factor(one: Planned) -> float:
+    """From the numbers of the file to um or arcsec."""
+    return {"urad": float(rad_to_arcsec(1e-6)), "mrad": float(rad_to_arcsec(1e-3))}.get(one.setup.unit, 1.0)
+
+
+def _across(measured: MeasuredSet, one: Planned) -> MeasuredSet:
+    """Nothing of the air or material acts on it, and a turned axis does not turn what is read across it."""
+    flip = one.axis.measure.file_axis_sense
+    return replace(measured, deviations=flip * measured.deviations, compensated_for="air+material")

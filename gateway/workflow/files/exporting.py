@@ -1,0 +1,173 @@
+"""Out of the store or out of a file into a file that others read; nothing that exists is replaced unasked."""
+
+from __future__ import annotations
+
+import os
+import secrets
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from drivers import registry
+from drivers.errors import ConfigError
+from drivers.recordings import Recording
+from drivers.types import CompensatedFor, GearInspection, MeasuredSet
+from gateway.domain import Capture, Corrections
+from gateway.store import Maps, RunFolder, Store
+from gateway.store.folder import RUN_FILE
+from gateway.store.rawstream import open_stream
+from gateway.workflow.files.importing import GEAR, MEASURED, Content, How, read_file
+
+FORMS = ("rtl", "rta", "csv", "rtx")
+STREAM = ".f64"
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """Something measured, by where it is: a file, or a run and its stage. ``corrections`` where the run says them."""
+
+    label: str
+    content: Content
+    corrections: Corrections | None = None
+    notes: tuple[str, ...] = ()
+
+
+def run_of(word: str | Path, store: Store) -> RunFolder | None:
+    """The run meant by a folder or an id; None where the word names a file or nothing."""
+    path = Path(word)
+    if path.is_file() or (path.suffix and not path.is_dir()):
+        return None
+    if (path / RUN_FILE).is_file() or (store.root / path / RUN_FILE).is_file():
+        return store.open(word)
+    matches = [one for one in store.runs() if one.run_id.startswith(str(word))]
+    return store.open(word) if len(matches) == 1 else None
+
+
+def items(word: str | Path, how: How, store: Store, *, axis: str = "", phase: str = "") -> tuple[Item, ...]:
+    """Everything measured that a file or run holds, of one axis and phase if they are said.
+
+    Raises ConfigError (E-EXPORT-NOTHING), what `read_file` raises, CorruptRecord.
+    """
+    folder = run_of(word, store)
+    if folder is None:
+        read = read_file(Path(word), how, Maps(store.root))
+        return (Item(str(word), read.content, None, read.notes),)
+    found = tuple(_run_items(folder, axis, phase))
+    if not found:
+        raise ConfigError("E-EXPORT-NOTHING", str(folder.path), axis=axis or "any axis", phase=phase or "any phase")
+    return found
+
+
+def _run_items(folder: RunFolder, axis: str, phase: str) -> Iterator[Item]:
+    for stage in folder.stages:
+        label = f"{folder.run_id}/{stage}"
+        if stage.startswith("capture-"):
+            capture = folder.get(stage, Capture)
+            if axis in ("", capture.axis) and stage.endswith(phase):
+                yield Item(label, measured_of(capture, folder), capture.corrections)
+        elif stage == MEASURED:
+            yield Item(label, folder.get(stage, MeasuredSet))
+        elif stage == GEAR:
+            yield Item(label, folder.get(stage, GearInspection))
+    for path in sorted(folder.path.glob(f"*{STREAM}")):
+        recording = open_stream(path)
+        if axis in ("", recording.header.get("Axis", "")):
+            yield Item(f"{folder.run_id}/{path.stem}", recording)
+
+
+def measured_of(capture: Capture, folder: RunFolder) -> MeasuredSet:
+    """A capture as a result file would hold it; targets stay machine coordinates."""
+    header = {"Machine": str(folder.facts["site"]), "Serial No": str(folder.facts["machine"].get("serial", ""))}
+    header |= {"Date": capture.started_utc, "Axis": capture.axis, "TITLE": f"{capture.component} {folder.run_id}"}
+    return MeasuredSet(
+        capture.targets,
+        capture.deviations,
+        capture.axis_unit,
+        capture.ambient_start,
+        capture.ambient_end,
+        _compensated(capture.corrections),
+        capture.corrections.details.get("expansion.ppm_per_k"),
+        header,
+        capture.notes,
+    )
+
+
+def _compensated(done: Corrections) -> CompensatedFor:
+    standing: set[str] = set()
+    for step in done.chain:
+        (standing.discard if step.undone else standing.add)(step.step)
+    if "expansion" in standing:
+        return "air+material"
+    return "air" if "air" in standing else "nothing"
+
+
+def export(item: Item, form: str, output: Path, *, unit: str = "", force: bool = False) -> tuple[str, ...]:
+    """Write one thing measured as a file; what the form cannot hold is returned in words.
+
+    Raises ConfigError (E-EXPORT-FORM, E-FILE-KIND, E-CLI-EXISTS, E-CLI-WRITE), FileFormatError (E-FILE-RTX-GAPS).
+    """
+    content = item.content
+    dynamic = isinstance(content, Recording)
+    if form not in FORMS or isinstance(content, GearInspection) or (form != "csv" and (form == "rtx") != dynamic):
+        raise ConfigError("E-EXPORT-FORM", item.label, form=form, kind=type(content).__name__)
+    if isinstance(content, Recording):
+        return _export_recording(content, form, output, unit, force=force)
+    driver = _driver(form, "file", unit if form == "rta" else "")
+    _write(output, iter([driver.text(content).encode("utf-8")]), force=force)
+    return tuple(_lost(content, form, unit))
+
+
+def _driver(form: str, role: str, unit: str) -> Any:
+    factory = registry.load(form, role)
+    return factory(unit=unit) if unit else factory()
+
+
+def _export_recording(content: Recording, form: str, output: Path, unit: str, *, force: bool) -> tuple[str, ...]:
+    chosen = unit or ("mm" if content.unit == "um" else "mrad")
+    driver = _driver("rtx", "dynamic-file", chosen)
+    if form == "csv":
+        _write(output, (text.encode("utf-8") for text in driver.lines(content)), force=force)
+        return ()
+    temporary = output.with_name(f".{output.name}.{secrets.token_hex(4)}.tmp")
+    try:
+        _refuse_existing(output, force=force)
+        driver.write(temporary, content)
+        os.replace(temporary, output)
+    except OSError as error:
+        raise ConfigError("E-CLI-WRITE", str(output), why=error.strerror or str(error)) from error
+    finally:
+        temporary.unlink(missing_ok=True)
+    return (f"samples are in {chosen}: the file does not say so, its reader must know",)
+
+
+def _lost(content: MeasuredSet, form: str, unit: str) -> Iterator[str]:
+    if form == "rta":
+        yield f"deviations are in {unit or 'mrad'}: the file does not say so, its reader must know"
+    if form == "csv":
+        yield "air and material readings are not in the table"
+    if form in ("rtl", "rta") and content.compensated_for != "air+material":
+        yield f"such files are read as brought to 20 degC; this one is compensated for: {content.compensated_for}"
+
+
+def _refuse_existing(output: Path, *, force: bool) -> None:
+    if not force and (output.exists() or output.is_symlink()):
+        raise ConfigError("E-CLI-EXISTS", str(output))
+
+
+def _write(output: Path, pieces: Iterator[bytes], *, force: bool) -> None:
+    """A whole file or none; what was there stays until the new one is complete, a link is never followed."""
+    temporary = output.with_name(f".{output.name}.{secrets.token_hex(4)}.tmp")
+    try:
+        _refuse_existing(output, force=force)
+        with temporary.open("xb") as file:
+            for piece in pieces:
+                file.write(piece)
+            file.flush()
+            os.fsync(file.fileno())
+        _refuse_existing(output, force=force)
+        os.replace(temporary, output)
+    except OSError as error:
+        raise ConfigError("E-CLI-WRITE", str(output), why=error.strerror or str(error)) from error
+    finally:
+        temporary.unlink(missing_ok=True)

@@ -1,0 +1,128 @@
+"""The closing run: every error measured, parts ground and inspected, both layers pushed, judged on axis and tooth."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from drivers.clock import Clock
+from drivers.errors import TrueflankError
+from gateway.config import SiteFile
+from gateway.correct.part.setupvalues import setup_from_part
+from gateway.domain import Proposal, Verdict
+from gateway.model.known import ErrorModel
+from gateway.say import Say
+from gateway.store import RunFolder, SetupBook
+from gateway.tooth import InspectedFlank, SetupValues, ToothProposal
+from gateway.workflow import stages
+from gateway.workflow.aftercare import standing_alarms
+from gateway.workflow.axes.measure import Measured
+from gateway.workflow.bench import Bench, bench, check_name
+from gateway.workflow.control.pushing import apply_proposal
+from gateway.workflow.errors21.components import measure_site
+from gateway.workflow.errors21.fromsetups import axes_measured
+from gateway.workflow.loop.verdict import closed
+from gateway.workflow.outcome import Outcome, alarmed
+from gateway.workflow.part.grinding import grind_part, same_machine
+from gateway.workflow.part.inspecting import inspect_part, inspector_name
+from gateway.workflow.tooth.proposal import Work, propose_tooth, work_of
+from gateway.workflow.tooth.verdict import judge_tooth
+
+BEFORE, TRIAL, AFTER = "before", "trial", "after"
+
+
+async def close_site(
+    site: SiteFile,
+    site_path: Path,
+    *,
+    apply: bool,
+    machine_name: str,
+    clock: Clock,
+    say: Say,
+    resume: RunFolder | None = None,
+) -> Outcome:
+    """Do the whole loop, or go on with a run that stopped: what is stored is not done again.
+
+    Without `apply` it ends with a stored proposal for the tooth; nothing is ground or written. Raises WriteRefused
+    (E-RUN-NAME), ConfigError (E-CLOSE-WORK, E-CLOSE-AXES, E-INSPECT-INSPECTOR), IllegalTransition (E-SETUP-MACHINE),
+    and what the stages raise; the folder keeps every stage done and the error.
+    """
+    check_name(site, apply, machine_name)
+    work = work_of(site, site_path)
+    used = {axis.measure.instrument for axis in site.axes if axis.measure.instrument}
+    used |= {inspector_name(site)} if apply else set()
+    plan = await measure_site(site, site_path, clock=clock, say=say, resume=resume, tooth=work.tooth)
+    folder = RunFolder(Path(plan.run_folder))
+    try:
+        async with bench(site, site_path, folder, clock, say, used) as at:
+            await _Loop(at, work, plan.model, axes_measured(folder, site)).close(apply=apply)
+            alarms = standing_alarms(at)
+    except TrueflankError as error:
+        folder.set_state("failed", error=error.as_record())
+        raise
+    except asyncio.CancelledError:
+        folder.set_state("stopped")
+        raise
+    return alarmed(closed(folder, site), alarms)
+
+
+@dataclass(frozen=True)
+class _Loop:
+    """One closing run at the bench: the gear, what is known of the machine, its axes as measured."""
+
+    at: Bench
+    work: Work
+    model: ErrorModel
+    measured: dict[str, Measured]
+
+    async def close(self, *, apply: bool) -> None:
+        at, folder = self.at, self.at.folder
+        same_machine(at)
+        book = SetupBook(at.store.root)
+        now = book.current(at.machine, self.work.name)
+        before = await self._part(BEFORE, now) if apply else None
+        proposal, tooth = await self._proposal()
+        if before is None:
+            folder.set_state("proposed")
+            return
+        verdict = await self._pushed(proposal)
+        first = now.plus(self._expected(before, tooth))
+        trial = await self._part(TRIAL, first)
+        setup = first.plus(setup_from_part(trial, self.work.gear).setup)
+        after = await self._part(AFTER, setup)
+        judged = judge_tooth(before, after, tooth.prediction, self.work.gear)
+        if judged.outcome != "worse":
+            book.save(at.machine, self.work.name, setup, run=folder.run_id, clock=at.clock)
+        folder.put(stages.TOOTH_VERDICT, judged, (folder.digest(stages.inspected(AFTER)),))
+        folder.set_state("worse" if "worse" in (judged.outcome, verdict.outcome) else judged.outcome)
+
+    def _expected(self, before: InspectedFlank, tooth: ToothProposal) -> SetupValues:
+        """What the part before lacks, and what the tables will change of that by the model."""
+        modelled = setup_from_part(replace(before, fitted=tooth.prediction.before), self.work.gear).setup
+        return setup_from_part(before, self.work.gear).setup.plus(tooth.setup).less(modelled)
+
+    async def _part(self, part: str, setup: SetupValues) -> InspectedFlank:
+        """Grind and inspect a part; what the folder holds already is not done again."""
+        folder = self.at.folder
+        if folder.has(stages.inspected(part)):
+            return folder.get(stages.inspected(part), InspectedFlank)
+        values = {"x_um": setup.x_um, "c_arcsec": setup.c_arcsec, "dressing_um": setup.dressing_um}
+        self.at.say("P-PART", part=part, **values)
+        if not folder.has(stages.ground(part)):
+            await grind_part(self.at, part, setup)
+        found = await inspect_part(self.at, part)
+        self.at.say("P-PART-DONE", part=part, rms_um=found.fitted.rms_um)
+        return found
+
+    async def _proposal(self) -> tuple[Proposal, ToothProposal]:
+        folder = self.at.folder
+        if folder.has(stages.TOOTH):
+            return folder.get(stages.PROPOSAL, Proposal), folder.get(stages.TOOTH, ToothProposal)
+        return await propose_tooth(self.at, self.model, self.measured, self.work)
+
+    async def _pushed(self, proposal: Proposal) -> Verdict:
+        folder = self.at.folder
+        if folder.has(stages.VERDICT):
+            return folder.get(stages.VERDICT, Verdict)
+        return await apply_proposal(self.at, proposal, self.measured)

@@ -1,0 +1,45 @@
+"""The main job: measure every axis, store a proposal; with consent push it, measure again and judge."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from drivers.clock import Clock
+from drivers.errors import TrueflankError
+from gateway.config import SiteFile
+from gateway.say import Say
+from gateway.workflow.aftercare import standing_alarms
+from gateway.workflow.axes.measure import measure_axis, store_equipment
+from gateway.workflow.axes.propose import propose
+from gateway.workflow.bench import Bench, bench, check_name, new_run
+from gateway.workflow.control.pushing import apply_proposal
+from gateway.workflow.outcome import Outcome, alarmed
+from gateway.workflow.results.ending import finish
+
+
+async def run_site(
+    site: SiteFile, site_path: Path, *, apply: bool, machine_name: str, clock: Clock, say: Say
+) -> Outcome:
+    """Do a whole run. Without `apply` it ends with a stored proposal and nothing is written.
+
+    `machine_name` must be the site's name when `apply` is set (WriteRefused E-RUN-NAME before anything is
+    opened). Any failure is noted in the run folder and raised again.
+    """
+    check_name(site, apply, machine_name)
+    folder = new_run(site, site_path)
+    say("P-RUN", folder=str(folder.path))
+    try:
+        async with bench(site, site_path, folder, clock, say) as at:
+            return await _work(at, apply=apply)
+    except TrueflankError as error:
+        folder.set_state("failed", error=error.as_record())
+        raise
+
+
+async def _work(at: Bench, *, apply: bool) -> Outcome:
+    store_equipment(at)
+    measured = {axis.name: await measure_axis(at, axis, "before") for axis in at.site.axes}
+    proposal = await propose(at, measured)
+    at.folder.set_state("proposed")
+    verdict = await apply_proposal(at, proposal, measured) if apply else None
+    return alarmed(finish(at.folder, measured, proposal, verdict), standing_alarms(at))

@@ -1,0 +1,59 @@
+"""What a closing run hands back: before and after of every axis, what was said, and the tooth's figure last."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, replace
+from typing import Any, TypeVar
+
+from gateway.config import SiteFile
+from gateway.domain import Evaluation, Proposal, Verdict
+from gateway.store import RunFolder
+from gateway.tooth import ToothProposal, ToothVerdict
+from gateway.workflow import stages
+from gateway.workflow.outcome import WORSE_EXIT, Outcome
+from gateway.workflow.results.ending import closing_lines, outcome_of
+from gateway.workflow.results.reporting import ReportPaths, write_report
+
+R = TypeVar("R")
+
+
+def closed(folder: RunFolder, site: SiteFile) -> Outcome:
+    """Write the report and gather what the caller shows; exit code 9 when an axis or the tooth got worse."""
+    paths = write_report(folder)
+    verdict = _get(folder, stages.VERDICT, Verdict)
+    evaluations = {
+        axis.name: (
+            folder.get(stages.evaluation(axis.name, "before"), Evaluation),
+            _get(folder, stages.evaluation(axis.name, "after"), Evaluation),
+        )
+        for axis in site.axes
+        if folder.has(stages.evaluation(axis.name, "before"))
+    }
+    proposal = folder.get(stages.PROPOSAL, Proposal)
+    plain = outcome_of(folder.state, str(folder.path), evaluations, proposal, verdict, paths)
+    judged = _get(folder, stages.TOOTH_VERDICT, ToothVerdict)
+    tooth = folder.get(stages.TOOTH, ToothProposal)
+    *told, figure = closing_lines(folder)
+    lines = (*tooth.said, *told, *plain.lines[-2:], figure)
+    worse = plain.exit_code or (judged is not None and judged.outcome == "worse")
+    data = plain.data | _tooth(judged) | _details(paths, tooth)
+    return replace(plain, lines=lines, data=data, exit_code=WORSE_EXIT if worse else 0)
+
+
+def _details(paths: ReportPaths, tooth: ToothProposal) -> dict[str, Any]:
+    """What the report shows of the tooth but its raw records: errors, ranking, cures, tables, flanks, gear figures."""
+    shown = json.loads(paths.json.read_text(encoding="utf-8"))["tooth"]
+    ranking = [asdict(one) for one in tooth.ranking]
+    return {"details": {key: value for key, value in shown.items() if key != "records"} | {"ranking": ranking}}
+
+
+def _tooth(judged: ToothVerdict | None) -> dict[str, Any]:
+    if judged is None:
+        return {"tooth": None}
+    names = ("before_um", "before_set_right_um", "after_um", "predicted_um", "u_um", "within_prediction", "outcome")
+    return {"tooth": {name: getattr(judged, name) for name in names}}
+
+
+def _get(folder: RunFolder, stage: str, kind: type[R]) -> R | None:
+    return folder.get(stage, kind) if folder.has(stage) else None

@@ -1,0 +1,1 @@
+"""Test parts: grind one, inspect it, correct from it, guard a gear."""

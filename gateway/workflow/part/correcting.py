@@ -1,0 +1,203 @@
+"""A run that starts from an inspected gear: tables and set-up values from its flanks alone, proposed and stored."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drivers.clock import Clock
+from drivers.errors import TrueflankError, words
+from drivers.types import CompensationTable, FloatArray, LiveSet
+from drivers.units import UM_PER_MM, mm_to_um, rad_to_arcsec
+from gateway.config import SiteFile
+from gateway.correct.flank.flankmodel import table_terms
+from gateway.correct.flank.mounting import mounting_terms
+from gateway.correct.flank.tables import Correction, Table, TableGrid
+from gateway.correct.flank.wheel_places import places_of_grid
+from gateway.correct.part.fromgear import FromGear, correct_from_gear
+from gateway.correct.plan.plan import Plan
+from gateway.domain import Proposal, TableChange
+from gateway.errors import CaptureError
+from gateway.gear.flank import FlankGrid, flank_figure
+from gateway.gear.grinding import Grinding
+from gateway.model.known import ErrorModel, chain_of_errors
+from gateway.say import Say
+from gateway.store import RunFolder
+from gateway.study.machine import gear_of
+from gateway.tooth import FlankMap, GearProposal, GroundPart, InspectedFlank, SetupValues
+from gateway.workflow import stages
+from gateway.workflow.axes.measure import fetch_tables, store_equipment
+from gateway.workflow.bench import Bench, bench, new_run
+from gateway.workflow.consents import proposed, tell
+from gateway.workflow.errors21.components import grids
+from gateway.workflow.part.grinding import gear_of_site, work_section
+from gateway.workflow.part.inspecting import FlankFile, check_machine, inspect_file, inspected_of
+from gateway.workflow.tooth.crosstables import acting_cross, cross_changes
+
+OUTPUTS = ("X", "C")
+
+
+@dataclass(frozen=True, slots=True)
+class FromGearOutcome:
+    """What one part asks for: the proposal for the control, set-up values, and where both are kept."""
+
+    gear: GearProposal
+    proposal: Proposal
+    run_folder: str
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """For people."""
+        setup = self.gear.setup
+        values = {"x": f"{setup.x_um:+.1f}", "c": f"{setup.c_arcsec:+.1f}", "dressing": f"{setup.dressing_um:+.1f}"}
+        before, after = f"{self.gear.before.rms_um:.2f}", f"{self.gear.after.rms_um:.2f}"
+        count = sum(not change.skipped for change in self.proposal.changes)
+        told = words("P-FROM-GEAR", part=self.gear.part, before=before, after=after, tables=count)
+        changes = [f"{one.name}: {one.new.name} {one.skipped or _size(one)}" for one in self.proposal.changes]
+        notes = [f"note: {line}" for line in self.gear.said]
+        return (told, words("W-INSPECT-SETUP", **values), *changes, *notes, f"run folder: {self.run_folder}")
+
+    def as_data(self) -> dict[str, Any]:
+        """For --json."""
+        gear = self.gear
+        setup = {"x_um": gear.setup.x_um, "c_arcsec": gear.setup.c_arcsec, "dressing_um": gear.setup.dressing_um}
+        tables = [{"name": one.name, "table": one.new.name, "skipped": one.skipped} for one in self.proposal.changes]
+        figures = {"before_um": gear.before.rms_um, "after_um": gear.after.rms_um, "u_um": gear.u_um}
+        said = {"eccentricity_um": list(gear.eccentricity_um), "said": list(gear.said)}
+        return {"part": gear.part, "setup": setup, "tables": tables, **figures, **said, "run_folder": self.run_folder}
+
+
+async def propose_from_gear(
+    site: SiteFile,
+    site_path: Path,
+    source: RunFolder | FlankFile,
+    *,
+    clock: Clock,
+    say: Say,
+    part: str = "",
+) -> FromGearOutcome:
+    """Propose from a part that a run inspected, or from a file of flank points; nothing is written to the control.
+
+    The proposal is stored for `push`; its tables add to those that act. Raises IllegalTransition (E-INSPECT-WHICH,
+    E-SETUP-MACHINE), CaptureError (E-INSPECT-TABLES: other tables act than while the part was ground), ModelError,
+    TableError, and what opening and reading raise.
+    """
+    known = inspected_of(source, part) if isinstance(source, RunFolder) else None
+    folder = new_run(site, site_path)
+    say("P-RUN", folder=str(folder.path))
+    try:
+        if isinstance(source, FlankFile):
+            known = inspect_file(site, site_path, source, folder, part or "part", say=say)
+        async with bench(site, site_path, folder, clock, say, ()) as at:
+            store_equipment(at)
+            run = source if isinstance(source, RunFolder) else folder
+            return await _proposed(at, known or inspected_of(folder), run)
+    except TrueflankError as error:
+        folder.set_state("failed", error=error.as_record())
+        raise
+    except asyncio.CancelledError:
+        folder.set_state("stopped")
+        raise
+
+
+async def _proposed(at: Bench, flank: InspectedFlank, run: RunFolder) -> FromGearOutcome:
+    check_machine(at, run)
+    outputs = [axis for axis in at.site.axes if axis.letter in OUTPUTS]
+    live = {axis.name: await fetch_tables(at, axis) for axis in outputs}
+    said = _same_tables(run, flank.part, live)
+    parents = (at.folder.put(stages.inspected(flank.part), flank),)
+    gear, tables = from_flank(at.site, at.site_path, flank, acting_cross(at, live))
+    work = work_section(at.site)
+    changes = await cross_changes(
+        at, tables, chain_of_errors(ErrorModel(), height_mm=work.height_mm), live=live, adds=True
+    )
+    gear = replace(gear, said=(*gear.said, *said, *_nothing(changes)))
+    proposal = Proposal(at.machine, changes, parents, at.clock.utc().isoformat(timespec="seconds"))
+    at.folder.put(stages.FROM_GEAR, gear, parents)
+    at.folder.put(stages.PROPOSAL, proposal, parents)
+    tell(at, proposed(at, proposal))
+    at.folder.set_state("proposed")
+    for change in changes:
+        at.say("P-PROPOSED", axis=change.name, words=change.skipped or _size(change))
+    return FromGearOutcome(gear, proposal, str(at.folder.path))
+
+
+def _same_tables(run: RunFolder, part: str, live: Mapping[str, LiveSet]) -> tuple[str, ...]:
+    """Refuse tables that have changed since the part was ground; a word where nobody knows."""
+    if not run.has(stages.ground(part)):
+        return (words("S-INSPECT-ANY-TABLES"),)
+    acted = run.get(stages.ground(part), GroundPart).live
+    other = [name for name, one in live.items() if acted.get(name, one.digest) != one.digest]
+    if other:
+        raise CaptureError("E-INSPECT-TABLES", run.run_id, axes=", ".join(other), part=part)
+    return ()
+
+
+def _nothing(changes: Sequence[TableChange]) -> tuple[str, ...]:
+    return () if changes else (words("S-INSPECT-NO-CROSS"),)
+
+
+def _size(change: TableChange) -> str:
+    low, high = min(change.new.deviations), max(change.new.deviations)
+    return f"{len(change.new.deviations)} points, {low:+.2f} .. {high:+.2f} {change.new.deviation_unit}"
+
+
+def from_flank(
+    site: SiteFile, site_path: Path, flank: InspectedFlank, live: Sequence[CompensationTable] = ()
+) -> tuple[GearProposal, tuple[Table, ...]]:
+    """What a flank asks for: set-up values with the flank they leave, and corrections that add to what acted.
+
+    ``live`` are the cross tables that acted, by machine axis. Raises ConfigError, ModelError.
+    """
+    file, work = gear_of_site(site, site_path), work_section(site)
+    chain = chain_of_errors(ErrorModel(), height_mm=work.height_mm)
+    grinding = Grinding(chain, gear_of(file), file.grinding.centre_distance_mm)
+    letters = {axis.name: axis.letter for axis in site.axes}
+    acted = [_lettered(one, letters) for one in live]
+    points = (flank.k, flank.theta_rad, flank.z_mm)
+    found = correct_from_gear(grinding, points, flank.deviation_um / UM_PER_MM, Plan(grids(site)), live=acted)
+    setup, sat = found.optimum.setup, found.mounting
+    proposal = GearProposal(
+        part=flank.part,
+        setup=SetupValues(
+            x_um=float(mm_to_um(setup.get("X zero", 0.0))),
+            c_arcsec=float(rad_to_arcsec(setup.get("C zero", 0.0))),
+            dressing_um=float(mm_to_um(setup.get("dressing offset", 0.0))),
+        ),
+        before=flank.fitted,
+        after=_after(grinding, flank.fitted, found),
+        u_um=flank.rms_u_um,
+        eccentricity_um=(float(mm_to_um(sat.x)), float(mm_to_um(sat.y))),
+        tilt_arcsec=(float(rad_to_arcsec(sat.a)), float(rad_to_arcsec(sat.b))),
+        said=found.said,
+    )
+    return proposal, found.optimum.tables
+
+
+def _lettered(table: CompensationTable, letters: Mapping[str, str]) -> CompensationTable:
+    """A table named by the chain's axes."""
+    inside, outside = (letters.get(name, name) for name in (table.input_axis, table.output_axis))
+    return replace(table, input_axis=inside, output_axis=outside)
+
+
+def _after(grinding: Grinding, before: FlankMap, found: FromGear) -> FlankMap:
+    """The fitted flank with everything proposed and the work centred, one rotation removed."""
+    grid = FlankGrid(grinding.gear, np.arange(float(grinding.gear.zc)), before.theta_rad, before.z_mm)
+    places = places_of_grid(grid)
+    setup = found.optimum.setup
+    zeros = [Table(TableGrid(name, "Z", np.zeros(1)), np.array([setup.get(f"{name} zero", 0.0)])) for name in OUTPUTS]
+    tables: list[Correction] = [*found.optimum.tables, *zeros]
+    terms = table_terms(grinding, places, tables) - mounting_terms(grinding, places) @ np.array(found.mounting.values)
+    terms[:, 1] += setup.get("dressing offset", 0.0)
+    deviation = before.deviation_um + places.along_normal(terms).reshape(grid.shape) * UM_PER_MM
+    return replace(before, deviation_um=_unturned(grid, deviation))
+
+
+def _unturned(grid: FlankGrid, deviation: FloatArray) -> FloatArray:
+    lever = grid.section.h
+    return np.asarray(deviation - flank_figure(deviation, lever).rotation * lever)

@@ -1,0 +1,254 @@
+"""Grinds one test part through the control, with set-up values of its own, and stores what acted meanwhile."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import re
+from pathlib import Path
+
+from drivers.clock import Clock
+from drivers.errors import ConfigError, DeviceRefused, TrueflankError, words
+from drivers.types import ChannelStatus, MachineState
+from drivers.workpiece import GrindAxis, GrindPlan, check_plan
+from gateway.config import AxisSection, SiteFile, WorkSection
+from gateway.domain import Equipment
+from gateway.errors import IllegalTransition, WriteRefused
+from gateway.say import Say
+from gateway.store import RunFolder
+from gateway.store.disk import checked_name
+from gateway.study.files import GearFile, load_gear
+from gateway.tooth import GroundPart, SetupValues
+from gateway.workflow import stages
+from gateway.workflow.axes.measure import store_equipment
+from gateway.workflow.bench import Bench, bench, new_run
+
+DECIMALS = 6
+TELL_EVERY = 5
+LOOK_S = 0.5
+_UNSAID = re.compile(r"[^A-Za-z0-9 ()=.,:_/+-]")
+
+
+def grind_plan(site: SiteFile, gear_file: GearFile, setup: SetupValues, part: str = "part") -> GrindPlan:
+    """How this site grinds a gear with these set-up values.
+
+    Raises ConfigError: E-GRIND-NO-WORK, E-GRIND-AXIS, and what `check_plan` refuses.
+    """
+    work = work_section(site)
+    index = _axis(site, work.index, "index", "rotary")
+    plan = GrindPlan(
+        name=f"TFGRIND_{index.name}",
+        part=_UNSAID.sub("-", f"{gear_file.name} {part}".upper())[:60],
+        infeed=_axis(site, work.infeed, "infeed", "linear"),
+        stroke=_axis(site, work.stroke, "stroke", "linear"),
+        index=index,
+        dresser=_dresser(work),
+        spaces=gear_file.gear.zc,
+        centre_distance_mm=gear_file.grinding.centre_distance_mm,
+        height_mm=work.height_mm,
+        face_mm=gear_file.gear.b,
+        x_mm=round(setup.x_um / 1000.0, DECIMALS),
+        c_deg=round(setup.c_arcsec / 3600.0, DECIMALS),
+        dressing_mm=round(setup.dressing_um / 1000.0, DECIMALS),
+        index_sense=work.index_sense,
+        overrun_mm=work.overrun_mm,
+        retract_mm=work.retract_mm,
+        rough_mm=work.rough_mm,
+        spark_out=work.spark_out,
+        infeed_feed=work.infeed_feed,
+        stroke_feed=work.stroke_feed,
+        index_feed=work.index_feed,
+        positioning_feed=work.positioning_feed,
+        dwell_s=work.dwell_s,
+        wheel_on=work.wheel_on,
+        wheel_off=work.wheel_off,
+    )
+    check_plan(plan)
+    return plan
+
+
+def work_section(site: SiteFile) -> WorkSection:
+    """What the site file says of the work. Raises ConfigError (E-GRIND-NO-WORK)."""
+    if site.work is None:
+        raise ConfigError("E-GRIND-NO-WORK", site.site.name)
+    return site.work
+
+
+def gear_of_site(site: SiteFile, site_path: Path) -> GearFile:
+    """The gear file that [work] names, relative to the site file. Raises ConfigError (E-GRIND-NO-WORK, E-STUDY-...)."""
+    return load_gear(site_path.parent / work_section(site).gear)
+
+
+def _axis(site: SiteFile, wanted: str, role: str, kind: str) -> GrindAxis:
+    found = next((axis for axis in site.axes if wanted in (axis.letter, axis.name) and axis.kind == kind), None)
+    if found is None:
+        known = ", ".join(f"{axis.name} ({axis.kind})" for axis in site.axes)
+        raise ConfigError("E-GRIND-AXIS", site.site.name, axis=wanted or "nothing", role=role, known=known)
+    return GrindAxis(found.name, found.letter, _travel(found), found.encoder)
+
+
+def _travel(axis: AxisSection) -> tuple[float, float] | None:
+    return None if axis.modulo else axis.travel
+
+
+def _dresser(work: WorkSection) -> GrindAxis | None:
+    return GrindAxis(work.dresser, work.dresser_letter, work.dresser_travel) if work.dresser else None
+
+
+async def grind_site(
+    site: SiteFile,
+    site_path: Path,
+    *,
+    part: str,
+    setup: SetupValues,
+    machine_name: str,
+    clock: Clock,
+    say: Say,
+    run: RunFolder | None = None,
+) -> tuple[GroundPart, RunFolder]:
+    """Grind one part at a site, in a run folder of its own or in ``run``, whose state stays what it was.
+
+    Raises WriteRefused (E-GRIND-NAME), IllegalTransition (E-GRIND-AGAIN; E-SETUP-MACHINE: ``run`` is another
+    machine's), and what `grind_part` raises; the folder keeps the error.
+    """
+    if machine_name != site.site.name:
+        raise WriteRefused("E-GRIND-NAME", "--machine", typed=machine_name or "(nothing)", name=site.site.name)
+    if run is not None and run.has(stages.ground(part)):
+        raise IllegalTransition("E-GRIND-AGAIN", run.run_id, part=part)
+    grind_plan(site, gear_of_site(site, site_path), setup, part)
+    folder = run or new_run(site, site_path)
+    before = folder.state
+    say("P-RUN", folder=str(folder.path))
+    try:
+        async with bench(site, site_path, folder, clock, say, ()) as at:
+            same_machine(at)
+            made = await grind_part(at, part, setup)
+    except TrueflankError as error:
+        folder.set_state(before if run is not None else "failed", error=error.as_record())
+        raise
+    except asyncio.CancelledError:
+        folder.set_state(before if run is not None else "stopped")
+        raise
+    folder.set_state(before if run is not None else "ground")
+    return made, folder
+
+
+def same_machine(at: Bench) -> None:
+    """Whose run this is: noted in a new one, compared in an older one.
+
+    Raises IllegalTransition (E-SETUP-MACHINE) at another machine.
+    """
+    if not at.folder.has(stages.EQUIPMENT):
+        store_equipment(at)
+        return
+    differ = at.folder.get(stages.EQUIPMENT, Equipment).machine.differences(at.machine)
+    if differ:
+        raise IllegalTransition("E-SETUP-MACHINE", at.folder.run_id, fields=", ".join(differ))
+
+
+async def grind_part(at: Bench, part: str, setup: SetupValues) -> GroundPart:
+    """Grind the site's gear and store it as stage ``ground-<part>``; the operator starts, clamps and takes off.
+
+    The program as sent and the live tables it saved stand in the run folder. Raises ConfigError (E-GRIND-...),
+    UnsupportedDevice where the road runs no programs, DeviceRefused (E-GRIND-READY, alarm, reset), DeadlineExceeded;
+    on any of these, and by the bench at a stop, the program is asked to end: between spaces with the wheel clear.
+    """
+    checked_name(f"grind-{part}.mpf")
+    plan = grind_plan(at.site, gear_of_site(at.site, at.site_path), setup, part)
+    controller = at.supervisor.controller
+    if controller.capabilities.programs:
+        await _check_ready(at, plan)
+    text = await controller.prepare_grinding(plan)
+    at.folder.write_text(f"grind-{part}.mpf", text)
+    values = {"x_um": setup.x_um, "c_arcsec": setup.c_arcsec, "dressing_um": setup.dressing_um}
+    at.say("P-GRIND-SETUP", part=part, **values)
+    at.say("P-GRIND-PREPARED", part=part, program=plan.name)
+    try:
+        started = await _followed(at, plan, part)
+    except TrueflankError:
+        await _ask_to_leave(at)
+        raise
+    live = {axis.name: await _saved(at, axis, part) for axis in plan.compensated}
+    made = GroundPart(part, setup, plan.spaces, started, _utc(at), live)
+    at.folder.put(stages.ground(part), made)
+    return made
+
+
+async def _ask_to_leave(at: Bench) -> None:
+    """The program leaves before its next space; waited for, so that nothing is given back under its feet."""
+    with contextlib.suppress(TrueflankError):
+        await at.supervisor.controller.abort_program()
+        end = at.clock.now() + at.patience.stop_s
+        while at.clock.now() < end:
+            if (await at.supervisor.controller.state()).channel is not ChannelStatus.ACTIVE:
+                return
+            await at.clock.sleep(LOOK_S)
+
+
+async def _followed(at: Bench, plan: GrindPlan, part: str) -> str:
+    """From NC START until the part is taken off; when it began. A person acts before the first space and after all."""
+    wait, patience = at.supervisor.controller.wait_ground, at.patience
+    done = await wait(-1, patience.start_s)
+    started = _utc(at)
+    at.say("P-GRIND-BEGUN", part=part)
+    while done is not None:
+        person = done in (0, plan.spaces)
+        reached = await wait(done, patience.start_s if person else patience.stop_s)
+        if reached is not None:
+            _tell(at, part, done, reached, plan.spaces)
+        elif done < plan.spaces:
+            raise DeviceRefused("E-GRIND-LEFT", plan.name, done=done, total=plan.spaces)
+        done = reached
+    return started
+
+
+def _tell(at: Bench, part: str, before: int, done: int, total: int) -> None:
+    if done == total:
+        at.say("P-GRIND-DONE", part=part, total=total)
+    elif done // TELL_EVERY > before // TELL_EVERY:
+        at.say("P-GRIND-SPACE", part=part, done=done, total=total)
+
+
+async def _check_ready(at: Bench, plan: GrindPlan) -> None:
+    """Everything that stands against it at once. Raises DeviceRefused (E-GRIND-READY)."""
+    controller = at.supervisor.controller
+    found = await controller.identify()
+    state = await controller.state()
+    differ = at.machine.differences(found)
+    reasons = [words("W-GRIND-MACHINE", fields=", ".join(differ))] if differ else []
+    if found.unit_system != "metric":
+        reasons.append(words("W-GRIND-UNITS", found=found.unit_system))
+    reasons += _against(state, plan)
+    if reasons:
+        raise DeviceRefused("E-GRIND-READY", at.site.site.name, why="; ".join(reasons))
+
+
+def _against(state: MachineState, plan: GrindPlan) -> list[str]:
+    reasons = []
+    if state.channel is not ChannelStatus.RESET:
+        reasons.append(words("W-GRIND-CHANNEL", found=state.channel.name.lower()))
+    if state.mode.upper() != "AUTO":
+        reasons.append(words("W-GRIND-MODE", found=state.mode))
+    if state.alarms:
+        reasons.append(words("W-GRIND-ALARM", alarms=", ".join(map(str, state.alarms))))
+    for name in (axis.name for axis in plan.axes):
+        axis = state.axes.get(name)
+        if axis is None:
+            reasons.append(words("W-GRIND-ABSENT", axis=name, known=", ".join(sorted(state.axes))))
+        elif not axis.referenced:
+            reasons.append(words("W-GRIND-REFERENCE", axis=name))
+        elif not axis.in_position:
+            reasons.append(words("W-GRIND-MOVING", axis=name))
+    return reasons
+
+
+async def _saved(at: Bench, axis: GrindAxis, part: str) -> str:
+    """The digest of what acted on an axis; its text goes into the run folder."""
+    live = await at.supervisor.controller.saved_tables(axis.name)
+    at.folder.write_text(f"tables-{axis.name}-{part}.spf", live.native)
+    at.say("P-GRIND-TABLES", part=part, axis=axis.name, digest=live.digest[:12])
+    return live.digest
+
+
+def _utc(at: Bench) -> str:
+    return at.clock.utc().isoformat(timespec="seconds")

@@ -1,0 +1,112 @@
+"""The drift guard from gears alone: a part inspected now against the one a run approved, and a plain answer."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from drivers.clock import Clock
+from drivers.errors import TrueflankError, words
+from gateway.config import SiteFile
+from gateway.correct.part.gearguard import guard_flanks
+from gateway.guard import GuardVerdict
+from gateway.say import Say
+from gateway.store import RunFolder
+from gateway.study.machine import gear_of
+from gateway.tooth import InspectedFlank
+from gateway.workflow import stages
+from gateway.workflow.axes.guard import EXIT, GUARDED
+from gateway.workflow.axes.measure import store_equipment
+from gateway.workflow.bench import bench, new_run
+from gateway.workflow.part.grinding import gear_of_site
+from gateway.workflow.part.inspecting import (
+    FlankFile,
+    check_machine,
+    inspect_file,
+    inspect_part,
+    inspected_of,
+    inspector_name,
+    part_numbers,
+)
+
+PART = "guard"
+ANSWERS = {"re-measure this axis": "measure this machine again"}
+
+
+@dataclass(frozen=True, slots=True)
+class GearGuardOutcome:
+    """The verdict on one approved part and where the check is kept."""
+
+    part: str
+    verdict: GuardVerdict
+    approved_run: str
+    run_folder: str
+
+    @property
+    def exit_code(self) -> int:
+        """0 still valid, 20 measure again, 21 cannot tell."""
+        return EXIT[self.verdict.answer]
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """For people."""
+        seen = self.verdict
+        numbers = {"largest": f"{seen.largest:+.2f}", "at": f"{seen.at:.0f}", "margin": f"{seen.margin:.2f}"}
+        answer = ANSWERS.get(seen.answer, seen.answer)
+        told = words("W-INSPECT-GUARD", part=self.part, answer=answer, limit=f"{seen.limit:g}", **numbers)
+        return (told, *seen.said, f"run folder: {self.run_folder}")
+
+    def as_data(self) -> dict[str, Any]:
+        """For --json."""
+        kept = {"gear": self.part, "approved_run": self.approved_run, "run_folder": self.run_folder}
+        return {**kept, **self.verdict.as_data(), "exit_code": self.exit_code}
+
+
+async def guard_gear_site(
+    site: SiteFile,
+    site_path: Path,
+    run: RunFolder,
+    *,
+    clock: Clock,
+    say: Say,
+    part: str = "",
+    file: FlankFile | None = None,
+    limit_um: float | None = None,
+) -> GearGuardOutcome:
+    """Inspect the part that is clamped (or read a file) and judge it against ``part`` of ``run``. Writes no table.
+
+    The approved part itself proves nothing and is refused. Which tables acted while the new part was ground is for the
+    operator to know: other tables, another flank. Raises
+    IllegalTransition (E-INSPECT-WHICH, E-SETUP-MACHINE), and what `inspect_part` and `inspect_file` raise.
+    """
+    approved = inspected_of(run, part)
+    inspector = "" if file is not None else inspector_name(site)
+    folder = new_run(site, site_path)
+    say("P-RUN", folder=str(folder.path))
+    try:
+        if file is not None:
+            now = inspect_file(site, site_path, file, folder, PART, say=say)
+        else:
+            async with bench(site, site_path, folder, clock, say, {inspector}) as at:
+                check_machine(at, run)
+                store_equipment(at)
+                now = await inspect_part(at, PART, part_numbers(run))
+        verdict = _judged(site, site_path, approved, now, limit_um)
+    except TrueflankError as error:
+        folder.set_state("failed", error=error.as_record())
+        raise
+    except asyncio.CancelledError:
+        folder.set_state("stopped")
+        raise
+    folder.put(stages.GUARD, verdict, (folder.digest(stages.inspected(PART)),))
+    folder.set_state(GUARDED)
+    return GearGuardOutcome(approved.part, verdict, run.run_id, str(folder.path))
+
+
+def _judged(
+    site: SiteFile, site_path: Path, approved: InspectedFlank, now: InspectedFlank, limit_um: float | None
+) -> GuardVerdict:
+    gear = gear_of(gear_of_site(site, site_path))
+    return guard_flanks(approved, now, gear, limit_um or site.guard.limit_um)

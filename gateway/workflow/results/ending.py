@@ -1,0 +1,75 @@
+"""The end of a run: its report is written, and what its rows, lines and data say."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from gateway.domain import Evaluation, Proposal, Verdict
+from gateway.report import parameter_rows
+from gateway.report.lines import tooth_lines
+from gateway.report.parameters import PARAMETERS
+from gateway.report.words import number, percent, still_on
+from gateway.store import RunFolder
+from gateway.workflow import stages
+from gateway.workflow.axes.measure import Measured
+from gateway.workflow.outcome import WORSE_EXIT, Outcome
+from gateway.workflow.results.reporting import ReportPaths, material_of, write_report
+
+
+def finish(folder: RunFolder, measured: Mapping[str, Measured], proposal: Proposal, verdict: Verdict | None) -> Outcome:
+    """Write the report and gather what the caller shows."""
+    if verdict is not None:
+        folder.set_state(verdict.outcome)
+    paths = write_report(folder)
+    after: dict[str, Evaluation | None] = dict.fromkeys(measured)
+    for name in measured:
+        if folder.has(stages.evaluation(name, "after")):
+            after[name] = folder.get(stages.evaluation(name, "after"), Evaluation)
+    pairs = {name: (item.evaluation, after[name]) for name, item in measured.items()}
+    return outcome_of(folder.state, str(folder.path), pairs, proposal, verdict, paths)
+
+
+def closing_lines(folder: RunFolder) -> tuple[str, ...]:
+    """What a run did for axes and tooth, from what its folder holds; the last line is the tooth's figure."""
+    material = material_of(folder)
+    return (*still_on(material), *tooth_lines(material))
+
+
+def outcome_of(
+    state: str,
+    run_folder: str,
+    evaluations: dict[str, tuple[Evaluation, Evaluation | None]],
+    proposal: Proposal,
+    verdict: Verdict | None,
+    paths: ReportPaths,
+) -> Outcome:
+    """Gather what a run's end shows."""
+    rows = tuple(row for axis, pair in evaluations.items() for row in _rows(axis, *pair))
+    lines = [f"{change.axis}: {change.skipped}" for change in proposal.changes if change.skipped]
+    lines += [f"{axis.axis}: {axis.words}" for axis in verdict.axes] if verdict is not None else []
+    lines += [f"run folder: {run_folder}", f"report: {paths.html}"]
+    worse = verdict is not None and verdict.outcome == "worse"
+    data = {
+        "outcome": verdict.outcome if verdict is not None else "not-pushed",
+        "axes": {axis: _data(*pair) for axis, pair in evaluations.items()},
+        "not_corrected": {change.axis: change.skipped for change in proposal.changes if change.skipped},
+        "report": paths.as_data(),
+    }
+    return Outcome(state, run_folder, rows, tuple(lines), data, WORSE_EXIT if worse else 0)
+
+
+def _rows(axis: str, before: Evaluation, after: Evaluation | None) -> list[tuple[str, str, str, str, str, str]]:
+    return [
+        (row.axis, row.parameter, number(row.before), number(row.after), row.unit, percent(row.change_pct))
+        for row in parameter_rows(axis, before, after)
+    ]
+
+
+def _data(before: Evaluation, after: Evaluation | None) -> dict[str, Any]:
+    def figures(evaluation: Evaluation | None) -> dict[str, float | None] | None:
+        if evaluation is None:
+            return None
+        return {name: getattr(evaluation, name) for name in PARAMETERS}
+
+    return {"unit": before.unit, "before": figures(before), "after": figures(after)}

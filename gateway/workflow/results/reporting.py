@@ -1,0 +1,182 @@
+"""Makes a run's report from what its folder holds, and nothing else."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from drivers.types import MachineIdentity, SignProof
+from gateway.config import AxisSection
+from gateway.domain import (
+    AxisVerdict,
+    Capture,
+    Component,
+    Equipment,
+    Evaluation,
+    Proposal,
+    PushRecord,
+    TableChange,
+    Verdict,
+)
+from gateway.report import (
+    AxisMaterial,
+    FileUsed,
+    InstrumentNote,
+    ReportMaterial,
+    ToothMaterial,
+    as_json,
+    before_after_png,
+    render,
+    tooth_pictures,
+)
+from gateway.report.material import Outcome
+from gateway.report.missing import PUSHED
+from gateway.store import RunFolder
+from gateway.workflow import stages
+from gateway.workflow.bench import site_of
+from gateway.workflow.results.tooth import found, tooth_of
+
+
+@dataclass(frozen=True, slots=True)
+class ReportPaths:
+    """Where a report was written; ``pictures`` are those of tooth and errors."""
+
+    html: Path
+    json: Path
+    picture: Path
+    pictures: tuple[Path, ...] = ()
+
+    def as_data(self) -> dict[str, object]:
+        """For --json."""
+        paths = {"html": str(self.html), "json": str(self.json), "picture": str(self.picture)}
+        return {**paths, "pictures": [str(path) for path in self.pictures]}
+
+
+def write_report(folder: RunFolder) -> ReportPaths:
+    """Render report.html, report.json and the pictures into the run folder, of whatever the run holds.
+
+    before-after.png shows the axes; a run without any axis has its first picture in that place. Raises StoreError.
+    """
+    material = material_of(folder)
+    drawn = tooth_pictures(material.tooth, folder.path) if material.tooth is not None else ()
+    picture = folder.path / "before-after.png"
+    if material.axes or not drawn:
+        before_after_png(material, picture)
+    else:
+        picture = drawn[0]
+    folder.adopt(picture, *drawn)
+    html = folder.write_text("report.html", render(material))
+    data = folder.write_text("report.json", json.dumps(as_json(material), indent=1))
+    return ReportPaths(html, data, picture, drawn)
+
+
+def summary_of(paths: ReportPaths) -> object:
+    """The answer in few figures, as the report.json just written has it."""
+    return json.loads(paths.json.read_text(encoding="utf-8"))["summary"]
+
+
+def material_of(folder: RunFolder) -> ReportMaterial:
+    """Everything the report shows, read from the folder with every hash checked."""
+    site, path = site_of(folder)
+    equipment = found(folder, stages.EQUIPMENT, Equipment)
+    proposal = found(folder, stages.PROPOSAL, Proposal)
+    verdict = found(folder, stages.VERDICT, Verdict)
+    tooth = tooth_of(folder, site, path)
+    facts = folder.facts
+    axes = tuple(_axis(folder, axis, proposal, verdict) for axis in site.axes)
+    if tooth is not None:
+        axes = tuple(axis for axis in axes if axis.before is not None or axis.after is not None)
+    items = equipment.items if equipment is not None else ()
+    instruments = tuple(InstrumentNote(item.name, item.identity, item.notices) for item in items)
+    files = tuple(
+        FileUsed(name, digest, "stored with the run")
+        for name, digest in facts["files"].items()
+        if not name.startswith("report.")
+    )
+    return ReportMaterial(
+        site.site.name,
+        equipment.machine if equipment is not None else _machine(facts["machine"]),
+        folder.run_id,
+        outcome_of(verdict, tooth),
+        axes,
+        facts["created_utc"],
+        _last_moment(axes, tooth, facts["created_utc"]),
+        f"trueflank {facts['software']}",
+        instruments=instruments,
+        files=files,
+        hashes={stage: folder.digest(stage) for stage in folder.stages},
+        findings=tuple(str(error.get("what", "")) for error in facts["errors"]),
+        tooth=tooth,
+    )
+
+
+def outcome_of(verdict: Verdict | None, tooth: ToothMaterial | None) -> Outcome:
+    """The run's answer in one word: the tooth's where it was judged, worse if any axis is; else how far it came."""
+    judged = tooth.verdict if tooth is not None else None
+    if judged is not None:
+        return "worse" if verdict is not None and verdict.outcome == "worse" else judged.outcome
+    if verdict is not None:
+        return verdict.outcome
+    if tooth is None:
+        return "not-pushed"
+    if any(one.push is not None and one.push.outcome in PUSHED for one in tooth.tables):
+        return "pushed"
+    if tooth.tables:
+        return "not-pushed"
+    return "inspected" if tooth.parts else "measured"
+
+
+def _machine(known: Mapping[str, str]) -> MachineIdentity:
+    """The machine as the run's own facts have it, where no equipment was stored."""
+    return MachineIdentity(known.get("serial", ""), known.get("nck_version", ""), ())
+
+
+def _axis(folder: RunFolder, axis: AxisSection, proposal: Proposal | None, verdict: Verdict | None) -> AxisMaterial:
+    name = axis.name
+    before = found(folder, stages.capture(name, "before"), Capture)
+    change = _change(proposal, name)
+    component = found(folder, stages.component(name), Component)
+    findings = (change.skipped,) if change is not None and change.skipped else ()
+    return AxisMaterial(
+        name,
+        axis.letter,
+        axis.unit,
+        before,
+        found(folder, stages.capture(name, "after"), Capture),
+        found(folder, stages.evaluation(name, "before"), Evaluation),
+        found(folder, stages.evaluation(name, "after"), Evaluation),
+        (component,) if component is not None else (),
+        change,
+        found(folder, stages.push(name), PushRecord),
+        _proof(verdict, name),
+        before.sense if before is not None else None,
+        _axis_verdict(verdict, name),
+        findings,
+    )
+
+
+def _change(proposal: Proposal | None, axis: str) -> TableChange | None:
+    changes = proposal.changes if proposal is not None else ()
+    return next((change for change in changes if change.name == axis), None)
+
+
+def _proof(verdict: Verdict | None, axis: str) -> SignProof | None:
+    proofs = verdict.proofs if verdict is not None else ()
+    own = (proof for proof in proofs if (proof.function, proof.output_axis) == ("EEC", axis))
+    return next(own, None)
+
+
+def _axis_verdict(verdict: Verdict | None, axis: str) -> AxisVerdict | None:
+    axes = verdict.axes if verdict is not None else ()
+    return next((item for item in axes if item.axis == axis), None)
+
+
+def _last_moment(axes: tuple[AxisMaterial, ...], tooth: ToothMaterial | None, otherwise: str) -> str:
+    captures = [capture for axis in axes for capture in (axis.capture_before, axis.capture_after)]
+    moments = [capture.ended_utc for capture in captures if capture is not None]
+    for part in tooth.parts if tooth is not None else ():
+        moments += [part.ground.ended_utc] if part.ground is not None else []
+        moments += [part.flank.measured_utc] if part.flank is not None else []
+    return max((moment for moment in moments if moment), default=otherwise)

@@ -1,0 +1,214 @@
+"""What a run proposes for the tooth: each axis' own tables, cross tables on top, set-up values, a prediction."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import hypot
+from pathlib import Path
+
+import numpy as np
+
+from drivers.errors import ConfigError
+from drivers.types import CompensationTable, LiveSet
+from gateway.config import SiteFile, WorkSection
+from gateway.correct.flank.compensability import tangential_cure
+from gateway.correct.flank.noise import noise_patterns
+from gateway.correct.flank.tables import Table
+from gateway.correct.outlook.flank_uncertainty import Shop
+from gateway.correct.outlook.next_setup import Tooth, doubts
+from gateway.correct.outlook.prediction import Outlook, predict
+from gateway.correct.outlook.ranking import cure_errors, rank_errors
+from gateway.correct.plan.layers import LayeredCorrection, correct
+from gateway.correct.plan.plan import CROSS, Plan, cross_specs
+from gateway.correct.plan.records import record
+from gateway.domain import COVERAGE, Proposal, TableChange
+from gateway.evaluate.behaviour.approach_scatter import approach_of
+from gateway.evaluate.behaviour.fine_structure import Hidden
+from gateway.gear.cycloid import CycloidGear
+from gateway.gear.flank import FlankGrid, flank_grid
+from gateway.gear.grinding import Grinding
+from gateway.model.known import ErrorModel, chain_of_errors
+from gateway.study.files import load_gear
+from gateway.study.machine import gear_of
+from gateway.tooth import SetupValues, ToothProposal
+from gateway.workflow import stages
+from gateway.workflow.axes.measure import Measured
+from gateway.workflow.axes.propose import axis_changes, keep
+from gateway.workflow.bench import Bench
+from gateway.workflow.errors21.components import grids
+from gateway.workflow.tooth.crosstables import acting_cross, cross_changes, places_of
+from gateway.workflow.tooth.sentences import told
+
+PROFILE, WIDTH = 11, 5
+
+
+@dataclass(frozen=True, slots=True)
+class Work:
+    """What is ground: the gear by its file's name, centre distance and height over the table's zero (mm), who inspects.
+
+    ``inspector`` is the site's gear inspection machine; "" where results come as files.
+    """
+
+    name: str
+    gear: CycloidGear
+    centre_distance_mm: float
+    height_mm: float
+    inspector: str = ""
+
+    @property
+    def tooth(self) -> Tooth:
+        """The same for the advice on what to measure."""
+        return Tooth(self.gear, self.centre_distance_mm, self.height_mm)
+
+
+def work_of(site: SiteFile, site_path: Path) -> Work:
+    """The work that the site file names. Raises ConfigError (E-CLOSE-WORK, E-STUDY-...), ModelError (E-GEAR-...)."""
+    if site.work is None:
+        raise ConfigError("E-CLOSE-WORK", site.site.name)
+    file = load_gear(site_path.parent / site.work.gear)
+    distance = file.grinding.centre_distance_mm
+    return Work(file.name, gear_of(file), distance, site.work.height_mm, site.work.inspector)
+
+
+async def propose_tooth(
+    at: Bench, model: ErrorModel, measured: Mapping[str, Measured], work: Work
+) -> tuple[Proposal, ToothProposal]:
+    """Work out, store and hand back both layers (EEC changes first, then CEC), set-up values and prediction.
+
+    ``model`` is what the run's set-ups told, ``measured`` the axes' own positioning by machine axis; all of it was
+    captured while the same tables acted. Nothing for the tooth is proposed that would correct less than its
+    uncertainty. Raises TableError (E-COMP-...), CaptureError (E-RUN-LIVE), ModelError (E-CORRECT-...).
+    """
+    own = await axis_changes(at, measured)
+    model = _with_between(model, at)
+    live = {name: item.capture.live for name, item in measured.items() if item.capture.live is not None}
+    task = _Task.of(at, model, measured, work, own, live)
+    plan, nowhere = await task.placed(at)
+    found, outlook, gains = task.worked_out(plan)
+    cross = await cross_changes(at, found.optimum.tables, task.grinding.chain, live=live, adds=False)
+    parents = (at.folder.digest(stages.ERRORS), *(item.digest for item in measured.values()))
+    proposal = keep(at, (*own, *cross), parents)
+    tooth = ToothProposal(
+        setup=_setup(found),
+        prediction=outlook.flank,
+        cures=cure_errors(task.grinding, task.grid, task.plan, model),
+        ranking=rank_errors(task.grinding, task.grid, task.plan, model),
+        b_left=tangential_cure(work.gear, task.grid.thetas).eta,
+        eccentricity_um=(found.setup.get("work eccentricity x", 0.0), found.setup.get("work eccentricity y", 0.0)),
+        tilt_arcsec=(found.setup.get("work tilt a", 0.0), found.setup.get("work tilt b", 0.0)),
+    )
+    tooth = replace(tooth, said=told(tooth, model, found, gains, (*nowhere, *_left_alone(own))))
+    at.folder.put(stages.TOOTH, tooth, (at.folder.digest(stages.PROPOSAL), *parents))
+    return proposal, tooth
+
+
+def _with_between(model: ErrorModel, at: Bench) -> ErrorModel:
+    """The model with what the axes' check stops saw between the targets as structure that no fit follows."""
+    seen = {
+        axis.measure.component: at.folder.get(stages.hidden(axis.name), Hidden).u
+        for axis in at.site.axes
+        if at.folder.has(stages.hidden(axis.name))
+    }
+    motions = (replace(one, residual_rms=max(one.residual_rms, seen.get(one.name, 0.0))) for one in model.motions)
+    return replace(model, motions=tuple(motions))
+
+
+def _left_alone(own: Sequence[TableChange]) -> tuple[str, ...]:
+    return tuple(f"{change.name}: {change.skipped}" for change in own if change.skipped)
+
+
+def _setup(found: LayeredCorrection) -> SetupValues:
+    names = ("X zero", "C zero", "dressing offset")
+    x, c, dressing = (round(found.setup.get(name, 0.0), 6) for name in names)
+    return SetupValues(x, c, dressing)
+
+
+@dataclass(frozen=True)
+class _Task:
+    """The fitted machine with its gear, what is planned and what acted, all in the chain's letters."""
+
+    grinding: Grinding
+    grid: FlankGrid
+    plan: Plan
+    model: ErrorModel
+    shop: Shop
+    own: tuple[CompensationTable, ...]
+    acted: tuple[CompensationTable, ...]
+    live: Mapping[str, LiveSet]
+    names: Mapping[str, str]
+
+    @classmethod
+    def of(
+        cls,
+        at: Bench,
+        model: ErrorModel,
+        measured: Mapping[str, Measured],
+        work: Work,
+        own: Sequence[TableChange],
+        live: Mapping[str, LiveSet],
+    ) -> _Task:
+        letters = {axis.name: axis.letter for axis in at.site.axes}
+        chain = chain_of_errors(model, height_mm=work.height_mm)
+        grinding = Grinding(chain, work.gear, work.centre_distance_mm)
+        grid = flank_grid(work.gear, profile=PROFILE, width=WIDTH)
+        # A C zero turns the whole gear, which no figure counts: it stays as it is.
+        plan = Plan(grids(at.site), zeros=("X",))
+        plan = replace(plan, noise=noise_patterns(grinding, grid, doubts(model, chain, plan)))
+        acting = [one.eec.table for one in live.values() if one.eec.enabled]
+        return cls(
+            grinding,
+            grid,
+            plan,
+            model,
+            _shop(at.site.work, measured, letters, grinding),
+            tuple(_lettered(change.new, letters) for change in own if not change.skipped),
+            tuple(_lettered(one, letters) for one in (*acting, *acting_cross(at, live))),
+            live,
+            {letter: name for name, letter in letters.items()},
+        )
+
+    async def placed(self, at: Bench) -> tuple[Plan, tuple[str, ...]]:
+        """The plan with the cross tables that the control has room for, and why not the others."""
+        chain = self.grinding.chain
+        able = tuple(one for one in CROSS if self.names.get(one[0]) in self.live and self.plan.has(one[1]))
+        specs = cross_specs(chain, replace(self.plan, cross=able))
+        blank = [Table(spec.grid, np.zeros_like(spec.grid.nodes)) for spec in specs]
+        places = await places_of(at, [record(chain, one, "CEC", names=self.names) for one in blank], self.live)
+        cross = tuple(one for one, place in zip(able, places, strict=True) if not place.reason)
+        return replace(self.plan, cross=cross), tuple(place.reason for place in places if place.reason)
+
+    def worked_out(self, plan: Plan) -> tuple[LayeredCorrection, Outlook, Outlook]:
+        """The correction, without cross tables where they gain too little; its outlook, and that with cross tables."""
+        found, outlook = self._one(plan)
+        if outlook.worth or not found.optimum.tables:
+            return found, outlook, outlook
+        return (*self._one(replace(plan, cross=())), outlook)
+
+    def _one(self, plan: Plan) -> tuple[LayeredCorrection, Outlook]:
+        found = correct(self.grinding, self.grid, plan, self.acted, self.own)
+        return found, predict(self.grinding, self.grid, plan, self.model, found, self.shop)
+
+
+def _lettered(table: CompensationTable, letters: Mapping[str, str]) -> CompensationTable:
+    """A table of the control in the chain's letters."""
+    out, over = (letters.get(name, name) for name in (table.output_axis, table.input_axis))
+    return replace(table, output_axis=out, input_axis=over)
+
+
+def _shop(
+    work: WorkSection | None, measured: Mapping[str, Measured], letters: Mapping[str, str], grinding: Grinding
+) -> Shop:
+    """What the site file and the captures say of clamping, drift and repeatability; the usual for the rest."""
+    shop = Shop()
+    if work is not None:
+        keys = ("clamping_um", "drift_um_per_h", "drift_arcsec_per_h", "part_h")
+        size_um = work.inspection_size_um / COVERAGE
+        shop = replace(shop, **{key: getattr(work, key) for key in keys}, size_um=size_um)
+    known = {letters.get(name, name): approach_of(item.capture) for name, item in measured.items()}
+    if grinding.infeed in known:
+        shop = replace(shop, infeed_um=known[grinding.infeed].scatter)
+    if grinding.index in known:
+        turned = known[grinding.index]
+        shop = replace(shop, index_arcsec=hypot(turned.scatter, turned.reversal))
+    return shop

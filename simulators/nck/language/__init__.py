@@ -1,0 +1,1 @@
+"""The control's language: text to words to syntax. Pure, and knows no machine."""

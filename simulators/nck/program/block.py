@@ -1,0 +1,188 @@
+"""What the words of one block do together: G groups, axis targets, feed, dwell and program stops."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from simulators.nck.machine.axis import COARSE, FINE
+from simulators.nck.machine.core import Core
+from simulators.nck.machine.data_table import INCH_MM
+from simulators.nck.spec import NckRefusal
+
+POSITION_MODES = frozenset({"AC", "IC", "DC", "ACP", "ACN"})
+_NO_EFFECT = frozenset({17, 18, 19, 40, 53, 54, 55, 56, 57, 94, 153, 500, 603, *range(505, 600)})
+# G functions of the control that this double does not do: refused, never passed over.
+_NOT_HERE = frozenset({2, 3, 5, 33, 34, 35, 41, 42, 62, 63, 74, 75, 93, 95, 96, 97, 110, 111, 112, 331, 332})
+_SILENT_WORDS = frozenset(
+    {"SUPA", "STOPRE", "SOFT", "BRISK", "FFWON", "FFWOF", "TRANS", "ROT", "SCALE", "MIRROR", "TRAFOOF"}
+    | {"DIAMOF", "COMPOF", "KONT", "NORM", "SBLON", "SBLOF", "DISPLON", "DISPLOF", "CFC", "CFTCP"}
+)
+_SAME_PLACE = 1e-9
+
+
+def is_silent(word: str) -> bool:
+    """Words that are understood and change nothing here (no frames, offsets or look-ahead to change)."""
+    return word in _SILENT_WORDS
+
+
+@dataclass(slots=True)
+class Modal:
+    """What stays in force from block to block.
+
+    ``inch``: by G70/G71 (G700/G710 for the feed too), None the basic system. ``planned``: where blocks handed
+    over will leave the axes, by index, in mm or deg; empty when the machine has done them all.
+    """
+
+    rapid: bool = False
+    absolute: bool = True
+    exact: bool = True
+    window: float = FINE
+    feed: float | None = None
+    inch: bool | None = None
+    inch_feed: bool = False
+    planned: dict[int, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Deed:
+    """What a block leaves for the machine to do in time.
+
+    ``targets``: axis index -> end point; ``rate`` units/min, None rapid; ``window``: wait until within it;
+    ``ending``: "", M0, M1, M17 or M30; ``message``: what MSG shows.
+    """
+
+    targets: dict[int, float] = field(default_factory=dict)
+    rate: float | None = None
+    window: float | None = None
+    dwell_s: float = 0.0
+    ending: str = ""
+    message: str | None = None
+
+
+class BlockWords:
+    """Collects the words of one block."""
+
+    def __init__(self, core: Core, modal: Modal) -> None:
+        self._core = core
+        self._modal = modal
+        self._targets: dict[int, tuple[str, float]] = {}
+        self._feed: float | None = None
+        self._dwell = False
+        self._exact_once = False
+        self._ending = ""
+
+    def address(self, letter: str, value: float) -> None:
+        """A DIN word. Raises NckRefusal: 12470 (G), 12550 (unknown), 12160 (value)."""
+        axis = self._core.axis_index(letter)
+        if axis is not None:
+            self.position(axis, "", value)
+        elif letter == "G":
+            self._g(value)
+        elif letter == "F":
+            self._feed = value
+        elif letter == "M":
+            self._m(value)
+        elif letter not in "STDH":
+            raise NckRefusal(12550, f"name {letter}{value:g} not defined or option not available")
+
+    def position(self, axis: int, mode: str, value: float) -> None:
+        """An axis word. Raises NckRefusal 12110 when the axis stands twice in the block."""
+        if axis in self._targets:
+            raise NckRefusal(12110, f"axis {self._core.spec.axes[axis].name} programmed twice")
+        self._targets[axis] = (mode, value)
+
+    def end(self, ending: str) -> None:
+        """A word that ends the program or subprogram."""
+        self._ending = ending or self._ending
+
+    def _g(self, value: float) -> None:
+        modal = self._modal
+        if value in (0, 1):
+            modal.rapid = value == 0
+        elif value == 4:
+            self._dwell = True
+        elif value == 9:
+            self._exact_once = True
+        elif value in (60, 64, 641, 642):
+            modal.exact = value == 60
+        elif value in (90, 91):
+            modal.absolute = value == 90
+        elif value in (601, 602):
+            modal.window = FINE if value == 601 else COARSE
+        elif value in (70, 71, 700, 710):
+            modal.inch, modal.inch_feed = value in (70, 700), value in (700, 710)
+        elif value in _NOT_HERE:
+            raise NckRefusal(12550, f"G{value:g} not defined or option not available")
+        elif value not in _NO_EFFECT:
+            raise NckRefusal(12470, f"G function G{value:g} unknown")
+
+    def _m(self, value: float) -> None:
+        if value != int(value) or value < 0:
+            raise NckRefusal(12160, f"M{value:g} lies beyond the value range")
+        name = {0: "M0", 1: "M1", 2: "M30", 30: "M30", 17: "M17"}.get(int(value), "")
+        self._ending = name or self._ending
+
+    def finish(self) -> Deed | None:
+        """The block's deed. Raises NckRefusal: 10860, 14800 (feed), 10720 (travel), 16800..16830."""
+        if self._dwell:
+            return self._dwelling()
+        if self._feed is not None:
+            self._modal.feed = self._feed
+        if not self._targets:
+            return Deed(ending=self._ending) if self._ending else None
+        targets = {index: self._end_point(index, *word) for index, word in self._targets.items()}
+        for index, target in targets.items():
+            self._core.check_travel(index, target)
+        self._modal.planned.update(targets)
+        rate = None if self._modal.rapid else self._checked_feed()
+        exact = self._modal.exact or self._exact_once or self._modal.rapid or bool(self._ending)
+        return Deed(targets, rate, self._modal.window if exact else None, 0.0, self._ending)
+
+    def _dwelling(self) -> Deed:
+        if self._targets or self._feed is None:
+            raise NckRefusal(12110, "G4 stands with F and without axes")
+        if self._feed < 0.0:
+            raise NckRefusal(12160, "dwell time below zero")
+        return Deed(dwell_s=self._feed, ending=self._ending)
+
+    def _checked_feed(self) -> float:
+        feed = self._modal.feed
+        if feed is None:
+            raise NckRefusal(10860, "feedrate not programmed")
+        if feed <= 0.0:
+            raise NckRefusal(14800, "programmed path velocity smaller than or equal to zero")
+        rotary = all(self._core.axes[index].spec.rotary for index in self._targets)
+        inch = self._modal.inch if self._modal.inch_feed else self._core.data.inch
+        return feed * INCH_MM if inch and not rotary else feed
+
+    def _end_point(self, index: int, mode: str, value: float) -> float:
+        axis = self._core.axes[index]
+        here = self._modal.planned.get(index, axis.end_point)
+        inch = self._core.data.inch if self._modal.inch is None else self._modal.inch
+        value = value * INCH_MM if inch and not axis.spec.rotary else value
+        mode = mode or ("AC" if self._modal.absolute else "IC")
+        if mode == "IC":
+            return here + value
+        if not axis.spec.modulo:
+            if mode != "AC":
+                number = {"DC": 16800, "ACP": 16810}.get(mode, 16820)
+                raise NckRefusal(number, f"traverse instruction {mode} not allowed for {axis.spec.name}")
+            return value
+        return _modulo_end_point(here, mode, value, axis.spec.name)
+
+
+def _modulo_end_point(here: float, mode: str, value: float, name: str) -> float:
+    """The unlimited-turn end point of a modulo axis; 0 and 360 are one target."""
+    if mode != "AC" and not 0.0 <= value <= 360.0:
+        raise NckRefusal(16830, f"incorrect position programmed for {name}")
+    target, current = value % 360.0, here % 360.0
+    away = (target - current) % 360.0
+    if min(away, 360.0 - away) < _SAME_PLACE:
+        return here
+    if mode == "ACN" or (mode == "DC" and away > 180.0):
+        away -= 360.0
+    elif mode == "AC":
+        away = target - current
+    # The turn is counted apart, so that thousands of turns leave no rounding on the target.
+    return target + 360.0 * math.floor((here + away - target) / 360.0 + 0.5)
