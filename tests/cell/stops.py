@@ -23,8 +23,9 @@ from drivers.types import SignProof
 from gateway.config import SiteFile, load_site
 from gateway.daemon.desk import Desk
 from gateway.daemon.stored import pushes_held
+from gateway.errors import StoreError
 from gateway.push import unfinished
-from gateway.push.records import lock
+from gateway.push.records import journal, lock
 from gateway.push.records.journal import JOURNALS
 from gateway.push.records.sent import SentBook
 from gateway.say import Say
@@ -188,8 +189,9 @@ class Killing:
 
     def __init__(self, patch: pytest.MonkeyPatch) -> None:
         self._dead: set[asyncio.Task[Any]] = set()
+        self._killed: set[asyncio.Task[Any]] = set()
         self._files: list[BinaryIO] = []
-        take, request, sleep = lock._take, UaSession._request, LoopClock.sleep
+        take, request, sleep, append = lock._take, UaSession._request, LoopClock.sleep, journal.Journal.append
 
         def taking(file: BinaryIO) -> bool:
             taken = take(file)
@@ -208,6 +210,12 @@ class Killing:
             await sleep(clock, seconds)
             await self._turn()
 
+        def appending(kept: journal.Journal, kind: str, **facts: Any) -> None:
+            if asyncio.current_task() in self._killed:  # swept away: no process is left that could write
+                raise StoreError("E-PUSH-DISK", "journal", why="killed")
+            append(kept, kind, **facts)
+
+        patch.setattr(journal.Journal, "append", appending)
         patch.setattr(lock, "_take", taking)
         patch.setattr(UaSession, "_request", requesting)
         patch.setattr(LoopClock, "sleep", sleeping)
@@ -219,6 +227,7 @@ class Killing:
     def kill(self, task: asyncio.Task[Any]) -> None:
         """It never gets another turn; what it held is free."""
         self._dead.add(task)
+        self._killed.add(task)
         for file in self._files:
             if not file.closed:
                 lock._give_back(file)

@@ -122,7 +122,7 @@ async def switched_off(at: Story) -> None:
     assert (await at.compare()).data["kind"] == "switched-off"
     assert (await at.switch_off(apply=True)).data["outcome"] == "already-off"
     actions = [entry["action"] for entry in audit.entries(at.root)]
-    assert actions[-4:] == ["disable-start", "disable-off", "disable-start", "disable-already-off"]
+    assert actions[-5:] == ["disable-start", "disable-off", "table-differs", "disable-start", "disable-already-off"]
 
 
 def test_approved_pushed_compared_taken_back(tmp_path: Path) -> None:
@@ -170,6 +170,7 @@ def test_approved_pushed_compared_taken_back(tmp_path: Path) -> None:
         done = [entry["action"] for entry in audit.entries(at.root)]
         assert done == [
             *("propose", "approve", "approval-used", "push-start", "push-begun", "push-ending", "push-committed"),
+            "table-as-pushed",
             *("disable-start", "disable-off", "table-differs", "disable-start", "disable-already-off"),
             *("table-differs",),
             *("rollback-start", "push-begun", "rollback-refused", "table-as-pushed"),

@@ -1,4 +1,4 @@
-"""The doctor of the OPC UA road: from the control's name to the login, then what `examination` sees; changes nothing."""
+"""The doctor of the OPC UA road: from the control's name to the login, then the examination; changes nothing."""
 
 from __future__ import annotations
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from drivers.errors import TrueflankError, words
-from drivers.types import DisableOrder, LiveSet, SwitchReading
+from drivers.types import DisableOrder, LiveSet, LiveTable, SwitchReading
 from gateway.errors import BusyError, VerifyError, WriteRefused
 from gateway.interlocks import refusals
 from gateway.push import conversation
@@ -138,18 +138,20 @@ async def _restore(work: Work) -> None:
         return
     if not before and found.enabled and differences(work.change.new, found.table, work.allowed):
         raise VerifyError("E-PUSH-FOREIGN", work.axis, axis=work.axis)
-    await confirm(work)
+    await confirm(work, found)
     _note_half(work, live)
     await play_back(work)
 
 
-async def confirm(work: Work) -> None:
+async def confirm(work: Work, found: LiveTable) -> None:
     """Two readings must agree on what to go back to: what was live before, and the back-up of the first half.
 
     The back-up may not have been read yet, because the push failed or the gateway died before: it is fetched now, by
-    the transaction's number. Raises VerifyError (E-PUSH-UNCONFIRMED): nothing may be put back, compensation stays off.
+    the transaction's number. Where ``found``, read now, still has the values from before, that is the second reading:
+    nothing else would be put back than what stands there.
+    Raises VerifyError (E-PUSH-UNCONFIRMED): nothing may be put back, compensation stays off.
     """
-    if work.confirmed:
+    if work.confirmed or not differences(work.restore_to.table, found.table, work.allowed):
         return
     order = work.order(work.change.new, False, "restore", work.number)
     try:
