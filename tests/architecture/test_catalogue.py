@@ -7,8 +7,6 @@ import re
 import string
 from pathlib import Path
 
-import pytest
-
 from drivers.errors import TrueflankError, catalogue
 
 ROOT = Path(__file__).parents[2]
@@ -66,8 +64,15 @@ def test_every_text_is_used_and_says_what_to_do() -> None:
     assert not silent
 
 
-@pytest.mark.parametrize("code", sorted(catalogue()))
-def test_every_text_renders_without_its_fields(code: str) -> None:
-    text = str(TrueflankError(code, "somewhere"))
-    assert code in text
-    assert "somewhere" in text
+def test_every_text_renders_without_its_fields() -> None:
+    texts = {code: _rendered(code) for code in sorted(catalogue())}
+    wrong = [f"{code}: {text}" for code, text in texts.items() if code not in text or "somewhere" not in text]
+    assert not wrong, "\n".join(wrong)
+
+
+def _rendered(code: str) -> str:
+    """The text as a person reads it, or what rendering it raised."""
+    try:
+        return str(TrueflankError(code, "somewhere"))
+    except Exception as error:  # noqa: BLE001 - whatever it is, the other codes are told too
+        return f"raised {error!r}"
