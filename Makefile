@@ -6,13 +6,13 @@ WORKERS ?= 2
 # Our matrices are small: BLAS threads of several processes only wait for each other.
 export OPENBLAS_NUM_THREADS := 1
 
-.PHONY: demo test check soak attacks interop bench clean
+.PHONY: demo test check long soak attacks interop bench clean
 
 demo: $(VENV)/installed
 	$(BIN)/trueflank demo
 
 test: check
-	$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal -m "not soak and not interop"
+	$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal -m "not soak and not interop and not long"
 
 check: $(VENV)/developed
 	$(BIN)/ruff check .
@@ -20,12 +20,16 @@ check: $(VENV)/developed
 	$(BIN)/lint-imports
 	$(BIN)/mypy
 
+# The same code with bigger numbers and on more machines than `make test` has time for.
+long: $(VENV)/developed
+	$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal -m "long and not soak"
+
 # `make soak N=200` sends that many seeded machines through the closing run; PROOF=folder keeps their document elsewhere.
 N ?= 20
 PROOF ?= docs
 soak: $(VENV)/developed
 	TRUEFLANK_MACHINES=$(N) TRUEFLANK_PROOF=$(PROOF) \
-		$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal -m soak
+		$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal -m "soak or long"
 
 # Attacks on a push, counted into docs/reliability.md. PUSHES and N say how many seeded ones.
 ATTACKS := .attacks

@@ -20,10 +20,12 @@ from tests import attacks
 from tests.push.judging import truth
 from tests.push.killing import IDLE, Ended, gateway, memory_of, pushing, recovering
 from tests.push.world import Scene, World, world
+from tests.sizes import few
 
-pytestmark = pytest.mark.attack
-
-pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="a process is forked")
+pytestmark = [
+    pytest.mark.attack,
+    pytest.mark.skipif(not hasattr(os, "fork"), reason="a process is forked"),
+]
 
 SCENES = {
     "old on": Scene(),
@@ -140,7 +142,7 @@ def sweep(scene: Scene, root: Path, points: Sequence[int]) -> Counter[str]:
     return found
 
 
-@pytest.mark.parametrize("shard", range(SHARDS))
+@pytest.mark.parametrize("shard", few(range(SHARDS)))
 def test_killed_at_every_step_that_leaves_a_trace(tmp_path: Path, shard: int) -> None:
     steps = steps_of(Scene(), tmp_path / "count")
     assert {"journal/ DISABLE", "BEGIN<", "CHUNK>", "VERIFY<", "ACTIVATE>", "MARKER<", "replace> done"} <= set(steps)

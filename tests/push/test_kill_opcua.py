@@ -22,6 +22,7 @@ from tests import attacks
 from tests.push.judging import Played, ended, judge, settle
 from tests.push.uaworld import UaWorld, never_loaded, ua_change, ua_context, ua_world
 from tests.push.world import OLD
+from tests.sizes import few
 
 pytestmark = pytest.mark.attack
 
@@ -104,7 +105,7 @@ def steps(tmp_path_factory: pytest.TempPathFactory, keys: Path) -> list[str]:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a process that is killed here is ended by a signal")
-@pytest.mark.parametrize("shard", range(SHARDS))
+@pytest.mark.parametrize("shard", few(range(SHARDS)))
 def test_killed_in_a_fresh_process(tmp_path: Path, keys: Path, steps: list[str], shard: int) -> None:
     points = random.Random(4).sample(range(len(steps)), SHARDS * EACH)[shard::SHARDS]
     found = [killed(tmp_path / str(point), keys, point, point % 2 == 0) for point in points]

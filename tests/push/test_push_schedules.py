@@ -17,6 +17,7 @@ import pytest
 
 from tests import attacks
 from tests.push import schedules, uaschedules
+from tests.sizes import few
 
 pytestmark = pytest.mark.attack
 
@@ -38,7 +39,7 @@ def play(seeds: range, folder: Path) -> Counter[str]:
     return found
 
 
-@pytest.mark.parametrize("shard", range(SHARDS))
+@pytest.mark.parametrize("shard", few(range(SHARDS), 3))
 def test_seeded_faults_on_the_mailbox(tmp_path: Path, shard: int) -> None:
     size = MODBUS // SHARDS
     found = play(range(shard * size, (shard + 1) * size), tmp_path)
@@ -72,7 +73,7 @@ def play_opcua(seeds: range, folder: Path, keys: Path) -> Counter[str]:
     return found
 
 
-@pytest.mark.parametrize("shard", range(4))
+@pytest.mark.parametrize("shard", few(range(4)))
 def test_seeded_faults_over_opcua(tmp_path: Path, keys: Path, shard: int) -> None:
     found = play_opcua(range(shard * 25, (shard + 1) * 25), tmp_path, keys)
     assert sum(found.values()) == 25

@@ -17,10 +17,12 @@ from drivers.bridge.codec import BridgeCodec, Damaged, Notification, Refusal, Re
 from drivers.bridge.records import BridgeIdentity, BridgeSamples, CalibratorStatus, read_environment, read_optics
 from drivers.errors import RemoteProtocolError
 from drivers.umd.codec import SEQUENCE, UmdCodec, encode_rows
+from tests.sizes import few
 
 GOLDEN = Path(__file__).parents[2] / "golden"
 CHANNELS = ("device_deg", "laser_deg")
 COUNT = 100_000
+few_ways = pytest.mark.parametrize("count", few([COUNT // 10, COUNT]))
 BYTES = [b"0", b"-", b" ", b"  ", b"\r", b"\n", b"1e9", b".5", b",", b"+", b"\0", b"\xff", b"9" * 30, b"x", b"\t"]
 JSON_BYTES = [b"0", b"-", b"e999", b"null", b'"', b"[", b"}", b"1" * 400, b"\xc3", b"NaN", b"\n", b"\0", b",", b" "]
 
@@ -79,8 +81,9 @@ def counter_lines(count: int, seed: int) -> None:
     assert min(good, damaged) > count // 4
 
 
-def test_mutated_counter_lines() -> None:
-    counter_lines(COUNT, 1)
+@few_ways
+def test_mutated_counter_lines(count: int) -> None:
+    counter_lines(count, 1)
 
 
 def refused(message: object) -> bool:
@@ -119,8 +122,9 @@ PAGE = (Path(__file__).parents[3] / "docs" / "instrument-bridge.md").read_text(e
 TRANSCRIPT = [line for line in PAGE.splitlines() if line[:2] in ("< ", "> ")]
 
 
-def test_mutated_bridge_lines() -> None:
-    bridge_lines(COUNT, 2)
+@few_ways
+def test_mutated_bridge_lines(count: int) -> None:
+    bridge_lines(count, 2)
 
 
 IDS_LINES = [
@@ -150,8 +154,9 @@ def attocube_lines(count: int, seed: int) -> None:
     assert all(number > count // 100 for number in outcomes.values()), outcomes
 
 
-def test_mutated_attocube_answers() -> None:
-    attocube_lines(COUNT, 3)
+@few_ways
+def test_mutated_attocube_answers(count: int) -> None:
+    attocube_lines(count, 3)
 
 
 @pytest.mark.soak

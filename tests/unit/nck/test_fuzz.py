@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from simulators.nck.language.parser import NcSyntaxError, parse
+from tests.sizes import few
 from tests.unit.nck.bench import MAIN, Bench, on_bench
 from tests.unit.nck.test_execution import SKELETON
 
@@ -150,7 +151,7 @@ def run_batch(seed: int, count: int) -> None:
     assert found["ended"] > count // 20
 
 
-@pytest.mark.parametrize("seed", range(SHARES))
+@pytest.mark.parametrize("seed", few(range(SHARES), 3))
 def test_damaged_programs_end_or_alarm_within_their_steps(seed: int) -> None:
     run_batch(seed, PROGRAMS // SHARES)
 
