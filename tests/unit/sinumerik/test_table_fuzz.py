@@ -15,7 +15,7 @@ from drivers.tablefile import TableFile
 from tests.sizes import few
 
 INPUTS = 100_000
-SHARDS = 4
+SHARDS = 20
 
 EEC = (
     "%_N_AX_EEC_INI\nCHANDATA(1)\n$AA_ENC_COMP[0,0,X1]=0.003 ; first\n$AA_ENC_COMP[0,1,X1]=-0.0\n"
