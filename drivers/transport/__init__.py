@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from urllib.parse import urlsplit
 
 from drivers.clock import Clock
 from drivers.errors import ConfigError
+from drivers.serial_io import open_serial
 from drivers.transport.bent import BentTransport
 from drivers.transport.memory import listen_memory, name_of, open_memory
 from drivers.transport.stream import ByteTransport, Handler, Listener
@@ -23,7 +23,6 @@ __all__ = [
     "serve",
 ]
 
-SERIAL = "drivers.serial_io"
 START_S = 10.0
 
 
@@ -42,9 +41,7 @@ async def open_transport(
         return open_memory(url)
     if scheme not in ("", "socket", "usb") or not url.strip():
         raise ConfigError("E-LINK-URL", url, why=f"unknown kind of wire {scheme!r}")
-    # The serial room stands above this one and is loaded by name, only when a serial port is asked for.
-    wire: ByteTransport = await import_module(SERIAL).open_serial(url, clock, timeout_s, baudrate, parity)
-    return wire
+    return await open_serial(url, clock, timeout_s, baudrate, parity)
 
 
 def hardware_of(wire: ByteTransport) -> str:
