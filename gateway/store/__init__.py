@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from gateway.store.folder import RunFolder, RunSummary, Store
+from gateway.store.folder import RunFolder, RunSummary
 from gateway.store.maps import Maps, Said
 from gateway.store.proofs import Proofs
+from gateway.store.runs import Store
 from gateway.store.setupbook import SetupBook, SetupEntry
 
 __all__ = ["Maps", "Proofs", "RunFolder", "RunSummary", "Said", "SetupBook", "SetupEntry", "Store"]

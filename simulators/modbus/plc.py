@@ -51,12 +51,10 @@ class Plc:
         self.waiting = self.confirmed = False
         self.lied: set[tuple[int, int, int]] = set()
         self._selected: Target | None = None
-        self._state = 0
+        self._state = self._taken = 0
         self._job: tuple[asyncio.Task[None], Work] | None = None
         self._evaluating = False
-        self._started_s = now_s
-        self._beat_s = now_s
-        self._taken = 0
+        self._started_s = self._beat_s = now_s
 
     # -- life --------------------------------------------------------------------------------------
 

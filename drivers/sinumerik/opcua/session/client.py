@@ -1,4 +1,4 @@
-"""One OPC UA session with the control; with `ualogin` and `uarequests` the one place that knows asyncua.
+"""One OPC UA session with the control; with `login` and `requests` the one place that knows asyncua.
 
 asyncua's own reconnecting, watching and trusting are not used: a request that failed or was interrupted
 leaves the session broken and the next call says so, because what the server did meanwhile is unknown; the
@@ -18,13 +18,7 @@ from typing import Any, TypeVar
 from asyncua import ua
 
 from drivers.clock import Clock
-from drivers.errors import (
-    DeviceRefused,
-    LinkBroken,
-    RemoteProtocolError,
-    TrueflankError,
-    UnsupportedDevice,
-)
+from drivers.errors import DeviceRefused, LinkBroken, RemoteProtocolError, TrueflankError, UnsupportedDevice
 from drivers.sinumerik.opcua.session import login, nodes, requests
 from drivers.sinumerik.opcua.session import values as typed_values
 from drivers.sinumerik.opcua.session.login import CHANNEL_S, SESSION_S, Offer
@@ -94,7 +88,7 @@ class UaSession:
         """Log in and find name space, limits and methods. An older session is closed first.
 
         Raises TransportError (E-UA-CONNECT), DeadlineExceeded, DeviceRefused (E-UA-LOGIN, E-UA-SESSIONS, and as
-        `ualogin.check_trust`), UnsupportedDevice (E-UA-NAMESPACE), RemoteProtocolError.
+        `login.check_trust`), UnsupportedDevice (E-UA-NAMESPACE), RemoteProtocolError.
         """
         await self.close()
         self._secrets = secrets
@@ -174,7 +168,7 @@ class UaSession:
     async def read(self, paths: Sequence[str], timeout_s: float) -> list[Reading]:
         """Values of many variables in one batch; what could not be read carries its status name.
 
-        Raises RemoteProtocolError (E-UA-VALUE) for a good value that is not what `uavalues` asks of its variable.
+        Raises RemoteProtocolError (E-UA-VALUE) for a good value that is not what `values` asks of its variable.
         """
         return requests.judged(await self.survey(paths, timeout_s), self._where)
 
@@ -259,10 +253,8 @@ class UaSession:
 
         Raises DeviceRefused or UnsupportedDevice where it has no such events or the user may not see them.
         """
-        source = self._node(nodes.ALARM_SOURCE)
-        return await self._request(
-            timeout_s, "call", "ConditionRefresh", lambda it: requests.standing_alarms(it, source, self._spaces)
-        )
+        ask = functools.partial(requests.standing_alarms, source=self._node(nodes.ALARM_SOURCE), spaces=self._spaces)
+        return await self._request(timeout_s, "call", "ConditionRefresh", ask)
 
     def _node(self, path: str) -> Any:
         return ua.NodeId(path, self._index)

@@ -1,0 +1,88 @@
+"""All runs below one folder: made, found by their ids, listed."""
+
+from __future__ import annotations
+
+import re
+import secrets
+from collections.abc import Callable
+from datetime import UTC, datetime
+from importlib import metadata
+from pathlib import Path
+
+from drivers.names import is_file_name, shown
+from drivers.ownfiles import new_folder
+from gateway.errors import StoreError
+from gateway.store import records
+from gateway.store.disk import disk_errors, write_whole
+from gateway.store.folder import BESIDE, RUN_FILE, RunFolder, RunSummary, sealed
+
+
+def _utc_now() -> datetime:
+    return datetime.now(UTC)
+
+
+class Store:
+    """All runs below one folder. Holds nothing open."""
+
+    def __init__(self, root: Path, utc: Callable[[], datetime] = _utc_now) -> None:
+        self.root = Path(root)
+        self._utc = utc
+
+    def create(self, site_name: str, plan: object = None) -> RunFolder:
+        """A new run for a site; ``plan`` is any JSON-like value (mappings, lists, scalars) or text.
+
+        Raises StoreError (E-STORE-DISK) when the folder cannot be made.
+        """
+        now = self._utc()
+        slug = re.sub(r"[^A-Za-z0-9_-]+", "-", site_name).strip("-")[:40] or "run"
+        run_id = f"{now.strftime('%Y%m%dT%H%M%S')}{now.microsecond // 1000:03d}Z-{slug}-{secrets.token_hex(2)}"
+        path = self.root / run_id
+        facts = {
+            "schema": records.SCHEMA,
+            "run_id": run_id,
+            "site": site_name,
+            "created_utc": now.isoformat(timespec="milliseconds"),
+            "state": "created",
+            "machine": {},
+            "software": metadata.version("trueflank"),
+            "plan": records.plain(plan),
+            "stages": {},
+            "files": {},
+            BESIDE: {},
+            "errors": [],
+        }
+        with disk_errors(path):
+            new_folder(path)
+        write_whole(path / RUN_FILE, sealed(facts))
+        return RunFolder(path)
+
+    def open(self, run: str | Path) -> RunFolder:
+        """A run by its id, by the start of its id when only one matches, or by its path.
+
+        Raises StoreError (E-STORE-RUN, E-STORE-LINK), CorruptRecord, FutureSchema.
+        """
+        inside = (self.root / run,) if is_file_name(str(run)) else ()
+        for path in (*inside, Path(run)):
+            if (path / RUN_FILE).is_file():
+                return RunFolder(path)
+        matches = [path for path in self._folders() if path.name.startswith(str(run))] if str(run) else []
+        if len(matches) == 1:
+            return RunFolder(matches[0])
+        raise StoreError("E-STORE-RUN", str(self.root), run=shown(run), matches=len(matches))
+
+    def runs(self) -> tuple[RunSummary, ...]:
+        """All runs, oldest first; one that cannot be read is listed with its problem."""
+        return tuple(_summary(path) for path in self._folders())
+
+    def _folders(self) -> list[Path]:
+        with disk_errors(self.root):
+            if not self.root.is_dir():
+                return []
+            return sorted(path for path in self.root.iterdir() if (path / RUN_FILE).exists())
+
+
+def _summary(path: Path) -> RunSummary:
+    try:
+        return RunFolder(path).summary()
+    except StoreError as error:
+        return RunSummary(path.name, path, state="unreadable", problem=str(error))

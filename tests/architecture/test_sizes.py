@@ -1,0 +1,134 @@
+"""Rooms stay small, no import goes in a circle, and foreign libraries stand in as few files as they need."""
+
+from __future__ import annotations
+
+import ast
+import sys
+from collections import Counter, defaultdict
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+TOPS = ("gateway", "drivers", "simulators")
+LARGEST_FOLDER, LONGEST_FILE = 18, 300
+TOO_LONG = {
+    "drivers/ports.py",
+    "drivers/sinumerik/opcua/device.py",
+    "drivers/types.py",
+    "gateway/domain.py",
+    "simulators/nck/language/grammar.py",
+}
+"""Files that wait to be split: this list only shrinks."""
+LOADED_BY_NAME = {"drivers/registry.py"}
+STILL_BY_NAME = {"gateway/report/__init__.py"}
+"""Files that load modules by a text and will not: this list only shrinks."""
+DOORS = {
+    "SALib": 1,
+    "asyncua": 8,
+    "cryptography": 5,
+    "distributed": 1,
+    "fastapi": 1,
+    "jinja2": 2,
+    "lark": 1,
+    "markupsafe": 2,
+    "matplotlib": 8,
+    "pydantic": 7,
+    "pymodbus": 1,
+    "pytest": 1,
+    "rich": 1,
+    "scipy": 14,
+    "serial": 1,
+    "starlette": 2,
+    "typer": 20,
+    "uvicorn": 1,
+}
+"""In how many files each foreign library is imported; numpy is the language of the maths and may be anywhere."""
+ANYWHERE = {"numpy"}
+
+
+@cache
+def _trees() -> dict[Path, ast.Module]:
+    paths = [path for top in TOPS for path in sorted((ROOT / top).rglob("*.py"))]
+    return {path.relative_to(ROOT): ast.parse(path.read_text(encoding="utf-8")) for path in paths}
+
+
+def test_files_are_short() -> None:
+    lines = {str(path): len((ROOT / path).read_text(encoding="utf-8").splitlines()) for path in _trees()}
+    long = {path: count for path, count in lines.items() if count > LONGEST_FILE}
+    assert {path: count for path, count in long.items() if path not in TOO_LONG} == {}
+    assert TOO_LONG - set(long) == set(), "short now, or gone: take them off the list"
+
+
+def test_folders_are_small() -> None:
+    folders = Counter(str(path.parent) for path in _trees() if path.name != "__init__.py")
+    assert {folder: count for folder, count in folders.items() if count > LARGEST_FOLDER} == {}
+
+
+def _module(path: Path) -> str:
+    parts = path.with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def _imported(tree: ast.Module) -> Iterator[tuple[str, str]]:
+    """(module, name) of every import statement, those inside functions too; the name is empty in `import module`."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from ((alias.name, "") for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield from ((node.module or "", alias.name) for alias in node.names)
+
+
+@cache
+def _graph() -> dict[str, set[str]]:
+    """What each module imports of ours; a module that is taken from its package counts, not the package."""
+    modules = {_module(path): tree for path, tree in _trees().items()}
+    graph: dict[str, set[str]] = {}
+    for name, tree in modules.items():
+        found = {f"{one}.{two}" if f"{one}.{two}" in modules else one for one, two in _imported(tree)}
+        graph[name] = {other for other in found if other in modules} - {name}
+    return graph
+
+
+def _circle(graph: dict[str, set[str]]) -> list[str]:
+    """A way from a module back to itself, empty where there is none."""
+    done: set[str] = set()
+
+    def walk(name: str, way: list[str]) -> list[str]:
+        if name in way:
+            return [*way[way.index(name) :], name]
+        for other in sorted(graph[name] if name not in done else ()):
+            if found := walk(other, [*way, name]):
+                return found
+        done.add(name)
+        return []
+
+    return next((found for name in sorted(graph) if (found := walk(name, []))), [])
+
+
+def test_no_import_goes_in_a_circle() -> None:
+    assert _circle({"a": {"b"}, "b": {"c"}, "c": {"b"}}) == ["b", "c", "b"]
+    assert _circle(_graph()) == []
+
+
+def test_modules_are_loaded_by_name_in_the_registry_alone() -> None:
+    loading = {str(path) for path, tree in _trees().items() if any(_loads(node) for node in ast.walk(tree))}
+    assert loading - STILL_BY_NAME == LOADED_BY_NAME
+    assert STILL_BY_NAME - loading == set(), "cured: take them off the list"
+
+
+def _loads(node: ast.AST) -> bool:
+    if isinstance(node, ast.ImportFrom):
+        return node.module == "importlib" and any(alias.name == "import_module" for alias in node.names)
+    return (isinstance(node, ast.Attribute) and node.attr == "import_module") or (
+        isinstance(node, ast.Name) and node.id == "__import__"
+    )
+
+
+def test_foreign_libraries_stand_in_as_many_files_as_the_rule_says() -> None:
+    places: dict[str, set[str]] = defaultdict(set)
+    for path, tree in _trees().items():
+        for module, _name in _imported(tree):
+            places[module.partition(".")[0]].add(str(path))
+    foreign = set(places) - set(sys.stdlib_module_names) - set(TOPS) - ANYWHERE
+    assert {library: len(places[library]) for library in sorted(foreign)} == DOORS
