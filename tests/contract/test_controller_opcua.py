@@ -40,12 +40,6 @@ STOPS = tuple(
 )
 
 
-@pytest.fixture(scope="module")
-def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The server's key pair, made once."""
-    return tmp_path_factory.mktemp("server-keys")
-
-
 async def refused(work: object, code: str) -> TrueflankError:
     with pytest.raises(TrueflankError) as caught:
         await work  # type: ignore[misc]

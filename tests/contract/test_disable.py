@@ -18,12 +18,6 @@ X1 = DisableOrder(901, "EEC", "X1")
 CEC = DisableOrder(902, "CEC", "X1", 0)
 
 
-@pytest.fixture(scope="module")
-def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The server's key pair, made once."""
-    return tmp_path_factory.mktemp("server-keys")
-
-
 async def stand(nck: Any, clock: Any, axis: str, position: float) -> None:
     """The operator jogs the axis to where the table does something."""
     nck.set_mode("JOG")

@@ -34,12 +34,6 @@ CHECKS = (
 )
 
 
-@pytest.fixture(scope="module")
-def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The server's key pair, made once."""
-    return tmp_path_factory.mktemp("server-keys")
-
-
 def doctor(on: Stage, wanted: Wanted = WANTED, url: str = "", **settings: Any) -> Any:
     own = {key: value for key, value in PLAIN.items() if key != "security"}
     secured = {"server_certificate": str(on.server.certificate)}

@@ -25,12 +25,6 @@ R = [nodes.r_parameter(90 + place) for place in range(6)]
 STATUS = nodes.in_channel("chanStatus")
 
 
-@pytest.fixture(scope="module")
-def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The server's key pair, made once."""
-    return tmp_path_factory.mktemp("server-keys")
-
-
 async def refused(work: Any, *codes: str) -> TrueflankError:
     with pytest.raises(TrueflankError) as caught:
         await work

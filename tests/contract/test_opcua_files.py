@@ -18,12 +18,6 @@ MEASURE = "/_N_MPF_DIR/_N_TFMEAS_C1_MPF"
 STOPS = plan((Stop(5.0, 1),))
 
 
-@pytest.fixture(scope="module")
-def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The server's key pair, made once."""
-    return tmp_path_factory.mktemp("server-keys")
-
-
 async def refused(work: Any, code: str) -> TrueflankError:
     with pytest.raises(TrueflankError) as caught:
         await work

@@ -22,12 +22,6 @@ from tests.contract.opcua_stage import SPEC, Stage, on_stage, plan
 FOLDER = "Sinumerik/FileSystem/Part Program"
 
 
-@pytest.fixture(scope="module")
-def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The server's key pair, made once."""
-    return tmp_path_factory.mktemp("server-keys")
-
-
 async def refused(work: Any, code: str) -> TrueflankError:
     with pytest.raises(TrueflankError) as caught:
         await work

@@ -34,12 +34,6 @@ from tests.contract.test_opcua_doctor import WANTED
 USER = {"user": "trueflank", "password": "trueflank"}
 
 
-@pytest.fixture(scope="module")
-def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The server's key pair, made once."""
-    return tmp_path_factory.mktemp("server-keys")
-
-
 async def refused(work: Any, code: str) -> TrueflankError:
     with pytest.raises(TrueflankError) as caught:
         await work

@@ -40,12 +40,6 @@ TURN = CompensationTable(
 NOTHING = np.zeros(0)
 
 
-@pytest.fixture(scope="module")
-def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The server's key pair, made once."""
-    return tmp_path_factory.mktemp("server-keys")
-
-
 class Folder:
     def __init__(self, path: Path) -> None:
         self.path = path

@@ -25,12 +25,6 @@ SOAK = int(os.environ.get("N", "400"))
 WRONG_READBACK = Attack("READ", 1, numbered)
 
 
-@pytest.fixture(scope="module")
-def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The server's key pair, made once."""
-    return tmp_path_factory.mktemp("server-keys")
-
-
 ATTACKS: dict[str, tuple[tuple[Attack, ...], bool, set[str]]] = {
     "a back-up without one line": ((Attack("BACK", 0, left_out), WRONG_READBACK), False, {"held"}),
     "an older back-up of a cross table": ((Attack("BACK", 0, older), WRONG_READBACK), True, {"held"}),

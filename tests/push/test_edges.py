@@ -45,12 +45,6 @@ FAMILIES = {
 Play = Callable[[int, Path, Path], Played]
 
 
-@pytest.fixture(scope="module")
-def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The server's key pair, made once."""
-    return tmp_path_factory.mktemp("server-keys")
-
-
 def value(seed: int, folder: Path, keys: Path) -> Played:
     """One value, or output of a method, of the wrong kind over OPC UA."""
     rng = random.Random(seed)

@@ -41,12 +41,6 @@ NOT_THERE = ("rolled-back", "held", "held-on")
 TRANSFER = ("DISABLE", "BEGIN", "CHUNK", "VERIFY", "ACTIVATE")
 
 
-@pytest.fixture(scope="module")
-def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The server's key pair, made once."""
-    return tmp_path_factory.mktemp("server-keys")
-
-
 def test_every_number_has_its_tests() -> None:
     assert set(FAULTS) == set(range(46, 109))
     root = Path(__file__).parents[2]

@@ -18,13 +18,6 @@ from tests.push.mischief import Moment
 from tests.push.uaworld import UaWorld, ua_change, ua_context, ua_world
 from tests.push.world import Scene, World
 
-
-@pytest.fixture(scope="module")
-def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The server's key pair, made once."""
-    return tmp_path_factory.mktemp("server-keys")
-
-
 # ---- through the mailbox ----------------------------------------------------------------------------
 
 

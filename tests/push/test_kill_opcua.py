@@ -31,12 +31,6 @@ SHARDS, EACH = 6, 5
 OLDS = {"old on": LiveTable(OLD, True), "never loaded": never_loaded()}
 
 
-@pytest.fixture(scope="module")
-def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The server's key pair, made once."""
-    return tmp_path_factory.mktemp("server-keys")
-
-
 # ---- the gateway in a process of its own, in wall time ----------------------------------------------
 
 

@@ -55,12 +55,6 @@ def test_many_more_seeded_faults_on_the_mailbox(tmp_path: Path, shard: int) -> N
     play(range(100_000 + shard * size, 100_000 + (shard + 1) * size), tmp_path)
 
 
-@pytest.fixture(scope="module")
-def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The server's key pair, made once."""
-    return tmp_path_factory.mktemp("server-keys")
-
-
 def play_opcua(seeds: range, folder: Path, keys: Path) -> Counter[str]:
     """The same over OPC UA."""
     found: Counter[str] = Counter()

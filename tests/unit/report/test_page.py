@@ -59,11 +59,6 @@ def material() -> ReportMaterial:
     return synthetic.material()
 
 
-@pytest.fixture(scope="module")
-def document(material: ReportMaterial) -> str:
-    return render(material)
-
-
 def test_every_fact_of_the_run_is_on_the_page(document: str, material: ReportMaterial) -> None:
     text = Outline(document).text
     wanted = (

@@ -59,11 +59,6 @@ def material() -> ReportMaterial:
     return replace(closing.material(), axes=())
 
 
-@pytest.fixture(scope="module")
-def document(material: ReportMaterial) -> str:
-    return render(material)
-
-
 def test_the_verdict_and_the_tooths_figure_come_first(document: str, material: ReportMaterial) -> None:
     tooth = material.tooth
     assert tooth is not None
