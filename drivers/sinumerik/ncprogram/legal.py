@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 from drivers.errors import LocalProtocolError
 from drivers.programs import ProgramText
@@ -28,8 +29,8 @@ def legal(path: str, text: str, axes: Iterable[str]) -> LegalProgram:
     found = _found(path.rpartition("/")[2], text, frozenset(name.upper() for name in axes))
     if found:
         first = found[0]
-        fields = {"path": path, "line": first.line, "rule": first.code, "why": first.what, "count": len(found)}
-        raise LocalProtocolError("E-PROGRAM-ILLEGAL", path, **fields)
+        given: dict[str, Any] = {"line": first.line, "rule": first.code, "why": first.what}
+        raise LocalProtocolError("E-PROGRAM-ILLEGAL", path, path=path, count=len(found), **given)
     return LegalProgram(ProgramText(path, text))
 
 
