@@ -31,6 +31,7 @@ _OWN = (
     DriverSpec("sinumerik-opcua-doctor", "doctor", "drivers.sinumerik.opcua.doctor:UaDoctor"),
     DriverSpec("sinumerik-modbus-doctor", "doctor", "drivers.sinumerik.mailbox.doctor:ModbusDoctor"),
     DriverSpec("sinumerik-opcua-program", "program", "drivers.sinumerik.opcua.grinding:preview"),
+    DriverSpec("sinumerik-opcua-paper", "paper", "drivers.sinumerik.opcua.paper:on_paper"),
     DriverSpec("sinumerik-opcua-trust", "trust", "drivers.sinumerik.opcua.trust:UaTrust"),
     DriverSpec("sinumerik-modbus", "controller", "drivers.sinumerik.mailbox.device:SinumerikModbus"),
     DriverSpec("umd", "instrument", "drivers.umd.device:UmdCounter"),

@@ -22,7 +22,7 @@ from gateway.domain import TableChange
 from gateway.errors import RollbackFailed, StillOn, VerifyError, WriteRefused
 from gateway.push import conversation
 from gateway.push.compare import table_in
-from gateway.push.context import PushContext
+from gateway.push.context import AxisFacts, PushContext
 from gateway.push.loading import load, release
 from gateway.push.records import journal
 from gateway.push.records.lock import machine_lock
@@ -60,7 +60,19 @@ def triangle(
     Zero at the reference (and its two neighbours when it lies between points), at both ends and everywhere
     outside the longer side of the reference. Raises TableError (E-PUSH-TRIANGLE) when no peak fits.
     """
-    axis, output = context.moved, context.axis
+    return triangle_of(context.moved, context.axis, minimum, maximum, step, function, index)
+
+
+def triangle_of(
+    axis: AxisFacts,
+    output: AxisFacts,
+    minimum: float,
+    maximum: float,
+    step: float,
+    function: Literal["EEC", "CEC"] = "EEC",
+    index: int = 0,
+) -> tuple[CompensationTable, float]:
+    """As `triangle`, for an input ``axis`` and an ``output`` axis without a machine to push to."""
     count = round((maximum - minimum) / step) + 1
     at = min(max((axis.reference - minimum) / step, 0.0), float(count - 1))
     below, above = (0, floor(at + 1e-9)), (ceil(at - 1e-9), count - 1)

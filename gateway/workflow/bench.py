@@ -6,10 +6,12 @@ import asyncio
 from collections.abc import AsyncIterator, Collection
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
+from importlib import metadata
 from pathlib import Path
 
 from drivers.clock import Clock
 from drivers.errors import ConfigError, TrueflankError
+from drivers.programs import Origin, ProgramText, SendsPrograms
 from drivers.scrub import without_secrets_text
 from drivers.types import MachineIdentity
 from gateway import stopping
@@ -105,6 +107,8 @@ async def bench(
     try:
         machine = await supervisor.open_all()
         folder.set_state("opened", machine=machine)
+        if isinstance(supervisor.controller, SendsPrograms):
+            supervisor.controller.attend(origin_of(site, folder.run_id), _Kept(folder).keep)
         say("P-OPEN", site=site.site.name, serial=machine.serial, count=len(supervisor.picture()))
         if not supervisor.left.clear:
             say("P-LEFT", words=supervisor.left.words)
@@ -116,3 +120,24 @@ async def bench(
         with stopping.current().leaving():
             await supervisor.close_all()
         folder.adopt(*(folder.path / "traces").glob("*"))
+
+
+def origin_of(site: SiteFile, run: str = "") -> Origin:
+    """In whose name this site's programs are sent."""
+    return Origin(site.site.name, site.controller.serial, run, metadata.version("trueflank"))
+
+
+SENT = "sent-"
+
+
+class _Kept:
+    """Every program that is sent, in the run folder, numbered in order; one that cannot be kept is not sent."""
+
+    def __init__(self, folder: RunFolder) -> None:
+        self._folder = folder
+        self._count = sum(1 for _ in folder.path.glob(f"{SENT}*"))
+
+    def keep(self, program: ProgramText) -> None:
+        """Raises StoreError."""
+        self._count += 1
+        self._folder.write_text(f"{SENT}{self._count:03}-{program.file_name}", program.text)

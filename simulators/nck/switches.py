@@ -47,6 +47,8 @@ class Switches:
         ``locked_alarm``: the alarm when an enabled table is written.
         ``fetch_while_waiting``: files may be read from outside while a program runs or waits.
         ``r_writable``: R parameters may be written from outside.
+        ``judges_programs``: what the printed rules of the language refuse is not run (alarm 12080); False only
+        where the interpreter behind that gate is tried by itself.
         ``backlash_reacts_to_cec``: False: as if MD32454 bit 1 were always set.
         ``shortened_max_is_stored``: where memory ends before MAX, _MAX reads back shortened once it acts.
         ``enable_cleared_at_boot``: MD32700 and MD32710 are 0 after an NCK reset or power on.
@@ -91,6 +93,7 @@ class Switches:
     locked_alarm: int = 17070
     fetch_while_waiting: bool = True
     r_writable: bool = True
+    judges_programs: bool = True
     backlash_reacts_to_cec: bool = True
     shortened_max_is_stored: bool = False
     enable_cleared_at_boot: bool = False

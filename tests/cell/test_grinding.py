@@ -105,7 +105,7 @@ def test_the_part_is_what_the_truth_says_and_set_up_values_and_tables_show_on_it
         assert [cell.nck.get(f"R[{number}]") for number in range(77, 96)] == [n + 0.25 for n in range(77, 96)]
         assert folder.get("ground-before", GroundPart) == part
         assert (part.setup, part.spaces, set(part.live)) == (plain, 39, {"X1", "Z1", "C1"})
-        assert "FOR K=0 TO 38" in folder.read_text("grind-before.mpf")
+        assert "FOR USPACE=0 TO 38" in folder.read_text("grind-before.mpf")
         assert "$MA_BACKLASH[0,C1]" in folder.read_text("tables-C1-before.spf")
         assert folder.state == "ground"
 

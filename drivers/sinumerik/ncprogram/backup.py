@@ -16,8 +16,8 @@ from drivers.sinumerik.ncprogram.words import file_path
 Section = Literal["LIVE", "BACK", "READ"]
 END_WORD = "M17"
 _CEC_PARAMETERS = ("STEP", "MIN", "MAX", "DIRECTION", "MULT_BY_TABLE", "IS_MODULO", "TYPE")
-_COUNTER = "LINES"
-VARIABLES = f"ERR, N, {_COUNTER}"
+_ERROR, POINT, _COUNTER = "UERR", "UPOINT", "ULINES"
+VARIABLES = f"{_ERROR}, {POINT}, {_COUNTER}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +132,7 @@ def blocks(saving: Saving, failed: str) -> list[str]:
     leftovers beyond the end of a table are on record too. The lines are counted as they are written.
     """
     write = _Writer(saving.path, failed)
-    out = [f'DELETE(ERR,"{saving.path}")', "STOPRE", f"{_COUNTER}=0", *write.text(f'"{saving.first_line}"')]
+    out = [f'DELETE({_ERROR},"{saving.path}")', "STOPRE", f"{_COUNTER}=0", *write.text(f'"{saving.first_line}"')]
     if saving.memory.eec_points:
         out += [*write.points(own_points(saving)), *write.values(own_parameters(saving))]
     for table in reserved_tables(saving.memory):
@@ -146,7 +146,7 @@ def _cross(write: _Writer, table: int, saving: Saving) -> list[str]:
     inner = write.points(cross_points(table, saving))
     for name in cross_axes(table):
         for axis in saving.memory.axes:
-            inner += [f"IF {name}=={axis}", *write.text(f'"{name}=({axis})"'), "ENDIF"]
+            inner += [f"IF {name}==({axis})", *write.text(f'"{name}=({axis})"'), "ENDIF"]
     inner += write.values(cross_parameters(table))
     never = write.values((cross_step(table),))
     switches = write.values(cross_switches(table))
@@ -160,12 +160,12 @@ class _Writer:
 
     def text(self, text: str) -> list[str]:
         counted = f"{_COUNTER}={_COUNTER}+1"
-        return [f'WRITE(ERR,"{self.path}",{text})', f"IF ERR<>0 GOTOF {self.failed}", counted]
+        return [f'WRITE({_ERROR},"{self.path}",{text})', f"IF {_ERROR}<>0 GOTOF {self.failed}", counted]
 
     def values(self, names: Iterable[str]) -> list[str]:
         return [block for name in names for block in self.text(f'"{name}="<<{name}')]
 
     def points(self, points: Points) -> list[str]:
         left, right = points.left, points.right
-        text = f'"{left}"<<N<<"{right}="<<{left}N{right}'
-        return [f"FOR N=0 TO {points.count - 1}", *self.text(text), "ENDFOR"]
+        text = f'"{left}"<<{POINT}<<"{right}="<<{left}{POINT}{right}'
+        return [f"FOR {POINT}=0 TO {points.count - 1}", *self.text(text), "ENDFOR"]

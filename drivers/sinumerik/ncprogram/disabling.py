@@ -6,31 +6,46 @@ its switches read so and nothing acts any more; M30 ends it either way, and noth
 
 from __future__ import annotations
 
+from drivers.sinumerik.ncprogram.heads import Head, headed, section
 from drivers.sinumerik.ncprogram.measuring import PREPARE, Setting, check_names, phase_block, text_of, unless_aborted
 from drivers.sinumerik.ncprogram.motion import number
 from drivers.sinumerik.ncprogram.pushing import NOTHING
-from drivers.sinumerik.ncprogram.words import Phase, Word
+from drivers.sinumerik.ncprogram.words import Phase, Word, program_path
 from drivers.sinumerik.tablefile.grammar import value_text
 from drivers.types import DisableOrder
 
 SETTLE_S = 0.5
 _LEFT, _ON = "TF_LEFT", "TF_ON"
+_STOPS = "press RESET: the table may be on or off; start the order again or look at its switch on the screen."
 
 
 def disabling(order: DisableOrder, setting: Setting) -> str:
     """The whole program. Raises LocalProtocolError (E-PROGRAM-NAME)."""
     check_names(order.axis)
     words = setting.words
-    out = [PREPARE, *(f"{words.name(word)}=0" for word in (Word.COUNTER, Word.MISMATCHES, Word.RELEASE))]
+    out = [
+        section("modal states, R words"),
+        *PREPARE,
+        *(f"{words.name(word)}=0" for word in (Word.COUNTER, Word.MISMATCHES, Word.RELEASE)),
+    ]
     out += [f"{words.name(word)}={value}" for word, value in _identity(order, setting).items()]
-    out += ["STOPRE", unless_aborted(words, _LEFT), *(f"{switch}=0" for switch in switches(order))]
+    out += [
+        section("the table off"),
+        "STOPRE",
+        unless_aborted(words, _LEFT),
+        *(f"{switch}=0" for switch in switches(order)),
+    ]
     out += ["NEWCONF", f"G4 F{number(SETTLE_S)}", "STOPRE"]
     out += [f"IF {switch}<>0 GOTOF {_ON}" for switch in switches(order)]
     out += [f"IF ABS({acting(order)})>{value_text(NOTHING)} GOTOF {_ON}"]
+    out += [section("ways out")]
     for label, phase in (("", Phase.SWITCHED_OFF), (_ON, Phase.STILL_ON), (_LEFT, Phase.LEFT)):
         out += [f"{label}:"] if label else []
         out += ["STOPRE", phase_block(words, phase), "M30"]
-    return text_of(out)
+    what = f"switch the {order.function} table {order.index} of {order.axis} off, nothing else"
+    also = f"Switching the table off moves {order.axis} by the table's value."
+    path = program_path("OFF", order.axis)
+    return text_of(headed(Head(path, what, order.transaction, _STOPS, setting.origin, also), out))
 
 
 def switches(order: DisableOrder) -> tuple[str, ...]:

@@ -12,11 +12,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from drivers.errors import LocalProtocolError
+from drivers.programs import NOBODY, Origin
 from drivers.sinumerik.ncprogram import backup
 from drivers.sinumerik.ncprogram.backup import Memory, Saving
+from drivers.sinumerik.ncprogram.heads import Head, headed, section
 from drivers.sinumerik.ncprogram.measuring import PREPARE, check_names, phase_block, text_of, unless_aborted
 from drivers.sinumerik.ncprogram.motion import number
-from drivers.sinumerik.ncprogram.words import Phase, SetupWord, Word, Words
+from drivers.sinumerik.ncprogram.words import Phase, SetupWord, Word, Words, file_path, program_path
 from drivers.workpiece import (
     DRESSER_OVERRUN_MM,
     INDEX_OVERRUN_DEG,
@@ -29,9 +31,10 @@ from drivers.workpiece import (
 
 _MESSAGE = re.compile(r"[A-Za-z0-9 ()=.,:_/+-]{1,60}")
 _LEFT, _FAILED, _REFUSED, _STALE = "TF_LEFT", "TF_FAILED", "TF_REFUSED", "TF_STALE"
+_STOPS = "retract X by hand, stop the wheel, press RESET; the part is scrap. No table was written."
 NEVER_GIVEN = 999_999
-_PLACES = {SetupWord.X: "XSET", SetupWord.C: "CSET", SetupWord.DRESSING: "YSET"}
-_MOST = {"XSET": MOST_X_MM, "CSET": MOST_C_DEG, "YSET": MOST_DRESSING_MM}
+_PLACES = {SetupWord.X: "UXSET", SetupWord.C: "UCSET", SetupWord.DRESSING: "UYSET"}
+_MOST = {"UXSET": MOST_X_MM, "UCSET": MOST_C_DEG, "UYSET": MOST_DRESSING_MM}
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +44,7 @@ class GrindSetting:
     words: Words
     memory: Mapping[str, Memory]
     modulo: bool = True
+    origin: Origin = NOBODY
 
 
 def preview(plan: GrindPlan, words: Words) -> str:
@@ -67,7 +71,12 @@ def _text(plan: GrindPlan, token: int, setting: GrindSetting, *, saves: bool) ->
     if not _MESSAGE.fullmatch(plan.part):
         raise LocalProtocolError("E-PROGRAM-MESSAGE", plan.name, text=plan.part)
     words = setting.words
-    out = [f"DEF INT {backup.VARIABLES}, K", "DEF REAL XSET, CSET, YSET, CAT", PREPARE]
+    out = [
+        f"DEF INT {backup.VARIABLES}, USPACE",
+        "DEF REAL UXSET, UCSET, UYSET, UCAT",
+        section("modal states, R words"),
+        *PREPARE,
+    ]
     out += ["STOPRE", f"IF {words.name(Word.RELEASE)}<>{token} GOTOF {_STALE}"]
     out += [f"{words.name(word)}=0" for word in (Word.COUNTER, Word.ECHO, Word.MISMATCHES, Word.RELEASE)]
     out += [f"{words.name(Word.TRANSACTION)}={token}", phase_block(words, Phase.BACKING_UP), "STOPRE"]
@@ -75,16 +84,34 @@ def _text(plan: GrindPlan, token: int, setting: GrindSetting, *, saves: bool) ->
     if saves:
         for axis in plan.compensated:
             memory = setting.memory[axis.name]
+            out += [section(f"live tables and switches of {axis.name} into a file")]
             out += backup.blocks(Saving("LIVE", token, axis.name, axis.encoder, memory), _FAILED)
-    out += ["STOPRE", phase_block(words, Phase.GRINDING), *_clear(plan)]
+    out += [section("wheel clear, blank"), "STOPRE", phase_block(words, Phase.GRINDING), *_clear(plan)]
     out += [*_person(f"TRUEFLANK LOAD BLANK {plan.part}"), unless_aborted(words, _LEFT)]
-    out += [*([plan.wheel_on] if plan.wheel_on else []), *_spaces(plan, setting), *_stopped(plan)]
-    out += [*_person(f"TRUEFLANK UNLOAD PART {plan.part}"), phase_block(words, Phase.FINISHED), "M30"]
-    out += [f"{_LEFT}:", "STOPRE", *_stopped(plan), phase_block(words, Phase.LEFT), "M30"]
+    out += [
+        section("space by space"),
+        *([plan.wheel_on] if plan.wheel_on else []),
+        *_spaces(plan, setting),
+        *_stopped(plan),
+    ]
+    out += [
+        section("part out"),
+        *_person(f"TRUEFLANK UNLOAD PART {plan.part}"),
+        phase_block(words, Phase.FINISHED),
+        "M30",
+    ]
+    out += [section("ways out"), f"{_LEFT}:", "STOPRE", *_stopped(plan), phase_block(words, Phase.LEFT), "M30"]
     out += [f"{_FAILED}:", "STOPRE", phase_block(words, Phase.FILE_FAILED), "M30"]
     out += [f"{_REFUSED}:", "STOPRE", phase_block(words, Phase.SETUP_REFUSED), "M30"]
     out += [f"{_STALE}:", "M30"]
-    return text_of(out)
+    return text_of(headed(_head(plan, token, setting, saves=saves), out))
+
+
+def _head(plan: GrindPlan, token: int, setting: GrindSetting, *, saves: bool) -> Head:
+    files = ", ".join(file_path("LIVE", axis.name) for axis in plan.compensated)
+    also = "The wheel runs. X is retracted before C turns." + (f" Saves what acts in {files}." if saves else "")
+    what = f"test part {plan.part}, {plan.spaces} spaces"
+    return Head(program_path("GRIND", plan.index.name), what, token, _STOPS, setting.origin, also)
 
 
 def _taken(words: Words) -> list[str]:
@@ -115,23 +142,23 @@ def _clear(plan: GrindPlan) -> list[str]:
     out = [_retract(plan), _move(plan.stroke.letter, number(plan.ends_mm[0]), feed)]
     if plan.dresser is not None:
         letter = plan.dresser.letter
-        out += [_move(letter, f"YSET-{number(DRESSER_OVERRUN_MM)}", feed), _move(letter, "YSET", feed)]
+        out += [_move(letter, f"UYSET-{number(DRESSER_OVERRUN_MM)}", feed), _move(letter, "UYSET", feed)]
     return out
 
 
 def _spaces(plan: GrindPlan, setting: GrindSetting) -> list[str]:
     words, letter, feed = setting.words, plan.index.letter, plan.index_feed
     back, on = ("+", "-") if plan.index_sense < 0 else ("-", "+")
-    begin = [f"CAT=CSET{back}{number(INDEX_OVERRUN_DEG)}", *_turn(setting)]
-    turn = [f"CAT=CSET{on}K*360.0/{plan.spaces}", *_turn(setting)]
+    begin = [f"UCAT=UCSET{back}{number(INDEX_OVERRUN_DEG)}", *_turn(setting)]
+    turn = [f"UCAT=UCSET{on}USPACE*360.0/{plan.spaces}", *_turn(setting)]
     way = "ACN" if plan.index_sense < 0 else "ACP"
     counter = words.name(Word.COUNTER)
     return [
         *begin,
-        _move(letter, "DC(CAT)" if setting.modulo else "CAT", feed),
-        f"FOR K=0 TO {plan.spaces - 1}",
+        _move(letter, "DC(UCAT)" if setting.modulo else "UCAT", feed),
+        f"FOR USPACE=0 TO {plan.spaces - 1}",
         *turn,
-        _move(letter, f"{way}(CAT)" if setting.modulo else "CAT", feed),
+        _move(letter, f"{way}(UCAT)" if setting.modulo else "UCAT", feed),
         f"G4 F{number(plan.dwell_s)}",
         *_strokes(plan),
         "STOPRE",
@@ -143,7 +170,7 @@ def _spaces(plan: GrindPlan, setting: GrindSetting) -> list[str]:
 
 def _turn(setting: GrindSetting) -> list[str]:
     """A place of an endless axis is written as 0 to 360."""
-    return ["IF CAT<0", "CAT=CAT+360.0", "ENDIF"] if setting.modulo else []
+    return ["IF UCAT<0", "UCAT=UCAT+360.0", "ENDIF"] if setting.modulo else []
 
 
 def _strokes(plan: GrindPlan) -> list[str]:
@@ -154,7 +181,7 @@ def _strokes(plan: GrindPlan) -> list[str]:
     for count, short in enumerate(plan.strokes):
         if short != before:
             feed = plan.positioning_feed if before is None else plan.infeed_feed
-            place = f"XSET-{number(plan.centre_distance_mm + short)}"
+            place = f"UXSET-{number(plan.centre_distance_mm + short)}"
             out.append(_move(plan.infeed.letter, place, feed))
         out.append(_move(plan.stroke.letter, low if count % 2 else high, plan.stroke_feed))
         before = short

@@ -11,17 +11,25 @@ from dataclasses import dataclass
 from itertools import groupby
 
 from drivers.errors import LocalProtocolError
+from drivers.programs import NOBODY, Origin
 from drivers.sinumerik.ncprogram import backup
 from drivers.sinumerik.ncprogram.backup import Memory, Saving
+from drivers.sinumerik.ncprogram.heads import Head, headed, section
 from drivers.sinumerik.ncprogram.motion import Motion, number
-from drivers.sinumerik.ncprogram.words import Phase, Word, Words
+from drivers.sinumerik.ncprogram.words import Phase, Word, Words, file_path, program_path
 from drivers.types import Stop, StopPlan
 
 POLL_S = 0.25
-PREPARE = "G500 D0 G90 G94 G60 G601"
+# Every modal state that a program before ours may have left: plane, tool radius, exact stop, absolute, feed per
+# minute, offsets, metric (lengths and feeds, as tables and set-up values are in mm), radius programming, tool length,
+# transformation.
+PREPARE = ("G17 G40 G60 G601 G90 G94 G500 G710 DIAMOF D0", "TRAFOOF")
+SWITCHED = "press RESET and leave tables alone: trueflank knows what it switched and puts it back (recover)."
+STANDING = "press RESET: tables and switches are as they were. Then ask trueflank what is left in the control."
 _NAME = re.compile(r"[A-Z][A-Z0-9_]{0,11}")
 _MESSAGE = re.compile(r"[A-Za-z0-9 ()=.,:_/+-]{0,120}")
 _LEFT, _FAILED = "TF_LEFT", "TF_FAILED"
+_ROUND, _WAITED = "UROUND", "UWAITED"
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +45,7 @@ class Setting:
     axis_number: int = 1
     approach_feed: float = 2000.0
     wait_limit_s: float = 14400.0
+    origin: Origin = NOBODY
 
 
 def measuring(plan: StopPlan, token: int, setting: Setting) -> str:
@@ -50,21 +59,30 @@ def measuring(plan: StopPlan, token: int, setting: Setting) -> str:
     if not plan.stops:
         raise LocalProtocolError("E-PROGRAM-EMPTY", plan.name)
     words = setting.words
-    out = [f"DEF INT {backup.VARIABLES}, K, WAITED", PREPARE]
+    out = [f"DEF INT {backup.VARIABLES}, {_ROUND}, {_WAITED}", section("modal states, R words"), *PREPARE]
     out += [f"{words.name(word)}=0" for word in (Word.COUNTER, Word.ECHO, Word.MISMATCHES, Word.RELEASE)]
     out += [f"{words.name(Word.TRANSACTION)}={token}", phase_block(words, Phase.BACKING_UP), "STOPRE"]
     out += [unless_aborted(words, _LEFT)]
     if plan.save_tables:
         saving = Saving("LIVE", token, plan.compensated_axis, plan.encoder, setting.memory)
-        out += backup.blocks(saving, _FAILED)
-    out += ["STOPRE", phase_block(words, Phase.MEASURING)]
+        out += [section("live tables and switches into a file"), *backup.blocks(saving, _FAILED)]
+    out += [section("measuring"), "STOPRE", phase_block(words, Phase.MEASURING)]
     if plan.setup:
         out += [f'MSG("{plan.setup}")', "M0", 'MSG("")', "STOPRE", unless_aborted(words, _LEFT)]
     out += _stops(plan, setting)
-    out += ["STOPRE", phase_block(words, Phase.FINISHED), "M30"]
+    out += ["STOPRE", phase_block(words, Phase.FINISHED), "M30", section("ways out")]
     out += [f"{_LEFT}:", "STOPRE", phase_block(words, Phase.LEFT), "M30"]
     out += [f"{_FAILED}:", "STOPRE", phase_block(words, Phase.FILE_FAILED), "M30"]
-    return text_of(out)
+    return text_of(headed(_head(plan, token, setting), out))
+
+
+def _head(plan: StopPlan, token: int, setting: Setting) -> Head:
+    switched = any(stop.switch is not None for stop in plan.stops)
+    what = f"{plan.name}, {len(plan.stops)} stops of {plan.axis}" + (", one table switched" if switched else "")
+    saved = f"Saves what acts on {plan.compensated_axis} in {file_path('LIVE', plan.compensated_axis)}."
+    also = ("Switching a table moves its axis by the table's value. " if switched else "") + saved * plan.save_tables
+    stops = SWITCHED if switched else STANDING
+    return Head(program_path("MEAS", plan.compensated_axis), what, token, stops, setting.origin, also)
 
 
 def _stops(plan: StopPlan, setting: Setting) -> list[str]:
@@ -74,7 +92,7 @@ def _stops(plan: StopPlan, setting: Setting) -> list[str]:
     if not _alike(rounds):
         return _sequence(plan, motion, plan.stops, "", setting)
     first, last = rounds[0][0].repetition, rounds[-1][0].repetition
-    return [f"FOR K={first} TO {last}", *_sequence(plan, motion, rounds[0], "K", setting), "ENDFOR"]
+    return [f"FOR {_ROUND}={first} TO {last}", *_sequence(plan, motion, rounds[0], _ROUND, setting), "ENDFOR"]
 
 
 def _alike(rounds: list[tuple[Stop, ...]]) -> bool:
@@ -120,13 +138,13 @@ def _handshake(plan: StopPlan, stop: Stop, repetition: str, setting: Setting) ->
         "STOPRE",
         *(f"{words.name(word)}={value}" for word, value in shown.items()),
         f"{counter}={counter}+1",
-        "WAITED=0",
+        f"{_WAITED}=0",
         f"WHILE {words.name(Word.ECHO)}<>{counter}",
         f"G4 F{number(POLL_S)}",
         "STOPRE",
-        "WAITED=WAITED+1",
+        f"{_WAITED}={_WAITED}+1",
         unless_aborted(words, _LEFT),
-        f"IF WAITED>{round(setting.wait_limit_s / POLL_S)} GOTOF {_LEFT}",
+        f"IF {_WAITED}>{round(setting.wait_limit_s / POLL_S)} GOTOF {_LEFT}",
         "ENDWHILE",
     ]
 

@@ -12,9 +12,10 @@ from decimal import Decimal
 from drivers.errors import TableError, TooManyPoints
 from drivers.sinumerik.ncprogram import backup
 from drivers.sinumerik.ncprogram.backup import Memory, Saving, Section
+from drivers.sinumerik.ncprogram.heads import Head, headed, section
 from drivers.sinumerik.ncprogram.measuring import PREPARE, Setting, check_names, phase_block, text_of, unless_aborted
 from drivers.sinumerik.ncprogram.motion import Motion, number
-from drivers.sinumerik.ncprogram.words import Phase, Word, Words
+from drivers.sinumerik.ncprogram.words import Phase, Word, Words, file_path, program_path
 from drivers.sinumerik.tablefile import tables
 from drivers.sinumerik.tablefile.grammar import value_text
 from drivers.types import CompensationTable, PushOrder
@@ -24,6 +25,8 @@ NOTHING = Decimal("0.0000005")
 FINEST = Decimal("0.000000001")  # below this the control's own decimals differ from its binary value
 _HELD, _LEFT, _FAILED, _COMPARE = "TF_HELD", "TF_LEFT", "TF_FAILED", "TF_COMPARE"
 _WAKES, _ALONE = "TF_WAKES", "TF_ALONE"
+_HALF = "UHALF"
+_STOPS = "press RESET and grind nothing: the table is off or half written. trueflank recover puts the old one back."
 
 
 def loaded_message(order: PushOrder, words: Words) -> str:
@@ -55,30 +58,45 @@ def values_of(order: PushOrder) -> tuple[Decimal, ...]:
 def pushing(order: PushOrder, setting: Setting) -> str:
     """The one program with both halves: load and prove, M0, then enable if it was released."""
     half = [f'MSG("{loaded_message(order, setting.words)}")', "M0", 'MSG("")', "STOPRE"]
-    return _program(order, setting, [*_first_half(order, setting), *half, *_second_half(order, setting)])
+    return _program("PUSH", order, setting, [*_first_half(order, setting), *half, *_second_half(order, setting)])
 
 
 def loading(order: PushOrder, setting: Setting) -> str:
     """The first half alone, for controls that give no file out while a program waits."""
-    return _program(order, setting, [*_first_half(order, setting), "M30"])
+    return _program("LOAD", order, setting, [*_first_half(order, setting), "M30"])
 
 
 def enabling(order: PushOrder, setting: Setting) -> str:
     """The second half alone; it checks the words that `loading` left and every point again."""
-    return _program(order, setting, _second_half(order, setting))
+    return _program("ENAB", order, setting, _second_half(order, setting))
 
 
-def _program(order: PushOrder, setting: Setting, body: list[str]) -> str:
+def _program(kind: str, order: PushOrder, setting: Setting, body: list[str]) -> str:
     words = setting.words
-    check = _section(order, setting) if any(_COMPARE in block for block in body) else []
-    ends = [f"{_HELD}:", "STOPRE", *_disable(order.table), "STOPRE"]
+    check = _section(order, setting, body)
+    ends = [section("ways out, the table off"), f"{_HELD}:", "STOPRE", *_disable(order.table), "STOPRE"]
     ends += [phase_block(words, Phase.ENDED_DISABLED), 'MSG("")', "M30"]
     ends += [f"{_LEFT}:", "STOPRE", phase_block(words, Phase.LEFT), "M30"]
     ends += [f"{_FAILED}:", "STOPRE", phase_block(words, Phase.FILE_FAILED), "M30"]
     if order.table.function == "CEC":
         ends += [f"{_WAKES}:", "STOPRE", phase_block(words, Phase.WOULD_WAKE), "M30"]
         ends += [f"{_ALONE}:", "STOPRE", phase_block(words, Phase.ENDED_DISABLED), 'MSG("")', "M30"]
-    return text_of([f"DEF INT {backup.VARIABLES}, HALF", PREPARE, *body, *check, *ends])
+    begin = [f"DEF INT {backup.VARIABLES}, {_HALF}", section("modal states, R words"), *PREPARE]
+    return text_of(headed(_head(kind, order, setting), [*begin, *body, *check, *ends]))
+
+
+def _head(kind: str, order: PushOrder, setting: Setting) -> Head:
+    table = order.table
+    parts = {
+        "PUSH": "load and, after the release, enable",
+        "LOAD": "load, table left off",
+        "ENAB": "enable what LOAD wrote",
+    }
+    what = f"{parts[kind]} {table.name}, {len(table.deviations)} points ({order.purpose})"
+    names = " and ".join(file_path(name, table.output_axis) for name in ("BACK", "READ"))
+    saved = f" Saves old and new table in {names}." if kind != "ENAB" else ""
+    also = f"Switching the table off or on moves {table.output_axis} by the table's value.{saved}"
+    return Head(program_path(kind, table.output_axis), what, order.transaction, _STOPS, setting.origin, also)
 
 
 def _first_half(order: PushOrder, setting: Setting) -> list[str]:
@@ -87,14 +105,15 @@ def _first_half(order: PushOrder, setting: Setting) -> list[str]:
     out = [f"{words.name(word)}=0" for word in (Word.COUNTER, Word.MISMATCHES, Word.RELEASE)]
     out += [f"{words.name(word)}={value}" for word, value in _identity(order, setting).items()]
     out += [phase_block(words, Phase.BACKING_UP), "STOPRE", unless_aborted(words, _LEFT)]
-    out += backup.blocks(saving("BACK", order, setting.memory), _FAILED)
+    out += [section("old table into a file"), *backup.blocks(saving("BACK", order, setting.memory), _FAILED)]
     out += _asleep(order, setting)
+    out += [section("to where old and new table agree; the table off")]
     out += [_go(order, setting), "STOPRE", *_disable(table), "STOPRE"]
     out += [f"IF {switch}<>0 GOTOF {_LEFT}" for switch in switches(table)]
     out += [*_still_acting(table), phase_block(words, Phase.DISABLED)]
-    out += [*_write(order, setting), "STOPRE", phase_block(words, Phase.WRITTEN)]
-    out += ["HALF=1", f"GOTOF {_COMPARE}", f"{_COMPARE}_1:"]
-    out += backup.blocks(saving("READ", order, setting.memory), _HELD)
+    out += [section("new table"), *_write(order, setting), "STOPRE", phase_block(words, Phase.WRITTEN)]
+    out += [f"{_HALF}=1", f"GOTOF {_COMPARE}", f"{_COMPARE}_1:"]
+    out += [section("what was written into a file"), *backup.blocks(saving("READ", order, setting.memory), _HELD)]
     out += [f"IF {words.name(Word.MISMATCHES)}<>0 GOTOF {_HELD}", "STOPRE"]
     return [*out, phase_block(words, Phase.WAITING)]
 
@@ -104,9 +123,10 @@ def _second_half(order: PushOrder, setting: Setting) -> list[str]:
     table, words = order.table, setting.words
     wanted = {Word.RELEASE: str(order.transaction), Word.ABORT: "0", Word.MISMATCHES: "0"}
     wanted |= {Word.PHASE: str(int(Phase.WAITING))} | _identity(order, setting)
-    out = [f"IF {words.name(word)}<>{value} GOTOF {_HELD}" for word, value in wanted.items()]
+    out = [section("second half: enable only what was released and is as it was written")]
+    out += [f"IF {words.name(word)}<>{value} GOTOF {_HELD}" for word, value in wanted.items()]
     out += [f"IF {switch}<>0 GOTOF {_HELD}" for switch in switches(table)]
-    out += [_go(order, setting), "STOPRE", "HALF=2", f"GOTOF {_COMPARE}", f"{_COMPARE}_2:"]
+    out += [_go(order, setting), "STOPRE", f"{_HALF}=2", f"GOTOF {_COMPARE}", f"{_COMPARE}_2:"]
     out += [f"IF {words.name(Word.MISMATCHES)}<>0 GOTOF {_HELD}"]
     if not order.enable:
         return [*out, *_others_again(order)]
@@ -117,9 +137,18 @@ def _second_half(order: PushOrder, setting: Setting) -> list[str]:
     return [*out, "M0", 'MSG("")', "M30"]
 
 
-def _section(order: PushOrder, setting: Setting) -> list[str]:
-    """The comparison of every parameter and point, entered by a jump from either half."""
-    return [f"{_COMPARE}:", "STOPRE", *_compare(order, setting)]
+def _section(order: PushOrder, setting: Setting, body: list[str]) -> list[str]:
+    """The comparison of every parameter and point, entered by a jump from either half and left back to it."""
+    halves = [half for half in (1, 2) if f"{_COMPARE}_{half}:" in body]
+    back = [f"IF {_HALF}=={half} GOTOB {_COMPARE}_{half}" for half in halves]
+    return [
+        section("every parameter and point compared"),
+        f"{_COMPARE}:",
+        "STOPRE",
+        *_compare(order, setting),
+        *back,
+        f"GOTOF {_HELD}",
+    ]
 
 
 def _identity(order: PushOrder, setting: Setting) -> dict[Word, str]:
@@ -148,7 +177,7 @@ def _asleep(order: PushOrder, setting: Setting) -> list[str]:
     out: list[str] = []
     for other, points in enumerate(setting.memory.cec_points):
         if points and other != table.index:
-            out += [f"IF $AN_CEC_STEP[{other}]<>0", f"IF $AN_CEC_OUTPUT_AXIS[{other}]=={table.output_axis}"]
+            out += [f"IF $AN_CEC_STEP[{other}]<>0", f"IF $AN_CEC_OUTPUT_AXIS[{other}]==({table.output_axis})"]
             out += [f"IF $SN_CEC_TABLE_ENABLE[{other}]<>0 GOTOF {_WAKES}", "ENDIF", "ENDIF"]
     return out
 
@@ -200,7 +229,11 @@ def _write(order: PushOrder, setting: Setting) -> list[str]:
         )
     out = tables.parameter_lines(table) + tables.point_lines(table, values)
     if len(values) < reserved:
-        out += [f"FOR N={len(values)} TO {reserved - 1}", f"{tables.point_name(table, 'N')}=0", "ENDFOR"]
+        out += [
+            f"FOR {backup.POINT}={len(values)} TO {reserved - 1}",
+            f"{tables.point_name(table, backup.POINT)}=0",
+            "ENDFOR",
+        ]
     return out
 
 
@@ -217,14 +250,14 @@ def _compare(order: PushOrder, setting: Setting) -> list[str]:
         out += [f"IF {_differs(name, value_text(stored), half_unit)}", *count]
     reserved = reserved_points(table, setting.memory)
     if len(values) < reserved:
-        leftover = tables.point_name(table, "N")
-        out += [f"FOR N={len(values)} TO {reserved - 1}", f"IF {leftover}<>0", *count, "ENDFOR"]
-    return [*out, f"IF HALF==2 GOTOB {_COMPARE}_2", f"GOTOB {_COMPARE}_1"]
+        leftover = tables.point_name(table, backup.POINT)
+        out += [f"FOR {backup.POINT}={len(values)} TO {reserved - 1}", f"IF {leftover}<>0", *count, "ENDFOR"]
+    return out
 
 
 def _differs(name: str, value: str, half_unit: str) -> str:
     if value.startswith("("):
-        return f"{name}<>{value[1:-1]}"
+        return f"{name}<>{value}"
     if "." not in value:
         return f"{name}<>{value}"
     other = f"+{value[1:]}" if value.startswith("-") else f"-{value}"

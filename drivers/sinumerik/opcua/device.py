@@ -10,13 +10,15 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import secrets as random_source
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, Literal
 
 from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded, DeviceRefused, TrueflankError, UnsupportedDevice
+from drivers.programs import NOBODY, Origin, ProgramText
 from drivers.sinumerik.ncprogram import measuring as measuring_program
 from drivers.sinumerik.ncprogram.backup import Memory, Saving
+from drivers.sinumerik.ncprogram.legal import legal
 from drivers.sinumerik.ncprogram.measuring import Setting
 from drivers.sinumerik.ncprogram.words import Phase, Word, program_path
 from drivers.sinumerik.opcua.activation import activation
@@ -72,6 +74,7 @@ class SinumerikOpcUa(Leaver):
             self._dialogue, self._reader, self._transfer, self._settings.channel, clock, name, self._open_again
         )
         self._configuration = Configuration((), (), ())
+        self._origin = NOBODY
         self._plan: StopPlan | None = None
         self._token, self._memory = 0, Memory(0)
         self._saved = self._ended = False
@@ -94,6 +97,11 @@ class SinumerikOpcUa(Leaver):
             await self._session.close()
             raise
         return Identity("sinumerik-opcua", "SINUMERIK 840D", machine.serial, machine.nck_version)
+
+    def attend(self, origin: Origin, keep: Callable[[ProgramText], None]) -> None:
+        """From now on programs carry ``origin`` in their head; ``keep`` is called with each before it is sent."""
+        self._origin = self._grinding.origin = origin
+        self._transfer.keep = keep
 
     async def close(self) -> None:
         """Give the R parameters back, as far as no program still needs them, and log out. Never raises."""
@@ -139,17 +147,17 @@ class SinumerikOpcUa(Leaver):
     async def prepare_stops(self, plan: StopPlan) -> None:
         """Send, read back and select the program of a plan.
 
-        Raises DeviceRefused (E-NC-NOT-RESET and other refusals) before anything was written or selected.
+        Raises DeviceRefused (E-NC-NOT-RESET and other refusals), and as `legal`, before anything was written.
         """
         setting = await self._setting(plan.axis, plan.compensated_axis, plan.encoder, rotary=plan.rotary)
         token = random_source.randbelow(899_999) + 100_000
-        text = measuring_program.measuring(plan, token, setting)
         path = program_path("MEAS", plan.compensated_axis)
+        passed = legal(path, measuring_program.measuring(plan, token, setting), self._configuration.names)
         await self._dialogue.begin(setting.axis_number, token, path)
         self._plan, self._token, self._saved, self._ended = plan, token, False, False
         self._memory, self._grinding.plan = setting.memory, None
         self._moving_since, self._move_s = None, 0.0
-        await self._transfer.send(path, text)
+        await self._transfer.send(passed)
         await self._transfer.select(path)
 
     async def _setting(self, axis: str, compensated: str, encoder: int, *, rotary: bool) -> Setting:
@@ -163,6 +171,7 @@ class SinumerikOpcUa(Leaver):
             axis_number=number,
             approach_feed=self._settings.approach_feed,
             wait_limit_s=self._settings.wait_limit_s,
+            origin=self._origin,
         )
 
     async def wait_stop(self, after: int, timeout_s: float) -> StopReached | None:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from drivers.errors import DeviceRefused
 from drivers.sinumerik.ncprogram import disabling as disabling_program
+from drivers.sinumerik.ncprogram.legal import legal
 from drivers.sinumerik.ncprogram.measuring import Setting
 from drivers.sinumerik.ncprogram.words import Phase, program_path
 from drivers.sinumerik.opcua.dialogue import Dialogue, Glance
@@ -30,12 +31,12 @@ class Disabling:
     async def prepare(self, order: DisableOrder, setting: Setting) -> None:
         """Send, read back and select the program; nothing in the control changes until NC START.
 
-        Raises DeviceRefused (E-NC-NOT-RESET) with nothing written while a program runs or waits.
+        Raises DeviceRefused (E-NC-NOT-RESET) with nothing written while a program runs or waits, and as `legal`.
         """
-        text = disabling_program.disabling(order, setting)
         path = program_path("OFF", order.axis)
+        passed = legal(path, disabling_program.disabling(order, setting), setting.memory.axes)
         await self._dialogue.begin(setting.axis_number, order.transaction, path)
-        await self._transfer.send(path, text)
+        await self._transfer.send(passed)
         await self._transfer.select(path)
 
     async def disabled(self, order: DisableOrder, timeout_s: float, configuration: Configuration) -> SwitchReading:

@@ -8,9 +8,11 @@ from typing import Any
 
 from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded, DeviceRefused
+from drivers.programs import NOBODY
 from drivers.sinumerik.ncprogram import grinding as grinding_program
 from drivers.sinumerik.ncprogram.backup import Memory, Saving
 from drivers.sinumerik.ncprogram.grinding import GrindSetting
+from drivers.sinumerik.ncprogram.legal import legal
 from drivers.sinumerik.ncprogram.words import Phase, SetupWord, Word, program_path
 from drivers.sinumerik.opcua.dialogue import Dialogue, Glance
 from drivers.sinumerik.opcua.machine import Configuration, MachineReader
@@ -54,19 +56,20 @@ class Grinding:
         self._ended = False
         self._placed: dict[int, float] = {}
         self.plan: GrindPlan | None = None
+        self.origin = NOBODY
 
     async def prepare(self, plan: GrindPlan, configuration: Configuration) -> str:
         """Place the set-up values, send the program, read both back and select it; returns its text.
 
-        Raises ConfigError as `check_plan`, UnsupportedDevice (E-NC-AXIS), DeviceRefused (E-NC-NOT-RESET) before
-        anything was written; E-GRIND-NOT-HELD, and what sending and selecting raise, before anything was selected.
+        Raises as `check_plan` and `legal`, UnsupportedDevice (E-NC-AXIS), DeviceRefused (E-NC-NOT-RESET) before all
+        writing; E-GRIND-NOT-HELD, and what sending and selecting raise, before anything was selected.
         """
         check_plan(plan)
         numbers = [configuration.number(axis.name, self._where) for axis in plan.axes]
         setting = await self._setting(plan, configuration)
         token = random_source.randbelow(899_999) + 100_000
-        text = grinding_program.grinding(plan, token, setting)
         path = program_path("GRIND", plan.index.name)
+        passed = legal(path, grinding_program.grinding(plan, token, setting), configuration.names)
         await self._dialogue.begin(numbers[0], token, path)
         self.plan, self._token, self._saved, self._ended = plan, token, False, False
         self._memory = setting.memory
@@ -74,16 +77,16 @@ class Grinding:
         self._placed = {setting.words.setup_number(word): value for word, value in values.items()}
         await self._dialogue.place(self._placed)
         await self._dialogue.write({Word.RELEASE: float(token)})
-        await self._transfer.send(path, text)
+        await self._transfer.send(passed)
         await self._transfer.select(path)
-        return text
+        return passed.program.text
 
     async def _setting(self, plan: GrindPlan, configuration: Configuration) -> GrindSetting:
         memory = {
             axis.name: await self._reader.memory(configuration, axis.name, axis.encoder) for axis in plan.compensated
         }
         modulo = configuration.is_modulo(plan.index.name, rotary=True)
-        return GrindSetting(self._settings.words, memory, modulo)
+        return GrindSetting(self._settings.words, memory, modulo, self.origin)
 
     async def ground(self, after: int, timeout_s: float) -> int | None:
         """Spaces done, once they are more than ``after`` (-1: once the program has begun); None when it has ended.

@@ -13,6 +13,7 @@ from typing import Any
 from drivers.clock import Clock
 from drivers.errors import DeviceRefused, TransportError, TrueflankError
 from drivers.leftover import NOTHING, Kind, LeftOver, Sent, SentBook
+from drivers.sinumerik.ncprogram.legal import legal
 from drivers.sinumerik.ncprogram.words import MARKED, Phase, Word
 from drivers.sinumerik.opcua.dialogue import Dialogue, Glance
 from drivers.sinumerik.opcua.machine import MachineReader
@@ -199,7 +200,7 @@ class Leaving:
         if await self._selected() != sent.program:
             return True
         try:
-            await self._transfer.send(sent.program, INERT)
+            await self._transfer.send(legal(sent.program, INERT, ()))
         except DeviceRefused:
             return False
         return True

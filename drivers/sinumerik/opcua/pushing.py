@@ -9,6 +9,7 @@ from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded, DeviceRefused
 from drivers.sinumerik.ncprogram import pushing as pushing_program
 from drivers.sinumerik.ncprogram.backup import Memory, Saving, Section
+from drivers.sinumerik.ncprogram.legal import legal
 from drivers.sinumerik.ncprogram.measuring import Setting
 from drivers.sinumerik.ncprogram.words import HALF, MARKER_STATES, Phase, Word, program_path
 from drivers.sinumerik.ncprogram.written import read_written
@@ -51,18 +52,19 @@ class Pushing:
     async def prepare(self, order: PushOrder, setting: Setting) -> None:
         """Send, read back and select the two-half program; nothing in the control changes until NC START.
 
-        Raises TableError (E-TABLE-NO-PROOF, E-TABLE-POINTS, E-TABLE-FINITE...) before anything is written.
+        Raises TableError (E-TABLE-NO-PROOF, E-TABLE-POINTS, E-TABLE-FINITE...), and as `legal`, before all writing.
         """
         axis, self._memory = order.table.output_axis, setting.memory
         if self._settings.two_programs:
             texts = {"LOAD": pushing_program.loading(order, setting), "ENAB": pushing_program.enabling(order, setting)}
         else:
             texts = {"PUSH": pushing_program.pushing(order, setting)}
-        first = program_path(next(iter(texts)), axis)
+        passed = [legal(program_path(purpose, axis), text, setting.memory.axes) for purpose, text in texts.items()]
+        first = passed[0].program.path
         await self._dialogue.begin(setting.axis_number, order.transaction, first)
         await self.mark(order, "in-progress")
-        for purpose, text in texts.items():
-            await self._transfer.send(program_path(purpose, axis), text)
+        for program in passed:
+            await self._transfer.send(program)
         await self._transfer.select(first)
 
     async def mark(self, order: PushOrder, state: str) -> None:

@@ -1,8 +1,15 @@
-"""Files and program selection: send, fetch back and compare, select; by methods, else by file nodes."""
+"""Files and program selection: send, fetch back and compare, select; by methods, else by file nodes.
+
+Only a `LegalProgram` is sent, so that nothing passes the gate by.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from drivers.errors import DeviceRefused, LocalProtocolError, UnsupportedDevice
+from drivers.programs import ProgramText
+from drivers.sinumerik.ncprogram.legal import LegalProgram
 from drivers.sinumerik.opcua.session import nodes, values
 from drivers.sinumerik.opcua.session.client import UaSession
 from drivers.sinumerik.opcua.session.files import FileNodes
@@ -17,7 +24,7 @@ _NOT_GIVEN = _NOT_COPIED | {"BadResponseTooLarge", "BadEncodingLimitsExceeded"}
 
 
 class Transfer:
-    """Moves text files; ``timeout_s`` bounds each call."""
+    """Moves text files; ``timeout_s`` bounds each call. ``keep`` is called with each program before it is sent."""
 
     def __init__(self, session: UaSession, channel: int, where: str) -> None:
         self._session = session
@@ -25,12 +32,15 @@ class Transfer:
         self._channel = channel
         self._where = where
         self.timeout_s = 5.0
+        self.keep: Callable[[ProgramText], None] = _nowhere
 
-    async def send(self, path: str, text: str) -> None:
+    async def send(self, passed: LegalProgram) -> None:
         """Write a program and read it back. Raises DeviceRefused (E-NC-PROGRAM-CHANGED) when it differs."""
+        path, text = passed.program.path, passed.program.text
         content = text.encode("ascii")
         if len(content) > LARGEST:
             raise LocalProtocolError("E-PROGRAM-SIZE", self._where, size=len(content), limit=LARGEST)
+        self.keep(passed.program)
         await self._put(_server_path(path), content)
         if _lines(await self.fetch(path)) != _lines(text):
             raise DeviceRefused("E-NC-PROGRAM-CHANGED", self._where, path=path)
@@ -79,6 +89,10 @@ class Transfer:
         if code != _SELECTED:
             refused = _SELECT.get(code, "E-NC-SELECT")
             raise DeviceRefused(refused, self._where, path=path, answer=code, channel=self._channel, status="busy")
+
+
+def _nowhere(_program: ProgramText) -> None:
+    """Nobody keeps what is sent."""
 
 
 def _server_path(path: str) -> str:

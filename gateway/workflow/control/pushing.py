@@ -143,7 +143,7 @@ async def _ambient(at: Bench, change: TableChange) -> Ambient | None:
 def table_context(at: Bench, table: CompensationTable, capture: Capture | None) -> PushContext:
     """What a push of this very table works with: its axes, and the proof of its function if there is one."""
     context = push_context(at, at.axis(table.output_axis), capture)
-    other = _facts_of(at.axis(table.input_axis)) if table.input_axis != table.output_axis else None
+    other = facts_of(at.axis(table.input_axis)) if table.input_axis != table.output_axis else None
     return replace(context, input=other, proof=at.proofs.find(at.machine, table.function, table.output_axis))
 
 
@@ -155,7 +155,7 @@ def push_context(at: Bench, axis: AxisSection, capture: Capture | None) -> PushC
         clock=at.clock,
         folder=at.folder,
         journals=at.store.root / JOURNALS,
-        axis=_facts_of(axis),
+        axis=facts_of(axis),
         machine=at.machine,
         typed_name=name,
         site_name=name,
@@ -167,7 +167,7 @@ def push_context(at: Bench, axis: AxisSection, capture: Capture | None) -> PushC
     )
 
 
-def _facts_of(axis: AxisSection) -> AxisFacts:
+def facts_of(axis: AxisSection) -> AxisFacts:
     measure = axis.measure
     return AxisFacts(
         axis.name,

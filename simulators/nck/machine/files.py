@@ -89,6 +89,11 @@ class FileSystem:
         """Whether the file is there."""
         return canonical(path) in self._files
 
+    @property
+    def routines(self) -> frozenset[str]:
+        """Names of all programs, without folder, front and ending."""
+        return frozenset(path.rpartition("/")[2][3:-4] for path in self._files)
+
     def size(self, path: str) -> int:
         """Bytes of the file."""
         return self._found(path).size

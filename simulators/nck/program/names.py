@@ -11,6 +11,7 @@ from simulators.nck.machine.core import Core
 from simulators.nck.machine.files import program_path
 from simulators.nck.program.block import BlockWords, Modal, is_silent
 from simulators.nck.program.expressions import R_NAME, Evaluate, compiled
+from simulators.nck.program.gate import admit
 from simulators.nck.program.procedures import PROCEDURES, Host, message_of
 from simulators.nck.program.program_data import ProgramData
 from simulators.nck.program.scope import Frame
@@ -63,7 +64,9 @@ class Names:
     def _push(self, path: str, arguments: tuple[Value, ...]) -> Frame:
         if len(self._frames) >= _DEPTH:
             raise NckRefusal(12540, "subprograms nested too deeply")
-        program = outline(self._panel.files.text(path))
+        text = self._panel.files.text(path)
+        admit(self._core.spec, path, text, self._panel.files.routines)
+        program = outline(text)
         self._steps[path] = {}
         frame = Frame(program, path, arguments=arguments)
         self._frames.append(frame)

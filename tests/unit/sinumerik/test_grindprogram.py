@@ -64,12 +64,12 @@ class Walk:
             return labels[jump[2]] if self._value(jump[1]) else line
         if block.startswith("IF "):
             return line if self._value(block[3:]) else lines.index("ENDIF", line)
-        if block.startswith("FOR K="):
-            self.r["K"] = 0
+        if block.startswith("FOR USPACE="):
+            self.r["USPACE"] = 0
         elif block == "ENDFOR":
-            self.r["K"] += 1
+            self.r["USPACE"] += 1
             head = max(place for place in range(line) if lines[place].startswith("FOR "))
-            return head if self.r["K"] <= self._value(lines[head].split(" TO ")[1]) else line
+            return head if self.r["USPACE"] <= self._value(lines[head].split(" TO ")[1]) else line
         elif block.startswith("SUPA G1 "):
             self._move(*block.split()[2].split("=", 1))
         elif re.fullmatch(r"R80=R80\+1", block):
@@ -82,7 +82,7 @@ class Walk:
         elif block.startswith("MSG("):
             self.said.append(block)
         else:
-            assert re.match(r"(DEF|G500|STOPRE$|G4 F|M0$|M3|M5|S1500|TF_|ENDIF)", block), block
+            assert re.match(r"(;|DEF|G17|TRAFOOF$|STOPRE$|G4 F|M0$|M3|M5|S1500|TF_|ENDIF)", block), block
         return line
 
     def _value(self, text: str) -> float:
@@ -165,9 +165,8 @@ def test_people_come_to_a_clear_wheel_and_spaces_are_counted_with_the_wheel_clea
     ]
     text = grinding(PLAN, 123456, GrindSetting(Words(), MEMORY))
     loaded = text.index("LOAD BLANK")
-    assert (
-        text.index('"M17"') < text.index("SUPA G1 X=-170.0") < loaded < text.index("S1500 M3") < text.index("FOR K=0")
-    )
+    on, first = text.index("S1500 M3"), text.index("FOR USPACE=0")
+    assert text.index('"M17"') < text.index("SUPA G1 X=-170.0") < loaded < on < first
     assert text.index("R90=13") < text.index("SUPA")
     assert len(walk.counted_at) == 39
     assert all(at["X"] == -170.0 and at["Z"] == 137.0 for at in walk.counted_at)
@@ -247,7 +246,7 @@ def test_what_is_allowed_at_the_limits_is_not_refused() -> None:
 def test_a_preview_shows_the_moves_and_would_do_nothing() -> None:
     text = preview(PLAN, {"security": "None", "r_first": 500}, "site")
     assert "R577" not in text
-    assert "XSET=R497" in text
+    assert "UXSET=R497" in text
     assert "WRITE" not in text
     assert "IF R509<>999999 GOTOF TF_STALE" in text
 

@@ -45,10 +45,10 @@ def moves(text: str) -> list[str]:
 
 def test_like_repetitions_become_one_loop_and_others_are_written_out() -> None:
     looped = measuring_program.measuring(plan(rounds(5)), 123456, SETTING)
-    assert "FOR K=0 TO 4" in looped
+    assert "FOR UROUND=0 TO 4" in looped
     assert looped.count("R80=R80+1") == 6
     uneven = measuring_program.measuring(plan((*rounds(2), Stop(10.0, 1, 2, 9))), 123456, SETTING)
-    assert "FOR K" not in uneven
+    assert "FOR UROUND" not in uneven
     assert uneven.count("R80=R80+1") == 13
     for text in (looped, uneven):
         parse(text)
@@ -136,7 +136,7 @@ def test_the_counter_is_written_last_and_every_wait_can_be_left() -> None:
         assert all(f"R8{n}=" in "\n".join(lines[:counted]) for n in range(1, 5))
         waiting = lines[lines.index("WHILE R85<>R80") : lines.index("ENDWHILE")]
         assert "IF R86<>0 GOTOF TF_LEFT" in waiting
-        assert "IF WAITED>57600 GOTOF TF_LEFT" in waiting
+        assert "IF UWAITED>57600 GOTOF TF_LEFT" in waiting
 
 
 def test_tables_are_saved_before_the_first_move_and_the_set_up() -> None:
@@ -181,14 +181,14 @@ def test_push_programs_are_readable_and_never_write_the_memory_data() -> None:
 def test_order_of_the_first_half() -> None:
     text = pushing_program.pushing(ORDER, SETTING)
     marks = [
-        'DELETE(ERR,"/_N_SPF_DIR/_N_TFBACK_X1_SPF")',
+        'DELETE(UERR,"/_N_SPF_DIR/_N_TFBACK_X1_SPF")',
         "SUPA G1 X=0.0 F=2000.0",
         "$MA_ENC_COMP_ENABLE[0,X1]=0\nNEWCONF",
         "IF $MA_ENC_COMP_ENABLE[0,X1]<>0 GOTOF TF_LEFT",
         "$AA_ENC_COMP_STEP[0,X1]=50.0",
         "$AA_ENC_COMP[0,1,X1]=-0.003000",
-        "FOR N=3 TO 79\n$AA_ENC_COMP[0,N,X1]=0\nENDFOR",
-        'DELETE(ERR,"/_N_SPF_DIR/_N_TFREAD_X1_SPF")',
+        "FOR UPOINT=3 TO 79\n$AA_ENC_COMP[0,UPOINT,X1]=0\nENDFOR",
+        'DELETE(UERR,"/_N_SPF_DIR/_N_TFREAD_X1_SPF")',
         "IF R88<>0 GOTOF TF_HELD",
         'MSG("TRUEFLANK LOADED X1(X1) NC START WHEN R89=4711")\nM0',
         "IF R89<>4711 GOTOF TF_HELD",
@@ -214,7 +214,7 @@ def test_a_table_that_does_not_fit_or_has_no_proof_makes_no_program() -> None:
     with pytest.raises(TableError, match="E-TABLE-FINITE"):
         pushing_program.pushing(replace(ORDER, table=replace(TABLE, deviations=(0.0, float("nan"), 0.0))), SETTING)
     exact = pushing_program.pushing(ORDER, replace(SETTING, memory=Memory(3)))
-    assert "FOR N=3" not in exact
+    assert "FOR UPOINT=3" not in exact
 
 
 def test_new_tables_are_rounded_once_and_restored_ones_are_not() -> None:

@@ -1,0 +1,67 @@
+"""The programs that would be sent, written and judged without a control."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from drivers.programs import Order, Origin, PaperMachine, ProgramText
+from drivers.sinumerik.ncprogram import disabling, grinding, measuring, pushing
+from drivers.sinumerik.ncprogram.backup import Memory
+from drivers.sinumerik.ncprogram.grinding import NEVER_GIVEN, GrindSetting
+from drivers.sinumerik.ncprogram.legal import legal
+from drivers.sinumerik.ncprogram.measuring import Setting
+from drivers.sinumerik.ncprogram.words import program_path
+from drivers.sinumerik.opcua.settings import UaSettings
+from drivers.types import DisableOrder, PushOrder, StopPlan
+
+
+def on_paper(
+    order: Order, settings: Mapping[str, Any], machine: PaperMachine, origin: Origin, where: str
+) -> tuple[ProgramText, ...]:
+    """One program of an order, two of a push where the site loads and enables by two; their number is no real one.
+
+    Raises ConfigError as `UaSettings.read`, and what writing and judging such a program raise.
+    """
+    found = UaSettings.read(settings, where)
+    texts = _texts(order, found, machine, origin)
+    return tuple(legal(path, text, machine.axes).program for path, text in texts.items())
+
+
+def _texts(order: Order, settings: UaSettings, machine: PaperMachine, origin: Origin) -> dict[str, str]:
+    if isinstance(order, StopPlan):
+        setting = _setting(order.axis, order.compensated_axis, settings, machine, origin)
+        return {program_path("MEAS", order.compensated_axis): measuring.measuring(order, NEVER_GIVEN, setting)}
+    if isinstance(order, PushOrder):
+        return _push(order, settings, machine, origin)
+    if isinstance(order, DisableOrder):
+        setting = _setting(order.axis, order.axis, settings, machine, origin)
+        return {program_path("OFF", order.axis): disabling.disabling(order, setting)}
+    memory = {axis.name: _memory(axis.name, machine) for axis in order.compensated}
+    given = GrindSetting(settings.words, memory, order.index.name in machine.modulo, origin)
+    return {program_path("GRIND", order.index.name): grinding.grinding(order, NEVER_GIVEN, given)}
+
+
+def _push(order: PushOrder, settings: UaSettings, machine: PaperMachine, origin: Origin) -> dict[str, str]:
+    axis = order.table.output_axis
+    setting = _setting(order.table.input_axis, axis, settings, machine, origin)
+    writers = (
+        {"LOAD": pushing.loading, "ENAB": pushing.enabling} if settings.two_programs else {"PUSH": pushing.pushing}
+    )
+    return {program_path(purpose, axis): write(order, setting) for purpose, write in writers.items()}
+
+
+def _setting(moved: str, compensated: str, settings: UaSettings, machine: PaperMachine, origin: Origin) -> Setting:
+    return Setting(
+        words=settings.words,
+        memory=_memory(compensated, machine),
+        modulo=moved in machine.modulo,
+        axis_number=machine.axes.index(moved) + 1,
+        approach_feed=settings.approach_feed,
+        wait_limit_s=settings.wait_limit_s,
+        origin=origin,
+    )
+
+
+def _memory(axis: str, machine: PaperMachine) -> Memory:
+    return Memory(machine.eec_points.get(axis, 0), machine.cec_points, machine.axes)

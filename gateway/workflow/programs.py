@@ -1,0 +1,168 @@
+"""Every program that a site would send, written without a control: to be read and signed before the first day.
+
+What only the control knows is taken as small as the work allows: as many points as the tables ask for (MD38000,
+MD18342), and no tables of others. Numbers of runs and transactions are none that was ever given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+from drivers import registry
+from drivers.errors import ConfigError
+from drivers.programs import Order, PaperMachine, ProgramText
+from drivers.types import CompensationTable, DisableOrder, MachineIdentity, PushOrder, SignProof, Stop, StopPlan
+from gateway.capture.live import targets_of, with_checks
+from gateway.capture.targets import jog_plan, jog_start, measuring_plan, plan_of
+from gateway.config import AxisSection, SiteFile
+from gateway.domain import Proposal
+from gateway.push.signproof import TIMES, triangle_of
+from gateway.tooth import SetupValues
+from gateway.workflow.axes.measure import check_stops
+from gateway.workflow.bench import origin_of
+from gateway.workflow.control.pushing import facts_of
+from gateway.workflow.errors21.setups import Planned, planned
+from gateway.workflow.part.grinding import gear_of_site, grind_plan
+
+What = Literal["measure", "load", "proof", "backup", "grind", "off"]
+EVERY: tuple[What, ...] = ("measure", "load", "proof", "backup", "grind", "off")
+NUMBER = 999_999
+
+
+@dataclass(frozen=True, slots=True)
+class Written:
+    """One program: what it is for, a name of its own among the others, and its text."""
+
+    what: What
+    name: str
+    program: ProgramText
+
+
+def programs(
+    site: SiteFile, site_path: Path, wanted: tuple[What, ...] = EVERY, proposal: Proposal | None = None
+) -> tuple[Written, ...]:
+    """Programs of these kinds in the order in which a run sends them; ``load`` from ``proposal`` or an example table.
+
+    Raises ConfigError (E-PROGRAM-NO-ROAD) for a road that runs no programs, and what writing and judging raise.
+    """
+    role = f"{site.controller.driver}-paper"
+    if role not in registry.known("paper"):
+        raise ConfigError("E-PROGRAM-NO-ROAD", site.site.name, driver=site.controller.driver)
+    write = registry.load(role, "paper")
+    tables = _loaded(site, proposal)
+    machine, origin = _machine(site, tables), origin_of(site)
+    found = []
+    for what in wanted:
+        for name, order in _orders(site, site_path, what, tables):
+            made = write(order, site.controller.settings, machine, origin, str(site_path))
+            found += [Written(what, f"{what}-{name}-{one.file_name}", one) for one in made]
+    return tuple(found)
+
+
+def kept(written: tuple[Written, ...], folder: Path, *, force: bool = False) -> None:
+    """Write them as files. Raises ConfigError (E-PROGRAM-THERE), before the first is written, unless ``force``."""
+    there = [one.name for one in written if (folder / one.name).exists()]
+    if there and not force:
+        raise ConfigError("E-PROGRAM-THERE", str(folder), name=there[0], count=len(there))
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for one in written:
+            (folder / one.name).write_text(one.program.text, encoding="ascii", newline="\n")
+    except OSError as error:
+        raise ConfigError("E-PROGRAM-FOLDER", str(folder), why=str(error)) from error
+
+
+def _loaded(site: SiteFile, proposal: Proposal | None) -> tuple[CompensationTable, ...]:
+    """The tables of a proposal; without one an example for each axis, of the size that its own table will have."""
+    if proposal is not None:
+        return tuple(change.new for change in proposal.changes if not change.skipped)
+    return tuple(_triangle(axis)[0] for axis in site.axes)
+
+
+def _triangle(axis: AxisSection) -> tuple[CompensationTable, float]:
+    facts, grid = facts_of(axis), axis.table
+    return triangle_of(facts, facts, grid.minimum, grid.maximum, grid.step)
+
+
+def _machine(site: SiteFile, tables: tuple[CompensationTable, ...]) -> PaperMachine:
+    own = {axis.name: len(_triangle(axis)[0].deviations) for axis in site.axes}
+    cross = {table.index: len(table.deviations) for table in tables if table.function == "CEC"}
+    eec = {table.output_axis: len(table.deviations) for table in tables if table.function == "EEC"}
+    modulo = frozenset(axis.name for axis in site.axes if axis.modulo)
+    points = tuple(cross.get(number, 0) for number in range(max(cross, default=-1) + 1))
+    names = tuple(axis.name for axis in site.axes)
+    return PaperMachine(names, modulo, {name: max(own[name], eec.get(name, 0)) for name in names}, points)
+
+
+def _orders(
+    site: SiteFile, site_path: Path, what: What, tables: tuple[CompensationTable, ...]
+) -> Iterator[tuple[str, Order]]:
+    if what == "grind":
+        if site.work is not None:
+            yield "part", grind_plan(site, gear_of_site(site, site_path), SetupValues())
+    elif what == "load":
+        yield from (_load(site, table) for table in tables)
+    else:
+        axes = site.axes if what != "measure" or not site.setups else ()
+        for axis in axes:
+            yield from _of_axis(axis, what)
+        if what == "measure" and site.setups:
+            yield from (order for one in planned(site) for order in _of_setup(site, one))
+
+
+def _of_axis(axis: AxisSection, what: What) -> Iterator[tuple[str, Order]]:
+    if what == "measure":
+        if axis.measure.file is None:
+            yield from _measured(axis, f"{axis.letter}-{axis.measure.component}", axis.measure.jog)
+        else:
+            yield from _of_axis(axis, "backup")
+    elif what == "backup":
+        stop = Stop(axis.reference, 1)
+        yield axis.letter, plan_of(axis, (stop,), "", name=f"TFREAD{axis.letter}", dwell_s=axis.measure.dwell_s)
+    elif what == "proof":
+        yield from _proof(axis)
+    else:
+        yield axis.letter, DisableOrder(NUMBER, "EEC", axis.name, axis.encoder)
+
+
+def _measured(axis: AxisSection, name: str, jog: float, between: bool = True) -> Iterator[tuple[str, Order]]:
+    """The move that proves the mounting, then every target, with check stops where an axis is positioned."""
+    setup = f"TRUEFLANK SETUP {axis.measure.component} ON {axis.letter}"
+    yield f"{name}-jog", jog_plan(axis, jog_start(axis, jog), jog, setup)
+    places, checks = with_checks(targets_of(axis), check_stops(axis, "before") if between else None)
+    yield name, measuring_plan(axis, places, "", name=f"TFMEAS{axis.letter}", checks=checks)
+
+
+def _of_setup(site: SiteFile, one: Planned) -> Iterator[tuple[str, Order]]:
+    if one.setup.source != "live":
+        return
+    for name, place in sorted(one.setup.park.items()):
+        axis = next(axis for axis in site.axes if axis.name == name)
+        parked = plan_of(axis, (Stop(place, 1),), "", name=f"TFPARK{axis.letter}", dwell_s=0.1, save=False)
+        yield f"{one.key}-park-{axis.letter}", parked
+    jog = one.axis.measure.jog if one.positioning else one.jog
+    yield from _measured(one.axis, one.key, jog, between=one.positioning)
+
+
+def _load(site: SiteFile, table: CompensationTable) -> tuple[str, Order]:
+    moved = next(axis for axis in site.axes if axis.name == table.input_axis)
+    identity = MachineIdentity(site.controller.serial, "", tuple(axis.name for axis in site.axes))
+    proof = SignProof(identity, table.function, table.output_axis, 1.0, 0.01, 1, "")
+    order = PushOrder(NUMBER, table, moved.letter, moved.kind == "rotary", True, moved.reference, "table", proof)
+    return f"{table.function.lower()}-{table.output_axis}-{table.input_axis}", order
+
+
+def _proof(axis: AxisSection) -> Iterator[tuple[str, Order]]:
+    """The triangle table, the stops that switch it, and the old table back."""
+    table, peak = _triangle(axis)
+    order = PushOrder(NUMBER, table, axis.letter, axis.kind == "rotary", True, axis.reference, "sign-proof")
+    yield f"{axis.letter}-triangle", order
+    stops = tuple(Stop(peak, 1, number // 2, number, bool(number % 2)) for number in range(2 * TIMES))
+    setup = f"TRUEFLANK SETUP {axis.measure.component} ON {axis.letter}"
+    switching: StopPlan = plan_of(axis, stops, setup, name=f"TFSIGN{axis.letter}", dwell_s=axis.measure.dwell_s)
+    yield f"{axis.letter}-switching", switching
+    nothing = replace(table, deviations=tuple(0.0 for _ in table.deviations))
+    yield f"{axis.letter}-restore", replace(order, table=nothing, enable=False, purpose="restore")

@@ -1,0 +1,50 @@
+"""`trueflank program`: files to be read before the first day, and none lost."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from drivers.errors import ConfigError
+from gateway.cli.commands import app
+from tests.unit.programs.sites import site_file
+
+
+def run(*given: object) -> str:
+    result = CliRunner().invoke(app, ["program", *map(str, given)], catch_exceptions=False)
+    assert result.exit_code == 0
+    return result.output
+
+
+def test_every_program_says_what_it_is_and_moves_and_what_to_do_when_it_stops(tmp_path: Path) -> None:
+    folder, site = tmp_path / "out", site_file(tmp_path, "demo")
+    told = json.loads(run(site, "-o", folder, "--what", "load", "--json"))
+    assert sorted(told["programs"]) == sorted(path.name for path in folder.iterdir())
+    text = (folder / "load-eec-X1-X1-TFPUSH_X1.MPF").read_text()
+    head = text[: text.index("DEF INT")]
+    assert all(line.startswith("; ") for line in head.splitlines())
+    said = " ".join(line.lstrip("; ") for line in head.splitlines())
+    assert "_N_TFPUSH_X1_MPF: load and, after the release, enable X1(X1), 41 points (table)" in said
+    assert "machine YK7350B-0042" in said
+    assert "Moves: X to 0.0, F 2000. Switching the table off or on moves X1 by the table's value." in said
+    assert "$AA_ENC_COMP" in said
+    assert "R parameters: R80, R86 to R90, R93 to R95." in said
+    assert "If it stops: press RESET and grind nothing" in said
+    assert "; ---- new table" in text
+
+
+def test_a_file_that_is_there_stays_unless_forced(tmp_path: Path) -> None:
+    folder, site = tmp_path / "out", site_file(tmp_path, "zero", plan=False)
+    run(site, "-o", folder, "--what", "off")
+    mine = folder / "off-X-TFOFF_X1.MPF"
+    mine.write_text("signed")
+    with pytest.raises(ConfigError, match="E-PROGRAM-THERE"):
+        run(site, "-o", folder, "--what", "off")
+    assert mine.read_text() == "signed"
+    run(site, "-o", folder, "--what", "off", "--force")
+    assert mine.read_text() != "signed"
+    with pytest.raises(ConfigError, match="E-PROGRAM-WHAT"):
+        run(site, "-o", folder, "--what", "everything")

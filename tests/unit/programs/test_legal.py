@@ -1,0 +1,119 @@
+"""Every program of every kind, for every shipped cell and site, passes the judge of the control's language."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from drivers.errors import LocalProtocolError
+from drivers.programs import NOBODY, PaperMachine
+from drivers.sinumerik.legality import Machine, check
+from drivers.sinumerik.ncprogram import measuring, pushing
+from drivers.sinumerik.ncprogram.backup import Memory, Saving
+from drivers.sinumerik.ncprogram.legal import legal
+from drivers.sinumerik.ncprogram.words import Words
+from drivers.sinumerik.opcua.paper import on_paper
+from drivers.types import CompensationTable, DisableOrder, PushOrder, Stop, StopPlan
+from gateway.config import load_site
+from gateway.workflow.programs import EVERY, What, programs
+from tests.unit.programs.sites import CELLS, site_file
+
+QUICK: tuple[What, ...] = ("load", "backup", "grind", "off")
+GOLDEN = Path(__file__).parents[2] / "golden" / "sinumerik"
+AXES = ("X1", "Y1", "Z1", "C1")
+SETTING = measuring.Setting(Words(80), Memory(80, (0, 30), AXES), modulo=False)
+PLAN = StopPlan("TFMEASX", "X1", "X", "mm", False, (Stop(0.0, 1), Stop(10.0, 1)), 500.0, 5.0, 1.0)
+
+
+@pytest.mark.parametrize("cell", CELLS)
+@pytest.mark.parametrize("two", [False, True])
+def test_what_a_site_would_send_is_legal(tmp_path: Path, cell: str, two: bool) -> None:
+    path = site_file(tmp_path, cell, two_programs=two)
+    wanted = EVERY if cell == "demo" and not two else QUICK
+    written = programs(load_site(path), path, wanted)  # each is judged on the way, or raises
+    assert {one.what for one in written} == set(wanted) - ({"grind"} if load_site(path).work is None else set())
+    assert len({one.name for one in written}) == len(written)
+    purposes = {one.program.path.split("_TF")[1].split("_")[0] for one in written}
+    assert purposes >= ({"LOAD", "ENAB", "OFF"} if two else {"PUSH", "OFF", "MEAS"})
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("cell", CELLS)
+@pytest.mark.parametrize("two", [False, True])
+@pytest.mark.parametrize("plan", [False, True])
+def test_all_that_every_site_would_send_is_legal(tmp_path: Path, cell: str, two: bool, plan: bool) -> None:
+    path = site_file(tmp_path, cell, plan=plan, two_programs=two)
+    assert programs(load_site(path), path)
+
+
+@pytest.mark.parametrize("purpose", ["table", "sign-proof", "restore"])
+@pytest.mark.parametrize("two", [False, True])
+@pytest.mark.parametrize("coupled", [False, True])
+@pytest.mark.parametrize("multiply", [0, 2])
+def test_cross_tables_of_every_kind_are_legal(purpose: str, two: bool, coupled: bool, multiply: int) -> None:
+    values = (0.0, -3.0, 2.0, 0.0)
+    table = CompensationTable("CEC", "Z1", "X1", 0.0, 300.0, 100.0, values, index=1, multiply_by=multiply)
+    order = PushOrder(4711, table, "Z", False, True, 0.0, purpose, None, coupled)
+    machine = PaperMachine(AXES, frozenset({"C1"}), {"X1": 101}, (30, 4, 30))
+    settings = {"security": "None", "two_programs": two}
+    for enable in (True, False):
+        given = replace(order, enable=enable, purpose="restore" if purpose == "table" else purpose)
+        assert on_paper(given, settings, machine, NOBODY, "here")
+    assert on_paper(DisableOrder(4711, "CEC", "X1", 1), settings, machine, NOBODY, "here")
+
+
+def test_files_that_programs_write_are_legal() -> None:
+    for name in ("backup_c1", "saved_c1"):
+        assert check((GOLDEN / f"{name}.spf").read_text(), f"{name}.SPF", Machine(frozenset(AXES))) == ()
+    assert check(Saving("LIVE", 7, "X1", 0, Memory(3)).first_line + "\nM17\n") == ()
+
+
+def test_the_two_halves_jump_to_their_own_labels_alone() -> None:
+    table = CompensationTable("EEC", "X1", "X1", 0.0, 100.0, 50.0, (0.0, -3.0, 0.0))
+    order = PushOrder(4711, table, "X", False, True, 0.0, "sign-proof")
+    assert "TF_COMPARE_2" not in pushing.loading(order, SETTING)
+    assert "TF_COMPARE_1" not in pushing.enabling(order, SETTING)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "rule"),
+    [
+        ("DEF INT UERR, UPOINT", "DEF INT UERR, N", "E-LEGAL-NAME"),
+        ("GOTOF TF_LEFT", "GOTOF TF_LOST", "E-LEGAL-LABEL"),
+        ("ENDFOR", "; gone", "E-LEGAL-UNCLOSED"),
+        ("$AA_ENC_COMP_STEP[0,X1])", "$AA_ENC_COMP_STEP[0])", "E-LEGAL-INDICES"),
+    ],
+)
+def test_the_gate_names_line_and_rule_and_lets_nothing_pass(old: str, new: str, rule: str) -> None:
+    text = measuring.measuring(PLAN, 123456, SETTING)
+    assert old in text
+    broken = text.replace(old, new)
+    with pytest.raises(LocalProtocolError, match="E-PROGRAM-ILLEGAL") as caught:
+        legal("/_N_MPF_DIR/_N_TFMEAS_X1_MPF", broken, AXES)
+    assert caught.value.fields["rule"] == rule
+    assert caught.value.fields["line"] > 1
+    assert "line" in str(caught.value)
+
+
+def test_nothing_is_sent_of_an_illegal_program() -> None:
+    from drivers.clock import LoopClock
+    from drivers.sinumerik.opcua.device import SinumerikOpcUa
+
+    asked: list[str] = []
+
+    class Wire(SinumerikOpcUa):
+        async def _setting(self, *_names: object, **_more: object) -> measuring.Setting:
+            return replace(SETTING, words=Words(80), origin=replace(NOBODY, site="S"))
+
+    async def job() -> None:
+        device = Wire("control", "opc.tcp://127.0.0.1:1", {"security": "None"}, LoopClock())
+        device._dialogue = type("Silent", (), {"begin": lambda *_: asked.append("begin")})()
+        device._configuration = replace(device._configuration, names=AXES)
+        await device.prepare_stops(replace(PLAN, letter="N"))
+
+    with pytest.raises(LocalProtocolError, match="E-PROGRAM-ILLEGAL"):
+        asyncio.run(job())
+    assert asked == []
