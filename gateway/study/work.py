@@ -16,7 +16,7 @@ from gateway.correct.flank.noise import FitNoise, noise_patterns
 from gateway.correct.flank.travel_shapes import shapes_over
 from gateway.correct.part.fromgear import Visible, visible
 from gateway.correct.plan.layers import LayeredCorrection, correct
-from gateway.correct.plan.plan import Plan, cross_specs, setup_values
+from gateway.correct.plan.plan import Plan, cross_specs, setup_unknowns
 from gateway.correct.plan.products import ProductResult, product_layer
 from gateway.correct.solve.floor import Floor, floor
 from gateway.errors import ModelError
@@ -192,7 +192,7 @@ def _next(grinding: Grinding, grid: FlankGrid, plan: Plan, names: list[str], noi
 def _tables_model(grinding: Grinding, grid: FlankGrid, plan: Plan) -> FlankModel:
     chain = grinding.chain
     grids = [spec.grid for spec in cross_specs(chain, plan)]
-    return flank_model(grinding, grid, grids, setup_values(chain, plan))
+    return flank_model(grinding, grid, grids, setup_unknowns(chain, plan))
 
 
 def the_order(text: str) -> Order:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from drivers.types import CompensationTable
 from drivers.units import deviation_unit
-from gateway.correct.flank.flankmodel import SetupValue
+from gateway.correct.flank.flankmodel import SetupUnknown
 from gateway.correct.flank.noise import FitNoise
 from gateway.correct.flank.tables import Table
 from gateway.correct.plan.records import axis_unit, even_grid, in_deviation_unit, resolution, table_of
@@ -111,7 +111,7 @@ def cross_specs(chain: Chain, plan: Plan, live: Sequence[CompensationTable] = ()
     return [table_spec(chain, plan, out, over, acting) for out, over in plan.cross if plan.has(over)]
 
 
-def setup_values(chain: Chain, plan: Plan) -> list[SetupValue]:
-    """The set-up values of the plan with their resolutions."""
-    zeros = [SetupValue(axis, plan.resolution(chain, axis)) for axis in plan.zeros]
-    return [*zeros, SetupValue("", plan.resolution_mm)] if plan.dressing else zeros
+def setup_unknowns(chain: Chain, plan: Plan) -> list[SetupUnknown]:
+    """The set-up values that the plan leaves open, with their resolutions."""
+    zeros = [SetupUnknown(axis, plan.resolution(chain, axis)) for axis in plan.zeros]
+    return [*zeros, SetupUnknown("", plan.resolution_mm)] if plan.dressing else zeros

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csc_matrix
 
 from drivers.types import FloatArray
-from gateway.correct.flank.flankmodel import FlankModel, SetupValue, flank_model
+from gateway.correct.flank.flankmodel import FlankModel, SetupUnknown, flank_model, setup_values
 from gateway.correct.flank.noise import FitNoise, Omitted, carried, worth_it
 from gateway.correct.flank.tables import Table
 from gateway.correct.flank.wheel_places import Places
@@ -36,6 +36,7 @@ from gateway.correct.solve.unknowns import UM, SolverWork, tied, unseen_nodes, w
 from gateway.errors import ModelError
 from gateway.gear.flank import FlankFigure, FlankGrid
 from gateway.gear.grinding import Grinding
+from gateway.tooth import SetupValues
 
 TRADE = 1e-3  # of the largest deviation: nearer than this to the optimum, rounding looks no further
 IDLE = 1e-5  # mm RMS: a table of single steps that gains less is left out
@@ -48,14 +49,14 @@ Norm = Literal["rms", "max"]
 class Optimum:
     """The answer: tables and set-up values to use, and what the flank shows before, at best and with them.
 
-    ``best`` is the figure before rounding. ``tables`` hold total corrections (what acted is inside); ``setup`` values
-    are to be added (mm, rad). ``deviation_before`` and ``deviation`` (N,) mm. ``noise`` is the RMS that the errors'
+    ``best`` is the figure before rounding. ``tables`` hold total corrections (what acted is inside); ``setup`` is
+    to be added. ``deviation_before`` and ``deviation`` (N,) mm. ``noise`` is the RMS that the errors'
     uncertainty carries onto the flank. ``unseen`` lists nodes the flank does not depend on.
     """
 
     tables: tuple[Table, ...]
     continuous: tuple[Table, ...]
-    setup: Mapping[str, float]
+    setup: SetupValues
     omitted: tuple[Omitted, ...]
     before: FlankFigure
     best: FlankFigure
@@ -77,7 +78,7 @@ def optimise(
     grinding: Grinding,
     grid: FlankGrid | Places,
     tables: Sequence[TableSpec],
-    setup: Sequence[SetupValue] = (),
+    setup: Sequence[SetupUnknown] = (),
     *,
     norm: Norm = "rms",
     deviation: ArrayLike | None = None,
@@ -106,7 +107,8 @@ def optimise(
     work = work_of(model, specs, values, bounds, alike)
     y = _continuous(work, norm)
     x = _whole(work, y, norm, STEADY if alike > 0.0 else 0.0)
-    answer = _answer(work, work.values(y), x, measured, omitted, carried(tied(model, specs), doubt))
+    noise_rms = carried(tied(model, specs), doubt)
+    answer = _answer(grinding, work, work.values(y), x, measured=measured, omitted=omitted, noise=noise_rms)
     return _without_idle(answer, work, x)
 
 
@@ -184,7 +186,14 @@ def _basis_of(columns: FloatArray) -> FloatArray:
 
 
 def _answer(
-    work: SolverWork, best: FloatArray, x: FloatArray, measured: FlankModel, omitted: tuple[Omitted, ...], noise: float
+    grinding: Grinding,
+    work: SolverWork,
+    best: FloatArray,
+    x: FloatArray,
+    *,
+    measured: FlankModel,
+    omitted: tuple[Omitted, ...],
+    noise: float,
 ) -> Optimum:
     model = work.model
     before, after = measured.start(), model.deviation(x)
@@ -192,7 +201,7 @@ def _answer(
     return Optimum(
         tables=tuple(Table.of(spec.grid, x[spans[spec.name]]) for spec in work.specs),
         continuous=tuple(Table.of(spec.grid, best[spans[spec.name]]) for spec in work.specs),
-        setup={value.name: float(x[spans[value.name]][0]) for value in work.setup},
+        setup=setup_values(grinding, {one.axis: float(x[spans[one.name]][0]) for one in work.setup}),
         omitted=omitted,
         before=_figure(model, before),
         best=_figure(model, model.deviation(best)),

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.types import FloatArray
-from gateway.correct.flank.flankmodel import FlankModel, SetupValue, table_terms
+from gateway.correct.flank.flankmodel import FlankModel, SetupUnknown, table_terms
 from gateway.correct.solve.leastsquares import nearest
 from gateway.correct.solve.limits import AxisBound, TableSpec, stacked
 from gateway.correct.solve.smoothness import HELD, smoothing, uneven_rows
@@ -40,7 +40,7 @@ class SolverWork:
 
     model: FlankModel
     specs: tuple[TableSpec, ...]
-    setup: tuple[SetupValue, ...]
+    setup: tuple[SetupUnknown, ...]
     tie: FloatArray
     scale: FloatArray
     fixed: NDArray[np.bool_]
@@ -79,7 +79,7 @@ def without_live(model: FlankModel, grinding: Grinding, specs: Sequence[TableSpe
 def work_of(
     model: FlankModel,
     specs: tuple[TableSpec, ...],
-    setup: tuple[SetupValue, ...],
+    setup: tuple[SetupUnknown, ...],
     bounds: Sequence[AxisBound],
     alike: float,
 ) -> SolverWork:

@@ -48,12 +48,8 @@ def setup_rows(tooth: ToothMaterial) -> tuple[SetupRow, ...]:
     if tooth.from_gear is not None:
         rows.append(SetupRow(f"proposed to add, from part “{tooth.from_gear.part}”", tooth.from_gear.setup))
     if len(ground) > 1:
-        rows.append(SetupRow(f"changed from “{ground[0][0]}” to “{ground[-1][0]}”", _less(ground[-1][1], ground[0][1])))
+        rows.append(SetupRow(f"changed from “{ground[0][0]}” to “{ground[-1][0]}”", ground[-1][1].less(ground[0][1])))
     return tuple(rows)
-
-
-def _less(one: SetupValues, other: SetupValues) -> SetupValues:
-    return one.plus(SetupValues(-other.x_um, -other.c_arcsec, -other.dressing_um))
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from drivers.clock import Clock
@@ -107,8 +107,7 @@ class _Loop:
         folder = self.at.folder
         if folder.has(stages.inspected(part)):
             return folder.get(stages.inspected(part), InspectedFlank)
-        values = {"x_um": setup.x_um, "c_arcsec": setup.c_arcsec, "dressing_um": setup.dressing_um}
-        self.at.say("P-PART", part=part, **values)
+        self.at.say("P-PART", part=part, **asdict(setup))
         if not folder.has(stages.ground(part)):
             await grind_part(self.at, part, setup)
         found = await inspect_part(self.at, part)

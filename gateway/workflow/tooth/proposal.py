@@ -31,7 +31,7 @@ from gateway.gear.grinding import Grinding
 from gateway.model.known import ErrorModel, chain_of_errors
 from gateway.study.files import load_gear
 from gateway.study.machine import gear_of
-from gateway.tooth import SetupValues, ToothProposal
+from gateway.tooth import ToothProposal
 from gateway.workflow import stages
 from gateway.workflow.axes.measure import Measured
 from gateway.workflow.axes.propose import axis_changes, keep
@@ -90,13 +90,13 @@ async def propose_tooth(
     parents = (at.folder.digest(stages.ERRORS), *(item.digest for item in measured.values()))
     proposal = keep(at, (*own, *cross), parents)
     tooth = ToothProposal(
-        setup=_setup(found),
+        setup=found.setup.rounded(),
         prediction=outlook.flank,
         cures=cure_errors(task.grinding, task.grid, task.plan, model),
         ranking=rank_errors(task.grinding, task.grid, task.plan, model),
         b_left=tangential_cure(work.gear, task.grid.thetas).eta,
-        eccentricity_um=(found.setup.get("work eccentricity x", 0.0), found.setup.get("work eccentricity y", 0.0)),
-        tilt_arcsec=(found.setup.get("work tilt a", 0.0), found.setup.get("work tilt b", 0.0)),
+        eccentricity_um=found.moved.eccentricity_um,
+        tilt_arcsec=found.moved.tilt_arcsec,
     )
     tooth = replace(tooth, said=told(tooth, model, found, gains, (*nowhere, *_left_alone(own))))
     at.folder.put(stages.TOOTH, tooth, (at.folder.digest(stages.PROPOSAL), *parents))
@@ -116,12 +116,6 @@ def _with_between(model: ErrorModel, at: Bench) -> ErrorModel:
 
 def _left_alone(own: Sequence[TableChange]) -> tuple[str, ...]:
     return tuple(f"{change.name}: {change.skipped}" for change in own if change.skipped)
-
-
-def _setup(found: LayeredCorrection) -> SetupValues:
-    names = ("X zero", "C zero", "dressing offset")
-    x, c, dressing = (round(found.setup.get(name, 0.0), 6) for name in names)
-    return SetupValues(x, c, dressing)
 
 
 @dataclass(frozen=True)
