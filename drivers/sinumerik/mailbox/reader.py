@@ -9,6 +9,7 @@ from itertools import pairwise
 from typing import Literal
 
 from drivers.errors import DeviceRefused, RemoteProtocolError, UnsupportedDevice
+from drivers.limits import largest_value
 from drivers.sinumerik.mailbox.codec.commands import Order
 from drivers.sinumerik.mailbox.codec.grids import POSITION_UNIT, VALUE_UNIT, AxisFacts, Stored, memory_of, saved_text
 from drivers.sinumerik.mailbox.codec.readings import Picture, Status
@@ -24,7 +25,6 @@ from drivers.sinumerik.mailbox.codec.registers import (
 from drivers.sinumerik.mailbox.conversation import Talk
 from drivers.sinumerik.ncprogram.backup import Saving, Section
 from drivers.sinumerik.ncprogram.written import read_written
-from drivers.sinumerik.tablefile import lint
 from drivers.sinumerik.tablefile.reader import Sign
 from drivers.types import (
     AxisState,
@@ -109,7 +109,7 @@ class MachineReader:
         """Reserved points of an encoder or table, the step of a value, and the value limit of this product."""
         facts = self.axis(axis)
         await self._talk.select(table_order(facts, kind, index))
-        return TableLimits(self._talk.reserved, float(VALUE_UNIT[facts.unit]), lint.MAX_VALUE[facts.unit])
+        return TableLimits(self._talk.reserved, float(VALUE_UNIT[facts.unit]), largest_value(facts.unit))
 
     async def marker(self) -> Marker:
         """What the PLC keeps of the last push. Raises RemoteProtocolError (E-MBX-REGISTER)."""

@@ -15,6 +15,7 @@ from typing import Any, Literal
 
 from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded, DeviceRefused, TrueflankError, UnsupportedDevice
+from drivers.limits import VALUE_RESOLUTION, largest_value
 from drivers.sinumerik.ncprogram import measuring as measuring_program
 from drivers.sinumerik.ncprogram.backup import Memory, Saving
 from drivers.sinumerik.ncprogram.measuring import Setting
@@ -29,7 +30,6 @@ from drivers.sinumerik.opcua.pushing import Pushing, live_tables
 from drivers.sinumerik.opcua.session.client import UaSession
 from drivers.sinumerik.opcua.settings import UaSettings, secrets_of
 from drivers.sinumerik.opcua.transfer import Transfer
-from drivers.sinumerik.tablefile import lint, tables
 from drivers.types import (
     Capabilities,
     ChannelStatus,
@@ -125,10 +125,10 @@ class SinumerikOpcUa(Leaver):
         memory = await self._reader.memory(self._configuration, axis, index if function == "EEC" else 0)
         unit = self._configuration.units[axis]
         if function == "EEC":
-            return TableLimits(memory.eec_points, tables.RESOLUTION, lint.MAX_VALUE[unit])
+            return TableLimits(memory.eec_points, VALUE_RESOLUTION, largest_value(unit))
         reserved = memory.cec_points[index] if 0 <= index < len(memory.cec_points) else 0
         largest = await self._reader.figure(f"$MA_CEC_MAX_SUM[{axis}]", self._configuration)
-        return TableLimits(reserved, tables.RESOLUTION, lint.MAX_VALUE[unit], largest)
+        return TableLimits(reserved, VALUE_RESOLUTION, largest_value(unit), largest)
 
     async def marker(self) -> Marker | None:
         """The last push as R parameters remember it, whoever made it."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from drivers.limits import SOLVED_STEP, Limits
 from drivers.types import CompensationTable
-from drivers.units import deviation_unit
 from gateway.correct.flank.flankmodel import SetupUnknown
 from gateway.correct.flank.noise import FitNoise
 from gateway.correct.flank.tables import Table
@@ -15,10 +15,8 @@ from gateway.correct.solve.limits import TableSpec
 from gateway.correct.solve.optimise import Norm
 from gateway.errors import ModelError
 from gateway.model.chain import Chain
-from gateway.table import Limits
 from gateway.table.limits import check_points
 
-RESOLUTION_MM, RESOLUTION_DEG = 1e-4, 1e-4
 ALIKE_MM = 5e-6  # a twentieth of a step: far below what is known of any flank
 CROSS = (("X", "Z"), ("X", "C"), ("C", "Z"), ("C", "C"))
 
@@ -57,8 +55,8 @@ class Plan:
     alike: float = ALIKE_MM
     noise: FitNoise = field(default_factory=FitNoise)
     reserved: Mapping[str, int] = field(default_factory=dict)
-    resolution_mm: float = RESOLUTION_MM
-    resolution_deg: float = RESOLUTION_DEG
+    resolution_mm: float = SOLVED_STEP
+    resolution_deg: float = SOLVED_STEP
 
     def has(self, axis: str) -> bool:
         """True if there is a grid for tables over that axis."""
@@ -86,7 +84,7 @@ def table_spec(chain: Chain, plan: Plan, out: str, over: str, live: Sequence[Com
     points = round((grid.maximum - grid.minimum) / grid.step) + 1
     check_points(points, plan.reserved.get(f"{out}({over})", points), f"{out}({over})", "EEC" if out == over else "CEC")
     inside = in_deviation_unit(chain, over, 1.0) / (3600.0 if axis_unit(chain, over) == "deg" else 1000.0)
-    limits = Limits.usual(deviation_unit(axis_unit(chain, out)))
+    limits = Limits.of(axis_unit(chain, out))
     size = 1.0 / in_deviation_unit(chain, out, 1.0)
     return TableSpec(
         even_grid(chain, out, over, grid.minimum, grid.maximum, grid.step, modulo=grid.modulo),
