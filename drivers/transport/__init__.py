@@ -43,7 +43,9 @@ async def open_transport(
     if scheme not in ("", "socket", "usb") or not url.strip():
         raise ConfigError("E-LINK-URL", url, why=f"unknown kind of wire {scheme!r}")
     # The serial room stands above this one and is loaded by name, only when a serial port is asked for.
-    wire: ByteTransport = await import_module(SERIAL).open_serial(url, clock, timeout_s, baudrate, parity)
+    wire: ByteTransport = await import_module(SERIAL).open_serial(
+        url, clock, timeout_s, baudrate=baudrate, parity=parity
+    )
     return wire
 
 

@@ -179,7 +179,7 @@ def _why_not(
     if left >= before:
         return told("S-COMP-NO-GAIN", axis.name, before=f"{before:.3g}", after=f"{left:.3g}", unit=unit)
     U = _predicted_U(axis, component, measured, instrument)
-    return reasons.outweighed(axis.name, unit, measured.means, after, measured.rest, U)
+    return reasons.outweighed(axis.name, unit, means=measured.means, after=after, rest=measured.rest, U=U)
 
 
 def _unseen(component: Component, measured: Measured) -> float:

@@ -64,12 +64,13 @@ class SinumerikOpcUa(Leaver):
         self._session = UaSession(url, clock, name)
         self._reader = MachineReader(self._session, self._settings, name)
         self._transfer = Transfer(self._session, self._settings.channel, name)
-        self._dialogue = Dialogue(self._session, self._reader, self._settings, clock, name)
-        self._pushing = Pushing(self._dialogue, self._reader, self._transfer, self._settings, clock, name)
-        self._disabling = Disabling(self._dialogue, self._reader, self._transfer, self._pushing, name)
-        self._grinding = Grinding(self._dialogue, self._reader, self._transfer, self._settings, clock, name)
+        self._dialogue = Dialogue(self._session, self._reader, self._settings, clock=clock, where=name)
+        parts = (self._dialogue, self._reader, self._transfer)
+        self._pushing = Pushing(*parts, settings=self._settings, clock=clock, where=name)
+        self._disabling = Disabling(*parts, pushing=self._pushing, where=name)
+        self._grinding = Grinding(*parts, settings=self._settings, clock=clock, where=name)
         self._leaving = Leaving(
-            self._dialogue, self._reader, self._transfer, self._settings.channel, clock, name, self._open_again
+            *parts, channel=self._settings.channel, clock=clock, where=name, reopen=self._open_again
         )
         self._configuration = Configuration((), (), ())
         self._plan: StopPlan | None = None
@@ -259,7 +260,7 @@ class SinumerikOpcUa(Leaver):
                 self._note_progress(seen)
         if plan is None or plan.compensated_axis != axis or not self._saved or not plan.save_tables:
             raise DeviceRefused("E-NC-NOT-SAVED", self.name, axis=axis)
-        saving = Saving("LIVE", self._token, axis, plan.encoder, self._memory)
+        saving = Saving(section="LIVE", number=self._token, axis=axis, encoder=plan.encoder, memory=self._memory)
         return await live_tables(self._transfer, saving, self._configuration)
 
     # ---- the test part ------------------------------------------------------------------------------
@@ -303,7 +304,9 @@ class SinumerikOpcUa(Leaver):
         """Wait through NCK reset and reference run. Raises DeadlineExceeded (E-NC-NO-ACTIVATION)."""
         look_s = 0.4 * self._settings.poll_s
         axis, shown = order.table.output_axis, order.enable
-        await activation(self._dialogue, self._clock, axis, timeout_s, look_s, self.name, shown=shown)
+        await activation(
+            self._dialogue, self._clock, axis=axis, timeout_s=timeout_s, look_s=look_s, where=self.name, shown=shown
+        )
 
     async def switch_table(self, order: PushOrder, enable: bool, timeout_s: float) -> None:
         """Not on this road: stops switch. Raises UnsupportedDevice (E-NC-NO-SWITCHING)."""

@@ -132,7 +132,7 @@ class FlankModel:
     def without(self, names: Sequence[str]) -> FlankModel:
         """The model without some blocks."""
         kept = tuple(block for block in self.blocks if block.name not in names)
-        return FlankModel(self.places, self.base, self.extra, kept, self.turning)
+        return FlankModel(places=self.places, base=self.base, extra=self.extra, blocks=kept, turning=self.turning)
 
     def _column(self, block: Block) -> csr_matrix:
         along = self.places.along_normal(block.effect)
@@ -200,7 +200,7 @@ def flank_model(
     names = [block.name for block in blocks]
     if len(set(names)) != len(names):
         raise ModelError("E-CORRECT-TWICE", "flank", names=", ".join(names))
-    return FlankModel(places, base, extra, tuple(blocks), turning)
+    return FlankModel(places=places, base=base, extra=extra, blocks=tuple(blocks), turning=turning)
 
 
 def setup_values(grinding: Grinding, found: Mapping[str, float]) -> SetupValues:

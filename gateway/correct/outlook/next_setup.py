@@ -97,11 +97,11 @@ def what_next(model: ErrorModel, tooth: Tooth, grids: Sequence[AxisGrid]) -> tup
     ranked = measure_next(names, noise.rows(tables), tables.rows, tables.places.points)
     return tuple(
         Open(
-            one.name,
-            float(mm_to_um(one.change)),
-            float(mm_to_um(one.beyond)),
-            one.share,
-            one.name in model.measured,
+            name=one.name,
+            change_um=float(mm_to_um(one.change)),
+            beyond_um=float(mm_to_um(one.beyond)),
+            share=one.share,
+            measured=one.name in model.measured,
         )
         for one in ranked
     )

@@ -84,7 +84,7 @@ def fit_places(places: Places, deviation: ArrayLike, u: float | None = None) -> 
     point = float(np.sqrt(residual @ residual / freedom)) if u is None else u
     spread = point * np.sqrt(np.maximum(np.einsum("gii->gi", back), 0.0))
     missing = np.where(whole[:, None], 0.0, np.nan)
-    return PlaceFit(places.k, places.z, abg + missing, spread + missing, residual, point)
+    return PlaceFit(k=places.k, z=places.z, abg=abg + missing, abg_u=spread + missing, residual=residual, u=point)
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,7 +177,13 @@ def correct_from_gear(
         alike=plan.alike,
     )
     seen = visible(linear_flank(grinding, flank_grid(grinding.gear, profile=5, width=3), _constants(grinding)))
-    return FromGear(fit, mounting, found, seen, (*_said(seen, found), *_sat(mounting), *_turning(found, mounting)))
+    return FromGear(
+        fit=fit,
+        mounting=mounting,
+        optimum=found,
+        visible=seen,
+        said=(*_said(seen, found), *_sat(mounting), *_turning(found, mounting)),
+    )
 
 
 def _mounting(grinding: Grinding, fit: PlaceFit, plan: Plan, live: Sequence[CompensationTable]) -> WorkMounting:

@@ -102,7 +102,7 @@ def correct(
         machine_with_eec=acting,
         machine=machine,
         unmoved=unmoved,
-        axes=tuple(axis_curve(chain, axis, plan, first, second) for axis in plan.own if plan.has(axis)),
+        axes=tuple(axis_curve(chain, axis, plan=plan, own=first, tooth=second) for axis in plan.own if plan.has(axis)),
         said=_said(plan, found, layer),
     )
 
@@ -144,7 +144,7 @@ def _mounting(acting: Grinding, grid: FlankGrid, plan: Plan) -> WorkMounting:
 
 
 def _bound(chain: Chain, plan: Plan, axis: str, first: Sequence[Table], live: Sequence[CompensationTable]) -> AxisBound:
-    curve = axis_curve(chain, axis, plan, first, ())
+    curve = axis_curve(chain, axis, plan=plan, own=first, tooth=())
     size = 1.0 / in_deviation_unit(chain, axis, 1.0)
     at = np.deg2rad(curve.at) if curve.unit == "arcsec" else curve.at
     tooth = tooth_table(chain, axis, live)

@@ -87,7 +87,9 @@ def table_spec(chain: Chain, plan: Plan, out: str, over: str, live: Sequence[Com
     limits = Limits.of(axis_unit(chain, out))
     size = 1.0 / in_deviation_unit(chain, out, 1.0)
     return TableSpec(
-        even_grid(chain, out, over, grid.minimum, grid.maximum, grid.step, modulo=grid.modulo),
+        even_grid(
+            chain, out, over=over, minimum=grid.minimum, maximum=grid.maximum, step=grid.step, modulo=grid.modulo
+        ),
         resolution=plan.resolution(chain, out),
         value=limits.value * size,
         slope=limits.slope * size * inside,
@@ -106,7 +108,7 @@ def live_table(chain: Chain, out: str, over: str, live: Sequence[CompensationTab
 def cross_specs(chain: Chain, plan: Plan, live: Sequence[CompensationTable] = ()) -> list[TableSpec]:
     """All cross tables of the plan for which there is a grid."""
     acting = [one for one in live if one.function == "CEC"]
-    return [table_spec(chain, plan, out, over, acting) for out, over in plan.cross if plan.has(over)]
+    return [table_spec(chain, plan, out=out, over=over, live=acting) for out, over in plan.cross if plan.has(over)]
 
 
 def setup_unknowns(chain: Chain, plan: Plan) -> list[SetupUnknown]:

@@ -104,7 +104,7 @@ def optimise(
     values = tuple(value for value in setup if value.name in kept)
     left_alone = [block.name for block in measured.blocks if block.name not in kept]
     model = without_live(measured.without(left_alone), grinding, specs)
-    work = work_of(model, specs, values, bounds, alike)
+    work = work_of(model, specs, setup=values, bounds=bounds, alike=alike)
     y = _continuous(work, norm)
     x = _whole(work, y, norm, STEADY if alike > 0.0 else 0.0)
     noise_rms = carried(tied(model, specs), doubt)
@@ -115,13 +115,14 @@ def optimise(
 def _continuous(work: SolverWork, norm: Norm) -> FloatArray:
     """y without rounding."""
     G = work.G @ work.tied
-    y = limited(work.A @ work.tied, work.b, work.wish, _row_scaled(G), _side_scaled(G, work.g))
+    y = limited(work.A @ work.tied, work.b, wish=work.wish, G=_row_scaled(G), g=_side_scaled(G, work.g))
     if norm == "rms" or not y.size:
         return y
     M = UM * (work.model.columns @ work.tied)
     lever = work.model.places.form[:, 2] if work.model.turning else None
-    limits = _row_scaled(G), _side_scaled(G, work.g)
-    return smallest_largest(csc_matrix(M), UM * work.model.start(), y, *limits, work.model.places.of, lever)
+    scaled = {"G": _row_scaled(G), "g": _side_scaled(G, work.g)}
+    start = UM * work.model.start()
+    return smallest_largest(csc_matrix(M), start, y, **scaled, groups=work.model.places.of, free=lever)
 
 
 def _row_scaled(G: FloatArray) -> FloatArray:
@@ -156,13 +157,13 @@ def _whole(work: SolverWork, y: FloatArray, norm: Norm, steady: float) -> FloatA
     limits = RoundingLimits(G[:, whole] * steps[whole], g - G[:, ~whole] @ x[~whole])
     movable = ~work.fixed[whole]
     ridge = steady * (work.model.places.points / steps.size) ** 0.5
-    n = nearest_whole(lattice, x[whole] / steps[whole], limits, movable, ridge)
+    n = nearest_whole(lattice, x[whole] / steps[whole], limits=limits, movable=movable, ridge=ridge)
     if norm == "max":
         lever = work.model.places.form[:, 2] if work.model.turning else None
         enough = (1.0 + TRADE) * _figure(work.model, work.model.deviation(x)).largest
         e = work.model.deviation(_refilled(work, n, whole, steps, x))
         per_step = csc_matrix(M[:, np.flatnonzero(whole)].multiply(steps[whole]))
-        n = lower_largest(per_step, e, n, limits, movable, enough=enough, free=lever)
+        n = lower_largest(per_step, e, n=n, limits=limits, movable=movable, enough=enough, free=lever)
     return _refilled(work, n, whole, steps, x)
 
 

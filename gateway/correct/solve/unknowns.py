@@ -103,7 +103,20 @@ def work_of(
     A, b, wish = _calm(model, specs, reach, tie * scale, (UM * alike) ** 2 * model.places.points)
     G, g = stacked(specs, len(setup), bounds)
     limits = stacked(specs, len(setup), bounds, roundable=False)
-    return SolverWork(model, specs, setup, tie, scale, fixed, A, b, wish, G, g, limits)
+    return SolverWork(
+        model=model,
+        specs=specs,
+        setup=setup,
+        tie=tie,
+        scale=scale,
+        fixed=fixed,
+        A=A,
+        b=b,
+        wish=wish,
+        G=G,
+        g=g,
+        limits=limits,
+    )
 
 
 def _reach(model: FlankModel, which: int) -> float:
@@ -127,7 +140,7 @@ def _calm(
     R = _diagonal([one * size for (one, _), size in zip(parts, reach, strict=True)])
     t = np.concatenate([one * size for (_, one), size in zip(parts, reach, strict=True)])
     wish = np.linalg.lstsq(R @ free, t, rcond=None)[0]
-    weight = smoothing(rows @ free, right, R @ free, t, allowed)
+    weight = smoothing(rows @ free, right, R=R @ free, t=t, allowed=allowed)
     return np.concatenate([rows, weight * R]), np.concatenate([right, -weight * t]), wish
 
 

@@ -55,7 +55,7 @@ async def close_site(
     plan = await measure_site(site, site_path, clock=clock, say=say, resume=resume, tooth=work.tooth)
     folder = RunFolder(Path(plan.run_folder))
     try:
-        async with bench(site, site_path, folder, clock, say, used) as at:
+        async with bench(site, site_path, folder=folder, clock=clock, say=say, instruments=used) as at:
             await _Loop(at, work, plan.model, axes_measured(folder, site)).close(apply=apply)
             alarms = standing_alarms(at)
     except TrueflankError as error:

@@ -98,8 +98,8 @@ async def propose_from_gear(
     say("P-RUN", folder=str(folder.path))
     try:
         if isinstance(source, FlankFile):
-            known = inspect_file(site, site_path, source, folder, part or "part", say=say)
-        async with bench(site, site_path, folder, clock, say, ()) as at:
+            known = inspect_file(site, site_path, file=source, folder=folder, part=part or "part", say=say)
+        async with bench(site, site_path, folder=folder, clock=clock, say=say, instruments=()) as at:
             store_equipment(at)
             run = source if isinstance(source, RunFolder) else folder
             return await _proposed(at, known or inspected_of(folder), run)

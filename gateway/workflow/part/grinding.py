@@ -120,7 +120,7 @@ async def grind_site(
     before = folder.state
     say("P-RUN", folder=str(folder.path))
     try:
-        async with bench(site, site_path, folder, clock, say, ()) as at:
+        async with bench(site, site_path, folder=folder, clock=clock, say=say, instruments=()) as at:
             same_machine(at)
             made = await grind_part(at, part, setup)
     except TrueflankError as error:
@@ -169,7 +169,7 @@ async def grind_part(at: Bench, part: str, setup: SetupValues) -> GroundPart:
         await _ask_to_leave(at)
         raise
     live = {axis.name: await _saved(at, axis, part) for axis in plan.compensated}
-    made = GroundPart(part, setup, plan.spaces, started, _utc(at), live)
+    made = GroundPart(part=part, setup=setup, spaces=plan.spaces, started_utc=started, ended_utc=_utc(at), live=live)
     at.folder.put(stages.ground(part), made)
     return made
 

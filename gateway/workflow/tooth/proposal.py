@@ -68,7 +68,13 @@ def work_of(site: SiteFile, site_path: Path) -> Work:
         raise ConfigError("E-CLOSE-WORK", site.site.name)
     file = load_gear(site_path.parent / site.work.gear)
     distance = file.grinding.centre_distance_mm
-    return Work(file.name, gear_of(file), distance, site.work.height_mm, site.work.inspector)
+    return Work(
+        name=file.name,
+        gear=gear_of(file),
+        centre_distance_mm=distance,
+        height_mm=site.work.height_mm,
+        inspector=site.work.inspector,
+    )
 
 
 async def propose_tooth(
@@ -83,7 +89,7 @@ async def propose_tooth(
     own = await axis_changes(at, measured)
     model = _with_between(model, at)
     live = {name: item.capture.live for name, item in measured.items() if item.capture.live is not None}
-    task = _Task.of(at, model, measured, work, own, live)
+    task = _Task.of(at, model, measured, work, own=own, live=live)
     plan, nowhere = await task.placed(at)
     found, outlook, gains = task.worked_out(plan)
     cross = await cross_changes(at, found.optimum.tables, task.grinding.chain, live=live, adds=False)
@@ -98,7 +104,7 @@ async def propose_tooth(
         eccentricity_um=found.moved.eccentricity_um,
         tilt_arcsec=found.moved.tilt_arcsec,
     )
-    tooth = replace(tooth, said=told(tooth, model, found, gains, (*nowhere, *_left_alone(own))))
+    tooth = replace(tooth, said=told(tooth, model, found=found, gains=gains, left_alone=(*nowhere, *_left_alone(own))))
     at.folder.put(stages.TOOTH, tooth, (at.folder.digest(stages.PROPOSAL), *parents))
     return proposal, tooth
 
@@ -180,8 +186,8 @@ class _Task:
         return (*self._one(replace(plan, cross=())), outlook)
 
     def _one(self, plan: Plan) -> tuple[LayeredCorrection, Outlook]:
-        found = correct(self.grinding, self.grid, plan, self.acted, self.own)
-        return found, predict(self.grinding, self.grid, plan, self.model, found, self.shop)
+        found = correct(self.grinding, self.grid, plan=plan, live=self.acted, own=self.own)
+        return found, predict(self.grinding, self.grid, plan=plan, model=self.model, found=found, shop=self.shop)
 
 
 def _lettered(table: CompensationTable, letters: Mapping[str, str]) -> CompensationTable:
