@@ -87,18 +87,20 @@ async def jog_through(
 
     for index, stop in enumerate(plan.stops):
         setup = plan.setup if index == 0 else ""
-        seen = await stand_at(controller, clock, jogged, stop.target, EXACT, ask(stop, setup), away=bool(setup))
+        seen = await stand_at(
+            controller, clock, jogged=jogged, position=stop.target, room=EXACT, ask=ask(stop, setup), away=bool(setup)
+        )
         await at_stop(index, stop, _reached(index, stop, seen))
         say("P-STOP", axis=plan.axis, program=plan.name, done=index + 1, total=len(plan.stops))
 
 
 def _reached(index: int, stop: Stop, seen: AxisState) -> StopReached:
     return StopReached(
-        index + 1,
-        stop.repetition,
-        stop.label,
-        stop.approach,
-        seen.position,
-        seen.encoder_compensation,
-        seen.cross_compensation,
+        counter=index + 1,
+        repetition=stop.repetition,
+        label=stop.label,
+        approach=stop.approach,
+        target=seen.position,
+        encoder_compensation=seen.encoder_compensation,
+        cross_compensation=seen.cross_compensation,
     )

@@ -113,7 +113,9 @@ class Supervisor:
         error: TrueflankError | None = None,
     ) -> None:
         since = self._clock.utc().isoformat(timespec="seconds")
-        self._pictures[name] = DevicePicture(name, driver, state, since, identity, error)
+        self._pictures[name] = DevicePicture(
+            name=name, driver=driver, state=state, since_utc=since, identity=identity, error=error
+        )
 
     @property
     def controller(self) -> Controller:

@@ -9,6 +9,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.units import arcsec_to_deg, arcsec_to_rad, mm_to_um, rad_to_arcsec, um_to_mm
+
 FloatArray = NDArray[np.float64]
 
 
@@ -16,17 +18,47 @@ FloatArray = NDArray[np.float64]
 class SetupValues:
     """What is set by hand and enters no table, added to the grinding program's places: um, arcsec, um.
 
-    ``x`` and ``c`` move the work offsets of infeed and index, ``dressing`` the profile along the wheel's axis.
+    ``x`` and ``c`` move the work offsets of infeed and index, ``dressing`` the profile along the wheel's axis. Solvers
+    and programs count in mm, rad and deg: what they need is read here and nowhere else.
     """
 
     x_um: float = 0.0
     c_arcsec: float = 0.0
     dressing_um: float = 0.0
 
+    @classmethod
+    def of(cls, *, x_mm: float = 0.0, c_rad: float = 0.0, dressing_mm: float = 0.0) -> SetupValues:
+        """From what a solver found."""
+        return cls(x_um=mm_to_um(x_mm), c_arcsec=rad_to_arcsec(c_rad), dressing_um=mm_to_um(dressing_mm))
+
+    @property
+    def x_mm(self) -> float:
+        """Infeed."""
+        return um_to_mm(self.x_um)
+
+    @property
+    def c_rad(self) -> float:
+        """Index."""
+        return arcsec_to_rad(self.c_arcsec)
+
+    @property
+    def c_deg(self) -> float:
+        """Index."""
+        return arcsec_to_deg(self.c_arcsec)
+
+    @property
+    def dressing_mm(self) -> float:
+        """Profile along the wheel's axis."""
+        return um_to_mm(self.dressing_um)
+
+    def rounded(self) -> SetupValues:
+        """To six decimals, which is how they are stored."""
+        return SetupValues(round(self.x_um, 6), round(self.c_arcsec, 6), round(self.dressing_um, 6))
+
     def plus(self, other: SetupValues) -> SetupValues:
         """Both together."""
-        added = self.x_um + other.x_um, self.c_arcsec + other.c_arcsec, self.dressing_um + other.dressing_um
-        return SetupValues(*(round(value, 6) for value in added))
+        x_um, dressing_um = self.x_um + other.x_um, self.dressing_um + other.dressing_um
+        return SetupValues(x_um, self.c_arcsec + other.c_arcsec, dressing_um).rounded()
 
     def less(self, other: SetupValues) -> SetupValues:
         """The difference."""

@@ -144,11 +144,11 @@ def device_views(seen: Iterable[SeenDevice], *, lent: bool) -> tuple[DeviceView,
     """Devices as a supervisor tells them; while a run has them, those closed here are "lent"."""
     return tuple(
         DeviceView(
-            item.name,
-            item.driver,
-            "lent" if lent and item.state == "closed" else item.state,
-            item.since_utc,
-            None if item.error is None else item.error.as_record(),
+            name=item.name,
+            driver=item.driver,
+            state="lent" if lent and item.state == "closed" else item.state,
+            since_utc=item.since_utc,
+            error=None if item.error is None else item.error.as_record(),
         )
         for item in seen
     )
@@ -156,7 +156,9 @@ def device_views(seen: Iterable[SeenDevice], *, lent: bool) -> tuple[DeviceView,
 
 def past_run(seen: SeenRun, *, report: bool) -> PastRun:
     """A stored run as one line of the page."""
-    return PastRun(seen.run_id, seen.created_utc, seen.state, seen.problem, report)
+    return PastRun(
+        run_id=seen.run_id, created_utc=seen.created_utc, state=seen.state, problem=seen.problem, report=report
+    )
 
 
 def axis_table(verdict: Verdict) -> tuple[TableRow, ...]:
@@ -165,7 +167,14 @@ def axis_table(verdict: Verdict) -> tuple[TableRow, ...]:
         row for axis in verdict.axes for row in parameter_rows(axis.axis, axis.before, axis.after)
     ]
     return tuple(
-        TableRow(row.axis, row.parameter, number(row.before), number(row.after), row.unit, percent(row.change_pct))
+        TableRow(
+            axis=row.axis,
+            parameter=row.parameter,
+            before=number(row.before),
+            after=number(row.after),
+            unit=row.unit,
+            change=percent(row.change_pct),
+        )
         for row in rows
     )
 

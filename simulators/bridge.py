@@ -127,13 +127,13 @@ class BridgeAnswerer(Outlet):
         spec = self.reader.spec
         notices = ("simulated instrument: its readings are computed from the cell's truth",)
         return BridgeIdentity(
-            "rotary_calibrator",
-            "trueflank",
-            spec.model,
-            self.serial,
-            "1.0",
-            CHANNELS,
-            spec.sample_hz,
+            kind="rotary_calibrator",
+            maker="trueflank",
+            model=spec.model,
+            serial=self.serial,
+            firmware="1.0",
+            channels=CHANNELS,
+            sample_rate_hz=spec.sample_hz,
             notices=notices,
             framings=(JSON, BINARY),
         ).as_object()
@@ -230,11 +230,11 @@ class BridgeAnswerer(Outlet):
     def _notification(self, turns: Turns, sequence: int) -> Notification:
         values = {"device_deg": np.round(turns.device_deg, 8), "laser_deg": np.round(turns.laser_deg, 8)}
         samples = BridgeSamples(
-            sequence,
-            float(turns.time_s[0]),
-            1.0 / self.reader.spec.sample_hz,
-            values,
-            turns.beam,
+            sequence=sequence,
+            t0_s=float(turns.time_s[0]),
+            dt_s=1.0 / self.reader.spec.sample_hz,
+            values=values,
+            valid=turns.beam,
             events=self._events(turns),
         )
         return Notification(SAMPLES, samples.as_object())

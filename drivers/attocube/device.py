@@ -94,7 +94,9 @@ class AttocubeIds:
         if not (await self._call(f"{DISPLACEMENT}.getMeasurementEnabled"))[-1]:
             raise DeviceRefused("E-IDS-OFF", self.name)
         await self._refresh_index()
-        return Identity("attocube-ids", "attocube IDS3010", serial, firmware, self.notices)
+        return Identity(
+            driver="attocube-ids", model="attocube IDS3010", serial=serial, firmware=firmware, notes=self.notices
+        )
 
     async def _refresh_index(self) -> None:
         """The index the device's lengths hold; asked again every few seconds, because it may follow sensors."""

@@ -30,7 +30,9 @@ class BridgeInstrument:
         self._clock = clock
         self._settings = BridgeSettings.read(settings, name)
         self._feed = Feed(name)
-        self._line = BridgeLine(name, url, self._settings, clock, self._hear, self._lost)
+        self._line = BridgeLine(
+            name=name, url=url, settings=self._settings, clock=clock, hear=self._hear, lost=self._lost
+        )
         self._stream: BridgeStream | None = None
         self._framed = False
         self._battery_pct: float | None = None
@@ -67,7 +69,13 @@ class BridgeInstrument:
         await self.close()
         self._feed, self._stream, self._battery_pct = Feed(self.name), None, None
         who = await self._line.open(timeout_s)
-        return Identity("bridge", f"{who.maker} {who.model}".strip(), who.serial, who.firmware, who.notices)
+        return Identity(
+            driver="bridge",
+            model=f"{who.maker} {who.model}".strip(),
+            serial=who.serial,
+            firmware=who.firmware,
+            notes=who.notices,
+        )
 
     def _hear(self, message: Message) -> None:
         stream = self._stream

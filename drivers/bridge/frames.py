@@ -134,4 +134,6 @@ def _frame(data: bytes, at: int, first: Header, joined: int, end: int) -> tuple[
             return None
         return _frame(data, at, first, 1, at + HEADER_BYTES + first.size)
     valid = not first.flags & INVALID
-    return SampleFrame(first.sequence, first.t0_s, first.dt_s, values, first.lost, valid), end
+    return SampleFrame(
+        sequence=first.sequence, t0_s=first.t0_s, dt_s=first.dt_s, values=values, lost=first.lost, valid=valid
+    ), end

@@ -28,7 +28,9 @@ class BridgeGear:
         self.name = name
         self._clock = clock
         self._settings = BridgeSettings.read(settings, name)
-        self._line = BridgeLine(name, url, self._settings, clock, self._hear, self._lost)
+        self._line = BridgeLine(
+            name=name, url=url, settings=self._settings, clock=clock, hear=self._hear, lost=self._lost
+        )
         self._told: asyncio.Queue[Told | TrueflankError] = asyncio.Queue()
 
     @property
@@ -51,7 +53,13 @@ class BridgeGear:
         if who.kind != "gear":
             await self.close()
             raise UnsupportedDevice("E-BRIDGE-KIND", self.name, found=who.kind, wanted="gear")
-        return Identity("bridge-gear", f"{who.maker} {who.model}".strip(), who.serial, who.firmware, who.notices)
+        return Identity(
+            driver="bridge-gear",
+            model=f"{who.maker} {who.model}".strip(),
+            serial=who.serial,
+            firmware=who.firmware,
+            notes=who.notices,
+        )
 
     async def close(self) -> None:
         """Let go of the wire; never raises. A plan that runs goes on at the machine until it notices."""

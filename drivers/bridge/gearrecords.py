@@ -147,16 +147,24 @@ class Gathering:
         deviations = [chunk.deviation_um for chunk in lines if chunk.deviation_um is not None]
         told = {"clamping": part.clamping, "part": part.part, "said": ending.said}
         inspection = GearInspection(
-            _points(lines),
-            _spaces(lines),
-            np.repeat(np.array([SIDES[chunk.flank or ""] for chunk in lines], np.int64), [len(c) for c in lines]),
-            np.concatenate(deviations) if deviations else None,
-            ending.probe_u_um,
-            self._where,
-            {key: text for key, text in told.items() if text},
+            points_mm=_points(lines),
+            space=_spaces(lines),
+            flank=np.repeat(np.array([SIDES[chunk.flank or ""] for chunk in lines], np.int64), [len(c) for c in lines]),
+            deviation_um=np.concatenate(deviations) if deviations else None,
+            probe_u_um=ending.probe_u_um,
+            source=self._where,
+            header={key: text for key, text in told.items() if text},
         )
         trace = tuple(chunk.trace for chunk in lines for _ in range(len(chunk)))
-        return InspectedGear(inspection, trace, part, _points(balls), _spaces(balls), ending.temperature_degc, utc)
+        return InspectedGear(
+            inspection=inspection,
+            trace=trace,
+            part=part,
+            balls_mm=_points(balls),
+            ball_space=_spaces(balls),
+            temperature_degc=ending.temperature_degc,
+            measured_utc=utc,
+        )
 
 
 def _points(chunks: list[Chunk]) -> FloatArray:

@@ -261,7 +261,13 @@ def read_environment(found: Any, where: str) -> Ambient:
         low, high = POSSIBLE[name]
         if value is not None and not low <= value <= high:
             raise fields.wrong(name, f"between {low:g} and {high:g}, or null where there is no sensor", value)
-    return Ambient(air, pressure, humidity, material, fields.number("age_s", 0.0))
+    return Ambient(
+        air_degc=air,
+        pressure_hpa=pressure,
+        humidity_pct=humidity,
+        material_degc=material,
+        age_s=fields.number("age_s", 0.0),
+    )
 
 
 def read_optics(found: Any, where: str) -> Optics:

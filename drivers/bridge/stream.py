@@ -46,7 +46,9 @@ class BridgeStream:
         values = np.column_stack([samples.values[name] for name in self._channels])
         events = (*self._told(), *samples.events)
         valid = samples.valid & ~_broken(events, time_s)
-        return SampleBlock(self._channels, time_s, values, valid, lost, self._texts(events))
+        return SampleBlock(
+            channels=self._channels, time_s=time_s, values=values, valid=valid, lost=lost, events=self._texts(events)
+        )
 
     def take_frame(self, frame: SampleFrame) -> SampleBlock | None:
         """As `take`. Raises RemoteProtocolError (E-BRIDGE-CLOCK, E-BRIDGE-FIELD: another number of channels)."""
@@ -62,7 +64,9 @@ class BridgeStream:
         if events:
             valid &= ~_broken(events, time_s)
         values = frame.values if self._order is None else frame.values[:, list(self._order)]
-        return SampleBlock(self._channels, time_s, values, valid, lost, self._texts(events))
+        return SampleBlock(
+            channels=self._channels, time_s=time_s, values=values, valid=valid, lost=lost, events=self._texts(events)
+        )
 
     def _told(self) -> tuple[Event, ...]:
         said, self._said = tuple(self._said), []

@@ -72,7 +72,15 @@ def layout(header: tuple[int, str], body: list[tuple[int, str]], unit: str, wher
     target_unit, reading_unit = _units((names[columns[0]], names[columns[3]]), reading, unit, at, where)
     text = " ".join(line for _at, line in body)
     comma = separator != "," and "," in text and "." not in text
-    return Layout(separator, len(names), columns, reading, target_unit, reading_unit, comma)
+    return Layout(
+        separator=separator,
+        width=len(names),
+        columns=columns,
+        reading=reading,
+        target_unit=target_unit,
+        unit=reading_unit,
+        comma=comma,
+    )
 
 
 def _places(names: list[str], known: tuple[str, ...]) -> list[int]:

@@ -103,7 +103,13 @@ def survey(data: bytes, where: str) -> GdeSurvey:
     first = root[0]
     version = next((value for key, value in first.attributes.items() if "version" in key.lower()), "")
     version = version or next((text for key, text in first.children.items() if "version" in key.lower()), "")
-    return GdeSurvey(first.name, version, tuple(parts), " ".join(dict.fromkeys(faces)), dict(names))
+    return GdeSurvey(
+        root=first.name,
+        version=version,
+        parts=tuple(parts),
+        datum_face=" ".join(dict.fromkeys(faces)),
+        names=dict(names),
+    )
 
 
 def _faces(element: Element) -> list[str]:
@@ -151,10 +157,10 @@ def _touches(element: Element, above: list[Element], names: GdeNames, where: str
         if len(numbers) % 3:
             raise wrong_line(where, element.line, f"{len(numbers)} numbers are no triples")
         triples = [numbers[at : at + 3] for at in range(0, len(numbers), 3)]
-        return [touch(space, flank, list(triple), element.line, where) for triple in triples]
+        return [touch(space, flank, numbers=list(triple), at=element.line, where=where) for triple in triples]
     wanted = [names.x, names.y, names.z, *([names.deviation] if names.deviation else [])]
     found = [decimal(element.look_up(name) or "") for name in wanted]
-    return [touch(space, flank, found, element.line, where)]
+    return [touch(space, flank, numbers=found, at=element.line, where=where)]
 
 
 def _found(chain: list[Element], name: str, line: int, where: str) -> str:

@@ -139,7 +139,7 @@ def _touch(line: str, columns: GearColumns, at: int, where: str) -> Touch:
     if len(row) < needed:
         raise wrong_line(where, at, f"{len(row)} columns, but column {needed} is needed")
     numbers = [decimal(row[column - 1], comma=columns.decimal_comma) for column in columns.numbers]
-    return touch(row[columns.space - 1], row[columns.flank - 1], numbers, at, where)
+    return touch(row[columns.space - 1], row[columns.flank - 1], numbers=numbers, at=at, where=where)
 
 
 def touch(space: str, flank: str, numbers: list[float | None], at: int, where: str) -> Touch:
@@ -170,7 +170,16 @@ def inspection(
     space = np.asarray([one.space for one in touches], dtype=np.int64)
     warnings = (*more.pop("warnings", ()), *_doubts(places, space, flank))
     probe = units.probe_u_um or None
-    return GearInspection(places, space, flank, deviation, probe, where, more.pop("header", {}), warnings)
+    return GearInspection(
+        points_mm=places,
+        space=space,
+        flank=flank,
+        deviation_um=deviation,
+        probe_u_um=probe,
+        source=where,
+        header=more.pop("header", {}),
+        warnings=warnings,
+    )
 
 
 def _places(numbers: np.ndarray, units: PointMap, *, polar: bool, diameter: bool) -> np.ndarray:

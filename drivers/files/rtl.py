@@ -113,15 +113,15 @@ def measured_set(content: RtlText, axis_unit: AxisUnit, convert: Convert, where:
     start, end, expansion, doubts = environment(content.keys("ENVIRONMENT"), where)
     warnings += [*doubts, *_size_doubts(targets, deviations, axis_unit)]
     return MeasuredSet(
-        targets,
-        deviations,
-        axis_unit,
-        start,
-        end,
-        "air+material",
-        expansion,
-        _header(content),
-        (*content.warnings, *warnings),
+        targets=targets,
+        deviations=deviations,
+        axis_unit=axis_unit,
+        ambient_start=start,
+        ambient_end=end,
+        compensated_for="air+material",
+        expansion_ppm_per_k=expansion,
+        header=_header(content),
+        warnings=(*content.warnings, *warnings),
     )
 
 

@@ -75,7 +75,9 @@ def parse(text: str, where: str) -> RtlText:
     run_count = _run_count(sections.get("RUNS", ()), rows, warnings, where)
     kept = {name: tuple(line for _at, line in lines) for name, lines in sections.items()}
     kept["TARGET DATA"], kept["DEVIATIONS"] = target_rest, row_rest
-    return RtlText(targets, run_count, rows, tuple(kept.items()), tuple(warnings))
+    return RtlText(
+        targets=targets, run_count=run_count, rows=rows, sections=tuple(kept.items()), warnings=tuple(warnings)
+    )
 
 
 def _sections(text: str, where: str) -> tuple[dict[str, Lines], list[str]]:

@@ -64,7 +64,15 @@ class RtxFormat:
         _check_finite(raw, where)
         unit, scale = UNITS[self._unit]
         warnings = (*_ending(path, head), *_doubts(head.keys))
-        return Recording(raw, head.rate_hz, unit, scale, head.trigger, header=head.keys, warnings=warnings)
+        return Recording(
+            raw=raw,
+            rate_hz=head.rate_hz,
+            unit=unit,
+            scale=scale,
+            trigger=head.trigger,
+            header=head.keys,
+            warnings=warnings,
+        )
 
     def origin(self, path: Path) -> dict[str, str]:
         """The file's own words (Machine, Serial No, ...), for which no unit is needed yet."""
@@ -125,7 +133,7 @@ def read_head(data: bytes, size: int, codepage: str, where: str) -> RtxHead:
     there = min((size - start) // DOUBLE, int(stated))
     if there < 1:
         raise FileFormatError("E-FILE-ROWS", where)
-    return RtxHead(keys, start, there, int(stated), rate, _trigger(keys, there))
+    return RtxHead(keys=keys, start=start, count=there, stated=int(stated), rate_hz=rate, trigger=_trigger(keys, there))
 
 
 def _number(keys: Mapping[str, str], key: str, where: str) -> float:

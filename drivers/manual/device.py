@@ -138,7 +138,9 @@ class ManualEntry:
                 self._expected = Expected()
                 utc = self._clock.utc().isoformat(timespec="seconds")
                 who = self._settings.who or getuser()
-                return Typed(expected.label, text, self._settings.scale * value, who, utc, insisted=sure)
+                return Typed(
+                    label=expected.label, text=text, value=self._settings.scale * value, who=who, utc=utc, insisted=sure
+                )
             before = text if value.code == FAR else ""
             trouble = words(value.code, **value.fields)
 

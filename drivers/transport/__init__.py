@@ -41,7 +41,7 @@ async def open_transport(
         return open_memory(url)
     if scheme not in ("", "socket", "usb") or not url.strip():
         raise ConfigError("E-LINK-URL", url, why=f"unknown kind of wire {scheme!r}")
-    return await open_serial(url, clock, timeout_s, baudrate, parity)
+    return await open_serial(url, clock, timeout_s, baudrate=baudrate, parity=parity)
 
 
 def hardware_of(wire: ByteTransport) -> str:

@@ -185,7 +185,16 @@ class UmdCounting:
             if start == 0 and damaged:
                 events = (f"{damaged} damaged lines before {time_s[-1]:.6f} s", *events)
             gap = int(lost[start])
-            blocks.append(SampleBlock(CHANNELS, time_s[part], values[part], valid[part], gap, events))
+            blocks.append(
+                SampleBlock(
+                    channels=CHANNELS,
+                    time_s=time_s[part],
+                    values=values[part],
+                    valid=valid[part],
+                    lost=gap,
+                    events=events,
+                )
+            )
         return blocks
 
 

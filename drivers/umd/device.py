@@ -149,7 +149,7 @@ class UmdCounter:
         low = self._counting.low_speed
         kind = "heterodyne" if low.axes == 0 else "homodyne"
         model = f"uMD counter, {kind}, {self._counting.sample_rate_hz:g} Hz"
-        return Identity("umd", model, self._serial, low.firmware, self.notices)
+        return Identity(driver="umd", model=model, serial=self._serial, firmware=low.firmware, notes=self.notices)
 
     async def close(self) -> None:
         """Let go of the wire and end the stream; never raises."""

@@ -140,9 +140,9 @@ class LowSpeed:
         value = {code: found[0] for code, found in here.items()}
         material = value.get(MATERIAL_TEMPERATURE)
         return Ambient(
-            value.get(AIR_TEMPERATURE),
-            value.get(PRESSURE),
-            value.get(HUMIDITY),
-            () if material is None else (material,),
-            (tick - oldest) / sample_rate_hz if sample_rate_hz else 0.0,
+            air_degc=value.get(AIR_TEMPERATURE),
+            pressure_hpa=value.get(PRESSURE),
+            humidity_pct=value.get(HUMIDITY),
+            material_degc=() if material is None else (material,),
+            age_s=(tick - oldest) / sample_rate_hz if sample_rate_hz else 0.0,
         )

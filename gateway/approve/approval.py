@@ -42,4 +42,12 @@ def consent(
             raise WriteRefused("E-APPROVE-TWICE", change.name, actor=actor, until=other.expires_utc)
     until = (now_utc + VALID).isoformat(timespec="seconds")
     since = now_utc.isoformat(timespec="seconds")
-    return Approval(actor, plan, change.base_digest, machine.serial, since, until, run_id)
+    return Approval(
+        actor=actor,
+        plan_hash=plan,
+        base_digest=change.base_digest,
+        serial=machine.serial,
+        given_utc=since,
+        expires_utc=until,
+        run_id=run_id,
+    )

@@ -35,10 +35,31 @@ def record(
     a machine.
     """
     person, told = actor or os_user(), dict(details or {})
-    happening = Happening(action, person, role, serial, transaction, plan_hash, base_hash, new_hash, told)
+    happening = Happening(
+        action=action,
+        actor=person,
+        role=role,
+        serial=serial,
+        transaction=transaction,
+        plan_hash=plan_hash,
+        base_hash=base_hash,
+        new_hash=new_hash,
+        details=told,
+    )
     utc = clock.utc().isoformat(timespec="milliseconds")
     software = metadata.version("trueflank")
-    return append(root, Entry(0, utc, round(clock.now(), 6), os.getpid(), software, happening, ""))
+    return append(
+        root,
+        Entry(
+            seq=0,
+            utc=utc,
+            monotonic_s=round(clock.now(), 6),
+            process=os.getpid(),
+            software=software,
+            happening=happening,
+            prev_hash="",
+        ),
+    )
 
 
 def note(

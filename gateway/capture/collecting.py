@@ -95,7 +95,14 @@ class Collection:
         """A reading that is not the wanted one, with what it might be instead."""
         datum = wanted if self.datum is None else self.combined(self.datum.values - self._offset)
         stops = {} if self.datum is None else {float(t): datum + float(t) - self.datum.target for t in self._targets}
-        return Doubt(read, wanted, datum, self._tolerance, self._axis.kind == "rotary", stops)
+        return Doubt(
+            read=read,
+            wanted=wanted,
+            datum=datum,
+            tolerance=self._tolerance,
+            rotary=self._axis.kind == "rotary",
+            targets=stops,
+        )
 
     def departure(self, stop: Stop, *, first: bool) -> tuple[float, float]:
         """(value, distance): what the count showed last, and how far it must have gone since then.

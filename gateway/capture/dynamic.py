@@ -108,9 +108,14 @@ class DynamicCapture:
         held, self._held = self._held, None
         if held is None:
             return block
-        both = (np.concatenate([held.time_s, block.time_s]), np.concatenate([held.values, block.values]))
-        valid = np.concatenate([held.valid, block.valid])
-        return SampleBlock(block.channels, *both, valid, held.lost, (*held.events, *block.events))
+        return SampleBlock(
+            block.channels,
+            time_s=np.concatenate([held.time_s, block.time_s]),
+            values=np.concatenate([held.values, block.values]),
+            valid=np.concatenate([held.valid, block.valid]),
+            lost=held.lost,
+            events=(*held.events, *block.events),
+        )
 
     def _settle_rate(self, block: SampleBlock) -> None:
         first, last = float(block.time_s[0]), float(block.time_s[-1])
@@ -149,7 +154,9 @@ class DynamicCapture:
         begins = sum(len(piece) for piece, _lost in kept)
         scale = self._scale
         trigger = None if self._trigger.kind == "none" else begins
-        self._sink = self._begin(Stretch(self._name, self._rate_hz, self._unit, scale, trigger))
+        self._sink = self._begin(
+            Stretch(channel=self._name, rate_hz=self._rate_hz, unit=self._unit, scale=scale, trigger=trigger)
+        )
         self._wanted += begins
         for piece, missing in kept:
             self._write(piece, missing)
@@ -230,7 +237,17 @@ class DynamicCapture:
             return
         low, high = min(one[0] for one in self._seen), max(one[1] for one in self._seen)
         mean = float(np.average([one[2] for one in self._seen], weights=[one[3] for one in self._seen]))
-        self._view(LiveView(now, low, high, mean, self._written, self._lost, self._sink is None))
+        self._view(
+            LiveView(
+                time_s=now,
+                low=low,
+                high=high,
+                mean=mean,
+                samples=self._written,
+                lost=self._lost,
+                waiting=self._sink is None,
+            )
+        )
         self._seen, self._view_due = [], now + self._view_s
 
 

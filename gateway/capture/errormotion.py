@@ -126,7 +126,9 @@ class ErrorCollection(Collection):
 
     def __init__(self, rig: ErrorRig, targets: FloatArray) -> None:
         channels = rig.instrument.channels
-        nothing = SenseProof(rig.instrument.name, rig.axis.name, 1, 1.0, (0.0,) * len(channels))
+        nothing = SenseProof(
+            instrument=rig.instrument.name, axis=rig.axis.name, sense=1, scale=1.0, evidence=(0.0,) * len(channels)
+        )
         super().__init__(rig.axis, targets, channels, rig.combine, nothing)
         self._counting = rig.column
         self._largest = rig.largest
@@ -167,7 +169,7 @@ async def capture_error(rig: ErrorRig) -> RawCapture:
         raise CaptureError("E-SETUP-DEAD", rig.instrument.name, count=found.times.size)
     live = await rig.controller.saved_tables(axis.name)
     ended = clock.utc().isoformat(timespec="seconds")
-    return raw_capture(found, targets, rig.instrument.channels, live, (started, ended), lost)
+    return raw_capture(found, targets, channels=rig.instrument.channels, live=live, times=(started, ended), lost=lost)
 
 
 def error_capture(rig: ErrorRig, raw: RawCapture, sense: Literal[1, -1], *, absolute: bool = False) -> Capture:
@@ -177,21 +179,21 @@ def error_capture(rig: ErrorRig, raw: RawCapture, sense: Literal[1, -1], *, abso
     reading_u = float(np.sqrt(np.nanmean(raw.window_sigma**2) / max(raw.window_count, 1))) * abs(rig.factor)
     lost = (f"{raw.lost_samples} samples lost by the instrument",) if raw.lost_samples else ()
     return Capture(
-        rig.axis.name,
-        rig.axis.measure.component,
-        rig.axis.unit,
-        raw.targets,
-        deviations,
-        reading_u,
-        raw.ambient[0],
-        raw.ambient[-1],
-        corrections.begin("nothing"),
-        raw.live,
-        None,
-        robust_means(raw.targets, deviations).suspects,
-        "live",
-        raw.started_utc,
-        raw.ended_utc,
-        (*lost, *raw.notes, f"direction as the site file says it (sense {sense:+d}): no jog can prove it"),
+        axis=rig.axis.name,
+        component=rig.axis.measure.component,
+        axis_unit=rig.axis.unit,
+        targets=raw.targets,
+        deviations=deviations,
+        reading_u=reading_u,
+        ambient_start=raw.ambient[0],
+        ambient_end=raw.ambient[-1],
+        corrections=corrections.begin("nothing"),
+        live=raw.live,
+        sense=None,
+        suspects=robust_means(raw.targets, deviations).suspects,
+        source="live",
+        started_utc=raw.started_utc,
+        ended_utc=raw.ended_utc,
+        notes=(*lost, *raw.notes, f"direction as the site file says it (sense {sense:+d}): no jog can prove it"),
         cycle=rig.axis.measure.cycle,
     )

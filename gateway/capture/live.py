@@ -75,7 +75,9 @@ async def capture_axis(rig: Rig, proof: SenseProof, between: FloatArray | None =
     axis, clock = rig.axis, rig.clock
     targets, checks = with_checks(targets_of(axis), between)
     combine = combined(axis, rig.instrument, proof.sense)
-    found = Collection(axis, targets, rig.instrument.channels, combine, proof, checks=checks)
+    found = Collection(
+        axis=axis, targets=targets, channels=rig.instrument.channels, combine=combine, proof=proof, checks=checks
+    )
     started = clock.utc().isoformat(timespec="seconds")
     async with Readings(rig.instrument, clock, combine) as readings:
         plan = measuring_plan(axis, targets, "", name=f"TFMEAS{axis.letter}", checks=checks)
@@ -86,7 +88,10 @@ async def capture_axis(rig: Rig, proof: SenseProof, between: FloatArray | None =
         found.notes.extend(f"the instrument said: {event}" for event in dict.fromkeys(readings.events))
     live = await rig.controller.saved_tables(axis.name)
     ended = clock.utc().isoformat(timespec="seconds")
-    return replace(raw_capture(found, targets, rig.instrument.channels, live, (started, ended), lost), checks=checks)
+    return replace(
+        raw_capture(found, targets, channels=rig.instrument.channels, live=live, times=(started, ended), lost=lost),
+        checks=checks,
+    )
 
 
 def with_checks(targets: FloatArray, between: FloatArray | None) -> tuple[FloatArray, tuple[int, ...]]:
@@ -113,19 +118,21 @@ def raw_capture(
     lost: int,
 ) -> RawCapture:
     """What was collected as a record; ``times`` are start and end in UTC."""
+    started, ended = times
     return RawCapture(
-        targets,
-        channels,
-        found.values,
-        found.times,
-        found.sigmas,
-        int(np.median(found.counts)),
-        tuple(found.ambients),
-        np.asarray(found.ambient_times),
-        live,
-        *times,
-        lost,
-        tuple(found.notes),
+        targets=targets,
+        channels=channels,
+        values=found.values,
+        time_s=found.times,
+        window_sigma=found.sigmas,
+        window_count=int(np.median(found.counts)),
+        ambient=tuple(found.ambients),
+        ambient_time_s=np.asarray(found.ambient_times),
+        live=live,
+        started_utc=started,
+        ended_utc=ended,
+        lost_samples=lost,
+        notes=tuple(found.notes),
     )
 
 
@@ -162,7 +169,7 @@ class Visits:
         while True:
             try:
                 at_stop = self._at_stop(last_round=last_round)
-                await walk(self._rig.controller, part, at_stop, self._rig.patience, self._rig.say)
+                await walk(self._rig.controller, part, at_stop=at_stop, patience=self._rig.patience, say=self._rig.say)
                 return
             except BeamObstructed:
                 if not self._recoveries or self._found.datum is None:

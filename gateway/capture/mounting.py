@@ -48,10 +48,18 @@ async def prove_mounting(rig: ErrorRig) -> MountingProof:
             seen.append(float(rig.combine(reading.values[None, :])[0]))
 
         plan = jog_plan(rig.axis, jog_start(rig.axis, rig.jog), rig.jog, rig.setup)
-        await walk(rig.controller, plan, at_stop, rig.patience, rig.say)
+        await walk(rig.controller, plan, at_stop=at_stop, patience=rig.patience, say=rig.say)
     _plausible(rig, seen)
     component = rig.axis.measure.component
-    return MountingProof(rig.instrument.name, rig.axis.name, component, told[0], rig.unit, rig.jog, tuple(seen))
+    return MountingProof(
+        instrument=rig.instrument.name,
+        axis=rig.axis.name,
+        component=component,
+        optics=told[0],
+        unit=rig.unit,
+        jog=rig.jog,
+        evidence=tuple(seen),
+    )
 
 
 async def _lit(rig: ErrorRig, readings: ErrorReadings) -> Reading:

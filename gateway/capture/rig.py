@@ -43,6 +43,8 @@ class Rig:
     async def visit(self, plan: StopPlan, at_stop: AtStop) -> None:
         """Visit a plan's stops: by a program, or where the road runs none by the operator's hand."""
         if self.controller.capabilities.programs:
-            await walk(self.controller, plan, at_stop, self.patience, self.say)
+            await walk(self.controller, plan, at_stop=at_stop, patience=self.patience, say=self.say)
         else:
-            await jog_through(self.controller, self.clock, plan, at_stop, self.patience, self.say)
+            await jog_through(
+                self.controller, self.clock, plan=plan, at_stop=at_stop, patience=self.patience, say=self.say
+            )

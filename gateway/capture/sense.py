@@ -111,7 +111,9 @@ def _proof(
         jog = axis.measure.jog if axis.kind == "linear" else ROTARY_JOG_DEG
         read = " and ".join(f"{ratio * jog:+.6f} {axis.unit}" for ratio in ratios)
         raise UnsupportedDevice("E-CAP-SENSE", axis.name, jog=f"{jog:+g} {axis.unit}", read=read)
-    return SenseProof(instrument.name, axis.name, sense, float(np.mean(np.abs(ratios))), evidence)
+    return SenseProof(
+        instrument=instrument.name, axis=axis.name, sense=sense, scale=float(np.mean(np.abs(ratios))), evidence=evidence
+    )
 
 
 def first_channel(values: FloatArray) -> FloatArray:

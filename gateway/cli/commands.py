@@ -142,7 +142,18 @@ def evaluate(
     if standard == "list":
         list_standards(as_json=as_json)
         return
-    asked = Asked(standard, unit, limits_of(limit or ()), air, expansion, material_degc, seed, store, axis, phase)
+    asked = Asked(
+        standard=standard,
+        unit=unit,
+        limits=limits_of(limit or ()),
+        air=air,
+        expansion_ppm_per_k=expansion,
+        material_degc=material_degc,
+        seed=seed,
+        store=store,
+        axis=axis,
+        phase=phase,
+    )
     evaluate_files(files or [], asked, as_json=as_json)
 
 

@@ -124,7 +124,15 @@ class Desk:
 
     async def _do_run(self, stop: asyncio.Event) -> None:
         self.failure = None
-        self.run = RunView("", "", "", 0, 0, "", self._clock.utc().isoformat(timespec="seconds"))
+        self.run = RunView(
+            run_id="",
+            stage="",
+            axis="",
+            done=0,
+            total=0,
+            words="",
+            started_utc=self._clock.utc().isoformat(timespec="seconds"),
+        )
         try:
             await unless(self._run(), self._clock, stop)
         finally:

@@ -56,7 +56,14 @@ class ProfileSection:
         """The same points turned about the gear axis by angles (rad) that broadcast with theta."""
         c, s = np.cos(angle), np.sin(angle)
         x, y = c * self.x - s * self.y, s * self.x + c * self.y
-        return ProfileSection(x, y, c * self.nx - s * self.ny, s * self.nx + c * self.ny, self.curvature, self.speed)
+        return ProfileSection(
+            x=x,
+            y=y,
+            nx=c * self.nx - s * self.ny,
+            ny=s * self.nx + c * self.ny,
+            curvature=self.curvature,
+            speed=self.speed,
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,7 +192,14 @@ def limits(
         raise ModelError("E-GEAR-K1", "gear", K1=a * zp / rp, K=K)
     largest = undercut_limit(circle, a, zp)
     half = float(_arc(np.asarray(pi / zc), circle, pin, K, zc))
-    return GearLimits(a * zp / rp, circle - a - pin, circle + a - pin, largest, not pin < largest, half)
+    return GearLimits(
+        K1=a * zp / rp,
+        r_root=circle - a - pin,
+        r_tip=circle + a - pin,
+        rrp_max=largest,
+        undercut=not pin < largest,
+        half_lobe_arc=half,
+    )
 
 
 def undercut_limit(rp: float, a: float, zp: int) -> float:
@@ -209,7 +223,7 @@ def _section(t: FloatArray, rp: float, r: float, K: float, a: float, zp: int) ->
     k0 = (1.0 + zp * K * K - (1.0 + zp) * K * cos_phi) / (rp * S * root)
     free = 1.0 - r * k0
     x, y = rp * ct - a * cp - r * nx, rp * st - a * sp - r * ny
-    return ProfileSection(x, y, nx, ny, k0 / free, rp * root * free)
+    return ProfileSection(x=x, y=y, nx=nx, ny=ny, curvature=k0 / free, speed=rp * root * free)
 
 
 def _arc(t: FloatArray, rp: float, r: float, K: float, zc: int) -> FloatArray:

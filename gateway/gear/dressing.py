@@ -63,8 +63,17 @@ class Dressing:
         speed = np.hypot(along, slope)
         c, q = along / speed, slope / speed
         nx, ny = c * s.nx + q * s.ny, c * s.ny - q * s.nx
-        return ProfileSection(s.x + p * s.nx, s.y + p * s.ny, nx, ny, s.curvature / (1.0 + s.curvature * p), speed)
+        return ProfileSection(
+            x=s.x + p * s.nx,
+            y=s.y + p * s.ny,
+            nx=nx,
+            ny=ny,
+            curvature=s.curvature / (1.0 + s.curvature * p),
+            speed=speed,
+        )
 
 
 def _shifted(s: ProfileSection, dressing: Dressing) -> ProfileSection:
-    return ProfileSection(s.x - dressing.radius, s.y + dressing.offset, s.nx, s.ny, s.curvature, s.speed)
+    return ProfileSection(
+        x=s.x - dressing.radius, y=s.y + dressing.offset, nx=s.nx, ny=s.ny, curvature=s.curvature, speed=s.speed
+    )

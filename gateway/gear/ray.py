@@ -47,7 +47,9 @@ class RayState:
 
     def at(self, which: NDArray[np.bool_]) -> RayState:
         """Only those marked."""
-        return RayState(self.theta[which], self.e[which], self.s[which], self.low[which], self.high[which])
+        return RayState(
+            theta=self.theta[which], e=self.e[which], s=self.s[which], low=self.low[which], high=self.high[which]
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +87,7 @@ def step(rays: FlankRays, state: RayState) -> tuple[RayState, FloatArray]:
     de = (f * ds - dn) / a
     dtheta = (dt + way_t * de - slide * ds) / profile.speed
     left = np.abs(de) + grade * ds**2 + np.abs(profile.curvature) * dt**2
-    return RayState(state.theta + dtheta, state.e + de, state.s + ds, low, high), left
+    return RayState(theta=state.theta + dtheta, e=state.e + de, s=state.s + ds, low=low, high=high), left
 
 
 def residual(rays: FlankRays, state: RayState) -> FloatArray:

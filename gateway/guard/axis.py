@@ -81,7 +81,14 @@ def guard_axis(approved: Approved, check: Check, limit: float) -> GuardVerdict:
     changes = _shapes(at, difference, whole, unit, turning=is_periodic(approved.curve))
     answer = judged(change, margin, limit)
     return GuardVerdict(
-        answer, float(change[worst]), float(at[worst]), limit, float(margin[worst]), unit, changes, told(changes)
+        answer=answer,
+        largest=float(change[worst]),
+        at=float(at[worst]),
+        limit=limit,
+        margin=float(margin[worst]),
+        unit=unit,
+        changes=changes,
+        said=told(changes),
     )
 
 

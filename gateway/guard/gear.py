@@ -49,14 +49,14 @@ def guard_gear(approved: Flanks, now: Flanks, form: FloatArray, angle_rad: Float
     worst = int(np.argmax(np.abs(change) + np.where(np.abs(change) > limit_um, 0.0, margin)))
     changes = _means(change, u, form)
     return GuardVerdict(
-        judged(change, margin, limit_um),
-        float(change[worst]),
-        float(np.rad2deg(angle[worst])),
-        limit_um,
-        float(margin[worst]),
-        "um",
-        changes,
-        told(changes),
+        answer=judged(change, margin, limit_um),
+        largest=float(change[worst]),
+        at=float(np.rad2deg(angle[worst])),
+        limit=limit_um,
+        margin=float(margin[worst]),
+        unit="um",
+        changes=changes,
+        said=told(changes),
     )
 
 

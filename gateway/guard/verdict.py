@@ -78,7 +78,16 @@ def judged(change: FloatArray, margin: FloatArray, limit: float) -> Answer:
 def unknown(limit: float, unit: DeviationUnit, code: str, **fields: object) -> GuardVerdict:
     """Cannot tell, and why."""
     nan = float("nan")
-    return GuardVerdict("cannot tell", nan, nan, limit, nan, unit, (), (words(code, **fields),))
+    return GuardVerdict(
+        answer="cannot tell",
+        largest=nan,
+        at=nan,
+        limit=limit,
+        margin=nan,
+        unit=unit,
+        changes=(),
+        said=(words(code, **fields),),
+    )
 
 
 def told(changes: tuple[Change, ...]) -> tuple[str, ...]:

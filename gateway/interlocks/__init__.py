@@ -1,6 +1,7 @@
 """May we write? Every reason against it at once, from facts read before; pure.
 
-All limits stand in `gateway.interlocks.limits`; what only warns asks for a second person.
+`drivers.limits` holds the limits of a table, `gateway.interlocks.limits` the others; what only warns asks for a second
+person.
 """
 
 from __future__ import annotations
@@ -8,7 +9,6 @@ from __future__ import annotations
 from gateway.interlocks.approval import APPROVED, needed, warnings
 from gateway.interlocks.cross import CROSS, CROSS_RELEASE
 from gateway.interlocks.facts import MAX_JUMP, PushFacts, Refusal, Rule, value_at
-from gateway.interlocks.limits import PushLimits, limits_of
 from gateway.interlocks.machine import CONSENT, MACHINE, NAMED, RELEASE
 from gateway.interlocks.measured import MEASURED, MEASURED_CROSS, not_worth_it
 from gateway.interlocks.table import FITS, TABLE
@@ -16,9 +16,7 @@ from gateway.interlocks.table import FITS, TABLE
 __all__ = [
     "MAX_JUMP",
     "PushFacts",
-    "PushLimits",
     "Refusal",
-    "limits_of",
     "needed",
     "not_worth_it",
     "refusals",

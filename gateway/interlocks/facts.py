@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from drivers.errors import words
+from drivers.limits import ACCESS_LEVEL, Limits
 from drivers.types import (
     Ambient,
     AxisState,
@@ -24,7 +25,7 @@ from drivers.types import (
 )
 from drivers.units import AxisUnit
 from gateway.domain import Approval, Capture, TableChange
-from gateway.interlocks.limits import MAX_JUMP, PushLimits, limits_of
+from gateway.interlocks.limits import MAX_JUMP
 
 __all__ = ["MAX_JUMP", "ROUNDING", "PushFacts", "Refusal", "Rule", "no", "others_now", "rest_of", "value_at"]
 
@@ -86,7 +87,7 @@ class PushFacts:
     unfinished: tuple[str, ...] = ()
     modes: tuple[str, ...] = ("AUTO",)
     harmless_alarms: tuple[int, ...] = ()
-    access_level_needed: int = 7
+    access_level_needed: int = ACCESS_LEVEL
     live: LiveSet | None = None
     marker: Marker | None = None
     marker_ours: bool = True
@@ -119,9 +120,9 @@ class PushFacts:
         return self.change.new.output_unit
 
     @property
-    def bounds(self) -> PushLimits:
+    def bounds(self) -> Limits:
         """The limits for the table's output axis."""
-        return limits_of(self.unit)
+        return Limits.of(self.unit)
 
     @property
     def is_cross(self) -> bool:

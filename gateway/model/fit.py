@@ -168,7 +168,13 @@ def _candidate(basis: str, parameters: Mapping[str, Any], data: _Data, choices: 
     solved = weighted(design(basis, parameters, data.at), data.values, data.u, basis)
     size = solved.coefficients.size
     missed = float(np.sqrt(np.mean(solved.left_out**2)))
-    return Candidate(basis, parameters, solved, _criterion(solved, data, size, choices), max(missed, data.noise))
+    return Candidate(
+        basis=basis,
+        parameters=parameters,
+        regression=solved,
+        criterion=_criterion(solved, data, size, choices),
+        left_out=max(missed, data.noise),
+    )
 
 
 def _criterion(solved: Regression, data: _Data, size: int, choices: int) -> float:
@@ -235,7 +241,9 @@ def _polygon(data: _Data) -> Candidate:
     solved = weighted(design("piecewise", parameters, data.at), data.values, data.u, "piecewise")
     means = solved.coefficients
     missed = max(float(np.sqrt(np.mean(_skipped(nodes, means, data.period) ** 2))), data.noise)
-    return Candidate("piecewise", parameters, solved, float("inf"), missed)
+    return Candidate(
+        basis="piecewise", parameters=parameters, regression=solved, criterion=float("inf"), left_out=missed
+    )
 
 
 def _skipped(nodes: FloatArray, values: FloatArray, period: float | None) -> FloatArray:

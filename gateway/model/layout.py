@@ -47,4 +47,11 @@ def _element(data: object, where: str) -> Element:
             raise ModelError("E-CHAIN-ELEMENT", where, why=f"key {key} is missing")
     err = {key: motion_of(value, f"{where} {key}") for key, value in dict(data.get("err", {})).items()}
     frame = data.get("err_frame", "moving")
-    return Axis(str(data["name"]), data["kind"], data["axis"], err, dict(data.get("loc", {})), frame)
+    return Axis(
+        name=str(data["name"]),
+        kind=data["kind"],
+        direction=data["axis"],
+        err=err,
+        loc=dict(data.get("loc", {})),
+        err_frame=frame,
+    )

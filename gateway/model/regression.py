@@ -48,4 +48,10 @@ def weighted(design: FloatArray, values: FloatArray, u: FloatArray, where: str =
     residual = values - design @ coefficients
     chi_square = float(np.sum((residual / u) ** 2))
     scatter = max(1.0, chi_square / (m - p)) if m > p else 1.0
-    return Regression(coefficients, inverse @ inverse.T * scatter, residual, np.sum(left**2, axis=1), chi_square)
+    return Regression(
+        coefficients=coefficients,
+        covariance=inverse @ inverse.T * scatter,
+        residual=residual,
+        leverage=np.sum(left**2, axis=1),
+        chi_square=chi_square,
+    )

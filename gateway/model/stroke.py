@@ -102,7 +102,7 @@ class Stroke:
         offset, R = (value[0], value[1], value[2]), rpy(value[3], value[4], value[5])
         twist = self._twist(R, path, offset, _spin(value, first), (first[0], first[1], first[2]), d)
         rate = self._twist(R, path, offset, _spin(value, second), (second[0], second[1], second[2]), NOWHERE)
-        return StrokePose(self, R, path, offset, twist, rate)
+        return StrokePose(stroke=self, R=R, path=path, offset=offset, twist=twist, rate=rate)
 
     def _twist(self, R: Rotation, path: Vector, offset: Vector, spin: Vector, slip: Vector, d: Vector) -> Twist:
         """Body twist of S for the tool side; minus its bed twist for the work side; in the wheel's frame."""

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Protocol
 
 from drivers.clock import Clock
+from drivers.limits import ACCESS_LEVEL
 from drivers.ports import Controller
 from drivers.types import Ambient, CompensationTable, LiveSet, MachineIdentity, SignProof
 from drivers.units import AxisUnit
@@ -114,7 +115,7 @@ class PushContext:
     stop_timeout_s: float = 120.0
     modes: tuple[str, ...] = ("AUTO",)
     harmless_alarms: tuple[int, ...] = ()
-    access_level_needed: int = 3
+    access_level_needed: int = ACCESS_LEVEL
     say: Say = field(default=silence)
     input: AxisFacts | None = None
     pushed: tuple[CompensationTable, ...] = ()

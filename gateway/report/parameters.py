@@ -46,7 +46,17 @@ def _row(
 ) -> ParameterRow:
     old, new = _value(before, name), _value(after, name)
     old_u, new_u = _uncertainty(before, name), _uncertainty(after, name)
-    return ParameterRow(axis, name, unit, old, new, old_u, new_u, _change(old, new), _tells(old, new, old_u, new_u))
+    return ParameterRow(
+        axis=axis,
+        parameter=name,
+        unit=unit,
+        before=old,
+        after=new,
+        before_u=old_u,
+        after_u=new_u,
+        change_pct=_change(old, new),
+        significant=_tells(old, new, old_u, new_u),
+    )
 
 
 def _value(evaluation: Evaluation | None, name: Parameter) -> float | None:

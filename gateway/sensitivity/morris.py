@@ -77,7 +77,7 @@ def indices(effects: ArrayLike, *, population: bool = False) -> Indices:
     ee = np.asarray(effects, dtype=np.float64)
     freedom = 0 if population or ee.shape[0] == 1 else 1
     mu, sigma = ee.mean(axis=0), ee.std(axis=0, ddof=freedom)
-    return Indices(mu, np.abs(ee).mean(axis=0), sigma, _share(mu), _share(sigma))
+    return Indices(mu=mu, mu_star=np.abs(ee).mean(axis=0), sigma=sigma, mu_share=_share(mu), sigma_share=_share(sigma))
 
 
 def _share(values: FloatArray) -> FloatArray:

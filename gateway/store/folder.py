@@ -203,14 +203,14 @@ class RunFolder:
         """This run as one line."""
         facts = self._facts()
         return RunSummary(
-            self.run_id,
-            self.path,
-            facts["site"],
-            facts["created_utc"],
-            facts["state"],
-            facts["machine"].get("serial", ""),
-            facts["software"],
-            tuple(facts["stages"]),
+            run_id=self.run_id,
+            path=self.path,
+            site=facts["site"],
+            created_utc=facts["created_utc"],
+            state=facts["state"],
+            machine=facts["machine"].get("serial", ""),
+            software=facts["software"],
+            stages=tuple(facts["stages"]),
         )
 
     def _entry(self, stage: str) -> dict[str, Any]:

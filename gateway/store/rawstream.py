@@ -88,14 +88,26 @@ def open_stream(path: Path) -> Recording:
         count = path.stat().st_size // SAMPLE
         raw = np.memmap(path, dtype="<f8", mode="r", shape=(count,)) if count else np.zeros(0)
     gaps = _read_gaps(path.with_suffix(".gaps"), count)
-    return Recording(raw, facts.rate_hz, facts.unit, facts.scale, facts.trigger, gaps, facts.header or {})
+    return Recording(
+        raw=raw,
+        rate_hz=facts.rate_hz,
+        unit=facts.unit,
+        scale=facts.scale,
+        trigger=facts.trigger,
+        gaps=gaps,
+        header=facts.header or {},
+    )
 
 
 def _facts(text: bytes, where: Path) -> StreamFacts:
     try:
         said = json.loads(text)
         facts = StreamFacts(
-            float(said["rate_hz"]), said["unit"], float(said["scale"]), said["trigger"], dict(said["header"])
+            rate_hz=float(said["rate_hz"]),
+            unit=said["unit"],
+            scale=float(said["scale"]),
+            trigger=said["trigger"],
+            header=dict(said["header"]),
         )
     except (ValueError, KeyError, TypeError) as error:
         raise CorruptRecord("E-STORE-STREAM", str(where), why=str(error)) from error

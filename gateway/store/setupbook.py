@@ -55,7 +55,9 @@ class SetupBook:
         """Keep what is set from now on, durable on return. Raises StoreError (E-STORE-DISK), and as `current`."""
         kept = self.history(machine, gear)
         date = clock.utc().isoformat(timespec="seconds")
-        entry = SetupEntry(machine, gear, setup, run, date, kept[-1].number + 1 if kept else 1)
+        entry = SetupEntry(
+            machine=machine, gear=gear, setup=setup, run=run, date_utc=date, number=kept[-1].number + 1 if kept else 1
+        )
         data = records.encode(entry)
         folder = self._folder(machine.serial)
         make_folder(folder)

@@ -9,7 +9,7 @@ import numpy as np
 
 from drivers.errors import words
 from drivers.types import CompensationTable
-from drivers.units import mm_to_um, rad_to_arcsec
+from drivers.units import DeviationUnit, mm_to_um, rad_to_arcsec
 from gateway.correct.flank.compensability import Cure
 from gateway.correct.plan.layers import LayeredCorrection
 from gateway.gear.flank import FlankFigure
@@ -98,9 +98,22 @@ def error_rows(study: Study) -> Sequence[Row]:
     return rows
 
 
-def setup_unit(study: Study, name: str) -> str:
-    """Unit of a set-up value: arcsec of the index axis' zero and of a tilt, else um."""
-    return "arcsec" if name == f"{study.grinding.index} zero" or "tilt" in name else "um"
+def setup_rows(study: Study) -> list[tuple[str, float, DeviationUnit]]:
+    """Each set-up value by name, and how to move the work where it sits wrong, with units."""
+    found, moved = study.correction.setup, study.correction.moved
+    (x, y), (a, b) = moved.eccentricity_um, moved.tilt_arcsec
+    work: list[tuple[str, float, DeviationUnit]] = [
+        ("work eccentricity x", x, "um"),
+        ("work eccentricity y", y, "um"),
+        ("work tilt a", a, "arcsec"),
+        ("work tilt b", b, "arcsec"),
+    ]
+    return [
+        (f"{study.grinding.infeed} zero", found.x_um, "um"),
+        (f"{study.grinding.index} zero", found.c_arcsec, "arcsec"),
+        ("dressing offset", found.dressing_um, "um"),
+        *(row for row in work if row[1] != 0.0),
+    ]
 
 
 def floor_lines(study: Study) -> list[str]:
@@ -174,7 +187,7 @@ def as_data(study: Study) -> dict[str, Any]:
         },
         "flank": _figures(correction),
         "tables": [_table(one) for one in (*correction.eec, *correction.cec)],
-        "setup": {name: round(value, 6) for name, value in correction.setup.items()},
+        "setup": {name: round(value, 6) for name, value, _ in setup_rows(study)},
         "products": [
             {"name": one.product.name, "before_um": mm_to_um(one.before), "after_um": mm_to_um(one.after)}
             for one in study.products

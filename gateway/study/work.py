@@ -16,7 +16,7 @@ from gateway.correct.flank.noise import FitNoise, noise_patterns
 from gateway.correct.flank.travel_shapes import shapes_over
 from gateway.correct.part.fromgear import Visible, visible
 from gateway.correct.plan.layers import LayeredCorrection, correct
-from gateway.correct.plan.plan import Plan, cross_specs, setup_values
+from gateway.correct.plan.plan import Plan, cross_specs, setup_unknowns
 from gateway.correct.plan.products import ProductResult, product_layer
 from gateway.correct.solve.floor import Floor, floor
 from gateway.errors import ModelError
@@ -104,25 +104,25 @@ def study(
     )
     first = judged(grinding, grid.k, grid.theta, grid.z)
     return Study(
-        gear_file,
-        error_file,
-        grinding,
-        grid,
-        plan,
-        names,
-        tuple(_alone(grinding, grid, name) for name in names),
-        equal,
-        measured,
-        _cures(grinding, grid, names),
-        floor(grinding, grid),
-        visible(linear_flank(grinding, grid, names)),
-        correction,
-        product_layer(correction.machine, grid, plan, proved=True) if error_file.multiplication_proved else (),
-        _state(grid, first.second),
-        _state(grid, _second(correction.machine_with_eec, grid)),
-        _state(grid, _second(correction.machine, grid)),
-        _next(grinding, grid, plan, [parameter.name for parameter, _ in doubts], noise),
-        float(np.max(np.abs(first.second - first.deviation))),
+        gear=gear_file,
+        errors=error_file,
+        grinding=grinding,
+        grid=grid,
+        plan=plan,
+        names=names,
+        alone=tuple(_alone(grinding, grid, name) for name in names),
+        equal=equal,
+        measured=measured,
+        cures=_cures(grinding, grid, names),
+        floor=floor(grinding, grid),
+        visible=visible(linear_flank(grinding, grid, names)),
+        correction=correction,
+        products=product_layer(correction.machine, grid, plan, proved=True) if error_file.multiplication_proved else (),
+        before=_state(grid, first.second),
+        with_eec=_state(grid, _second(correction.machine_with_eec, grid)),
+        after=_state(grid, _second(correction.machine, grid)),
+        next=_next(grinding, grid, plan, [parameter.name for parameter, _ in doubts], noise),
+        truncation=float(np.max(np.abs(first.second - first.deviation))),
     )
 
 
@@ -192,7 +192,7 @@ def _next(grinding: Grinding, grid: FlankGrid, plan: Plan, names: list[str], noi
 def _tables_model(grinding: Grinding, grid: FlankGrid, plan: Plan) -> FlankModel:
     chain = grinding.chain
     grids = [spec.grid for spec in cross_specs(chain, plan)]
-    return flank_model(grinding, grid, grids, setup_values(chain, plan))
+    return flank_model(grinding, grid, grids, setup_unknowns(chain, plan))
 
 
 def the_order(text: str) -> Order:

@@ -13,10 +13,11 @@ from typing import Literal
 import numpy as np
 
 from drivers.errors import ConfigError, Gap
+from drivers.limits import VALUE_RESOLUTION, Limits
 from drivers.types import CompensationTable, MeasuredSet
 from drivers.units import AxisUnit, DeviationUnit, deviation_scale, deviation_unit
 from gateway.domain import FloatArray
-from gateway.table.limits import Limits, check, told
+from gateway.table.limits import check, told
 from gateway.table.projection import Grid, project, quantised, zeroed
 
 TURN_DEG = 360.0
@@ -24,7 +25,6 @@ WIDEST_BRIDGE_DEG = 60.0
 WIDEST_GAP_DEG = 180.0
 EVEN = 1e-6  # mm or deg: targets this close to a grid are on it
 MOST_INTERVALS = 20_000  # no control reserves more
-RESOLUTION = 1e-6  # mm or deg: values go to the control with six decimals
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +100,7 @@ def convert(measured: MeasuredSet, request: Request, limits: Limits | None = Non
     grid = _grid(found, request)
     kinds = _kinds(found, request)
     tables = tuple(_table(found, kind, grid, request) for kind in kinds)
-    allowed = limits or Limits.usual(deviation_unit(found.unit))
+    allowed = limits or Limits.of(found.unit)
     findings = list(_coverage(found, grid, request))
     for table in tables:
         nothing = replace(table, deviations=(0.0,) * len(table.deviations))
@@ -205,7 +205,7 @@ def _table(
         minimum=grid.minimum,
         maximum=grid.maximum,
         step=grid.step,
-        deviations=quantised(values, RESOLUTION * deviation_scale(found.unit)),
+        deviations=quantised(values, VALUE_RESOLUTION * deviation_scale(found.unit)),
         modulo=request.modulo,
         index=request.index + (1 if direction == -1 else 0),
         input_unit=found.unit,

@@ -151,4 +151,4 @@ def _settings(first: TableFile, second: TableFile) -> Iterator[SettingDifference
             yield SettingDifference(name, one, two)
         else:
             change = float(two - one) * deviation_scale(unit)
-            yield SettingDifference(name, one, two, change, deviation_unit(unit))
+            yield SettingDifference(name=name, first=one, second=two, change=change, unit=deviation_unit(unit))

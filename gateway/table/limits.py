@@ -1,35 +1,16 @@
-"""What a compensation table may be: number of points, values, slopes, and change against the live one."""
+"""Is a table within its limits: number of points, values, slopes, and change against the live one?"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from drivers.errors import TableError, TooManyPoints, ValueOutOfRange
+from drivers.limits import Limits
 from drivers.types import CompensationTable
-from drivers.units import DeviationUnit
 from gateway.domain import FloatArray
 from gateway.table.comparison import acting
-
-
-@dataclass(frozen=True, slots=True)
-class Limits:
-    """Largest |value| and change in the deviation unit; slopes in deviation unit per mm or deg."""
-
-    value: float
-    change: float
-    slope: float
-    slope_warning: float
-
-    @classmethod
-    def usual(cls, unit: DeviationUnit) -> Limits:
-        """0.200 mm, 0.120 mm, 1.0 and 0.2 um/mm; 0.050 deg, 0.015 deg, 10 and 5 arcsec/deg."""
-        if unit == "um":
-            return cls(value=200.0, change=120.0, slope=1.0, slope_warning=0.2)
-        return cls(value=180.0, change=54.0, slope=10.0, slope_warning=5.0)
-
 
 MEMORY = {"EEC": "MD38000 $MA_MM_ENC_COMP_MAX_POINTS", "CEC": "MD18342 $MN_MM_CEC_MAX_POINTS"}
 
@@ -57,7 +38,7 @@ def check(new: CompensationTable, live: CompensationTable, limits: Limits, axis:
     _refuse("E-COMP-SLOPE", slopes, middles, limits.slope, new, axis)
     _refuse("E-COMP-CHANGE", values - acting(live, new.positions), new.positions, limits.change, new, axis)
     steepest = int(np.argmax(np.abs(slopes)))
-    if abs(slopes[steepest]) <= limits.slope_warning:
+    if abs(slopes[steepest]) <= limits.warn_slope:
         return ()
     return (
         told(
@@ -65,7 +46,7 @@ def check(new: CompensationTable, live: CompensationTable, limits: Limits, axis:
             axis,
             slope=f"{slopes[steepest]:.3g}",
             at=f"{middles[steepest]:g}",
-            limit=limits.slope_warning,
+            limit=limits.warn_slope,
             unit=new.deviation_unit,
             per=new.input_unit,
         ),

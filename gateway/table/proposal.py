@@ -9,13 +9,14 @@ import numpy as np
 from scipy.special import chdtri
 
 from drivers.errors import Gap
+from drivers.limits import Limits
 from drivers.types import CompensationTable, LiveSet
 from drivers.units import AxisUnit, DeviationUnit, deviation_unit
 from gateway.domain import Component, FloatArray, TableChange
 from gateway.model.components import is_periodic, standard_uncertainty, value
 from gateway.table import reasons
 from gateway.table.comparison import acting, effective
-from gateway.table.limits import Limits, check, check_points, told
+from gateway.table.limits import check, check_points, told
 from gateway.table.projection import Grid, project, quantised, zeroed
 
 BAND_RISK = 0.01
@@ -108,7 +109,7 @@ def propose(
     if skipped:
         new = live.eec.table
     else:
-        limit = limits or Limits.usual(axis.deviation_unit)
+        limit = limits or Limits.of(axis.unit)
         hidden, taken = _unseen(component, measured), _taken(component, acts, new)
         doubtful = reasons.doubtful(axis.name, axis.deviation_unit, hidden, taken)
         findings = (*_coverage(axis, component, grid), *doubtful, *check(new, acts, limit, axis.name))
@@ -178,7 +179,7 @@ def _why_not(
     if left >= before:
         return told("S-COMP-NO-GAIN", axis.name, before=f"{before:.3g}", after=f"{left:.3g}", unit=unit)
     U = _predicted_U(axis, component, measured, instrument)
-    return reasons.outweighed(axis.name, unit, measured.means, after, measured.rest, U)
+    return reasons.outweighed(axis.name, unit, means=measured.means, after=after, rest=measured.rest, U=U)
 
 
 def _unseen(component: Component, measured: Measured) -> float:

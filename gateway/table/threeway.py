@@ -102,7 +102,16 @@ def compare(live: LiveTable, approved: LiveTable, before: LiveTable | None, allo
     places = tuple(_places(live, approved, before, allowed))
     kind = _kind(live, approved, before, allowed, same=not form and not places)
     table, points = approved.table, len(approved.table.deviations)
-    return ThreeWay(kind, table.name, table.deviation_unit, points, places, form, live.enabled, allowed)
+    return ThreeWay(
+        kind=kind,
+        name=table.name,
+        unit=table.deviation_unit,
+        points=points,
+        places=places,
+        form=form,
+        live_enabled=live.enabled,
+        allowed=allowed,
+    )
 
 
 def _kind(live: LiveTable, approved: LiveTable, before: LiveTable | None, allowed: float, *, same: bool) -> Kind:

@@ -50,7 +50,14 @@ class Bench:
     def rig(self, axis: AxisSection) -> Rig:
         """An axis of the site set up with the instrument it names."""
         instrument = self.supervisor.instrument(axis.measure.instrument)
-        return Rig(axis, self.supervisor.controller, instrument, self.clock, self.patience, self.say)
+        return Rig(
+            axis=axis,
+            controller=self.supervisor.controller,
+            instrument=instrument,
+            clock=self.clock,
+            patience=self.patience,
+            say=self.say,
+        )
 
     def axis(self, name: str) -> AxisSection:
         """An axis of the site by its machine name."""
@@ -112,9 +119,19 @@ async def bench(
         say("P-OPEN", site=site.site.name, serial=machine.serial, count=len(supervisor.picture()))
         if not supervisor.left.clear:
             say("P-LEFT", words=supervisor.left.words)
-        yield Bench(site, site_path, supervisor, machine, folder, store, Proofs(store.root), clock, say)
+        yield Bench(
+            site=site,
+            site_path=site_path,
+            supervisor=supervisor,
+            machine=machine,
+            folder=folder,
+            store=store,
+            proofs=Proofs(store.root),
+            clock=clock,
+            say=say,
+        )
     except (TrueflankError, asyncio.CancelledError) as error:
-        await leave(supervisor, folder, store, clock, say, error)
+        await leave(supervisor, folder, store=store, clock=clock, say=say, why=error)
         raise
     finally:
         with stopping.current().leaving():

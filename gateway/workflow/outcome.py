@@ -43,7 +43,7 @@ def shown(folder: RunFolder, proposal: Proposal, refusals: Mapping[str, list[str
         lines += [f"  {reason}" for reason in refusals[change.name]] or ["  nothing speaks against it"]
     lines.append("nothing was written; live tables are compared when the push is applied")
     data = {"refusals": dict(refusals), "not_corrected": {c.axis: c.skipped for c in proposal.changes if c.skipped}}
-    return Outcome(folder.state, str(folder.path), (), tuple(lines), data)
+    return Outcome(state=folder.state, run_folder=str(folder.path), rows=(), lines=tuple(lines), data=data)
 
 
 def alarmed(outcome: Outcome, alarms: tuple[str, ...]) -> Outcome:

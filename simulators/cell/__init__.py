@@ -71,14 +71,26 @@ class Cell:
         self._folder = folder
         self._wires = wires
         self._number = next(_numbers)
-        self.instruments = Instruments(self.bench, clock, block_s, faults or {}, self._to_inspect).all()
+        self.instruments = Instruments(
+            bench=self.bench, clock=clock, block_s=block_s, faults=faults or {}, fetch=self._to_inspect
+        ).all()
         self._urls: dict[str, str] = {}
         memory = f"cell-{self._number}" if wires == "memory" else ""
-        self.roads = Roads(self.file, self.nck, clock, folder, memory, (faults or {}).get("plc"))
+        self.roads = Roads(
+            file=self.file, nck=self.nck, clock=clock, folder=folder, memory=memory, plan=(faults or {}).get("plc")
+        )
         self.server, self.plc, self.password = self.roads.server, self.roads.plc, self.roads.password
         self.mailbox = MailboxPanel(self.plc) if self.plc is not None else None
         axes = [axis.name for axis in self.file.axes]
-        self.operator = Operator(self.file.operator, self.panel, self.bench, clock, axes, self.mailbox, self.shop)
+        self.operator = Operator(
+            spec=self.file.operator,
+            control=self.panel,
+            bench=self.bench,
+            clock=clock,
+            axes=axes,
+            panel=self.mailbox,
+            table=self.shop,
+        )
 
     def _to_inspect(self) -> WorkPiece | None:
         """The part ground last, carried to the inspection machine; nobody takes it out of a running program."""
@@ -119,7 +131,9 @@ class Cell:
             gear.write_text(gear_text(self.file.part), encoding="utf-8")
         for place, (road, controller) in enumerate(self.roads.sections().items()):
             path = self.site_path if place == 0 else self.site_path.with_suffix(f".{road}.toml")
-            text = site_text(self.file, self.file.machine.serial, controller, self._urls, str(gear.resolve()))
+            text = site_text(
+                self.file, self.file.machine.serial, controller=controller, urls=self._urls, gear=str(gear.resolve())
+            )
             path.write_text(text, encoding="utf-8")
 
     async def stop(self) -> None:
@@ -144,7 +158,7 @@ class Cell:
     def true_deviation(self, axis: str, positions: FloatArray, direction: int, t: float | None = None) -> FloatArray:
         """True position - commanded (n,), um or arcsec at 20 degC, as the control compensates right now."""
         moment = self.clock.now() if t is None else t
-        return live_deviation(self.truth, self.nck, axis, positions, direction, moment)
+        return live_deviation(self.truth, self.nck, axis=axis, positions=positions, direction=direction, t=moment)
 
     def figures(self, axis: str, *, live: bool = True, step: float = 0.1) -> dict[str, float]:
         """M, B and E of the truth itself over the measured range on a grid: no noise, no instrument."""
@@ -167,7 +181,9 @@ class Cell:
     def write_result_file(self, axis: str, path: Path, repetitions: int = 5) -> Path:
         """Measure an axis with the capture PC at the instrument and save its .rtl or .rta."""
         spec = self.file.axis(axis)
-        return CapturePc(self.bench, self.nck, spec, self.clock.now(), self.clock.utc()).save(path, repetitions)
+        return CapturePc(
+            bench=self.bench, nck=self.nck, axis=spec, start_s=self.clock.now(), start_utc=self.clock.utc()
+        ).save(path, repetitions)
 
     # ------------------------------------------------------------ faults, set live
 

@@ -78,7 +78,9 @@ class SetupPc:
         measure["targets"] = {"positions": self.targets.tolist()}
         axis = self.axis.model_copy(update={"measure": measure})
         utc = self.nck.core.clock.utc()
-        return CapturePc(self.bench, self.nck, axis, self.start_s, utc).deviations(repetitions)
+        return CapturePc(bench=self.bench, nck=self.nck, axis=axis, start_s=self.start_s, start_utc=utc).deviations(
+            repetitions
+        )
 
     def _at(self, passed: int) -> float:
         return self.start_s + passed * len(self.targets) * STOP_S
@@ -111,7 +113,9 @@ class SetupPc:
         motions[axis.letter] = AxisMotion(encoder, sense, sense)
         shown = reading(self.setup, truth.frames(motions, t), motions)
         rotary = axis.kind == "rotary"
-        own = curve(spec.own_error, axis.travel, rotary, truth.seed, f"{spec.name} own error", False)
+        own = curve(
+            spec.own_error, axis.travel, rotary=rotary, seed=truth.seed, name=f"{spec.name} own error", redraw=False
+        )
         return np.asarray(shown + own(np.mod(encoder, 360.0) if rotary else encoder))
 
     def _known(self, letter: str) -> bool:

@@ -69,7 +69,7 @@ def write_setup_file(
     usual = {**(spec.measure or {}), **setup.plan}
     stands = {str(cell.axis(name).letter): float(place) for name, place in (park or {}).items()}
     places = _places(targets or usual["targets"], spec.reference, f"{component} {spec.letter}", cell.truth.seed)
-    pc = SetupPc(cell.bench, cell.nck, setup, places, cell.clock.now(), stands)
+    pc = SetupPc(bench=cell.bench, nck=cell.nck, setup=setup, targets=places, start_s=cell.clock.now(), stands=stands)
     return pc.save(path, int(repetitions or usual.get("repetitions", 5)))
 
 

@@ -40,10 +40,22 @@ class Instruments:
         around = plan.around if plan is not None else None
         match spec.kind:
             case "umd":
-                return UmdAnswerer(LaserCounter(spec, bench), bench, clock, block_s, around)
+                return UmdAnswerer(
+                    counter=LaserCounter(spec, bench), bench=bench, clock=clock, block_s=block_s, around=around
+                )
             case "bridge":
-                return BridgeAnswerer(RotaryReader(spec, bench), bench, clock, block_s, around)
+                return BridgeAnswerer(
+                    reader=RotaryReader(spec, bench), bench=bench, clock=clock, block_s=block_s, around=around
+                )
             case "gear":
-                return GearAnswerer(GearMachine(spec, bench.truth.seed), self._fetch, bench, clock, around)
+                return GearAnswerer(
+                    machine=GearMachine(spec, bench.truth.seed),
+                    fetch=self._fetch,
+                    bench=bench,
+                    clock=clock,
+                    around=around,
+                )
             case _:
-                return SensorAnswerer(SensorReader(spec, bench), bench, clock, block_s, around)
+                return SensorAnswerer(
+                    sensor=SensorReader(spec, bench), bench=bench, clock=clock, block_s=block_s, around=around
+                )

@@ -130,7 +130,7 @@ class GearMachine:
     def clamp(self, work: WorkPiece, touches: int = 1000) -> OnMachine:
         """Put a part on the machine; about so many touches will be asked for."""
         self._count += 1
-        return OnMachine(self.spec, self._seed, work, self._count, touches)
+        return OnMachine(spec=self.spec, seed=self._seed, work=work, number=self._count, touches=touches)
 
     def inspect(self, work: WorkPiece, profile: int, width: int, share: float = SHARE) -> Touches:
         """Touch `profile` x `width` points on both flanks of every space, by equal steps of length and height.

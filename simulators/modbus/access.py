@@ -199,7 +199,8 @@ class NckAccess:
         minimum, step, maximum = (0, 0, 0) if odd else (round(place) for place in places)
         flags = self._flags(target) | odd * INEXPRESSIBLE
         factor = self._number(self._part(target, "MULT_BY_TABLE")) if target.kind == CEC else 0
-        return Parameters(flags, minimum, step, maximum, inner, outer, factor)
+        axes = {"input_axis": inner, "output_axis": outer, "factor": factor}
+        return Parameters(flags, minimum=minimum, step=step, maximum=maximum, **axes)
 
     def _flags(self, target: Target) -> int:
         flags = int(bool(self._nck.get(self._part(target, "IS_MODULO"))))

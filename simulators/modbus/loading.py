@@ -142,11 +142,11 @@ class Loading:
 def _parameters_of(command: Command, target: Target) -> Parameters:
     own = target.kind == EEC
     return Parameters(
-        command[r.FLAGS],
-        command.minimum,
-        command.step,
-        command.maximum,
-        target.index if own else command[r.INPUT],
-        target.index if own else command[r.OUTPUT],
-        command[r.FACTOR],
+        flags=command[r.FLAGS],
+        minimum=command.minimum,
+        step=command.step,
+        maximum=command.maximum,
+        input_axis=target.index if own else command[r.INPUT],
+        output_axis=target.index if own else command[r.OUTPUT],
+        factor=command[r.FACTOR],
     )

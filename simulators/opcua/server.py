@@ -90,7 +90,9 @@ class SinumerikServer:
         set_up = self.settings
         methods = Methods(nck, set_up.file_write_level, set_up.largest_copy, set_up.copy_refusal)
         files = FileNodes(nck, set_up.file_write_level, self.manners)
-        self._core = SinumerikInternalServer(Accounts(accounts_of(set_up.users)), Space(nck), methods, files, clock)
+        self._core = SinumerikInternalServer(
+            accounts=Accounts(accounts_of(set_up.users)), space=Space(nck), methods=methods, files=files, clock=clock
+        )
         self._core.session_limit = set_up.session_limit
         self._core.file_nodes, self._core.event_source = set_up.file_nodes, set_up.alarm_events
         self._core.max_session_timeout_ms = round(set_up.session_timeout_s * 1000.0)

@@ -143,7 +143,7 @@ class SinumerikInternalServer(InternalServer):
         if self.file_nodes and self.files.is_one(owner):
             name = node.rpartition(".")[2]
             self.requests.called["Open" if name == "Open" and values[:1] == [1] else f"Open/{name}"] += 1
-            results = self.files.call(owner, node, values, types, account, session)
+            results = self.files.call(owner, node, arguments=values, types=types, account=account, session=session)
             return [self._variant(kind, value) for kind, value in zip(RESULTS.get(name, ()), results, strict=True)]
         name_ = self.method_name(request.ObjectId, request.MethodId)
         if name_ is None:

@@ -45,7 +45,9 @@ class RotaryReader:
         self.sense = drawn if spec.sense == "seed" else spec.sense
         self._rng = generator(seed, spec.name, "samples")
         self._remainders = generator(seed, spec.name, "remainders")
-        self._error = curve(spec.own_error, (0.0, 360.0), True, seed, f"{spec.name} own error", False)
+        self._error = curve(
+            spec.own_error, (0.0, 360.0), rotary=True, seed=seed, name=f"{spec.name} own error", redraw=False
+        )
         self._watcher = Watcher(bench)
         self._mounting: Mounting | None = None
         self._stops: Stops | None = None

@@ -116,7 +116,9 @@ class SensorReader:
         axis = self._bench.cell.axis(setup.axis)
         if axis.letter not in self._own:
             rotary, name = axis.kind == "rotary", f"{self.spec.name} own error"
-            own = curve(self.spec.own_error, axis.travel, rotary, self._bench.truth.seed, name, False)
+            own = curve(
+                self.spec.own_error, axis.travel, rotary=rotary, seed=self._bench.truth.seed, name=name, redraw=False
+            )
             self._own[axis.letter] = own
         return self._own[axis.letter](np.mod(place, 360.0) if axis.kind == "rotary" else place)
 

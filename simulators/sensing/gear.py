@@ -88,7 +88,16 @@ class GearAnswerer(BridgeAnswerer):
     async def _identify(self, _params: Mapping[str, Any]) -> Any:
         notices = ("simulated machine: its touches are computed from the cell's truth",)
         model = self.machine.spec.model
-        return BridgeIdentity("gear", "trueflank", model, self.serial, "1.0", (), 0.0, notices=notices).as_object()
+        return BridgeIdentity(
+            kind="gear",
+            maker="trueflank",
+            model=model,
+            serial=self.serial,
+            firmware="1.0",
+            channels=(),
+            sample_rate_hz=0.0,
+            notices=notices,
+        ).as_object()
 
     async def _part(self, _params: Mapping[str, Any]) -> Any:
         on = await self._clamped()
@@ -181,11 +190,11 @@ def planned(asked: Fields, on: OnMachine) -> Iterator[Line]:
     if asked.get("pitch"):
         for space in range(count):
             for flank, side in SIDES.items():
-                yield Line("pitch", space, flank, side * middle, level)
+                yield Line(trace="pitch", space=space, flank=flank, t=side * middle, z=level)
     if asked.get("runout") is not None:
         ball = Fields(asked.get("runout"), "runout").number("ball_mm")
         for space in range(count):
-            yield Line("runout", space, "", np.zeros(1), level, ball)
+            yield Line(trace="runout", space=space, flank="", t=np.zeros(1), z=level, ball_mm=ball)
 
 
 def _along(asked: Fields, on: OnMachine) -> FloatArray:
@@ -202,13 +211,25 @@ def _flank_lines(
     side, half = SIDES[flank], _half_width(on)
     if len(along):
         profile = Fields(asked.get("profile"), "profile")
-        yield Line("profile", space, flank, side * along, np.asarray([profile.number("z_mm", 0.0) - half]))
+        yield Line(
+            trace="profile",
+            space=space,
+            flank=flank,
+            t=side * along,
+            z=np.asarray([profile.number("z_mm", 0.0) - half]),
+        )
     if asked.get("lead") is not None:
         lead = Fields(asked.get("lead"), "lead")
         ends = lead.array("z_mm", lead.get("z_mm"))
         if len(ends) != 2:
             raise lead.wrong("z_mm", "two heights", ends.tolist())
-        yield Line("lead", space, flank, side * middle, np.linspace(ends[0] - half, ends[1] - half, _points(lead)))
+        yield Line(
+            trace="lead",
+            space=space,
+            flank=flank,
+            t=side * middle,
+            z=np.linspace(ends[0] - half, ends[1] - half, _points(lead)),
+        )
 
 
 def touched(on: OnMachine, line: Line) -> dict[str, Any] | None:

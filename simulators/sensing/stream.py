@@ -53,13 +53,13 @@ class SensorAnswerer(BridgeAnswerer):
         spec = self.sensor.spec
         notices = ("simulated instrument: its readings are computed from the cell's truth",)
         return BridgeIdentity(
-            spec.kind,
-            "trueflank",
-            spec.model,
-            self.serial,
-            "1.0",
-            (self._channel,),
-            spec.sample_hz,
+            kind=spec.kind,
+            maker="trueflank",
+            model=spec.model,
+            serial=self.serial,
+            firmware="1.0",
+            channels=(self._channel,),
+            sample_rate_hz=spec.sample_hz,
             notices=notices,
             framings=(JSON, BINARY),
         ).as_object()
@@ -105,5 +105,12 @@ class SensorAnswerer(BridgeAnswerer):
     def _line(self, readings: Readings, sequence: int, step: float) -> Notification:
         values = {self._channel: np.round(readings.value, 6)}
         events = self._events(cast(Any, readings))
-        samples = BridgeSamples(sequence, float(readings.time_s[0]), step, values, readings.beam, events=events)
+        samples = BridgeSamples(
+            sequence=sequence,
+            t0_s=float(readings.time_s[0]),
+            dt_s=step,
+            values=values,
+            valid=readings.beam,
+            events=events,
+        )
         return Notification(SAMPLES, samples.as_object())

@@ -58,7 +58,7 @@ class Truth:
         self.climate = Climate(cell.climate)
 
     def _curve(self, terms: Terms, axis: Axis, name: str) -> Curve:
-        return curve(terms, axis.travel, axis.kind == "rotary", self.seed, name, self._redraw)
+        return curve(terms, axis.travel, rotary=axis.kind == "rotary", seed=self.seed, name=name, redraw=self._redraw)
 
     def _located(self, name: str, value: float) -> float:
         drawn = float(generator(self.seed, name).uniform(-1.1, 1.1)) if self._redraw else 1.0

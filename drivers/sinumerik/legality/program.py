@@ -88,7 +88,7 @@ class Program:
             self._declare_or_work(cursor, leaving)
         finally:
             self._found += [finding(line, wrong) for wrong in cursor.noted]
-            self._blocks.append(Block(line, place, steered, tuple(leaving), _ends(found)))
+            self._blocks.append(Block(line=line, head=place, word=steered, jumps=tuple(leaving), ends=_ends(found)))
 
     def _declare_or_work(self, cursor: Cursor, leaving: list[Jump]) -> None:
         if cursor.at_end:
@@ -208,4 +208,4 @@ def _unread(line: int, text: str) -> Block:
     jumping = "GOTO" in text.upper()
     steered = first if first in structures.WORDS and not (first == "IF" and jumping) else ""
     ends = re.search(r"\b(?:M0*(?:2|17|30)|RET)\b", text, re.IGNORECASE) is not None
-    return Block(line, Head(skipped=False, number="", label=""), steered, (), ends)
+    return Block(line=line, head=Head(skipped=False, number="", label=""), word=steered, jumps=(), ends=ends)

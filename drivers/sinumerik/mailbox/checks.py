@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from drivers.errors import DeviceRefused
+from drivers.limits import Limits
 from drivers.sinumerik.mailbox.codec.commands import Order
 from drivers.sinumerik.mailbox.codec.grids import Stored
 from drivers.sinumerik.mailbox.codec.readings import Picture, Status
@@ -15,7 +16,7 @@ from drivers.sinumerik.mailbox.reader import Reading
 from drivers.sinumerik.tablefile.reader import Sign
 from drivers.types import CompensationTable, LiveSet, LiveTable, PushOrder
 
-JUMP = 1.0 + 1e-6  # um or arcsec: what an axis may jump when a table is switched
+JUMP = Limits.of("mm").jump + 1e-6  # um or arcsec: what an axis may jump when a table is switched
 _SAFE = (StatusBit.READY, StatusBit.IN_RESET, StatusBit.STANDSTILL, StatusBit.RELEASED)
 _GRID = ("flags", "minimum", "step", "maximum", "multiply_by")
 

@@ -192,7 +192,7 @@ class Talk:
             self._check_session(before)
         if before.has(StatusBit.BUSY) and order.command not in (Command.ABORT, Command.CLOSE):
             before = await self._idle()
-        frame = encode(order, next_number(before.number), self._order, data, whole)
+        frame = encode(order, next_number(before.number), word_order=self._order, data=data, whole=whole)
         if frame.data:
             await self._wire.write(DATA_SPAN[0], frame.data)
         self._header = frame.header

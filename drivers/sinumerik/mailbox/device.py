@@ -49,9 +49,11 @@ class SinumerikModbus:
         found = ModbusSettings.read(settings, name)
         self._talk = Talk(ModbusWire(url, found, clock, name), found, clock, name)
         self._reader = MachineReader(self._talk, name)
-        self._pushing = Pushing(self._talk, self._reader, found, clock, name)
-        self._switching = Switching(self._talk, self._reader, self._pushing, found, clock, name)
-        self._disabling = Disabling(self._talk, self._reader, found, clock, name)
+        self._pushing = Pushing(talk=self._talk, reader=self._reader, settings=found, clock=clock, where=name)
+        self._switching = Switching(
+            talk=self._talk, reader=self._reader, pushing=self._pushing, settings=found, clock=clock, where=name
+        )
+        self._disabling = Disabling(talk=self._talk, reader=self._reader, settings=found, clock=clock, where=name)
         self._encoder = found.encoder
         self.book: SentBook | None = None
 

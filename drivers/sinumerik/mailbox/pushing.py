@@ -147,7 +147,7 @@ class Pushing:
             await self._load(plan)
             await self._talk.renew(self.connect_s)
             found = await self._read_again(order)
-        checks.same(order, plan.begin, plan.values, found, self._where)
+        checks.same(order, plan.begin, values=plan.values, reading=found, where=self._where)
         return backup, found.live("READ", order.transaction, checks.sign_of(order))
 
     async def disable(self, begin: Order) -> None:

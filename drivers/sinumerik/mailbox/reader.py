@@ -9,6 +9,7 @@ from itertools import pairwise
 from typing import Literal
 
 from drivers.errors import DeviceRefused, RemoteProtocolError, UnsupportedDevice
+from drivers.limits import largest_value
 from drivers.sinumerik.mailbox.codec.commands import Order
 from drivers.sinumerik.mailbox.codec.grids import POSITION_UNIT, VALUE_UNIT, AxisFacts, Stored, memory_of, saved_text
 from drivers.sinumerik.mailbox.codec.readings import Picture, Status
@@ -24,7 +25,6 @@ from drivers.sinumerik.mailbox.codec.registers import (
 from drivers.sinumerik.mailbox.conversation import Talk
 from drivers.sinumerik.ncprogram.backup import Saving, Section
 from drivers.sinumerik.ncprogram.written import read_written
-from drivers.sinumerik.tablefile import lint
 from drivers.sinumerik.tablefile.reader import Sign
 from drivers.types import (
     AxisState,
@@ -54,10 +54,12 @@ class Reading:
 
     def live(self, section: Section, number: int, cec_sign: Sign = 1) -> LiveSet:
         """The same as a record, by way of the text that a program of ours would have written under ``number``."""
-        saving = Saving(section, number, self.axis.name, self.encoder, memory_of(self.stored))
+        saving = Saving(
+            section=section, number=number, axis=self.axis.name, encoder=self.encoder, memory=memory_of(self.stored)
+        )
         text = saved_text(self.stored, {one.number: one for one in self.axes}, saving)
         units: Mapping[str, AxisUnit] = {one.name: one.unit for one in self.axes}
-        return read_written(text, self.where, saving, units, cec_sign)
+        return read_written(text, self.where, saving=saving, units=units, cec_sign=cec_sign)
 
 
 class MachineReader:
@@ -109,7 +111,7 @@ class MachineReader:
         """Reserved points of an encoder or table, the step of a value, and the value limit of this product."""
         facts = self.axis(axis)
         await self._talk.select(table_order(facts, kind, index))
-        return TableLimits(self._talk.reserved, float(VALUE_UNIT[facts.unit]), lint.MAX_VALUE[facts.unit])
+        return TableLimits(self._talk.reserved, float(VALUE_UNIT[facts.unit]), largest_value(facts.unit))
 
     async def marker(self) -> Marker:
         """What the PLC keeps of the last push. Raises RemoteProtocolError (E-MBX-REGISTER)."""
@@ -131,7 +133,9 @@ class MachineReader:
                     register = ADDRESS["LIVE_INPUT_AXIS"]
                     raise RemoteProtocolError("E-MBX-REGISTER", self._where, register=register, value=grid.input_axis)
                 found.append(await self._stored(order))
-        return Reading(facts, encoder, tuple(self.axes.values()), tuple(found), self._where)
+        return Reading(
+            axis=facts, encoder=encoder, axes=tuple(self.axes.values()), stored=tuple(found), where=self._where
+        )
 
     async def _stored(self, order: Order) -> Stored:
         """Every point is read twice, the second time in chunks that begin elsewhere, and the picture before and after.

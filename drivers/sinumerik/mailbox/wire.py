@@ -283,7 +283,9 @@ class ModbusWire:
     def _good(self, question: Question, reply: Reply) -> Reply:
         if reply.exception is not None:
             last = question.address + question.count - 1
-            error = exception_refusal(reply.exception, question.function, question.address, last, self._where)
+            error = exception_refusal(
+                reply.exception, question.function, first=question.address, last=last, where=self._where
+            )
             if not isinstance(error, DeviceRefused | UnsupportedDevice) and self._link is not None:
                 self._link.fail(error)
             raise error

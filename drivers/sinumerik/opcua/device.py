@@ -15,6 +15,7 @@ from typing import Any, Literal
 
 from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded, DeviceRefused, TrueflankError, UnsupportedDevice
+from drivers.limits import VALUE_RESOLUTION, largest_value
 from drivers.programs import NOBODY, Origin, ProgramText
 from drivers.sinumerik.ncprogram import measuring as measuring_program
 from drivers.sinumerik.ncprogram.backup import Memory, Saving
@@ -31,7 +32,6 @@ from drivers.sinumerik.opcua.pushing import Pushing, live_tables
 from drivers.sinumerik.opcua.session.client import UaSession
 from drivers.sinumerik.opcua.settings import UaSettings, secrets_of
 from drivers.sinumerik.opcua.transfer import Transfer
-from drivers.sinumerik.tablefile import lint, tables
 from drivers.types import (
     Capabilities,
     ChannelStatus,
@@ -66,12 +66,13 @@ class SinumerikOpcUa(Leaver):
         self._session = UaSession(url, clock, name)
         self._reader = MachineReader(self._session, self._settings, name)
         self._transfer = Transfer(self._session, self._settings.channel, name)
-        self._dialogue = Dialogue(self._session, self._reader, self._settings, clock, name)
-        self._pushing = Pushing(self._dialogue, self._reader, self._transfer, self._settings, clock, name)
-        self._disabling = Disabling(self._dialogue, self._reader, self._transfer, self._pushing, name)
-        self._grinding = Grinding(self._dialogue, self._reader, self._transfer, self._settings, clock, name)
+        self._dialogue = Dialogue(self._session, self._reader, self._settings, clock=clock, where=name)
+        parts = (self._dialogue, self._reader, self._transfer)
+        self._pushing = Pushing(*parts, settings=self._settings, clock=clock, where=name)
+        self._disabling = Disabling(*parts, pushing=self._pushing, where=name)
+        self._grinding = Grinding(*parts, settings=self._settings, clock=clock, where=name)
         self._leaving = Leaving(
-            self._dialogue, self._reader, self._transfer, self._settings.channel, clock, name, self._open_again
+            *parts, channel=self._settings.channel, clock=clock, where=name, reopen=self._open_again
         )
         self._configuration = Configuration((), (), ())
         self._origin = NOBODY
@@ -133,10 +134,10 @@ class SinumerikOpcUa(Leaver):
         memory = await self._reader.memory(self._configuration, axis, index if function == "EEC" else 0)
         unit = self._configuration.units[axis]
         if function == "EEC":
-            return TableLimits(memory.eec_points, tables.RESOLUTION, lint.MAX_VALUE[unit])
+            return TableLimits(memory.eec_points, VALUE_RESOLUTION, largest_value(unit))
         reserved = memory.cec_points[index] if 0 <= index < len(memory.cec_points) else 0
         largest = await self._reader.figure(f"$MA_CEC_MAX_SUM[{axis}]", self._configuration)
-        return TableLimits(reserved, tables.RESOLUTION, lint.MAX_VALUE[unit], largest)
+        return TableLimits(reserved, VALUE_RESOLUTION, largest_value(unit), largest)
 
     async def marker(self) -> Marker | None:
         """The last push as R parameters remember it, whoever made it."""
@@ -268,7 +269,7 @@ class SinumerikOpcUa(Leaver):
                 self._note_progress(seen)
         if plan is None or plan.compensated_axis != axis or not self._saved or not plan.save_tables:
             raise DeviceRefused("E-NC-NOT-SAVED", self.name, axis=axis)
-        saving = Saving("LIVE", self._token, axis, plan.encoder, self._memory)
+        saving = Saving(section="LIVE", number=self._token, axis=axis, encoder=plan.encoder, memory=self._memory)
         return await live_tables(self._transfer, saving, self._configuration)
 
     # ---- the test part ------------------------------------------------------------------------------
@@ -312,7 +313,9 @@ class SinumerikOpcUa(Leaver):
         """Wait through NCK reset and reference run. Raises DeadlineExceeded (E-NC-NO-ACTIVATION)."""
         look_s = 0.4 * self._settings.poll_s
         axis, shown = order.table.output_axis, order.enable
-        await activation(self._dialogue, self._clock, axis, timeout_s, look_s, self.name, shown=shown)
+        await activation(
+            self._dialogue, self._clock, axis=axis, timeout_s=timeout_s, look_s=look_s, where=self.name, shown=shown
+        )
 
     async def switch_table(self, order: PushOrder, enable: bool, timeout_s: float) -> None:
         """Not on this road: stops switch. Raises UnsupportedDevice (E-NC-NO-SWITCHING)."""

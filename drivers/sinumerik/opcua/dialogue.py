@@ -95,7 +95,15 @@ class Dialogue:
         if seen.channel is not ChannelStatus.RESET:
             raise DeviceRefused("E-NC-NOT-RESET", self._where, status=seen.channel.name)
         self._before = frozenset(seen.alarms)
-        self._note(Sent(number, program, self._settings.r_first, self._kept(seen.words), dict(self._others)))
+        self._note(
+            Sent(
+                number=number,
+                program=program,
+                first=self._settings.r_first,
+                before=self._kept(seen.words),
+                others=dict(self._others),
+            )
+        )
         await self.write({word: 0.0 for word in Word if word not in MARKED})
         self._mine.add(float(number))
         self.pace.again()

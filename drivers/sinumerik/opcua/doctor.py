@@ -49,7 +49,15 @@ class UaDoctor:
         reader.timeout_s = timeout_s
         try:
             lines += await at_the_bed(
-                Bedside(self._session, reader, self._settings, wanted, self._clock, timeout_s, self.name)
+                Bedside(
+                    session=self._session,
+                    reader=reader,
+                    settings=self._settings,
+                    wanted=wanted,
+                    clock=self._clock,
+                    timeout_s=timeout_s,
+                    where=self.name,
+                )
             )
         finally:
             await self._session.close()

@@ -226,7 +226,9 @@ async def _files(bed: Bedside) -> list[CheckLine]:
 async def _left_over(bed: Bedside) -> list[CheckLine]:
     """Programs of ours whose gateway is gone, and their words, by the numbers they were sent with."""
     selected = await bed.value(nodes.in_channel("progName", bed.settings.channel, "ProgramInfo"))
-    seen = await Dialogue(bed.session, bed.reader, bed.settings, bed.clock, bed.where).look()
+    seen = await Dialogue(
+        session=bed.session, reader=bed.reader, settings=bed.settings, clock=bed.clock, where=bed.where
+    ).look()
     left, _sent = found_left(seen, str(selected or ""), bed.wanted.sent)
     return [(fine if left.clear else wrong)(left.code, "left over", **left.facts)]
 

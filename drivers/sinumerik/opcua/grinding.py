@@ -154,5 +154,5 @@ class Grinding:
         found = next((one for one in wanted if one.name == axis), None)
         if self.plan is None or found is None or not (self._saved and self.plan.save_tables):
             raise DeviceRefused("E-NC-NOT-SAVED", self._where, axis=axis)
-        saving = Saving("LIVE", self._token, axis, found.encoder, self._memory[axis])
+        saving = Saving(section="LIVE", number=self._token, axis=axis, encoder=found.encoder, memory=self._memory[axis])
         return await live_tables(self._transfer, saving, configuration)

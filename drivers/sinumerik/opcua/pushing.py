@@ -26,7 +26,7 @@ T = TypeVar("T")
 async def live_tables(transfer: Transfer, saving: Saving, configuration: Configuration, cec_sign: Sign = 1) -> LiveSet:
     """Fetch the file of one run of our program and read it; raises what `Transfer.fetch` and `read_written` do."""
     text = await transfer.fetch(saving.path)
-    return read_written(text, saving.path, saving, configuration.units, cec_sign)
+    return read_written(text, saving.path, saving=saving, units=configuration.units, cec_sign=cec_sign)
 
 
 class Pushing:

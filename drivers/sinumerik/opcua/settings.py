@@ -154,7 +154,7 @@ def secrets_of(settings: UaSettings, where: str) -> Secrets:
         own = certificates.own_key_pair(folder, "trueflank", APPLICATION_URI, "localhost")
     except OSError as error:
         raise ConfigError("E-UA-SECRET", where, key="client_folder", path=str(folder), why=str(error)) from error
-    return Secrets(settings.user, password, pinned, own, settings.policies)
+    return Secrets(user=settings.user, password=password, pinned=pinned, own=own, policies=settings.policies)
 
 
 def client_folder(settings: UaSettings) -> Path:

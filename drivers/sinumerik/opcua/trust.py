@@ -74,13 +74,13 @@ class UaTrust:
         own = certificates.own_key_pair(folder, "trueflank", APPLICATION_URI, "localhost").certificate
         last = last_record(place)
         return TrustView(
-            self._url,
-            view(shown),
-            view(load(place.read_bytes())) if place.is_file() else None,
-            str(place),
-            view(load(own.read_bytes())),
-            str(last.get("who", "")),
-            str(last.get("utc", "")),
+            url=self._url,
+            shown=view(shown),
+            pinned=view(load(place.read_bytes())) if place.is_file() else None,
+            place=str(place),
+            own=view(load(own.read_bytes())),
+            accepted_by=str(last.get("who", "")),
+            accepted_utc=str(last.get("utc", "")),
         )
 
     def _pin(self, certificate: x509.Certificate, who: str, now: datetime) -> None:
@@ -100,11 +100,11 @@ class UaTrust:
 def view(certificate: x509.Certificate) -> CertificateView:
     """A certificate as people compare it."""
     return CertificateView(
-        certificate.subject.rfc4514_string(),
-        certificates.fingerprint(certificate),
-        certificates.short_fingerprint(certificate),
-        certificate.not_valid_before_utc,
-        certificate.not_valid_after_utc,
+        subject=certificate.subject.rfc4514_string(),
+        sha256=certificates.fingerprint(certificate),
+        sha1=certificates.short_fingerprint(certificate),
+        valid_from=certificate.not_valid_before_utc,
+        valid_until=certificate.not_valid_after_utc,
     )
 
 

@@ -1,8 +1,7 @@
 """What is wrong or doubtful in one compensation table before any machine sees it.
 
-The control neither limits nor monitors values (SINUMERIK 808D FM 01/2017, p. 106), so these limits are ours:
-|value| 0.200 mm / 0.050 deg; slope 1.0 um/mm (doubtful above 0.2) / 10 arcsec per deg; every table zero at
-the reference position of its input axis; modulo tables 0..360 deg with equal ends.
+Values and slopes by `drivers.limits`; every table zero at the reference position of its input axis; modulo tables
+0..360 deg with equal ends.
 """
 
 from __future__ import annotations
@@ -13,14 +12,11 @@ from typing import Any
 import numpy as np
 
 from drivers.errors import Gap, TableError, TooManyPoints, ValueOutOfRange
+from drivers.limits import Limits, largest_value
 from drivers.tablefile import Severity, TableFinding, TableMachine
 from drivers.types import CompensationTable, FloatArray
 from drivers.units import deviation_scale
 
-MAX_VALUE = {"mm": 0.200, "deg": 0.050}
-MAX_SLOPE = {"mm": 1.0, "deg": 10.0}
-DOUBTFUL_SLOPE = {"mm": 0.2, "deg": 10.0}
-ZERO_AT_REFERENCE = 0.1  # um or arcsec
 MEMORY = {
     "EEC": "MD38000 $MA_MM_ENC_COMP_MAX_POINTS",
     "CEC": "MD18342 $MN_MM_CEC_MAX_POINTS",
@@ -110,7 +106,7 @@ def _closure(table: CompensationTable, where: str) -> Iterator[TableFinding]:
 
 
 def _values(table: CompensationTable, where: str) -> Iterator[TableFinding]:
-    limit = MAX_VALUE[table.output_unit]
+    limit = largest_value(table.output_unit)
     stored = np.abs(np.asarray(table.deviations)) / deviation_scale(table.output_unit)
     worst = int(np.argmax(stored))
     if stored[worst] > limit * (1 + 1e-9):
@@ -133,11 +129,11 @@ def _slope(table: CompensationTable, where: str) -> Iterator[TableFinding]:
     worst = int(np.argmax(steep))
     unit = f"{table.deviation_unit}/{table.input_unit}"
     fields: dict[str, Any] = {"table": table.name, "point": worst, "slope": round(float(steep[worst]), 4), "unit": unit}
-    limit, doubtful = MAX_SLOPE[table.input_unit], DOUBTFUL_SLOPE[table.input_unit]
-    if steep[worst] > limit * (1 + 1e-9):
-        yield finding("wrong", ValueOutOfRange("E-TABLE-SLOPE", where, **fields, limit=limit))
-    elif steep[worst] > doubtful * (1 + 1e-9):
-        yield finding("doubtful", ValueOutOfRange("W-TABLE-STEEP", where, **fields, limit=doubtful))
+    limits = Limits.of(table.output_unit)
+    if steep[worst] > limits.slope * (1 + 1e-9):
+        yield finding("wrong", ValueOutOfRange("E-TABLE-SLOPE", where, **fields, limit=limits.slope))
+    elif steep[worst] > limits.warn_slope * (1 + 1e-9):
+        yield finding("doubtful", ValueOutOfRange("W-TABLE-STEEP", where, **fields, limit=limits.warn_slope))
 
 
 def _velocity(table: CompensationTable, where: str, known: TableMachine) -> Iterator[TableFinding]:
@@ -162,7 +158,7 @@ def _reference(table: CompensationTable, where: str, known: TableMachine) -> Ite
         yield finding("note", TableError("W-TABLE-NO-REFERENCE", where, table=table.name, axis=table.input_axis))
         return
     value = float(table.at(np.array([reference]))[0])
-    if abs(value) > ZERO_AT_REFERENCE:
+    if abs(value) > Limits.of(table.output_unit).reference:
         error = ValueOutOfRange(
             "E-TABLE-REFERENCE",
             where,

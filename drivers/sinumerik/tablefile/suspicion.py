@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from drivers.errors import TableError
-from drivers.sinumerik.tablefile.lint import MAX_VALUE, finding
+from drivers.limits import largest_value
+from drivers.sinumerik.tablefile.lint import finding
 from drivers.tablefile import TableFinding
 from drivers.types import CompensationTable
 from drivers.units import ARCSEC_PER_DEG, MM_PER_INCH, UM_PER_MM, deviation_scale
@@ -29,7 +30,8 @@ def _values(table: CompensationTable, where: str) -> Iterator[TableFinding]:
     largest = float(np.max(stored, initial=0.0))
     unit = table.output_unit
     small, factor = _WRITTEN[unit]
-    if MAX_VALUE[unit] < largest <= MAX_VALUE[unit] * factor:
+    most = largest_value(unit)
+    if most < largest <= most * factor:
         error = TableError(
             "W-TABLE-LARGE-UNIT", where, table=table.name, value=f"{largest:.6g}", unit=unit, small=small
         )

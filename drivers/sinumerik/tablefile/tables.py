@@ -13,6 +13,7 @@ from decimal import ROUND_HALF_EVEN, Decimal
 from math import isfinite
 
 from drivers.errors import TableError, ValueOutOfRange
+from drivers.limits import VALUE_RESOLUTION
 from drivers.sinumerik.tablefile.grammar import DECIMALS, FINEST_POSITION, LARGEST, grid_text, value_text
 from drivers.sinumerik.tablefile.groups import SCALE, Sign, axis_unit
 from drivers.sinumerik.tablefile.reader import read
@@ -20,7 +21,6 @@ from drivers.tablefile import TableFile
 from drivers.types import CompensationTable, SignProof
 
 __all__ = [
-    "RESOLUTION",
     "TableFile",
     "as_stored",
     "axis_unit",
@@ -31,8 +31,6 @@ __all__ = [
     "stored_values",
     "written_sign",
 ]
-
-RESOLUTION = 1e-6  # mm or deg: values go to the control with six decimals
 
 
 def stored_values(table: CompensationTable, proof: SignProof | None = None) -> tuple[Decimal, ...]:
@@ -73,7 +71,7 @@ def _stored(table: CompensationTable, sign: Sign) -> tuple[Decimal, ...]:
     return tuple(values)
 
 
-def quantised(table: CompensationTable, resolution: float = RESOLUTION) -> CompensationTable:
+def quantised(table: CompensationTable, resolution: float = VALUE_RESOLUTION) -> CompensationTable:
     """The table with every value at the nearest multiple of ``resolution`` (mm or deg). Idempotent."""
     unit, scale = Decimal(repr(resolution)), SCALE[table.output_unit]
     steps = ((value / unit).to_integral_value(ROUND_HALF_EVEN) * unit for value in as_stored(table))

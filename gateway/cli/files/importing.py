@@ -39,7 +39,7 @@ def import_command(
     from gateway.store import Store
     from gateway.workflow.files.importing import How, import_file
 
-    how = How(unit, machine, columns_of(column or []) or None, gear, forget)
+    how = How(unit, machine, columns_of(column or []) or None, gear=gear, forget=forget)
     told: list[dict[str, Any]] = []
     failures: list[TrueflankError] = []
     for path in files:

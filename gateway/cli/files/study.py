@@ -42,11 +42,14 @@ def study_command(
     show_table("each error: alone at 5 um or 0.01 deg; in this machine", headings, tell.error_rows(found))
     show_table("by axis (range)", ("axis", "as it is", "EEC", "EEC + CEC", "unit"), tell.axis_rows(found))
     show_table("by tooth (predicted)", ("value", "as it is", "EEC", "everything", "unit"), tell.tooth_rows(found))
-    setup = ", ".join(
-        f"{name} {value:+.2f} {tell.setup_unit(found, name)}" for name, value in found.correction.setup.items()
-    )
-    lines = [f"set-up values: {setup}"] if setup else []
-    lines += [*found.correction.said, *tell.floor_lines(found), *tell.product_lines(found), *tell.visible_lines(found)]
+    setup = ", ".join(f"{name} {value:+.2f} {unit}" for name, value, unit in tell.setup_rows(found))
+    lines = [
+        f"set-up values: {setup}",
+        *found.correction.said,
+        *tell.floor_lines(found),
+        *tell.product_lines(found),
+        *tell.visible_lines(found),
+    ]
     for line in (*lines, tell.next_line(found), tell.order_line(found)):
         echo(line)
     for path in written:

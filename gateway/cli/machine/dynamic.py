@@ -44,7 +44,8 @@ def dynamic_command(
     if source.suffix.lower() == ".toml":
         from gateway.workflow.axes.dynamic import Wish
 
-        wish = Wish(instrument, seconds, trigger_of(trigger, pre), axis, channel, wait, band)
+        start = trigger_of(trigger, pre)
+        wish = Wish(instrument, seconds, trigger=start, axis=axis, channel=channel, wait_s=wait, band=band)
         outcome = _captured(source, wish, as_json=as_json)
     else:
         outcome = _opened(source, unit, plot, band, store)
@@ -76,7 +77,7 @@ def _captured(site: Path, wish: Any, *, as_json: bool) -> Any:
 
     tree = load_site(site)
     with progress(quiet=as_json) as say:
-        return run_to_end(capture_dynamic(tree, site, wish, LoopClock(), say))
+        return run_to_end(capture_dynamic(tree, site, wish, clock=LoopClock(), say=say))
 
 
 def _opened(path: Path, unit: str, plot: Path | None, band: float | None, store: Path) -> Any:
@@ -94,7 +95,7 @@ def _opened(path: Path, unit: str, plot: Path | None, band: float | None, store:
         recording, notes = read.content, read.notes
     if not isinstance(recording, Recording):
         raise ConfigError("E-CLI-NOT-DYNAMIC", str(path))
-    return outcome_of(recording, path, plot or _free(path), band, notes)
+    return outcome_of(recording, path, plot or _free(path), band=band, notes=notes)
 
 
 def _free(path: Path) -> Path:

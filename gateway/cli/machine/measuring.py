@@ -76,7 +76,7 @@ def guard_command(
     if gear == bool(axis):
         raise typer.BadParameter("give either an axis or --gear", param_hint="--axis")
     if gear:
-        guard_gear(site, run, part, file, heights, limit, as_json=as_json)
+        guard_gear(site, run, part=part, file=file, heights=heights, limit_um=limit, as_json=as_json)
         return
     _guard_axis(site, run, axis, limit, as_json=as_json)
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli.commands import JsonOption, SiteArgument, StoreOption
+from gateway.cli.options import JsonOption, SiteArgument, StoreOption
 from gateway.cli.show import echo, show_json, show_table
 
 

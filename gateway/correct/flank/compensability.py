@@ -128,7 +128,7 @@ def cures(
     return tuple(
         _cure(name, float(size[i]), {family: float(rest[i]) for family, rest in left.items()}, share, float(floor[i]))
         if not null[i]
-        else Cure(name, 0.0, dict.fromkeys(left, 0.0), "none needed", 0.0)
+        else Cure(error=name, rms=0.0, left=dict.fromkeys(left, 0.0), by="none needed", floor=0.0)
         for i, name in enumerate(names)
     )
 
@@ -136,7 +136,7 @@ def cures(
 def _cure(name: str, size: float, left: Mapping[str, float], share: float, floor: float) -> Cure:
     whole = [family for family, rest in left.items() if rest <= WHOLE * size]
     good = [family for family, rest in left.items() if rest <= share * size]
-    return Cure(name, size, left, [*whole, *good, "mechanical only"][0], floor)
+    return Cure(error=name, rms=size, left=left, by=[*whole, *good, "mechanical only"][0], floor=floor)
 
 
 def _left(span: FloatArray, columns: FloatArray) -> FloatArray:

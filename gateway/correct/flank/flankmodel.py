@@ -6,7 +6,7 @@ does to the flank. Signs: corrections q, added to the commands.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -15,19 +15,20 @@ from numpy.typing import ArrayLike
 from scipy.sparse import csc_matrix, csr_matrix, hstack
 
 from drivers.types import FloatArray
-from gateway.correct.flank.tables import Correction, TableGrid, corrections
+from gateway.correct.flank.tables import Correction, Table, TableGrid, corrections
 from gateway.correct.flank.wheel_places import Places, places_of_grid
 from gateway.errors import ModelError
 from gateway.gear.first_order import abg, flank_abg, to_space
 from gateway.gear.flank import FlankGrid
 from gateway.gear.grinding import Grinding
+from gateway.tooth import SetupValues
 
 SMALL = 1e-13  # of the largest eigenvalue: what a place's points do not see
 
 
 @dataclass(frozen=True, slots=True)
-class SetupValue:
-    """One value set by hand, no table: an axis' zero ("X", "C") or the dressing offset along the wheel's axis ("")."""
+class SetupUnknown:
+    """One unknown that no table takes: the zero of infeed or index ("X", "C"), or the dressing offset ("")."""
 
     axis: str
     resolution: float = 0.0
@@ -131,7 +132,7 @@ class FlankModel:
     def without(self, names: Sequence[str]) -> FlankModel:
         """The model without some blocks."""
         kept = tuple(block for block in self.blocks if block.name not in names)
-        return FlankModel(self.places, self.base, self.extra, kept, self.turning)
+        return FlankModel(places=self.places, base=self.base, extra=self.extra, blocks=kept, turning=self.turning)
 
     def _column(self, block: Block) -> csr_matrix:
         along = self.places.along_normal(block.effect)
@@ -180,7 +181,7 @@ def flank_model(
     grinding: Grinding,
     grid: FlankGrid | Places,
     tables: Sequence[TableGrid] = (),
-    setup: Sequence[SetupValue] = (),
+    setup: Sequence[SetupUnknown] = (),
     *,
     deviation: ArrayLike | None = None,
     turning: bool = True,
@@ -199,7 +200,22 @@ def flank_model(
     names = [block.name for block in blocks]
     if len(set(names)) != len(names):
         raise ModelError("E-CORRECT-TWICE", "flank", names=", ".join(names))
-    return FlankModel(places, base, extra, tuple(blocks), turning)
+    return FlankModel(places=places, base=base, extra=extra, blocks=tuple(blocks), turning=turning)
+
+
+def setup_values(grinding: Grinding, found: Mapping[str, float]) -> SetupValues:
+    """The set-up values found by axis, "" the dressing offset (mm, rad). Raises ModelError for any other axis."""
+    known = {grinding.infeed: "x_mm", grinding.index: "c_rad", "": "dressing_mm"}
+    for name in found:
+        if name not in known:
+            raise ModelError("E-CHAIN-AXIS", "set-up values", name=name, known=", ".join(filter(None, known)))
+    return SetupValues.of(**{known[name]: value for name, value in found.items()})
+
+
+def setup_tables(grinding: Grinding, setup: SetupValues) -> tuple[Table, ...]:
+    """The zeros of infeed and index as tables of one constant, which move the axes as they do."""
+    zeros = ((grinding.infeed, setup.x_mm), (grinding.index, setup.c_rad))
+    return tuple(Table(TableGrid(name, grinding.stroke, np.zeros(1)), np.array([value])) for name, value in zeros)
 
 
 def command_effects(grinding: Grinding, places: Places) -> dict[str, FloatArray]:
@@ -256,7 +272,7 @@ def _table_block(grid: TableGrid, q: dict[str, FloatArray], effects: dict[str, F
     return Block(grid.name, grid, effect, grid.weights(at))
 
 
-def _setup_block(value: SetupValue, effects: dict[str, FloatArray], places: Places) -> Block:
+def _setup_block(value: SetupUnknown, effects: dict[str, FloatArray], places: Places) -> Block:
     count = places.k.size
     offset = np.broadcast_to(np.array([0.0, 1.0, 0.0]), (count, 3))
     effect = _effect(effects, value.axis) if value.axis else offset

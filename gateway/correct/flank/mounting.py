@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drivers.types import FloatArray
+from drivers.units import mm_to_um, rad_to_arcsec
 from gateway.correct.flank.acting_tables import Combined
 from gateway.correct.flank.wheel_places import Places
 from gateway.gear.first_order import abg, flank_abg, to_space
@@ -27,15 +28,30 @@ RANK = 1e-8
 class WorkMounting:
     """Where the work's axis stands against the table's: eccentricity x, y (mm) and tilt a, b (rad), work frame."""
 
-    x: float = 0.0
-    y: float = 0.0
-    a: float = 0.0
-    b: float = 0.0
+    x_mm: float = 0.0
+    y_mm: float = 0.0
+    a_rad: float = 0.0
+    b_rad: float = 0.0
 
     @property
     def values(self) -> tuple[float, float, float, float]:
         """x, y, a, b."""
-        return self.x, self.y, self.a, self.b
+        return self.x_mm, self.y_mm, self.a_rad, self.b_rad
+
+    @property
+    def eccentricity_um(self) -> tuple[float, float]:
+        """x, y in um."""
+        return mm_to_um(self.x_mm), mm_to_um(self.y_mm)
+
+    @property
+    def tilt_arcsec(self) -> tuple[float, float]:
+        """a, b in arcsec."""
+        return rad_to_arcsec(self.a_rad), rad_to_arcsec(self.b_rad)
+
+    @property
+    def opposite(self) -> WorkMounting:
+        """What to move the work by so that it sits right."""
+        return WorkMounting(*(0.0 - value for value in self.values))
 
     def rounded(self, length: float, angle: float) -> WorkMounting:
         """In whole steps of a length (mm) and an angle (rad): less than half a step is no set-up."""

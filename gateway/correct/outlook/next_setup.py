@@ -9,7 +9,7 @@ from drivers.units import mm_to_um
 from gateway.correct.flank.flankmodel import flank_model
 from gateway.correct.flank.noise import component_doubts, noise_patterns
 from gateway.correct.flank.travel_shapes import shapes_over
-from gateway.correct.plan.plan import AxisGrid, Plan, cross_specs, setup_values
+from gateway.correct.plan.plan import AxisGrid, Plan, cross_specs, setup_unknowns
 from gateway.domain import component_unit
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import flank_grid
@@ -92,16 +92,16 @@ def what_next(model: ErrorModel, tooth: Tooth, grids: Sequence[AxisGrid]) -> tup
     plan = Plan(tuple(grids))
     columns = doubts(model, chain, plan)
     noise = noise_patterns(grinding, grid, columns)
-    tables = flank_model(grinding, grid, [spec.grid for spec in cross_specs(chain, plan)], setup_values(chain, plan))
+    tables = flank_model(grinding, grid, [spec.grid for spec in cross_specs(chain, plan)], setup_unknowns(chain, plan))
     names = [_name(parameter) for parameter, _ in columns]
     ranked = measure_next(names, noise.rows(tables), tables.rows, tables.places.points)
     return tuple(
         Open(
-            one.name,
-            float(mm_to_um(one.change)),
-            float(mm_to_um(one.beyond)),
-            one.share,
-            one.name in model.measured,
+            name=one.name,
+            change_um=float(mm_to_um(one.change)),
+            beyond_um=float(mm_to_um(one.beyond)),
+            share=one.share,
+            measured=one.name in model.measured,
         )
         for one in ranked
     )

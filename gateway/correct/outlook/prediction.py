@@ -68,7 +68,9 @@ def predict(
     gear = grid.gear
     before, with_eec, plain = (flank_map(one, grid) for one in (grinding, found.machine_with_eec, found.unmoved))
     after = set_right(plain, gear)
-    doubt = without_setup(grinding, lasting(grinding, grid, plan, model, shop)).plus(passing(grinding, grid, shop))
+    doubt = without_setup(grinding, lasting(grinding, grid, plan=plan, model=model, shop=shop)).plus(
+        passing(grinding, grid, shop)
+    )
     doubt = less(doubt, [_turn(doubt.places)])
     drawn = _Drawn.of(doubt, (set_right(with_eec, gear), after), seed, draws)
     flank = FlankPrediction(

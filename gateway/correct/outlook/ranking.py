@@ -95,7 +95,12 @@ def rank_errors(
     root = np.asarray(np.linalg.qr(rows, mode="r")) / np.sqrt(places.points)
     model_rms = _Rms(np.asarray(mm_to_um(root)), errors)
     found = screen(model_rms, names, ("rms",), r=r, seed=seed).rankings["rms"]
-    return tuple(RankRecord(one.name, one.mu_star, one.low, one.high, (one.rank_low, one.rank_high)) for one in found)
+    return tuple(
+        RankRecord(
+            error=one.name, mu_star_um=one.mu_star, low_um=one.low, high_um=one.high, rank=(one.rank_low, one.rank_high)
+        )
+        for one in found
+    )
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from gateway.correct.flank.mounting import WorkMounting, mounting_in, mounting_t
 from gateway.correct.flank.noise import FitNoise
 from gateway.correct.flank.tables import Table
 from gateway.correct.flank.wheel_places import Places, places_of_points
-from gateway.correct.plan.plan import Plan, cross_specs, live_table, setup_values
+from gateway.correct.plan.plan import Plan, cross_specs, live_table, setup_unknowns
 from gateway.correct.solve.optimise import Optimum, optimise
 from gateway.errors import ModelError
 from gateway.gear.flank import flank_grid
@@ -84,7 +84,7 @@ def fit_places(places: Places, deviation: ArrayLike, u: float | None = None) -> 
     point = float(np.sqrt(residual @ residual / freedom)) if u is None else u
     spread = point * np.sqrt(np.maximum(np.einsum("gii->gi", back), 0.0))
     missing = np.where(whole[:, None], 0.0, np.nan)
-    return PlaceFit(places.k, places.z, abg + missing, spread + missing, residual, point)
+    return PlaceFit(k=places.k, z=places.z, abg=abg + missing, abg_u=spread + missing, residual=residual, u=point)
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,14 +170,20 @@ def correct_from_gear(
         replace(grinding, chain=chain.without_errors()),
         places,
         cross_specs(chain, plan),
-        setup_values(chain, plan),
+        setup_unknowns(chain, plan),
         norm=plan.norm,
         deviation=e - places.along_normal(mounting_terms(grinding, places) @ np.array(mounting.values)),
         noise=noise,
         alike=plan.alike,
     )
     seen = visible(linear_flank(grinding, flank_grid(grinding.gear, profile=5, width=3), _constants(grinding)))
-    return FromGear(fit, mounting, found, seen, (*_said(seen, found), *_sat(mounting), *_turning(found, mounting)))
+    return FromGear(
+        fit=fit,
+        mounting=mounting,
+        optimum=found,
+        visible=seen,
+        said=(*_said(seen, found), *_sat(mounting), *_turning(found, mounting)),
+    )
 
 
 def _mounting(grinding: Grinding, fit: PlaceFit, plan: Plan, live: Sequence[CompensationTable]) -> WorkMounting:
@@ -213,10 +219,10 @@ def _said(seen: Visible, found: Optimum) -> tuple[str, ...]:
 
 def _sat(mounting: WorkMounting) -> tuple[str, ...]:
     """Where the work sat, if that is worth telling."""
-    size = float(np.hypot(mounting.x, mounting.y))
+    size = float(np.hypot(mounting.x_mm, mounting.y_mm))
     if size < HARMONIC:
         return ()
-    told = {name: f"{mm_to_um(value):+.2f}" for name, value in (("x", mounting.x), ("y", mounting.y))}
+    told = {name: f"{value:+.2f}" for name, value in zip("xy", mounting.eccentricity_um, strict=True)}
     return (words("S-INSPECT-MOUNTING", size=f"{mm_to_um(size):.2f}", **told),)
 
 

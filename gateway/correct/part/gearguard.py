@@ -23,7 +23,7 @@ def guard_flanks(approved: InspectedFlank, now: InspectedFlank, gear: CycloidGea
     known, found = of_record(gear, approved), of_record(gear, now)
     if not _one_plan(known, found):
         return not_alike(limit_um, known.points.k.size, found.points.k.size)
-    return guard_fits(known.fit, found.fit, found.places, gear, limit_um)
+    return guard_fits(known.fit, found.fit, places=found.places, gear=gear, limit_um=limit_um)
 
 
 def _one_plan(known: FittedPlaces, found: FittedPlaces) -> bool:
@@ -41,7 +41,9 @@ def guard_fits(approved: PlaceFit, now: PlaceFit, places: Places, gear: CycloidG
     tell (NaN in the fit) count for nothing.
     """
     angle = np.asarray(gear.space_angle(places.k), dtype=np.float64)[places.of]
-    return guard_gear(_flanks(approved, places), _flanks(now, places), places.form, angle, limit_um)
+    return guard_gear(
+        _flanks(approved, places), _flanks(now, places), form=places.form, angle_rad=angle, limit_um=limit_um
+    )
 
 
 def _flanks(fit: PlaceFit, places: Places) -> Flanks:

@@ -7,18 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.errors import words
+from drivers.limits import SOLVED_STEP
 from drivers.types import FloatArray
 from drivers.units import mm_to_um
 from gateway.correct.flank.flankmodel import command_effects
 from gateway.correct.flank.wheel_places import places_of_points
-from gateway.correct.plan.plan import RESOLUTION_MM
 from gateway.domain import COVERAGE
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.grinding import Grinding
 from gateway.model.preset import yk7350b
 from gateway.tooth import InspectedFlank, SetupValues
 
-RESOLUTION_UM = float(mm_to_um(RESOLUTION_MM))
+RESOLUTION_UM = float(mm_to_um(SOLVED_STEP))
 
 
 @dataclass(frozen=True, slots=True)

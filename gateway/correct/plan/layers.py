@@ -7,7 +7,7 @@ acts, and is said.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -15,13 +15,14 @@ import numpy as np
 
 from drivers.errors import words
 from drivers.types import CompensationTable
-from drivers.units import mm_to_um, rad_to_arcsec
+from drivers.units import mm_to_um
 from gateway.correct.flank.acting_tables import with_tables
+from gateway.correct.flank.flankmodel import setup_tables
 from gateway.correct.flank.mounting import WorkMounting, centred, mounting_of
-from gateway.correct.flank.tables import Table, TableGrid
+from gateway.correct.flank.tables import Table
 from gateway.correct.flank.wheel_places import places_of_grid
 from gateway.correct.plan.ownlayer import AxisCurve, axis_curve, own_layer, tooth_table
-from gateway.correct.plan.plan import Plan, cross_specs, live_table, setup_values
+from gateway.correct.plan.plan import Plan, cross_specs, live_table, setup_unknowns
 from gateway.correct.plan.records import in_deviation_unit, record, table_of
 from gateway.correct.solve.limits import AxisBound
 from gateway.correct.solve.optimise import Optimum, optimise
@@ -30,6 +31,7 @@ from gateway.gear.first_order import judged
 from gateway.gear.flank import FlankFigure, FlankGrid, flank_figure
 from gateway.gear.grinding import Grinding
 from gateway.model.chain import Chain
+from gateway.tooth import SetupValues
 
 FEWEST_SPACES = 5  # fewer cannot tell a harmonic of the turn
 
@@ -38,15 +40,16 @@ FEWEST_SPACES = 5  # fewer cannot tell a harmonic of the turn
 class LayeredCorrection:
     """What to load and set, and what it does.
 
-    ``eec`` and ``cec`` are compensation tables (house signs), ``setup`` what to add to the set-up values (um, arcsec by
-    name). Flank figures (mm): as it is, with EEC, at best, with everything; ``checked`` is that by second order on
-    ``machine``, the machine with everything acting and the work moved as ``setup`` says; ``unmoved`` is the same with
+    ``eec`` and ``cec`` are compensation tables (house signs), ``setup`` what to add to the set-up values, ``moved`` how
+    to move the work on its table. Flank figures (mm): as it is, with EEC, at best, with everything; ``checked`` is that
+    by second order on ``machine``, the machine with everything acting and the work moved; ``unmoved`` is the same with
     the work as it sits. ``said`` are findings in words.
     """
 
     eec: tuple[CompensationTable, ...]
     cec: tuple[CompensationTable, ...]
-    setup: Mapping[str, float]
+    setup: SetupValues
+    moved: WorkMounting
     before: FlankFigure
     with_eec: FlankFigure
     best: FlankFigure
@@ -81,17 +84,15 @@ def correct(
     seated = centred(acting, mounting)
     specs = cross_specs(chain, plan, live)
     bounds = [_bound(chain, plan, axis, first, live) for axis in plan.bounds if plan.has(axis)]
-    setup = setup_values(chain, plan)
+    setup = setup_unknowns(chain, plan)
     found = optimise(seated, grid, specs, setup, norm=plan.norm, noise=plan.noise, bounds=bounds, alike=plan.alike)
     second = _added(chain, found.tables, live, "CEC")
     machine, unmoved = (_set_up(with_tables(one, second), found.setup) for one in (seated, acting))
     return LayeredCorrection(
         eec=tuple(record(chain, table, "EEC") for table in layer) if own is None else tuple(own),
         cec=tuple(record(chain, table, "CEC", index=i) for i, table in enumerate(found.tables)),
-        setup={
-            **{name: _told(chain, name, value) for name, value in found.setup.items()},
-            **_mounting_told(mounting),
-        },
+        setup=found.setup,
+        moved=mounting.opposite,
         before=second_order_figure(grinding, grid),
         with_eec=second_order_figure(acting, grid),
         best=found.best,
@@ -101,7 +102,7 @@ def correct(
         machine_with_eec=acting,
         machine=machine,
         unmoved=unmoved,
-        axes=tuple(axis_curve(chain, axis, plan, first, second) for axis in plan.own if plan.has(axis)),
+        axes=tuple(axis_curve(chain, axis, plan=plan, own=first, tooth=second) for axis in plan.own if plan.has(axis)),
         said=_said(plan, found, layer),
     )
 
@@ -142,16 +143,8 @@ def _mounting(acting: Grinding, grid: FlankGrid, plan: Plan) -> WorkMounting:
     return mounting_of(acting, places_of_grid(grid)).rounded(plan.resolution_mm, np.deg2rad(plan.resolution_deg))
 
 
-def _mounting_told(mounting: WorkMounting) -> dict[str, float]:
-    """What to move the work by, um and arcsec; nothing for what is right."""
-    names = ("work eccentricity x", "work eccentricity y", "work tilt a", "work tilt b")
-    sizes = (mm_to_um(1.0), mm_to_um(1.0), rad_to_arcsec(1.0), rad_to_arcsec(1.0))
-    told = zip(names, mounting.values, sizes, strict=True)
-    return {name: -value * size for name, value, size in told if value != 0.0}
-
-
 def _bound(chain: Chain, plan: Plan, axis: str, first: Sequence[Table], live: Sequence[CompensationTable]) -> AxisBound:
-    curve = axis_curve(chain, axis, plan, first, ())
+    curve = axis_curve(chain, axis, plan=plan, own=first, tooth=())
     size = 1.0 / in_deviation_unit(chain, axis, 1.0)
     at = np.deg2rad(curve.at) if curve.unit == "arcsec" else curve.at
     tooth = tooth_table(chain, axis, live)
@@ -159,25 +152,10 @@ def _bound(chain: Chain, plan: Plan, axis: str, first: Sequence[Table], live: Se
     return AxisBound(axis, at, own, plan.bounds[axis] * size)
 
 
-def _axis_of(name: str) -> str:
-    """The axis of a set-up value; "" for the dressing offset."""
-    return name.removesuffix(" zero") if name.endswith(" zero") else ""
-
-
-def _told(chain: Chain, name: str, value: float) -> float:
-    """A set-up value in um or arcsec."""
-    axis = _axis_of(name)
-    return in_deviation_unit(chain, axis, value) if axis else mm_to_um(value)
-
-
-def _set_up(machine: Grinding, setup: Mapping[str, float]) -> Grinding:
+def _set_up(machine: Grinding, setup: SetupValues) -> Grinding:
     """The machine with its zeros moved and the wheel dressed with the offset."""
-    zeros = [
-        Table(TableGrid(_axis_of(name), machine.stroke, np.zeros(1)), np.array([value]))
-        for name, value in setup.items()
-        if _axis_of(name)
-    ]
-    offset = machine.dressing.offset + setup.get("dressing offset", 0.0)
+    zeros = setup_tables(machine, setup)
+    offset = machine.dressing.offset + setup.dressing_mm
     return replace(with_tables(machine, zeros), dressing=replace(machine.dressing, offset=offset))
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from drivers.limits import SOLVED_STEP, Limits
 from drivers.types import CompensationTable
-from drivers.units import deviation_unit
-from gateway.correct.flank.flankmodel import SetupValue
+from gateway.correct.flank.flankmodel import SetupUnknown
 from gateway.correct.flank.noise import FitNoise
 from gateway.correct.flank.tables import Table
 from gateway.correct.plan.records import axis_unit, even_grid, in_deviation_unit, resolution, table_of
@@ -15,10 +15,8 @@ from gateway.correct.solve.limits import TableSpec
 from gateway.correct.solve.optimise import Norm
 from gateway.errors import ModelError
 from gateway.model.chain import Chain
-from gateway.table import Limits
 from gateway.table.limits import check_points
 
-RESOLUTION_MM, RESOLUTION_DEG = 1e-4, 1e-4
 ALIKE_MM = 5e-6  # a twentieth of a step: far below what is known of any flank
 CROSS = (("X", "Z"), ("X", "C"), ("C", "Z"), ("C", "C"))
 
@@ -57,8 +55,8 @@ class Plan:
     alike: float = ALIKE_MM
     noise: FitNoise = field(default_factory=FitNoise)
     reserved: Mapping[str, int] = field(default_factory=dict)
-    resolution_mm: float = RESOLUTION_MM
-    resolution_deg: float = RESOLUTION_DEG
+    resolution_mm: float = SOLVED_STEP
+    resolution_deg: float = SOLVED_STEP
 
     def has(self, axis: str) -> bool:
         """True if there is a grid for tables over that axis."""
@@ -86,10 +84,12 @@ def table_spec(chain: Chain, plan: Plan, out: str, over: str, live: Sequence[Com
     points = round((grid.maximum - grid.minimum) / grid.step) + 1
     check_points(points, plan.reserved.get(f"{out}({over})", points), f"{out}({over})", "EEC" if out == over else "CEC")
     inside = in_deviation_unit(chain, over, 1.0) / (3600.0 if axis_unit(chain, over) == "deg" else 1000.0)
-    limits = Limits.usual(deviation_unit(axis_unit(chain, out)))
+    limits = Limits.of(axis_unit(chain, out))
     size = 1.0 / in_deviation_unit(chain, out, 1.0)
     return TableSpec(
-        even_grid(chain, out, over, grid.minimum, grid.maximum, grid.step, modulo=grid.modulo),
+        even_grid(
+            chain, out, over=over, minimum=grid.minimum, maximum=grid.maximum, step=grid.step, modulo=grid.modulo
+        ),
         resolution=plan.resolution(chain, out),
         value=limits.value * size,
         slope=limits.slope * size * inside,
@@ -108,10 +108,10 @@ def live_table(chain: Chain, out: str, over: str, live: Sequence[CompensationTab
 def cross_specs(chain: Chain, plan: Plan, live: Sequence[CompensationTable] = ()) -> list[TableSpec]:
     """All cross tables of the plan for which there is a grid."""
     acting = [one for one in live if one.function == "CEC"]
-    return [table_spec(chain, plan, out, over, acting) for out, over in plan.cross if plan.has(over)]
+    return [table_spec(chain, plan, out=out, over=over, live=acting) for out, over in plan.cross if plan.has(over)]
 
 
-def setup_values(chain: Chain, plan: Plan) -> list[SetupValue]:
-    """The set-up values of the plan with their resolutions."""
-    zeros = [SetupValue(axis, plan.resolution(chain, axis)) for axis in plan.zeros]
-    return [*zeros, SetupValue("", plan.resolution_mm)] if plan.dressing else zeros
+def setup_unknowns(chain: Chain, plan: Plan) -> list[SetupUnknown]:
+    """The set-up values that the plan leaves open, with their resolutions."""
+    zeros = [SetupUnknown(axis, plan.resolution(chain, axis)) for axis in plan.zeros]
+    return [*zeros, SetupUnknown("", plan.resolution_mm)] if plan.dressing else zeros

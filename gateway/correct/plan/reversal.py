@@ -65,12 +65,12 @@ def reversal_advice(
     if abs(mean) > mean_u:
         backlash = live_backlash - mean / deviation_scale(unit)
     if ratio <= 1.0 or at.size < 2:
-        return ReversalAdvice(mean, mean_u, backlash, ratio, None)
+        return ReversalAdvice(mean=mean, U=mean_u, backlash=backlash, varies=ratio, pair=None)
     curve = 0.5 * (b - mean)
     values = project(lambda q: np.interp(_into(q, at, modulo), at, curve), grid, modulo=modulo)
     half = zeroed(values, grid, reference, modulo=modulo)
     up, down = (_table(axis, unit, grid, sign * half, resolution, modulo, indices, sign) for sign in (1, -1))
-    return ReversalAdvice(mean, mean_u, backlash, ratio, (up, down))
+    return ReversalAdvice(mean=mean, U=mean_u, backlash=backlash, varies=ratio, pair=(up, down))
 
 
 def _into(q: FloatArray, at: FloatArray, modulo: bool) -> FloatArray:

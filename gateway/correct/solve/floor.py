@@ -19,7 +19,7 @@ import numpy as np
 from drivers.types import FloatArray
 from drivers.units import mm_to_um, rad_to_arcsec
 from gateway.correct.flank.compensability import tangential_cure
-from gateway.correct.flank.flankmodel import Block, FlankModel, SetupValue, flank_model
+from gateway.correct.flank.flankmodel import Block, FlankModel, SetupUnknown, flank_model
 from gateway.correct.flank.mounting import mounting_terms
 from gateway.correct.flank.tables import TableGrid
 from gateway.correct.solve.leastsquares import nearest
@@ -50,7 +50,7 @@ class Floor:
 def floor(grinding: Grinding, grid: FlankGrid, *, dressing: bool = True, mounting: bool = True) -> Floor:
     """The floor of a machine (first order; relevant floors are far below where second order counts)."""
     x, z, c = grinding.infeed, grinding.stroke, grinding.index
-    setup = [SetupValue(x), SetupValue(c), *([SetupValue("")] if dressing else [])]
+    setup = [SetupUnknown(x), SetupUnknown(c), *([SetupUnknown("")] if dressing else [])]
     over_z = np.unique(np.round(grinding.commands(0.0, grid.zs)[z], 9))
     over_c = np.unique(np.round(grinding.commands(grid.ks, 0.0)[c], 12))
     tables = [TableGrid(out, over, nodes) for out in (x, c) for over, nodes in ((z, over_z), (c, over_c))]

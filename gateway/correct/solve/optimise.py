@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csc_matrix
 
 from drivers.types import FloatArray
-from gateway.correct.flank.flankmodel import FlankModel, SetupValue, flank_model
+from gateway.correct.flank.flankmodel import FlankModel, SetupUnknown, flank_model, setup_values
 from gateway.correct.flank.noise import FitNoise, Omitted, carried, worth_it
 from gateway.correct.flank.tables import Table
 from gateway.correct.flank.wheel_places import Places
@@ -36,6 +36,7 @@ from gateway.correct.solve.unknowns import UM, SolverWork, tied, unseen_nodes, w
 from gateway.errors import ModelError
 from gateway.gear.flank import FlankFigure, FlankGrid
 from gateway.gear.grinding import Grinding
+from gateway.tooth import SetupValues
 
 TRADE = 1e-3  # of the largest deviation: nearer than this to the optimum, rounding looks no further
 IDLE = 1e-5  # mm RMS: a table of single steps that gains less is left out
@@ -48,14 +49,14 @@ Norm = Literal["rms", "max"]
 class Optimum:
     """The answer: tables and set-up values to use, and what the flank shows before, at best and with them.
 
-    ``best`` is the figure before rounding. ``tables`` hold total corrections (what acted is inside); ``setup`` values
-    are to be added (mm, rad). ``deviation_before`` and ``deviation`` (N,) mm. ``noise`` is the RMS that the errors'
+    ``best`` is the figure before rounding. ``tables`` hold total corrections (what acted is inside); ``setup`` is
+    to be added. ``deviation_before`` and ``deviation`` (N,) mm. ``noise`` is the RMS that the errors'
     uncertainty carries onto the flank. ``unseen`` lists nodes the flank does not depend on.
     """
 
     tables: tuple[Table, ...]
     continuous: tuple[Table, ...]
-    setup: Mapping[str, float]
+    setup: SetupValues
     omitted: tuple[Omitted, ...]
     before: FlankFigure
     best: FlankFigure
@@ -77,7 +78,7 @@ def optimise(
     grinding: Grinding,
     grid: FlankGrid | Places,
     tables: Sequence[TableSpec],
-    setup: Sequence[SetupValue] = (),
+    setup: Sequence[SetupUnknown] = (),
     *,
     norm: Norm = "rms",
     deviation: ArrayLike | None = None,
@@ -103,23 +104,25 @@ def optimise(
     values = tuple(value for value in setup if value.name in kept)
     left_alone = [block.name for block in measured.blocks if block.name not in kept]
     model = without_live(measured.without(left_alone), grinding, specs)
-    work = work_of(model, specs, values, bounds, alike)
+    work = work_of(model, specs, setup=values, bounds=bounds, alike=alike)
     y = _continuous(work, norm)
     x = _whole(work, y, norm, STEADY if alike > 0.0 else 0.0)
-    answer = _answer(work, work.values(y), x, measured, omitted, carried(tied(model, specs), doubt))
+    noise_rms = carried(tied(model, specs), doubt)
+    answer = _answer(grinding, work, work.values(y), x, measured=measured, omitted=omitted, noise=noise_rms)
     return _without_idle(answer, work, x)
 
 
 def _continuous(work: SolverWork, norm: Norm) -> FloatArray:
     """y without rounding."""
     G = work.G @ work.tied
-    y = limited(work.A @ work.tied, work.b, work.wish, _row_scaled(G), _side_scaled(G, work.g))
+    y = limited(work.A @ work.tied, work.b, wish=work.wish, G=_row_scaled(G), g=_side_scaled(G, work.g))
     if norm == "rms" or not y.size:
         return y
     M = UM * (work.model.columns @ work.tied)
     lever = work.model.places.form[:, 2] if work.model.turning else None
-    limits = _row_scaled(G), _side_scaled(G, work.g)
-    return smallest_largest(csc_matrix(M), UM * work.model.start(), y, *limits, work.model.places.of, lever)
+    scaled = {"G": _row_scaled(G), "g": _side_scaled(G, work.g)}
+    start = UM * work.model.start()
+    return smallest_largest(csc_matrix(M), start, y, **scaled, groups=work.model.places.of, free=lever)
 
 
 def _row_scaled(G: FloatArray) -> FloatArray:
@@ -154,13 +157,13 @@ def _whole(work: SolverWork, y: FloatArray, norm: Norm, steady: float) -> FloatA
     limits = RoundingLimits(G[:, whole] * steps[whole], g - G[:, ~whole] @ x[~whole])
     movable = ~work.fixed[whole]
     ridge = steady * (work.model.places.points / steps.size) ** 0.5
-    n = nearest_whole(lattice, x[whole] / steps[whole], limits, movable, ridge)
+    n = nearest_whole(lattice, x[whole] / steps[whole], limits=limits, movable=movable, ridge=ridge)
     if norm == "max":
         lever = work.model.places.form[:, 2] if work.model.turning else None
         enough = (1.0 + TRADE) * _figure(work.model, work.model.deviation(x)).largest
         e = work.model.deviation(_refilled(work, n, whole, steps, x))
         per_step = csc_matrix(M[:, np.flatnonzero(whole)].multiply(steps[whole]))
-        n = lower_largest(per_step, e, n, limits, movable, enough=enough, free=lever)
+        n = lower_largest(per_step, e, n=n, limits=limits, movable=movable, enough=enough, free=lever)
     return _refilled(work, n, whole, steps, x)
 
 
@@ -184,7 +187,14 @@ def _basis_of(columns: FloatArray) -> FloatArray:
 
 
 def _answer(
-    work: SolverWork, best: FloatArray, x: FloatArray, measured: FlankModel, omitted: tuple[Omitted, ...], noise: float
+    grinding: Grinding,
+    work: SolverWork,
+    best: FloatArray,
+    x: FloatArray,
+    *,
+    measured: FlankModel,
+    omitted: tuple[Omitted, ...],
+    noise: float,
 ) -> Optimum:
     model = work.model
     before, after = measured.start(), model.deviation(x)
@@ -192,7 +202,7 @@ def _answer(
     return Optimum(
         tables=tuple(Table.of(spec.grid, x[spans[spec.name]]) for spec in work.specs),
         continuous=tuple(Table.of(spec.grid, best[spans[spec.name]]) for spec in work.specs),
-        setup={value.name: float(x[spans[value.name]][0]) for value in work.setup},
+        setup=setup_values(grinding, {one.axis: float(x[spans[one.name]][0]) for one in work.setup}),
         omitted=omitted,
         before=_figure(model, before),
         best=_figure(model, model.deviation(best)),

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.types import FloatArray
-from gateway.correct.flank.flankmodel import FlankModel, SetupValue, table_terms
+from gateway.correct.flank.flankmodel import FlankModel, SetupUnknown, table_terms
 from gateway.correct.solve.leastsquares import nearest
 from gateway.correct.solve.limits import AxisBound, TableSpec, stacked
 from gateway.correct.solve.smoothness import HELD, smoothing, uneven_rows
@@ -40,7 +40,7 @@ class SolverWork:
 
     model: FlankModel
     specs: tuple[TableSpec, ...]
-    setup: tuple[SetupValue, ...]
+    setup: tuple[SetupUnknown, ...]
     tie: FloatArray
     scale: FloatArray
     fixed: NDArray[np.bool_]
@@ -79,7 +79,7 @@ def without_live(model: FlankModel, grinding: Grinding, specs: Sequence[TableSpe
 def work_of(
     model: FlankModel,
     specs: tuple[TableSpec, ...],
-    setup: tuple[SetupValue, ...],
+    setup: tuple[SetupUnknown, ...],
     bounds: Sequence[AxisBound],
     alike: float,
 ) -> SolverWork:
@@ -103,7 +103,20 @@ def work_of(
     A, b, wish = _calm(model, specs, reach, tie * scale, (UM * alike) ** 2 * model.places.points)
     G, g = stacked(specs, len(setup), bounds)
     limits = stacked(specs, len(setup), bounds, roundable=False)
-    return SolverWork(model, specs, setup, tie, scale, fixed, A, b, wish, G, g, limits)
+    return SolverWork(
+        model=model,
+        specs=specs,
+        setup=setup,
+        tie=tie,
+        scale=scale,
+        fixed=fixed,
+        A=A,
+        b=b,
+        wish=wish,
+        G=G,
+        g=g,
+        limits=limits,
+    )
 
 
 def _reach(model: FlankModel, which: int) -> float:
@@ -127,7 +140,7 @@ def _calm(
     R = _diagonal([one * size for (one, _), size in zip(parts, reach, strict=True)])
     t = np.concatenate([one * size for (_, one), size in zip(parts, reach, strict=True)])
     wish = np.linalg.lstsq(R @ free, t, rcond=None)[0]
-    weight = smoothing(rows @ free, right, R @ free, t, allowed)
+    weight = smoothing(rows @ free, right, R=R @ free, t=t, allowed=allowed)
     return np.concatenate([rows, weight * R]), np.concatenate([right, -weight * t]), wish
 
 

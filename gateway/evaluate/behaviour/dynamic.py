@@ -79,7 +79,12 @@ def spectrum(recording: Recording, lines: int = 4096, peaks: int = 8) -> Dynamic
     amplitude[0] /= 2.0
     rms = float(np.sqrt(2.0 * power[1:].sum() / (size * np.square(window).sum())))
     return DynamicSpectrum(
-        frequency, amplitude, recording.unit, rms, averages, _peaks(frequency, amplitude, power, peaks)
+        frequency_hz=frequency,
+        amplitude=amplitude,
+        unit=recording.unit,
+        rms=rms,
+        averages=averages,
+        peaks=_peaks(frequency, amplitude, power, peaks),
     )
 
 
@@ -147,7 +152,16 @@ def _settled(
     overshoot = max(float((np.sign(step) * after).max()), 0.0)
     ringing = _ringing(after[outside], outside / recording.rate_hz) if overshoot > band else None
     start = begin / recording.rate_hz
-    return Settling(start, step, final, band, time, overshoot, ringing, recording.unit)
+    return Settling(
+        start_s=start,
+        step=step,
+        final=final,
+        band=band,
+        time_s=time,
+        overshoot=overshoot,
+        ringing=ringing,
+        unit=recording.unit,
+    )
 
 
 def _ringing(swings: FloatArray, time_s: FloatArray) -> Peak | None:

@@ -125,7 +125,15 @@ def _reversal(at: FloatArray, means: RobustMeans, places: FloatArray) -> FloatAr
 
 def _nothing(at: FloatArray, unit: DeviationUnit) -> Hidden:
     widest = float(np.max(np.diff(np.sort(at)))) if at.size > 1 else 0.0
-    return Hidden(0.0, 0.0, 0.0, 0.0, 0, "nothing", words("W-HIDDEN-UNSEEN", widest=f"{widest:.3g}", unit=unit))
+    return Hidden(
+        u=0.0,
+        size=0.0,
+        seen=0.0,
+        expected=0.0,
+        places=0,
+        by="nothing",
+        words=words("W-HIDDEN-UNSEEN", widest=f"{widest:.3g}", unit=unit),
+    )
 
 
 def _fitted(at: FloatArray, means: RobustMeans, period: float | None) -> tuple[Curve, float]:
@@ -147,7 +155,7 @@ def _fitted(at: FloatArray, means: RobustMeans, period: float | None) -> tuple[C
 def _by_fit(at: FloatArray, means: RobustMeans, left: float, unit: DeviationUnit) -> Hidden:
     noise = float(np.sqrt(np.nanmean(means.u**2)))
     told = _words("W-HIDDEN-MISFIT" if left > noise else "W-HIDDEN-NONE", at.size, "targets", left, noise, left, unit)
-    return Hidden(left, left, left, noise, int(at.size), "targets", told)
+    return Hidden(u=left, size=left, seen=left, expected=noise, places=int(at.size), by="targets", words=told)
 
 
 def _by_stops(
@@ -167,7 +175,9 @@ def _by_stops(
     size = sqrt(max(seen - expected, 0.0)) if shown else 0.0
     code = "W-HIDDEN-STOPS" if shown else "W-HIDDEN-NONE"
     told = _words(code, count, "check stops", sqrt(seen), sqrt(expected), wide * size, unit)
-    return Hidden(wide * size, size, sqrt(seen), sqrt(expected), count, "check stops", told)
+    return Hidden(
+        u=wide * size, size=size, seen=sqrt(seen), expected=sqrt(expected), places=count, by="check stops", words=told
+    )
 
 
 def _words(code: str, count: int, by: str, seen: float, expected: float, u: float, unit: DeviationUnit) -> str:

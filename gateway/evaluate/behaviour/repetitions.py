@@ -52,7 +52,7 @@ def robust_means(targets: ArrayLike, deviations: ArrayLike) -> RobustMeans:
     s = _pooled(kept)
     mean, u = _both(up, down, readings.counts(kept), s)
     found = tuple((int(i), int(j), int(a)) for i, j, a in np.argwhere(out))
-    return RobustMeans(up, down, mean, u, s, offsets, found)
+    return RobustMeans(mean_up=up, mean_down=down, mean=mean, u=u, s=s, pass_offsets=offsets, suspects=found)
 
 
 def _pass_offsets(x: FloatArray) -> FloatArray:

@@ -51,7 +51,7 @@ def steadiness(times_s: ArrayLike, deviations: ArrayLike, unit: DeviationUnit) -
     repeated = np.isfinite(x).sum(axis=1, keepdims=True) > 1
     good = np.isfinite(x) & np.isfinite(t) & repeated
     if good.sum() < FEWEST:
-        return Steadiness(0.0, float("nan"), 0.0, float("nan"), 0.0, ())
+        return Steadiness(drift=0.0, drift_u=float("nan"), jump=0.0, jump_at_s=float("nan"), u=0.0, said=())
     powers = _powers(t, good)
     course = _course(x, good, powers)
     at_s = _moment(t[good], course.left) if np.max(good.sum(axis=1)) >= TELLS_WHICH else float("nan")
@@ -64,7 +64,14 @@ def steadiness(times_s: ArrayLike, deviations: ArrayLike, unit: DeviationUnit) -
     drift_u = float(np.sqrt(ones @ course.covariance[:DEGREE, :DEGREE] @ ones))
     left = np.stack([_per_target(power, good) for power in powers], axis=-1) @ drifted + jump * _per_target(late, good)
     drift = float(drifted.sum())
-    return Steadiness(drift, drift_u, jump, at_s, float(np.std(left)), _said(drift, drift_u, jump, at_s, unit))
+    return Steadiness(
+        drift=drift,
+        drift_u=drift_u,
+        jump=jump,
+        jump_at_s=at_s,
+        u=float(np.std(left)),
+        said=_said(drift, drift_u, jump, at_s, unit),
+    )
 
 
 def _said(drift: float, drift_u: float, jump: float, at_s: float, unit: DeviationUnit) -> tuple[str, ...]:

@@ -88,13 +88,23 @@ def why(before: FloatArray, after: FloatArray, effect: FloatArray, U: FloatArray
     d = effect[good] - np.mean(effect[good]) if np.any(good) else np.zeros(0)
     doubt, size = _rms(U[good]), _rms(d)
     if d.size < FEWEST or not size > 0.0:
-        return TableEffect("cannot-tell", np.nan, np.nan, np.nan, size, doubt, unit)
+        return TableEffect(
+            kind="cannot-tell", slope=np.nan, slope_u=np.nan, residual=np.nan, effect=size, U=doubt, unit=unit
+        )
     change = after[good] - before[good]
     change = change - np.mean(change)
     slope = float(np.sum(change * d) / np.sum(d * d))
     residual = _rms(change - slope * d)
     slope_u = 0.5 * doubt / size
-    return TableEffect(_kind(slope, slope_u, residual, size, doubt), slope, slope_u, residual, size, doubt, unit)
+    return TableEffect(
+        kind=_kind(slope, slope_u, residual, size, doubt),
+        slope=slope,
+        slope_u=slope_u,
+        residual=residual,
+        effect=size,
+        U=doubt,
+        unit=unit,
+    )
 
 
 def _kind(slope: float, slope_u: float, residual: float, size: float, doubt: float) -> Kind:

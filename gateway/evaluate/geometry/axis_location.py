@@ -110,4 +110,6 @@ def from_bar(axis: RotaryAxis, runs: Mapping[str, tuple[StraightnessRun, Straigh
         values[name] = sign * float(rad_to_arcsec((one + two) / 2.0))
         U[name] = COVERAGE * float(rad_to_arcsec(np.hypot(u_one, u_two) / 2.0))
         artefact[letter] = float(rad_to_arcsec((one - two) / 2.0))
-    return Location(axis, values, U, ("orientation only, against the linear axis along it",), artefact)
+    return Location(
+        axis=axis, values=values, U=U, flags=("orientation only, against the linear axis along it",), artefact=artefact
+    )

@@ -45,7 +45,13 @@ def error_model(
     located, said = locations([one for one in means if not one.of.is_motion], work.tilt)
     known = (*work.motions, *(one.name for one in located))
     unknown = unmeasured(known, spans, linear_um=linear_um, angular_arcsec=angular_arcsec)
-    return ErrorModel(tuple(work.motions.values()), located, unknown, work.systematic, (*work.said, *said))
+    return ErrorModel(
+        motions=tuple(work.motions.values()),
+        locations=located,
+        unknown=unknown,
+        systematic=work.systematic,
+        said=(*work.said, *said),
+    )
 
 
 # ------------------------------------------------------------------------------------------------ Abbe levers

@@ -70,7 +70,9 @@ def _square(runs: Sequence[Means], said: list[str]) -> LocationError | None:
 
 
 def _b0z(above_90_rad: float, u: float, how: str) -> LocationError:
-    return LocationError("B0Z", of_plane("XZ", above_90_rad).value_arcsec, float(rad_to_arcsec(u)), "arcsec", how)
+    return LocationError(
+        name="B0Z", value=of_plane("XZ", above_90_rad).value_arcsec, u=float(rad_to_arcsec(u)), unit="arcsec", how=how
+    )
 
 
 def _bar(name: str, runs: Sequence[Means], tilt: Tilt, said: list[str]) -> LocationError | None:
@@ -82,7 +84,9 @@ def _bar(name: str, runs: Sequence[Means], tilt: Tilt, said: list[str]) -> Locat
         if other is not None:
             found = from_bar("C", {letter: (run, other)})
             how = words("S-MODEL-BAR", lean=f"{-found.artefact[letter]:+.2f}")
-            return LocationError(name, found.values[f"E{name}"], found.U[f"E{name}"] / COVERAGE, "arcsec", how)
+            return LocationError(
+                name=name, value=found.values[f"E{name}"], u=found.U[f"E{name}"] / COVERAGE, unit="arcsec", how=how
+            )
     if runs:
         said.append(words("S-MODEL-HALF", name=name, need="the table at 0 and at 180 deg"))
     return None
@@ -104,7 +108,7 @@ def _against_z(bar: LocationError, square: LocationError | None) -> LocationErro
     leans, u = (square.value, square.u) if square is not None else (0.0, 0.0)
     to_z = words("S-MODEL-TO-Z")
     how = bar.how if square is not None else f"{bar.how} {to_z}"
-    return LocationError("B0C", leans + bar.value, hypot(u, bar.u), "arcsec", how)
+    return LocationError(name="B0C", value=leans + bar.value, u=hypot(u, bar.u), unit="arcsec", how=how)
 
 
 def _centre(one: Means) -> LocationError:
@@ -112,4 +116,4 @@ def _centre(one: Means) -> LocationError:
     name = one.of.name
     found = from_ball("C", [(0.0, {name[0]: one.fitted()})])
     u = hypot(found.U[f"E{name}"] / COVERAGE, one.of.systematic)
-    return LocationError(name, found.values[f"E{name}"], u, "um", words("S-MODEL-BALL"))
+    return LocationError(name=name, value=found.values[f"E{name}"], u=u, unit="um", how=words("S-MODEL-BALL"))

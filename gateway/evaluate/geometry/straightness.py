@@ -38,7 +38,9 @@ def straightness(positions: ArrayLike, deviations: ArrayLike, reference: Referen
         raise ModelError("E-EVAL-LINE", "straightness", positions=x.size, deviations=y.size)
     slope, intercept = _LINES[reference](x, y)
     residual = y - intercept - slope * x
-    return Straightness(reference, slope, intercept, residual, float(np.ptp(residual)))
+    return Straightness(
+        reference=reference, slope=slope, intercept=intercept, residual=residual, value=float(np.ptp(residual))
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -88,7 +88,7 @@ def _with(
     record: Corrections, step: Step, words: str, by: str, coefficients: dict[str, float], *, undo: bool = False
 ) -> Corrections:
     numbers = {name: float(value) for name, value in coefficients.items()}
-    item = CorrectionRecord(step, by, words, numbers, undo)
+    item = CorrectionRecord(step=step, by=by, words=words, coefficients=numbers, undone=undo)
     details = {**record.details, **{f"{step}{'.undone' if undo else ''}.{name}": v for name, v in numbers.items()}}
     changed = replace(record, details=details, chain=(*record.chain, item))
     return _with_step(changed, step, NONE if undo else words)

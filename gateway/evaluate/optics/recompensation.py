@@ -43,9 +43,23 @@ class Compensation:
         p = air.required("pressure_hpa", ambient.pressure_hpa, where) * PA_PER_HPA
         rh = air.required("humidity_pct", ambient.humidity_pct, where)
         if self.expansion_ppm_per_k is None:
-            return air.env_factor(t, p, rh, air.REFERENCE_DEGC, 0.0, equation=self.equation)
+            return air.env_factor(
+                t,
+                p,
+                humidity_pct=rh,
+                material_t_degc=air.REFERENCE_DEGC,
+                expansion_ppm_per_k=0.0,
+                equation=self.equation,
+            )
         material = air.material_degc(ambient, where)
-        return air.env_factor(t, p, rh, material, self.expansion_ppm_per_k, equation=self.equation)
+        return air.env_factor(
+            t,
+            p,
+            humidity_pct=rh,
+            material_t_degc=material,
+            expansion_ppm_per_k=self.expansion_ppm_per_k,
+            equation=self.equation,
+        )
 
 
 def recompensate(
@@ -107,7 +121,9 @@ def compensation_of(measured: MeasuredSet, where: str = "file") -> Compensation:
         ppm = (stated / worked_out - 1.0) * 1e6
         if abs(ppm) > FACTOR_PPM:
             raise ModelError("E-EVAL-ENV-FACTOR", where, stated=stated, found=f"{worked_out:.8f}", ppm=f"{ppm:.2f}")
-    return Compensation(found.start, found.end, expansion, "edlen-1966", factor)
+    return Compensation(
+        start=found.start, end=found.end, expansion_ppm_per_k=expansion, equation="edlen-1966", factor=factor
+    )
 
 
 def stated_factor(header: Mapping[str, str], where: str = "file") -> tuple[float, float] | None:
@@ -139,10 +155,16 @@ def recompensated_set(
     now = Compensation(ends[0], ends[1], alpha, equation)
     record = begin(measured.compensated_for)
     datum = float(measured.targets[0])
-    return recompensate(measured.deviations, measured.targets, was, now, record, datum_mm=datum)
+    return recompensate(measured.deviations, measured.targets, was=was, now=now, record=record, datum_mm=datum)
 
 
 def _at(ambient: Ambient, material_degc: float | None) -> Ambient:
     if material_degc is None:
         return ambient
-    return Ambient(ambient.air_degc, ambient.pressure_hpa, ambient.humidity_pct, (material_degc,), ambient.age_s)
+    return Ambient(
+        air_degc=ambient.air_degc,
+        pressure_hpa=ambient.pressure_hpa,
+        humidity_pct=ambient.humidity_pct,
+        material_degc=(material_degc,),
+        age_s=ambient.age_s,
+    )

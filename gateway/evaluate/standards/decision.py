@@ -40,15 +40,36 @@ def decide(
     if not (isfinite(limit) and limit > 0.0):
         raise ModelError("E-EVAL-LIMIT", "limit", parameter=parameter, limit=limit)
     if value is None or not isfinite(value):
-        return Decision(parameter, None, U, limit, "not decidable", f"{parameter} does not exist for these readings")
+        return Decision(
+            parameter=parameter,
+            value=None,
+            U=U,
+            limit=limit,
+            verdict="not decidable",
+            why=f"{parameter} does not exist for these readings",
+        )
     if U is None or not isfinite(U) or U < 0.0:
-        return Decision(parameter, value, None, limit, "not decidable", f"U of {parameter} is not known")
+        return Decision(
+            parameter=parameter,
+            value=value,
+            U=None,
+            limit=limit,
+            verdict="not decidable",
+            why=f"U of {parameter} is not known",
+        )
     low, high = _sizes((value - U, value + U) if trials is None else trials)
     if max(abs(value) + U, high) <= limit:
-        return Decision(parameter, value, U, limit, "pass")
+        return Decision(parameter=parameter, value=value, U=U, limit=limit, verdict="pass")
     if min(abs(value) - U, low) > limit:
-        return Decision(parameter, value, U, limit, "fail")
-    return Decision(parameter, value, U, limit, "not decidable", "the limit lies within the uncertainty of the value")
+        return Decision(parameter=parameter, value=value, U=U, limit=limit, verdict="fail")
+    return Decision(
+        parameter=parameter,
+        value=value,
+        U=U,
+        limit=limit,
+        verdict="not decidable",
+        why="the limit lies within the uncertainty of the value",
+    )
 
 
 def _sizes(interval: Interval) -> Interval:

@@ -76,7 +76,7 @@ class StandardResult:
     def _decision(self, name: str, limit: float) -> Decision:
         repeated = self.trials.get(name)
         interval = None if repeated is None else repeated.symmetric
-        return decide(name, self.values[name], self.U.get(name), limit, interval)
+        return decide(name, self.values[name], U=self.U.get(name), limit=limit, trials=interval)
 
 
 _YEAR = re.compile(r"(19|20)\d\d")
@@ -94,7 +94,14 @@ _ISO_SAYS = {
 
 def _equal(name: str, iso: str, certainty: Certainty = SECONDARY, says: str = "") -> PositioningStandard:
     edition = name[-4:] if _YEAR.fullmatch(name[-4:]) else iso
-    return PositioningStandard(name, edition, certainty, parameters.NAMES, iso, says or f"= ISO 230-2:{iso}")
+    return PositioningStandard(
+        name=name,
+        edition=edition,
+        certainty=certainty,
+        parameters=parameters.NAMES,
+        iso=iso,
+        says=says or f"= ISO 230-2:{iso}",
+    )
 
 
 _STANDARDS = (
@@ -174,10 +181,21 @@ def evaluate_by(
     at, x = readings.checked(targets, deviations)
     costs = budget or Budget()
     values, by_law, flags = _figures(chosen, at, x, unit, costs)
-    outcomes = scatter_of_test(at, x, unit, _formulas(chosen), costs, seed=seed) if monte_carlo else {}
+    outcomes = (
+        scatter_of_test(at, x, unit=unit, formulas=_formulas(chosen), budget=costs, seed=seed) if monte_carlo else {}
+    )
     by_trials = {key: outcome.U for key, outcome in outcomes.items() if values.get(key) is not None}
     notes = (*flags, *set_up_notes(at, x.shape[1], unit), *closure_notes(at, x, unit))
-    return StandardResult(chosen, unit, at.size, x.shape[1], values, {**by_trials, **by_law}, outcomes, notes)
+    return StandardResult(
+        standard=chosen,
+        unit=unit,
+        targets=at.size,
+        repetitions=x.shape[1],
+        values=values,
+        U={**by_trials, **by_law},
+        trials=outcomes,
+        flags=notes,
+    )
 
 
 def _figures(

@@ -41,9 +41,19 @@ def error_rows(model: ErrorModel) -> tuple[ErrorRow, ...]:
     """Rows in the usual order, then whatever else was located (X0C, Y0C)."""
     found = {one.name: _motion(one, model.systematic.get(one.name, 0.0)) for one in model.motions}
     for one in model.locations:
-        found[one.name] = ErrorRow(one.name, one.unit, one.value, one.value, COVERAGE * one.u, "measured", one.how)
+        found[one.name] = ErrorRow(
+            name=one.name,
+            unit=one.unit,
+            low=one.value,
+            high=one.value,
+            U=COVERAGE * one.u,
+            state="measured",
+            how=one.how,
+        )
     for gap in model.unknown:
-        found[gap.name] = ErrorRow(gap.name, gap.unit, -gap.span, gap.span, COVERAGE * gap.u, "assumed", NOBODY)
+        found[gap.name] = ErrorRow(
+            name=gap.name, unit=gap.unit, low=-gap.span, high=gap.span, U=COVERAGE * gap.u, state="assumed", how=NOBODY
+        )
     order = [*TWENTY_ONE, *(name for name in found if name not in TWENTY_ONE)]
     return tuple(found[name] for name in order if name in found)
 
@@ -53,8 +63,9 @@ def _motion(one: Component, systematic: float) -> ErrorRow:
     at = np.linspace(low, high, POINTS)
     values = value(one, at)
     U = COVERAGE * float(np.hypot(np.max(standard_uncertainty(one, at)), systematic))
-    found = float(values.min()), float(values.max())
-    return ErrorRow(one.name, one.unit, *found, U, "measured", _fitted(one, low, high))
+    least, most = float(values.min()), float(values.max())
+    how = _fitted(one, low, high)
+    return ErrorRow(one.name, one.unit, low=least, high=most, U=U, state="measured", how=how)
 
 
 def _fitted(one: Component, low: float, high: float) -> str:

@@ -155,8 +155,18 @@ def _right(tooth: ToothMaterial, key: str, title: str, flank: FlankMap, U: float
 def _predicted(prediction: FlankPrediction) -> list[FlankState]:
     U = COVERAGE * prediction.rms_u_um
     found = _state("predicted", "with everything", "predicted", prediction.after, U)
-    return [FlankState(found.key, found.title, found.source, found.map, prediction.rms_um, found.largest, U)]
+    return [
+        FlankState(
+            key=found.key,
+            title=found.title,
+            source=found.source,
+            map=found.map,
+            rms=prediction.rms_um,
+            largest=found.largest,
+            U=U,
+        )
+    ]
 
 
 def _state(key: str, title: str, source: Source, flank: FlankMap, U: float | None = None) -> FlankState:
-    return FlankState(key, title, source, flank, flank.rms_um, flank.largest_um, U)
+    return FlankState(key=key, title=title, source=source, map=flank, rms=flank.rms_um, largest=flank.largest_um, U=U)

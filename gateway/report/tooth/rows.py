@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from drivers.units import AxisUnit, DeviationUnit
 from gateway.report.material import PartMaterial, TableMaterial, ToothMaterial
@@ -48,12 +48,8 @@ def setup_rows(tooth: ToothMaterial) -> tuple[SetupRow, ...]:
     if tooth.from_gear is not None:
         rows.append(SetupRow(f"proposed to add, from part “{tooth.from_gear.part}”", tooth.from_gear.setup))
     if len(ground) > 1:
-        rows.append(SetupRow(f"changed from “{ground[0][0]}” to “{ground[-1][0]}”", _less(ground[-1][1], ground[0][1])))
+        rows.append(SetupRow(f"changed from “{ground[0][0]}” to “{ground[-1][0]}”", ground[-1][1].less(ground[0][1])))
     return tuple(rows)
-
-
-def _less(one: SetupValues, other: SetupValues) -> SetupValues:
-    return one.plus(SetupValues(-other.x_um, -other.c_arcsec, -other.dressing_um))
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,10 +87,11 @@ def cure_rows(tooth: ToothMaterial) -> tuple[CureRow, ...]:
 
 def _cure(cure: CureRecord, ranked: RankRecord | None) -> CureRow:
     reason = why(cure) if incurable(cure) else ""
-    found = (cure.error, cure.rms_um, cure.floor_um, tag(cure), what(cure), reason)
+    row = CureRow(cure.error, cure.rms_um, cure.floor_um, tag=tag(cure), by=what(cure), why=reason)
     if ranked is None:
-        return CureRow(*found)
-    return CureRow(*found, ranked.mu_star_um, ranked.low_um, ranked.high_um, ranked.rank)
+        return row
+    low, high = ranked.low_um, ranked.high_um
+    return replace(row, mu_star_um=ranked.mu_star_um, mu_low_um=low, mu_high_um=high, rank=ranked.rank)
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,19 +127,19 @@ def table_name(one: TableMaterial, letters: Mapping[str, str]) -> str:
 
 def _table(one: TableMaterial, letters: Mapping[str, str]) -> TableRow:
     new = one.change.new
-    span = (min(new.deviations, default=0.0), max(new.deviations, default=0.0))
     return TableRow(
-        one.change.name,
-        table_name(one, letters),
-        one.change.layer,
-        len(new.deviations),
-        new.minimum,
-        new.maximum,
-        new.step,
-        new.input_unit,
-        *span,
-        new.deviation_unit,
-        new.direction,
-        one.push.outcome if one.push is not None else "",
-        one.change.skipped,
+        name=one.change.name,
+        table=table_name(one, letters),
+        layer=one.change.layer,
+        points=len(new.deviations),
+        minimum=new.minimum,
+        maximum=new.maximum,
+        step=new.step,
+        input_unit=new.input_unit,
+        low=min(new.deviations, default=0.0),
+        high=max(new.deviations, default=0.0),
+        unit=new.deviation_unit,
+        direction=new.direction,
+        outcome=one.push.outcome if one.push is not None else "",
+        skipped=one.change.skipped,
     )

@@ -100,7 +100,7 @@ def outcome_of(
         raise ConfigError("E-CLI-EXISTS", str(picture)) from error
     except OSError as error:
         raise ConfigError("E-CLI-WRITE", str(picture), why=error.strerror or str(error)) from error
-    return DynamicOutcome(recording, shown, place, picture, notes)
+    return DynamicOutcome(recording=recording, shown=shown, place=place, picture=picture, notes=notes)
 
 
 async def capture_dynamic(site: SiteFile, site_path: Path, wish: Wish, clock: Clock, say: Say) -> DynamicOutcome:
@@ -115,7 +115,7 @@ async def capture_dynamic(site: SiteFile, site_path: Path, wish: Wish, clock: Cl
     except TrueflankError as error:
         folder.set_state("failed", error=error.as_record())
         raise
-    found = outcome_of(open_stream(path), path, folder.path / PICTURE, wish.band, notes)
+    found = outcome_of(open_stream(path), path, picture=folder.path / PICTURE, band=wish.band, notes=notes)
     folder.write_text("dynamic.json", json.dumps({**found.as_data(), "ended": ended.why}, indent=1, default=str))
     folder.adopt(*(one for one in folder.path.iterdir() if one.stem == path.stem or one.name == PICTURE))
     folder.set_state(STATE)
@@ -168,7 +168,13 @@ class _Recorders:
 
     def begin(self, stretch: Stretch) -> Sink:
         """The recorder of a signal."""
-        facts = StreamFacts(stretch.rate_hz, stretch.unit, stretch.scale, stretch.trigger, self._header)
+        facts = StreamFacts(
+            rate_hz=stretch.rate_hz,
+            unit=stretch.unit,
+            scale=stretch.scale,
+            trigger=stretch.trigger,
+            header=self._header,
+        )
         label = f"dynamic-{self._wish.axis or stretch.channel}"
         self._recorder = RawRecorder(self._folder.path, label, facts)
         said = {"instrument": self._name, "rate_hz": f"{stretch.rate_hz:g}", "file": str(self._recorder.path)}

@@ -30,8 +30,8 @@ def explain(change: TableChange, before: FloatArray, after: FloatArray, U: float
     unit = change.new.deviation_unit
     if not (len(before) == len(after) == len(change.targets)):
         nothing = np.zeros(0)
-        return why(nothing, nothing, nothing, nothing, unit)
-    return why(before, after, _effect(change, change.targets), np.minimum(change.predicted_U, U), unit)
+        return why(nothing, nothing, effect=nothing, U=nothing, unit=unit)
+    return why(before, after, effect=_effect(change, change.targets), U=np.minimum(change.predicted_U, U), unit=unit)
 
 
 def _effect(change: TableChange, at: FloatArray) -> FloatArray:

@@ -90,7 +90,9 @@ async def guard_site(
     folder = new_run(site, site_path)
     say("P-RUN", folder=str(folder.path))
     try:
-        async with bench(site, site_path, folder, clock, say, {axis.measure.instrument}) as at:
+        async with bench(
+            site, site_path, folder=folder, clock=clock, say=say, instruments={axis.measure.instrument}
+        ) as at:
             verdict = await _checked(at, section, run, known, limit)
     except TrueflankError as error:
         folder.set_state("failed", error=error.as_record())
@@ -158,7 +160,13 @@ def standard_of(run: RunFolder, axis: AxisSection) -> Standard:
         kind=axis.kind,
         modulo=axis.modulo,
     )
-    approved = Approved(curve, capture.targets, means.mean, means.u, _freedom(capture, len(means.suspects)))
+    approved = Approved(
+        curve=curve,
+        targets=capture.targets,
+        means=means.mean,
+        u=means.u,
+        freedom=_freedom(capture, len(means.suspects)),
+    )
     return Standard(approved, capture.live.digest, _serial(run, axis.measure.instrument))
 
 
@@ -193,4 +201,10 @@ def check_of(axis: AxisSection, capture: Capture, guard: GuardSection, *, same_i
     growing = usual.standard(capture.targets - axis.reference) - usual.constant / 2.0
     own = 0.0 if same_instrument else float(np.sqrt(2.0)) * usual.constant / 2.0
     u = np.sqrt(means.u**2 + growing**2)
-    return Check(capture.targets, means.mean, np.asarray(u), freedom, float(np.hypot(mounting, own)))
+    return Check(
+        targets=capture.targets,
+        means=means.mean,
+        u=np.asarray(u),
+        freedom=freedom,
+        mounting=float(np.hypot(mounting, own)),
+    )

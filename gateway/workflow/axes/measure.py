@@ -61,7 +61,7 @@ async def measure_axis(at: Bench, axis: AxisSection, phase: stages.Phase) -> Mea
         capture, parents = await _from_file(at, axis)
     else:
         capture, parents = await _live(at, axis, phase)
-    measured = evaluated(at.folder, axis, phase, capture, parents)
+    measured = evaluated(at.folder, axis, phase=phase, capture=capture, parents=parents)
     if phase == "before":
         await look_at(at, capture.live)
     result = measured.evaluation
@@ -145,7 +145,7 @@ async def fetch_tables(at: Bench, axis: AxisSection) -> LiveSet:
     async def at_stop(_index: int, _stop: Stop, _reached: StopReached) -> None:
         return None
 
-    await walk(at.supervisor.controller, plan, at_stop, at.patience, at.say)
+    await walk(at.supervisor.controller, plan, at_stop=at_stop, patience=at.patience, say=at.say)
     return await at.supervisor.controller.saved_tables(axis.name)
 
 

@@ -64,9 +64,9 @@ async def _change(at: Bench, axis: AxisSection, item: Measured) -> TableChange:
     change = propose_table(
         TableAxis(axis.name, axis.unit, axis.reference, axis.modulo),
         component,
-        MeasuredMeans(capture.targets, means.mean, means.u, _rest(means), unseen),
-        capture.live,
-        Grid(axis.table.minimum, axis.table.maximum, axis.table.step),
+        measured=MeasuredMeans(targets=capture.targets, means=means.mean, u=means.u, rest=_rest(means), unseen=unseen),
+        live=capture.live,
+        grid=Grid(axis.table.minimum, axis.table.maximum, axis.table.step),
         resolution=limits.resolution * deviation_scale(axis.unit),
         reserved_points=limits.reserved_points,
     )

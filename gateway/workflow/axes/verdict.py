@@ -29,7 +29,16 @@ def judge_axis(
     said += " " + explain(change, mean_of_both(before), mean_of_both(after), _U_of_change(before, after)).words
     said += f" {checked.words}" if checked is not None else ""
     said += " " + words("W-VERDICT-RESTORE", axis=axis) if size < 0 else ""
-    return AxisVerdict(axis, before.unit, before, after, size > 0, held, said, size < 0)
+    return AxisVerdict(
+        axis=axis,
+        unit=before.unit,
+        before=before,
+        after=after,
+        improved=size > 0,
+        within_prediction=held,
+        words=said,
+        worse=size < 0,
+    )
 
 
 def unmeasured(axis: str, before: Evaluation, change: TableChange, push: PushRecord) -> AxisVerdict:

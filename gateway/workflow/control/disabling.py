@@ -41,7 +41,7 @@ async def disable_site(
     folder = new_run(site, site_path)
     folder.set_state("disabling")
     try:
-        async with bench(site, site_path, folder, clock, say, instruments=()) as at:
+        async with bench(site, site_path, folder=folder, clock=clock, say=say, instruments=()) as at:
             name, _, cross = axis.partition("-")
             section = at.axis(name)
             order = order_named(section, table or cross)
@@ -106,7 +106,7 @@ def _shown(at: Bench, asked: Switch) -> Outcome:
     data |= {"enabled": None, "acting": None, "off": None}
     if reading is not None:
         data |= {"enabled": reading.enabled, "acting": reading.acting, "off": reading.off}
-    return Outcome("looked", str(at.folder.path), (), tuple(lines), data)
+    return Outcome(state="looked", run_folder=str(at.folder.path), rows=(), lines=tuple(lines), data=data)
 
 
 def _line(asked: Switch) -> str:
@@ -130,4 +130,4 @@ def _told(at: Bench, record: SwitchRecord) -> Outcome:
     lines = (words(code, table=record.table, axis=record.axis),)
     data = {"transaction": record.transaction, "table": record.table, "applied": True, "outcome": record.outcome}
     data |= {"unit": record.unit, "before": record.before, "after": record.after}
-    return Outcome(at.folder.state, str(at.folder.path), (), lines, data)
+    return Outcome(state=at.folder.state, run_folder=str(at.folder.path), rows=(), lines=lines, data=data)

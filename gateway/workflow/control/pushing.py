@@ -170,17 +170,17 @@ def push_context(at: Bench, axis: AxisSection, capture: Capture | None) -> PushC
 def facts_of(axis: AxisSection) -> AxisFacts:
     measure = axis.measure
     return AxisFacts(
-        axis.name,
-        axis.letter,
-        axis.unit,
-        axis.kind == "rotary",
-        axis.modulo,
-        axis.travel,
-        axis.reference,
-        measure.feed,
-        measure.overrun,
-        measure.dwell_s,
-        axis.encoder,
+        name=axis.name,
+        letter=axis.letter,
+        unit=axis.unit,
+        rotary=axis.kind == "rotary",
+        modulo=axis.modulo,
+        travel=axis.travel,
+        reference=axis.reference,
+        feed=measure.feed,
+        overrun=measure.overrun,
+        dwell_s=measure.dwell_s,
+        encoder=axis.encoder,
     )
 
 
@@ -216,9 +216,9 @@ async def _prove(at: Bench, change: TableChange, context: PushContext) -> SignPr
         proof = await prove_sign(
             context,
             grid.minimum,
-            grid.maximum,
-            grid.step,
-            read_stop,
+            maximum=grid.maximum,
+            step=grid.step,
+            read_stop=read_stop,
             function=table.function,
             index=table.index,
         )
@@ -233,7 +233,13 @@ async def _verify(at: Bench, change: TableChange, before: Measured, push: PushRe
     if again is None:
         return unmeasured(change.axis, before.evaluation, change, push)
     after = await measure_axis(at, again, "after")
-    return judge_axis(change.axis, before.evaluation, after.evaluation, change, check_between(change, after.capture))
+    return judge_axis(
+        change.axis,
+        before.evaluation,
+        after=after.evaluation,
+        change=change,
+        checked=check_between(change, after.capture),
+    )
 
 
 async def push_run(folder: RunFolder, *, apply: bool, machine_name: str, clock: Clock, say: Say) -> Outcome:
@@ -246,7 +252,7 @@ async def push_run(folder: RunFolder, *, apply: bool, machine_name: str, clock: 
     proposal = folder.get(stages.PROPOSAL, Proposal)
     measured = _stored_axes(folder, proposal)
     try:
-        async with bench(site, path, folder, clock, say) as at:
+        async with bench(site, path, folder=folder, clock=clock, say=say) as at:
             if not apply:
                 return await _show(at, proposal, measured)
             verdict = await apply_proposal(at, proposal, measured)

@@ -42,7 +42,7 @@ async def recover_site(
     folder.set_state("recovering")
     findings: list[Finding | LeftFinding] = []
     left_on: list[PushRecord] = []
-    async with bench(site, site_path, folder, clock, say, instruments=()) as at:
+    async with bench(site, site_path, folder=folder, clock=clock, say=say, instruments=()) as at:
         left, may_write = at.supervisor.left, apply
         if not left.clear:
             findings.append(told := await _left(at, left, apply=apply))

@@ -37,7 +37,7 @@ async def roll_back_site(
     folder = new_run(site, site_path)
     folder.set_state("rolling-back")
     try:
-        async with bench(site, site_path, folder, clock, say) as at:
+        async with bench(site, site_path, folder=folder, clock=clock, say=say) as at:
             done = to_undo(history(at, table))
             if done is None:
                 raise WriteRefused("E-ROLLBACK-NOTHING", table, table=table, serial=at.machine.serial)
@@ -78,7 +78,7 @@ async def _shown(at: Bench, done: Committed, context: PushContext) -> Outcome:
     lines.append(words("W-ROLLBACK-DRY"))
     at.folder.set_state("looked")
     data = {"transaction": done.transaction, "table": done.table, "refusals": reasons, "applied": False}
-    return Outcome("looked", str(at.folder.path), (), tuple(lines), data)
+    return Outcome(state="looked", run_folder=str(at.folder.path), rows=(), lines=tuple(lines), data=data)
 
 
 def _difference(done: Committed) -> list[str]:
@@ -113,4 +113,10 @@ async def _applied(at: Bench, done: Committed, context: PushContext) -> Outcome:
         raise failure
     lines = [words("W-ROLLBACK-DONE", table=done.table, transaction=done.transaction), *([problem] if problem else [])]
     data = {"transaction": record.transaction, "undoes": done.transaction, "table": done.table, "applied": True}
-    return Outcome(at.folder.state, str(at.folder.path), (), tuple(lines), {**data, "outcome": record.outcome})
+    return Outcome(
+        state=at.folder.state,
+        run_folder=str(at.folder.path),
+        rows=(),
+        lines=tuple(lines),
+        data={**data, "outcome": record.outcome},
+    )

@@ -39,7 +39,7 @@ async def verify_table(
     folder.set_state("verifying-table")
     say("P-RUN", folder=str(folder.path))
     try:
-        async with bench(site, site_path, folder, clock, say, ()) as at:
+        async with bench(site, site_path, folder=folder, clock=clock, say=say, instruments=()) as at:
             if run is not None:
                 return await _against_run(at, table, run)
             return await _against_pushes(at, table)
@@ -71,7 +71,14 @@ def _outcome(at: Bench, table: str, looks: list[Look]) -> Outcome:
     rows = [{"axis": one.name, "against": one.lines[0], "digest": one.digest, **one.found.as_data()} for one in looks]
     data: dict[str, Any] = rows[0] if table else {"tables": rows}
     lines = tuple(line for look in looks for line in look.lines)
-    return Outcome(at.folder.state, str(at.folder.path), (), lines, data, DIFFERS_EXIT if kinds else 0)
+    return Outcome(
+        state=at.folder.state,
+        run_folder=str(at.folder.path),
+        rows=(),
+        lines=lines,
+        data=data,
+        exit_code=DIFFERS_EXIT if kinds else 0,
+    )
 
 
 async def read_axis(at: Bench, axis: str) -> LiveSet:
@@ -90,7 +97,14 @@ async def _against_run(at: Bench, table: str, run: RunFolder) -> Outcome:
     at.folder.set_state(f"table-{found.kind}")
     data = {"axis": table, "against": said, "digest": live.digest, **found.as_data()}
     exit_code = 0 if found.kind == "as-approved" else DIFFERS_EXIT
-    return Outcome(at.folder.state, str(at.folder.path), (), (said, found.words), data, exit_code)
+    return Outcome(
+        state=at.folder.state,
+        run_folder=str(at.folder.path),
+        rows=(),
+        lines=(said, found.words),
+        data=data,
+        exit_code=exit_code,
+    )
 
 
 def _proposed(run: RunFolder, table: str) -> tuple[LiveTable, LiveTable, str]:

@@ -85,7 +85,9 @@ async def measure_site(
     left = _left(folder, todo)
     try:
         if left:
-            async with bench(site, site_path, folder, clock, say, instruments_of(left)) as at:
+            async with bench(
+                site, site_path, folder=folder, clock=clock, say=say, instruments=instruments_of(left)
+            ) as at:
                 await _walk(at, left, resumed=resume is not None)
     except TrueflankError as error:
         folder.set_state("failed", error=error.as_record())
@@ -168,7 +170,15 @@ def conclude(site: SiteFile, folder: RunFolder, tooth: Tooth | None) -> PlanOutc
     opened = what_next(model, tooth, grids(site)) if tooth is not None else ()
     advice = advise(plan, remaining, opened, asked=tooth is not None)
     rows = error_rows(model)
-    return PlanOutcome(folder.state, str(folder.path), model, rows, remaining, opened, advice)
+    return PlanOutcome(
+        state=folder.state,
+        run_folder=str(folder.path),
+        model=model,
+        rows=rows,
+        remaining=remaining,
+        open=opened,
+        advice=advice,
+    )
 
 
 def _stood(site: SiteFile, folder: RunFolder, one: Planned) -> dict[str, float]:
@@ -182,7 +192,14 @@ def _stood(site: SiteFile, folder: RunFolder, one: Planned) -> dict[str, float]:
 def grids(site: SiteFile) -> tuple[AxisGrid, ...]:
     """The controller's grids by axis letter."""
     return tuple(
-        AxisGrid(axis.letter, axis.table.minimum, axis.table.maximum, axis.table.step, axis.reference, axis.modulo)
+        AxisGrid(
+            axis=axis.letter,
+            minimum=axis.table.minimum,
+            maximum=axis.table.maximum,
+            step=axis.table.step,
+            reference=axis.reference,
+            modulo=axis.modulo,
+        )
         for axis in site.axes
     )
 

@@ -21,7 +21,7 @@ def axes_measured(folder: RunFolder, site: SiteFile) -> dict[str, Measured]:
         if one.positioning and folder.has(stages.setup(one.key)):
             capture = folder.get(stages.setup(one.key), Capture)
             parents = (folder.digest(stages.setup(one.key)),)
-            found[one.axis.name] = evaluated(folder, one.axis, "before", capture, parents)
+            found[one.axis.name] = evaluated(folder, one.axis, phase="before", capture=capture, parents=parents)
     if not found:
         raise ConfigError("E-CLOSE-AXES", folder.run_id)
     return {axis.name: found[axis.name] for axis in site.axes if axis.name in found}

@@ -56,7 +56,7 @@ async def _park(at: Bench, one: Planned) -> None:
     for name, place in sorted(one.setup.park.items()):
         axis = at.axis(name)
         plan = plan_of(axis, (Stop(place, 1),), "", name=f"TFPARK{axis.letter}", dwell_s=0.1, save=False)
-        await walk(at.supervisor.controller, plan, at_stop, at.patience, at.say)
+        await walk(at.supervisor.controller, plan, at_stop=at_stop, patience=at.patience, say=at.say)
 
 
 async def _stands(at: Bench) -> dict[str, float]:
@@ -107,12 +107,12 @@ def error_rig(at: Bench, one: Planned) -> ErrorRig:
     rig = at.rig(one.axis)
     column, scale = channel_of(rig.instrument, one.setup.channel, one.unit)
     return ErrorRig(
-        one.axis,
-        rig.controller,
-        rig.instrument,
-        rig.clock,
-        rig.patience,
-        rig.say,
+        axis=one.axis,
+        controller=rig.controller,
+        instrument=rig.instrument,
+        clock=rig.clock,
+        patience=rig.patience,
+        say=rig.say,
         unit=one.unit,
         column=column,
         factor=one.setup.sense * scale,

@@ -56,18 +56,18 @@ class Planned:
         """What was captured, for the model; ``rotary`` names the rotary axes, ``stands`` where axes stood by letter."""
         parked = [place for name, place in self.setup.park.items() if name in rotary]
         return Measurement(
-            self.setup.component,
-            self.axis.letter,
-            self.axis.unit,
-            targets,
-            deviations,
-            self.axis.reference,
-            self.axis.modulo,
-            self.setup.offset_mm,
-            self.systematic,
-            self.setup.own_angle_arcsec,
-            parked[0] if parked else None,
-            stands or {},
+            component=self.setup.component,
+            letter=self.axis.letter,
+            axis_unit=self.axis.unit,
+            targets=targets,
+            deviations=deviations,
+            reference=self.axis.reference,
+            modulo=self.axis.modulo,
+            offset_mm=self.setup.offset_mm,
+            systematic=self.systematic,
+            own_angle_arcsec=self.setup.own_angle_arcsec,
+            turned_deg=parked[0] if parked else None,
+            stands=stands or {},
         )
 
 
@@ -116,7 +116,13 @@ def _whole(setup: SetupSection, axis: AxisSection) -> Planned:
     location = name[1] == "0"
     unit: DeviationUnit = "um" if location else component_unit(name, axis.unit)
     positioning = not location and name[1] == name[2]
-    return Planned(key_of(setup), setup, axis.model_copy(update={"measure": measure}), unit, positioning)
+    return Planned(
+        key=key_of(setup),
+        setup=setup,
+        axis=axis.model_copy(update={"measure": measure}),
+        unit=unit,
+        positioning=positioning,
+    )
 
 
 def key_of(setup: SetupSection) -> str:

@@ -81,15 +81,15 @@ def measured_of(capture: Capture, folder: RunFolder) -> MeasuredSet:
     header = {"Machine": str(folder.facts["site"]), "Serial No": str(folder.facts["machine"].get("serial", ""))}
     header |= {"Date": capture.started_utc, "Axis": capture.axis, "TITLE": f"{capture.component} {folder.run_id}"}
     return MeasuredSet(
-        capture.targets,
-        capture.deviations,
-        capture.axis_unit,
-        capture.ambient_start,
-        capture.ambient_end,
-        _compensated(capture.corrections),
-        capture.corrections.details.get("expansion.ppm_per_k"),
-        header,
-        capture.notes,
+        targets=capture.targets,
+        deviations=capture.deviations,
+        axis_unit=capture.axis_unit,
+        ambient_start=capture.ambient_start,
+        ambient_end=capture.ambient_end,
+        compensated_for=_compensated(capture.corrections),
+        expansion_ppm_per_k=capture.corrections.details.get("expansion.ppm_per_k"),
+        header=header,
+        warnings=capture.notes,
     )
 
 

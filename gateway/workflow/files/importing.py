@@ -239,12 +239,12 @@ def import_file(
     kind = _kind(read.content)
     known = already(store, digest)
     if known is not None:
-        return Imported(known.name, known, digest, kind, False, read.notes)
+        return Imported(run_id=known.name, folder=known, sha256=digest, kind=kind, new=False, notes=read.notes)
     said = {"name": path.name, "sha256": digest, "driver": read.driver, "notes": list(read.notes)}
     folder = store.create(site, {"imported": said, "site_file": ""})
     _keep(folder, path, read.content, digest)
     folder.set_state(STATE)
-    return Imported(folder.run_id, folder.path, digest, kind, True, read.notes)
+    return Imported(run_id=folder.run_id, folder=folder.path, sha256=digest, kind=kind, new=True, notes=read.notes)
 
 
 def _kind(content: Content) -> str:
@@ -272,7 +272,9 @@ def _keep(folder: RunFolder, path: Path, content: Content, digest: str) -> None:
 
 def _stream(folder: RunFolder, content: Recording) -> None:
     """A dynamic record as plain doubles beside the run, piece by piece."""
-    facts = StreamFacts(content.rate_hz, content.unit, 1.0, content.trigger, dict(content.header))
+    facts = StreamFacts(
+        rate_hz=content.rate_hz, unit=content.unit, scale=1.0, trigger=content.trigger, header=dict(content.header)
+    )
     with RawRecorder(folder.path, DYNAMIC, facts) as recorder:
         for block in content.blocks():
             recorder.append(block)

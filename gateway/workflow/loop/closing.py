@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from drivers.clock import Clock
@@ -55,7 +55,7 @@ async def close_site(
     plan = await measure_site(site, site_path, clock=clock, say=say, resume=resume, tooth=work.tooth)
     folder = RunFolder(Path(plan.run_folder))
     try:
-        async with bench(site, site_path, folder, clock, say, used) as at:
+        async with bench(site, site_path, folder=folder, clock=clock, say=say, instruments=used) as at:
             await _Loop(at, work, plan.model, axes_measured(folder, site)).close(apply=apply)
             alarms = standing_alarms(at)
     except TrueflankError as error:
@@ -107,8 +107,7 @@ class _Loop:
         folder = self.at.folder
         if folder.has(stages.inspected(part)):
             return folder.get(stages.inspected(part), InspectedFlank)
-        values = {"x_um": setup.x_um, "c_arcsec": setup.c_arcsec, "dressing_um": setup.dressing_um}
-        self.at.say("P-PART", part=part, **values)
+        self.at.say("P-PART", part=part, **asdict(setup))
         if not folder.has(stages.ground(part)):
             await grind_part(self.at, part, setup)
         found = await inspect_part(self.at, part)

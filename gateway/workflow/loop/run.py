@@ -29,7 +29,7 @@ async def run_site(
     folder = new_run(site, site_path)
     say("P-RUN", folder=str(folder.path))
     try:
-        async with bench(site, site_path, folder, clock, say) as at:
+        async with bench(site, site_path, folder=folder, clock=clock, say=say) as at:
             return await _work(at, apply=apply)
     except TrueflankError as error:
         folder.set_state("failed", error=error.as_record())

@@ -31,7 +31,9 @@ def closed(folder: RunFolder, site: SiteFile) -> Outcome:
         if folder.has(stages.evaluation(axis.name, "before"))
     }
     proposal = folder.get(stages.PROPOSAL, Proposal)
-    plain = outcome_of(folder.state, str(folder.path), evaluations, proposal, verdict, paths)
+    plain = outcome_of(
+        folder.state, str(folder.path), evaluations=evaluations, proposal=proposal, verdict=verdict, paths=paths
+    )
     judged = _get(folder, stages.TOOTH_VERDICT, ToothVerdict)
     tooth = folder.get(stages.TOOTH, ToothProposal)
     *told, figure = closing_lines(folder)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +13,11 @@ import numpy as np
 from drivers.clock import Clock
 from drivers.errors import TrueflankError, words
 from drivers.types import CompensationTable, FloatArray, LiveSet
-from drivers.units import UM_PER_MM, mm_to_um, rad_to_arcsec
+from drivers.units import UM_PER_MM
 from gateway.config import SiteFile
-from gateway.correct.flank.flankmodel import table_terms
+from gateway.correct.flank.flankmodel import setup_tables, table_terms
 from gateway.correct.flank.mounting import mounting_terms
-from gateway.correct.flank.tables import Correction, Table, TableGrid
+from gateway.correct.flank.tables import Correction, Table
 from gateway.correct.flank.wheel_places import places_of_grid
 from gateway.correct.part.fromgear import FromGear, correct_from_gear
 from gateway.correct.plan.plan import Plan
@@ -29,7 +29,7 @@ from gateway.model.known import ErrorModel, chain_of_errors
 from gateway.say import Say
 from gateway.store import RunFolder
 from gateway.study.machine import gear_of
-from gateway.tooth import FlankMap, GearProposal, GroundPart, InspectedFlank, SetupValues
+from gateway.tooth import FlankMap, GearProposal, GroundPart, InspectedFlank
 from gateway.workflow import stages
 from gateway.workflow.axes.measure import fetch_tables, store_equipment
 from gateway.workflow.bench import Bench, bench, new_run
@@ -65,11 +65,17 @@ class FromGearOutcome:
     def as_data(self) -> dict[str, Any]:
         """For --json."""
         gear = self.gear
-        setup = {"x_um": gear.setup.x_um, "c_arcsec": gear.setup.c_arcsec, "dressing_um": gear.setup.dressing_um}
         tables = [{"name": one.name, "table": one.new.name, "skipped": one.skipped} for one in self.proposal.changes]
         figures = {"before_um": gear.before.rms_um, "after_um": gear.after.rms_um, "u_um": gear.u_um}
         said = {"eccentricity_um": list(gear.eccentricity_um), "said": list(gear.said)}
-        return {"part": gear.part, "setup": setup, "tables": tables, **figures, **said, "run_folder": self.run_folder}
+        return {
+            "part": gear.part,
+            "setup": asdict(gear.setup),
+            "tables": tables,
+            **figures,
+            **said,
+            "run_folder": self.run_folder,
+        }
 
 
 async def propose_from_gear(
@@ -92,8 +98,8 @@ async def propose_from_gear(
     say("P-RUN", folder=str(folder.path))
     try:
         if isinstance(source, FlankFile):
-            known = inspect_file(site, site_path, source, folder, part or "part", say=say)
-        async with bench(site, site_path, folder, clock, say, ()) as at:
+            known = inspect_file(site, site_path, file=source, folder=folder, part=part or "part", say=say)
+        async with bench(site, site_path, folder=folder, clock=clock, say=say, instruments=()) as at:
             store_equipment(at)
             run = source if isinstance(source, RunFolder) else folder
             return await _proposed(at, known or inspected_of(folder), run)
@@ -161,19 +167,14 @@ def from_flank(
     acted = [_lettered(one, letters) for one in live]
     points = (flank.k, flank.theta_rad, flank.z_mm)
     found = correct_from_gear(grinding, points, flank.deviation_um / UM_PER_MM, Plan(grids(site)), live=acted)
-    setup, sat = found.optimum.setup, found.mounting
     proposal = GearProposal(
         part=flank.part,
-        setup=SetupValues(
-            x_um=float(mm_to_um(setup.get("X zero", 0.0))),
-            c_arcsec=float(rad_to_arcsec(setup.get("C zero", 0.0))),
-            dressing_um=float(mm_to_um(setup.get("dressing offset", 0.0))),
-        ),
+        setup=found.optimum.setup,
         before=flank.fitted,
         after=_after(grinding, flank.fitted, found),
         u_um=flank.rms_u_um,
-        eccentricity_um=(float(mm_to_um(sat.x)), float(mm_to_um(sat.y))),
-        tilt_arcsec=(float(rad_to_arcsec(sat.a)), float(rad_to_arcsec(sat.b))),
+        eccentricity_um=found.mounting.eccentricity_um,
+        tilt_arcsec=found.mounting.tilt_arcsec,
         said=found.said,
     )
     return proposal, found.optimum.tables
@@ -190,10 +191,9 @@ def _after(grinding: Grinding, before: FlankMap, found: FromGear) -> FlankMap:
     grid = FlankGrid(grinding.gear, np.arange(float(grinding.gear.zc)), before.theta_rad, before.z_mm)
     places = places_of_grid(grid)
     setup = found.optimum.setup
-    zeros = [Table(TableGrid(name, "Z", np.zeros(1)), np.array([setup.get(f"{name} zero", 0.0)])) for name in OUTPUTS]
-    tables: list[Correction] = [*found.optimum.tables, *zeros]
+    tables: list[Correction] = [*found.optimum.tables, *setup_tables(grinding, setup)]
     terms = table_terms(grinding, places, tables) - mounting_terms(grinding, places) @ np.array(found.mounting.values)
-    terms[:, 1] += setup.get("dressing offset", 0.0)
+    terms[:, 1] += setup.dressing_mm
     deviation = before.deviation_um + places.along_normal(terms).reshape(grid.shape) * UM_PER_MM
     return replace(before, deviation_um=_unturned(grid, deviation))
 

@@ -47,9 +47,9 @@ def grind_plan(site: SiteFile, gear_file: GearFile, setup: SetupValues, part: st
         centre_distance_mm=gear_file.grinding.centre_distance_mm,
         height_mm=work.height_mm,
         face_mm=gear_file.gear.b,
-        x_mm=round(setup.x_um / 1000.0, DECIMALS),
-        c_deg=round(setup.c_arcsec / 3600.0, DECIMALS),
-        dressing_mm=round(setup.dressing_um / 1000.0, DECIMALS),
+        x_mm=round(setup.x_mm, DECIMALS),
+        c_deg=round(setup.c_deg, DECIMALS),
+        dressing_mm=round(setup.dressing_mm, DECIMALS),
         index_sense=work.index_sense,
         overrun_mm=work.overrun_mm,
         retract_mm=work.retract_mm,
@@ -120,7 +120,7 @@ async def grind_site(
     before = folder.state
     say("P-RUN", folder=str(folder.path))
     try:
-        async with bench(site, site_path, folder, clock, say, ()) as at:
+        async with bench(site, site_path, folder=folder, clock=clock, say=say, instruments=()) as at:
             same_machine(at)
             made = await grind_part(at, part, setup)
     except TrueflankError as error:
@@ -169,7 +169,7 @@ async def grind_part(at: Bench, part: str, setup: SetupValues) -> GroundPart:
         await _ask_to_leave(at)
         raise
     live = {axis.name: await _saved(at, axis, part) for axis in plan.compensated}
-    made = GroundPart(part, setup, plan.spaces, started, _utc(at), live)
+    made = GroundPart(part=part, setup=setup, spaces=plan.spaces, started_utc=started, ended_utc=_utc(at), live=live)
     at.folder.put(stages.ground(part), made)
     return made
 

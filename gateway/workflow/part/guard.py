@@ -87,9 +87,9 @@ async def guard_gear_site(
     say("P-RUN", folder=str(folder.path))
     try:
         if file is not None:
-            now = inspect_file(site, site_path, file, folder, PART, say=say)
+            now = inspect_file(site, site_path, file=file, folder=folder, part=PART, say=say)
         else:
-            async with bench(site, site_path, folder, clock, say, {inspector}) as at:
+            async with bench(site, site_path, folder=folder, clock=clock, say=say, instruments={inspector}) as at:
                 check_machine(at, run)
                 store_equipment(at)
                 now = await inspect_part(at, PART, part_numbers(run))

@@ -61,12 +61,12 @@ class RawInspection:
         given = [part.deviation_um for part in parts if part.deviation_um is not None]
         probes = [part.probe_u_um for part in parts if part.probe_u_um]
         return GearInspection(
-            np.concatenate([part.points_mm for part in parts]),
-            np.concatenate([part.space for part in parts]),
-            np.concatenate([part.flank for part in parts]),
-            np.concatenate(given) if len(given) == len(parts) else None,
-            max(probes) if len(probes) == len(parts) else None,
-            parts[0].source,
+            points_mm=np.concatenate([part.points_mm for part in parts]),
+            space=np.concatenate([part.space for part in parts]),
+            flank=np.concatenate([part.flank for part in parts]),
+            deviation_um=np.concatenate(given) if len(given) == len(parts) else None,
+            probe_u_um=max(probes) if len(probes) == len(parts) else None,
+            source=parts[0].source,
         )
 
 
@@ -100,9 +100,9 @@ async def inspect_site(
     say("P-RUN", folder=str(folder.path))
     try:
         if file is not None:
-            found = inspect_file(site, site_path, file, folder, part, say=say, utc=clock.utc)
+            found = inspect_file(site, site_path, file=file, folder=folder, part=part, say=say, utc=clock.utc)
         else:
-            async with bench(site, site_path, folder, clock, say, {inspector}) as at:
+            async with bench(site, site_path, folder=folder, clock=clock, say=say, instruments={inspector}) as at:
                 if not folder.has(stages.EQUIPMENT):
                     store_equipment(at)
                 check_machine(at, folder)

@@ -27,7 +27,9 @@ def finish(folder: RunFolder, measured: Mapping[str, Measured], proposal: Propos
         if folder.has(stages.evaluation(name, "after")):
             after[name] = folder.get(stages.evaluation(name, "after"), Evaluation)
     pairs = {name: (item.evaluation, after[name]) for name, item in measured.items()}
-    return outcome_of(folder.state, str(folder.path), pairs, proposal, verdict, paths)
+    return outcome_of(
+        folder.state, str(folder.path), evaluations=pairs, proposal=proposal, verdict=verdict, paths=paths
+    )
 
 
 def closing_lines(folder: RunFolder) -> tuple[str, ...]:
@@ -56,7 +58,14 @@ def outcome_of(
         "not_corrected": {change.axis: change.skipped for change in proposal.changes if change.skipped},
         "report": paths.as_data(),
     }
-    return Outcome(state, run_folder, rows, tuple(lines), data, WORSE_EXIT if worse else 0)
+    return Outcome(
+        state=state,
+        run_folder=run_folder,
+        rows=rows,
+        lines=tuple(lines),
+        data=data,
+        exit_code=WORSE_EXIT if worse else 0,
+    )
 
 
 def _rows(axis: str, before: Evaluation, after: Evaluation | None) -> list[tuple[str, str, str, str, str, str]]:

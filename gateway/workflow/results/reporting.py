@@ -96,14 +96,14 @@ def material_of(folder: RunFolder) -> ReportMaterial:
         if not name.startswith("report.")
     )
     return ReportMaterial(
-        site.site.name,
-        equipment.machine if equipment is not None else _machine(facts["machine"]),
-        folder.run_id,
-        outcome_of(verdict, tooth),
-        axes,
-        facts["created_utc"],
-        _last_moment(axes, tooth, facts["created_utc"]),
-        f"trueflank {facts['software']}",
+        site=site.site.name,
+        machine=equipment.machine if equipment is not None else _machine(facts["machine"]),
+        run_id=folder.run_id,
+        outcome=outcome_of(verdict, tooth),
+        axes=axes,
+        started_utc=facts["created_utc"],
+        ended_utc=_last_moment(axes, tooth, facts["created_utc"]),
+        software=f"trueflank {facts['software']}",
         instruments=instruments,
         files=files,
         hashes={stage: folder.digest(stage) for stage in folder.stages},
@@ -140,20 +140,20 @@ def _axis(folder: RunFolder, axis: AxisSection, proposal: Proposal | None, verdi
     component = found(folder, stages.component(name), Component)
     findings = (change.skipped,) if change is not None and change.skipped else ()
     return AxisMaterial(
-        name,
-        axis.letter,
-        axis.unit,
-        before,
-        found(folder, stages.capture(name, "after"), Capture),
-        found(folder, stages.evaluation(name, "before"), Evaluation),
-        found(folder, stages.evaluation(name, "after"), Evaluation),
-        (component,) if component is not None else (),
-        change,
-        found(folder, stages.push(name), PushRecord),
-        _proof(verdict, name),
-        before.sense if before is not None else None,
-        _axis_verdict(verdict, name),
-        findings,
+        axis=name,
+        letter=axis.letter,
+        unit=axis.unit,
+        capture_before=before,
+        capture_after=found(folder, stages.capture(name, "after"), Capture),
+        before=found(folder, stages.evaluation(name, "before"), Evaluation),
+        after=found(folder, stages.evaluation(name, "after"), Evaluation),
+        components=(component,) if component is not None else (),
+        change=change,
+        push=found(folder, stages.push(name), PushRecord),
+        sign_proof=_proof(verdict, name),
+        sense_proof=before.sense if before is not None else None,
+        verdict=_axis_verdict(verdict, name),
+        findings=findings,
     )
 
 

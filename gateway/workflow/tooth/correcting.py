@@ -93,7 +93,7 @@ async def correct_site(site: SiteFile, site_path: Path, folder: RunFolder, *, cl
     work = work_of(site, site_path)
     model = folder.get(stages.ERRORS, ErrorModel)
     try:
-        async with bench(site, site_path, folder, clock, say, ()) as at:
+        async with bench(site, site_path, folder=folder, clock=clock, say=say, instruments=()) as at:
             return await _proposed(at, model, work)
     except TrueflankError as error:
         folder.set_state("failed", error=error.as_record())

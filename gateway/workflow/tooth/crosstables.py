@@ -8,15 +8,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drivers.errors import DeviceRefused, words
+from drivers.limits import Limits
 from drivers.types import CompensationTable, LiveSet, LiveTable, TableLimits
-from drivers.units import deviation_scale, deviation_unit
+from drivers.units import deviation_scale
 from gateway.correct.flank.tables import Table
 from gateway.correct.plan.records import record
 from gateway.domain import TableChange
 from gateway.errors import CaptureError
 from gateway.model.chain import Chain
 from gateway.push.compare import signed, table_in
-from gateway.table import Limits, check, effective
+from gateway.table import check, effective
 from gateway.table.comparison import acting
 from gateway.table.projection import quantised
 from gateway.workflow.bench import Bench
@@ -150,7 +151,7 @@ def _change(
     findings: tuple[str, ...] = ()
     if place.limits is not None:
         placed = _merged(placed, old, place.limits, adds=adds)
-        findings = check(placed, effective(old), Limits.usual(deviation_unit(placed.output_unit)), placed.name)
+        findings = check(placed, effective(old), Limits.of(placed.output_unit), placed.name)
     return TableChange(
         axis=name,
         old=old.table,

@@ -21,4 +21,6 @@ def draw_flank(flank: InspectedFlank, folder: Path) -> Path:
 
 
 def _state(part: str, flank: FlankMap, U: float) -> FlankState:
-    return FlankState(part, f"part {part}", "inspected", flank, flank.rms_um, flank.largest_um, U)
+    return FlankState(
+        key=part, title=f"part {part}", source="inspected", map=flank, rms=flank.rms_um, largest=flank.largest_um, U=U
+    )

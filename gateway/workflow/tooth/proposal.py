@@ -31,7 +31,7 @@ from gateway.gear.grinding import Grinding
 from gateway.model.known import ErrorModel, chain_of_errors
 from gateway.study.files import load_gear
 from gateway.study.machine import gear_of
-from gateway.tooth import SetupValues, ToothProposal
+from gateway.tooth import ToothProposal
 from gateway.workflow import stages
 from gateway.workflow.axes.measure import Measured
 from gateway.workflow.axes.propose import axis_changes, keep
@@ -68,7 +68,13 @@ def work_of(site: SiteFile, site_path: Path) -> Work:
         raise ConfigError("E-CLOSE-WORK", site.site.name)
     file = load_gear(site_path.parent / site.work.gear)
     distance = file.grinding.centre_distance_mm
-    return Work(file.name, gear_of(file), distance, site.work.height_mm, site.work.inspector)
+    return Work(
+        name=file.name,
+        gear=gear_of(file),
+        centre_distance_mm=distance,
+        height_mm=site.work.height_mm,
+        inspector=site.work.inspector,
+    )
 
 
 async def propose_tooth(
@@ -83,22 +89,22 @@ async def propose_tooth(
     own = await axis_changes(at, measured)
     model = _with_between(model, at)
     live = {name: item.capture.live for name, item in measured.items() if item.capture.live is not None}
-    task = _Task.of(at, model, measured, work, own, live)
+    task = _Task.of(at, model, measured, work, own=own, live=live)
     plan, nowhere = await task.placed(at)
     found, outlook, gains = task.worked_out(plan)
     cross = await cross_changes(at, found.optimum.tables, task.grinding.chain, live=live, adds=False)
     parents = (at.folder.digest(stages.ERRORS), *(item.digest for item in measured.values()))
     proposal = keep(at, (*own, *cross), parents)
     tooth = ToothProposal(
-        setup=_setup(found),
+        setup=found.setup.rounded(),
         prediction=outlook.flank,
         cures=cure_errors(task.grinding, task.grid, task.plan, model),
         ranking=rank_errors(task.grinding, task.grid, task.plan, model),
         b_left=tangential_cure(work.gear, task.grid.thetas).eta,
-        eccentricity_um=(found.setup.get("work eccentricity x", 0.0), found.setup.get("work eccentricity y", 0.0)),
-        tilt_arcsec=(found.setup.get("work tilt a", 0.0), found.setup.get("work tilt b", 0.0)),
+        eccentricity_um=found.moved.eccentricity_um,
+        tilt_arcsec=found.moved.tilt_arcsec,
     )
-    tooth = replace(tooth, said=told(tooth, model, found, gains, (*nowhere, *_left_alone(own))))
+    tooth = replace(tooth, said=told(tooth, model, found=found, gains=gains, left_alone=(*nowhere, *_left_alone(own))))
     at.folder.put(stages.TOOTH, tooth, (at.folder.digest(stages.PROPOSAL), *parents))
     return proposal, tooth
 
@@ -116,12 +122,6 @@ def _with_between(model: ErrorModel, at: Bench) -> ErrorModel:
 
 def _left_alone(own: Sequence[TableChange]) -> tuple[str, ...]:
     return tuple(f"{change.name}: {change.skipped}" for change in own if change.skipped)
-
-
-def _setup(found: LayeredCorrection) -> SetupValues:
-    names = ("X zero", "C zero", "dressing offset")
-    x, c, dressing = (round(found.setup.get(name, 0.0), 6) for name in names)
-    return SetupValues(x, c, dressing)
 
 
 @dataclass(frozen=True)
@@ -186,8 +186,8 @@ class _Task:
         return (*self._one(replace(plan, cross=())), outlook)
 
     def _one(self, plan: Plan) -> tuple[LayeredCorrection, Outlook]:
-        found = correct(self.grinding, self.grid, plan, self.acted, self.own)
-        return found, predict(self.grinding, self.grid, plan, self.model, found, self.shop)
+        found = correct(self.grinding, self.grid, plan=plan, live=self.acted, own=self.own)
+        return found, predict(self.grinding, self.grid, plan=plan, model=self.model, found=found, shop=self.shop)
 
 
 def _lettered(table: CompensationTable, letters: Mapping[str, str]) -> CompensationTable:

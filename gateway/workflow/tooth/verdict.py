@@ -73,11 +73,11 @@ def judge_tooth(
     said = words(_SAID[outcome], **figures) + " " + words("W-TOOTH-HELD" if held else "W-TOOTH-MISSED")
     said += " " + words("W-TOOTH-ECCENTRIC", off=f"{off:.2f}", rest=f"{rest:.2f}")
     return ToothVerdict(
-        before.fitted.rms_um,
-        fair,
-        after.fitted.rms_um,
-        prediction.rms_um,
-        prediction.u_um,
+        before_um=before.fitted.rms_um,
+        before_set_right_um=fair,
+        after_um=after.fitted.rms_um,
+        predicted_um=prediction.rms_um,
+        u_um=prediction.u_um,
         within_prediction=held,
         outcome=outcome,
         words=said,

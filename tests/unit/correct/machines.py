@@ -6,12 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from gateway.correct.flank.flankmodel import SetupValue, flank_model, with_acting
+from gateway.correct.flank.flankmodel import SetupUnknown, flank_model, with_acting
 from gateway.correct.flank.tables import Correction, TableGrid
 from gateway.correct.plan.plan import AxisGrid, Plan
 from gateway.correct.solve.limits import TableSpec
 from gateway.gear.flank import FlankGrid, flank_grid
 from gateway.gear.grinding import Grinding
+from gateway.tooth import SetupValues
 from tests.unit.gear.machines import DISC, RV40E, random_functions
 
 TURN = 2.0 * np.pi
@@ -39,9 +40,18 @@ def specs(*, rounded: bool = True, reference: float | None = 0.0) -> list[TableS
     ]
 
 
-def setup(*, rounded: bool = True) -> list[SetupValue]:
+def setup(*, rounded: bool = True) -> list[SetupUnknown]:
     """X zero, C zero, dressing offset."""
-    return [SetupValue("X", STEP_MM * rounded), SetupValue("C", STEP_RAD * rounded), SetupValue("", STEP_MM * rounded)]
+    return [
+        SetupUnknown("X", STEP_MM * rounded),
+        SetupUnknown("C", STEP_RAD * rounded),
+        SetupUnknown("", STEP_MM * rounded),
+    ]
+
+
+def setup_vector(found: SetupValues) -> list[float]:
+    """Set-up values in the order of `setup`, mm and rad."""
+    return [found.x_mm, found.c_rad, found.dressing_mm]
 
 
 def corrected_flank(grinding: Grinding, grid: FlankGrid, tables: Sequence[Correction]) -> np.ndarray:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from gateway.correct.flank.acting_tables import Combined
+from gateway.correct.flank.mounting import WorkMounting
 from gateway.correct.flank.noise import FitNoise, noise_patterns
 from gateway.correct.flank.travel_shapes import Shape
 from gateway.correct.plan.layers import LayeredCorrection, correct
@@ -68,7 +69,7 @@ def test_a_constant_is_the_set_up_value_s_even_where_a_table_could_take_it() -> 
     found = correct(off, grid, plan)
     over_z = next(one for one in found.cec if one.name == "X(Z)")
     face = np.asarray(over_z.deviations)[5:8]
-    assert found.setup["X zero"] == pytest.approx(-4.0, abs=0.1)
+    assert found.setup.x_um == pytest.approx(-4.0, abs=0.1)
     assert face == pytest.approx([3.0, 0.0, -3.0], abs=0.3)
     assert found.checked.rms < 1e-4
 
@@ -77,8 +78,7 @@ def test_a_machine_as_its_work_sits_is_told_beside_the_one_put_right() -> None:
     plain, grid = machine(8)
     found = correct(plain, grid, PLAN)
     assert isinstance(found.unmoved, Grinding)
-    moved = {name for name in found.setup if name.startswith("work")}
     as_it_sits = judged(found.unmoved, grid.k, grid.theta, grid.z).second
     rms = flank_figure(np.broadcast_to(as_it_sits, grid.shape), grid.section.h).rms
-    assert moved
+    assert found.moved != WorkMounting()
     assert rms > 2.0 * found.checked.rms

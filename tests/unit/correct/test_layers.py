@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.correct.flank.acting_tables import with_tables
-from gateway.correct.flank.flankmodel import command_effects
+from gateway.correct.flank.flankmodel import command_effects, setup_tables
 from gateway.correct.flank.mounting import WorkMounting, centred, mounting_of
 from gateway.correct.flank.tables import Product, Table, TableGrid
 from gateway.correct.flank.wheel_places import places_of_grid, places_of_points
@@ -100,13 +100,12 @@ def test_mounting_is_set_right_and_in_no_table(frame: str) -> None:
     grid = flank_grid(RV40E, profile=6, width=4)
     places = places_of_grid(grid)
     seat = mounting_of(grinding, places)
-    assert (seat.x, seat.y) == pytest.approx((u, v), abs=1e-9)
-    assert seat.b == pytest.approx(3e-5 if frame == "moving" else 0.0, abs=1e-10)
+    assert (seat.x_mm, seat.y_mm) == pytest.approx((u, v), abs=1e-9)
+    assert seat.b_rad == pytest.approx(3e-5 if frame == "moving" else 0.0, abs=1e-10)
     right = centred(grinding, seat)
     assert np.max(np.abs(flank_abg(right, places.k, places.z))) < 1e-9
     found = correct(grinding, grid, PLAN)
-    assert found.setup["work eccentricity x"] == pytest.approx(-4.0, abs=1e-6)
-    assert found.setup["work eccentricity y"] == pytest.approx(2.0, abs=1e-6)
+    assert found.moved.eccentricity_um == pytest.approx((-4.0, 2.0), abs=1e-6)
     assert not any(any(one.deviations) for one in (*found.eec, *found.cec))
     assert found.checked.rms < 1e-5
 
@@ -118,7 +117,7 @@ def test_a_counter_rotating_harmonic_is_no_mounting() -> None:
     grid = flank_grid(RV40E, profile=6, width=4)
     assert np.max(np.abs(mounting_of(grinding, places_of_grid(grid)).values)) < 1e-12
     found = correct(grinding, grid, PLAN)
-    assert "work eccentricity x" not in found.setup
+    assert found.moved == WorkMounting()
     assert max(abs(d) for one in found.cec if one.name == "X(C)" for d in one.deviations) > 2.0
 
 
@@ -199,13 +198,13 @@ def test_a_measured_gear_gives_back_what_the_machine_did(seed: int) -> None:
     assert any("EXX" in line and "combinations" in line for line in found.said)
     assert any("EZZ" in line and "no gear shows" in line for line in found.said)
     sat = mounting_of(grinding, places_of_points(grid.gear, *points))
-    assert any("off the axis" in line for line in found.said) == (np.hypot(sat.x, sat.y) > 5e-4)
+    assert any("off the axis" in line for line in found.said) == (np.hypot(sat.x_mm, sat.y_mm) > 5e-4)
     assert found.mounting.values == pytest.approx(sat.values, abs=2e-4)
     assert found.optimum.after.rms < 0.2 * found.optimum.before.rms
     # Judged by the truth, not by the readings.
-    setup = [Table(TableGrid(n.split()[0], "Z", [0.0]), [v]) for n, v in found.optimum.setup.items() if "zero" in n]
-    true = corrected_flank(centred(grinding, found.mounting), grid, [*found.optimum.tables, *setup])
-    true = true + found.optimum.setup.get("dressing offset", 0.0) * grid.section.ny
+    setup = found.optimum.setup
+    tables = [*found.optimum.tables, *setup_tables(grinding, setup)]
+    true = corrected_flank(centred(grinding, found.mounting), grid, tables) + setup.dressing_mm * grid.section.ny
     assert flank_figure(true, grid.section.h).rms < 0.12 * flank_figure(e, grid.section.h).rms
 
 
@@ -232,8 +231,8 @@ def test_what_a_live_table_does_is_no_mounting() -> None:
         correct_from_gear(grinding, points, e, PLAN, u=2e-4, live=one)  # type: ignore[arg-type]
         for one in (live, ())
     )
-    assert np.hypot(known.mounting.x, known.mounting.y) < 1e-4
-    assert np.hypot(unknown.mounting.x, unknown.mounting.y) > 1e-3
+    assert np.hypot(known.mounting.x_mm, known.mounting.y_mm) < 1e-4
+    assert np.hypot(unknown.mounting.x_mm, unknown.mounting.y_mm) > 1e-3
 
 
 def nearest_table(grinding: Grinding, grid: FlankGrid, over: TableGrid) -> Table:

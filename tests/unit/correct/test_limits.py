@@ -9,7 +9,7 @@ import pytest
 
 from drivers.errors import TooManyPoints
 from drivers.units import arcsec_to_rad
-from gateway.correct.flank.flankmodel import SetupValue
+from gateway.correct.flank.flankmodel import SetupUnknown
 from gateway.correct.flank.noise import FitNoise, component_doubts, noise_patterns
 from gateway.correct.flank.tables import Table, TableGrid
 from gateway.correct.plan.layers import correct
@@ -24,7 +24,8 @@ from gateway.model.components import standard_uncertainty
 from gateway.model.fit import fit_positioning
 from gateway.model.motion import Fourier, Polynomial
 from gateway.model.preset import yk7350b
-from tests.unit.correct.machines import PLAN, STEP_MM, TURN, corrected_flank, machine, setup, specs
+from gateway.tooth import SetupValues
+from tests.unit.correct.machines import PLAN, STEP_MM, TURN, corrected_flank, machine, setup, setup_vector, specs
 from tests.unit.gear.machines import RV40E
 
 GRID = flank_grid(RV40E, profile=6, width=5)
@@ -185,18 +186,18 @@ def test_pure_noise_is_not_corrected() -> None:
     e = rng.normal(0.0, 5e-4, GRID.shape)
     found = optimise(clean, GRID, specs(), setup(), deviation=e, noise=FitNoise(point=5e-4))
     assert found.tables == ()
-    assert found.setup == {}
+    assert found.setup == SetupValues()
     assert len(found.omitted) == 7
     signal = e + 0.003 * GRID.section.nx
     found = optimise(clean, GRID, specs(), setup(), deviation=signal, noise=FitNoise(point=5e-4))
-    assert found.setup["X zero"] == pytest.approx(0.003, abs=2e-4)
+    assert found.setup.x_mm == pytest.approx(0.003, abs=2e-4)
     assert found.tables == ()
 
 
 def test_set_up_values_take_the_constants() -> None:
     grinding = Grinding(yk7350b({"EXX": 0.004, "EYZ": 0.006}), RV40E, 160.0)
-    values = [SetupValue("X", STEP_MM), SetupValue("", STEP_MM)]
+    values = [SetupUnknown("X", STEP_MM), SetupUnknown("", STEP_MM)]
     found = optimise(grinding, GRID, specs(), values)
-    assert found.setup == pytest.approx({"X zero": -0.004, "dressing offset": -0.006}, abs=1e-9)
+    assert setup_vector(found.setup) == pytest.approx([-0.004, 0.0, -0.006], abs=1e-9)
     assert all(not np.any(table.values) for table in found.tables)
     assert found.after.largest < 1e-9

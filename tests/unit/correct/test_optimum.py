@@ -18,7 +18,7 @@ from gateway.gear.first_order import first_order
 from gateway.gear.flank import FlankGrid
 from gateway.gear.grinding import Grinding
 from gateway.model import se3
-from tests.unit.correct.machines import STEP_MM, machine, setup, specs
+from tests.unit.correct.machines import STEP_MM, machine, setup, setup_vector, specs
 
 SEEDS = (1, 2, 5)
 
@@ -122,8 +122,8 @@ def _rounded_after(grinding: Grinding, grid: FlankGrid) -> float:
     x = np.zeros(model.size)
     for spec, table in zip(specs(), plain.tables, strict=True):
         x[model.spans[spec.name]] = np.rint(table.values[: spec.grid.free.size] / spec.resolution) * spec.resolution
-    for value in setup():
-        x[model.spans[value.name]] = np.rint(plain.setup[value.name] / value.resolution) * value.resolution
+    for unknown, value in zip(setup(), setup_vector(plain.setup), strict=True):
+        x[model.spans[unknown.name]] = np.rint(value / unknown.resolution) * unknown.resolution
     return model.rms(x)
 
 
@@ -147,7 +147,7 @@ def test_prediction_is_the_flank_of_the_model() -> None:
     grinding, grid = machine(6)
     found = optimise(grinding, grid, specs(), setup())
     model = flank_model(grinding, grid, [one.grid for one in specs()], setup())
-    x = np.concatenate([*(t.values[: t.grid.free.size] for t in found.tables), list(found.setup.values())])
+    x = np.concatenate([*(t.values[: t.grid.free.size] for t in found.tables), setup_vector(found.setup)])
     np.testing.assert_allclose(model.deviation(x), found.deviation, atol=1e-15)
     assert model.rms(x) == pytest.approx(found.after.rms, rel=1e-9)
 

@@ -16,7 +16,7 @@ from gateway.gear.flank import FlankGrid, flank_grid
 from gateway.gear.grinding import Grinding
 from gateway.model.motion import Fourier, Polynomial
 from gateway.model.preset import yk7350b
-from tests.unit.correct.machines import STEP_MM, STEP_RAD, TURN, setup
+from tests.unit.correct.machines import STEP_MM, STEP_RAD, TURN, setup, setup_vector
 from tests.unit.gear.machines import DISC, RV40E
 
 ALIKE_MM = 5e-6
@@ -71,7 +71,7 @@ def test_smooth_tables_cost_next_to_nothing_and_serve_another_gear(norm: Norm) -
     other, judged = machine(OTHER)
     model = flank_model(other, judged, [one.grid for one in fine()], setup())
     values = [found.table(one.name).values[: one.grid.free.size] for one in fine()]
-    smooth = model.rms(np.concatenate([*values, [found.setup.get(one.name, 0.0) for one in setup()]]))
+    smooth = model.rms(np.concatenate([*values, setup_vector(found.setup)]))
     own = flank_model(grinding, grid, [one.grid for one in fine()], setup())
     jagged = model.rms(with_least_values(own))
     before = model.rms(np.zeros(model.size))

@@ -68,6 +68,7 @@ def test_each_mistake_is_named(table: CompensationTable, known: dict[str, object
     [
         (replace(CLEAN, index=1), {}, "W-TABLE-ENCODER", "doubtful"),
         (replace(CLEAN, deviations=(0.0, 11.0, 2.0)), {}, "W-TABLE-STEEP", "doubtful"),
+        (replace(TURN, step=20.0, deviations=(0.0, 120.0, *(0.0,) * 17)), {}, "W-TABLE-STEEP", "doubtful"),
         (CLEAN, {"references": {"Z1": 0.0}}, "W-TABLE-NO-REFERENCE", "note"),
         (CLEAN, {"control": "840D"}, "W-TABLE-SIZE", "note"),
         (CROSS, {"control": "808D"}, "W-TABLE-SIZE", "note"),

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from drivers.errors import Gap, TableError, TooManyPoints, ValueOutOfRange
+from drivers.limits import Limits
 from gateway.domain import Component, TableChange
 from gateway.model.fit import fit_polygon, fit_positioning
-from gateway.table import Grid, Limits, Measured, agreeing_position, check, diff, effective, project, propose
+from gateway.table import Grid, Measured, check, diff, effective, project, propose
 from gateway.table.limits import check_points
 from gateway.table.proposal import InstrumentU
 from tests.unit.table.world import C_GRID, axis, live, table
@@ -158,12 +159,20 @@ def test_steep_is_a_finding_only() -> None:
     assert any(finding.startswith("W-COMP-STEEP") for finding in change.findings)
 
 
+def test_one_slope_warns_in_a_proposal_and_in_a_file() -> None:
+    """The same six seconds of arc per degree, by the one place of limits."""
+    steep = replace(table(None, Grid(0.0, 360.0, 5.0), rotary=True), deviations=(0.0, 30.0, *(0.0,) * 71))
+    still = replace(steep, deviations=(0.0,) * 73)
+    assert [one.split(" ")[0].rstrip(":") for one in check(steep, still, Limits.of("deg"), "C1")] == ["W-COMP-STEEP"]
+    assert Limits.of("deg").warn_slope < Limits.of("deg").slope
+
+
 def test_change_is_judged_against_what_acts() -> None:
     high = table(0.35 * AT, X, rotary=False)
     new = replace(high, deviations=tuple(v + 1.0 for v in high.deviations))
-    assert check(new, high, Limits.usual("um"), "A1")
+    assert check(new, high, Limits.of("mm"), "A1")
     with pytest.raises(ValueOutOfRange, match="E-COMP-CHANGE"):
-        check(new, effective(live(high, enabled=False).eec), Limits.usual("um"), "A1")
+        check(new, effective(live(high, enabled=False).eec), Limits.of("mm"), "A1")
 
 
 @pytest.mark.parametrize("grid", [Grid(0.0, 400.0, 30.0), Grid(0.0, 0.0, 1.0), Grid(0.0, 10.0, 0.0)])
@@ -184,26 +193,6 @@ def test_modulo_needs_the_whole_turn() -> None:
         propose(axis(rotary=True), part, measured, acts, Grid(0.0, 180.0, 5.0), **usual)
 
 
-def test_agreeing_position_prefers_the_reference() -> None:
-    old, new = table(0.05 * AT, X, rotary=False), table(0.02 * AT, X, rotary=False)
-    assert agreeing_position(old, new, (0.0, 400.0), 0.0) == 0.0
-    assert agreeing_position(old, new, (0.0, 400.0), 20.0) == 20.0
-    assert agreeing_position(old, new, (0.0, 400.0), 200.0) == 20.0
-
-
-def test_agreeing_position_finds_a_crossing_between_points() -> None:
-    old, new = table(7.0 + 0 * AT, X, rotary=False), table(0.2 * AT, X, rotary=False)
-    assert agreeing_position(old, new, (0.0, 400.0), 0.0) == pytest.approx(35.0)
-    with pytest.raises(TableError, match="E-COMP-AGREE"):
-        agreeing_position(old, table(None, X, rotary=False), (0.0, 400.0), 0.0)
-
-
-def test_agreeing_position_of_a_modulo_axis_stays_in_travel() -> None:
-    wave = 20 * np.sin(np.radians(C_GRID.points))
-    old, new = table(wave, C_GRID, rotary=True), table(None, C_GRID, rotary=True)
-    assert agreeing_position(old, new, (370.0, 700.0), 500.0) == pytest.approx(540.0)
-
-
 def test_difference_for_display() -> None:
     old, new = table(0.01 * AT, X, rotary=False), table(0.03 * AT, X, rotary=False)
     shown = diff(old, new)
@@ -219,7 +208,6 @@ def test_a_table_never_loaded_acts_as_zero() -> None:
         resolution=1e-3, reserved_points=21,
     )  # fmt: skip
     assert change.new.deviations[-1] == pytest.approx(8.0)
-    assert agreeing_position(empty, change.new, (0.0, 400.0), 0.0) == 0.0
 
 
 def test_each_layer_names_its_own_memory() -> None:

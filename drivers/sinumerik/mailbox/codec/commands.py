@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 from drivers.sinumerik.mailbox.codec.packing import WordOrder, crc32, dint, dints, number, text, unsigned, unsigned_pair
 from drivers.sinumerik.mailbox.codec.registers import (
@@ -40,6 +40,9 @@ class Order:
     def as_command(self, command: Command, first: int = 0, count: int = 0) -> Order:
         """The same table named by another command."""
         return replace(self, command=command, first=first, count=count)
+
+
+_NUMBERS = [field.name for field in fields(Order)][2:]  # in the order of the registers
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,13 +112,9 @@ def decode(
 ) -> Received:
     """Registers 16-35 back into a command. Raises ValueError for a command or kind that does not exist."""
     body = tuple(header[:18])
-    order = Order(
-        Command(body[0]),
-        Kind(body[2]),
-        *body[3:6],
-        *(number(body[at : at + 2], word_order) for at in (6, 8, 10)),
-        *body[12:18],
-    )
+    grid = (number(body[at : at + 2], word_order) for at in (6, 8, 10))
+    values = dict(zip(_NUMBERS, (*body[3:6], *grid, *body[12:18]), strict=True))
+    order = Order(Command(body[0]), Kind(body[2]), **values)
     block = tuple(data) if order.command in _WITH_DATA else ()
     sound = unsigned(header[18:20], word_order) == crc32(body, block, whole)
     return Received(order, body[1], sound)

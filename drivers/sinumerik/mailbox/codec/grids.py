@@ -74,20 +74,20 @@ def begin_order(table: CompensationTable, points: int, axes: Mapping[str, AxisFa
         raise Gap("E-TABLE-STEP", table.name, table=table.name, **grid)
     named = naming(table, axes)
     return Order(
-        Command.BEGIN,
-        named.kind,
-        named.index,
-        named.encoder,
-        flags_of(table),
-        low,
-        step,
-        high,
-        points,
-        0,
-        0,
-        named.input_axis,
-        named.output_axis,
-        table.multiply_by,
+        command=Command.BEGIN,
+        kind=named.kind,
+        index=named.index,
+        encoder=named.encoder,
+        flags=flags_of(table),
+        minimum=low,
+        step=step,
+        maximum=high,
+        total=points,
+        first=0,
+        count=0,
+        input_axis=named.input_axis,
+        output_axis=named.output_axis,
+        multiply_by=table.multiply_by,
     )
 
 

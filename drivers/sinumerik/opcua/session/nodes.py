@@ -85,7 +85,7 @@ def parse(path: str) -> Address | None:
         last = first + last - 1
     if last is not None and (first is None or last < first):
         return None
-    return Address(match["area"], match["name"], unit, first, last)
+    return Address(area=match["area"], name=match["name"], unit=unit, first=first, last=last)
 
 
 def r_parameter(number: int, channel: int = 1) -> str:
@@ -95,7 +95,7 @@ def r_parameter(number: int, channel: int = 1) -> str:
 
 def r_block(first: int, count: int, channel: int = 1) -> str:
     """Identifier of ``count`` consecutive R parameters, read as one array."""
-    return Address(CHANNEL_AREA, "R", channel, first, first + count - 1).path
+    return Address(area=CHANNEL_AREA, name="R", unit=channel, first=first, last=first + count - 1).path
 
 
 def in_channel(name: str, channel: int = 1, block: str = "State") -> str:

@@ -171,7 +171,7 @@ def _reading(path: str, value: Any, where: str, now: datetime | None) -> Reading
     age = max((now - known).total_seconds(), 0.0) if now is not None and known is not None else None
     if value.Value is None:
         return Reading(path, None, age_s=age)
-    return Reading(path, value.Value.Value, "", value.Value.VariantType.name, age)
+    return Reading(path=path, value=value.Value.Value, status="", kind=value.Value.VariantType.name, age_s=age)
 
 
 def status_name(status: Any) -> str:
