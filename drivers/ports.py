@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Literal, Protocol, runtime_checkable
 
 from drivers.checks import CheckLine, TrustView, Wanted
-from drivers.tablefile import TableFile, TableFinding, TableMachine
+from drivers.tablefile import ArchiveMember, TableFile, TableFinding, TableMachine
 from drivers.types import (
     Ambient,
     Capabilities,
@@ -295,15 +295,19 @@ class ResultFileFormat(Protocol):
 class TableFormat(Protocol):
     """Compensation tables as files."""
 
-    def read(self, text: str, where: str, units: Mapping[str, AxisUnit] | None = None) -> TableFile:
-        """A file or a back-up as it would act; raises FileFormatError or TableError with line and reason."""
+    def read(self, data: str | bytes, where: str, units: Mapping[str, AxisUnit] | None = None) -> TableFile:
+        """A file, back-up or archive as it would act; raises FileFormatError or TableError with line and reason."""
+        ...
+
+    def members(self, data: bytes, where: str) -> tuple[ArchiveMember, ...]:
+        """What an archive of the control holds; nothing of any other file. Raises FileFormatError with the place."""
         ...
 
     def write(self, tables: Sequence[CompensationTable], form: str, comments: Sequence[str] = ()) -> str:
         """The text of tables in a form by name. Raises ConfigError naming the forms."""
         ...
 
-    def findings(self, text: str, where: str, machine: TableMachine | None = None) -> tuple[TableFinding, ...]:
+    def findings(self, data: str | bytes, where: str, machine: TableMachine | None = None) -> tuple[TableFinding, ...]:
         """Everything wrong, doubtful or worth knowing in a table file; empty is clean."""
         ...
 

@@ -159,7 +159,7 @@ def evaluate(
 
 @app.command()
 def lint(
-    file: Annotated[Path, typer.Argument(help="Compensation table as text.", show_default=False)],
+    file: Annotated[Path, typer.Argument(help="Compensation table as text, or an NC archive.", show_default=False)],
     control: Annotated[str, typer.Option(help="Size limits of a control: 840D, 828D, 808D or 802D.")] = "",
     points: Annotated[int | None, typer.Option(min=0, help="Reserved EEC points, MD38000.", show_default=False)] = None,
     cec_points: Annotated[
@@ -172,12 +172,13 @@ def lint(
         list[str] | None, typer.Option(help="[AXIS=]POSITION where tables must be zero.", show_default=False)
     ] = None,
     rotary: Annotated[list[str] | None, typer.Option(help="An axis that is rotary.", show_default=False)] = None,
+    linear: Annotated[list[str] | None, typer.Option(help="An axis that is linear.", show_default=False)] = None,
     strict: Annotated[bool, typer.Option("--strict", help="Count warnings as errors.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Say everything that is wrong or doubtful in a compensation table file."""
     from drivers.tablefile import TableMachine
-    from gateway.cli.files.tables import lint_file, positions, rotary_units
+    from gateway.cli.files.tables import lint_file, positions, said_units
 
     known = TableMachine(
         control=control.upper().removesuffix("SL").strip(),
@@ -185,7 +186,7 @@ def lint(
         cec_points=cec_points,
         velocity=velocity,
         references=positions(reference or [], "--reference"),
-        units=rotary_units(rotary or []),
+        units=said_units(rotary or [], linear or []),
     )
     lint_file(file, known, strict=strict, as_json=as_json)
 
@@ -195,12 +196,13 @@ def diff(
     first: Annotated[Path, typer.Argument(help="Table file or back-up.", show_default=False)],
     second: Annotated[Path, typer.Argument(help="The other one.", show_default=False)],
     rotary: Annotated[list[str] | None, typer.Option(help="An axis that is rotary.", show_default=False)] = None,
+    linear: Annotated[list[str] | None, typer.Option(help="An axis that is linear.", show_default=False)] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Compare two table files point by point; exit code 0 the same, 1 different, 2 trouble."""
-    from gateway.cli.files.tables import diff_files
+    from gateway.cli.files.tables import diff_files, said_units
 
-    diff_files(first, second, rotary or [], as_json=as_json)
+    diff_files(first, second, said_units(rotary or [], linear or []), as_json=as_json)
 
 
 @app.command()

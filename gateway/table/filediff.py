@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, replace
 from decimal import Decimal
 
 import numpy as np
@@ -15,6 +15,7 @@ from gateway.domain import FloatArray
 from gateway.table.comparison import TableDifference, acting
 
 ROUNDING = 1e-6  # um or arcsec: what interpolation between two grids leaves
+AS_STORED = "mm or deg"
 _PARAMETERS = (
     "input_axis",
     "output_axis",
@@ -87,9 +88,15 @@ class FileDifference:
 
 
 def compare(first: TableFile, second: TableFile) -> FileDifference:
-    """Tables are matched by encoder and axis (EEC) or by table number (CEC)."""
-    ours, theirs = _by_place(first), _by_place(second)
-    pairs = [_pair(place, ours[place], theirs[place]) for place in ours if place in theirs]
+    """Tables are matched by encoder and axis (EEC) or by table number (CEC).
+
+    Where machine data of one file name the axes (MD10000), AX1 of the other is that axis. A table of axes of which
+    nobody knows the unit is compared as it is stored (mm or deg).
+    """
+    names = _agreed(first.names, second.names)
+    ours, theirs = _by_place(first, names), _by_place(second, names)
+    raw = {names.get(axis, axis) for axis in first.unknown | second.unknown}
+    pairs = [_pair(place, ours[place], theirs[place], raw) for place in ours if place in theirs]
     return FileDifference(
         tuple(pair for pair in pairs if not pair.same),
         tuple(place for place in ours if place not in theirs),
@@ -98,8 +105,22 @@ def compare(first: TableFile, second: TableFile) -> FileDifference:
     )
 
 
-def _by_place(file: TableFile) -> Mapping[str, CompensationTable]:
-    return {_place(table): table for table in file.tables}
+def _agreed(first: Mapping[str, str], second: Mapping[str, str]) -> dict[str, str]:
+    """Names of numbered axes that one file gives and the other does not contradict."""
+    both = {**first, **second}
+    return {axis: name for axis, name in both.items() if first.get(axis, name) == second.get(axis, name)}
+
+
+def _by_place(file: TableFile, names: Mapping[str, str]) -> Mapping[str, CompensationTable]:
+    named = [
+        replace(
+            table,
+            input_axis=names.get(table.input_axis, table.input_axis),
+            output_axis=names.get(table.output_axis, table.output_axis),
+        )
+        for table in file.tables
+    ]
+    return {_place(table): table for table in named}
 
 
 def _place(table: CompensationTable) -> str:
@@ -108,18 +129,26 @@ def _place(table: CompensationTable) -> str:
     return f"CEC table {table.index}"
 
 
-def _pair(place: str, first: CompensationTable, second: CompensationTable) -> PairDifference:
+def _pair(place: str, first: CompensationTable, second: CompensationTable, raw: Collection[str]) -> PairDifference:
+    stored = bool({second.input_axis, second.output_axis} & set(raw))
+    if stored:
+        first, second = _as_stored(first), _as_stored(second)
     parameters = [(name, getattr(first, name), getattr(second, name)) for name in _PARAMETERS]
     one, two, at = _values_of_both(first, second)
     differs = np.abs(two - one) > (0.0 if _same_grid(first, second) else ROUNDING)
     return PairDifference(
         label=f"{place} {second.name}",
-        unit=second.deviation_unit,
-        input_unit=second.input_unit,
+        unit=AS_STORED if stored else second.deviation_unit,
+        input_unit=AS_STORED if stored else second.input_unit,
         count=int(at.size),
         parameters=tuple(item for item in parameters if item[1] != item[2]),
         points=TableDifference(at[differs], one[differs], two[differs]),
     )
+
+
+def _as_stored(table: CompensationTable) -> CompensationTable:
+    """The values as the control has them, in its own unit."""
+    return replace(table, deviations=tuple(value / deviation_scale(table.output_unit) for value in table.deviations))
 
 
 def _values_of_both(first: CompensationTable, second: CompensationTable) -> tuple[FloatArray, FloatArray, FloatArray]:

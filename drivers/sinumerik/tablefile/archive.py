@@ -4,6 +4,8 @@ Forms: a file for transfer from outside (%_N_AX_EEC_INI, %_N_AXn_EEC_INI, %_N_NC
 ASCII archive (%_N_name_ext, then ;$PATH=/_N_dir in column 1, upper case, no blanks; several files may follow
 each other), a program (no header). Back-ups may carry block numbers (MD11230: machine data numbers) and a
 check sum of four hexadecimal digits after an apostrophe; how it is computed is not public, so it is not checked.
+A file that the control wrote says METRIC or INCH, the unit of all lengths after it, and may hold any other data of the
+machine: those lines are passed over and counted. So is another machine datum under its own number (N10020 $MN_...).
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ from dataclasses import dataclass, field
 
 from drivers.errors import FileFormatError
 from drivers.sinumerik.tablefile.grammar import Assignment, assignment, refused
+from drivers.sinumerik.tablefile.variables import VARIABLES
 
 _LINE_LIMIT = 512
 _HEADER = re.compile(r"%_N_\w+", re.ASCII)
@@ -23,6 +26,13 @@ _BLOCK_NUMBER = re.compile(r"N\d{1,9}(?=[\s$])\s*", re.IGNORECASE | re.ASCII)
 _END = frozenset({"M17", "M30", "M2", "M02", "RET"})
 _HOLD = frozenset({"M0", "M00"})
 _PASSED = frozenset({"NEWCONF", "STOPRE"})
+_UNITS = frozenset({"METRIC", "INCH"})
+_OTHER = re.compile(r"N([1-9]\d{4})\s+(\$[A-Z]{1,2}_\w+)", re.IGNORECASE | re.ASCII)  # numbers of machine data
+_OUR_NUMBERS = frozenset(variable.number for variable in VARIABLES.values())
+_TABLE = re.compile(r"\$AA_ENC|\$AN_CEC", re.IGNORECASE)
+_OURS = re.compile(r"\$AA_|\$AN_|_COMP|_CEC|BACKLASH", re.IGNORECASE)
+MOST_ERRORS = 100
+"""More wrong lines than these of one file help nobody; the rest is counted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +40,8 @@ class Listing:
     """A text taken apart: assignments in order, everything refused, and whether an end word closed it.
 
     ``headers`` gives the line and name of each header, ``ends`` the line and word of each M0, M30, M17...,
-    ``checked`` the lines with a check sum, ``lines`` how many lines there are.
+    ``checked`` the lines with a check sum, ``lines`` how many lines there are. ``units`` has the line and word of each
+    METRIC and INCH; ``passed`` counts the lines with other data of the machine, from ``first_passed`` on.
     """
 
     assignments: tuple[Assignment, ...]
@@ -40,6 +51,14 @@ class Listing:
     ends: tuple[tuple[int, str], ...]
     checked: frozenset[int]
     lines: int
+    units: tuple[tuple[int, str], ...] = ()
+    passed: int = 0
+    first_passed: int = 0
+
+    @property
+    def by_control(self) -> bool:
+        """Whether the control wrote this text: only it says METRIC or INCH."""
+        return bool(self.units)
 
 
 @dataclass(slots=True)
@@ -50,6 +69,9 @@ class _Scan:
     headers: list[tuple[int, str]] = field(default_factory=list)
     ends: list[tuple[int, str]] = field(default_factory=list)
     checked: set[int] = field(default_factory=set)
+    units: list[tuple[int, str]] = field(default_factory=list)
+    passed: int = 0
+    first_passed: int = 0
     started: bool = False
     ended: bool = False
     holding: bool = False
@@ -57,6 +79,10 @@ class _Scan:
 
     def line(self, raw: str, number: int) -> None:
         """Take one line in. Raises FileFormatError with line and reason."""
+        if self._of_others(raw):
+            self.passed, self.first_passed = self.passed + 1, self.first_passed or number
+            self.after_header, self.started = False, True
+            return
         if len(raw) > _LINE_LIMIT or not (raw.isprintable() or raw.replace("\t", "").isprintable()):
             raise refused("E-TABLE-SYNTAX", self.where, line=number, text=raw)
         if raw.startswith(";$PATH"):
@@ -70,6 +96,16 @@ class _Scan:
             return
         self.after_header, self.started = False, True
         self._block(text, raw, number)
+
+    def _of_others(self, raw: str) -> bool:
+        """A machine datum that is not ours, under its number; in a file of the control whatever else assigns."""
+        if self.ended or "=" not in raw or raw[:1] in ";%":
+            return False
+        match = _OTHER.match(raw)
+        if match:
+            return int(match[1]) not in _OUR_NUMBERS
+        left = raw.partition("=")[0]
+        return bool(self.units) and not _TABLE.search(left) and left.partition("[")[0].strip().upper() not in VARIABLES
 
     def _path(self, raw: str, number: int) -> None:
         if not (self.after_header and _PATH.fullmatch(raw)):
@@ -92,6 +128,9 @@ class _Scan:
             bare = _BLOCK_NUMBER.sub("", bare, count=1)
         bare = bare.rstrip()
         word = bare if bare.startswith("$") else bare.upper()
+        if word in _UNITS:
+            self.units.append((number, word))
+            return
         if word in _END or word in _HOLD:
             self.ends.append((number, word))
             self.ended, self.holding = self.ended or word in _END, word in _HOLD
@@ -109,13 +148,24 @@ class _Scan:
 
 
 def listing(text: str, where: str) -> Listing:
-    """Take a whole text apart without raising; each wrong line gives one error with line and reason."""
+    """Take a whole text apart without raising; each wrong line gives one error with line and reason.
+
+    A text of which no line looks like compensation data gives one error in all (E-TABLE-NONE); of more than
+    `MOST_ERRORS` wrong lines the rest is counted (E-TABLE-MORE).
+    """
     scan, errors, lines = _Scan(where), [], text.splitlines()
+    wrong, looks = 0, False
     for number, raw in enumerate(lines, start=1):
         try:
             scan.line(raw, number)
         except FileFormatError as error:
-            errors.append(error)
+            wrong, looks = wrong + 1, looks or bool(_OURS.search(raw)) or raw[0] in ";%"
+            if wrong <= MOST_ERRORS:
+                errors.append(error)
+    if errors and not looks and not scan.found:
+        errors = [FileFormatError("E-TABLE-NONE", where, line=errors[0].fields["line"], lines=len(lines))]
+    elif wrong > MOST_ERRORS:
+        errors.append(FileFormatError("E-TABLE-MORE", where, count=wrong - MOST_ERRORS))
     return Listing(
         tuple(scan.found),
         tuple(errors),
@@ -124,4 +174,7 @@ def listing(text: str, where: str) -> Listing:
         tuple(scan.ends),
         frozenset(scan.checked),
         len(lines),
+        tuple(scan.units),
+        scan.passed,
+        scan.first_passed,
     )

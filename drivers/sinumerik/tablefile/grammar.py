@@ -26,7 +26,8 @@ _COMMA = re.compile(r"[+-]?\d+,\d+", re.ASCII)
 _HEX = re.compile(r"'H([0-9A-F]{1,8})'", re.IGNORECASE | re.ASCII)
 _AXIS = re.compile(r"\(\s*(\w+)\s*\)|\"(\w+)\"|([A-Z]\w*)", re.IGNORECASE | re.ASCII)
 _INDEX_NUMBER = re.compile(r"\d{1,6}", re.ASCII)
-_INDEX_AXIS = re.compile(r"[A-Z]\w{0,31}", re.IGNORECASE | re.ASCII)
+_INDEX_AXIS = re.compile(r"(?!AX0)[A-Z]\w{0,31}", re.IGNORECASE | re.ASCII)  # AX1 is the first axis
+_NAME = re.compile(r"\"(\w{0,32})\"", re.ASCII)
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,12 +149,21 @@ def _axis(text: str, number: int, where: str) -> str:
     return name.upper()
 
 
+def _name(text: str, number: int, where: str) -> str:
+    """A name in quotes; an empty one means that there is none."""
+    match = _NAME.fullmatch(text)
+    if match is None:
+        raise refused("E-TABLE-SYNTAX", where, line=number, text=text)
+    return match[1].upper()
+
+
 _READERS: dict[Shape, Callable[[str, int, str], Decimal | str]] = {
     "value": _value,
     "position": _position,
     "integer": _integer,
     "flag": _flag,
     "axis": _axis,
+    "name": _name,
 }
 
 

@@ -6,6 +6,7 @@ Grid, clamp and memory rules: SINUMERIK FM Extended Functions 03/2013, K3, p. 23
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from decimal import Decimal
@@ -14,6 +15,7 @@ from typing import Any, Literal
 from drivers.errors import FileFormatError, Gap
 from drivers.sinumerik.tablefile.archive import Listing
 from drivers.sinumerik.tablefile.grammar import Assignment
+from drivers.sinumerik.tablefile.variables import VARIABLES
 from drivers.types import CompensationTable
 from drivers.units import AxisUnit
 
@@ -23,8 +25,10 @@ MOST_POINTS = 20_000
 """No control reserves more points for one table (840D: 5000); a file or a list that does is not believed."""
 _NEEDED = {"EEC": ("STEP", "MIN", "MAX"), "CEC": ("INPUT_AXIS", "OUTPUT_AXIS", "STEP", "MIN", "MAX")}
 _OTHER_COMPUTERS = ("$AN_CEC_INPUT_NCU", "$AN_CEC_OUTPUT_NCU")
+GRID = ("STEP", "MIN", "MAX")
+_NUMBERED = re.compile(r"AX\d+", re.ASCII)
 _WHOLE = Decimal("1e-9")
-_ZERO, _ONE = Decimal(0), Decimal("0.9")
+_ZERO = Decimal(0)
 
 
 @dataclass(slots=True)
@@ -46,7 +50,7 @@ class Group:
     @property
     def never_loaded(self) -> bool:
         """STEP, MIN and MAX 0; or STEP 0 and nothing else, which is all that our own files say of such a table."""
-        values = [self.parameters[name].value for name in ("STEP", "MIN", "MAX") if name in self.parameters]
+        values = [self.parameters[name].value for name in GRID if name in self.parameters]
         return (len(values) == 3 or self.only_step) and not any(values)
 
     @property
@@ -75,11 +79,12 @@ def groups_of(found: Listing) -> dict[str, Group]:
 
 
 def settings_of(found: Listing) -> dict[str, Decimal]:
-    """Switches, weights, backlash, temperature and link numbers by the place they are assigned to."""
+    """Switches, weights, backlash, temperature and link numbers by the place they are assigned to; no facts."""
     return {
         item.place: item.value
         for item in found.assignments
         if isinstance(item.value, Decimal)
+        and not VARIABLES[item.name].fact
         and (item.name.startswith(("$MA_", "$SN_", "$SA_")) or item.name in _OTHER_COMPUTERS)
     }
 
@@ -104,9 +109,24 @@ def mixed_encoders(groups: Iterable[Group], where: str) -> list[FileFormatError]
 
 
 def axis_unit(axis: str, *, modulo: bool = False) -> AxisUnit:
-    """The likely unit of an axis nobody described: deg for modulo tables and names beginning with A, B, C."""
+    """The likely unit of an axis nobody described: deg for modulo tables and names beginning with A, B, C.
+
+    AX1, AX2, ... tell nothing: see `is_numbered`; what is read as mm then is said to be unknown.
+    """
     rotary = modulo or (axis[:1] in "ABC" and not axis.startswith("AX"))
     return "deg" if rotary else "mm"
+
+
+def is_numbered(axis: str) -> bool:
+    """AX1, AX2, ...: the number of an axis, which says nothing of what it is."""
+    return bool(_NUMBERED.fullmatch(axis))
+
+
+def unknown_axes(groups: Iterable[Group], units: Mapping[str, AxisUnit]) -> frozenset[str]:
+    """Axes of loaded tables of which neither file, machine data nor anybody else says the unit."""
+    loaded = [group for group in groups if not group.never_loaded]
+    names = {name for group in loaded for name in (group.axis, _text(group, "INPUT_AXIS"), _text(group, "OUTPUT_AXIS"))}
+    return frozenset(name for name in names if is_numbered(name) and name not in units)
 
 
 def units_of(groups: Iterable[Group], known: Mapping[str, AxisUnit]) -> dict[str, AxisUnit]:
@@ -122,11 +142,15 @@ def units_of(groups: Iterable[Group], known: Mapping[str, AxisUnit]) -> dict[str
 
 @dataclass(frozen=True, slots=True)
 class Reader:
-    """Turns raw tables into records; ``where`` names the text, ``units`` the unit of each axis by name."""
+    """Turns raw tables into records; ``where`` names the text, ``units`` the unit of each axis by name.
+
+    ``exact``: the step must divide the range, as in what we write; else k = floor((MAX-MIN)/STEP), which is assumed.
+    """
 
     where: str
     units: Mapping[str, AxisUnit]
     cec_sign: Sign
+    exact: bool = True
 
     def unit(self, axis: str, *, modulo: bool = False) -> AxisUnit:
         """The unit of an axis, guessed if nobody said it."""
@@ -183,9 +207,9 @@ class Reader:
         if step <= 0 or high <= low:
             raise FileFormatError("E-TABLE-GRID", self._at(line), **fields)
         intervals = (high - low) / step
-        if intervals < _ONE or abs(intervals - intervals.to_integral_value()) > _WHOLE:
+        if int(intervals + _WHOLE) < 1 or (self.exact and abs(intervals - intervals.to_integral_value()) > _WHOLE):
             raise FileFormatError("E-TABLE-STEP", self._at(line), **fields)
-        return int(intervals.to_integral_value())
+        return int(intervals + _WHOLE)
 
     def _at(self, line: int) -> str:
         return f"{self.where}, line {line}"

@@ -43,21 +43,45 @@ def of_table(table: CompensationTable, where: str, machine: TableMachine | None 
     found = [*_size(table, where, known), *grid, *_values(table, where)]
     if any(one.severity == "wrong" for one in grid):
         return found
-    return [*found, *_slope(table, where), *_velocity(table, where, known), *_reference(table, where, known)]
+    slope = [] if _unknown(table, known) else _slope(table, where)
+    return [*found, *slope, *_velocity(table, where, known), *_reference(table, where, known)]
+
+
+def _unknown(table: CompensationTable, known: TableMachine) -> bool:
+    return bool(known.unknown & {table.input_axis, table.output_axis})
 
 
 def _size(table: CompensationTable, where: str, known: TableMachine) -> Iterator[TableFinding]:
     points = len(table.deviations)
-    memory = MEMORY[table.function]
-    reserved = known.eec_points if table.function == "EEC" else known.cec_points
+    memory, reserved = MEMORY[table.function], _reserved(table, known)
     if reserved is not None and points > reserved:
         error = TooManyPoints(
             "E-TABLE-RESERVED", where, table=table.name, points=points, reserved=reserved, memory=memory
         )
         yield finding("wrong", error)
-    if table.function == "EEC" and table.index == 1:
-        yield finding("doubtful", TableError("W-TABLE-ENCODER", where, table=table.name))
+    yield from _encoder(table, where, known)
     yield from _control(table, where, known, reserved)
+
+
+def _reserved(table: CompensationTable, known: TableMachine) -> int | None:
+    """MD38000 or MD18342: as typed, else as machine data of the file say."""
+    if table.function == "EEC":
+        own = known.reserved.get((table.index, table.output_axis))
+        return own if known.eec_points is None else known.eec_points
+    return known.cross.get(table.index) if known.cec_points is None else known.cec_points
+
+
+def _encoder(table: CompensationTable, where: str, known: TableMachine) -> Iterator[TableFinding]:
+    """Measuring system 2 is as usual as 1: which of them acts, MD32700 says."""
+    if table.function != "EEC":
+        return
+    acting, index = known.acting.get(table.output_axis), table.index
+    if acting is None and index == 1:
+        fields: dict[str, Any] = {"table": table.name, "index": index, "system": index + 1}
+        yield finding("note", TableError("W-TABLE-ENCODER", where, **fields))
+    elif acting is not None and index not in acting:
+        on = " and ".join(f"index {one}" for one in acting) or "none"
+        yield finding("doubtful", TableError("W-TABLE-OTHER-ENCODER", where, table=table.name, index=index, acting=on))
 
 
 def _control(table: CompensationTable, where: str, known: TableMachine, reserved: int | None) -> Iterator[TableFinding]:
@@ -84,10 +108,15 @@ def _grid(table: CompensationTable, where: str) -> Iterator[TableFinding]:
         yield finding("wrong", Gap("E-TABLE-GRID", where, **fields))
         return
     intervals = (table.maximum - table.minimum) / table.step
-    if intervals < 0.9 or abs(intervals - round(intervals)) > 1e-9 * max(intervals, 1.0):
+    last = int(intervals + 1e-9 * max(intervals, 1.0))
+    if last < 1:
         yield finding("wrong", Gap("E-TABLE-STEP", where, **fields))
-    elif round(intervals) + 1 != len(table.deviations):
-        need = round(intervals) + 1
+        return
+    if abs(intervals - round(intervals)) > 1e-9 * max(intervals, 1.0):
+        end = f"{table.minimum + last * table.step:g}"
+        yield finding("doubtful", TableError("W-TABLE-STEP", where, **fields, last=last, end=end))
+    if last + 1 != len(table.deviations):
+        need = last + 1
         error = Gap("E-TABLE-COUNT", where, table=table.name, points=len(table.deviations), need=need)
         yield finding("wrong", error)
     yield from _closure(table, where)

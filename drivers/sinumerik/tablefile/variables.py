@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-Shape = Literal["value", "position", "integer", "flag", "axis"]
+Shape = Literal["value", "position", "integer", "flag", "axis", "name"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,7 +17,7 @@ class Variable:
     """``indices``: "n" for each number, "a" for an axis. ``first_below`` bounds the first number (0 based).
 
     ``low``, ``high`` bound the value; ``number`` is that of the machine or setting datum, 0 for table variables;
-    ``length``: a setting in the axis' own unit.
+    ``length``: a setting in the axis' own unit; ``fact``: it says what the machine is and compensates nothing.
     """
 
     indices: str
@@ -27,9 +27,11 @@ class Variable:
     low: float = -100_000.0
     high: float = 100_000.0
     length: bool = False
+    fact: bool = False
 
 
 ENCODERS = 2
+AXES = 99  # machine axes are called AX1 to AX31, with link axes more; AX0 is none
 TABLES = 1000  # twice the axes of the control; nobody has more
 
 VARIABLES: dict[str, Variable] = {
@@ -66,4 +68,9 @@ VARIABLES: dict[str, Variable] = {
     "$SA_TEMP_COMP_ABS_VALUE": Variable("a", "value", 43900, length=True),
     "$SA_TEMP_COMP_SLOPE": Variable("a", "value", 43910),
     "$SA_TEMP_COMP_REF_POSITION": Variable("a", "position", 43920, length=True),
+    "$MN_AXCONF_MACHAX_NAME_TAB": Variable("n", "name", 10000, AXES, fact=True),
+    "$MN_MM_CEC_MAX_POINTS": Variable("n", "integer", 18342, TABLES, low=0, fact=True),
+    "$MA_NUM_ENCS": Variable("a", "integer", 30200, low=0, high=ENCODERS, fact=True),
+    "$MA_IS_ROT_AX": Variable("a", "flag", 30300, fact=True),
+    "$MA_MM_ENC_COMP_MAX_POINTS": Variable("na", "integer", 38000, ENCODERS, low=0, fact=True),
 }

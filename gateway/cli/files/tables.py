@@ -10,11 +10,13 @@ import typer
 
 from drivers import registry
 from drivers.errors import ConfigError, TrueflankError
-from drivers.tablefile import TableFinding, TableMachine
+from drivers.tablefile import ArchiveMember, TableFile, TableFinding, TableMachine
 from drivers.units import AxisUnit
 from gateway.cli.show import echo, show_error, show_json
 
+UNREADABLE = ("E-ARCHIVE-HEADER", "E-ARCHIVE-CUT")
 WORDS = {"wrong": ("error", "red"), "doubtful": ("warning", "yellow"), "note": ("note", "")}
+LARGEST_FILE = 500_000_000  # bytes: no archive of a control is larger
 ORDER = ("wrong", "doubtful", "note")
 
 
@@ -23,10 +25,12 @@ def table_format() -> Any:
     return registry.load("sinumerik-tables", "table-file")()
 
 
-def table_text(file: Path) -> str:
-    """A table file's text; a byte order mark is passed over. Raises ConfigError (E-CLI-READ)."""
+def table_data(file: Path) -> bytes:
+    """A table file as it is: text, or an NC archive. Raises ConfigError (E-CLI-READ)."""
     try:
-        return file.read_text(encoding="utf-8-sig", errors="replace")
+        if file.stat().st_size > LARGEST_FILE:
+            raise ConfigError("E-CLI-READ", str(file), why=f"larger than {LARGEST_FILE // 1_000_000} MB")
+        return file.read_bytes()
     except OSError as error:
         raise ConfigError("E-CLI-READ", str(file), why=str(error)) from error
 
@@ -51,26 +55,38 @@ def number(text: str, option: str) -> float:
     return value
 
 
-def rotary_units(axes: Sequence[str]) -> Mapping[str, AxisUnit]:
-    """The units that --rotary says."""
-    return {axis.upper(): "deg" for axis in axes}
+def said_units(rotary: Sequence[str], linear: Sequence[str] = ()) -> Mapping[str, AxisUnit]:
+    """The units that --rotary and --linear say. Raises ConfigError (E-CLI-BOTH-UNITS)."""
+    turning, sliding = ({axis.upper() for axis in axes} for axes in (rotary, linear))
+    if turning & sliding:
+        raise ConfigError("E-CLI-BOTH-UNITS", "--rotary", axis=", ".join(sorted(turning & sliding)))
+    return {**dict.fromkeys(turning, "deg"), **dict.fromkeys(sliding, "mm")}
 
 
 def lint_file(file: Path, machine: TableMachine, *, strict: bool, as_json: bool) -> None:
     """Print every finding of a table file; exit code 7 when something is wrong, with ``strict`` also for doubts."""
-    findings = table_format().findings(table_text(file), str(file), machine)
-    show_findings(file, findings, as_json=as_json)
+    data, driver = table_data(file), table_format()
+    findings = driver.findings(data, str(file), machine)
+    wrong = any(one.code in UNREADABLE for one in findings)
+    show_findings(file, findings, as_json=as_json, members=() if wrong else driver.members(data, str(file)))
     if any(one.severity == "wrong" or (strict and one.severity == "doubtful") for one in findings):
         raise typer.Exit(7)
 
 
-def show_findings(file: Path, findings: Sequence[TableFinding], *, as_json: bool) -> None:
-    """Findings as lines, the gravest first, and their count; or as data."""
+def show_findings(
+    file: Path, findings: Sequence[TableFinding], *, as_json: bool, members: Sequence[ArchiveMember] = ()
+) -> None:
+    """The members of an archive, findings as lines, the gravest first, and their count; or as data."""
     counts = {kind: sum(one.severity == kind for one in findings) for kind in ORDER}
     if as_json:
         records = [{"severity": one.severity, **one.error.as_record()} for one in findings]
-        show_json({"file": str(file), **counts, "findings": records})
+        inside = [{"name": one.name, "folder": one.folder, "size": one.size} for one in members]
+        show_json({"file": str(file), **counts, "findings": records, **({"members": inside} if inside else {})})
         return
+    for member in members:
+        echo(f"{member.size:10d}  {member.folder}{member.shown or member.name}")
+    if members:
+        echo(f"{file}: an archive of {len(members)} members")
     for one in sorted(findings, key=lambda item: ORDER.index(item.severity)):
         word, colour = WORDS[one.severity]
         echo(f"{word}: {one.error}", colour=colour or None)
@@ -78,13 +94,12 @@ def show_findings(file: Path, findings: Sequence[TableFinding], *, as_json: bool
     echo(f"{file}: {told or 'no findings'}")
 
 
-def diff_files(first: Path, second: Path, rotary: Sequence[str], *, as_json: bool) -> None:
+def diff_files(first: Path, second: Path, units: Mapping[str, AxisUnit], *, as_json: bool) -> None:
     """Compare two table files as diff(1) does: exit code 0 the same, 1 different, 2 trouble."""
     from gateway.table.filediff import compare
 
     try:
-        driver, units = table_format(), rotary_units(rotary)
-        files = [driver.read(table_text(path), str(path), units) for path in (first, second)]
+        files = _read_both((first, second), units)
     except TrueflankError as error:
         show_error(error, as_json=as_json)
         raise typer.Exit(2) from error
@@ -98,6 +113,15 @@ def diff_files(first: Path, second: Path, rotary: Sequence[str], *, as_json: boo
                 echo(f"note: {path}: {note}")
     if not difference.same:
         raise typer.Exit(1)
+
+
+def _read_both(paths: Sequence[Path], units: Mapping[str, AxisUnit]) -> list[TableFile]:
+    """Both files; what the machine data of one say of the axes holds for the other too."""
+    driver, data = table_format(), [table_data(path) for path in paths]
+    files = [driver.read(one, str(path), units) for one, path in zip(data, paths, strict=True)]
+    known = {**files[1].units, **files[0].units, **units}
+    again = bool(known) and any(file.unknown for file in files)
+    return [driver.read(one, str(path), known) for one, path in zip(data, paths, strict=True)] if again else files
 
 
 def _show(first: Path, second: Path, difference: Any) -> None:

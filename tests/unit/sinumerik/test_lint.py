@@ -44,7 +44,7 @@ def test_good_tables_have_no_findings() -> None:
     [
         (CLEAN, {"eec_points": 2}, "E-TABLE-RESERVED"),
         (CLEAN, {"references": {"X1": 50.0}}, "E-TABLE-REFERENCE"),
-        (replace(CLEAN, step=7.0), {}, "E-TABLE-STEP"),
+        (replace(CLEAN, step=7.0), {}, "E-TABLE-COUNT"),
         (replace(CLEAN, step=0.0), {}, "E-TABLE-GRID"),
         (replace(CLEAN, step=1e12), {}, "E-TABLE-STEP"),
         (replace(CLEAN, maximum=150.0), {}, "E-TABLE-COUNT"),
@@ -66,7 +66,9 @@ def test_each_mistake_is_named(table: CompensationTable, known: dict[str, object
 @pytest.mark.parametrize(
     ("table", "known", "code", "severity"),
     [
-        (replace(CLEAN, index=1), {}, "W-TABLE-ENCODER", "doubtful"),
+        (replace(CLEAN, index=1), {}, "W-TABLE-ENCODER", "note"),
+        (replace(CLEAN, index=1), {"acting": {"X1": (0,)}}, "W-TABLE-OTHER-ENCODER", "doubtful"),
+        (replace(CLEAN, step=40.0), {}, "W-TABLE-STEP", "doubtful"),
         (replace(CLEAN, deviations=(0.0, 11.0, 2.0)), {}, "W-TABLE-STEEP", "doubtful"),
         (replace(TURN, step=20.0, deviations=(0.0, 120.0, *(0.0,) * 17)), {}, "W-TABLE-STEEP", "doubtful"),
         (CLEAN, {"references": {"Z1": 0.0}}, "W-TABLE-NO-REFERENCE", "note"),
@@ -163,8 +165,10 @@ def test_what_the_text_itself_tells() -> None:
     assert of_file(checked.replace("=50.0 '1A2B", "=50.0")) == {"W-TABLE-EDITED": "doubtful"}
     assert of_file("%_N_NC_CEC_INI\n" + good) == {"W-TABLE-HEADER": "doubtful"}
     numbered = good.replace("X1", "AX2")
-    assert of_file("%_N_AX3_EEC_INI\n" + numbered) == {"W-TABLE-HEADER": "doubtful"}
-    assert of_file("%_N_AX2_EEC_INI\n" + numbered) == {}
+    linear = replace(KNOWN, units={"AX2": "mm"})
+    assert of_file("%_N_AX3_EEC_INI\n" + numbered, linear) == {"W-TABLE-HEADER": "doubtful"}
+    assert of_file("%_N_AX2_EEC_INI\n" + numbered, linear) == {}
+    assert of_file("%_N_AX2_EEC_INI\n" + numbered) == {"W-TABLE-UNIT": "doubtful"}
 
 
 def test_leftovers_above_the_last_point() -> None:

@@ -116,7 +116,7 @@ class TestGridPrintedWithoutDecimals:
     def test_seven_and_a_half_becomes_eight(self) -> None:
         words = found(self.text(7.5, 49))  # 8 divides 360, so the points are what does not fit
         assert "point 46 lies beyond the last point 45" in words["E-TABLE-BEYOND"]
-        assert "does not divide" in found(self.text(7.5, 6))["E-TABLE-STEP"]
+        assert "does not divide" in found(self.text(7.5, 6))["W-TABLE-STEP"]
 
     def test_modulo_minus_one(self) -> None:
         with pytest.raises(FileFormatError, match="-1 must be 0 or 1"):
