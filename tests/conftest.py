@@ -1,13 +1,26 @@
-"""Fixtures for all tests."""
+"""Fixtures for all tests, and the hook that runs those that are `async def`."""
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from tests import attacks
+from tests.unit.drivers.loops import run_clean
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> bool | None:
+    """Run an `async def` test in virtual time, or on a real loop where `wall_time` asks for it; it leaves no task."""
+    test = pyfuncitem.obj
+    if not inspect.iscoroutinefunction(test):
+        return None
+    given = {name: pyfuncitem.funcargs[name] for name in inspect.signature(test).parameters}
+    run_clean(lambda: test(**given), virtual=pyfuncitem.get_closest_marker("wall_time") is None)
+    return True
 
 
 @pytest.fixture(autouse=True)

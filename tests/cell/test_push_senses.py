@@ -27,6 +27,7 @@ from gateway.workflow.control import pushing
 from simulators.cell import Cell, cell_running
 from simulators.cellfile import load_cell
 from tests.cell.bench import short
+from tests.sizes import few
 
 NOTHING = np.zeros(0)
 PLACES = np.linspace(-380.0, -20.0, 7)
@@ -69,8 +70,7 @@ def stands(cell: Cell) -> Any:
     return core.standing(core.axis("X1").index, PLACES, 1)
 
 
-@pytest.mark.parametrize("cec", [1, -1])
-@pytest.mark.parametrize("laser", [1, -1])
+@pytest.mark.parametrize(("laser", "cec"), few([(1, -1), (-1, 1), (1, 1), (-1, -1)], 2))
 def test_the_machine_moves_as_the_tables_say_whichever_way_both_count(tmp_path: Path, laser: int, cec: int) -> None:
     async def job() -> dict[str, Any]:
         clock = LoopClock()

@@ -27,7 +27,7 @@ from tests.sizes import few
 pytestmark = pytest.mark.attack
 
 SPEED = 80.0
-SHARDS, EACH = 6, 5
+SHARDS, EACH = 10, 3
 OLDS = {"old on": LiveTable(OLD, True), "never loaded": never_loaded()}
 
 
@@ -224,25 +224,28 @@ def sweep(blocks: Sequence[int], keys: Path, root: Path, old: LiveTable, killed:
     return Counter(f"{one.outcome}, {one.recovered.strip()}" for one in found)
 
 
+@pytest.mark.parametrize("every", few([4, 1]))
 def test_the_mains_cut_at_every_block_that_leaves_half_a_table(
-    tmp_path: Path, keys: Path, halves: tuple[list[int], int]
+    tmp_path: Path, keys: Path, halves: tuple[list[int], int], every: int
 ) -> None:
-    found = sweep(halves[0], keys, tmp_path, OLDS["old on"], killed=True)
+    blocks = halves[0][::every]
+    found = sweep(blocks, keys, tmp_path, OLDS["old on"], killed=True)
     print(halves, dict(found))
-    assert found == {"cancelled, R-PUSH-HALF rolled-back": len(halves[0])}
+    assert found == {"cancelled, R-PUSH-HALF rolled-back": len(blocks)}
     assert len(halves[0]) >= 5
 
 
+@pytest.mark.parametrize("count", few([2, 5]))
 @pytest.mark.parametrize("killed", [False, True], ids=["gateway lives", "gateway dies too"])
 @pytest.mark.parametrize("name", list(OLDS))
 def test_the_mains_cut_at_blocks_of_the_program(
-    tmp_path: Path, keys: Path, halves: tuple[list[int], int], name: str, killed: bool
+    tmp_path: Path, keys: Path, halves: tuple[list[int], int], name: str, killed: bool, count: int
 ) -> None:
     rng = random.Random(f"{name} {killed}")
-    blocks = sorted({rng.choice(halves[0]), *rng.sample(range(1, halves[1] + 1), 5)})
+    blocks = sorted({rng.choice(halves[0]), *rng.sample(range(1, halves[1] + 1), count)})
     found = sweep(blocks, keys, tmp_path, OLDS[name], killed)
     print(dict(found))
-    assert sum(found.values()) >= 5
+    assert sum(found.values()) >= count
 
 
 @pytest.mark.soak

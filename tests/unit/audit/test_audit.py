@@ -15,6 +15,7 @@ from gateway import audit
 from gateway.audit.chain import AUDIT, HEAD, file_name, files
 from gateway.audit.checking import judge
 from gateway.errors import CorruptRecord, StoreError
+from tests.sizes import long
 from tests.unit.audit.log import Moments, bulk, log_files
 
 
@@ -81,7 +82,7 @@ def test_every_single_bit_counts(tmp_path: Path) -> None:
     assert flips > 10_000
 
 
-@pytest.mark.parametrize("turns", [60, pytest.param(1500, marks=pytest.mark.soak)])
+@pytest.mark.parametrize("turns", [20, long(60), pytest.param(1500, marks=pytest.mark.soak)])
 def test_changes_of_a_long_log_are_all_found(tmp_path: Path, turns: int) -> None:
     """10 000 records: bits, deletions, swaps and repetitions at seeded places."""
     bulk(tmp_path, 10_000, per_file=500)
