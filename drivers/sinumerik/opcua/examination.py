@@ -49,7 +49,7 @@ class Bedside:
 
     async def datum(self, name: str) -> Any:
         """A machine datum by its NC name, None when it cannot be read."""
-        names = self.configuration.names if self.configuration else ()
+        names = self.configuration.places if self.configuration else ()
         path = nodes.to_path(name, names, self.settings.channel)
         return None if path is None else await self.value(path)
 
@@ -156,12 +156,12 @@ async def _variables(bed: Bedside) -> list[CheckLine]:
 def _paths(bed: Bedside) -> list[str]:
     """Every variable that measuring and pushing read."""
     channel, settings = bed.settings.channel, bed.settings
-    names = bed.configuration.names if bed.configuration else ()
+    names = bed.configuration.places if bed.configuration else ()
     paths = [settings.serial_node, settings.version_node, nodes.BASIC_LENGTH_UNIT, nodes.ACCESS_LEVEL]
     paths += [nodes.OPERATING_MODE, nodes.ALARM_COUNT, nodes.alarm_number(1)]
     paths += [nodes.in_channel("chanStatus", channel), nodes.in_channel("msg", channel, "ProgramInfo")]
     paths += [nodes.in_channel("progName", channel, "ProgramInfo"), nodes.r_block(settings.r_first, COUNT, channel)]
-    numbers = range(1, len(names) + 1)
+    numbers = [place for place, name in enumerate(names, start=1) if name]
     paths += [nodes.of_axis(item, number, channel) for item in _AXIS_ITEMS for number in numbers]
     data = [f"$MA_MM_ENC_COMP_MAX_POINTS[{axis.encoder},{axis.name}]" for axis in bed.wanted.axes]
     data += [f"$MA_ENC_COMP_ENABLE[{axis.encoder},{axis.name}]" for axis in bed.wanted.axes]
