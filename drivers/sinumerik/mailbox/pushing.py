@@ -63,7 +63,8 @@ class Pushing:
         """Open a session, check, back up and mark; nothing that moves an axis changes.
 
         Raises TableError (E-TABLE-NO-PROOF, E-MBX-FRACTION, ...) before anything is written, DeviceRefused
-        (E-MBX-NOT-RELEASED, E-MBX-PLACE, E-MBX-COUPLED, ...) or TableError (E-MBX-PUT-BACK); the session is closed again then.
+        (E-MBX-NOT-RELEASED, E-MBX-PLACE, E-MBX-COUPLED, ...) or TableError (E-MBX-PUT-BACK); the session is closed
+        again then.
         """
         self._plan = None
         plan = self.plan(order)

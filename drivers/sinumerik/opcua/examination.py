@@ -10,8 +10,9 @@ from typing import Any
 
 from drivers.checks import CheckLine, Wanted, failed, fine, unknown, wrong
 from drivers.clock import Clock
-from drivers.errors import TransportError, TrueflankError
+from drivers.errors import TransportError, TrueflankError, UnsupportedDevice
 from drivers.sinumerik.ncprogram.words import COUNT, MARKED, program_path
+from drivers.sinumerik.opcua import encoders
 from drivers.sinumerik.opcua.dialogue import Dialogue
 from drivers.sinumerik.opcua.leaving import found as found_left
 from drivers.sinumerik.opcua.machine import Configuration, MachineReader
@@ -178,6 +179,23 @@ async def _units(bed: Bedside) -> list[CheckLine]:
     return [fine("W-DOC-UNITS", "units")]
 
 
+async def _encoders(bed: Bedside) -> list[CheckLine]:
+    """The measuring system of the site file against the one whose table acts."""
+    lines: list[CheckLine] = []
+    for axis in bed.wanted.axes:
+        if bed.configuration is None or axis.name not in bed.configuration.names:
+            continue
+        found = await bed.reader.encoders(bed.configuration, axis.name)
+        try:
+            encoders.check(found, axis.name, axis.encoder, bed.where)
+        except UnsupportedDevice as error:
+            lines.append(failed(error, "measuring system"))
+        else:
+            line = fine("W-DOC-ENCODER", "measuring system", axis=axis.name, system=axis.encoder + 1)
+            lines.append(line)
+    return lines or [unknown("W-DOC-ENCODER-UNKNOWN", "measuring system")]
+
+
 async def _memory(bed: Bedside) -> list[CheckLine]:
     if bed.configuration is None:
         return [unknown("W-DOC-MEMORY-UNKNOWN", "table memory")]
@@ -272,6 +290,7 @@ _QUESTIONS: tuple[tuple[str, Callable[[Bedside], Awaitable[list[CheckLine]]]], .
     ("serial number", _identity),
     ("variables", _variables),
     ("units", _units),
+    ("measuring system", _encoders),
     ("table memory", _memory),
     ("key switch", _level),
     ("files", _files),

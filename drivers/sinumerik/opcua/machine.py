@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from drivers.errors import TransportError, UnsupportedDevice
 from drivers.sinumerik.ncprogram.backup import Memory
+from drivers.sinumerik.opcua import encoders
 from drivers.sinumerik.opcua.session import alarms as alarm_nodes
 from drivers.sinumerik.opcua.session import nodes
 from drivers.sinumerik.opcua.session import values as typed_values
@@ -133,6 +134,13 @@ class MachineReader:
     def _reserved(self, reading: Reading) -> int:
         """Points that a memory figure says. Raises RemoteProtocolError (E-UA-VALUE) beyond what a control has."""
         return typed_values.whole(reading.value, reading.path, self._where, MOST_POINTS)
+
+    async def encoders(self, configuration: Configuration, axis: str) -> encoders.Encoders:
+        """Which measuring systems the axis has, whose table is on, and who has memory for one."""
+        configuration.number(axis, self._where)
+        paths = [self._datum(name, configuration.places) for name in encoders.names_of(axis)]
+        found = await self._read(paths)
+        return encoders.of_values([None if one.status else float(one.value) for one in found])
 
     async def switch(self, name: str, configuration: Configuration) -> bool | None:
         """A switch by its NC name; None when this user may not read it or the NCK restarts just now."""
