@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 from simulators.nck.switches import Switches
 
+MOST_AXES = 31
+
 
 class NckRefusal(Exception):
     """The control refuses: alarm number as on its screen (0: a service refuses without an alarm) and text."""
@@ -26,7 +28,8 @@ class AxisSpec:
 
     ``eec_points`` is MD38000 for encoder 1 and 2. An axis with an absolute encoder keeps its reference over a
     reset; any other loses it. Modulo axes have no travel limits. ``encoder2_offset``: what encoder 2 shows
-    more than encoder 1 at the same place of the machine.
+    more than encoder 1 at the same place of the machine. ``number`` of the machine axis, 0 for the one after the axis
+    before it: MD10000 has an empty name where a number is left out.
     """
 
     name: str
@@ -40,6 +43,7 @@ class AxisSpec:
     eec_points: tuple[int, int] = (0, 0)
     absolute_encoder: bool = False
     encoder2_offset: float = 0.0
+    number: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,11 +73,27 @@ class NckSpec(Switches):
     ipo_cycle_s: float = 0.004
     boot_s: float = 5.0
 
+    @property
+    def numbers(self) -> tuple[int, ...]:
+        """The number of each machine axis, from 1."""
+        found: list[int] = []
+        for axis in self.axes:
+            found.append(axis.number or (found[-1] if found else 0) + 1)
+        return tuple(found)
+
+    @property
+    def places(self) -> tuple[str, ...]:
+        """Machine axis names by number, "" where there is no axis (MD10000)."""
+        names = dict(zip(self.numbers, (axis.name for axis in self.axes), strict=True))
+        return tuple(names.get(number, "") for number in range(1, max(names) + 1))
+
     def __post_init__(self) -> None:
         names = [axis.name.upper() for axis in self.axes]
         letters = [axis.letter.upper() for axis in self.axes]
         if not names or len(set(names)) != len(names) or len(set(letters)) != len(letters):
             raise ValueError("axes need names and letters of their own")
+        if list(self.numbers) != sorted(set(self.numbers)) or self.numbers[-1] > MOST_AXES:
+            raise ValueError(f"axis numbers must rise and end at {MOST_AXES}")
         if self.unit_system not in ("metric", "inch") or not 0 <= self.access_level <= 7:
             raise ValueError("unit_system is metric or inch and access_level 0..7")
         self.checked()

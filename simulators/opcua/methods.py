@@ -56,8 +56,10 @@ class Methods:
             raise Refused("BadMethodInvalid")
         if not account.name:
             raise Refused("BadRequestNotAllowed")
-        if list(types) != [kind for _, kind in signature.arguments]:
-            raise Refused("BadInvalidArgument")
+        kinds = [kind for _, kind in signature.arguments]
+        if list(types) != kinds:
+            told = ["Good" if one == kind else "BadTypeMismatch" for one, kind in zip(types, kinds, strict=False)]
+            raise Refused("BadInvalidArgument", tuple(told))
         if self._nck.booting:
             raise Refused("BadCommunicationError")
         if self._refusal and name in COPY_METHODS:
@@ -105,5 +107,5 @@ class Methods:
     def _file(path: str) -> str:
         name = nodes.from_file(path) if isinstance(path, str) else None
         if name is None:
-            raise Refused("BadInvalidArgument")
+            raise Refused("BadInvalidArgument", ("BadOutOfRange",))
         return name

@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 import logging
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -45,6 +45,8 @@ class ServerSettings:
     ``copy_methods`` and ``file_nodes``: which of the two ways to files this server has, ``copy_refusal`` a
     status its copying methods always answer with, ``largest_copy`` bytes they take. ``alarm_events``: whether
     alarms are events. ``session_timeout_s`` what it gives at most. ``rights_method``: GetMyAccessRights exists.
+    ``null_strings``: an empty text is a null String on the wire, as other stacks have it. ``discovery``: a server
+    without policy None opens a channel without security for the end points alone; if not, it refuses that channel.
     """
 
     users: Mapping[str, Any] = field(default_factory=lambda: {"trueflank": "trueflank"})
@@ -63,6 +65,8 @@ class ServerSettings:
     alarm_events: bool = True
     session_timeout_s: float = 60.0
     rights_method: bool = True
+    null_strings: bool = False
+    discovery: bool = True
 
     @classmethod
     def of(cls, given: Mapping[str, Any]) -> ServerSettings:
@@ -75,6 +79,25 @@ class ServerSettings:
             key: tuple(value) if isinstance(value, list) else value for key, value in given.items()
         }
         return cls(**values)
+
+
+class _Rejected(ua.uaerrors.BadRequestTooLarge):
+    """The one error that asyncua's server tells its peer before there is a channel, with the status of a policy."""
+
+    code = ua.StatusCodes.BadSecurityPolicyRejected
+
+
+class _NoDiscovery:
+    """Asked first which policy fits a new channel: none but those that are offered."""
+
+    def __init__(self, offered: Sequence[str]) -> None:
+        self._offered = offered
+
+    def matches(self, uri: str, _mode: Any = None) -> bool:
+        """Raises the refusal for any other policy; leaves those that are offered to asyncua's own."""
+        if uri.rpartition("#")[2] not in self._offered:
+            raise _Rejected
+        return False
 
 
 class SinumerikServer:
@@ -95,6 +118,7 @@ class SinumerikServer:
         )
         self._core.session_limit = set_up.session_limit
         self._core.file_nodes, self._core.event_source = set_up.file_nodes, set_up.alarm_events
+        self._core.null_strings = set_up.null_strings
         self._core.max_session_timeout_ms = round(set_up.session_timeout_s * 1000.0)
 
     @property
@@ -116,6 +140,9 @@ class SinumerikServer:
         server.set_server_name("SINUMERIK OPC UA")
         server.set_endpoint(f"opc.tcp://127.0.0.1:{self.settings.port}")
         server.set_security_policy([_POLICIES[name] for name in self.settings.security])
+        if not self.settings.discovery:
+            policies: list[Any] = server.__dict__["_policies"]  # asyncua itself always lets anybody ask
+            policies.insert(0, _NoDiscovery(self.settings.security))
         pair = await asyncio.to_thread(self._key_pair)
         self.certificate = pair.certificate
         await server.load_certificate(await asyncio.to_thread(pair.certificate.read_bytes), "der")

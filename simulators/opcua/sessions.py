@@ -67,6 +67,8 @@ class SinumerikSession(InternalSession):
             kind, value = self._home.value(path, account)
         except Refused as refused:
             return ua.DataValue(StatusCode=status(refused.status), ServerTimestamp=now)
+        if kind == "String" and self._home.null_strings:
+            value = [one or None for one in value] if isinstance(value, list) else value or None
         variant = ua.Variant(value, ua.VariantType[kind], is_array=isinstance(value, list))
         known = now - timedelta(seconds=manners.stale_s)
         return ua.DataValue(variant, StatusCode=_GOOD, SourceTimestamp=known, ServerTimestamp=known)
@@ -139,6 +141,7 @@ class SinumerikSession(InternalSession):
             answer = self._home.answer(request, account, self)
         except Refused as refused:
             result.StatusCode = status(refused.status)
+            result.InputArgumentResults = [status(name) for name in refused.arguments]
             return result
         result.InputArgumentResults = [_GOOD for _ in arguments]
         result.OutputArguments = answer

@@ -15,11 +15,12 @@ Value = float | int | str | bool
 
 
 class Refused(Exception):
-    """The server says no, by the name of an OPC UA status."""
+    """The server says no, by the name of an OPC UA status; of a call also by one status for each argument."""
 
-    def __init__(self, status: str) -> None:
+    def __init__(self, status: str, arguments: tuple[str, ...] = ()) -> None:
         super().__init__(status)
         self.status = status
+        self.arguments = arguments
 
 
 # The right each area asks for, by the first entry that fits.
@@ -38,7 +39,7 @@ class Space:
 
     def __init__(self, nck: Nck) -> None:
         self._nck = nck
-        self._axes = tuple(axis.name for axis in nck.spec.axes)
+        self._axes = nck.spec.places
         self._channel: dict[str, Callable[[], Value]] = {
             "/Channel/State/chanStatus": lambda: int(nck.channel_status),
             "/Channel/State/progStatus": lambda: int(nck.program_status),
@@ -103,7 +104,7 @@ class Space:
 
     def _axis_value(self, name: str, number: int) -> Value:
         getter = self._axis.get(name)
-        if getter is None or not 1 <= number <= len(self._axes):
+        if getter is None or not 1 <= number <= len(self._axes) or not self._axes[number - 1]:
             raise Refused("BadAttributeIdInvalid")
         return getter(self._axes[number - 1])
 
@@ -139,7 +140,7 @@ class Space:
         if stem == "$MN_HW_SERIAL_NUMBER":
             return self._nck.spec.serial if inside == "0" else ""
         if stem in ("$MA_IS_ROT_AX", "$MA_ROT_IS_MODULO"):
-            axis = self._nck.spec.axes[self._axes.index(inside)]
+            axis = next(one for one in self._nck.spec.axes if one.name == inside)
             return bool(axis.rotary if stem == "$MA_IS_ROT_AX" else axis.modulo)
         return None
 

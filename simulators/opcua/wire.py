@@ -67,6 +67,7 @@ class SinumerikInternalServer(InternalServer):
         self.file_nodes = True
         self.event_source = True
         self.session_limit = 10
+        self.null_strings = False
         self._method_nodes: dict[tuple[str, str], str] = {}
         super().__init__(user_manager=accounts)
         self.alarms = AlarmEvents(files.nck, clock, self.subscription_service, self.manners)

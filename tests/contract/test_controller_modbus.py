@@ -311,6 +311,23 @@ def test_a_step_that_cannot_be_said_is_refused(step: float) -> None:
     on_stage(body)
 
 
+def test_a_live_table_that_could_not_be_put_back_is_refused_before_anything_is_disabled() -> None:
+    async def act(stage: Stage) -> None:
+        nck = stage.bench.nck
+        for part, value in (("STEP", 30.0), ("MIN", -50.0), ("MAX", 60.0)):  # 30 does not divide 110: k = 3
+            nck.set(f"$AA_ENC_COMP_{part}[0,X1]", value, 2)
+        for point in range(4):
+            nck.set(f"$AA_ENC_COMP[0,{point},X1]", 0.0005, 2)
+        nck.set("$MA_ENC_COMP_ENABLE[0,X1]", True, 2)
+        order = await order_for(stage.device, table())
+        await refused(stage, order, "E-MBX-PUT-BACK", TableError)
+        assert stage.get("$MA_ENC_COMP_ENABLE[0,X1]")
+        assert stage.values(4) == [0.0005] * 4
+        assert stage.plc.session == 0
+
+    on_stage(act)
+
+
 def test_an_axis_that_stands_where_the_table_would_move_it_is_refused() -> None:
     async def body(stage: Stage) -> None:
         wanted = replace(table(), deviations=tuple([5.0] * 111))

@@ -29,7 +29,8 @@ CHECKS = (
         "option",
         "methods",
     ),
-    *("rights", "axes", "serial number", "variables", "units", "table memory", "table memory", "cross tables"),
+    *("rights", "axes", "serial number", "variables", "units", "measuring system", "measuring system"),
+    *("table memory", "table memory", "cross tables"),
     *("key switch", "files", "left over", "R parameters", "alarms", "state"),
 )
 

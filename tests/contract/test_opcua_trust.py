@@ -288,7 +288,7 @@ def test_a_pinned_certificate_that_does_not_hold_now_connects_to_nothing(
         (tmp_path / path.name).write_bytes(path.read_bytes())
     reissued(tmp_path, since, until)
 
-    async def garbled(_url: str) -> Any:
+    async def garbled(*_asked: str) -> Any:
         raise struct.error("no end points")
 
     async def act(on: Stage) -> None:
@@ -308,7 +308,7 @@ def test_a_pinned_certificate_that_does_not_hold_now_connects_to_nothing(
 def test_a_server_whose_end_points_are_garbled_must_still_be_the_pinned_one(
     keys: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    async def garbled(_url: str) -> Any:
+    async def garbled(*_asked: str) -> Any:
         raise struct.error("no end points")
 
     async def act(on: Stage) -> None:

@@ -86,7 +86,7 @@ def place(order: PushOrder, backup: LiveSet, position: float, where: str) -> Non
 
     ``position`` of the input axis, mm or deg. Raises DeviceRefused (E-MBX-PLACE).
     """
-    old = _live_of(order, backup)
+    old = live_of(order, backup)
     before = abs(value_at(old.table, position)) if old is not None and old.enabled else 0.0
     after = abs(value_at(order.table, position)) if order.enable else 0.0
     if max(before, after) > JUMP:
@@ -131,7 +131,8 @@ def value_at(table: CompensationTable, position: float) -> float:
     return float(table.at(np.array([position]))[0])
 
 
-def _live_of(order: PushOrder, live: LiveSet) -> LiveTable | None:
+def live_of(order: PushOrder, live: LiveSet) -> LiveTable | None:
+    """What stands now where an order writes; None where there is nothing."""
     if order.table.function == "EEC":
         return live.eec
     return next((one for one in live.cec if one.table.index == order.table.index), None)

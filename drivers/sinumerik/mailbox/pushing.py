@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from drivers.clock import Clock
-from drivers.errors import DeviceRefused, TableError, TooManyPoints, TrueflankError
+from drivers.errors import DeviceRefused, TableError, TooManyPoints, TrueflankError, ValueOutOfRange
 from drivers.sinumerik.mailbox import checks
 from drivers.sinumerik.mailbox.codec import grids
 from drivers.sinumerik.mailbox.codec.commands import Order, chunks, marker_data
@@ -63,7 +63,8 @@ class Pushing:
         """Open a session, check, back up and mark; nothing that moves an axis changes.
 
         Raises TableError (E-TABLE-NO-PROOF, E-MBX-FRACTION, ...) before anything is written, DeviceRefused
-        (E-MBX-NOT-RELEASED, E-MBX-PLACE, E-MBX-COUPLED, ...); the session is closed again then.
+        (E-MBX-NOT-RELEASED, E-MBX-PLACE, E-MBX-COUPLED, ...) or TableError (E-MBX-PUT-BACK); the session is closed
+        again then.
         """
         self._plan = None
         plan = self.plan(order)
@@ -75,6 +76,7 @@ class Pushing:
             reading = await self._tables(order)
             checks.coupled(order, reading, self._where)
             backup = reading.live("BACK", order.transaction, checks.sign_of(order))
+            self._check_way_back(order, backup)
             await self.check_place(order, backup)
             await self.mark(order.transaction, "in-progress")
         except TrueflankError:
@@ -116,6 +118,21 @@ class Pushing:
         table = order.table
         encoder = table.index if table.function == "EEC" else self._settings.encoder
         return await self._reader.tables(table.output_axis, encoder)
+
+    def _check_way_back(self, order: PushOrder, backup: LiveSet) -> None:
+        """The table that stands now must be sayable too, or it could not be put back once it was overwritten.
+
+        Raises TableError (E-MBX-PUT-BACK).
+        """
+        live = checks.live_of(order, backup)
+        if order.purpose == "restore" or live is None or live.table.step <= 0:
+            return
+        proof = order.proof if order.table.function == "CEC" else None
+        back = replace(order, table=live.table, purpose="restore", proof=proof)
+        try:
+            self._planned(back)
+        except (TableError, ValueOutOfRange) as error:
+            raise TableError("E-MBX-PUT-BACK", self._where, table=live.table.name, why=error.what) from error
 
     async def check_place(self, order: PushOrder, backup: LiveSet) -> None:
         """Raises DeviceRefused (E-MBX-PLACE) where switching the old off or the new on would move the axis."""

@@ -22,6 +22,7 @@ from drivers.sinumerik.ncprogram.backup import Memory, Saving
 from drivers.sinumerik.ncprogram.legal import legal
 from drivers.sinumerik.ncprogram.measuring import Setting
 from drivers.sinumerik.ncprogram.words import Phase, Word, program_path
+from drivers.sinumerik.opcua import encoders
 from drivers.sinumerik.opcua.activation import activation
 from drivers.sinumerik.opcua.dialogue import Dialogue, Glance
 from drivers.sinumerik.opcua.disabling import Disabling
@@ -151,6 +152,7 @@ class SinumerikOpcUa(Leaver):
         Raises DeviceRefused (E-NC-NOT-RESET and other refusals), and as `legal`, before anything was written.
         """
         setting = await self._setting(plan.axis, plan.compensated_axis, plan.encoder, rotary=plan.rotary)
+        await self._check_encoder(plan.compensated_axis, plan.encoder)
         token = random_source.randbelow(899_999) + 100_000
         path = program_path("MEAS", plan.compensated_axis)
         passed = legal(path, measuring_program.measuring(plan, token, setting), self._configuration.names)
@@ -174,6 +176,11 @@ class SinumerikOpcUa(Leaver):
             wait_limit_s=self._settings.wait_limit_s,
             origin=self._origin,
         )
+
+    async def _check_encoder(self, axis: str, encoder: int) -> None:
+        """The site file's measuring system must be the one that acts. Raises UnsupportedDevice (E-NC-ENCODER...)."""
+        found = await self._reader.encoders(self._configuration, axis)
+        encoders.check(found, axis, encoder, self.name)
 
     async def wait_stop(self, after: int, timeout_s: float) -> StopReached | None:
         """Wait for a counter above ``after`` with the axis in position; None when the program has ended.
@@ -290,6 +297,8 @@ class SinumerikOpcUa(Leaver):
         table = order.table
         encoder = table.index if table.function == "EEC" else 0
         setting = await self._setting(table.input_axis, table.output_axis, encoder, rotary=order.rotary)
+        if table.function == "EEC" and order.purpose != "restore":
+            await self._check_encoder(table.output_axis, encoder)
         self._plan, self._saved, self._grinding.plan = None, False, None
         await self._pushing.prepare(order, setting)
 

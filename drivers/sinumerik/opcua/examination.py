@@ -10,8 +10,9 @@ from typing import Any
 
 from drivers.checks import CheckLine, Wanted, failed, fine, unknown, wrong
 from drivers.clock import Clock
-from drivers.errors import TransportError, TrueflankError
+from drivers.errors import TransportError, TrueflankError, UnsupportedDevice
 from drivers.sinumerik.ncprogram.words import COUNT, MARKED, program_path
+from drivers.sinumerik.opcua import encoders
 from drivers.sinumerik.opcua.dialogue import Dialogue
 from drivers.sinumerik.opcua.leaving import found as found_left
 from drivers.sinumerik.opcua.machine import Configuration, MachineReader
@@ -49,7 +50,7 @@ class Bedside:
 
     async def datum(self, name: str) -> Any:
         """A machine datum by its NC name, None when it cannot be read."""
-        names = self.configuration.names if self.configuration else ()
+        names = self.configuration.places if self.configuration else ()
         path = nodes.to_path(name, names, self.settings.channel)
         return None if path is None else await self.value(path)
 
@@ -156,12 +157,12 @@ async def _variables(bed: Bedside) -> list[CheckLine]:
 def _paths(bed: Bedside) -> list[str]:
     """Every variable that measuring and pushing read."""
     channel, settings = bed.settings.channel, bed.settings
-    names = bed.configuration.names if bed.configuration else ()
+    names = bed.configuration.places if bed.configuration else ()
     paths = [settings.serial_node, settings.version_node, nodes.BASIC_LENGTH_UNIT, nodes.ACCESS_LEVEL]
     paths += [nodes.OPERATING_MODE, nodes.ALARM_COUNT, nodes.alarm_number(1)]
     paths += [nodes.in_channel("chanStatus", channel), nodes.in_channel("msg", channel, "ProgramInfo")]
     paths += [nodes.in_channel("progName", channel, "ProgramInfo"), nodes.r_block(settings.r_first, COUNT, channel)]
-    numbers = range(1, len(names) + 1)
+    numbers = [place for place, name in enumerate(names, start=1) if name]
     paths += [nodes.of_axis(item, number, channel) for item in _AXIS_ITEMS for number in numbers]
     data = [f"$MA_MM_ENC_COMP_MAX_POINTS[{axis.encoder},{axis.name}]" for axis in bed.wanted.axes]
     data += [f"$MA_ENC_COMP_ENABLE[{axis.encoder},{axis.name}]" for axis in bed.wanted.axes]
@@ -176,6 +177,23 @@ async def _units(bed: Bedside) -> list[CheckLine]:
     if int(basic) != 0 or scaling is False:
         return [wrong("E-DOC-INCH", "units", basic=basic, scaling=scaling)]
     return [fine("W-DOC-UNITS", "units")]
+
+
+async def _encoders(bed: Bedside) -> list[CheckLine]:
+    """The measuring system of the site file against the one whose table acts."""
+    lines: list[CheckLine] = []
+    for axis in bed.wanted.axes:
+        if bed.configuration is None or axis.name not in bed.configuration.names:
+            continue
+        found = await bed.reader.encoders(bed.configuration, axis.name)
+        try:
+            encoders.check(found, axis.name, axis.encoder, bed.where)
+        except UnsupportedDevice as error:
+            lines.append(failed(error, "measuring system"))
+        else:
+            line = fine("W-DOC-ENCODER", "measuring system", axis=axis.name, system=axis.encoder + 1)
+            lines.append(line)
+    return lines or [unknown("W-DOC-ENCODER-UNKNOWN", "measuring system")]
 
 
 async def _memory(bed: Bedside) -> list[CheckLine]:
@@ -274,6 +292,7 @@ _QUESTIONS: tuple[tuple[str, Callable[[Bedside], Awaitable[list[CheckLine]]]], .
     ("serial number", _identity),
     ("variables", _variables),
     ("units", _units),
+    ("measuring system", _encoders),
     ("table memory", _memory),
     ("key switch", _level),
     ("files", _files),

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from drivers.errors import TransportError, UnsupportedDevice
 from drivers.sinumerik.ncprogram.backup import Memory
+from drivers.sinumerik.opcua import encoders
 from drivers.sinumerik.opcua.session import alarms as alarm_nodes
 from drivers.sinumerik.opcua.session import nodes
 from drivers.sinumerik.opcua.session import values as typed_values
@@ -30,27 +31,40 @@ _AXIS_ITEMS = ("actToolBasePos", "aaRef", "aaStat", "vaEnc1CompVal", "vaCecCompV
 
 @dataclass(frozen=True, slots=True)
 class Configuration:
-    """Machine axes in order: names (MD10000), whether rotary (MD30300) and modulo (MD30310); None: not readable."""
+    """Machine axes by their numbers: names (MD10000), whether rotary (MD30300) and modulo (MD30310).
 
-    names: tuple[str, ...]
+    A control may have no axis of some number: its name is "" here, so that the others keep theirs. None: not readable.
+    """
+
+    places: tuple[str, ...]
     rotary: tuple[bool | None, ...]
     modulo: tuple[bool | None, ...]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The axes that there are, in order."""
+        return tuple(name for name in self.places if name)
+
+    @property
+    def has_gaps(self) -> bool:
+        """Whether a number has no axis: then the place among the names is no number."""
+        return "" in self.places
 
     def number(self, axis: str, where: str) -> int:
         """1-based number of an axis. Raises UnsupportedDevice (E-NC-AXIS)."""
         if axis not in self.names:
             raise UnsupportedDevice("E-NC-AXIS", where, axis=axis, known=", ".join(self.names))
-        return self.names.index(axis) + 1
+        return self.places.index(axis) + 1
 
     def is_rotary(self, axis: str) -> bool:
         """By MD30300; by its name's letter where that cannot be read."""
-        place = self.names.index(axis) if axis in self.names else -1
+        place = self.places.index(axis) if axis in self.names else -1
         known = self.rotary[place] if place >= 0 else None
         return axis[:1] in "ABC" if known is None else known
 
     def is_modulo(self, axis: str, *, rotary: bool) -> bool:
         """By MD30310; a rotary axis of which nothing can be read turns endlessly."""
-        known = self.modulo[self.names.index(axis)] if axis in self.names else None
+        known = self.modulo[self.places.index(axis)] if axis in self.names else None
         return rotary if known is None else known and rotary
 
     @property
@@ -71,27 +85,27 @@ class MachineReader:
     async def configuration(self) -> Configuration:
         """Axes of the machine. Raises UnsupportedDevice (E-UA-ABSENT) when none can be read."""
         found = await self._read([nodes.axis_name(place) for place in range(1, MOST_AXES + 1)])
-        names: list[str] = []
-        for reading in found:
-            if reading.status or not reading.value.strip():
-                break
-            names.append(reading.value.strip().upper())
-        if not names:
-            raise self._bad(found[0])
+        names = ["" if reading.status else reading.value.strip().upper() for reading in found]
+        last = max((place for place, name in enumerate(names, start=1) if name), default=0)
+        unread = next((reading for reading in found[: max(last, 1)] if reading.status), None)
+        if unread is not None or not last:
+            raise self._bad(unread or found[0])
+        names = names[:last]
         self._check_names(names)
-        flags = await self._read(
-            [
-                self._datum(f"{datum}[{name}]", names)
-                for datum in ("$MA_IS_ROT_AX", "$MA_ROT_IS_MODULO")
-                for name in names
-            ]
-        )
-        known = tuple(None if reading.status else reading.value for reading in flags)
-        return Configuration(tuple(names), known[: len(names)], known[len(names) :])
+        rotary, modulo = [await self._flags(datum, names) for datum in ("$MA_IS_ROT_AX", "$MA_ROT_IS_MODULO")]
+        return Configuration(tuple(names), rotary, modulo)
+
+    async def _flags(self, datum: str, names: Sequence[str]) -> tuple[bool | None, ...]:
+        """A switch of every axis by its number; None where there is no axis or it cannot be read."""
+        found = await self._read([self._datum(f"{datum}[{name}]", names) for name in names if name])
+        values = iter(None if reading.status else bool(reading.value) for reading in found)
+        return tuple(next(values) if name else None for name in names)
 
     def _check_names(self, names: Sequence[str]) -> None:
         """Names go into programs and file names, each for one axis. Raises RemoteProtocolError (E-UA-VALUE)."""
         for place, name in enumerate(names, start=1):
+            if not name:
+                continue
             if not _AXIS_NAME.fullmatch(name) or name in names[: place - 1]:
                 raise typed_values.wrong(nodes.axis_name(place), name, "an axis name of its own", self._where)
 
@@ -108,28 +122,35 @@ class MachineReader:
     async def memory(self, configuration: Configuration, axis: str, encoder: int) -> Memory:
         """Reserved points (MD38000 of the encoder, MD18342 of every CEC table that can be read)."""
         configuration.number(axis, self._where)
-        names = configuration.names
+        names = configuration.places
         tables = min(2 * len(names), MOST_CEC_TABLES)
         paths = [self._datum(f"$MA_MM_ENC_COMP_MAX_POINTS[{encoder},{axis}]", names)]
         paths += [self._datum(f"$MN_MM_CEC_MAX_POINTS[{table}]", names) for table in range(tables)]
         eec, *cec = await self._read(paths)
         points = tuple(0 if one.status else self._reserved(one) for one in cec)
         self._good([eec])
-        return Memory(self._reserved(eec), points, names)
+        return Memory(self._reserved(eec), points, configuration.names)
 
     def _reserved(self, reading: Reading) -> int:
         """Points that a memory figure says. Raises RemoteProtocolError (E-UA-VALUE) beyond what a control has."""
         return typed_values.whole(reading.value, reading.path, self._where, MOST_POINTS)
 
+    async def encoders(self, configuration: Configuration, axis: str) -> encoders.Encoders:
+        """Which measuring systems the axis has, whose table is on, and who has memory for one."""
+        configuration.number(axis, self._where)
+        paths = [self._datum(name, configuration.places) for name in encoders.names_of(axis)]
+        found = await self._read(paths)
+        return encoders.of_values([None if one.status else float(one.value) for one in found])
+
     async def switch(self, name: str, configuration: Configuration) -> bool | None:
         """A switch by its NC name; None when this user may not read it or the NCK restarts just now."""
-        path = self._datum(name, configuration.names)
+        path = self._datum(name, configuration.places)
         (reading,) = await self._session.read([path], self.timeout_s)
         return None if reading.status else bool(reading.value)
 
     async def figure(self, name: str, configuration: Configuration) -> float | None:
         """A machine datum by its NC name; None where there is no public node for it or it cannot be read."""
-        path = nodes.to_path(name, configuration.names, self._settings.channel)
+        path = nodes.to_path(name, configuration.places, self._settings.channel)
         if path is None:
             return None
         (reading,) = await self._session.read([path], self.timeout_s)
@@ -149,7 +170,7 @@ class MachineReader:
             nodes.ACCESS_LEVEL,
         ]
         alarms = [nodes.alarm_number(place) for place in range(1, ALARM_PLACES + 1)]
-        numbers = range(1, len(configuration.names) + 1)
+        numbers = [place for place, name in enumerate(configuration.places, start=1) if name]
         axes = [nodes.of_axis(item, number, channel) for number in numbers for item in _AXIS_ITEMS]
         values = self._fresh(await self._read([*head, *alarms, *axes], aged=True))
         status, mode, message, program, level = values[: len(head)]

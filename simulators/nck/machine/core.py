@@ -43,7 +43,7 @@ class Core:
         self.memory = self._empty_memory()
         self._names: dict[str, int] = {}
         for place, axis in enumerate(spec.axes):
-            for name in (axis.name.upper(), f"AX{place + 1}"):
+            for name in (axis.name.upper(), f"AX{spec.numbers[place]}"):
                 self._names.setdefault(name, place)
         self._letters = {axis.letter.upper(): place for place, axis in enumerate(spec.axes)}
         self.axes = [MachineAxis(axis, place, 0.0) for place, axis in enumerate(spec.axes)]

@@ -34,6 +34,7 @@ Arguments = Sequence[tuple[Any, str]]
 CLOSE_S = 2.0
 SHORTEST_S = 0.5  # how often a server may make us show a sign of life, or renew its channel
 _TOO_MANY = "BadTooManyOperations"
+_NO_CHANNEL = ("E-UA-TRUST-US", "E-UA-CONNECT")
 
 logging.getLogger("asyncua").addHandler(logging.NullHandler())
 
@@ -93,12 +94,25 @@ class UaSession:
         await self.close()
         self._secrets = secrets
         async with self._clock.deadline(timeout_s, self._where), self._lock:
-            self._policy = await login.check_trust(secrets, self._asked, self._clock.utc(), self._where)
-            self._client = client = login.new_client(self._url, secrets)
-            opened_at = self._clock.now()
-            await self._translated("login", secrets.user, login.log_in(client, secrets, self._policy))
+            policies = await login.check_trust(secrets, self._asked, self._clock.utc(), self._where)
+            client, opened_at = await self._logged_in(secrets, policies)
             await self._translated("read", "the name space", self._look_around(client, opened_at))
         self._alive = asyncio.get_running_loop().create_task(self._keep_alive(), name=f"keep-alive of {self._where}")
+
+    async def _logged_in(self, secrets: Secrets, policies: Sequence[str]) -> tuple[Any, float]:
+        """A client that is logged in, and since when; another policy is tried only where the first got no channel."""
+        for place, policy in enumerate(policies, start=1):
+            self._policy = policy
+            self._client = client = login.new_client(self._url, secrets)
+            opened_at = self._clock.now()
+            try:
+                await self._translated("login", secrets.user, login.log_in(client, secrets, policy))
+            except TrueflankError as error:
+                if place == len(policies) or error.code not in _NO_CHANNEL:
+                    raise
+            else:
+                return client, opened_at
+        raise LinkBroken("E-UA-BROKEN", self._where, why="no policy to log in with")
 
     async def beside(self, timeout_s: float) -> UaSession:
         """A second session with the same login, for what must not disturb this one. Raises as `open`."""
@@ -109,7 +123,7 @@ class UaSession:
         return made
 
     async def _asked(self) -> Offer:
-        return await self._translated("read", "the end points", login.ask(self._url))
+        return await self._translated("read", "the end points", login.ask(self._url, self._where))
 
     async def _look_around(self, client: Any, opened_at: float) -> None:
         """Resolve the name space by its URI, now and at every login, and find methods under either parent."""
@@ -245,7 +259,8 @@ class UaSession:
     async def _call(self, owner: Any, node: Any, name: str, arguments: Arguments, timeout_s: float) -> list[Any]:
         result = await self._request(timeout_s, "call", name, lambda it: requests.call(it, owner, node, arguments))
         if result.StatusCode.value != ua.StatusCodes.Good:
-            raise refusal(result.StatusCode.name, self._where, "call", f"{name} {requests.shown(arguments)}".strip())
+            what = f"{name} {requests.shown(arguments)}{requests.refused_arguments(result)}".strip()
+            raise refusal(result.StatusCode.name, self._where, "call", what)
         return [output.Value for output in result.OutputArguments or []]
 
     async def alarm_events(self, timeout_s: float) -> list[AlarmEvent] | None:

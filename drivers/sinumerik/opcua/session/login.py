@@ -43,11 +43,16 @@ class Offer:
         return next((name for name in self.policies if name in wanted), "")
 
 
-async def ask(url: str) -> Offer:
-    """Get the end points without logging in. Raises the library's errors, ValueError for a broken certificate."""
+async def ask(url: str, where: str) -> Offer:
+    """Get the end points without logging in. Raises the library's errors, ValueError for a broken certificate.
+
+    Raises RemoteProtocolError (E-UA-NO-OFFER) for a server that greets and then opens no channel without security.
+    """
     probe = Client(url, timeout=LIBRARY_TIMEOUT_S)
     try:
-        endpoints = await probe.connect_and_get_server_endpoints()
+        await probe.connect_socket()
+        await probe.send_hello()
+        endpoints = await _shown(probe, url, where)
     finally:
         probe.disconnect_socket()
     ours = [end for end in endpoints if _policy(end) in _CLASSES and _encrypts(end)]
@@ -56,6 +61,17 @@ async def ask(url: str) -> Offer:
     offered = {_policy(end) for end in ours}
     policies = tuple(name for name in POLICIES if name in offered)
     return Offer(tuple(names), policies, load(shown[0]) if shown else None)
+
+
+async def _shown(probe: Any, url: str, where: str) -> list[Any]:
+    """End points over a channel without security. A server without policy None refuses it or hangs up."""
+    try:
+        await probe.open_secure_channel()
+        endpoints = await probe.get_endpoints()
+        await probe.close_secure_channel()
+    except (ua.UaStatusCodeError, ConnectionError, AssertionError) as error:
+        raise RemoteProtocolError("E-UA-NO-OFFER", where, url=url) from error
+    return list(endpoints)
 
 
 def _policy(end: Any) -> str:
@@ -93,15 +109,17 @@ def check_pinned(pinned: x509.Certificate, now: datetime, where: str) -> None:
         raise DeviceRefused("E-UA-EXPIRED", where, since=since, until=until)
 
 
-async def check_trust(secrets: Secrets, ask_: Callable[[], Awaitable[Offer]], now: datetime, where: str) -> str:
-    """Compare certificates before anything is entrusted to a server; the policy to use, "" without security.
+async def check_trust(
+    secrets: Secrets, ask_: Callable[[], Awaitable[Offer]], now: datetime, where: str
+) -> tuple[str, ...]:
+    """Compare certificates before anything is entrusted to a server; policies to try in order, "" without security.
 
     Whether our own and the pinned one hold now is asked before anything is sent. A server that answers nobody
-    without a login cannot be asked; then the channel itself must prove the pinned certificate, by the policy that
-    every control has. Raises as `check`, `check_pinned` and `check_own`, and what ``ask_`` raises.
+    without a login cannot be asked; then the channel itself must prove the pinned certificate, first by the policy
+    that every control has. Raises as `check`, `check_pinned` and `check_own`, and what ``ask_`` raises.
     """
     if secrets.pinned is None or secrets.own is None:
-        return ""
+        return ("",)
     path = secrets.own.certificate
     try:
         own = load(await asyncio.to_thread(path.read_bytes))
@@ -113,8 +131,8 @@ async def check_trust(secrets: Secrets, ask_: Callable[[], Awaitable[Offer]], no
     try:
         offer = await ask_()
     except RemoteProtocolError:
-        return secrets.policies[-1]
-    return check(offer, secrets.pinned, secrets.policies, where)
+        return tuple(reversed(secrets.policies))
+    return (check(offer, secrets.pinned, secrets.policies, where),)
 
 
 def check_own(own: x509.Certificate, path: str, now: datetime, where: str) -> None:

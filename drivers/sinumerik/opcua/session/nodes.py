@@ -126,7 +126,8 @@ def axis_name(place: int) -> str:
 def to_path(name: str, axes: Sequence[str], channel: int = 1) -> str | None:
     """An NC program's name of an R parameter, machine or setting datum -> identifier; None if it has none.
 
-    ``axes`` are the machine axis names in order. ``$AA_ENC_COMP`` and ``$AN_CEC`` have no public node.
+    ``axes`` are the machine axis names by number, "" where there is none.
+    ``$AA_ENC_COMP`` and ``$AN_CEC`` have no public node.
     """
     match = _NC_NAME.fullmatch(name)
     if match is None:
@@ -162,6 +163,8 @@ def to_names(address: Address, axes: Sequence[str]) -> tuple[str, ...]:
         if not 1 <= (address.unit or 1) <= len(axes):
             return ()
         axis = axes[(address.unit or 1) - 1]
+        if not axis:  # no axis of this number
+            return ()
     if not address.elements:
         return (f"{address.name}[{axis}]" if axis else address.name,)
     if address.elements[0] < 1:

@@ -134,6 +134,13 @@ def shown(arguments: Sequence[tuple[Any, str]]) -> str:
     return " ".join(str(value) for value, kind in arguments if kind in ("String", "Int32"))
 
 
+def refused_arguments(result: Any) -> str:
+    """Which arguments of a call the server names as wrong, and why; "" where it names none."""
+    statuses = [status_name(status) for status in result.InputArgumentResults or []]
+    told = [f"argument {place}: {name}" for place, name in enumerate(statuses, start=1) if name != "Good"]
+    return f" ({', '.join(told)})" if told else ""
+
+
 async def methods(client: Any, parent: Any) -> dict[str, Any]:
     """Methods directly under an object, by browse name; empty when there is no such object."""
     wanted = ua.BrowseDescription()

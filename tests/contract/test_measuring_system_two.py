@@ -1,0 +1,47 @@
+"""A machine whose second measuring system acts, with few points: the site file must name it, and a push goes there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from drivers.errors import UnsupportedDevice
+from drivers.types import CompensationTable, Stop
+from tests.contract.opcua_stage import AXES, ORDER, SPEC, Stage, on_stage, plan
+
+X, Z, C = AXES
+SCALES = replace(SPEC, axes=(X, replace(Z, number=4), replace(C, eec_points=(0, 25), number=13)), cec_points=())
+VALUES = (0.0, *(0.4 * ((n * 5) % 7 - 3) for n in range(1, 24)), 0.0)
+TABLE = CompensationTable(
+    "EEC", "C1", "C1", 0.0, 360.0, 15.0, VALUES, modulo=True, index=1, input_unit="deg", output_unit="deg"
+)
+
+
+def test_only_the_acting_measuring_system_is_written() -> None:
+    async def act(on: Stage) -> None:
+        with pytest.raises(UnsupportedDevice, match="E-NC-ENCODER") as caught:
+            await on.device.prepare_push(ORDER)
+        assert "lets index 1 act" in caught.value.what
+        with pytest.raises(UnsupportedDevice, match="E-NC-ENCODER"):
+            await on.device.prepare_stops(plan((Stop(10.0, 1),)))
+        order = replace(ORDER, table=TABLE)
+        assert await on.push(order)
+        assert on.nck.get("$MA_ENC_COMP_ENABLE[1,C1]")
+        assert not on.nck.get("$MA_ENC_COMP_ENABLE[0,C1]")
+        seen = await on.walk(plan((Stop(10.0, 1),), encoder=1))
+        assert [stop.target for stop in seen] == [10.0]
+        live = await on.device.saved_tables("C1")
+        assert (live.eec.enabled, live.eec.table.index, len(live.eec.table.deviations)) == (True, 1, 25)
+
+    on_stage(act, spec=SCALES, server={"null_strings": True})
+
+
+def test_two_that_act_are_refused() -> None:
+    async def act(on: Stage) -> None:
+        for encoder in (0, 1):
+            on.nck.set(f"$MA_ENC_COMP_ENABLE[{encoder},X1]", True, 2)
+        with pytest.raises(UnsupportedDevice, match="E-NC-ENCODERS"):
+            await on.device.prepare_stops(plan((Stop(10.0, 1),), axis="X1", letter="X", unit="mm", rotary=False))
+
+    on_stage(act)

@@ -1,0 +1,52 @@
+"""The acting measuring system: told by the control, compared with the site file, refused where it is another or two."""
+
+from __future__ import annotations
+
+import pytest
+
+from drivers.errors import UnsupportedDevice
+from drivers.sinumerik.opcua.encoders import Encoders, check, names_of, of_values
+
+
+@pytest.mark.parametrize(
+    ("values", "encoder"),
+    [
+        ([2, 0, 1, 0, 25], 1),  # measuring system 2 acts, as on most machines with scales
+        ([1, 1, 0, 81, 0], 0),
+        ([1, 1, 1, 81, 81], 0),  # the second is not there, whatever its switch says
+        ([2, 0, 0, 0, 25], 1),  # none is on yet, one has memory
+        ([2, 0, 0, 81, 81], 0),  # none is on, both have memory: the site file decides
+        ([2, 0, 0, 81, 81], 1),
+        ([None, None, None, None, None], 0),  # nothing can be read: memory is asked for elsewhere
+    ],
+)
+def test_the_encoder_that_acts_is_taken(values: list[float | None], encoder: int) -> None:
+    check(of_values(values), "X1", encoder, "840D")
+
+
+@pytest.mark.parametrize(
+    ("values", "encoder", "code"),
+    [
+        ([2, 0, 1, 0, 25], 0, "E-NC-ENCODER"),
+        ([2, 1, 0, 81, 25], 1, "E-NC-ENCODER"),
+        ([1, 0, 0, 81, 0], 1, "E-NC-ENCODER"),
+        ([2, 0, 0, 0, 25], 0, "E-NC-ENCODER"),
+        ([2, 0, 0, 0, 0], 0, "E-NC-ENCODER"),
+        ([2, 1, 1, 25, 25], 0, "E-NC-ENCODERS"),
+        ([2, 1, 1, 25, 25], 1, "E-NC-ENCODERS"),
+    ],
+)
+def test_another_one_or_two_are_refused_with_what_the_control_says(
+    values: list[float | None], encoder: int, code: str
+) -> None:
+    with pytest.raises(UnsupportedDevice) as caught:
+        check(of_values(values), "X1", encoder, "840D")
+    assert caught.value.code == code
+    assert f"MD38000[0], [1] = {values[3]}, {values[4]}" in caught.value.what
+
+
+def test_what_is_read() -> None:
+    names = names_of("Z1")
+    assert len(names) == 5
+    assert names[2] == "$MA_ENC_COMP_ENABLE[1,Z1]"
+    assert of_values([2, 1, 0, 30, None]) == Encoders(2, (True, False), (30, None))
