@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from drivers.errors import TrueflankError
+from drivers.sinumerik.ncprogram.legal import legal
 from drivers.sinumerik.opcua.session.client import UaSession
 from drivers.sinumerik.opcua.settings import Secrets
 from drivers.types import Stop
@@ -107,8 +108,8 @@ def test_a_level_too_low_is_refused_even_where_the_server_would_lose_the_write_i
 def test_a_large_file_goes_through_in_pieces_and_comes_back_whole(keys: Path) -> None:
     async def act(on: Stage) -> None:
         transfer = on.device._transfer
-        text = "; a line of a long program\n" * 12000
-        await transfer.send(MEASURE, text)
+        text = "; a line of a long program\n" * 12000 + "M30\n"
+        await transfer.send(legal(MEASURE, text, ()))
         assert on.server.requests.called["Open/Write"] == 5
         assert await transfer.fetch(MEASURE) == text
 
