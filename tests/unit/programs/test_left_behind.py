@@ -42,6 +42,7 @@ AXES = (
 SPEC = NckSpec(
     AXES,
     cec_points=(4,),
+    files_max_bytes=65536,
     modal_stays=True,
     diameter_axis="X",
     zero_offset_mm=11.0,
