@@ -10,6 +10,7 @@ from simulators.nck.language.syntax import NcSyntaxError
 from simulators.nck.machine.alarms import AlarmList
 from simulators.nck.machine.core import Core
 from simulators.nck.machine.files import FileSystem, canonical
+from simulators.nck.program.block import Modal
 from simulators.nck.program.interpreter import BrokenOff, Interpreter, PowerCut
 from simulators.nck.program.variables import Variables
 from simulators.nck.spec import NckRefusal
@@ -48,6 +49,7 @@ class Channel:
         self._task: asyncio.Task[None] | None = None
         self._faulted = False
         self._line = 0
+        self._modal = Modal()
 
     # -- state -------------------------------------------------------------------------------------
 
@@ -155,13 +157,21 @@ class Channel:
             self._core.alarms.raise_(14011, f"program {self.selected} does not exist", "start")
             return False
         try:
-            run = Interpreter(self._core, self._variables, self, self.selected)
+            run = Interpreter(self._core, self._variables, self, self.selected, self._in_force())
         except NcSyntaxError as error:
             self._fault(error.number, error.reason, error.line)
             return False
         self._run = run
         self._task = asyncio.ensure_future(self._execute(run))
         return True
+
+    def _in_force(self) -> Modal:
+        """What a program begins with: as the one before left it, or the control's own (`Switches.modal_stays`)."""
+        if not self._core.spec.modal_stays:
+            return Modal()
+        self._modal.planned.clear()
+        self._modal.feed = None
+        return self._modal
 
     async def _execute(self, run: Interpreter) -> None:
         try:

@@ -52,6 +52,7 @@ class NckSpec(Switches):
 
     ``access_level`` 0..7, smaller has more rights (0 Siemens, 2 service, 3 user, 4..7 key switch).
     ``option_cec``: the option for CEC is there, for ``option_cec_axes`` compensation axes at most.
+    ``files_max_bytes``: MD11420, to the kB; the control's own default is small.
     ``gud``: global user data, REAL arrays by name and length.
     """
 
@@ -65,7 +66,7 @@ class NckSpec(Switches):
     option_cec_axes: int = 31
     r_count: int = 1000
     gud: tuple[tuple[str, int], ...] = ()
-    files_max_bytes: int = 2_000_000
+    files_max_bytes: int = 1024
     files_max_total: int = 50_000_000
     files_max_count: int = 1000
     table_memory_bytes: int = 2_000_000

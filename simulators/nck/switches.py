@@ -28,6 +28,7 @@ OPEN: dict[str, tuple[Choice, ...]] = {
     "enable_cleared_at_boot": (False, True),
     "encoder_lead_shared": (True, False),
     "system_reads_stop": (False, True),
+    "modal_stays": (False, True),
 }
 """The open switches and what each can be, the default first; a seed may draw one."""
 
@@ -47,6 +48,10 @@ class Switches:
         ``locked_alarm``: the alarm when an enabled table is written.
         ``fetch_while_waiting``: files may be read from outside while a program runs or waits.
         ``r_writable``: R parameters may be written from outside.
+        ``modal_stays``: modal states (plane, inch, diameter, frames, transformation...) outlive the end of a program;
+        False: each begins with the control's own. ``diameter_axis``: letter of the axis that DIAMON counts in
+        diameters; ``zero_offset_mm`` what G54 to G599 shift linear axes by; ``tool_length_mm`` of D1, along the third
+        axis of the plane.
         ``judges_programs``: what the printed rules of the language refuse is not run (alarm 12080); False only
         where the interpreter behind that gate is tried by itself.
         ``backlash_reacts_to_cec``: False: as if MD32454 bit 1 were always set.
@@ -94,6 +99,10 @@ class Switches:
     fetch_while_waiting: bool = True
     r_writable: bool = True
     judges_programs: bool = True
+    modal_stays: bool = False
+    diameter_axis: str = ""
+    zero_offset_mm: float = 0.0
+    tool_length_mm: float = 0.0
     backlash_reacts_to_cec: bool = True
     shortened_max_is_stored: bool = False
     enable_cleared_at_boot: bool = False

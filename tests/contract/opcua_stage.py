@@ -21,7 +21,7 @@ AXES = (
     AxisSpec("Z1", "Z", travel=(0.0, 600.0), eec_points=(10, 0)),
     AxisSpec("C1", "C", rotary=True, modulo=True, eec_points=(80, 0)),
 )
-SPEC = NckSpec(AXES, cec_points=(0, 10), access_level=2)
+SPEC = NckSpec(AXES, cec_points=(0, 10), access_level=2, files_max_bytes=65536)
 USER = {"user": "trueflank", "password": "trueflank"}
 PLAIN = {**USER, "security": "None", "poll_s": 0.2}
 

@@ -31,6 +31,7 @@ CHECKS = (
     ),
     *("rights", "axes", "serial number", "variables", "units", "measuring system", "measuring system"),
     *("table memory", "table memory", "cross tables"),
+    *("written files", "SD41300", "CEC limits", "CEC limits", "diameters", "temperature", "temperature"),
     *("key switch", "files", "left over", "R parameters", "alarms", "state"),
 )
 
@@ -95,6 +96,7 @@ WRONG: list[tuple[str, NckSpec, dict[str, Any], dict[str, Any], tuple[str, str, 
     ("no events", SPEC, {"alarm_events": False}, {}, ("alarms", "unknown", "W-DOC-NO-EVENTS")),
     ("node path", SPEC, {}, {"serial_node": "/Nck/State/serial"}, ("serial number", "wrong", "E-UA-ABSENT")),
     ("another machine", replace(SPEC, serial="X"), {}, {}, ("serial number", "wrong", "E-DOC-SERIAL")),
+    ("files too short", replace(SPEC, files_max_bytes=1024), {}, {}, ("written files", "wrong", "E-DOC-FILE-LIMIT")),
     ("sessions", SPEC, {"session_limit": 1}, {}, ("alarms", "unknown", "W-DOC-NO-EVENTS")),
 ]
 
@@ -114,6 +116,35 @@ def test_what_the_site_wants_and_the_control_has_not(keys: Path) -> None:
     assert ("axes", "wrong", "E-DOC-AXIS-UNIT") in lines
     assert ("axes", "wrong", "E-NC-AXIS") in lines
     assert ("table memory", "wrong", "E-DOC-MEMORY") in lines
+
+
+def test_settings_of_the_control_that_tables_and_files_need(keys: Path) -> None:
+    async def act(on: Stage) -> None:
+        for name, value in (
+            ("$MN_PROTOCOL_FILE_MODE", 1),
+            ("$MA_CEC_MAX_SUM[X1]", 0.01),
+            ("$MA_TEMP_COMP_TYPE[C1]", 1),
+            ("$SA_TEMP_COMP_SLOPE[C1]", 0.25),
+        ):
+            on.nck.set(name, value, 0)
+        on.nck.core.data.store("$MN_PROG_SD_RESET_SAVE_TAB", (0,), 0)
+        found = await doctor(on)
+        told = {(line.check, line.code, line.fields.get("axis")) for line in found}
+        assert ("written files", "E-DOC-FILE-LATE", None) in told
+        assert ("SD41300", "E-DOC-NOT-KEPT", None) in told
+        assert ("CEC limits", "E-DOC-CEC", "X1") in told
+        assert ("temperature", "W-DOC-WARMTH", "C1") in told
+        assert any("0.25" in line.what for line in found if line.check == "temperature")
+        on.server.manners.read_status["/NC/_N_NC_TEA_ACX/$MN_LEN_PROTOCOL_FILE"] = "BadUserAccessDenied"
+        unread = await doctor(on)
+        assert ("written files", "unknown", "W-DOC-FILE-LIMIT-UNKNOWN") in bad(unread)
+
+    on_stage(act, folder=keys)
+
+
+def test_a_machine_with_a_diameter_axis_is_told_so(keys: Path) -> None:
+    lines = lines_of(keys, replace(SPEC, diameter_axis="X"))
+    assert [line.what[:1] for line in lines if line.check == "diameters"] == ["X"]
 
 
 def test_live_conditions_and_the_end_of_the_road(keys: Path) -> None:

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from drivers.errors import TrueflankError
+from drivers.errors import DeviceRefused, TrueflankError
+from drivers.sinumerik.ncprogram.legal import legal
 from drivers.sinumerik.opcua.session.client import UaSession
 from drivers.sinumerik.opcua.settings import Secrets
 from drivers.types import Stop
-from tests.contract.opcua_stage import Stage, on_stage, plan
+from tests.contract.opcua_stage import SPEC, Stage, on_stage, plan
 
 FOLDER = "Sinumerik/FileSystem/Part Program"
 MEASURE = "/_N_MPF_DIR/_N_TFMEAS_C1_MPF"
@@ -101,8 +103,8 @@ def test_a_level_too_low_is_refused_even_where_the_server_would_lose_the_write_i
 def test_a_large_file_goes_through_in_pieces_and_comes_back_whole(keys: Path) -> None:
     async def act(on: Stage) -> None:
         transfer = on.device._transfer
-        text = "; a line of a long program\n" * 12000
-        await transfer.send(MEASURE, text)
+        text = "; a line of a long program\n" * 12000 + "M30\n"
+        await transfer.send(legal(MEASURE, text, ()))
         assert on.server.requests.called["Open/Write"] == 5
         assert await transfer.fetch(MEASURE) == text
 
@@ -161,5 +163,28 @@ def test_a_file_left_open_by_a_lost_session_keeps_its_old_content(keys: Path) ->
         assert on.nck.files.read("/_N_MPF_DIR/_N_A_MPF") == b"old\n"
         assert on.server._core.files.handles == {}
         await made.close()
+
+    on_stage(act, folder=keys)
+
+
+def test_a_control_whose_files_stay_too_short_gets_no_program(keys: Path) -> None:
+    async def act(on: Stage) -> None:
+        with pytest.raises(DeviceRefused, match="E-NC-FILE-LIMIT") as caught:
+            await on.device.prepare_stops(plan((Stop(6.0, 1),)))
+        assert caught.value.fields["limit_kb"] == 1
+        assert caught.value.fields["needed_kb"] == 4
+        assert not on.nck.files.exists(MEASURE)
+        assert on.server.requests.changing == 0
+
+    on_stage(act, replace(SPEC, files_max_bytes=1024), folder=keys)
+
+
+def test_a_file_that_is_full_is_called_full(keys: Path) -> None:
+    async def act(on: Stage) -> None:
+        await on.device.prepare_stops(plan((Stop(6.0, 1),)))
+        on.nck.set("$MN_LEN_PROTOCOL_FILE", 1, 0)
+        on.press()
+        with pytest.raises(DeviceRefused, match="E-NC-FILE-FULL"):
+            await on.device.wait_stop(0, 60.0)
 
     on_stage(act, folder=keys)

@@ -158,7 +158,7 @@ async def ua_world(
     old = LiveTable(OLD, True) if old is None else old
     cross = new.function == "CEC"
     spec = NckSpec((X_SPEC, Z_SPEC), cec_points=(POINTS, 2)) if cross else NckSpec((X_SPEC,))
-    nck = Nck(replace(spec, access_level=2, **switches), clock)
+    nck = Nck(replace(spec, access_level=2, files_max_bytes=65536, **switches), clock)
     held: Any = nck.core.memory.cec[0] if cross else nck.core.memory.eec[0, 0]
     content = content_of(old.table, len(held.points))
     held.points = list(content.points)

@@ -11,13 +11,15 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
+from drivers.errors import DeviceRefused
 from drivers.sinumerik.ncprogram.words import file_path
 
 Section = Literal["LIVE", "BACK", "READ"]
 END_WORD = "M17"
+_LONGEST_VALUE = 16  # equals sign, line end, and a number of 14 signs
 _CEC_PARAMETERS = ("STEP", "MIN", "MAX", "DIRECTION", "MULT_BY_TABLE", "IS_MODULO", "TYPE")
-_ERROR, POINT, _COUNTER = "UERR", "UPOINT", "ULINES"
-VARIABLES = f"{_ERROR}, {POINT}, {_COUNTER}"
+ERROR, POINT, _COUNTER = "UERR", "UPOINT", "ULINES"
+VARIABLES = f"{ERROR}, {POINT}, {_COUNTER}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,11 +27,13 @@ class Memory:
     """What the control reserved: EEC points of the axis' encoder (MD38000), CEC points by table (MD18342).
 
     ``axes`` are the machine axis names: a program can compare values of type AXIS, but not write them down.
+    ``file_kb`` is how large a written file may become (MD11420), 0 where that is not known.
     """
 
     eec_points: int
     cec_points: tuple[int, ...] = ()
     axes: tuple[str, ...] = ()
+    file_kb: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,15 +134,38 @@ def blocks(saving: Saving, failed: str) -> list[str]:
 
     They use the integers `VARIABLES`, which the program must define. All reserved points are written, so that
     leftovers beyond the end of a table are on record too. The lines are counted as they are written.
+    Raises DeviceRefused (E-NC-FILE-LIMIT) where the file would outgrow what the control lets a file become.
     """
+    _check_size(saving)
     write = _Writer(saving.path, failed)
-    out = [f'DELETE({_ERROR},"{saving.path}")', "STOPRE", f"{_COUNTER}=0", *write.text(f'"{saving.first_line}"')]
+    out = [f'DELETE({ERROR},"{saving.path}")', "STOPRE", f"{_COUNTER}=0", *write.text(f'"{saving.first_line}"')]
     if saving.memory.eec_points:
         out += [*write.points(own_points(saving)), *write.values(own_parameters(saving))]
     for table in reserved_tables(saving.memory):
         out += _cross(write, table, saving)
     out += write.values(axis_settings(saving))
     return [*out, *write.text(f'"{saving.last_mark}"<<{_COUNTER}'), *write.text(f'"{END_WORD}"')]
+
+
+def size_of(saving: Saving) -> int:
+    """Bytes that the file has at most, all tables loaded and every number as long as numbers are."""
+    places = [*own_points(saving).places, *own_parameters(saving), *axis_settings(saving)]
+    for table in reserved_tables(saving.memory):
+        places += [*cross_points(table, saving).places, *cross_parameters(table), *cross_switches(table)]
+        places += cross_axes(table)
+    marks = len(saving.first_line) + len(saving.last_mark) + len(END_WORD)
+    return marks + sum(len(place) + _LONGEST_VALUE for place in places)
+
+
+def kilobytes(savings: Iterable[Saving]) -> int:
+    """What MD11420 must be for the largest of these files."""
+    return max((-(-size_of(saving) // 1024) for saving in savings), default=1)
+
+
+def _check_size(saving: Saving) -> None:
+    needed, limit = kilobytes([saving]), saving.memory.file_kb
+    if 0 < limit < needed:
+        raise DeviceRefused("E-NC-FILE-LIMIT", saving.path, needed_kb=needed, limit_kb=limit, axis=saving.axis)
 
 
 def _cross(write: _Writer, table: int, saving: Saving) -> list[str]:
@@ -160,7 +187,7 @@ class _Writer:
 
     def text(self, text: str) -> list[str]:
         counted = f"{_COUNTER}={_COUNTER}+1"
-        return [f'WRITE({_ERROR},"{self.path}",{text})', f"IF {_ERROR}<>0 GOTOF {self.failed}", counted]
+        return [f'WRITE({ERROR},"{self.path}",{text})', f"IF {ERROR}<>0 GOTOF {self.failed}", counted]
 
     def values(self, names: Iterable[str]) -> list[str]:
         return [block for name in names for block in self.text(f'"{name}="<<{name}')]

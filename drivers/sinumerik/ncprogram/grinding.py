@@ -16,7 +16,14 @@ from drivers.programs import NOBODY, Origin
 from drivers.sinumerik.ncprogram import backup
 from drivers.sinumerik.ncprogram.backup import Memory, Saving
 from drivers.sinumerik.ncprogram.heads import Head, headed, section
-from drivers.sinumerik.ncprogram.measuring import PREPARE, check_names, phase_block, text_of, unless_aborted
+from drivers.sinumerik.ncprogram.measuring import (
+    PREPARE,
+    check_names,
+    file_failed,
+    phase_block,
+    text_of,
+    unless_aborted,
+)
 from drivers.sinumerik.ncprogram.motion import number
 from drivers.sinumerik.ncprogram.words import Phase, SetupWord, Word, Words, file_path, program_path
 from drivers.workpiece import (
@@ -101,7 +108,7 @@ def _text(plan: GrindPlan, token: int, setting: GrindSetting, *, saves: bool) ->
         "M30",
     ]
     out += [section("ways out"), f"{_LEFT}:", "STOPRE", *_stopped(plan), phase_block(words, Phase.LEFT), "M30"]
-    out += [f"{_FAILED}:", "STOPRE", phase_block(words, Phase.FILE_FAILED), "M30"]
+    out += file_failed(words, _FAILED)
     out += [f"{_REFUSED}:", "STOPRE", phase_block(words, Phase.SETUP_REFUSED), "M30"]
     out += [f"{_STALE}:", "M30"]
     return text_of(headed(_head(plan, token, setting, saves=saves), out))

@@ -72,7 +72,7 @@ def measuring(plan: StopPlan, token: int, setting: Setting) -> str:
     out += _stops(plan, setting)
     out += ["STOPRE", phase_block(words, Phase.FINISHED), "M30", section("ways out")]
     out += [f"{_LEFT}:", "STOPRE", phase_block(words, Phase.LEFT), "M30"]
-    out += [f"{_FAILED}:", "STOPRE", phase_block(words, Phase.FILE_FAILED), "M30"]
+    out += file_failed(words, _FAILED)
     return text_of(headed(_head(plan, token, setting), out))
 
 
@@ -152,6 +152,12 @@ def _handshake(plan: StopPlan, stop: Stop, repetition: str, setting: Setting) ->
 def phase_block(words: Words, phase: Phase) -> str:
     """Show how far the program is."""
     return f"{words.name(Word.PHASE)}={int(phase)}"
+
+
+def file_failed(words: Words, label: str) -> list[str]:
+    """The way out when WRITE refuses: its answer is shown, nothing else happens."""
+    shown = f"{words.name(Word.MISMATCHES)}={backup.ERROR}"
+    return [f"{label}:", "STOPRE", shown, phase_block(words, Phase.FILE_FAILED), "M30"]
 
 
 def unless_aborted(words: Words, label: str) -> str:

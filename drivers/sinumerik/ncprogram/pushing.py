@@ -13,7 +13,15 @@ from drivers.errors import TableError, TooManyPoints
 from drivers.sinumerik.ncprogram import backup
 from drivers.sinumerik.ncprogram.backup import Memory, Saving, Section
 from drivers.sinumerik.ncprogram.heads import Head, headed, section
-from drivers.sinumerik.ncprogram.measuring import PREPARE, Setting, check_names, phase_block, text_of, unless_aborted
+from drivers.sinumerik.ncprogram.measuring import (
+    PREPARE,
+    Setting,
+    check_names,
+    file_failed,
+    phase_block,
+    text_of,
+    unless_aborted,
+)
 from drivers.sinumerik.ncprogram.motion import Motion, number
 from drivers.sinumerik.ncprogram.words import Phase, Word, Words, file_path, program_path
 from drivers.sinumerik.tablefile import tables
@@ -77,7 +85,7 @@ def _program(kind: str, order: PushOrder, setting: Setting, body: list[str]) -> 
     ends = [section("ways out, the table off"), f"{_HELD}:", "STOPRE", *_disable(order.table), "STOPRE"]
     ends += [phase_block(words, Phase.ENDED_DISABLED), 'MSG("")', "M30"]
     ends += [f"{_LEFT}:", "STOPRE", phase_block(words, Phase.LEFT), "M30"]
-    ends += [f"{_FAILED}:", "STOPRE", phase_block(words, Phase.FILE_FAILED), "M30"]
+    ends += file_failed(words, _FAILED)
     if order.table.function == "CEC":
         ends += [f"{_WAKES}:", "STOPRE", phase_block(words, Phase.WOULD_WAKE), "M30"]
         ends += [f"{_ALONE}:", "STOPRE", phase_block(words, Phase.ENDED_DISABLED), 'MSG("")', "M30"]

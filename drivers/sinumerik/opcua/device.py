@@ -24,7 +24,7 @@ from drivers.sinumerik.ncprogram.measuring import Setting
 from drivers.sinumerik.ncprogram.words import Phase, Word, program_path
 from drivers.sinumerik.opcua import encoders
 from drivers.sinumerik.opcua.activation import activation
-from drivers.sinumerik.opcua.dialogue import Dialogue, Glance
+from drivers.sinumerik.opcua.dialogue import Dialogue, Glance, file_refused
 from drivers.sinumerik.opcua.disabling import Disabling
 from drivers.sinumerik.opcua.grinding import Grinding
 from drivers.sinumerik.opcua.leaving import Leaver, Leaving
@@ -213,7 +213,7 @@ class SinumerikOpcUa(Leaver):
 
     def _note_progress(self, seen: Glance) -> None:
         if seen.phase == Phase.FILE_FAILED:
-            raise DeviceRefused("E-NC-FILE", self.name, axis=self._plan.compensated_axis if self._plan else "")
+            raise file_refused(seen, self.name, self._plan.compensated_axis if self._plan else "")
         self._saved = self._saved or seen.phase in _SAVED
 
     @staticmethod

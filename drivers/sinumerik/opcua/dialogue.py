@@ -19,6 +19,7 @@ from drivers.types import ChannelStatus
 HARMLESS = frozenset({4070, 4075, 4400, 20124, 20125})
 GROWTH = 1.3
 LEAVES_S = 1.0  # a program that waits looks at the abort word four times a second
+_WRITE_ANSWERS = {10: "E-NC-FILE-FULL", 12: "E-NC-FILE-MEMORY"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -270,3 +271,9 @@ class Dialogue:
 
 def _done(seen: Glance) -> bool:
     return seen.channel is ChannelStatus.RESET or seen.phase == Phase.ENABLED
+
+
+def file_refused(seen: Glance, where: str, axis: str) -> DeviceRefused:
+    """Why a program could not write its file, by what WRITE answered it."""
+    answer = round(seen.word(Word.MISMATCHES))
+    return DeviceRefused(_WRITE_ANSWERS.get(answer, "E-NC-FILE"), where, axis=axis, answer=answer)

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import re
 from collections.abc import Awaitable, Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC
 from typing import Any
 
-from drivers.checks import CheckLine, Wanted, failed, fine, unknown, wrong
+from drivers.checks import CheckLine, Wanted, WantedAxis, failed, fine, unknown, wrong
 from drivers.clock import Clock
 from drivers.errors import TransportError, TrueflankError, UnsupportedDevice
+from drivers.sinumerik.ncprogram.backup import Memory
 from drivers.sinumerik.ncprogram.words import COUNT, MARKED, program_path
-from drivers.sinumerik.opcua import encoders
+from drivers.sinumerik.opcua import conditions, encoders
 from drivers.sinumerik.opcua.dialogue import Dialogue
 from drivers.sinumerik.opcua.leaving import found as found_left
 from drivers.sinumerik.opcua.machine import Configuration, MachineReader
@@ -42,6 +43,7 @@ class Bedside:
     where: str
     rights: frozenset[str] | None = None
     configuration: Configuration | None = None
+    memories: list[tuple[WantedAxis, Memory]] = field(default_factory=list)
 
     async def value(self, path: str) -> Any:
         """A value, None when it cannot be read."""
@@ -204,6 +206,7 @@ async def _memory(bed: Bedside) -> list[CheckLine]:
         if axis.name not in bed.configuration.names:
             continue
         memory = await bed.reader.memory(bed.configuration, axis.name, axis.encoder)
+        bed.memories.append((axis, memory))
         fields = {"axis": axis.name, "reserved": memory.eec_points, "needed": axis.points}
         enough = memory.eec_points >= axis.points
         lines.append(
@@ -214,6 +217,18 @@ async def _memory(bed: Bedside) -> list[CheckLine]:
         *lines,
         fine("W-DOC-CROSS", "cross tables", tables=cross) if cross else fine("W-DOC-NO-CROSS", "cross tables"),
     ]
+
+
+async def _conditions(bed: Bedside) -> list[CheckLine]:
+    """Settings that our programs and tables need; asked once the reserved memory is known."""
+    if not bed.memories:
+        return [unknown("W-DOC-MEMORY-UNKNOWN", "written files")]
+    axes = [axis for axis, _ in bed.memories]
+    cross = any(any(memory.cec_points) for _, memory in bed.memories)
+    lines = await conditions.file_length(bed, bed.memories)
+    lines += await conditions.kept_switch(bed, cross=cross)
+    lines += await conditions.cross_limits(bed, axes, cross=cross)
+    return [*lines, *await conditions.diameter(bed), *await conditions.temperature(bed, axes)]
 
 
 async def _level(bed: Bedside) -> list[CheckLine]:
@@ -294,6 +309,7 @@ _QUESTIONS: tuple[tuple[str, Callable[[Bedside], Awaitable[list[CheckLine]]]], .
     ("units", _units),
     ("measuring system", _encoders),
     ("table memory", _memory),
+    ("written files", _conditions),
     ("key switch", _level),
     ("files", _files),
     ("left over", _left_over),

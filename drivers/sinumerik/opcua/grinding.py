@@ -14,7 +14,7 @@ from drivers.sinumerik.ncprogram.backup import Memory, Saving
 from drivers.sinumerik.ncprogram.grinding import GrindSetting
 from drivers.sinumerik.ncprogram.legal import legal
 from drivers.sinumerik.ncprogram.words import Phase, SetupWord, Word, program_path
-from drivers.sinumerik.opcua.dialogue import Dialogue, Glance
+from drivers.sinumerik.opcua.dialogue import Dialogue, Glance, file_refused
 from drivers.sinumerik.opcua.machine import Configuration, MachineReader
 from drivers.sinumerik.opcua.pushing import live_tables
 from drivers.sinumerik.opcua.settings import UaSettings
@@ -115,7 +115,7 @@ class Grinding:
     def _note(self, seen: Glance) -> int:
         if seen.phase == Phase.FILE_FAILED:
             names = ", ".join(axis.name for axis in self.plan.compensated) if self.plan else ""
-            raise DeviceRefused("E-NC-FILE", self._where, axis=names)
+            raise file_refused(seen, self._where, names)
         if seen.phase == Phase.SETUP_REFUSED:
             raise DeviceRefused("E-GRIND-SETUP-REFUSED", self._where, first=self._settings.words.setup)
         self._saved = self._saved or seen.phase in _BEGUN

@@ -23,6 +23,7 @@ from drivers.units import AxisUnit, deviation_scale
 MOST_AXES = 31
 MOST_CEC_TABLES = 62
 ALARM_PLACES = 8
+MOST_FILE_KB = 100_000
 _IN_POSITION = 4
 _AXIS_NAME = re.compile(r"[A-Z_][A-Z0-9_]{0,31}")
 _CHANNEL = tuple(status.value for status in ChannelStatus)
@@ -120,16 +121,18 @@ class MachineReader:
         return MachineIdentity(*told, names, system)
 
     async def memory(self, configuration: Configuration, axis: str, encoder: int) -> Memory:
-        """Reserved points (MD38000 of the encoder, MD18342 of every CEC table that can be read)."""
+        """Reserved points (MD38000 of the encoder, MD18342 of every CEC table that can be read), and MD11420."""
         configuration.number(axis, self._where)
         names = configuration.places
         tables = min(2 * len(names), MOST_CEC_TABLES)
         paths = [self._datum(f"$MA_MM_ENC_COMP_MAX_POINTS[{encoder},{axis}]", names)]
         paths += [self._datum(f"$MN_MM_CEC_MAX_POINTS[{table}]", names) for table in range(tables)]
-        eec, *cec = await self._read(paths)
+        paths.append(self._datum("$MN_LEN_PROTOCOL_FILE", names))
+        eec, *cec, file_kb = await self._read(paths)
         points = tuple(0 if one.status else self._reserved(one) for one in cec)
         self._good([eec])
-        return Memory(self._reserved(eec), points, configuration.names)
+        limit_kb = 0 if file_kb.status else typed_values.whole(file_kb.value, file_kb.path, self._where, MOST_FILE_KB)
+        return Memory(self._reserved(eec), points, configuration.names, limit_kb)
 
     def _reserved(self, reading: Reading) -> int:
         """Points that a memory figure says. Raises RemoteProtocolError (E-UA-VALUE) beyond what a control has."""

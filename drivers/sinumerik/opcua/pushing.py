@@ -13,7 +13,7 @@ from drivers.sinumerik.ncprogram.legal import legal
 from drivers.sinumerik.ncprogram.measuring import Setting
 from drivers.sinumerik.ncprogram.words import HALF, MARKER_STATES, Phase, Word, program_path
 from drivers.sinumerik.ncprogram.written import read_written
-from drivers.sinumerik.opcua.dialogue import Dialogue, Glance
+from drivers.sinumerik.opcua.dialogue import Dialogue, Glance, file_refused
 from drivers.sinumerik.opcua.machine import Configuration, MachineReader
 from drivers.sinumerik.opcua.settings import UaSettings
 from drivers.sinumerik.opcua.transfer import Transfer
@@ -143,7 +143,7 @@ class Pushing:
         if seen.phase == Phase.LEFT and not seen.word(Word.ABORT):
             raise DeviceRefused("E-NC-LEVEL", self._where, table=order.table.name)
         if seen.phase == Phase.FILE_FAILED:
-            raise DeviceRefused("E-NC-FILE", self._where, axis=order.table.output_axis)
+            raise file_refused(seen, self._where, order.table.output_axis)
         if seen.phase == Phase.WOULD_WAKE:
             raise DeviceRefused("E-NC-WAKES", self._where, table=order.table.name, axis=order.table.output_axis)
         stopped = before is not None and before.channel is seen.channel is ChannelStatus.RESET

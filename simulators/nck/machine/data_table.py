@@ -51,6 +51,7 @@ CEC_ENABLE = "$MA_CEC_ENABLE"
 EEC_POINTS = "$MA_MM_ENC_COMP_MAX_POINTS"
 QEC_POINTS = "$MA_MM_QEC_MAX_POINTS"
 CEC_POINTS = "$MN_MM_CEC_MAX_POINTS"
+SAVED_SETTINGS = "$MN_PROG_SD_RESET_SAVE_TAB"
 IS_METRIC = "$MN_SCALING_SYSTEM_IS_METRIC"
 ENC_STATE = "$MA_ENC_REFP_STATE"
 LAYOUT = (EEC_POINTS, QEC_POINTS, CEC_POINTS)
@@ -87,6 +88,9 @@ DATA: dict[str, DataSpec] = {
     "$MN_CONVERT_SCALING_SYSTEM": DataSpec("", "bool", "power_on", False),
     "$MN_AXCONF_MACHAX_NAME_TAB": DataSpec("n", "text", "never", ""),
     "$MN_LEN_PROTOCOL_FILE": DataSpec("", "int", "now", 1, 1, 100000),
+    "$MN_PROTOCOL_FILE_MODE": DataSpec("", "int", "now", 0, 0, 1),
+    SAVED_SETTINGS: DataSpec("n", "int", "reset", 0, 0, 50000, count=10),
+    "$MC_DIAMETER_AX_DEF": DataSpec("", "text", "never", ""),
     "$MN_INI_FILE_MODE": DataSpec("", "int", "now", 1, 0, 2),
     "$MN_MD_FILE_STYLE": DataSpec("", "int", "now", 3, 0, 31),
     "$MC_REFP_NC_START_LOCK": DataSpec("", "int", "reset", 1, 0, 2),

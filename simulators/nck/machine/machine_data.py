@@ -11,6 +11,7 @@ from simulators.nck.machine.data_table import (
     INCH_MM,
     IS_METRIC,
     LAYOUT,
+    SAVED_SETTINGS,
     DataSpec,
     Datum,
     Effect,
@@ -86,6 +87,8 @@ class MachineData:
                 self._stored[EEC_POINTS, (encoder, place)] = points
         for table, points in enumerate(spec.cec_points):
             self._stored[CEC_POINTS, (table,)] = points
+        self._stored["$MC_DIAMETER_AX_DEF", ()] = spec.diameter_axis
+        self._stored[SAVED_SETTINGS, (0,)] = 41300
         self._stored["$MN_LEN_PROTOCOL_FILE", ()] = max(spec.files_max_bytes // 1024, 1)
 
     def known(self, name: str) -> bool:

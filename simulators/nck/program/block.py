@@ -8,21 +8,26 @@ from dataclasses import dataclass, field
 from simulators.nck.machine.axis import COARSE, FINE
 from simulators.nck.machine.core import Core
 from simulators.nck.machine.data_table import INCH_MM
-from simulators.nck.spec import NckRefusal
+from simulators.nck.spec import AxisSpec, NckRefusal
 
 POSITION_MODES = frozenset({"AC", "IC", "DC", "ACP", "ACN"})
-_NO_EFFECT = frozenset({17, 18, 19, 40, 53, 54, 55, 56, 57, 94, 153, 500, 603, *range(505, 600)})
+_NO_EFFECT = frozenset({603})
+_OFFSETS = frozenset({54, 55, 56, 57, *range(505, 600)})
+_IN_MACHINE = frozenset({53, 153})
+_LENGTH_ALONG = {17: "Z", 18: "Y", 19: "X"}
+TRANSFORMATIONS = frozenset({"TRANSMIT", "TRACYL", "TRAANG"})
+_FRAMES = frozenset({"TRANS", "ATRANS", "SCALE", "ASCALE", "MIRROR", "AMIRROR", "ROT", "AROT"})
 # G functions of the control that this double does not do: refused, never passed over.
-_NOT_HERE = frozenset({2, 3, 5, 33, 34, 35, 41, 42, 62, 63, 74, 75, 93, 95, 96, 97, 110, 111, 112, 331, 332})
+_NOT_HERE = frozenset({2, 3, 5, 33, 34, 35, 62, 63, 74, 75, 93, 96, 97, 110, 111, 112, 331, 332})
 _SILENT_WORDS = frozenset(
-    {"SUPA", "STOPRE", "SOFT", "BRISK", "FFWON", "FFWOF", "TRANS", "ROT", "SCALE", "MIRROR", "TRAFOOF"}
-    | {"DIAMOF", "COMPOF", "KONT", "NORM", "SBLON", "SBLOF", "DISPLON", "DISPLOF", "CFC", "CFTCP"}
+    {"STOPRE", "SOFT", "BRISK", "FFWON", "FFWOF"}
+    | {"COMPOF", "KONT", "NORM", "SBLON", "SBLOF", "DISPLON", "DISPLOF", "CFC", "CFTCP"}
 )
 _SAME_PLACE = 1e-9
 
 
 def is_silent(word: str) -> bool:
-    """Words that are understood and change nothing here (no frames, offsets or look-ahead to change)."""
+    """Words that are understood and change nothing here (no look-ahead to change)."""
     return word in _SILENT_WORDS
 
 
@@ -31,7 +36,9 @@ class Modal:
     """What stays in force from block to block.
 
     ``inch``: by G70/G71 (G700/G710 for the feed too), None the basic system. ``planned``: where blocks handed
-    over will leave the axes, by index, in mm or deg; empty when the machine has done them all.
+    over will leave the axes, by index, in mm or deg; empty when the machine has done them all. ``diameter``: "ON", "90"
+    or "". ``offset``: a settable frame acts. ``frame``: programmed shift and factor by axis. ``edge``: a tool edge's
+    length acts, along the axis of ``plane``. ``side``: G41 or G42. ``turning``: feed per revolution.
     """
 
     rapid: bool = False
@@ -41,6 +48,44 @@ class Modal:
     feed: float | None = None
     inch: bool | None = None
     inch_feed: bool = False
+    diameter: str = ""
+    offset: bool = False
+    frame: dict[int, tuple[float, float]] = field(default_factory=dict)
+    transformation: str = ""
+    plane: int = 17
+    edge: bool = False
+    side: int = 40
+    turning: bool = False
+
+    def take(self, g: int) -> bool:
+        """A G function that stays in force; False for one that is none."""
+        if g in (0, 1):
+            self.rapid = g == 0
+        elif g in (60, 64, 641, 642):
+            self.exact = g == 60
+        elif g in (90, 91):
+            self.absolute = g == 90
+        elif g in (601, 602):
+            self.window = FINE if g == 601 else COARSE
+        elif g in (70, 71, 700, 710):
+            self.inch, self.inch_feed = g in (70, 700), g in (700, 710)
+        else:
+            return self._take_place(g)
+        return True
+
+    def _take_place(self, g: int) -> bool:
+        if g in _LENGTH_ALONG:
+            self.plane = g
+        elif g in (40, 41, 42):
+            self.side = g
+        elif g in (94, 95):
+            self.turning = g == 95
+        elif g in _OFFSETS or g == 500:
+            self.offset = g != 500
+        else:
+            return False
+        return True
+
     planned: dict[int, float] = field(default_factory=dict)
 
 
@@ -71,6 +116,23 @@ class BlockWords:
         self._dwell = False
         self._exact_once = False
         self._ending = ""
+        self._in_machine = False
+        self._framing = ""
+
+    def word(self, name: str) -> bool:
+        """A word that says how this block's or all later positions count; False for any other."""
+        modal = self._modal
+        if name == "SUPA":
+            self._in_machine = True
+        elif name in ("DIAMON", "DIAM90", "DIAMOF"):
+            modal.diameter = {"DIAMON": "ON", "DIAM90": "90", "DIAMOF": ""}[name]
+        elif name in TRANSFORMATIONS or name == "TRAFOOF":
+            modal.transformation = "" if name == "TRAFOOF" else name
+        elif name in _FRAMES:
+            self._framing = name
+        else:
+            return False
+        return True
 
     def address(self, letter: str, value: float) -> None:
         """A DIN word. Raises NckRefusal: 12470 (G), 12550 (unknown), 12160 (value)."""
@@ -83,7 +145,9 @@ class BlockWords:
             self._feed = value
         elif letter == "M":
             self._m(value)
-        elif letter not in "STDH":
+        elif letter == "D":
+            self._modal.edge = value > 0
+        elif letter not in "STH":
             raise NckRefusal(12550, f"name {letter}{value:g} not defined or option not available")
 
     def position(self, axis: int, mode: str, value: float) -> None:
@@ -97,24 +161,15 @@ class BlockWords:
         self._ending = ending or self._ending
 
     def _g(self, value: float) -> None:
-        modal = self._modal
-        if value in (0, 1):
-            modal.rapid = value == 0
-        elif value == 4:
+        if value == 4:
             self._dwell = True
         elif value == 9:
             self._exact_once = True
-        elif value in (60, 64, 641, 642):
-            modal.exact = value == 60
-        elif value in (90, 91):
-            modal.absolute = value == 90
-        elif value in (601, 602):
-            modal.window = FINE if value == 601 else COARSE
-        elif value in (70, 71, 700, 710):
-            modal.inch, modal.inch_feed = value in (70, 700), value in (700, 710)
+        elif value in _IN_MACHINE:
+            self._in_machine = True
         elif value in _NOT_HERE:
             raise NckRefusal(12550, f"G{value:g} not defined or option not available")
-        elif value not in _NO_EFFECT:
+        elif value not in _NO_EFFECT and not self._modal.take(int(value) if value == int(value) else -1):
             raise NckRefusal(12470, f"G function G{value:g} unknown")
 
     def _m(self, value: float) -> None:
@@ -124,13 +179,21 @@ class BlockWords:
         self._ending = name or self._ending
 
     def finish(self) -> Deed | None:
-        """The block's deed. Raises NckRefusal: 10860, 14800 (feed), 10720 (travel), 16800..16830."""
+        """The block's deed.
+
+        Raises NckRefusal: 10860, 14800 (feed), 10720 (travel), 10750 (G41 without tool), 14404 (an axis of a
+        transformation), 16800..16830.
+        """
+        if self._framing:
+            self._frame()
+            return Deed(ending=self._ending) if self._ending else None
         if self._dwell:
             return self._dwelling()
         if self._feed is not None:
             self._modal.feed = self._feed
         if not self._targets:
             return Deed(ending=self._ending) if self._ending else None
+        self._possible()
         targets = {index: self._end_point(index, *word) for index, word in self._targets.items()}
         for index, target in targets.items():
             self._core.check_travel(index, target)
@@ -138,6 +201,34 @@ class BlockWords:
         rate = None if self._modal.rapid else self._checked_feed()
         exact = self._modal.exact or self._exact_once or self._modal.rapid or bool(self._ending)
         return Deed(targets, rate, self._modal.window if exact else None, 0.0, self._ending)
+
+    def _possible(self) -> None:
+        """What a program before may have left, under which a single axis does not go to its place."""
+        if self._modal.transformation:
+            raise NckRefusal(14404, f"{self._modal.transformation} is active: no machine axis is programmed so")
+        if self._modal.side != 40:
+            raise NckRefusal(10750, "tool radius compensation active without tool number")
+        if self._modal.turning and not self._modal.rapid:
+            raise NckRefusal(14800, "feed per revolution, and the spindle stands")
+
+    def _frame(self) -> None:
+        """TRANS X5: no motion, but where zero is from now on; without axes every programmed frame goes."""
+        frame, name = self._modal.frame, self._framing
+        if name in ("ROT", "AROT") and self._targets:
+            raise NckRefusal(12550, f"{name} not defined or option not available")
+        if not name.startswith("A"):
+            frame.clear()
+        for index, (_, value) in self._targets.items():
+            shift, factor = frame.get(index, (0.0, 1.0))
+            inch = self._inch and not self._core.axes[index].spec.rotary
+            if name.endswith("TRANS"):
+                frame[index] = (shift + factor * value * (INCH_MM if inch else 1.0), factor)
+            else:
+                frame[index] = (shift, factor * (value if name.endswith("SCALE") else -1.0))
+
+    @property
+    def _inch(self) -> bool:
+        return self._core.data.inch if self._modal.inch is None else self._modal.inch
 
     def _dwelling(self) -> Deed:
         if self._targets or self._feed is None:
@@ -159,9 +250,9 @@ class BlockWords:
     def _end_point(self, index: int, mode: str, value: float) -> float:
         axis = self._core.axes[index]
         here = self._modal.planned.get(index, axis.end_point)
-        inch = self._core.data.inch if self._modal.inch is None else self._modal.inch
-        value = value * INCH_MM if inch and not axis.spec.rotary else value
+        value = value * INCH_MM if self._inch and not axis.spec.rotary else value
         mode = mode or ("AC" if self._modal.absolute else "IC")
+        value = self._counted(axis.spec, index, mode, value)
         if mode == "IC":
             return here + value
         if not axis.spec.modulo:
@@ -170,6 +261,23 @@ class BlockWords:
                 raise NckRefusal(number, f"traverse instruction {mode} not allowed for {axis.spec.name}")
             return value
         return _modulo_end_point(here, mode, value, axis.spec.name)
+
+    def _counted(self, spec: AxisSpec, index: int, mode: str, value: float) -> float:
+        """Diameter, frames and tool length taken into a position or a distance; SUPA leaves frames out alone."""
+        modal, rules = self._modal, self._core.spec
+        across = spec.letter.upper() == rules.diameter_axis.upper()
+        if across and (modal.diameter == "ON" or (modal.diameter == "90" and mode != "IC")):
+            value /= 2.0
+        shift, factor = (0.0, 1.0) if self._in_machine else modal.frame.get(index, (0.0, 1.0))
+        if mode == "IC":
+            return value * factor
+        value = value * factor + shift
+        if spec.rotary:
+            return value % 360.0 if spec.modulo and shift else value
+        if modal.offset and not self._in_machine:
+            value += rules.zero_offset_mm
+        along = modal.edge and spec.letter.upper() == _LENGTH_ALONG[modal.plane]
+        return value + (rules.tool_length_mm if along else 0.0)
 
 
 def _modulo_end_point(here: float, mode: str, value: float, name: str) -> float:

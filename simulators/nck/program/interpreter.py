@@ -11,7 +11,7 @@ import re
 
 from simulators.nck.language.syntax import Define, Extern, NcSyntaxError, Proc, Procedure, Word, Words
 from simulators.nck.machine.core import Core
-from simulators.nck.program.block import Deed
+from simulators.nck.program.block import Deed, Modal
 from simulators.nck.program.declarations import DeclaringNames
 from simulators.nck.program.mainrun import MainRun
 from simulators.nck.program.names import Panel
@@ -34,10 +34,10 @@ class BrokenOff(Exception):
 
 
 class Interpreter(DeclaringNames):
-    """One run of a program, with its subprograms."""
+    """One run of a program, with its subprograms; ``modal`` is what is in force when it begins."""
 
-    def __init__(self, core: Core, variables: Variables, panel: Panel, path: str) -> None:
-        super().__init__(core, variables, panel, path)
+    def __init__(self, core: Core, variables: Variables, panel: Panel, path: str, modal: Modal) -> None:
+        super().__init__(core, variables, panel, path, modal)
         self._clock = core.clock
         self._due_s = 0.0
         self._waits: dict[str, set[int]] = {}

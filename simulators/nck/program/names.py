@@ -9,7 +9,7 @@ from simulators.nck.language.parser import outline
 from simulators.nck.language.syntax import Expression, Indexed, Jump, Name
 from simulators.nck.machine.core import Core
 from simulators.nck.machine.files import program_path
-from simulators.nck.program.block import BlockWords, Modal, is_silent
+from simulators.nck.program.block import TRANSFORMATIONS, BlockWords, Modal, is_silent
 from simulators.nck.program.expressions import R_NAME, Evaluate, compiled
 from simulators.nck.program.gate import admit
 from simulators.nck.program.procedures import PROCEDURES, Host, message_of
@@ -47,7 +47,7 @@ class Panel(Host, Protocol):
 class Names:
     """The levels of a running program and everything a block can refer to by name."""
 
-    def __init__(self, core: Core, variables: Variables, panel: Panel, path: str) -> None:
+    def __init__(self, core: Core, variables: Variables, panel: Panel, path: str, modal: Modal) -> None:
         self._core = core
         self._variables = variables
         self._panel = panel
@@ -55,7 +55,7 @@ class Names:
         self._steps: dict[str, dict[int, Step]] = {}
         self._line = 0
         self.said: str | None = None
-        self._modal = Modal()
+        self._modal = modal
         self._data = ProgramData(core, lambda: [frame.path for frame in self._frames])
         self._push(path, ())
 
@@ -187,6 +187,9 @@ class Names:
     def procedure(self, name: str, arguments: tuple[Expression, ...], given: Given) -> None:
         """A call that stands alone."""
         frame = self._frames[-1]
+        if name in TRANSFORMATIONS:
+            self._modal.transformation = name
+            return
         work = PROCEDURES.get(name)
         values = [self._passed(frame, node, value) for node, value in zip(arguments, given, strict=True)]
         if name == "MSG":

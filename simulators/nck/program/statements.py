@@ -205,7 +205,7 @@ def _act(item: Item) -> _Act:
         return _address(item)
     if isinstance(item, Word):
         name = item.name
-        return lambda runner, words: words.end(runner.word(name))
+        return lambda runner, words: None if words.word(name) else words.end(runner.word(name))
     if isinstance(item, Procedure):
         return _procedure(item)
     return _assign(item)

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from tests.unit.legality.broken_first import FIRST
 from tests.unit.legality.broken_heads import HEADS
 from tests.unit.legality.broken_second import SECOND
+from tests.unit.legality.generated import GENERATED
 from tests.unit.legality.programs import BACKUP, MEASURE, STEERED, TABLE
 
-HOSTS = (MEASURE, TABLE, BACKUP, STEERED)
+HOSTS = (MEASURE, TABLE, BACKUP, STEERED, *GENERATED)
 _OPENS = ("FOR ", "WHILE ", "LOOP", "REPEAT\n")
 _CLOSES = ("ENDFOR", "ENDWHILE", "ENDLOOP", "UNTIL", "ENDIF")
 

@@ -17,6 +17,7 @@ SPEC = NckSpec(
         AxisSpec("C1", "C", rotary=True, modulo=True, max_velocity=7200.0, eec_points=(80, 0)),
     ),
     cec_points=(20, 20, 20, 20),
+    files_max_bytes=2_000_000,
     judges_programs=False,  # the interpreter behind the gate is tried here
 )
 MAIN = "/_N_MPF_DIR/_N_TEST_MPF"

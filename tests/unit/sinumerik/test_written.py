@@ -216,7 +216,7 @@ ORDER = PushOrder(4711, NEW, "X", False, True, 0.0, "restore", None)
 
 async def _saved_by_the_control(clock: LoopClock, *, never: bool) -> tuple[str, str]:
     """BACK and READ after the first half, on a control with three CEC tables, one of them loaded."""
-    nck = Nck(NckSpec((X1, Z1), cec_points=(2, 0, 3)), clock)
+    nck = Nck(NckSpec((X1, Z1), cec_points=(2, 0, 3), files_max_bytes=65536), clock)
     await nck.start()
     try:
         for axis in ("X1", "Z1"):

@@ -30,6 +30,7 @@ MACHINE_DATA = {
     "$MC_": "/NC/_N_CH_TEA_ACX",
     "$MN_": "/NC/_N_NC_TEA_ACX",
     "$SN_": "/NC/_N_NC_SEA_ACX",
+    "$SA_": "/NC/_N_AX_SEA_ACX",  # by analogy with the machine data: not printed where we looked
 }
 ACCESS_LEVEL = "/Nck/Configuration/accessLevel"
 BASIC_LENGTH_UNIT = "/Nck/Configuration/basicLengthUnit"
@@ -141,7 +142,7 @@ def to_path(name: str, axes: Sequence[str], channel: int = 1) -> str | None:
 
 def _datum_path(area: str, name: str, inside: list[str], axes: Sequence[str], channel: int) -> str | None:
     unit = channel if name.startswith("$MC_") else 1
-    if name.startswith("$MA_"):
+    if name.startswith(("$MA_", "$SA_")):
         if not inside or inside[-1] not in axes:
             return None
         unit = list(axes).index(inside.pop()) + 1
@@ -159,7 +160,7 @@ def to_names(address: Address, axes: Sequence[str]) -> tuple[str, ...]:
     if MACHINE_DATA.get(address.name[:4]) != address.area:
         return ()
     axis = ""
-    if address.name.startswith("$MA_"):
+    if address.name.startswith(("$MA_", "$SA_")):
         if not 1 <= (address.unit or 1) <= len(axes):
             return ()
         axis = axes[(address.unit or 1) - 1]
@@ -196,6 +197,7 @@ _KINDS: dict[str, Kind] = {
     "alarmNo": "UInt32",
     "actLineNumber": "UInt32",
     "msg": "String",
+    "$MC_DIAMETER_AX_DEF": "String",
     "progName": "String",
     "selectedWorkPProg": "String",
     "fillText1": "String",
