@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli.commands import JsonOption
+from gateway.cli.options import JsonOption
 from gateway.cli.show import echo, show_json
 
 audit_app = typer.Typer(name="audit", help="The log of who did what to which machine.", no_args_is_help=True)

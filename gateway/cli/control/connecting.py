@@ -12,7 +12,7 @@ from drivers.checks import CertificateView, CheckLine, TrustView, Wanted, Wanted
 from drivers.clock import Clock, LoopClock
 from drivers.errors import TrueflankError, words
 from drivers.leftover import Sent
-from gateway.cli.commands import JsonOption, SiteArgument
+from gateway.cli.options import JsonOption, SiteArgument
 from gateway.cli.show import echo, show_json
 from gateway.cli.stopping import run_to_end
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli.commands import ApplyOption, JsonOption, MachineOption, RunArgument, SiteArgument, StoreOption
+from gateway.cli.options import ApplyOption, JsonOption, MachineOption, RunArgument, SiteArgument, StoreOption
 from gateway.cli.stopping import run_to_end
 
 TableOption = Annotated[str, typer.Option("--axis", help="Machine axis, or a cross table: C1-cec3.")]

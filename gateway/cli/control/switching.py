@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli.commands import ApplyOption, JsonOption, MachineOption, SiteArgument
+from gateway.cli.options import ApplyOption, JsonOption, MachineOption, SiteArgument
 
 
 def disable(

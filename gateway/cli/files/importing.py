@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from drivers.errors import ConfigError, TrueflankError
-from gateway.cli.commands import JsonOption, StoreOption
+from gateway.cli.options import JsonOption, StoreOption
 from gateway.cli.show import echo, show_error, show_json
 
 WORDS: dict[str, str | bool] = {"tab": "\t", "semicolon": ";", "comma": ",", "blank": ""}

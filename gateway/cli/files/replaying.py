@@ -10,7 +10,7 @@ import typer
 
 from drivers import registry
 from drivers.errors import ConfigError
-from gateway.cli.commands import JsonOption
+from gateway.cli.options import JsonOption
 from gateway.cli.show import echo, show_json
 
 SHOWN_EVENTS = 20

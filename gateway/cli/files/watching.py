@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli.commands import SiteArgument
+from gateway.cli.options import SiteArgument
 from gateway.cli.show import progress
 from gateway.cli.stopping import run_to_end
 

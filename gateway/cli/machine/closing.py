@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 from drivers.clock import Clock, LoopClock
-from gateway.cli.commands import ApplyOption, JsonOption, MachineOption, SiteArgument
 from gateway.cli.machine.running import show_outcome
+from gateway.cli.options import ApplyOption, JsonOption, MachineOption, SiteArgument
 from gateway.cli.show import progress
 from gateway.cli.stopping import run_to_end
 from gateway.say import Say

@@ -7,8 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli.commands import JsonOption, SiteArgument, named
 from gateway.cli.machine.inspecting import HeightsOption, correct_gear
+from gateway.cli.options import JsonOption, SiteArgument, named
 from gateway.cli.show import echo, progress, show_json, show_table
 from gateway.cli.stopping import run_to_end
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from drivers.errors import ConfigError
-from gateway.cli.commands import JsonOption, StoreOption
+from gateway.cli.options import JsonOption, StoreOption
 from gateway.cli.show import echo, progress, show_json, show_table
 from gateway.cli.stopping import run_to_end
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from gateway.cli.commands import JsonOption, PartOption, SiteArgument
+from gateway.cli.options import JsonOption, PartOption, SiteArgument
 from gateway.cli.show import echo, progress, show_json, show_table
 from gateway.cli.stopping import run_to_end
 

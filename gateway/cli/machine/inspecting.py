@@ -8,8 +8,8 @@ from typing import Annotated, Any, Literal, cast
 
 import typer
 
-from gateway.cli.commands import JsonOption, PartOption, SiteArgument
 from gateway.cli.files.importing import columns_of
+from gateway.cli.options import JsonOption, PartOption, SiteArgument
 from gateway.cli.show import echo, progress, show_json, show_table
 from gateway.cli.stopping import run_to_end
 

@@ -1,0 +1,28 @@
+"""Arguments and options that several commands share, each with its one text."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from drivers.errors import ConfigError
+from drivers.names import allowed, is_name, shown
+
+SiteArgument = Annotated[Path, typer.Argument(help="Site file (TOML).", show_default=False)]
+RunArgument = Annotated[str, typer.Argument(help="Run folder, or its id with --store.", show_default=False)]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
+ApplyOption = Annotated[bool, typer.Option("--apply", help="Write to the controller (else: propose only).")]
+MachineOption = Annotated[str, typer.Option(help="The machine's name, typed to confirm --apply.")]
+StoreOption = Annotated[Path, typer.Option(help="Folder that holds the runs.")]
+
+
+def named(text: str) -> str:
+    """An option that becomes a part of a file's name. Raises ConfigError (E-NAME)."""
+    if text and not is_name(text):
+        raise ConfigError("E-NAME", "command line", name=shown(text), allowed=allowed())
+    return text
+
+
+PartOption = Annotated[str, typer.Option(help="What the part is called in its run.", callback=named)]
