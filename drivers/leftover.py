@@ -109,7 +109,7 @@ class LeftOver:
 NOTHING = LeftOver("nothing")
 
 
-class SentBook(Protocol):
+class SentPrograms(Protocol):
     """Where it is kept, durable, which programs were sent to one control, and what stood there before."""
 
     def note(self, sent: Sent) -> None:
@@ -137,7 +137,7 @@ class SentBook(Protocol):
 class Leavable(Protocol):
     """A controller in which something of ours may be left when a gateway stops or dies."""
 
-    book: SentBook | None
+    book: SentPrograms | None
 
     async def left_over(self) -> LeftOver:
         """What of ours stands there and is nobody's work now; reads only. Raises what the wire raises."""

@@ -15,7 +15,7 @@ FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Gap:
+class RecordingGap:
     """``lost`` samples are missing just before sample ``index`` of the record."""
 
     index: int
@@ -35,7 +35,7 @@ class Recording:
     unit: DeviationUnit
     scale: float = 1.0
     trigger: int | None = None
-    gaps: tuple[Gap, ...] = ()
+    gaps: tuple[RecordingGap, ...] = ()
     header: Mapping[str, str] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
 

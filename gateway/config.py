@@ -22,7 +22,7 @@ from gateway.siteplan import (
     Section,
     SetupSection,
     Targets,
-    Window,
+    WorkingWindow,
     WorkSection,
     belongs,
 )
@@ -34,14 +34,14 @@ __all__ = [
     "GuardSection",
     "InstrumentSection",
     "MeasureSection",
-    "Operator",
+    "OperatorTimes",
     "SetupSection",
     "Site",
     "SiteFile",
     "TableSection",
     "Targets",
-    "Window",
     "WorkSection",
+    "WorkingWindow",
     "load_site",
     "schema",
 ]
@@ -192,7 +192,7 @@ class AxisSection(Section):
         return "mm" if self.kind == "linear" else "deg"
 
 
-class Operator(Section):
+class OperatorTimes(Section):
     """How long the run waits for people, in seconds of the gateway's clock."""
 
     start_timeout_s: float = Field(default=600.0, gt=0)
@@ -206,7 +206,7 @@ class SiteFile(Section):
     controller: ControllerSection
     instruments: tuple[InstrumentSection, ...] = Field(default=(), max_length=MOST_INSTRUMENTS)
     axes: tuple[AxisSection, ...] = Field(min_length=1, max_length=MOST_AXES)
-    operator: Operator = Operator()
+    operator: OperatorTimes = OperatorTimes()
     setups: tuple[SetupSection, ...] = Field(default=(), max_length=MOST_SETUPS)
     assumed: AssumedSection = AssumedSection()
     work: WorkSection | None = None

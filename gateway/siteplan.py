@@ -35,7 +35,7 @@ class Section(BaseModel):
     )
 
 
-class Window(Section):
+class WorkingWindow(Section):
     """A working window visited at table step, for the tooth, beside the full travel."""
 
     first: float
@@ -43,7 +43,7 @@ class Window(Section):
     step: float = Field(gt=0)
 
     @model_validator(mode="after")
-    def _rises(self) -> Window:
+    def _rises(self) -> WorkingWindow:
         if self.last - self.first < self.step:
             raise ValueError("last must lie a step or more above first")
         if (self.last - self.first) / self.step >= MOST_TARGETS:
@@ -60,7 +60,7 @@ class Targets(Section):
     first: float = 0.0
     last: float = 0.0
     count: int | Literal["iso230-2"] = 0
-    window: Window | None = None
+    window: WorkingWindow | None = None
     offset_fraction: float = Field(default=0.0, ge=0.0, le=0.3, description="of the interval, random")
     seed: int = Field(default=1, ge=0, lt=1 << 63)
     positions: tuple[float, ...] = Field(default=(), max_length=MOST_TARGETS)

@@ -31,7 +31,7 @@ class Stopped(TrueflankError):
         self.exit_code = exit_code  # type: ignore[misc]
 
 
-class Stop:
+class StopAsked:
     """The stop of one command: who asked for it, who is leaving in order, what they told, transactions cut short."""
 
     def __init__(self) -> None:
@@ -75,16 +75,16 @@ class Stop:
         return Stopped(self.exit_code, self.by or "the program", left)
 
 
-_current: ContextVar[Stop | None] = ContextVar("stop", default=None)
-_nobody = Stop()
+_current: ContextVar[StopAsked | None] = ContextVar("stop", default=None)
+_nobody = StopAsked()
 
 
-def current() -> Stop:
+def current() -> StopAsked:
     """The stop of the command that this task belongs to; one that nobody asks for where there is none."""
     return _current.get() or _nobody
 
 
-async def obey(work: Coroutine[Any, Any, T], stop: Stop, clock: Clock, *, ends_itself: bool = False) -> T:
+async def obey(work: Coroutine[Any, Any, T], stop: StopAsked, clock: Clock, *, ends_itself: bool = False) -> T:
     """Await `work`, which is cancelled once the stop is asked for; one that ``ends_itself`` gets the time to.
 
     Raises Stopped (E-STOPPED) when the work did not come to its end, else what it raises.
@@ -104,7 +104,7 @@ async def obey(work: Coroutine[Any, Any, T], stop: Stop, clock: Clock, *, ends_i
     return _result(task, stop)
 
 
-def _result(task: asyncio.Task[T], stop: Stop) -> T:
+def _result(task: asyncio.Task[T], stop: StopAsked) -> T:
     if task.cancelled() or not task.done():
         raise stop.error()
     failure = task.exception()
@@ -114,7 +114,7 @@ def _result(task: asyncio.Task[T], stop: Stop) -> T:
     return task.result()
 
 
-async def end(task: asyncio.Task[Any], clock: Clock, stop: Stop, again_s: float = ASK_AGAIN_S) -> None:
+async def end(task: asyncio.Task[Any], clock: Clock, stop: StopAsked, again_s: float = ASK_AGAIN_S) -> None:
     """Cancel a task until it ends, but not while somebody in it leaves a machine in order; bounded."""
     until = clock.now() + LONGEST_S
     while not task.done() and clock.now() < until:

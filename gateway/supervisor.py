@@ -11,7 +11,7 @@ from typing import Any, cast
 from drivers import registry
 from drivers.clock import Clock
 from drivers.errors import ConfigError, TrueflankError, UnsupportedDevice
-from drivers.leftover import NOTHING, Leavable, SentBook
+from drivers.leftover import NOTHING, Leavable, SentPrograms
 from drivers.ports import Controller, Device, Instrument
 from drivers.types import Identity, MachineIdentity
 from gateway.config import InstrumentSection, SiteFile
@@ -57,7 +57,7 @@ class Supervisor:
         say: Callable[[str], None] = lambda _text: None,
         *,
         only: Collection[str] | None = None,
-        book: SentBook | None = None,
+        book: SentPrograms | None = None,
     ) -> None:
         """``only`` names the instruments that are wanted; all of the site's without it.
 

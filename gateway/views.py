@@ -81,7 +81,7 @@ class PastRun:
 
 
 @dataclass(frozen=True, slots=True)
-class TableRow:
+class ResultRow:
     """One line of the before/after table as text: numbers rounded, a dash where there is none."""
 
     axis: str
@@ -117,7 +117,7 @@ class StatusView:
     run: RunView | None = None
     last_runs: tuple[PastRun, ...] = ()
     failure: Mapping[str, object] | None = None
-    result: tuple[TableRow, ...] = ()
+    result: tuple[ResultRow, ...] = ()
     trouble: Mapping[str, object] | None = None
     alarms: tuple[str, ...] = ()
     due: str = ""
@@ -161,13 +161,13 @@ def past_run(seen: SeenRun, *, report: bool) -> PastRun:
     )
 
 
-def axis_table(verdict: Verdict) -> tuple[TableRow, ...]:
+def axis_table(verdict: Verdict) -> tuple[ResultRow, ...]:
     """E, R, B, A, M of every axis of a verdict, before and after, as text."""
     rows: Sequence[ParameterRow] = [
         row for axis in verdict.axes for row in parameter_rows(axis.axis, axis.before, axis.after)
     ]
     return tuple(
-        TableRow(
+        ResultRow(
             axis=row.axis,
             parameter=row.parameter,
             before=number(row.before),

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from drivers.bridge.codec import BridgeCodec, Damaged, Message, Notification, Refusal, Reply, Request
+from drivers.bridge.codec import BridgeCodec, BridgeRefusal, Damaged, Message, Notification, Reply, Request
 from drivers.bridge.frames import SampleFrame
 from drivers.bridge.records import (
     BATTERY_LOW,
@@ -45,7 +45,7 @@ from drivers.clock import Clock
 from drivers.errors import TransportError
 from drivers.transport import ByteTransport
 from drivers.types import Ambient
-from simulators.optics import Bench, RotaryReader, Turns
+from simulators.optics import OpticsBench, RotaryReader, Turns
 from simulators.outlet import Around, Outlet
 
 Answer = Callable[[Mapping[str, Any]], Awaitable[Any]]
@@ -54,7 +54,7 @@ TURN_LIMIT_DEG = 9000.0
 EMPTY_PCT = 5.0
 
 
-class Refused(Exception):
+class BridgeRefused(Exception):
     def __init__(self, code: int, message: str) -> None:
         super().__init__(message)
         self.code = code
@@ -64,7 +64,7 @@ class BridgeAnswerer(Outlet):
     """Serves one calibrator to one client at a time."""
 
     def __init__(
-        self, reader: RotaryReader, bench: Bench, clock: Clock, block_s: float, around: Around | None = None
+        self, reader: RotaryReader, bench: OpticsBench, clock: Clock, block_s: float, around: Around | None = None
     ) -> None:
         super().__init__(clock, block_s, around)
         self.reader = reader
@@ -95,19 +95,19 @@ class BridgeAnswerer(Outlet):
                 self._peer, self._sequence = None, None
                 self._listened.clear()
 
-    async def _reply(self, message: Message, first: bool) -> Reply | Refusal:
+    async def _reply(self, message: Message, first: bool) -> Reply | BridgeRefusal:
         if not isinstance(message, Request):
             why = message.why if isinstance(message, Damaged) else "not a request"
-            return Refusal(None, PARSE_ERROR, why)
+            return BridgeRefusal(None, PARSE_ERROR, why)
         if not first:
-            return Refusal(message.id, BUSY, "another client uses this calibrator")
+            return BridgeRefusal(message.id, BUSY, "another client uses this calibrator")
         answer = self._answers().get(message.method)
         if answer is None:
-            return Refusal(message.id, METHOD_NOT_FOUND, f"no method {message.method}")
+            return BridgeRefusal(message.id, METHOD_NOT_FOUND, f"no method {message.method}")
         try:
             return Reply(message.id, await answer(message.params))
-        except Refused as refused:
-            return Refusal(message.id, refused.code, str(refused))
+        except BridgeRefused as refused:
+            return BridgeRefusal(message.id, refused.code, str(refused))
 
     def _answers(self) -> Mapping[str, Answer]:
         return {
@@ -140,9 +140,9 @@ class BridgeAnswerer(Outlet):
 
     async def _start(self, params: Mapping[str, Any]) -> Any:
         if not self.referenced:
-            raise Refused(NOT_REFERENCED, "the calibrator has no reference")
+            raise BridgeRefused(NOT_REFERENCED, "the calibrator has no reference")
         if self.battery_pct < EMPTY_PCT:
-            raise Refused(BATTERY_LOW, f"battery at {self.battery_pct:.0f} %")
+            raise BridgeRefused(BATTERY_LOW, f"battery at {self.battery_pct:.0f} %")
         await self._pump()
         self._sequence = 0
         self._listened.set()
@@ -158,7 +158,7 @@ class BridgeAnswerer(Outlet):
         await self._pump()
         name = self.reader.spec.name
         if name in self._bench.broken or self._bench.mounted(name) is None:
-            raise Refused(BEAM_OBSTRUCTED, "no light returns to the laser")
+            raise BridgeRefused(BEAM_OBSTRUCTED, "no light returns to the laser")
         self.reader.restore_beam()
         return {}
 
@@ -187,7 +187,7 @@ class BridgeAnswerer(Outlet):
     async def _turn_by(self, params: Mapping[str, Any]) -> Any:
         by = params.get("by_deg")
         if isinstance(by, bool) or not isinstance(by, int | float) or not isfinite(by) or abs(by) > TURN_LIMIT_DEG:
-            raise Refused(INVALID_PARAMS, "by_deg must be a number of degrees")
+            raise BridgeRefused(INVALID_PARAMS, "by_deg must be a number of degrees")
         await self._pump()
         self.reader.turn(float(by))
         while self.reader.turning:

@@ -24,7 +24,7 @@ from drivers.umd.codec import (
     VELOCITY,
     encode_rows,
 )
-from simulators.optics import Bench, Counts, LaserCounter
+from simulators.optics import Counts, LaserCounter, OpticsBench
 from simulators.outlet import Around, Outlet
 
 IntArray = NDArray[np.int64]
@@ -36,7 +36,7 @@ class UmdAnswerer(Outlet):
     """Serves one laser counter. Nothing is dropped: a slow reader makes the blocks longer, not fewer."""
 
     def __init__(
-        self, counter: LaserCounter, bench: Bench, clock: Clock, block_s: float, around: Around | None = None
+        self, counter: LaserCounter, bench: OpticsBench, clock: Clock, block_s: float, around: Around | None = None
     ) -> None:
         super().__init__(clock, block_s, around)
         self.counter = counter

@@ -33,14 +33,14 @@ class Result:
 
 
 @dataclass(frozen=True, slots=True)
-class Damaged:
+class DamagedReply:
     """Bytes that are no answer, and why."""
 
     why: str
     raw: bytes
 
 
-Answer = Result | Damaged
+Answer = Result | DamagedReply
 
 
 class AttocubeCodec:
@@ -59,7 +59,7 @@ class AttocubeCodec:
         *lines, self._rest = (self._rest + data).split(b"\n")
         found = [_answer(line.strip()) for line in lines if line.strip()]
         if len(self._rest) > LONGEST:
-            found.append(Damaged(f"a line of more than {LONGEST} bytes", self._rest[:80]))
+            found.append(DamagedReply(f"a line of more than {LONGEST} bytes", self._rest[:80]))
             self._rest = b""
         return iter(found)
 
@@ -68,13 +68,13 @@ def _answer(line: bytes) -> Answer:
     try:
         said = json.loads(line)
     except (ValueError, RecursionError):
-        return Damaged("no JSON", line[:200])
+        return DamagedReply("no JSON", line[:200])
     if not isinstance(said, dict) or type(said.get("id")) is not int:
-        return Damaged("no answer with an id", line[:200])
+        return DamagedReply("no answer with an id", line[:200])
     error, result = said.get("error"), said.get("result")
     if error is not None:
         text = error.get("message", error) if isinstance(error, dict) else error
         return Result(said["id"], (), str(text) or "error")
     if not isinstance(result, list) or not result:
-        return Damaged("no list of results", line[:200])
+        return DamagedReply("no list of results", line[:200])
     return Result(said["id"], tuple(result))

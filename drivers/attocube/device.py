@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from drivers.attocube.codec import Answer, Ask, AttocubeCodec, Damaged, Result
+from drivers.attocube.codec import Answer, Ask, AttocubeCodec, DamagedReply, Result
 from drivers.attocube.settings import AttocubeSettings
 from drivers.clock import Clock
 from drivers.errors import DeviceRefused, RemoteProtocolError, TransportError, UnsupportedDevice, catalogue
@@ -79,7 +79,7 @@ class AttocubeIds:
                 AttocubeCodec(),
                 self._clock,
                 is_answer=lambda _message: True,
-                matches=lambda ask, answer: isinstance(answer, Damaged) or answer.id == ask.id,
+                matches=lambda ask, answer: isinstance(answer, DamagedReply) or answer.id == ask.id,
                 trace=self.trace,
             )
             try:
@@ -120,7 +120,7 @@ class AttocubeIds:
         answer = await self._link.exchange(Ask(self._asked, method, params), self._settings.timeout_s)
         if isinstance(answer, Result) and not answer.error:
             return answer.items
-        if isinstance(answer, Damaged):
+        if isinstance(answer, DamagedReply):
             error = RemoteProtocolError("E-IDS-ANSWER", self.name, method=method, why=answer.why, raw=repr(answer.raw))
             self._link.fail(error)
             raise error

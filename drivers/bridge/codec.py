@@ -46,7 +46,7 @@ class Reply:
 
 
 @dataclass(frozen=True, slots=True)
-class Refusal:
+class BridgeRefusal:
     """A no to the request of the same id; id None where the bridge could not even read one."""
 
     id: int | None
@@ -75,10 +75,10 @@ class Damaged:
     skipped: int = 0
 
 
-Message = Request | Reply | Refusal | Notification | Damaged | SampleFrame
+Message = Request | Reply | BridgeRefusal | Notification | Damaged | SampleFrame
 _MAY_SEND: dict[Role, tuple[type, ...]] = {
     "client": (Request,),
-    "server": (Reply, Refusal, Notification, SampleFrame),
+    "server": (Reply, BridgeRefusal, Notification, SampleFrame),
 }
 
 
@@ -234,7 +234,7 @@ def _as_object(message: Message) -> dict[str, Any]:
             return head | {"method": method, "params": dict(params)}
         case Reply(number, result):
             return head | {"id": number, "result": result}
-        case Refusal(asked, code, text, data):
+        case BridgeRefusal(asked, code, text, data):
             extra = {} if data is None else {"data": data}
             return head | {"id": asked, "error": {"code": code, "message": text} | extra}
         case Damaged() | SampleFrame():
@@ -283,12 +283,12 @@ def _call(found: dict[str, Any]) -> Message:
     return Notification(method, params)
 
 
-def _refusal(found: dict[str, Any]) -> Refusal:
+def _refusal(found: dict[str, Any]) -> BridgeRefusal:
     error = found["error"]
     if not isinstance(error, dict) or not isinstance(error.get("message"), str):
         raise ValueError("error must hold a code and a message")
     asked = None if found.get("id") is None else _id(found["id"])
-    return Refusal(asked, _id(error.get("code")), error["message"], error.get("data"))
+    return BridgeRefusal(asked, _id(error.get("code")), error["message"], error.get("data"))
 
 
 def _id(value: Any) -> int:

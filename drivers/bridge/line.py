@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from drivers.bridge import records
-from drivers.bridge.codec import BridgeCodec, Damaged, Message, Refusal, Reply, Request
+from drivers.bridge.codec import BridgeCodec, BridgeRefusal, Damaged, Message, Reply, Request
 from drivers.bridge.fields import Fields
 from drivers.bridge.records import BridgeIdentity
 from drivers.bridge.refusals import exception_for
@@ -22,7 +22,7 @@ BridgeLink = Link[Request, Message]
 
 def _belongs(question: Request, answer: Message) -> bool:
     """An answer belongs by its id; a bridge that could not read our line refuses with no id."""
-    if isinstance(answer, Refusal):
+    if isinstance(answer, BridgeRefusal):
         return answer.id in (question.id, None)
     return isinstance(answer, Reply) and answer.id == question.id
 
@@ -74,7 +74,7 @@ class BridgeLine:
             wire,
             BridgeCodec("client", echo=self._settings.echo),
             self._clock,
-            is_answer=lambda message: isinstance(message, Reply | Refusal),
+            is_answer=lambda message: isinstance(message, Reply | BridgeRefusal),
             matches=_belongs,
             trace=self.trace,
         )
@@ -126,7 +126,7 @@ class BridgeLine:
         answer = await self._link.exchange(Request(self._asked, method, params or {}), limit_s)
         if isinstance(answer, Reply):
             return answer.result
-        if isinstance(answer, Refusal):
+        if isinstance(answer, BridgeRefusal):
             raise exception_for(answer, method, self.name)
         raise RemoteProtocolError("E-BRIDGE-LINE", self.name, why="no answer", raw=repr(answer))
 

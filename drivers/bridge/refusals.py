@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from drivers.bridge.codec import Refusal
+from drivers.bridge.codec import BridgeRefusal
 from drivers.bridge.records import (
     BATTERY_LOW,
     BEAM_OBSTRUCTED,
@@ -20,7 +20,7 @@ CANNOT = (UNSUPPORTED, METHOD_NOT_FOUND)
 OUR_FAULT = (PARSE_ERROR, INVALID_REQUEST, INVALID_PARAMS)
 
 
-def exception_for(refusal: Refusal, method: str, where: str) -> TrueflankError:
+def exception_for(refusal: BridgeRefusal, method: str, where: str) -> TrueflankError:
     """The exception for a refusal of `method`, with the bridge's own sentence in its fields."""
     said = refusal.message
     if refusal.code in CANNOT:

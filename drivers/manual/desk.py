@@ -16,7 +16,7 @@ from drivers.names import visible
 POLL_S = 0.2
 
 
-class Desk(Protocol):
+class TypingDesk(Protocol):
     """One person, asked one thing at a time."""
 
     async def ask(self, question: str) -> str:
@@ -107,10 +107,10 @@ class QueueDesk:
         """Nothing is held."""
 
 
-DeskMaker = Callable[[str, Clock, str], Desk]
+DeskMaker = Callable[[str, Clock, str], TypingDesk]
 
 
-def open_desk(url: str, clock: Clock, where: str) -> Desk:
+def open_desk(url: str, clock: Clock, where: str) -> TypingDesk:
     """``terminal://`` or ``folder:///path``. Raises ConfigError (E-LINK-URL, E-MANUAL-FOLDER)."""
     scheme, mark, rest = url.partition("://")
     if mark and scheme == "terminal" and not rest:

@@ -12,18 +12,18 @@ import numpy as np
 from drivers.clock import Clock
 from drivers.errors import ConfigError, TransportError, catalogue, words
 from drivers.link import Trace, wrong_setting
-from drivers.manual.desk import Desk, DeskMaker, open_desk
-from drivers.manual.entry import FAR, Expected, Refused, read_entry
+from drivers.manual.desk import DeskMaker, TypingDesk, open_desk
+from drivers.manual.entry import FAR, EntryRefused, ExpectedReading, read_entry
 from drivers.manual.settings import ManualSettings
 from drivers.types import Ambient, CompensatedFor, Identity, Optics, SampleBlock
 
 TURN_S = 0.01
 _AIR = ("air_degc", "pressure_hpa", "humidity_pct")
 _PLAUSIBLE = {
-    "air_degc": Expected("air", 20.0, 30.0),
-    "pressure_hpa": Expected("pressure", 900.0, 250.0),
-    "humidity_pct": Expected("humidity", 50.0, 50.0),
-    "material_degc": Expected("material", 20.0, 40.0),
+    "air_degc": ExpectedReading("air", 20.0, 30.0),
+    "pressure_hpa": ExpectedReading("pressure", 900.0, 250.0),
+    "humidity_pct": ExpectedReading("humidity", 50.0, 50.0),
+    "material_degc": ExpectedReading("material", 20.0, 40.0),
 }
 
 
@@ -56,8 +56,8 @@ class ManualEntry:
         self._settings = ManualSettings.read(settings, name)
         self._ambient = _typed_ambient(self._settings, name)
         self._make_desk = desk
-        self._desk: Desk | None = None
-        self._expected = Expected()
+        self._desk: TypingDesk | None = None
+        self._expected = ExpectedReading()
         self._time_s = 0.0
         self.typed: tuple[Typed, ...] = ()
 
@@ -90,7 +90,7 @@ class ManualEntry:
 
     def expect(self, label: str, value: float, limit: float) -> None:
         """The next reading is of ``label`` and lies within ``limit`` of ``value``, else it is asked for again."""
-        self._expected = Expected(label, value, limit)
+        self._expected = ExpectedReading(label, value, limit)
 
     async def optics(self) -> Optics:
         """Unknown."""
@@ -134,8 +134,8 @@ class ManualEntry:
             shown = replace(expected, value=expected.value * self._settings.scale)
             sure = bool(text) and text == before
             value = read_entry(text, self._settings.mark, shown, self._settings.unit, sure=sure)
-            if not isinstance(value, Refused):
-                self._expected = Expected()
+            if not isinstance(value, EntryRefused):
+                self._expected = ExpectedReading()
                 utc = self._clock.utc().isoformat(timespec="seconds")
                 who = self._settings.who or getuser()
                 return Typed(
@@ -144,7 +144,7 @@ class ManualEntry:
             before = text if value.code == FAR else ""
             trouble = words(value.code, **value.fields)
 
-    async def _asked(self, expected: Expected, trouble: str) -> str:
+    async def _asked(self, expected: ExpectedReading, trouble: str) -> str:
         if self._desk is None:
             raise TransportError("E-LINK-CLOSED", self.name, why="this end is closed")
         label = expected.label or f"reading {len(self.typed) + 1}"
@@ -164,10 +164,10 @@ def _typed_number(settings: ManualSettings, key: str, text: str, where: str) -> 
     if not text:
         return None
     found = read_entry(text, settings.mark, _PLAUSIBLE[key], key.rpartition("_")[2], sure=False)
-    if isinstance(found, Refused):
+    if isinstance(found, EntryRefused):
         raise _refused(key, found, where)
     return found
 
 
-def _refused(key: str, refused: Refused, where: str) -> ConfigError:
+def _refused(key: str, refused: EntryRefused, where: str) -> ConfigError:
     return wrong_setting(key, words(refused.code, **refused.fields), where)

@@ -17,7 +17,7 @@ _MARK: dict[DecimalMark, str] = {"point": ".", "comma": ","}
 
 
 @dataclass(frozen=True, slots=True)
-class Expected:
+class ExpectedReading:
     """What the next reading is of and where it should lie: ``value`` +- ``limit`` in the channel's unit."""
 
     label: str = ""
@@ -26,14 +26,16 @@ class Expected:
 
 
 @dataclass(frozen=True, slots=True)
-class Refused:
+class EntryRefused:
     """Why a typed text is no reading: a code of the catalogue with its fields."""
 
     code: str
     fields: dict[str, str]
 
 
-def read_entry(text: str, mark: DecimalMark, expected: Expected, unit: str, *, sure: bool) -> float | Refused:
+def read_entry(
+    text: str, mark: DecimalMark, expected: ExpectedReading, unit: str, *, sure: bool
+) -> float | EntryRefused:
     """A typed text as a number, or why not.
 
     The other decimal mark is refused, not turned around: 1.234 may be a thousand. A value outside ``expected`` is
@@ -42,11 +44,11 @@ def read_entry(text: str, mark: DecimalMark, expected: Expected, unit: str, *, s
     typed = text.strip()
     if not typed.isascii() or not _NUMBER[mark].match(typed):
         other: DecimalMark = "comma" if mark == "point" else "point"
-        return Refused(
+        return EntryRefused(
             OTHER_MARK if _NUMBER[other].match(typed) else NO_NUMBER, {"typed": repr(typed[:40]), "mark": mark}
         )
     value = float(typed.replace(_MARK[mark], "."))
     if abs(value - expected.value) > expected.limit and not sure:
         limits = f"{expected.value - expected.limit:g} .. {expected.value + expected.limit:g} {unit}"
-        return Refused(FAR, {"typed": typed, "limits": limits})
+        return EntryRefused(FAR, {"typed": typed, "limits": limits})
     return value

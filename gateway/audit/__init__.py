@@ -9,7 +9,7 @@ from __future__ import annotations
 from gateway.audit.actor import os_user
 from gateway.audit.chain import AUDIT, append
 from gateway.audit.checking import Health, Problem, check, demand, sound
-from gateway.audit.entries import CORRECTION, TORN, Entry, Happening, Head, head_of, line_of
+from gateway.audit.entries import CORRECTION, TORN, AuditEntry, ChainHead, Happening, head_of, line_of
 from gateway.audit.reading import entries
 from gateway.audit.recording import correct, note, record
 from gateway.audit.standing import (
@@ -37,9 +37,9 @@ __all__ = [
     "PROPOSED",
     "TORN",
     "USED",
-    "Entry",
+    "AuditEntry",
+    "ChainHead",
     "Happening",
-    "Head",
     "Health",
     "Problem",
     "Standing",

@@ -15,7 +15,7 @@ from pathlib import Path
 from threading import Event
 
 from drivers.ownfiles import opened, read_own
-from gateway.audit.entries import TORN, Entry, Happening, Head, head_of, head_of_line, line_of, torn_facts
+from gateway.audit.entries import TORN, AuditEntry, ChainHead, Happening, head_of, head_of_line, line_of, torn_facts
 from gateway.errors import BusyError, CorruptRecord
 from gateway.push.records.lock import held
 from gateway.store.disk import disk_errors, read_whole, sync_folder, write_whole
@@ -31,13 +31,13 @@ _PAUSE_S = 0.01
 class Tail:
     """Where the next record goes: ``path`` the last file, ``fragment`` torn ends that no record speaks of yet."""
 
-    head: Head
+    head: ChainHead
     number: int
     size: int
     fragment: bytes
 
 
-def append(root: Path, entry: Entry, rotate_bytes: int = ROTATE_BYTES) -> Head:
+def append(root: Path, entry: AuditEntry, rotate_bytes: int = ROTATE_BYTES) -> ChainHead:
     """Add a record to the log below ``root``, numbered and chained here; returns the new head once it is durable.
 
     Raises CorruptRecord (E-AUDIT-BROKEN) when the end of the log is not sound, StoreError (E-STORE-DISK),
@@ -55,7 +55,7 @@ def append(root: Path, entry: Entry, rotate_bytes: int = ROTATE_BYTES) -> Head:
         return _written(folder, number, size, tail.head, entry).head
 
 
-def _written(folder: Path, number: int, size: int, before: Head, entry: Entry) -> Tail:
+def _written(folder: Path, number: int, size: int, before: ChainHead, entry: AuditEntry) -> Tail:
     line, head = line_of(replace(entry, seq=before.seq + 1, prev_hash=before.hash))
     path = folder / file_name(number)
     if not (folder / HEAD).exists():
@@ -98,15 +98,15 @@ def tail_of(folder: Path) -> Tail:
         if lines:
             found = head_of_line(lines[-1])
             _believe(found, known, path)
-            return Tail(found or Head(), len(paths), size, fragment)
-    _believe(Head(), known, folder)
-    return Tail(Head(), len(paths), size, fragment)
+            return Tail(found or ChainHead(), len(paths), size, fragment)
+    _believe(ChainHead(), known, folder)
+    return Tail(ChainHead(), len(paths), size, fragment)
 
 
-def _believe(found: Head | None, known: Head | None, path: Path) -> None:
+def _believe(found: ChainHead | None, known: ChainHead | None, path: Path) -> None:
     """A crash between a record and `head` leaves `head` one behind; anything else is a break."""
     behind = found is not None and known is not None and found.seq == known.seq + 1
-    nothing_yet = known is None and found == Head()
+    nothing_yet = known is None and found == ChainHead()
     if not (found == known or behind or nothing_yet):
         raise CorruptRecord("E-AUDIT-BROKEN", str(path), why=f"{HEAD}: {known}, {path.name}: {found}")
 
@@ -135,7 +135,7 @@ def kept_text(folder: Path) -> bytes | None:
             return None
 
 
-def head_in(text: bytes) -> Head:
+def head_in(text: bytes) -> ChainHead:
     """What a head file says. Raises CorruptRecord (E-AUDIT-HEAD) when it is damaged."""
     told = text.decode("ascii", "replace")
     head = head_of(told)

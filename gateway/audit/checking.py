@@ -8,7 +8,7 @@ from pathlib import Path
 
 from drivers.errors import words
 from gateway.audit.chain import AUDIT, HEAD, content, file_name, files, head_in, kept_text
-from gateway.audit.entries import Head, follows, is_torn, speaks_of
+from gateway.audit.entries import ChainHead, follows, is_torn, speaks_of
 from gateway.errors import CorruptRecord, StoreError
 
 
@@ -34,7 +34,7 @@ def problem(code: str, **fields: object) -> Problem:
 class Health:
     """A checked log: how many records and files were sound, its head, the torn end no record speaks of yet."""
 
-    head: Head
+    head: ChainHead
     files: int = 0
     torn_bytes: int = 0
     problem: Problem | None = None
@@ -55,10 +55,10 @@ class Health:
 class _Walk:
     """A check on its way along the log."""
 
-    kept: Head | None
+    kept: ChainHead | None
     exported: set[str]
     numbered: Mapping[int, str]
-    head: Head = field(default_factory=Head)
+    head: ChainHead = field(default_factory=ChainHead)
     fragment: bytes = b""
 
     def take(self, name: str, data: bytes) -> Problem | None:
@@ -81,14 +81,14 @@ class _Walk:
         if self.kept is not None and head.seq == self.kept.seq and head != self.kept:
             return problem("W-AUDIT-KEPT", head=self.kept, found=head)
         if self.numbered.get(head.seq, head.hash) != head.hash:
-            return problem("W-AUDIT-EXPORT", head=Head(head.seq, self.numbered[head.seq]), found=head)
+            return problem("W-AUDIT-EXPORT", head=ChainHead(head.seq, self.numbered[head.seq]), found=head)
         self.head, self.fragment = head, b""
         self.exported.discard(head.hash)
         return None
 
     def end(self) -> Problem | None:
         """What is missing once all files have been seen."""
-        if self.kept is not None and self.kept.seq == 0 and self.kept != Head():
+        if self.kept is not None and self.kept.seq == 0 and self.kept != ChainHead():
             return problem("W-AUDIT-DAMAGED-HEAD", found=self.kept)
         if self.kept is None and (self.head.seq or self.fragment):
             return problem("W-AUDIT-NO-HEAD", file=HEAD)
@@ -99,12 +99,12 @@ class _Walk:
         return None
 
 
-def judge(kept: bytes | None, parts: Iterable[tuple[str, bytes]], exported: tuple[Head, ...] = ()) -> Health:
+def judge(kept: bytes | None, parts: Iterable[tuple[str, bytes]], exported: tuple[ChainHead, ...] = ()) -> Health:
     """The verdict on a log given as its head file (None: missing) and its files, (name, content) in order; pure."""
     try:
         known = head_in(kept) if kept is not None else None
     except CorruptRecord as error:
-        return Health(Head(), problem=problem("W-AUDIT-DAMAGED-HEAD", found=error.fields.get("found", "")))
+        return Health(ChainHead(), problem=problem("W-AUDIT-DAMAGED-HEAD", found=error.fields.get("found", "")))
     numbered = {head.seq: head.hash for head in exported if head.seq}
     walk, number = _Walk(known, {head.hash for head in exported}, numbered), 0
     for number, (name, data) in enumerate(parts, 1):
@@ -115,7 +115,7 @@ def judge(kept: bytes | None, parts: Iterable[tuple[str, bytes]], exported: tupl
     return Health(walk.head, number, len(walk.fragment), walk.end())
 
 
-def check(root: Path, exported: tuple[Head, ...] = ()) -> Health:
+def check(root: Path, exported: tuple[ChainHead, ...] = ()) -> Health:
     """Read the whole log below ``root`` against the heads exported from it earlier; changes nothing.
 
     Raises StoreError (E-STORE-DISK) when it cannot be read.
@@ -132,7 +132,7 @@ def sound(root: Path) -> bool:
         return False
 
 
-def demand(root: Path, exported: tuple[Head, ...] = ()) -> Health:
+def demand(root: Path, exported: tuple[ChainHead, ...] = ()) -> Health:
     """The same as `check`, but a log that is not whole raises CorruptRecord (E-AUDIT-BROKEN)."""
     health = check(root, exported)
     if health.problem is not None:

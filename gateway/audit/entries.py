@@ -29,7 +29,7 @@ _LINE = re.compile(
 
 
 @dataclass(frozen=True, slots=True)
-class Head:
+class ChainHead:
     """The end of a chain: number and hash of its last record; ``seq`` 0 is a log without records."""
 
     seq: int = 0
@@ -58,7 +58,7 @@ class Happening:
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
+class AuditEntry:
     """A record as kept. ``monotonic_s`` counts in the process named by ``process``: it does not jump with the date."""
 
     seq: int
@@ -84,12 +84,12 @@ def _plain(value: object) -> object:
     return str(value)
 
 
-def line_of(entry: Entry) -> tuple[bytes, Head]:
+def line_of(entry: AuditEntry) -> tuple[bytes, ChainHead]:
     """The record's line with its line end, and the head of the chain it makes; ``entry.hash`` is ignored."""
     data = entry.as_data()
     del data["hash"]
     digest = hashlib.sha256(_canonical(data)).hexdigest()
-    return _canonical({**data, "hash": digest}) + b"\n", Head(entry.seq, digest)
+    return _canonical({**data, "hash": digest}) + b"\n", ChainHead(entry.seq, digest)
 
 
 def _canonical(data: object) -> bytes:
@@ -97,7 +97,7 @@ def _canonical(data: object) -> bytes:
     return text.encode("ascii")
 
 
-def follows(line: bytes, before: Head) -> Head | None:
+def follows(line: bytes, before: ChainHead) -> ChainHead | None:
     """The head after this line (without its end), or None when it is damaged or does not follow ``before``."""
     found = _LINE.fullmatch(line)
     if found is None:
@@ -106,24 +106,24 @@ def follows(line: bytes, before: Head) -> Head | None:
     if hashlib.sha256(found[1] + found[3]).hexdigest() != digest:
         return None
     same_chain = int(found[5]) == before.seq + 1 and found[4].decode("ascii") == before.hash
-    return Head(before.seq + 1, digest) if same_chain else None
+    return ChainHead(before.seq + 1, digest) if same_chain else None
 
 
-def head_of_line(line: bytes) -> Head | None:
+def head_of_line(line: bytes) -> ChainHead | None:
     """The head that a sound line (without its end) states, whatever stands before it; None when it is damaged."""
     found = _LINE.fullmatch(line)
     if found is None:
         return None
-    return follows(line, Head(int(found[5]) - 1, found[4].decode("ascii")))
+    return follows(line, ChainHead(int(found[5]) - 1, found[4].decode("ascii")))
 
 
-def head_of(text: str) -> Head:
+def head_of(text: str) -> ChainHead:
     """A head as exported, ``number:hash`` or the hash alone (number 0). Raises CorruptRecord (E-AUDIT-HEAD)."""
     found = _HEAD.fullmatch(text.strip())
     if found is not None:
-        return Head(int(found[1]), found[2])
+        return ChainHead(int(found[1]), found[2])
     if re.fullmatch(r"[0-9a-f]{64}", text.strip()):
-        return Head(0, text.strip())
+        return ChainHead(0, text.strip())
     raise CorruptRecord("E-AUDIT-HEAD", "head", found=text.strip()[:80] or "nothing")
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from drivers.clock import Clock
 from gateway.audit.actor import os_user
 from gateway.audit.chain import append
-from gateway.audit.entries import CORRECTION, Entry, Happening, Head, Role
+from gateway.audit.entries import CORRECTION, AuditEntry, ChainHead, Happening, Role
 from gateway.errors import BusyError, StoreError
 
 
@@ -27,7 +27,7 @@ def record(
     base_hash: str = "",
     new_hash: str = "",
     details: Mapping[str, object] | None = None,
-) -> Head:
+) -> ChainHead:
     """Keep what was done, durable on return; ``root`` is the store's folder, ``actor`` the OS user if not given.
 
     ``clock`` must be usable: the wall's needs a running loop. Blocks for a few ms, as the journal does.
@@ -50,7 +50,7 @@ def record(
     software = metadata.version("trueflank")
     return append(
         root,
-        Entry(
+        AuditEntry(
             seq=0,
             utc=utc,
             monotonic_s=round(clock.now(), 6),
@@ -99,6 +99,6 @@ def note(
     return ""
 
 
-def correct(root: Path, seq: int, why: str, *, clock: Clock, actor: str = "") -> Head:
+def correct(root: Path, seq: int, why: str, *, clock: Clock, actor: str = "") -> ChainHead:
     """Say that an earlier record is wrong; the record itself stays. Raises what `record` raises."""
     return record(root, CORRECTION, clock=clock, actor=actor, details={"corrects": seq, "why": why})

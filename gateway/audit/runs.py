@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from drivers.errors import words
-from gateway.audit.entries import Head, head_of
+from gateway.audit.entries import ChainHead, head_of
 from gateway.audit.standing import standing
 from gateway.errors import StoreError
 from gateway.push.records import journal
@@ -22,14 +22,14 @@ class Kept:
     """What a store's files say: the heads of the audit log that they name, and what is wrong with them, in words."""
 
     runs: int
-    heads: tuple[Head, ...]
+    heads: tuple[ChainHead, ...]
     problems: tuple[str, ...]
 
 
 def look(root: Path) -> Kept:
     """Read every run folder and journal below ``root``; changes nothing. Raises StoreError (E-STORE-DISK)."""
     known = standing(root)
-    heads: set[Head] = set()
+    heads: set[ChainHead] = set()
     problems: list[str] = []
     summaries = Store(root).runs()
     for summary in summaries:

@@ -9,8 +9,8 @@ import numpy as np
 from drivers.ports import Instrument
 from drivers.types import Ambient, FloatArray, Stop
 from drivers.units import wrap_deg
-from gateway.capture.diagnosis import Doubt
-from gateway.capture.readings import History, Reading
+from gateway.capture.diagnosis import UnexpectedValue
+from gateway.capture.readings import History, StopReading
 from gateway.capture.surroundings import check
 from gateway.capture.targets import expected_travel, jog_start
 from gateway.config import AxisSection
@@ -23,7 +23,7 @@ PROOF_PART = 0.01
 
 
 @dataclass(frozen=True, slots=True)
-class Datum:
+class FirstReading:
     """The first reading of all: channel values (c,), the combined quantity and the target it was taken at."""
 
     values: FloatArray
@@ -61,7 +61,7 @@ class Collection:
         self.ambients: list[Ambient] = []
         self.ambient_times: list[float] = []
         self.notes: list[str] = []
-        self.datum: Datum | None = None
+        self.datum: FirstReading | None = None
 
     def combined(self, values: FloatArray) -> float:
         """The one quantity of the axis from channel values (c,)."""
@@ -91,11 +91,11 @@ class Collection:
         """What cannot be corrected is refused before it is measured: raises as `surroundings.check`."""
         check(self._axis, air, instrument.compensated_for, instrument.name)
 
-    def doubt(self, read: float, wanted: float) -> Doubt:
+    def doubt(self, read: float, wanted: float) -> UnexpectedValue:
         """A reading that is not the wanted one, with what it might be instead."""
         datum = wanted if self.datum is None else self.combined(self.datum.values - self._offset)
         stops = {} if self.datum is None else {float(t): datum + float(t) - self.datum.target for t in self._targets}
-        return Doubt(
+        return UnexpectedValue(
             read=read,
             wanted=wanted,
             datum=datum,
@@ -116,7 +116,7 @@ class Collection:
             travel = max(expected_travel(self._last_stop, stop, overrun), overrun if first else 0.0)
         return self._last_value, MOVED_PART * travel
 
-    def take(self, stop: Stop, reading: Reading) -> None:
+    def take(self, stop: Stop, reading: StopReading) -> None:
         """Keep a stop's reading, in the count of the datum."""
         values = reading.values + self._offset
         cell = (stop.label, stop.repetition, 0 if stop.approach == 1 else 1)
@@ -125,10 +125,10 @@ class Collection:
         self.sigmas[cell] = float(np.max(reading.sigma))
         self.counts.append(reading.count)
         if self.datum is None:
-            self.datum = Datum(values, self.combined(values), stop.target)
+            self.datum = FirstReading(values, self.combined(values), stop.target)
         self._stands(stop, reading)
 
-    def set_anew(self, stop: Stop, reading: Reading) -> None:
+    def set_anew(self, stop: Stop, reading: StopReading) -> None:
         """After a lost beam: what reads at the datum now stands for what read there first.
 
         Raises nothing; the uncertainty of one more reading of the datum is the price, and is noted.
@@ -141,7 +141,7 @@ class Collection:
         self._offset = unit * lacking / (self.combined(reading.values + unit) - self.combined(reading.values))
         self._stands(stop, reading)
 
-    def _stands(self, stop: Stop, reading: Reading) -> None:
+    def _stands(self, stop: Stop, reading: StopReading) -> None:
         self._last_value, self._last_stop = self.combined(reading.values), stop
 
     def missing(self, stops: tuple[Stop, ...]) -> tuple[Stop, ...]:

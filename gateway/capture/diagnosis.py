@@ -29,7 +29,7 @@ FROZEN_TRAVEL = 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class Doubt:
+class UnexpectedValue:
     """A settled value that is not the expected one, all in the axis unit and the instrument's present count.
 
     ``datum`` is what stood at the first target; ``targets`` target -> value expected there.
@@ -43,7 +43,7 @@ class Doubt:
     targets: Mapping[float, float]
 
 
-def cause(doubt: Doubt, axis: str, target: float) -> CaptureError | BeamObstructed | None:
+def cause(doubt: UnexpectedValue, axis: str, target: float) -> CaptureError | BeamObstructed | None:
     """The error that names the cause: E-CAP-SIGN, E-CAP-UNIT, E-CAP-TARGET; None where none explains it.
 
     A reading that belongs to another target may also be a count that stood still for a step, so it can be
@@ -65,14 +65,14 @@ def _near(value: float, wanted: float, tolerance: float) -> bool:
     return abs(value - wanted) <= max(ALIKE * abs(wanted), min(tolerance, 0.1 * abs(wanted)))
 
 
-def _turned(doubt: Doubt) -> bool:
+def _turned(doubt: UnexpectedValue) -> bool:
     travel = doubt.wanted - doubt.datum
     if abs(travel) <= 2.0 * doubt.tolerance:
         return False
     return _near(doubt.read - doubt.datum, -travel, doubt.tolerance) or _near(doubt.read, -doubt.wanted, 0.0)
 
 
-def _factor(doubt: Doubt) -> str:
+def _factor(doubt: UnexpectedValue) -> str:
     """From the whole value, or from what it moved since the datum."""
     names = list(FACTORS)[ANGLE if doubt.rotary else LENGTH]
     pairs = [(doubt.read, doubt.wanted), (doubt.read - doubt.datum, doubt.wanted - doubt.datum)]
@@ -85,7 +85,7 @@ def _factor(doubt: Doubt) -> str:
     return ""
 
 
-def _other(doubt: Doubt, target: float) -> float | None:
+def _other(doubt: UnexpectedValue, target: float) -> float | None:
     """The other target at which this would be right."""
     fits = [at for at, value in doubt.targets.items() if at != target and abs(doubt.read - value) <= doubt.tolerance]
     return fits[0] if len(fits) == 1 else None

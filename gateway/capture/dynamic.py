@@ -14,7 +14,7 @@ import numpy as np
 
 from drivers.errors import ConfigError
 from drivers.types import FloatArray, SampleBlock
-from gateway.capture.dynamicrecords import Ended, LiveView, Sink, Stretch, Trigger, unit_of
+from gateway.capture.dynamicrecords import Ended, LiveView, Sink, StreamShape, Trigger, unit_of
 from gateway.errors import CaptureError
 
 EXTERNAL = "trigger"
@@ -32,7 +32,7 @@ class DynamicCapture:
         self,
         channels: tuple[str, ...],
         seconds: float,
-        begin: Callable[[Stretch], Sink],
+        begin: Callable[[StreamShape], Sink],
         *,
         channel: str = "",
         trigger: Trigger | None = None,
@@ -155,7 +155,7 @@ class DynamicCapture:
         scale = self._scale
         trigger = None if self._trigger.kind == "none" else begins
         self._sink = self._begin(
-            Stretch(channel=self._name, rate_hz=self._rate_hz, unit=self._unit, scale=scale, trigger=trigger)
+            StreamShape(channel=self._name, rate_hz=self._rate_hz, unit=self._unit, scale=scale, trigger=trigger)
         )
         self._wanted += begins
         for piece, missing in kept:

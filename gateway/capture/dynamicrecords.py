@@ -37,7 +37,7 @@ class Trigger:
 
 
 @dataclass(frozen=True, slots=True)
-class Stretch:
+class StreamShape:
     """The signal's description, known with the first samples: ``values * scale`` is in ``unit``."""
 
     channel: str

@@ -17,9 +17,9 @@ from drivers.ports import Instrument
 from drivers.types import Ambient, FloatArray, SampleBlock, Stop
 from drivers.units import ARCSEC_PER_DEG, UM_PER_MM, DeviationUnit
 from gateway.capture.collecting import Collection
-from gateway.capture.diagnosis import Doubt
+from gateway.capture.diagnosis import UnexpectedValue
 from gateway.capture.live import RawCapture, Visits, raw_capture, targets_of
-from gateway.capture.readings import History, Reading, Readings, Window
+from gateway.capture.readings import History, Readings, StopReading, Window
 from gateway.capture.rig import SETTLE_TIMEOUT_S, Rig
 from gateway.capture.targets import measuring_plan
 from gateway.domain import Capture, SenseProof
@@ -105,7 +105,7 @@ class ErrorReadings(Readings):
         *,
         expect: tuple[float, float] | None = None,
         moved_from: tuple[float, float] | None = None,
-    ) -> Reading:
+    ) -> StopReading:
         """As `Readings.settled`, of samples taken after this call; Unstable when the stream stays behind."""
         await self._caught_up(window.timeout_s)
         return await super().settled(window, expect=expect, moved_from=moved_from)
@@ -146,7 +146,7 @@ class ErrorCollection(Collection):
     def admit(self, air: Ambient, instrument: Instrument) -> None:
         """Any air will do."""
 
-    def doubt(self, read: float, wanted: float) -> Doubt:
+    def doubt(self, read: float, wanted: float) -> UnexpectedValue:
         """Raises CaptureError (E-SETUP-TOUCHED): optics that stand elsewhere now lean otherwise too."""
         shift = f"{read - wanted:+.6g}"
         raise CaptureError("E-SETUP-TOUCHED", self._axis.name, shift=shift, largest=f"{self._largest:g}")

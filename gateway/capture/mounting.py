@@ -8,7 +8,7 @@ from drivers.errors import BeamObstructed, UnsupportedDevice
 from drivers.types import Stop, StopReached
 from drivers.units import DeviationUnit
 from gateway.capture.errormotion import ErrorReadings, ErrorRig
-from gateway.capture.readings import Reading
+from gateway.capture.readings import StopReading
 from gateway.capture.targets import jog_plan, jog_start
 from gateway.walk import walk
 
@@ -62,7 +62,7 @@ async def prove_mounting(rig: ErrorRig) -> MountingProof:
     )
 
 
-async def _lit(rig: ErrorRig, readings: ErrorReadings) -> Reading:
+async def _lit(rig: ErrorRig, readings: ErrorReadings) -> StopReading:
     """A settled reading; without a valid one what is mounted is not what was asked for, or not aligned."""
     try:
         return await readings.settled(rig.window)

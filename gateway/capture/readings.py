@@ -23,7 +23,7 @@ History = Callable[[FloatArray], FloatArray]
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class StopReading:
     """A settled average: channel means, their window's standard deviations, its centre in instrument time."""
 
     values: FloatArray
@@ -151,7 +151,7 @@ class Readings:
         *,
         expect: tuple[float, float] | None = None,
         moved_from: tuple[float, float] | None = None,
-    ) -> Reading:
+    ) -> StopReading:
         """Wait for a stable window that begins after now and return its average.
 
         ``expect`` (value, tolerance): the combined value must lie there; a stale or foreign stop does not.
@@ -183,7 +183,7 @@ class Readings:
 
     def _judge(
         self, begin: float, window: Window, expect: tuple[float, float] | None, left_at: float | None
-    ) -> tuple[str, Reading | None]:
+    ) -> tuple[str, StopReading | None]:
         time_s, values = self._between(begin, begin + window.average_s)
         if len(time_s) < 3:
             return "too few samples in the window", None
@@ -198,7 +198,7 @@ class Readings:
         if sigma > window.stable or self._drifts(combined, sigma, window.stable):
             return f"sigma {sigma:.3g} is above {window.stable:.3g}", None
         centre = float(np.mean(time_s))
-        return "", Reading(values.mean(axis=0), values.std(axis=0, ddof=1), len(time_s), centre)
+        return "", StopReading(values.mean(axis=0), values.std(axis=0, ddof=1), len(time_s), centre)
 
     @staticmethod
     def _drifts(combined: FloatArray, sigma: float, stable: float) -> bool:

@@ -7,7 +7,7 @@ import numpy as np
 from drivers.errors import ConfigError, UnsupportedDevice
 from drivers.ports import Instrument, RotaryCalibrator
 from drivers.types import Approach, FloatArray, Stop, StopReached
-from gateway.capture.readings import Reading, Readings, Window
+from gateway.capture.readings import Readings, StopReading, Window
 from gateway.capture.rig import Rig
 from gateway.capture.targets import jog_plan, jog_start
 from gateway.config import AxisSection
@@ -52,7 +52,7 @@ async def _follow(
     axis: AxisSection,
     jog: float,
     seen: list[float],
-) -> Reading:
+) -> StopReading:
     try:
         return await readings.settled(window, moved_from=moved)
     except Unstable as error:

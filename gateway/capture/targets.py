@@ -8,7 +8,7 @@ import numpy as np
 
 from drivers.types import FloatArray, Stop, StopPlan
 from gateway.capture.cycles import visits, with_window
-from gateway.config import AxisSection, MeasureSection, Targets, Window
+from gateway.config import AxisSection, MeasureSection, Targets, WorkingWindow
 from gateway.evaluate.standards.iso230_2 import minimum_targets
 
 DECIMALS = 3
@@ -63,7 +63,7 @@ def between_places(targets: FloatArray, count: int, seed: int) -> FloatArray:
     return np.unique(np.round(targets[left] + share * gap, DECIMALS))
 
 
-def _of_window(window: Window) -> FloatArray:
+def _of_window(window: WorkingWindow) -> FloatArray:
     count = int(np.floor((window.last - window.first) / window.step + 1e-9)) + 1
     return np.asarray(np.round(window.first + window.step * np.arange(count), DECIMALS))
 

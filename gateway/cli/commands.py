@@ -8,14 +8,7 @@ from typing import Annotated
 
 import typer
 
-from gateway.cli.options import (
-    ApplyOption,
-    JsonOption,
-    MachineOption,
-    RunArgument,
-    SiteArgument,
-    StoreOption,
-)
+from gateway.cli.options import ApplyOption, JsonOption, MachineOption, RunArgument, SiteArgument, StoreOption
 from gateway.cli.show import echo
 
 app = typer.Typer(
@@ -137,12 +130,12 @@ def evaluate(
     as_json: JsonOption = False,
 ) -> None:
     """Evaluate result files or runs to ISO 230-2 or another standard, with uncertainty and verdicts."""
-    from gateway.cli.files.evaluating import Asked, evaluate_files, limits_of, list_standards
+    from gateway.cli.files.evaluating import EvaluationOptions, evaluate_files, limits_of, list_standards
 
     if standard == "list":
         list_standards(as_json=as_json)
         return
-    asked = Asked(
+    asked = EvaluationOptions(
         standard=standard,
         unit=unit,
         limits=limits_of(limit or ()),
@@ -229,9 +222,9 @@ def convert(
     as_json: JsonOption = False,
 ) -> None:
     """Make a compensation table file of a measured result file; the datum must be given."""
-    from gateway.cli.files.convert import Wish, convert_file
+    from gateway.cli.files.convert import ConversionOptions, convert_file
 
-    wish = Wish(
+    wish = ConversionOptions(
         result=result,
         to=to,
         axis=axis,

@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 from drivers.clock import LoopClock
 from drivers.errors import words
 from gateway.cli.show import echo
-from gateway.stopping import INTERRUPTED, LONGEST_S, TERMINATED, Stop, obey
+from gateway.stopping import INTERRUPTED, LONGEST_S, TERMINATED, StopAsked, obey
 
 T = TypeVar("T")
 Ask = Callable[[str, int], None]
@@ -23,12 +23,12 @@ Ask = Callable[[str, int], None]
 SIGNALS = {"SIGINT": INTERRUPTED, "SIGTERM": TERMINATED, "SIGHUP": TERMINATED, "SIGBREAK": TERMINATED}
 
 
-def run_to_end(work: Coroutine[Any, Any, T], *, stop: Stop | None = None, ends_itself: bool = False) -> T:
+def run_to_end(work: Coroutine[Any, Any, T], *, stop: StopAsked | None = None, ends_itself: bool = False) -> T:
     """Run a command's work in a loop of its own; a stop asked for by the system ends it in order.
 
     ``ends_itself``: the work heeds ``stop`` without being cancelled. Raises Stopped, else what the work raises.
     """
-    asked = stop or Stop()
+    asked = stop or StopAsked()
 
     async def main() -> T:
         with heard(asyncio.get_running_loop(), asked):
@@ -39,7 +39,7 @@ def run_to_end(work: Coroutine[Any, Any, T], *, stop: Stop | None = None, ends_i
 
 
 @contextmanager
-def heard(loop: asyncio.AbstractEventLoop, stop: Stop) -> Iterator[None]:
+def heard(loop: asyncio.AbstractEventLoop, stop: StopAsked) -> Iterator[None]:
     """While the block lasts signals ask for the stop, from whatever thread they come; afterwards they are as before."""
 
     def ask(by: str, exit_code: int) -> None:
@@ -60,7 +60,7 @@ def heard(loop: asyncio.AbstractEventLoop, stop: Stop) -> Iterator[None]:
             signal.signal(getattr(signal, name), signal.SIG_DFL if handler is None else handler)
 
 
-def _ask(stop: Stop, by: str, exit_code: int) -> None:
+def _ask(stop: StopAsked, by: str, exit_code: int) -> None:
     first = stop.ask(by, exit_code)
     told = words("P-STOPPING", by=by, most_s=LONGEST_S) if first else words("P-STOPPING-STILL", most_s=LONGEST_S)
     echo(told, err=True)

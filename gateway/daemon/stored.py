@@ -8,7 +8,7 @@ from gateway.push.records.holding import held_pushes
 from gateway.push.records.journal import JOURNALS
 from gateway.store import RunFolder, Store
 from gateway.store.folder import RUN_FILE
-from gateway.views import HeldView, PastRun, TableRow, axis_table, past_run
+from gateway.views import HeldView, PastRun, ResultRow, axis_table, past_run
 
 REPORT_FILE = "report.html"
 VERDICT_STAGE = "verdict"
@@ -20,7 +20,7 @@ def newest_runs(store: Store) -> tuple[PastRun, ...]:
     return tuple(_past(store, run_id) for run_id in _newest(store))
 
 
-def last_result(store: Store) -> tuple[TableRow, ...]:
+def last_result(store: Store) -> tuple[ResultRow, ...]:
     """The before/after table of the newest run that has a verdict; empty when none of the last has."""
     tables = (_table(store, run_id) for run_id in _newest(store))
     return next((table for table in tables if table), ())
@@ -56,7 +56,7 @@ def _past(store: Store, run_id: str) -> PastRun:
         return PastRun(run_id, "", "unreadable", error.what, report=False)
 
 
-def _table(store: Store, run_id: str) -> tuple[TableRow, ...]:
+def _table(store: Store, run_id: str) -> tuple[ResultRow, ...]:
     try:
         folder = RunFolder(store.root / run_id)
         return axis_table(folder.get(VERDICT_STAGE, Verdict)) if folder.has(VERDICT_STAGE) else ()

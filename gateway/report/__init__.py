@@ -5,9 +5,7 @@ Drawing and templates are loaded when a report is made, not when this package is
 
 from __future__ import annotations
 
-from importlib import import_module
 from pathlib import Path
-from typing import cast
 
 from gateway.report.material import (
     AxisMaterial,
@@ -39,19 +37,27 @@ __all__ = [
 
 def render(material: ReportMaterial) -> str:
     """The report as one HTML document without any foreign request; plots are inline SVG."""
-    return cast(str, import_module("gateway.report.page").render(material))
+    from gateway.report import page
+
+    return page.render(material)
 
 
 def as_json(material: ReportMaterial) -> dict[str, object]:
     """The report as data that `json.dumps(..., allow_nan=False)` takes; NaN becomes None."""
-    return cast("dict[str, object]", import_module("gateway.report.data").as_json(material))
+    from gateway.report import data
+
+    return data.as_json(material)
 
 
 def tooth_pictures(material: ToothMaterial, folder: Path) -> tuple[Path, ...]:
     """Draw flank maps, charts, ranking and errors, those there are, into a folder. Raises StoreError."""
-    return cast("tuple[Path, ...]", import_module("gateway.report.drawings.tooth").pictures(material, folder))
+    from gateway.report.drawings import tooth
+
+    return tooth.pictures(material, folder)
 
 
 def before_after_png(material: ReportMaterial, path: Path) -> None:
     """Draw the before-after curves, one row per axis. Raises StoreError (E-REPORT-WRITE)."""
-    import_module("gateway.report.drawings.plots").before_after_png(material, path)
+    from gateway.report.drawings import plots
+
+    plots.before_after_png(material, path)

@@ -8,7 +8,7 @@ from typing import Literal
 
 from drivers.types import Identity, MachineIdentity, SignProof
 from drivers.units import AxisUnit, DeviationUnit, deviation_unit
-from gateway.correct.outlook.next_setup import Open
+from gateway.correct.outlook.next_setup import OpenDoubt
 from gateway.domain import AxisVerdict, Capture, Component, Evaluation, PushRecord, SenseProof, TableChange
 from gateway.gear.cycloid import CycloidGear
 from gateway.model.known import ErrorModel
@@ -114,7 +114,7 @@ class ToothMaterial:
     gear: CycloidGear | None = None
     gear_name: str = ""
     letters: Mapping[str, str] = field(default_factory=dict)
-    open: tuple[Open, ...] = ()
+    open: tuple[OpenDoubt, ...] = ()
     advice: str = ""
 
     @property

@@ -16,7 +16,7 @@ from typing import BinaryIO, Self
 import numpy as np
 
 from drivers.ownfiles import opened
-from drivers.recordings import FloatArray, Gap, Recording
+from drivers.recordings import FloatArray, Recording, RecordingGap
 from drivers.units import DeviationUnit
 from gateway.errors import CorruptRecord
 from gateway.store.disk import checked_name, disk_errors, read_whole, write_whole
@@ -116,14 +116,14 @@ def _facts(text: bytes, where: Path) -> StreamFacts:
     return facts
 
 
-def _read_gaps(path: Path, count: int) -> tuple[Gap, ...]:
+def _read_gaps(path: Path, count: int) -> tuple[RecordingGap, ...]:
     """Whole lines only: the last one may have been torn."""
     if not path.exists():
         return ()
     with disk_errors(path):
         lines = path.read_text(encoding="ascii", errors="replace").split("\n")[:-1]
     try:
-        gaps = [Gap(*(int(number) for number in line.split())) for line in lines]
+        gaps = [RecordingGap(*(int(number) for number in line.split())) for line in lines]
     except (ValueError, TypeError) as error:
         raise CorruptRecord("E-STORE-STREAM", str(path), why=str(error)) from error
     return tuple(gap for gap in gaps if gap.index <= count)

@@ -61,7 +61,7 @@ class GearFile(_Section):
     flank: FlankData = FlankData()
 
 
-class MachineData(_Section):
+class ChainSection(_Section):
     """A preset with the frame of its C errors, or a whole chain (mm, rad, without errors)."""
 
     preset: Literal["yk7350b", ""] = "yk7350b"
@@ -69,7 +69,7 @@ class MachineData(_Section):
     chain: dict[str, Any] = Field(default_factory=dict)
 
     @model_validator(mode="after")
-    def _one(self) -> MachineData:
+    def _one(self) -> ChainSection:
         if bool(self.preset) == bool(self.chain):
             raise ValueError('give either a preset or, with preset = "", a chain')
         return self
@@ -130,7 +130,7 @@ class ErrorFile(_Section):
 
     name: Name
     note: str = ""
-    machine: MachineData = MachineData()
+    machine: ChainSection = ChainSection()
     errors: dict[str, Number | ErrorFunction] = Field(default_factory=dict)
     seeded: Seeded | None = None
     uncertainty: Doubt | None = None

@@ -3,11 +3,11 @@
 from gateway.table.comparison import diff, effective
 from gateway.table.limits import check
 from gateway.table.projection import Grid, project
-from gateway.table.proposal import Measured, TableAxis, propose
+from gateway.table.proposal import MeasuredMeans, TableAxis, propose
 
 __all__ = [
     "Grid",
-    "Measured",
+    "MeasuredMeans",
     "TableAxis",
     "check",
     "diff",

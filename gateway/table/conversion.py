@@ -28,7 +28,7 @@ MOST_INTERVALS = 20_000  # no control reserves more
 
 
 @dataclass(frozen=True, slots=True)
-class Datum:
+class FileDatum:
     """Where a file's positions are on the machine: machine = offset + sense x file, mm or deg."""
 
     offset: float
@@ -36,7 +36,7 @@ class Datum:
 
 
 @dataclass(frozen=True, slots=True)
-class Request:
+class TableRequest:
     """What to make: layer, axis, where its tables are zero, grid (None: from the targets), numbers.
 
     ``index`` is the encoder of EEC, or the first of two table numbers of CEC.
@@ -45,7 +45,7 @@ class Request:
     to: Literal["eec", "cec"]
     axis: str
     reference: float
-    datum: Datum
+    datum: FileDatum
     minimum: float | None = None
     maximum: float | None = None
     step: float | None = None
@@ -74,23 +74,23 @@ class Conversion:
     findings: tuple[str, ...]
 
 
-def datum_of(pairs: Sequence[tuple[float, float]]) -> Datum:
+def datum_of(pairs: Sequence[tuple[float, float]]) -> FileDatum:
     """The datum that (file, machine) positions fix: one pair counts the same way, two may count against each other.
 
     Raises ConfigError (E-COMP-DATUM) if two pairs are not equally far apart in file and machine.
     """
     (file, machine), *more = pairs
     if not more:
-        return Datum(machine - file)
+        return FileDatum(machine - file)
     (other_file, other_machine) = more[0]
     apart, on_machine = other_file - file, other_machine - machine
     if len(more) > 1 or apart == 0.0 or abs(abs(apart) - abs(on_machine)) > 1e-3:
         raise ConfigError("E-COMP-DATUM", "--datum", file=f"{apart:g}", machine=f"{on_machine:g}")
     sense: Literal[1, -1] = 1 if apart * on_machine > 0 else -1
-    return Datum(machine - sense * file, sense)
+    return FileDatum(machine - sense * file, sense)
 
 
-def convert(measured: MeasuredSet, request: Request, limits: Limits | None = None) -> Conversion:
+def convert(measured: MeasuredSet, request: TableRequest, limits: Limits | None = None) -> Conversion:
     """The EEC table or the CEC pair of a result file.
 
     Raises ConfigError (E-COMP-DATUM, E-COMP-NO-GRID), Gap (E-COMP-GRID, E-COMP-TURN, E-COMP-MISSING,
@@ -109,7 +109,7 @@ def convert(measured: MeasuredSet, request: Request, limits: Limits | None = Non
     return Conversion(tables, tuple(findings))
 
 
-def curves(measured: MeasuredSet, datum: Datum, *, modulo: bool) -> Curves:
+def curves(measured: MeasuredSet, datum: FileDatum, *, modulo: bool) -> Curves:
     """Means over the repetitions, on the machine's own scale and in its own directions.
 
     Where the file counts against the machine, deviations change sign and the directions change places.
@@ -144,7 +144,7 @@ def _mean(measured: MeasuredSet, way: int) -> FloatArray:
     return np.asarray(np.where(there, readings, 0.0).sum(axis=1) / counts)
 
 
-def _kinds(found: Curves, request: Request) -> tuple[tuple[FloatArray, Literal[-1, 0, 1]], ...]:
+def _kinds(found: Curves, request: TableRequest) -> tuple[tuple[FloatArray, Literal[-1, 0, 1]], ...]:
     one_way = bool(np.isnan(found.plus).all() or np.isnan(found.minus).all())
     if request.to == "cec":
         if one_way:
@@ -155,7 +155,7 @@ def _kinds(found: Curves, request: Request) -> tuple[tuple[FloatArray, Literal[-
     return (((found.plus + found.minus) / 2.0, 0),)
 
 
-def _grid(found: Curves, request: Request) -> Grid:
+def _grid(found: Curves, request: TableRequest) -> Grid:
     if request.modulo and (found.unit != "deg" or _widest_gap(found.positions) > WIDEST_GAP_DEG):
         raise Gap("E-COMP-TURN", request.axis, low=f"{found.positions[0]:g}", high=f"{found.positions[-1]:g}")
     even = _spacing(found.positions, modulo=request.modulo)
@@ -189,7 +189,7 @@ def _spacing(positions: FloatArray, *, modulo: bool) -> float | None:
 
 
 def _table(
-    found: Curves, kind: tuple[FloatArray, Literal[-1, 0, 1]], grid: Grid, request: Request
+    found: Curves, kind: tuple[FloatArray, Literal[-1, 0, 1]], grid: Grid, request: TableRequest
 ) -> CompensationTable:
     means, direction = kind
     period = TURN_DEG if request.modulo else None
@@ -214,7 +214,7 @@ def _table(
     )
 
 
-def _coverage(found: Curves, grid: Grid, request: Request) -> list[str]:
+def _coverage(found: Curves, grid: Grid, request: TableRequest) -> list[str]:
     if request.modulo:
         gap = _widest_gap(found.positions)
         return [told("W-COMP-BRIDGE", request.axis, gap=f"{gap:g}", unit="deg")] if gap > WIDEST_BRIDGE_DEG else []
@@ -229,7 +229,7 @@ def _coverage(found: Curves, grid: Grid, request: Request) -> list[str]:
     return findings
 
 
-def _remarks(found: Curves, request: Request) -> list[str]:
+def _remarks(found: Curves, request: TableRequest) -> list[str]:
     unit: DeviationUnit = deviation_unit(found.unit)
     findings = [told("W-COMP-REPLACES", request.axis)]
     reversal = found.plus - found.minus

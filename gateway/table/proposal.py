@@ -40,7 +40,7 @@ class TableAxis:
 
 
 @dataclass(frozen=True, slots=True)
-class Measured:
+class MeasuredMeans:
     """Means of both directions (m,) at targets (m,), their standard uncertainties u (m,); NaN is missing.
 
     ``rest`` is the RMS of what one reading differs from the mean by: half the reversal and scatter, no table's matter.
@@ -74,7 +74,7 @@ class InstrumentU:
 def propose(
     axis: TableAxis,
     component: Component,
-    measured: Measured,
+    measured: MeasuredMeans,
     live: LiveSet,
     grid: Grid,
     *,
@@ -161,7 +161,7 @@ def _check_turn(axis: TableAxis, component: Component, grid: Grid) -> None:
 def _why_not(
     axis: TableAxis,
     component: Component,
-    measured: Measured,
+    measured: MeasuredMeans,
     instrument: InstrumentU,
     acts: CompensationTable,
     new: CompensationTable,
@@ -182,7 +182,7 @@ def _why_not(
     return reasons.outweighed(axis.name, unit, means=measured.means, after=after, rest=measured.rest, U=U)
 
 
-def _unseen(component: Component, measured: Measured) -> float:
+def _unseen(component: Component, measured: MeasuredMeans) -> float:
     return component.residual_rms if measured.unseen is None else measured.unseen
 
 
@@ -217,7 +217,7 @@ def _over(component: Component) -> FloatArray:
 def _predicted(
     axis: TableAxis,
     component: Component,
-    measured: Measured,
+    measured: MeasuredMeans,
     acts: CompensationTable,
     new: CompensationTable,
 ) -> FloatArray:
@@ -227,7 +227,7 @@ def _predicted(
     return np.asarray(measured.means - datum - (change[:-1] - change[-1]))
 
 
-def _predicted_U(axis: TableAxis, component: Component, measured: Measured, instrument: InstrumentU) -> FloatArray:
+def _predicted_U(axis: TableAxis, component: Component, measured: MeasuredMeans, instrument: InstrumentU) -> FloatArray:
     """k = 2: readings before and after, the fit, what lies unseen between targets, and the instrument."""
     at = measured.targets
     variance = 2.0 * measured.u**2 + standard_uncertainty(component, at) ** 2 + component.residual_rms**2

@@ -25,7 +25,7 @@ _WORDS: dict[Kind, str] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class DifferingPoint:
     """One interpolation point where the live table is not the approved one; values in its deviation unit.
 
     ``before`` is NaN where the table before is not known.
@@ -45,7 +45,7 @@ class ThreeWay:
     name: str
     unit: str
     points: int
-    places: tuple[Place, ...]
+    places: tuple[DifferingPoint, ...]
     form: tuple[str, ...]
     live_enabled: bool
     allowed: float
@@ -141,13 +141,13 @@ def _form(approved: CompensationTable, live: CompensationTable) -> Iterator[str]
         yield f"points: {len(approved.deviations)}, live {len(live.deviations)}"
 
 
-def _places(live: LiveTable, approved: LiveTable, before: LiveTable | None, allowed: float) -> Iterator[Place]:
+def _places(live: LiveTable, approved: LiveTable, before: LiveTable | None, allowed: float) -> Iterator[DifferingPoint]:
     at = approved.table.positions
     found = acting(live.table, at)
     old = acting(before.table, at) if before is not None else np.full(at.shape, np.nan)
     for position, was, wanted, value in zip(at, old, approved.table.deviations, found, strict=True):
         if not abs(value - wanted) <= allowed:
-            yield Place(float(position), float(was), float(wanted), float(value))
+            yield DifferingPoint(float(position), float(was), float(wanted), float(value))
 
 
 def _value(value: float) -> str:

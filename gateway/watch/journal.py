@@ -13,7 +13,7 @@ from gateway.store.disk import disk_errors, sync_folder
 _FOLDER, _FILE = "watch", "journal.jsonl"
 
 
-class Journal:
+class WatchJournal:
     """Contents by their sha256. A line torn by a crash is passed over and what it meant is done again."""
 
     def __init__(self, root: Path) -> None:

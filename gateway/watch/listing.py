@@ -15,7 +15,7 @@ CHUNK = 1 << 20
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class SeenFile:
     """One entry of a folder. ``plain`` is false for links, folders and devices."""
 
     name: str
@@ -29,14 +29,14 @@ class Seen:
         return self.size, self.mtime_ns
 
 
-class Listing(Protocol):
+class FolderListing(Protocol):
     """A folder as the watcher needs it."""
 
-    def entries(self) -> tuple[Seen, ...]:
+    def entries(self) -> tuple[SeenFile, ...]:
         """What is there now. Raises ConfigError (E-WATCH-FOLDER)."""
         ...
 
-    def digest(self, seen: Seen) -> str:
+    def digest(self, seen: SeenFile) -> str:
         """sha256 of a file that is still as seen, "" when it is not. Raises FileFormatError (E-FILE-READ)."""
         ...
 
@@ -51,9 +51,9 @@ class Folder:
     def __init__(self, root: Path) -> None:
         self._root = root
 
-    def entries(self) -> tuple[Seen, ...]:
-        """See `Listing.entries`; an entry that vanishes meanwhile is left out."""
-        found: list[Seen] = []
+    def entries(self) -> tuple[SeenFile, ...]:
+        """See `FolderListing.entries`; an entry that vanishes meanwhile is left out."""
+        found: list[SeenFile] = []
         try:
             with os.scandir(self._root) as scan:
                 for entry in scan:
@@ -65,13 +65,13 @@ class Folder:
         return tuple(sorted(found, key=lambda one: one.name))
 
     def path(self, name: str) -> Path:
-        """See `Listing.path`. Raises ConfigError (E-WATCH-NAME) for what would leave the folder."""
+        """See `FolderListing.path`. Raises ConfigError (E-WATCH-NAME) for what would leave the folder."""
         if name in ("", ".", "..") or any(mark in name for mark in ("/", "\\", "\0")):
             raise ConfigError("E-WATCH-NAME", str(self._root), name=repr(name))
         return self._root / name
 
-    def digest(self, seen: Seen) -> str:
-        """See `Listing.digest`."""
+    def digest(self, seen: SeenFile) -> str:
+        """See `FolderListing.digest`."""
         path = self.path(seen.name)
         try:
             descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0))
@@ -88,9 +88,9 @@ class Folder:
         return digest.hexdigest() if (after.st_size, after.st_mtime_ns) == seen.stamp else ""
 
 
-def _seen(entry: os.DirEntry[str]) -> Seen | None:
+def _seen(entry: os.DirEntry[str]) -> SeenFile | None:
     try:
         facts = entry.stat(follow_symlinks=False)
     except FileNotFoundError:
         return None
-    return Seen(entry.name, facts.st_size, facts.st_mtime_ns, stat.S_ISREG(facts.st_mode))
+    return SeenFile(entry.name, facts.st_size, facts.st_mtime_ns, stat.S_ISREG(facts.st_mode))

@@ -14,8 +14,8 @@ from drivers.clock import Clock
 from drivers.errors import ConfigError, FileFormatError, TrueflankError
 from gateway.errors import StoreError
 from gateway.say import Say, silence
-from gateway.watch.journal import Journal
-from gateway.watch.listing import Listing, Seen
+from gateway.watch.journal import WatchJournal
+from gateway.watch.listing import FolderListing, SeenFile
 
 REFUSED = "refused "
 # Takes a file of this content (path, sha256) and returns the run that holds it.
@@ -37,8 +37,8 @@ class Watcher:
 
     def __init__(
         self,
-        listing: Listing,
-        journal: Journal,
+        listing: FolderListing,
+        journal: WatchJournal,
         take: Take,
         endings: Collection[str],
         *,
@@ -71,7 +71,7 @@ class Watcher:
         self._states = {one.name: self._states[one.name] for one in entries if one.name in self._states}
         return sum(self._consider(one, now_s) for one in entries)
 
-    def _entries(self) -> tuple[Seen, ...] | None:
+    def _entries(self) -> tuple[SeenFile, ...] | None:
         try:
             found = self._listing.entries()
         except ConfigError as error:
@@ -82,11 +82,11 @@ class Watcher:
         self._folder_said = ""
         return tuple(one for one in found if self._matters(one))
 
-    def _matters(self, seen: Seen) -> bool:
+    def _matters(self, seen: SeenFile) -> bool:
         ending = Path(seen.name).suffix.lower()
         return ending in self._endings and not seen.name.startswith((".", "~"))
 
-    def _consider(self, seen: Seen, now_s: float) -> int:
+    def _consider(self, seen: SeenFile, now_s: float) -> int:
         state = self._states.get(seen.name)
         if state is None or state.stamp != seen.stamp:
             self._states[seen.name] = state = _State(seen.stamp, now_s)
@@ -100,7 +100,7 @@ class Watcher:
             return 0
         return self._hand_on(seen, state, now_s)
 
-    def _hand_on(self, seen: Seen, state: _State, now_s: float) -> int:
+    def _hand_on(self, seen: SeenFile, state: _State, now_s: float) -> int:
         try:
             digest = self._listing.digest(seen)
             if not digest:
@@ -120,7 +120,7 @@ class Watcher:
         self._tell(state, "P-WATCH-IMPORTED", name=_shown(seen.name), run=run)
         return 1
 
-    def _known(self, seen: Seen, state: _State, digest: str) -> bool:
+    def _known(self, seen: SeenFile, state: _State, digest: str) -> bool:
         outcome = self._journal.outcome(digest)
         if not outcome:
             return False
@@ -129,7 +129,7 @@ class Watcher:
             self._tell(state, "P-WATCH-SAME", name=_shown(seen.name), run=outcome)
         return True
 
-    def _failed(self, seen: Seen, state: _State, error: TrueflankError, digest: str, now_s: float) -> None:
+    def _failed(self, seen: SeenFile, state: _State, error: TrueflankError, digest: str, now_s: float) -> None:
         """A content that is wrong is refused for good; what a person can put right elsewhere is tried again."""
         self._tell(state, "P-WATCH-FAILED", name=_shown(seen.name), why=str(error))
         if digest and error.code != "E-IMPORT-CHANGED":

@@ -21,7 +21,7 @@ from gateway.workflow.witness import Witness
 
 
 @dataclass(frozen=True, slots=True)
-class Expected:
+class PushedTable:
     """A table as the last committed push left it; ``sign`` turns stored CEC values, ``allowed`` is no difference."""
 
     push: Committed
@@ -38,7 +38,7 @@ class Expected:
 class Look:
     """One comparison: what was wanted, what was found, and the hash of the live set it was found in."""
 
-    expected: Expected
+    expected: PushedTable
     found: ThreeWay
     digest: str
 
@@ -55,7 +55,7 @@ class Look:
         return said, self.found.words
 
 
-async def expected_of(at: Bench, axis: str = "") -> tuple[Expected, ...]:
+async def expected_of(at: Bench, axis: str = "") -> tuple[PushedTable, ...]:
     """Every table of an axis of the site (all: "") that a committed push left. Raises StoreError, what the port raises.
 
     A cross table whose sign is not proved any more cannot be compared: it is told and left out.
@@ -73,14 +73,14 @@ async def expected_of(at: Bench, axis: str = "") -> tuple[Expected, ...]:
     return tuple(found)
 
 
-async def _expected(at: Bench, name: str, sign: int) -> Expected:
+async def _expected(at: Bench, name: str, sign: int) -> PushedTable:
     last = committed(at.store.root / JOURNALS, at.machine.serial, name, sign)[-1]
     shape = last.new.table
     limits = await at.supervisor.controller.table_limits(shape.output_axis, shape.function, shape.index)
-    return Expected(last, sign, tolerance(limits, shape))
+    return PushedTable(last, sign, tolerance(limits, shape))
 
 
-def compare_with(wanted: tuple[Expected, ...], live: LiveSet) -> tuple[Look, ...]:
+def compare_with(wanted: tuple[PushedTable, ...], live: LiveSet) -> tuple[Look, ...]:
     """The live tables of an axis, as stored in the control, against what pushes left; pure."""
     return tuple(
         Look(

@@ -59,7 +59,7 @@ async def withdrawn(supervisor: Supervisor) -> LeftOver:
     return await controller.withdraw(WITHDRAW_S) if isinstance(controller, Leavable) else NOTHING
 
 
-def _note(folder: RunFolder, store: Store, clock: Clock, say: Say, stop: stopping.Stop, left: LeftOver) -> None:
+def _note(folder: RunFolder, store: Store, clock: Clock, say: Say, stop: stopping.StopAsked, left: LeftOver) -> None:
     """The run's state, and for each transaction that was cut short the end of its audit record."""
     try:
         folder.set_state(STOPPED, error=stop.error().as_record())

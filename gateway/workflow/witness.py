@@ -80,7 +80,7 @@ class Witness:
         return self._known
 
 
-def anchors(root: Path, serial: str, *named: str) -> tuple[audit.Head, ...]:
+def anchors(root: Path, serial: str, *named: str) -> tuple[audit.ChainHead, ...]:
     """Heads that the journals of a machine, and ``named`` others, say the log has had. Raises CorruptRecord."""
     folder = journal.machine_folder(root / JOURNALS, serial)
     every = (*journal.all_of(folder), *journal.all_of(folder / "done"))

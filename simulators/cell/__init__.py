@@ -19,12 +19,12 @@ from simulators.cell.results import CapturePc
 from simulators.cell.roads import Roads
 from simulators.cell.shopfloor import Shopfloor
 from simulators.cell.site import gear_text, site_text
-from simulators.cellfile import Axis, CellFile, load_cell, with_roads
+from simulators.cellfile import CellAxis, CellFile, load_cell, with_roads
 from simulators.faults import FaultPlan
 from simulators.grinding import WorkPiece
 from simulators.modbus import PlcStation
 from simulators.operator import Operator
-from simulators.optics import Bench
+from simulators.optics import OpticsBench
 from simulators.outlet import Outlet
 from simulators.truth import Truth
 
@@ -66,7 +66,7 @@ class Cell:
         self.site_path = site_path or folder / "site.toml"
         self.nck = CellNck(spec_of(self.file, self.truth.seed), clock)
         self.panel = ControlPanel(self.nck)
-        self.bench = Bench(self.truth, self.nck)
+        self.bench = OpticsBench(self.truth, self.nck)
         self.shop = Shopfloor(self.file, self.bench, clock)
         self._folder = folder
         self._wires = wires
@@ -147,7 +147,7 @@ class Cell:
 
     # ------------------------------------------------------------ the back door: the truth, for judges only
 
-    def axis(self, name: str) -> Axis:
+    def axis(self, name: str) -> CellAxis:
         """An axis of the cell file by name or letter."""
         return self.file.axis(name)
 

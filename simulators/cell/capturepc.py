@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from simulators.cell.control import CellNck
 from simulators.cell.results import STOP_S, CapturePc
-from simulators.cellfile import Axis, Sensor, Setup
-from simulators.optics import Bench
+from simulators.cellfile import CellAxis, Sensor, Setup
+from simulators.optics import OpticsBench
 from simulators.optics.readings import component_of, reading
 from simulators.optics.sensor import watched
 from simulators.optics.stops import Stops
@@ -33,7 +33,7 @@ class SetupPc:
     stand where the machine left them. Noise, outliers, own error, drift and mounting are the instrument's, as live.
     """
 
-    bench: Bench
+    bench: OpticsBench
     nck: CellNck
     setup: Setup
     targets: FloatArray
@@ -41,7 +41,7 @@ class SetupPc:
     stands: Mapping[str, float] = field(default_factory=dict)
 
     @property
-    def axis(self) -> Axis:
+    def axis(self) -> CellAxis:
         """The axis that moves."""
         return self.bench.cell.axis(self.setup.axis)
 

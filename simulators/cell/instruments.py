@@ -10,7 +10,7 @@ from simulators.cellfile import Instrument
 from simulators.faults import FaultPlan
 from simulators.grinding import WorkPiece
 from simulators.inspection import GearMachine
-from simulators.optics import Bench, LaserCounter, RotaryReader, SensorReader
+from simulators.optics import LaserCounter, OpticsBench, RotaryReader, SensorReader
 from simulators.sensing import GearAnswerer, SensorAnswerer
 from simulators.umd import UmdAnswerer
 
@@ -22,7 +22,7 @@ class Instruments:
     """Makes the answerers of one cell; ``fetch`` gives the part to inspect."""
 
     def __init__(
-        self, bench: Bench, clock: Clock, block_s: float, faults: Mapping[str, FaultPlan], fetch: Fetch
+        self, bench: OpticsBench, clock: Clock, block_s: float, faults: Mapping[str, FaultPlan], fetch: Fetch
     ) -> None:
         self._bench = bench
         self._clock = clock

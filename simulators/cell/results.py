@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simulators.cell.control import CellNck
-from simulators.cellfile import Axis, Noise
+from simulators.cellfile import CellAxis, Noise
 from simulators.files import FileContent, write_result
-from simulators.optics import Bench
+from simulators.optics import OpticsBench
 from simulators.optics.air import refractive_index
 from simulators.optics.bench import linear_length_mm
 from simulators.optics.stops import Stops
@@ -34,9 +34,9 @@ class CapturePc:
     line, noise and outliers of the stops, and what the temperature sensors get wrong.
     """
 
-    bench: Bench
+    bench: OpticsBench
     nck: CellNck
-    axis: Axis
+    axis: CellAxis
     start_s: float
     start_utc: datetime
 

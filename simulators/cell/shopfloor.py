@@ -8,7 +8,7 @@ import contextlib
 from drivers.clock import Clock
 from simulators.cellfile import CellFile
 from simulators.grinding import Grinder, WorkPiece
-from simulators.optics import Bench
+from simulators.optics import OpticsBench
 
 LOOK_S = 20.0
 
@@ -16,7 +16,7 @@ LOOK_S = 20.0
 class Shopfloor:
     """Looks at the machine from time to time while a part is clamped; nothing to do when none is."""
 
-    def __init__(self, file: CellFile, bench: Bench, clock: Clock) -> None:
+    def __init__(self, file: CellFile, bench: OpticsBench, clock: Clock) -> None:
         self._clock = clock
         self._grinder = Grinder(bench, file.part, file.wheel) if file.part is not None else None
         self._task: asyncio.Task[None] | None = None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from simulators.cellfile import Axis, CellFile, Part, Setup
+from simulators.cellfile import CellAxis, CellFile, Part, Setup
 
 
 def site_text(
@@ -40,7 +40,7 @@ def _instrument(cell: CellFile, name: str, url: str) -> str:
     return section("[instruments]", keys | ({"settings": spec.settings} if spec.settings else {}))
 
 
-def _axis(cell: CellFile, axis: Axis) -> str:
+def _axis(cell: CellFile, axis: CellAxis) -> str:
     measure = dict(axis.measure or {})
     setup = _setup(cell, axis, str(measure.get("component", "")))
     if setup is not None and "file" not in measure:
@@ -106,7 +106,7 @@ def gear_text(part: Part) -> str:
     return "\n".join((f"name = {quoted(part.name)}\n", section("gear", gear), section("grinding", distance)))
 
 
-def _setup(cell: CellFile, axis: Axis, component: str) -> Setup | None:
+def _setup(cell: CellFile, axis: CellAxis, component: str) -> Setup | None:
     found = (s for s in cell.setups if s.axis == axis.letter and s.component == component)
     return next(found, None)
 

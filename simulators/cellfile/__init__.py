@@ -14,27 +14,27 @@ from drivers.names import shown
 from drivers.tomlfile import parse_toml, read_toml
 from simulators.cellfile.instruments import Calibrator, Instrument, Laser, Noise, Outliers, Sensor, Setup
 from simulators.cellfile.part import InspectionMachine, Part, Wheel
-from simulators.cellfile.terms import Name, Section, Terms
+from simulators.cellfile.terms import CellSection, Name, Terms
 
 __all__ = [
-    "Axis",
     "Calibrator",
+    "CellAxis",
     "CellFile",
-    "Climate",
+    "CellMachine",
+    "ClimateSection",
     "Course",
-    "Hysteresis",
+    "HysteresisSection",
     "InspectionMachine",
     "Instrument",
     "Laser",
-    "Machine",
     "Noise",
-    "Operator",
+    "OperatorSection",
     "Outliers",
     "Part",
     "Sensor",
     "Setup",
     "SitePart",
-    "Truth",
+    "TruthSection",
     "Wheel",
     "load_cell",
     "packaged",
@@ -47,14 +47,14 @@ Reserved = Annotated[int, Field(ge=0, le=5000)]
 """Interpolation points an 840D may reserve."""
 
 
-class Hysteresis(Section):
+class HysteresisSection(CellSection):
     """Reversal that builds up over a distance of travel: full difference ``size`` after ``distance``."""
 
     size: float
     distance: float = Field(gt=0)
 
 
-class Axis(Section):
+class CellAxis(CellSection):
     """One machine axis. ``measure`` and ``table`` go into the site file as they stand.
 
     ``reversal`` is B = mean up - mean down in um or arcsec, a curve over the axis; ``drift_per_h`` moves
@@ -73,7 +73,7 @@ class Axis(Section):
     absolute_encoder: bool = False
     backlash: float = 0.0
     reversal: Terms = ()
-    hysteresis: Hysteresis | None = None
+    hysteresis: HysteresisSection | None = None
     drift_per_h: float = 0.0
     expansion_ppm_per_k: float = 0.0
     thermal_origin: float = 0.0
@@ -81,14 +81,14 @@ class Axis(Section):
     table: dict[str, Any] | None = None
 
 
-class Truth(Section):
+class TruthSection(CellSection):
     """The machine's error motions (EXX, EYX, ... ECC) and location errors (B0Z, A0C, X0C, ...)."""
 
     motions: dict[Annotated[str, Field(pattern=r"^E[XYZABC][XYZC]$")], Terms] = Field(default_factory=dict)
     locations: dict[Annotated[str, Field(pattern=r"^(?:[ABC]0[XZ]|[XYZABC]0C)$")], float] = Field(default_factory=dict)
 
 
-class Course(Section):
+class Course(CellSection):
     """How a quantity of the surroundings runs: start, drift an hour, a slow wave, and its sensor's error.
 
     A drift goes one way for half a day and then back, at most 12 h of it from the start.
@@ -101,7 +101,7 @@ class Course(Section):
     sensor_error: float = 0.0
 
 
-class Climate(Section):
+class ClimateSection(CellSection):
     """Air and material around the machine."""
 
     air_degc: Course = Course(start=20.0)
@@ -110,7 +110,7 @@ class Climate(Section):
     material_degc: Course = Course(start=20.0)
 
 
-class Operator(Section):
+class OperatorSection(CellSection):
     """The person at the machine: how quick, how careful. Times in seconds of the cell's clock."""
 
     auto: bool = True
@@ -128,7 +128,7 @@ class Operator(Section):
     mounts_wrong: tuple[str, ...] = Field(default=(), description="components mounted with the wrong optics")
 
 
-class Machine(Section):
+class CellMachine(CellSection):
     """The control: what goes into the NCK double. ``cec_sign`` "seed" draws it."""
 
     model: str = "YK7350B"
@@ -148,7 +148,7 @@ class Machine(Section):
     )
 
 
-class SitePart(Section):
+class SitePart(CellSection):
     """What the printed site file says beyond axes and instruments."""
 
     name: Name = "demo-grinder"
@@ -159,20 +159,20 @@ class SitePart(Section):
     operator: dict[str, Any] = Field(default_factory=dict)
 
 
-class CellFile(Section):
+class CellFile(CellSection):
     """A whole cell."""
 
     name: Name
     seed: int = Field(default=1, ge=0, lt=1 << 63)
-    machine: Machine = Machine()
-    axes: tuple[Axis, ...] = Field(min_length=1, max_length=31)
-    truth: Truth = Truth()
-    climate: Climate = Climate()
+    machine: CellMachine = CellMachine()
+    axes: tuple[CellAxis, ...] = Field(min_length=1, max_length=31)
+    truth: TruthSection = TruthSection()
+    climate: ClimateSection = ClimateSection()
     instruments: tuple[Instrument, ...] = Field(default=(), max_length=64)
     setups: tuple[Setup, ...] = Field(default=(), max_length=500)
     part: Part | None = None
     wheel: Wheel = Wheel()
-    operator: Operator = Operator()
+    operator: OperatorSection = OperatorSection()
     site: SitePart = SitePart()
 
     @model_validator(mode="after")
@@ -186,7 +186,7 @@ class CellFile(Section):
                 raise ValueError(f"setup {setup.component}: unknown instrument or axis")
         return self
 
-    def axis(self, name: str) -> Axis:
+    def axis(self, name: str) -> CellAxis:
         """An axis by its name (X1) or letter (X). Raises ConfigError (E-CELL-AXIS)."""
         for axis in self.axes:
             if name in (axis.name, axis.letter):
@@ -209,7 +209,7 @@ def with_roads(cell: CellFile, road: str, modbus: Mapping[str, Any]) -> CellFile
     """The cell with another way in ("opcua", "modbus", "both"; "" as it is) and these settings of its PLC."""
     roads = {"": cell.machine.roads, "both": ("opcua", "modbus")}.get(road, (road,))
     settings = {**cell.machine.modbus, **modbus}
-    machine = Machine.model_validate({**cell.machine.model_dump(), "roads": roads, "modbus": settings})
+    machine = CellMachine.model_validate({**cell.machine.model_dump(), "roads": roads, "modbus": settings})
     return cell.model_copy(update={"machine": machine})
 
 

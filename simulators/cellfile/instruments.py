@@ -7,10 +7,10 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from simulators.cellfile.part import InspectionMachine
-from simulators.cellfile.terms import Name, Section, Terms
+from simulators.cellfile.terms import CellSection, Name, Terms
 
 
-class Outliers(Section):
+class Outliers(CellSection):
     """Readings that are off for one whole stop: ``count`` of them in each ``every`` stops."""
 
     count: int = Field(default=0, ge=0, le=10_000)
@@ -18,7 +18,7 @@ class Outliers(Section):
     every: int = Field(default=0, ge=0, le=1_000_000, description="0: the stops of one run of the axis")
 
 
-class Noise(Section):
+class Noise(CellSection):
     """Noise of an instrument in um or arcsec: per stop (what averaging cannot remove) and per sample."""
 
     stop: float = Field(default=0.0, ge=0)
@@ -27,7 +27,7 @@ class Noise(Section):
     outliers: Outliers = Outliers()
 
 
-class Laser(Section):
+class Laser(CellSection):
     """A laser on a uMD counter: quadrature counts of wavelength / 2 / counts_per_cycle."""
 
     kind: Literal["umd"]
@@ -42,7 +42,7 @@ class Laser(Section):
     settings: dict[str, Any] = Field(default_factory=dict)
 
 
-class Calibrator(Section):
+class Calibrator(CellSection):
     """A self-turning rotary calibrator with its angular interferometer (XR20-W principle).
 
     ``own_error`` is the device encoder's error in arcsec over its own angle; ``retro_spacing_mm`` the S it
@@ -65,7 +65,7 @@ class Calibrator(Section):
     settings: dict[str, Any] = Field(default_factory=dict)
 
 
-class Sensor(Section):
+class Sensor(CellSection):
     """A straightness instrument (um across the path) or an angle instrument (arcsec), behind a bridge.
 
     ``own_error`` is that of its optics over the position of the axis, in um or arcsec; ``zero`` its greatest
@@ -89,7 +89,7 @@ Instrument = Annotated[Laser | Calibrator | Sensor | InspectionMachine, Field(di
 COMPONENT = r"^(?:E[XYZABC][XYZC]|[XYZABC]0[XZC])(?:-R)?$"
 
 
-class Setup(Section):
+class Setup(CellSection):
     """How an instrument is mounted for one component of one axis.
 
     ``offset_mm`` is where the reflector's centre sits from the functional point of its carrier;

@@ -6,10 +6,10 @@ from typing import Any, Literal
 
 from pydantic import Field, model_validator
 
-from simulators.cellfile.terms import Name, Section
+from simulators.cellfile.terms import CellSection, Name
 
 
-class Clamping(Section):
+class Clamping(CellSection):
     """How well a part is clamped: each clamping draws its own place, normal about none, these sizes being k = 2.
 
     ``eccentric_um`` off the axis along x and along y, ``tilt_arcsec`` out of it about each, ``turned_arcsec`` about it
@@ -21,7 +21,7 @@ class Clamping(Section):
     turned_arcsec: float = Field(default=0.0, ge=0)
 
 
-class Gear(Section):
+class Gear(CellSection):
     """A cycloid disc in mm: pin circle, pin radius, eccentricity, pins, lobes, face width, modifications.
 
     ``drp`` and ``drrp`` change pin circle and pin radius, ``drot`` (rad) turns each flank by its own side.
@@ -44,7 +44,7 @@ class Gear(Section):
         return self
 
 
-class Grinding(Section):
+class GrindingSection(CellSection):
     """How the part is ground: ``centre_distance_mm`` from gear axis to wheel axis, and where it sits.
 
     ``height_mm`` is the middle of the face width above the table's origin, ``stock_um`` what the blank has
@@ -56,17 +56,17 @@ class Grinding(Section):
     stock_um: float = Field(default=40.0, ge=0)
 
 
-class Part(Section):
+class Part(CellSection):
     """The work piece."""
 
     name: Name = "part"
     gear: Gear
-    grinding: Grinding
+    grinding: GrindingSection
     clamping: Clamping = Clamping()
     expansion_ppm_per_k: float = 11.5
 
 
-class Wheel(Section):
+class Wheel(CellSection):
     """The wheel's seat on its slide and the dresser: ``dresser`` names the axis that carries the form dresser.
 
     The dressed profile sits along the wheel's axis where the dresser stands, plus ``offset_um`` of its own in
@@ -79,7 +79,7 @@ class Wheel(Section):
     radius_um: float = 0.0
 
 
-class InspectionMachine(Section):
+class InspectionMachine(CellSection):
     """A gear inspection machine behind a bridge: its own clamping, probe noise in um, and what it does wrong.
 
     ``wrong_part`` measures another part, ``wrong_spaces`` finds that many spaces more, ``glitches`` readings of

@@ -19,7 +19,7 @@ Name = Annotated[str, AfterValidator(_named)]
 """A name by the one rule (`drivers.names`): it may stand in a file's name."""
 
 
-class Section(BaseModel):
+class CellSection(BaseModel):
     """A part of a cell file: nothing unknown, nothing changed later."""
 
     model_config = ConfigDict(
@@ -27,14 +27,14 @@ class Section(BaseModel):
     )
 
 
-class Constant(Section):
+class Constant(CellSection):
     """The same everywhere, in um or arcsec."""
 
     kind: Literal["constant"]
     value: float
 
 
-class Polynomial(Section):
+class PolynomialTerm(CellSection):
     """Sum of coefficients[k] * ((q - center) / scale)^k; coefficients in um or arcsec."""
 
     kind: Literal["polynomial"]
@@ -43,7 +43,7 @@ class Polynomial(Section):
     scale: float = Field(default=100.0, gt=0)
 
 
-class Harmonic(Section):
+class Harmonic(CellSection):
     """amplitude * cos(order * q + phase) on a turn, or cos(2 pi q / period + phase) on a line."""
 
     kind: Literal["harmonic"]
@@ -59,7 +59,7 @@ class Harmonic(Section):
         return self
 
 
-class Table(Section):
+class TableTerm(CellSection):
     """Straight lines between points; the end values hold outside."""
 
     kind: Literal["table"]
@@ -67,14 +67,14 @@ class Table(Section):
     values: tuple[float, ...]
 
     @model_validator(mode="after")
-    def _matching(self) -> Table:
+    def _matching(self) -> TableTerm:
         rising = all(low < high for low, high in zip(self.positions, self.positions[1:], strict=False))
         if len(self.values) != len(self.positions) or not rising:
             raise ValueError("positions must rise and have one value each")
         return self
 
 
-class Step(Section):
+class Step(CellSection):
     """A jump of this height at a position: nothing below, all of it from there on."""
 
     kind: Literal["step"]
@@ -82,7 +82,7 @@ class Step(Section):
     height: float
 
 
-class SeededCurve(Section):
+class SeededCurve(CellSection):
     """A random smooth curve of this greatest size; ``waves`` is how many go into the travel or turn."""
 
     kind: Literal["seed"]
@@ -90,5 +90,5 @@ class SeededCurve(Section):
     waves: float = Field(default=3.0, gt=0)
 
 
-Term = Annotated[Constant | Polynomial | Harmonic | Table | Step | SeededCurve, Field(discriminator="kind")]
+Term = Annotated[Constant | PolynomialTerm | Harmonic | TableTerm | Step | SeededCurve, Field(discriminator="kind")]
 Terms = tuple[Term, ...]

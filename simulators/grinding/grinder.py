@@ -17,7 +17,7 @@ from simulators.grinding.sampling import LOOK_S, closely, passes
 from simulators.grinding.seat import on_axis
 from simulators.grinding.wheel import WheelBody
 from simulators.grinding.work import ARCSEC, UM, Pass, WorkPiece, clamped
-from simulators.optics.bench import Bench, Watcher
+from simulators.optics.bench import AxisWatcher, OpticsBench
 from simulators.truth import AxisMotion
 from simulators.truth.chain import Pose, still
 
@@ -30,7 +30,7 @@ BEYOND_MM = 0.1
 class Grinder:
     """The work place of a cell: a wheel, and at most one work piece on the table."""
 
-    def __init__(self, bench: Bench, part: Part, wheel: Wheel) -> None:
+    def __init__(self, bench: OpticsBench, part: Part, wheel: Wheel) -> None:
         self._bench = bench
         self._part = part
         self._wheel = wheel
@@ -39,7 +39,7 @@ class Grinder:
         self._body = WheelBody(self._lobes, distance, wheel.radius_um * UM)
         tilt = (wheel.tilt_arcsec[0] * ARCSEC, 0.0, wheel.tilt_arcsec[1] * ARCSEC)
         self._seat = still((wheel.offset_um[0] * UM, wheel.offset_um[1] * UM, wheel.offset_um[2] * UM), tilt)
-        self._watcher = Watcher(bench)
+        self._watcher = AxisWatcher(bench)
         self._now = 0.0
         self._count = 0
         self.work: WorkPiece | None = None
@@ -53,7 +53,7 @@ class Grinder:
         off = clamped(self._part.clamping, seed, f"blank {self._count}")
         drawn = on_axis(self._bench.truth, height).then(off)
         self.work = WorkPiece(self._part, self._count, seat or drawn)
-        self._watcher = Watcher(self._bench)
+        self._watcher = AxisWatcher(self._bench)
         self._now = now_s
         return self.work
 

@@ -16,18 +16,18 @@ from simulators.modbus.access import (
     PlcFault,
     Target,
 )
-from simulators.modbus.desk import Desk, Load
-from simulators.modbus.registers import Command
+from simulators.modbus.desk import Load, PlcDesk
+from simulators.modbus.registers import PlcCommand
 
 
 class Checks:
     """Checks at one desk."""
 
-    def __init__(self, desk: Desk, access: NckAccess) -> None:
+    def __init__(self, desk: PlcDesk, access: NckAccess) -> None:
         self._desk = desk
         self._access = access
 
-    def target(self, command: Command, kinds: tuple[int, ...]) -> Target:
+    def target(self, command: PlcCommand, kinds: tuple[int, ...]) -> Target:
         """The table a command names. Raises PlcFault (9)."""
         kind, index = command[r.KIND], command[r.INDEX]
         if kind not in kinds:
@@ -50,7 +50,7 @@ class Checks:
         if not self._desk.is_off(target):
             raise PlcFault(PROTECTED)
 
-    def check_parameters(self, command: Command, target: Target) -> None:
+    def check_parameters(self, command: PlcCommand, target: Target) -> None:
         """Registers 21..33 of begin. Raises PlcFault (9, 4 with the register's address)."""
         if target.kind == CEC:
             self._access.axis(command[r.INPUT])
@@ -72,7 +72,7 @@ class Checks:
             if wrong:
                 raise PlcFault(RANGE, address)
 
-    def check_load(self, command: Command, kinds: tuple[int, ...] = (EEC, CEC)) -> Load:
+    def check_load(self, command: PlcCommand, kinds: tuple[int, ...] = (EEC, CEC)) -> Load:
         """The load that chunk and verify go on with, other parameters refused (4)."""
         load = self._desk.load
         if load is None:

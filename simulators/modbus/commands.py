@@ -22,10 +22,10 @@ from simulators.modbus.access import (
     PlcFault,
 )
 from simulators.modbus.checks import Checks
-from simulators.modbus.desk import Desk, Work
+from simulators.modbus.desk import PlcDesk, Work
 from simulators.modbus.loading import Loading
-from simulators.modbus.registers import Command
-from simulators.modbus.switching import LOOK_S, Switching
+from simulators.modbus.registers import PlcCommand
+from simulators.modbus.switching import LOOK_S, PlcSwitching
 
 OPEN, BEGIN, CHUNK, VERIFY, ACTIVATE, DISABLE, READ_BACK, ABORT, CLOSE, SET_MARKER, SELECT = range(1, 12)
 SELECTING = frozenset({BEGIN, CHUNK, VERIFY, ACTIVATE, DISABLE, READ_BACK, SELECT})
@@ -33,15 +33,15 @@ _WITHOUT_SESSION = frozenset({OPEN, SELECT})
 _ALARM = 700016  # a user alarm of the PLC
 
 
-class Commands:
+class PlcCommands:
     """Checks and does commands at one desk."""
 
-    def __init__(self, desk: Desk, access: NckAccess) -> None:
+    def __init__(self, desk: PlcDesk, access: NckAccess) -> None:
         self._desk = desk
         self._access = access
         self.checks = Checks(desk, access)
-        loading, switching = Loading(desk, access, self.checks), Switching(desk, access, self.checks)
-        self._works: dict[int, Callable[[Command], Work]] = {
+        loading, switching = Loading(desk, access, self.checks), PlcSwitching(desk, access, self.checks)
+        self._works: dict[int, Callable[[PlcCommand], Work]] = {
             OPEN: self._open,
             BEGIN: loading.begin,
             CHUNK: loading.chunk,
@@ -55,7 +55,7 @@ class Commands:
             SELECT: self._select,
         }
 
-    def work(self, command: Command, expected: int, *, busy: bool) -> Work:
+    def work(self, command: PlcCommand, expected: int, *, busy: bool) -> Work:
         """One command with all its checks; ``busy``: another one was under way."""
         code = command[r.COMMAND]
         if command[r.NUMBER] != expected:
@@ -70,7 +70,7 @@ class Commands:
         yield from self._troubled(code)
         yield from self._works[code](command)
 
-    def _covered(self, command: Command) -> tuple[int, ...]:
+    def _covered(self, command: PlcCommand) -> tuple[int, ...]:
         code = command[r.COMMAND]
         if code in (CHUNK, SET_MARKER):
             return command.head + command.data
@@ -99,21 +99,21 @@ class Commands:
 
     # -- session, marker, selection ----------------------------------------------------------------
 
-    def _open(self, command: Command) -> Work:
+    def _open(self, command: PlcCommand) -> Work:
         if not command[r.INDEX]:
             raise PlcFault(RANGE, r.INDEX)
         self._desk.open_session(command[r.INDEX])
         yield from ()
 
-    def _abort(self, _command: Command) -> Work:
+    def _abort(self, _command: PlcCommand) -> Work:
         self._desk.load = None
         yield from ()
 
-    def _close(self, _command: Command) -> Work:
+    def _close(self, _command: PlcCommand) -> Work:
         self._desk.close_session()
         yield from ()
 
-    def _set_marker(self, command: Command) -> Work:
+    def _set_marker(self, command: PlcCommand) -> Work:
         state = command.data[8]
         if state > 3:
             raise PlcFault(RANGE, r.DATA + 8)
@@ -121,7 +121,7 @@ class Commands:
         self._desk.memory.marker_state = state
         yield from ()
 
-    def _select(self, command: Command) -> Work:
+    def _select(self, command: PlcCommand) -> Work:
         self.checks.target(command, (EEC, CEC, BACKLASH_KIND, TEMPERATURE))
         if not self._access.ready:
             raise PlcFault(NOT_IN_RESET)

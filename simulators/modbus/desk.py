@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from simulators.modbus.access import Target
-from simulators.modbus.registers import Command, Image
+from simulators.modbus.registers import Image, PlcCommand
 from simulators.modbus.switches import PlcSettings
 from simulators.nck.whims import Forgotten
 
@@ -15,7 +15,7 @@ from simulators.nck.whims import Forgotten
 Work = Generator[float, None, None]
 
 
-class PowerCut(Exception):
+class PlcPowerCut(Exception):
     """The mains fail."""
 
 
@@ -23,7 +23,7 @@ class PowerCut(Exception):
 class Load:
     """A table being loaded: the begin command, and the points' values and words received so far."""
 
-    begin: Command
+    begin: PlcCommand
     target: Target
     values: list[int] = field(default_factory=list)
     words: list[int] = field(default_factory=list)
@@ -39,7 +39,7 @@ class Retentive:
     half: set[tuple[int, int, int]] = field(default_factory=set)
 
 
-class Desk(Protocol):
+class PlcDesk(Protocol):
     """What the commands need of the PLC around them."""
 
     image: Image

@@ -23,7 +23,7 @@ class BrokenFrame(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class ModbusFrame:
     """A request or response: ``transaction`` counts on TCP only (0 on RTU)."""
 
     unit: int
@@ -34,11 +34,11 @@ class Frame:
 class Framing(Protocol):
     """Takes bytes as they come and gives whole requests; wraps responses."""
 
-    def feed(self, data: bytes, now_s: float) -> list[Frame]:
+    def feed(self, data: bytes, now_s: float) -> list[ModbusFrame]:
         """Requests complete after these bytes. Raises BrokenFrame."""
         ...
 
-    def wrap(self, frame: Frame) -> bytes:
+    def wrap(self, frame: ModbusFrame) -> bytes:
         """A response on the wire."""
         ...
 
@@ -49,7 +49,7 @@ class Mbap:
     def __init__(self) -> None:
         self._pending = b""
 
-    def feed(self, data: bytes, now_s: float) -> list[Frame]:  # noqa: ARG002 - TCP frames need no time
+    def feed(self, data: bytes, now_s: float) -> list[ModbusFrame]:  # noqa: ARG002 - TCP frames need no time
         """Requests complete after these bytes. Raises BrokenFrame for another protocol or length."""
         self._pending += data
         found = []
@@ -59,11 +59,11 @@ class Mbap:
                 raise BrokenFrame
             if len(self._pending) < 6 + length:
                 break
-            found.append(Frame(unit, self._pending[_HEADER : 6 + length], transaction))
+            found.append(ModbusFrame(unit, self._pending[_HEADER : 6 + length], transaction))
             self._pending = self._pending[6 + length :]
         return found
 
-    def wrap(self, frame: Frame) -> bytes:
+    def wrap(self, frame: ModbusFrame) -> bytes:
         """A response on the wire."""
         return struct.pack(">HHHB", frame.transaction, 0, len(frame.pdu) + 1, frame.unit) + frame.pdu
 
@@ -93,7 +93,7 @@ class Rtu:
         self._pending = b""
         self._last_s = 0.0
 
-    def feed(self, data: bytes, now_s: float) -> list[Frame]:
+    def feed(self, data: bytes, now_s: float) -> list[ModbusFrame]:
         """Requests complete after these bytes; what has no right CRC is passed over in silence."""
         if now_s - self._last_s > self._gap_s:
             self._pending = b""
@@ -104,7 +104,7 @@ class Rtu:
             found.append(frame)
         return found
 
-    def _next(self) -> Frame | None:
+    def _next(self) -> ModbusFrame | None:
         """The next frame with a right CRC; bytes before it are dropped, an incomplete one at the end is kept."""
         for start in range(len(self._pending)):
             rest = self._pending[start:]
@@ -116,11 +116,11 @@ class Rtu:
                 return None
             if len(rest) >= length and intact(rest[:length]):
                 self._pending = rest[length:]
-                return Frame(rest[0], rest[1 : length - 2])
+                return ModbusFrame(rest[0], rest[1 : length - 2])
         self._pending = self._pending[-MOST_RTU:]
         return None
 
-    def wrap(self, frame: Frame) -> bytes:
+    def wrap(self, frame: ModbusFrame) -> bytes:
         """A response on the wire."""
         body = bytes((frame.unit,)) + frame.pdu
         return body + struct.pack("<H", crc16(body))

@@ -18,8 +18,8 @@ from simulators.modbus.access import (
     Target,
 )
 from simulators.modbus.checks import Checks
-from simulators.modbus.desk import Desk, Load, PowerCut, Work
-from simulators.modbus.registers import Command
+from simulators.modbus.desk import Load, PlcDesk, PlcPowerCut, Work
+from simulators.modbus.registers import PlcCommand
 
 PARAMETERS_DIFFER = 65535
 
@@ -27,12 +27,12 @@ PARAMETERS_DIFFER = 65535
 class Loading:
     """Loads and reads tables."""
 
-    def __init__(self, desk: Desk, access: NckAccess, checks: Checks) -> None:
+    def __init__(self, desk: PlcDesk, access: NckAccess, checks: Checks) -> None:
         self._desk = desk
         self._access = access
         self._checks = checks
 
-    def begin(self, command: Command) -> Work:
+    def begin(self, command: PlcCommand) -> Work:
         """Command 2."""
         target = self._checks.target(command, (EEC, CEC))
         self._checks.check_parameters(command, target)
@@ -45,7 +45,7 @@ class Loading:
         self._desk.load = Load(command, target)
         yield from ()
 
-    def chunk(self, command: Command) -> Work:
+    def chunk(self, command: PlcCommand) -> Work:
         """Command 3."""
         load = self._checks.check_load(command)
         first, count, stored = command[r.FIRST], command[r.COUNT], len(load.values)
@@ -57,7 +57,7 @@ class Loading:
         yield self._desk.settings.scan_s
         self._take(load, command, min(count, r.MOST_POINTS))
 
-    def _take(self, load: Load, command: Command, count: int) -> None:
+    def _take(self, load: Load, command: PlcCommand, count: int) -> None:
         settings, words = self._desk.settings, command.data[: 2 * count]
         low_first = settings.low_first != settings.swap_data_words
         first = len(load.values)
@@ -66,7 +66,7 @@ class Loading:
         if settings.lose_points:
             load.lost |= set(range(max(first, first + count - settings.lose_points), first + count))
 
-    def verify(self, command: Command) -> Work:
+    def verify(self, command: PlcCommand) -> Work:
         """Command 4."""
         load = self._checks.check_load(command)
         total, stored = command[r.TOTAL], len(load.values)
@@ -96,7 +96,7 @@ class Loading:
             if place not in load.lost:
                 self._access.put_point(load.target, place, self._coarse(value), float32=settings.float32_values)
             if place + 1 == self._desk.settings.power_cut_after:
-                raise PowerCut
+                raise PlcPowerCut
             if place % settings.points_a_scan == settings.points_a_scan - 1:
                 yield settings.scan_s
 
@@ -117,7 +117,7 @@ class Loading:
         if self._access.parameters(load.target) != wanted:
             raise PlcFault(DIFFERS, PARAMETERS_DIFFER)
 
-    def read_back(self, command: Command) -> Work:
+    def read_back(self, command: PlcCommand) -> Work:
         """Command 7."""
         target = self._checks.target(command, (EEC, CEC, BACKLASH_KIND, TEMPERATURE))
         first, count = command[r.FIRST], command[r.COUNT]
@@ -131,7 +131,7 @@ class Loading:
         yield self._desk.settings.scan_s
         self._put_read_back(command, self._access.points(target, first, count))
 
-    def _put_read_back(self, command: Command, values: list[int]) -> None:
+    def _put_read_back(self, command: PlcCommand, values: list[int]) -> None:
         image = self._desk.image
         for place in range(r.MOST_POINTS):
             image.put_dint(r.READ_BACK + 2 * place, values[place] if place < len(values) else 0)
@@ -139,7 +139,7 @@ class Loading:
         image.put_dint(r.READ_BACK_CRC, crc ^ self._desk.settings.wrong_read_back_crc)
 
 
-def _parameters_of(command: Command, target: Target) -> Parameters:
+def _parameters_of(command: PlcCommand, target: Target) -> Parameters:
     own = target.kind == EEC
     return Parameters(
         flags=command[r.FLAGS],

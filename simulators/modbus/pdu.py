@@ -26,7 +26,7 @@ class Registers(Protocol):
         ...
 
 
-class Refused(Exception):
+class PduRefused(Exception):
     """The answer is an exception with this code."""
 
     def __init__(self, code: int) -> None:
@@ -43,29 +43,29 @@ def answer(request: bytes, registers: Registers) -> bytes:
     work = {READ: _read, WRITE_ONE: _write_one, WRITE_MANY: _write_many}.get(request[0])
     try:
         if work is None:
-            raise Refused(ILLEGAL_FUNCTION)
+            raise PduRefused(ILLEGAL_FUNCTION)
         return request[:1] + work(request[1:], registers)
-    except Refused as refusal:
+    except PduRefused as refusal:
         return bytes((request[0] | 0x80, refusal.code))
 
 
 def _words(data: bytes, count: int) -> tuple[int, ...]:
     """The first ``count`` words; exception 03 when the request is shorter."""
     if len(data) < 2 * count:
-        raise Refused(ILLEGAL_VALUE)
+        raise PduRefused(ILLEGAL_VALUE)
     return struct.unpack_from(f">{count}H", data)
 
 
 def _exactly(data: bytes, length: int) -> None:
     if len(data) != length:
-        raise Refused(ILLEGAL_VALUE)
+        raise PduRefused(ILLEGAL_VALUE)
 
 
 def _read(data: bytes, registers: Registers) -> bytes:
     _exactly(data, 4)
     address, count = _words(data, 2)
     if not 1 <= count <= MOST_READ:
-        raise Refused(ILLEGAL_VALUE)
+        raise PduRefused(ILLEGAL_VALUE)
     return bytes((2 * count,)) + struct.pack(f">{count}H", *registers.read(address, count))
 
 
@@ -79,7 +79,7 @@ def _write_one(data: bytes, registers: Registers) -> bytes:
 def _write_many(data: bytes, registers: Registers) -> bytes:
     address, count = _words(data, 2)
     if not 1 <= count <= MOST_WRITTEN or len(data) < 5 or data[4] != 2 * count:
-        raise Refused(ILLEGAL_VALUE)
+        raise PduRefused(ILLEGAL_VALUE)
     _exactly(data, 5 + 2 * count)
     registers.write(address, struct.unpack(f">{count}H", data[5:]))
     return data[:4]

@@ -14,7 +14,7 @@ _MODES = {"JOG": 0, "MDA": 1, "AUTO": 2}
 _NEEDED = READY | IN_RESET | STANDSTILL | RELEASED
 
 
-class Picture:
+class PlcPicture:
     """Fills registers from the NCK. ``switches`` and ``is_off`` speak of a table as the PLC wants it seen."""
 
     def __init__(self, access: NckAccess, switches: Callable[[Target], int], is_off: Callable[[Target], bool]) -> None:

@@ -10,11 +10,11 @@ from typing import Any
 from drivers.clock import Clock
 from simulators.modbus import registers as r
 from simulators.modbus.access import CEC, NO_SESSION, NckAccess, PlcFault, Target
-from simulators.modbus.commands import SELECT, SELECTING, Commands
-from simulators.modbus.desk import Load, PowerCut, Retentive, Work
-from simulators.modbus.pdu import DEVICE_FAILURE, ILLEGAL_ADDRESS, Refused, Unanswered
-from simulators.modbus.picture import BUSY, DONE, FAILED, RELEASED_LEVEL, WAITING, Picture
-from simulators.modbus.registers import Command, Image
+from simulators.modbus.commands import SELECT, SELECTING, PlcCommands
+from simulators.modbus.desk import Load, PlcPowerCut, Retentive, Work
+from simulators.modbus.pdu import DEVICE_FAILURE, ILLEGAL_ADDRESS, PduRefused, Unanswered
+from simulators.modbus.picture import BUSY, DONE, FAILED, RELEASED_LEVEL, WAITING, PlcPicture
+from simulators.modbus.registers import Image, PlcCommand
 from simulators.modbus.switches import PlcSettings
 from simulators.nck.control import Nck
 from simulators.nck.whims import Forgotten
@@ -34,8 +34,8 @@ class Plc:
         self._clock = clock
         self.nck = nck
         self._access = NckAccess(nck, settings.write_level)
-        self._picture = Picture(self._access, self.switches, self.is_off)
-        self._commands = Commands(self, self._access)
+        self._picture = PlcPicture(self._access, self.switches, self.is_off)
+        self._commands = PlcCommands(self, self._access)
         self._tasks: set[asyncio.Task[None]] = set()
         self._failure: BaseException | None = None
         self._late_done = self._foreign_done = False
@@ -179,7 +179,7 @@ class Plc:
         """A consistent picture of registers. Raises Refused."""
         self._check_power()
         if address + count > r.SIZE:
-            raise Refused(ILLEGAL_ADDRESS)
+            raise PduRefused(ILLEGAL_ADDRESS)
         if address <= r.SESSION:
             self._show_head()
         if address + count > r.LIVE:
@@ -190,7 +190,7 @@ class Plc:
         """Registers 15..135. Raises Refused, Unanswered."""
         self._check_power()
         if address not in r.WRITABLE or address + len(values) > r.WRITABLE.stop:
-            raise Refused(ILLEGAL_ADDRESS)
+            raise PduRefused(ILLEGAL_ADDRESS)
         number = dict(enumerate(values, start=address)).get(r.NUMBER)
         if number is not None and self._is_late(address, values):
             self._late_done = True
@@ -209,7 +209,7 @@ class Plc:
 
     def _check_power(self) -> None:
         if not self.powered:
-            raise Refused(DEVICE_FAILURE)
+            raise PduRefused(DEVICE_FAILURE)
 
     def _is_late(self, address: int, values: Sequence[int]) -> bool:
         command = dict(enumerate(values, start=address)).get(r.COMMAND, self.image.words[r.COMMAND])
@@ -229,9 +229,9 @@ class Plc:
             self.image.words[register] = value
         number = self.image.words[r.NUMBER]
         if number != self._taken or self.settings.redo_repeats:
-            self._take(Command.of(self.image), number if number == self._taken else self._taken % 0xFFFF + 1)
+            self._take(PlcCommand.of(self.image), number if number == self._taken else self._taken % 0xFFFF + 1)
 
-    def _take(self, command: Command, expected: int) -> None:
+    def _take(self, command: PlcCommand, expected: int) -> None:
         busy = self._state == BUSY
         self._end_job()
         self._taken = command[r.NUMBER]
@@ -241,13 +241,13 @@ class Plc:
         self._job = (self._spawn(self._run(command, work)), work)
         self._foreign()
 
-    async def _run(self, command: Command, work: Work) -> None:
+    async def _run(self, command: PlcCommand, work: Work) -> None:
         try:
             for pause_s in work:
                 await self._clock.sleep(pause_s)
         except PlcFault as fault:
             self._set_result(FAILED, fault.code, fault.detail)
-        except PowerCut:
+        except PlcPowerCut:
             self.settings = dataclasses.replace(self.settings, power_cut_after=0)
             self.on_power_cut()
         else:

@@ -72,7 +72,7 @@ class Image:
 
 
 @dataclass(frozen=True, slots=True)
-class Command:
+class PlcCommand:
     """Registers 16..35 as they stood when the command's number changed, and the data words behind them."""
 
     head: tuple[int, ...]
@@ -83,7 +83,7 @@ class Command:
     maximum: int
 
     @classmethod
-    def of(cls, image: Image) -> Command:
+    def of(cls, image: Image) -> PlcCommand:
         """Take a command out of the image."""
         head, data = tuple(image.words[COMMAND:CRC]), tuple(image.words[DATA:DATA_END])
         crc = image.dint(CRC) & 0xFFFFFFFF
@@ -93,7 +93,7 @@ class Command:
         """A register of the head by its address."""
         return self.head[register - COMMAND]
 
-    def difference(self, other: Command) -> int | None:
+    def difference(self, other: PlcCommand) -> int | None:
         """Address of the first register of 18-28 and 31-33 that differs, or None."""
         same = (*range(KIND, TOTAL + 1), *range(INPUT, FACTOR + 1))
         return next((address for address in same if self[address] != other[address]), None)

@@ -10,7 +10,7 @@ from typing import Any
 from drivers.clock import Clock, LoopClock
 from drivers.errors import TransportError
 from drivers.transport import ByteTransport, open_transport
-from simulators.modbus.frames import BrokenFrame, Frame, Framing, Mbap, Rtu
+from simulators.modbus.frames import BrokenFrame, Framing, Mbap, ModbusFrame, Rtu
 from simulators.modbus.pdu import Unanswered, answer
 from simulators.modbus.plc import Plc
 from simulators.modbus.switches import PlcSettings
@@ -114,7 +114,7 @@ class PlcStation(Outlet):
                     if reply is not None and not self.silent:
                         await peer.write(framing.wrap(reply))
 
-    def _reply(self, frame: Frame) -> Frame | None:
+    def _reply(self, frame: ModbusFrame) -> ModbusFrame | None:
         """The answer to one request; None for what nobody here answers."""
         self.served += 1
         settings = self.plc.settings
@@ -123,9 +123,9 @@ class PlcStation(Outlet):
         if not mine:
             if rtu or frame.unit == BROADCAST:
                 return None
-            return Frame(frame.unit, bytes((frame.pdu[0] | 0x80, GATEWAY_TARGET_FAILED)), frame.transaction)
+            return ModbusFrame(frame.unit, bytes((frame.pdu[0] | 0x80, GATEWAY_TARGET_FAILED)), frame.transaction)
         try:
-            return Frame(frame.unit, answer(frame.pdu, self.plc), frame.transaction)
+            return ModbusFrame(frame.unit, answer(frame.pdu, self.plc), frame.transaction)
         except Unanswered:
             return None
 

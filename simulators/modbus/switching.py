@@ -5,22 +5,22 @@ from __future__ import annotations
 from simulators.modbus import registers as r
 from simulators.modbus.access import CEC, DIFFERS, EEC, NCK_REFUSED, RANGE, TIME_OVER, NckAccess, PlcFault, Target
 from simulators.modbus.checks import Checks
-from simulators.modbus.desk import Desk, Work
-from simulators.modbus.registers import Command
+from simulators.modbus.desk import PlcDesk, Work
+from simulators.modbus.registers import PlcCommand
 
 AXIS_ALONE = 1 << 4
 LOOK_S = 0.1
 
 
-class Switching:
+class PlcSwitching:
     """Switches tables."""
 
-    def __init__(self, desk: Desk, access: NckAccess, checks: Checks) -> None:
+    def __init__(self, desk: PlcDesk, access: NckAccess, checks: Checks) -> None:
         self._desk = desk
         self._access = access
         self._checks = checks
 
-    def activate(self, command: Command) -> Work:
+    def activate(self, command: PlcCommand) -> Work:
         """Command 5."""
         target = self._checks.target(command, (EEC, CEC))
         alone = bool(command[r.FLAGS] & AXIS_ALONE)
@@ -53,7 +53,7 @@ class Switching:
         finally:
             desk.waiting = False
 
-    def disable(self, command: Command) -> Work:
+    def disable(self, command: PlcCommand) -> Work:
         """Command 6."""
         target = self._checks.target(command, (EEC, CEC))
         self._checks.check_machine()

@@ -41,7 +41,7 @@ class _Handle:
 
 
 @dataclass(slots=True)
-class FileNodes:
+class ServedFiles:
     """Open files of all sessions. ``write_level`` is the protection level that writing needs."""
 
     nck: Nck

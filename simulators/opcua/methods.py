@@ -16,7 +16,7 @@ MAX_FILE = 16 * 1024 * 1024
 
 
 @dataclass(frozen=True, slots=True)
-class Signature:
+class MethodSignature:
     """Argument names and wire types of a method, and the type of its one result ("" for none)."""
 
     name: str
@@ -25,10 +25,12 @@ class Signature:
 
 
 SIGNATURES = (
-    Signature("CopyFileToServer", (("TargetFilename", "String"), ("Data", "ByteString"), ("Overwrite", "Boolean")), ""),
-    Signature("CopyFileFromServer", (("SourceFile", "String"),), "ByteString"),
-    Signature("Select", (("SourceFileNodeId", "String"), ("ChannelNumber", "Int32")), "Int32"),
-    Signature("GetMyAccessRights", (), "String"),
+    MethodSignature(
+        "CopyFileToServer", (("TargetFilename", "String"), ("Data", "ByteString"), ("Overwrite", "Boolean")), ""
+    ),
+    MethodSignature("CopyFileFromServer", (("SourceFile", "String"),), "ByteString"),
+    MethodSignature("Select", (("SourceFileNodeId", "String"), ("ChannelNumber", "Int32")), "Int32"),
+    MethodSignature("GetMyAccessRights", (), "String"),
 )
 FILE_METHODS = ("CopyFileToServer", "CopyFileFromServer", "Select")
 COPY_METHODS = FILE_METHODS[:2]

@@ -20,9 +20,9 @@ from drivers.errors import ConfigError
 from drivers.sinumerik.opcua.session import nodes
 from drivers.sinumerik.opcua.session.certificates import KeyPair, load, own_key_pair
 from simulators.nck.control import Nck
-from simulators.opcua.filenodes import FileNodes
+from simulators.opcua.filenodes import ServedFiles
 from simulators.opcua.manners import Manners, Requests
-from simulators.opcua.methods import COPY_METHODS, FILE_METHODS, MAX_FILE, SIGNATURES, Methods, Signature
+from simulators.opcua.methods import COPY_METHODS, FILE_METHODS, MAX_FILE, SIGNATURES, Methods, MethodSignature
 from simulators.opcua.space import Space
 from simulators.opcua.users import accounts_of
 from simulators.opcua.wire import Accounts, SinumerikInternalServer
@@ -112,7 +112,7 @@ class SinumerikServer:
         self.manners = Manners()
         set_up = self.settings
         methods = Methods(nck, set_up.file_write_level, set_up.largest_copy, set_up.copy_refusal)
-        files = FileNodes(nck, set_up.file_write_level, self.manners)
+        files = ServedFiles(nck, set_up.file_write_level, self.manners)
         self._core = SinumerikInternalServer(
             accounts=Accounts(accounts_of(set_up.users)), space=Space(nck), methods=methods, files=files, clock=clock
         )
@@ -202,7 +202,7 @@ class SinumerikServer:
             await root.add_variable(ua.NodeId(path, index), name, ua.get_default_value(kind), kind)
 
     @property
-    def _offered(self) -> list[Signature]:
+    def _offered(self) -> list[MethodSignature]:
         hidden = set() if self.settings.copy_methods else set(COPY_METHODS)
         hidden |= set() if self.settings.rights_method else {"GetMyAccessRights"}
         return [method for method in SIGNATURES if method.name not in hidden]

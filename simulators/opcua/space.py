@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from drivers.sinumerik.opcua.session import nodes
-from drivers.sinumerik.opcua.session.nodes import Address, Kind
+from drivers.sinumerik.opcua.session.nodes import Kind, NodeAddress
 from simulators.nck.control import Nck
 from simulators.nck.spec import NckRefusal
 from simulators.opcua.users import Account
@@ -87,7 +87,7 @@ class Space:
         kind = nodes.kind_of(address.path)
         return kind, (list(values) if address.last is not None else values[0])
 
-    def _values(self, address: Address) -> list[Value]:
+    def _values(self, address: NodeAddress) -> list[Value]:
         names = nodes.to_names(address, self._axes)
         if names:
             return [self._datum(name) for name in names]
@@ -174,7 +174,7 @@ class Space:
                 raise Refused("BadUserAccessDenied") from refusal
 
 
-def _right(address: Address, act: str) -> str:
+def _right(address: NodeAddress, act: str) -> str:
     whole = f"{address.area}/"
     for start, right in _AREAS.items():
         if whole.startswith(f"{start}/"):

@@ -17,7 +17,7 @@ from asyncua.server.user_managers import UserManager
 from drivers.clock import Clock
 from drivers.sinumerik.opcua.session import nodes
 from simulators.opcua.alarms import AlarmEvents
-from simulators.opcua.filenodes import RESULTS, FileNodes
+from simulators.opcua.filenodes import RESULTS, ServedFiles
 from simulators.opcua.manners import Requests
 from simulators.opcua.methods import Methods
 from simulators.opcua.sessions import SinumerikSession
@@ -55,7 +55,7 @@ class Accounts(UserManager):
 class SinumerikInternalServer(InternalServer):
     """asyncua's server core with our sessions, limits and a shared standard address space."""
 
-    def __init__(self, accounts: Accounts, space: Space, methods: Methods, files: FileNodes, clock: Clock) -> None:
+    def __init__(self, accounts: Accounts, space: Space, methods: Methods, files: ServedFiles, clock: Clock) -> None:
         self.accounts = accounts
         self.space = space
         self.methods = methods

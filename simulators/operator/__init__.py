@@ -8,9 +8,9 @@ import re
 from collections.abc import Awaitable, Callable, Sequence
 
 from drivers.clock import Clock
-from simulators.cellfile import Operator as OperatorSpec
-from simulators.operator.panel import Control, Panel, WorkPlace
-from simulators.optics import Bench
+from simulators.cellfile import OperatorSection as OperatorSpec
+from simulators.operator.panel import OperatorPanel, ShownControl, WorkPlace
+from simulators.optics import OpticsBench
 
 SETUP = re.compile(r"TRUEFLANK SETUP (?P<component>\S+) ON (?P<letter>[A-Z])$")
 BLANK = re.compile(r"TRUEFLANK LOAD BLANK(?: .*)?$")
@@ -39,11 +39,11 @@ class Operator:
     def __init__(
         self,
         spec: OperatorSpec,
-        control: Control,
-        bench: Bench,
+        control: ShownControl,
+        bench: OpticsBench,
         clock: Clock,
         axes: Sequence[str],
-        panel: Panel | None = None,
+        panel: OperatorPanel | None = None,
         table: WorkPlace | None = None,
     ) -> None:
         self.spec = spec
@@ -176,7 +176,7 @@ class Operator:
         self.log.append("NCK RESET")
         await self.power_up()
 
-    async def _mind(self, panel: Panel) -> None:
+    async def _mind(self, panel: OperatorPanel) -> None:
         """The PLC's panel: give and take back the release, press the button, let tables act."""
         wanted = panel.release_wanted
         if wanted is not None and self.spec.gives_release:
@@ -189,7 +189,7 @@ class Operator:
                 self.log.append("CONFIRM")
                 await self._let_tables_act(panel)
 
-    async def _let_tables_act(self, panel: Panel) -> None:
+    async def _let_tables_act(self, panel: OperatorPanel) -> None:
         """After a table that came through the PLC: restart the control if this one needs it."""
         fresh, self._restarted = panel.tables_loaded > self._restarted, panel.tables_loaded
         if not fresh or not self.spec.restarts or panel.acts_from == "newconf":

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, Protocol
 
 
-class Control(Protocol):
+class ShownControl(Protocol):
     """What an operator sees on the control's screen and can press on its panel."""
 
     @property
@@ -61,7 +61,7 @@ class Control(Protocol):
         ...
 
 
-class Panel(Protocol):
+class OperatorPanel(Protocol):
     """The PLC mailbox's lamps and buttons."""
 
     @property

@@ -34,7 +34,7 @@ class Mounting:
     number: int
 
 
-class Bench:
+class OpticsBench:
     """The instruments around the machine; the operator mounts, faults break beams."""
 
     def __init__(self, truth: Truth, machine: MotionSource) -> None:
@@ -72,10 +72,10 @@ class Bench:
         return 2 * count * int(measure.get("repetitions", 5))
 
 
-class Watcher:
+class AxisWatcher:
     """Follows the machine's axes for one instrument and keeps their hysteresis and turns."""
 
-    def __init__(self, bench: Bench) -> None:
+    def __init__(self, bench: OpticsBench) -> None:
         self._bench = bench
         self._hysteresis: dict[str, Hysteresis] = {}
         self._turns: dict[str, float] = {}

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simulators.cellfile import Calibrator
-from simulators.optics.bench import Bench, Mounting, Watcher, letters_of
+from simulators.optics.bench import AxisWatcher, Mounting, OpticsBench, letters_of
 from simulators.optics.stops import Stops
 from simulators.truth import AxisMotion, generator
 from simulators.truth.drift import drifted_s
@@ -37,7 +37,7 @@ class RotaryReader:
     beam is lost until `restore_beam`, a new mounting, or until it is followed again from a hold.
     """
 
-    def __init__(self, spec: Calibrator, bench: Bench) -> None:
+    def __init__(self, spec: Calibrator, bench: OpticsBench) -> None:
         self.spec = spec
         self._bench = bench
         seed = bench.truth.seed
@@ -48,7 +48,7 @@ class RotaryReader:
         self._error = curve(
             spec.own_error, (0.0, 360.0), rotary=True, seed=seed, name=f"{spec.name} own error", redraw=False
         )
-        self._watcher = Watcher(bench)
+        self._watcher = AxisWatcher(bench)
         self._mounting: Mounting | None = None
         self._stops: Stops | None = None
         self._stop = 0

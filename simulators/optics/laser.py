@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from simulators.cellfile import Laser, Setup
 from simulators.optics.air import refractive_index
 from simulators.optics.bench import (
-    Bench,
+    AxisWatcher,
     Mounting,
-    Watcher,
+    OpticsBench,
     angular_difference_mm,
     letters_of,
     linear_length_mm,
@@ -43,14 +43,14 @@ class LaserCounter:
     broken beam: it just stands still, and what was missed stays missed.
     """
 
-    def __init__(self, spec: Laser, bench: Bench) -> None:
+    def __init__(self, spec: Laser, bench: OpticsBench) -> None:
         self.spec = spec
         self._bench = bench
         seed = bench.truth.seed
         drawn = int(generator(seed, spec.name, "sense").choice((-1, 1)))
         self.sense = drawn if spec.sense == "seed" else spec.sense
         self._rng = generator(seed, spec.name, "samples")
-        self._watcher = Watcher(bench)
+        self._watcher = AxisWatcher(bench)
         self._mounting: Mounting | None = None
         self._stops: Stops | None = None
         self._zero: float | None = None
@@ -132,7 +132,7 @@ def _about(setup: Setup) -> str:
     return wanted if wanted in "ABC" else {"X": "B", "Y": "A", "Z": "B", "C": "C"}[setup.axis]
 
 
-def air_index(bench: Bench, wavelength_nm: float, t: float) -> float:
+def air_index(bench: OpticsBench, wavelength_nm: float, t: float) -> float:
     """Refractive index of the air as it truly is at clock time t."""
     air = bench.truth.climate.true(t)
     return refractive_index(air.air_degc, air.pressure_hpa, air.humidity_pct, wavelength_nm)

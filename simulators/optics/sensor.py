@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simulators.cellfile import Sensor, Setup
-from simulators.optics.bench import SETTLED, Bench, Mounting, Watcher, letters_of
+from simulators.optics.bench import SETTLED, AxisWatcher, Mounting, OpticsBench, letters_of
 from simulators.optics.readings import component_of, reading
 from simulators.optics.stops import Stops
 from simulators.truth import AxisMotion, generator
@@ -25,7 +25,7 @@ TOLD = {"angular": "angular", "level": "angular", "linear": "linear", "rotary": 
 
 
 @dataclass(frozen=True, slots=True)
-class Readings:
+class SensorReadings:
     """A stretch of samples, each (n,): clock time in s, value in um or arcsec, whether there is light."""
 
     time_s: FloatArray
@@ -40,12 +40,12 @@ class SensorReader:
     mounting; the value then stays what it was.
     """
 
-    def __init__(self, spec: Sensor, bench: Bench) -> None:
+    def __init__(self, spec: Sensor, bench: OpticsBench) -> None:
         self.spec = spec
         self._bench = bench
         seed = bench.truth.seed
         self._rng = generator(seed, spec.name, "samples")
-        self._watcher = Watcher(bench)
+        self._watcher = AxisWatcher(bench)
         self._mounting: Mounting | None = None
         self._stops: Stops | None = None
         self._own: dict[str, Curve] = {}
@@ -73,7 +73,7 @@ class SensorReader:
         """The reading is good again."""
         self.beam_lost = False
 
-    def read(self, until: float) -> Readings:
+    def read(self, until: float) -> SensorReadings:
         """All samples from the last asked for up to clock time `until` (s)."""
         sequence = np.arange(self._next, max(int(until * self.spec.sample_hz) + 1, self._next))
         self._next += len(sequence)
@@ -82,7 +82,7 @@ class SensorReader:
         if mounting is not self._mounting:
             self._remount(mounting)
         if not len(times) or mounting is None or mounting.optics != mounting.setup.optics:
-            return Readings(times, np.full(len(times), self._shown), np.zeros(len(times), dtype=np.bool_))
+            return SensorReadings(times, np.full(len(times), self._shown), np.zeros(len(times), dtype=np.bool_))
         return self._lit(times, self._value(mounting.setup, times))
 
     def _remount(self, mounting: Mounting | None) -> None:
@@ -126,13 +126,13 @@ class SensorReader:
         position = np.broadcast_to(motion.position, count)
         return self._stops.offsets(position, 1.0 / self.spec.sample_hz) if self._stops is not None else np.zeros(count)
 
-    def _lit(self, times: FloatArray, value: FloatArray) -> Readings:
+    def _lit(self, times: FloatArray, value: FloatArray) -> SensorReadings:
         blocked = self.spec.name in self._bench.broken
         lost = np.logical_or.accumulate((np.abs(value) > self.spec.range) | blocked | self.beam_lost)
         self.beam_lost = bool(lost[-1])
         shown = np.where(lost, self._shown, value)
         self._shown = float(shown[-1])
-        return Readings(times, shown, ~lost)
+        return SensorReadings(times, shown, ~lost)
 
 
 def _same(before: dict[str, AxisMotion], now: dict[str, AxisMotion]) -> bool:

@@ -20,10 +20,10 @@ from drivers.bridge.gearrecords import ABORT, COLUMNS, DONE, MEASURE, PART, POIN
 from drivers.bridge.records import BUSY, ENVIRONMENT, IDENTIFY, INVALID_PARAMS, UNSUPPORTED, BridgeIdentity
 from drivers.clock import Clock
 from drivers.errors import RemoteProtocolError, TransportError
-from simulators.bridge import Answer, BridgeAnswerer, Refused
+from simulators.bridge import Answer, BridgeAnswerer, BridgeRefused
 from simulators.grinding import WorkPiece
 from simulators.inspection import SHARE, UM, GearMachine, OnMachine
-from simulators.optics import Bench
+from simulators.optics import OpticsBench
 from simulators.outlet import Around
 
 FloatArray = NDArray[np.float64]
@@ -54,7 +54,7 @@ class GearAnswerer(BridgeAnswerer):
         self,
         machine: GearMachine,
         fetch: Callable[[], WorkPiece | None],
-        bench: Bench,
+        bench: OpticsBench,
         clock: Clock,
         around: Around | None = None,
     ) -> None:
@@ -116,16 +116,16 @@ class GearAnswerer(BridgeAnswerer):
 
     async def _measure(self, params: Mapping[str, Any]) -> Any:
         if self._measuring is not None and not self._measuring.done():
-            raise Refused(BUSY, "a plan is being measured")
+            raise BridgeRefused(BUSY, "a plan is being measured")
         on = await self._clamped()
         if on is None:
-            raise Refused(UNSUPPORTED, "no part is clamped")
+            raise BridgeRefused(UNSUPPORTED, "no part is clamped")
         try:
             asked = Fields(params, "plan")
             lines = list(planned(asked, on))
             count = asked.integer("space_count")
         except RemoteProtocolError as error:
-            raise Refused(INVALID_PARAMS, str(error)) from error
+            raise BridgeRefused(INVALID_PARAMS, str(error)) from error
         self._plan += 1
         measure = self._measured(on, lines, count, self._plan)
         self._measuring = asyncio.get_running_loop().create_task(measure, name="gear inspection")

@@ -28,7 +28,7 @@ from drivers.bridge.records import (
 )
 from drivers.clock import Clock
 from simulators.bridge import Answer, BridgeAnswerer
-from simulators.optics import Bench, Readings, SensorReader
+from simulators.optics import OpticsBench, SensorReader, SensorReadings
 from simulators.outlet import Around
 
 CHANNELS = {"straightness": "deviation_um", "angle": "angle_arcsec"}
@@ -38,7 +38,7 @@ class SensorAnswerer(BridgeAnswerer):
     """Serves one instrument to one client; it samples only while it streams."""
 
     def __init__(
-        self, sensor: SensorReader, bench: Bench, clock: Clock, block_s: float, around: Around | None = None
+        self, sensor: SensorReader, bench: OpticsBench, clock: Clock, block_s: float, around: Around | None = None
     ) -> None:
         super().__init__(cast(Any, sensor), bench, clock, block_s, around)
         self.sensor = sensor
@@ -90,7 +90,7 @@ class SensorAnswerer(BridgeAnswerer):
 
     def _told(self, turns: Any, sequence: int) -> list[Message]:
         """The samples as one line, or as a frame for each stretch with or without light."""
-        readings = cast(Readings, turns)
+        readings = cast(SensorReadings, turns)
         step, values = 1.0 / self.sensor.spec.sample_hz, np.round(readings.value, 6)
         if self._framing == JSON:
             return [self._line(readings, sequence, step)]
@@ -102,7 +102,7 @@ class SensorAnswerer(BridgeAnswerer):
             told.append(SampleFrame(sequence + start, at_s, step, values[start:end, None], valid=valid))
         return told
 
-    def _line(self, readings: Readings, sequence: int, step: float) -> Notification:
+    def _line(self, readings: SensorReadings, sequence: int, step: float) -> Notification:
         values = {self._channel: np.round(readings.value, 6)}
         events = self._events(cast(Any, readings))
         samples = BridgeSamples(

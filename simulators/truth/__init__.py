@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simulators.cellfile import Axis, CellFile
+from simulators.cellfile import CellAxis, CellFile
 from simulators.cellfile.terms import Terms
 from simulators.truth.chain import BED, FloatArray, Pose, rotation, slide, still, table
 from simulators.truth.climate import Climate, Weather
@@ -57,7 +57,7 @@ class Truth:
         self._rest: dict[str, tuple[float, FloatArray]] = {}
         self.climate = Climate(cell.climate)
 
-    def _curve(self, terms: Terms, axis: Axis, name: str) -> Curve:
+    def _curve(self, terms: Terms, axis: CellAxis, name: str) -> Curve:
         return curve(terms, axis.travel, rotary=axis.kind == "rotary", seed=self.seed, name=name, redraw=self._redraw)
 
     def _located(self, name: str, value: float) -> float:

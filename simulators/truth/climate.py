@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simulators.cellfile import Climate as ClimateSpec
+from simulators.cellfile import ClimateSection as ClimateSpec
 from simulators.cellfile import Course
 from simulators.truth.drift import drifted_s
 

@@ -8,7 +8,7 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from simulators.cellfile.terms import Constant, Harmonic, Polynomial, SeededCurve, Step, Table, Term, Terms
+from simulators.cellfile.terms import Constant, Harmonic, PolynomialTerm, SeededCurve, Step, TableTerm, Term, Terms
 
 FloatArray = NDArray[np.float64]
 Curve = Callable[[FloatArray], FloatArray]
@@ -39,12 +39,12 @@ def _redrawn(term: Term, travel: tuple[float, float], rng: np.random.Generator) 
     match term:
         case Constant():
             return term.model_copy(update={"value": size * term.value})
-        case Polynomial():
+        case PolynomialTerm():
             return term.model_copy(update={"coefficients": tuple(size * c for c in term.coefficients)})
         case Harmonic():
             phase = float(rng.uniform(0.0, 360.0))
             return term.model_copy(update={"amplitude": size * term.amplitude, "phase_deg": phase})
-        case Table():
+        case TableTerm():
             return term.model_copy(update={"values": tuple(size * value for value in term.values)})
         case Step():
             span = travel[1] - travel[0]
@@ -58,11 +58,11 @@ def _single(term: Term, travel: tuple[float, float], rotary: bool, rng: np.rando
     match term:
         case Constant(value=value):
             return lambda q: np.full_like(q, value)
-        case Polynomial():
+        case PolynomialTerm():
             return _polynomial(term)
         case Harmonic():
             return _harmonic(term)
-        case Table():
+        case TableTerm():
             points, values = np.asarray(term.positions), np.asarray(term.values)
             return lambda q: np.interp(q, points, values)
         case Step(at=at, height=height):
@@ -71,7 +71,7 @@ def _single(term: Term, travel: tuple[float, float], rotary: bool, rng: np.rando
             return _random(term, travel, rotary, rng)
 
 
-def _polynomial(term: Polynomial) -> Curve:
+def _polynomial(term: PolynomialTerm) -> Curve:
     coefficients = np.asarray(term.coefficients)
     return lambda q: np.polynomial.polynomial.polyval((q - term.center) / term.scale, coefficients)
 

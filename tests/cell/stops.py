@@ -29,7 +29,7 @@ from gateway.push.records import journal, lock
 from gateway.push.records.journal import JOURNALS
 from gateway.push.records.sent import SentBook
 from gateway.say import Say
-from gateway.stopping import Stop, Stopped, current, obey
+from gateway.stopping import StopAsked, Stopped, current, obey
 from gateway.store import Proofs
 from gateway.supervisor import Supervisor
 from gateway.workflow.bench import store_of
@@ -163,7 +163,7 @@ async def stopped(
     at: Shop, work: Coroutine[Any, Any, Any], after_s: float, then: Callable[[], None], *, ends_itself: bool = False
 ) -> Stopping:
     """Do some work and ask for a stop after that many seconds; ``then`` is done in the same moment."""
-    stop = Stop()
+    stop = StopAsked()
     asked: list[float] = []
 
     async def ask() -> None:

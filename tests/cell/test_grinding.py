@@ -11,7 +11,7 @@ import pytest
 
 from drivers.clock import LoopClock, run_virtual
 from drivers.errors import DeadlineExceeded, DeviceRefused, TrueflankError
-from gateway.config import Operator, SiteFile, load_site
+from gateway.config import OperatorTimes, SiteFile, load_site
 from gateway.errors import WriteRefused
 from gateway.say import silence
 from gateway.store import Store
@@ -175,7 +175,7 @@ def at_space(number: int, act: Callable[[], Any]) -> Say:
 
 def test_who_does_not_start_or_load_stops_it_and_every_break_leaves_a_clear_word(tmp_path: Path) -> None:
     async def story(cell: Cell, site: SiteFile, clock: LoopClock) -> None:
-        hasty = site.model_copy(update={"operator": Operator(start_timeout_s=60.0, stop_timeout_s=30.0)})
+        hasty = site.model_copy(update={"operator": OperatorTimes(start_timeout_s=60.0, stop_timeout_s=30.0)})
         plain = SetupValues(x_um=5.0)
 
         async def grinding(say: Say = silence) -> Any:

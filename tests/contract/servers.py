@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from drivers.bridge import records
-from drivers.bridge.codec import BridgeCodec, Message, Notification, Refusal, Reply, Request
+from drivers.bridge.codec import BridgeCodec, BridgeRefusal, Message, Notification, Reply, Request
 from drivers.bridge.frames import SampleFrame
 from drivers.bridge.records import BridgeIdentity, BridgeSamples, CalibratorStatus, environment_as_object
 from drivers.clock import Clock
@@ -117,7 +117,7 @@ class ScriptedBridge(_Scripted):
         self.protocol = 1
         self.status = CalibratorStatus(True, False, 87.0)
         self.asked: list[tuple[str, Any]] = []
-        self.refusals: dict[str, Refusal] = {}
+        self.refusals: dict[str, BridgeRefusal] = {}
         self.id_shift = 0
         self.streaming = False
         self.framed = False
@@ -140,7 +140,7 @@ class ScriptedBridge(_Scripted):
         self.asked.append((message.method, dict(message.params)))
         if message.method in self.refusals:
             refusal = self.refusals[message.method]
-            return Refusal(message.id, refusal.code, refusal.message)
+            return BridgeRefusal(message.id, refusal.code, refusal.message)
         return Reply(message.id + self.id_shift, self._result(message))
 
     def _result(self, message: Request) -> Any:

@@ -29,7 +29,7 @@ from drivers.errors import (
     TransportError,
     UnsupportedDevice,
 )
-from drivers.manual.entry import Expected, Refused, read_entry
+from drivers.manual.entry import EntryRefused, ExpectedReading, read_entry
 from drivers.types import SampleBlock
 from drivers.umd.codec import SEQUENCE, UmdCodec, encode_rows
 from drivers.umd.counting import LEARN_MOVING, UmdCounting
@@ -311,7 +311,7 @@ def test_fault_17_and_18_no_number_but_the_counters_own_form_is_read(number: str
 @pytest.mark.parametrize("number", [*NUMBERS, "1 2", "1.2.3", "abc", "1mm"])
 def test_fault_17_and_18_a_typed_reading_is_never_guessed(number: str) -> None:
     for mark in ("point", "comma"):
-        found = read_entry(number, mark, Expected(), "mm", sure=True)  # type: ignore[arg-type]
+        found = read_entry(number, mark, ExpectedReading(), "mm", sure=True)  # type: ignore[arg-type]
         allowed = {
             ("1,5", "comma"): 1.5,
             ("1.5", "point"): 1.5,
@@ -322,7 +322,7 @@ def test_fault_17_and_18_a_typed_reading_is_never_guessed(number: str) -> None:
         if (number, mark) in allowed:
             assert found == allowed[number, mark]
         else:
-            assert isinstance(found, Refused)
+            assert isinstance(found, EntryRefused)
 
 
 @pytest.mark.parametrize("number", ["NaN", "Infinity", "1e999", "1,5", "+5", "01", '"5"', "9" * 400])
@@ -388,9 +388,9 @@ def test_fault_22_samples_at_low_signal_are_flagged() -> None:
 
 def test_fault_24_an_unstable_laser_does_not_start_and_is_told_in_between() -> None:
     async def main(at: Bench) -> None:
-        from drivers.bridge.codec import Refusal
+        from drivers.bridge.codec import BridgeRefusal
 
-        at.script.refusals[records.START] = Refusal(None, records.UNSTABLE, "warming up")
+        at.script.refusals[records.START] = BridgeRefusal(None, records.UNSTABLE, "warming up")
         await at.device.open(OPEN_S)
         with pytest.raises(DeviceRefused, match="warming up"):
             await take(at.device, 1)

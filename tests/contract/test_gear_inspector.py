@@ -11,7 +11,7 @@ import pytest
 
 from drivers import registry
 from drivers.bridge import gearrecords, records
-from drivers.bridge.codec import BridgeCodec, Message, Notification, Refusal, Reply, Request
+from drivers.bridge.codec import BridgeCodec, BridgeRefusal, Message, Notification, Reply, Request
 from drivers.bridge.gearrecords import Chunk, expected_points
 from drivers.bridge.records import BridgeIdentity
 from drivers.clock import LoopClock
@@ -68,7 +68,7 @@ class ScriptedMachine:
                 return Reply(message.id, {"plan": self.plans})
             case gearrecords.ABORT:
                 return Reply(message.id, {})
-        return Refusal(message.id, records.METHOD_NOT_FOUND, "no")
+        return BridgeRefusal(message.id, records.METHOD_NOT_FOUND, "no")
 
     def lines(self, asked: Any) -> list[tuple[str, int, str, int]]:
         found = []

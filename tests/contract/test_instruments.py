@@ -13,7 +13,7 @@ import pytest
 
 from drivers import registry
 from drivers.bridge import records
-from drivers.bridge.codec import Refusal
+from drivers.bridge.codec import BridgeRefusal
 from drivers.bridge.device import BridgeInstrument
 from drivers.bridge.records import CalibratorStatus
 from drivers.clock import LoopClock
@@ -434,7 +434,7 @@ def test_fault_39_a_low_battery_is_a_notice() -> None:
 def test_refusals_say_who_must_act_and_the_line_goes_on(number: int, error: type[TrueflankError], code: str) -> None:
     async def main(at: Bench) -> None:
         await at.device.open(OPEN_S)
-        at.script.refusals[records.TURN] = Refusal(None, number, "Kein Licht")
+        at.script.refusals[records.TURN] = BridgeRefusal(None, number, "Kein Licht")
         with pytest.raises(error) as caught:
             await at.device.turn(1.0)
         assert caught.value.code == code
@@ -446,8 +446,8 @@ def test_refusals_say_who_must_act_and_the_line_goes_on(number: int, error: type
 
 def test_an_instrument_without_sensors_has_no_ambient() -> None:
     async def main(at: Bench) -> None:
-        at.script.refusals[records.ENVIRONMENT] = Refusal(None, records.METHOD_NOT_FOUND, "no")
-        at.script.refusals[records.OPTICS] = Refusal(None, records.UNSUPPORTED, "no")
+        at.script.refusals[records.ENVIRONMENT] = BridgeRefusal(None, records.METHOD_NOT_FOUND, "no")
+        at.script.refusals[records.OPTICS] = BridgeRefusal(None, records.UNSUPPORTED, "no")
         await at.device.open(OPEN_S)
         assert (await at.device.ambient()).air_degc is None
         assert (await at.device.optics()).kind == "unknown"
@@ -559,10 +559,10 @@ def test_a_bridge_is_told_to_count_afresh_after_a_lost_beam() -> None:
         await at.device.open(OPEN_S)
         await at.device.set_datum()
         assert at.script.asked[-1][0] == records.DATUM
-        at.script.refusals[records.DATUM] = Refusal(None, records.BEAM_OBSTRUCTED, "no light")
+        at.script.refusals[records.DATUM] = BridgeRefusal(None, records.BEAM_OBSTRUCTED, "no light")
         with pytest.raises(BeamObstructed):
             await at.device.set_datum()
-        at.script.refusals[records.DATUM] = Refusal(None, records.UNSUPPORTED, "cannot")
+        at.script.refusals[records.DATUM] = BridgeRefusal(None, records.UNSUPPORTED, "cannot")
         await at.device.set_datum()
 
     bench("bridge", URLS[0], main)

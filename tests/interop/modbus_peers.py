@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from drivers.clock import LoopClock
-from simulators.modbus.pdu import Refused, Unanswered
+from simulators.modbus.pdu import PduRefused, Unanswered
 from simulators.modbus.plc import Plc
 from tests.interop.peers import HERE, ended, needed, program
 
@@ -52,7 +52,7 @@ class LibmodbusServer:
             if way == "R":
                 return " ".join(str(value) for value in (0, *self._plc.read(address + self.shift, rest[0])))
             self._plc.write(address, rest)
-        except Refused as refused:
+        except PduRefused as refused:
             return f"E {refused.code}"
         except Unanswered:
             return "N"

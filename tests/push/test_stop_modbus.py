@@ -9,14 +9,14 @@ import pytest
 
 from drivers.clock import LoopClock, run_virtual
 from gateway.push import push_table, unfinished
-from gateway.stopping import Stop, Stopped, obey
+from gateway.stopping import StopAsked, Stopped, obey
 from tests.push.world import Scene, change_of, context_for, world
 
 
 @pytest.mark.parametrize("after_s", [2.0, 12.0])
 def test_a_stop_ends_the_session_and_the_panels_button_does_nothing(tmp_path: Path, after_s: float) -> None:
     async def main() -> None:
-        clock, scene, stop = LoopClock(), Scene(), Stop()
+        clock, scene, stop = LoopClock(), Scene(), StopAsked()
         async with world(scene, clock) as at:
             at.person.confirms = False
             device = at.driver()

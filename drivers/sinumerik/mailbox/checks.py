@@ -12,7 +12,7 @@ from drivers.sinumerik.mailbox.codec.commands import Order
 from drivers.sinumerik.mailbox.codec.grids import Stored
 from drivers.sinumerik.mailbox.codec.readings import Picture, Status
 from drivers.sinumerik.mailbox.codec.registers import Kind, StatusBit, SwitchBit
-from drivers.sinumerik.mailbox.reader import Reading
+from drivers.sinumerik.mailbox.reader import AxisReading
 from drivers.sinumerik.tablefile.reader import Sign
 from drivers.types import CompensationTable, LiveSet, LiveTable, PushOrder
 
@@ -58,7 +58,7 @@ def is_off(order: Order, status: Status, picture: Picture) -> bool:
     return not picture.switches & either and not status.has(StatusBit.CEC_ENABLED)
 
 
-def coupled(order: PushOrder, backup: Reading, where: str) -> None:
+def coupled(order: PushOrder, backup: AxisReading, where: str) -> None:
     """A CEC axis switch serves all tables of its axis: no other one may wake up, or join a sign proof, unseen.
 
     ``order.coupled`` says that others were at work and shall be again. Raises DeviceRefused (E-MBX-COUPLED).
@@ -76,7 +76,7 @@ def coupled(order: PushOrder, backup: Reading, where: str) -> None:
         raise DeviceRefused("E-MBX-COUPLED", where, axis=order.table.output_axis, tables=told)
 
 
-def axis_switch(backup: Reading) -> bool:
+def axis_switch(backup: AxisReading) -> bool:
     """Whether `$MA_CEC_ENABLE` of the axis was on."""
     return SwitchBit.CEC_AXIS in backup.stored[0].picture.switches
 
@@ -95,7 +95,7 @@ def place(order: PushOrder, backup: LiveSet, position: float, where: str) -> Non
         raise DeviceRefused("E-MBX-PLACE", where, jump=jump, wanted=order.agreeing_position, **told)
 
 
-def same(order: PushOrder, begin: Order, values: tuple[int, ...], reading: Reading, where: str) -> None:
+def same(order: PushOrder, begin: Order, values: tuple[int, ...], reading: AxisReading, where: str) -> None:
     """Numbers read back against numbers sent, points above them against zero. Raises DeviceRefused (E-MBX-READBACK)."""
     stored = _stored_of(order, reading)
     different = ["the table"] if stored is None else list(_differences(begin, values, stored))
@@ -138,7 +138,7 @@ def live_of(order: PushOrder, live: LiveSet) -> LiveTable | None:
     return next((one for one in live.cec if one.table.index == order.table.index), None)
 
 
-def _stored_of(order: PushOrder, reading: Reading) -> Stored | None:
+def _stored_of(order: PushOrder, reading: AxisReading) -> Stored | None:
     if order.table.function == "EEC":
         return reading.stored[0]
     index = order.table.index

@@ -13,12 +13,12 @@ from typing import Any, Literal
 
 from drivers.clock import Clock
 from drivers.errors import UnsupportedDevice
-from drivers.leftover import NOTHING, LeftOver, SentBook
+from drivers.leftover import NOTHING, LeftOver, SentPrograms
 from drivers.sinumerik.mailbox.codec.registers import Kind
 from drivers.sinumerik.mailbox.conversation import Talk
-from drivers.sinumerik.mailbox.disabling import Disabling
-from drivers.sinumerik.mailbox.pushing import Pushing
-from drivers.sinumerik.mailbox.reader import MachineReader
+from drivers.sinumerik.mailbox.disabling import MailboxDisabling
+from drivers.sinumerik.mailbox.pushing import MailboxPushing
+from drivers.sinumerik.mailbox.reader import MailboxReader
 from drivers.sinumerik.mailbox.settings import ModbusSettings
 from drivers.sinumerik.mailbox.switching import Switching
 from drivers.sinumerik.mailbox.wire import ModbusWire
@@ -48,14 +48,16 @@ class SinumerikModbus:
         self.name = name
         found = ModbusSettings.read(settings, name)
         self._talk = Talk(ModbusWire(url, found, clock, name), found, clock, name)
-        self._reader = MachineReader(self._talk, name)
-        self._pushing = Pushing(talk=self._talk, reader=self._reader, settings=found, clock=clock, where=name)
+        self._reader = MailboxReader(self._talk, name)
+        self._pushing = MailboxPushing(talk=self._talk, reader=self._reader, settings=found, clock=clock, where=name)
         self._switching = Switching(
             talk=self._talk, reader=self._reader, pushing=self._pushing, settings=found, clock=clock, where=name
         )
-        self._disabling = Disabling(talk=self._talk, reader=self._reader, settings=found, clock=clock, where=name)
+        self._disabling = MailboxDisabling(
+            talk=self._talk, reader=self._reader, settings=found, clock=clock, where=name
+        )
         self._encoder = found.encoder
-        self.book: SentBook | None = None
+        self.book: SentPrograms | None = None
 
     @property
     def capabilities(self) -> Capabilities:
@@ -169,12 +171,12 @@ class SinumerikModbus:
                     await self._talk.leave()
 
     async def prepare_push(self, order: PushOrder) -> None:
-        """Open a session, check, back up, set the marker. Raises as `Pushing.prepare`; nothing acts differently yet."""
+        """Open a session, check, back up, set the marker. Raises as its `prepare`; nothing acts differently yet."""
         async with self._talk.turn:
             await self._pushing.prepare(order)
 
     async def wait_loaded(self, order: PushOrder, timeout_s: float) -> tuple[LiveSet, LiveSet]:
-        """Disable, load, read back twice afresh: (old, new). Raises as `Pushing.loaded`."""
+        """Disable, load, read back twice afresh: (old, new). Raises as `MailboxPushing.loaded`."""
         async with self._talk.turn:
             return await self._pushing.loaded(order, timeout_s)
 
@@ -206,12 +208,12 @@ class SinumerikModbus:
             return await self._disabling.reading(order)
 
     async def prepare_disable(self, order: DisableOrder) -> None:
-        """Whether command 6 would be taken now; the release is a person's consent. Raises as `Disabling.check`."""
+        """Whether command 6 would be taken now; the release is a person's consent. Raises as its `check`."""
         async with self._talk.turn:
             await self._disabling.check(order)
 
     async def wait_disabled(self, order: DisableOrder, timeout_s: float) -> SwitchReading:
-        """Command 6, and what is read back. Raises as `Disabling.disabled`."""
+        """Command 6, and what is read back. Raises as `MailboxDisabling.disabled`."""
         async with self._talk.turn:
             return await self._disabling.disabled(order, timeout_s)
 

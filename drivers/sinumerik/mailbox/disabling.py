@@ -8,15 +8,15 @@ from drivers.sinumerik.mailbox.codec.commands import Order
 from drivers.sinumerik.mailbox.codec.registers import Command, Kind, StatusBit
 from drivers.sinumerik.mailbox.conversation import Talk
 from drivers.sinumerik.mailbox.pushing import acting_of
-from drivers.sinumerik.mailbox.reader import MachineReader, table_order
+from drivers.sinumerik.mailbox.reader import MailboxReader, table_order
 from drivers.sinumerik.mailbox.settings import ModbusSettings
 from drivers.types import DisableOrder, SwitchReading
 
 
-class Disabling:
+class MailboxDisabling:
     """The disable-only order. A session of its own, unless one of ours is open."""
 
-    def __init__(self, talk: Talk, reader: MachineReader, settings: ModbusSettings, clock: Clock, where: str) -> None:
+    def __init__(self, talk: Talk, reader: MailboxReader, settings: ModbusSettings, clock: Clock, where: str) -> None:
         self._talk = talk
         self._reader = reader
         self._settings = settings

@@ -21,9 +21,9 @@ from drivers.sinumerik.mailbox.codec.registers import AxisBit, Command, Kind, St
 from drivers.sinumerik.mailbox.conversation import Talk
 from drivers.sinumerik.mailbox.reader import (
     MARKER_STATES,
-    MachineReader,
+    AxisReading,
+    MailboxReader,
     MarkerState,
-    Reading,
     deviation_of,
     machine_of,
     marker_of,
@@ -37,24 +37,24 @@ MARKER_DIGITS = 16
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class MailboxPlan:
     """An order as numbers: command 2, and the values of all points."""
 
     begin: Order
     values: tuple[int, ...]
 
 
-class Pushing:
+class MailboxPushing:
     """The first half; `modbusswitch.Switching` is the second and uses this one's back-up and marker."""
 
-    def __init__(self, talk: Talk, reader: MachineReader, settings: ModbusSettings, clock: Clock, where: str) -> None:
+    def __init__(self, talk: Talk, reader: MailboxReader, settings: ModbusSettings, clock: Clock, where: str) -> None:
         self._talk = talk
         self._reader = reader
         self._settings = settings
         self._clock = clock
         self._where = where
         self._machine: MachineIdentity | None = None
-        self._plan: tuple[PushOrder, Plan] | None = None
+        self._plan: tuple[PushOrder, MailboxPlan] | None = None
         self.backup: LiveSet | None = None
         self._backup_of = 0
         self.connect_s = 10.0
@@ -90,22 +90,22 @@ class Pushing:
             raise DeviceRefused("E-MBX-NOT-PREPARED", self._where, table=order.table.name)
         return self.backup
 
-    def plan(self, order: PushOrder) -> Plan:
+    def plan(self, order: PushOrder) -> MailboxPlan:
         """The order as numbers. Raises TableError and ValueOutOfRange for what cannot or must not be said."""
         if self._plan is None or self._plan[0] is not order:
             self._plan = order, self._planned(order)
         return self._plan[1]
 
-    def _planned(self, order: PushOrder) -> Plan:
+    def _planned(self, order: PushOrder) -> MailboxPlan:
         order = replace(order, table=grids.sayable(order.table))
         table = order.table
         source, output = self._reader.axis(table.input_axis), self._reader.axis(table.output_axis)
         if (table.input_unit, table.output_unit) != (source.unit, output.unit):
             raise TableError("E-MBX-UNIT", self._where, table=table.name, input=source.unit, output=output.unit)
         values = grids.numbers_of(table, pushing.values_of(order), output.unit)
-        return Plan(grids.begin_order(table, len(values), self._reader.axes), values)
+        return MailboxPlan(grids.begin_order(table, len(values), self._reader.axes), values)
 
-    async def _check(self, order: PushOrder, plan: Plan) -> None:
+    async def _check(self, order: PushOrder, plan: MailboxPlan) -> None:
         picture = await self._talk.select(plan.begin)
         checks.guard(await self._talk.recent(), self._where, picture.alarm)
         if AxisBit.REFERENCED not in picture.axis:
@@ -114,7 +114,7 @@ class Pushing:
             told: dict[str, Any] = {"points": len(plan.values), "reserved": self._talk.reserved}
             raise TooManyPoints("E-TABLE-POINTS", self._where, table=order.table.name, **told)
 
-    async def _tables(self, order: PushOrder) -> Reading:
+    async def _tables(self, order: PushOrder) -> AxisReading:
         table = order.table
         encoder = table.index if table.function == "EEC" else self._settings.encoder
         return await self._reader.tables(table.output_axis, encoder)
@@ -196,7 +196,7 @@ class Pushing:
         checks.guard(status, self._where)
         return status
 
-    async def _load(self, plan: Plan) -> None:
+    async def _load(self, plan: MailboxPlan) -> None:
         order = self._settings.order
         await self._guarded(plan.begin)
         for first, count, data in chunks(plan.values, order):
@@ -205,7 +205,7 @@ class Pushing:
                 raise DeviceRefused("E-MBX-LENGTH", self._where, command="CHUNK", detail=status.stored)
         await self._guarded(plan.begin.as_command(Command.VERIFY), (), dints(plan.values, order))
 
-    async def _read_again(self, order: PushOrder) -> Reading:
+    async def _read_again(self, order: PushOrder) -> AxisReading:
         reading = await self._tables(order)
         seen = reading.stored[0].picture
         if self._machine is not None:

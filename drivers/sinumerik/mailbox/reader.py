@@ -11,7 +11,7 @@ from typing import Literal
 from drivers.errors import DeviceRefused, RemoteProtocolError, UnsupportedDevice
 from drivers.limits import largest_value
 from drivers.sinumerik.mailbox.codec.commands import Order
-from drivers.sinumerik.mailbox.codec.grids import POSITION_UNIT, VALUE_UNIT, AxisFacts, Stored, memory_of, saved_text
+from drivers.sinumerik.mailbox.codec.grids import POSITION_UNIT, VALUE_UNIT, MailboxAxis, Stored, memory_of, saved_text
 from drivers.sinumerik.mailbox.codec.readings import Picture, Status
 from drivers.sinumerik.mailbox.codec.registers import (
     ADDRESS,
@@ -43,12 +43,12 @@ MARKER_STATES: tuple[MarkerState, ...] = ("none", "in-progress", "committed", "h
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class AxisReading:
     """The tables that act on one axis as numbers, EEC first; ``axes`` of the machine in the order of their numbers."""
 
-    axis: AxisFacts
+    axis: MailboxAxis
     encoder: int
-    axes: tuple[AxisFacts, ...]
+    axes: tuple[MailboxAxis, ...]
     stored: tuple[Stored, ...]
     where: str
 
@@ -62,16 +62,16 @@ class Reading:
         return read_written(text, self.where, saving=saving, units=units, cec_sign=cec_sign)
 
 
-class MachineReader:
+class MailboxReader:
     """Everything the driver wants to know of one control. Reading selects tables; it changes nothing else."""
 
     def __init__(self, talk: Talk, where: str) -> None:
         self._talk = talk
         self._where = where
         self._states: dict[str, AxisState] = {}
-        self.axes: dict[str, AxisFacts] = {}
+        self.axes: dict[str, MailboxAxis] = {}
 
-    def axis(self, name: str) -> AxisFacts:
+    def axis(self, name: str) -> MailboxAxis:
         """An axis by its name. Raises DeviceRefused (E-NC-AXIS)."""
         if name not in self.axes:
             raise DeviceRefused("E-NC-AXIS", self._where, axis=name, known=", ".join(self.axes))
@@ -117,7 +117,7 @@ class MachineReader:
         """What the PLC keeps of the last push. Raises RemoteProtocolError (E-MBX-REGISTER)."""
         return marker_of(await self._talk.picture(), self._where)
 
-    async def tables(self, axis: str, encoder: int) -> Reading:
+    async def tables(self, axis: str, encoder: int) -> AxisReading:
         """EEC of the axis and every loaded CEC table with this output axis: all reserved points, fresh.
 
         Raises DeviceRefused (E-MBX-UNSTEADY, E-MBX-CHANGED; E-MBX-GRID for a table whose grid the map cannot express).
@@ -133,7 +133,7 @@ class MachineReader:
                     register = ADDRESS["LIVE_INPUT_AXIS"]
                     raise RemoteProtocolError("E-MBX-REGISTER", self._where, register=register, value=grid.input_axis)
                 found.append(await self._stored(order))
-        return Reading(
+        return AxisReading(
             axis=facts, encoder=encoder, axes=tuple(self.axes.values()), stored=tuple(found), where=self._where
         )
 
@@ -202,7 +202,7 @@ def deviation_of(value: int, unit: AxisUnit) -> float:
     return float(value * VALUE_UNIT[unit] * Decimal(deviation_scale(unit)))
 
 
-def table_order(axis: AxisFacts, kind: Kind, index: int) -> Order:
+def table_order(axis: MailboxAxis, kind: Kind, index: int) -> Order:
     """Select: ``index`` is the encoder of an EEC table or the number of a CEC table."""
     if kind is Kind.EEC:
         return Order(Command.SELECT, kind, axis.number, index)
@@ -213,12 +213,12 @@ def _axis_order(number: int) -> Order:
     return Order(Command.SELECT, Kind.EEC, number)
 
 
-def _facts(number: int, picture: Picture) -> AxisFacts:
+def _facts(number: int, picture: Picture) -> MailboxAxis:
     unit: AxisUnit = "deg" if picture.rotary else "mm"
-    return AxisFacts(number, picture.axis_name, unit, AxisBit.MODULO in picture.axis)
+    return MailboxAxis(number, picture.axis_name, unit, AxisBit.MODULO in picture.axis)
 
 
-def _axis_state(axis: AxisFacts, picture: Picture) -> AxisState:
+def _axis_state(axis: MailboxAxis, picture: Picture) -> AxisState:
     return AxisState(
         name=axis.name,
         position=position_of(picture),

@@ -17,25 +17,25 @@ from drivers.errors import (
 from drivers.sinumerik.mailbox.codec.commands import Order
 from drivers.sinumerik.mailbox.codec.packing import WordOrder, order_of
 from drivers.sinumerik.mailbox.codec.readings import Status
-from drivers.sinumerik.mailbox.codec.registers import MAGIC, MAP_VERSION, Refusal
+from drivers.sinumerik.mailbox.codec.registers import MAGIC, MAP_VERSION, RefusalCode
 
 BUSY = (5, 6)
 _MAP = {1: "E-MODBUS-NO-FUNCTION", 2: "E-MODBUS-NO-ADDRESS", 3: "E-MODBUS-NO-VALUE"}
 _CODES: Mapping[int, tuple[type[TrueflankError], str]] = {
-    Refusal.CRC: (RemoteProtocolError, "E-MBX-CRC"),
-    Refusal.ORDER: (DeviceRefused, "E-MBX-ORDER"),
-    Refusal.LENGTH: (DeviceRefused, "E-MBX-LENGTH"),
-    Refusal.VALUE: (ValueOutOfRange, "E-MBX-VALUE"),
-    Refusal.NOT_RELEASED: (DeviceRefused, "E-MBX-NOT-RELEASED"),
-    Refusal.NOT_IN_RESET: (DeviceRefused, "E-MBX-NOT-IN-RESET"),
-    Refusal.WRITE_PROTECTED: (DeviceRefused, "E-MBX-PROTECTED"),
-    Refusal.POINTS: (TooManyPoints, "E-MBX-POINTS"),
-    Refusal.UNKNOWN: (UnsupportedDevice, "E-MBX-UNKNOWN"),
-    Refusal.MISMATCH: (DeviceRefused, "E-MBX-MISMATCH"),
-    Refusal.NCK: (DeviceRefused, "E-MBX-NCK"),
-    Refusal.TIME: (DeviceRefused, "E-MBX-TIME"),
-    Refusal.SESSION_LOST: (DeviceRefused, "E-MBX-SESSION-LOST"),
-    Refusal.TAKEN: (DeviceRefused, "E-MBX-TAKEN"),
+    RefusalCode.CRC: (RemoteProtocolError, "E-MBX-CRC"),
+    RefusalCode.ORDER: (DeviceRefused, "E-MBX-ORDER"),
+    RefusalCode.LENGTH: (DeviceRefused, "E-MBX-LENGTH"),
+    RefusalCode.VALUE: (ValueOutOfRange, "E-MBX-VALUE"),
+    RefusalCode.NOT_RELEASED: (DeviceRefused, "E-MBX-NOT-RELEASED"),
+    RefusalCode.NOT_IN_RESET: (DeviceRefused, "E-MBX-NOT-IN-RESET"),
+    RefusalCode.WRITE_PROTECTED: (DeviceRefused, "E-MBX-PROTECTED"),
+    RefusalCode.POINTS: (TooManyPoints, "E-MBX-POINTS"),
+    RefusalCode.UNKNOWN: (UnsupportedDevice, "E-MBX-UNKNOWN"),
+    RefusalCode.MISMATCH: (DeviceRefused, "E-MBX-MISMATCH"),
+    RefusalCode.NCK: (DeviceRefused, "E-MBX-NCK"),
+    RefusalCode.TIME: (DeviceRefused, "E-MBX-TIME"),
+    RefusalCode.SESSION_LOST: (DeviceRefused, "E-MBX-SESSION-LOST"),
+    RefusalCode.TAKEN: (DeviceRefused, "E-MBX-TAKEN"),
 }
 
 

@@ -13,8 +13,8 @@ from drivers.sinumerik.mailbox.codec.commands import Order
 from drivers.sinumerik.mailbox.codec.readings import Picture
 from drivers.sinumerik.mailbox.codec.registers import AxisBit, Command, Kind, StatusBit, TableFlag
 from drivers.sinumerik.mailbox.conversation import Talk
-from drivers.sinumerik.mailbox.pushing import Pushing, acting_of
-from drivers.sinumerik.mailbox.reader import MachineReader, MarkerState, marker_of, position_of
+from drivers.sinumerik.mailbox.pushing import MailboxPushing, acting_of
+from drivers.sinumerik.mailbox.reader import MailboxReader, MarkerState, marker_of, position_of
 from drivers.sinumerik.mailbox.settings import ModbusSettings
 from drivers.types import GONE, PushOrder
 
@@ -28,8 +28,8 @@ class Switching:
     def __init__(
         self,
         talk: Talk,
-        reader: MachineReader,
-        pushing: Pushing,
+        reader: MailboxReader,
+        pushing: MailboxPushing,
         settings: ModbusSettings,
         clock: Clock,
         where: str,

@@ -62,7 +62,7 @@ class Question:
 
 
 @dataclass(frozen=True, slots=True)
-class Reply:
+class ModbusReply:
     """What came back: registers, an exception code of the standard, or ``problem``: why it cannot be believed."""
 
     registers: tuple[int, ...] = ()
@@ -97,10 +97,10 @@ class ModbusCodec:
         pdu.dev_id, pdu.transaction_id = self._unit, self._transaction
         return self._framer.buildFrame(pdu)
 
-    def receive(self, data: bytes) -> Iterable[Reply]:
+    def receive(self, data: bytes) -> Iterable[ModbusReply]:
         """Any bytes to the replies they complete; a repeat of the last answer (TCP) is passed over."""
         self._buffer += data
-        found: list[Reply] = []
+        found: list[ModbusReply] = []
         while self._buffer:
             reply, used = self._cut_tcp() if self._tcp else self._cut_rtu()
             if not used:
@@ -117,7 +117,7 @@ class ModbusCodec:
 
     # ---- frames -------------------------------------------------------------------------------------
 
-    def _cut_tcp(self) -> tuple[Reply | None, int]:
+    def _cut_tcp(self) -> tuple[ModbusReply | None, int]:
         """How many bytes the next frame has; a reply already when its head is wrong."""
         if len(self._buffer) < 6:
             return None, 0
@@ -126,7 +126,7 @@ class ModbusCodec:
             return self._wrong("E-MODBUS-FRAME"), len(self._buffer)
         return None, 6 + length if len(self._buffer) >= 6 + length else 0
 
-    def _cut_rtu(self) -> tuple[Reply | None, int]:
+    def _cut_rtu(self) -> tuple[ModbusReply | None, int]:
         if self._asked is None:
             return self._wrong("E-MODBUS-STRAY"), len(self._buffer)
         if len(self._buffer) < 3:
@@ -141,13 +141,13 @@ class ModbusCodec:
             return self._wrong("E-MODBUS-REPLY"), len(self._buffer)
         return None, length if len(self._buffer) >= length else 0
 
-    def _wrong(self, problem: str) -> Reply:
-        return Reply(problem=problem, told=self._buffer[:32].hex(" "))
+    def _wrong(self, problem: str) -> ModbusReply:
+        return ModbusReply(problem=problem, told=self._buffer[:32].hex(" "))
 
-    def _judge(self, frame: bytes) -> Reply:
+    def _judge(self, frame: bytes) -> ModbusReply:
         problem = self._tcp_problem(frame) if self._tcp else self._rtu_problem(frame)
         body = frame[7:] if self._tcp else frame[1:-2]
-        return Reply(problem=problem, told=frame[:32].hex(" ")) if problem else self._content(body, frame)
+        return ModbusReply(problem=problem, told=frame[:32].hex(" ")) if problem else self._content(body, frame)
 
     def _tcp_problem(self, frame: bytes) -> str:
         if self._asked is None:
@@ -160,23 +160,23 @@ class ModbusCodec:
         check = int.from_bytes(frame[-2:], "big")
         return "" if FramerRTU.check_CRC(frame[:-2], check) else "E-MODBUS-CRC"
 
-    def _content(self, body: bytes, frame: bytes) -> Reply:
+    def _content(self, body: bytes, frame: bytes) -> ModbusReply:
         asked, told = self._asked, frame[:32].hex(" ")
         if asked is None:
-            return Reply(problem="E-MODBUS-STRAY", told=told)
+            return ModbusReply(problem="E-MODBUS-STRAY", told=told)
         if body[0] == asked.function | 0x80 and len(body) == 2:
-            return Reply(exception=body[1], told=told)
+            return ModbusReply(exception=body[1], told=told)
         if body[0] != asked.function:
-            return Reply(problem="E-MODBUS-REPLY", told=told)
+            return ModbusReply(problem="E-MODBUS-REPLY", told=told)
         if asked.function != READ:
             good = body == _echo(asked)
-            return Reply() if good else Reply(problem="E-MODBUS-ECHO", told=told)
+            return ModbusReply() if good else ModbusReply(problem="E-MODBUS-ECHO", told=told)
         if body[1] != 2 * asked.count or len(body) != 2 + 2 * asked.count:
-            return Reply(problem="E-MODBUS-LENGTH", told=told)
+            return ModbusReply(problem="E-MODBUS-LENGTH", told=told)
         pdu = self._decoder.decode(body)
         registers = tuple(pdu.registers) if pdu is not None else ()
         good = len(registers) == asked.count
-        return Reply(registers) if good else Reply(problem="E-MODBUS-LENGTH", told=told)
+        return ModbusReply(registers) if good else ModbusReply(problem="E-MODBUS-LENGTH", told=told)
 
 
 def _echo(asked: Question) -> bytes:
@@ -198,7 +198,7 @@ class ModbusWire:
         self._framer = settings.framing(url)
         self._clock = clock
         self._where = where
-        self._link: Link[Question, Reply] | None = None
+        self._link: Link[Question, ModbusReply] | None = None
         self._unsure = False
 
     async def open(self, timeout_s: float) -> None:
@@ -267,7 +267,7 @@ class ModbusWire:
                 self._good(question, reply)
             await self._clock.sleep(_BUSY_PAUSE_S)
 
-    async def _ask(self, question: Question) -> Reply:
+    async def _ask(self, question: Question) -> ModbusReply:
         link = self._link
         if link is None:
             raise LinkBroken("E-LINK-BROKEN", self._where, why="it is not open")
@@ -280,7 +280,7 @@ class ModbusWire:
             raise error
         return reply
 
-    def _good(self, question: Question, reply: Reply) -> Reply:
+    def _good(self, question: Question, reply: ModbusReply) -> ModbusReply:
         if reply.exception is not None:
             last = question.address + question.count - 1
             error = exception_refusal(

@@ -26,7 +26,7 @@ from drivers.sinumerik.opcua import encoders
 from drivers.sinumerik.opcua.activation import activation
 from drivers.sinumerik.opcua.dialogue import Dialogue, Glance, file_refused
 from drivers.sinumerik.opcua.disabling import Disabling
-from drivers.sinumerik.opcua.grinding import Grinding
+from drivers.sinumerik.opcua.grinding import PartGrinding
 from drivers.sinumerik.opcua.leaving import Leaver, Leaving
 from drivers.sinumerik.opcua.machine import Configuration, MachineReader
 from drivers.sinumerik.opcua.pushing import Pushing, live_tables
@@ -71,7 +71,7 @@ class SinumerikOpcUa(Leaver):
         parts = (self._dialogue, self._reader, self._transfer)
         self._pushing = Pushing(*parts, settings=self._settings, clock=clock, where=name)
         self._disabling = Disabling(*parts, pushing=self._pushing, where=name)
-        self._grinding = Grinding(*parts, settings=self._settings, clock=clock, where=name)
+        self._grinding = PartGrinding(*parts, settings=self._settings, clock=clock, where=name)
         self._leaving = Leaving(
             *parts, channel=self._settings.channel, clock=clock, where=name, reopen=self._open_again
         )
@@ -282,12 +282,12 @@ class SinumerikOpcUa(Leaver):
     # ---- the test part ------------------------------------------------------------------------------
 
     async def prepare_grinding(self, plan: GrindPlan) -> str:
-        """Place the set-up values, send, read back and select the measuring_program. Raises as `Grinding.prepare`."""
+        """Place the set-up values, send, read back and select the program. Raises as its `prepare`."""
         self._plan, self._saved = None, False
         return await self._grinding.prepare(plan, self._configuration)
 
     async def wait_ground(self, after: int, timeout_s: float) -> int | None:
-        """Spaces done so far, None when the program has ended. Raises as `Grinding.ground`."""
+        """Spaces done so far, None when the program has ended. Raises as `PartGrinding.ground`."""
         return await self._grinding.ground(after, timeout_s)
 
     # ---- pushing ------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from drivers.clock import Clock
 from drivers.errors import DeviceRefused, TransportError, TrueflankError
-from drivers.leftover import Sent, SentBook
+from drivers.leftover import Sent, SentPrograms
 from drivers.sinumerik.ncprogram.words import COUNT, MARKED, Phase, Word
 from drivers.sinumerik.opcua.machine import ALARM_PLACES, MachineReader, channel_status
 from drivers.sinumerik.opcua.session import nodes
@@ -81,7 +81,7 @@ class Dialogue:
         self._original: tuple[float, ...] | None = None
         self._others: dict[int, float] = {}
         self._mine: set[float] = set()
-        self.book: SentBook | None = None
+        self.book: SentPrograms | None = None
         self.sent: Sent | None = None
         self.pace = Pace(settings.fast_poll_s, settings.poll_s)
 

@@ -32,7 +32,7 @@ def preview(plan: GrindPlan, settings: Mapping[str, Any], where: str) -> str:
     return grinding_program.preview(plan, UaSettings.read(settings, where).words)
 
 
-class Grinding:
+class PartGrinding:
     """The grinding part of the driver; it shares dialogue, reader and transfer with the others."""
 
     def __init__(

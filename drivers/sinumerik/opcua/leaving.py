@@ -12,7 +12,7 @@ from typing import Any
 
 from drivers.clock import Clock
 from drivers.errors import DeviceRefused, TransportError, TrueflankError
-from drivers.leftover import NOTHING, Kind, LeftOver, Sent, SentBook
+from drivers.leftover import NOTHING, Kind, LeftOver, Sent, SentPrograms
 from drivers.sinumerik.ncprogram.legal import legal
 from drivers.sinumerik.ncprogram.words import MARKED, Phase, Word
 from drivers.sinumerik.opcua.dialogue import Dialogue, Glance
@@ -104,7 +104,7 @@ class Leaving:
         return left
 
     async def _found(self) -> tuple[LeftOver, Sent | None]:
-        book: SentBook | None = self._dialogue.book
+        book: SentPrograms | None = self._dialogue.book
         known = book.known() if book is not None and not book.at_work() else ()
         if not known:
             return NOTHING, None
@@ -213,12 +213,12 @@ class Leaver:
     _leaving: Leaving
 
     @property
-    def book(self) -> SentBook | None:
+    def book(self) -> SentPrograms | None:
         """Where sent programs are kept; without one nothing is recognised later."""
         return self._dialogue.book
 
     @book.setter
-    def book(self, book: SentBook | None) -> None:
+    def book(self, book: SentPrograms | None) -> None:
         self._dialogue.book = book
 
     async def left_over(self) -> LeftOver:

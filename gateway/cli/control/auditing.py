@@ -91,7 +91,7 @@ def correct_command(
     if number > count:
         raise ConfigError("E-AUDIT-NO-RECORD", str(root), number=number, count=count)
 
-    async def main() -> audit.Head:
+    async def main() -> audit.ChainHead:
         return audit.correct(root, number, why, clock=LoopClock())
 
     echo(f"record {asyncio.run(main()).seq} corrects record {number}")

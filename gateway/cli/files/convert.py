@@ -19,7 +19,7 @@ LAYERS = ("eec", "cec")
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class ConversionOptions:
     """What was typed: result file, layer, axis, datum words, grid, output."""
 
     result: Path
@@ -38,7 +38,7 @@ class Wish:
     force: bool
 
 
-def convert_file(wish: Wish, *, as_json: bool) -> None:
+def convert_file(wish: ConversionOptions, *, as_json: bool) -> None:
     """Write the table file and say what its reader must know; nothing is written unless all is known and right."""
     from gateway.table.conversion import convert
 
@@ -62,10 +62,10 @@ def convert_file(wish: Wish, *, as_json: bool) -> None:
         raise typer.Exit(7)
 
 
-def _request(wish: Wish, reference: float) -> Any:
-    from gateway.table.conversion import Request, datum_of
+def _request(wish: ConversionOptions, reference: float) -> Any:
+    from gateway.table.conversion import TableRequest, datum_of
 
-    return Request(
+    return TableRequest(
         to=_layer(wish.to),
         axis=wish.axis.strip().upper(),
         reference=reference,
@@ -78,7 +78,7 @@ def _request(wish: Wish, reference: float) -> Any:
     )
 
 
-def _complete(wish: Wish, measured: Any) -> float:
+def _complete(wish: ConversionOptions, measured: Any) -> float:
     """The reference, once reference and datum are given. Raises ConfigError (E-CLI-DATUM) saying what is needed."""
     if wish.reference is None or not wish.datum:
         low, high = float(measured.targets[0]), float(measured.targets[-1])
@@ -113,7 +113,7 @@ def _form(output: Path) -> str:
     return FORMS.get(output.suffix.lower(), "program")
 
 
-def _comments(wish: Wish) -> list[str]:
+def _comments(wish: ConversionOptions) -> list[str]:
     """What stands in the file for its next reader; the control takes plain ASCII."""
     datum = ", ".join(wish.datum)
     lines = [

@@ -16,7 +16,7 @@ from gateway.cli.show import echo, show_error, show_json, show_table
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class EvaluationOptions:
     """How files are to be evaluated: None and "" leave things as the file has them."""
 
     standard: str = "2014"
@@ -68,7 +68,7 @@ def _label(standard: Any) -> dict[str, Any]:
     }
 
 
-def evaluate_files(files: list[Path], asked: Asked, *, as_json: bool) -> None:
+def evaluate_files(files: list[Path], asked: EvaluationOptions, *, as_json: bool) -> None:
     """Print each file's parameters by a standard; a file that cannot be read does not stop the others."""
     _refuse_unknown(asked.standard)
     if not files:
@@ -103,7 +103,7 @@ def _refuse_unknown(name: str) -> None:
         raise ConfigError("E-CLI-STANDARD", "--standard", standard=name, known=error.fields["known"]) from error
 
 
-def _evaluated(path: Path, asked: Asked) -> list[dict[str, Any]]:
+def _evaluated(path: Path, asked: EvaluationOptions) -> list[dict[str, Any]]:
     """Every set that a file or a run holds."""
     from gateway.store import Store
     from gateway.workflow.files.exporting import items
@@ -113,7 +113,7 @@ def _evaluated(path: Path, asked: Asked) -> list[dict[str, Any]]:
     return [_evaluate(item, asked) for item in found]
 
 
-def _evaluate(item: Any, asked: Asked) -> dict[str, Any]:
+def _evaluate(item: Any, asked: EvaluationOptions) -> dict[str, Any]:
     from drivers.types import MeasuredSet
     from drivers.units import deviation_unit
     from gateway.evaluate.optics import corrections
@@ -145,7 +145,7 @@ def _evaluate(item: Any, asked: Asked) -> dict[str, Any]:
     }
 
 
-def _deviations(measured: Any, asked: Asked, path: Path) -> tuple[Any, Any]:
+def _deviations(measured: Any, asked: EvaluationOptions, path: Path) -> tuple[Any, Any]:
     """Deviations as they are, or re-compensated, with the record of what was done to them."""
     from gateway.errors import ModelError
     from gateway.evaluate.optics import air, corrections
@@ -166,7 +166,7 @@ def _deviations(measured: Any, asked: Asked, path: Path) -> tuple[Any, Any]:
     )
 
 
-def _budget(measured: Any, asked: Asked) -> tuple[Any, tuple[str, ...]]:
+def _budget(measured: Any, asked: EvaluationOptions) -> tuple[Any, tuple[str, ...]]:
     from drivers.units import deviation_unit
     from gateway.evaluate.optics import air
     from gateway.evaluate.uncertainty.budget import file_budget

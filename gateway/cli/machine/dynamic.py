@@ -42,10 +42,10 @@ def dynamic_command(
 ) -> None:
     """Record an instrument's stream to disk, or open a dynamic file, and show vibrations and settling."""
     if source.suffix.lower() == ".toml":
-        from gateway.workflow.axes.dynamic import Wish
+        from gateway.workflow.axes.dynamic import RecordingOptions
 
         start = trigger_of(trigger, pre)
-        wish = Wish(instrument, seconds, trigger=start, axis=axis, channel=channel, wait_s=wait, band=band)
+        wish = RecordingOptions(instrument, seconds, trigger=start, axis=axis, channel=channel, wait_s=wait, band=band)
         outcome = _captured(source, wish, as_json=as_json)
     else:
         outcome = _opened(source, unit, plot, band, store)

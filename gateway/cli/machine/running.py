@@ -111,7 +111,7 @@ def serve_command(site: Path, host: str, port: int) -> None:
     from gateway.daemon import Daily, serve, token_path
     from gateway.push.records.journal import JOURNALS
     from gateway.push.records.sent import SentBook
-    from gateway.stopping import Stop
+    from gateway.stopping import StopAsked
     from gateway.supervisor import Supervisor
     from gateway.workflow.aftercare import StandingAlarms, due
     from gateway.workflow.bench import store_of
@@ -135,7 +135,7 @@ def serve_command(site: Path, host: str, port: int) -> None:
         # Nobody at a desk can consent to a write: a run from the page only proposes.
         return await run_site(tree, site, apply=False, machine_name="", clock=clock, say=say)
 
-    stopped = Stop()
+    stopped = StopAsked()
 
     def ready(url: str) -> None:
         echo(f"{tree.site.name}: {url}   (token for starting runs: {token_path(store.root)}; Ctrl-C ends)")

@@ -40,7 +40,7 @@ class SetupUnknown:
 
 
 @dataclass(frozen=True)
-class Block:
+class UnknownsBlock:
     """Unknowns of one table or set-up value: effect (G, 3) of a unit of output, share (G, m) of each unknown."""
 
     name: str
@@ -69,7 +69,7 @@ class FlankModel:
     places: Places
     base: FloatArray
     extra: FloatArray
-    blocks: tuple[Block, ...]
+    blocks: tuple[UnknownsBlock, ...]
     turning: bool = True
 
     @property
@@ -134,7 +134,7 @@ class FlankModel:
         kept = tuple(block for block in self.blocks if block.name not in names)
         return FlankModel(places=self.places, base=self.base, extra=self.extra, blocks=kept, turning=self.turning)
 
-    def _column(self, block: Block) -> csr_matrix:
+    def _column(self, block: UnknownsBlock) -> csr_matrix:
         along = self.places.along_normal(block.effect)
         return csr_matrix(csr_matrix(block.share)[self.places.of].multiply(along[:, None]))
 
@@ -264,16 +264,16 @@ def _effect(effects: dict[str, FloatArray], axis: str) -> FloatArray:
     return effects[axis]
 
 
-def _table_block(grid: TableGrid, q: dict[str, FloatArray], effects: dict[str, FloatArray]) -> Block:
+def _table_block(grid: TableGrid, q: dict[str, FloatArray], effects: dict[str, FloatArray]) -> UnknownsBlock:
     effect = _effect(effects, grid.out)
     if grid.over not in q:
         raise ModelError("E-CHAIN-AXIS", grid.name, name=grid.over, known=", ".join(q))
     at = np.broadcast_to(q[grid.over], effect.shape[:1])
-    return Block(grid.name, grid, effect, grid.weights(at))
+    return UnknownsBlock(grid.name, grid, effect, grid.weights(at))
 
 
-def _setup_block(value: SetupUnknown, effects: dict[str, FloatArray], places: Places) -> Block:
+def _setup_block(value: SetupUnknown, effects: dict[str, FloatArray], places: Places) -> UnknownsBlock:
     count = places.k.size
     offset = np.broadcast_to(np.array([0.0, 1.0, 0.0]), (count, 3))
     effect = _effect(effects, value.axis) if value.axis else offset
-    return Block(value.name, None, effect, np.ones((count, 1)))
+    return UnknownsBlock(value.name, None, effect, np.ones((count, 1)))

@@ -36,7 +36,7 @@ class Tooth:
 
 
 @dataclass(frozen=True, slots=True)
-class Open:
+class OpenDoubt:
     """One error's doubt: what it may change in the proposal and what no proposal follows, um RMS of the flank.
 
     ``share`` is its part of all that the proposal may be wrong by; ``measured`` says whether it was measured.
@@ -81,7 +81,7 @@ def _shaped(name: str, u: float, chain: Chain, travels: dict[str, tuple[float, f
     return [(ErrorParameter(name, shape), size / len(shapes) ** 0.5) for shape in shapes]
 
 
-def what_next(model: ErrorModel, tooth: Tooth, grids: Sequence[AxisGrid]) -> tuple[Open, ...]:
+def what_next(model: ErrorModel, tooth: Tooth, grids: Sequence[AxisGrid]) -> tuple[OpenDoubt, ...]:
     """Every error of the model by what its doubt changes in the proposal, the most important first.
 
     ``grids`` are the controller's, by axis letter. Raises what the gear and its correction raise.
@@ -96,7 +96,7 @@ def what_next(model: ErrorModel, tooth: Tooth, grids: Sequence[AxisGrid]) -> tup
     names = [_name(parameter) for parameter, _ in columns]
     ranked = measure_next(names, noise.rows(tables), tables.rows, tables.places.points)
     return tuple(
-        Open(
+        OpenDoubt(
             name=one.name,
             change_um=float(mm_to_um(one.change)),
             beyond_um=float(mm_to_um(one.beyond)),

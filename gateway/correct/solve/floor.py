@@ -19,7 +19,7 @@ import numpy as np
 from drivers.types import FloatArray
 from drivers.units import mm_to_um, rad_to_arcsec
 from gateway.correct.flank.compensability import tangential_cure
-from gateway.correct.flank.flankmodel import Block, FlankModel, SetupUnknown, flank_model
+from gateway.correct.flank.flankmodel import FlankModel, SetupUnknown, UnknownsBlock, flank_model
 from gateway.correct.flank.mounting import mounting_terms
 from gateway.correct.flank.tables import TableGrid
 from gateway.correct.solve.leastsquares import nearest
@@ -79,11 +79,11 @@ def _left(model: FlankModel) -> float:
     return model.rms(x)
 
 
-def _mounting_blocks(grinding: Grinding, model: FlankModel) -> list[Block]:
+def _mounting_blocks(grinding: Grinding, model: FlankModel) -> list[UnknownsBlock]:
     terms = mounting_terms(grinding, model.places)
     names = ("eccentricity x", "eccentricity y", "tilt a", "tilt b")
     one = np.ones((model.places.k.size, 1))
-    return [Block(name, None, terms[:, :, i], one) for i, name in enumerate(names)]
+    return [UnknownsBlock(name, None, terms[:, :, i], one) for i, name in enumerate(names)]
 
 
 def _any_product(model: FlankModel) -> float:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from gateway.correct.outlook.next_setup import Open
+from gateway.correct.outlook.next_setup import OpenDoubt
 from gateway.report.drawings import tooth as tooth_drawings
 from gateway.report.material import PartMaterial, ReportMaterial, ToothMaterial
 from gateway.report.missing import missing
@@ -61,7 +61,7 @@ class ToothPage:
     tables: tuple[TableRow, ...]
     senses: tuple[tuple[str, str], ...]
     missing: tuple[str, ...]
-    open: tuple[Open, ...]
+    open: tuple[OpenDoubt, ...]
     said: tuple[tuple[str, tuple[str, ...]], ...]
     drawn: Drawings
 

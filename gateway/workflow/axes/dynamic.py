@@ -14,7 +14,7 @@ from drivers.errors import ConfigError, DeadlineExceeded, TrueflankError, Unsupp
 from drivers.ports import Instrument
 from drivers.recordings import Recording
 from gateway.capture.dynamic import DynamicCapture
-from gateway.capture.dynamicrecords import Ended, LiveView, Sink, Stretch, Trigger, unit_of
+from gateway.capture.dynamicrecords import Ended, LiveView, Sink, StreamShape, Trigger, unit_of
 from gateway.config import InstrumentSection, SiteFile
 from gateway.errors import CaptureError, NotIdentifiable
 from gateway.evaluate.behaviour.dynamic import DynamicSpectrum, Settling, settling, spectrum
@@ -31,7 +31,7 @@ DEFAULT_BAND = {"um": 1.0, "arcsec": 1.0}
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class RecordingOptions:
     """What to capture: an instrument of the site, how long, from which trigger, of which axis (for the record)."""
 
     instrument: str
@@ -103,7 +103,9 @@ def outcome_of(
     return DynamicOutcome(recording=recording, shown=shown, place=place, picture=picture, notes=notes)
 
 
-async def capture_dynamic(site: SiteFile, site_path: Path, wish: Wish, clock: Clock, say: Say) -> DynamicOutcome:
+async def capture_dynamic(
+    site: SiteFile, site_path: Path, wish: RecordingOptions, clock: Clock, say: Say
+) -> DynamicOutcome:
     """Record, evaluate, draw and keep. Whatever fails, what was recorded before stays readable.
 
     Raises ConfigError (E-DYN-INSTRUMENT), CaptureError (E-CAP-TRIGGER, E-CAP-CLOCK), what the instrument raises.
@@ -131,7 +133,7 @@ def _section(site: SiteFile, name: str) -> InstrumentSection:
 
 
 async def _recorded(
-    section: InstrumentSection, wish: Wish, clock: Clock, folder: RunFolder, say: Say
+    section: InstrumentSection, wish: RecordingOptions, clock: Clock, folder: RunFolder, say: Say
 ) -> tuple[Ended, Path, tuple[str, ...]]:
     factory = registry.load(section.driver, "instrument")
     instrument = cast(Instrument, factory(section.name, section.url, section.settings, clock))
@@ -153,7 +155,7 @@ async def _recorded(
 class _Recorders:
     """Opens the one recorder when the signal is known, and closes it."""
 
-    def __init__(self, folder: RunFolder, name: str, wish: Wish, header: dict[str, str], say: Say) -> None:
+    def __init__(self, folder: RunFolder, name: str, wish: RecordingOptions, header: dict[str, str], say: Say) -> None:
         self._folder = folder
         self._name = name
         self._wish = wish
@@ -166,7 +168,7 @@ class _Recorders:
         """Where the samples are; None before the first."""
         return self._recorder.path if self._recorder else None
 
-    def begin(self, stretch: Stretch) -> Sink:
+    def begin(self, stretch: StreamShape) -> Sink:
         """The recorder of a signal."""
         facts = StreamFacts(
             rate_hz=stretch.rate_hz,
@@ -187,7 +189,7 @@ class _Recorders:
             self._recorder.close()
 
 
-async def _follow(instrument: Instrument, wish: Wish, clock: Clock, maker: _Recorders, say: Say) -> Ended:
+async def _follow(instrument: Instrument, wish: RecordingOptions, clock: Clock, maker: _Recorders, say: Say) -> Ended:
     made = DynamicCapture(
         instrument.channels,
         wish.seconds,

@@ -30,7 +30,7 @@ PROOF_STOPS = 6
 
 
 @dataclass(frozen=True, slots=True)
-class Measured:
+class MeasuredAxis:
     """A measured axis: what was captured and what ISO 230-2 says of it."""
 
     capture: Capture
@@ -54,7 +54,7 @@ def _notices(at: Bench, name: str) -> tuple[str, ...]:
     return at.supervisor.instrument(name).notices
 
 
-async def measure_axis(at: Bench, axis: AxisSection, phase: stages.Phase) -> Measured:
+async def measure_axis(at: Bench, axis: AxisSection, phase: stages.Phase) -> MeasuredAxis:
     """Measure one axis and store every step before the next. Raises what capture and evaluation raise."""
     at.say("P-MEASURE", axis=axis.name, component=axis.measure.component, phase=phase)
     if axis.measure.file is not None:
@@ -71,7 +71,7 @@ async def measure_axis(at: Bench, axis: AxisSection, phase: stages.Phase) -> Mea
 
 def evaluated(
     folder: RunFolder, axis: AxisSection, phase: stages.Phase, capture: Capture, parents: tuple[str, ...]
-) -> Measured:
+) -> MeasuredAxis:
     """A capture of an axis, stored and evaluated."""
     digest = folder.put(stages.capture(axis.name, phase), capture, parents)
     result = evaluate(capture.targets, capture.deviations, deviation_unit(axis.unit), budget=budget_of(capture))
@@ -79,7 +79,7 @@ def evaluated(
         result = replace(result, flags=(*result.flags, f"{capture.cycle} cycle: not for acceptance to ISO 230-2"))
     result = replace(result, flags=(*result.flags, *told_incurable(result)))
     folder.put(stages.evaluation(axis.name, phase), result, (digest,))
-    return Measured(capture, result, digest)
+    return MeasuredAxis(capture, result, digest)
 
 
 async def _live(at: Bench, axis: AxisSection, phase: stages.Phase) -> tuple[Capture, tuple[str, ...]]:

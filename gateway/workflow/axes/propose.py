@@ -17,22 +17,21 @@ from gateway.evaluate.behaviour.repetitions import RobustMeans, robust_means
 from gateway.interlocks import not_worth_it
 from gateway.model.components import standard_uncertainty, value
 from gateway.model.fit import fit_positioning
-from gateway.table import Grid, TableAxis
-from gateway.table import Measured as MeasuredMeans
+from gateway.table import Grid, MeasuredMeans, TableAxis
 from gateway.table import propose as propose_table
 from gateway.workflow import stages
-from gateway.workflow.axes.measure import Measured
+from gateway.workflow.axes.measure import MeasuredAxis
 from gateway.workflow.bench import Bench
 from gateway.workflow.consents import proposed, tell
 
 
-async def propose(at: Bench, measured: Mapping[str, Measured]) -> Proposal:
+async def propose(at: Bench, measured: Mapping[str, MeasuredAxis]) -> Proposal:
     """Fit every measured axis and store the proposal for the machine. Raises TableError, ModelError."""
     changes = await axis_changes(at, measured)
     return keep(at, changes, tuple(item.digest for item in measured.values()))
 
 
-async def axis_changes(at: Bench, measured: Mapping[str, Measured]) -> tuple[TableChange, ...]:
+async def axis_changes(at: Bench, measured: Mapping[str, MeasuredAxis]) -> tuple[TableChange, ...]:
     """The EEC change of every measured axis, its fit stored. Raises TableError, ModelError."""
     return tuple([await _change(at, at.axis(name), item) for name, item in measured.items()])
 
@@ -47,7 +46,7 @@ def keep(at: Bench, changes: tuple[TableChange, ...], parents: tuple[str, ...]) 
     return proposal
 
 
-async def _change(at: Bench, axis: AxisSection, item: Measured) -> TableChange:
+async def _change(at: Bench, axis: AxisSection, item: MeasuredAxis) -> TableChange:
     capture = item.capture
     if capture.live is None:
         raise CaptureError("E-RUN-LIVE", axis.name)
@@ -103,7 +102,7 @@ def _rest(means: RobustMeans) -> float:
     return float(np.sqrt(reversal + np.nan_to_num(means.s) ** 2))
 
 
-def _fit(axis: AxisSection, item: Measured, means: RobustMeans) -> Component:
+def _fit(axis: AxisSection, item: MeasuredAxis, means: RobustMeans) -> Component:
     return fit_positioning(
         item.capture.targets,
         means.mean,

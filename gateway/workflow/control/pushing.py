@@ -25,7 +25,7 @@ from gateway.store import RunFolder
 from gateway.workflow import stages
 from gateway.workflow.aftercare import in_push, standing_alarms
 from gateway.workflow.axes.explaining import check_between
-from gateway.workflow.axes.measure import Measured, live_again, measure_axis
+from gateway.workflow.axes.measure import MeasuredAxis, live_again, measure_axis
 from gateway.workflow.axes.verdict import PUSHED, judge, judge_axis, unmeasured
 from gateway.workflow.bench import Bench, bench, check_name, site_of
 from gateway.workflow.consents import Taken, begin, consented, ended, failed, proving, refused, take_up, tell
@@ -39,7 +39,7 @@ Done = TypeVar("Done")
 SWITCH_SETTLE_S = 8.0
 
 
-async def apply_proposal(at: Bench, proposal: Proposal, measured: Mapping[str, Measured]) -> Verdict:
+async def apply_proposal(at: Bench, proposal: Proposal, measured: Mapping[str, MeasuredAxis]) -> Verdict:
     """Push every change of a proposal, measure the pushed axes again and judge.
 
     EEC tables come first and are judged on the axis before any CEC table is pushed: each axis' own deviation is
@@ -113,7 +113,7 @@ async def _kept(at: Bench, change: TableChange, work: Awaitable[Done]) -> Done:
         raise
 
 
-async def _nothing_against(at: Bench, proposal: Proposal, measured: Mapping[str, Measured]) -> None:
+async def _nothing_against(at: Bench, proposal: Proposal, measured: Mapping[str, MeasuredAxis]) -> None:
     """Ask about every table before the first is touched. Raises WriteRefused (E-PUSH-REFUSED) with every reason."""
     reasons = []
     for change in proposal.changes:
@@ -128,7 +128,7 @@ async def _nothing_against(at: Bench, proposal: Proposal, measured: Mapping[str,
         raise WriteRefused("E-PUSH-REFUSED", name, count=len(reasons), reasons="; ".join(reasons))
 
 
-async def _asked(at: Bench, change: TableChange, measured: Mapping[str, Measured]) -> Asked:
+async def _asked(at: Bench, change: TableChange, measured: Mapping[str, MeasuredAxis]) -> Asked:
     known = measured.get(change.axis)
     context = table_context(at, change.new, known.capture if known is not None else None)
     return await ask(change, consented(at, change, replace(context, ambient_now=await _ambient(at, change))), "table")
@@ -227,7 +227,7 @@ async def _prove(at: Bench, change: TableChange, context: PushContext) -> SignPr
     return proof
 
 
-async def _verify(at: Bench, change: TableChange, before: Measured, push: PushRecord) -> AxisVerdict:
+async def _verify(at: Bench, change: TableChange, before: MeasuredAxis, push: PushRecord) -> AxisVerdict:
     measurable = push.outcome in PUSHED and at.supervisor.controller.capabilities.programs
     again = live_again(at.axis(change.axis), change.targets) if measurable else None
     if again is None:
@@ -262,17 +262,17 @@ async def push_run(folder: RunFolder, *, apply: bool, machine_name: str, clock: 
         raise
 
 
-def _stored_axes(folder: RunFolder, proposal: Proposal) -> dict[str, Measured]:
+def _stored_axes(folder: RunFolder, proposal: Proposal) -> dict[str, MeasuredAxis]:
     """Measurements by axis; the output axis of a cross table need not have been measured itself."""
     names = dict.fromkeys(change.axis for change in proposal.changes)
     own = {change.axis for change in proposal.changes if change.layer == "EEC"}
     return {name: _stored(folder, name) for name in names if name in own or folder.has(stages.capture(name, "before"))}
 
 
-def _stored(folder: RunFolder, axis: str) -> Measured:
+def _stored(folder: RunFolder, axis: str) -> MeasuredAxis:
     capture = folder.get(stages.capture(axis, "before"), Capture)
     evaluation = folder.get(stages.evaluation(axis, "before"), Evaluation)
-    return Measured(capture, evaluation, folder.digest(stages.capture(axis, "before")))
+    return MeasuredAxis(capture, evaluation, folder.digest(stages.capture(axis, "before")))
 
 
 def _proved_first(at: Bench, refusal: Refusal, axis: AxisSection) -> bool:
@@ -280,7 +280,7 @@ def _proved_first(at: Bench, refusal: Refusal, axis: AxisSection) -> bool:
     return refusal.code == "E-INT-NO-PROOF" and provable(at, axis)
 
 
-async def _show(at: Bench, proposal: Proposal, measured: Mapping[str, Measured]) -> Outcome:
+async def _show(at: Bench, proposal: Proposal, measured: Mapping[str, MeasuredAxis]) -> Outcome:
     refusals: dict[str, list[str]] = {}
     for change in proposal.changes:
         axis = at.axis(change.axis)

@@ -13,7 +13,7 @@ from drivers.clock import Clock
 from drivers.errors import TrueflankError, words
 from drivers.types import LiveSet
 from gateway.config import SiteFile
-from gateway.correct.outlook.next_setup import THRESHOLD_UM, Open, Tooth, what_next
+from gateway.correct.outlook.next_setup import THRESHOLD_UM, OpenDoubt, Tooth, what_next
 from gateway.correct.plan.plan import AxisGrid
 from gateway.domain import Capture, Equipment
 from gateway.errors import CaptureError, IllegalTransition
@@ -41,7 +41,7 @@ class PlanOutcome:
     model: ErrorModel
     rows: tuple[ErrorRow, ...]
     remaining: tuple[str, ...]
-    open: tuple[Open, ...]
+    open: tuple[OpenDoubt, ...]
     advice: str
 
     def as_data(self) -> dict[str, Any]:
@@ -204,7 +204,7 @@ def grids(site: SiteFile) -> tuple[AxisGrid, ...]:
     )
 
 
-def advise(plan: Sequence[Planned], remaining: Sequence[str], opened: Sequence[Open], *, asked: bool) -> str:
+def advise(plan: Sequence[Planned], remaining: Sequence[str], opened: Sequence[OpenDoubt], *, asked: bool) -> str:
     """Which remaining set-up would change the proposal most, or that none would by the threshold."""
     if not asked:
         return words("W-SETUP-NO-WORK", count=len(remaining))

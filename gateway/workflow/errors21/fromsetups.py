@@ -7,16 +7,16 @@ from gateway.config import SiteFile
 from gateway.domain import Capture
 from gateway.store import RunFolder
 from gateway.workflow import stages
-from gateway.workflow.axes.measure import Measured, evaluated
+from gateway.workflow.axes.measure import MeasuredAxis, evaluated
 from gateway.workflow.errors21.setups import planned
 
 
-def axes_measured(folder: RunFolder, site: SiteFile) -> dict[str, Measured]:
+def axes_measured(folder: RunFolder, site: SiteFile) -> dict[str, MeasuredAxis]:
     """Capture and evaluation of each axis whose positioning the plan measured, by name, in the order of the site.
 
     Each is stored as the axis' capture and evaluation "before". Raises ConfigError (E-CLOSE-AXES) when no axis was.
     """
-    found: dict[str, Measured] = {}
+    found: dict[str, MeasuredAxis] = {}
     for one in planned(site):
         if one.positioning and folder.has(stages.setup(one.key)):
             capture = folder.get(stages.setup(one.key), Capture)

@@ -24,7 +24,7 @@ STREAM = ".f64"
 
 
 @dataclass(frozen=True, slots=True)
-class Item:
+class MeasuredItem:
     """Something measured, by where it is: a file, or a run and its stage. ``corrections`` where the run says them."""
 
     label: str
@@ -44,7 +44,7 @@ def run_of(word: str | Path, store: Store) -> RunFolder | None:
     return store.open(word) if len(matches) == 1 else None
 
 
-def items(word: str | Path, how: How, store: Store, *, axis: str = "", phase: str = "") -> tuple[Item, ...]:
+def items(word: str | Path, how: How, store: Store, *, axis: str = "", phase: str = "") -> tuple[MeasuredItem, ...]:
     """Everything measured that a file or run holds, of one axis and phase if they are said.
 
     Raises ConfigError (E-EXPORT-NOTHING), what `read_file` raises, CorruptRecord.
@@ -52,28 +52,28 @@ def items(word: str | Path, how: How, store: Store, *, axis: str = "", phase: st
     folder = run_of(word, store)
     if folder is None:
         read = read_file(Path(word), how, Maps(store.root))
-        return (Item(str(word), read.content, None, read.notes),)
+        return (MeasuredItem(str(word), read.content, None, read.notes),)
     found = tuple(_run_items(folder, axis, phase))
     if not found:
         raise ConfigError("E-EXPORT-NOTHING", str(folder.path), axis=axis or "any axis", phase=phase or "any phase")
     return found
 
 
-def _run_items(folder: RunFolder, axis: str, phase: str) -> Iterator[Item]:
+def _run_items(folder: RunFolder, axis: str, phase: str) -> Iterator[MeasuredItem]:
     for stage in folder.stages:
         label = f"{folder.run_id}/{stage}"
         if stage.startswith("capture-"):
             capture = folder.get(stage, Capture)
             if axis in ("", capture.axis) and stage.endswith(phase):
-                yield Item(label, measured_of(capture, folder), capture.corrections)
+                yield MeasuredItem(label, measured_of(capture, folder), capture.corrections)
         elif stage == MEASURED:
-            yield Item(label, folder.get(stage, MeasuredSet))
+            yield MeasuredItem(label, folder.get(stage, MeasuredSet))
         elif stage == GEAR:
-            yield Item(label, folder.get(stage, GearInspection))
+            yield MeasuredItem(label, folder.get(stage, GearInspection))
     for path in sorted(folder.path.glob(f"*{STREAM}")):
         recording = open_stream(path)
         if axis in ("", recording.header.get("Axis", "")):
-            yield Item(f"{folder.run_id}/{path.stem}", recording)
+            yield MeasuredItem(f"{folder.run_id}/{path.stem}", recording)
 
 
 def measured_of(capture: Capture, folder: RunFolder) -> MeasuredSet:
@@ -102,7 +102,7 @@ def _compensated(done: Corrections) -> CompensatedFor:
     return "air" if "air" in standing else "nothing"
 
 
-def export(item: Item, form: str, output: Path, *, unit: str = "", force: bool = False) -> tuple[str, ...]:
+def export(item: MeasuredItem, form: str, output: Path, *, unit: str = "", force: bool = False) -> tuple[str, ...]:
     """Write one thing measured as a file; what the form cannot hold is returned in words.
 
     Raises ConfigError (E-EXPORT-FORM, E-FILE-KIND, E-CLI-EXISTS, E-CLI-WRITE), FileFormatError (E-FILE-RTX-GAPS).

@@ -21,7 +21,7 @@ from gateway.store import Maps, RunFolder, Store
 from gateway.store.disk import disk_errors
 from gateway.store.maps import Value
 from gateway.store.rawstream import RawRecorder, StreamFacts
-from gateway.watch.journal import Journal
+from gateway.watch.journal import WatchJournal
 from gateway.watch.listing import Folder
 from gateway.watch.watcher import Watcher
 from gateway.workflow.bench import store_of
@@ -290,4 +290,4 @@ def watcher_of(site: SiteFile, site_path: Path, folder: Path, *, settle_s: float
         return import_file(path, store, how, None, site=site.site.name, expected=sha256).run_id
 
     wanted = {f".{name}" for name in (*endings(), *OTHER_ENDINGS)} - {".gear-csv", ".txt", ".dat"}
-    return Watcher(Folder(folder), Journal(store.root), take, wanted, settle_s=settle_s, say=say)
+    return Watcher(Folder(folder), WatchJournal(store.root), take, wanted, settle_s=settle_s, say=say)

@@ -17,7 +17,7 @@ from gateway.store import RunFolder, SetupBook
 from gateway.tooth import InspectedFlank, SetupValues, ToothProposal
 from gateway.workflow import stages
 from gateway.workflow.aftercare import standing_alarms
-from gateway.workflow.axes.measure import Measured
+from gateway.workflow.axes.measure import MeasuredAxis
 from gateway.workflow.bench import Bench, bench, check_name
 from gateway.workflow.control.pushing import apply_proposal
 from gateway.workflow.errors21.components import measure_site
@@ -26,7 +26,7 @@ from gateway.workflow.loop.verdict import closed
 from gateway.workflow.outcome import Outcome, alarmed
 from gateway.workflow.part.grinding import grind_part, same_machine
 from gateway.workflow.part.inspecting import inspect_part, inspector_name
-from gateway.workflow.tooth.proposal import Work, propose_tooth, work_of
+from gateway.workflow.tooth.proposal import ToothWork, propose_tooth, work_of
 from gateway.workflow.tooth.verdict import judge_tooth
 
 BEFORE, TRIAL, AFTER = "before", "trial", "after"
@@ -72,9 +72,9 @@ class _Loop:
     """One closing run at the bench: the gear, what is known of the machine, its axes as measured."""
 
     at: Bench
-    work: Work
+    work: ToothWork
     model: ErrorModel
-    measured: dict[str, Measured]
+    measured: dict[str, MeasuredAxis]
 
     async def close(self, *, apply: bool) -> None:
         at, folder = self.at, self.at.folder

@@ -12,12 +12,14 @@ from gateway.report.parameters import PARAMETERS
 from gateway.report.words import number, percent, still_on
 from gateway.store import RunFolder
 from gateway.workflow import stages
-from gateway.workflow.axes.measure import Measured
+from gateway.workflow.axes.measure import MeasuredAxis
 from gateway.workflow.outcome import WORSE_EXIT, Outcome
 from gateway.workflow.results.reporting import ReportPaths, material_of, write_report
 
 
-def finish(folder: RunFolder, measured: Mapping[str, Measured], proposal: Proposal, verdict: Verdict | None) -> Outcome:
+def finish(
+    folder: RunFolder, measured: Mapping[str, MeasuredAxis], proposal: Proposal, verdict: Verdict | None
+) -> Outcome:
     """Write the report and gather what the caller shows."""
     if verdict is not None:
         folder.set_state(verdict.outcome)

@@ -8,7 +8,7 @@ from typing import TypeVar
 from drivers.errors import ConfigError
 from drivers.types import SignProof
 from gateway.config import SiteFile
-from gateway.correct.outlook.next_setup import Open, what_next
+from gateway.correct.outlook.next_setup import OpenDoubt, what_next
 from gateway.domain import Proposal, PushRecord, TableChange, Verdict
 from gateway.errors import ModelError
 from gateway.model.known import ErrorModel
@@ -18,7 +18,7 @@ from gateway.tooth import GearProposal, GroundPart, InspectedFlank, ToothProposa
 from gateway.workflow import stages
 from gateway.workflow.errors21.components import advise, grids
 from gateway.workflow.errors21.setups import planned
-from gateway.workflow.tooth.proposal import Work, work_of
+from gateway.workflow.tooth.proposal import ToothWork, work_of
 
 R = TypeVar("R")
 ALWAYS = (stages.ERRORS, stages.TOOTH, stages.TOOTH_VERDICT, stages.FROM_GEAR)
@@ -72,7 +72,7 @@ def _part(folder: RunFolder, name: str) -> PartMaterial:
     return PartMaterial(name, ground, found(folder, stages.inspected(name), InspectedFlank))
 
 
-def _work(site: SiteFile, site_path: Path) -> Work | None:
+def _work(site: SiteFile, site_path: Path) -> ToothWork | None:
     """The site's gear; None where it names none or its file can no longer be read: the report does without."""
     try:
         return work_of(site, site_path)
@@ -96,7 +96,7 @@ def proof_of(proofs: tuple[SignProof, ...], change: TableChange) -> SignProof | 
     return next(same, None)
 
 
-def _opened(errors: ErrorModel, work: Work | None, site: SiteFile) -> tuple[Open, ...]:
+def _opened(errors: ErrorModel, work: ToothWork | None, site: SiteFile) -> tuple[OpenDoubt, ...]:
     if work is None:
         return ()
     try:
@@ -105,7 +105,7 @@ def _opened(errors: ErrorModel, work: Work | None, site: SiteFile) -> tuple[Open
         return ()
 
 
-def _advice(folder: RunFolder, site: SiteFile, opened: tuple[Open, ...], *, asked: bool) -> str:
+def _advice(folder: RunFolder, site: SiteFile, opened: tuple[OpenDoubt, ...], *, asked: bool) -> str:
     plan = planned(site) if site.setups else ()
     remaining = [one.key for one in plan if one.measured and not folder.has(stages.setup(one.key))]
     return advise(plan, remaining, opened, asked=asked)

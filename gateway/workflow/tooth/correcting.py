@@ -20,7 +20,7 @@ from gateway.workflow import stages
 from gateway.workflow.axes.propose import size_of
 from gateway.workflow.bench import Bench, bench
 from gateway.workflow.errors21.fromsetups import axes_measured
-from gateway.workflow.tooth.proposal import Work, propose_tooth, work_of
+from gateway.workflow.tooth.proposal import ToothWork, propose_tooth, work_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +100,7 @@ async def correct_site(site: SiteFile, site_path: Path, folder: RunFolder, *, cl
         raise
 
 
-async def _proposed(at: Bench, model: ErrorModel, work: Work) -> ToothOutcome:
+async def _proposed(at: Bench, model: ErrorModel, work: ToothWork) -> ToothOutcome:
     folder = at.folder
     different = folder.get(stages.EQUIPMENT, Equipment).machine.differences(at.machine)
     if different:

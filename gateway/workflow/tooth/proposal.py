@@ -33,7 +33,7 @@ from gateway.study.files import load_gear
 from gateway.study.machine import gear_of
 from gateway.tooth import ToothProposal
 from gateway.workflow import stages
-from gateway.workflow.axes.measure import Measured
+from gateway.workflow.axes.measure import MeasuredAxis
 from gateway.workflow.axes.propose import axis_changes, keep
 from gateway.workflow.bench import Bench
 from gateway.workflow.errors21.components import grids
@@ -44,7 +44,7 @@ PROFILE, WIDTH = 11, 5
 
 
 @dataclass(frozen=True, slots=True)
-class Work:
+class ToothWork:
     """What is ground: the gear by its file's name, centre distance and height over the table's zero (mm), who inspects.
 
     ``inspector`` is the site's gear inspection machine; "" where results come as files.
@@ -62,13 +62,13 @@ class Work:
         return Tooth(self.gear, self.centre_distance_mm, self.height_mm)
 
 
-def work_of(site: SiteFile, site_path: Path) -> Work:
+def work_of(site: SiteFile, site_path: Path) -> ToothWork:
     """The work that the site file names. Raises ConfigError (E-CLOSE-WORK, E-STUDY-...), ModelError (E-GEAR-...)."""
     if site.work is None:
         raise ConfigError("E-CLOSE-WORK", site.site.name)
     file = load_gear(site_path.parent / site.work.gear)
     distance = file.grinding.centre_distance_mm
-    return Work(
+    return ToothWork(
         name=file.name,
         gear=gear_of(file),
         centre_distance_mm=distance,
@@ -78,7 +78,7 @@ def work_of(site: SiteFile, site_path: Path) -> Work:
 
 
 async def propose_tooth(
-    at: Bench, model: ErrorModel, measured: Mapping[str, Measured], work: Work
+    at: Bench, model: ErrorModel, measured: Mapping[str, MeasuredAxis], work: ToothWork
 ) -> tuple[Proposal, ToothProposal]:
     """Work out, store and hand back both layers (EEC changes first, then CEC), set-up values and prediction.
 
@@ -143,8 +143,8 @@ class _Task:
         cls,
         at: Bench,
         model: ErrorModel,
-        measured: Mapping[str, Measured],
-        work: Work,
+        measured: Mapping[str, MeasuredAxis],
+        work: ToothWork,
         own: Sequence[TableChange],
         live: Mapping[str, LiveSet],
     ) -> _Task:
@@ -197,7 +197,7 @@ def _lettered(table: CompensationTable, letters: Mapping[str, str]) -> Compensat
 
 
 def _shop(
-    work: WorkSection | None, measured: Mapping[str, Measured], letters: Mapping[str, str], grinding: Grinding
+    work: WorkSection | None, measured: Mapping[str, MeasuredAxis], letters: Mapping[str, str], grinding: Grinding
 ) -> Shop:
     """What the site file and the captures say of clamping, drift and repeatability; the usual for the rest."""
     shop = Shop()

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers import registry
-from drivers.attocube.codec import Ask, AttocubeCodec, Damaged, Result
+from drivers.attocube.codec import Ask, AttocubeCodec, DamagedReply, Result
 from drivers.clock import Clock, LoopClock
 from drivers.errors import ConfigError, TransportError, TrueflankError
 from drivers.ports import Instrument
@@ -42,7 +42,7 @@ def test_an_answer_is_read_wherever_it_is_split(at: int) -> None:
 @given(st.binary(max_size=200))
 def test_any_bytes_give_answers_or_damage(data: bytes) -> None:
     for found in AttocubeCodec().receive(data + b"\n"):
-        assert isinstance(found, Damaged | Result)
+        assert isinstance(found, DamagedReply | Result)
 
 
 @pytest.mark.parametrize(
@@ -50,7 +50,7 @@ def test_any_bytes_give_answers_or_damage(data: bytes) -> None:
 )
 def test_what_is_no_answer_is_damage(line: bytes) -> None:
     (found,) = AttocubeCodec().receive(line + b"\n")
-    assert isinstance(found, Damaged)
+    assert isinstance(found, DamagedReply)
 
 
 class ScriptedIds:

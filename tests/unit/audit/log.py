@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
-from gateway.audit import Happening, Head
+from gateway.audit import ChainHead, Happening
 from gateway.audit.chain import AUDIT, HEAD, file_name, files
-from gateway.audit.entries import Entry, line_of
+from gateway.audit.entries import AuditEntry, line_of
 
 
 @dataclass
@@ -32,14 +32,14 @@ class Moments:
         raise AssertionError("nothing waits here")
 
 
-def bulk(root: Path, count: int, per_file: int) -> Head:
+def bulk(root: Path, count: int, per_file: int) -> ChainHead:
     """A long log as `append` would leave it, without an fsync for each record."""
     folder = root / AUDIT
     folder.mkdir(parents=True)
-    head, lines = Head(), []
+    head, lines = ChainHead(), []
     for number in range(1, count + 1):
         happening = Happening("push-start", "ann", "operator", "SN-1", number, "ab" * 32, "cd" * 32, "", {"axis": "C1"})
-        entry = Entry(number, "2026-11-21T10:00:00.000+00:00", float(number), 77, "0.1.0", happening, head.hash)
+        entry = AuditEntry(number, "2026-11-21T10:00:00.000+00:00", float(number), 77, "0.1.0", happening, head.hash)
         line, head = line_of(entry)
         lines.append(line)
         if number % per_file == 0 or number == count:

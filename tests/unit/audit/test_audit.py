@@ -19,8 +19,8 @@ from tests.sizes import long
 from tests.unit.audit.log import Moments, bulk, log_files
 
 
-def _small(root: Path, count: int = 5) -> audit.Head:
-    clock, head = Moments(), audit.Head()
+def _small(root: Path, count: int = 5) -> audit.ChainHead:
+    clock, head = Moments(), audit.ChainHead()
     for number in range(count):
         head = audit.record(root, "approve", clock=clock, actor="ann", serial="SN-1", transaction=number)
     return head
@@ -39,12 +39,12 @@ def test_what_is_recorded_is_read_again(tmp_path: Path) -> None:
     assert second["prev_hash"] == first["hash"]
     assert second["details"] == {"corrects": 1, "why": "wrong machine"}
     assert second["monotonic_s"] > first["monotonic_s"]
-    assert audit.check(tmp_path).head == head == audit.Head(2, second["hash"])
+    assert audit.check(tmp_path).head == head == audit.ChainHead(2, second["hash"])
     assert audit.sound(tmp_path)
 
 
 def test_an_empty_store_has_a_sound_empty_log(tmp_path: Path) -> None:
-    assert audit.check(tmp_path) == audit.Health(audit.Head())
+    assert audit.check(tmp_path) == audit.Health(audit.ChainHead())
     assert list(audit.entries(tmp_path)) == []
 
 
@@ -57,7 +57,7 @@ def test_the_user_is_the_processs_and_not_the_environments(monkeypatch: pytest.M
 def test_files_rotate_and_stay_one_chain(tmp_path: Path) -> None:
     clock = Moments()
     for number in range(12):
-        entry = audit.Entry(0, "t", clock.now(), 1, "0", audit.Happening("a", "ann", transaction=number), "")
+        entry = audit.AuditEntry(0, "t", clock.now(), 1, "0", audit.Happening("a", "ann", transaction=number), "")
         head = audit.append(tmp_path, entry, rotate_bytes=1500)
     health = audit.check(tmp_path)
     assert health.sound
@@ -135,7 +135,7 @@ def test_an_end_cut_together_with_its_head_shows_by_an_exported_head(tmp_path: P
     path = files(tmp_path / AUDIT)[0]
     lines = path.read_bytes().splitlines(keepends=True)
     path.write_bytes(b"".join(lines[:5]))
-    kept = audit.Head(5, json.loads(lines[4])["hash"])
+    kept = audit.ChainHead(5, json.loads(lines[4])["hash"])
     (tmp_path / AUDIT / HEAD).write_text(f"{kept}\n")
     assert audit.check(tmp_path).sound
     for head in (exported, by_hash, later):
@@ -146,7 +146,7 @@ def test_an_end_cut_together_with_its_head_shows_by_an_exported_head(tmp_path: P
 
 def test_a_log_written_anew_shows_by_an_exported_head(tmp_path: Path) -> None:
     bulk(tmp_path / "one", 10, per_file=4)
-    exported = audit.Head(5, "0" * 63 + "1")
+    exported = audit.ChainHead(5, "0" * 63 + "1")
     problem = audit.check(tmp_path / "one", (exported,)).problem
     assert problem is not None
     assert problem.code == "W-AUDIT-EXPORT"
@@ -224,7 +224,7 @@ def test_a_crash_between_record_and_head_is_nothing(tmp_path: Path) -> None:
 
 def test_the_first_record_torn(tmp_path: Path) -> None:
     (tmp_path / AUDIT).mkdir()
-    (tmp_path / AUDIT / HEAD).write_text(f"{audit.Head()}\n")
+    (tmp_path / AUDIT / HEAD).write_text(f"{audit.ChainHead()}\n")
     (tmp_path / AUDIT / file_name(1)).write_bytes(b'{"action":"ap')
     assert audit.sound(tmp_path)
     assert _small(tmp_path, 1).seq == 2

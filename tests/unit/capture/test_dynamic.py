@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from drivers.errors import ConfigError, TransportError
 from drivers.types import SampleBlock
 from gateway.capture.dynamic import DynamicCapture
-from gateway.capture.dynamicrecords import Ended, LiveView, Stretch, Trigger
+from gateway.capture.dynamicrecords import Ended, LiveView, StreamShape, Trigger
 from gateway.errors import CaptureError
 from gateway.store.rawstream import RawRecorder, StreamFacts, open_stream
 
@@ -32,9 +32,9 @@ class Kept:
     def __init__(self) -> None:
         self.pieces: list[np.ndarray] = []
         self.gaps: list[tuple[int, int]] = []
-        self.facts: Stretch | None = None
+        self.facts: StreamShape | None = None
 
-    def begin(self, facts: Stretch) -> Kept:
+    def begin(self, facts: StreamShape) -> Kept:
         self.facts = facts
         return self
 
@@ -76,7 +76,7 @@ def test_however_a_stream_is_cut_the_record_is_the_same(edges: list[int]) -> Non
     kept, ended = follow(cut(2000, edges))
     assert ended == Ended("complete", 1000, 0)
     np.testing.assert_array_equal(kept.values, np.arange(1000) / 1000.0)
-    assert kept.facts == Stretch("displacement_mm", RATE_HZ, "um", 1000.0, None)
+    assert kept.facts == StreamShape("displacement_mm", RATE_HZ, "um", 1000.0, None)
 
 
 def test_lost_samples_are_counted_where_they_are_missing() -> None:
@@ -177,7 +177,7 @@ def test_an_hour_of_50_khz_passes_in_bounded_memory_and_a_pulled_wire_keeps_it(t
     """The stream is shortened in values, not in kind: 400 blocks of 5 000 samples, then the wire is gone."""
     recorder: list[RawRecorder] = []
 
-    def begin(facts: Stretch) -> RawRecorder:
+    def begin(facts: StreamShape) -> RawRecorder:
         made = RawRecorder(tmp_path, "c", StreamFacts(facts.rate_hz, facts.unit, facts.scale, facts.trigger))
         recorder.append(made)
         return made

@@ -16,7 +16,7 @@ from drivers.errors import BeamObstructed, DeviceRefused, UnsupportedDevice
 from drivers.types import Ambient, SampleBlock
 from drivers.units import wrap_deg
 from gateway.capture.corrected import from_live
-from gateway.capture.diagnosis import Doubt, cause
+from gateway.capture.diagnosis import UnexpectedValue, cause
 from gateway.capture.live import RawCapture, capture_axis
 from gateway.capture.readings import Readings, Window
 from gateway.capture.rig import Rig
@@ -237,7 +237,9 @@ def test_fault_31_a_sign_switched_in_the_middle_ends_the_capture(whole: bool) ->
 
 
 def test_fault_31_the_wrong_way_is_called_so() -> None:
-    doubt = Doubt(read=-40.0, wanted=40.0, datum=0.0, tolerance=1.0, rotary=False, targets={0.0: 0.0, 40.0: 40.0})
+    doubt = UnexpectedValue(
+        read=-40.0, wanted=40.0, datum=0.0, tolerance=1.0, rotary=False, targets={0.0: 0.0, 40.0: 40.0}
+    )
     found = cause(doubt, "X1", 40.0)
     assert found is not None
     assert found.code == "E-CAP-SIGN"
@@ -248,7 +250,7 @@ def test_fault_31_the_wrong_way_is_called_so() -> None:
 def test_a_reading_that_nothing_explains_is_not_explained(read: float, wanted: float) -> None:
     """Whatever is named holds: the ratio, the mirror or the other target is really there."""
     targets = {float(at): float(at) for at in range(-500, 501, 100)}
-    found = cause(Doubt(read, wanted, 0.0, 2.0, False, targets), "X1", wanted)
+    found = cause(UnexpectedValue(read, wanted, 0.0, 2.0, False, targets), "X1", wanted)
     if found is None:
         return
     if found.code == "E-CAP-SIGN":

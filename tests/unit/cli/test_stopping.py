@@ -12,7 +12,7 @@ import pytest
 from drivers.clock import LoopClock, run_virtual
 from drivers.errors import TransportError
 from gateway.cli.stopping import SIGNALS, run_to_end
-from gateway.stopping import LONGEST_S, Stop, Stopped, current, obey
+from gateway.stopping import LONGEST_S, StopAsked, Stopped, current, obey
 
 HERE = [name for name in SIGNALS if hasattr(signal, name)]
 
@@ -55,7 +55,7 @@ def asked(work: Coroutine[Any, Any, Any], *moments: float, ends_itself: bool = F
     """Do some work in virtual time with stops asked for at these moments: (its result or Stopped, when it ended)."""
 
     async def main() -> tuple[Any, float]:
-        clock, stop = LoopClock(), Stop()
+        clock, stop = LoopClock(), StopAsked()
         clock.now()
 
         async def ask() -> None:

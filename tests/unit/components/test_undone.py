@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.correct.outlook.next_setup import THRESHOLD_UM, Open, Tooth, what_next
+from gateway.correct.outlook.next_setup import THRESHOLD_UM, OpenDoubt, Tooth, what_next
 from gateway.correct.plan.plan import AxisGrid
 from gateway.evaluate.geometry.errormodel import error_model
 from gateway.gear.cycloid import CycloidGear
@@ -39,7 +39,7 @@ def without(model: ErrorModel, name: str, span: float, unit: str) -> ErrorModel:
     return replace(model, motions=motions, locations=locations, unknown=(unknown,))
 
 
-def ranked(model: ErrorModel) -> dict[str, Open]:
+def ranked(model: ErrorModel) -> dict[str, OpenDoubt]:
     return {one.name: one for one in what_next(model, TOOTH, GRIDS)}
 
 
@@ -75,8 +75,8 @@ def test_once_a_bar_showed_the_table_against_z_the_square_is_worth_nothing(whole
     assert "B0Z" not in ranked(without(whole, "B0Z", 10.0, "arcsec"))
 
 
-def opened(*pairs: tuple[str, float, bool]) -> tuple[Open, ...]:
-    return tuple(Open(name, change, 0.0, 0.5, measured) for name, change, measured in pairs)
+def opened(*pairs: tuple[str, float, bool]) -> tuple[OpenDoubt, ...]:
+    return tuple(OpenDoubt(name, change, 0.0, 0.5, measured) for name, change, measured in pairs)
 
 
 def plan() -> tuple[Planned, ...]:

@@ -16,10 +16,10 @@ from hypothesis import strategies as st
 from drivers.bridge.codec import (
     LINE_BYTES,
     BridgeCodec,
+    BridgeRefusal,
     Damaged,
     Message,
     Notification,
-    Refusal,
     Reply,
     Request,
 )
@@ -56,7 +56,7 @@ def gist(message: Message) -> list[Any]:
     match message:
         case Request(number, method, params):
             return ["Request", number, method, params]
-        case Refusal(number, code, text, _data):
+        case BridgeRefusal(number, code, text, _data):
             return ["Refusal", number, code, text]
         case _:
             return [type(message).__name__]

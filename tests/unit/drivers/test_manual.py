@@ -12,7 +12,7 @@ import pytest
 
 from drivers.clock import LoopClock
 from drivers.errors import ConfigError, TransportError
-from drivers.manual.desk import Desk, FolderDesk, QueueDesk, TerminalDesk, open_desk
+from drivers.manual.desk import FolderDesk, QueueDesk, TerminalDesk, TypingDesk, open_desk
 from drivers.manual.device import ManualEntry
 from drivers.ports import AmbientSensor, Instrument, TypedInstrument
 from drivers.types import SampleBlock
@@ -199,7 +199,7 @@ def test_a_place_where_nobody_can_be_asked_is_refused(url: str, code: str) -> No
 
 
 def test_desks_that_are_made() -> None:
-    desks: list[Desk] = [open_desk("terminal://", LoopClock(), "dial"), FolderDesk(Path(), LoopClock(), "dial")]
+    desks: list[TypingDesk] = [open_desk("terminal://", LoopClock(), "dial"), FolderDesk(Path(), LoopClock(), "dial")]
     assert isinstance(desks[0], TerminalDesk)
 
 

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from drivers.attocube.codec import AttocubeCodec, Result
-from drivers.attocube.codec import Damaged as IdsDamaged
-from drivers.bridge.codec import BridgeCodec, Damaged, Notification, Refusal, Reply
+from drivers.attocube.codec import DamagedReply as IdsDamaged
+from drivers.bridge.codec import BridgeCodec, BridgeRefusal, Damaged, Notification, Reply
 from drivers.bridge.records import BridgeIdentity, BridgeSamples, CalibratorStatus, read_environment, read_optics
 from drivers.errors import RemoteProtocolError
 from drivers.umd.codec import SEQUENCE, UmdCodec, encode_rows
@@ -112,7 +112,7 @@ def bridge_lines(count: int, seed: int) -> None:
                 assert message.why
                 outcomes["damaged"] += 1
                 continue
-            assert isinstance(message, Reply | Refusal | Notification)
+            assert isinstance(message, Reply | BridgeRefusal | Notification)
             assert again.receive(server.send(message)) == (message,)
             outcomes["refused" if refused(message) else "good"] += 1
     assert all(number > count // 100 for number in outcomes.values()), outcomes

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from drivers.errors import TrueflankError
 from drivers.files.rtx import RtxFormat
-from drivers.recordings import Gap, Recording
+from drivers.recordings import Recording, RecordingGap
 
 # The header of a genuine capture, key by key as its maker's program writes it.
 HEAD = (
@@ -126,7 +126,7 @@ def test_what_is_written_is_read_again(
 
 
 def test_a_record_with_gaps_is_not_written_as_if_it_had_none(tmp_path: Path) -> None:
-    recording = Recording(np.arange(10.0), 10.0, "um", gaps=(Gap(4, 6),))
+    recording = Recording(np.arange(10.0), 10.0, "um", gaps=(RecordingGap(4, 6),))
     with pytest.raises(TrueflankError) as caught:
         RtxFormat("um").write(tmp_path / "a.rtx", recording)
     assert caught.value.code == "E-FILE-RTX-GAPS"
@@ -134,7 +134,7 @@ def test_a_record_with_gaps_is_not_written_as_if_it_had_none(tmp_path: Path) -> 
 
 
 def test_times_count_what_was_lost() -> None:
-    recording = Recording(np.arange(10.0), 10.0, "um", gaps=(Gap(4, 6), Gap(8, 1)))
+    recording = Recording(np.arange(10.0), 10.0, "um", gaps=(RecordingGap(4, 6), RecordingGap(8, 1)))
     assert recording.times()[[3, 4, 7, 8]] == pytest.approx([0.3, 1.0, 1.3, 1.5])
     assert recording.duration_s == pytest.approx(1.6)
     assert list(recording.stretches()) == [(0, 4), (4, 8), (8, 10)]

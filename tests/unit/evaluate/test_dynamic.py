@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.recordings import Gap, Recording
+from drivers.recordings import Recording, RecordingGap
 from gateway.errors import NotIdentifiable
 from gateway.evaluate.behaviour.dynamic import settling, spectrum
 
@@ -42,7 +42,7 @@ def test_a_gap_is_not_bridged() -> None:
     whole = np.sin(2 * np.pi * 100.0 * t)
     # The second half comes in with the opposite phase: bridged, it would cancel in part.
     values = np.concatenate([whole[:4000], -whole[4000:]])
-    found = spectrum(record(values, gaps=(Gap(4000, 10),)), 1024)
+    found = spectrum(record(values, gaps=(RecordingGap(4000, 10),)), 1024)
     assert found.peaks[0].amplitude == pytest.approx(1.0, rel=0.02)
 
 
@@ -89,7 +89,7 @@ def test_what_never_settles_is_said() -> None:
 def test_no_move_and_a_gap_are_refused() -> None:
     for values, gaps, code in (
         (np.zeros(4000), (), "E-EVAL-DYNAMIC-MOVE"),
-        (ringing_move(), (Gap(5, 1),), "E-EVAL-DYNAMIC-GAP"),
+        (ringing_move(), (RecordingGap(5, 1),), "E-EVAL-DYNAMIC-GAP"),
     ):
         with pytest.raises(NotIdentifiable) as caught:
             settling(record(values, gaps=gaps), 1.0)

@@ -25,7 +25,7 @@ from gateway.push.records import journal, numbering
 from gateway.push.records.lock import held
 from gateway.store import Proofs, Store
 from gateway.store.rawstream import RawRecorder, StreamFacts
-from gateway.watch.journal import Journal as Watched
+from gateway.watch.journal import WatchJournal as Watched
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="links and rights are told so on POSIX only")
 MACHINE = MachineIdentity("SN-1", "V4.8", ("X1",))

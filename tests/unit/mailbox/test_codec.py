@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from drivers.errors import Gap, RemoteProtocolError, TableError, UnsupportedDevice, ValueOutOfRange
 from drivers.sinumerik.mailbox.codec import commands, grids, packing, readings
 from drivers.sinumerik.mailbox.codec.commands import Order, encode
-from drivers.sinumerik.mailbox.codec.grids import AxisFacts
+from drivers.sinumerik.mailbox.codec.grids import MailboxAxis
 from drivers.sinumerik.mailbox.codec.registers import ADDRESS, Command, Kind, StatusBit
 from drivers.sinumerik.mailbox.refusals import check_map
 from drivers.sinumerik.mailbox.wire import ModbusCodec, Question
@@ -26,7 +26,7 @@ DOCUMENT = (ROOT / "docs" / "plc-mailbox.md").read_text(encoding="utf-8")
 ORDERS = ("high-first", "low-first")
 DINT = st.integers(-(2**31), 2**31 - 1)
 WORD = st.integers(0, 0xFFFF)
-AXES = {"X1": AxisFacts(1, "X1", "mm", False), "C1": AxisFacts(4, "C1", "deg", True)}
+AXES = {"X1": MailboxAxis(1, "X1", "mm", False), "C1": MailboxAxis(4, "C1", "deg", True)}
 
 
 # ---- numbers -------------------------------------------------------------------------------------------

@@ -30,7 +30,7 @@ def test_every_address_is_that_of_the_codec() -> None:
     [
         ("CMD", registers.Command),
         ("KIND", registers.Kind),
-        ("ERR", registers.Refusal),
+        ("ERR", registers.RefusalCode),
         ("BIT", registers.StatusBit),
         ("AXIS", registers.AxisBit),
         ("SWITCH", registers.SwitchBit),

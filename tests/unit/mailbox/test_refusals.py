@@ -12,7 +12,7 @@ from drivers.errors import ConfigError, RemoteProtocolError, UnsupportedDevice
 from drivers.sinumerik.mailbox.codec import readings
 from drivers.sinumerik.mailbox.codec.commands import Order
 from drivers.sinumerik.mailbox.codec.readings import Status
-from drivers.sinumerik.mailbox.codec.registers import Command, Kind, Refusal, StatusBit
+from drivers.sinumerik.mailbox.codec.registers import Command, Kind, RefusalCode, StatusBit
 from drivers.sinumerik.mailbox.reader import marker_of
 from drivers.sinumerik.mailbox.refusals import check_map, refusal
 from drivers.sinumerik.mailbox.settings import ModbusSettings
@@ -25,13 +25,13 @@ def status(error: int, detail: int = 77) -> Status:
     return Status(0, StatusBit.ERROR, 5, error, detail, 0, 0, 0, 1)
 
 
-@pytest.mark.parametrize("code", [one for one in Refusal if one is not Refusal.NONE])
-def test_every_error_code_has_its_own_words(code: Refusal) -> None:
+@pytest.mark.parametrize("code", [one for one in RefusalCode if one is not RefusalCode.NONE])
+def test_every_error_code_has_its_own_words(code: RefusalCode) -> None:
     error = refusal(status(code), Order(Command.VERIFY, Kind.EEC, 1), "grinder")
     assert error.code.startswith("E-MBX-")
     assert "<" not in error.what
     assert error.hint
-    others = [refusal(status(one), Order(Command.VERIFY), "x").code for one in Refusal if one not in (code, 0)]
+    others = [refusal(status(one), Order(Command.VERIFY), "x").code for one in RefusalCode if one not in (code, 0)]
     assert error.code not in others
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from drivers.types import CompensationTable
 from drivers.units import arcsec_to_rad, mm_to_um
-from gateway.correct.outlook.next_setup import Open
+from gateway.correct.outlook.next_setup import OpenDoubt
 from gateway.domain import Component, FloatArray, PushRecord, TableChange
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import FlankGrid, flank_grid
@@ -191,7 +191,7 @@ def material() -> ReportMaterial:
 
 def measured() -> ReportMaterial:
     """A run that measured the errors and no more, with what to measure next."""
-    opened = (Open("EAZ", 0.31, 0.12, 0.7, measured=False), Open("EYC", 0.11, 0.2, 0.2, measured=True))
+    opened = (OpenDoubt("EAZ", 0.31, 0.12, 0.7, measured=False), OpenDoubt("EYC", 0.11, 0.2, 0.2, measured=True))
     advice = "Measure EAZ-Z1 next: EAZ may change the proposal by 0.31 um."
     only = ToothMaterial(errors(), open=opened, advice=advice)
     return replace(synthetic.material(), axes=(), outcome="measured", tooth=only, findings=())

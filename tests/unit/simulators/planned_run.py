@@ -11,7 +11,7 @@ from simulators.cellfile import CellFile
 from simulators.cellfile.part import Part
 from simulators.grinding.grinder import Grinder
 from simulators.grinding.work import WorkPiece
-from simulators.optics.bench import Bench
+from simulators.optics.bench import OpticsBench
 from simulators.truth import Truth
 from simulators.truth.chain import Pose
 
@@ -97,7 +97,7 @@ class PlannedRun:
 def ground(truth: Truth, part: Part, seat: Pose | None = None, **planned: object) -> WorkPiece:
     """The part that this machine grinds in a `PlannedRun` with these options, clamped as drawn or at `seat`."""
     run = PlannedRun(truth.cell, part, **planned)  # type: ignore[arg-type]
-    grinder = Grinder(Bench(truth, run), part, truth.cell.wheel)
+    grinder = Grinder(OpticsBench(truth, run), part, truth.cell.wheel)
     work = grinder.load(run.start_s, seat)
     grinder.follow(run.end_s, whole=True)
     return work

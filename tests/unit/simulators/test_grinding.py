@@ -12,7 +12,7 @@ from simulators.grinding.entry import Poses, deepest
 from simulators.grinding.sampling import closely, passes
 from simulators.grinding.wheel import WheelBody
 from simulators.grinding.work import clamped
-from simulators.optics.bench import Bench
+from simulators.optics.bench import OpticsBench
 from simulators.truth import Truth
 from simulators.truth.chain import rotation
 from tests.unit.simulators.motion import plain_cell
@@ -293,7 +293,7 @@ def test_warm_work_is_measured_at_20_degrees() -> None:
 def test_a_blank_keeps_its_stock_until_the_wheel_has_been_there_and_only_loses() -> None:
     cell = cell_of()
     run = PlannedRun(cell, cell.part, x_mm=-0.010)
-    grinder = Grinder(Bench(Truth(cell), run), cell.part, Wheel())
+    grinder = Grinder(OpticsBench(Truth(cell), run), cell.part, Wheel())
     work = grinder.load(0.0)
     t, z = places(cell)
     half_way = run.end_s / 2.0
@@ -319,7 +319,7 @@ def test_looking_often_or_once_gives_the_same_part() -> None:
 
     def made(every_s: float) -> np.ndarray:
         run = PlannedRun(cell, cell.part)
-        grinder = Grinder(Bench(Truth(cell), run), cell.part, Wheel())
+        grinder = Grinder(OpticsBench(Truth(cell), run), cell.part, Wheel())
         work = grinder.load(0.0)
         for now in np.arange(every_s, run.end_s + every_s, every_s):
             grinder.follow(float(now), whole=now >= run.end_s)
@@ -337,7 +337,7 @@ def test_passes_that_later_ones_have_cut_away_are_forgotten() -> None:
     for start, infeed in ((0.0, -0.030), (100.0, -0.015), (200.0, 0.0)):
         run = PlannedRun(cell, cell.part, x_mm=infeed, start_s=start)
         if grinder is None:
-            grinder = Grinder(Bench(Truth(cell), run), cell.part, Wheel())
+            grinder = Grinder(OpticsBench(Truth(cell), run), cell.part, Wheel())
             work = grinder.load(start)
         grinder._bench.machine = run
         grinder.follow(run.end_s, whole=True)
@@ -352,7 +352,7 @@ def test_blanks_are_clamped_anew_each_time_and_alike_for_a_seed() -> None:
 
     def two(seed: int) -> list[np.ndarray]:
         cell = cell_of(part=clamping, seed=seed)
-        grinder = Grinder(Bench(Truth(cell), PlannedRun(cell, cell.part)), cell.part, Wheel())
+        grinder = Grinder(OpticsBench(Truth(cell), PlannedRun(cell, cell.part)), cell.part, Wheel())
         return [grinder.load(float(count)).seat.origin[0] for count in range(2)]
 
     first, second = two(5)

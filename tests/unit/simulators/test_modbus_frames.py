@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from simulators.modbus.frames import BrokenFrame, Frame, Mbap, Rtu, crc16, intact
-from simulators.modbus.pdu import Refused, answer
+from simulators.modbus.frames import BrokenFrame, Mbap, ModbusFrame, Rtu, crc16, intact
+from simulators.modbus.pdu import PduRefused, answer
 
 
 class Block:
@@ -21,12 +21,12 @@ class Block:
 
     def read(self, address: int, count: int) -> list[int]:
         if any(place not in self.words for place in range(address, address + count)):
-            raise Refused(2)
+            raise PduRefused(2)
         return [self.words[place] for place in range(address, address + count)]
 
     def write(self, address: int, values: Sequence[int]) -> None:
         if any(place not in range(110) for place in range(address, address + len(values))):
-            raise Refused(2)
+            raise PduRefused(2)
         self.words |= dict(enumerate(values, start=address))
 
 
@@ -130,8 +130,8 @@ def test_crc_of_the_usual_check_word() -> None:
 
 
 def test_an_rtu_answer_as_printed() -> None:
-    assert Rtu().wrap(Frame(0x11, bytes.fromhex("10 00 01 00 02"))).hex(" ").upper() == "11 10 00 01 00 02 12 98"
-    assert Rtu().wrap(Frame(0x0A, bytes.fromhex("81 02"))).hex(" ").upper() == "0A 81 02 B0 53"
+    assert Rtu().wrap(ModbusFrame(0x11, bytes.fromhex("10 00 01 00 02"))).hex(" ").upper() == "11 10 00 01 00 02 12 98"
+    assert Rtu().wrap(ModbusFrame(0x0A, bytes.fromhex("81 02"))).hex(" ").upper() == "0A 81 02 B0 53"
 
 
 REQUESTS = (
@@ -157,15 +157,15 @@ def test_rtu_answers_no_bent_frame_and_finds_the_next() -> None:
     framing = Rtu()
     bent = bytearray(REQUESTS[0])
     bent[3] ^= 4
-    assert framing.feed(bytes(bent) + REQUESTS[2], 0.0) == [Frame(0x11, REQUESTS[2][1:-2])]
-    assert framing.feed(b"\xff\x00\x99" + REQUESTS[0], 0.1) == [Frame(0x11, REQUESTS[0][1:-2])]
+    assert framing.feed(bytes(bent) + REQUESTS[2], 0.0) == [ModbusFrame(0x11, REQUESTS[2][1:-2])]
+    assert framing.feed(b"\xff\x00\x99" + REQUESTS[0], 0.1) == [ModbusFrame(0x11, REQUESTS[0][1:-2])]
 
 
 def test_rtu_forgets_what_stays_incomplete() -> None:
     framing = Rtu(gap_s=0.5)
     assert framing.feed(bytes.fromhex("11 10 00 01 00 7B F6 00"), 0.0) == []
     assert framing.feed(REQUESTS[0], 0.4) == []  # still taken for its data
-    assert framing.feed(REQUESTS[0], 2.0) == [Frame(0x11, REQUESTS[0][1:-2])]
+    assert framing.feed(REQUESTS[0], 2.0) == [ModbusFrame(0x11, REQUESTS[0][1:-2])]
 
 
 def test_rtu_takes_a_foreign_function_for_what_it_is() -> None:
@@ -181,8 +181,8 @@ def test_mbap_frames_as_the_guide_lays_them_out() -> None:
     framing, found = Mbap(), []
     for byte in first + second:
         found += framing.feed(bytes((byte,)), 0.0)
-    assert found == [Frame(0xFF, first[7:], 0x1501), Frame(1, second[7:], 0x1502)]
-    assert framing.wrap(Frame(0xFF, bytes.fromhex("03 02 00 05"), 0x1501)) == bytes.fromhex(
+    assert found == [ModbusFrame(0xFF, first[7:], 0x1501), ModbusFrame(1, second[7:], 0x1502)]
+    assert framing.wrap(ModbusFrame(0xFF, bytes.fromhex("03 02 00 05"), 0x1501)) == bytes.fromhex(
         "15 01 00 00 00 05 FF 03 02 00 05"
     )
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from simulators.cellfile import CellFile
-from simulators.optics import Bench, LaserCounter, RotaryReader
+from simulators.optics import LaserCounter, OpticsBench, RotaryReader
 from simulators.optics.air import refractive_index, saturation_pa
 from simulators.truth import Truth
 from tests.unit.simulators.motion import Motion, plain_cell
@@ -46,7 +46,7 @@ class Rig:
 
     def __init__(self, motion: Motion, component: str, **changes: object) -> None:
         self.truth = Truth(CellFile.model_validate(plain_cell(**changes)))
-        self.bench = Bench(self.truth, motion)
+        self.bench = OpticsBench(self.truth, motion)
         self.setup = self.bench.setup_for(component, component[2])
         self.bench.mount(self.setup)
         first, second = self.truth.cell.instruments
@@ -295,7 +295,7 @@ def test_senses_are_drawn_by_the_seed_and_reproducible() -> None:
     data = plain_cell()
     data["instruments"][0]["sense"] = "seed"
     cell = CellFile.model_validate(data)
-    drawn = [LaserCounter(cell.instruments[0], Bench(Truth(cell, seed), Motion())).sense for seed in range(20)]
-    again = [LaserCounter(cell.instruments[0], Bench(Truth(cell, seed), Motion())).sense for seed in range(20)]
+    drawn = [LaserCounter(cell.instruments[0], OpticsBench(Truth(cell, seed), Motion())).sense for seed in range(20)]
+    again = [LaserCounter(cell.instruments[0], OpticsBench(Truth(cell, seed), Motion())).sense for seed in range(20)]
     assert drawn == again
     assert set(drawn) == {1, -1}

@@ -13,10 +13,10 @@ from drivers.clock import LoopClock, run_virtual
 from gateway.config import load_site
 from simulators.cell.site import quoted, site_text
 from simulators.cellfile import CellFile, load_cell, packaged
-from simulators.cellfile import Operator as OperatorSpec
+from simulators.cellfile import OperatorSection as OperatorSpec
 from simulators.files import FileContent, result_text
 from simulators.operator import Operator
-from simulators.optics import Bench
+from simulators.optics import OpticsBench
 from simulators.truth import Truth, Weather
 from tests.unit.simulators.motion import Motion, plain_cell
 
@@ -77,10 +77,10 @@ class Table:
 
 def scene(
     message: str, status: int = 2, table: Table | None = None, **options: object
-) -> tuple[Screen, Bench, list[str]]:
+) -> tuple[Screen, OpticsBench, list[str]]:
     """What an operator does within 15 minutes before a screen."""
     screen = Screen()
-    bench = Bench(Truth(CellFile.model_validate(plain_cell())), Motion())
+    bench = OpticsBench(Truth(CellFile.model_validate(plain_cell())), Motion())
     spec = OperatorSpec.model_validate(options)
     log: list[str] = []
 

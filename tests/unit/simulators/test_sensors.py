@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from simulators.cellfile import CellFile, Sensor, load_cell
-from simulators.optics import Bench, Readings, SensorReader
+from simulators.optics import OpticsBench, SensorReader, SensorReadings
 from simulators.truth import Truth
 from tests.unit.simulators.motion import Motion, plain_cell
 
@@ -35,12 +35,12 @@ def cell_for(setup: dict[str, object], kind: str, truth: dict[str, object], **sp
     )
 
 
-def swept(cell: CellFile, axis: str, wrong: str | None = None, **places: float) -> tuple[np.ndarray, Readings]:
+def swept(cell: CellFile, axis: str, wrong: str | None = None, **places: float) -> tuple[np.ndarray, SensorReadings]:
     """Move one axis over its range in a minute with the first set-up mounted; positions and readings."""
     ends = {"X": (-400.0, 0.0), "Z": (0.0, 300.0), "C": (0.0, 359.0)}[axis]
     knots = {f"{letter}1": [(0.0, value)] for letter, value in places.items()}
     knots[f"{axis}1"] = [(0.0, ends[0]), (SWEEP_S, ends[1])]
-    bench = Bench(Truth(cell), Motion(**knots))
+    bench = OpticsBench(Truth(cell), Motion(**knots))
     bench.mount(cell.setups[0], wrong)
     spec = next(found for found in cell.instruments if isinstance(found, Sensor))
     readings = SensorReader(spec, bench).read(SWEEP_S)
@@ -177,7 +177,7 @@ def test_wrong_optics_or_a_broken_beam_give_no_light() -> None:
     cell = cell_for(setup, "straightness", {"motions": {"EYX": curve("X")}})
     _, got = swept(cell, "X", wrong="angular")
     assert not got.beam.any()
-    bench = Bench(Truth(cell), Motion(X1=[(0.0, 0.0), (10.0, 100.0)]))
+    bench = OpticsBench(Truth(cell), Motion(X1=[(0.0, 0.0), (10.0, 100.0)]))
     reader = SensorReader(next(s for s in cell.instruments if isinstance(s, Sensor)), bench)
     assert reader.told(bench.mounted("sensor")) == "unknown"
     assert not reader.read(1.0).beam.any()
@@ -219,7 +219,7 @@ def test_a_machine_that_stands_is_not_asked_again_but_followed_within_5_nm() -> 
     cell = CellFile.model_validate(plain_cell(axes=axes, instruments=[sensor], setups=[setup], truth=truth))
 
     def told(asked: list[float]) -> list[float]:
-        bench = Bench(Truth(cell), Motion(C1=[(0.0, 10.0), (20.0, 10.0), (21.0, 70.0), (90.0, 70.0)]))
+        bench = OpticsBench(Truth(cell), Motion(C1=[(0.0, 10.0), (20.0, 10.0), (21.0, 70.0), (90.0, 70.0)]))
         bench.mount(cell.setups[0])
         reader = SensorReader(cell.instruments[0], bench)  # type: ignore[arg-type]
         return [float(reader.read(at).value[-1]) for at in asked]

@@ -17,7 +17,7 @@ from drivers.umd.codec import CODE, DATA, DISPLACEMENT, SEQUENCE, VELOCITY, UmdC
 from simulators.bridge import BridgeAnswerer
 from simulators.cellfile import CellFile
 from simulators.faults import FaultPlan
-from simulators.optics import Bench, LaserCounter, RotaryReader
+from simulators.optics import LaserCounter, OpticsBench, RotaryReader
 from simulators.truth import Truth
 from simulators.umd import UmdAnswerer
 from tests.unit.simulators.motion import Motion, plain_cell
@@ -26,8 +26,8 @@ JOG = Motion(X1=[(0.0, 0.0), (2.0, 0.0), (3.0, 10.0)], C1=[(0.0, 0.0), (2.0, 0.0
 CLIMATE = {"air_degc": {"start": 22.34}, "pressure_hpa": {"start": 991.5}, "material_degc": {"start": 21.7}}
 
 
-def bench_of(motion: Motion = JOG) -> Bench:
-    bench = Bench(Truth(CellFile.model_validate(plain_cell(climate=CLIMATE))), motion)
+def bench_of(motion: Motion = JOG) -> OpticsBench:
+    bench = OpticsBench(Truth(CellFile.model_validate(plain_cell(climate=CLIMATE))), motion)
     for component in ("EXX", "ECC"):
         setup = bench.setup_for(component, component[2])
         assert setup is not None

@@ -11,7 +11,7 @@ from drivers.sinumerik.tablefile.format import TableFiles
 from drivers.tablefile import TableFile, TableMachine
 from drivers.types import MeasuredSet
 from gateway.evaluate.standards.iso230_2 import evaluate
-from gateway.table.conversion import Datum, Request, convert
+from gateway.table.conversion import FileDatum, TableRequest, convert
 from gateway.table.filediff import compare
 
 KNOWN = TableMachine(references={"": 0.0})
@@ -29,7 +29,7 @@ def measured(up: list[float], down: list[float], spacing: float = 50.0) -> Measu
 
 
 def ours(up: list[float], down: list[float], to: str = "eec", spacing: float = 50.0) -> str:
-    request = Request(to, "X1", 0.0, Datum(0.0))  # type: ignore[arg-type]
+    request = TableRequest(to, "X1", 0.0, FileDatum(0.0))  # type: ignore[arg-type]
     return forms.render(TableFile(convert(measured(up, down, spacing), request).tables))
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.recordings import Gap
+from drivers.recordings import RecordingGap
 from gateway.errors import CorruptRecord, StoreError
 from gateway.store.rawstream import RawRecorder, StreamFacts, open_stream
 
@@ -25,7 +25,7 @@ def test_what_was_appended_is_there_with_its_gaps(tmp_path: Path) -> None:
         recorder.append(np.arange(5.0, 9.0), lost=7)
     found = open_stream(recorder.path)
     np.testing.assert_array_equal(found.values(), np.arange(9.0) * 1000.0)
-    assert (found.rate_hz, found.unit, found.trigger, found.gaps) == (50000.0, "um", 3, (Gap(5, 7),))
+    assert (found.rate_hz, found.unit, found.trigger, found.gaps) == (50000.0, "um", 3, (RecordingGap(5, 7),))
     assert found.header["Axis"] == "X"
 
 
@@ -64,7 +64,7 @@ def test_after_a_kill_every_whole_sample_is_there(tmp_path: Path) -> None:
     found = open_stream(tmp_path / "c1.f64")
     assert len(found) >= said
     np.testing.assert_array_equal(found.values(), np.arange(float(len(found))))
-    assert found.gaps[:2] == (Gap(100, 1), Gap(200, 1))
+    assert found.gaps[:2] == (RecordingGap(100, 1), RecordingGap(200, 1))
 
 
 def test_memory_stays_bounded_over_a_long_stream(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from drivers.errors import ConfigError, Gap, ValueOutOfRange
 from drivers.types import MeasuredSet
-from gateway.table.conversion import Conversion, Datum, Request, convert, datum_of
+from gateway.table.conversion import Conversion, FileDatum, TableRequest, convert, datum_of
 
 UP, DOWN = (0.0, 2.0, 4.0, 3.0), (-1.0, 0.0, 2.0, 3.0)
 
@@ -21,8 +21,8 @@ def measured(up: tuple[float, ...] = UP, down: tuple[float, ...] = DOWN, unit: s
     return MeasuredSet(100.0 * np.arange(len(up)), means[:, None, :] + spread[None, :, None], unit)  # type: ignore[arg-type]
 
 
-def asked(to: str = "eec", **more: object) -> Request:
-    return Request(**({"to": to, "axis": "X1", "reference": 100.0, "datum": Datum(0.0)} | more))  # type: ignore[arg-type]
+def asked(to: str = "eec", **more: object) -> TableRequest:
+    return TableRequest(**({"to": to, "axis": "X1", "reference": 100.0, "datum": FileDatum(0.0)} | more))  # type: ignore[arg-type]
 
 
 def found(conversion: Conversion) -> str:
@@ -30,7 +30,7 @@ def found(conversion: Conversion) -> str:
 
 
 def test_eec_is_the_mean_of_both_directions_zero_at_the_reference() -> None:
-    conversion = convert(measured(), asked(datum=Datum(50.0), reference=150.0))
+    conversion = convert(measured(), asked(datum=FileDatum(50.0), reference=150.0))
     (table,) = conversion.tables
     assert (table.function, table.minimum, table.maximum, table.step) == ("EEC", 50.0, 350.0, 100.0)
     assert table.deviations == (-1.5, 0.0, 2.0, 2.0)
@@ -52,7 +52,7 @@ def test_cec_is_a_pair_with_its_sign_said_to_be_unproven() -> None:
 def test_a_file_that_counts_against_the_machine() -> None:
     """machine = 300 - file: positions run back, deviations change sign, + in the file is - on the machine."""
     datum = datum_of([(0.0, 300.0), (300.0, 0.0)])
-    assert datum == Datum(300.0, -1)
+    assert datum == FileDatum(300.0, -1)
     plus, minus = convert(measured(), asked("cec", datum=datum, reference=0.0)).tables
     assert plus.deviations == (0.0, 1.0, 3.0, 4.0)  # -(DOWN) turned round, less its value at 0
     assert minus.deviations == (0.0, -1.0, 1.0, 3.0)
@@ -66,7 +66,7 @@ def test_a_file_that_counts_against_the_machine() -> None:
 def test_datum_pairs_must_fit(pairs: list[tuple[float, float]]) -> None:
     with pytest.raises(ConfigError, match="E-COMP-DATUM"):
         datum_of(pairs)
-    assert datum_of([(10.0, 60.0)]) == datum_of([(10.0, 60.0), (20.0, 70.0)]) == Datum(50.0)
+    assert datum_of([(10.0, 60.0)]) == datum_of([(10.0, 60.0), (20.0, 70.0)]) == FileDatum(50.0)
 
 
 def test_missing_repetitions_count_as_missing() -> None:
@@ -94,7 +94,7 @@ def test_a_modulo_axis_closes_wherever_it_was_measured() -> None:
     wave = tuple(5.0 * np.sin(np.radians(angle)) for angle in range(0, 361, 30))
     spread = np.stack([wave, wave], axis=1)[:, None, :]
     turn = MeasuredSet(30.0 * np.arange(13), spread, "deg")
-    (table,) = convert(turn, asked(modulo=True, datum=Datum(-90.0), reference=0.0)).tables
+    (table,) = convert(turn, asked(modulo=True, datum=FileDatum(-90.0), reference=0.0)).tables
     assert (table.minimum, table.maximum, table.step, table.modulo) == (0.0, 360.0, 30.0, True)
     assert table.deviations[0] == table.deviations[-1] == 0.0
     expected = [5.0 * np.sin(np.radians(angle + 90.0)) - 5.0 for angle in range(0, 361, 30)]
@@ -148,7 +148,7 @@ def test_whatever_the_datum_the_table_is_the_mean_less_its_value_at_the_referenc
     means: list[float], offset: int, sense: int, place: int
 ) -> None:
     one = measured(tuple(means), tuple(means))
-    datum = Datum(float(offset), 1 if sense == 1 else -1)
+    datum = FileDatum(float(offset), 1 if sense == 1 else -1)
     place %= len(means)
     reference = datum.offset + datum.sense * one.targets[place]
     (table,) = convert(one, asked(datum=datum, reference=reference)).tables

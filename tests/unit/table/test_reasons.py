@@ -9,7 +9,7 @@ import pytest
 
 from drivers.types import LiveTable
 from gateway.model.fit import fit_polygon
-from gateway.table import Measured, propose
+from gateway.table import MeasuredMeans, propose
 from gateway.table.reasons import may_harm
 from tests.unit.table.world import X_GRID as X
 from tests.unit.table.world import axis, live, table
@@ -24,7 +24,7 @@ def offer(*, hidden: float = 0.0, rest: float = 0.0, size: float = 1.0, cec: boo
         cross = replace(table(np.arange(41.0), X, rotary=False), function="CEC", index=2, input_axis=of)
         known = replace(known, cec=(LiveTable(cross, True),))
     fitted = fit_polygon(AT, size * MEANS, 0.02, name="EXX", axis="X1", axis_unit="mm")
-    means = Measured(AT, size * MEANS, np.full(AT.size, 0.02), rest, hidden)
+    means = MeasuredMeans(AT, size * MEANS, np.full(AT.size, 0.02), rest, hidden)
     change = propose(axis(rotary=False), fitted, means, known, X, resolution=1e-3, reserved_points=100)
     return change.skipped or " ".join(change.findings)
 

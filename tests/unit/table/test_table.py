@@ -11,7 +11,7 @@ from drivers.errors import Gap, TableError, TooManyPoints, ValueOutOfRange
 from drivers.limits import Limits
 from gateway.domain import Component, TableChange
 from gateway.model.fit import fit_polygon, fit_positioning
-from gateway.table import Grid, Measured, check, diff, effective, project, propose
+from gateway.table import Grid, MeasuredMeans, check, diff, effective, project, propose
 from gateway.table.limits import check_points
 from gateway.table.proposal import InstrumentU
 from tests.unit.table.world import C_GRID, axis, live, table
@@ -33,7 +33,7 @@ def offer(means: np.ndarray, acts: np.ndarray | None = None, **changes: object) 
     return propose(
         axis(rotary=False, reference=reference),
         fitted(means, at),
-        Measured(at, means, np.full(at.size, 0.02)),
+        MeasuredMeans(at, means, np.full(at.size, 0.02)),
         known,
         grid,
         **(usual | changes),
@@ -52,7 +52,7 @@ def test_rotary_golden_plus_five_arcsec() -> None:
     means = 5.0 * (1 - np.cos(np.radians(at))) / 2
     component = fit_positioning(at, means, 0.02, name="ECC", axis="C1", axis_unit="deg", kind="rotary", modulo=True)
     change = propose(
-        axis(rotary=True), component, Measured(at, means, np.full(24, 0.02)),
+        axis(rotary=True), component, MeasuredMeans(at, means, np.full(24, 0.02)),
         live(table(None, C_GRID, rotary=True), enabled=False), C_GRID, resolution=1e-3, reserved_points=73,
     )  # fmt: skip
     values = change.new.deviations
@@ -186,7 +186,7 @@ def test_modulo_needs_the_whole_turn() -> None:
     part = fit_positioning(at, 0.1 * at, 0.02, name="ECC", axis="C1", axis_unit="deg", kind="rotary", modulo=True)
     usual = {"resolution": 1e-3, "reserved_points": 100}
     acts = live(table(None, C_GRID, rotary=True))
-    measured = Measured(at, 0.1 * at, np.full(10, 0.02))
+    measured = MeasuredMeans(at, 0.1 * at, np.full(10, 0.02))
     with pytest.raises(Gap, match="E-COMP-TURN"):
         propose(axis(rotary=True), part, measured, acts, C_GRID, **usual)
     with pytest.raises(Gap, match="E-COMP-GRID"):
@@ -204,7 +204,7 @@ def test_a_table_never_loaded_acts_as_zero() -> None:
     empty = replace(table(None, X, rotary=False), step=0.0, maximum=0.0, deviations=(0.0,))
     known = live(empty, enabled=False)
     change = propose(
-        axis(rotary=False), fitted(0.02 * AT), Measured(AT, 0.02 * AT, np.full(21, 0.02)), known, X,
+        axis(rotary=False), fitted(0.02 * AT), MeasuredMeans(AT, 0.02 * AT, np.full(21, 0.02)), known, X,
         resolution=1e-3, reserved_points=21,
     )  # fmt: skip
     assert change.new.deviations[-1] == pytest.approx(8.0)

@@ -10,7 +10,7 @@ from drivers.types import CompensationTable, LiveSet, LiveTable
 from gateway.domain import TableChange
 from gateway.evaluate.behaviour.repetitions import robust_means
 from gateway.model.fit import fit_positioning
-from gateway.table import Grid, Measured, TableAxis, effective, propose
+from gateway.table import Grid, MeasuredMeans, TableAxis, effective, propose
 from tests.unit.table import truth as little
 
 C_GRID, X_GRID = Grid(0.0, 360.0, 5.0), Grid(0.0, 400.0, 10.0)
@@ -56,7 +56,7 @@ def turn(world: little.Truth, seed: int, *, rotary: bool, acts: LiveSet | None =
         kind="rotary" if rotary else "linear", modulo=rotary,
     )  # fmt: skip
     change = propose(
-        axis(rotary=rotary), fitted, Measured(targets, summary.mean, summary.u), known, grid,
+        axis(rotary=rotary), fitted, MeasuredMeans(targets, summary.mean, summary.u), known, grid,
         resolution=1e-3, reserved_points=100,
     )  # fmt: skip
     then = now if change.skipped else change.new

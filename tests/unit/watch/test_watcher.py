@@ -19,8 +19,8 @@ from drivers.errors import ConfigError, FileFormatError
 from gateway.cli import app
 from gateway.errors import CorruptRecord, StoreError
 from gateway.store import Store
-from gateway.watch.journal import Journal
-from gateway.watch.listing import Folder, Seen
+from gateway.watch.journal import WatchJournal
+from gateway.watch.listing import Folder, SeenFile
 from gateway.watch.watcher import Watcher
 from gateway.workflow.files.importing import How, import_file
 
@@ -44,14 +44,15 @@ class Imagined:
         self.files[name] = data
         self.times[name] = self.times.get(name, 0) + 1
 
-    def entries(self) -> tuple[Seen, ...]:
+    def entries(self) -> tuple[SeenFile, ...]:
         if self.gone:
             raise ConfigError("E-WATCH-FOLDER", "folder", why="no such folder")
         return tuple(
-            Seen(name, len(data), self.times[name], name not in self.links) for name, data in sorted(self.files.items())
+            SeenFile(name, len(data), self.times[name], name not in self.links)
+            for name, data in sorted(self.files.items())
         )
 
-    def digest(self, seen: Seen) -> str:
+    def digest(self, seen: SeenFile) -> str:
         if seen.name in self.denied:
             raise FileFormatError("E-FILE-READ", seen.name, why="permission denied")
         if seen.name in self.growing:
@@ -75,7 +76,7 @@ class Desk:
 
     def start(self) -> None:
         self.watcher = Watcher(
-            self.folder, Journal(self.root), self._take, {".rtl", ".csv"}, settle_s=SETTLE_S, say=self._say
+            self.folder, WatchJournal(self.root), self._take, {".rtl", ".csv"}, settle_s=SETTLE_S, say=self._say
         )
 
     def _take(self, path: Path, sha256: str) -> str:
@@ -246,19 +247,19 @@ def _known(root: Path) -> list[str]:
 
 
 def test_a_torn_line_costs_one_import_and_a_damaged_one_is_told(tmp_path: Path) -> None:
-    journal = Journal(tmp_path)
+    journal = WatchJournal(tmp_path)
     journal.note("a" * 64, "run-1", "a.rtl")
     path = tmp_path / "watch" / "journal.jsonl"
     with path.open("ab") as file:
         file.write(b'{"sha256": "bb')
-    again = Journal(tmp_path)
+    again = WatchJournal(tmp_path)
     assert again.outcome("a" * 64) == "run-1"
     again.note("c" * 64, "run-2", "c.rtl")
-    third = Journal(tmp_path)
+    third = WatchJournal(tmp_path)
     assert (third.outcome("a" * 64), third.outcome("c" * 64)) == ("run-1", "run-2")
     path.write_bytes(path.read_bytes().replace(b'"sha256"', b'"sha25"', 1))
     with pytest.raises(CorruptRecord):
-        Journal(tmp_path)
+        WatchJournal(tmp_path)
 
 
 def test_watching_goes_on_until_it_is_told_to_stop_in_virtual_time(tmp_path: Path) -> None:
@@ -290,7 +291,7 @@ def real(tmp_path: Path, said: list[str]) -> tuple[Watcher, Path, Store]:
     def say(code: str, /, **_fields: object) -> None:
         said.append(code)
 
-    return Watcher(Folder(folder), Journal(store.root), take, {".rtl"}, settle_s=1.0, say=say), folder, store
+    return Watcher(Folder(folder), WatchJournal(store.root), take, {".rtl"}, settle_s=1.0, say=say), folder, store
 
 
 def test_real_files_become_runs_once_and_stay_as_they_are(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from drivers.errors import TransportError, TrueflankError
-from gateway.views import PastRun, RunView, StatusView, TableRow, device_views
+from gateway.views import PastRun, ResultRow, RunView, StatusView, device_views
 
 
 @dataclass(frozen=True)
@@ -34,6 +34,6 @@ def status(**changes: object) -> StatusView:
             PastRun("r-2", "2026-03-01T09:00:00+00:00", "better", "", report=True),
             PastRun("r-1", "2026-02-01T09:00:00+00:00", "failed", "no disk", report=False),
         ),
-        "result": (TableRow("C1", "M", "36.41", "1.26", "arcsec", "−97 %"),),
+        "result": (ResultRow("C1", "M", "36.41", "1.26", "arcsec", "−97 %"),),
     }
     return StatusView(**{**view, **changes})  # type: ignore[arg-type]

@@ -46,7 +46,7 @@ _NUMBERS = [field.name for field in fields(Order)][2:]  # in the order of the re
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class CommandFrame:
     """A command ready for the wire: ``data`` (registers 36-135, empty for none) goes first, then ``header`` (16-35)."""
 
     header: tuple[int, ...]
@@ -61,7 +61,7 @@ def next_number(taken: int) -> int:
 
 def encode(
     order: Order, count: int, word_order: WordOrder, data: Sequence[int] = (), whole: Sequence[int] = ()
-) -> Frame:
+) -> CommandFrame:
     """Registers of a command under the number ``count``.
 
     ``data`` are the data registers of commands 3 and 10, ``whole`` all value registers of the table for command 4.
@@ -72,7 +72,7 @@ def encode(
     if order.command in _WITH_DATA:
         block = tuple(data) + (0,) * (DATA_SPAN[1] - len(data))
     crc = crc32(body, block, whole)
-    return Frame((*body, *unsigned_pair(crc, word_order)), block, crc)
+    return CommandFrame((*body, *unsigned_pair(crc, word_order)), block, crc)
 
 
 def _body(order: Order, count: int, word_order: WordOrder) -> tuple[int, ...]:

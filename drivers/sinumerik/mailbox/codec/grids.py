@@ -29,7 +29,7 @@ WEIGHT_UNIT = Decimal("1e-6")
 
 
 @dataclass(frozen=True, slots=True)
-class AxisFacts:
+class MailboxAxis:
     """One machine axis as the PLC names it; ``number`` counts from 1."""
 
     number: int
@@ -59,7 +59,7 @@ def sayable(table: CompensationTable) -> CompensationTable:
     return replace(table, minimum=0.0, maximum=1.0, step=1.0, deviations=(0.0, 0.0), modulo=False)
 
 
-def begin_order(table: CompensationTable, points: int, axes: Mapping[str, AxisFacts]) -> Order:
+def begin_order(table: CompensationTable, points: int, axes: Mapping[str, MailboxAxis]) -> Order:
     """Command 2 for a table of ``points`` points; registers 18-28 and 31-33 serve commands 3 and 4 as well.
 
     Raises ValueOutOfRange, Gap (E-TABLE-STEP) and TableError (E-MBX-KIND) for what the map cannot say.
@@ -91,7 +91,7 @@ def begin_order(table: CompensationTable, points: int, axes: Mapping[str, AxisFa
     )
 
 
-def naming(table: CompensationTable, axes: Mapping[str, AxisFacts], command: Command = Command.SELECT) -> Order:
+def naming(table: CompensationTable, axes: Mapping[str, MailboxAxis], command: Command = Command.SELECT) -> Order:
     """A command that names a table and nothing of what is in it."""
     output = axes[table.output_axis].number
     if table.function == "EEC":
@@ -121,7 +121,7 @@ class Stored:
     points: tuple[int, ...]
 
 
-def saved_text(tables: Sequence[Stored], axes: Mapping[int, AxisFacts], saving: Saving) -> str:
+def saved_text(tables: Sequence[Stored], axes: Mapping[int, MailboxAxis], saving: Saving) -> str:
     """Loadable text of tables, switches and backlash of one axis, as a program of ours would have written it."""
     axis = next(one for one in axes.values() if one.name == saving.axis)
     own, unit = tables[0].picture, VALUE_UNIT[axis.unit]
@@ -142,7 +142,7 @@ def memory_of(tables: Sequence[Stored]) -> Memory:
     return Memory(len(tables[0].points), tuple(cross.get(number, 0) for number in range(max(cross, default=-1) + 1)))
 
 
-def _eec(table: Stored, axis: AxisFacts, saving: Saving) -> dict[str, str]:
+def _eec(table: Stored, axis: MailboxAxis, saving: Saving) -> dict[str, str]:
     places = backup.own_points(saving).places
     values = {
         place: value_text(value * VALUE_UNIT[axis.unit]) for place, value in zip(places, table.points, strict=True)
@@ -152,7 +152,7 @@ def _eec(table: Stored, axis: AxisFacts, saving: Saving) -> dict[str, str]:
     }
 
 
-def _cec(table: Stored, axes: Mapping[int, AxisFacts]) -> dict[str, str]:
+def _cec(table: Stored, axes: Mapping[int, MailboxAxis]) -> dict[str, str]:
     grid, index = table.picture.grid, table.picture.selection.index
     source, output = axes[grid.input_axis], axes[grid.output_axis]
     unit = VALUE_UNIT[output.unit]

@@ -67,7 +67,7 @@ class Selection:
 
 
 @dataclass(frozen=True, slots=True)
-class Grid:
+class MailboxGrid:
     """Parameters of the selected table as it stands in the control; ``expressible`` is false when MIN, STEP or MAX
     have no whole number of 0.1 um or 1e-6 deg."""
 
@@ -98,7 +98,7 @@ class Picture:
     tables: int
     selection: Selection
     axis: AxisBit
-    grid: Grid
+    grid: MailboxGrid
     switches: SwitchBit
     weight: int
     acting_eec: int
@@ -176,11 +176,11 @@ def picture_of(registers: Sequence[int], order: WordOrder, where: str = "") -> P
     )
 
 
-def _grid_of(seen: _Registers) -> Grid:
+def _grid_of(seen: _Registers) -> MailboxGrid:
     flags = seen.one("LIVE_FLAGS")
     if flags & ~NOT_EXPRESSIBLE > 15 or flags & 6 == 6:
         raise seen.wrong("LIVE_FLAGS", flags)
-    return Grid(
+    return MailboxGrid(
         flags=flags & ~NOT_EXPRESSIBLE,
         minimum=seen.two("LIVE_MIN"),
         step=seen.two("LIVE_STEP"),

@@ -162,7 +162,7 @@ class TableFlag(IntFlag):
     AXIS_ONLY = 1 << 4
 
 
-class Refusal(IntEnum):
+class RefusalCode(IntEnum):
     """Register 7."""
 
     NONE = 0

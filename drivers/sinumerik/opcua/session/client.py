@@ -22,7 +22,7 @@ from drivers.errors import DeviceRefused, LinkBroken, RemoteProtocolError, Truef
 from drivers.sinumerik.opcua.session import login, nodes, requests
 from drivers.sinumerik.opcua.session import values as typed_values
 from drivers.sinumerik.opcua.session.login import CHANNEL_S, SESSION_S, Offer
-from drivers.sinumerik.opcua.session.requests import AlarmEvent, Limits, Reading
+from drivers.sinumerik.opcua.session.requests import AlarmEvent, Reading, ServerLimits
 from drivers.sinumerik.opcua.session.status import Stage, check_numbers, check_written, foreign, is_lost, refusal
 from drivers.sinumerik.opcua.settings import Secrets
 
@@ -49,7 +49,7 @@ class UaSession:
         self._lock = asyncio.Lock()
         self._client: Any = None
         self._index = 0
-        self._limits = Limits()
+        self._limits = ServerLimits()
         self._spaces: tuple[int, ...] = (0,)
         self._methods: dict[str, tuple[Any, Any]] = {}
         self._secrets: Secrets | None = None
@@ -214,7 +214,7 @@ class UaSession:
             except DeviceRefused as error:
                 if error.fields.get("status") != _TOO_MANY or most == 1:
                     raise
-                self._limits = Limits(max(most // 2, 1), self._limits.write)
+                self._limits = ServerLimits(max(most // 2, 1), self._limits.write)
         self._check_count(len(wanted), len(found))
         return found
 

@@ -51,7 +51,7 @@ _EXTENSIONS = frozenset({"MPF", "SPF", "WPF", "WPD"})
 
 
 @dataclass(frozen=True, slots=True)
-class Address:
+class NodeAddress:
     """A node identifier taken apart: area, name, unit (axis or channel, 1-based), element or block."""
 
     area: str
@@ -76,7 +76,7 @@ class Address:
 
 
 @functools.lru_cache(maxsize=4096)
-def parse(path: str) -> Address | None:
+def parse(path: str) -> NodeAddress | None:
     """Take an identifier apart; None when it is not of the control's form. A blank may follow a comma."""
     match = _PATH.fullmatch(path)
     if match is None or path.endswith("[]"):
@@ -86,42 +86,42 @@ def parse(path: str) -> Address | None:
         last = first + last - 1
     if last is not None and (first is None or last < first):
         return None
-    return Address(area=match["area"], name=match["name"], unit=unit, first=first, last=last)
+    return NodeAddress(area=match["area"], name=match["name"], unit=unit, first=first, last=last)
 
 
 def r_parameter(number: int, channel: int = 1) -> str:
     """Identifier of one R parameter (Double)."""
-    return Address(CHANNEL_AREA, "R", channel, number).path
+    return NodeAddress(CHANNEL_AREA, "R", channel, number).path
 
 
 def r_block(first: int, count: int, channel: int = 1) -> str:
     """Identifier of ``count`` consecutive R parameters, read as one array."""
-    return Address(area=CHANNEL_AREA, name="R", unit=channel, first=first, last=first + count - 1).path
+    return NodeAddress(area=CHANNEL_AREA, name="R", unit=channel, first=first, last=first + count - 1).path
 
 
 def in_channel(name: str, channel: int = 1, block: str = "State") -> str:
     """Identifier of a channel variable: chanStatus, progStatus; block ProgramInfo: msg, progName."""
-    return Address(f"/Channel/{block}", name, None if channel == 1 else channel).path
+    return NodeAddress(f"/Channel/{block}", name, None if channel == 1 else channel).path
 
 
 def of_axis(name: str, axis_number: int, channel: int = 1) -> str:
     """Identifier of a machine axis variable; ``axis_number`` counts from 1: aaStat, aaRef, actToolBasePos."""
-    return Address("/Channel/MachineAxis", name, channel, axis_number).path
+    return NodeAddress("/Channel/MachineAxis", name, channel, axis_number).path
 
 
 def alarm_number(place: int) -> str:
     """Identifier of the number of the ``place``-th pending alarm, 1-based; 0 there means none."""
-    return Address("/Nck/SequencedAlarms", "alarmNo", 1, place).path
+    return NodeAddress("/Nck/SequencedAlarms", "alarmNo", 1, place).path
 
 
 def alarm_text(place: int) -> str:
     """Identifier of the first fill text of the ``place``-th pending alarm."""
-    return Address("/Nck/SequencedAlarms", "fillText1", 1, place).path
+    return NodeAddress("/Nck/SequencedAlarms", "fillText1", 1, place).path
 
 
 def axis_name(place: int) -> str:
     """Identifier of MD10000, the name of machine axis ``place``, 1-based."""
-    return Address(MACHINE_DATA["$MN_"], "$MN_AXCONF_MACHAX_NAME_TAB", 1, place).path
+    return NodeAddress(MACHINE_DATA["$MN_"], "$MN_AXCONF_MACHAX_NAME_TAB", 1, place).path
 
 
 def to_path(name: str, axes: Sequence[str], channel: int = 1) -> str | None:
@@ -147,13 +147,13 @@ def _datum_path(area: str, name: str, inside: list[str], axes: Sequence[str], ch
             return None
         unit = list(axes).index(inside.pop()) + 1
     elif not inside:
-        return Address(area, name, unit if unit != 1 else None).path
+        return NodeAddress(area, name, unit if unit != 1 else None).path
     if len(inside) > 1 or not all(part.isdigit() for part in inside):
         return None
-    return Address(area, name, unit, int(inside[0]) + 1 if inside else None).path
+    return NodeAddress(area, name, unit, int(inside[0]) + 1 if inside else None).path
 
 
-def to_names(address: Address, axes: Sequence[str]) -> tuple[str, ...]:
+def to_names(address: NodeAddress, axes: Sequence[str]) -> tuple[str, ...]:
     """The NC names behind an identifier, one for each element; empty when it is not such a datum."""
     if (address.area, address.name) == (CHANNEL_AREA, "R"):
         return tuple(f"R[{number}]" for number in address.elements if R_FIRST <= number <= R_LAST)

@@ -45,7 +45,7 @@ class Reading:
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
+class ServerLimits:
     """How many nodes one request may name."""
 
     read: int = ANY
@@ -157,11 +157,11 @@ async def methods(client: Any, parent: Any) -> dict[str, Any]:
     return {one.BrowseName.Name: one.NodeId for one in found}
 
 
-async def limits(client: Any) -> Limits:
+async def limits(client: Any) -> ServerLimits:
     """What the server says it takes in one request; no limit where it says nothing."""
     found = await values(client, _LIMITS, 1)
     read, write_ = (int(one.Value.Value or 0) if _good(one) and one.Value is not None else 0 for one in found)
-    return Limits(read or ANY, write_ or ANY)
+    return ServerLimits(read or ANY, write_ or ANY)
 
 
 def readings(paths: Sequence[str], found: Sequence[Any], where: str, now: datetime | None = None) -> list[Reading]:
