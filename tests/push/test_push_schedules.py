@@ -22,7 +22,7 @@ from tests.sizes import few
 pytestmark = pytest.mark.attack
 
 FAMILY = "seeded faults of wire, control, people and disk; controls that swap, switch or forget by themselves"
-SHARDS = 10
+SHARDS = 18
 MODBUS = 900
 SOAK = int(os.environ.get("PUSHES", "10000"))
 
@@ -39,7 +39,7 @@ def play(seeds: range, folder: Path) -> Counter[str]:
     return found
 
 
-@pytest.mark.parametrize("shard", few(range(SHARDS), 3))
+@pytest.mark.parametrize("shard", few(range(SHARDS), 4))
 def test_seeded_faults_on_the_mailbox(tmp_path: Path, shard: int) -> None:
     size = MODBUS // SHARDS
     found = play(range(shard * size, (shard + 1) * size), tmp_path)
