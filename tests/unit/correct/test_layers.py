@@ -29,11 +29,12 @@ from gateway.model.layout import chain_of
 from gateway.model.motion import Fourier
 from gateway.model.preset import TWENTY_ONE, yk7350b
 from gateway.table import Grid
+from tests.sizes import few
 from tests.unit.correct.machines import PLAN, corrected_flank, machine
 from tests.unit.gear.machines import DISC, RV40E
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", few([1, 2, 3]))
 def test_the_corrected_machine_grinds_what_was_predicted(seed: int) -> None:
     grinding, grid = machine(seed)
     found = correct(grinding, grid, PLAN)
