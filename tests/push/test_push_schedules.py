@@ -39,7 +39,7 @@ def play(seeds: range, folder: Path) -> Counter[str]:
     return found
 
 
-@pytest.mark.parametrize("shard", few(range(SHARDS), 4))
+@pytest.mark.parametrize("shard", few(range(SHARDS), 3))
 def test_seeded_faults_on_the_mailbox(tmp_path: Path, shard: int) -> None:
     size = MODBUS // SHARDS
     found = play(range(shard * size, (shard + 1) * size), tmp_path)
