@@ -5,6 +5,8 @@ BIN := $(VENV)/bin
 WORKERS ?= 2
 # Our matrices are small: BLAS threads of several processes only wait for each other.
 export OPENBLAS_NUM_THREADS := 1
+# Tests start many processes: each would compile the whole source again.
+export PYTHONDONTWRITEBYTECODE :=
 
 .PHONY: demo test check long soak attacks interop bench clean
 

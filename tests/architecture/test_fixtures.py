@@ -1,4 +1,4 @@
-"""A fixture that several files need stands once, in a conftest.py."""
+"""A fixture that several files need stands once, in a conftest.py; marks of a file are not lost."""
 
 from __future__ import annotations
 
@@ -7,6 +7,20 @@ from collections import Counter
 from pathlib import Path
 
 TESTS = Path(__file__).parents[1]
+JUDGED = "test_what_tables_and_set_up_values_can_cure_leaves_nothing"
+WHOLLY_LONG = {
+    ("test_judge.py", "test_a_table_as_steep_as_it_may_be_holds_the_floor_up"): JUDGED,
+    ("test_judge.py", "test_no_part_corrected_by_chance_is_better"): JUDGED,
+    ("test_judge.py", "test_of_a_tangential_error_38_percent_stay_on_the_disc_of_eleven"): JUDGED,
+    ("test_judge.py", "test_the_floor_does_not_depend_on_where_its_search_began"): JUDGED,
+    ("test_judge.py", "test_the_work_s_eccentricity_is_kept_out_of_the_tables"): JUDGED,
+    ("test_layers.py", "test_no_machine_of_many_gets_worse"): "test_no_machine_gets_worse",
+    ("test_wire.py", "test_the_gateway_killed_between_the_two_halves"): "test_killed_in_a_fresh_process",
+}
+"""Tests that leave `make test` whole, and the smaller one of the same code that stays.
+
+The judge judges closing runs, most of them long themselves.
+"""
 
 
 def _fixtures(path: Path) -> list[str]:
@@ -17,3 +31,25 @@ def _fixtures(path: Path) -> list[str]:
 def test_no_fixture_is_written_twice() -> None:
     written = Counter(text for path in TESTS.rglob("*.py") for text in set(_fixtures(path)))
     assert [text for text, files in written.items() if files > 1] == []
+
+
+def test_the_marks_of_a_file_are_given_once() -> None:
+    """A second assignment would take back the first one without a word."""
+    twice = []
+    for path in TESTS.rglob("*.py"):
+        nodes = [node for node in ast.parse(path.read_text(encoding="utf-8")).body if isinstance(node, ast.Assign)]
+        if sum(ast.unparse(node.targets[0]) == "pytestmark" for node in nodes) > 1:
+            twice.append(str(path))
+    assert twice == []
+
+
+def test_what_is_long_keeps_a_sample_in_the_default_run() -> None:
+    """A whole test may be long only where the file says which smaller one stays."""
+    marked = [
+        (path.name, node)
+        for path in TESTS.rglob("test_*.py")
+        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+        and any(ast.unparse(one) == "pytest.mark.long" for one in node.decorator_list)
+    ]
+    assert sorted((file, node.name) for file, node in marked) == sorted(WHOLLY_LONG)

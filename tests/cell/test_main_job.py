@@ -10,7 +10,7 @@ from gateway.errors import WriteRefused
 from simulators.cell import Cell
 from simulators.cell.judge import Judge
 from tests.cell.bench import Judged, main_job, short
-from tests.sizes import few
+from tests.sizes import few, long
 
 
 def _never_worse(judged: Judged) -> None:
@@ -40,7 +40,7 @@ def test_the_demo_machines_rotary_axis_gets_better_as_promised(tmp_path: Path) -
         assert Path(judged.outcome.data["report"][kind]).stat().st_size > 1000
 
 
-@pytest.mark.parametrize("axis", ["X1", pytest.param("Z1", marks=pytest.mark.soak)])
+@pytest.mark.parametrize("axis", [long("X1"), pytest.param("Z1", marks=pytest.mark.soak)])
 def test_the_demo_machines_linear_axes_get_better_as_promised(tmp_path: Path, axis: str) -> None:
     judged = main_job(tmp_path, edit=short((axis,), 21, 4))
     _linear_as_promised(judged, axis)
@@ -97,8 +97,8 @@ def test_the_whole_demo(tmp_path: Path) -> None:
     ("axis", "ending", "keys"),
     few(
         [
-            ("C1", "rta", {"file_datum": 0.0, "file_unit": "mrad"}),
             ("X1", "rtl", {"file_datum": -400.0}),
+            ("C1", "rta", {"file_datum": 0.0, "file_unit": "mrad"}),
         ]
     ),
 )

@@ -9,6 +9,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from tests.cell.bench import short
 
 MACHINE = "demo-grinder"
@@ -63,6 +65,7 @@ def test_a_run_over_the_wires_makes_the_axis_better(trueflank_cell: Any) -> None
     assert Path(told["report"]["html"]).exists()
 
 
+@pytest.mark.long  # kills in a process of its own stay in tests/push/test_kill_opcua.py
 def test_the_gateway_killed_between_the_two_halves(trueflank_cell: Any) -> None:
     cell = trueflank_cell("demo", speed=300.0, seed=6)
     site = _short_site(cell)

@@ -20,6 +20,7 @@ from simulators.truth import Truth
 from tests.closing.judge import Floor, Machine, Values, b_left, b_left_on, floor, kept_floor, places, rms
 from tests.closing.machines import ANGULAR_ARCSEC, GEARS, LINEAR_UM, gear_of, machine, written
 from tests.closing.tables import SLOPE, Grid, Table
+from tests.sizes import few
 from tests.unit.simulators.motion import plain_cell
 
 GRIDS = {"Z": Grid(0.0, 300.0, 10.0), "C": Grid(0.0, 360.0, 5.0, modulo=True)}
@@ -85,7 +86,7 @@ def test_what_tables_and_set_up_values_can_cure_leaves_nothing() -> None:
     assert best.values.dressing_um == pytest.approx(-6.0, abs=0.1)
 
 
-@pytest.mark.parametrize(("name", "of"), [("EAC", "ny"), ("EBC", "nx")])
+@pytest.mark.parametrize(("name", "of"), few([("EAC", "ny"), ("EBC", "nx")]))
 def test_a_twist_from_space_to_space_stays_whole(name: str, of: str) -> None:
     """a(k) z n: no sum of tables over Z and over C makes a product whose factors both have no mean."""
     found = with_errors(**{name: wave(2, 5.0)})
@@ -96,6 +97,7 @@ def test_a_twist_from_space_to_space_stays_whole(name: str, of: str) -> None:
     assert floor(found, GRIDS).rms_um == pytest.approx(np.hypot(twist, shift), rel=0.01)
 
 
+@pytest.mark.long
 def test_no_part_corrected_by_chance_is_better(drawn: tuple[Machine, Floor]) -> None:
     found, best = drawn
     rng = np.random.default_rng(11)
@@ -111,6 +113,7 @@ def test_no_part_corrected_by_chance_is_better(drawn: tuple[Machine, Floor]) -> 
     assert rms(found.flank(replace(best.values, dressing_um=best.values.dressing_um - 0.05))) > best.rms_um
 
 
+@pytest.mark.long
 def test_the_floor_does_not_depend_on_where_its_search_began(drawn: tuple[Machine, Floor]) -> None:
     found, best = drawn
     again = floor(found, GRIDS, start=Values(20.0, -15.0))
@@ -118,6 +121,7 @@ def test_the_floor_does_not_depend_on_where_its_search_began(drawn: tuple[Machin
     assert rms(found.places.set_right(found.flank(Values()))) > 2.0 * best.rms_um
 
 
+@pytest.mark.long
 def test_a_table_as_steep_as_it_may_be_holds_the_floor_up() -> None:
     """A ridge of 5 um beside the middle: X(Z) may rise 1 um per mm, so a part of it stays, and that is said."""
     ridge = {"kind": "table", "positions": [-5.0, 140.0, 150.0, 160.0, 320.0], "values": [0.0, 0.0, 25.0, 0.0, 0.0]}
@@ -129,6 +133,7 @@ def test_a_table_as_steep_as_it_may_be_holds_the_floor_up() -> None:
     assert best.rms_um > 1.0
 
 
+@pytest.mark.long
 def test_the_work_s_eccentricity_is_kept_out_of_the_tables() -> None:
     true = with_errors()
     off = replace(true, seat=true.seat.then(clamped(Clamping(eccentric_um=0.3), 5, "blank")))
@@ -139,6 +144,7 @@ def test_the_work_s_eccentricity_is_kept_out_of_the_tables() -> None:
     assert rms(off.places.trued(off.flank(Values()))) < 0.01 * runout
 
 
+@pytest.mark.long
 def test_of_a_tangential_error_38_percent_stay_on_the_disc_of_eleven() -> None:
     cell = load_cell("eleven")
     assert cell.part is not None

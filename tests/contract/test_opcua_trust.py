@@ -166,7 +166,8 @@ step = 5.0
 """
 
 
-def test_the_commands(keys: Path, tmp_path: Path) -> None:
+@pytest.mark.wall_time
+async def test_the_commands(keys: Path, tmp_path: Path) -> None:
     site = tmp_path / "site.toml"
     place = tmp_path / "pinned" / "control.der"
 
@@ -176,35 +177,32 @@ def test_the_commands(keys: Path, tmp_path: Path) -> None:
         )
         return (getattr(result.exception, "exit_code", result.exit_code), result.output)
 
-    async def main() -> None:
-        clock = LoopClock()
-        nck = Nck(SPEC, clock)
-        await nck.start()
-        server = SinumerikServer(nck, clock, {"folder": str(keys), "users": {"trueflank": "trueflank"}})
-        await server.start()
-        secret = tmp_path / "password"
-        secret.write_text("trueflank\n")
-        site.write_text(SITE.format(url=server.url, serial=SPEC.serial, place=place, secret=secret))
-        code, said = await asyncio.to_thread(command, "trust", "show", "--json")
-        shown = json.loads(said)
-        assert (code, shown["equal"], shown["pinned"]) == (5, False, None)
-        assert (await asyncio.to_thread(command, "doctor"))[0] == 5
-        code, _ = await asyncio.to_thread(command, "trust", "accept", "--thumbprint", shown["own"]["sha256"])
-        assert code == 5
-        assert not (await asyncio.to_thread(place.exists))
-        code, said = await asyncio.to_thread(command, "trust", "accept", "--thumbprint", shown["shown"]["sha256"])
-        assert code == 0, said
-        assert "accepted by" in said
-        code, said = await asyncio.to_thread(command, "doctor", "--json")
-        told = json.loads(said)
-        assert (code, told["ok"]) == (0, True), [line for line in told["lines"] if line["outcome"] != "ok"]
-        code, said = await asyncio.to_thread(command, "doctor")
-        assert (code, "WRONG" in said) == (0, False)
-        assert server.requests.changing == 0
-        await server.stop()
-        await nck.stop()
-
-    asyncio.run(main())
+    clock = LoopClock()
+    nck = Nck(SPEC, clock)
+    await nck.start()
+    server = SinumerikServer(nck, clock, {"folder": str(keys), "users": {"trueflank": "trueflank"}})
+    await server.start()
+    secret = tmp_path / "password"
+    secret.write_text("trueflank\n")
+    site.write_text(SITE.format(url=server.url, serial=SPEC.serial, place=place, secret=secret))
+    code, said = await asyncio.to_thread(command, "trust", "show", "--json")
+    shown = json.loads(said)
+    assert (code, shown["equal"], shown["pinned"]) == (5, False, None)
+    assert (await asyncio.to_thread(command, "doctor"))[0] == 5
+    code, _ = await asyncio.to_thread(command, "trust", "accept", "--thumbprint", shown["own"]["sha256"])
+    assert code == 5
+    assert not (await asyncio.to_thread(place.exists))
+    code, said = await asyncio.to_thread(command, "trust", "accept", "--thumbprint", shown["shown"]["sha256"])
+    assert code == 0, said
+    assert "accepted by" in said
+    code, said = await asyncio.to_thread(command, "doctor", "--json")
+    told = json.loads(said)
+    assert (code, told["ok"]) == (0, True), [line for line in told["lines"] if line["outcome"] != "ok"]
+    code, said = await asyncio.to_thread(command, "doctor")
+    assert (code, "WRONG" in said) == (0, False)
+    assert server.requests.changing == 0
+    await server.stop()
+    await nck.stop()
 
 
 @pytest.mark.skipif(os.name != "posix", reason="rights of files are told on POSIX only")

@@ -22,7 +22,7 @@ from tests.sizes import few
 pytestmark = pytest.mark.attack
 
 FAMILY = "seeded faults of wire, control, people and disk; controls that swap, switch or forget by themselves"
-SHARDS = 10
+SHARDS = 18
 MODBUS = 900
 SOAK = int(os.environ.get("PUSHES", "10000"))
 

@@ -160,25 +160,22 @@ class Watcher:
 
 
 @pytest.mark.parametrize("alone", [True, False], ids=["no person needed", "an operator needed"])
-def test_the_daemon_compares_by_itself_or_says_that_it_is_due(alone: bool) -> None:
-    async def main() -> None:
-        clock, done = LoopClock(started_utc=datetime(2026, 11, 21, 5, tzinfo=UTC)), []
+async def test_the_daemon_compares_by_itself_or_says_that_it_is_due(alone: bool) -> None:
+    clock, done = LoopClock(started_utc=datetime(2026, 11, 21, 5, tzinfo=UTC)), []
 
-        async def job(_say: Any) -> object:
-            done.append(clock.utc())
-            raise BusyError("E-WEB-BUSY", "daemon", run="r-0")
+    async def job(_say: Any) -> object:
+        done.append(clock.utc())
+        raise BusyError("E-WEB-BUSY", "daemon", run="r-0")
 
-        daily = Daily(6, lambda: ("X1",) if clock.utc().hour >= 6 else (), job if alone else None)
-        desk: Any = Watcher(clock)
-        task = asyncio.create_task(each_day(desk, daily, clock))
-        await clock.sleep(3600.0 - LOOK_EVERY_S)
-        assert (done, daily.words) == ([], "")
-        await clock.sleep(2 * LOOK_EVERY_S)
-        assert len(done) == alone
-        assert ("X1" in daily.words) is not alone
-        await clock.sleep(TRY_AGAIN_S)
-        assert desk.begun == 2 * alone, "what failed is tried again after an hour, not before"
-        task.cancel()
-        await asyncio.gather(task, return_exceptions=True)
-
-    run_virtual(main)
+    daily = Daily(6, lambda: ("X1",) if clock.utc().hour >= 6 else (), job if alone else None)
+    desk: Any = Watcher(clock)
+    task = asyncio.create_task(each_day(desk, daily, clock))
+    await clock.sleep(3600.0 - LOOK_EVERY_S)
+    assert (done, daily.words) == ([], "")
+    await clock.sleep(2 * LOOK_EVERY_S)
+    assert len(done) == alone
+    assert ("X1" in daily.words) is not alone
+    await clock.sleep(TRY_AGAIN_S)
+    assert desk.begun == 2 * alone, "what failed is tried again after an hour, not before"
+    task.cancel()
+    await asyncio.gather(task, return_exceptions=True)

@@ -100,7 +100,8 @@ def test_fault_16_more_than_a_port_can_hold_is_an_error_and_not_a_loss(monkeypat
     run_clean(main, virtual=False)
 
 
-def test_giving_up_the_opening_leaves_no_port_open(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.wall_time
+async def test_giving_up_the_opening_leaves_no_port_open(monkeypatch: pytest.MonkeyPatch) -> None:
     closed = threading.Event()
     may_open = threading.Event()
 
@@ -117,14 +118,11 @@ def test_giving_up_the_opening_leaves_no_port_open(monkeypatch: pytest.MonkeyPat
 
     monkeypatch.setattr(serial_io.serial, "serial_for_url", slowly)
 
-    async def main() -> None:
-        with pytest.raises(DeadlineExceeded):
-            await open_transport("COM7", LoopClock(), 0.05)
-        assert not closed.is_set()
-        may_open.set()
-        assert await asyncio.to_thread(closed.wait, 10.0)
-
-    asyncio.run(main())
+    with pytest.raises(DeadlineExceeded):
+        await open_transport("COM7", LoopClock(), 0.05)
+    assert not closed.is_set()
+    may_open.set()
+    assert await asyncio.to_thread(closed.wait, 10.0)
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ import pytest
 from gateway.domain import Between
 from gateway.evaluate.behaviour.fine_structure import hidden_structure, lonely, means_between
 from gateway.evaluate.behaviour.repetitions import robust_means
+from tests.sizes import few
 from tests.unit.evaluate.hostile import Captured, Curve, captured
 
 
@@ -34,8 +35,8 @@ def test_good_machines_raise_no_alarm() -> None:
 @pytest.mark.parametrize("even", [True, False])
 @pytest.mark.parametrize(
     ("rotary", "count", "length", "size"),
-    [(True, 24, 15.0, 36.0), (True, 24, 7.5, 36.0), (True, 24, 360.0 / 25, 5.0), (False, 21, 20.0, 5.0),
-     (False, 21, 21.0, 2.0)],
+    few([(True, 24, 15.0, 36.0), (False, 21, 21.0, 2.0), (True, 24, 7.5, 36.0), (True, 24, 360.0 / 25, 5.0),
+         (False, 21, 20.0, 5.0)], 2),
 )  # fmt: skip
 def test_waves_near_the_targets_spacing_are_found_and_not_understated(
     rotary: bool, count: int, length: float, size: float, even: bool

@@ -480,27 +480,24 @@ def test_fault_87_broadcast_is_forbidden() -> None:
         ModbusCodec(0, "tcp").send(Question(16, 0, 1, (1,)))
 
 
-def test_fault_88_after_a_timeout_no_answer_goes_to_the_next_question() -> None:
+async def test_fault_88_after_a_timeout_no_answer_goes_to_the_next_question() -> None:
     """A(10) times out, B(20) would get A's data: the line is drained and opened anew instead."""
     rogue = Rogue(framer="rtu")
     rogue.registers[200:230] = range(1000, 1030)
 
-    async def main() -> None:
-        async with serving(rogue) as url:
-            wire = ModbusWire(url, ModbusSettings(framer="rtu"), rogue.clock, "grinder")
-            await wire.open(5.0)
-            late: Lie = lambda asked, reply: [1.05, reply] if asked.address == 200 else None  # noqa: E731
-            rogue.lie = late
-            with pytest.raises(DeadlineExceeded):
-                await wire.read(200, 2)
-            with pytest.raises(LinkBroken):
-                await wire.read(210, 2)
-            await wire.open(5.0)
-            assert await wire.read(210, 2) == (1010, 1011)
-            assert await wire.read(220, 2) == (1020, 1021)
-            await wire.close()
-
-    run_virtual(main)
+    async with serving(rogue) as url:
+        wire = ModbusWire(url, ModbusSettings(framer="rtu"), rogue.clock, "grinder")
+        await wire.open(5.0)
+        late: Lie = lambda asked, reply: [1.05, reply] if asked.address == 200 else None  # noqa: E731
+        rogue.lie = late
+        with pytest.raises(DeadlineExceeded):
+            await wire.read(200, 2)
+        with pytest.raises(LinkBroken):
+            await wire.read(210, 2)
+        await wire.open(5.0)
+        assert await wire.read(210, 2) == (1010, 1011)
+        assert await wire.read(220, 2) == (1020, 1021)
+        await wire.close()
 
 
 def test_fault_88_a_line_that_answers_the_question_before_is_found_out() -> None:

@@ -18,6 +18,7 @@ from gateway.errors import StoreError, WriteRefused
 from gateway.push import Finding, look, push_table, recover, unfinished
 from gateway.push.records import journal
 from gateway.push.undo.finding import verdict
+from tests.sizes import few
 from tests.unit.push.double import (
     MACHINE,
     NEVER,
@@ -85,9 +86,22 @@ def expected(machine: Machine, old: LiveTable, kinds: tuple[str, ...]) -> str:
     return "R-PUSH-HALF"
 
 
-@pytest.mark.parametrize("fail", [False, True], ids=["good", "failing"])
-@pytest.mark.parametrize("operator", ["presses reset", "presses start"])
-@pytest.mark.parametrize("old", [OLD_ON, LiveTable(NEVER, enabled=False)], ids=["old on", "never loaded"])
+@pytest.mark.parametrize(
+    ("old", "operator", "fail"),
+    few(
+        [
+            (OLD_ON, "presses reset", False),
+            (LiveTable(NEVER, enabled=False), "presses start", False),
+            (OLD_ON, "presses start", True),
+            (OLD_ON, "presses start", False),
+            (OLD_ON, "presses reset", True),
+            (LiveTable(NEVER, enabled=False), "presses reset", False),
+            (LiveTable(NEVER, enabled=False), "presses reset", True),
+            (LiveTable(NEVER, enabled=False), "presses start", True),
+        ],
+        3,
+    ),
+)
 def test_killed_at_every_step(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, old: LiveTable, operator: str, fail: bool
 ) -> None:

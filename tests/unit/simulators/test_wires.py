@@ -56,44 +56,35 @@ async def rows_until(wire: ByteTransport, count: int) -> np.ndarray:
     return rows
 
 
-def test_the_counter_streams_every_sample_once() -> None:
-    async def main() -> None:
-        async with umd() as (answerer, wire, _clock):
-            rows = await rows_until(wire, 4000)
-            assert np.all(np.diff(rows[:, SEQUENCE]) == 1)
-            column = rows[:, DISPLACEMENT[0]]
-            np.testing.assert_array_equal(np.diff(column), rows[1:, VELOCITY[0]])
-            assert column[-1] * answerer.counter.count_mm == pytest.approx(10.0 * 1.00026, abs=1e-3)
-
-    run_virtual(main)
+async def test_the_counter_streams_every_sample_once() -> None:
+    async with umd() as (answerer, wire, _clock):
+        rows = await rows_until(wire, 4000)
+        assert np.all(np.diff(rows[:, SEQUENCE]) == 1)
+        column = rows[:, DISPLACEMENT[0]]
+        np.testing.assert_array_equal(np.diff(column), rows[1:, VELOCITY[0]])
+        assert column[-1] * answerer.counter.count_mm == pytest.approx(10.0 * 1.00026, abs=1e-3)
 
 
-def test_the_slow_values_say_what_the_counter_is() -> None:
-    async def main() -> None:
-        async with umd() as (_answerer, wire, _clock):
-            rows = await rows_until(wire, 64)
-            slow = dict(zip(rows[:, CODE].tolist(), rows[:, DATA].tolist(), strict=True))
-            assert slow[8] == 100_000
-            assert slow[20] == 16 * 256 + 1
-            assert (slow[3], slow[4], slow[5]) == (2234, 2170, 99150)
-
-    run_virtual(main)
+async def test_the_slow_values_say_what_the_counter_is() -> None:
+    async with umd() as (_answerer, wire, _clock):
+        rows = await rows_until(wire, 64)
+        slow = dict(zip(rows[:, CODE].tolist(), rows[:, DATA].tolist(), strict=True))
+        assert slow[8] == 100_000
+        assert slow[20] == 16 * 256 + 1
+        assert (slow[3], slow[4], slow[5]) == (2234, 2170, 99150)
 
 
-def test_a_pulled_line_ends_the_stream_and_can_be_put_back() -> None:
-    async def main() -> None:
-        async with umd() as (answerer, wire, clock):
-            await rows_until(wire, 10)
-            await answerer.pull()
-            with pytest.raises(TransportError):
-                await rows_until(wire, 100_000)
-            with pytest.raises(TransportError):
-                await open_transport("memory://umd-test", clock, 1.0)
-            again = await open_transport(await answerer.plug("memory://umd-test"), clock, 1.0)
-            assert len(await rows_until(again, 10)) >= 10
-            await again.close()
-
-    run_virtual(main)
+async def test_a_pulled_line_ends_the_stream_and_can_be_put_back() -> None:
+    async with umd() as (answerer, wire, clock):
+        await rows_until(wire, 10)
+        await answerer.pull()
+        with pytest.raises(TransportError):
+            await rows_until(wire, 100_000)
+        with pytest.raises(TransportError):
+            await open_transport("memory://umd-test", clock, 1.0)
+        again = await open_transport(await answerer.plug("memory://umd-test"), clock, 1.0)
+        assert len(await rows_until(again, 10)) >= 10
+        await again.close()
 
 
 def test_a_fault_plan_is_the_same_for_the_same_seed() -> None:
@@ -109,13 +100,10 @@ def test_a_fault_plan_is_the_same_for_the_same_seed() -> None:
     assert received[0] == received[1] != received[2]
 
 
-def test_a_fault_plan_can_cut_the_wire() -> None:
-    async def main() -> None:
-        async with umd(FaultPlan(cut_after=50_000)) as (_answerer, wire, _clock):
-            with pytest.raises(TransportError):
-                await rows_until(wire, 1_000_000)
-
-    run_virtual(main)
+async def test_a_fault_plan_can_cut_the_wire() -> None:
+    async with umd(FaultPlan(cut_after=50_000)) as (_answerer, wire, _clock):
+        with pytest.raises(TransportError):
+            await rows_until(wire, 1_000_000)
 
 
 class Client:
@@ -162,25 +150,22 @@ async def bridge(motion: Motion = JOG) -> AsyncIterator[tuple[BridgeAnswerer, Cl
         await answerer.stop()
 
 
-def test_the_calibrator_proves_its_sense_over_the_bridge() -> None:
-    async def main() -> None:
-        async with bridge() as (_answerer, client, clock):
-            identity = (await client.ask("bridge.identify"))["result"]
-            assert identity["channels"] == ["device_deg", "laser_deg"]
-            await client.ask("stream.start")
-            await client.ask("calibrator.hold")
-            await client.listen(clock.now() + 4.0)
-            assert client.last("laser_deg") == pytest.approx(0.1, abs=1e-8)
-            assert client.last("device_deg") == 0.0
-            assert (await client.ask("calibrator.turn", by_deg=-0.1))["result"] == {}
-            await client.listen(clock.now())
-            assert client.last("laser_deg") == pytest.approx(0.0, abs=1e-8)
-            assert client.last("device_deg") == pytest.approx(-0.1, abs=1e-8)
-            numbers = [sample["sequence"] for sample in client.samples]
-            lengths = [len(sample["values"]["laser_deg"]) for sample in client.samples]
-            assert numbers == [int(n) for n in np.cumsum([0, *lengths[:-1]])]
-
-    run_virtual(main)
+async def test_the_calibrator_proves_its_sense_over_the_bridge() -> None:
+    async with bridge() as (_answerer, client, clock):
+        identity = (await client.ask("bridge.identify"))["result"]
+        assert identity["channels"] == ["device_deg", "laser_deg"]
+        await client.ask("stream.start")
+        await client.ask("calibrator.hold")
+        await client.listen(clock.now() + 4.0)
+        assert client.last("laser_deg") == pytest.approx(0.1, abs=1e-8)
+        assert client.last("device_deg") == 0.0
+        assert (await client.ask("calibrator.turn", by_deg=-0.1))["result"] == {}
+        await client.listen(clock.now())
+        assert client.last("laser_deg") == pytest.approx(0.0, abs=1e-8)
+        assert client.last("device_deg") == pytest.approx(-0.1, abs=1e-8)
+        numbers = [sample["sequence"] for sample in client.samples]
+        lengths = [len(sample["values"]["laser_deg"]) for sample in client.samples]
+        assert numbers == [int(n) for n in np.cumsum([0, *lengths[:-1]])]
 
 
 @pytest.mark.parametrize(
@@ -192,51 +177,39 @@ def test_the_calibrator_proves_its_sense_over_the_bridge() -> None:
         ("calibrator.turn", {"by_deg": 1e9}, -32602),
     ],
 )
-def test_the_calibrator_refuses_what_it_does_not_know(method: str, params: dict[str, Any], code: int) -> None:
-    async def main() -> None:
-        async with bridge() as (_answerer, client, _clock):
-            assert (await client.ask(method, **params))["error"]["code"] == code
-
-    run_virtual(main)
+async def test_the_calibrator_refuses_what_it_does_not_know(method: str, params: dict[str, Any], code: int) -> None:
+    async with bridge() as (_answerer, client, _clock):
+        assert (await client.ask(method, **params))["error"]["code"] == code
 
 
-def test_a_second_client_is_told_that_the_calibrator_is_busy() -> None:
-    async def main() -> None:
-        async with bridge() as (_answerer, client, clock):
-            await client.ask("bridge.identify")
-            wire = await open_transport("memory://bridge-test", clock, 1.0)
-            assert (await Client(wire).ask("bridge.identify"))["error"]["code"] == -32001
-            await wire.close()
-
-    run_virtual(main)
+async def test_a_second_client_is_told_that_the_calibrator_is_busy() -> None:
+    async with bridge() as (_answerer, client, clock):
+        await client.ask("bridge.identify")
+        wire = await open_transport("memory://bridge-test", clock, 1.0)
+        assert (await Client(wire).ask("bridge.identify"))["error"]["code"] == -32001
+        await wire.close()
 
 
-def test_a_lost_beam_is_marked_until_the_next_datum() -> None:
-    async def main() -> None:
-        async with bridge() as (answerer, client, clock):
-            await client.ask("stream.start")
-            answerer._bench.broken.add("calibrator")
-            await client.listen(clock.now() + 0.5)
-            assert client.samples[-1]["valid"][-1] is False
-            kinds = [event["kind"] for sample in client.samples for event in sample.get("events", [])]
-            assert kinds == ["beam_obstructed"]
-            assert (await client.ask("stream.datum"))["error"]["code"] == -32002
-            answerer._bench.broken.clear()
-            await client.listen(clock.now() + 0.5)
-            assert client.samples[-1]["valid"][-1] is False
-            await client.ask("stream.datum")
-            await client.listen(clock.now() + 0.5)
-            assert "valid" not in client.samples[-1]
-
-    run_virtual(main)
+async def test_a_lost_beam_is_marked_until_the_next_datum() -> None:
+    async with bridge() as (answerer, client, clock):
+        await client.ask("stream.start")
+        answerer._bench.broken.add("calibrator")
+        await client.listen(clock.now() + 0.5)
+        assert client.samples[-1]["valid"][-1] is False
+        kinds = [event["kind"] for sample in client.samples for event in sample.get("events", [])]
+        assert kinds == ["beam_obstructed"]
+        assert (await client.ask("stream.datum"))["error"]["code"] == -32002
+        answerer._bench.broken.clear()
+        await client.listen(clock.now() + 0.5)
+        assert client.samples[-1]["valid"][-1] is False
+        await client.ask("stream.datum")
+        await client.listen(clock.now() + 0.5)
+        assert "valid" not in client.samples[-1]
 
 
-def test_no_reference_no_stream() -> None:
-    async def main() -> None:
-        async with bridge() as (answerer, client, _clock):
-            answerer.referenced = False
-            assert (await client.ask("stream.start"))["error"]["code"] == -32003
-            answerer.referenced, answerer.battery_pct = True, 3.0
-            assert (await client.ask("stream.start"))["error"]["code"] == -32005
-
-    run_virtual(main)
+async def test_no_reference_no_stream() -> None:
+    async with bridge() as (answerer, client, _clock):
+        answerer.referenced = False
+        assert (await client.ask("stream.start"))["error"]["code"] == -32003
+        answerer.referenced, answerer.battery_pct = True, 3.0
+        assert (await client.ask("stream.start"))["error"]["code"] == -32005

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from drivers.bridge.device import BridgeInstrument
-from drivers.clock import LoopClock, run_virtual
+from drivers.clock import LoopClock
 from drivers.files.rtl import RtaFormat, RtlFormat
 from drivers.umd.device import UmdCounter
 from simulators.bridge import BridgeAnswerer
@@ -20,50 +20,44 @@ from simulators.umd import UmdAnswerer
 from tests.unit.simulators.test_wires import bench_of
 
 
-def test_the_laser_driver_reads_the_path_and_the_air() -> None:
-    async def main() -> None:
-        bench, clock = bench_of(), LoopClock()
-        answerer = UmdAnswerer(LaserCounter(bench.cell.instruments[0], bench), bench, clock, 0.25)
-        driver = UmdCounter("laser", await answerer.start("memory://laser-drv"), {}, clock)
-        await driver.open(5.0)
-        ambient = await driver.ambient()
-        assert (ambient.air_degc, ambient.pressure_hpa, ambient.material_degc) == (22.34, 991.5, (21.7,))
-        last = np.nan
-        async for block in driver.blocks():
-            assert block.lost == 0
-            assert block.valid.all()
-            last = float(block.values[-1, 0])
-            if block.time_s[-1] > 5.0:
-                break
-        assert last == pytest.approx(10.0 * 1.00026, abs=1e-3)
-        await driver.close()
-        await answerer.stop()
-
-    run_virtual(main)
+async def test_the_laser_driver_reads_the_path_and_the_air() -> None:
+    bench, clock = bench_of(), LoopClock()
+    answerer = UmdAnswerer(LaserCounter(bench.cell.instruments[0], bench), bench, clock, 0.25)
+    driver = UmdCounter("laser", await answerer.start("memory://laser-drv"), {}, clock)
+    await driver.open(5.0)
+    ambient = await driver.ambient()
+    assert (ambient.air_degc, ambient.pressure_hpa, ambient.material_degc) == (22.34, 991.5, (21.7,))
+    last = np.nan
+    async for block in driver.blocks():
+        assert block.lost == 0
+        assert block.valid.all()
+        last = float(block.values[-1, 0])
+        if block.time_s[-1] > 5.0:
+            break
+    assert last == pytest.approx(10.0 * 1.00026, abs=1e-3)
+    await driver.close()
+    await answerer.stop()
 
 
-def test_the_calibrator_driver_follows_the_house_rule_of_senses() -> None:
-    async def main() -> None:
-        bench, clock = bench_of(), LoopClock()
-        answerer = BridgeAnswerer(RotaryReader(bench.cell.instruments[1], bench), bench, clock, 0.1)
-        driver = BridgeInstrument("calibrator", await answerer.start("memory://cal-drv"), {}, clock)
-        identity = await driver.open(5.0)
-        assert identity.serial == "XR-0001"
-        await driver.hold()
-        seen, turned = np.zeros(2), False
-        async for block in driver.blocks():
-            seen = block.values[-1]
-            if clock.now() > 4.0 and not turned:
-                np.testing.assert_allclose(seen, [0.0, 0.1], atol=1e-8)
-                await driver.turn(-0.1)
-                turned = True
-            elif clock.now() > 6.0:
-                break
-        np.testing.assert_allclose(seen, [-0.1, 0.0], atol=1e-8)
-        await driver.close()
-        await answerer.stop()
-
-    run_virtual(main)
+async def test_the_calibrator_driver_follows_the_house_rule_of_senses() -> None:
+    bench, clock = bench_of(), LoopClock()
+    answerer = BridgeAnswerer(RotaryReader(bench.cell.instruments[1], bench), bench, clock, 0.1)
+    driver = BridgeInstrument("calibrator", await answerer.start("memory://cal-drv"), {}, clock)
+    identity = await driver.open(5.0)
+    assert identity.serial == "XR-0001"
+    await driver.hold()
+    seen, turned = np.zeros(2), False
+    async for block in driver.blocks():
+        seen = block.values[-1]
+        if clock.now() > 4.0 and not turned:
+            np.testing.assert_allclose(seen, [0.0, 0.1], atol=1e-8)
+            await driver.turn(-0.1)
+            turned = True
+        elif clock.now() > 6.0:
+            break
+    np.testing.assert_allclose(seen, [-0.1, 0.0], atol=1e-8)
+    await driver.close()
+    await answerer.stop()
 
 
 @pytest.mark.parametrize("rotary", [False, True])

@@ -221,16 +221,13 @@ def test_what_is_left_in_the_control_is_shown_while_no_run_has_it() -> None:
     at_desk(body, devices, runs)
 
 
-def test_after_the_stop_no_run_begins() -> None:
-    async def main() -> None:
-        desk, stop = Desk(Devices(), Runs(), LoopClock()), asyncio.Event()
-        stop.set()
-        await desk.work(stop)
-        with pytest.raises(BusyError) as caught:
-            await desk.start()
-        assert caught.value.code == "E-WEB-STOPPING"
-
-    run_virtual(main)
+async def test_after_the_stop_no_run_begins() -> None:
+    desk, stop = Desk(Devices(), Runs(), LoopClock()), asyncio.Event()
+    stop.set()
+    await desk.work(stop)
+    with pytest.raises(BusyError) as caught:
+        await desk.start()
+    assert caught.value.code == "E-WEB-STOPPING"
 
 
 def test_a_run_that_cannot_begin_tells_its_caller_and_is_over() -> None:
