@@ -13,6 +13,10 @@ from drivers.sinumerik.mailbox.codec import registers
 FOLDER = Path(__file__).parents[3] / "docs" / "plc"
 FILES = sorted(FOLDER.glob("*.st"))
 CODE = {path.name: re.sub(r"\(\*.*?\*\)", "", path.read_text(encoding="utf-8"), flags=re.DOTALL) for path in FILES}
+ORDER = ("tf_types.st", "tf_constants.st", "tf_control.st", "tf_words.st", "tf_checks.st", "tf_mailbox.st")
+RESERVED = (
+    "STEP INITIAL_STEP TRANSITION ACTION FROM TO ON PROGRAM TASK RESOURCE PRIORITY AT EN ENO TYPE RETURN EXIT BY OF"
+)
 EVERYTHING = "\n".join(CODE.values())
 CONSTANTS = {
     name: int(value.replace("16#", "0x"), 0)
@@ -84,6 +88,46 @@ def _closed(text: str, word: str) -> bool:
     tail = r"\b" if word != "VAR" else r"(?:_GLOBAL|_INPUT|_IN_OUT|_OUTPUT)?\b"
     opened = len(re.findall(rf"(?<![\w_]){word}{tail}", text))
     return opened == len(re.findall(rf"\bEND_{word}\b", text))
+
+
+def test_it_keeps_to_the_standard() -> None:
+    """As a strict compiler asks: structures ended, named types where arrays are handed over, no constants of a file."""
+    assert set(ORDER) == set(CODE)
+    assert not re.findall(r"END_STRUCT(?!;)", EVERYTHING)
+    assert "VAR_GLOBAL" not in EVERYTHING
+    for block in re.findall(r"VAR_(?:INPUT|IN_OUT|OUTPUT)\b(.*?)END_VAR", EVERYTHING, flags=re.DOTALL):
+        assert "ARRAY" not in block
+    names = set(re.findall(r"^\s+(\w+)\s*:\s*\w", EVERYTHING, flags=re.MULTILINE))
+    assert not {name.upper() for name in names} & set(RESERVED.split())
+
+
+def test_nothing_is_used_before_it_is_there() -> None:
+    whole = "\n".join(CODE[name] for name in ORDER)
+    for kind in ("FUNCTION", "TYPE"):
+        for name in re.findall(rf"^{kind}\s+(TF_\w+)", whole, flags=re.MULTILINE):
+            assert (
+                re.search(rf"\b{name}\b", whole[: re.search(rf"^{kind}\s+{name}\b", whole, re.MULTILINE).start()])
+                is None
+            )  # type: ignore[union-attr]
+
+
+def test_every_constant_of_a_block_is_that_of_the_list() -> None:
+    blocks = {name: text for name, text in CODE.items() if name != "tf_constants.st"}
+    found = re.findall(r"\bTF_(\w+)\s*:\s*(?:INT|WORD|DWORD)\s*:=\s*([\w#]+);", "\n".join(blocks.values()))
+    assert len(found) > 80
+    assert [name for name, value in found if CONSTANTS[name] != int(value.replace("16#", "0x"), 0)] == []
+    for text in blocks.values():
+        for part in re.split(r"^(?=FUNCTION)", text, flags=re.MULTILINE)[1:]:
+            body = part[part.rindex("END_VAR") :]
+            used = {name for name in re.findall(r"\bTF_(\w+)", body) if name in CONSTANTS}
+            assert used == {name for name, _ in re.findall(r"\bTF_(\w+)\s*:\s*(INT|WORD|DWORD)\s*:=", part)}
+
+
+def test_a_refused_table_is_not_shown_under_the_old_selection() -> None:
+    """The picture is taken over only from a job for the very table that is selected."""
+    shown = CODE["tf_mailbox.st"].partition("R[TF_SELECTED_KIND]")[0].rpartition("IF JobDone")[2]
+    for pair in ("Job.TableKind = SelKind", "Job.Index = SelIndex", "Job.Encoder = SelEncoder", "Job.Axis = SelAxis"):
+        assert pair in shown
 
 
 def test_every_variable_of_the_mailbox_is_used() -> None:
