@@ -7,6 +7,7 @@ names the trial that it broke; what went well is a line of the file TFSELF.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -28,6 +29,9 @@ _LEFT, _FAILED = "TF_LEFT", "TF_FAILED"
 _OLD, _LINE = "UOLD", "ULINE"
 _STOPS = "press RESET: nothing that acts was written. R{counter} holds the number of the trial that was not passed."
 _FULL_LINE = 180
+_FIRST = re.compile(r";TRUEFLANK SELF \d+ \w+", re.ASCII)
+_DATE = re.compile(r";AT (\d{4})-(\d{1,2})-(\d{1,2})", re.ASCII)
+_TRIED = re.compile(r";(PASSED|NOT PASSED) \d+ (.+)", re.ASCII)
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +53,8 @@ def self_test(axis: str, encoder: int, number: int, setting: Setting) -> str:
     out += [f"{words.name(word)}=0" for word in (Word.COUNTER, Word.ECHO, Word.MISMATCHES, Word.RELEASE)]
     out += [f"{words.name(Word.TRANSACTION)}={number}", "STOPRE", unless_aborted(words, _LEFT)]
     out += [f'DELETE({backup.ERROR},"{path}")', *_said(path, f";TRUEFLANK SELF {number} {axis}")]
+    day = '";AT "<<$A_YEAR<<"-"<<$A_MONTH<<"-"<<$A_DAY'
+    out += [f'WRITE({backup.ERROR},"{path}",{day})', f"IF {backup.ERROR}<>0 GOTOF {_FAILED}"]
     for place, trial in enumerate(trials, start=1):
         out += [section(trial.word), "STOPRE", f"{words.name(Word.COUNTER)}={place}", *trial.blocks]
         out += [f"IF {trial.holds}", *_said(path, f";PASSED {place} {trial.word}"), "ELSE"]
@@ -65,6 +71,31 @@ def self_test(axis: str, encoder: int, number: int, setting: Setting) -> str:
 def words_of(axis: str, encoder: int, setting: Setting) -> tuple[str, ...]:
     """What is tried, in order."""
     return tuple(trial.word for trial in _trials(axis, encoder, file_path("SELF", axis), setting))
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """What a self-test's file says: the control's own date, words passed and not passed, whether it came to its end."""
+
+    date: str
+    passed: tuple[str, ...]
+    failed: tuple[str, ...]
+    whole: bool
+
+
+def read_report(text: str, axis: str) -> Report | None:
+    """The report of an axis' self-test; None for any other file."""
+    lines = [line.rstrip() for line in text.rstrip().splitlines()]
+    if len(lines) < 2 or not (_FIRST.fullmatch(lines[0]) and lines[0].endswith(f" {axis}")):
+        return None
+    found = [(match[1] == "PASSED", match[2]) for line in lines if (match := _TRIED.fullmatch(line))]
+    date = _DATE.fullmatch(lines[1])
+    return Report(
+        "-".join(f"{int(part):02}" for part in date.groups()) if date else "an unknown day",
+        tuple(word for passed, word in found if passed),
+        tuple(word for passed, word in found if not passed),
+        whole=lines[-2:] == [f";TRUEFLANK END {len(found)}", backup.END_WORD] and bool(found),
+    )
 
 
 def _said(path: str, text: str) -> list[str]:

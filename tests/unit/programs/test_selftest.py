@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ from drivers.clock import run_virtual
 from drivers.sinumerik.legality import Machine as Axes
 from drivers.sinumerik.legality import check
 from drivers.sinumerik.ncprogram.backup import Memory
-from drivers.sinumerik.ncprogram.selftest import self_test, words_of
+from drivers.sinumerik.ncprogram.selftest import read_report, self_test, words_of
 from gateway.config import load_site
 from gateway.workflow.programs import programs
 from tests.unit.programs import test_left_behind as machines
@@ -47,12 +48,32 @@ def tried(**changes: Any) -> tuple[list[str], machines.Machine, float, bool]:
 def test_every_word_passes_and_nothing_is_left_changed() -> None:
     lines, machine, took_s, same = tried()
     wanted = [f";PASSED {place} {word}" for place, word in enumerate(words_of("X1", 0, SETTING), start=1)]
+    assert re.fullmatch(r";AT \d{4}-\d{1,2}-\d{1,2}", lines.pop(1))
     assert lines == [";TRUEFLANK SELF 4711 X1", *wanted, f";TRUEFLANK END {len(wanted)}", "M17"]
     assert same
     assert took_s < 60.0
     assert machine.stood == [machine.stood[0]]  # one M0, and nothing moved
     assert any("PRODUCT OF TABLE 0" in line for line in lines)
     assert check("\n".join([*lines, ""]), "TFSELF.SPF") == ()
+
+
+def test_its_report_is_read_for_what_it_says_and_no_more() -> None:
+    text = "\n".join(tried()[0])
+    report = read_report(text, "X1")
+    assert report is not None
+    assert (report.passed, report.failed, report.whole) == (words_of("X1", 0, SETTING), (), True)
+    assert re.fullmatch(r"\d{4}-\d\d-\d\d", report.date)
+    assert read_report(text, "Z1") is None
+    assert read_report("M17\n", "X1") is None
+    spoilt = read_report(text.replace(";PASSED 4 ", ";NOT PASSED 4 "), "X1")
+    assert spoilt is not None
+    assert spoilt.failed == (words_of("X1", 0, SETTING)[3],)
+    cut = read_report("\n".join(text.splitlines()[:9]), "X1")
+    assert cut is not None
+    assert not cut.whole
+    lost = read_report("\n".join(line for line in text.splitlines() if "PASSED 7" not in line), "X1")
+    assert lost is not None
+    assert not lost.whole
 
 
 def test_it_is_legal_and_its_head_says_that_nothing_moves() -> None:
