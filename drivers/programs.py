@@ -37,7 +37,15 @@ class ProgramText:
         return f"{name}.{ending}"
 
 
-Order = StopPlan | PushOrder | DisableOrder | GrindPlan
+@dataclass(frozen=True, slots=True)
+class SelfTest:
+    """Try every word that our programs need, for one compensated axis and its measuring system; nothing moves."""
+
+    axis: str
+    encoder: int = 0
+
+
+Order = StopPlan | PushOrder | DisableOrder | GrindPlan | SelfTest
 """What a program is written for."""
 
 

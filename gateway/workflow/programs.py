@@ -13,7 +13,7 @@ from typing import Literal
 
 from drivers import registry
 from drivers.errors import ConfigError
-from drivers.programs import Order, PaperMachine, ProgramText
+from drivers.programs import Order, PaperMachine, ProgramText, SelfTest
 from drivers.types import CompensationTable, DisableOrder, MachineIdentity, PushOrder, SignProof, Stop, StopPlan
 from gateway.capture.live import targets_of, with_checks
 from gateway.capture.targets import jog_plan, jog_start, measuring_plan, plan_of
@@ -27,8 +27,8 @@ from gateway.workflow.control.pushing import facts_of
 from gateway.workflow.errors21.setups import Planned, planned
 from gateway.workflow.part.grinding import gear_of_site, grind_plan
 
-What = Literal["measure", "load", "proof", "backup", "grind", "off"]
-EVERY: tuple[What, ...] = ("measure", "load", "proof", "backup", "grind", "off")
+What = Literal["self-test", "measure", "load", "proof", "backup", "grind", "off"]
+EVERY: tuple[What, ...] = ("self-test", "measure", "load", "proof", "backup", "grind", "off")
 NUMBER = 999_999
 
 
@@ -122,6 +122,8 @@ def _of_axis(axis: AxisSection, what: What) -> Iterator[tuple[str, Order]]:
     elif what == "backup":
         stop = Stop(axis.reference, 1)
         yield axis.letter, plan_of(axis, (stop,), "", name=f"TFREAD{axis.letter}", dwell_s=axis.measure.dwell_s)
+    elif what == "self-test":
+        yield axis.letter, SelfTest(axis.name, axis.encoder)
     elif what == "proof":
         yield from _proof(axis)
     else:

@@ -15,6 +15,7 @@ from simulators.nck.spec import NckSpec
 from tests.contract.opcua_stage import PLAIN, SPEC, Stage, on_stage
 
 WANTED = Wanted(SPEC.serial, (WantedAxis("X1", "mm", 0, 73), WantedAxis("C1", "deg", 0, 73)))
+PASSED = ";TRUEFLANK SELF 1 {axis}\n;AT 2026-3-9\n;PASSED 1 READ\n;TRUEFLANK END 1\nM17\n"
 CHECKS = (
     *(
         "name",
@@ -32,7 +33,7 @@ CHECKS = (
     *("rights", "axes", "serial number", "variables", "units", "measuring system", "measuring system"),
     *("table memory", "table memory", "cross tables"),
     *("written files", "SD41300", "CEC limits", "CEC limits", "diameters", "temperature", "temperature"),
-    *("key switch", "files", "left over", "R parameters", "alarms", "state"),
+    *("key switch", "files", "self-test", "self-test", "left over", "R parameters", "alarms", "state"),
 )
 
 
@@ -50,6 +51,8 @@ def lines_of(
 
     async def act(on: Stage) -> None:
         await on.device.close()
+        for axis in ("X1", "C1"):
+            on.nck.files.write(f"/_N_SPF_DIR/_N_TFSELF_{axis}_SPF", PASSED.format(axis=axis).encode())
         found.extend(await doctor(on, wanted, **settings))
         assert on.server.requests.changing == 0
         assert on.server.requests.services["write"] == 0
@@ -138,6 +141,20 @@ def test_settings_of_the_control_that_tables_and_files_need(keys: Path) -> None:
         on.server.manners.read_status["/NC/_N_NC_TEA_ACX/$MN_LEN_PROTOCOL_FILE"] = "BadUserAccessDenied"
         unread = await doctor(on)
         assert ("written files", "unknown", "W-DOC-FILE-LIMIT-UNKNOWN") in bad(unread)
+
+    on_stage(act, folder=keys)
+
+
+def test_the_last_self_test_is_told_with_its_date(keys: Path) -> None:
+    told = [line for line in lines_of(keys) if line.check == "self-test"]
+    assert [(line.outcome, line.fields["date"]) for line in told] == [("ok", "2026-03-09")] * 2
+
+    async def act(on: Stage) -> None:
+        bad_one = PASSED.format(axis="X1").replace(";PASSED", ";NOT PASSED")
+        on.nck.files.write("/_N_SPF_DIR/_N_TFSELF_X1_SPF", bad_one.encode())
+        found = bad(await doctor(on))
+        assert ("self-test", "wrong", "E-DOC-SELF-TEST") in found
+        assert ("self-test", "unknown", "W-DOC-NO-SELF-TEST") in found
 
     on_stage(act, folder=keys)
 

@@ -133,6 +133,7 @@ def test_fault_57_a_server_that_offers_no_encryption_is_never_accepted(keys: Pat
         UaTrust("840D", "opc.tcp://127.0.0.1:1", {**USER, "security": "None"}, LoopClock())
 
 
+TESTED = b";TRUEFLANK SELF 1 X1\n;AT 2026-3-9\n;PASSED 1 READ\n;TRUEFLANK END 1\nM17\n"
 SITE = """
 [site]
 name = "cell"
@@ -195,6 +196,7 @@ async def test_the_commands(keys: Path, tmp_path: Path) -> None:
     code, said = await asyncio.to_thread(command, "trust", "accept", "--thumbprint", shown["shown"]["sha256"])
     assert code == 0, said
     assert "accepted by" in said
+    nck.files.write("/_N_SPF_DIR/_N_TFSELF_X1_SPF", TESTED)
     code, said = await asyncio.to_thread(command, "doctor", "--json")
     told = json.loads(said)
     assert (code, told["ok"]) == (0, True), [line for line in told["lines"] if line["outcome"] != "ok"]

@@ -5,11 +5,12 @@ Each is judged against what the site's tables ask. Data that a control does not 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Protocol
 
 from drivers.checks import CheckLine, WantedAxis, fine, unknown, wrong
 from drivers.sinumerik.ncprogram.backup import Memory, Saving, kilobytes
+from drivers.sinumerik.ncprogram.selftest import read_report
 
 CEC_SWITCH = 41300
 MOST_SAVED_DATA = 10
@@ -22,6 +23,17 @@ class Patient(Protocol):
     async def datum(self, name: str) -> Any:
         """The value, or None."""
         ...
+
+
+async def judged(bed: Patient, memories: Sequence[tuple[WantedAxis, Memory]]) -> list[CheckLine]:
+    """Every setting in turn, for axes whose reserved points are known."""
+    if not memories:
+        return [unknown("W-DOC-MEMORY-UNKNOWN", "written files")]
+    axes = [axis for axis, _ in memories]
+    cross = any(any(memory.cec_points) for _, memory in memories)
+    lines = [*await file_length(bed, memories), *await kept_switch(bed, cross=cross)]
+    lines += await cross_limits(bed, axes, cross=cross)
+    return [*lines, *await diameter(bed), *await temperature(bed, axes)]
 
 
 async def file_length(bed: Patient, memories: Iterable[tuple[WantedAxis, Memory]]) -> list[CheckLine]:
@@ -64,6 +76,23 @@ async def cross_limits(bed: Patient, axes: Iterable[WantedAxis], *, cross: bool)
         fields = {"axis": axis.name, "largest": largest, "fastest": fastest, "unit": axis.unit, "ask": SUMS[axis.unit]}
         enough = float(largest) >= SUMS[axis.unit] and float(fastest) > 0.0
         lines.append((fine if enough else wrong)("W-DOC-CEC" if enough else "E-DOC-CEC", "CEC limits", **fields))
+    return lines
+
+
+def self_tests(reports: Mapping[str, str | None]) -> list[CheckLine]:
+    """What the last self-test of each axis said; ``reports`` are texts of its file by axis, None where none is."""
+    lines = []
+    for axis, text in reports.items():
+        report = None if text is None else read_report(text, axis)
+        if report is None:
+            lines.append(unknown("W-DOC-NO-SELF-TEST", "self-test", axis=axis))
+            continue
+        fields = {"axis": axis, "date": report.date, "passed": len(report.passed)}
+        if report.failed or not report.whole:
+            missed = ", ".join(report.failed) or "its end"
+            lines.append(wrong("E-DOC-SELF-TEST", "self-test", missed=missed, **fields))
+        else:
+            lines.append(fine("W-DOC-SELF-TEST", "self-test", **fields))
     return lines
 
 

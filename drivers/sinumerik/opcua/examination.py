@@ -12,7 +12,7 @@ from drivers.checks import CheckLine, Wanted, WantedAxis, failed, fine, unknown,
 from drivers.clock import Clock
 from drivers.errors import TransportError, TrueflankError, UnsupportedDevice
 from drivers.sinumerik.ncprogram.backup import Memory
-from drivers.sinumerik.ncprogram.words import COUNT, MARKED, program_path
+from drivers.sinumerik.ncprogram.words import COUNT, MARKED, file_path, program_path
 from drivers.sinumerik.opcua import conditions, encoders
 from drivers.sinumerik.opcua.dialogue import Dialogue
 from drivers.sinumerik.opcua.leaving import found as found_left
@@ -21,6 +21,7 @@ from drivers.sinumerik.opcua.session import alarms, nodes
 from drivers.sinumerik.opcua.session.client import UaSession
 from drivers.sinumerik.opcua.session.files import FileNodes
 from drivers.sinumerik.opcua.settings import UaSettings
+from drivers.sinumerik.opcua.transfer import Transfer
 
 NEEDED_LEVEL = 3
 CLOCK_LIMIT_S = 60.0
@@ -202,9 +203,7 @@ async def _memory(bed: Bedside) -> list[CheckLine]:
     if bed.configuration is None:
         return [unknown("W-DOC-MEMORY-UNKNOWN", "table memory")]
     lines, cross = [], ""
-    for axis in bed.wanted.axes:
-        if axis.name not in bed.configuration.names:
-            continue
+    for axis in (one for one in bed.wanted.axes if one.name in bed.configuration.names):
         memory = await bed.reader.memory(bed.configuration, axis.name, axis.encoder)
         bed.memories.append((axis, memory))
         fields = {"axis": axis.name, "reserved": memory.eec_points, "needed": axis.points}
@@ -221,14 +220,7 @@ async def _memory(bed: Bedside) -> list[CheckLine]:
 
 async def _conditions(bed: Bedside) -> list[CheckLine]:
     """Settings that our programs and tables need; asked once the reserved memory is known."""
-    if not bed.memories:
-        return [unknown("W-DOC-MEMORY-UNKNOWN", "written files")]
-    axes = [axis for axis, _ in bed.memories]
-    cross = any(any(memory.cec_points) for _, memory in bed.memories)
-    lines = await conditions.file_length(bed, bed.memories)
-    lines += await conditions.kept_switch(bed, cross=cross)
-    lines += await conditions.cross_limits(bed, axes, cross=cross)
-    return [*lines, *await conditions.diameter(bed), *await conditions.temperature(bed, axes)]
+    return await conditions.judged(bed, bed.memories)
 
 
 async def _level(bed: Bedside) -> list[CheckLine]:
@@ -254,6 +246,13 @@ async def _files(bed: Bedside) -> list[CheckLine]:
     if said is None and bed.rights is None:
         return [unknown("W-DOC-FILES-UNKNOWN", "files")]
     return [fine("W-DOC-FILES", "files") if said else fine("W-DOC-FILES-BY-RIGHTS", "files")]
+
+
+async def _self_test(bed: Bedside) -> list[CheckLine]:
+    """The report that each axis' self-test left in the control; nothing is started here."""
+    transfer = Transfer(bed.session, bed.settings.channel, bed.where, bed.timeout_s)
+    files = {axis.name: file_path("SELF", axis.name) for axis, _ in bed.memories}
+    return conditions.self_tests({name: await transfer.found(path) for name, path in files.items()})
 
 
 async def _left_over(bed: Bedside) -> list[CheckLine]:
@@ -312,6 +311,7 @@ _QUESTIONS: tuple[tuple[str, Callable[[Bedside], Awaitable[list[CheckLine]]]], .
     ("written files", _conditions),
     ("key switch", _level),
     ("files", _files),
+    ("self-test", _self_test),
     ("left over", _left_over),
     ("R parameters", _r_parameters),
     ("alarms", _alarms),

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from drivers.programs import Order, Origin, PaperMachine, ProgramText
-from drivers.sinumerik.ncprogram import disabling, grinding, measuring, pushing
+from drivers.programs import Order, Origin, PaperMachine, ProgramText, SelfTest
+from drivers.sinumerik.ncprogram import disabling, grinding, measuring, pushing, selftest
 from drivers.sinumerik.ncprogram.backup import Memory
 from drivers.sinumerik.ncprogram.grinding import NEVER_GIVEN, GrindSetting
 from drivers.sinumerik.ncprogram.legal import legal
@@ -37,6 +37,10 @@ def _texts(order: Order, settings: UaSettings, machine: PaperMachine, origin: Or
     if isinstance(order, DisableOrder):
         setting = _setting(order.axis, order.axis, settings, machine, origin)
         return {program_path("OFF", order.axis): disabling.disabling(order, setting)}
+    if isinstance(order, SelfTest):
+        setting = _setting(order.axis, order.axis, settings, machine, origin)
+        text = selftest.self_test(order.axis, order.encoder, NEVER_GIVEN, setting)
+        return {program_path("SELF", order.axis): text}
     memory = {axis.name: _memory(axis.name, machine) for axis in order.compensated}
     given = GrindSetting(settings.words, memory, order.index.name in machine.modulo, origin)
     return {program_path("GRIND", order.index.name): grinding.grinding(order, NEVER_GIVEN, given)}

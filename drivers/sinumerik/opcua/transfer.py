@@ -26,12 +26,12 @@ _NOT_GIVEN = _NOT_COPIED | {"BadResponseTooLarge", "BadEncodingLimitsExceeded"}
 class Transfer:
     """Moves text files; ``timeout_s`` bounds each call. ``keep`` is called with each program before it is sent."""
 
-    def __init__(self, session: UaSession, channel: int, where: str) -> None:
+    def __init__(self, session: UaSession, channel: int, where: str, timeout_s: float = 5.0) -> None:
         self._session = session
         self._files = FileNodes(session, where)
         self._channel = channel
         self._where = where
-        self.timeout_s = 5.0
+        self.timeout_s = timeout_s
         self.keep: Callable[[ProgramText], None] = _nowhere
 
     async def send(self, passed: LegalProgram) -> None:
@@ -66,6 +66,15 @@ class Transfer:
         """A file's text. Raises DeviceRefused (E-UA-FILE, E-UA-BUSY, E-UA-RIGHTS), RemoteProtocolError (E-UA-VALUE)."""
         content = values.content(await self._get(_server_path(path)), path, self._where)
         return content.decode("latin-1")
+
+    async def found(self, path: str) -> str | None:
+        """A file's text, None where there is no such file."""
+        try:
+            return await self.fetch(path)
+        except DeviceRefused as error:
+            if error.code != "E-UA-FILE":
+                raise
+            return None
 
     async def _get(self, path: str) -> object:
         refused: DeviceRefused | None = None

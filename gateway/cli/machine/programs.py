@@ -19,7 +19,7 @@ def add_to(app: typer.Typer) -> None:
 def program_command(
     site: SiteArgument,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the programs.", show_default=False)],
-    what: Annotated[str, typer.Option(help="measure, load, proof, backup, grind, off or all.")] = "all",
+    what: Annotated[str, typer.Option(help="self-test, measure, load, proof, backup, grind, off or all.")] = "all",
     run: Annotated[str, typer.Option(help="Tables to load are this run's proposal.", show_default=False)] = "",
     store: StoreOption = Path("runs"),
     force: Annotated[bool, typer.Option("--force", help="Write over files that are there.")] = False,

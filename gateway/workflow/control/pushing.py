@@ -168,6 +168,7 @@ def push_context(at: Bench, axis: AxisSection, capture: Capture | None) -> PushC
 
 
 def facts_of(axis: AxisSection) -> AxisFacts:
+    """An axis of the site as a push knows it."""
     measure = axis.measure
     return AxisFacts(
         name=axis.name,

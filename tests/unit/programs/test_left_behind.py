@@ -51,7 +51,7 @@ SPEC = NckSpec(
 )
 NAMES = tuple(axis.name for axis in AXES)
 SETTING = Setting(Words(), Memory(4, (4,), NAMES), modulo=False)
-READ = ("R[80]", "R[90]", "$AA_ENC_COMP[0,1,X1]", "$AN_CEC[0,1]")
+READ = ("R[80]", "R[88]", "R[90]", "$AA_ENC_COMP[0,1,X1]", "$AN_CEC[0,1]")
 MAIN = "/_N_MPF_DIR/_N_TFTEST_MPF"
 STOPS = tuple(Stop(place, way, 0, label) for label, (place, way) in enumerate(((5.0, 1), (25.0, 1), (5.0, -1))))
 TABLE = CompensationTable("EEC", "X1", "X1", 0.0, 100.0, 50.0, (0.0, 3.0, 0.0))
