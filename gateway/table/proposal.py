@@ -11,7 +11,8 @@ from scipy.special import chdtri
 from drivers.errors import Gap
 from drivers.limits import Limits
 from drivers.types import CompensationTable, LiveSet
-from drivers.units import AxisUnit, DeviationUnit, deviation_unit
+from drivers.units import DeviationUnit
+from gateway.axes import AxisRecord
 from gateway.domain import Component, FloatArray, TableChange
 from gateway.model.components import is_periodic, standard_uncertainty, value
 from gateway.table import reasons
@@ -22,21 +23,6 @@ from gateway.table.projection import Grid, project, quantised, zeroed
 BAND_RISK = 0.01
 WIDEST_BRIDGE_DEG = 60.0
 TURN_DEG = 360.0
-
-
-@dataclass(frozen=True, slots=True)
-class TableAxis:
-    """The axis a table is for: ``reference`` is where its table must be zero, in the axis unit."""
-
-    name: str
-    unit: AxisUnit
-    reference: float
-    modulo: bool
-
-    @property
-    def deviation_unit(self) -> DeviationUnit:
-        """Unit of the table's values."""
-        return deviation_unit(self.unit)
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +58,7 @@ class InstrumentU:
 
 
 def propose(
-    axis: TableAxis,
+    axis: AxisRecord,
     component: Component,
     measured: MeasuredMeans,
     live: LiveSet,
@@ -128,7 +114,7 @@ def propose(
 
 
 def _merged(
-    axis: TableAxis,
+    axis: AxisRecord,
     component: Component,
     old: CompensationTable,
     acts: CompensationTable,
@@ -149,7 +135,7 @@ def _merged(
     )
 
 
-def _check_turn(axis: TableAxis, component: Component, grid: Grid) -> None:
+def _check_turn(axis: AxisRecord, component: Component, grid: Grid) -> None:
     if not axis.modulo:
         return
     if abs(grid.maximum - grid.minimum - TURN_DEG) > 1e-9:
@@ -159,7 +145,7 @@ def _check_turn(axis: TableAxis, component: Component, grid: Grid) -> None:
 
 
 def _why_not(
-    axis: TableAxis,
+    axis: AxisRecord,
     component: Component,
     measured: MeasuredMeans,
     instrument: InstrumentU,
@@ -192,7 +178,7 @@ def _taken(component: Component, acts: CompensationTable, new: CompensationTable
     return float(np.std(acting(new, at) - acting(acts, at)))
 
 
-def _significance(axis: TableAxis, component: Component, instrument: InstrumentU) -> tuple[float, float]:
+def _significance(axis: AxisRecord, component: Component, instrument: InstrumentU) -> tuple[float, float]:
     """(largest |d - mean d| / U over the measured range, U there).
 
     U joins the Scheffe band of the fit, which holds for all positions at once with 99 %, what lies unseen
@@ -215,7 +201,7 @@ def _over(component: Component) -> FloatArray:
 
 
 def _predicted(
-    axis: TableAxis,
+    axis: AxisRecord,
     component: Component,
     measured: MeasuredMeans,
     acts: CompensationTable,
@@ -227,14 +213,16 @@ def _predicted(
     return np.asarray(measured.means - datum - (change[:-1] - change[-1]))
 
 
-def _predicted_U(axis: TableAxis, component: Component, measured: MeasuredMeans, instrument: InstrumentU) -> FloatArray:
+def _predicted_U(
+    axis: AxisRecord, component: Component, measured: MeasuredMeans, instrument: InstrumentU
+) -> FloatArray:
     """k = 2: readings before and after, the fit, what lies unseen between targets, and the instrument."""
     at = measured.targets
     variance = 2.0 * measured.u**2 + standard_uncertainty(component, at) ** 2 + component.residual_rms**2
     return np.asarray(2.0 * np.sqrt(variance + instrument.standard(at - axis.reference) ** 2))
 
 
-def _coverage(axis: TableAxis, component: Component, grid: Grid) -> Sequence[str]:
+def _coverage(axis: AxisRecord, component: Component, grid: Grid) -> Sequence[str]:
     if is_periodic(component):
         nodes = np.asarray(component.parameters.get("nodes", ()), dtype=np.float64)
         bridge = float(np.diff(np.append(nodes, nodes[0] + TURN_DEG)).max()) if nodes.size else 0.0
