@@ -1,4 +1,4 @@
-"""Arguments and options that several commands share, each with its one text."""
+"""Arguments and options that several commands share, and what may be a name in one."""
 
 from __future__ import annotations
 
