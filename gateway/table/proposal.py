@@ -13,7 +13,7 @@ from drivers.limits import Limits
 from drivers.types import CompensationTable, LiveSet
 from drivers.units import DeviationUnit
 from gateway.axes import AxisRecord
-from gateway.domain import Component, FloatArray, TableChange
+from gateway.domain import COVERAGE, Component, FloatArray, TableChange
 from gateway.model.components import is_periodic, standard_uncertainty, value
 from gateway.table import reasons
 from gateway.table.comparison import acting, effective
@@ -54,7 +54,7 @@ class InstrumentU:
 
     def standard(self, distance: FloatArray) -> FloatArray:
         """Standard uncertainty at a distance from the reference."""
-        return np.asarray((self.constant + self.per_unit * np.abs(distance)) / 2.0)
+        return np.asarray((self.constant + self.per_unit * np.abs(distance)) / COVERAGE)
 
 
 def propose(
@@ -155,7 +155,7 @@ def _why_not(
     unit = axis.deviation_unit
     largest, bound = _significance(axis, component, instrument)
     hidden, taken = _unseen(component, measured), _taken(component, acts, new)
-    if largest <= 1.0 and hidden <= max(instrument.constant, 2.0 * float(np.nanmax(measured.u))):
+    if largest <= 1.0 and hidden <= max(instrument.constant, COVERAGE * float(np.nanmax(measured.u))):
         return told("S-COMP-WITHIN-U", axis.name, bound=f"{bound:.2g}", unit=unit)
     if largest <= 1.0 or reasons.may_harm(hidden, taken):
         return reasons.unseen(axis.name, unit, hidden, taken)
@@ -189,7 +189,7 @@ def _significance(axis: AxisRecord, component: Component, instrument: Instrument
     freedom = max(component.coefficients.size - 1, 1)
     band = np.sqrt(chdtri(freedom, BAND_RISK)) * standard_uncertainty(component, at)
     common = np.hypot(instrument.standard(at - axis.reference), component.residual_rms)
-    U = np.hypot(band, 2.0 * common)
+    U = np.hypot(band, COVERAGE * common)
     ratio = np.abs(d - d.mean()) / U
     worst = int(np.argmax(ratio))
     return float(ratio[worst]), float(U[worst])
@@ -219,7 +219,7 @@ def _predicted_U(
     """k = 2: readings before and after, the fit, what lies unseen between targets, and the instrument."""
     at = measured.targets
     variance = 2.0 * measured.u**2 + standard_uncertainty(component, at) ** 2 + component.residual_rms**2
-    return np.asarray(2.0 * np.sqrt(variance + instrument.standard(at - axis.reference) ** 2))
+    return np.asarray(COVERAGE * np.sqrt(variance + instrument.standard(at - axis.reference) ** 2))
 
 
 def _coverage(axis: AxisRecord, component: Component, grid: Grid) -> Sequence[str]:
