@@ -12,22 +12,9 @@ from drivers.tablefile import TableFile
 from drivers.types import CompensationTable
 from drivers.units import deviation_scale, deviation_unit
 from gateway.domain import FloatArray
-from gateway.table.comparison import TableDifference, acting
+from gateway.table.comparison import AXES, FORM, UNITS, TableDifference, acting, unlike
 
 ROUNDING = 1e-6  # um or arcsec: what interpolation between two grids leaves
-_PARAMETERS = (
-    "input_axis",
-    "output_axis",
-    "minimum",
-    "maximum",
-    "step",
-    "modulo",
-    "direction",
-    "multiply_by",
-    "table_type",
-    "input_unit",
-    "output_unit",
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +96,6 @@ def _place(table: CompensationTable) -> str:
 
 
 def _pair(place: str, first: CompensationTable, second: CompensationTable) -> PairDifference:
-    parameters = [(name, getattr(first, name), getattr(second, name)) for name in _PARAMETERS]
     one, two, at = _values_of_both(first, second)
     differs = np.abs(two - one) > (0.0 if _same_grid(first, second) else ROUNDING)
     return PairDifference(
@@ -117,7 +103,7 @@ def _pair(place: str, first: CompensationTable, second: CompensationTable) -> Pa
         unit=second.deviation_unit,
         input_unit=second.input_unit,
         count=int(at.size),
-        parameters=tuple(item for item in parameters if item[1] != item[2]),
+        parameters=tuple(unlike(first, second, (*AXES, *FORM, *UNITS), within=0.0)),
         points=TableDifference(at[differs], one[differs], two[differs]),
     )
 
