@@ -12,6 +12,7 @@ from drivers.errors import ConfigError, words
 from drivers.names import shown
 from drivers.scrub import has_user, is_secret, secrets_in
 from drivers.tomlfile import read_toml
+from gateway.axes import AxisRecord
 from gateway.siteplan import (
     MOST_POINTS,
     MOST_REPETITIONS,
@@ -190,6 +191,23 @@ class AxisSection(Section):
     def unit(self) -> Literal["mm", "deg"]:
         """Unit of the axis."""
         return "mm" if self.kind == "linear" else "deg"
+
+    @property
+    def facts(self) -> AxisRecord:
+        """What rooms below need of it, as their one record."""
+        return AxisRecord(
+            name=self.name,
+            letter=self.letter,
+            unit=self.unit,
+            rotary=self.kind == "rotary",
+            modulo=self.modulo,
+            travel=self.travel,
+            reference=self.reference,
+            feed=self.measure.feed,
+            overrun=self.measure.overrun,
+            dwell_s=self.measure.dwell_s,
+            encoder=self.encoder,
+        )
 
 
 class OperatorTimes(Section):

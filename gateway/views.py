@@ -9,7 +9,7 @@ from typing import Protocol
 from drivers.errors import TrueflankError
 from gateway.domain import Verdict
 from gateway.report.parameters import ParameterRow, parameter_rows
-from gateway.report.words import number, percent
+from gateway.report.sentences import number, percent
 
 
 class SeenDevice(Protocol):

@@ -45,8 +45,8 @@ from drivers.clock import Clock
 from drivers.errors import TransportError
 from drivers.transport import ByteTransport
 from drivers.types import Ambient
+from simulators.instrument_wire import Around, Outlet
 from simulators.optics import OpticsBench, RotaryReader, Turns
-from simulators.outlet import Around, Outlet
 
 Answer = Callable[[Mapping[str, Any]], Awaitable[Any]]
 CHANNELS = ("device_deg", "laser_deg")

@@ -24,8 +24,8 @@ from drivers.umd.codec import (
     VELOCITY,
     encode_rows,
 )
+from simulators.instrument_wire import Around, Outlet
 from simulators.optics import Counts, LaserCounter, OpticsBench
-from simulators.outlet import Around, Outlet
 
 IntArray = NDArray[np.int64]
 CYCLE = 32

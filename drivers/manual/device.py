@@ -12,8 +12,8 @@ import numpy as np
 from drivers.clock import Clock
 from drivers.errors import ConfigError, TransportError, catalogue, words
 from drivers.link import Trace, wrong_setting
-from drivers.manual.desk import DeskMaker, TypingDesk, open_desk
 from drivers.manual.entry import FAR, EntryRefused, ExpectedReading, read_entry
+from drivers.manual.person import DeskMaker, TypingDesk, open_desk
 from drivers.manual.settings import ManualSettings
 from drivers.types import Ambient, CompensatedFor, Identity, Optics, SampleBlock
 

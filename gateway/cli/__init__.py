@@ -7,7 +7,7 @@ import sys
 from gateway.cli.commands import app
 from gateway.cli.control import auditing, connecting, consenting, switching
 from gateway.cli.files import importing, replaying, watching
-from gateway.cli.machine import closing, correcting, dynamic, grinding, inspecting, measuring, programs
+from gateway.cli.machine import correcting, dynamic, grinding, inspecting, measuring, programs, whole_loop
 from gateway.cli.show import show_error
 
 auditing.add_to(app)
@@ -23,7 +23,7 @@ correcting.add_to(app)
 grinding.add_to(app)
 programs.add_to(app)
 inspecting.add_to(app)
-closing.add_to(app)
+whole_loop.add_to(app)
 
 
 def main() -> None:

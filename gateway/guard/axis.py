@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from drivers.units import DeviationUnit
-from gateway.domain import Component, FloatArray, component_unit
+from gateway.domain import COVERAGE, Component, FloatArray, component_unit
 from gateway.guard.verdict import Change, GuardVerdict, judged, margin_factor, told, unknown
 from gateway.model.components import is_periodic, standard_uncertainty, value
 
@@ -105,20 +105,20 @@ def _shapes(
         span = float(np.ptp(at))
         found, spread = _solved(np.column_stack([np.ones_like(at), (at - at.mean()) / span]), difference, u)
         return (
-            Change("offset", float(found[0]), 2.0 * float(spread[0]), unit),
-            Change(f"slope over {span:g} mm", float(found[1]), 2.0 * float(spread[1]), unit),
+            Change("offset", float(found[0]), COVERAGE * float(spread[0]), unit),
+            Change(f"slope over {span:g} mm", float(found[1]), COVERAGE * float(spread[1]), unit),
         )
     orders = range(1, min(HIGHEST_ORDER, (at.size - 2) // 2) + 1)
     q = np.deg2rad(at)
     columns = [np.ones_like(q), *(wave(order * q) for order in orders for wave in (np.cos, np.sin))]
     found, spread = _solved(np.column_stack(columns), difference, u)
-    return (Change("offset", float(found[0]), 2.0 * float(spread[0]), unit), *_waves(orders, found, spread, unit))
+    return (Change("offset", float(found[0]), COVERAGE * float(spread[0]), unit), *_waves(orders, found, spread, unit))
 
 
 def _waves(orders: Sequence[int], found: FloatArray, spread: FloatArray, unit: DeviationUnit) -> list[Change]:
     pairs = [(order, slice(2 * order - 1, 2 * order + 1)) for order in orders]
     return [
-        Change(f"harmonic {order}", float(np.hypot(*found[pair])), 2.0 * float(np.max(spread[pair])), unit)
+        Change(f"harmonic {order}", float(np.hypot(*found[pair])), COVERAGE * float(np.max(spread[pair])), unit)
         for order, pair in pairs
     ]
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.units import mm_to_um
-from gateway.domain import FloatArray
+from gateway.domain import COVERAGE, FloatArray
 from gateway.guard.verdict import Change, GuardVerdict, judged, margin_factor, told, unknown
 
 FEWEST = 30
@@ -80,5 +80,5 @@ def _means(change: FloatArray, u: FloatArray, form: FloatArray) -> tuple[Change,
         power = float(row @ row)
         if power > 0.0:
             spread = float(np.sqrt(np.sum((row * u) ** 2))) / power
-            found.append(Change(kind, float(row @ change) / power, 2.0 * spread, "um"))
+            found.append(Change(kind, float(row @ change) / power, COVERAGE * spread, "um"))
     return tuple(found)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from drivers.errors import TrueflankError
 from gateway.domain import PushRecord
 from gateway.errors import RollbackFailed, StillOn, VerifyError, WriteRefused
-from gateway.push.context import AxisFacts, PushContext
+from gateway.push.context import PushContext
 from gateway.push.plan import plan_hash
 from gateway.push.signproof import prove_sign
 from gateway.push.transaction import Asked, ask, push_table
@@ -14,7 +14,6 @@ from gateway.push.undo.recovery import look, recover, unfinished
 
 __all__ = [
     "Asked",
-    "AxisFacts",
     "Finding",
     "PushContext",
     "ask",

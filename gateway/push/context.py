@@ -12,7 +12,7 @@ from drivers.clock import Clock
 from drivers.limits import ACCESS_LEVEL
 from drivers.ports import Controller
 from drivers.types import Ambient, CompensationTable, LiveSet, MachineIdentity, SignProof
-from drivers.units import AxisUnit
+from gateway.axes import AxisRecord
 from gateway.domain import Approval, Capture, TableChange
 from gateway.say import Say, silence
 
@@ -58,26 +58,6 @@ class AuditLog(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class AxisFacts:
-    """One axis: ``name`` as in MD10000, ``letter`` as programs call it; positions and overrun in its unit.
-
-    ``feed`` in mm/min or deg/min; ``dwell_s`` before each hand-shake.
-    """
-
-    name: str
-    letter: str
-    unit: AxisUnit
-    rotary: bool
-    modulo: bool
-    travel: tuple[float, float]
-    reference: float
-    feed: float
-    overrun: float = 5.0
-    dwell_s: float = 1.0
-    encoder: int = 0
-
-
-@dataclass(frozen=True, slots=True)
 class PushContext:
     """Everything a push may use.
 
@@ -104,7 +84,7 @@ class PushContext:
     clock: Clock
     folder: Keeper
     journals: Path
-    axis: AxisFacts
+    axis: AxisRecord
     machine: MachineIdentity
     typed_name: str
     site_name: str
@@ -117,7 +97,7 @@ class PushContext:
     harmless_alarms: tuple[int, ...] = ()
     access_level_needed: int = ACCESS_LEVEL
     say: Say = field(default=silence)
-    input: AxisFacts | None = None
+    input: AxisRecord | None = None
     pushed: tuple[CompensationTable, ...] = ()
     actor: str = ""
     approvals: tuple[Approval, ...] = ()
@@ -134,7 +114,7 @@ class PushContext:
     consent_utc: datetime | None = None
 
     @property
-    def moved(self) -> AxisFacts:
+    def moved(self) -> AxisRecord:
         """The axis that must stand where old and new table agree: the input axis."""
         return self.input or self.axis
 

@@ -18,11 +18,12 @@ import numpy as np
 from drivers.errors import TableError, TrueflankError, UnsupportedDevice
 from drivers.types import CompensationTable, LiveSet, Marker, PushOrder, SignProof, Stop, StopReached, TableLimits
 from drivers.units import deviation_unit
+from gateway.axes import AxisRecord
 from gateway.domain import TableChange
 from gateway.errors import RollbackFailed, StillOn, VerifyError, WriteRefused
 from gateway.push import conversation
 from gateway.push.compare import table_in
-from gateway.push.context import AxisFacts, PushContext
+from gateway.push.context import PushContext
 from gateway.push.loading import load, release
 from gateway.push.records import journal
 from gateway.push.records.lock import machine_lock
@@ -64,8 +65,8 @@ def triangle(
 
 
 def triangle_of(
-    axis: AxisFacts,
-    output: AxisFacts,
+    axis: AxisRecord,
+    output: AxisRecord,
     minimum: float,
     maximum: float,
     step: float,

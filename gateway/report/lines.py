@@ -8,11 +8,11 @@ from drivers.errors import words
 from gateway.domain import COVERAGE
 from gateway.report.material import ReportMaterial, ToothMaterial
 from gateway.report.missing import PUSHED, missing
+from gateway.report.sentences import plain
 from gateway.report.tooth.errors import error_rows
 from gateway.report.tooth.flank import before_after
 from gateway.report.tooth.rows import cure_rows, setup_rows
-from gateway.report.tooth.words import known
-from gateway.report.words import plain
+from gateway.report.tooth.sentences import known
 
 
 def tooth_lines(report: ReportMaterial) -> tuple[str, ...]:

@@ -12,11 +12,11 @@ from markupsafe import Markup
 
 from drivers.types import Ambient
 from gateway.domain import Capture, Evaluation, TableChange
-from gateway.report import words
+from gateway.report import sentences
 from gateway.report.drawings import plots
 from gateway.report.material import AxisMaterial, ReportMaterial
 from gateway.report.parameters import ParameterRow, parameter_rows
-from gateway.report.tooth import words as tooth_words
+from gateway.report.tooth import sentences as tooth_words
 from gateway.report.tooth.page import tooth_page
 
 MOST_TABLE_VALUES = 400
@@ -51,9 +51,9 @@ def render(material: ReportMaterial) -> str:
     """The whole document. Same material, same text."""
     axes = [_axis_page(axis) for axis in material.axes]
     editions = sorted({_edition(item) for axis in material.axes for item in _evaluations(axis)})
-    headline = (*words.OUTCOME[material.outcome][:2], tooth_words.sentence(material))
+    headline = (*sentences.OUTCOME[material.outcome][:2], tooth_words.sentence(material))
     tooth = tooth_page(material)
-    loud = words.still_on(material)
+    loud = sentences.still_on(material)
     return _template().render(
         report=material, axes=axes, editions=editions, outcome=headline, tooth=tooth, still_on=loud
     )
@@ -71,21 +71,21 @@ def _template() -> Template:
         lstrip_blocks=True,
     )
     for name in ("number", "signed", "percent", "when", "shortest", "plain", "micro"):
-        environment.filters[name] = getattr(words, name)
+        environment.filters[name] = getattr(sentences, name)
     environment.globals.update(
-        words=words, say=tooth_words, captures=_captures, environment_rows=environment_rows, columns=columns
+        sentences=sentences, say=tooth_words, captures=_captures, environment_rows=environment_rows, columns=columns
     )
     return environment.get_template("report.html.j2")
 
 
 def _shown(value: object) -> object:
-    return words.visible(value) if isinstance(value, str) and not isinstance(value, Markup) else value
+    return sentences.visible(value) if isinstance(value, str) and not isinstance(value, Markup) else value
 
 
 def _axis_page(axis: AxisMaterial) -> AxisPage:
     return AxisPage(
         material=axis,
-        state=words.axis_state(axis),
+        state=sentences.axis_state(axis),
         rows=parameter_rows(axis.axis, axis.before, axis.after),
         curve=_drawn(plots.before_after(axis)),
         table=_drawn(plots.table_change(axis)),
@@ -147,7 +147,7 @@ def _notes(axis: AxisMaterial) -> tuple[str, ...]:
     for side, item in (("Before", axis.before), ("After", axis.after)):
         found += [f"{side}: {flag}" for flag in item.flags] if item is not None else []
     for name, capture in _captures(axis):
-        found += (*words.suspects(name, capture), *capture.notes)
+        found += (*sentences.suspects(name, capture), *capture.notes)
     if axis.change is not None:
         found += (*([axis.change.skipped] if axis.change.skipped else []), *axis.change.findings)
     return tuple(dict.fromkeys((*found, *axis.findings)))
@@ -160,16 +160,16 @@ def environment_rows(axis: AxisMaterial) -> tuple[tuple[str, tuple[str, ...]], .
     ]
     columns_ = [_ambient(reading) for reading in readings]
     names = list(dict.fromkeys(name for column in columns_ for name in column))
-    return tuple((name, tuple(column.get(name, words.ABSENT) for column in columns_)) for name in names)
+    return tuple((name, tuple(column.get(name, sentences.ABSENT) for column in columns_)) for name in names)
 
 
 def _ambient(reading: Ambient) -> Mapping[str, str]:
     fixed = {
-        "air °C": words.number(reading.air_degc, 2),
-        "pressure hPa": words.number(reading.pressure_hpa, 2),
-        "humidity %": words.number(reading.humidity_pct, 1),
+        "air °C": sentences.number(reading.air_degc, 2),
+        "pressure hPa": sentences.number(reading.pressure_hpa, 2),
+        "humidity %": sentences.number(reading.humidity_pct, 1),
     }
-    sensors = {f"material {i} °C": words.number(value, 2) for i, value in enumerate(reading.material_degc, 1)}
+    sensors = {f"material {i} °C": sentences.number(value, 2) for i, value in enumerate(reading.material_degc, 1)}
     return {**fixed, **sensors}
 
 

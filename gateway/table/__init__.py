@@ -3,12 +3,11 @@
 from gateway.table.comparison import diff, effective
 from gateway.table.limits import check
 from gateway.table.projection import Grid, project
-from gateway.table.proposal import MeasuredMeans, TableAxis, propose
+from gateway.table.proposal import MeasuredMeans, propose
 
 __all__ = [
     "Grid",
     "MeasuredMeans",
-    "TableAxis",
     "check",
     "diff",
     "effective",

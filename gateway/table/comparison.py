@@ -1,13 +1,18 @@
-"""Two tables side by side: what acts now, what will, and the change."""
+"""Two tables side by side: are they the same, what differs in form, what acts now, what will, and the change."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from drivers.types import CompensationTable, LiveTable
 from gateway.domain import FloatArray
+
+GRID_TOLERANCE = 1e-6  # mm or deg: how far a control may round a grid
+FORM = ("minimum", "maximum", "step", "modulo", "direction", "multiply_by", "table_type")
+AXES, UNITS = ("input_axis", "output_axis"), ("input_unit", "output_unit")
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +40,23 @@ def effective(live: LiveTable) -> CompensationTable:
     if live.enabled:
         return live.table
     return replace(live.table, deviations=(0.0,) * len(live.table.deviations))
+
+
+def unlike(
+    wanted: CompensationTable, found: CompensationTable, names: Sequence[str] = FORM, within: float = GRID_TOLERANCE
+) -> Iterator[tuple[str, object, object]]:
+    """Parts beside the values that differ: name, wanted, found; numbers by more than ``within``, NaN always."""
+    for name in names:
+        one, two = getattr(wanted, name), getattr(found, name)
+        if not (abs(one - two) <= within if isinstance(one, float) else one == two):
+            yield name, one, two
+
+
+def equal_tables(one: CompensationTable, two: CompensationTable, allowed: float) -> bool:
+    """Whether two tables have one form and values ``allowed`` apart at most (um or arcsec)."""
+    if any(unlike(one, two)) or len(one.deviations) != len(two.deviations):
+        return False
+    return all(abs(first - second) <= allowed for first, second in zip(one.deviations, two.deviations, strict=True))
 
 
 def diff(old: CompensationTable, new: CompensationTable) -> TableDifference:

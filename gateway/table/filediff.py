@@ -12,23 +12,10 @@ from drivers.tablefile import TableFile
 from drivers.types import CompensationTable
 from drivers.units import deviation_scale, deviation_unit
 from gateway.domain import FloatArray
-from gateway.table.comparison import TableDifference, acting
+from gateway.table.comparison import AXES, FORM, UNITS, TableDifference, acting, unlike
 
 ROUNDING = 1e-6  # um or arcsec: what interpolation between two grids leaves
 AS_STORED = "mm or deg"
-_PARAMETERS = (
-    "input_axis",
-    "output_axis",
-    "minimum",
-    "maximum",
-    "step",
-    "modulo",
-    "direction",
-    "multiply_by",
-    "table_type",
-    "input_unit",
-    "output_unit",
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +120,6 @@ def _pair(place: str, first: CompensationTable, second: CompensationTable, raw: 
     stored = bool({second.input_axis, second.output_axis} & set(raw))
     if stored:
         first, second = _as_stored(first), _as_stored(second)
-    parameters = [(name, getattr(first, name), getattr(second, name)) for name in _PARAMETERS]
     one, two, at = _values_of_both(first, second)
     differs = np.abs(two - one) > (0.0 if _same_grid(first, second) else ROUNDING)
     return PairDifference(
@@ -141,7 +127,7 @@ def _pair(place: str, first: CompensationTable, second: CompensationTable, raw: 
         unit=AS_STORED if stored else second.deviation_unit,
         input_unit=AS_STORED if stored else second.input_unit,
         count=int(at.size),
-        parameters=tuple(item for item in parameters if item[1] != item[2]),
+        parameters=tuple(unlike(first, second, (*AXES, *FORM, *UNITS), within=0.0)),
         points=TableDifference(at[differs], one[differs], two[differs]),
     )
 

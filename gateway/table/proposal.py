@@ -11,8 +11,9 @@ from scipy.special import chdtri
 from drivers.errors import Gap
 from drivers.limits import Limits
 from drivers.types import CompensationTable, LiveSet
-from drivers.units import AxisUnit, DeviationUnit, deviation_unit
-from gateway.domain import Component, FloatArray, TableChange
+from drivers.units import DeviationUnit
+from gateway.axes import AxisRecord
+from gateway.domain import COVERAGE, Component, FloatArray, TableChange
 from gateway.model.components import is_periodic, standard_uncertainty, value
 from gateway.table import reasons
 from gateway.table.comparison import acting, effective
@@ -22,21 +23,6 @@ from gateway.table.projection import Grid, project, quantised, zeroed
 BAND_RISK = 0.01
 WIDEST_BRIDGE_DEG = 60.0
 TURN_DEG = 360.0
-
-
-@dataclass(frozen=True, slots=True)
-class TableAxis:
-    """The axis a table is for: ``reference`` is where its table must be zero, in the axis unit."""
-
-    name: str
-    unit: AxisUnit
-    reference: float
-    modulo: bool
-
-    @property
-    def deviation_unit(self) -> DeviationUnit:
-        """Unit of the table's values."""
-        return deviation_unit(self.unit)
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,11 +54,11 @@ class InstrumentU:
 
     def standard(self, distance: FloatArray) -> FloatArray:
         """Standard uncertainty at a distance from the reference."""
-        return np.asarray((self.constant + self.per_unit * np.abs(distance)) / 2.0)
+        return np.asarray((self.constant + self.per_unit * np.abs(distance)) / COVERAGE)
 
 
 def propose(
-    axis: TableAxis,
+    axis: AxisRecord,
     component: Component,
     measured: MeasuredMeans,
     live: LiveSet,
@@ -128,7 +114,7 @@ def propose(
 
 
 def _merged(
-    axis: TableAxis,
+    axis: AxisRecord,
     component: Component,
     old: CompensationTable,
     acts: CompensationTable,
@@ -149,7 +135,7 @@ def _merged(
     )
 
 
-def _check_turn(axis: TableAxis, component: Component, grid: Grid) -> None:
+def _check_turn(axis: AxisRecord, component: Component, grid: Grid) -> None:
     if not axis.modulo:
         return
     if abs(grid.maximum - grid.minimum - TURN_DEG) > 1e-9:
@@ -159,7 +145,7 @@ def _check_turn(axis: TableAxis, component: Component, grid: Grid) -> None:
 
 
 def _why_not(
-    axis: TableAxis,
+    axis: AxisRecord,
     component: Component,
     measured: MeasuredMeans,
     instrument: InstrumentU,
@@ -169,7 +155,7 @@ def _why_not(
     unit = axis.deviation_unit
     largest, bound = _significance(axis, component, instrument)
     hidden, taken = _unseen(component, measured), _taken(component, acts, new)
-    if largest <= 1.0 and hidden <= max(instrument.constant, 2.0 * float(np.nanmax(measured.u))):
+    if largest <= 1.0 and hidden <= max(instrument.constant, COVERAGE * float(np.nanmax(measured.u))):
         return told("S-COMP-WITHIN-U", axis.name, bound=f"{bound:.2g}", unit=unit)
     if largest <= 1.0 or reasons.may_harm(hidden, taken):
         return reasons.unseen(axis.name, unit, hidden, taken)
@@ -192,7 +178,7 @@ def _taken(component: Component, acts: CompensationTable, new: CompensationTable
     return float(np.std(acting(new, at) - acting(acts, at)))
 
 
-def _significance(axis: TableAxis, component: Component, instrument: InstrumentU) -> tuple[float, float]:
+def _significance(axis: AxisRecord, component: Component, instrument: InstrumentU) -> tuple[float, float]:
     """(largest |d - mean d| / U over the measured range, U there).
 
     U joins the Scheffe band of the fit, which holds for all positions at once with 99 %, what lies unseen
@@ -203,7 +189,7 @@ def _significance(axis: TableAxis, component: Component, instrument: InstrumentU
     freedom = max(component.coefficients.size - 1, 1)
     band = np.sqrt(chdtri(freedom, BAND_RISK)) * standard_uncertainty(component, at)
     common = np.hypot(instrument.standard(at - axis.reference), component.residual_rms)
-    U = np.hypot(band, 2.0 * common)
+    U = np.hypot(band, COVERAGE * common)
     ratio = np.abs(d - d.mean()) / U
     worst = int(np.argmax(ratio))
     return float(ratio[worst]), float(U[worst])
@@ -215,7 +201,7 @@ def _over(component: Component) -> FloatArray:
 
 
 def _predicted(
-    axis: TableAxis,
+    axis: AxisRecord,
     component: Component,
     measured: MeasuredMeans,
     acts: CompensationTable,
@@ -227,14 +213,16 @@ def _predicted(
     return np.asarray(measured.means - datum - (change[:-1] - change[-1]))
 
 
-def _predicted_U(axis: TableAxis, component: Component, measured: MeasuredMeans, instrument: InstrumentU) -> FloatArray:
+def _predicted_U(
+    axis: AxisRecord, component: Component, measured: MeasuredMeans, instrument: InstrumentU
+) -> FloatArray:
     """k = 2: readings before and after, the fit, what lies unseen between targets, and the instrument."""
     at = measured.targets
     variance = 2.0 * measured.u**2 + standard_uncertainty(component, at) ** 2 + component.residual_rms**2
-    return np.asarray(2.0 * np.sqrt(variance + instrument.standard(at - axis.reference) ** 2))
+    return np.asarray(COVERAGE * np.sqrt(variance + instrument.standard(at - axis.reference) ** 2))
 
 
-def _coverage(axis: TableAxis, component: Component, grid: Grid) -> Sequence[str]:
+def _coverage(axis: AxisRecord, component: Component, grid: Grid) -> Sequence[str]:
     if is_periodic(component):
         nodes = np.asarray(component.parameters.get("nodes", ()), dtype=np.float64)
         bridge = float(np.diff(np.append(nodes, nodes[0] + TURN_DEG)).max()) if nodes.size else 0.0

@@ -10,11 +10,9 @@ import numpy as np
 
 from drivers.errors import words
 from drivers.types import CompensationTable, LiveTable
-from gateway.table.comparison import acting
+from gateway.table.comparison import acting, equal_tables, unlike
 
 Kind = Literal["as-approved", "switched-off", "switched-on", "before", "differs"]
-GRID_TOLERANCE = 1e-6
-_FORM = ("minimum", "maximum", "step", "modulo", "direction", "multiply_by", "table_type")
 _WORDS: dict[Kind, str] = {
     "as-approved": "W-LIVE-AS-APPROVED",
     "switched-off": "W-LIVE-SWITCHED-OFF",
@@ -117,26 +115,17 @@ def compare(live: LiveTable, approved: LiveTable, before: LiveTable | None, allo
 def _kind(live: LiveTable, approved: LiveTable, before: LiveTable | None, allowed: float, *, same: bool) -> Kind:
     if same and live.enabled == approved.enabled:
         return "as-approved"
-    if before is not None and before.enabled == live.enabled and _equal(before.table, live.table, allowed):
+    if before is not None and before.enabled == live.enabled and equal_tables(before.table, live.table, allowed):
         return "before"
     if same:
         return "switched-on" if live.enabled else "switched-off"
-    old = before is not None and _equal(before.table, live.table, allowed)
+    old = before is not None and equal_tables(before.table, live.table, allowed)
     return "before" if old else "differs"
 
 
-def _equal(one: CompensationTable, two: CompensationTable, allowed: float) -> bool:
-    if list(_form(one, two)) or len(one.deviations) != len(two.deviations):
-        return False
-    return all(abs(first - second) <= allowed for first, second in zip(one.deviations, two.deviations, strict=True))
-
-
 def _form(approved: CompensationTable, live: CompensationTable) -> Iterator[str]:
-    for name in _FORM:
-        wanted, found = getattr(approved, name), getattr(live, name)
-        same = abs(wanted - found) <= GRID_TOLERANCE if isinstance(wanted, float) else wanted == found
-        if not same:
-            yield f"{name}: {wanted}, live {found}"
+    for name, wanted, found in unlike(approved, live):
+        yield f"{name}: {wanted}, live {found}"
     if len(approved.deviations) != len(live.deviations):
         yield f"points: {len(approved.deviations)}, live {len(live.deviations)}"
 

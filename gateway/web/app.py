@@ -15,7 +15,7 @@ from starlette.responses import HTMLResponse, JSONResponse, Response
 from drivers.errors import TrueflankError
 from drivers.names import is_file_name, shown
 from gateway.errors import BusyError
-from gateway.report.words import visible, when
+from gateway.report.sentences import visible, when
 from gateway.views import StatusView, as_data
 from gateway.web.gate import REPORT_POLICY, Gate, is_same_origin, is_token
 

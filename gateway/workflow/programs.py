@@ -23,7 +23,6 @@ from gateway.push.signproof import TIMES, triangle_of
 from gateway.tooth import SetupValues
 from gateway.workflow.axes.measure import check_stops
 from gateway.workflow.bench import origin_of
-from gateway.workflow.control.pushing import facts_of
 from gateway.workflow.errors21.setups import Planned, planned
 from gateway.workflow.part.grinding import gear_of_site, grind_plan
 
@@ -83,7 +82,7 @@ def _loaded(site: SiteFile, proposal: Proposal | None) -> tuple[CompensationTabl
 
 
 def _triangle(axis: AxisSection) -> tuple[CompensationTable, float]:
-    facts, grid = facts_of(axis), axis.table
+    facts, grid = axis.facts, axis.table
     return triangle_of(facts, facts, grid.minimum, grid.maximum, grid.step)
 
 

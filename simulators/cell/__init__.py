@@ -22,10 +22,10 @@ from simulators.cell.site import gear_text, site_text
 from simulators.cellfile import CellAxis, CellFile, load_cell, with_roads
 from simulators.faults import FaultPlan
 from simulators.grinding import WorkPiece
+from simulators.instrument_wire import Outlet
 from simulators.modbus import PlcStation
 from simulators.operator import Operator
 from simulators.optics import OpticsBench
-from simulators.outlet import Outlet
 from simulators.truth import Truth
 
 __all__ = ["Cell", "cell_running"]

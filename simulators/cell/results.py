@@ -14,7 +14,7 @@ from simulators.cellfile import CellAxis, Noise
 from simulators.files import FileContent, write_result
 from simulators.optics import OpticsBench
 from simulators.optics.air import refractive_index
-from simulators.optics.bench import linear_length_mm
+from simulators.optics.mountings import linear_length_mm
 from simulators.optics.stops import Stops
 from simulators.truth import AxisMotion, Weather
 

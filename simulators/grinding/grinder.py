@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 from simulators.cellfile.part import Part, Wheel
 from simulators.grinding.entry import Poses
 from simulators.grinding.lobes import Lobes
+from simulators.grinding.rotation_axis import on_axis
 from simulators.grinding.sampling import LOOK_S, closely, passes
-from simulators.grinding.seat import on_axis
 from simulators.grinding.wheel import WheelBody
 from simulators.grinding.work import ARCSEC, UM, Pass, WorkPiece, clamped
-from simulators.optics.bench import AxisWatcher, OpticsBench
+from simulators.optics.mountings import AxisWatcher, OpticsBench
 from simulators.truth import AxisMotion
 from simulators.truth.chain import Pose, still
 

@@ -16,7 +16,7 @@ from simulators.modbus.access import (
     PlcFault,
     Target,
 )
-from simulators.modbus.desk import Load, PlcDesk
+from simulators.modbus.plcstate import Load, PlcDesk
 from simulators.modbus.registers import PlcCommand
 
 

@@ -22,8 +22,8 @@ from simulators.modbus.access import (
     PlcFault,
 )
 from simulators.modbus.checks import Checks
-from simulators.modbus.desk import PlcDesk, Work
 from simulators.modbus.loading import Loading
+from simulators.modbus.plcstate import PlcDesk, Work
 from simulators.modbus.registers import PlcCommand
 from simulators.modbus.switching import LOOK_S, PlcSwitching
 

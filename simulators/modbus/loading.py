@@ -18,7 +18,7 @@ from simulators.modbus.access import (
     Target,
 )
 from simulators.modbus.checks import Checks
-from simulators.modbus.desk import Load, PlcDesk, PlcPowerCut, Work
+from simulators.modbus.plcstate import Load, PlcDesk, PlcPowerCut, Work
 from simulators.modbus.registers import PlcCommand
 
 PARAMETERS_DIFFER = 65535

@@ -11,9 +11,9 @@ from drivers.clock import Clock
 from simulators.modbus import registers as r
 from simulators.modbus.access import CEC, NO_SESSION, NckAccess, PlcFault, Target
 from simulators.modbus.commands import SELECT, SELECTING, PlcCommands
-from simulators.modbus.desk import Load, PlcPowerCut, Retentive, Work
 from simulators.modbus.pdu import DEVICE_FAILURE, ILLEGAL_ADDRESS, PduRefused, Unanswered
 from simulators.modbus.picture import BUSY, DONE, FAILED, RELEASED_LEVEL, WAITING, PlcPicture
+from simulators.modbus.plcstate import Load, PlcPowerCut, Retentive, Work
 from simulators.modbus.registers import Image, PlcCommand
 from simulators.modbus.switches import PlcSettings
 from simulators.nck.control import Nck

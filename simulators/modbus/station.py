@@ -10,12 +10,12 @@ from typing import Any
 from drivers.clock import Clock, LoopClock
 from drivers.errors import TransportError
 from drivers.transport import ByteTransport, open_transport
+from simulators.instrument_wire import Around, Outlet
 from simulators.modbus.frames import BrokenFrame, Framing, Mbap, ModbusFrame, Rtu
 from simulators.modbus.pdu import Unanswered, answer
 from simulators.modbus.plc import Plc
 from simulators.modbus.switches import PlcSettings
 from simulators.nck.control import Nck
-from simulators.outlet import Around, Outlet
 
 READ_BYTES = 4096
 GATEWAY_TARGET_FAILED = 0x0B

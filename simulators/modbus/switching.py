@@ -5,7 +5,7 @@ from __future__ import annotations
 from simulators.modbus import registers as r
 from simulators.modbus.access import CEC, DIFFERS, EEC, NCK_REFUSED, RANGE, TIME_OVER, NckAccess, PlcFault, Target
 from simulators.modbus.checks import Checks
-from simulators.modbus.desk import PlcDesk, Work
+from simulators.modbus.plcstate import PlcDesk, Work
 from simulators.modbus.registers import PlcCommand
 
 AXIS_ALONE = 1 << 4

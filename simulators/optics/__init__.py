@@ -1,8 +1,8 @@
 """What each instrument would read: poses, beams and the physics of interferometers."""
 
-from simulators.optics.bench import MotionSource, Mounting, OpticsBench
 from simulators.optics.calibrator import RotaryReader, Turns
 from simulators.optics.laser import Counts, LaserCounter
+from simulators.optics.mountings import MotionSource, Mounting, OpticsBench
 from simulators.optics.sensor import SensorReader, SensorReadings
 
 __all__ = [

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simulators.cellfile import Calibrator
-from simulators.optics.bench import AxisWatcher, Mounting, OpticsBench, letters_of
+from simulators.optics.mountings import AxisWatcher, Mounting, OpticsBench, letters_of
 from simulators.optics.stops import Stops
 from simulators.truth import AxisMotion, generator
 from simulators.truth.drift import drifted_s

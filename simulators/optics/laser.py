@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from simulators.cellfile import Laser, Setup
 from simulators.optics.air import refractive_index
-from simulators.optics.bench import (
+from simulators.optics.mountings import (
     AxisWatcher,
     Mounting,
     OpticsBench,

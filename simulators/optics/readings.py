@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simulators.cellfile import Setup
-from simulators.optics.bench import angle_rad, carrier_of
+from simulators.optics.mountings import angle_rad, carrier_of
 from simulators.truth import AxisMotion
 from simulators.truth.chain import Pose
 

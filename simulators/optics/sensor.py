@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simulators.cellfile import Sensor, Setup
-from simulators.optics.bench import SETTLED, AxisWatcher, Mounting, OpticsBench, letters_of
+from simulators.optics.mountings import SETTLED, AxisWatcher, Mounting, OpticsBench, letters_of
 from simulators.optics.readings import component_of, reading
 from simulators.optics.stops import Stops
 from simulators.truth import AxisMotion, generator

@@ -23,8 +23,8 @@ from drivers.errors import RemoteProtocolError, TransportError
 from simulators.bridge import Answer, BridgeAnswerer, BridgeRefused
 from simulators.grinding import WorkPiece
 from simulators.inspection import SHARE, UM, GearMachine, OnMachine
+from simulators.instrument_wire import Around
 from simulators.optics import OpticsBench
-from simulators.outlet import Around
 
 FloatArray = NDArray[np.float64]
 SIDES = {"left": 1.0, "right": -1.0}

@@ -28,8 +28,8 @@ from drivers.bridge.records import (
 )
 from drivers.clock import Clock
 from simulators.bridge import Answer, BridgeAnswerer
+from simulators.instrument_wire import Around
 from simulators.optics import OpticsBench, SensorReader, SensorReadings
-from simulators.outlet import Around
 
 CHANNELS = {"straightness": "deviation_um", "angle": "angle_arcsec"}
 

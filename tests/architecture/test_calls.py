@@ -22,8 +22,6 @@ LEFT = {
     "drivers/sinumerik/tablefile": 3,
 }
 """Rooms that still call with more, and how often at most: these numbers only shrink."""
-BY_NAME = {"drivers/registry.py", "drivers/transport/__init__.py"}
-"""Drivers by their names, and the one wire whose room stands above that of the others."""
 TWICE = {
     "Backlash",
     "Control",
@@ -99,8 +97,3 @@ def test_a_public_class_name_lives_once() -> None:
             homes[name].append(place)
     assert {name: places for name, places in homes.items() if len(places) > 1 and name not in TWICE} == {}
     assert sorted(name for name in TWICE if len(homes[name]) < 2) == [], "take these off the list"
-
-
-def test_imports_are_plain_but_for_what_is_loaded_by_name() -> None:
-    found = {place for place, code in _sources().items() if re.search(r"\bimport_module\(|__import__\(", code)}
-    assert found == BY_NAME

@@ -36,7 +36,7 @@ from gateway.workflow.control.pushing import push_run
 from gateway.workflow.tooth.correcting import ToothOutcome, correct_site
 from simulators.cell import Cell, cell_running
 from simulators.cellfile import load_cell, with_plan
-from simulators.grinding.seat import on_axis
+from simulators.grinding.rotation_axis import on_axis
 from simulators.truth import Truth
 from tests.cell.fitted import read
 from tests.unit.simulators.planned_run import ground

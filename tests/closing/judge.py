@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from simulators.cellfile.part import Part
 from simulators.grinding import Lobes, WorkPiece
-from simulators.grinding.seat import on_axis
+from simulators.grinding.rotation_axis import on_axis
 from simulators.truth import Truth
 from simulators.truth.chain import Pose
 from tests.closing.tables import Grid, Layout, Table, fitted

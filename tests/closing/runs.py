@@ -17,7 +17,7 @@ from gateway.config import SiteFile, load_site
 from gateway.store import RunFolder
 from gateway.tooth import FlankMap, FlankPrediction, InspectedFlank, ToothProposal, ToothVerdict
 from gateway.workflow import stages
-from gateway.workflow.loop.closing import AFTER, BEFORE, close_site
+from gateway.workflow.loop.tooth_loop import AFTER, BEFORE, close_site
 from gateway.workflow.outcome import Outcome
 from simulators.cell import Cell, cell_running
 from simulators.cellfile import CellFile

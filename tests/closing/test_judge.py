@@ -15,7 +15,7 @@ from gateway.gear.flank import flank_figure, flank_grid
 from simulators.cellfile import CellFile, load_cell
 from simulators.cellfile.part import Clamping, Part
 from simulators.grinding import clamped
-from simulators.grinding.seat import on_axis
+from simulators.grinding.rotation_axis import on_axis
 from simulators.truth import Truth
 from tests.closing.judge import Floor, Machine, Values, b_left, b_left_on, floor, kept_floor, places, rms
 from tests.closing.machines import ANGULAR_ARCSEC, GEARS, LINEAR_UM, gear_of, machine, written

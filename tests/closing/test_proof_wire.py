@@ -15,7 +15,7 @@ from gateway.store import RunFolder
 from gateway.tooth import ToothProposal
 from gateway.workflow import stages
 from simulators.grinding import clamped
-from simulators.grinding.seat import on_axis
+from simulators.grinding.rotation_axis import on_axis
 from simulators.pytest_plugin import CellStarter, WireCell
 from simulators.truth import Truth
 from tests.closing.judge import SHARE, Machine, Places, kept_floor, places, rms

@@ -13,13 +13,14 @@ import numpy as np
 import pytest
 
 from drivers.types import CompensationTable, LiveSet, LiveTable, Marker, SignProof, Stop
+from gateway.axes import AxisRecord
 from gateway.domain import TableChange
-from gateway.push import AxisFacts, PushContext, prove_sign, push_table
+from gateway.push import PushContext, prove_sign, push_table
 from gateway.push.compare import signed, table_in
 from tests.contract.modbus_stage import Stage, cross, on_stage, table
 
-X_AXIS = AxisFacts("X1", "X", "mm", False, False, (-190.0, 340.0), 0.0, 6000.0)
-C_AXIS = AxisFacts("C1", "C", "deg", True, True, (0.0, 360.0), 0.0, 3600.0)
+X_AXIS = AxisRecord("X1", "X", "mm", False, False, (-190.0, 340.0), 0.0, 6000.0)
+C_AXIS = AxisRecord("C1", "C", "deg", True, True, (0.0, 360.0), 0.0, 3600.0)
 NOTHING = np.zeros(0)
 
 
@@ -33,7 +34,9 @@ class Folder:
 
 
 @contextlib.asynccontextmanager
-async def people(on: Stage, root: Path, proof: SignProof | None, moved: AxisFacts | None) -> AsyncIterator[PushContext]:
+async def people(
+    on: Stage, root: Path, proof: SignProof | None, moved: AxisRecord | None
+) -> AsyncIterator[PushContext]:
     """A context with somebody who jogs where MSG says and presses the panel's button when it lights."""
     asked: list[tuple[str, float]] = []
 

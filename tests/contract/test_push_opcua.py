@@ -23,16 +23,17 @@ from drivers.types import (
     Stop,
     StopReached,
 )
+from gateway.axes import AxisRecord
 from gateway.domain import TableChange
-from gateway.push import AxisFacts, PushContext, look, prove_sign, push_table, recover, unfinished
+from gateway.push import PushContext, look, prove_sign, push_table, recover, unfinished
 from gateway.push.compare import signed, table_in
 from simulators.nck.spec import NckSpec
 from tests.contract.opcua_stage import AXES, Stage, on_stage, plan
 
 SPEC = NckSpec(AXES, cec_points=(0, 10, 12, 10), access_level=2, files_max_bytes=65536)
-X_AXIS = AxisFacts("X1", "X", "mm", False, False, (-250.0, 250.0), 0.0, 6000.0, dwell_s=0.2)
-Z_AXIS = AxisFacts("Z1", "Z", "mm", False, False, (0.0, 600.0), 0.0, 6000.0, dwell_s=0.2)
-C_AXIS = AxisFacts("C1", "C", "deg", True, True, (0.0, 360.0), 0.0, 3600.0, dwell_s=0.2)
+X_AXIS = AxisRecord("X1", "X", "mm", False, False, (-250.0, 250.0), 0.0, 6000.0, dwell_s=0.2)
+Z_AXIS = AxisRecord("Z1", "Z", "mm", False, False, (0.0, 600.0), 0.0, 6000.0, dwell_s=0.2)
+C_AXIS = AxisRecord("C1", "C", "deg", True, True, (0.0, 360.0), 0.0, 3600.0, dwell_s=0.2)
 WAVE = CompensationTable("CEC", "Z1", "X1", 0.0, 400.0, 50.0, (0.0, 3.0, 7.0, 9.0, 5.0, 1.0, -4.0, -2.0, 0.0), index=1)
 TURN = CompensationTable(
     "CEC", "C1", "X1", 0.0, 360.0, 45.0, (0.0, 1.0, 2.0, 1.0, 0.0, -1.0, -2.0, -1.0, 0.0), True, 2, "deg"
@@ -50,7 +51,7 @@ class Folder:
 
 
 async def context_for(
-    on: Stage, root: Path, proof: SignProof | None = None, moved: AxisFacts | None = Z_AXIS
+    on: Stage, root: Path, proof: SignProof | None = None, moved: AxisRecord | None = Z_AXIS
 ) -> PushContext:
     """A push of X1, with an operator who presses NC START for whatever is selected."""
     controller = on.device

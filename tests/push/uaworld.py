@@ -13,8 +13,9 @@ from typing import Any
 from drivers.clock import Clock
 from drivers.sinumerik.opcua.device import SinumerikOpcUa
 from drivers.types import CompensationTable, LiveSet, LiveTable, MachineIdentity, SignProof, Stop, StopPlan
+from gateway.axes import AxisRecord
 from gateway.domain import TableChange
-from gateway.push import AxisFacts, PushContext
+from gateway.push import PushContext
 from gateway.push.compare import table_in
 from simulators.nck.control import Nck
 from simulators.nck.machine.data_table import CEC_ENABLE, ENC_ENABLE
@@ -26,8 +27,8 @@ from tests.push.world import NAME, NEW, NOTHING, OLD, POINTS, Folder, Scene
 SETTINGS: Mapping[str, Any] = {"user": "trueflank", "password": "trueflank", "security": "None", "poll_s": 0.2}
 X_SPEC = AxisSpec("X1", "X", travel=(-100.0, 100.0), eec_points=(POINTS, 0))
 Z_SPEC = AxisSpec("Z1", "Z", travel=(-100.0, 100.0))
-X_AXIS = AxisFacts("X1", "X", "mm", False, False, (-100.0, 100.0), 0.0, 6000.0, dwell_s=0.2)
-Z_AXIS = AxisFacts("Z1", "Z", "mm", False, False, (-100.0, 100.0), 0.0, 6000.0, dwell_s=0.2)
+X_AXIS = AxisRecord("X1", "X", "mm", False, False, (-100.0, 100.0), 0.0, 6000.0, dwell_s=0.2)
+Z_AXIS = AxisRecord("Z1", "Z", "mm", False, False, (-100.0, 100.0), 0.0, 6000.0, dwell_s=0.2)
 CROSS = Scene(cross=True)
 
 

@@ -17,21 +17,22 @@ import numpy as np
 from drivers.clock import Clock, LoopClock
 from drivers.sinumerik.mailbox.device import SinumerikModbus
 from drivers.types import CompensationTable, LiveSet, LiveTable, MachineIdentity, SignProof
+from gateway.axes import AxisRecord
 from gateway.domain import TableChange
-from gateway.push import AxisFacts, PushContext
+from gateway.push import PushContext
 from gateway.push.compare import signed, table_in
+from simulators.instrument_wire import Around
 from simulators.modbus import PlcStation, station_of
 from simulators.nck.control import AxisSpec, Nck, NckSpec
 from simulators.nck.machine.data_table import CEC_ENABLE, ENC_ENABLE
-from simulators.outlet import Around
 from tests.push.oracle import Oracle, content_of
 
 URL = "memory://plc"
 POINTS = 12
 X_SPEC = AxisSpec("X1", "X", travel=(-100.0, 100.0), eec_points=(POINTS, 0), absolute_encoder=True)
 Z_SPEC = AxisSpec("Z1", "Z", travel=(-100.0, 100.0), absolute_encoder=True)
-X_AXIS = AxisFacts("X1", "X", "mm", False, False, (-100.0, 100.0), 0.0, 6000.0, overrun=5.0)
-Z_AXIS = AxisFacts("Z1", "Z", "mm", False, False, (-100.0, 100.0), 0.0, 6000.0, overrun=5.0)
+X_AXIS = AxisRecord("X1", "X", "mm", False, False, (-100.0, 100.0), 0.0, 6000.0, overrun=5.0)
+Z_AXIS = AxisRecord("Z1", "Z", "mm", False, False, (-100.0, 100.0), 0.0, 6000.0, overrun=5.0)
 NOTHING = np.zeros(0)
 NAME = "mill"
 

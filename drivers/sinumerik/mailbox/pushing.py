@@ -30,7 +30,7 @@ from drivers.sinumerik.mailbox.reader import (
     position_of,
 )
 from drivers.sinumerik.mailbox.settings import ModbusSettings
-from drivers.sinumerik.ncprogram import pushing
+from drivers.sinumerik.tablefile import tables
 from drivers.types import GONE, LiveSet, MachineIdentity, PushOrder
 
 MARKER_DIGITS = 16
@@ -102,7 +102,7 @@ class MailboxPushing:
         source, output = self._reader.axis(table.input_axis), self._reader.axis(table.output_axis)
         if (table.input_unit, table.output_unit) != (source.unit, output.unit):
             raise TableError("E-MBX-UNIT", self._where, table=table.name, input=source.unit, output=output.unit)
-        values = grids.numbers_of(table, pushing.values_of(order), output.unit)
+        values = grids.numbers_of(table, tables.values_of(order), output.unit)
         return MailboxPlan(grids.begin_order(table, len(values), self._reader.axes), values)
 
     async def _check(self, order: PushOrder, plan: MailboxPlan) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from decimal import Decimal
 
-from drivers.errors import TableError, TooManyPoints
+from drivers.errors import TooManyPoints
 from drivers.sinumerik.ncprogram import backup
 from drivers.sinumerik.ncprogram.backup import Memory, Saving, Section
 from drivers.sinumerik.ncprogram.heads import Head, headed, section
@@ -46,21 +46,6 @@ def loaded_message(order: PushOrder, words: Words) -> str:
 def activate_message(axis: str) -> str:
     """The operator's message after the table was switched on."""
     return f"TRUEFLANK ACTIVATE NCK RESET AND REFERENCE {axis}"
-
-
-def values_of(order: PushOrder) -> tuple[Decimal, ...]:
-    """The values an order writes: new tables at the resolution, a restored one exactly as it was read.
-
-    Raises TableError (E-TABLE-NO-PROOF, E-TABLE-SIGN), ValueOutOfRange (E-TABLE-FINITE).
-    """
-    if order.purpose == "restore":
-        return tables.stored_values(order.table, order.proof) if order.proof else tables.as_stored(order.table)
-    table = tables.quantised(order.table)
-    if order.purpose == "table":
-        if order.proof is None:
-            raise TableError("E-TABLE-NO-PROOF", table.name, table=table.name, function=table.function)
-        return tables.stored_values(table, order.proof)
-    return tables.as_stored(table)
 
 
 def pushing(order: PushOrder, setting: Setting) -> str:
@@ -229,7 +214,7 @@ def reserved_points(table: CompensationTable, memory: Memory) -> int:
 
 def _write(order: PushOrder, setting: Setting) -> list[str]:
     """Every parameter, every point and a zero for each point that an older table may have left behind."""
-    table, values = order.table, values_of(order)
+    table, values = order.table, tables.values_of(order)
     reserved = reserved_points(table, setting.memory)
     if len(values) > reserved:
         raise TooManyPoints(
@@ -246,7 +231,7 @@ def _write(order: PushOrder, setting: Setting) -> list[str]:
 
 
 def _compare(order: PushOrder, setting: Setting) -> list[str]:
-    table, values = order.table, values_of(order)
+    table, values = order.table, tables.values_of(order)
     miss = setting.words.name(Word.MISMATCHES)
     count = [f"{miss}={miss}+1", "ENDIF"]
     half_unit = value_text(max(Decimal(5).scaleb(-_places(values) - 1), FINEST))

@@ -18,7 +18,7 @@ from drivers.sinumerik.tablefile.grammar import DECIMALS, FINEST_POSITION, LARGE
 from drivers.sinumerik.tablefile.groups import SCALE, Sign, axis_unit
 from drivers.sinumerik.tablefile.reader import read
 from drivers.tablefile import TableFile
-from drivers.types import CompensationTable, SignProof
+from drivers.types import CompensationTable, PushOrder, SignProof
 
 __all__ = [
     "TableFile",
@@ -29,6 +29,7 @@ __all__ = [
     "quantised",
     "read",
     "stored_values",
+    "values_of",
     "written_sign",
 ]
 
@@ -76,6 +77,21 @@ def quantised(table: CompensationTable, resolution: float = VALUE_RESOLUTION) ->
     unit, scale = Decimal(repr(resolution)), SCALE[table.output_unit]
     steps = ((value / unit).to_integral_value(ROUND_HALF_EVEN) * unit for value in as_stored(table))
     return replace(table, deviations=tuple(float(value * scale) + 0.0 for value in steps))
+
+
+def values_of(order: PushOrder) -> tuple[Decimal, ...]:
+    """The values an order writes: new tables at the resolution, a restored one exactly as it was read.
+
+    Raises TableError (E-TABLE-NO-PROOF, E-TABLE-SIGN), ValueOutOfRange (E-TABLE-FINITE).
+    """
+    if order.purpose == "restore":
+        return stored_values(order.table, order.proof) if order.proof else as_stored(order.table)
+    table = quantised(order.table)
+    if order.purpose == "table":
+        if order.proof is None:
+            raise TableError("E-TABLE-NO-PROOF", table.name, table=table.name, function=table.function)
+        return stored_values(table, order.proof)
+    return as_stored(table)
 
 
 def point_lines(table: CompensationTable, values: Iterable[Decimal]) -> list[str]:

@@ -16,9 +16,9 @@ from gateway.model.components import is_periodic, standard_uncertainty, value
 from gateway.model.known import ErrorModel, Unknown
 from gateway.model.preset import MOTION_NAMES
 from gateway.report.drawings.curves import FAINT, INK, NEW, OLD, QUIET, RULE, calm, limits, plain_name
+from gateway.report.sentences import number, signed
 from gateway.report.tooth.rows import CureRow
 from gateway.report.tooth.why import MEANING, Tag
-from gateway.report.words import number, signed
 
 POINTS = 121
 COLUMNS = 6

@@ -12,7 +12,7 @@ from gateway.report.tooth.errors import error_rows
 from gateway.report.tooth.flank import FlankState, before_after, gain_pct, states
 from gateway.report.tooth.page import said
 from gateway.report.tooth.rows import cure_rows, figure_rows, inspected_parts, setup_rows, table_rows
-from gateway.report.tooth.words import FIGURE, sentence
+from gateway.report.tooth.sentences import FIGURE, sentence
 
 
 def summary(report: ReportMaterial) -> Mapping[str, object]:

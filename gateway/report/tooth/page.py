@@ -11,6 +11,7 @@ from gateway.correct.outlook.next_setup import OpenDoubt
 from gateway.report.drawings import tooth as tooth_drawings
 from gateway.report.material import PartMaterial, ReportMaterial, ToothMaterial
 from gateway.report.missing import missing
+from gateway.report.sentences import value_sense
 from gateway.report.tooth.cured import Share, shares
 from gateway.report.tooth.errors import ErrorRow, error_rows
 from gateway.report.tooth.flank import FlankState, close_up, shown, states, top_of
@@ -25,7 +26,6 @@ from gateway.report.tooth.rows import (
     setup_rows,
     table_rows,
 )
-from gateway.report.words import value_sense
 
 LEAST_CHANGE_UM = 0.01
 

@@ -9,7 +9,7 @@ import numpy as np
 from drivers.errors import words
 from drivers.types import FloatArray, LiveTable
 from drivers.units import DeviationUnit
-from gateway.domain import Capture, TableChange
+from gateway.domain import COVERAGE, Capture, TableChange
 from gateway.evaluate.behaviour.fine_structure import means_between
 from gateway.evaluate.behaviour.repetitions import robust_means
 from gateway.evaluate.behaviour.table_effect import TableEffect, why
@@ -102,7 +102,14 @@ def check_between(change: TableChange, after: Capture) -> Checked | None:
     taken = _effect(change, stops.targets)[good] - np.mean(effect)
     wanted = np.interp(stops.targets[good], change.targets, change.predicted - np.nanmean(change.predicted))
     allowed = WIDEN * _rms(change.predicted_U)
-    sizes = _rms(left + taken), _rms(left), 2.0 * _rms(u[good]), _rms(left - wanted), allowed, float(np.std(effect))
+    sizes = (
+        _rms(left + taken),
+        _rms(left),
+        COVERAGE * _rms(u[good]),
+        _rms(left - wanted),
+        allowed,
+        float(np.std(effect)),
+    )
     return Checked(int(good.sum()), *sizes, after.unit)
 
 

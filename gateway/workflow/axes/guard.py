@@ -16,7 +16,7 @@ from gateway.capture.corrected import from_live
 from gateway.capture.live import capture_axis
 from gateway.capture.sense import prove_sense
 from gateway.config import AxisSection, GuardSection, SiteFile, Targets
-from gateway.domain import Capture, Equipment
+from gateway.domain import COVERAGE, Capture, Equipment
 from gateway.errors import CaptureError, IllegalTransition
 from gateway.evaluate.behaviour.repetitions import robust_means
 from gateway.guard import Approved, Check, GuardVerdict, guard_axis
@@ -197,9 +197,9 @@ def check_of(axis: AxisSection, capture: Capture, guard: GuardSection, *, same_i
     freedom = _freedom(capture, len(means.suspects))
     unit: DeviationUnit = deviation_unit(axis.unit)
     usual = InstrumentU.usual(unit)
-    mounting = (guard.mounting_um if unit == "um" else guard.mounting_arcsec) / 2.0
-    growing = usual.standard(capture.targets - axis.reference) - usual.constant / 2.0
-    own = 0.0 if same_instrument else float(np.sqrt(2.0)) * usual.constant / 2.0
+    mounting = (guard.mounting_um if unit == "um" else guard.mounting_arcsec) / COVERAGE
+    growing = usual.standard(capture.targets - axis.reference) - usual.constant / COVERAGE
+    own = 0.0 if same_instrument else float(np.sqrt(2.0)) * usual.constant / COVERAGE
     u = np.sqrt(means.u**2 + growing**2)
     return Check(
         targets=capture.targets,

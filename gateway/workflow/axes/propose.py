@@ -17,7 +17,7 @@ from gateway.evaluate.behaviour.repetitions import RobustMeans, robust_means
 from gateway.interlocks import not_worth_it
 from gateway.model.components import standard_uncertainty, value
 from gateway.model.fit import fit_positioning
-from gateway.table import Grid, MeasuredMeans, TableAxis
+from gateway.table import Grid, MeasuredMeans
 from gateway.table import propose as propose_table
 from gateway.workflow import stages
 from gateway.workflow.axes.measure import MeasuredAxis
@@ -61,7 +61,7 @@ async def _change(at: Bench, axis: AxisSection, item: MeasuredAxis) -> TableChan
     at.folder.put(stages.component(axis.name), component, (item.digest,))
     limits = await at.supervisor.controller.table_limits(axis.name)
     change = propose_table(
-        TableAxis(axis.name, axis.unit, axis.reference, axis.modulo),
+        axis.facts,
         component,
         measured=MeasuredMeans(targets=capture.targets, means=means.mean, u=means.u, rest=_rest(means), unseen=unseen),
         live=capture.live,

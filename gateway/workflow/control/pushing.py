@@ -18,7 +18,7 @@ from gateway.config import AxisSection
 from gateway.domain import AxisVerdict, Capture, Evaluation, Proposal, PushRecord, TableChange, Verdict
 from gateway.errors import StoreError, WriteRefused
 from gateway.interlocks import Refusal
-from gateway.push import Asked, AxisFacts, PushContext, ask, outcome_error, prove_sign, push_table
+from gateway.push import Asked, PushContext, ask, outcome_error, prove_sign, push_table
 from gateway.push.records.journal import JOURNALS
 from gateway.say import Say
 from gateway.store import RunFolder
@@ -143,7 +143,7 @@ async def _ambient(at: Bench, change: TableChange) -> Ambient | None:
 def table_context(at: Bench, table: CompensationTable, capture: Capture | None) -> PushContext:
     """What a push of this very table works with: its axes, and the proof of its function if there is one."""
     context = push_context(at, at.axis(table.output_axis), capture)
-    other = facts_of(at.axis(table.input_axis)) if table.input_axis != table.output_axis else None
+    other = at.axis(table.input_axis).facts if table.input_axis != table.output_axis else None
     return replace(context, input=other, proof=at.proofs.find(at.machine, table.function, table.output_axis))
 
 
@@ -155,7 +155,7 @@ def push_context(at: Bench, axis: AxisSection, capture: Capture | None) -> PushC
         clock=at.clock,
         folder=at.folder,
         journals=at.store.root / JOURNALS,
-        axis=facts_of(axis),
+        axis=axis.facts,
         machine=at.machine,
         typed_name=name,
         site_name=name,
@@ -164,24 +164,6 @@ def push_context(at: Bench, axis: AxisSection, capture: Capture | None) -> PushC
         stop_timeout_s=operator.stop_timeout_s,
         approvals_needed=at.site.site.approvals,
         say=at.say,
-    )
-
-
-def facts_of(axis: AxisSection) -> AxisFacts:
-    """An axis of the site as a push knows it."""
-    measure = axis.measure
-    return AxisFacts(
-        name=axis.name,
-        letter=axis.letter,
-        unit=axis.unit,
-        rotary=axis.kind == "rotary",
-        modulo=axis.modulo,
-        travel=axis.travel,
-        reference=axis.reference,
-        feed=measure.feed,
-        overrun=measure.overrun,
-        dwell_s=measure.dwell_s,
-        encoder=axis.encoder,
     )
 
 

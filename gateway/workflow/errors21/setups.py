@@ -9,7 +9,7 @@ from typing import Any
 from drivers.errors import ConfigError
 from drivers.units import DeviationUnit, deviation_unit
 from gateway.config import AxisSection, SetupSection, SiteFile
-from gateway.domain import component_unit
+from gateway.domain import COVERAGE, component_unit
 from gateway.evaluate.geometry.measurement import Measurement
 from gateway.table.proposal import InstrumentU
 
@@ -39,11 +39,11 @@ class Planned:
     def systematic(self) -> float:
         """Standard uncertainty that repetition does not show, in `unit`."""
         if self.setup.U is not None:
-            return self.setup.U / 2.0
+            return self.setup.U / COVERAGE
         if not self.positioning:
-            return DEFAULT_U / 2.0
+            return DEFAULT_U / COVERAGE
         usual = InstrumentU.usual(deviation_unit(self.axis.unit))
-        return (usual.constant + usual.per_unit * (self.axis.travel[1] - self.axis.travel[0])) / 2.0
+        return (usual.constant + usual.per_unit * (self.axis.travel[1] - self.axis.travel[0])) / COVERAGE
 
     @property
     def jog(self) -> float:

@@ -9,7 +9,7 @@ from gateway.domain import Evaluation, Proposal, Verdict
 from gateway.report import parameter_rows
 from gateway.report.lines import tooth_lines
 from gateway.report.parameters import PARAMETERS
-from gateway.report.words import number, percent, still_on
+from gateway.report.sentences import number, percent, still_on
 from gateway.store import RunFolder
 from gateway.workflow import stages
 from gateway.workflow.axes.measure import MeasuredAxis

@@ -33,16 +33,17 @@ from drivers.types import (
     SwitchReading,
     TableLimits,
 )
+from gateway.axes import AxisRecord
 from gateway.domain import TableChange
 from gateway.interlocks import value_at
-from gateway.push import AxisFacts, PushContext
+from gateway.push import PushContext
 from gateway.push.compare import signed
 from gateway.push.records import journal
 
 MACHINE = MachineIdentity("SN-1", "V4.8", ("X1", "Z1"))
 PROOF = SignProof(MACHINE, "EEC", "X1", -1.0, 0.02, 1, "2026-11-21T09:00:00+00:00")
-AXIS = AxisFacts("X1", "X", "mm", False, False, (0.0, 400.0), 0.0, 2000.0)
-Z_AXIS = AxisFacts("Z1", "Z", "mm", False, False, (0.0, 400.0), 0.0, 2000.0)
+AXIS = AxisRecord("X1", "X", "mm", False, False, (0.0, 400.0), 0.0, 2000.0)
+Z_AXIS = AxisRecord("Z1", "Z", "mm", False, False, (0.0, 400.0), 0.0, 2000.0)
 NOTHING = np.zeros(0)
 
 

@@ -11,10 +11,10 @@ import pytest
 from drivers.clock import run_virtual
 from drivers.errors import BeamObstructed, TableError
 from drivers.types import LiveTable, SignProof, Stop
+from gateway.axes import AxisRecord
 from gateway.errors import RollbackFailed, VerifyError, WriteRefused
 from gateway.interlocks import value_at
 from gateway.push import prove_sign
-from gateway.push.context import AxisFacts
 from gateway.push.signproof import PEAK, steps_of, triangle
 from tests.unit.push.double import (
     MACHINE,
@@ -161,7 +161,7 @@ def test_triangle(
 
 def test_rotary_triangle(tmp_path: Path) -> None:
     at = bench(tmp_path)
-    axis = AxisFacts("C1", "C", "deg", True, True, (0.0, 360.0), 0.0, 1000.0, encoder=1)
+    axis = AxisRecord("C1", "C", "deg", True, True, (0.0, 360.0), 0.0, 1000.0, encoder=1)
     made, place = triangle(replace(at.context, axis=axis), 0.0, 360.0, 5.0)
     assert (place, made.index, made.modulo, made.deviation_unit) == (180.0, 1, True, "arcsec")
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from drivers.errors import catalogue
 from gateway.errors import StoreError
-from gateway.report import as_json, before_after_png, parameter_rows, render, words
+from gateway.report import as_json, before_after_png, parameter_rows, render, sentences
 from gateway.report.data import plain
 from gateway.report.drawings.curves import mean
 from gateway.report.page import columns
@@ -67,21 +67,21 @@ def test_no_evaluation_no_rows_and_one_is_enough() -> None:
     ],
 )
 def test_numbers(value: float | None, text: str) -> None:
-    assert words.number(value) == text
+    assert sentences.number(value) == text
 
 
 @pytest.mark.parametrize(
     ("value", "text"), [(1.0, "+1.00"), (-1.0, "−1.00"), (0.001, "0.00"), (-0.004, "0.00"), (None, "–")]
 )
 def test_signed_numbers(value: float | None, text: str) -> None:
-    assert words.signed(value) == text
+    assert sentences.signed(value) == text
 
 
 @given(st.floats(allow_nan=True, allow_infinity=True), st.integers(0, 6))
 def test_a_number_reads_back_within_half_a_digit(value: float, decimals: int) -> None:
-    text = words.number(value, decimals)
+    text = sentences.number(value, decimals)
     if not math.isfinite(value):
-        assert text == words.ABSENT
+        assert text == sentences.ABSENT
     else:
         assert math.isclose(float(text.replace("−", "-")), value, abs_tol=0.5000001 * 10.0**-decimals)
 
@@ -97,7 +97,7 @@ def test_a_number_reads_back_within_half_a_digit(value: float, decimals: int) ->
     ],
 )
 def test_moments(stamp: str, text: str) -> None:
-    assert words.when(stamp) == text
+    assert sentences.when(stamp) == text
 
 
 def test_state_of_an_axis_follows_verdict_push_and_proposal() -> None:
@@ -105,19 +105,19 @@ def test_state_of_an_axis_follows_verdict_push_and_proposal() -> None:
     assert axis.verdict is not None
     assert axis.push is not None
     not_improved = replace(axis.verdict, improved=False)
-    assert words.axis_state(axis)[0] == "better"
-    assert words.axis_state(replace(axis, verdict=not_improved))[0] == "unchanged"
-    assert words.axis_state(replace(axis, verdict=not_improved, before=axis.after, after=axis.before))[0] == "worse"
+    assert sentences.axis_state(axis)[0] == "better"
+    assert sentences.axis_state(replace(axis, verdict=not_improved))[0] == "unchanged"
+    assert sentences.axis_state(replace(axis, verdict=not_improved, before=axis.after, after=axis.before))[0] == "worse"
     held = replace(axis, verdict=None, push=replace(axis.push, outcome="held"))
-    assert words.axis_state(held) == ("worse", "✖", "held")
+    assert sentences.axis_state(held) == ("worse", "✖", "held")
     loud = replace(axis, push=replace(axis.push, outcome="held-on"))
-    assert words.axis_state(loud) == ("worse", "✖", "held, still on")
-    (line,) = words.still_on(replace(synthetic.material(), axes=(loud, axis)))
+    assert sentences.axis_state(loud) == ("worse", "✖", "held, still on")
+    (line,) = sentences.still_on(replace(synthetic.material(), axes=(loud, axis)))
     assert line.startswith("X1: HELD, STILL ON")
     page = render(replace(synthetic.material(), axes=(loud, axis)))
     assert page.index(line.split(" (")[0]) < page.index("Better")
-    assert words.still_on(synthetic.material()) == ()
-    assert words.axis_state(replace(axis, verdict=None, change=None, push=None))[2] == "measured only"
+    assert sentences.still_on(synthetic.material()) == ()
+    assert sentences.axis_state(replace(axis, verdict=None, change=None, push=None))[2] == "measured only"
 
 
 def test_data_are_json_without_nan_and_keep_every_reading() -> None:
@@ -143,7 +143,7 @@ def test_plain_takes_scalars_of_any_kind() -> None:
     assert plain(np.float64(2.5)) == 2.5
     assert plain(np.bool_(True)) is True
     assert plain(Path("a") / "b") == str(Path("a/b"))
-    assert plain(words) == repr(words)
+    assert plain(sentences) == repr(sentences)
 
 
 def test_mean_of_both_directions_uses_the_one_that_exists() -> None:

@@ -13,8 +13,8 @@ import pytest
 from gateway.model.known import ErrorModel, LocationError
 from gateway.report import PartMaterial, ReportMaterial, TableMaterial, ToothMaterial, render
 from gateway.report.drawings import tooth as tooth_drawings
+from gateway.report.sentences import number, signed
 from gateway.report.tooth.flank import states
-from gateway.report.words import number, signed
 from gateway.tooth import FlankMap, GroundPart, SetupValues
 from tests.unit.report import closing
 from tests.unit.report.attacks import STRINGS

@@ -11,7 +11,7 @@ from simulators.cellfile import CellFile
 from simulators.cellfile.part import Part
 from simulators.grinding.grinder import Grinder
 from simulators.grinding.work import WorkPiece
-from simulators.optics.bench import OpticsBench
+from simulators.optics.mountings import OpticsBench
 from simulators.truth import Truth
 from simulators.truth.chain import Pose
 

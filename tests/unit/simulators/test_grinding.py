@@ -12,7 +12,7 @@ from simulators.grinding.entry import Poses, deepest
 from simulators.grinding.sampling import closely, passes
 from simulators.grinding.wheel import WheelBody
 from simulators.grinding.work import clamped
-from simulators.optics.bench import OpticsBench
+from simulators.optics.mountings import OpticsBench
 from simulators.truth import Truth
 from simulators.truth.chain import rotation
 from tests.unit.simulators.motion import plain_cell

@@ -7,10 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.types import CompensationTable, LiveSet, LiveTable
+from drivers.units import AxisUnit
+from gateway.axes import AxisRecord
 from gateway.domain import TableChange
 from gateway.evaluate.behaviour.repetitions import robust_means
 from gateway.model.fit import fit_positioning
-from gateway.table import Grid, MeasuredMeans, TableAxis, effective, propose
+from gateway.table import Grid, MeasuredMeans, effective, propose
 from tests.unit.table import truth as little
 
 C_GRID, X_GRID = Grid(0.0, 360.0, 5.0), Grid(0.0, 400.0, 10.0)
@@ -30,8 +32,10 @@ def live(acting: CompensationTable, *, enabled: bool = True) -> LiveSet:
     return LiveSet("A1", LiveTable(acting, enabled), (), 0.0, "text", "digest")
 
 
-def axis(*, rotary: bool, reference: float = 0.0) -> TableAxis:
-    return TableAxis("A1", "deg" if rotary else "mm", reference, rotary)
+def axis(*, rotary: bool, reference: float = 0.0) -> AxisRecord:
+    travel = (0.0, 360.0) if rotary else (0.0, 400.0)
+    unit: AxisUnit = "deg" if rotary else "mm"
+    return AxisRecord("A1", "A", unit, rotary, rotary, travel, reference, feed=1000.0)
 
 
 @dataclass(frozen=True)

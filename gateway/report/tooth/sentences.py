@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from gateway.domain import COVERAGE
 from gateway.model.preset import TWENTY_ONE
 from gateway.report.material import Outcome, ReportMaterial, ToothMaterial
+from gateway.report.sentences import OUTCOME, number, percent
 from gateway.report.tooth.errors import ErrorRow
 from gateway.report.tooth.flank import before_after, gain_pct
-from gateway.report.words import OUTCOME, number, percent
 
 TOOTH_OUTCOME: dict[Outcome, str] = {
     "better": "Test parts were ground and inspected before and after the correction: the flank improved.",

@@ -44,7 +44,7 @@ def close_site_command(
     """Close the loop at a site; the demo, which owns its cell, types the machine's name itself."""
     from gateway.config import load_site
     from gateway.workflow.bench import store_of
-    from gateway.workflow.loop.closing import close_site
+    from gateway.workflow.loop.tooth_loop import close_site
 
     tree, used = load_site(site), clock or LoopClock()
     folder = store_of(tree, site).open(resume) if resume else None

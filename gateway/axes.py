@@ -1,0 +1,32 @@
+"""The one record of a machine axis that rooms hand around; the site file's section makes it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from drivers.units import AxisUnit, DeviationUnit, deviation_unit
+
+
+@dataclass(frozen=True, slots=True)
+class AxisRecord:
+    """One axis: ``name`` as in MD10000, ``letter`` as programs call it; positions and overrun in its unit.
+
+    ``reference`` is where its tables must be zero. ``feed`` in mm/min or deg/min; ``dwell_s`` before each hand-shake.
+    """
+
+    name: str
+    letter: str
+    unit: AxisUnit
+    rotary: bool
+    modulo: bool
+    travel: tuple[float, float]
+    reference: float
+    feed: float
+    overrun: float = 5.0
+    dwell_s: float = 1.0
+    encoder: int = 0
+
+    @property
+    def deviation_unit(self) -> DeviationUnit:
+        """Unit of its deviations: um or arcsec."""
+        return deviation_unit(self.unit)
