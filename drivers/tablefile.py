@@ -32,14 +32,14 @@ class TableFile:
 class TableMachine:
     """What is known of the machine a file is meant for; everything may be left out.
 
-    ``control`` "840D", "828D", "808D" or "802D"; ``eec_points`` MD38000, ``cec_points`` MD18342; ``velocity`` of
+    ``control`` "840D", "828D", "808D" or "802D"; ``own_points`` MD38000, ``cross_points`` MD18342; ``velocity`` of
     the input axis in mm/min or deg/min; ``references`` where each input axis' tables must be zero ("" for all);
     ``units`` of the axes.
     """
 
     control: str = ""
-    eec_points: int | None = None
-    cec_points: int | None = None
+    own_points: int | None = None
+    cross_points: int | None = None
     velocity: float | None = None
     references: Mapping[str, float] = field(default_factory=dict)
     units: Mapping[str, AxisUnit] = field(default_factory=dict)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from drivers.names import is_file_name, shown
 from drivers.ownfiles import is_link, new_folder
+from drivers.terms import in_todays_words
 from drivers.types import MachineIdentity
 from gateway.errors import CorruptRecord, StoreError
 from gateway.store import records, seal
@@ -127,6 +128,15 @@ class RunFolder:
             raise CorruptRecord("E-STORE-HASH", str(path), stage=stage)
         return records.decode(data, kind, str(path))
 
+    def older(self, stage: str) -> str:
+        """The version that stored a stage in words of its own; "" where it was stored in today's.
+
+        Raises as `get`.
+        """
+        path = self._place(self._entry(stage)["file"])
+        kept = records.open_envelope(read_whole(path), str(path))["schema"]
+        return "" if kept >= records.RENAMED else str(self._facts()["software"])
+
     def has(self, stage: str) -> bool:
         """Whether a stage is stored."""
         return stage in self._facts()["stages"]
@@ -204,7 +214,7 @@ class RunFolder:
         if error is not None:
             facts["errors"].append(records.plain(error))
         if machine is not None:
-            facts["machine"] = {"serial": machine.serial, "nck_version": machine.nck_version}
+            facts["machine"] = {"serial": machine.serial, "version": machine.version}
         self._write_facts(facts)
 
     def summary(self) -> RunSummary:
@@ -261,7 +271,7 @@ def _read_facts(path: Path) -> dict[str, Any]:
     seal = facts.pop("sha256", "")
     if seal != records.sha256(records.canonical(facts)) or any(key not in facts for key in _KEYS):
         raise CorruptRecord("E-STORE-HASH", str(path), stage=RUN_FILE)
-    return facts
+    return {**facts, "machine": in_todays_words(facts["machine"])}
 
 
 class Store:

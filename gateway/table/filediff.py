@@ -9,6 +9,7 @@ from decimal import Decimal
 import numpy as np
 
 from drivers.tablefile import TableFile
+from drivers.terms import spoken
 from drivers.types import CompensationTable
 from drivers.units import deviation_scale, deviation_unit
 from gateway.domain import FloatArray
@@ -87,7 +88,7 @@ class FileDifference:
 
 
 def compare(first: TableFile, second: TableFile) -> FileDifference:
-    """Tables are matched by encoder and axis (EEC) or by table number (CEC)."""
+    """Tables are matched by encoder and axis (axis tables) or by table number (cross tables)."""
     ours, theirs = _by_place(first), _by_place(second)
     pairs = [_pair(place, ours[place], theirs[place]) for place in ours if place in theirs]
     return FileDifference(
@@ -103,9 +104,9 @@ def _by_place(file: TableFile) -> Mapping[str, CompensationTable]:
 
 
 def _place(table: CompensationTable) -> str:
-    if table.function == "EEC":
-        return f"EEC {table.output_axis} encoder {table.index}"
-    return f"CEC table {table.index}"
+    if table.kind == "axis":
+        return f"{spoken().own} {table.output_axis} encoder {table.index}"
+    return f"{spoken().cross} table {table.index}"
 
 
 def _pair(place: str, first: CompensationTable, second: CompensationTable) -> PairDifference:

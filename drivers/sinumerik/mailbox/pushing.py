@@ -114,7 +114,7 @@ class Pushing:
 
     async def _tables(self, order: PushOrder) -> Reading:
         table = order.table
-        encoder = table.index if table.function == "EEC" else self._settings.encoder
+        encoder = table.index if table.kind == "axis" else self._settings.encoder
         return await self._reader.tables(table.output_axis, encoder)
 
     async def check_place(self, order: PushOrder, backup: LiveSet) -> None:

@@ -35,7 +35,7 @@ def disabling(order: DisableOrder, setting: Setting) -> str:
 
 def switches(order: DisableOrder) -> tuple[str, ...]:
     """The variables that put the table to work, in the order of switching off."""
-    if order.function == "EEC":
+    if order.kind == "axis":
         return (f"$MA_ENC_COMP_ENABLE[{order.index},{order.axis}]",)
     return (f"$SN_CEC_TABLE_ENABLE[{order.index}]", f"$MA_CEC_ENABLE[{order.axis}]")
 
@@ -44,13 +44,13 @@ def acting(order: DisableOrder) -> str:
     """The system variable that shows what acts on the axis."""
     return (
         f"$VA_ENC{order.index + 1}_COMP_VAL[{order.axis}]"
-        if order.function == "EEC"
+        if order.kind == "axis"
         else (f"$VA_CEC_COMP_VAL[{order.axis}]")
     )
 
 
 def _identity(order: DisableOrder, setting: Setting) -> dict[Word, int]:
-    kind = 1000 if order.function == "EEC" else 2000
+    kind = 1000 if order.kind == "axis" else 2000
     return {
         Word.TRANSACTION: order.transaction,
         Word.TABLE: kind + order.index,

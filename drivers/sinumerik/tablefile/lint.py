@@ -22,8 +22,8 @@ MAX_SLOPE = {"mm": 1.0, "deg": 10.0}
 DOUBTFUL_SLOPE = {"mm": 0.2, "deg": 10.0}
 ZERO_AT_REFERENCE = 0.1  # um or arcsec
 MEMORY = {
-    "EEC": "MD38000 $MA_MM_ENC_COMP_MAX_POINTS",
-    "CEC": "MD18342 $MN_MM_CEC_MAX_POINTS",
+    "axis": "MD38000 $MA_MM_ENC_COMP_MAX_POINTS",
+    "cross": "MD18342 $MN_MM_CEC_MAX_POINTS",
 }
 # Fixed sizes that a manual states: tables x points of CEC (828D: K3 03/2013, p. 264; 802D sl: FM 11/2012, p. 222).
 CEC_SIZES = {"828D": (8, 200), "802D": (2, 350)}
@@ -52,14 +52,14 @@ def of_table(table: CompensationTable, where: str, machine: TableMachine | None 
 
 def _size(table: CompensationTable, where: str, known: TableMachine) -> Iterator[TableFinding]:
     points = len(table.deviations)
-    memory = MEMORY[table.function]
-    reserved = known.eec_points if table.function == "EEC" else known.cec_points
+    memory = MEMORY[table.kind]
+    reserved = known.own_points if table.kind == "axis" else known.cross_points
     if reserved is not None and points > reserved:
         error = TooManyPoints(
             "E-TABLE-RESERVED", where, table=table.name, points=points, reserved=reserved, memory=memory
         )
         yield finding("wrong", error)
-    if table.function == "EEC" and table.index == 1:
+    if table.kind == "axis" and table.index == 1:
         yield finding("doubtful", TableError("W-TABLE-ENCODER", where, table=table.name))
     yield from _control(table, where, known, reserved)
 
@@ -69,10 +69,10 @@ def _control(table: CompensationTable, where: str, known: TableMachine, reserved
         return
     points = len(table.deviations)
     fields: dict[str, Any] = {"table": table.name, "control": known.control}
-    fixed = CEC_SIZES.get(known.control) if table.function == "CEC" else None
+    fixed = CEC_SIZES.get(known.control) if table.kind == "cross" else None
     if fixed is None:
         if reserved is None:
-            memory = MEMORY[table.function]
+            memory = MEMORY[table.kind]
             yield finding("note", TableError("W-TABLE-SIZE", where, **fields, points=points, memory=memory))
         return
     if table.index >= fixed[0]:

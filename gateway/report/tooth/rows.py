@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from drivers.terms import spoken
 from drivers.units import AxisUnit, DeviationUnit
 from gateway.report.material import PartMaterial, TableMaterial, ToothMaterial
 from gateway.report.tooth.why import Tag, incurable, tag, what, why
@@ -99,7 +100,7 @@ def _cure(cure: CureRecord, ranked: RankRecord | None) -> CureRow:
 
 @dataclass(frozen=True, slots=True)
 class TableRow:
-    """One table: name among the proposal ("X1-cec3"), what it is ("X(Z)"), its grid, its span, what became of it."""
+    """One table: name among the proposal, what it is ("X(Z)"), its grid, its span, what became of it."""
 
     name: str
     table: str
@@ -134,7 +135,7 @@ def _table(one: TableMaterial, letters: Mapping[str, str]) -> TableRow:
     return TableRow(
         one.change.name,
         table_name(one, letters),
-        one.change.layer,
+        spoken().kind(one.change.layer),
         len(new.deviations),
         new.minimum,
         new.maximum,
