@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from drivers.clock import run_virtual
-from drivers.errors import DeadlineExceeded, DeviceRefused, TransportError, TrueflankError, catalogue
+from drivers.errors import DeadlineExceeded, DeviceRefused, TransportError, TrueflankError, catalogue, words
 from drivers.types import LiveTable
 from gateway.domain import PushRecord, TableChange
 from gateway.errors import BusyError, RollbackFailed, StoreError, VerifyError, WriteRefused
@@ -475,5 +475,5 @@ def test_every_code_said_or_raised_is_in_the_catalogue(tmp_path: Path) -> None:
     push(at)
     for code, fields in at.told:
         assert code in catalogue()
-        assert "<" not in catalogue()[code]["what"].format_map({**fields})
+        assert "<" not in words(code, **fields)
     assert issubclass(DeviceRefused, TrueflankError)
