@@ -69,7 +69,7 @@ class Noted(ModbusWire):
 def table() -> CompensationTable:
     """Zero where the axis stands."""
     values = np.round(20.0 * np.sin(np.arange(POINTS) * np.pi / 100.0), 3)
-    return CompensationTable("EEC", "X1", "X1", -200.0, 600.0, 1.0, tuple(map(float, values)))
+    return CompensationTable("axis", "X1", "X1", -200.0, 600.0, 1.0, tuple(map(float, values)))
 
 
 async def by_driver(url: str) -> tuple[float, list[Request]]:
@@ -81,7 +81,7 @@ async def by_driver(url: str) -> tuple[float, list[Request]]:
     for part in (device._reader, device._pushing, device._switching):  # noqa: SLF001
         part._talk = talk  # noqa: SLF001
     await device.open(5.0)
-    proof = SignProof(await device.identify(), "EEC", "X1", 1.0, 0.01, 1, "2026-01-01T00:00:00+00:00")
+    proof = SignProof(await device.identify(), "axis", "X1", 1.0, 0.01, 1, "2026-01-01T00:00:00+00:00")
     order = PushOrder(17, table(), "X", False, True, 0.0, "table", proof)
     await clock.sleep(1.2)
     await device.state()  # the heartbeat has been seen to move: no waiting for it in what is timed
@@ -90,7 +90,7 @@ async def by_driver(url: str) -> tuple[float, list[Request]]:
     await device.prepare_push(order)
     _, new = await device.wait_loaded(order, 60.0)
     seconds = perf_counter() - start
-    if new.eec.table != order.table:
+    if new.own.table != order.table:
         raise SystemExit("the table did not arrive")
     requests = wire.requests[before:]
     await device.close()

@@ -74,7 +74,7 @@ def table(size: float) -> CompensationTable:
     """Zero at the reference."""
     places = np.linspace(-400.0, 400.0, POINTS)
     values = np.round(size * (20.0 * np.sin(places / 130.0) + np.sin(places / 7.0)), 3) + 0.0
-    return CompensationTable("EEC", "X1", "X1", -400.0, 400.0, 1.0, tuple(map(float, values)))
+    return CompensationTable("axis", "X1", "X1", -400.0, 400.0, 1.0, tuple(map(float, values)))
 
 
 class Timed:
@@ -115,9 +115,9 @@ async def one_push(url: str, size: float, folder: Path) -> tuple[PushRecord, flo
     await device.open(600.0)
     try:
         base, machine, new = await saved(device), await device.identify(), table(size)
-        proof = SignProof(machine, "EEC", "X1", -1.0, 0.01, 1, "2026-01-01T00:00:00+00:00")
+        proof = SignProof(machine, "axis", "X1", -1.0, 0.01, 1, "2026-01-01T00:00:00+00:00")
         nothing = np.zeros(0)
-        old = base.eec
+        old = base.own
         change = TableChange("X1", old.table, new, old.enabled, base.digest, nothing, nothing, nothing, base=base)
         context = PushContext(
             device, clock, Folder(folder), folder / "journal", AXIS, machine, "mill", "mill", proof, approvals_needed=1

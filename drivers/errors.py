@@ -7,6 +7,8 @@ import tomllib
 from importlib import resources
 from typing import ClassVar
 
+from drivers.terms import filled
+
 
 @functools.cache
 def catalogue(language: str = "en") -> dict[str, dict[str, str]]:
@@ -72,7 +74,7 @@ class TrueflankError(Exception):
 
 class _Fields(dict[str, object]):
     def __missing__(self, key: str) -> object:
-        return _Absent(key)
+        return filled(key) or _Absent(key)
 
 
 class _Absent:

@@ -172,8 +172,8 @@ class Controller(Device, Protocol):
         """Read the machine state afresh."""
         ...
 
-    async def table_limits(self, axis: str, function: Literal["EEC", "CEC"] = "EEC", index: int = 0) -> TableLimits:
-        """Reserved points and value resolution: of encoder ``index`` (MD38000) or of table ``index`` (MD18342)."""
+    async def table_limits(self, axis: str, kind: Literal["axis", "cross"] = "axis", index: int = 0) -> TableLimits:
+        """Reserved points and value resolution: of encoder ``index`` or of cross table ``index``."""
         ...
 
     async def marker(self) -> Marker | None:
@@ -202,7 +202,8 @@ class Controller(Device, Protocol):
     async def saved_tables(self, axis: str) -> LiveSet:
         """The live tables: from the file that the last `prepare_stops` program wrote before its first move.
 
-        Without `Capabilities.programs` they are read directly, afresh. CEC deviations are the stored values.
+        Without `Capabilities.programs` they are read directly, afresh. Deviations of cross tables are the stored
+        values.
         """
         ...
 
@@ -223,8 +224,8 @@ class Controller(Device, Protocol):
     async def wait_loaded(self, order: PushOrder, timeout_s: float) -> tuple[LiveSet, LiveSet]:
         """Disable, write, read all back; (back-up of the old, read-back of the new). The new one stays off.
 
-        CEC deviations of both carry the sign of the order's proof. A program has then reached its M0. A table
-        never loaded (step 0) is restored as such, or, where the road cannot say that, as zeros on the grid there.
+        Deviations of cross tables of both carry the sign of the order's proof. A program has then reached its M0. A
+        table never loaded (step 0) is restored as such, or, where the road cannot say that, as zeros on the grid there.
 
         Raises DeviceRefused when the program itself counted mismatches or ended by another way.
         """
@@ -234,7 +235,7 @@ class Controller(Device, Protocol):
         """What stood before ``order`` began, as the controller or this driver kept it under the order's number.
 
         With `Capabilities.programs` from the file that the order's first half wrote, also in a later process; else
-        from `prepare_push`, in the same process. CEC deviations carry the sign of the order's proof.
+        from `prepare_push`, in the same process. Deviations of cross tables carry the sign of the order's proof.
         Raises DeviceRefused when there is none, FileFormatError when it is not whole or of another order.
         """
         ...

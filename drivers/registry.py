@@ -8,6 +8,7 @@ from importlib.metadata import entry_points
 from typing import Any
 
 from drivers.errors import ConfigError
+from drivers.terms import Terms
 
 GROUP = "trueflank.drivers"
 
@@ -48,6 +49,7 @@ _OWN = (
     DriverSpec("csv", "file", "drivers.files.csvmap:CsvFormat"),
     DriverSpec("gear-csv", "gear-file", "drivers.files.gear:GearCsvFormat"),
     DriverSpec("gde", "gear-file", "drivers.files.gde:GdeFormat"),
+    DriverSpec("sinumerik-terms", "terms", "drivers.sinumerik.terms:SINUMERIK"),
     DriverSpec("sinumerik-tables", "table-file", "drivers.sinumerik.tablefile.format:TableFiles"),
 )
 
@@ -67,3 +69,16 @@ def load(name: str, role: str) -> Any:
     if name not in specs:
         raise ConfigError("E-CFG-DRIVER", name, role=role, known=", ".join(sorted(specs)))
     return specs[name].load()
+
+
+def terms_of(controller: str) -> Terms | None:
+    """The words of a driver's control: its own (NAME-terms), else those of its maker (sinumerik-terms); None: none."""
+    specs = known("terms")
+    found = specs.get(f"{controller}-terms") or specs.get(f"{controller.partition('-')[0]}-terms")
+    return found.load() if found is not None else None
+
+
+def first_terms() -> Terms:
+    """The words spoken until a site names its control: those of the table files that are read without one."""
+    words: Terms = next(spec for spec in _OWN if spec.role == "terms").load()
+    return words

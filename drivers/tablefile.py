@@ -48,15 +48,15 @@ class ArchiveMember:
 class TableMachine:
     """What is known of the machine a file is meant for; everything may be left out.
 
-    ``control`` "840D", "828D", "808D" or "802D"; ``eec_points`` MD38000, ``cec_points`` MD18342; ``velocity`` of
+    ``control`` "840D", "828D", "808D" or "802D"; ``own_points`` MD38000, ``cross_points`` MD18342; ``velocity`` of
     the input axis in mm/min or deg/min; ``references`` where each input axis' tables must be zero ("" for all);
     ``units`` of the axes. ``acting`` are the encoder indices that MD32700 switches on, by axis; ``reserved`` MD38000 by
     encoder index and axis, ``cross`` MD18342 by table; ``unknown`` axes of which nobody knows the unit.
     """
 
     control: str = ""
-    eec_points: int | None = None
-    cec_points: int | None = None
+    own_points: int | None = None
+    cross_points: int | None = None
     velocity: float | None = None
     references: Mapping[str, float] = field(default_factory=dict)
     units: Mapping[str, AxisUnit] = field(default_factory=dict)

@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.terms import spoken
 from drivers.units import AxisUnit, DeviationUnit, deviation_unit
 
 FloatArray = NDArray[np.float64]
@@ -35,13 +36,13 @@ class MachineIdentity:
     """The fingerprint of a machine: three fields and more, all of them compared before every write."""
 
     serial: str
-    nck_version: str
+    version: str
     axis_names: tuple[str, ...]
     unit_system: Literal["metric", "inch"] = "metric"
 
     def differences(self, other: MachineIdentity) -> tuple[str, ...]:
         """Names of the fields that differ."""
-        names = ("serial", "nck_version", "axis_names", "unit_system")
+        names = ("serial", "version", "axis_names", "unit_system")
         return tuple(name for name in names if getattr(self, name) != getattr(other, name))
 
 
@@ -152,8 +153,8 @@ class Marker:
 class TableLimits:
     """What the controller can hold for one axis or table: reserved points and the resolution of a value.
 
-    ``resolution`` and ``max_value`` in the output axis' unit; ``max_sum`` (CEC only) is the largest sum of all
-    tables of that axis the control lets through (MD32720), in the same unit; None where it cannot be read.
+    ``resolution`` and ``max_value`` in the output axis' unit; ``max_sum`` (cross tables only) is the largest sum of
+    all tables of that axis the control lets through, in the same unit; None where it cannot be read.
     """
 
     reserved_points: int
@@ -167,12 +168,12 @@ class CompensationTable:
     """A compensation table as *deviations* d = -q that it cancels, in um (linear) or arcsec (rotary).
 
     ``minimum``, ``maximum``, ``step`` are in the input axis' unit; ``deviations`` has k+1 values for
-    k = (maximum-minimum)/step, in the deviation unit of the *output* axis. EEC has input = output.
-    ``index`` is the encoder index e for EEC ($AA_ENC_COMP[e,N,AX]) and the table number t for CEC.
-    ``direction`` 0 both, +1/-1 one travel direction of the input axis (CEC only).
+    k = (maximum-minimum)/step, in the deviation unit of the *output* axis. ``kind`` "axis": an axis' own table (input =
+    output); "cross": of one axis over another. ``index`` is the encoder of an axis table and the number of a cross
+    table. ``direction`` 0 both, +1/-1 one travel direction of the input axis (cross tables only).
     """
 
-    function: Literal["EEC", "CEC"]
+    kind: Literal["axis", "cross"]
     input_axis: str
     output_axis: str
     minimum: float
@@ -213,7 +214,7 @@ class CompensationTable:
 
 @dataclass(frozen=True, slots=True)
 class LiveTable:
-    """A table found in the controller with its switch; ``enabled`` is MD32700 or SD41300 and MD32710."""
+    """A table found in the controller with its switch; ``enabled`` is true where every switch of it is on."""
 
     table: CompensationTable
     enabled: bool
@@ -223,15 +224,16 @@ class LiveTable:
 class LiveSet:
     """Everything that compensates one axis right now: tables, switches, backlash; and the text as read.
 
-    ``backlash`` is MD32450 in the axis unit. ``native`` is the loadable back-up exactly as the controller
-    wrote it; ``digest`` its sha256. An EEC table of an axis that never had one is all zero and disabled.
-    ``cec`` are the CEC tables whose output is this axis, ``others`` those of other outputs, as far as they are
-    known. CEC deviations are the stored values unless a proof was given with the order that led to this set.
+    ``backlash`` is the constant reversal the control takes up, in the axis unit. ``native`` is the loadable back-up
+    exactly as the controller wrote it; ``digest`` its sha256. ``own`` is the axis' own table; that of an axis that
+    never had one is all zero and disabled. ``cross`` are the cross tables whose output is this axis, ``others`` those
+    of other outputs, as far as they are known. Cross tables hold the stored values unless a proof was given with the
+    order that led to this set.
     """
 
     axis: str
-    eec: LiveTable
-    cec: tuple[LiveTable, ...]
+    own: LiveTable
+    cross: tuple[LiveTable, ...]
     backlash: float
     native: str
     digest: str
@@ -243,7 +245,7 @@ class Stop:
     """One place where the axis stands and waits to be measured.
 
     ``target`` in the axis unit, approached in direction ``approach``. ``switch`` turns the plan's table (the
-    output axis' EEC, or its ``cross_table``) on or off before the reading (None leaves it). ``label`` says what
+    output axis' own, or its ``cross_table``) on or off before the reading (None leaves it). ``label`` says what
     the stop is for (an index in the plan).
     """
 
@@ -262,7 +264,7 @@ class StopPlan:
     ``feed`` in mm/min or deg/min; ``overrun`` moves beyond reversal so that each stop is approached from
     its own side; ``dwell_s`` passes before each hand-shake; ``save_tables`` writes the live tables first.
     ``output_axis`` ("": the axis that moves) is the one whose tables are saved and whose compensation is shown,
-    ``encoder`` its measuring system; ``cross_table`` is the CEC table that stops switch (None: its EEC).
+    ``encoder`` its measuring system; ``cross_table`` is the cross table that stops switch (None: its own).
     """
 
     name: str
@@ -304,11 +306,11 @@ class SignProof:
     """How this machine's compensation acts, measured: +1 a positive stored value moves the axis negative.
 
     ``slope`` is measured step / commanded deviation with standard uncertainty ``slope_u``; ``machine`` the
-    fingerprint it holds for; ``sign`` is what `drivers.sinumerik.tablefile.tables` multiplies d with (EEC: +1).
+    fingerprint it holds for; ``sign`` is what the driver multiplies d with.
     """
 
     machine: MachineIdentity
-    function: Literal["EEC", "CEC"]
+    kind: Literal["axis", "cross"]
     output_axis: str
     slope: float
     slope_u: float
@@ -323,8 +325,8 @@ class PushOrder:
     ``purpose`` "table" needs a `SignProof` in ``proof``; "sign-proof" and "restore" do not. For "restore"
     ``table`` is the old table and ``enable`` the switch it had.
     ``agreeing_position`` is where old and new table agree and the table's *input* axis must stand; ``letter``
-    and ``rotary`` are those of the input axis. ``coupled`` (CEC) says that other tables of the output axis were
-    on and must be on again at the end, whether this one is enabled or not. ``head`` (64 bits) is left in the
+    and ``rotary`` are those of the input axis. ``coupled`` (cross tables) says that other tables of the output axis
+    were on and must be on again at the end, whether this one is enabled or not. ``head`` (64 bits) is left in the
     controller's marker, where that holds it.
     """
 
@@ -345,19 +347,19 @@ class DisableOrder:
     """One table to switch off; it carries no value, so that none can be written.
 
     ``transaction`` is the number the controller must echo. ``axis`` is the output axis; ``index`` the encoder of
-    an EEC table or the number of a CEC table. For CEC the axis' own switch goes off with the table's: all CEC of
-    that axis is silent then.
+    an axis table or the number of a cross table. With a cross table the output axis' switch may go off too: all cross
+    tables of that axis are silent then.
     """
 
     transaction: int
-    function: Literal["EEC", "CEC"]
+    kind: Literal["axis", "cross"]
     axis: str
     index: int = 0
 
     @property
     def name(self) -> str:
-        """The table among all of a machine: "X1" for an axis' EEC, "X1-cec3" for CEC table 3."""
-        return self.axis if self.function == "EEC" else f"{self.axis}-cec{self.index}"
+        """The table among all of a machine, as people name it: "X1", "X1-cec3"."""
+        return spoken().name(self.kind, self.axis, self.index)
 
 
 @dataclass(frozen=True, slots=True)

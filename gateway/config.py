@@ -48,7 +48,7 @@ __all__ = [
 ]
 
 
-# An 840D has 31 axes; the rest is far above any machine and far below what fills a memory.
+# The largest control has 31 axes; the rest is far above any machine and far below what fills a memory.
 MOST_AXES, MOST_INSTRUMENTS, MOST_SETUPS = 31, 64, 500
 
 
@@ -169,7 +169,7 @@ class TableSection(Section):
 
 
 class AxisSection(Section):
-    """One machine axis: ``name`` as in MD10000 (X1), ``letter`` its ISO 230-1 and program name (X)."""
+    """One machine axis: ``name`` as the control has it (X1), ``letter`` its ISO 230-1 and program name (X)."""
 
     name: Name
     letter: str = Field(pattern=r"^[A-Z]$")

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.terms import spoken
 from drivers.types import Ambient, CompensationTable, Identity, LiveSet, MachineIdentity, SignProof
 from drivers.units import AxisUnit, DeviationUnit, deviation_unit
 
@@ -195,7 +196,7 @@ class TableChange:
     ``predicted`` (m,) mean deviation expected at ``targets`` after the push, with expanded uncertainty
     ``predicted_U`` (k = 2). ``skipped`` says why nothing is proposed ("" when something is).
 
-    ``axis`` is the output axis. A CEC change names its table by ``new``: function, index, input and output axis,
+    ``axis`` is the output axis. A cross table's change names its table by ``new``: kind, index, input and output axis,
     direction, multiplication; its deviations are d of the output axis, whatever the machine's sign. ``targets``
     are then positions of the input axis. ``base`` is the live set the change was made on, where it is not that
     of a capture of this axis.
@@ -214,14 +215,14 @@ class TableChange:
     base: LiveSet | None = None
 
     @property
-    def layer(self) -> Literal["EEC", "CEC"]:
+    def layer(self) -> Literal["axis", "cross"]:
         """Which layer of correction the table belongs to."""
-        return self.new.function
+        return self.new.kind
 
     @property
     def name(self) -> str:
-        """The table among all of a proposal: "X1" for an axis' EEC, "X1-cec3" for CEC table 3."""
-        return self.axis if self.layer == "EEC" else f"{self.axis}-cec{self.new.index}"
+        """The table among all of a proposal, as people name it: "X1", and for a cross table its number too."""
+        return spoken().name(self.layer, self.axis, self.new.index)
 
 
 @dataclass(frozen=True, slots=True)
@@ -268,7 +269,7 @@ class PushRecord:
 
 @dataclass(frozen=True, slots=True)
 class SwitchRecord:
-    """What a disable-only order did to one table; ``table`` as in a proposal ("X1", "X1-cec3").
+    """What a disable-only order did to one table; ``table`` as in a proposal ("X1", a cross table with its number).
 
     "off" and "already-off" are said of what was read back. ``before`` and ``after`` are the acting compensation, in
     ``unit``; None where it could not be read. ``steps`` say why it is still on, or every reason against it.

@@ -9,7 +9,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validat
 
 from drivers.names import MOST, PATTERN, allowed, is_name
 
-# A visit of all of them would take days; an 840D holds 5000 points of a table.
+# A visit of all of them would take days; the largest control holds 5000 points of a table.
 MOST_TARGETS, MOST_REPETITIONS, MOST_POINTS = 2000, 50, 5000
 
 

@@ -13,6 +13,7 @@ from drivers.clock import Clock
 from drivers.errors import ConfigError, TrueflankError, UnsupportedDevice
 from drivers.leftover import NOTHING, Leavable, SentPrograms
 from drivers.ports import Controller, Device, Instrument
+from drivers.terms import speak
 from drivers.types import Identity, MachineIdentity
 from gateway.config import InstrumentSection, SiteFile
 
@@ -77,6 +78,9 @@ class Supervisor:
     def _build(self) -> None:
         section = self._site.controller
         self._add(self.CONTROLLER, section.driver, "controller", section.url, section.settings)
+        words = registry.terms_of(section.driver)
+        if words is not None:
+            speak(words)
         for instrument in self._wanted:
             role = next((role for role in _ROLES if instrument.driver in registry.known(role)), _ROLES[0])
             self._add(instrument.name, instrument.driver, role, instrument.url, instrument.settings)

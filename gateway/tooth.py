@@ -136,7 +136,7 @@ class InspectedFlank:
 
 @dataclass(frozen=True, slots=True)
 class FlankPrediction:
-    """What the model says the flank will be: maps as it is, with EEC alone, with everything; and how sure that is.
+    """The flank by the model: maps as it is, with axis tables alone, with everything; and how sure that is.
 
     ``floor_um`` is the RMS that the tables and set-up values leave at best on the fitted machine. ``u_um`` is the
     standard uncertainty of the flank: the root mean square over its points of how far it may lie from ``after``.
@@ -145,7 +145,7 @@ class FlankPrediction:
     """
 
     before: FlankMap
-    with_eec: FlankMap
+    with_own: FlankMap
     after: FlankMap
     floor_um: float
     u_um: float

@@ -19,7 +19,7 @@ POSITION_TOLERANCE = 1e-4
 
 @dataclass(frozen=True, slots=True)
 class Patience:
-    """Seconds of the gateway's clock: for a person to press NC START, and for one move to end."""
+    """Seconds of the gateway's clock: for a person to start, and for one move to end."""
 
     start_s: float
     stop_s: float

@@ -8,9 +8,11 @@ from typing import Annotated
 
 import typer
 
+from drivers.terms import spoken
 from gateway.cli.options import ApplyOption, JsonOption, MachineOption, RunArgument, SiteArgument, StoreOption
 from gateway.cli.show import echo
 
+WORDS = spoken()
 app = typer.Typer(
     name="trueflank",
     help="Measure a gear grinder's axes, correct them through its controller, and prove the result.",
@@ -153,10 +155,18 @@ def evaluate(
 @app.command()
 def lint(
     file: Annotated[Path, typer.Argument(help="Compensation table as text, or an NC archive.", show_default=False)],
-    control: Annotated[str, typer.Option(help="Size limits of a control: 840D, 828D, 808D or 802D.")] = "",
-    points: Annotated[int | None, typer.Option(min=0, help="Reserved EEC points, MD38000.", show_default=False)] = None,
-    cec_points: Annotated[
-        int | None, typer.Option(min=0, help="Reserved CEC points, MD18342.", show_default=False)
+    control: Annotated[str, typer.Option(help=f"Size limits of a control: {WORDS.controls}.")] = "",
+    points: Annotated[
+        int | None, typer.Option(min=0, help=f"Reserved {WORDS.own} points, {WORDS.own_reserve}.", show_default=False)
+    ] = None,
+    cross_points: Annotated[
+        int | None,
+        typer.Option(
+            f"--{WORDS.cross_key}-points",
+            min=0,
+            help=f"Reserved {WORDS.cross} points, {WORDS.cross_reserve}.",
+            show_default=False,
+        ),
     ] = None,
     velocity: Annotated[
         float | None, typer.Option(min=0, help="Velocity of the input axis, mm/min or deg/min.", show_default=False)
@@ -175,8 +185,8 @@ def lint(
 
     known = TableMachine(
         control=control.upper().removesuffix("SL").strip(),
-        eec_points=points,
-        cec_points=cec_points,
+        own_points=points,
+        cross_points=cross_points,
         velocity=velocity,
         references=positions(reference or [], "--reference"),
         units=said_units(rotary or [], linear or []),
@@ -201,9 +211,11 @@ def diff(
 @app.command()
 def convert(
     result: Annotated[Path, typer.Argument(help="Measured result file.", show_default=False)],
-    to: Annotated[str, typer.Option(help="eec (mean of both directions) or cec (a pair by direction).")],
-    axis: Annotated[str, typer.Option(help="Machine axis name, MD10000.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="File to write: .spf, .mpf, .ini or .arc.")],
+    to: Annotated[
+        str, typer.Option(help=f"{WORDS.own_key} (mean of both directions) or {WORDS.cross_key} (a pair by direction).")
+    ],
+    axis: Annotated[str, typer.Option(help=f"Machine axis name, {WORDS.axis_name}.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help=f"File to write: {WORDS.suffixes}.")],
     reference: Annotated[
         float | None, typer.Option(help="Machine position where the table must be zero.", show_default=False)
     ] = None,
@@ -216,7 +228,9 @@ def convert(
     step: Annotated[float | None, typer.Option(help="Distance of the points.", show_default=False)] = None,
     modulo: Annotated[bool, typer.Option("--modulo", help="Endless rotary axis, 0 to 360 deg.")] = False,
     unit: Annotated[str, typer.Option(help="Unit of the deviations, where the file does not say it.")] = "",
-    index: Annotated[int, typer.Option(min=0, help="Encoder (eec: 0 or 1) or first table number (cec).")] = 0,
+    index: Annotated[
+        int, typer.Option(min=0, help=f"Encoder ({WORDS.own_key}: 0 or 1) or first table number ({WORDS.cross_key}).")
+    ] = 0,
     form: Annotated[str, typer.Option(help="program, ini, axis-ini, archive or numbered.")] = "",
     force: Annotated[bool, typer.Option("--force", help="Replace an existing file.")] = False,
     as_json: JsonOption = False,

@@ -28,7 +28,7 @@ def _self(facts: PushFacts) -> Iterator[Refusal]:
     own = facts.is_cross and table.input_axis == table.output_axis and table.direction == 0
     if own and table.output_unit == "mm":
         yield from no("E-INT-SELF", table=table.name, axis=table.output_axis)
-    elif own and facts.live is not None and facts.live.eec.enabled and _alike(table, facts.live.eec.table):
+    elif own and facts.live is not None and facts.live.own.enabled and _alike(table, facts.live.own.table):
         yield from no("E-INT-BOTH-LAYERS", table=table.name, axis=table.output_axis)
 
 
@@ -51,7 +51,7 @@ def _index(facts: PushFacts) -> Iterator[Refusal]:
     if facts.live is None or not facts.is_cross:
         return
     table = facts.table
-    for one in (*facts.live.cec, *facts.live.others):
+    for one in (*facts.live.cross, *facts.live.others):
         found = one.table
         mine = (found.input_axis, found.output_axis, found.direction) == (
             table.input_axis,
@@ -67,7 +67,7 @@ def _factor(facts: PushFacts) -> Iterator[Refusal]:
     if facts.live is None or not facts.is_cross or facts.table.multiply_by == 0:
         return
     wanted = facts.table.multiply_by - 1
-    known = {one.table.index for one in (*facts.live.cec, *facts.live.others)} | {facts.table.index}
+    known = {one.table.index for one in (*facts.live.cross, *facts.live.others)} | {facts.table.index}
     if wanted not in known:
         yield from no("E-INT-FACTOR", table=facts.table.name, index=facts.table.index, factor=wanted)
 

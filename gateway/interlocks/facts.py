@@ -53,8 +53,8 @@ class PushFacts:
     ``moment`` "start" is before anything is sent, "release" while the program waits between its halves.
     ``reference`` is that of the table's input axis. ``agreeing_position`` is where old and new table agree (None:
     nowhere). ``unchanged`` says whether the live tables are those of the capture (None: not read yet); ``live``
-    are the live tables themselves, CEC as deviations. ``unfinished`` names journals left open, ``marker`` is what
-    the controller remembers and ``marker_ours`` whether that number was given here.
+    are the live tables themselves, cross tables as deviations. ``unfinished`` names journals left open, ``marker`` is
+    what the controller remembers and ``marker_ours`` whether that number was given here.
 
     ``plan`` is `gateway.push.plan_hash` of the change; ``actor`` who pushes; ``approvals`` who else agreed;
     ``approvals_needed`` None: one person, two when there is any warning. ``audit_broken`` says why the audit
@@ -126,8 +126,8 @@ class PushFacts:
 
     @property
     def is_cross(self) -> bool:
-        """Whether the table belongs to the CEC layer."""
-        return self.change.new.function == "CEC"
+        """Whether the table belongs to the layer of cross tables."""
+        return self.change.new.kind == "cross"
 
     @property
     def axes(self) -> tuple[str, ...]:
@@ -161,14 +161,14 @@ def value_at(table: CompensationTable, position: float) -> float:
 
 
 def rest_of(live: LiveSet, table: CompensationTable) -> tuple[LiveTable, ...]:
-    """The CEC tables of the set's axis but for ``table``."""
-    return tuple(one for one in live.cec if table.function == "EEC" or one.table.index != table.index)
+    """The cross tables of the set's axis but for ``table``."""
+    return tuple(one for one in live.cross if table.kind == "axis" or one.table.index != table.index)
 
 
 def others_now(facts: PushFacts) -> float:
-    """What the other CEC tables of the output axis add where their input axes stand; 0 for an EEC push.
+    """What the other cross tables of the output axis add where their input axes stand; 0 for an axis table.
 
-    A CEC push switches all tables of its output axis off and on again, so this moves the axis too. Before
+    A cross table's push switches all tables of its output axis off and on again, so this moves the axis too. Before
     anything is sent its own input axis counts as standing where it will be brought to.
     """
     if facts.live is None or not facts.is_cross:

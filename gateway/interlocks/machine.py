@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from drivers.terms import spoken
 from drivers.types import ChannelStatus, SignProof
 from gateway.interlocks.facts import ROUNDING, PushFacts, Refusal, Rule, no, others_now, value_at
 from gateway.interlocks.limits import PROOF_TIMES_U, PROOF_WITHIN
@@ -135,12 +136,12 @@ def _proof(facts: PushFacts) -> Iterator[Refusal]:
     if facts.purpose != "table":
         return
     proof, table = facts.proof, facts.table
-    if proof is None or (proof.function, proof.output_axis) != (table.function, table.output_axis):
-        yield from no("E-INT-NO-PROOF", function=table.function, axis=table.output_axis)
+    if proof is None or (proof.kind, proof.output_axis) != (table.kind, table.output_axis):
+        yield from no("E-INT-NO-PROOF", function=spoken().kind(table.kind), axis=table.output_axis)
     elif proof.machine.differences(facts.found):
         differ = ", ".join(proof.machine.differences(facts.found))
         yield from no("E-INT-OTHER-PROOF", axis=table.output_axis, differ=differ)
-    elif table.function == "EEC" and proof.sign != 1:
+    elif table.kind == "axis" and proof.sign != 1:
         yield from no("E-INT-SIGN", axis=table.output_axis, slope=proof.slope)
     elif not _sound(proof):
         yield from no("E-INT-BAD-PROOF", axis=table.output_axis, slope=proof.slope, u=proof.slope_u)

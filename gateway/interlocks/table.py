@@ -17,7 +17,7 @@ TURN_DEG = 360.0
 
 def _output(facts: PushFacts) -> Iterator[Refusal]:
     table = facts.table
-    own_input = table.function == "CEC" or table.input_axis == table.output_axis
+    own_input = table.kind == "cross" or table.input_axis == table.output_axis
     if table.output_axis != facts.change.axis or not own_input:
         yield from no("E-INT-OTHER-AXIS", table=table.name, axis=facts.change.axis)
 
@@ -26,7 +26,7 @@ def _points(facts: PushFacts) -> Iterator[Refusal]:
     needed, reserved = len(facts.table.deviations), facts.limits.reserved_points
     if needed > reserved:
         axis, index = facts.table.output_axis, facts.table.index
-        code = "E-INT-CEC-POINTS" if facts.is_cross else "E-INT-POINTS"
+        code = "E-INT-CROSS-POINTS" if facts.is_cross else "E-INT-POINTS"
         yield from no(code, axis=axis, index=index, needed=needed, reserved=reserved)
 
 

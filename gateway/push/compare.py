@@ -16,7 +16,7 @@ from gateway.interlocks.facts import rest_of
 GRID_TOLERANCE = 1e-6
 # A driver's stated resolution is taken up to this much, so that a wrong one cannot make all tables alike.
 COARSEST = 0.05
-_EXACT = ("function", "input_axis", "output_axis", "modulo", "index", "direction", "multiply_by", "table_type")
+_EXACT = ("kind", "input_axis", "output_axis", "modulo", "index", "direction", "multiply_by", "table_type")
 
 
 def tolerance(limits: TableLimits, table: CompensationTable) -> float:
@@ -59,18 +59,18 @@ def same_set(one: LiveSet, two: LiveSet, allowed: float) -> bool:
     """Same tables, switches and backlash, whatever their text looks like."""
     if one.digest == two.digest:
         return True
-    kept, found = _filled(one.cec), _filled(two.cec)
+    kept, found = _filled(one.cross), _filled(two.cross)
     if len(kept) != len(found) or abs(one.backlash - two.backlash) > GRID_TOLERANCE:
         return False
-    pairs = ((one.eec, two.eec), *zip(kept, found, strict=True))
+    pairs = ((one.own, two.own), *zip(kept, found, strict=True))
     return all(same_table(first, second, allowed) for first, second in pairs)
 
 
 def same_rest(one: LiveSet, two: LiveSet, table: CompensationTable, allowed: float) -> bool:
-    """Whether everything but ``table`` is the same. A CEC push switches all tables of its output: those
+    """Whether everything but ``table`` is the same. A cross table's push switches all tables of its output: those
     switches are then left out."""
-    cross = table.function == "CEC"
-    if abs(one.backlash - two.backlash) > GRID_TOLERANCE or (cross and not same_table(one.eec, two.eec, allowed)):
+    cross = table.kind == "cross"
+    if abs(one.backlash - two.backlash) > GRID_TOLERANCE or (cross and not same_table(one.own, two.own, allowed)):
         return False
     kept, found = _filled(rest_of(one, table)), _filled(rest_of(two, table))
     if cross:
@@ -91,14 +91,14 @@ def _all_off(tables: tuple[LiveTable, ...]) -> tuple[LiveTable, ...]:
 
 def _not_this(live: LiveSet, table: CompensationTable) -> tuple[LiveTable, ...]:
     """Tables of other outputs, without what an order to ``table``'s number takes over from them."""
-    return _filled(tuple(one for one in live.others if table.function == "EEC" or one.table.index != table.index))
+    return _filled(tuple(one for one in live.others if table.kind == "axis" or one.table.index != table.index))
 
 
 def table_in(live: LiveSet, wanted: CompensationTable) -> LiveTable:
     """What the controller holds in the place of ``wanted``; all zero and disabled where there is nothing."""
-    if wanted.function == "EEC":
-        return live.eec
-    for one in live.cec:
+    if wanted.kind == "axis":
+        return live.own
+    for one in live.cross:
         if one.table.index == wanted.index:
             return one
     nothing: dict[str, Any] = {"minimum": 0.0, "maximum": 0.0, "step": 0.0, "deviations": (0.0,), "modulo": False}
@@ -110,17 +110,17 @@ def with_table(live: LiveSet, table: CompensationTable) -> LiveSet:
     if table.output_axis != live.axis:
         return live
     now = LiveTable(table, enabled=True)
-    if table.function == "EEC":
-        return dataclasses.replace(live, eec=now, digest="")
-    cec = tuple(one for one in live.cec if one.table.index != table.index)
-    return dataclasses.replace(live, cec=tuple(sorted((*cec, now), key=lambda one: one.table.index)), digest="")
+    if table.kind == "axis":
+        return dataclasses.replace(live, own=now, digest="")
+    cross = tuple(one for one in live.cross if one.table.index != table.index)
+    return dataclasses.replace(live, cross=tuple(sorted((*cross, now), key=lambda one: one.table.index)), digest="")
 
 
 def signed(live: LiveSet, sign: int) -> LiveSet:
-    """CEC tables as deviations: stored values times the machine's proven sign."""
+    """Cross tables as deviations: stored values times the machine's proven sign."""
     if sign == 1:
         return live
-    return dataclasses.replace(live, cec=_turned(live.cec), others=_turned(live.others))
+    return dataclasses.replace(live, cross=_turned(live.cross), others=_turned(live.others))
 
 
 def _turned(tables: tuple[LiveTable, ...]) -> tuple[LiveTable, ...]:

@@ -61,8 +61,8 @@ class AuditLog(Protocol):
 class PushContext:
     """Everything a push may use.
 
-    ``axis`` is the table's output axis, ``input`` its input axis where that is another (CEC). ``proof`` must be
-    that of the table's function and output axis. ``pushed`` are tables this run has committed before: they are
+    ``axis`` is the table's output axis, ``input`` its input axis where that is another (a cross table). ``proof`` must
+    be that of the table's kind and output axis. ``pushed`` are tables this run has committed before: they are
     expected in the live set although the capture did not see them.
 
     ``actor`` is who pushes, ``approvals`` who else agreed, ``approvals_needed`` how many people the site asks
@@ -73,11 +73,11 @@ class PushContext:
     of this plan, ``used`` and ``unrecorded`` are approvals that it knows as used, or does not know at all, ``alarms``
     what it holds against the live tables of the axis. ``run_id`` is the run that approvals must name;
     ``consent_utc`` when this push began, which is when they must hold (None: now). ``on_live`` is told the live tables
-    as read before anything is disabled, CEC as deviations, and answers with the alarms that stand then.
+    as read before anything is disabled, cross tables as deviations, and answers with the alarms that stand then.
 
     ``journals`` is the folder of all machines' journals; ``machine`` the fingerprint the run was made on;
     ``typed_name`` what the operator gave as the machine's name, ``site_name`` what it must be. Timeouts in s of
-    the clock: for a person to press NC START or do a reference run, and for one move to end.
+    the clock: for a person to start or do a reference run, and for one move to end.
     """
 
     controller: Controller
@@ -120,5 +120,5 @@ class PushContext:
 
     @property
     def sign(self) -> int:
-        """What stored CEC values are multiplied with to become deviations; +1 without a proof."""
-        return self.proof.sign if self.proof is not None and self.proof.function == "CEC" else 1
+        """What stored values of cross tables are multiplied with to become deviations; +1 without a proof."""
+        return self.proof.sign if self.proof is not None and self.proof.kind == "cross" else 1

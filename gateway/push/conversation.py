@@ -94,7 +94,7 @@ def _modes(context: PushContext) -> tuple[str, ...]:
 
 
 async def read_live(context: PushContext, position: float) -> LiveSet:
-    """The live tables of the output axis, CEC as deviations; compensation stays as it is.
+    """The live tables of the output axis, cross tables as deviations; compensation stays as it is.
 
     Saved by a program that visits one stop, or read directly where the road runs no programs. Raises what the
     port raises: DeadlineExceeded when nobody starts it, DeviceRefused on an alarm.

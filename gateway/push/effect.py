@@ -1,8 +1,8 @@
 """Proof of effect: what the controller says it applies, at a few positions, against what the tables say.
 
-A CEC table is one of several that move its output axis, so the sum of all is predicted from where their input
-axes stand. No public text says in which sense a control counts its own CEC sum, nor whether factor tables count
-by themselves: the sign was proved with an instrument and the values were read back, so here one sense and one
+A cross table is one of several that move its output axis, so the sum of all is predicted from where their input
+axes stand. No public text says in which sense a control counts its own sum of cross tables, nor whether factor tables
+count by themselves: the sign was proved with an instrument and the values were read back, so here one sense and one
 way of multiplying must fit all positions.
 """
 
@@ -50,7 +50,7 @@ async def prove_effect(work: Work, positions: tuple[float, ...], base: LiveSet) 
     context.say("P-PUSH-EFFECT", axis=context.moved.name, count=len(positions))
     places = (*positions, work.agreeing_position) if context.controller.capabilities.programs else positions
     # The input axis of a cross table ends where it disturbs the next table of the same output least.
-    stops = conversation.stops_at(context, places if table.function == "CEC" else positions)
+    stops = conversation.stops_at(context, places if table.kind == "cross" else positions)
     order = work.order(table, True, "table", work.number)
     await conversation.visit(context, conversation.plan_of(context, "TFEFFECT", stops), at_stop, order)
     work.effect = _judged(work, table, shown)
@@ -61,7 +61,7 @@ async def prove_effect(work: Work, positions: tuple[float, ...], base: LiveSet) 
 
 async def _look(work: Work, base: LiveSet, reached: StopReached) -> _Shown:
     table = work.change.new
-    if table.function == "EEC":
+    if table.kind == "axis":
         return _Shown(reached.target, (value_at(table, reached.target),), reached.encoder_compensation)
     acting = [table, *(one.table for one in rest_of(base, table) if one.enabled)]
     places = {table.input_axis: reached.target}
@@ -91,7 +91,7 @@ def _judged(work: Work, table: CompensationTable, shown: list[_Shown]) -> tuple[
     """The first way of counting that fits everywhere. Raises VerifyError (E-PUSH-EFFECT)."""
     allowed = effect_tolerance(work, table)
     ways = range(max((len(one.expected) for one in shown), default=1))
-    senses = (1.0, -1.0) if table.function == "CEC" else (1.0,)
+    senses = (1.0, -1.0) if table.kind == "cross" else (1.0,)
     for way in ways:
         for sense in senses:
             if all(abs(one.found - sense * one.expected[way]) <= allowed for one in shown):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from drivers.errors import TrueflankError
+from drivers.terms import spoken
 from drivers.types import LiveSet, PushOrder
 from gateway.errors import VerifyError, WriteRefused
 from gateway.interlocks import PushFacts, refusals
@@ -114,7 +115,7 @@ def keep_backup(work: Work, order: PushOrder, backup: LiveSet) -> None:
 
     The transaction's own back-up confirms what to go back to where it agrees with what was live before.
     """
-    name = f"backup-{work.axis}-{order.transaction:06d}.mpf"
+    name = f"backup-{work.axis}-{order.transaction:06d}{spoken().program_suffix}"
     path = str(work.context.folder.write_text(name, backup.native))
     if order.transaction != work.number:
         work.note("FAILED_TABLE", path=path, digest=backup.digest)
@@ -188,5 +189,5 @@ def _at_release(facts: PushFacts) -> PushFacts:
 
 
 def is_coupled(live: LiveSet, work: Work) -> bool:
-    """Whether other CEC tables of the output axis are on; never for an EEC push, which leaves them alone."""
-    return work.change.layer == "CEC" and any(one.enabled for one in rest_of(live, work.change.new))
+    """Whether other cross tables of the output axis are on; never for an axis table, which leaves them alone."""
+    return work.change.layer == "cross" and any(one.enabled for one in rest_of(live, work.change.new))

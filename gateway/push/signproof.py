@@ -2,8 +2,9 @@
 
 A triangle table, zero at the reference and both ends, peak 3 um or 3 arcsec, is loaded and activated; the
 input axis stands at the peak while the table is switched off and on three times and the output axis is measured.
-The mean step must be the peak within 20 % and more than four times its uncertainty. EEC: it must be negative, as
-the manual says. CEC: no public text settles the sign, so it is what is measured. What was there is restored.
+The mean step must be the peak within 20 % and more than four times its uncertainty. An axis table: it must be
+negative, as the manual says. A cross table: no public text settles the sign, so it is what is measured. What was there
+is restored.
 """
 
 from __future__ import annotations
@@ -53,15 +54,15 @@ def triangle(
     minimum: float,
     maximum: float,
     step: float,
-    function: Literal["EEC", "CEC"] = "EEC",
+    kind: Literal["axis", "cross"] = "axis",
     index: int = 0,
 ) -> tuple[CompensationTable, float]:
-    """The proof's table on the input axis' grid, and where its peak is; ``index`` is the CEC table's number.
+    """The proof's table on the input axis' grid, and where its peak is; ``index`` is the cross table's number.
 
     Zero at the reference (and its two neighbours when it lies between points), at both ends and everywhere
     outside the longer side of the reference. Raises TableError (E-PUSH-TRIANGLE) when no peak fits.
     """
-    return triangle_of(context.moved, context.axis, minimum, maximum, step, function, index)
+    return triangle_of(context.moved, context.axis, minimum, maximum, step, kind, index)
 
 
 def triangle_of(
@@ -70,7 +71,7 @@ def triangle_of(
     minimum: float,
     maximum: float,
     step: float,
-    function: Literal["EEC", "CEC"] = "EEC",
+    kind: Literal["axis", "cross"] = "axis",
     index: int = 0,
 ) -> tuple[CompensationTable, float]:
     """As `triangle`, for an input ``axis`` and an ``output`` axis without a machine to push to."""
@@ -84,7 +85,7 @@ def triangle_of(
         raise TableError("E-PUSH-TRIANGLE", axis.name, axis=axis.name, **grid)
     values = np.interp(np.arange(count), [first, peak, last], [0.0, PEAK, 0.0])
     table = CompensationTable(
-        function,
+        kind,
         axis.name,
         output.name,
         minimum,
@@ -92,7 +93,7 @@ def triangle_of(
         step,
         tuple(round(float(value), 3) for value in values),
         modulo=axis.modulo,
-        index=output.encoder if function == "EEC" else index,
+        index=output.encoder if kind == "axis" else index,
         input_unit=axis.unit,
         output_unit=output.unit,
     )
@@ -113,21 +114,21 @@ async def prove_sign(
     step: float,
     read_stop: ReadStop,
     setup: str = "",
-    function: Literal["EEC", "CEC"] = "EEC",
+    kind: Literal["axis", "cross"] = "axis",
     index: int = 0,
 ) -> SignProof:
-    """Prove the sign of one function on one output axis, on the grid of the input axis; the caller keeps it.
+    """Prove the sign of one kind of table on one output axis, on the grid of the input axis; the caller keeps it.
 
     `read_stop` gives the settled reading of the *output* axis at a stop in um or arcsec, positive as the axis
     counts, and its u; only differences matter. ``setup`` is the operator's message for mounting the optics;
-    ``index`` the number of the CEC table to borrow.
+    ``index`` the number of the cross table to borrow.
     Raises WriteRefused (E-PUSH-REFUSED), VerifyError (E-PUSH-NO-PROOF, E-PUSH-SIGN), RollbackFailed
     (E-PUSH-HELD), UnsupportedDevice (E-NC-NO-SWITCHING), BusyError, StoreError, and what port or reading raise;
     the old table is then live again.
     """
     raw = replace(unheard(context), proof=None)
     can = raw.controller.capabilities
-    table, peak = triangle(raw, minimum, maximum, step, function, index)
+    table, peak = triangle(raw, minimum, maximum, step, kind, index)
     if not (can.programs or can.switching):
         raise UnsupportedDevice("E-NC-NO-SWITCHING", raw.axis.name, table=table.name)
     folder = journal.machine_folder(raw.journals, raw.machine.serial)
@@ -139,7 +140,7 @@ async def prove_sign(
         with begun(raw, folder, change, "sign-proof", asked.limits, asked.place) as work:
             work.before = asked.marker
             steps = await _proved(work, live, peak, read_stop, setup)
-    return _judged(raw, steps, function)
+    return _judged(raw, steps, kind)
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,7 +208,7 @@ async def _measured(work: Work, order: PushOrder, peak: float, read_stop: ReadSt
         readings.append(await read_stop(stop))
 
     context.say("P-PUSH-SIGN", axis=context.axis.name, position=peak)
-    switched = order.table.index if order.table.function == "CEC" else None
+    switched = order.table.index if order.table.kind == "cross" else None
     plan = conversation.plan_of(context, "TFSIGN", stops, setup, switched)
     await conversation.visit(context, plan, read, order)
     return steps_of(readings)
@@ -222,15 +223,15 @@ def steps_of(readings: list[tuple[float, float]]) -> Steps:
     return Steps(float(np.mean(each)), max(stated, scatter), tuple(float(value) for value in each))
 
 
-def _judged(context: PushContext, steps: Steps, function: Literal["EEC", "CEC"]) -> SignProof:
+def _judged(context: PushContext, steps: Steps, kind: Literal["axis", "cross"]) -> SignProof:
     axis = context.axis
     size_right = abs(abs(steps.mean) - PEAK) <= WITHIN * PEAK
     if not size_right or not abs(steps.mean) > TIMES_U * steps.u:
         told: dict[str, Any] = {"mean": round(steps.mean, 3), "u": round(steps.u, 3), "peak": PEAK}
         raise VerifyError("E-PUSH-NO-PROOF", axis.name, axis=axis.name, unit=deviation_unit(axis.unit), **told)
-    if function == "EEC" and steps.mean > 0:
+    if kind == "axis" and steps.mean > 0:
         told = {"mean": round(steps.mean, 3), "unit": deviation_unit(axis.unit)}
         raise VerifyError("E-PUSH-SIGN", axis.name, axis=axis.name, **told)
     moment = context.clock.utc().isoformat(timespec="seconds")
     sign: Literal[1, -1] = 1 if steps.mean < 0 else -1
-    return SignProof(context.machine, function, axis.name, steps.mean / PEAK, steps.u / PEAK, sign, moment)
+    return SignProof(context.machine, kind, axis.name, steps.mean / PEAK, steps.u / PEAK, sign, moment)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from drivers.errors import TrueflankError
+from drivers.terms import spoken
 from drivers.types import LiveSet, LiveTable, Marker, TableLimits
 from gateway.domain import PushRecord, TableChange
 from gateway.interlocks import PushFacts, Refusal, needed, refusals, warnings
@@ -102,7 +103,7 @@ async def ask(change: TableChange, context: PushContext, purpose: Purpose, live:
     ``live`` are the live tables where they are known.
     """
     table = change.new
-    limits = await context.controller.table_limits(change.axis, table.function, table.index)
+    limits = await context.controller.table_limits(change.axis, table.kind, table.index)
     place = place_for(LiveTable(change.old, change.old_enabled), change, context)
     facts = await conversation.facts_at_start(
         context,
@@ -199,7 +200,7 @@ async def snapshot(work: Work) -> LiveSet:
 
 def keep(work: Work, live: LiveSet) -> None:
     """Keep the live tables' text, then note where; from here on the work knows what hangs together."""
-    name = f"live-{work.axis}-{work.number:06d}.mpf"
+    name = f"live-{work.axis}-{work.number:06d}{spoken().program_suffix}"
     work.backup_path = str(work.context.folder.write_text(name, live.native))
     work.base, work.coupled = live, is_coupled(live, work)
     work.restore_to = table_in(live, work.change.new)

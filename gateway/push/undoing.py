@@ -39,7 +39,7 @@ async def ask_undo(done: Committed, context: PushContext) -> Asked:
     """Every reason not to take it back now; reads only. The live table is compared once it is applied."""
     change = undoing(done)
     table = change.new
-    limits = await context.controller.table_limits(change.axis, table.function, table.index)
+    limits = await context.controller.table_limits(change.axis, table.kind, table.index)
     place = place_for(done.new, change, context)
     names = unfinished_names(context)
     facts = await conversation.facts_at_start(context, change, "restore", limits, place, unfinished=names)
@@ -161,6 +161,6 @@ def compare_live(live: LiveTable, done: Committed, allowed: float) -> ThreeWay:
 async def compare_now(done: Committed, context: PushContext) -> ThreeWay:
     """Read the live table and compare it; changes no compensation. Raises what the port raises."""
     table = done.new.table
-    limits = await context.controller.table_limits(done.axis, table.function, table.index)
+    limits = await context.controller.table_limits(done.axis, table.kind, table.index)
     seen = await conversation.read_live(context, context.moved.reference)
     return compare_live(table_in(seen, table), done, tolerance(limits, table))

@@ -31,7 +31,7 @@ class Work:
 
     ``base`` is all that was live before, ``base_digest`` what remains of it in a later process.
     ``confirmed`` says that two independent readings agree on ``restore_to``: it goes back to nothing else.
-    ``coupled`` says that other CEC tables of the output axis were on before, so that they must be again.
+    ``coupled`` says that other cross tables of the output axis were on before, so that they must be again.
     ``begun`` says that a load may have written something. ``marked`` is the order whose number the controller's marker
     carries. ``cut_short`` says that a load may have stopped in its middle, ``torn`` that a control which has restarted
     since may act by half a table once it is on. ``before`` is the marker as it stood before the first order, ``sent``
@@ -104,13 +104,13 @@ class Work:
         """The order for the controller to load one table."""
         moved, place = self.context.moved, self.agreeing_position
         proof = self.context.proof
-        if purpose == "sign-proof" or (purpose == "restore" and table.function == "EEC"):
+        if purpose == "sign-proof" or (purpose == "restore" and table.kind == "axis"):
             proof = None
         head = self.context.log.head() if self.context.log is not None else 0
         return PushOrder(number, table, moved.letter, moved.rotary, enable, place, purpose, proof, self.coupled, head)
 
     def signed(self, live: LiveSet) -> LiveSet:
-        """A live set as saved, CEC as deviations by this push's proof."""
+        """A live set as saved, cross tables as deviations by this push's proof."""
         return signed(live, self.context.sign)
 
     def fresh_number(self) -> int:

@@ -10,6 +10,7 @@ from itertools import zip_longest
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup
 
+from drivers.terms import spoken
 from drivers.types import Ambient
 from gateway.domain import Capture, Evaluation, TableChange
 from gateway.report import sentences
@@ -73,7 +74,12 @@ def _template() -> Template:
     for name in ("number", "signed", "percent", "when", "shortest", "plain", "micro"):
         environment.filters[name] = getattr(sentences, name)
     environment.globals.update(
-        sentences=sentences, say=tooth_words, captures=_captures, environment_rows=environment_rows, columns=columns
+        sentences=sentences,
+        say=tooth_words,
+        terms=spoken,
+        captures=_captures,
+        environment_rows=environment_rows,
+        columns=columns,
     )
     return environment.get_template("report.html.j2")
 

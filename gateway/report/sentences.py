@@ -7,6 +7,7 @@ import unicodedata
 from datetime import UTC, datetime
 from math import isfinite
 
+from drivers.terms import spoken
 from drivers.types import CompensationTable, SignProof
 from gateway.domain import Capture
 from gateway.report.material import AxisMaterial, Outcome, ReportMaterial
@@ -136,10 +137,7 @@ def axis_kind(axis: AxisMaterial) -> str:
 
 def value_sense(table: CompensationTable, proof: SignProof | None) -> str:
     """What a positive stored value does on the machine, and how that is known."""
-    if table.function == "EEC":
-        rule = "EEC acts on the actual side: a positive stored value moves the axis in the negative direction"
-    else:
-        rule = "CEC acts on the setpoint side; its sense is not taken from a manual but measured"
+    rule = spoken().own_rule if table.kind == "axis" else spoken().cross_rule
     if proof is None:
         return f"{rule}. No sign proof of this machine is on record for this table."
     return (

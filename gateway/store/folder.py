@@ -119,6 +119,15 @@ class RunFolder:
             raise CorruptRecord("E-STORE-HASH", str(path), stage=stage)
         return records.decode(data, kind, str(path))
 
+    def older(self, stage: str) -> str:
+        """The version that stored a stage in words of its own; "" where it was stored in today's.
+
+        Raises as `get`.
+        """
+        path = self._place(self._entry(stage)["file"])
+        kept = records.open_envelope(read_whole(path), str(path))["schema"]
+        return "" if kept >= records.RENAMED else str(self._facts()["software"])
+
     def has(self, stage: str) -> bool:
         """Whether a stage is stored."""
         return stage in self._facts()["stages"]
@@ -196,7 +205,7 @@ class RunFolder:
         if error is not None:
             facts["errors"].append(records.plain(error))
         if machine is not None:
-            facts["machine"] = {"serial": machine.serial, "nck_version": machine.nck_version}
+            facts["machine"] = {"serial": machine.serial, "version": machine.version}
         self._write_facts(facts)
 
     def summary(self) -> RunSummary:

@@ -24,28 +24,28 @@ class Proofs:
         data = records.encode(proof)
         folder = self._folder(proof.machine)
         make_folder(folder)
-        path = folder / f"{proof.function}-{stem(proof.output_axis)}-{records.sha256(data)[:16]}.json"
+        path = folder / f"{proof.kind}-{stem(proof.output_axis)}-{records.sha256(data)[:16]}.json"
         write_whole(path, data)
         return path
 
-    def find(self, machine: MachineIdentity, function: str, output_axis: str) -> SignProof | None:
-        """The newest proof of this very machine for a function and output axis, or None.
+    def find(self, machine: MachineIdentity, kind: str, output_axis: str) -> SignProof | None:
+        """The newest proof of this very machine for a kind of table and output axis, or None.
 
         Raises CorruptRecord when a kept proof has been altered, FutureSchema when it is too new to read.
         """
         folder = self._folder(machine)
         with disk_errors(folder):
-            paths = sorted(folder.glob(f"{function}-{stem(output_axis)}-*.json"))
-        proofs = [proof for proof in map(_read, paths) if _fits(proof, machine, function, output_axis)]
+            paths = sorted(folder.glob(f"*-{stem(output_axis)}-*.json"))
+        proofs = [proof for proof in map(_read, paths) if _fits(proof, machine, kind, output_axis)]
         return max(proofs, key=lambda proof: proof.date_utc, default=None)
 
     def _folder(self, machine: MachineIdentity) -> Path:
         return self._root / stem(machine.serial)
 
 
-def _fits(proof: SignProof, machine: MachineIdentity, function: str, output_axis: str) -> bool:
+def _fits(proof: SignProof, machine: MachineIdentity, kind: str, output_axis: str) -> bool:
     same = not proof.machine.differences(machine)
-    return same and proof.function == function and proof.output_axis == output_axis
+    return same and proof.kind == kind and proof.output_axis == output_axis
 
 
 def _read(path: Path) -> SignProof:

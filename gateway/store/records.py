@@ -10,10 +10,13 @@ import hashlib
 import json
 from typing import Any, TypeVar, cast
 
+from drivers.terms import in_todays_words
 from gateway.errors import CorruptRecord, FutureSchema, StoreError
 from gateway.store.encoding import read_typed, write_typed
 
-SCHEMA = 1
+SCHEMA = 2
+RENAMED = 2
+"""From this schema on records say "axis" and "cross"; older ones have the control's own words."""
 R = TypeVar("R")
 
 
@@ -51,7 +54,8 @@ def decode(data: bytes, kind: type[R], where: str = "store") -> R:
         raise CorruptRecord("E-STORE-TYPE", where, found=found, wanted=kind.__name__)
     if "record" not in envelope:
         raise CorruptRecord("E-STORE-FIELD", where, field=kind.__name__, why="the envelope is empty")
-    return cast(R, read_typed(envelope["record"], kind, kind.__name__, where))
+    body = envelope["record"] if envelope["schema"] >= RENAMED else in_todays_words(envelope["record"])
+    return cast(R, read_typed(body, kind, kind.__name__, where))
 
 
 def open_envelope(data: bytes, where: str) -> dict[str, Any]:

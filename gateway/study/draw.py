@@ -16,6 +16,7 @@ from matplotlib.patches import Patch
 from matplotlib.projections.polar import PolarAxes
 from matplotlib.ticker import MaxNLocator
 
+from drivers.terms import spoken
 from drivers.types import FloatArray
 from drivers.units import mm_to_um
 from gateway.correct.plan.ownlayer import AxisCurve
@@ -28,21 +29,27 @@ INK, QUIET, RULE, FAINT = "#22282e", "#6d757d", "#b4babf", "#e4e7e9"
 OLD, MIDDLE, NEW = "#8a9299", "#5f86ab", "#1f4e79"
 SIGN = {"um": "µm", "arcsec": "arcsec"}
 TAGS = {
-    "EEC": "#5f86ab",
+    "axis": "#5f86ab",
     "set-up": "#8a9299",
-    "CEC": "#1f4e79",
+    "cross": "#1f4e79",
     "product": "#7c6a9c",
     "mech": "#a8453a",
     "none": "#c9ced2",
 }
-MEANING = {
-    "EEC": "EEC table",
-    "set-up": "set-up value",
-    "CEC": "CEC table",
-    "product": "product table",
-    "mech": "mechanical",
-    "none": "no effect",
-}
+
+
+def meaning() -> dict[str, str]:
+    """Each kind of cure in words."""
+    return {
+        "axis": f"{spoken().own} table",
+        "set-up": "set-up value",
+        "cross": f"{spoken().cross} table",
+        "product": "product table",
+        "mech": "mechanical",
+        "none": "no effect",
+    }
+
+
 MAP = "RdBu_r"
 NOTHING = 1e-6  # um
 VISIBLE = 2e-3  # of the largest: smaller bars get no bracket
@@ -100,7 +107,7 @@ def ranking(figure: Figure, study: Study, output: str = "rms") -> None:
         _bars(panel, screening.rankings[output], {name: tag(study, name) for name in study.names})
         panel.set_title(title, loc="left", fontsize=9, color=INK)
         panel.set_xlabel(f"µ* of the {output.upper()} normal deviation  µm   (95 % interval)")
-    handles = [Patch(color=colour, label=MEANING[name]) for name, colour in TAGS.items()]
+    handles = [Patch(color=colour, label=meaning()[name]) for name, colour in TAGS.items()]
     figure.legend(handles=handles, loc="upper right", ncols=6, frameon=False, fontsize=7.5)
     figure.text(0.07, 0.965, "colour: what cures it in this machine; bracket: not told apart", fontsize=8, color=QUIET)
 
@@ -239,8 +246,8 @@ def _three(curve: AxisCurve) -> list[tuple[FloatArray, str, str, str]]:
 
     return [
         (curve.before, OLD, label("as it is", curve.before), "-"),
-        (curve.own_layer, MIDDLE, label("with EEC", curve.own_layer), "-"),
-        (curve.predicted, NEW, label("with EEC and CEC", curve.predicted), "--"),
+        (curve.own_layer, MIDDLE, label(f"with {spoken().own}", curve.own_layer), "-"),
+        (curve.predicted, NEW, label(f"with {spoken().own} and {spoken().cross}", curve.predicted), "--"),
     ]
 
 

@@ -135,9 +135,11 @@ class ErrorFile(_Section):
     seeded: Seeded | None = None
     uncertainty: Doubt | None = None
     tables: dict[str, GridData] = Field(default_factory=dict)
-    bounds: dict[str, float] = Field(default_factory=dict, description="how far CEC may spoil an axis, um or arcsec")
+    bounds: dict[str, float] = Field(
+        default_factory=dict, description="how far cross tables may spoil an axis, um or arcsec"
+    )
     goal: Literal["rms", "max"] = "rms"
-    multiplication_proved: bool = Field(default=False, description="how two CEC tables multiply was proved there")
+    multiplication_proved: bool = Field(default=False, description="how two cross tables multiply was proved there")
 
     @model_validator(mode="after")
     def _something(self) -> ErrorFile:

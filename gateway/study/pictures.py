@@ -10,6 +10,7 @@ import matplotlib as mpl
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from drivers.terms import spoken
 from gateway.errors import StoreError
 from gateway.study import draw
 from gateway.study.work import Study
@@ -30,8 +31,8 @@ def write_pictures(study: Study, folder: Path) -> tuple[Path, ...]:
     """Draw everything into a folder (made if missing). Raises StoreError E-STUDY-WRITE."""
     states = (
         ("as it is", study.before.deviation),
-        ("with EEC (axes corrected)", study.with_eec.deviation),
-        ("with EEC, CEC and set-up values", study.after.deviation),
+        (f"with {spoken().own} (axes corrected)", study.with_own.deviation),
+        (f"with {spoken().own}, {spoken().cross} and set-up values", study.after.deviation),
     )
     pictures: tuple[tuple[str, tuple[float, float], Callable[[Figure], None]], ...] = (
         ("one-at-a-time", (11.0, 5.2), lambda figure: draw.one_at_a_time(figure, study)),

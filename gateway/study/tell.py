@@ -24,17 +24,17 @@ PART = 0.5  # of the RMS: a cure that leaves more is none
 
 
 def tag(study: Study, name: str) -> str:
-    """Who cures an error: none, the axis' own table (EEC), set-up, CEC, a product of tables, or mechanics only."""
+    """Who cures an error: none, the axis' own table, set-up, a cross table, a product of tables, or mechanics only."""
     by = cured_by(study.cures[name])
     if by == "none needed":
         return "none"
     if is_own(study.grinding.chain, name):
-        return "EEC"
+        return "axis"
     if by == "mechanical only":
         return "mech"
     if "zero" in by or "dressing" in by or by.startswith(("mounting", "set-up")):
         return "set-up"
-    return "product" if "*" in by else "CEC"
+    return "product" if "*" in by else "cross"
 
 
 def is_own(chain: Chain, name: str) -> bool:
@@ -54,7 +54,7 @@ def cured_by(cure: Cure) -> str:
 
 
 def axis_rows(study: Study) -> list[Row]:
-    """Range of each axis' own deviation: as it is, with EEC, predicted with everything."""
+    """Range of each axis' own deviation: as it is, with axis tables, predicted with everything."""
     rows = []
     for curve in study.correction.axes:
         values = (float(np.ptp(one)) for one in (curve.before, curve.own_layer, curve.predicted))
@@ -81,8 +81,8 @@ def tooth_values(state: State) -> dict[str, float]:
 
 
 def tooth_rows(study: Study) -> list[Row]:
-    """Each tooth value as it is, with EEC alone, with everything."""
-    states = [tooth_values(state) for state in (study.before, study.with_eec, study.after)]
+    """Each tooth value as it is, with axis tables alone, with everything."""
+    states = [tooth_values(state) for state in (study.before, study.with_own, study.after)]
     return [(key, *(f"{state[key]:.3f}" for state in states), "um") for key in states[0]]
 
 
@@ -183,10 +183,10 @@ def as_data(study: Study) -> dict[str, Any]:
         "by_axis": [_axis(curve) for curve in correction.axes],
         "by_tooth": {
             name: tooth_values(state)
-            for name, state in (("before", study.before), ("with_eec", study.with_eec), ("after", study.after))
+            for name, state in (("before", study.before), ("with_own", study.with_own), ("after", study.after))
         },
         "flank": _figures(correction),
-        "tables": [_table(one) for one in (*correction.eec, *correction.cec)],
+        "tables": [_table(one) for one in (*correction.own, *correction.cross)],
         "setup": {name: round(value, 6) for name, value, _ in setup_rows(study)},
         "products": [
             {"name": one.product.name, "before_um": mm_to_um(one.before), "after_um": mm_to_um(one.after)}
@@ -251,7 +251,7 @@ def _axis(curve: Any) -> dict[str, object]:
         "unit": curve.unit,
         "at": curve.at.tolist(),
         "before": curve.before.tolist(),
-        "with_eec": curve.own_layer.tolist(),
+        "with_own": curve.own_layer.tolist(),
         "predicted": curve.predicted.tolist(),
     }
 
@@ -261,7 +261,7 @@ def _figures(correction: LayeredCorrection) -> dict[str, dict[str, float]]:
         name: _figure(figure)
         for name, figure in (
             ("before", correction.before),
-            ("with_eec", correction.with_eec),
+            ("with_own", correction.with_own),
             ("best_before_rounding", correction.best),
             ("after", correction.after),
             ("after_second_order", correction.checked),
@@ -278,5 +278,5 @@ def _figure(figure: FlankFigure) -> dict[str, float]:
 
 
 def _table(table: CompensationTable) -> dict[str, object]:
-    keys: Sequence[str] = ("function", "index", "minimum", "maximum", "step", "modulo", "input_unit", "deviation_unit")
+    keys: Sequence[str] = ("kind", "index", "minimum", "maximum", "step", "modulo", "input_unit", "deviation_unit")
     return {"name": table.name, **{key: getattr(table, key) for key in keys}, "deviations": list(table.deviations)}

@@ -73,7 +73,7 @@ class Study:
     correction: LayeredCorrection
     products: tuple[ProductResult, ...]
     before: State
-    with_eec: State
+    with_own: State
     after: State
     next: tuple[Next, ...]
     truncation: float
@@ -119,7 +119,7 @@ def study(
         correction=correction,
         products=product_layer(correction.machine, grid, plan, proved=True) if error_file.multiplication_proved else (),
         before=_state(grid, first.second),
-        with_eec=_state(grid, _second(correction.machine_with_eec, grid)),
+        with_own=_state(grid, _second(correction.machine_with_own, grid)),
         after=_state(grid, _second(correction.machine, grid)),
         next=_next(grinding, grid, plan, [parameter.name for parameter, _ in doubts], noise),
         truncation=float(np.max(np.abs(first.second - first.deviation))),

@@ -1,7 +1,7 @@
 """A measured result file -> compensation tables: datum, directions, grid, zero at the reference.
 
-A result file knows its own zero only; where that is on the machine must be said. EEC takes the mean of both
-directions; a CEC pair takes each direction by itself. Values are deviations d = measured - target (house sign rule).
+A result file knows its own zero only; where that is on the machine must be said. An axis table takes the mean of both
+directions; a cross pair takes each direction by itself. Values are deviations d = measured - target (house sign rule).
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 
 from drivers.errors import ConfigError, Gap
 from drivers.limits import VALUE_RESOLUTION, Limits
+from drivers.terms import TableKind
 from drivers.types import CompensationTable, MeasuredSet
 from drivers.units import AxisUnit, DeviationUnit, deviation_scale, deviation_unit
 from gateway.domain import FloatArray
@@ -39,10 +40,10 @@ class FileDatum:
 class TableRequest:
     """What to make: layer, axis, where its tables are zero, grid (None: from the targets), numbers.
 
-    ``index`` is the encoder of EEC, or the first of two table numbers of CEC.
+    ``index`` is the encoder of an axis table, or the first of two numbers of cross tables.
     """
 
-    to: Literal["eec", "cec"]
+    to: TableKind
     axis: str
     reference: float
     datum: FileDatum
@@ -91,7 +92,7 @@ def datum_of(pairs: Sequence[tuple[float, float]]) -> FileDatum:
 
 
 def convert(measured: MeasuredSet, request: TableRequest, limits: Limits | None = None) -> Conversion:
-    """The EEC table or the CEC pair of a result file.
+    """The axis table or the pair of cross tables of a result file.
 
     Raises ConfigError (E-COMP-DATUM, E-COMP-NO-GRID), Gap (E-COMP-GRID, E-COMP-TURN, E-COMP-MISSING,
     E-COMP-ONE-WAY), ValueOutOfRange (E-COMP-VALUE, E-COMP-SLOPE, E-COMP-CHANGE).
@@ -146,7 +147,7 @@ def _mean(measured: MeasuredSet, way: int) -> FloatArray:
 
 def _kinds(found: Curves, request: TableRequest) -> tuple[tuple[FloatArray, Literal[-1, 0, 1]], ...]:
     one_way = bool(np.isnan(found.plus).all() or np.isnan(found.minus).all())
-    if request.to == "cec":
+    if request.to == "cross":
         if one_way:
             raise Gap("E-COMP-ONE-WAY", request.axis)
         return ((found.plus, 1), (found.minus, -1))
@@ -199,7 +200,7 @@ def _table(
 
     values = zeroed(project(curve, grid, modulo=request.modulo), grid, request.reference, modulo=request.modulo)
     return CompensationTable(
-        function="EEC" if request.to == "eec" else "CEC",
+        kind=request.to,
         input_axis=request.axis,
         output_axis=request.axis,
         minimum=grid.minimum,
@@ -235,7 +236,7 @@ def _remarks(found: Curves, request: TableRequest) -> list[str]:
     reversal = found.plus - found.minus
     if np.isnan(reversal).any():
         return [*findings, told("W-COMP-ONE-WAY", request.axis)]
-    if request.to == "eec":
+    if request.to == "axis":
         mean = f"{float(reversal.mean()):.3f}"
         return [*findings, told("W-COMP-REVERSAL", request.axis, reversal=mean, unit=unit)]
     period = TURN_DEG if request.modulo else None
@@ -243,5 +244,5 @@ def _remarks(found: Curves, request: TableRequest) -> list[str]:
     return [
         *findings,
         told("W-COMP-REVERSAL-LEFT", request.axis, reversal=there, reference=f"{request.reference:g}", unit=unit),
-        told("W-COMP-CEC-SIGN", request.axis),
+        told("W-COMP-CROSS-SIGN", request.axis),
     ]

@@ -9,6 +9,7 @@ from decimal import Decimal
 import numpy as np
 
 from drivers.tablefile import TableFile
+from drivers.terms import spoken
 from drivers.types import CompensationTable
 from drivers.units import deviation_scale, deviation_unit
 from gateway.domain import FloatArray
@@ -75,9 +76,9 @@ class FileDifference:
 
 
 def compare(first: TableFile, second: TableFile) -> FileDifference:
-    """Tables are matched by encoder and axis (EEC) or by table number (CEC).
+    """Tables are matched by encoder and axis (axis tables) or by table number (cross tables).
 
-    Where machine data of one file name the axes (MD10000), AX1 of the other is that axis. A table of axes of which
+    Where machine data of one file name the axes, AX1 of the other is that axis. A table of axes of which
     nobody knows the unit is compared as it is stored (mm or deg).
     """
     names = _agreed(first.names, second.names)
@@ -111,9 +112,9 @@ def _by_place(file: TableFile, names: Mapping[str, str]) -> Mapping[str, Compens
 
 
 def _place(table: CompensationTable) -> str:
-    if table.function == "EEC":
-        return f"EEC {table.output_axis} encoder {table.index}"
-    return f"CEC table {table.index}"
+    if table.kind == "axis":
+        return f"{spoken().own} {table.output_axis} encoder {table.index}"
+    return f"{spoken().cross} table {table.index}"
 
 
 def _pair(place: str, first: CompensationTable, second: CompensationTable, raw: Collection[str]) -> PairDifference:

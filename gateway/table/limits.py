@@ -8,20 +8,20 @@ import numpy as np
 
 from drivers.errors import TableError, TooManyPoints, ValueOutOfRange
 from drivers.limits import Limits
+from drivers.terms import spoken
 from drivers.types import CompensationTable
 from gateway.domain import FloatArray
 from gateway.table.comparison import acting
 
-MEMORY = {"EEC": "MD38000 $MA_MM_ENC_COMP_MAX_POINTS", "CEC": "MD18342 $MN_MM_CEC_MAX_POINTS"}
 
-
-def check_points(needed: int, reserved: int, axis: str, function: Literal["EEC", "CEC"] = "EEC") -> None:
+def check_points(needed: int, reserved: int, axis: str, kind: Literal["axis", "cross"] = "axis") -> None:
     """Raise TooManyPoints (E-COMP-POINTS) when the controller reserved fewer points than needed.
 
-    ``function`` says which machine datum that is: MD38000 for EEC, MD18342 for CEC.
+    ``kind`` says whose memory that is; its name is the control's.
     """
     if needed > reserved:
-        raise TooManyPoints("E-COMP-POINTS", axis, needed=needed, reserved=reserved, memory=MEMORY[function])
+        memory = spoken().own_memory if kind == "axis" else spoken().cross_memory
+        raise TooManyPoints("E-COMP-POINTS", axis, needed=needed, reserved=reserved, memory=memory)
 
 
 def check(new: CompensationTable, live: CompensationTable, limits: Limits, axis: str) -> tuple[str, ...]:

@@ -69,7 +69,7 @@ def propose(
     instrument: InstrumentU | None = None,
     limits: Limits | None = None,
 ) -> TableChange:
-    """The EEC table that cancels the fitted deviation of an axis (value = +deviation, house sign rule).
+    """The axis table that cancels the fitted deviation of an axis (value = +deviation, house sign rule).
 
     ``component`` was fitted to ``measured``, captured while ``live`` acted: new = live (if enabled) +
     fitted, by least squares on the grid, zero at the reference, first = last for a modulo axis, rounded to
@@ -78,7 +78,7 @@ def propose(
     Nothing is proposed (``skipped`` says why) when the whole fitted curve lies within its uncertainty:
     |d - mean d| <= U everywhere (see `_significance`), when the means would not get a smaller range, when what lies
     unseen between the targets is more than half of what the table takes away, when reversal and scatter leave no gain
-    beyond the uncertainty (see `reasons`), or while CEC acted on the axis by its own position.
+    beyond the uncertainty (see `reasons`), or while a cross table acted on the axis by its own position.
     The decision is for the whole curve: leaving out single points would put jumps of their uncertainty
     into the table. ``predicted`` is zero on the fitted curve at the reference; compare a later measurement
     after removing its common offset.
@@ -88,12 +88,12 @@ def propose(
     check_points(grid.intervals + 1, reserved_points, axis.name)
     _check_turn(axis, component, grid)
     known = instrument or InstrumentU.usual(axis.deviation_unit)
-    acts = effective(live.eec)
-    new = _merged(axis, component, live.eec.table, acts, grid, resolution)
+    acts = effective(live.own)
+    new = _merged(axis, component, live.own.table, acts, grid, resolution)
     skipped = reasons.other_layer(axis.name, live) or _why_not(axis, component, measured, known, acts, new)
     findings: tuple[str, ...] = ()
     if skipped:
-        new = live.eec.table
+        new = live.own.table
     else:
         limit = limits or Limits.of(axis.unit)
         hidden, taken = _unseen(component, measured), _taken(component, acts, new)
@@ -101,9 +101,9 @@ def propose(
         findings = (*_coverage(axis, component, grid), *doubtful, *check(new, acts, limit, axis.name))
     return TableChange(
         axis=axis.name,
-        old=live.eec.table,
+        old=live.own.table,
         new=new,
-        old_enabled=live.eec.enabled,
+        old_enabled=live.own.enabled,
         base_digest=live.digest,
         targets=measured.targets,
         predicted=_predicted(axis, component, measured, acts, acts if skipped else new),

@@ -1,4 +1,4 @@
-"""Reasons against a table that the axis itself gives: CEC on, structure between targets, reversal and scatter; pure."""
+"""Reasons against a table that the axis itself gives: a cross table on, fine structure, reversal, scatter; pure."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ OUTWEIGHS = 2.0
 
 
 def other_layer(axis: str, live: LiveSet) -> str:
-    """CEC by the axis' own position looks like its deviation; by another axis' position it is a constant here."""
+    """One by the axis' own position looks like its deviation; by another axis' position it is a constant here."""
     acted = [
         str(one.table.index)
-        for one in live.cec
+        for one in live.cross
         if one.enabled and one.table.input_axis == one.table.output_axis and any(one.table.deviations)
     ]
-    return told("S-COMP-CEC-ON", axis, tables=", ".join(acted)) if acted else ""
+    return told("S-COMP-CROSS-ON", axis, tables=", ".join(acted)) if acted else ""
 
 
 def unseen(axis: str, unit: DeviationUnit, hidden: float, taken: float) -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 
 from drivers.errors import words
+from drivers.terms import spoken
 from drivers.types import CompensationTable, LiveSet
 from gateway import audit
 from gateway.errors import StoreError
@@ -22,7 +23,7 @@ from gateway.workflow.witness import Witness
 
 @dataclass(frozen=True, slots=True)
 class PushedTable:
-    """A table as the last committed push left it; ``sign`` turns stored CEC values, ``allowed`` is no difference."""
+    """A table as the last committed push left it; ``sign`` turns stored values, ``allowed`` is no difference."""
 
     push: Committed
     sign: int
@@ -62,10 +63,10 @@ async def expected_of(at: Bench, axis: str = "") -> tuple[PushedTable, ...]:
     """
     found = []
     for name in pushed_tables(at.store.root / JOURNALS, at.machine.serial):
-        output, _, cross = name.partition("-cec")
+        output, cross = spoken().axis_of(name), spoken().is_cross(name)
         if (axis and output != axis) or output not in {one.name for one in at.site.axes}:
             continue
-        proof = at.proofs.find(at.machine, "CEC", output) if cross else None
+        proof = at.proofs.find(at.machine, "cross", output) if cross else None
         if cross and proof is None:
             at.say("P-VERIFY-UNPROVED", table=name)
             continue
@@ -76,7 +77,7 @@ async def expected_of(at: Bench, axis: str = "") -> tuple[PushedTable, ...]:
 async def _expected(at: Bench, name: str, sign: int) -> PushedTable:
     last = committed(at.store.root / JOURNALS, at.machine.serial, name, sign)[-1]
     shape = last.new.table
-    limits = await at.supervisor.controller.table_limits(shape.output_axis, shape.function, shape.index)
+    limits = await at.supervisor.controller.table_limits(shape.output_axis, shape.kind, shape.index)
     return PushedTable(last, sign, tolerance(limits, shape))
 
 
@@ -118,15 +119,15 @@ async def look_at(at: Bench, live: LiveSet | None) -> None:
 
 def while_measuring(looks: tuple[Look, ...]) -> tuple[Look, ...]:
     """Cross tables are switched off to measure an axis: that says nothing about them."""
-    return tuple(one for one in looks if one.expected.table.function == "EEC" or one.found.kind != "switched-off")
+    return tuple(one for one in looks if one.expected.table.kind == "axis" or one.found.kind != "switched-off")
 
 
 async def in_push(at: Bench, axis: str) -> Callable[[LiveSet], tuple[str, ...]]:
-    """What a push calls with the live tables it has read, CEC as deviations; it answers with the axis' alarms."""
+    """What a push calls with the live tables it has read, all as deviations; it answers with the axis' alarms."""
     wanted = await expected_of(at, axis)
 
     def seen(live: LiveSet) -> tuple[str, ...]:
-        # The set comes with its CEC values turned already, by the very proof that the history was read in.
+        # The set comes with its cross tables turned already, by the very proof that the history was read in.
         looks = compare_with(tuple(replace(one, sign=1) for one in wanted), live)
         keep_looks(at, while_measuring(looks))
         return standing_alarms(at, axis)

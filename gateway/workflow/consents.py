@@ -6,12 +6,14 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 
 from drivers.errors import TrueflankError
+from drivers.terms import spoken
 from gateway import audit
 from gateway.approve import Approvals
 from gateway.domain import Approval, Proposal, PushRecord, TableChange
-from gateway.errors import CorruptRecord
+from gateway.errors import CorruptRecord, WriteRefused
 from gateway.push import PushContext, plan_hash
 from gateway.push.compare import table_facts
+from gateway.store import RunFolder
 from gateway.store.records import canonical, sha256
 from gateway.workflow import stages
 from gateway.workflow.bench import Bench
@@ -45,6 +47,13 @@ def consented(at: Bench, change: TableChange, context: PushContext, taken: Taken
     )
 
 
+def demand_todays(folder: RunFolder) -> None:
+    """Raises WriteRefused (E-PROPOSAL-OLDER) for a proposal of an older version, which hashed its plans otherwise."""
+    version = folder.older(stages.PROPOSAL)
+    if version:
+        raise WriteRefused("E-PROPOSAL-OLDER", folder.run_id, run=folder.run_id, version=version)
+
+
 def audit_problem(at: Bench) -> str:
     """Why the log cannot be trusted, in words ("": it can): its own lines, and what this store's files say of it."""
     root = at.store.root
@@ -58,7 +67,7 @@ def audit_problem(at: Bench) -> str:
 
 def alarms_of(known: audit.Standing, axis: str) -> tuple[str, ...]:
     """What stands against the tables of an axis."""
-    return tuple(told for table, told in known.alarms.items() if table.partition("-cec")[0] == axis)
+    return tuple(told for table, told in known.alarms.items() if spoken().axis_of(table) == axis)
 
 
 def _is_proposed(at: Bench, change: TableChange, known: audit.Standing, context: PushContext) -> bool:

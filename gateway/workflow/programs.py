@@ -88,8 +88,8 @@ def _triangle(axis: AxisSection) -> tuple[CompensationTable, float]:
 
 def _machine(site: SiteFile, tables: tuple[CompensationTable, ...]) -> PaperMachine:
     own = {axis.name: len(_triangle(axis)[0].deviations) for axis in site.axes}
-    cross = {table.index: len(table.deviations) for table in tables if table.function == "CEC"}
-    eec = {table.output_axis: len(table.deviations) for table in tables if table.function == "EEC"}
+    cross = {table.index: len(table.deviations) for table in tables if table.kind == "cross"}
+    eec = {table.output_axis: len(table.deviations) for table in tables if table.kind == "axis"}
     modulo = frozenset(axis.name for axis in site.axes if axis.modulo)
     points = tuple(cross.get(number, 0) for number in range(max(cross, default=-1) + 1))
     names = tuple(axis.name for axis in site.axes)
@@ -126,7 +126,7 @@ def _of_axis(axis: AxisSection, what: What) -> Iterator[tuple[str, Order]]:
     elif what == "proof":
         yield from _proof(axis)
     else:
-        yield axis.letter, DisableOrder(NUMBER, "EEC", axis.name, axis.encoder)
+        yield axis.letter, DisableOrder(NUMBER, "axis", axis.name, axis.encoder)
 
 
 def _measured(axis: AxisSection, name: str, jog: float, between: bool = True) -> Iterator[tuple[str, Order]]:
@@ -151,9 +151,9 @@ def _of_setup(site: SiteFile, one: Planned) -> Iterator[tuple[str, Order]]:
 def _load(site: SiteFile, table: CompensationTable) -> tuple[str, Order]:
     moved = next(axis for axis in site.axes if axis.name == table.input_axis)
     identity = MachineIdentity(site.controller.serial, "", tuple(axis.name for axis in site.axes))
-    proof = SignProof(identity, table.function, table.output_axis, 1.0, 0.01, 1, "")
+    proof = SignProof(identity, table.kind, table.output_axis, 1.0, 0.01, 1, "")
     order = PushOrder(NUMBER, table, moved.letter, moved.kind == "rotary", True, moved.reference, "table", proof)
-    return f"{table.function.lower()}-{table.output_axis}-{table.input_axis}", order
+    return f"{table.kind.lower()}-{table.output_axis}-{table.input_axis}", order
 
 
 def _proof(axis: AxisSection) -> Iterator[tuple[str, Order]]:

@@ -8,6 +8,7 @@ import string
 from pathlib import Path
 
 from drivers.errors import TrueflankError, catalogue
+from drivers.terms import PREFIX, Terms, filled
 
 ROOT = Path(__file__).parents[2]
 CODE = re.compile(r"^[EPW]-[A-Z0-9]+(-[A-Z0-9]+)+$")
@@ -36,7 +37,8 @@ def _callee(node: ast.Call) -> str:
 
 
 def _placeholders(text: str) -> set[str]:
-    return {name.split(".")[0].split("[")[0] for _, name, _, _ in string.Formatter().parse(text) if name}
+    names = {name.split(".")[0].split("[")[0] for _, name, _, _ in string.Formatter().parse(text) if name}
+    return {name for name in names if not name.startswith(PREFIX)}
 
 
 def test_every_code_in_the_source_has_a_text_whose_fields_are_given() -> None:
@@ -76,3 +78,16 @@ def _rendered(code: str) -> str:
         return str(TrueflankError(code, "somewhere"))
     except Exception as error:  # noqa: BLE001 - whatever it is, the other codes are told too
         return f"raised {error!r}"
+
+
+def test_every_term_that_a_text_asks_for_is_one_a_driver_brings() -> None:
+    asked = {
+        name
+        for entry in catalogue().values()
+        for text in entry.values()
+        for _, name, _, _ in string.Formatter().parse(text)
+        if name and name.startswith(PREFIX)
+    }
+    assert len(asked) > 5
+    assert [name for name in sorted(asked) if filled(name) is None] == []
+    assert all(isinstance(getattr(Terms(), name.removeprefix(PREFIX)), str) for name in asked)

@@ -145,7 +145,7 @@ async def shop(folder: Path, clock: LoopClock | None = None, **operator: Any) ->
         supervisor = Supervisor(site, gateways, only=())
         machine = await supervisor.open_all()
         await supervisor.close_all()
-        proof = SignProof(machine, "EEC", "X1", -1.0, 0.01, 1, "2026-01-01T00:00:00+00:00")
+        proof = SignProof(machine, "axis", "X1", -1.0, 0.01, 1, "2026-01-01T00:00:00+00:00")
         Proofs(store_of(site, path).root).save(proof)
         yield at
 

@@ -31,7 +31,7 @@ def wave(step: float, low: float, high: float, unit: Any, index: int, source: st
     count = round((high - low) / step) + 1
     values = np.interp(np.arange(count), [0, (count - 1) // 2, count - 1], [0.0, 8.0, 0.0])
     return CompensationTable(
-        "CEC",
+        "cross",
         source,
         "X1",
         low,
@@ -73,7 +73,7 @@ def test_cross_tables_are_proved_pushed_and_act(tmp_path: Path, sign: int) -> No
                 folder.put(stages.PROPOSAL, proposal)
                 assert consents.proposed(at, proposal) == ""
                 verdict = await apply_proposal(at, proposal, {})
-                proof = at.proofs.find(at.machine, "CEC", "X1")
+                proof = at.proofs.find(at.machine, "cross", "X1")
             middle = (len(tables[0].deviations) - 1) // 2
             return {
                 "verdict": verdict,

@@ -55,7 +55,7 @@ class Story:
         change = self.folder.get(stages.PROPOSAL, Proposal).changes[0]
         async with bench(self.site, self.path, self.folder, self.clock, silence) as at:
             moment = datetime.now(UTC).isoformat()
-            proof = SignProof(at.machine, "EEC", "C1", -1.0, 0.01, 1, moment)
+            proof = SignProof(at.machine, "axis", "C1", -1.0, 0.01, 1, moment)
             taken = consents.take_up(at, self.folder.get(stages.PROPOSAL, Proposal))
             context = consents.consented(at, change, push_context(at, at.axis("C1"), None), taken[change.name])
             context = replace(context, actor=actor, proof=proof, approvals_needed=2)

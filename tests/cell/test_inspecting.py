@@ -176,7 +176,7 @@ def test_a_run_from_a_gear_makes_the_next_one_good(tmp_path: Path) -> None:
         folder = hands.store.open(outcome.run_folder)
         assert folder.state == "proposed"
         proposal, gear = folder.get("proposal", Proposal), folder.get("from-gear", GearProposal)
-        assert {change.layer for change in proposal.changes} == {"CEC"}
+        assert {change.layer for change in proposal.changes} == {"cross"}
         assert all(not change.skipped for change in proposal.changes), outcome.lines
         assert len({change.new.index for change in proposal.changes}) == len(proposal.changes)
         setup = gear.setup

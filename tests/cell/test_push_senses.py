@@ -80,12 +80,12 @@ def test_the_machine_moves_as_the_tables_say_whichever_way_both_count(tmp_path: 
             path.write_text(short(("X1", "Z1"), 9, 3)(path.read_text(encoding="utf-8")), encoding="utf-8")
             site = load_site(path)
             async with bench(site, path, new_run(site, path), clock, silence) as at:
-                own = wave("EEC", "X1", -400.0, 0.0, 9.0)
-                cross = wave("CEC", "Z1", 0.0, 300.0, 6.0)
+                own = wave("axis", "X1", -400.0, 0.0, 9.0)
+                cross = wave("cross", "Z1", 0.0, 300.0, 6.0)
                 first = stands(cell)
                 records = [await pushed(at, own, ()), await pushed(at, cross, (own,))]
                 z = float(cell.nck.axis_state("Z1").actual_position)
-                proofs = [at.proofs.find(at.machine, function, "X1") for function in ("EEC", "CEC")]
+                proofs = [at.proofs.find(at.machine, function, "X1") for function in ("axis", "cross")]
             return {
                 "records": records,
                 "proofs": proofs,

@@ -153,7 +153,7 @@ def test_the_uncertainty_is_neither_too_small_nor_too_large_on_true_machines(
         plan = replace(GRIDS, noise=noise_patterns(grinding, grid, doubts(model, grinding.chain, GRIDS)))
         found = correct(grinding, grid, plan)
         said = predict(grinding, grid, plan, model, found, shop).flank
-        tables = (*found.eec, *found.cec)
+        tables = (*found.own, *found.cross)
         trial = ground_flank(truth, tables, _off(rng, clamping))
         values = setup_from_part(_inspected(trial, rng), gear).setup
         set_up = {"x_mm": 1e-3 * values.x_um, "dressing_mm": 1e-3 * values.dressing_um}

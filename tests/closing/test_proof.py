@@ -59,8 +59,8 @@ def test_tables_switched_off_bring_the_old_flanks_back(tmp_path: Path) -> None:
             assert rms(off) < SAME_UM
             assert rms(at.trued(at.flank(alone)) - at.trued(at.flank(last))) > 2.0 * SAME_UM
             said = RunFolder(done.folder.path).get(stages.TOOTH, ToothProposal).prediction
-            there = places_at(first.spec, said.with_eec.theta_rad, said.with_eec.z_mm)
-            missed = rms(there.trued(there.flank(alone)) - there.trued(said.with_eec.deviation_um))
+            there = places_at(first.spec, said.with_own.theta_rad, said.with_own.z_mm)
+            missed = rms(there.trued(there.flank(alone)) - there.trued(said.with_own.deviation_um))
             assert missed < 2.0 * float(np.hypot(said.u_um, SAME_UM))
 
             await switched(cell, "$MA_ENC_COMP_ENABLE[0,{axis}]", on=False)

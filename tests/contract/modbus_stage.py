@@ -80,23 +80,21 @@ def table(points: int = 111, **changes: Any) -> CompensationTable:
     values = np.round(12.0 * np.sin(numbers / 7.0) + 3.0 * np.sin(numbers), 3)
     given: dict[str, Any] = {"minimum": -200.0, "step": 5.0, "maximum": -200.0 + 5.0 * (points - 1)}
     values = np.round(values - np.interp(0.0, given["minimum"] + 5.0 * numbers, values), 3)
-    return CompensationTable("EEC", "X1", "X1", deviations=tuple(map(float, values)), **{**given, **changes})
+    return CompensationTable("axis", "X1", "X1", deviations=tuple(map(float, values)), **{**given, **changes})
 
 
 def cross(index: int = 0, **changes: Any) -> CompensationTable:
     """A CEC table of X1 over C1, zero at 0 deg."""
     values = tuple(round(4.0 * float(np.sin(np.radians(10.0 * number))), 3) + 0.0 for number in range(37))
     given: dict[str, Any] = {"modulo": True, "index": index, "input_unit": "deg", "output_unit": "mm"}
-    return CompensationTable("CEC", "C1", "X1", 0.0, 360.0, 10.0, (*values[:-1], 0.0), **{**given, **changes})
+    return CompensationTable("cross", "C1", "X1", 0.0, 360.0, 10.0, (*values[:-1], 0.0), **{**given, **changes})
 
 
 async def order_for(device: SinumerikModbus, wanted: CompensationTable, number: int = 17, **changes: Any) -> PushOrder:
     """An order with a proof of this machine."""
     machine = await device.identify()
     sign = changes.pop("sign", 1)
-    proof = SignProof(
-        machine, wanted.function, wanted.output_axis, float(sign), 0.01, sign, "2026-01-01T00:00:00+00:00"
-    )
+    proof = SignProof(machine, wanted.kind, wanted.output_axis, float(sign), 0.01, sign, "2026-01-01T00:00:00+00:00")
     given: dict[str, Any] = {
         "letter": wanted.input_axis[0],
         "rotary": wanted.input_unit == "deg",

@@ -26,7 +26,7 @@ USER = {"user": "trueflank", "password": "trueflank"}
 PLAIN = {**USER, "security": "None", "poll_s": 0.2}
 
 WAVE = (0.0, *(((n * 7) % 13 - 6) * 0.36 for n in range(1, 72)), 0.0)
-TABLE_C = CompensationTable("EEC", "C1", "C1", 0.0, 360.0, 5.0, WAVE, modulo=True, input_unit="deg", output_unit="deg")
+TABLE_C = CompensationTable("axis", "C1", "C1", 0.0, 360.0, 5.0, WAVE, modulo=True, input_unit="deg", output_unit="deg")
 ORDER = PushOrder(4711, TABLE_C, "C", True, True, 0.0, "sign-proof")
 
 

@@ -49,16 +49,16 @@ def test_a_table_goes_in_and_acts_over_every_wire(url: str, plc: dict[str, Any])
     async def body(stage: Stage) -> None:
         order = await order_for(stage.device, table())
         old, new = await stage.push(order)
-        assert (old.eec.enabled, new.eec.enabled) == (False, False)
-        assert new.eec.table == order.table
+        assert (old.own.enabled, new.own.enabled) == (False, False)
+        assert new.own.table == order.table
         assert [round(value * 1e6) for value in stage.values(111)] == nm(order.table.deviations)
         assert stage.values(120)[111:] == [0.0] * 9
         assert stage.get("$MA_ENC_COMP_ENABLE[0,X1]") is True
         assert await stage.device.marker() == Marker(17, "committed")
         assert stage.plc.session == 0
         live = await stage.device.saved_tables("X1")
-        assert live.eec.enabled
-        assert live.eec.table == order.table
+        assert live.own.enabled
+        assert live.own.table == order.table
         assert reader.read_loosely(live.native, "text", {"X1": "mm"}).tables[0] == order.table
 
     on_stage(body, url, **plc)
@@ -68,7 +68,7 @@ def test_a_table_goes_in_and_acts_over_a_serial_line_in_wall_time() -> None:
     async def body(stage: Stage) -> None:
         order = await order_for(stage.device, table(), enable=False)
         await stage.push(order)
-        assert (await stage.device.saved_tables("X1")).eec.table == order.table
+        assert (await stage.device.saved_tables("X1")).own.table == order.table
 
     plc = {"framer": "rtu", "scan_s": 0.001}
     asyncio.run(play(body, "socket://127.0.0.1:0", True, {}, {}, plc))
@@ -80,14 +80,14 @@ def test_it_is_a_controller_and_says_what_it_can() -> None:
         assert isinstance(device, Controller)
         assert device.capabilities == Capabilities(programs=False, switching=True, marker=True, consent="panel")
         machine = await device.identify()
-        assert (machine.serial, machine.nck_version) == ("ST-DOUBLE-0001", "4.8.6")
+        assert (machine.serial, machine.version) == ("ST-DOUBLE-0001", "4.8.6")
         assert (machine.axis_names, machine.unit_system) == (("X1", "C1"), "metric")
         assert await device.marker() == Marker(0, "none")
         limits = await device.table_limits("X1")
         assert (limits.reserved_points, limits.resolution) == (120, 1e-6)
         limits = await device.table_limits("C1")
         assert (limits.reserved_points, limits.resolution) == (37, 1e-7)
-        assert (await device.table_limits("X1", "CEC", 1)).reserved_points == 40
+        assert (await device.table_limits("X1", "cross", 1)).reserved_points == 40
         plan = StopPlan("T", "X1", "X", "mm", False, (), 100.0, 1.0, 0.1)
         for call in (
             device.prepare_stops(plan),
@@ -144,13 +144,13 @@ def test_a_cross_table_carries_the_proven_sign(sign: int) -> None:
     async def body(stage: Stage) -> None:
         order = await order_for(stage.device, cross(), sign=sign)
         _, new = await stage.push(order)
-        assert new.cec[0].table == order.table
+        assert new.cross[0].table == order.table
         assert round(stage.get("$AN_CEC[0,9]") * 1e6) == sign * 4000
         assert stage.get("$SN_CEC_TABLE_ENABLE[0]") is True
         assert stage.get("$MA_CEC_ENABLE[X1]") is True
         live = await stage.device.saved_tables("X1")
-        assert live.cec[0].enabled
-        assert live.cec[0].table.deviations[9] == pytest.approx(4.0 * sign)
+        assert live.cross[0].enabled
+        assert live.cross[0].table.deviations[9] == pytest.approx(4.0 * sign)
 
     on_stage(body)
 
@@ -172,11 +172,11 @@ def test_the_old_table_can_be_put_back_from_its_back_up() -> None:
         await stage.push(first)
         second = await order_for(stage.device, table(41), 18)
         old, _ = await stage.push(second)
-        assert old.eec.enabled
-        assert old.eec.table == first.table
-        back = replace(second, transaction=19, table=old.eec.table, purpose="restore", proof=None)
+        assert old.own.enabled
+        assert old.own.table == first.table
+        back = replace(second, transaction=19, table=old.own.table, purpose="restore", proof=None)
         await stage.push(back)
-        assert (await stage.device.saved_tables("X1")).eec.table == first.table
+        assert (await stage.device.saved_tables("X1")).own.table == first.table
 
     on_stage(body)
 
@@ -423,7 +423,7 @@ def test_values_that_a_plc_keeps_as_32_bit_floats_are_still_whole_nanometres() -
     async def body(stage: Stage) -> None:
         order = await order_for(stage.device, table())
         _, new = await stage.push(order)
-        assert new.eec.table == order.table
+        assert new.own.table == order.table
         assert stage.values(111) != [value / 1000.0 for value in order.table.deviations]
 
     on_stage(body, float32_values=True)
@@ -511,7 +511,7 @@ def test_a_lost_pc_leaves_the_table_off_and_the_marker_in_progress() -> None:
         await again.open(5.0)
         assert await again.marker() == Marker(18, "in-progress")
         live = await again.saved_tables("X1")  # waits until the lost session has lapsed
-        assert not live.eec.enabled
+        assert not live.own.enabled
         assert stage.plc.session == 0
         await again.close()
 
@@ -546,7 +546,7 @@ def test_a_reopened_driver_goes_on_in_its_session() -> None:
         await stage.bench.sleep(10.0)
         assert stage.plc.session == session, "the heartbeat did not go on"
         _, new = await stage.device.wait_loaded(order, 100.0)
-        assert new.eec.table == order.table
+        assert new.own.table == order.table
         await stage.device.finish_push(order, "none")
         assert await stage.device.marker() == Marker(0, "none")
 
@@ -568,14 +568,14 @@ def test_a_power_cut_while_loading_leaves_the_table_off(after: int) -> None:
         await stage.bench.warm_up()
         await stage.device.open(5.0)
         live = await stage.device.saved_tables("X1")
-        assert not live.eec.enabled
+        assert not live.own.enabled
         assert await stage.device.marker() == Marker(18, "in-progress")
         with pytest.raises(DeviceRefused) as caught:
             await stage.device.switch_table(second, True, 100.0)
         assert caught.value.code == "E-MBX-MISMATCH"
         back = replace(first, transaction=19, purpose="restore", proof=None)
         await stage.push(back)
-        assert (await stage.device.saved_tables("X1")).eec.table == first.table
+        assert (await stage.device.saved_tables("X1")).own.table == first.table
 
     on_stage(body)
 
@@ -610,9 +610,9 @@ def test_a_connection_cut_at_any_request_leaves_old_or_new(place: int) -> None:
             await stage.bench.sleep(1.0)
             await stage.device.open(5.0)
         live = await stage.device.saved_tables("X1")
-        held = [live.eec.table.deviations[: len(one.table.deviations)] for one in (first, second)]
-        if live.eec.enabled:
-            assert live.eec.table in (first.table, second.table), held
+        held = [live.own.table.deviations[: len(one.table.deviations)] for one in (first, second)]
+        if live.own.enabled:
+            assert live.own.table in (first.table, second.table), held
 
     on_stage(body)
 

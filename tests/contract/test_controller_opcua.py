@@ -73,7 +73,7 @@ def test_stops_come_once_in_order_and_each_from_its_own_side(keys: Path) -> None
         assert directions == [stop.approach for stop in STOPS]
         assert on.pressed == ["setup"]
         live = await on.device.saved_tables("C1")
-        assert (live.eec.enabled, live.eec.table.deviations, live.backlash) == (False, (0.0,), 0.0)
+        assert (live.own.enabled, live.own.table.deviations, live.backlash) == (False, (0.0,), 0.0)
         assert await on.device.wait_stop(12, 1.0) is None
 
     on_stage(act, folder=keys)
@@ -262,7 +262,7 @@ def test_tables_limits_and_axes_that_do_not_exist(keys: Path) -> None:
         await refused(on.device.table_limits("Q1"), "E-NC-AXIS")
         identity = await on.device.identify()
         assert identity.axis_names == ("X1", "Z1", "C1")
-        assert (identity.serial, identity.nck_version) == (SPEC.serial, SPEC.nck_version)
+        assert (identity.serial, identity.version) == (SPEC.serial, SPEC.nck_version)
         state = await on.device.state()
         assert (state.mode, state.access_level, state.axes["C1"].unit) == ("AUTO", 2, "deg")
         assert all(axis.referenced and axis.in_position for axis in state.axes.values())
@@ -277,9 +277,9 @@ def test_a_push_loads_proves_enables_and_acts(keys: Path) -> None:
     async def act(on: Stage) -> None:
         backup, readback = await on.loaded(ORDER)
         assert not on.enabled
-        assert backup.eec.table.deviations == (0.0,)
-        assert readback.eec.table == TABLE_C_STORED
-        assert not readback.eec.enabled
+        assert backup.own.table.deviations == (0.0,)
+        assert readback.own.table == TABLE_C_STORED
+        assert not readback.own.enabled
         await on.device.release_push(ORDER)
         assert await on.device.wait_enabled(ORDER, 60.0)
         await on.device.wait_activated(ORDER, 120.0)
@@ -290,7 +290,7 @@ def test_a_push_loads_proves_enables_and_acts(keys: Path) -> None:
             wanted = TABLE_C_STORED.at(np.array([stop.target]))[0]
             assert stop.encoder_compensation == pytest.approx(wanted, abs=1e-3)
         live = await on.device.saved_tables("C1")
-        assert (live.eec.table, live.eec.enabled) == (TABLE_C_STORED, True)
+        assert (live.own.table, live.own.enabled) == (TABLE_C_STORED, True)
 
     on_stage(act, folder=keys)
 
@@ -416,7 +416,7 @@ def test_without_the_right_level_nothing_changes(keys: Path) -> None:
 
 def test_a_table_that_does_not_fit_is_never_sent(keys: Path) -> None:
     async def act(on: Stage) -> None:
-        long = CompensationTable("EEC", "Z1", "Z1", 0.0, 100.0, 10.0, (0.0,) * 11)
+        long = CompensationTable("axis", "Z1", "Z1", 0.0, 100.0, 10.0, (0.0,) * 11)
         error = await refused(
             on.device.prepare_push(replace(ORDER, table=long, letter="Z", rotary=False)), "E-TABLE-POINTS"
         )
@@ -439,7 +439,7 @@ def test_restoring_gives_back_every_value_as_it_was(keys: Path) -> None:
         backup, _ = await on.loaded(ORDER)
         assert on.memory() != before
         on.nck.channel_reset()
-        restore = replace(ORDER, transaction=99, table=backup.eec.table, enable=backup.eec.enabled, purpose="restore")
+        restore = replace(ORDER, transaction=99, table=backup.own.table, enable=backup.own.enabled, purpose="restore")
         assert await on.push(restore)
         assert on.memory() == before
 
@@ -480,7 +480,7 @@ def test_two_programs_where_files_cannot_be_fetched_meanwhile(keys: Path) -> Non
 
     async def two_programs(on: Stage) -> None:
         _, readback = await on.loaded(ORDER)
-        assert readback.eec.table == TABLE_C_STORED
+        assert readback.own.table == TABLE_C_STORED
         assert on.nck.channel_status == 0
         await on.device.release_push(ORDER)
         on.press()
@@ -495,12 +495,12 @@ def test_two_programs_where_files_cannot_be_fetched_meanwhile(keys: Path) -> Non
 def test_cross_tables_are_on_record_and_can_be_loaded(keys: Path) -> None:
     async def act(on: Stage) -> None:
         table = CompensationTable(
-            "CEC", "Z1", "C1", 0.0, 100.0, 50.0, (0.0, 7.2, 0.0), index=1, output_unit="deg", input_unit="mm"
+            "cross", "Z1", "C1", 0.0, 100.0, 50.0, (0.0, 7.2, 0.0), index=1, output_unit="deg", input_unit="mm"
         )
         order = replace(ORDER, table=table, letter="Z", rotary=False, enable=True)
         assert await on.push(order)
         await on.walk(plan(STOPS[:1]))
-        (cross,) = (await on.device.saved_tables("C1")).cec
+        (cross,) = (await on.device.saved_tables("C1")).cross
         assert cross.enabled
         assert cross.table == table
 

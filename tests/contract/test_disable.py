@@ -13,9 +13,9 @@ from drivers.types import DisableOrder
 from tests.contract import modbus_stage, opcua_stage
 from tests.contract.modbus_stage import cross, order_for, table
 
-C1 = DisableOrder(900, "EEC", "C1")
-X1 = DisableOrder(901, "EEC", "X1")
-CEC = DisableOrder(902, "CEC", "X1", 0)
+C1 = DisableOrder(900, "axis", "C1")
+X1 = DisableOrder(901, "axis", "X1")
+CEC = DisableOrder(902, "cross", "X1", 0)
 
 
 async def stand(nck: Any, clock: Any, axis: str, position: float) -> None:
@@ -92,11 +92,11 @@ def test_nobody_starts_it_and_a_running_program_is_left_alone(keys: Path) -> Non
 # ---- through the mailbox ----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("order", [X1, CEC], ids=["EEC", "CEC"])
+@pytest.mark.parametrize("order", [X1, CEC], ids=["axis", "cross"])
 def test_command_6_alone_switches_off_wherever_the_axis_stands(order: DisableOrder) -> None:
     async def body(stage: modbus_stage.Stage) -> None:
         device = stage.device
-        wanted = table() if order.function == "EEC" else cross()
+        wanted = table() if order.kind == "axis" else cross()
         await stage.push(await order_for(device, wanted))
         await stand(stage.bench.nck, stage.bench.clock, wanted.input_axis, 33.0)
         values = stage.values(5)

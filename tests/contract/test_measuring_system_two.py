@@ -14,7 +14,7 @@ X, Z, C = AXES
 SCALES = replace(SPEC, axes=(X, replace(Z, number=4), replace(C, eec_points=(0, 25), number=13)), cec_points=())
 VALUES = (0.0, *(0.4 * ((n * 5) % 7 - 3) for n in range(1, 24)), 0.0)
 TABLE = CompensationTable(
-    "EEC", "C1", "C1", 0.0, 360.0, 15.0, VALUES, modulo=True, index=1, input_unit="deg", output_unit="deg"
+    "axis", "C1", "C1", 0.0, 360.0, 15.0, VALUES, modulo=True, index=1, input_unit="deg", output_unit="deg"
 )
 
 
@@ -32,7 +32,7 @@ def test_only_the_acting_measuring_system_is_written() -> None:
         seen = await on.walk(plan((Stop(10.0, 1),), encoder=1))
         assert [stop.target for stop in seen] == [10.0]
         live = await on.device.saved_tables("C1")
-        assert (live.eec.enabled, live.eec.table.index, len(live.eec.table.deviations)) == (True, 1, 25)
+        assert (live.own.enabled, live.own.table.index, len(live.own.table.deviations)) == (True, 1, 25)
 
     on_stage(act, spec=SCALES, server={"null_strings": True})
 

@@ -46,7 +46,7 @@ async def session(on: Stage) -> UaSession:
 def test_a_whole_run_through_file_nodes(keys: Path, server: dict[str, Any]) -> None:
     async def act(on: Stage) -> None:
         assert len(await on.walk(STOPS)) == 1
-        assert (await on.device.saved_tables("C1")).eec.table.deviations == (0.0,)
+        assert (await on.device.saved_tables("C1")).own.table.deviations == (0.0,)
         assert len(await on.walk(STOPS)) == 1
         called = on.server.requests.called
         assert (called["Open"], called["Open/CreateFile"]) == (3, 1)

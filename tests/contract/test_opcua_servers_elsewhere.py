@@ -48,8 +48,8 @@ def test_a_push_and_a_walk_go_by_the_numbers_of_the_control() -> None:
         seen = await on.walk(plan((Stop(10.0, 1),)))
         assert [stop.target for stop in seen] == [10.0]
         live = await on.device.saved_tables("C1")
-        assert live.eec.enabled
-        assert len(live.eec.table.deviations) == len(ORDER.table.deviations)
+        assert live.own.enabled
+        assert len(live.own.table.deviations) == len(ORDER.table.deviations)
 
     on_stage(act, spec=GAPS, server={"null_strings": True})
 

@@ -86,16 +86,16 @@ def test_an_axis_own_table_and_a_cross_table_one_after_the_other(tmp_path: Path,
     async def body(on: Stage) -> None:
         base = await on.device.saved_tables("X1")
         own, other = table(), cross()
-        async with people(on, tmp_path, await proof_of(on, "EEC"), None) as context:
+        async with people(on, tmp_path, await proof_of(on, "axis"), None) as context:
             first = await push_table(change_of(base, own), context)
             assert first.outcome == "committed", first.steps
-            proof = await proof_of(on, "CEC", sign)
+            proof = await proof_of(on, "cross", sign)
             turned = replace(context, input=C_AXIS, proof=proof, pushed=(own,))
             second = await push_table(change_of(base, other, sign), turned)
             assert second.outcome == "committed", second.steps
         live = signed(await on.device.saved_tables("X1"), sign)
-        assert live.eec == LiveTable(own, enabled=True)
-        assert live.cec == (LiveTable(other, enabled=True),)
+        assert live.own == LiveTable(own, enabled=True)
+        assert live.cross == (LiveTable(other, enabled=True),)
         assert on.get("$AN_CEC[0,9]") == pytest.approx(sign * 0.004)
         assert await on.device.marker() == Marker(second.transaction, "committed")
         assert len(first.effect) == len(second.effect) == 3
@@ -112,10 +112,10 @@ def test_the_sign_is_measured_while_the_panel_switches(tmp_path: Path, sign: int
             return float(here) * 1000.0, 0.05
 
         async with people(on, tmp_path, None, C_AXIS) as context:
-            found = await prove_sign(context, 0.0, 360.0, 10.0, read, function="CEC", index=1)
-        assert (found.sign, found.function, found.output_axis) == (sign, "CEC", "X1")
+            found = await prove_sign(context, 0.0, 360.0, 10.0, read, kind="cross", index=1)
+        assert (found.sign, found.kind, found.output_axis) == (sign, "cross", "X1")
         assert found.slope == pytest.approx(-sign, abs=0.05)
-        left = (await on.device.saved_tables("X1")).cec
+        left = (await on.device.saved_tables("X1")).cross
         assert not any(one.enabled or any(one.table.deviations) for one in left)
         assert await on.device.marker() == Marker(0, "none")
 
@@ -125,10 +125,10 @@ def test_the_sign_is_measured_while_the_panel_switches(tmp_path: Path, sign: int
 def test_nobody_at_the_panel_leads_back_or_is_held_but_never_enabled(tmp_path: Path) -> None:
     async def body(on: Stage) -> None:
         base = await on.device.saved_tables("X1")
-        async with people(on, tmp_path, await proof_of(on, "EEC"), None) as context:
+        async with people(on, tmp_path, await proof_of(on, "axis"), None) as context:
             on.plc.confirm = lambda: False
             record = await push_table(change_of(base, table()), context)
         assert record.outcome in ("rolled-back", "held"), record.steps
-        assert not (await on.device.saved_tables("X1")).eec.enabled
+        assert not (await on.device.saved_tables("X1")).own.enabled
 
     on_stage(body)

@@ -17,13 +17,13 @@ def test_a_step_that_does_not_divide_goes_out_and_back_by_programs() -> None:
             on.nck.set(f"$AA_ENC_COMP[0,{point},C1]", value, 2)
         before = on.memory()
         old, _ = await on.loaded(ORDER)
-        assert len(old.eec.table.deviations) == 4  # k = 3: assumed, floor(360 / 100)
-        assert (old.eec.table.step, old.eec.table.maximum) == (100.0, 360.0)
+        assert len(old.own.table.deviations) == 4  # k = 3: assumed, floor(360 / 100)
+        assert (old.own.table.step, old.own.table.maximum) == (100.0, 360.0)
         await on.device.release_push(ORDER)
         assert await on.device.wait_enabled(ORDER, 120.0)
         await on.device.wait_activated(ORDER, 120.0)
         assert on.memory() != before
-        back = replace(ORDER, transaction=4712, table=old.eec.table, purpose="restore", enable=False)
+        back = replace(ORDER, transaction=4712, table=old.own.table, purpose="restore", enable=False)
         await on.loaded(back)
         assert on.memory()[:-1] == before[:-1]
         assert not on.enabled

@@ -30,13 +30,15 @@ from gateway.push.compare import signed, table_in
 from simulators.nck.spec import NckSpec
 from tests.contract.opcua_stage import AXES, Stage, on_stage, plan
 
-SPEC = NckSpec(AXES, cec_points=(0, 10, 12, 10), access_level=2, files_max_bytes=65536)
+SPEC = NckSpec(AXES, cross_points=(0, 10, 12, 10), access_level=2, files_max_bytes=65536)
 X_AXIS = AxisRecord("X1", "X", "mm", False, False, (-250.0, 250.0), 0.0, 6000.0, dwell_s=0.2)
 Z_AXIS = AxisRecord("Z1", "Z", "mm", False, False, (0.0, 600.0), 0.0, 6000.0, dwell_s=0.2)
 C_AXIS = AxisRecord("C1", "C", "deg", True, True, (0.0, 360.0), 0.0, 3600.0, dwell_s=0.2)
-WAVE = CompensationTable("CEC", "Z1", "X1", 0.0, 400.0, 50.0, (0.0, 3.0, 7.0, 9.0, 5.0, 1.0, -4.0, -2.0, 0.0), index=1)
+WAVE = CompensationTable(
+    "cross", "Z1", "X1", 0.0, 400.0, 50.0, (0.0, 3.0, 7.0, 9.0, 5.0, 1.0, -4.0, -2.0, 0.0), index=1
+)
 TURN = CompensationTable(
-    "CEC", "C1", "X1", 0.0, 360.0, 45.0, (0.0, 1.0, 2.0, 1.0, 0.0, -1.0, -2.0, -1.0, 0.0), True, 2, "deg"
+    "cross", "C1", "X1", 0.0, 360.0, 45.0, (0.0, 1.0, 2.0, 1.0, 0.0, -1.0, -2.0, -1.0, 0.0), True, 2, "deg"
 )
 NOTHING = np.zeros(0)
 
@@ -95,7 +97,7 @@ async def starting(on: Stage) -> AsyncIterator[None]:
 
 def proof(on: Stage, sign: int) -> SignProof:
     machine = identity_of(on)
-    return SignProof(machine, "CEC", "X1", -1.0 * sign, 0.02, 1 if sign > 0 else -1, "2026-11-21T09:00:00+00:00")
+    return SignProof(machine, "cross", "X1", -1.0 * sign, 0.02, 1 if sign > 0 else -1, "2026-11-21T09:00:00+00:00")
 
 
 def identity_of(on: Stage) -> MachineIdentity:
@@ -137,9 +139,9 @@ def test_cross_tables_one_after_the_other_make_the_machine_move_as_they_say(
         await on.walk(plan(stops, axis="Z1", letter="Z", unit="mm", rotary=False, output_axis="X1"), note)
         assert places[1] - places[0] == pytest.approx(-0.009, abs=2e-4)
         live = signed(await live_of(on, tmp_path), sign)
-        assert [(one.table.index, one.enabled) for one in live.cec] == [(1, True), (2, True)]
-        assert live.cec[0].table == WAVE
-        assert live.cec[1].table == TURN
+        assert [(one.table.index, one.enabled) for one in live.cross] == [(1, True), (2, True)]
+        assert live.cross[0].table == WAVE
+        assert live.cross[1].table == TURN
 
     on_stage(act, replace(SPEC, cec_sign=sign), folder=keys)
 
@@ -155,10 +157,10 @@ def test_the_sign_is_measured_on_the_output_axis(keys: Path, tmp_path: Path, sig
             return float(here) * 1000.0, 0.05
 
         async with starting(on):
-            found = await prove_sign(context, 0.0, 400.0, 50.0, read, function="CEC", index=1)
-        assert (found.sign, found.function, found.output_axis) == (sign, "CEC", "X1")
+            found = await prove_sign(context, 0.0, 400.0, 50.0, read, kind="cross", index=1)
+        assert (found.sign, found.kind, found.output_axis) == (sign, "cross", "X1")
         assert found.slope == pytest.approx(-sign, abs=0.05)
-        assert (await live_of(on, tmp_path)).cec == ()
+        assert (await live_of(on, tmp_path)).cross == ()
         left = await on.device.marker()
         assert left is not None
         assert left.state == "none"
@@ -186,8 +188,8 @@ def test_a_mismatch_leads_back_and_the_neighbour_works_again(keys: Path, tmp_pat
             assert record.outcome == "rolled-back", record.steps
             assert any("E-NC-MISMATCH" in step for step in record.steps)
             after = await live_of_running(on)
-            assert after.cec == base.cec
-            assert after.cec[0].enabled
+            assert after.cross == base.cross
+            assert after.cross[0].enabled
 
     on_stage(act, SPEC, folder=keys)
 
@@ -258,9 +260,9 @@ def test_the_marker_outlives_session_and_programs_until_it_is_recovered(keys: Pa
 
 def test_limits_of_a_cross_table_come_from_its_own_machine_data(keys: Path) -> None:
     async def act(on: Stage) -> None:
-        limits = await on.device.table_limits("X1", "CEC", 2)
+        limits = await on.device.table_limits("X1", "cross", 2)
         assert (limits.reserved_points, limits.max_sum) == (12, 1.0)
-        assert (await on.device.table_limits("X1", "CEC", 0)).reserved_points == 0
+        assert (await on.device.table_limits("X1", "cross", 0)).reserved_points == 0
         assert (await on.device.table_limits("X1")).max_sum is None
         assert on.device.capabilities.programs
         order = PushOrder(1, WAVE, "Z", False, True, 0.0, "table", proof(on, 1))

@@ -78,8 +78,8 @@ async def push(on: Desk, url: str, **settings: Any) -> None:
         assert (await driver.state()).axes["C1"].referenced
         await driver.prepare_push(ORDER)
         backup, readback = await driver.wait_loaded(ORDER, 30.0)
-        assert not backup.eec.enabled
-        assert readback.eec.table.deviations == pytest.approx(ORDER.table.deviations, abs=2e-4)
+        assert not backup.own.enabled
+        assert readback.own.table.deviations == pytest.approx(ORDER.table.deviations, abs=2e-4)
         await driver.release_push(ORDER)
         assert await driver.wait_enabled(ORDER, 30.0)
         await driver.finish_push(ORDER, "committed")

@@ -91,13 +91,13 @@ def test_a_stop_program_and_a_whole_push_go_through(keys: Path) -> None:
         assert (state.mode, tuple(state.axes)) == ("AUTO", ("X1", "Z1", "C1"))
         seen = await on.walk(plan((Stop(5.0, 1), Stop(10.0, 1))))
         assert [stop.target for stop in seen] == [5.0, 10.0]
-        assert (await on.device.saved_tables("C1")).eec.table.deviations == (0.0,)
+        assert (await on.device.saved_tables("C1")).own.table.deviations == (0.0,)
         assert await on.push(ORDER)
         assert on.enabled
         await on.walk(plan((Stop(200.0, 1),)))
         live = await on.device.saved_tables("C1")
-        assert live.eec.enabled
-        assert len(live.eec.table.deviations) == len(ORDER.table.deviations)
+        assert live.own.enabled
+        assert len(live.own.table.deviations) == len(ORDER.table.deviations)
 
     run(act, keys)
 

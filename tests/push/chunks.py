@@ -109,5 +109,5 @@ def played(seed: int, folder: Path) -> tuple[Story, str]:
     folder.mkdir(parents=True)
     story = told(Plan(scene, first=wire.begin, mend=wire.mend, willing=False), folder)
     what = lie.__name__ if lie is not None else f"older {frame}"
-    layer = "CEC" if scene.cross else "EEC"
+    layer = "cross" if scene.cross else "axis"
     return story, f"seed {seed}: {layer}, {what} from read-back {wire.nth}, {wire.times} times: {story.outcome}"

@@ -141,7 +141,7 @@ def attacked(seed: int, attacks: tuple[Attack, ...], folder: Path, keys: Path, *
     rng = random.Random(seed)
     wire = Wire(rng, attacks)
     told = [str(one) for one in wire.attacks]
-    found = Played(seed, [*told, "CEC" if cross else "EEC"])
+    found = Played(seed, [*told, "cross" if cross else "axis"])
     folder.mkdir(parents=True)
     old, new = CROSS.tables if cross else (choice(rng), NEW)
 
@@ -166,7 +166,7 @@ async def _play(at: UaWorld, wire: Wire, folder: Path, found: Played) -> None:
         at.person.hear(code, fields)
 
     machine = await device.identify()
-    more: dict[str, Any] = {"input": Z_AXIS} if at.new.function == "CEC" else {}
+    more: dict[str, Any] = {"input": Z_AXIS} if at.new.kind == "cross" else {}
     context = ua_context(device, at.clock, folder, machine, say=say, start_timeout_s=25.0, stop_timeout_s=25.0, **more)
     wire.armed = True
     found.outcome = await ended(push_table(ua_change(base, at.new), context))

@@ -49,11 +49,11 @@ def content_of(table: CompensationTable, memory: int, sign: int = 1) -> Content:
     if table.step <= 0.0:
         return Content((0.0,) * memory, (0.0, 0.0, 0.0, False))
     scale = PER_UNIT[table.output_unit]
-    turn = sign if table.function == "CEC" else 1
+    turn = sign if table.kind == "cross" else 1
     points = [turn * value / scale + 0.0 for value in table.deviations]
     shape = (table.minimum, table.maximum, table.step, table.modulo)
     rest: tuple[Any, ...] = ()
-    if table.function == "CEC":
+    if table.kind == "cross":
         rest = (table.input_axis, table.output_axis, table.direction, table.multiply_by, table.table_type)
     return Content((*points, *[0.0] * (memory - len(points))), shape, rest)
 
@@ -135,7 +135,7 @@ class Oracle:
     @property
     def _table(self) -> Any:
         memory = self.nck.core.memory
-        if self.new.function == "CEC":
+        if self.new.kind == "cross":
             return memory.cec[self.new.index]
         return memory.eec[self.nck.core.axis(self.new.output_axis).index, self.new.index]
 
@@ -172,7 +172,7 @@ class Oracle:
         return self._enabled(self.nck.core.data.effective)
 
     def _enabled(self, value: Callable[..., Any]) -> bool:
-        if self.new.function == "EEC":
+        if self.new.kind == "axis":
             return bool(value(ENC_ENABLE, self.new.index, self._axis.index))
         table = bool(value("$SN_CEC_TABLE_ENABLE", self.new.index))
         return table and bool(value(CEC_ENABLE, self._axis.index))
@@ -203,7 +203,7 @@ class Oracle:
         on = self.switched_on or (self.acts and not self.nck.spec.lies_about_disable)
         if on and not (self.is_old() or self.is_new()):
             self.broken.append(f"{why}: enabled with neither the old nor the new table: {self.content}")
-        if self.new.function == "EEC" and not self._curve_is_known():
+        if self.new.kind == "axis" and not self._curve_is_known():
             self.broken.append(f"{why}: what acts is neither the old nor the new table nor nothing")
 
     def _curve_is_known(self) -> bool:

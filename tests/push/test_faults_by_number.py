@@ -302,7 +302,7 @@ def _for_machine(changes: dict[str, Any]) -> Callable[[PushContext], PushContext
 
 
 def test_fault_101_another_machine_is_refused(tmp_path: Path) -> None:
-    others: tuple[dict[str, Any], ...] = ({"serial": "SN-9"}, {"nck_version": "V1"}, {"axis_names": ("Q1",)})
+    others: tuple[dict[str, Any], ...] = ({"serial": "SN-9"}, {"version": "V1"}, {"axis_names": ("Q1",)})
     for number, changes in enumerate(others):
         plan = Plan(edit=_for_machine(changes), recover=False)
         story = sound(told(plan, tmp_path / str(number)))

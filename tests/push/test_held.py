@@ -27,7 +27,7 @@ def home(story: Story) -> None:
     assert "rolled-back" in story.recovered
 
 
-@pytest.mark.parametrize("cross", [False, True], ids=["EEC", "CEC"])
+@pytest.mark.parametrize("cross", [False, True], ids=["axis", "cross"])
 def test_points_exchanged_at_the_activating_reset_end_off(tmp_path: Path, cross: bool) -> None:
     scene = Scene(strict=True, cross=cross, nck={"swaps_points_at_reset": 2})
     story = told(Plan(scene, mend=calm), tmp_path)

@@ -145,7 +145,7 @@ SHAPE = (0.0, 3.0, 7.0, 5.5, 2.0, 0.0, -3.0, -6.0, -7.25, -4.125, 0.0)
 NAN = float("nan")
 RULES: dict[str, tuple[str, Edit]] = {
     "another serial": ("E-INT-MACHINE", machine(serial="SN-9")),
-    "another software": ("E-INT-MACHINE", machine(nck_version="V1")),
+    "another software": ("E-INT-MACHINE", machine(version="V1")),
     "other axes": ("E-INT-MACHINE", machine(axis_names=("X1", "Q1"))),
     "channel active": ("E-INT-CHANNEL", control(running)),
     "mode": ("E-INT-MODE", context(modes=("MDA",))),
@@ -159,7 +159,7 @@ RULES: dict[str, tuple[str, Edit]] = {
     "an unfinished push": ("E-INT-UNFINISHED", unfinished),
     "somebody else's push": ("E-INT-MARKER", control(foreign_marker)),
     "no proof": ("E-INT-NO-PROOF", context(proof=None)),
-    "a proof of the other function": ("E-INT-NO-PROOF", proof(function="CEC")),
+    "a proof of the other function": ("E-INT-NO-PROOF", proof(kind="cross")),
     "a proof of another axis": ("E-INT-NO-PROOF", proof(output_axis="Z1")),
     "a proof of the wrong sign": ("E-INT-SIGN", proof(sign=-1, slope=1.0)),
     "a weak proof": ("E-INT-BAD-PROOF", proof(slope=-1.4)),

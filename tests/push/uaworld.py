@@ -157,7 +157,7 @@ async def ua_world(
 ) -> AsyncIterator[UaWorld]:
     """A machine that is switched on, referenced, in AUTO, with the old table live; ``keys`` keeps the server's."""
     old = LiveTable(OLD, True) if old is None else old
-    cross = new.function == "CEC"
+    cross = new.kind == "cross"
     spec = NckSpec((X_SPEC, Z_SPEC), cec_points=(POINTS, 2)) if cross else NckSpec((X_SPEC,))
     nck = Nck(replace(spec, access_level=2, files_max_bytes=65536, **switches), clock)
     held: Any = nck.core.memory.cec[0] if cross else nck.core.memory.eec[0, 0]
@@ -182,7 +182,7 @@ async def ua_world(
 
 def ua_context(controller: Any, clock: Clock, root: Path, machine: MachineIdentity, **more: Any) -> PushContext:
     """What a push or a recovery at this machine works with."""
-    function: Any = "CEC" if more.get("input") else "EEC"
+    function: Any = "cross" if more.get("input") else "axis"
     proof = SignProof(machine, function, "X1", -1.0, 0.01, 1, "2026-01-01T00:00:00+00:00")
     given: dict[str, Any] = {"proof": proof, "start_timeout_s": 60.0, "approvals_needed": 1, "actor": "anna", **more}
     return PushContext(controller, clock, Folder(root), root / "journal", X_AXIS, machine, NAME, NAME, **given)
@@ -196,7 +196,7 @@ def ua_change(live: LiveSet, new: CompensationTable) -> TableChange:
 
 def never_loaded() -> LiveTable:
     """Nothing was ever loaded."""
-    return LiveTable(CompensationTable("EEC", "X1", "X1", 0.0, 0.0, 0.0, (0.0,)), False)
+    return LiveTable(CompensationTable("axis", "X1", "X1", 0.0, 0.0, 0.0, (0.0,)), False)
 
 
 def choice(rng: random.Random) -> LiveTable:

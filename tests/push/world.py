@@ -37,16 +37,16 @@ NOTHING = np.zeros(0)
 NAME = "mill"
 
 
-def table(*values: float, function: Any = "EEC") -> CompensationTable:
+def table(*values: float, function: Any = "axis") -> CompensationTable:
     """A table of X1 in um over -90..90 mm, zero in the middle where the axis stands."""
     step = 180.0 / (len(values) - 1)
-    return CompensationTable(function, "Z1" if function == "CEC" else "X1", "X1", -90.0, 90.0, step, values)
+    return CompensationTable(function, "Z1" if function == "cross" else "X1", "X1", -90.0, 90.0, step, values)
 
 
 OLD = table(0.0, 1.5, 3.0, 2.0, 1.0, 0.0, -1.0, -2.5, -3.5, -2.0, 0.0)
 NEW = table(0.0, 3.0, 7.0, 5.5, 2.0, 0.0, -3.0, -6.0, -7.25, -4.125, 0.0)
 OTHER = table(0.0, 2.0, 1.0, 3.5, 4.0, 0.0, 1.0, 2.0, 3.0, 1.0, 0.0)
-NEVER = CompensationTable("EEC", "X1", "X1", 0.0, 0.0, 0.0, (0.0,))
+NEVER = CompensationTable("axis", "X1", "X1", 0.0, 0.0, 0.0, (0.0,))
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class Scene:
         if self.points:
             new, old = long(self.points, 1.0), long(self.points, 0.5)
         if self.cross:
-            parts: dict[str, Any] = {"function": "CEC", "input_axis": "Z1"}
+            parts: dict[str, Any] = {"kind": "cross", "input_axis": "Z1"}
             old, new = replace(old, **parts), replace(new, **parts)
         return LiveTable(old, self.old_on and not self.never), new
 
@@ -250,7 +250,7 @@ def context_for(
     scene: Scene, device: SinumerikModbus, clock: Clock, root: Path, machine: MachineIdentity, **more: Any
 ) -> PushContext:
     """What a push or a recovery at this machine works with."""
-    function: Any = "CEC" if scene.cross else "EEC"
+    function: Any = "cross" if scene.cross else "axis"
     sign: Any = scene.sign if scene.cross else 1
     proof = SignProof(machine, function, "X1", -1.0 * sign, 0.01, sign, "2026-01-01T00:00:00+00:00")
     given: dict[str, Any] = {

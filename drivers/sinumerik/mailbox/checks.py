@@ -63,7 +63,7 @@ def coupled(order: PushOrder, backup: AxisReading, where: str) -> None:
 
     ``order.coupled`` says that others were at work and shall be again. Raises DeviceRefused (E-MBX-COUPLED).
     """
-    if order.table.function != "CEC":
+    if order.table.kind != "cross":
         return
     others = [
         table.picture.selection.index
@@ -121,7 +121,7 @@ def _differences(begin: Order, values: tuple[int, ...], stored: Stored) -> list[
 
 def sign_of(order: PushOrder) -> Sign:
     """The proven CEC sign of an order's axis, +1 without proof or for EEC."""
-    return order.proof.sign if order.proof is not None and order.table.function == "CEC" else 1
+    return order.proof.sign if order.proof is not None and order.table.kind == "cross" else 1
 
 
 def value_at(table: CompensationTable, position: float) -> float:
@@ -133,13 +133,13 @@ def value_at(table: CompensationTable, position: float) -> float:
 
 def live_of(order: PushOrder, live: LiveSet) -> LiveTable | None:
     """What stands now where an order writes; None where there is nothing."""
-    if order.table.function == "EEC":
-        return live.eec
-    return next((one for one in live.cec if one.table.index == order.table.index), None)
+    if order.table.kind == "axis":
+        return live.own
+    return next((one for one in live.cross if one.table.index == order.table.index), None)
 
 
 def _stored_of(order: PushOrder, reading: AxisReading) -> Stored | None:
-    if order.table.function == "EEC":
+    if order.table.kind == "axis":
         return reading.stored[0]
     index = order.table.index
     return next((one for one in reading.stored[1:] if one.picture.selection.index == index), None)

@@ -14,7 +14,7 @@ from typing import Any, Literal
 from drivers.clock import Clock
 from drivers.errors import UnsupportedDevice
 from drivers.leftover import NOTHING, LeftOver, SentPrograms
-from drivers.sinumerik.mailbox.codec.registers import Kind
+from drivers.sinumerik.mailbox.codec.registers import KINDS
 from drivers.sinumerik.mailbox.conversation import Talk
 from drivers.sinumerik.mailbox.disabling import MailboxDisabling
 from drivers.sinumerik.mailbox.pushing import MailboxPushing
@@ -77,7 +77,7 @@ class SinumerikModbus:
         except BaseException:
             await self._talk.close()
             raise
-        return Identity("sinumerik-modbus", "SINUMERIK 840D behind a PLC mailbox", machine.serial, machine.nck_version)
+        return Identity("sinumerik-modbus", "SINUMERIK 840D behind a PLC mailbox", machine.serial, machine.version)
 
     async def close(self) -> None:
         """End our session, if the PLC still listens, and let go of the wire. Never raises."""
@@ -93,10 +93,10 @@ class SinumerikModbus:
         async with self._talk.turn:
             return await self._reader.state()
 
-    async def table_limits(self, axis: str, function: Literal["EEC", "CEC"] = "EEC", index: int = 0) -> TableLimits:
+    async def table_limits(self, axis: str, kind: Literal["axis", "cross"] = "axis", index: int = 0) -> TableLimits:
         """Reserved points (register 10), 1 nm or 1e-7 deg, and the value limit of this product."""
         async with self._talk.turn:
-            return await self._reader.limits(axis, Kind[function], index)
+            return await self._reader.limits(axis, KINDS[kind], index)
 
     async def marker(self) -> Marker | None:
         """What the PLC keeps of the last push."""

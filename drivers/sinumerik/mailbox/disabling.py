@@ -5,7 +5,7 @@ from __future__ import annotations
 from drivers.clock import Clock
 from drivers.sinumerik.mailbox import checks
 from drivers.sinumerik.mailbox.codec.commands import Order
-from drivers.sinumerik.mailbox.codec.registers import Command, Kind, StatusBit
+from drivers.sinumerik.mailbox.codec.registers import KINDS, Command, StatusBit
 from drivers.sinumerik.mailbox.conversation import Talk
 from drivers.sinumerik.mailbox.pushing import acting_of
 from drivers.sinumerik.mailbox.reader import MailboxReader, table_order
@@ -30,7 +30,7 @@ class MailboxDisabling:
         return await self._read(named)
 
     def _naming(self, order: DisableOrder) -> Order:
-        return table_order(self._reader.axis(order.axis), Kind[order.function], order.index)
+        return table_order(self._reader.axis(order.axis), KINDS[order.kind], order.index)
 
     async def _read(self, named: Order) -> SwitchReading:
         picture, status = await self._talk.picture_for(named), await self._talk.status()

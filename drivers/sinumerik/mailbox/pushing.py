@@ -116,7 +116,7 @@ class MailboxPushing:
 
     async def _tables(self, order: PushOrder) -> AxisReading:
         table = order.table
-        encoder = table.index if table.function == "EEC" else self._settings.encoder
+        encoder = table.index if table.kind == "axis" else self._settings.encoder
         return await self._reader.tables(table.output_axis, encoder)
 
     def _check_way_back(self, order: PushOrder, backup: LiveSet) -> None:
@@ -127,7 +127,7 @@ class MailboxPushing:
         live = checks.live_of(order, backup)
         if order.purpose == "restore" or live is None or live.table.step <= 0:
             return
-        proof = order.proof if order.table.function == "CEC" else None
+        proof = order.proof if order.table.kind == "cross" else None
         back = replace(order, table=live.table, purpose="restore", proof=proof)
         try:
             self._planned(back)

@@ -151,7 +151,7 @@ class MailboxReader:
         status, picture = await self._talk.recent(), await self._talk.picture_for(order)
         if _lasting(picture) != _lasting(before) or not _agree(order, status, picture):
             raise DeviceRefused("E-MBX-CHANGED", self._where, kind=order.kind.name, index=order.index)
-        return Stored("EEC" if order.kind is Kind.EEC else "CEC", picture, second)
+        return Stored("axis" if order.kind is Kind.EEC else "cross", picture, second)
 
     async def _points(self, order: Order, *, cut: bool) -> tuple[int, ...]:
         points: tuple[int, ...] = ()

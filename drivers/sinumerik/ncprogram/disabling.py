@@ -42,7 +42,7 @@ def disabling(order: DisableOrder, setting: Setting) -> str:
     for label, phase in (("", Phase.SWITCHED_OFF), (_ON, Phase.STILL_ON), (_LEFT, Phase.LEFT)):
         out += [f"{label}:"] if label else []
         out += ["STOPRE", phase_block(words, phase), "M30"]
-    what = f"switch the {order.function} table {order.index} of {order.axis} off, nothing else"
+    what = f"switch the {order.kind} table {order.index} of {order.axis} off, nothing else"
     also = f"Switching the table off moves {order.axis} by the table's value."
     path = program_path("OFF", order.axis)
     return text_of(headed(Head(path, what, order.transaction, _STOPS, setting.origin, also), out))
@@ -50,7 +50,7 @@ def disabling(order: DisableOrder, setting: Setting) -> str:
 
 def switches(order: DisableOrder) -> tuple[str, ...]:
     """The variables that put the table to work, in the order of switching off."""
-    if order.function == "EEC":
+    if order.kind == "axis":
         return (f"$MA_ENC_COMP_ENABLE[{order.index},{order.axis}]",)
     return (f"$SN_CEC_TABLE_ENABLE[{order.index}]", f"$MA_CEC_ENABLE[{order.axis}]")
 
@@ -59,13 +59,13 @@ def acting(order: DisableOrder) -> str:
     """The system variable that shows what acts on the axis."""
     return (
         f"$VA_ENC{order.index + 1}_COMP_VAL[{order.axis}]"
-        if order.function == "EEC"
+        if order.kind == "axis"
         else (f"$VA_CEC_COMP_VAL[{order.axis}]")
     )
 
 
 def _identity(order: DisableOrder, setting: Setting) -> dict[Word, int]:
-    kind = 1000 if order.function == "EEC" else 2000
+    kind = 1000 if order.kind == "axis" else 2000
     return {
         Word.TRANSACTION: order.transaction,
         Word.TABLE: kind + order.index,

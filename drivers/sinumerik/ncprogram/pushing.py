@@ -71,7 +71,7 @@ def _program(kind: str, order: PushOrder, setting: Setting, body: list[str]) -> 
     ends += [phase_block(words, Phase.ENDED_DISABLED), 'MSG("")', "M30"]
     ends += [f"{_LEFT}:", "STOPRE", phase_block(words, Phase.LEFT), "M30"]
     ends += file_failed(words, _FAILED)
-    if order.table.function == "CEC":
+    if order.table.kind == "cross":
         ends += [f"{_WAKES}:", "STOPRE", phase_block(words, Phase.WOULD_WAKE), "M30"]
         ends += [f"{_ALONE}:", "STOPRE", phase_block(words, Phase.ENDED_DISABLED), 'MSG("")', "M30"]
     begin = [f"DEF INT {backup.VARIABLES}, {_HALF}", section("modal states, R words"), *PREPARE]
@@ -146,7 +146,7 @@ def _section(order: PushOrder, setting: Setting, body: list[str]) -> list[str]:
 
 def _identity(order: PushOrder, setting: Setting) -> dict[Word, str]:
     table = order.table
-    kind = 1000 if table.function == "EEC" else 2000
+    kind = 1000 if table.kind == "axis" else 2000
     return {
         Word.TRANSACTION: str(order.transaction),
         Word.TABLE: str(kind + table.index),
@@ -157,7 +157,7 @@ def _identity(order: PushOrder, setting: Setting) -> dict[Word, str]:
 
 def switches(table: CompensationTable) -> tuple[str, ...]:
     """The variables that put a table to work, in the order of switching on."""
-    if table.function == "EEC":
+    if table.kind == "axis":
         return (f"$MA_ENC_COMP_ENABLE[{table.index},{table.output_axis}]",)
     return (f"$MA_CEC_ENABLE[{table.output_axis}]", f"$SN_CEC_TABLE_ENABLE[{table.index}]")
 
@@ -165,7 +165,7 @@ def switches(table: CompensationTable) -> tuple[str, ...]:
 def _asleep(order: PushOrder, setting: Setting) -> list[str]:
     """Switching the output axis' CEC on must not put tables to work that the axis' switch kept off before."""
     table = order.table
-    if table.function != "CEC" or order.coupled:
+    if table.kind != "cross" or order.coupled:
         return []
     out: list[str] = []
     for other, points in enumerate(setting.memory.cec_points):
@@ -177,7 +177,7 @@ def _asleep(order: PushOrder, setting: Setting) -> list[str]:
 
 def _others_again(order: PushOrder) -> list[str]:
     """The end of an order that leaves its table off: the other tables of a CEC output get their switch back."""
-    if order.table.function != "CEC" or not order.coupled:
+    if order.table.kind != "cross" or not order.coupled:
         return [f"GOTOF {_HELD}"]
     axis_switch = switches(order.table)[0]
     return [f"{axis_switch}=1", "NEWCONF", "STOPRE", f"IF {axis_switch}<>1 GOTOF {_HELD}", f"GOTOF {_ALONE}"]
@@ -190,14 +190,14 @@ def _disable(table: CompensationTable) -> list[str]:
 def _still_acting(table: CompensationTable) -> list[str]:
     """A switch that reads off proves nothing: the value that acts must be gone too before points are written."""
     acting = f"$VA_ENC{table.index + 1}_COMP_VAL[{table.output_axis}]"
-    if table.function == "CEC":
+    if table.kind == "cross":
         acting = f"$VA_CEC_COMP_VAL[{table.output_axis}]"
     return [f"G4 F{number(SETTLE_S)}", "STOPRE", f"IF ABS({acting})>{value_text(NOTHING)} GOTOF {_HELD}"]
 
 
 def saving(section: Section, order: PushOrder, memory: Memory) -> Saving:
     """What the order's program writes to a file, and what proves that it did."""
-    encoder = order.table.index if order.table.function == "EEC" else 0
+    encoder = order.table.index if order.table.kind == "axis" else 0
     return Saving(section, order.transaction, order.table.output_axis, encoder, memory)
 
 
@@ -207,7 +207,7 @@ def _go(order: PushOrder, setting: Setting) -> str:
 
 def reserved_points(table: CompensationTable, memory: Memory) -> int:
     """Points the control holds for this table."""
-    if table.function == "EEC":
+    if table.kind == "axis":
         return memory.eec_points
     return memory.cec_points[table.index] if table.index < len(memory.cec_points) else 0
 

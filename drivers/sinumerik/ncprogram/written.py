@@ -168,8 +168,8 @@ def _live_set(
     tables = [LiveTable(one, _cec_on(one, switches)) for one in cross]
     return LiveSet(
         axis=axis,
-        eec=LiveTable(table, bool(switches[f"$MA_ENC_COMP_ENABLE[{encoder},{axis}]"])),
-        cec=tuple(one for one in tables if one.table.output_axis == axis),
+        own=LiveTable(table, bool(switches[f"$MA_ENC_COMP_ENABLE[{encoder},{axis}]"])),
+        cross=tuple(one for one in tables if one.table.output_axis == axis),
         others=tuple(one for one in tables if one.table.output_axis != axis),
         backlash=float(switches[f"$MA_BACKLASH[{encoder},{axis}]"]),
         native=text,
@@ -185,4 +185,4 @@ def _cec_on(table: CompensationTable, switches: Mapping[str, Decimal]) -> bool:
 def never_loaded(axis: str, encoder: int, unit: AxisUnit) -> CompensationTable:
     """An EEC table with nothing in it."""
     nothing: dict[str, Any] = {"index": encoder, "input_unit": unit, "output_unit": unit}
-    return CompensationTable("EEC", axis, axis, 0.0, 0.0, 0.0, (0.0,), **nothing)
+    return CompensationTable("axis", axis, axis, 0.0, 0.0, 0.0, (0.0,), **nothing)

@@ -98,7 +98,7 @@ class SinumerikOpcUa(Leaver):
         except BaseException:
             await self._session.close()
             raise
-        return Identity("sinumerik-opcua", "SINUMERIK 840D", machine.serial, machine.nck_version)
+        return Identity("sinumerik-opcua", "SINUMERIK 840D", machine.serial, machine.version)
 
     def attend(self, origin: Origin, keep: Callable[[ProgramText], None]) -> None:
         """From now on programs carry ``origin`` in their head; ``keep`` is called with each before it is sent."""
@@ -130,11 +130,11 @@ class SinumerikOpcUa(Leaver):
         """Programs of ours run; switching is a stop of theirs; the marker stands in four R parameters."""
         return Capabilities(programs=True, switching=False, marker=True, consent="nc-start")
 
-    async def table_limits(self, axis: str, function: Literal["EEC", "CEC"] = "EEC", index: int = 0) -> TableLimits:
+    async def table_limits(self, axis: str, kind: Literal["axis", "cross"] = "axis", index: int = 0) -> TableLimits:
         """MD38000 of an encoder or MD18342 of a table, six decimals of a mm or degree, our value limit, MD32720."""
-        memory = await self._reader.memory(self._configuration, axis, index if function == "EEC" else 0)
+        memory = await self._reader.memory(self._configuration, axis, index if kind == "axis" else 0)
         unit = self._configuration.units[axis]
-        if function == "EEC":
+        if kind == "axis":
             return TableLimits(memory.eec_points, VALUE_RESOLUTION, largest_value(unit))
         reserved = memory.cec_points[index] if 0 <= index < len(memory.cec_points) else 0
         largest = await self._reader.figure(f"$MA_CEC_MAX_SUM[{axis}]", self._configuration)
@@ -295,9 +295,9 @@ class SinumerikOpcUa(Leaver):
     async def prepare_push(self, order: PushOrder) -> None:
         """Send, read back and select the two-half measuring_program. Raises as `Pushing.prepare`."""
         table = order.table
-        encoder = table.index if table.function == "EEC" else 0
+        encoder = table.index if table.kind == "axis" else 0
         setting = await self._setting(table.input_axis, table.output_axis, encoder, rotary=order.rotary)
-        if table.function == "EEC" and order.purpose != "restore":
+        if table.kind == "axis" and order.purpose != "restore":
             await self._check_encoder(table.output_axis, encoder)
         self._plan, self._saved, self._grinding.plan = None, False, None
         await self._pushing.prepare(order, setting)
@@ -338,7 +338,7 @@ class SinumerikOpcUa(Leaver):
 
     async def prepare_disable(self, order: DisableOrder) -> None:
         """Send, read back and select the program that switches off. Raises as `Disabling.prepare`."""
-        encoder = order.index if order.function == "EEC" else 0
+        encoder = order.index if order.kind == "axis" else 0
         setting = await self._setting(order.axis, order.axis, encoder, rotary=False)
         self._plan, self._saved, self._grinding.plan = None, False, None
         await self._disabling.prepare(order, setting)

@@ -141,7 +141,7 @@ async def _identity(bed: Bedside) -> list[CheckLine]:
     machine = await bed.reader.identity(bed.configuration.names if bed.configuration else ())
     if machine.serial != bed.wanted.serial:
         return [wrong("E-DOC-SERIAL", "serial number", found=machine.serial, wanted=bed.wanted.serial)]
-    return [fine("W-DOC-SERIAL", "serial number", serial=machine.serial, version=machine.nck_version)]
+    return [fine("W-DOC-SERIAL", "serial number", serial=machine.serial, version=machine.version)]
 
 
 async def _variables(bed: Bedside) -> list[CheckLine]:

@@ -101,7 +101,7 @@ class Pushing:
     async def backup(self, order: PushOrder, configuration: Configuration) -> LiveSet:
         """What stood before the order, from the file that its own first half wrote; raises as `live_tables`."""
         table = order.table
-        encoder = table.index if table.function == "EEC" else 0
+        encoder = table.index if table.kind == "axis" else 0
         memory = await self._reader.memory(configuration, table.output_axis, encoder)
         saving = pushing_program.saving("BACK", order, memory)
         return await live_tables(self._transfer, saving, configuration, _sign_of(order))
@@ -181,4 +181,4 @@ class Pushing:
 
 
 def _sign_of(order: PushOrder) -> Sign:
-    return order.proof.sign if order.proof and order.table.function == "CEC" else 1
+    return order.proof.sign if order.proof and order.table.kind == "cross" else 1

@@ -61,10 +61,10 @@ def write(listed: Iterable[CompensationTable], proofs: Iterable[SignProof] = (),
 
     Raises TableError (E-TABLE-NO-PROOF, E-TABLE-SIGN), ValueOutOfRange (E-TABLE-FINITE).
     """
-    known = {(proof.function, proof.output_axis): proof for proof in proofs}
+    known = {(proof.kind, proof.output_axis): proof for proof in proofs}
 
     def values(table: CompensationTable) -> Iterable[Decimal]:
-        return tables.stored_values(table, known.get((table.function, table.output_axis)))
+        return tables.stored_values(table, known.get((table.kind, table.output_axis)))
 
     return _text(TableFile(tuple(listed)), FORMS["ini" if header else "program"], values)
 
@@ -103,7 +103,7 @@ def _sections(content: TableFile, form: Form) -> list[tuple[list[str], list[Comp
 
 
 def _header(table: CompensationTable, form: Form) -> str:
-    if table.function == "CEC":
+    if table.kind == "cross":
         return "%_N_NC_CEC_INI"
     if form.wrapper == "ini":
         return "%_N_AX_EEC_INI"

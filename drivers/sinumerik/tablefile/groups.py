@@ -16,6 +16,7 @@ from drivers.errors import FileFormatError, Gap
 from drivers.sinumerik.tablefile.archive import Listing
 from drivers.sinumerik.tablefile.grammar import Assignment
 from drivers.sinumerik.tablefile.variables import VARIABLES
+from drivers.sinumerik.terms import SINUMERIK
 from drivers.types import CompensationTable
 from drivers.units import AxisUnit
 
@@ -23,7 +24,7 @@ Sign = Literal[1, -1]
 SCALE = {"mm": Decimal(1000), "deg": Decimal(3600)}
 MOST_POINTS = 20_000
 """No control reserves more points for one table (840D: 5000); a file or a list that does is not believed."""
-_NEEDED = {"EEC": ("STEP", "MIN", "MAX"), "CEC": ("INPUT_AXIS", "OUTPUT_AXIS", "STEP", "MIN", "MAX")}
+_NEEDED = {"axis": ("STEP", "MIN", "MAX"), "cross": ("INPUT_AXIS", "OUTPUT_AXIS", "STEP", "MIN", "MAX")}
 _OTHER_COMPUTERS = ("$AN_CEC_INPUT_NCU", "$AN_CEC_OUTPUT_NCU")
 GRID = ("STEP", "MIN", "MAX")
 _NUMBERED = re.compile(r"AX\d+", re.ASCII)
@@ -35,7 +36,7 @@ _ZERO = Decimal(0)
 class Group:
     """The raw assignments of one table; ``line`` is where it begins."""
 
-    function: Literal["EEC", "CEC"]
+    kind: Literal["axis", "cross"]
     index: int
     axis: str
     line: int
@@ -65,12 +66,12 @@ def groups_of(found: Listing) -> dict[str, Group]:
     for item in found.assignments:
         if item.name[:4] not in ("$AA_", "$AN_") or item.name in _OTHER_COMPUTERS:
             continue
-        stem, function = ("$AN_CEC", "CEC") if item.name[2] == "N" else ("$AA_ENC_COMP", "EEC")
+        stem = "$AN_CEC" if item.name[2] == "N" else "$AA_ENC_COMP"
         index, axis = item.numbers[0], item.axis
-        key = f"{function}[{index},{axis}]" if axis else f"CEC[{index}]"
+        key = f"{SINUMERIK.own}[{index},{axis}]" if axis else f"CEC[{index}]"
         group = groups.get(key)
         if group is None:
-            group = groups[key] = Group("EEC" if axis else "CEC", index, axis, item.line, {}, {})
+            group = groups[key] = Group("axis" if axis else "cross", index, axis, item.line, {}, {})
         if item.name == stem:
             group.points[item.numbers[1]] = item
         else:
@@ -91,7 +92,7 @@ def settings_of(found: Listing) -> dict[str, Decimal]:
 
 def mixed_encoders(groups: Iterable[Group], where: str) -> list[FileFormatError]:
     """Points written for one encoder and parameters for the other: neither table is whole."""
-    eec = [group for group in groups if group.function == "EEC"]
+    eec = [group for group in groups if group.kind == "axis"]
     points = {group.axis: group for group in eec if group.points and not group.parameters}
     bare = {group.axis: group for group in eec if group.parameters and not group.points}
     return [
@@ -191,7 +192,7 @@ class Reader:
 
     def last(self, group: Group) -> int:
         """k = (MAX-MIN)/STEP. Raises FileFormatError (E-TABLE-PARAMETER, E-TABLE-GRID, E-TABLE-STEP)."""
-        for name in _NEEDED[group.function]:
+        for name in _NEEDED[group.kind]:
             if name not in group.parameters:
                 where = self._at(group.line)
                 raise FileFormatError("E-TABLE-PARAMETER", where, line=group.line, table=group.label, name=name)
@@ -225,7 +226,7 @@ class Reader:
         output_unit = input_unit if source == output else self.unit(output)
         direction = int(_number(group, "DIRECTION"))
         return CompensationTable(
-            function=group.function,
+            kind=group.kind,
             input_axis=source,
             output_axis=output,
             minimum=float(_number(group, "MIN")),
@@ -242,7 +243,7 @@ class Reader:
         )
 
     def _deviations(self, group: Group, last: int, unit: AxisUnit) -> tuple[float, ...]:
-        factor = SCALE[unit] * (self.cec_sign if group.function == "CEC" else 1)
+        factor = SCALE[unit] * (self.cec_sign if group.kind == "cross" else 1)
         values = [group.points[number].value if number in group.points else 0 for number in range(last + 1)]
         return tuple(float(Decimal(value) * factor) + 0.0 for value in values) or (0.0,)
 

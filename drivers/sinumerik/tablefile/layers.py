@@ -27,8 +27,8 @@ SMALLEST = 0.05  # um or arcsec: below this there is nothing to be doubled
 
 def of_set(tables: Sequence[CompensationTable], settings: Mapping[str, Decimal], where: str) -> Iterator[TableFinding]:
     """Findings between tables and settings."""
-    cross = [table for table in tables if table.function == "CEC"]
-    own = {table.output_axis: table for table in tables if table.function == "EEC"}
+    cross = [table for table in tables if table.kind == "cross"]
+    own = {table.output_axis: table for table in tables if table.kind == "axis"}
     pairs = list(_pairs(cross))
     both = [one for one in cross if one.input_axis == one.output_axis and one.direction == 0]
     for table in (*both, *(_mean(plus, minus) for plus, minus in pairs)):

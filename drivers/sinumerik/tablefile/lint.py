@@ -18,8 +18,8 @@ from drivers.types import CompensationTable, FloatArray
 from drivers.units import deviation_scale
 
 MEMORY = {
-    "EEC": "MD38000 $MA_MM_ENC_COMP_MAX_POINTS",
-    "CEC": "MD18342 $MN_MM_CEC_MAX_POINTS",
+    "axis": "MD38000 $MA_MM_ENC_COMP_MAX_POINTS",
+    "cross": "MD18342 $MN_MM_CEC_MAX_POINTS",
 }
 # Fixed sizes that a manual states: tables x points of CEC (828D: K3 03/2013, p. 264; 802D sl: FM 11/2012, p. 222).
 CEC_SIZES = {"828D": (8, 200), "802D": (2, 350)}
@@ -53,7 +53,7 @@ def _unknown(table: CompensationTable, known: TableMachine) -> bool:
 
 def _size(table: CompensationTable, where: str, known: TableMachine) -> Iterator[TableFinding]:
     points = len(table.deviations)
-    memory, reserved = MEMORY[table.function], _reserved(table, known)
+    memory, reserved = MEMORY[table.kind], _reserved(table, known)
     if reserved is not None and points > reserved:
         error = TooManyPoints(
             "E-TABLE-RESERVED", where, table=table.name, points=points, reserved=reserved, memory=memory
@@ -65,15 +65,15 @@ def _size(table: CompensationTable, where: str, known: TableMachine) -> Iterator
 
 def _reserved(table: CompensationTable, known: TableMachine) -> int | None:
     """MD38000 or MD18342: as typed, else as machine data of the file say."""
-    if table.function == "EEC":
+    if table.kind == "axis":
         own = known.reserved.get((table.index, table.output_axis))
-        return own if known.eec_points is None else known.eec_points
-    return known.cross.get(table.index) if known.cec_points is None else known.cec_points
+        return own if known.own_points is None else known.own_points
+    return known.cross.get(table.index) if known.cross_points is None else known.cross_points
 
 
 def _encoder(table: CompensationTable, where: str, known: TableMachine) -> Iterator[TableFinding]:
     """Measuring system 2 is as usual as 1: which of them acts, MD32700 says."""
-    if table.function != "EEC":
+    if table.kind != "axis":
         return
     acting, index = known.acting.get(table.output_axis), table.index
     if acting is None and index == 1:
@@ -89,10 +89,10 @@ def _control(table: CompensationTable, where: str, known: TableMachine, reserved
         return
     points = len(table.deviations)
     fields: dict[str, Any] = {"table": table.name, "control": known.control}
-    fixed = CEC_SIZES.get(known.control) if table.function == "CEC" else None
+    fixed = CEC_SIZES.get(known.control) if table.kind == "cross" else None
     if fixed is None:
         if reserved is None:
-            memory = MEMORY[table.function]
+            memory = MEMORY[table.kind]
             yield finding("note", TableError("W-TABLE-SIZE", where, **fields, points=points, memory=memory))
         return
     if table.index >= fixed[0]:

@@ -93,7 +93,7 @@ def _settings(parts: Sequence[TableFile]) -> dict[str, Decimal]:
         return settings
     tables = [table for part in parts for table in part.tables]
     axes = {axis for table in tables for axis in (table.input_axis, table.output_axis)}
-    numbers = {str(table.index) for table in tables if table.function == "CEC"}
+    numbers = {str(table.index) for table in tables if table.kind == "cross"}
     ours = {"$MA": axes, "$SA": axes, "$SN": numbers, "$AN": numbers}
     return {name: value for name, value in settings.items() if _last_index(name) in ours.get(name[:3], axes)}
 

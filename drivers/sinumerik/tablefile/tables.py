@@ -45,9 +45,9 @@ def stored_values(table: CompensationTable, proof: SignProof | None = None) -> t
 
 def written_sign(table: CompensationTable, proof: SignProof | None) -> Sign:
     """What d is multiplied with. Raises TableError (E-TABLE-NO-PROOF, E-TABLE-SIGN)."""
-    if proof is not None and (proof.function, proof.output_axis) != (table.function, table.output_axis):
+    if proof is not None and (proof.kind, proof.output_axis) != (table.kind, table.output_axis):
         proof = None
-    if table.function == "CEC":
+    if table.kind == "cross":
         if proof is None:
             raise TableError("E-TABLE-NO-PROOF", table.name, table=table.name, function="CEC")
         return proof.sign
@@ -89,7 +89,7 @@ def values_of(order: PushOrder) -> tuple[Decimal, ...]:
     table = quantised(order.table)
     if order.purpose == "table":
         if order.proof is None:
-            raise TableError("E-TABLE-NO-PROOF", table.name, table=table.name, function=table.function)
+            raise TableError("E-TABLE-NO-PROOF", table.name, table=table.name, function=table.kind)
         return stored_values(table, order.proof)
     return as_stored(table)
 
@@ -101,7 +101,7 @@ def point_lines(table: CompensationTable, values: Iterable[Decimal]) -> list[str
 
 def point_name(table: CompensationTable, number: int | str) -> str:
     """The control's name of one interpolation point; ``number`` may be a program's own variable."""
-    if table.function == "EEC":
+    if table.kind == "axis":
         return f"$AA_ENC_COMP[{table.index},{number},{table.output_axis}]"
     return f"$AN_CEC[{table.index},{number}]"
 
@@ -114,7 +114,7 @@ def parameters(table: CompensationTable) -> dict[str, str]:
         "MAX": _position(table.maximum),
         "IS_MODULO": str(int(table.modulo)),
     }
-    if table.function == "EEC":
+    if table.kind == "axis":
         tail = f"[{table.index},{table.output_axis}]"
         return {f"$AA_ENC_COMP_{name}{tail}": value for name, value in grid.items()}
     cross = {

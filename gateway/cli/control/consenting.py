@@ -7,10 +7,13 @@ from typing import Annotated, Any
 
 import typer
 
+from drivers.terms import spoken
 from gateway.cli.options import ApplyOption, JsonOption, MachineOption, RunArgument, SiteArgument, StoreOption
 from gateway.cli.stopping import run_to_end
 
-TableOption = Annotated[str, typer.Option("--axis", help="Machine axis, or a cross table: C1-cec3.")]
+TableOption = Annotated[
+    str, typer.Option("--axis", help=f"Machine axis, or a cross table: {spoken().name('cross', 'C1', 3)}.")
+]
 
 
 def approve(

@@ -6,13 +6,16 @@ from typing import Annotated, Any
 
 import typer
 
+from drivers.terms import spoken
 from gateway.cli.options import ApplyOption, JsonOption, MachineOption, SiteArgument
 
 
 def disable(
     site: SiteArgument,
     axis: Annotated[str, typer.Option("--axis", help="Machine axis that the table compensates.")],
-    table: Annotated[str, typer.Option("--table", help="A cross table, cec3; else the axis' EEC.")] = "",
+    table: Annotated[
+        str, typer.Option("--table", help=f"A cross table, {spoken().cross_key}3; else the axis' {spoken().own}.")
+    ] = "",
     apply: ApplyOption = False,
     machine: MachineOption = "",
     as_json: JsonOption = False,

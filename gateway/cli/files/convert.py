@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import typer
 
 from drivers.errors import ConfigError
 from drivers.tablefile import TableMachine
+from drivers.terms import TableKind, spoken
 from gateway.cli.files.evaluating import reader
 from gateway.cli.files.tables import number, show_findings, table_format
 from gateway.cli.show import echo, show_json
 
 FORMS = {".ini": "ini", ".arc": "archive"}
-LAYERS = ("eec", "cec")
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,10 +96,11 @@ def _complete(wish: ConversionOptions, measured: Any) -> float:
     return number(str(wish.reference), "--reference")
 
 
-def _layer(to: str) -> Literal["eec", "cec"]:
-    if to.lower() not in LAYERS:
-        raise ConfigError("E-CLI-LAYER", "--to", to=to, known=", ".join(LAYERS))
-    return "cec" if to.lower() == "cec" else "eec"
+def _layer(to: str) -> TableKind:
+    kinds: dict[str, TableKind] = {spoken().own_key: "axis", spoken().cross_key: "cross"}
+    if to.lower() not in kinds:
+        raise ConfigError("E-CLI-LAYER", "--to", to=to, known=", ".join(kinds))
+    return kinds[to.lower()]
 
 
 def _pair(word: str) -> tuple[float, float]:
@@ -121,8 +122,8 @@ def _comments(wish: ConversionOptions) -> list[str]:
         f"datum (file=machine) {datum}; zero at machine position {wish.reference:g}",
         "replaces another table, is not added to one",
     ]
-    if wish.to.lower() == "cec":
-        lines += ["CEC SIGN UNPROVEN: values follow the EEC convention (value = +deviation)"]
+    if wish.to.lower() == spoken().cross_key:
+        lines += [spoken().sign_doubt]
         lines += ["prove the sign on this machine before these tables are switched on"]
     return ["".join(char if " " <= char <= "~" else "?" for char in line)[:180] for line in lines]
 
@@ -144,7 +145,7 @@ def _say(made: Any, told: list[str]) -> None:
         largest = max(abs(value) for value in table.deviations)
         grid = f"{table.minimum:g} .. {table.maximum:g} step {table.step:g} {table.input_unit}"
         echo(
-            f"{table.function} {table.name}, {way}: {len(table.deviations)} points, {grid}, "
+            f"{spoken().kind(table.kind)} {table.name}, {way}: {len(table.deviations)} points, {grid}, "
             f"largest {largest:.3f} {table.deviation_unit}"
         )
     for line in told:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from drivers.terms import spoken
 from gateway.cli.show import echo, show_json, show_table
 
 
@@ -40,8 +41,9 @@ def study_command(
     echo(f"{gear_file.name} on {error_file.name}")
     headings = ("error", "RMS um", "largest um", "rank", "cured by", "here um", "left um")
     show_table("each error: alone at 5 um or 0.01 deg; in this machine", headings, tell.error_rows(found))
-    show_table("by axis (range)", ("axis", "as it is", "EEC", "EEC + CEC", "unit"), tell.axis_rows(found))
-    show_table("by tooth (predicted)", ("value", "as it is", "EEC", "everything", "unit"), tell.tooth_rows(found))
+    own = spoken().own
+    show_table("by axis (range)", ("axis", "as it is", own, f"{own} + {spoken().cross}", "unit"), tell.axis_rows(found))
+    show_table("by tooth (predicted)", ("value", "as it is", own, "everything", "unit"), tell.tooth_rows(found))
     setup = ", ".join(f"{name} {value:+.2f} {unit}" for name, value, unit in tell.setup_rows(found))
     lines = [
         f"set-up values: {setup}",

@@ -31,7 +31,7 @@ def correct_command(
     heights: HeightsOption = "lower-face",
     as_json: JsonOption = False,
 ) -> None:
-    """Propose EEC, cross tables and set-up values for the tooth from a measured run, and predict the flank."""
+    """Propose axis tables, cross tables and set-up values for the tooth from a measured run, and predict the flank."""
     if bool(run) == bool(gear):
         raise typer.BadParameter("give either a measured run or an inspected gear", param_hint="--run, --gear")
     if gear:

@@ -127,7 +127,7 @@ def serve_command(site: Path, host: str, port: int) -> None:
     def daily(devices: Supervisor) -> Daily | None:
         if not tree.site.verify_each_day:
             return None
-        # With programs every reading is an operator's NC START: it is told as due, and nothing starts by itself.
+        # With programs every reading is a start by the operator: it is told as due, and nothing starts by itself.
         job = None if devices.controller.capabilities.programs else compare
         return Daily(hour, lambda: due(store, serial, clock.utc(), hour), job)
 

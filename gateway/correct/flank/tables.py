@@ -1,7 +1,7 @@
 """Tables as corrections added to the commands: broken lines on a grid, clamped or modulo, sums and products (mm, rad).
 
-The flank's change is the command's influence times the correction; the cross term of CEC and EEC (the one moves the
-place at which the other is read, below 0.05 um at the limits) is dropped.
+The flank's change is the command's influence times the correction; the cross term of both kinds of tables (the one
+moves the place at which the other is read, below 0.05 um at the limits) is dropped.
 """
 
 from __future__ import annotations

@@ -35,7 +35,7 @@ DRAWS = 4000
 
 @dataclass(frozen=True, slots=True)
 class Outlook:
-    """A prediction, and what the tables for the tooth gain: RMS with EEC alone less RMS after, both set right, um.
+    """A prediction, and what the tooth's tables gain: RMS with axis tables alone less RMS after, both set right, um.
 
     ``gain_u_um`` is the standard deviation of that gain: both flanks have the same doubts.
     """
@@ -66,16 +66,16 @@ def predict(
     ``after`` is the flank with the work where it sits and the set-up values right, as the trial part will make them.
     """
     gear = grid.gear
-    before, with_eec, plain = (flank_map(one, grid) for one in (grinding, found.machine_with_eec, found.unmoved))
+    before, with_own, plain = (flank_map(one, grid) for one in (grinding, found.machine_with_own, found.unmoved))
     after = set_right(plain, gear)
     doubt = without_setup(grinding, lasting(grinding, grid, plan=plan, model=model, shop=shop)).plus(
         passing(grinding, grid, shop)
     )
     doubt = less(doubt, [_turn(doubt.places)])
-    drawn = _Drawn.of(doubt, (set_right(with_eec, gear), after), seed, draws)
+    drawn = _Drawn.of(doubt, (set_right(with_own, gear), after), seed, draws)
     flank = FlankPrediction(
         before=before,
-        with_eec=with_eec,
+        with_own=with_own,
         after=after,
         floor_um=float(mm_to_um(found.best.rms)),
         u_um=float(np.sqrt(np.sum(drawn.squares) / doubt.places.points)),

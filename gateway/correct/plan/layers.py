@@ -1,4 +1,4 @@
-"""The two layers: EEC takes each axis' own deviation, CEC and set-up values only what the tooth needs beyond that.
+"""The two layers: axis tables take each axis' own deviation, cross tables and set-up values what the tooth needs more.
 
 No deviation stands in both: the second layer is worked out on the machine with the first one acting, be it worked out
 here or given as it will be live. What the flank does not see is decided by the axis (first layer) or goes back to what
@@ -40,23 +40,23 @@ FEWEST_SPACES = 5  # fewer cannot tell a harmonic of the turn
 class LayeredCorrection:
     """What to load and set, and what it does.
 
-    ``eec`` and ``cec`` are compensation tables (house signs), ``setup`` what to add to the set-up values, ``moved`` how
-    to move the work on its table. Flank figures (mm): as it is, with EEC, at best, with everything; ``checked`` is that
-    by second order on ``machine``, the machine with everything acting and the work moved; ``unmoved`` is the same with
-    the work as it sits. ``said`` are findings in words.
+    ``own`` and ``cross`` are compensation tables (house signs), ``setup`` what to add to the set-up values, ``moved``
+    how to move the work on its table. Flank figures (mm): as it is, with axis tables, at best, with everything;
+    ``checked`` is that by second order on ``machine``, the machine with everything acting and the work moved;
+    ``unmoved`` is the same with the work as it sits. ``said`` are findings in words.
     """
 
-    eec: tuple[CompensationTable, ...]
-    cec: tuple[CompensationTable, ...]
+    own: tuple[CompensationTable, ...]
+    cross: tuple[CompensationTable, ...]
     setup: SetupValues
     moved: WorkMounting
     before: FlankFigure
-    with_eec: FlankFigure
+    with_own: FlankFigure
     best: FlankFigure
     after: FlankFigure
     checked: FlankFigure
     optimum: Optimum
-    machine_with_eec: Grinding
+    machine_with_own: Grinding
     machine: Grinding
     unmoved: Grinding
     axes: tuple[AxisCurve, ...]
@@ -72,13 +72,13 @@ def correct(
 ) -> LayeredCorrection:
     """Both layers and the set-up values for a machine whose errors were measured while ``live`` acted.
 
-    ``own`` are the EEC tables that will be live (house signs, the chain's axis letters), those proposed and no others:
+    ``own`` are the axis tables that will be live (house signs, the chain's axis letters), those proposed and no others:
     an axis without one keeps what acts. None: the first layer is worked out here.
     Raises ModelError E-CORRECT-INFEASIBLE if limits and bounds leave no solution, E-CORRECT-OWN.
     """
     chain = grinding.chain
     layer = own_layer(chain, plan, live) if own is None else _given(chain, own)
-    first = _added(chain, layer, live, "EEC")
+    first = _added(chain, layer, live, "axis")
     acting = with_tables(grinding, first)
     mounting = _mounting(with_tables(acting, _taken_off(chain, plan, live)), grid, plan)
     seated = centred(acting, mounting)
@@ -86,20 +86,20 @@ def correct(
     bounds = [_bound(chain, plan, axis, first, live) for axis in plan.bounds if plan.has(axis)]
     setup = setup_unknowns(chain, plan)
     found = optimise(seated, grid, specs, setup, norm=plan.norm, noise=plan.noise, bounds=bounds, alike=plan.alike)
-    second = _added(chain, found.tables, live, "CEC")
+    second = _added(chain, found.tables, live, "cross")
     machine, unmoved = (_set_up(with_tables(one, second), found.setup) for one in (seated, acting))
     return LayeredCorrection(
-        eec=tuple(record(chain, table, "EEC") for table in layer) if own is None else tuple(own),
-        cec=tuple(record(chain, table, "CEC", index=i) for i, table in enumerate(found.tables)),
+        own=tuple(record(chain, table, "axis") for table in layer) if own is None else tuple(own),
+        cross=tuple(record(chain, table, "cross", index=i) for i, table in enumerate(found.tables)),
         setup=found.setup,
         moved=mounting.opposite,
         before=second_order_figure(grinding, grid),
-        with_eec=second_order_figure(acting, grid),
+        with_own=second_order_figure(acting, grid),
         best=found.best,
         after=found.after,
         checked=second_order_figure(machine, grid),
         optimum=found,
-        machine_with_eec=acting,
+        machine_with_own=acting,
         machine=machine,
         unmoved=unmoved,
         axes=tuple(axis_curve(chain, axis, plan=plan, own=first, tooth=second) for axis in plan.own if plan.has(axis)),
@@ -113,26 +113,26 @@ def second_order_figure(grinding: Grinding, grid: FlankGrid) -> FlankFigure:
 
 
 def _given(chain: Chain, tables: Sequence[CompensationTable]) -> tuple[Table, ...]:
-    """EEC tables as corrections. Raises ModelError E-CORRECT-OWN for one of the other layer."""
+    """Axis tables as corrections. Raises ModelError E-CORRECT-OWN for one of the other layer."""
     for one in tables:
-        if one.function != "EEC" or one.input_axis != one.output_axis:
+        if one.kind != "axis" or one.input_axis != one.output_axis:
             raise ModelError("E-CORRECT-OWN", "layers", name=one.name)
     found = (table_of(chain, one) for one in tables)
     return tuple(one for one in found if one is not None)
 
 
 def _added(
-    chain: Chain, tables: Sequence[Table], live: Sequence[CompensationTable], layer: Literal["EEC", "CEC"]
+    chain: Chain, tables: Sequence[Table], live: Sequence[CompensationTable], layer: Literal["axis", "cross"]
 ) -> list[Table]:
     """What new tables of a layer add to those of the same name that acted while the errors were measured."""
-    acting = [one for one in live if one.function == layer]
+    acting = [one for one in live if one.kind == layer]
     old = [live_table(chain, table.grid.out, table.grid.over, acting) for table in tables]
     return [*tables, *(Table(one.grid, -one.values) for one in old if one is not None)]
 
 
 def _taken_off(chain: Chain, plan: Plan, live: Sequence[CompensationTable]) -> list[Table]:
     """What takes the tooth's tables that acted off again: they meet B by C, which must not look like a mounting."""
-    acting = [one for one in live if one.function == "CEC"]
+    acting = [one for one in live if one.kind == "cross"]
     found = [live_table(chain, out, over, acting) for out, over in plan.cross]
     return [Table(one.grid, -one.values) for one in found if one is not None]
 

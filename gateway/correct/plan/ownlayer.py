@@ -1,4 +1,4 @@
-"""The first layer: EEC tables that take each axis' own deviation (mean of both directions), as corrections."""
+"""The first layer: axis tables that take each axis' own deviation (mean of both directions), as corrections."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ QUIET = 1e-12  # mm or rad: an axis without a deviation of its own gets no table
 class AxisCurve:
     """An axis' own deviation at positions ``at`` (m,) in its unit; um or arcsec, each curve zero at the reference.
 
-    ``before`` as it is, ``own_layer`` with EEC, ``predicted`` with EEC and the tooth's tables.
+    ``before`` as it is, ``own_layer`` with axis tables, ``predicted`` with these and the tooth's tables.
     """
 
     axis: str
@@ -53,12 +53,12 @@ def own_layer(chain: Chain, plan: Plan, live: Sequence[CompensationTable] = ()) 
 
 def tooth_table(chain: Chain, axis: str, live: Sequence[CompensationTable]) -> Table | None:
     """The tooth's table of an axis over itself that acted, if any."""
-    return live_table(chain, axis, axis, [one for one in live if one.function == "CEC"])
+    return live_table(chain, axis, axis, [one for one in live if one.kind == "cross"])
 
 
 def _own_table(chain: Chain, axis: str, plan: Plan, live: Sequence[CompensationTable]) -> Table | None:
     spec = table_spec(chain, plan, axis, axis)
-    acting = live_table(chain, axis, axis, [one for one in live if one.function == "EEC"])
+    acting = live_table(chain, axis, axis, [one for one in live if one.kind == "axis"])
     tooth = tooth_table(chain, axis, live)
     nodes, k = spec.grid.nodes, spec.grid.nodes.size - 1
 

@@ -35,13 +35,13 @@ class AxisGrid:
 
 @dataclass(frozen=True)
 class Plan:
-    """Grids by input axis, axes with a table of their own (EEC), cross tables (output, input), set-up values, goal.
+    """Grids by input axis, axes with a table of their own, cross tables (output, input), set-up values, goal.
 
     ``mounting``: the work's eccentricity and tilt are set right by hand, no table takes them. ``bounds`` (um or arcsec
-    by axis) is how far CEC may spoil an axis; one without is bound by the limits of a table alone. ``alike`` (mm RMS,
-    in squares) is how much worse the flank may be for smoother tables. ``noise`` says how the errors may be wrong,
-    ``reserved`` how many points the controller holds for a table, by name. Tables over an axis without a grid are left
-    out.
+    by axis) is how far cross tables may spoil an axis; one without is bound by the limits of a table alone. ``alike``
+    (mm RMS, in squares) is how much worse the flank may be for smoother tables. ``noise`` says how the errors may be
+    wrong, ``reserved`` how many points the controller holds for a table, by name. Tables over an axis without a grid
+    are left out.
     """
 
     grids: tuple[AxisGrid, ...]
@@ -82,7 +82,9 @@ def table_spec(chain: Chain, plan: Plan, out: str, over: str, live: Sequence[Com
     """
     grid = plan.grid(over)
     points = round((grid.maximum - grid.minimum) / grid.step) + 1
-    check_points(points, plan.reserved.get(f"{out}({over})", points), f"{out}({over})", "EEC" if out == over else "CEC")
+    check_points(
+        points, plan.reserved.get(f"{out}({over})", points), f"{out}({over})", "axis" if out == over else "cross"
+    )
     inside = in_deviation_unit(chain, over, 1.0) / (3600.0 if axis_unit(chain, over) == "deg" else 1000.0)
     limits = Limits.of(axis_unit(chain, out))
     size = 1.0 / in_deviation_unit(chain, out, 1.0)
@@ -107,7 +109,7 @@ def live_table(chain: Chain, out: str, over: str, live: Sequence[CompensationTab
 
 def cross_specs(chain: Chain, plan: Plan, live: Sequence[CompensationTable] = ()) -> list[TableSpec]:
     """All cross tables of the plan for which there is a grid."""
-    acting = [one for one in live if one.function == "CEC"]
+    acting = [one for one in live if one.kind == "cross"]
     return [table_spec(chain, plan, out=out, over=over, live=acting) for out, over in plan.cross if plan.has(over)]
 
 

@@ -1,6 +1,6 @@
 """Product tables: corrections f(z) g(c) against errors that no sum of one-axis tables can reach (mm, rad).
 
-Only for machines on which multiplication ($AN_CEC_MULT_BY_TABLE) was proved. The errors z EBC(c) and z EAC(c) are of
+Only for machines on which multiplication of tables was proved. The errors z EBC(c) and z EAC(c) are of
 this kind: additive tables reduce them by nothing beyond their means. The flank is linear in f with g held and in g
 with f held. The start is the leading singular vector of the correction wanted over all pairs of nodes, the best
 product for places that fill the grid; then f and g are solved for in turn by least squares of minimum norm

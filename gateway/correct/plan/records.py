@@ -36,7 +36,7 @@ def axis_unit(chain: Chain, name: str) -> AxisUnit:
 def record(
     chain: Chain,
     table: Table,
-    function: Literal["EEC", "CEC"],
+    kind: Literal["axis", "cross"],
     *,
     index: int = 0,
     direction: Literal[-1, 0, 1] = 0,
@@ -55,7 +55,7 @@ def record(
     at = np.round(rad_to_deg(nodes) if inside == "deg" else nodes, DIGITS)
     d = -values * (ARCSEC_PER_RAD if outside == "deg" else UM_PER_MM)
     return CompensationTable(
-        function=function,
+        kind=kind,
         input_axis=called.get(grid.over, grid.over),
         output_axis=called.get(grid.out, grid.out),
         minimum=float(at[0]),
@@ -73,7 +73,7 @@ def record(
 def records_of_product(
     chain: Chain, product: Product, *, first: int, second: int, names: Mapping[str, str] | None = None
 ) -> tuple[CompensationTable, CompensationTable]:
-    """Two tables whose product is added ($AN_CEC_MULT_BY_TABLE): the numbers multiply as the controller holds them.
+    """Two tables whose product the control adds: the numbers multiply as it holds them.
 
     Both factors and their product count in the output axis' own unit (mm or deg); ``multiply_by`` of the first is the
     second's table index + 1. The proof of multiplication on that machine decides how the signs of two factors meet.
@@ -81,8 +81,8 @@ def records_of_product(
     size = 1.0 if axis_unit(chain, product.out) == "mm" else 1.0 / np.sqrt(DEG_PER_RAD)
     left = Table(product.first.grid, product.first.values * size)
     right = Table(product.second.grid, -product.second.values * size)
-    factor = record(chain, left, "CEC", index=first, names=names)
-    return replace(factor, multiply_by=second + 1), record(chain, right, "CEC", index=second, names=names)
+    factor = record(chain, left, "cross", index=first, names=names)
+    return replace(factor, multiply_by=second + 1), record(chain, right, "cross", index=second, names=names)
 
 
 def table_of(chain: Chain, stored: CompensationTable, names: Mapping[str, str] | None = None) -> Table | None:

@@ -1,7 +1,7 @@
-"""Reversal of an axis: what MD32450 can take, and the part that varies with position as a pair of direction tables.
+"""Reversal of an axis: what the control's backlash can take, and what varies with position as a pair of tables.
 
 B = mean(+) - mean(-) at each position (ISO 230-2). The backlash value takes the mean everywhere; what varies beyond its
-uncertainty goes to two CEC tables of the axis over itself, one for each direction, +/- half of it (d = deviation).
+uncertainty goes to two cross tables of the axis over itself, one for each direction, +/- half of it (d = deviation).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from gateway.table.projection import zeroed
 
 @dataclass(frozen=True, slots=True)
 class ReversalAdvice:
-    """Mean reversal (um or arcsec) with U, the MD32450 it asks for (axis unit, advice only), and the pair if needed.
+    """Mean reversal (um or arcsec) with U, the backlash it asks for (axis unit, advice only), and the pair if needed.
 
     ``backlash`` None: the mean lies within its uncertainty. ``varies`` is the largest |B - mean B| / U.
     """
@@ -49,7 +49,7 @@ def reversal_advice(
     """Advice from reversal values B (m,) with expanded uncertainties U (m,), um or arcsec, at positions (axis unit).
 
     A lagging axis (B < 0) asks for a positive backlash value. The pair is zero at the reference and leaves the mean to
-    MD32450, so that nothing is compensated twice. Raises ModelError E-CORRECT-REVERSAL.
+    the control's backlash, so that nothing is compensated twice. Raises ModelError E-CORRECT-REVERSAL.
     """
     at, b = np.asarray(positions, dtype=np.float64), np.asarray(B, dtype=np.float64)
     u = np.broadcast_to(np.asarray(U, dtype=np.float64), b.shape)
@@ -89,7 +89,7 @@ def _table(
 ) -> CompensationTable:
     step = resolution * deviation_scale(unit)
     return CompensationTable(
-        function="CEC",
+        kind="cross",
         input_axis=axis,
         output_axis=axis,
         minimum=grid.minimum,

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from drivers.ownfiles import read_own
+from drivers.terms import spoken
 from drivers.types import CompensationTable, LiveTable
 from gateway.errors import StoreError
 from gateway.push.compare import table_from
@@ -18,7 +19,8 @@ from gateway.push.records.journal import JournalRead
 class Committed:
     """A push that ended well: ``old`` was live before it, ``new`` since; ``undoes`` the push it took back (0: none).
 
-    ``table`` names the table as in a proposal ("C1", "C1-cec3"); ``backup`` is where the old text is kept.
+    ``table`` names the table as in a proposal ("C1", a cross table with its number); ``backup`` is where the old text
+    is kept.
     """
 
     transaction: int
@@ -35,7 +37,7 @@ class Committed:
 def committed(journals: Path, serial: str, table: str, sign: int = 1) -> tuple[Committed, ...]:
     """Every committed push of one table of one machine, oldest first; sign proofs leave nothing behind.
 
-    ``sign`` is that of the machine's CEC proof, in which CEC deviations are given. Raises StoreError
+    ``sign`` is that of the machine's proof, in which deviations of cross tables are given. Raises StoreError
     (E-PUSH-JOURNAL) when a journal cannot be believed: then nobody knows what should be live.
     """
     folder = journal.machine_folder(journals, serial)
@@ -111,7 +113,7 @@ def _committed(found: JournalRead, sign: int) -> Committed | None:
     axis = str(found.latest("axis") or "")
     return Committed(
         found.number,
-        axis if new.function == "EEC" else f"{axis}-cec{new.index}",
+        spoken().name(new.kind, axis, new.index),
         axis,
         str(ends[-1].facts.get("utc", "")),
         old,
@@ -125,12 +127,12 @@ def _committed(found: JournalRead, sign: int) -> Committed | None:
 def tables_of(found: JournalRead, sign: int = 1) -> tuple[LiveTable, CompensationTable]:
     """The old table with its switch and the new one, as the journal noted them last.
 
-    CEC deviations are turned from the sign the journal was kept in to ``sign``. Raises StoreError
+    Cross tables are turned from the sign the journal was kept in to ``sign``. Raises StoreError
     (E-PUSH-JOURNAL) when the journal does not hold them.
     """
     try:
         old, new = table_from(found.latest("old")), table_from(found.latest("new"))
-        turn = (int(found.latest("sign") or 1) * sign) if new.function == "CEC" else 1
+        turn = (int(found.latest("sign") or 1) * sign) if new.kind == "cross" else 1
         return LiveTable(_turned(old, turn), bool(found.latest("old_enabled"))), _turned(new, turn)
     except (TypeError, KeyError) as error:
         raise StoreError("E-PUSH-JOURNAL", str(found.path), why="it names no tables") from error

@@ -23,6 +23,7 @@ from typing import Any, BinaryIO
 
 from drivers.names import stem
 from drivers.ownfiles import made_folder, opened, read_own
+from drivers.terms import in_todays_words
 from gateway.errors import StoreError
 
 JOURNALS = "journal"
@@ -185,7 +186,7 @@ def _entry(line: bytes, sequence: int, previous: str) -> Entry | None:
         return None
     try:
         facts = json.loads(parts[3][:-1])
-        return Entry(str(facts.pop("kind")), facts)
+        return Entry(str(facts.pop("kind")), in_todays_words(facts))
     except (ValueError, KeyError, AttributeError):
         return None
 

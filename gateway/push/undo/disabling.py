@@ -60,7 +60,7 @@ async def read_in_time(context: PushContext, order: DisableOrder) -> SwitchReadi
 
 def order_of(table: CompensationTable, number: int = 0) -> DisableOrder:
     """The order that switches this table off."""
-    return DisableOrder(number, table.function, table.output_axis, table.index)
+    return DisableOrder(number, table.kind, table.output_axis, table.index)
 
 
 async def switch_off(work: Work, before: SwitchReading | None) -> bool:
@@ -142,12 +142,12 @@ async def _in_journal(
 ) -> SwitchRecord:
     """Each entry is on the disk before what it announces; a journal of its own always ends."""
     folder = journal.machine_folder(context.journals, context.machine.serial)
-    numbered = DisableOrder(numbering.allocate(folder, seed_of(context)), order.function, order.axis, order.index)
+    numbered = DisableOrder(numbering.allocate(folder, seed_of(context)), order.kind, order.axis, order.index)
     kept = journal.Journal.reopen(found) if found else journal.Journal.create(folder, numbered.transaction)
     told = {"utc": context.clock.utc().isoformat(timespec="milliseconds"), "order": numbered.transaction}
     try:
         if found is None:
-            facts = {"purpose": "disable", "axis": order.axis, "function": order.function, "index": order.index}
+            facts = {"purpose": "disable", "axis": order.axis, "kind_of_table": order.kind, "index": order.index}
             kept.append("LEASED", serial=context.machine.serial, actor=context.actor, **facts, **told)
         _say_how_far(context, numbered, asked.reading)
         kept.append("SWITCH_OFF", **told)

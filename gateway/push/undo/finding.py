@@ -75,7 +75,7 @@ class Seen:
 def verdict(found: JournalRead, live: LiveTable | Seen | None, allowed: float, sign: int = 1) -> Finding:
     """What happened, from the journal and the live table (None: not readable now).
 
-    ``sign`` is that of the machine's CEC proof, in which ``live`` was read.
+    ``sign`` is that of the machine's proof, in which ``live`` was read.
     """
     seen = Seen(live, coupled(found)) if isinstance(live, LiveTable) else live
     code, action = _verdict(found, seen, allowed, sign)
@@ -184,5 +184,5 @@ def announced(found: JournalRead, kind: str) -> bool:
 
 
 def coupled(found: JournalRead) -> bool:
-    """Whether other CEC tables of the output axis were on before."""
+    """Whether other cross tables of the output axis were on before."""
     return bool(found.latest("coupled"))

@@ -78,7 +78,7 @@ async def _see(found: JournalRead, context: PushContext) -> tuple[Seen | None, f
         context.say("P-PUSH-RESET", axis=context.axis.name)
         return None, 0.0
     _old, new = tables_of(found, context.sign)
-    limits = await context.controller.table_limits(context.axis.name, new.function, new.index)
+    limits = await context.controller.table_limits(context.axis.name, new.kind, new.index)
     live = await conversation.read_live(context, _place(found, context))
     marker = await context.controller.marker() if context.controller.capabilities.marker else None
     ours = marker is None or marker.transaction in journal.orders_of(found) or _known(context, marker)
@@ -91,7 +91,7 @@ def _known(context: PushContext, marker: Marker) -> bool:
 
 
 def _neighbours_on(live: LiveSet, table: CompensationTable) -> bool:
-    return table.function == "CEC" and any(one.enabled for one in rest_of(live, table))
+    return table.kind == "cross" and any(one.enabled for one in rest_of(live, table))
 
 
 def _place(found: JournalRead, context: PushContext) -> float:
@@ -142,7 +142,7 @@ def _closed(found: JournalRead, finding: Finding) -> PushRecord:
 
 async def _work(found: JournalRead, context: PushContext) -> Work:
     old, new = tables_of(found, context.sign)
-    limits = await context.controller.table_limits(context.axis.name, new.function, new.index)
+    limits = await context.controller.table_limits(context.axis.name, new.kind, new.index)
     nothing = np.zeros(0)
     base = str(found.latest("base_digest") or "")
     change = TableChange(context.axis.name, old.table, new, old.enabled, base, nothing, nothing, nothing)

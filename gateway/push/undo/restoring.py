@@ -184,7 +184,7 @@ def _doubted(work: Work) -> bool:
 def as_before(work: Work, live: LiveSet) -> bool:
     """Whether the table, its switch and the switches that hang together with it are as they were."""
     same = same_table(work.restore_to, table_in(live, work.change.new), work.allowed)
-    return same and (work.change.layer == "EEC" or is_coupled(live, work) == work.coupled)
+    return same and (work.change.layer == "axis" or is_coupled(live, work) == work.coupled)
 
 
 async def _asked(work: Work) -> None:

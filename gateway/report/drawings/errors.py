@@ -18,14 +18,14 @@ from gateway.model.preset import MOTION_NAMES
 from gateway.report.drawings.curves import FAINT, INK, NEW, OLD, QUIET, RULE, calm, limits, plain_name
 from gateway.report.sentences import number, signed
 from gateway.report.tooth.rows import CureRow
-from gateway.report.tooth.why import MEANING, Tag
+from gateway.report.tooth.why import Tag, meaning
 
 POINTS = 121
 COLUMNS = 6
 TAGS: dict[Tag, str] = {
-    "EEC": "#5f86ab",
+    "axis": "#5f86ab",
     "set-up": "#8a9299",
-    "CEC": "#1f4e79",
+    "cross": "#1f4e79",
     "product": "#7c6a9c",
     "part": "#c58a3a",
     "mech": "#a8453a",
@@ -112,7 +112,7 @@ def ranking(figure: Figure, rows: Sequence[CureRow]) -> None:
         panel.text(end, place, f"{size[place]:.3f} µm, rank {one.rank_text}", va="center", fontsize=6.5, color=QUIET)
     panel.set_xlabel("µ* of the flank's RMS  µm   (line: 95 % interval)", labelpad=2)
     used = [one for one in TAGS if any(row.tag == one for row in rows)]
-    handles = [Patch(color=TAGS[one], label=MEANING[one]) for one in used]
+    handles = [Patch(color=TAGS[one], label=meaning()[one]) for one in used]
     look = {"frameon": False, "fontsize": 7, "labelcolor": INK, "handlelength": 0.9, "columnspacing": 1.1}
     figure.legend(handles=handles, loc="upper right", ncols=len(handles), borderaxespad=0.0, **look)
 

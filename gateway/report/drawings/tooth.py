@@ -58,11 +58,11 @@ def ranking(tooth: ToothMaterial) -> str:
 
 
 def tables(tooth: ToothMaterial) -> str:
-    """SVG: CEC tables, old and new; "" without any."""
+    """SVG: cross tables, old and new; "" without any."""
     found = [
         (f"{one.change.name} = {table_name(one, tooth.letters)}", one.change)
         for one in tooth.tables
-        if one.change.layer == "CEC" and not one.change.skipped
+        if one.change.layer == "cross" and not one.change.skipped
     ]
     size = (WIDE, 34.0 * -(-len(found) // 3) if found else 0.0)
     return _drawn(lambda figure: error_drawings.tables(figure, found), size, "Cross tables")
@@ -95,7 +95,7 @@ def pictures(tooth: ToothMaterial, folder: Path) -> tuple[Path, ...]:
 def _charted(tooth: ToothMaterial) -> tuple[FlankState, ...]:
     found = shown(states(tooth))
     fair = any(one.source == "worked out" for one in found)
-    left_out = ("model-eec", "before", "model-before") if fair else ("model-eec",)
+    left_out = ("model-own", "before", "model-before") if fair else ("model-own",)
     return tuple(one for one in found if one.key not in left_out)
 
 

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drivers.terms import spoken
 from drivers.types import FloatArray
 from gateway.tooth import FlankPrediction
 
 EVEN, ODD = "even", "odd"
-EEC = "EEC: each axis by itself"
 CONSTANT = ("set-up values: x zero", "set-up values: dressing offset")
 SAME = 1e-9  # rad: how symmetric the profile's points must lie
 
@@ -31,28 +31,35 @@ class Share:
 
 
 def shares(prediction: FlankPrediction) -> tuple[Share, ...]:
-    """What EEC, set-up values and each cross table take; all in percent of the flank before, and all together.
+    """What axis tables, set-up values and each cross table take; all in percent of the flank before, and all together.
 
-    Constants are the set-up values' affair, also where EEC moves them; by pattern the tables take what EEC leaves.
-    ``left_pct`` is what stays of the pattern. The last row is what no table over one axis can touch. Nothing where the
-    flank before is zero; without symmetric points only EEC against the rest.
+    Constants are the set-up values' affair, also where axis tables move them; by pattern cross tables take what those
+    leave. ``left_pct`` is what stays of the pattern. The last row is what no table over one axis can touch. Nothing
+    where the flank before is zero; without symmetric points only axis tables against the rest.
     """
     whole = _square(prediction.before.deviation_um)
     if whole <= 0.0:
         return ()
-    left, after = prediction.with_eec.deviation_um, prediction.after.deviation_um
+    left, after = prediction.with_own.deviation_um, prediction.after.deviation_um
     theta = prediction.before.theta_rad
     if not np.allclose(theta, -theta[::-1], rtol=0.0, atol=SAME):
         rest = _square(left), _square(after)
-        eec = Share(EEC, 100.0 * (whole - rest[0]) / whole)
-        return eec, Share("CEC and set-up values", 100.0 * (rest[0] - rest[1]) / whole, 100.0 * rest[1] / whole)
+        own = Share(own_layer(), 100.0 * (whole - rest[0]) / whole)
+        return own, Share(
+            f"{spoken().cross} and set-up values", 100.0 * (rest[0] - rest[1]) / whole, 100.0 * rest[1] / whole
+        )
     start, middle, end = (patterns(one) for one in (prediction.before.deviation_um, left, after))
     moved = sum(start[name] - middle[name] for name in start if name not in CONSTANT)
-    found = [Share(EEC, 100.0 * moved / whole)]
+    found = [Share(own_layer(), 100.0 * moved / whole)]
     for name in start:
         first = start[name] if name in CONSTANT else middle[name]
         found.append(Share(name, 100.0 * (first - end[name]) / whole, 100.0 * end[name] / whole))
     return tuple(found)
+
+
+def own_layer() -> str:
+    """Who takes the axes' own deviations, in words."""
+    return f"{spoken().own}: each axis by itself"
 
 
 def patterns(deviation_um: FloatArray) -> dict[str, float]:

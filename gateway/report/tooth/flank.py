@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from drivers.terms import spoken
 from drivers.types import FloatArray
 from gateway.domain import COVERAGE
 from gateway.gear.setright import set_right
@@ -44,7 +45,7 @@ class FlankState:
 def states(tooth: ToothMaterial) -> tuple[FlankState, ...]:
     """Before as ground, before with its set-up values right, predicted, trial, after: those there are, in that order.
 
-    Without an inspected part before, the model's own flank before and with EEC alone stand in its place.
+    Without an inspected part before, the model's own flank before and with axis tables alone stand in its place.
     """
     before, after = tooth.part("before").flank, tooth.part("after").flank
     prediction = tooth.proposal.prediction if tooth.proposal is not None else None
@@ -56,7 +57,7 @@ def states(tooth: ToothMaterial) -> tuple[FlankState, ...]:
     elif prediction is not None:
         found.append(_state("model-before", "as it is now", "by the model", prediction.before))
         found += _right(tooth, "model-set-right", "as it is now, set-up values put right", prediction.before, None)
-        found.append(_state("model-eec", "with EEC alone", "by the model", prediction.with_eec))
+        found.append(_state("model-own", f"with {spoken().own} alone", "by the model", prediction.with_own))
     found += _predicted(prediction) if prediction is not None else []
     found += [_inspected("part", one.part, one.flank) for one in tooth.parts if one.flank and one.part not in ENDS]
     if after is not None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
+from drivers.terms import spoken
 from gateway.correct.outlook.next_setup import OpenDoubt
 from gateway.report.drawings import tooth as tooth_drawings
 from gateway.report.material import PartMaterial, ReportMaterial, ToothMaterial
@@ -117,7 +118,7 @@ def senses(tooth: ToothMaterial) -> tuple[tuple[str, str], ...]:
     found: dict[str, str] = {}
     for one in tooth.tables:
         if not one.change.skipped:
-            key = f"{one.change.layer} on {one.change.axis}"
+            key = f"{spoken().kind(one.change.layer)} on {one.change.axis}"
             found.setdefault(key, value_sense(one.change.new, one.proof))
     return tuple(found.items())
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from drivers.terms import spoken
 from drivers.units import AxisUnit, DeviationUnit
 from gateway.report.material import PartMaterial, TableMaterial, ToothMaterial
 from gateway.report.tooth.why import Tag, incurable, tag, what, why
@@ -96,7 +97,7 @@ def _cure(cure: CureRecord, ranked: RankRecord | None) -> CureRow:
 
 @dataclass(frozen=True, slots=True)
 class TableRow:
-    """One table: name among the proposal ("X1-cec3"), what it is ("X(Z)"), its grid, its span, what became of it."""
+    """One table: name among the proposal, what it is ("X(Z)"), its grid, its span, what became of it."""
 
     name: str
     table: str
@@ -130,7 +131,7 @@ def _table(one: TableMaterial, letters: Mapping[str, str]) -> TableRow:
     return TableRow(
         name=one.change.name,
         table=table_name(one, letters),
-        layer=one.change.layer,
+        layer=spoken().kind(one.change.layer),
         points=len(new.deviations),
         minimum=new.minimum,
         maximum=new.maximum,

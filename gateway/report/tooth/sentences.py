@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from drivers.terms import spoken
 from gateway.domain import COVERAGE
 from gateway.model.preset import TWENTY_ONE
 from gateway.report.material import Outcome, ReportMaterial, ToothMaterial
@@ -50,15 +51,15 @@ TRACES = (
     "whole flank. Pitch: each flank's mean in every space less its mean over all. Runout: mean of "
     "both flanks likewise."
 )
-CURED = (
+_CURED = (
     "Shares of the mean square of the flank before, from the model's maps. A move of X shows alike on both flanks of a "
     "space, a turn of C oppositely; what depends on the height belongs to a table over Z, on the space to one over C. "
-    "Moving the work on its table counts with the tables over C, constants with the set-up values. Where EEC takes a "
-    "negative share, it makes the axes right and the tooth worse; CEC then makes the tooth right."
+    "Moving the work on its table counts with the tables over C, constants with the set-up values. Where {own} takes a "
+    "negative share, it makes the axes right and the tooth worse; {cross} then makes the tooth right."
 )
-LAYERS = (
-    "EEC tables make each axis right by itself and were judged with CEC off. CEC tables carry what the tooth needs "
-    "beyond that; with them on, an axis may measure worse by itself, as predicted."
+_LAYERS = (
+    "{own} tables make each axis right by itself and were judged with {cross} off. {cross} tables carry what the tooth "
+    "needs beyond that; with them on, an axis may measure worse by itself, as predicted."
 )
 RANKING = (
     "Morris screening of the flank's RMS with its set-up values right, each error from nothing to what it is, an "
@@ -74,6 +75,16 @@ ALONE = (
     "together leave of it."
 )
 UNSEEN = "What the measurements could not see"
+
+
+def cured() -> str:
+    """How the shares of each cure were worked out."""
+    return _CURED.format(own=spoken().own, cross=spoken().cross)
+
+
+def layers() -> str:
+    """What the two kinds of tables are for."""
+    return _LAYERS.format(own=spoken().own, cross=spoken().cross)
 
 
 def title(report: ReportMaterial) -> str:

@@ -4,18 +4,25 @@ from __future__ import annotations
 
 from typing import Literal
 
+from drivers.terms import spoken
 from gateway.tooth import CureRecord
 
-Tag = Literal["EEC", "set-up", "CEC", "product", "part", "mech", "none"]
-MEANING: dict[Tag, str] = {
-    "EEC": "EEC table",
-    "set-up": "set-up value",
-    "CEC": "CEC table",
-    "product": "product of tables",
-    "part": "in part only",
-    "mech": "mechanical only",
-    "none": "no effect on the tooth",
-}
+Tag = Literal["axis", "set-up", "cross", "product", "part", "mech", "none"]
+
+
+def meaning() -> dict[Tag, str]:
+    """Each kind of cure in words."""
+    return {
+        "axis": f"{spoken().own} table",
+        "set-up": "set-up value",
+        "cross": f"{spoken().cross} table",
+        "product": "product of tables",
+        "part": "in part only",
+        "mech": "mechanical only",
+        "none": "no effect on the tooth",
+    }
+
+
 MECHANICAL, NONE_NEEDED, IN_PART = "mechanical only", "none needed", " in part"
 
 _ALONG = (
@@ -43,7 +50,7 @@ _BY_MOTION = {"Y": _ALONG, "A": _LEAN, "C": _SWIVEL}
 
 
 def tag(cure: CureRecord) -> Tag:
-    """The kind of cure, for a colour and a word; an axis' own deviation belongs to EEC."""
+    """The kind of cure, for a colour and a word; an axis' own deviation belongs to its own table."""
     by = cure.by
     if by == NONE_NEEDED:
         return "none"
@@ -51,11 +58,11 @@ def tag(cure: CureRecord) -> Tag:
         return "mech"
     if by.endswith(IN_PART):
         return "part"
-    if own(cure.error) or by.startswith("EEC"):
-        return "EEC"
+    if own(cure.error) or by.startswith(spoken().own):
+        return "axis"
     if "*" in by:
         return "product"
-    return "set-up" if _by_setup(by) else "CEC"
+    return "set-up" if _by_setup(by) else "cross"
 
 
 def own(name: str) -> bool:
@@ -85,8 +92,8 @@ def why(cure: CureRecord) -> str:
 
 
 def what(cure: CureRecord) -> str:
-    """What cures it, in words for a table: "CEC table X(Z)", "mechanical only", "none needed"."""
+    """What cures it, in words for a table: "table X(Z)", "mechanical only", "none needed"."""
     kind = tag(cure)
-    if kind == "EEC":
-        return f"EEC table {cure.error[1:2]}({cure.error[2:3]})" if own(cure.error) else cure.by
-    return f"CEC table {cure.by}" if kind == "CEC" and "table" not in cure.by else cure.by
+    if kind == "axis":
+        return f"{spoken().own} table {cure.error[1:2]}({cure.error[2:3]})" if own(cure.error) else cure.by
+    return f"{spoken().cross} table {cure.by}" if kind == "cross" and "table" not in cure.by else cure.by

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from drivers import registry
 from drivers.errors import ConfigError, UnsupportedDevice
+from drivers.terms import spoken
 from drivers.types import FloatArray, LiveSet, MeasuredSet, Stop, StopReached
 from drivers.units import deviation_unit
 from gateway.capture.corrected import from_file, from_live
@@ -89,7 +90,7 @@ async def _live(at: Bench, axis: AxisSection, phase: stages.Phase) -> tuple[Capt
     proof = await prove_sense(rig)
     raw = await capture_axis(rig, proof, check_stops(axis, phase))
     digest = at.folder.put(stages.raw(axis.name, phase), raw)
-    at.folder.write_text(f"tables-{axis.name}-{phase}.spf", raw.live.native)
+    at.folder.write_text(f"tables-{axis.name}-{phase}{spoken().tables_suffix}", raw.live.native)
     return from_live(axis, raw, proof, rig.instrument.compensated_for), (digest,)
 
 

@@ -32,7 +32,7 @@ async def propose(at: Bench, measured: Mapping[str, MeasuredAxis]) -> Proposal:
 
 
 async def axis_changes(at: Bench, measured: Mapping[str, MeasuredAxis]) -> tuple[TableChange, ...]:
-    """The EEC change of every measured axis, its fit stored. Raises TableError, ModelError."""
+    """The axis table's change of every measured axis, its fit stored. Raises TableError, ModelError."""
     return tuple([await _change(at, at.axis(name), item) for name, item in measured.items()])
 
 

@@ -13,6 +13,7 @@ from gateway.store import RunFolder
 from gateway.store.records import encode, sha256
 from gateway.workflow import stages
 from gateway.workflow.bench import site_of, store_of
+from gateway.workflow.consents import demand_todays
 from gateway.workflow.control.pushing import push_run
 from gateway.workflow.outcome import Outcome
 
@@ -25,7 +26,7 @@ async def show_plan(folder: RunFolder, *, clock: Clock, say: Say) -> Outcome:
 async def approve_plan(
     folder: RunFolder, *, table: str, typed_name: str, clock: Clock, actor: str = ""
 ) -> tuple[Approval, ...]:
-    """Approve the proposed tables of a run, or the one named (an axis, or "C1-cec3"), as ``actor`` (the OS user).
+    """Approve the proposed tables of a run, or the one named by its name, as ``actor`` (the OS user).
 
     Each approval holds ten minutes, for this plan on this machine, for one push. Raises WriteRefused (E-APPROVE-...)
     with nothing approved, ConfigError (E-RUN-AXIS), CorruptRecord (E-AUDIT-BROKEN), StoreError.
@@ -33,6 +34,7 @@ async def approve_plan(
     site, path = site_of(folder)
     root, person = store_of(site, path).root, actor or audit.os_user()
     proposal = folder.get(stages.PROPOSAL, Proposal)
+    demand_todays(folder)
     kept = Approvals(folder.path)
     audit.demand(root)
     made = [

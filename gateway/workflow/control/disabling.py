@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import asyncio
-import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from drivers.clock import Clock
 from drivers.errors import ConfigError, TrueflankError, words
+from drivers.terms import spoken
 from drivers.types import DisableOrder
 from gateway import audit
 from gateway.config import AxisSection, SiteFile
@@ -26,16 +26,14 @@ from gateway.workflow.consents import tell, why_of, word_of
 from gateway.workflow.control.pushing import push_context
 from gateway.workflow.outcome import Outcome
 
-_CROSS = re.compile(r"cec(\d{1,2})")
-
 
 async def disable_site(
     site: SiteFile, site_path: Path, *, axis: str, table: str, apply: bool, machine_name: str, clock: Clock, say: Say
 ) -> Outcome:
     """Switch a table off; without `apply` only say what acts, and so how far the axis would move.
 
-    ``table`` "" is the axis' EEC, "cec3" a cross table. No instrument is opened. Raises WriteRefused (E-RUN-NAME,
-    E-PUSH-REFUSED), ConfigError (E-RUN-AXIS, E-DISABLE-TABLE), StillOn (E-DISABLE-STILL-ON), BusyError.
+    ``table`` "" is the axis' own, else a cross table as people name it. No instrument is opened. Raises WriteRefused
+    (E-RUN-NAME, E-PUSH-REFUSED), ConfigError (E-RUN-AXIS, E-DISABLE-TABLE), StillOn (E-DISABLE-STILL-ON), BusyError.
     """
     check_name(site, apply, machine_name)
     folder = new_run(site, site_path)
@@ -55,14 +53,14 @@ async def disable_site(
 
 
 def order_named(axis: AxisSection, table: str) -> DisableOrder:
-    """The table of an axis that is meant: "", "eec", "cec3" or "X1-cec3". Raises ConfigError (E-DISABLE-TABLE)."""
+    """The table of an axis that is meant: none, or as people name it. Raises ConfigError (E-DISABLE-TABLE)."""
     plain = table.removeprefix(f"{axis.name}-").lower()
-    cross = _CROSS.fullmatch(plain)
-    if cross:
-        return DisableOrder(0, "CEC", axis.name, int(cross.group(1)))
-    if plain not in ("", "eec", axis.name.lower()):
+    cross = spoken().cross_index(plain)
+    if cross is not None:
+        return DisableOrder(0, "cross", axis.name, cross)
+    if plain not in ("", spoken().own_key, axis.name.lower()):
         raise ConfigError("E-DISABLE-TABLE", "--table", table=table, axis=axis.name)
-    return DisableOrder(0, "EEC", axis.name, axis.encoder)
+    return DisableOrder(0, "axis", axis.name, axis.encoder)
 
 
 async def _applied(at: Bench, order: DisableOrder, context: PushContext) -> SwitchRecord:

@@ -28,7 +28,18 @@ from gateway.workflow.axes.explaining import check_between
 from gateway.workflow.axes.measure import MeasuredAxis, live_again, measure_axis
 from gateway.workflow.axes.verdict import PUSHED, judge, judge_axis, unmeasured
 from gateway.workflow.bench import Bench, bench, check_name, site_of
-from gateway.workflow.consents import Taken, begin, consented, ended, failed, proving, refused, take_up, tell
+from gateway.workflow.consents import (
+    Taken,
+    begin,
+    consented,
+    demand_todays,
+    ended,
+    failed,
+    proving,
+    refused,
+    take_up,
+    tell,
+)
 from gateway.workflow.outcome import Outcome, alarmed, shown
 from gateway.workflow.results.ending import finish
 from gateway.workflow.witness import Witness
@@ -42,20 +53,21 @@ SWITCH_SETTLE_S = 8.0
 async def apply_proposal(at: Bench, proposal: Proposal, measured: Mapping[str, MeasuredAxis]) -> Verdict:
     """Push every change of a proposal, measure the pushed axes again and judge.
 
-    EEC tables come first and are judged on the axis before any CEC table is pushed: each axis' own deviation is
+    Axis tables come first and are judged on the axis before any cross table is pushed: each axis' own deviation is
     judged without what the tooth asks of it. Raises WriteRefused, VerifyError (rolled back) or RollbackFailed
     (held) at the first table that was not committed, after everything about it is stored; with any reason against
     any table at the start, nothing at all is written.
     """
+    demand_todays(at.folder)
     await _nothing_against(at, proposal, measured)
     done = _Done(take_up(at, proposal))
-    own = [change for change in proposal.changes if change.layer == "EEC"]
+    own = [change for change in proposal.changes if change.layer == "axis"]
     for change in own:
         await _push(at, change, measured[change.axis].capture, done)
     at.folder.set_state("pushed")
     verdicts = [await _verify(at, change, measured[change.axis], done.records[change.name]) for change in own]
     for change in proposal.changes:
-        if change.layer == "CEC":
+        if change.layer == "cross":
             known = measured.get(change.axis)
             await _push(at, change, known.capture if known is not None else None, done)
     verdict = judge(tuple(verdicts), tuple(done.records.values()), tuple(done.proofs))
@@ -141,10 +153,10 @@ async def _ambient(at: Bench, change: TableChange) -> Ambient | None:
 
 
 def table_context(at: Bench, table: CompensationTable, capture: Capture | None) -> PushContext:
-    """What a push of this very table works with: its axes, and the proof of its function if there is one."""
+    """What a push of this very table works with: its axes, and the proof of its kind if there is one."""
     context = push_context(at, at.axis(table.output_axis), capture)
     other = at.axis(table.input_axis).facts if table.input_axis != table.output_axis else None
-    return replace(context, input=other, proof=at.proofs.find(at.machine, table.function, table.output_axis))
+    return replace(context, input=other, proof=at.proofs.find(at.machine, table.kind, table.output_axis))
 
 
 def push_context(at: Bench, axis: AxisSection, capture: Capture | None) -> PushContext:
@@ -174,7 +186,7 @@ def provable(at: Bench, axis: AxisSection) -> bool:
 
 
 async def _prove(at: Bench, change: TableChange, context: PushContext) -> SignProof:
-    """Mount the output axis' instrument again, prove its sense, then the sign of the table's function.
+    """Mount the output axis' instrument again, prove its sense, then the sign of the table's kind.
 
     Raises WriteRefused (E-RUN-NO-PROOF) where nothing can see the output axis.
     """
@@ -202,7 +214,7 @@ async def _prove(at: Bench, change: TableChange, context: PushContext) -> SignPr
             maximum=grid.maximum,
             step=grid.step,
             read_stop=read_stop,
-            function=table.function,
+            kind=table.kind,
             index=table.index,
         )
     at.proofs.save(proof)
@@ -233,6 +245,7 @@ async def push_run(folder: RunFolder, *, apply: bool, machine_name: str, clock: 
     site, path = site_of(folder)
     check_name(site, apply, machine_name)
     proposal = folder.get(stages.PROPOSAL, Proposal)
+    demand_todays(folder)
     measured = _stored_axes(folder, proposal)
     try:
         async with bench(site, path, folder=folder, clock=clock, say=say) as at:
@@ -248,7 +261,7 @@ async def push_run(folder: RunFolder, *, apply: bool, machine_name: str, clock: 
 def _stored_axes(folder: RunFolder, proposal: Proposal) -> dict[str, MeasuredAxis]:
     """Measurements by axis; the output axis of a cross table need not have been measured itself."""
     names = dict.fromkeys(change.axis for change in proposal.changes)
-    own = {change.axis for change in proposal.changes if change.layer == "EEC"}
+    own = {change.axis for change in proposal.changes if change.layer == "axis"}
     return {name: _stored(folder, name) for name in names if name in own or folder.has(stages.capture(name, "before"))}
 
 

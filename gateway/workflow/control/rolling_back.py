@@ -8,6 +8,7 @@ from pathlib import Path
 
 from drivers.clock import Clock
 from drivers.errors import TrueflankError, words
+from drivers.terms import spoken
 from drivers.types import CompensationTable
 from gateway import audit
 from gateway.config import SiteFile
@@ -28,7 +29,7 @@ from gateway.workflow.witness import Witness
 async def roll_back_site(
     site: SiteFile, site_path: Path, *, table: str, apply: bool, machine_name: str, clock: Clock, say: Say
 ) -> Outcome:
-    """Take back the last committed push of a table (an axis, or "C1-cec3"); without `apply` only say what would be.
+    """Take back the last committed push of a table by its name; without `apply` only say what would be.
 
     Raises WriteRefused (E-RUN-NAME, E-ROLLBACK-NOTHING, E-PUSH-REFUSED), ConfigError (E-RUN-AXIS), VerifyError (the
     rollback failed and the newer table is live again), RollbackFailed (held), CorruptRecord (E-AUDIT-BROKEN).
@@ -49,15 +50,15 @@ async def roll_back_site(
 
 
 def history(at: Bench, table: str) -> tuple[Committed, ...]:
-    """Every committed push of a table of this machine, CEC in the sign of its proof.
+    """Every committed push of a table of this machine, cross tables in the sign of its proof.
 
     Raises ConfigError (E-RUN-AXIS), WriteRefused (E-RUN-NO-PROOF), StoreError.
     """
-    axis, _, cross = table.partition("-cec")
+    axis, cross = spoken().axis_of(table), spoken().is_cross(table)
     at.axis(axis)
     sign = 1
     if cross:
-        proof = at.proofs.find(at.machine, "CEC", axis)
+        proof = at.proofs.find(at.machine, "cross", axis)
         if proof is None:
             raise WriteRefused("E-RUN-NO-PROOF", table)
         sign = proof.sign

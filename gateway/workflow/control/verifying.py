@@ -7,6 +7,7 @@ from typing import Any
 
 from drivers.clock import Clock
 from drivers.errors import ConfigError, TrueflankError, words
+from drivers.terms import spoken
 from drivers.types import LiveSet, LiveTable
 from gateway.config import SiteFile
 from gateway.domain import Proposal
@@ -29,7 +30,7 @@ DIFFERS_EXIT = 9
 async def verify_table(
     site: SiteFile, site_path: Path, *, table: str, run: RunFolder | None, clock: Clock, say: Say
 ) -> Outcome:
-    """The live table (an axis, or "C1-cec3") against the last committed push, or against what a run proposed.
+    """The live table by its name against the last committed push, or against what a run proposed.
 
     Changes no compensation; where the road runs programs the operator starts one for each axis, which saves its
     tables. Without ``table`` every table that a committed push left. What is not as pushed is an alarm, and the
@@ -50,15 +51,16 @@ async def verify_table(
 
 async def _against_pushes(at: Bench, table: str) -> Outcome:
     if table:
-        at.axis(table.partition("-cec")[0])
+        at.axis(spoken().axis_of(table))
     every = await expected_of(at)
     wanted = tuple(one for one in every if table in ("", one.push.table))
     if not wanted:
         raise StoreError("E-VERIFY-NOTHING", str(at.store.root), table=table or "any table", serial=at.machine.serial)
     looks: list[Look] = []
+    suffix = spoken().program_suffix
     for axis in dict.fromkeys(one.push.axis for one in wanted):
         live = await read_axis(at, axis)
-        at.folder.write_text("live-tables.mpf" if table else f"live-tables-{axis}.mpf", live.native)
+        at.folder.write_text(f"live-tables{suffix}" if table else f"live-tables-{axis}{suffix}", live.native)
         found = compare_with(wanted, live)
         keep_looks(at, found)
         looks += found
@@ -90,10 +92,10 @@ async def read_axis(at: Bench, axis: str) -> LiveSet:
 async def _against_run(at: Bench, table: str, run: RunFolder) -> Outcome:
     approved, before, said = _proposed(run, table)
     shape, context = approved.table, context_of(at, approved.table)
-    limits = await context.controller.table_limits(shape.output_axis, shape.function, shape.index)
+    limits = await context.controller.table_limits(shape.output_axis, shape.kind, shape.index)
     live = await conversation.read_live(context, context.moved.reference)
     found = compare(table_in(live, shape), approved, before, tolerance(limits, shape))
-    at.folder.write_text("live-tables.mpf", live.native)
+    at.folder.write_text(f"live-tables{spoken().program_suffix}", live.native)
     at.folder.set_state(f"table-{found.kind}")
     data = {"axis": table, "against": said, "digest": live.digest, **found.as_data()}
     exit_code = 0 if found.kind == "as-approved" else DIFFERS_EXIT

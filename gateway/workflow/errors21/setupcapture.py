@@ -6,6 +6,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+from drivers.terms import spoken
 from drivers.types import LiveSet, MeasuredSet, Stop, StopReached
 from drivers.units import rad_to_arcsec
 from gateway.capture.corrected import from_file, from_live
@@ -71,14 +72,14 @@ def stands_name(key: str) -> str:
 
 
 def without_cross(live: LiveSet) -> None:
-    """Errors are measured without CEC: a set-up that sees the output axis would see it, another would not.
+    """Errors are measured without cross tables: a set-up that sees the output axis would see it, another would not.
 
-    Raises CaptureError (E-SETUP-CEC) naming every cross table that acts.
+    Raises CaptureError (E-SETUP-CROSS) naming every cross table that acts.
     """
-    cross = [one.table for one in (*live.cec, *live.others) if one.table.function == "CEC" and one.enabled]
+    cross = [one.table for one in (*live.cross, *live.others) if one.table.kind == "cross" and one.enabled]
     acting = sorted({f"{table.name} (table {table.index})" for table in cross if any(table.deviations)})
     if acting:
-        raise CaptureError("E-SETUP-CEC", live.axis, tables=", ".join(acting))
+        raise CaptureError("E-SETUP-CROSS", live.axis, tables=", ".join(acting))
 
 
 async def _positioning(at: Bench, one: Planned) -> tuple[Capture, tuple[str, ...]]:
@@ -87,7 +88,7 @@ async def _positioning(at: Bench, one: Planned) -> tuple[Capture, tuple[str, ...
     without_cross(await rig.controller.saved_tables(one.axis.name))
     raw = await capture_axis(rig, proof, check_stops(one.axis, "before"))
     digest = at.folder.put(stages.setup_raw(one.key), raw)
-    at.folder.write_text(f"tables-{one.key}.spf", raw.live.native)
+    at.folder.write_text(f"tables-{one.key}{spoken().tables_suffix}", raw.live.native)
     return from_live(one.axis, raw, proof, rig.instrument.compensated_for), (digest,)
 
 
@@ -97,7 +98,7 @@ async def _error(at: Bench, one: Planned) -> tuple[Capture, tuple[str, ...]]:
     without_cross(await rig.controller.saved_tables(one.axis.name))
     raw = await capture_error(rig)
     digest = at.folder.put(stages.setup_raw(one.key), raw, (proved,))
-    at.folder.write_text(f"tables-{one.key}.spf", raw.live.native)
+    at.folder.write_text(f"tables-{one.key}{spoken().tables_suffix}", raw.live.native)
     absolute = one.setup.name in ("X0C", "Y0C")
     return error_capture(rig, raw, one.setup.sense, absolute=absolute), (digest,)
 

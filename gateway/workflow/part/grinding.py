@@ -9,6 +9,7 @@ from pathlib import Path
 
 from drivers.clock import Clock
 from drivers.errors import ConfigError, DeviceRefused, TrueflankError, words
+from drivers.terms import spoken
 from drivers.types import ChannelStatus, MachineState
 from drivers.workpiece import GrindAxis, GrindPlan, check_plan
 from gateway.config import AxisSection, SiteFile, WorkSection
@@ -153,13 +154,13 @@ async def grind_part(at: Bench, part: str, setup: SetupValues) -> GroundPart:
     UnsupportedDevice where the road runs no programs, DeviceRefused (E-GRIND-READY, alarm, reset), DeadlineExceeded;
     on any of these, and by the bench at a stop, the program is asked to end: between spaces with the wheel clear.
     """
-    checked_name(f"grind-{part}.mpf")
+    checked_name(f"grind-{part}{spoken().program_suffix}")
     plan = grind_plan(at.site, gear_of_site(at.site, at.site_path), setup, part)
     controller = at.supervisor.controller
     if controller.capabilities.programs:
         await _check_ready(at, plan)
     text = await controller.prepare_grinding(plan)
-    at.folder.write_text(f"grind-{part}.mpf", text)
+    at.folder.write_text(f"grind-{part}{spoken().program_suffix}", text)
     values = {"x_um": setup.x_um, "c_arcsec": setup.c_arcsec, "dressing_um": setup.dressing_um}
     at.say("P-GRIND-SETUP", part=part, **values)
     at.say("P-GRIND-PREPARED", part=part, program=plan.name)
@@ -186,7 +187,7 @@ async def _ask_to_leave(at: Bench) -> None:
 
 
 async def _followed(at: Bench, plan: GrindPlan, part: str) -> str:
-    """From NC START until the part is taken off; when it began. A person acts before the first space and after all."""
+    """From the start until the part is taken off; when it began. A person acts before the first space and after all."""
     wait, patience = at.supervisor.controller.wait_ground, at.patience
     done = await wait(-1, patience.start_s)
     started = _utc(at)
@@ -245,7 +246,7 @@ def _against(state: MachineState, plan: GrindPlan) -> list[str]:
 async def _saved(at: Bench, axis: GrindAxis, part: str) -> str:
     """The digest of what acted on an axis; its text goes into the run folder."""
     live = await at.supervisor.controller.saved_tables(axis.name)
-    at.folder.write_text(f"tables-{axis.name}-{part}.spf", live.native)
+    at.folder.write_text(f"tables-{axis.name}-{part}{spoken().tables_suffix}", live.native)
     at.say("P-GRIND-TABLES", part=part, axis=axis.name, digest=live.digest[:12])
     return live.digest
 

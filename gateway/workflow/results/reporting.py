@@ -130,7 +130,7 @@ def outcome_of(verdict: Verdict | None, tooth: ToothMaterial | None) -> Outcome:
 
 def _machine(known: Mapping[str, str]) -> MachineIdentity:
     """The machine as the run's own facts have it, where no equipment was stored."""
-    return MachineIdentity(known.get("serial", ""), known.get("nck_version", ""), ())
+    return MachineIdentity(known.get("serial", ""), known.get("version", ""), ())
 
 
 def _axis(folder: RunFolder, axis: AxisSection, proposal: Proposal | None, verdict: Verdict | None) -> AxisMaterial:
@@ -164,7 +164,7 @@ def _change(proposal: Proposal | None, axis: str) -> TableChange | None:
 
 def _proof(verdict: Verdict | None, axis: str) -> SignProof | None:
     proofs = verdict.proofs if verdict is not None else ()
-    own = (proof for proof in proofs if (proof.function, proof.output_axis) == ("EEC", axis))
+    own = (proof for proof in proofs if (proof.kind, proof.output_axis) == ("axis", axis))
     return next(own, None)
 
 

@@ -92,7 +92,7 @@ def _tables(folder: RunFolder) -> tuple[TableMaterial, ...]:
 
 def proof_of(proofs: tuple[SignProof, ...], change: TableChange) -> SignProof | None:
     """The proof of the layer and axis a change belongs to."""
-    same = (one for one in proofs if (one.function, one.output_axis) == (change.layer, change.axis))
+    same = (one for one in proofs if (one.kind, one.output_axis) == (change.layer, change.axis))
     return next(same, None)
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from drivers.clock import Clock
 from drivers.errors import TrueflankError
+from drivers.terms import spoken
 from gateway.config import SiteFile
 from gateway.domain import Equipment, Proposal, TableChange
 from gateway.errors import IllegalTransition
@@ -36,7 +37,7 @@ class ToothOutcome:
     def tables(self) -> tuple[tuple[str, str, str], ...]:
         """Each table's name in the proposal, what it is, and its size or why it is none."""
         return tuple(
-            (change.name, f"{change.layer} {change.new.name}", change.skipped or size_of(change))
+            (change.name, f"{spoken().kind(change.layer)} {change.new.name}", change.skipped or size_of(change))
             for change in self.proposal.changes
         )
 
@@ -51,7 +52,7 @@ class ToothOutcome:
             "flank": {
                 "before_um": flank.before.rms_um,
                 "before_set_right_um": self.fair_before_um,
-                "with_eec_um": flank.with_eec.rms_um,
+                "with_own_um": flank.with_own.rms_um,
                 "after_um": flank.after.rms_um,
                 "expected_um": flank.rms_um,
                 "expected_u_um": flank.rms_u_um,
@@ -72,7 +73,7 @@ def _table(change: TableChange) -> dict[str, Any]:
     new = change.new
     return {
         "name": change.name,
-        "layer": change.layer,
+        "layer": spoken().kind(change.layer),
         "table": new.name,
         "index": new.index,
         "points": len(new.deviations),

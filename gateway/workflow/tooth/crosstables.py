@@ -1,4 +1,4 @@
-"""Corrections of one axis over another as changes of the control's CEC tables: placed, merged, checked, rounded."""
+"""Corrections of one axis over another as changes of the control's cross tables: placed, merged, checked, rounded."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from gateway.table.comparison import acting
 from gateway.table.projection import quantised
 from gateway.workflow.bench import Bench
 
-TABLES = 62  # of an 840D at most
+TABLES = 62  # the highest numbers that any control has, and so all that are tried
 EMPTY = 8  # numbers without memory, one after the other, after which no more are looked for
 NOTHING = np.zeros(0)
 
@@ -39,14 +39,14 @@ class Place:
 async def cross_changes(
     at: Bench, tables: Sequence[Table], chain: Chain, *, live: Mapping[str, LiveSet], adds: bool
 ) -> tuple[TableChange, ...]:
-    """Corrections (one table for each output and input axis, chain letters) as changes of the control's CEC tables.
+    """Corrections (one table for each output and input axis, chain letters) as changes of the control's cross tables.
 
     ``live`` are the live sets as captured, by machine axis. With ``adds`` the corrections come on top of what acted,
     else they are all that shall act. A change without a place is skipped and says why. Raises CaptureError (E-RUN-LIVE)
     without the live set of an output axis, ValueOutOfRange (E-COMP-...) beyond the limits of the house.
     """
     names = {axis.letter: axis.name for axis in at.site.axes}
-    plain = [record(chain, table, "CEC", names=names) for table in tables]
+    plain = [record(chain, table, "cross", names=names) for table in tables]
     places = await places_of(at, plain, live)
     return tuple(_change(at, table, place, live, adds=adds) for table, place in zip(plain, places, strict=True))
 
@@ -64,12 +64,12 @@ async def places_of(at: Bench, tables: Sequence[CompensationTable], live: Mappin
 
 
 def acting_cross(at: Bench, live: Mapping[str, LiveSet]) -> tuple[CompensationTable, ...]:
-    """CEC tables that act, as deviations by the proofs of their output axes; those without a proof are left out."""
+    """Cross tables that act, as deviations by the proofs of their output axes; those without a proof are left out."""
     found = []
     for name, one in live.items():
-        proof = at.proofs.find(at.machine, "CEC", name)
+        proof = at.proofs.find(at.machine, "cross", name)
         if proof is not None:
-            found += [table.table for table in signed(one, proof.sign).cec if table.enabled]
+            found += [table.table for table in signed(one, proof.sign).cross if table.enabled]
     return tuple(found)
 
 
@@ -100,7 +100,7 @@ class _Search:
         """None where the control has no table of that number."""
         if (axis, index) not in self._known:
             try:
-                self._known[axis, index] = await self._controller.table_limits(axis, "CEC", index)
+                self._known[axis, index] = await self._controller.table_limits(axis, "cross", index)
             except DeviceRefused:
                 self._known[axis, index] = None
         return self._known[axis, index]
@@ -115,14 +115,14 @@ def _nowhere(table: CompensationTable, taken: set[int], unproved: bool) -> Place
 
 def _held(live: Mapping[str, LiveSet]) -> list[CompensationTable]:
     """Tables that hold something, whoever they belong to."""
-    every = (table for one in live.values() for table in (*one.cec, *one.others))
+    every = (table for one in live.values() for table in (*one.cross, *one.others))
     return [one.table for one in every if one.enabled or any(one.table.deviations)]
 
 
 def _kept(table: CompensationTable, live: Mapping[str, LiveSet]) -> int | None:
     """The number of the live table of the same axes, both directions, no factor; one that acts before others."""
     mine = live.get(table.output_axis)
-    found = [one for one in mine.cec if _same(one.table, table)] if mine is not None else []
+    found = [one for one in mine.cross if _same(one.table, table)] if mine is not None else []
     held = sorted((one for one in found if one.enabled or any(one.table.deviations)), key=lambda one: not one.enabled)
     return held[0].table.index if held else None
 
@@ -137,15 +137,15 @@ def _known(at: Bench, table: CompensationTable, live: Mapping[str, LiveSet]) -> 
     mine = live.get(table.output_axis)
     if mine is None:
         raise CaptureError("E-RUN-LIVE", table.output_axis)
-    acts = any(one.enabled and any(one.table.deviations) for one in mine.cec)
-    return not acts or at.proofs.find(at.machine, "CEC", table.output_axis) is not None
+    acts = any(one.enabled and any(one.table.deviations) for one in mine.cross)
+    return not acts or at.proofs.find(at.machine, "cross", table.output_axis) is not None
 
 
 def _change(
     at: Bench, table: CompensationTable, place: Place, live: Mapping[str, LiveSet], *, adds: bool
 ) -> TableChange:
     base, name = live[table.output_axis], table.output_axis
-    proof = at.proofs.find(at.machine, "CEC", name)
+    proof = at.proofs.find(at.machine, "cross", name)
     placed = replace(table, index=place.index)
     old = table_in(signed(base, proof.sign if proof is not None else 1), placed)
     findings: tuple[str, ...] = ()

@@ -80,7 +80,7 @@ def work_of(site: SiteFile, site_path: Path) -> ToothWork:
 async def propose_tooth(
     at: Bench, model: ErrorModel, measured: Mapping[str, MeasuredAxis], work: ToothWork
 ) -> tuple[Proposal, ToothProposal]:
-    """Work out, store and hand back both layers (EEC changes first, then CEC), set-up values and prediction.
+    """Work out, store and hand back both layers (axis tables first, then cross tables), set-up values and prediction.
 
     ``model`` is what the run's set-ups told, ``measured`` the axes' own positioning by machine axis; all of it was
     captured while the same tables acted. Nothing for the tooth is proposed that would correct less than its
@@ -155,7 +155,7 @@ class _Task:
         # A C zero turns the whole gear, which no figure counts: it stays as it is.
         plan = Plan(grids(at.site), zeros=("X",))
         plan = replace(plan, noise=noise_patterns(grinding, grid, doubts(model, chain, plan)))
-        acting = [one.eec.table for one in live.values() if one.eec.enabled]
+        acting = [one.own.table for one in live.values() if one.own.enabled]
         return cls(
             grinding,
             grid,
@@ -174,7 +174,7 @@ class _Task:
         able = tuple(one for one in CROSS if self.names.get(one[0]) in self.live and self.plan.has(one[1]))
         specs = cross_specs(chain, replace(self.plan, cross=able))
         blank = [Table(spec.grid, np.zeros_like(spec.grid.nodes)) for spec in specs]
-        places = await places_of(at, [record(chain, one, "CEC", names=self.names) for one in blank], self.live)
+        places = await places_of(at, [record(chain, one, "cross", names=self.names) for one in blank], self.live)
         cross = tuple(one for one, place in zip(able, places, strict=True) if not place.reason)
         return replace(self.plan, cross=cross), tuple(place.reason for place in places if place.reason)
 

@@ -56,7 +56,7 @@ def actions(shop: Shop) -> list[str]:
 def by_hand(shop: Shop, **changed: Any) -> None:
     """Somebody changes the live table at the control."""
     machine = shop.double.machine
-    machine.eec = replace(machine.eec, **changed)
+    machine.own = replace(machine.own, **changed)
 
 
 def test_what_is_as_pushed_is_kept_and_no_alarm(shop: Shop) -> None:
@@ -75,7 +75,7 @@ def test_what_is_as_pushed_is_kept_and_no_alarm(shop: Shop) -> None:
     ids=["switched off", "zeros", "another grid"],
 )
 def test_a_difference_is_an_alarm_until_it_is_put_right(shop: Shop, changed: dict[str, Any]) -> None:
-    right = shop.double.machine.eec
+    right = shop.double.machine.own
     page = aftercare.StandingAlarms(shop.store, MACHINE.serial)
     assert page() == ()
     by_hand(shop, **changed)
@@ -87,7 +87,7 @@ def test_a_difference_is_an_alarm_until_it_is_put_right(shop: Shop, changed: dic
     assert (told.exit_code, told.data["alarms"]) == (9, [alarm])
     assert alarm in told.lines[-1]
     assert alarmed(outcome, ()) is outcome
-    shop.double.machine.eec = right
+    shop.double.machine.own = right
     assert look(shop) == ()
     assert page() == ()
 
@@ -129,7 +129,7 @@ def test_a_push_compares_what_it_reads_and_a_committed_one_ends_the_alarm(shop: 
     alone = run_virtual(lambda: main(None))
     assert alone.outcome == "refused"
     assert "W-INT-ALARM" in alone.steps[-1]
-    assert shop.double.machine.live().eec == LiveTable(NEW, enabled=False)
+    assert shop.double.machine.live().own == LiveTable(NEW, enabled=False)
     assert look(shop) != ()
     assert run_virtual(lambda: main(1)).outcome == "committed"
     assert aftercare.standing_alarms(shop.at, "X1") == ()

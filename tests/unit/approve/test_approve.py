@@ -18,7 +18,7 @@ from gateway.push import plan_hash
 
 NOW = datetime(2026, 11, 21, 10, tzinfo=UTC)
 MACHINE = MachineIdentity("SN-1", "V4.8", ("X1", "C1"))
-OLD = CompensationTable("EEC", "X1", "X1", 0.0, 100.0, 50.0, (0.0, 0.0, 0.0))
+OLD = CompensationTable("axis", "X1", "X1", 0.0, 100.0, 50.0, (0.0, 0.0, 0.0))
 NEW = replace(OLD, deviations=(0.0, 3.0, 1.0))
 CHANGE = TableChange("X1", OLD, NEW, False, "base", np.zeros(0), np.zeros(0), np.zeros(0))
 

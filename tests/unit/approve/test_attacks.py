@@ -216,7 +216,7 @@ def test_a_log_from_before_is_behind_the_controls_mark_even_when_the_store_is_as
     (shop.store.root / JOURNALS).mkdir(exist_ok=True)
     part = shop.store.root / JOURNALS / numbering.PART
     part.write_text(str(number // numbering.PART_SIZE))
-    shop.double.machine.eec = before.eec
+    shop.double.machine.own = before.own
     shop.double.machine.writes.clear()
     assert str(number) in shop.refused("E-INT-AUDIT-BEHIND")
 
@@ -354,5 +354,5 @@ def test_a_journal_that_is_gone_is_missed(shop: Shop, whole: bool) -> None:
 def test_a_switch_of_the_table_is_part_of_no_plan_but_the_base_is(shop: Shop) -> None:
     forge(shop, lambda one: replace(one, base_digest="0" * 64))
     shop.refused("E-INT-NOT-PROPOSED")
-    shop.double.machine.eec = LiveTable(shop.double.machine.eec.table, enabled=False)
+    shop.double.machine.own = LiveTable(shop.double.machine.own.table, enabled=False)
     shop.refused("E-INT-NOT-PROPOSED")

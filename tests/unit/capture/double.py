@@ -110,7 +110,7 @@ class LittleMachine:
         return MachineState(ChannelStatus.ACTIVE if running else ChannelStatus.RESET, "AUTO", "", (), 7, {})
 
     async def saved_tables(self, axis: str) -> LiveSet:
-        table = CompensationTable("EEC", axis, axis, 0.0, 100.0, 50.0, (0.0, 0.0, 0.0))
+        table = CompensationTable("axis", axis, axis, 0.0, 100.0, 50.0, (0.0, 0.0, 0.0))
         return LiveSet(axis, LiveTable(table, enabled=False), (), 0.0, "", "0" * 64)
 
     # the instrument's part

@@ -160,7 +160,7 @@ class TestConvert:
     def test_cec_says_its_sign_is_unproven_everywhere(self, tmp_path: Path) -> None:
         result = self.ask(tmp_path, "--reference", 100, "--datum", "0=100", to="cec")
         assert result.exit_code == 0
-        assert "W-COMP-CEC-SIGN" in result.output
+        assert "W-COMP-CROSS-SIGN" in result.output
         assert "; CEC SIGN UNPROVEN" in (tmp_path / "x1.spf").read_text()
         assert "W-TABLE-CEC-SIGN" in typed("lint", tmp_path / "x1.spf").output
 

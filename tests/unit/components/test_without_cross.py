@@ -12,11 +12,11 @@ from gateway.workflow.errors21.setupcapture import without_cross
 
 
 def cross(*, on: bool, values: tuple[float, ...] = (0.0, 2.0, 0.0), index: int = 3) -> LiveTable:
-    return LiveTable(CompensationTable("CEC", "Z1", "X1", 0.0, 20.0, 10.0, values, index=index), on)
+    return LiveTable(CompensationTable("cross", "Z1", "X1", 0.0, 20.0, 10.0, values, index=index), on)
 
 
 def live(axis: str = "Z1", **tables: Any) -> LiveSet:
-    own = LiveTable(CompensationTable("EEC", axis, axis, 0.0, 20.0, 10.0, (0.0, 5.0, 0.0)), True)
+    own = LiveTable(CompensationTable("axis", axis, axis, 0.0, 20.0, 10.0, (0.0, 5.0, 0.0)), True)
     return LiveSet(axis, own, tables.get("cec", ()), 0.0, "", "d", tables.get("others", ()))
 
 
@@ -25,5 +25,5 @@ def test_every_cross_table_that_acts_is_named(where: str) -> None:
     without_cross(live(**{where: (cross(on=False), cross(on=True, values=(0.0, 0.0, 0.0)))}))
     with pytest.raises(CaptureError) as caught:
         without_cross(live(**{where: (cross(on=True), cross(on=False, index=4), cross(on=True, index=5))}))
-    assert caught.value.code == "E-SETUP-CEC"
+    assert caught.value.code == "E-SETUP-CROSS"
     assert caught.value.fields["tables"] == "X1(Z1) (table 3), X1(Z1) (table 5)"

@@ -25,11 +25,11 @@ from tests.unit.correct.machines import PLAN, machine
 def test_given_tables_are_the_first_layer_and_nothing_of_them_is_in_the_second() -> None:
     grinding, grid = machine(2)
     own = correct(grinding, grid, PLAN)
-    given = correct(grinding, grid, PLAN, own=own.eec)
-    assert given.eec == own.eec
-    assert {one.name: one.deviations for one in given.cec} == {one.name: one.deviations for one in own.cec}
+    given = correct(grinding, grid, PLAN, own=own.own)
+    assert given.own == own.own
+    assert {one.name: one.deviations for one in given.cross} == {one.name: one.deviations for one in own.cross}
     with pytest.raises(ModelError) as caught:
-        correct(grinding, grid, PLAN, own=own.cec[:1])
+        correct(grinding, grid, PLAN, own=own.cross[:1])
     assert caught.value.code == "E-CORRECT-OWN"
 
 
@@ -40,8 +40,8 @@ def test_a_deviation_that_eec_takes_is_not_in_cec_and_one_it_leaves_is() -> None
     chain = plain.chain
     with_wave = replace(plain, chain=chain.with_errors({"ECC": Combined((chain.axis("C").err.get("ec", 0.0), wave))}))
     without = correct(plain, grid, PLAN)
-    taken = correct(with_wave, grid, PLAN, own=correct(with_wave, grid, PLAN).eec)
-    others = tuple(one for one in taken.eec if one.name != "C(C)")
+    taken = correct(with_wave, grid, PLAN, own=correct(with_wave, grid, PLAN).own)
+    others = tuple(one for one in taken.own if one.name != "C(C)")
     left = correct(with_wave, grid, PLAN, own=others)
     wanted = table(without)
     # Both layers are rounded to 0.36 arcsec a point; the wave has an amplitude of 4.6 arcsec.
@@ -54,7 +54,7 @@ def test_a_deviation_that_eec_takes_is_not_in_cec_and_one_it_leaves_is() -> None
 
 def table(found: LayeredCorrection) -> np.ndarray:
     """C(C) of the second layer, arcsec; zeros if there is none."""
-    return next((np.asarray(one.deviations) for one in found.cec if one.name == "C(C)"), np.zeros(13))
+    return next((np.asarray(one.deviations) for one in found.cross if one.name == "C(C)"), np.zeros(13))
 
 
 def test_a_constant_is_the_set_up_value_s_even_where_a_table_could_take_it() -> None:
@@ -67,7 +67,7 @@ def test_a_constant_is_the_set_up_value_s_even_where_a_table_could_take_it() -> 
     grids = (PLAN.grids[0], AxisGrid("Z", -30.0, 10.0, 5.0, -30.0), PLAN.grids[2])
     plan: Plan = replace(PLAN, grids=grids, noise=noise)
     found = correct(off, grid, plan)
-    over_z = next(one for one in found.cec if one.name == "X(Z)")
+    over_z = next(one for one in found.cross if one.name == "X(Z)")
     face = np.asarray(over_z.deviations)[5:8]
     assert found.setup.x_um == pytest.approx(-4.0, abs=0.1)
     assert face == pytest.approx([3.0, 0.0, -3.0], abs=0.3)

@@ -41,7 +41,7 @@ def test_the_corrected_machine_grinds_what_was_predicted(seed: int) -> None:
     assert found.after.rms < 0.15 * found.before.rms
     assert found.checked.rms == pytest.approx(found.after.rms, abs=1e-6)
     assert found.checked.largest == pytest.approx(found.after.largest, abs=5e-6)
-    assert {one.name for one in found.eec} == {"X(X)", "Z(Z)", "C(C)"}
+    assert {one.name for one in found.own} == {"X(X)", "Z(Z)", "C(C)"}
     for curve in found.axes:
         assert np.ptp(curve.own_layer) < 0.25 * np.ptp(curve.before)
     assert any("decided by the axis alone" in line for line in found.said)
@@ -81,7 +81,7 @@ def test_another_build_of_machine_gets_its_own_signs() -> None:
     grid = flank_grid(RV40E, profile=6, width=4)
     plan = replace(PLAN, grids=(replace(PLAN.grids[0], minimum=0.0, maximum=200.0), *PLAN.grids[1:]))
     found = correct(Grinding(chain, RV40E, 160.0), grid, plan)
-    table = next(one for one in found.cec if one.name == "X(Z)")
+    table = next(one for one in found.cross if one.name == "X(Z)")
     # Here X carries the wheel: EXZ of plus is taken by plus, not by minus.
     relative = np.array(table.deviations)[1:4]
     truth = 2.0 * np.cos(2.0 * np.pi * np.array([-5.0, 0.0, 5.0]) / 40.0)
@@ -107,7 +107,7 @@ def test_mounting_is_set_right_and_in_no_table(frame: str) -> None:
     assert np.max(np.abs(flank_abg(right, places.k, places.z))) < 1e-9
     found = correct(grinding, grid, PLAN)
     assert found.moved.eccentricity_um == pytest.approx((-4.0, 2.0), abs=1e-6)
-    assert not any(any(one.deviations) for one in (*found.eec, *found.cec))
+    assert not any(any(one.deviations) for one in (*found.own, *found.cross))
     assert found.checked.rms < 1e-5
 
 
@@ -119,20 +119,20 @@ def test_a_counter_rotating_harmonic_is_no_mounting() -> None:
     assert np.max(np.abs(mounting_of(grinding, places_of_grid(grid)).values)) < 1e-12
     found = correct(grinding, grid, PLAN)
     assert found.moved == WorkMounting()
-    assert max(abs(d) for one in found.cec if one.name == "X(C)" for d in one.deviations) > 2.0
+    assert max(abs(d) for one in found.cross if one.name == "X(C)" for d in one.deviations) > 2.0
 
 
 def test_what_acted_is_continued_in_both_layers() -> None:
     grinding, grid = machine(2)
     first = correct(grinding, grid, PLAN)
-    again = correct(first.machine, grid, PLAN, live=(*first.eec, *first.cec))
+    again = correct(first.machine, grid, PLAN, live=(*first.own, *first.cross))
     idle = {one.name for one in again.optimum.omitted if one.idle}
-    renewed = {(one.function, one.name): one for one in (*again.eec, *again.cec)}
-    for old in (*first.eec, *first.cec):
-        if (old.function, old.name) not in renewed:
+    renewed = {(one.kind, one.name): one for one in (*again.own, *again.cross)}
+    for old in (*first.own, *first.cross):
+        if (old.kind, old.name) not in renewed:
             assert old.name in idle
             continue
-        new = renewed[old.function, old.name]
+        new = renewed[old.kind, old.name]
         gap = np.abs(np.array(old.deviations) - np.array(new.deviations))
         assert np.max(gap) <= (0.21 if old.deviation_unit == "um" else 0.73)
     assert again.after.rms <= first.after.rms * 1.02
@@ -227,7 +227,7 @@ def test_what_a_live_table_does_is_no_mounting() -> None:
     best = nearest_table(grinding, grid, over)
     e = corrected_flank(grinding, grid, [best])
     points = tuple(np.broadcast_to(part, grid.shape) for part in (grid.k, grid.theta, grid.z))
-    live = [record(grinding.chain, best, "CEC")]
+    live = [record(grinding.chain, best, "cross")]
     known, unknown = (
         correct_from_gear(grinding, points, e, PLAN, u=2e-4, live=one)  # type: ignore[arg-type]
         for one in (live, ())
@@ -288,7 +288,7 @@ def never_worse(seed: int, norm: str) -> None:
     found = correct(grinding, grid, replace(PLAN, norm=norm))  # type: ignore[arg-type]
     better = (found.checked.rms, found.before.rms) if norm == "rms" else (found.checked.largest, found.before.largest)
     assert better[0] <= better[1]
-    for table in (*found.eec, *found.cec):
+    for table in (*found.own, *found.cross):
         step = 0.1 if table.deviation_unit == "um" else 0.36
         counts = np.array(table.deviations) / step
         np.testing.assert_allclose(counts, np.rint(counts), atol=1e-6)

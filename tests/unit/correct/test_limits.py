@@ -152,14 +152,14 @@ def test_what_corrects_less_than_its_uncertainty_is_left_alone_and_said() -> Non
     ]
     noise = noise_patterns(grinding, GRID, doubts)
     found = correct(grinding, GRID, replace(PLAN, noise=noise))
-    names = {one.name for one in found.cec}
+    names = {one.name for one in found.cross}
     assert "X(Z)" in names
     assert "X(C)" not in names
     told = next(one for one in found.optimum.omitted if one.name == "X(C)")
     assert told.gain < told.U
     assert any("X(C) is not proposed" in line for line in found.said)
     sure = correct(grinding, GRID, replace(PLAN, noise=FitNoise()))
-    assert {"X(Z)", "X(C)"} <= {one.name for one in sure.cec}
+    assert {"X(Z)", "X(C)"} <= {one.name for one in sure.cross}
     assert all(one.idle for one in sure.optimum.omitted)
     assert found.optimum.noise == pytest.approx(2e-4, rel=0.6)
 

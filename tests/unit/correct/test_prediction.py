@@ -110,7 +110,7 @@ def part(
 ) -> FlankMap:
     """One part with the tables, clamped anew, every approach with its scatter; zeros (2, K) of X and C wander."""
     chain, K = machine.chain, grid.ks.size
-    tables = [table for one in (*found.eec, *found.cec) if (table := table_of(chain, one)) is not None]
+    tables = [table for one in (*found.own, *found.cross) if (table := table_of(chain, one)) is not None]
     at = np.mod(machine.commands(grid.ks, 0.0)["C"], 2.0 * np.pi)
     order = np.argsort(at)
     scatter = rng.normal(0.0, 1.0, (2, K)) * np.array([[SHOP.infeed_um * UM], [SHOP.index_arcsec * ARCSEC]])
@@ -187,10 +187,10 @@ def test_a_machine_of_which_little_is_known_gets_no_cross_tables() -> None:
     chain = chain_of_errors(model, height_mm=HEIGHT)
     grinding, grid = Grinding(chain, RV40E, E_MM), flank_grid(RV40E, profile=5, width=3)
     found = correct(grinding, grid, replace(PLAN, noise=noise_patterns(grinding, grid, doubts(model, chain, PLAN))))
-    assert not found.cec
+    assert not found.cross
     assert not predict(grinding, grid, PLAN, model, found, SHOP).worth
     bold = correct(grinding, grid, PLAN)
-    assert bold.cec
+    assert bold.cross
     assert not predict(grinding, grid, PLAN, model, bold, SHOP).worth
 
 

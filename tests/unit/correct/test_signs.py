@@ -35,21 +35,21 @@ def _tables(found_eec: tuple[CompensationTable, ...]) -> dict[str, CompensationT
 def test_exx_of_plus_5_um_is_x_x_plus_5() -> None:
     bump = PiecewiseLinear((-180.0, -160.0, -140.0), (0.0, 0.005, 0.0))
     found = correct(Grinding(yk7350b({"EXX": bump}), RV40E, 160.0), GRID, PLAN)
-    table = _tables(found.eec)["X(X)"]
-    assert table.function == "EEC"
+    table = _tables(found.own)["X(X)"]
+    assert table.kind == "axis"
     assert table.at(np.array([-160.0]))[0] == pytest.approx(5.0)
     assert np.count_nonzero(table.deviations) == 1
-    assert found.with_eec.largest < 1e-7
+    assert found.with_own.largest < 1e-7
 
 
 def test_exz_of_plus_5_um_is_x_z_minus_5() -> None:
     bump = PiecewiseLinear((-10.0, 0.0, 10.0), (0.005, 0.0, 0.005))
     plan = replace(PLAN, grids=(PLAN.grids[0], AxisGrid("Z", -20.0, 20.0, 10.0), PLAN.grids[2]))
     found = correct(Grinding(yk7350b({"EXZ": bump}), RV40E, 160.0), GRID, plan)
-    table = _tables(found.cec)["X(Z)"]
-    assert table.function == "CEC"
+    table = _tables(found.cross)["X(Z)"]
+    assert table.kind == "cross"
     np.testing.assert_allclose(table.at(np.array([-10.0, 0.0, 10.0])), [-5.0, 0.0, -5.0], atol=1e-9)
-    assert not found.eec
+    assert not found.own
     assert found.after.largest < 1e-6
     assert table.deviation_unit == "um"
 
@@ -58,12 +58,12 @@ def test_ecc_of_plus_5_arcsec_is_c_c_plus_5() -> None:
     five = arcsec_to_rad(5.04)
     wave = PiecewiseLinear(tuple(np.deg2rad([0.0, 90.0, 180.0, 270.0])), (0.0, five, 0.0, five), 2.0 * np.pi)
     found = correct(Grinding(yk7350b({"ECC": wave}), RV40E, 160.0), GRID, PLAN)
-    table = _tables(found.eec)["C(C)"]
+    table = _tables(found.own)["C(C)"]
     assert table.deviation_unit == "arcsec"
     assert table.at(np.array([90.0]))[0] == pytest.approx(5.04)
     assert table.at(np.array([450.0]))[0] == pytest.approx(5.04)
     # The tooth needs nothing beyond: one deviation is never in both layers.
-    assert not any(one.name == "C(C)" and np.max(np.abs(one.deviations)) > 0.37 for one in found.cec)
+    assert not any(one.name == "C(C)" and np.max(np.abs(one.deviations)) > 0.37 for one in found.cross)
 
 
 def test_constants_on_a_table_without_a_reference_have_the_golden_values() -> None:
@@ -77,7 +77,7 @@ def test_constants_on_a_table_without_a_reference_have_the_golden_values() -> No
         turn = np.deg2rad([0.0, 180.0, 360.0])
         table = TableGrid(out, over, turn, 2.0 * np.pi) if over == "C" else TableGrid(out, over, nodes)
         found = optimise(grinding, GRID, [TableSpec(table)], turning=False)
-        d = record(grinding.chain, found.tables[0], "CEC").deviations
+        d = record(grinding.chain, found.tables[0], "cross").deviations
         used = d[:1] if over == "X" else d
         np.testing.assert_allclose(used, wanted, atol=1e-6)
         assert found.after.largest < 1e-9
@@ -86,8 +86,8 @@ def test_constants_on_a_table_without_a_reference_have_the_golden_values() -> No
 def test_5_um_of_eyc_cost_about_17_arcsec_on_c() -> None:
     wave = Fourier(0.0, (0.0, 0.005))
     found = correct(Grinding(yk7350b({"EYC": wave}, c_frame="fixed"), RV40E, 160.0), GRID, PLAN)
-    table = _tables(found.cec)["C(C)"]
-    assert not found.eec
+    table = _tables(found.cross)["C(C)"]
+    assert not found.own
     amplitude = float(np.ptp(table.deviations)) / 2.0
     assert amplitude == pytest.approx(17.0, rel=0.15)
     curve = next(one for one in found.axes if one.axis == "C")
@@ -104,7 +104,7 @@ def test_records_go_there_and_back() -> None:
         grid = table_spec(grinding.chain, PLAN, out, over).grid
         free = np.random.default_rng(3).normal(0.0, 1e-4, grid.free.size)
         table = Table.of(grid, free)
-        stored = record(grinding.chain, table, "CEC", index=3, names={"X": "X1", "Z": "Z1", "C": "C1"})
+        stored = record(grinding.chain, table, "cross", index=3, names={"X": "X1", "Z": "Z1", "C": "C1"})
         assert (stored.output_axis, stored.input_axis, stored.index) == (f"{out}1", f"{over}1", 3)
         back = table_of(grinding.chain, stored, {"X": "X1", "Z": "Z1", "C": "C1"})
         assert back is not None
@@ -112,7 +112,7 @@ def test_records_go_there_and_back() -> None:
         np.testing.assert_allclose(back.grid.nodes, grid.nodes, atol=1e-12)
         assert back.grid.closed == (over == "C")
     with pytest.raises(ModelError, match="E-CORRECT-UNEVEN"):
-        record(grinding.chain, Table(TableGrid("X", "Z", [0.0, 1.0, 3.0]), [0.0, 0.0, 0.0]), "CEC")
+        record(grinding.chain, Table(TableGrid("X", "Z", [0.0, 1.0, 3.0]), [0.0, 0.0, 0.0]), "cross")
 
 
 def test_a_product_is_proved_first_and_then_removes_a_tilt_of_the_table() -> None:

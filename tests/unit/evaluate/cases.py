@@ -133,7 +133,7 @@ def _comp_table(given: Input) -> Input:
     grid = Grid(points[0], points[-1], points[1] - points[0])
     fitted = fit.fit_polygon(given["targets"], given["mean_error"], 0.1, name="EXX", axis="X", axis_unit="mm")
     deviations = project(lambda at: components.value(fitted, at), grid, modulo=False)
-    stored = CompensationTable("EEC", "X", "X", grid.minimum, grid.maximum, grid.step, tuple(deviations))
+    stored = CompensationTable("axis", "X", "X", grid.minimum, grid.maximum, grid.step, tuple(deviations))
     chain = yk7350b({"EXX": motion_from(fitted)})
     table = table_of(chain, stored)
     assert table is not None

@@ -93,7 +93,7 @@ def test_no_folder_of_ours_is_a_link(tmp_path: Path, name: str) -> None:
     (tmp_path / name).symlink_to(tmp_path / "away")
     use = {
         "audit": lambda: record(tmp_path),
-        "proofs": lambda: Proofs(tmp_path).save(SignProof(MACHINE, "CEC", "X1", 1.0, 0.1, 1, "2026-01-01")),
+        "proofs": lambda: Proofs(tmp_path).save(SignProof(MACHINE, "cross", "X1", 1.0, 0.1, 1, "2026-01-01")),
         "run/approvals": lambda: Approvals(tmp_path / "run").keep(APPROVAL),
     }[name]
     if name == "proofs":
@@ -162,7 +162,7 @@ def filled(root: Path) -> Path:
     folder.put("capture", Ambient(20.0))
     folder.write_text("site.toml", "x")
     Approvals(folder.path).keep(APPROVAL)
-    Proofs(root).save(SignProof(MACHINE, "CEC", "X1", 1.0, 0.1, 1, "2026-01-01"))
+    Proofs(root).save(SignProof(MACHINE, "cross", "X1", 1.0, 0.1, 1, "2026-01-01"))
     record(root)
     Watched(root).note("0" * 64, "run", "f")
     token_of(root)

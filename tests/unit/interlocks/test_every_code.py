@@ -51,8 +51,8 @@ TWO = replace(GOOD, change=STEEP, plan=PLAN, actor="first", approvals=(GIVEN,))
 Z_STATE = AxisState("Z1", 0.0, True, True, 0.0, 0.0, "mm")
 C_STATE = AxisState("C1", 0.0, True, True, 0.0, 0.0, "deg")
 BOTH = replace(STATE, axes={**STATE.axes, "Z1": Z_STATE, "C1": C_STATE})
-WAVE = replace(NEW, function="CEC", input_axis="Z1", index=3)
-CEC_PROOF = SignProof(MACHINE, "CEC", "X1", 0.99, 0.02, -1, "2026-11-20T10:00:00+00:00")
+WAVE = replace(NEW, kind="cross", input_axis="Z1", index=3)
+CEC_PROOF = SignProof(MACHINE, "cross", "X1", 0.99, 0.02, -1, "2026-11-20T10:00:00+00:00")
 HELD = replace(WAVE, index=5)
 LIVE = LiveSet("X1", LiveTable(NEW, True), (), 0.0, "text", "digest")
 CROSS = replace(
@@ -70,7 +70,7 @@ def cross(**values: Any) -> PushFacts:
 
 
 def beside(*tables: LiveTable, others: tuple[LiveTable, ...] = ()) -> LiveSet:
-    return replace(LIVE, cec=tables, others=others)
+    return replace(LIVE, cross=tables, others=others)
 
 
 def z_axis(**values: Any) -> PushFacts:
@@ -87,7 +87,7 @@ def noisy(scatter: float) -> PushFacts:
 
 
 C_TABLE = replace(
-    NEW, minimum=0.0, maximum=320.0, step=40.0, modulo=True, function="CEC", input_axis="C1", input_unit="deg", index=3
+    NEW, minimum=0.0, maximum=320.0, step=40.0, modulo=True, kind="cross", input_axis="C1", input_unit="deg", index=3
 )
 C_CHANGE = replace(CROSS.change, new=C_TABLE)
 BIG = replace(HELD, deviations=tuple(value * 12.0 for value in WAVE.deviations))
@@ -124,8 +124,8 @@ MORE: list[tuple[str, PushFacts]] = [
         NEW, deviations=shape(3, 65.0)
     )))),
     ("E-INT-COVERAGE", replace(new(minimum=-300.0, deviations=(0.0,) * 7 + NEW.deviations[1:]), approvals_needed=1)),
-    ("E-INT-CEC-POINTS", replace(CROSS, limits=TableLimits(8, 1e-6, 0.2, 1.0))),
-    ("E-INT-CEC-POINTS", replace(CROSS, limits=TableLimits(0, 1e-6, 0.2, 1.0))),
+    ("E-INT-CROSS-POINTS", replace(CROSS, limits=TableLimits(8, 1e-6, 0.2, 1.0))),
+    ("E-INT-CROSS-POINTS", replace(CROSS, limits=TableLimits(0, 1e-6, 0.2, 1.0))),
     ("E-INT-TYPE", cross(table_type=1)),
     ("E-INT-DIRECTION", cross(direction=2)),
     ("E-INT-SELF", cross(input_axis="X1")),
@@ -168,7 +168,7 @@ MORE: list[tuple[str, PushFacts]] = [
 C_EEC = replace(
     NEW, input_axis="C1", output_axis="C1", input_unit="deg", output_unit="deg", minimum=0.0, maximum=360.0, step=45.0
 )
-C_CROSS = replace(C_EEC, function="CEC", index=3)
+C_CROSS = replace(C_EEC, kind="cross", index=3)
 MORE.append((
     "E-INT-BOTH-LAYERS",
     replace(
@@ -279,7 +279,7 @@ def test_the_plan_hash_is_of_what_is_written_and_nothing_else() -> None:
         plan_hash(replace(CHANGE, new=replace(NEW, index=1)), MACHINE),
         plan_hash(replace(CHANGE, base_digest="x"), MACHINE),
         plan_hash(CHANGE, replace(MACHINE, serial="SN-2")),
-        plan_hash(CHANGE, replace(MACHINE, nck_version="V4.9")),
+        plan_hash(CHANGE, replace(MACHINE, version="V4.9")),
     ]
     assert len({plan_hash(CHANGE, MACHINE), *others}) == 6
     assert re.fullmatch(r"[0-9a-f]{64}", others[0])

@@ -29,9 +29,9 @@ from gateway.interlocks import PushFacts, refusals, value_at
 
 NOW = datetime(2026, 11, 21, 12, tzinfo=UTC)
 MACHINE = MachineIdentity("SN-1", "V4.8", ("X1", "C1"))
-PROOF = SignProof(MACHINE, "EEC", "X1", -1.0, 0.02, 1, "2026-11-20T10:00:00+00:00")
+PROOF = SignProof(MACHINE, "axis", "X1", -1.0, 0.02, 1, "2026-11-20T10:00:00+00:00")
 TARGETS = np.linspace(0.0, 400.0, 9)
-OLD = CompensationTable("EEC", "X1", "X1", 0.0, 400.0, 50.0, (0.0, 2.0, 4.0, 6.0, 4.0, 2.0, 0.0, -2.0, 0.0))
+OLD = CompensationTable("axis", "X1", "X1", 0.0, 400.0, 50.0, (0.0, 2.0, 4.0, 6.0, 4.0, 2.0, 0.0, -2.0, 0.0))
 NEW = replace(OLD, deviations=(0.0, 5.0, 12.0, 15.5, 9.0, 4.0, -3.0, -6.0, 0.0))
 LIVE = LiveSet("X1", LiveTable(OLD, True), (), 0.0, "text", "digest")
 STATE = MachineState(ChannelStatus.RESET, "AUTO", "", (), 2, {"X1": AxisState("X1", 0.0, True, True, 0.0, 0.0, "mm")})
@@ -81,16 +81,16 @@ def other(**values: Any) -> MachineIdentity:
     return replace(MACHINE, **values)
 
 
-WIDE = CompensationTable("EEC", "X1", "X1", -300.0, 400.0, 50.0, (0.0,) * 7 + NEW.deviations[1:])
+WIDE = CompensationTable("axis", "X1", "X1", -300.0, 400.0, 50.0, (0.0,) * 7 + NEW.deviations[1:])
 C_AXIS = replace(NEW, output_unit="deg", input_unit="deg")
 MODULO = CompensationTable(
-    "EEC", "X1", "X1", 0.0, 360.0, 45.0, (*NEW.deviations[:-1], 0.9), True, input_unit="deg", output_unit="deg"
+    "axis", "X1", "X1", 0.0, 360.0, 45.0, (*NEW.deviations[:-1], 0.9), True, input_unit="deg", output_unit="deg"
 )
 SUSPECTS = (*((target, 0, 0) for target in range(9)), (0, 1, 0), (1, 1, 0))
 
 RULES: list[tuple[str, PushFacts]] = [
     ("E-INT-MACHINE", replace(GOOD, found=other(serial="SN-2"), proof=replace(PROOF, machine=other(serial="SN-2")))),
-    ("E-INT-MACHINE", replace(GOOD, expected=other(nck_version="V4.7"))),
+    ("E-INT-MACHINE", replace(GOOD, expected=other(version="V4.7"))),
     ("E-INT-MACHINE", replace(GOOD, expected=other(axis_names=("C1", "X1")))),
     (
         "E-INT-INCH",
@@ -115,8 +115,8 @@ RULES: list[tuple[str, PushFacts]] = [
     ("E-INT-LOST-UPDATE", replace(GOOD, unchanged=False)),
     ("E-INT-NO-PROOF", replace(GOOD, proof=None)),
     ("E-INT-NO-PROOF", replace(GOOD, proof=replace(PROOF, output_axis="Z1"))),
-    ("E-INT-NO-PROOF", replace(GOOD, proof=replace(PROOF, function="CEC"))),
-    ("E-INT-OTHER-PROOF", replace(GOOD, proof=replace(PROOF, machine=other(nck_version="V4.7")))),
+    ("E-INT-NO-PROOF", replace(GOOD, proof=replace(PROOF, kind="cross"))),
+    ("E-INT-OTHER-PROOF", replace(GOOD, proof=replace(PROOF, machine=other(version="V4.7")))),
     ("E-INT-SIGN", replace(GOOD, proof=replace(PROOF, sign=-1, slope=1.0))),
     ("E-INT-OTHER-AXIS", replace(new(output_axis="Z1"), proof=replace(PROOF, output_axis="Z1"))),
     ("E-INT-POINTS", replace(GOOD, limits=TableLimits(8, 1e-6, 1.0))),
@@ -229,7 +229,7 @@ def test_a_file_has_no_date_and_no_sense_of_its_own() -> None:
 
 def test_a_modulo_axis_is_covered_all_round() -> None:
     table = CompensationTable(
-        "EEC", "C1", "C1", 0.0, 360.0, 5.0, (0.0,) * 73, True, input_unit="deg", output_unit="deg"
+        "axis", "C1", "C1", 0.0, 360.0, 5.0, (0.0,) * 73, True, input_unit="deg", output_unit="deg"
     )
     change = replace(CHANGE, axis="C1", new=table, old=replace(table, deviations=(0.0, 1.0) + (0.0,) * 71))
     targets = np.arange(24) * 15.0
@@ -272,7 +272,7 @@ def test_any_table_gives_reasons_never_a_crash(
     deviations: tuple[float, ...], minimum: float, maximum: float, step: float, modulo: bool, unit: Any
 ) -> None:
     table = CompensationTable(
-        "EEC", "X1", "X1", minimum, maximum, step, deviations, modulo, input_unit=unit, output_unit=unit
+        "axis", "X1", "X1", minimum, maximum, step, deviations, modulo, input_unit=unit, output_unit=unit
     )
     with np.errstate(all="ignore"):
         found = refusals(replace(GOOD, change=replace(CHANGE, new=table)))

@@ -17,12 +17,12 @@ def table(values: tuple[float, ...] = VALUES, **changes: object) -> Compensation
     """An EEC table of X1, zero where the scripted axis stands (0 mm)."""
     last = 10.0 * (len(values) - 1)
     given: dict[str, object] = {"minimum": 0.0, "maximum": last, "step": 10.0, "deviations": values}
-    return CompensationTable("EEC", "X1", "X1", **{**given, **changes})  # type: ignore[arg-type]
+    return CompensationTable("axis", "X1", "X1", **{**given, **changes})  # type: ignore[arg-type]
 
 
 async def order_for(device: SinumerikModbus, wanted: CompensationTable | None = None, **changes: Any) -> PushOrder:
     """An order with a proof of this machine."""
-    proof = SignProof(await device.identify(), "EEC", "X1", 1.0, 0.01, 1, "2026-01-01T00:00:00+00:00")
+    proof = SignProof(await device.identify(), "axis", "X1", 1.0, 0.01, 1, "2026-01-01T00:00:00+00:00")
     return PushOrder(
         **{
             "transaction": 17,

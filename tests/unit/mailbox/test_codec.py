@@ -126,7 +126,7 @@ def test_a_register_that_overflows_is_refused(field: str) -> None:
 
 def table(**changes: object) -> CompensationTable:
     given: dict[str, object] = {"minimum": 0.0, "maximum": 20.0, "step": 10.0, "deviations": (0.0, 3.0, -1.5)}
-    return CompensationTable("EEC", "X1", "X1", **{**given, **changes})  # type: ignore[arg-type]
+    return CompensationTable("axis", "X1", "X1", **{**given, **changes})  # type: ignore[arg-type]
 
 
 def test_a_table_becomes_whole_numbers() -> None:
@@ -163,7 +163,7 @@ def test_an_eec_table_has_neither_direction_nor_type() -> None:
 @pytest.mark.parametrize(("direction", "flags"), [(0, 0), (1, 2), (-1, 4)])
 def test_directions_of_cec_tables(direction: int, flags: int) -> None:
     cross = CompensationTable(
-        "CEC", "C1", "X1", 0.0, 360.0, 180.0, (0.0, 1.0, 0.0), True, 3, "deg", "mm", direction, 2, 1
+        "cross", "C1", "X1", 0.0, 360.0, 180.0, (0.0, 1.0, 0.0), True, 3, "deg", "mm", direction, 2, 1
     )  # type: ignore[arg-type]
     order = grids.begin_order(cross, 3, AXES)
     assert order.flags == flags | 1 | 8

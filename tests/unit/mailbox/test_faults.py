@@ -120,8 +120,8 @@ def test_fault_71_busy_is_waited_for_and_read_back_never_sent_twice(operation: s
         order = await order_for(device)
         rogue.lie = once(operation, exception(rogue, code))  # said busy, and did it
         old, new = await push(device, order)
-        assert [round(1000 * value) for value in new.eec.table.deviations] == NM
-        assert not any(old.eec.table.deviations)
+        assert [round(1000 * value) for value in new.own.table.deviations] == NM
+        assert not any(old.own.table.deviations)
 
     at_rogue(rogue, body)
     assert rogue.tables[1] == HELD
@@ -200,8 +200,8 @@ def test_fault_73_no_reply_is_unknown_and_read_back_over_a_new_connection(operat
         await device.open(5.0)
         assert rogue.connections == connections + 1
         live = await device.saved_tables("X1")
-        held = rogue.tables[1][: len(live.eec.table.deviations)]
-        assert [round(1000 * value) for value in live.eec.table.deviations] == held
+        held = rogue.tables[1][: len(live.own.table.deviations)]
+        assert [round(1000 * value) for value in live.own.table.deviations] == held
 
     at_rogue(rogue, body)
     assert max(sum(one.command == command for one in rogue.asked) for command in (2, 4, 5, 6)) <= 1
@@ -233,7 +233,7 @@ def test_fault_75_a_duplicate_is_ignored(operation: str) -> None:
         order = await order_for(device)
         rogue.lie = lambda asked, reply: [reply, reply] if OPERATIONS[operation](asked) else None
         _, new = await push(device, order)
-        assert [round(1000 * value) for value in new.eec.table.deviations] == NM
+        assert [round(1000 * value) for value in new.own.table.deviations] == NM
 
     at_rogue(rogue, body)
     assert rogue.tables[1] == HELD
@@ -424,7 +424,7 @@ def test_fault_84_values_beyond_16_bits_arrive_whole(value: float) -> None:
 
     async def body(device: SinumerikModbus) -> None:
         _, new = await push(device, await order_for(device, table(values)))
-        assert new.eec.table.deviations == values
+        assert new.own.table.deviations == values
 
     at_rogue(rogue, body)
     assert rogue.tables[1][:4] == [0, round(1000 * value), -round(1000 * value), 0]
@@ -450,7 +450,7 @@ def test_fault_85_no_value_is_split_over_two_requests(points: int) -> None:
 
     async def body(device: SinumerikModbus) -> None:
         _, new = await push(device, await order_for(device, table(values)))
-        assert new.eec.table.deviations == pytest.approx(values, abs=1e-9)
+        assert new.own.table.deviations == pytest.approx(values, abs=1e-9)
 
     at_rogue(rogue, body)
     data = [one for one in rogue.asked if (one.function, one.address) == (16, 36)]
@@ -624,7 +624,7 @@ def _bent_push(seed: int, framer: str) -> bool:
         except TrueflankError:
             return
         through = True
-        assert [round(1000 * value) for value in new.eec.table.deviations] == NM
+        assert [round(1000 * value) for value in new.own.table.deviations] == NM
 
     at_rogue(rogue, body)
     assert not rogue.enabled or rogue.tables[1] == HELD, seed

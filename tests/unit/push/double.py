@@ -41,19 +41,19 @@ from gateway.push.compare import signed
 from gateway.push.records import journal
 
 MACHINE = MachineIdentity("SN-1", "V4.8", ("X1", "Z1"))
-PROOF = SignProof(MACHINE, "EEC", "X1", -1.0, 0.02, 1, "2026-11-21T09:00:00+00:00")
+PROOF = SignProof(MACHINE, "axis", "X1", -1.0, 0.02, 1, "2026-11-21T09:00:00+00:00")
 AXIS = AxisRecord("X1", "X", "mm", False, False, (0.0, 400.0), 0.0, 2000.0)
 Z_AXIS = AxisRecord("Z1", "Z", "mm", False, False, (0.0, 400.0), 0.0, 2000.0)
 NOTHING = np.zeros(0)
 
 
 def table(*values: float, step: float = 50.0) -> CompensationTable:
-    return CompensationTable("EEC", "X1", "X1", 0.0, step * (len(values) - 1), step, values)
+    return CompensationTable("axis", "X1", "X1", 0.0, step * (len(values) - 1), step, values)
 
 
 OLD = table(0.0, 2.0, 4.0, 6.0, 4.0, 2.0, 0.0, -2.0, 0.0)
 NEW = table(0.0, 5.0, 12.0, 15.5, 9.0, 4.0, -3.0, -6.0, 0.0)
-NEVER = CompensationTable("EEC", "X1", "X1", 0.0, 0.0, 0.0, (0.0,))
+NEVER = CompensationTable("axis", "X1", "X1", 0.0, 0.0, 0.0, (0.0,))
 
 
 class Killed(BaseException):
@@ -77,13 +77,13 @@ class Reaper:
 class Machine:
     """The control's memory and its operator. ``acting`` is the table content in effect, if enabled.
 
-    ``cec`` are stored values with their own switch (SD41300); ``cec_on`` is the switch of the output axis X1
+    ``cross`` are stored values with their own switch (SD41300); ``cec_on`` is the switch of the output axis X1
     (MD32710) over all of them; ``acting_cec`` their content in effect. ``jumps`` is how far each switching moved
     X1.
     """
 
-    eec: LiveTable
-    cec: tuple[LiveTable, ...] = ()
+    own: LiveTable
+    cross: tuple[LiveTable, ...] = ()
     backlash: float = 0.002
     identity: MachineIdentity = MACHINE
     acting: CompensationTable = OLD
@@ -122,44 +122,44 @@ class Machine:
     stuck_on: bool = False
 
     def __post_init__(self) -> None:
-        self.acting = self.eec.table
-        self.acting_cec = {one.table.index: one.table for one in self.cec}
+        self.acting = self.own.table
+        self.acting_cec = {one.table.index: one.table for one in self.cross}
 
     def live(self, sign: int = 1) -> LiveSet:
-        cec = tuple(LiveTable(one.table, one.enabled and self.cec_on) for one in self.cec if one.table.step > 0)
-        parts = [asdict(self.eec), [asdict(one) for one in cec], self.backlash, [asdict(one) for one in self.others]]
+        cec = tuple(LiveTable(one.table, one.enabled and self.cec_on) for one in self.cross if one.table.step > 0)
+        parts = [asdict(self.own), [asdict(one) for one in cec], self.backlash, [asdict(one) for one in self.others]]
         native = json.dumps(parts)
         digest = hashlib.sha256(native.encode()).hexdigest()
-        return signed(LiveSet("X1", self.eec, cec, self.backlash, native, digest, self.others), sign)
+        return signed(LiveSet("X1", self.own, cec, self.backlash, native, digest, self.others), sign)
 
-    def become(self, eec: LiveTable) -> None:
+    def become(self, own: LiveTable) -> None:
         before = self.compensation
-        self.eec = eec
-        self.history.append(eec)
+        self.own = own
+        self.history.append(own)
         self.jumps.append(self.compensation - before)
 
     def become_cec(self, table: CompensationTable, *, switch: bool, axis_on: bool) -> None:
-        before = self.cross
-        kept = tuple(one for one in self.cec if one.table.index != table.index)
-        self.cec = tuple(sorted((*kept, LiveTable(table, switch)), key=lambda one: one.table.index))
+        before = self.crossing
+        kept = tuple(one for one in self.cross if one.table.index != table.index)
+        self.cross = tuple(sorted((*kept, LiveTable(table, switch)), key=lambda one: one.table.index))
         self.cec_on = axis_on
         self.history.append(LiveTable(table, switch and axis_on))
-        self.jumps.append(self.cross - before)
+        self.jumps.append(self.crossing - before)
 
     def held(self, wanted: CompensationTable) -> CompensationTable:
-        if wanted.function == "EEC":
-            return self.eec.table
-        return next((one.table for one in self.cec if one.table.index == wanted.index), replace(wanted, step=0.0))
+        if wanted.kind == "axis":
+            return self.own.table
+        return next((one.table for one in self.cross if one.table.index == wanted.index), replace(wanted, step=0.0))
 
     def put(self, table: CompensationTable, *, enabled: bool, axis_on: bool = False) -> None:
-        if table.function == "EEC":
+        if table.kind == "axis":
             self.become(LiveTable(table, enabled))
         else:
             self.become_cec(table, switch=enabled, axis_on=axis_on)
 
     @property
     def compensation(self) -> float:
-        return value_at(self.acting, self.position) if self.eec.enabled and self.referenced else 0.0
+        return value_at(self.acting, self.position) if self.own.enabled and self.referenced else 0.0
 
     def place(self, axis: str) -> float:
         return self.position if axis == "X1" else self.z_position
@@ -171,10 +171,10 @@ class Machine:
             self.z_position = position
 
     @property
-    def cross(self) -> float:
+    def crossing(self) -> float:
         if not (self.cec_on and self.referenced):
             return 0.0
-        on = [self.acting_cec.get(one.table.index) for one in self.cec if one.enabled]
+        on = [self.acting_cec.get(one.table.index) for one in self.cross if one.enabled]
         return sum(value_at(one, self.place(one.input_axis)) for one in on if one is not None)
 
     def start_push(self, *, moves: bool = True) -> None:
@@ -218,7 +218,7 @@ class Machine:
             self.put(table, enabled=True, axis_on=True)
             self.phase, self.channel = 5, ChannelStatus.INTERRUPTED
             return
-        if released and table.function == "CEC" and self.order.coupled:
+        if released and table.kind == "cross" and self.order.coupled:
             self.put(table, enabled=False, axis_on=True)
         self.end()
 
@@ -227,30 +227,30 @@ class Machine:
         self.channel, self.phase, self.order, self.plan = ChannelStatus.RESET, 9, None, None
 
     def reading(self, order: DisableOrder) -> SwitchReading:
-        if order.function == "EEC":
-            return SwitchReading(self.eec.enabled, self.compensation)
-        table = any(one.enabled and one.table.index == order.index for one in self.cec)
-        return SwitchReading(table if table == self.cec_on else None, self.cross)
+        if order.kind == "axis":
+            return SwitchReading(self.own.enabled, self.compensation)
+        table = any(one.enabled and one.table.index == order.index for one in self.cross)
+        return SwitchReading(table if table == self.cec_on else None, self.crossing)
 
     def switch_off(self, order: DisableOrder) -> None:
         if self.stuck_on:
             return
-        if order.function == "EEC":
-            self.become(LiveTable(self.eec.table, enabled=False))
+        if order.kind == "axis":
+            self.become(LiveTable(self.own.table, enabled=False))
             return
-        kept = [LiveTable(one.table, one.enabled and one.table.index != order.index) for one in self.cec]
-        self.cec, self.cec_on = tuple(kept), False
+        kept = [LiveTable(one.table, one.enabled and one.table.index != order.index) for one in self.cross]
+        self.cross, self.cec_on = tuple(kept), False
 
     def nck_reset(self) -> None:
         self.end()
         if not self.ignore_reset:
-            self.acting = self.eec.table
-            self.acting_cec = {one.table.index: one.table for one in self.cec}
+            self.acting = self.own.table
+            self.acting_cec = {one.table.index: one.table for one in self.cross}
         self.position = self.z_position = 0.0
 
 
 def _sign(order: PushOrder) -> int:
-    cross = order.table.function == "CEC" and order.proof is not None
+    cross = order.table.kind == "cross" and order.proof is not None
     return order.proof.sign if cross and order.proof is not None else 1
 
 
@@ -312,7 +312,7 @@ class Controller:
     async def state(self) -> MachineState:
         number = await self._begin("state")
         m = self.machine
-        cross = m.shown_sense * m.cross
+        cross = m.shown_sense * m.crossing
         axes = {
             "X1": AxisState("X1", m.position, m.referenced, m.standing, m.compensation, cross, "mm"),
             "Z1": AxisState("Z1", m.z_position, m.referenced, m.standing, 0.0, 0.0, "mm"),
@@ -320,10 +320,10 @@ class Controller:
         self._end("state", number)
         return MachineState(m.channel, m.mode, "", m.alarms, m.access_level, axes)
 
-    async def table_limits(self, axis: str, function: Literal["EEC", "CEC"] = "EEC", index: int = 0) -> TableLimits:
+    async def table_limits(self, axis: str, kind: Literal["axis", "cross"] = "axis", index: int = 0) -> TableLimits:
         number = await self._begin("table_limits")
         self._end("table_limits", number)
-        return TableLimits(self.machine.reserved, 1e-6, 1.0, 1.0 if function == "CEC" else None)
+        return TableLimits(self.machine.reserved, 1e-6, 1.0, 1.0 if kind == "cross" else None)
 
     async def marker(self) -> Marker | None:
         number = await self._begin("marker")
@@ -367,7 +367,7 @@ class Controller:
             stop.approach,
             stop.target,
             m.compensation,
-            m.shown_sense * m.cross,
+            m.shown_sense * m.crossing,
         )
         self._end("wait_stop", number)
         return found
@@ -375,15 +375,15 @@ class Controller:
     def _switch(self, cross_table: int | None, enable: bool) -> None:
         m = self.machine
         if cross_table is None:
-            m.become(LiveTable(m.eec.table, enable))
+            m.become(LiveTable(m.own.table, enable))
             return
-        table = next(one.table for one in m.cec if one.table.index == cross_table)
+        table = next(one.table for one in m.cross if one.table.index == cross_table)
         m.become_cec(table, switch=enable, axis_on=m.cec_on)
 
     async def switch_table(self, order: PushOrder, enable: bool, timeout_s: float) -> None:
         number = await self._begin("switch_table")
         await self._operator(timeout_s)
-        self._switch(order.table.index if order.table.function == "CEC" else None, enable)
+        self._switch(order.table.index if order.table.kind == "cross" else None, enable)
         self._end("switch_table", number)
 
     async def _operator(self, timeout_s: float) -> None:
@@ -531,7 +531,7 @@ def bench(
 def change_of(machine: Machine, new: CompensationTable = NEW) -> TableChange:
     """The change as a capture made now would propose it."""
     live = machine.live()
-    return TableChange("X1", live.eec.table, new, live.eec.enabled, live.digest, NOTHING, NOTHING, NOTHING)
+    return TableChange("X1", live.own.table, new, live.own.enabled, live.digest, NOTHING, NOTHING, NOTHING)
 
 
 def journals_of(root: Path) -> Sequence[journal.JournalRead]:
@@ -541,7 +541,7 @@ def journals_of(root: Path) -> Sequence[journal.JournalRead]:
 
 def only_old_or_new_enabled(machine: Machine, *allowed: CompensationTable) -> bool:
     """The invariant, over everything the machine ever held."""
-    return all(not live.enabled or live.table in allowed for live in [*machine.history, machine.eec])
+    return all(not live.enabled or live.table in allowed for live in [*machine.history, machine.own])
 
 
 def deadline(_machine: Machine) -> None:

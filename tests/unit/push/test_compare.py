@@ -25,7 +25,7 @@ from tests.unit.push.double import NEVER, NEW, OLD, table
 OFF = LiveTable(OLD, enabled=False)
 ON = LiveTable(OLD, enabled=True)
 ROTARY = CompensationTable(
-    "EEC", "C1", "C1", 0.0, 360.0, 30.0,
+    "axis", "C1", "C1", 0.0, 360.0, 30.0,
     tuple(float(v) for v in 20.0 * np.sin(np.radians(np.arange(13) * 30.0))), True, input_unit="deg", output_unit="deg",
 )  # fmt: skip
 
@@ -60,8 +60,8 @@ def test_a_set_is_the_same_by_what_it_holds() -> None:
     one = LiveSet("X1", ON, (), 0.001, "a", "digest a")
     assert same_set(one, replace(one, native="b", digest="digest b"), 0.001)
     assert not same_set(one, replace(one, digest="", backlash=0.002), 0.001)
-    assert not same_set(one, replace(one, digest="", cec=(ON,)), 0.001)
-    assert not same_set(one, replace(one, digest="", eec=OFF), 0.001)
+    assert not same_set(one, replace(one, digest="", cross=(ON,)), 0.001)
+    assert not same_set(one, replace(one, digest="", own=OFF), 0.001)
 
 
 def test_the_reference_is_taken_if_it_will_do() -> None:

@@ -41,13 +41,15 @@ from tests.unit.push.double import (
 
 ROADS = pytest.mark.parametrize("by_hand", [False, True], ids=["programs", "by hand"])
 SIGNS = pytest.mark.parametrize("sign", [1, -1])
-WAVE = CompensationTable("CEC", "Z1", "X1", 0.0, 400.0, 50.0, (0.0, 3.0, 7.0, 9.0, 5.0, 1.0, -4.0, -2.0, 0.0), index=2)
-TILT = CompensationTable("CEC", "Z1", "X1", 0.0, 400.0, 100.0, (0.0, 2.0, 4.0, 2.0, 0.0), index=5)
+WAVE = CompensationTable(
+    "cross", "Z1", "X1", 0.0, 400.0, 50.0, (0.0, 3.0, 7.0, 9.0, 5.0, 1.0, -4.0, -2.0, 0.0), index=2
+)
+TILT = CompensationTable("cross", "Z1", "X1", 0.0, 400.0, 100.0, (0.0, 2.0, 4.0, 2.0, 0.0), index=5)
 FLAT = replace(TILT, deviations=(0.0, 0.4, 0.8, 0.4, 0.0), index=6)
 
 
 def proof(sign: int) -> SignProof:
-    return SignProof(MACHINE, "CEC", "X1", -1.0 * sign, 0.02, 1 if sign > 0 else -1, "2026-11-21T09:00:00+00:00")
+    return SignProof(MACHINE, "cross", "X1", -1.0 * sign, 0.02, 1 if sign > 0 else -1, "2026-11-21T09:00:00+00:00")
 
 
 def stage(root: Path, sign: int = 1, *, by_hand: bool = False, machine: Machine | None = None, **more: Any) -> Bench:
@@ -73,11 +75,11 @@ def stored(table: CompensationTable, sign: int) -> CompensationTable:
 
 def filled(machine: Machine) -> tuple[LiveTable, ...]:
     """The CEC tables that hold something: zeros left on a grid are as good as never loaded."""
-    return tuple(one for one in machine.live().cec if one.enabled or any(one.table.deviations))
+    return tuple(one for one in machine.live().cross if one.enabled or any(one.table.deviations))
 
 
 def held(machine: Machine, index: int) -> LiveTable:
-    return next(one for one in machine.live().cec if one.table.index == index)
+    return next(one for one in machine.live().cross if one.table.index == index)
 
 
 @ROADS
@@ -89,7 +91,7 @@ def test_committed_with_the_proven_sign(tmp_path: Path, by_hand: bool, sign: int
     record = push(at, sign=sign)
     assert record.outcome == "committed", record.steps
     assert held(at.machine, 2) == LiveTable(stored(WAVE, sign), enabled=True)
-    assert at.machine.eec == LiveTable(OLD, enabled=True)
+    assert at.machine.own == LiveTable(OLD, enabled=True)
     assert len(record.effect) == (3 if by_hand else 4)
     assert max(abs(expected) for _place, expected, _found in record.effect) > 4.0
     assert max(map(abs, at.machine.jumps)) <= 1.0
@@ -103,7 +105,7 @@ def test_an_eec_table_goes_the_same_way_on_both_roads(tmp_path: Path, by_hand: b
     at = bench(tmp_path, by_hand=by_hand)
     record = run_virtual(lambda: push_table(change_of(at.machine), at.context))
     assert record.outcome == "committed", record.steps
-    assert at.machine.eec == LiveTable(NEW, enabled=True)
+    assert at.machine.own == LiveTable(NEW, enabled=True)
     assert max(map(abs, at.machine.jumps)) <= 1.0
     assert [code for code, _fields in at.told if code == "P-PUSH-JOG"] if by_hand else True
     assert set(at.controller.calls).isdisjoint({"prepare_stops", "wait_stop"} if by_hand else {"switch_table"})
@@ -137,7 +139,7 @@ def test_several_tables_of_one_axis_one_after_the_other(tmp_path: Path, by_hand:
 @pytest.mark.parametrize("was_on", [False, True], ids=["table was off", "table was on"])
 def test_neighbours_come_back_with_their_switches(tmp_path: Path, by_hand: bool, was_on: bool) -> None:
     at = stage(tmp_path, by_hand=by_hand)
-    at.machine.cec = (LiveTable(TILT, True), LiveTable(replace(WAVE, deviations=FLAT_WAVE), was_on))
+    at.machine.cross = (LiveTable(TILT, True), LiveTable(replace(WAVE, deviations=FLAT_WAVE), was_on))
     at.machine.__post_init__()
     before = at.machine.live()
     at.machine.wrong_point = 0.6
@@ -145,7 +147,7 @@ def test_neighbours_come_back_with_their_switches(tmp_path: Path, by_hand: bool,
     record = push(at)
     assert record.outcome == "rolled-back", record.steps
     after = at.machine.live()
-    assert sorted(after.cec, key=lambda one: one.table.index) == sorted(before.cec, key=lambda one: one.table.index)
+    assert sorted(after.cross, key=lambda one: one.table.index) == sorted(before.cross, key=lambda one: one.table.index)
     assert max(map(abs, at.machine.jumps)) <= 1.0
     assert at.machine.marker == Marker(0, "none")
 
@@ -156,7 +158,7 @@ FLAT_WAVE = tuple(value / 10.0 for value in WAVE.deviations)
 def test_a_neighbour_that_would_jump_is_named_before_anything_is_written(tmp_path: Path) -> None:
     at = stage(tmp_path)
     c_table = replace(TILT, input_axis="X1", index=1, direction=1)
-    at.machine.cec = (LiveTable(c_table, True),)
+    at.machine.cross = (LiveTable(c_table, True),)
     at.machine.__post_init__()
     at.machine.position = 200.0
     record = push(at)
@@ -206,10 +208,10 @@ def test_rolled_back(tmp_path: Path, name: str, by_hand: bool) -> None:
     moved_by_hand = by_hand and name == "the input axis moved between"  # the operator is asked to bring it back
     assert record.outcome == ("committed" if moved_by_hand else "rolled-back"), record.steps
     if not moved_by_hand:
-        assert all(not one.enabled for one in at.machine.live().cec)
+        assert all(not one.enabled for one in at.machine.live().cross)
         assert at.machine.marker.state == "none"
     assert only_old_or_new_enabled(at.machine, WAVE, OLD)
-    assert at.machine.eec == LiveTable(OLD, enabled=True)
+    assert at.machine.own == LiveTable(OLD, enabled=True)
 
 
 @ROADS
@@ -272,9 +274,9 @@ def prove(at: Bench, cec_sign: int, gain: float = 1.0, noise: float = 0.02, u: f
     rng = np.random.default_rng(7)
 
     async def read(_stop: Stop) -> tuple[float, float]:
-        return 55.0 - gain * cec_sign * at.machine.cross + float(rng.normal(0.0, noise)), u
+        return 55.0 - gain * cec_sign * at.machine.crossing + float(rng.normal(0.0, noise)), u
 
-    return run_virtual(lambda: prove_sign(at.context, 0.0, 400.0, 50.0, read, function="CEC", index=WAVE.index))
+    return run_virtual(lambda: prove_sign(at.context, 0.0, 400.0, 50.0, read, kind="cross", index=WAVE.index))
 
 
 @ROADS
@@ -283,13 +285,13 @@ def prove(at: Bench, cec_sign: int, gain: float = 1.0, noise: float = 0.02, u: f
 def test_the_sign_is_what_is_measured(tmp_path: Path, by_hand: bool, sign: int, old: CompensationTable | None) -> None:
     at = stage(tmp_path, by_hand=by_hand)
     if old is not None:
-        at.machine.cec = (LiveTable(old, True),)
+        at.machine.cross = (LiveTable(old, True),)
         at.machine.__post_init__()
     before = at.machine.live()
     found = prove(at, sign)
-    assert (found.function, found.output_axis, found.sign) == ("CEC", "X1", sign)
+    assert (found.kind, found.output_axis, found.sign) == ("cross", "X1", sign)
     assert found.slope == pytest.approx(-sign, abs=0.05)
-    assert filled(at.machine) == before.cec
+    assert filled(at.machine) == before.cross
     assert at.machine.writes == ["sign-proof", "restore"]
     assert at.controller.calls.get("switch_table", 0) == (6 if by_hand else 0)
     assert journals_of(tmp_path)[0].finished
@@ -302,7 +304,7 @@ def test_no_sign_in_doubt(tmp_path: Path, by_hand: bool, gain: float, u: float) 
     with pytest.raises(VerifyError) as caught:
         prove(at, 1, gain, u=u)
     assert caught.value.code == "E-PUSH-NO-PROOF"
-    assert all(not one.enabled for one in at.machine.live().cec)
+    assert all(not one.enabled for one in at.machine.live().cross)
 
 
 def test_an_eec_sign_is_proved_by_the_panel_too(tmp_path: Path) -> None:
@@ -312,8 +314,8 @@ def test_an_eec_sign_is_proved_by_the_panel_too(tmp_path: Path) -> None:
         return -at.machine.compensation, 0.05
 
     proved = run_virtual(lambda: prove_sign(at.context, 0.0, 400.0, 50.0, read))
-    assert (proved.function, proved.sign) == ("EEC", 1)
-    assert at.machine.eec == LiveTable(OLD, enabled=True)
+    assert (proved.kind, proved.sign) == ("axis", 1)
+    assert at.machine.own == LiveTable(OLD, enabled=True)
 
 
 def test_a_road_that_neither_runs_programs_nor_switches_proves_nothing(tmp_path: Path) -> None:
@@ -330,7 +332,7 @@ def test_a_proof_that_cannot_be_put_back_is_held(tmp_path: Path) -> None:
     at.controller.faults[("wait_loaded", 2, "after")] = deadline
     with pytest.raises(RollbackFailed):
         prove(at, 1)
-    assert all(not one.enabled for one in at.machine.live().cec)
+    assert all(not one.enabled for one in at.machine.live().cross)
 
 
 # ---- killed -----------------------------------------------------------------------------------------
@@ -346,7 +348,7 @@ def test_killed_at_every_call_and_recovered(tmp_path: Path, by_hand: bool, sign:
         root = tmp_path / str(step)
         root.mkdir()
         at = stage(root, sign, by_hand=by_hand, reaper=Reaper(step))
-        at.machine.cec = (neighbour,)
+        at.machine.cross = (neighbour,)
         at.machine.__post_init__()
         try:
             assert push(at, sign=sign).outcome == "committed"
@@ -413,9 +415,9 @@ def test_seeded_faults_never_enable_a_wrong_table_nor_leave_a_neighbour_behind(t
     rng = np.random.default_rng(seed)
     sign, by_hand, coupled = 1 - 2 * (seed % 2), bool(seed % 4 > 1), bool(seed % 8 > 3)
     at = stage(tmp_path, sign, by_hand=by_hand)
-    at.machine.cec = (LiveTable(stored(FLAT, sign), coupled),)
+    at.machine.cross = (LiveTable(stored(FLAT, sign), coupled),)
     at.machine.__post_init__()
-    before = at.machine.live().cec
+    before = at.machine.live().cross
     calls = ["identify", "state", "marker", "saved_tables", "prepare_push", "wait_loaded", "release_push"]
     calls += ["wait_enabled", "wait_activated", "abort_program", "finish_push", "wait_stop", "prepare_stops"]
     faults = [
@@ -440,7 +442,7 @@ def test_seeded_faults_never_enable_a_wrong_table_nor_leave_a_neighbour_behind(t
     except TrueflankError:
         assert filled(at.machine) == before
     assert only_old_or_new_enabled(at.machine, stored(WAVE, sign), OLD), outcome
-    assert at.machine.eec == LiveTable(OLD, enabled=True)
+    assert at.machine.own == LiveTable(OLD, enabled=True)
     if outcome in ("rolled-back", "refused", "raised"):
         assert filled(at.machine) == before
     elif outcome == "committed":

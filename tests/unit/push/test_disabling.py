@@ -32,19 +32,19 @@ from tests.unit.push.double import (
 from tests.unit.push.test_recovery import journal_under
 
 ODD = table(0.0, 1.0, 9.0, 1.0, 9.0, 1.0, 9.0, 1.0, 0.0)
-ORDER = DisableOrder(0, "EEC", "X1")
+ORDER = DisableOrder(0, "axis", "X1")
 
 
 def swapping(machine: Machine) -> None:
     """The control exchanges two points while it starts, before it takes the table over."""
-    values = list(machine.eec.table.deviations)
+    values = list(machine.own.table.deviations)
     values[2], values[3] = values[3], values[2]
-    machine.eec = replace(machine.eec, table=replace(machine.eec.table, deviations=tuple(values)))
+    machine.own = replace(machine.own, table=replace(machine.own.table, deviations=tuple(values)))
 
 
 def by_hand(machine: Machine) -> None:
     """Somebody switches compensation on in the middle of a load."""
-    machine.eec = LiveTable(ODD, enabled=True)
+    machine.own = LiveTable(ODD, enabled=True)
 
 
 def push(at: Bench) -> str:
@@ -55,7 +55,7 @@ def test_two_points_exchanged_at_the_activating_reset_end_off(tmp_path: Path) ->
     at = bench(tmp_path)
     at.controller.faults[("wait_activated", 1, "before")] = swapping
     assert push(at) == "held"
-    assert not at.machine.eec.enabled
+    assert not at.machine.own.enabled
     codes = [code for code, _fields in at.told]
     assert codes.index("P-PUSH-HELD-ON") < codes.index("P-PUSH-DISABLE") < codes.index("P-PUSH-HELD")
     assert codes.index("P-PUSH-DISABLE-MOVES") < codes.index("P-PUSH-DISABLE")
@@ -68,7 +68,7 @@ def test_a_hand_that_switches_on_in_mid_write(tmp_path: Path, stays: bool) -> No
     at.machine.stuck_on = stays
     outcome = push(at)
     assert outcome == ("held-on" if stays else "held")
-    assert at.machine.eec == LiveTable(ODD, enabled=stays)
+    assert at.machine.own == LiveTable(ODD, enabled=stays)
     (left,) = held_pushes(tmp_path / "journal")
     assert (left.standing, left.loud) == (("still-on", True) if stays else ("off", False))
     (found,) = unfinished(tmp_path / "journal", MACHINE.serial)
@@ -101,7 +101,7 @@ def test_what_is_whole_is_left_to_a_restore_and_told_as_on(tmp_path: Path) -> No
     at.controller.faults[("wait_activated", 1, "before")] = changing(ignore_reset=True)
     at.controller.faults[("prepare_push", 2, "before")] = refuse
     assert push(at) == "held"
-    assert not at.machine.eec.enabled
+    assert not at.machine.own.enabled
     assert "prepare_disable" in at.controller.calls  # what a refused restore left is not known on this road
 
 
@@ -110,10 +110,10 @@ def test_a_table_that_could_not_be_written_because_it_is_on_is_on_whatever_its_s
         raise DeviceRefused("E-MBX-PROTECTED", "double", command="BEGIN", detail=0)
 
     at = bench(tmp_path)
-    at.controller.faults[("wait_loaded", 0, "before")] = changing(eec=LiveTable(OLD, enabled=False))
+    at.controller.faults[("wait_loaded", 0, "before")] = changing(own=LiveTable(OLD, enabled=False))
     at.controller.faults[("wait_loaded", 0, "after")] = protected
     assert push(at) == "held-on"
-    assert not at.machine.eec.enabled
+    assert not at.machine.own.enabled
 
 
 def test_recovery_switches_off_and_then_restores_however_often_it_was_tried(tmp_path: Path) -> None:
@@ -130,7 +130,7 @@ def test_recovery_switches_off_and_then_restores_however_often_it_was_tried(tmp_
         (found,) = unfinished(tmp_path / "journal", MACHINE.serial)
         again = bench(tmp_path, machine=at.machine)
         assert run_virtual(lambda found=found, again=again: recover(found, again.context)).outcome == wanted
-    assert at.machine.eec == LiveTable(OLD, enabled=True)
+    assert at.machine.own == LiveTable(OLD, enabled=True)
 
 
 def test_tables_that_cannot_be_read_are_switched_off(tmp_path: Path) -> None:
@@ -144,7 +144,7 @@ def test_tables_that_cannot_be_read_are_switched_off(tmp_path: Path) -> None:
     finding = run_virtual(lambda: look(found, again.context))
     assert (finding.code, finding.action) == ("R-PUSH-UNREADABLE", "disable")
     assert run_virtual(lambda: recover(found, again.context)).outcome == "held"
-    assert not at.machine.eec.enabled
+    assert not at.machine.own.enabled
 
 
 # ---- the command's order ----------------------------------------------------------------------------
@@ -158,7 +158,7 @@ def test_the_order_of_its_own_ends_its_journal_and_says_when_it_is_off_already(t
     assert (asked.reading.enabled, asked.reading.acting, asked.unit, asked.refusals) == (True, 4.0, "um", ())
     record = run_virtual(lambda: disable(ORDER, at.context))
     assert (record.outcome, record.before, record.after, record.table) == ("off", 4.0, 0.0, "X1")
-    assert at.machine.eec == LiveTable(OLD, enabled=False)
+    assert at.machine.own == LiveTable(OLD, enabled=False)
     assert at.machine.writes == []
     assert unfinished(tmp_path / "journal", MACHINE.serial) == ()
     assert ("P-PUSH-DISABLE-MOVES", {"axis": "X1", "table": "X1", "acting": 4.0, "unit": "um"}) in at.told
@@ -204,7 +204,7 @@ def test_killed_at_every_step_of_the_order(tmp_path: Path, monkeypatch: pytest.M
     at = bench(tmp_path, reaper=reaper)
     with journal_under(reaper, monkeypatch), pytest.raises(Killed):
         run_virtual(lambda: disable(ORDER, at.context))
-    assert at.machine.eec.table == OLD
+    assert at.machine.own.table == OLD
     assert at.machine.writes == []
     for found in unfinished(tmp_path / "journal", MACHINE.serial):
         again = bench(tmp_path, machine=at.machine)
@@ -214,4 +214,4 @@ def test_killed_at_every_step_of_the_order(tmp_path: Path, monkeypatch: pytest.M
     assert unfinished(tmp_path / "journal", MACHINE.serial) == ()
     again = bench(tmp_path, machine=at.machine)
     assert run_virtual(lambda: disable(ORDER, again.context)).outcome in ("off", "already-off")
-    assert at.machine.eec == LiveTable(OLD, enabled=False)
+    assert at.machine.own == LiveTable(OLD, enabled=False)

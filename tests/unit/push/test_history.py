@@ -16,7 +16,7 @@ SERIAL = "SN-1"
 
 
 def table(value: float, axis: str = "X1") -> CompensationTable:
-    return CompensationTable("EEC", axis, axis, 0.0, 100.0, 50.0, (0.0, value, 0.0))
+    return CompensationTable("axis", axis, axis, 0.0, 100.0, 50.0, (0.0, value, 0.0))
 
 
 def written(

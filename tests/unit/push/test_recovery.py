@@ -77,12 +77,12 @@ def steps_of_a_push(root: Path, old: LiveTable, monkeypatch: pytest.MonkeyPatch,
 
 def expected(machine: Machine, old: LiveTable, kinds: tuple[str, ...]) -> str:
     """The verdict, said again from the table in the reference in other words."""
-    if machine.eec == old:
+    if machine.own == old:
         return "R-PUSH-UNTOUCHED"
-    if machine.eec.table == old.table:
+    if machine.own.table == old.table:
         return "R-PUSH-DISABLED"
-    if machine.eec.table == NEW:
-        return "R-PUSH-ENABLED" if machine.eec.enabled else "R-PUSH-WRITTEN"
+    if machine.own.table == NEW:
+        return "R-PUSH-ENABLED" if machine.own.enabled else "R-PUSH-WRITTEN"
     return "R-PUSH-HALF"
 
 
@@ -131,7 +131,7 @@ def recovered(root: Path, machine: Machine, old: LiveTable) -> str:
     """Look, check the verdict, carry out the offer, look again; returns the verdict."""
     open_ones = unfinished(root / "journal", MACHINE.serial)
     if not open_ones:
-        assert machine.eec in (old, LiveTable(NEW, enabled=True))
+        assert machine.own in (old, LiveTable(NEW, enabled=True))
         return "nothing open"
     (found,) = open_ones
     if not found.entries:
@@ -143,7 +143,7 @@ def recovered(root: Path, machine: Machine, old: LiveTable) -> str:
     assert finding.code == expected(machine, old, found.kinds)
     record = run_virtual(lambda: recover(found, again.context))
     assert record.outcome == "rolled-back"
-    assert machine.eec == old
+    assert machine.own == old
     assert unfinished(root / "journal", MACHINE.serial) == ()
     return finding.code
 
@@ -164,7 +164,7 @@ def test_killed_again_during_recovery(tmp_path: Path, monkeypatch: pytest.Monkey
     for found in unfinished(tmp_path / "journal", MACHINE.serial):
         third = bench(tmp_path, machine=here.machine)
         run_virtual(lambda found=found, third=third: recover(found, third.context))
-    assert here.machine.eec == OLD_ON
+    assert here.machine.own == OLD_ON
     assert unfinished(tmp_path / "journal", MACHINE.serial) == ()
 
 
@@ -195,7 +195,7 @@ def test_finish_proves_the_new_table(tmp_path: Path) -> None:
     again = bench(tmp_path, machine=here.machine)
     record = run_virtual(lambda: recover(found, again.context, "finish"))
     assert record.outcome == "committed"
-    assert here.machine.eec == LiveTable(NEW, enabled=True)
+    assert here.machine.own == LiveTable(NEW, enabled=True)
     assert unfinished(tmp_path / "journal", MACHINE.serial) == ()
 
 
@@ -222,7 +222,7 @@ def test_recovery_is_tried_three_times_at_most(tmp_path: Path) -> None:
     with pytest.raises(WriteRefused) as caught:
         run_virtual(lambda: recover(found, again.context))
     assert caught.value.code in ("E-PUSH-TRIES", "E-PUSH-NO-OFFER")
-    assert not here.machine.eec.enabled
+    assert not here.machine.own.enabled
 
 
 def test_recovery_needs_the_machines_name(tmp_path: Path) -> None:

@@ -70,7 +70,7 @@ def test_what_two_readings_do_not_agree_on_is_never_put_back_after_a_crash(tmp_p
     record = run_virtual(lambda: recover(found, bench(tmp_path, machine=at.machine).context))
     assert record.outcome == "held"
     assert any("E-PUSH-UNCONFIRMED" in step for step in record.steps)
-    assert at.machine.eec == LiveTable(ODD, False)
+    assert at.machine.own == LiveTable(ODD, False)
     assert at.machine.writes == []
 
 
@@ -79,7 +79,7 @@ def nothing(_machine: Machine) -> None:
 
 
 def live(found: LiveTable) -> Callable[[Machine], None]:
-    return changing(eec=found)
+    return changing(own=found)
 
 
 ROWS: list[tuple[str, str, Callable[[Machine], None], str, str]] = [
@@ -121,12 +121,12 @@ def test_row(tmp_path: Path, name: str, kind: str, change: Any, code: str, actio
     if action == "disable":  # off first, with every value as it was; then the old table goes back
         assert finding.still_on
         assert (record.outcome, at.machine.writes) == ("held", writes)
-        assert at.machine.eec == replace(before.eec, enabled=False)
+        assert at.machine.own == replace(before.own, enabled=False)
         (found,) = unfinished(tmp_path / "journal", MACHINE.serial)
         assert run_virtual(lambda: look(found, again.context)).action == "restore"
         record = run_virtual(lambda: recover(found, again.context))
     assert record.outcome == "rolled-back"
-    assert at.machine.eec == OLD_ON
+    assert at.machine.own == OLD_ON
     assert at.machine.marker.state == "none"
     assert unfinished(tmp_path / "journal", MACHINE.serial) == ()
 
@@ -173,7 +173,7 @@ def test_committed_but_not_put_away_is_only_put_away(tmp_path: Path) -> None:
     assert again.controller.calls == {}
     assert [one.number for one in journal.tidy(folder)] == [found.number]
     assert journal.all_of(folder) == ()
-    assert at.machine.eec == NEW_ON
+    assert at.machine.own == NEW_ON
 
 
 def test_the_marker_is_committed_before_the_journal_says_so(tmp_path: Path) -> None:

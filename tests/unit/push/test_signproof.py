@@ -44,7 +44,7 @@ def test_proved_and_restored(tmp_path: Path, old: LiveTable) -> None:
     at = bench(tmp_path, old)
     before = at.machine.live()
     proof = prove(at)
-    assert (proof.machine, proof.function, proof.output_axis, proof.sign) == (MACHINE, "EEC", "X1", 1)
+    assert (proof.machine, proof.kind, proof.output_axis, proof.sign) == (MACHINE, "axis", "X1", 1)
     assert proof.slope == pytest.approx(-1.0, abs=0.05)
     assert 0 < proof.slope_u < 0.05
     assert at.machine.live() == before
@@ -75,7 +75,7 @@ def test_no_proof_in_doubt(tmp_path: Path, gain: float, noise: float, u: float, 
     with pytest.raises(VerifyError) as caught:
         prove(at, gain, noise, u)
     assert caught.value.code == code
-    assert at.machine.eec == OLD_ON
+    assert at.machine.own == OLD_ON
 
 
 def test_a_lost_beam_restores_too(tmp_path: Path) -> None:
@@ -86,7 +86,7 @@ def test_a_lost_beam_restores_too(tmp_path: Path) -> None:
 
     with pytest.raises(BeamObstructed):
         run_virtual(lambda: prove_sign(at.context, 0.0, 400.0, 50.0, read))
-    assert at.machine.eec == OLD_ON
+    assert at.machine.own == OLD_ON
 
 
 def test_refused_untouched(tmp_path: Path) -> None:
@@ -107,7 +107,7 @@ def test_held_when_the_old_table_does_not_come_back(tmp_path: Path) -> None:
     with pytest.raises(RollbackFailed) as caught:
         prove(at)
     assert "backup" in caught.value.fields
-    assert not at.machine.eec.enabled
+    assert not at.machine.own.enabled
     assert not journals_of(tmp_path)[0].finished
 
 
@@ -117,7 +117,7 @@ def test_a_table_that_never_becomes_active_is_no_proof(tmp_path: Path) -> None:
     with pytest.raises(VerifyError) as caught:
         prove(at)
     assert caught.value.code == "E-PUSH-NO-PROOF"
-    assert at.machine.eec == LiveTable(NEVER, enabled=False)
+    assert at.machine.own == LiveTable(NEVER, enabled=False)
 
 
 def test_the_order_of_switching(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from drivers.clock import run_virtual
-from drivers.errors import DeadlineExceeded, DeviceRefused, TransportError, TrueflankError, catalogue
+from drivers.errors import DeadlineExceeded, DeviceRefused, TransportError, TrueflankError, catalogue, words
 from drivers.types import LiveTable
 from gateway.domain import PushRecord, TableChange
 from gateway.errors import BusyError, RollbackFailed, StoreError, VerifyError, WriteRefused
@@ -50,7 +50,7 @@ def test_committed(tmp_path: Path, old: LiveTable) -> None:
     before = at.machine.live()
     record = push(at)
     assert record.outcome == "committed"
-    assert at.machine.eec == NEW_ON
+    assert at.machine.own == NEW_ON
     assert at.machine.writes == ["table"]
     assert Path(record.backup_path).read_text() == before.native
     assert len(record.effect) == 3
@@ -112,7 +112,7 @@ def test_skipped_asks_nothing(tmp_path: Path) -> None:
 def test_a_tables_changed_after_the_capture_is_refused_untouched(tmp_path: Path) -> None:
     at = bench(tmp_path)
     change = change_of(at.machine)
-    at.machine.eec = LiveTable(table(0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0), enabled=True)
+    at.machine.own = LiveTable(table(0.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0), enabled=True)
     before = at.machine.live()
     record = push(at, change)
     assert record.outcome == "refused"
@@ -130,11 +130,11 @@ def test_whatever_else_changed_since_the_capture_is_seen(tmp_path: Path, part: s
     at = bench(tmp_path)
     change = change_of(at.machine)
     if part == "cec":
-        at.machine.cec = (LiveTable(replace(OLD, function="CEC", input_axis="Z1"), enabled=True),)
+        at.machine.cross = (LiveTable(replace(OLD, kind="cross", input_axis="Z1"), enabled=True),)
     elif part == "backlash":
         at.machine.backlash = 0.003
     else:
-        at.machine.eec = LiveTable(OLD, enabled=False)
+        at.machine.own = LiveTable(OLD, enabled=False)
     assert push(at, change).outcome == "refused"
     assert at.machine.writes == []
 
@@ -198,7 +198,7 @@ def test_rolled_back(tmp_path: Path, name: str) -> None:
     at.controller.faults[(call, 1, when)] = once
     record = push(at)
     assert record.outcome == "rolled-back", record.steps
-    assert at.machine.eec == OLD_ON
+    assert at.machine.own == OLD_ON
     assert at.machine.acting == OLD
     assert only_old_or_new_enabled(at.machine, OLD, NEW)
     assert at.machine.writes.count("table") <= 1
@@ -218,7 +218,7 @@ def test_no_effect_is_rolled_back(tmp_path: Path) -> None:
     record = push(at)
     assert record.outcome == "rolled-back"
     assert any("E-PUSH-EFFECT" in step for step in record.steps)
-    assert at.machine.eec == OLD_ON
+    assert at.machine.own == OLD_ON
 
 
 def test_a_control_that_restarts_is_waited_for(tmp_path: Path) -> None:
@@ -247,11 +247,11 @@ def test_the_switch_comes_back_as_it_was(tmp_path: Path, old: LiveTable) -> None
     at.machine.wrong_point = 0.5
     at.controller.faults[("abort_program", 1, "after")] = changing(wrong_point=0.0)
     assert push(at).outcome == "rolled-back"
-    assert at.machine.eec == old
+    assert at.machine.own == old
 
 
 def _replaced(machine: Machine) -> None:
-    machine.eec = LiveTable(table(*[0.0, 9.0, 9.0, 9.0, 9.0, 9.0, 9.0, 9.0, 0.0]), enabled=True)
+    machine.own = LiveTable(table(*[0.0, 9.0, 9.0, 9.0, 9.0, 9.0, 9.0, 9.0, 0.0]), enabled=True)
 
 
 @pytest.mark.parametrize("fault", [_replaced, changing(backlash=0.5)])
@@ -262,7 +262,7 @@ def test_changed_between_snapshot_and_load_goes_back_to_neither_reading(tmp_path
     assert record.outcome == "held"
     assert any("E-PUSH-LOST-UPDATE" in step for step in record.steps)
     assert any("E-PUSH-UNCONFIRMED" in step for step in record.steps)
-    assert at.machine.eec == LiveTable(NEW, enabled=False)
+    assert at.machine.own == LiveTable(NEW, enabled=False)
     assert "restore" not in at.machine.writes
     (left,) = journals_of(tmp_path)
     context = bench(tmp_path, machine=at.machine).context
@@ -271,7 +271,7 @@ def test_changed_between_snapshot_and_load_goes_back_to_neither_reading(tmp_path
         return await recover(left, context)
 
     assert run_virtual(main).outcome == "held"
-    assert not at.machine.eec.enabled
+    assert not at.machine.own.enabled
 
 
 def test_changed_between_two_readings_of_the_driver_nothing_is_sent(tmp_path: Path) -> None:
@@ -280,7 +280,7 @@ def test_changed_between_two_readings_of_the_driver_nothing_is_sent(tmp_path: Pa
     with pytest.raises(VerifyError, match="E-PUSH-LOST-UPDATE"):
         push(at)
     assert at.machine.writes == []
-    assert at.machine.eec.enabled
+    assert at.machine.own.enabled
     assert at.machine.marker.state == "none"
     (found,) = journals_of(tmp_path)
     assert found.kinds[-1] == "ABORTED"
@@ -293,7 +293,7 @@ def test_a_failed_load_is_taken_back_only_with_a_second_reading(tmp_path: Path, 
     def fail(machine: Machine) -> None:
         assert machine.backup is not None
         machine.backup_number += lost == "of another order"
-        other = replace(machine.backup, eec=LiveTable(NEW, enabled=True), digest="")
+        other = replace(machine.backup, own=LiveTable(NEW, enabled=True), digest="")
         machine.backup = {"none": None, "another table": other}.get(lost, machine.backup)
         deadline(machine)
 
@@ -301,13 +301,13 @@ def test_a_failed_load_is_taken_back_only_with_a_second_reading(tmp_path: Path, 
     record = push(at)
     assert record.outcome == "held"
     assert any("E-PUSH-UNCONFIRMED" in step for step in record.steps)
-    assert at.machine.eec == LiveTable(NEW, enabled=False)
+    assert at.machine.own == LiveTable(NEW, enabled=False)
     assert at.machine.writes == ["table"]
 
 
 HELD: dict[str, tuple[str, Fault]] = {
     "another machine answers": ("after wait_loaded", changing(identity=replace(MACHINE, serial="SN-2"))),
-    "another software": ("after wait_loaded", changing(identity=replace(MACHINE, nck_version="V4.9"))),
+    "another software": ("after wait_loaded", changing(identity=replace(MACHINE, version="V4.9"))),
     "the operator is gone": ("before wait_loaded", changing(operator=False)),
     "the operator leaves between": ("after wait_loaded", changing(operator=False)),
     "the operator leaves before activation": ("before wait_activated", changing(operator=False)),
@@ -341,7 +341,7 @@ def test_held(tmp_path: Path, name: str) -> None:
     (found,) = journals_of(tmp_path)
     assert not found.finished
     assert (found.kinds[-1], found.latest("on")) == ("HELD", name in STILL_ON)
-    assert at.machine.eec.enabled is (name in STILL_ON and not name.startswith("another"))
+    assert at.machine.own.enabled is (name in STILL_ON and not name.startswith("another"))
     loud = [code for code, _fields in at.told if code in ("P-PUSH-HELD", "P-PUSH-HELD-ON")]
     assert loud[-1] == ("P-PUSH-HELD-ON" if name in STILL_ON else "P-PUSH-HELD")
     assert at.machine.writes.count("restore") <= 1
@@ -376,7 +376,7 @@ def test_nobody_starts_the_reading_program(tmp_path: Path) -> None:
     at.machine.operator = False
     with pytest.raises(DeadlineExceeded):
         push(at)
-    assert at.machine.eec == OLD_ON
+    assert at.machine.own == OLD_ON
 
 
 def test_quantised_by_less_than_half_a_place_is_the_same(tmp_path: Path) -> None:
@@ -403,7 +403,7 @@ def test_a_poisoned_journal_stops_everything(tmp_path: Path, monkeypatch: pytest
         push(at)
     assert caught.value.code == "E-PUSH-JOURNAL"
     assert "release_push" not in at.controller.calls
-    assert not at.machine.eec.enabled
+    assert not at.machine.own.enabled
 
 
 def test_a_full_disk_refuses_before_anything_is_sent(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -427,7 +427,7 @@ def test_cancelled_between_the_halves_leaves_it_disabled_and_unfinished(tmp_path
     with pytest.raises(asyncio.CancelledError):
         push(at)
     at.machine.go_on()
-    assert not at.machine.eec.enabled
+    assert not at.machine.own.enabled
     assert [found.finished for found in journals_of(tmp_path)] == [False]
 
 
@@ -435,7 +435,7 @@ def test_cancelled_between_the_halves_leaves_it_disabled_and_unfinished(tmp_path
 def test_seeded_faults_never_enable_a_wrong_table(tmp_path: Path, seed: int) -> None:
     rng = np.random.default_rng(seed)
     at = bench(tmp_path, [OLD_ON, LiveTable(OLD, enabled=False), LiveTable(NEVER, enabled=False)][seed % 3])
-    old = at.machine.eec
+    old = at.machine.own
     calls = ["identify", "state", "prepare_stops", "wait_stop", "release_stop", "saved_tables", "prepare_push"]
     calls += ["wait_loaded", "release_push", "wait_enabled", "wait_activated", "abort_program"]
     faults = [
@@ -458,15 +458,15 @@ def test_seeded_faults_never_enable_a_wrong_table(tmp_path: Path, seed: int) -> 
     try:
         outcome = push(at).outcome
     except TrueflankError:
-        assert at.machine.eec == old
+        assert at.machine.own == old
     assert only_old_or_new_enabled(at.machine, old.table, NEW), outcome
     if outcome == "committed":
-        assert at.machine.eec == NEW_ON
+        assert at.machine.own == NEW_ON
     if outcome in ("rolled-back", "refused", "raised"):
-        assert at.machine.eec == old
+        assert at.machine.own == old
     if outcome in ("held", "held-on"):
         assert not journals_of(tmp_path)[0].finished
-    assert outcome != "held" or not at.machine.eec.enabled
+    assert outcome != "held" or not at.machine.own.enabled
 
 
 def test_every_code_said_or_raised_is_in_the_catalogue(tmp_path: Path) -> None:
@@ -475,5 +475,5 @@ def test_every_code_said_or_raised_is_in_the_catalogue(tmp_path: Path) -> None:
     push(at)
     for code, fields in at.told:
         assert code in catalogue()
-        assert "<" not in catalogue()[code]["what"].format_map({**fields})
+        assert "<" not in words(code, **fields)
     assert issubclass(DeviceRefused, TrueflankError)

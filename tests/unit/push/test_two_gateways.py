@@ -42,7 +42,7 @@ def they_push(machine: Machine) -> None:
 def they_load(machine: Machine) -> None:
     """The other gateway's program waits between its halves, the table half written and off."""
     machine.end()
-    half = replace(NEW, deviations=(*THEIRS.deviations[:4], *machine.eec.table.deviations[4:]))
+    half = replace(NEW, deviations=(*THEIRS.deviations[:4], *machine.own.table.deviations[4:]))
     machine.become(LiveTable(half, enabled=False))
     machine.marker, machine.channel, machine.phase = Marker(NUMBER, "in-progress"), ChannelStatus.INTERRUPTED, 4
 
@@ -54,7 +54,7 @@ def frozen(at: Bench, place: tuple[str, int, str], act: Any, *, broken: bool) ->
     def meanwhile(machine: Machine) -> None:
         del at.controller.faults[place]
         act(machine)
-        kept.append((machine.eec, machine.marker, machine.channel, len(machine.history)))
+        kept.append((machine.own, machine.marker, machine.channel, len(machine.history)))
         if broken:
             raise DeadlineExceeded("E-LINK-DEADLINE", "double", timeout_s=5.0)
 
@@ -84,7 +84,7 @@ def test_what_the_other_did_meanwhile_stays(
     assert kept, "this request was made"
     if place[0] == "prepare_push" and not broken and act is they_push:
         return  # it wrote in the very moment after its last look; what it meets is compared before it is changed
-    assert (at.machine.eec, at.machine.marker, at.machine.channel, len(at.machine.history)) == kept[0]
+    assert (at.machine.own, at.machine.marker, at.machine.channel, len(at.machine.history)) == kept[0]
     assert at.machine.writes == []
     told = found if isinstance(found, str) else found.outcome
     assert told in ("E-PUSH-ANOTHER", "refused", "E-LINK-DEADLINE", "E-TEST-RESET"), told
@@ -96,7 +96,7 @@ def test_a_gateway_that_sent_nothing_says_who_is_there(tmp_path: Path, act: Any)
     at = bench(tmp_path)
     kept = frozen(at, ("prepare_push", 1, "before"), act, broken=True)
     assert push(at) == "E-PUSH-ANOTHER"
-    assert (at.machine.eec, at.machine.marker) == kept[0][:2]
+    assert (at.machine.own, at.machine.marker) == kept[0][:2]
     assert "abort_program" not in at.controller.calls
     assert [one.kinds[-1] for one in journals_of(tmp_path)] == ["ABORTED"]
 
@@ -109,7 +109,7 @@ def test_under_anothers_mark_nothing_is_restored_aborted_or_marked(tmp_path: Pat
     assert isinstance(record, PushRecord)
     assert record.outcome == "held-on"  # theirs acts, and it is not ours to switch off
     assert "E-PUSH-ANOTHER" in " ".join(record.steps)
-    assert (at.machine.eec, at.machine.marker) == kept[0][:2]
+    assert (at.machine.own, at.machine.marker) == kept[0][:2]
     assert not {"abort_program", "finish_push"} & set(at.controller.calls)
 
 
@@ -125,12 +125,12 @@ def test_a_killed_gateway_recovers_nothing_that_is_anothers(tmp_path: Path, when
         push(at)
     at.controller.faults.clear()
     they_push(at.machine)
-    kept = at.machine.eec, at.machine.marker
+    kept = at.machine.own, at.machine.marker
     (found,) = unfinished(tmp_path / "journal", MACHINE.serial)
     finding = run_virtual(lambda: look(found, at.context))
     assert (finding.code, finding.action) == ("R-PUSH-SUPERSEDED", "close")
     record = run_virtual(lambda: recover(found, at.context))
     assert record.outcome == "rolled-back"
-    assert (at.machine.eec, at.machine.marker) == kept
+    assert (at.machine.own, at.machine.marker) == kept
     assert at.machine.writes == []
     assert unfinished(tmp_path / "journal", MACHINE.serial) == ()

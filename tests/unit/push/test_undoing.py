@@ -41,7 +41,7 @@ LATER = table(0.0, 6.0, 13.0, 14.5, 8.0, 3.0, -3.0, -5.0, 0.0)
 def pushed(root: Path, old: LiveTable = OLD_ON, *, by_hand: bool = False) -> Bench:
     at = bench(root, old, by_hand=by_hand)
     assert run_virtual(lambda: push_table(change_of(at.machine), at.context)).outcome == "committed"
-    assert at.machine.eec == NEW_ON
+    assert at.machine.own == NEW_ON
     return again(root, at.machine, by_hand=by_hand)
 
 
@@ -69,8 +69,8 @@ def test_the_table_from_before_is_live_again(tmp_path: Path, old: LiveTable, by_
     record = take_back(at, proof=None)
     assert record.outcome == "committed"
     assert outcome_error(record) is None
-    assert at.machine.eec.enabled == old.enabled
-    assert at.machine.eec.table.deviations == old.table.deviations
+    assert at.machine.own.enabled == old.enabled
+    assert at.machine.own.table.deviations == old.table.deviations
     assert only_old_or_new_enabled(at.machine, OLD, NEW)
     assert to_undo(committed(at.context.journals, MACHINE.serial, "X1")) is None
     history = committed(at.context.journals, MACHINE.serial, "X1")
@@ -82,9 +82,9 @@ def test_pushes_are_taken_back_one_after_the_other(tmp_path: Path) -> None:
     at = pushed(tmp_path)
     assert run_virtual(lambda: push_table(change_of(at.machine, LATER), at.context)).outcome == "committed"
     assert take_back(at).outcome == "committed"
-    assert at.machine.eec == NEW_ON
+    assert at.machine.own == NEW_ON
     assert take_back(at).outcome == "committed"
-    assert at.machine.eec == OLD_ON
+    assert at.machine.own == OLD_ON
 
 
 def test_a_foreign_edit_is_left_alone_and_told_three_ways(tmp_path: Path) -> None:
@@ -98,7 +98,7 @@ def test_a_foreign_edit_is_left_alone_and_told_three_ways(tmp_path: Path) -> Non
     assert error is not None
     assert "E-PUSH-UNDO-FOREIGN" in str(error)
     assert "at 1 of 9 points, at 1 of them it is as before; first at 150" in str(error)
-    assert at.machine.eec.table == foreign
+    assert at.machine.own.table == foreign
     assert at.machine.writes == writes
     assert "prepare_push" not in at.controller.calls
 
@@ -107,7 +107,7 @@ def test_switched_off_by_somebody_is_a_foreign_edit(tmp_path: Path) -> None:
     at = pushed(tmp_path)
     at.machine.become(LiveTable(NEW, enabled=False))
     assert take_back(at).outcome == "refused"
-    assert at.machine.eec == LiveTable(NEW, enabled=False)
+    assert at.machine.own == LiveTable(NEW, enabled=False)
 
 
 def test_already_back_is_said_and_nothing_written(tmp_path: Path) -> None:
@@ -157,7 +157,7 @@ def test_an_unfinished_push_is_recovered_first(tmp_path: Path) -> None:
     left.close()
     record = take_back(at)
     assert any("E-INT-UNFINISHED" in step for step in record.steps)
-    assert at.machine.eec == NEW_ON
+    assert at.machine.own == NEW_ON
 
 
 def test_asking_writes_nothing(tmp_path: Path) -> None:
@@ -177,7 +177,7 @@ def test_a_failure_leads_back_to_the_newer_table(tmp_path: Path, call: str) -> N
     error = outcome_error(record)
     assert isinstance(error, VerifyError if record.outcome == "rolled-back" else RollbackFailed)
     if record.outcome == "rolled-back":
-        assert at.machine.eec == NEW_ON
+        assert at.machine.own == NEW_ON
 
 
 def test_a_wire_that_fails_before_anything_is_written_ends_it(tmp_path: Path) -> None:
@@ -185,7 +185,7 @@ def test_a_wire_that_fails_before_anything_is_written_ends_it(tmp_path: Path) ->
     at.controller.faults["saved_tables", 1, "before"] = deadline
     with pytest.raises(DeadlineExceeded):
         take_back(at)
-    assert at.machine.eec == NEW_ON
+    assert at.machine.own == NEW_ON
     assert to_undo(committed(at.context.journals, MACHINE.serial, "X1")) is not None
 
 
@@ -244,6 +244,6 @@ def test_cross_tables_are_taken_back_in_the_proved_sign(tmp_path: Path, sign: in
     assert first is not None
     record = run_virtual(lambda: undo(first, at.context))
     assert record.outcome == "committed", record.steps
-    assert not any(one.enabled and one.table.index == 2 for one in at.machine.live().cec)
+    assert not any(one.enabled and one.table.index == 2 for one in at.machine.live().cross)
     assert to_undo(committed(at.context.journals, MACHINE.serial, "X1-cec2", sign)) is None
     assert max(map(abs, at.machine.jumps)) <= 1.0

@@ -54,7 +54,7 @@ def test_after_the_first_announced_write_it_goes_back(tmp_path: Path, call: str,
     at = bench(tmp_path, OLD_ON)
     record = run_virtual(lambda: push_table(change_of(at.machine), failing(at, call, error)))
     assert record.outcome == "rolled-back"
-    assert at.machine.eec == OLD_ON
+    assert at.machine.own == OLD_ON
     (found,) = journals_of(tmp_path)
     assert found.kinds[-1] == "ROLLED_BACK"
     assert type(error).__name__ in str(found.latest("why"))
@@ -65,7 +65,7 @@ def test_before_it_nothing_is_written(tmp_path: Path, call: str, error: BaseExce
     at = bench(tmp_path, OLD_ON)
     with pytest.raises(Unexpected, match="E-PUSH-UNEXPECTED"):
         run_virtual(lambda: push_table(change_of(at.machine), failing(at, call, error)))
-    assert at.machine.eec == OLD_ON
+    assert at.machine.own == OLD_ON
     assert at.machine.writes == []
     assert all(found.finished for found in journals_of(tmp_path))
 
@@ -83,7 +83,7 @@ def test_a_voice_that_is_gone_stops_no_push(tmp_path: Path) -> None:
 
     record = run_virtual(lambda: push_table(change_of(at.machine), replace(at.context, say=gone)))
     assert record.outcome == "committed"
-    assert at.machine.eec == LiveTable(NEW, enabled=True)
+    assert at.machine.own == LiveTable(NEW, enabled=True)
 
 
 def test_a_cancel_from_outside_passes_and_the_journal_stays_open(tmp_path: Path) -> None:

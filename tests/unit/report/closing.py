@@ -155,7 +155,7 @@ def cross_table(out: str, over: str, index: int) -> TableMaterial:
     values = 3.0 * np.sin(np.radians(at)) if rotary else 0.3 * at
     unit, inside = ("deg" if out == "C" else "mm"), ("deg" if rotary else "mm")
     grid = (float(at[0]), float(at[-1]), float(at[1] - at[0]))
-    old = CompensationTable("CEC", f"{over}1", f"{out}1", *grid, (0.0,) * at.size, rotary, index, inside, unit)
+    old = CompensationTable("cross", f"{over}1", f"{out}1", *grid, (0.0,) * at.size, rotary, index, inside, unit)
     new = replace(old, deviations=tuple(np.round(values, 3).tolist()))
     change = TableChange(f"{out}1", old, new, False, "cd" * 32, at, np.zeros(at.size), np.full(at.size, 0.4))
     return TableMaterial(change, PushRecord(4712, f"{out}1", "committed", ("written",), "backup.spf"))

@@ -74,7 +74,7 @@ def axis_material(axis: str, unit: AxisUnit, seed: int = 7) -> AxisMaterial:
             f"runs/2026-03-02-01/{axis}/backup.spf",
             ((40.0, 1.2, 1.2), (200.0, -3.4, -3.4), (320.0, 5.1, 5.101)),
         ),
-        sign_proof=SignProof(MACHINE, "EEC", axis, 1.003, 0.011, 1, "2026-03-02T08:40:00+00:00"),
+        sign_proof=SignProof(MACHINE, "axis", axis, 1.003, 0.011, 1, "2026-03-02T08:40:00+00:00"),
         sense_proof=SenseProof("laser", axis, -1, 0.99987, (9.9987,)),
         verdict=AxisVerdict(
             axis, first.unit, first, second, improved=True, within_prediction=True,
@@ -106,7 +106,7 @@ def change(axis: str, unit: AxisUnit, targets: FloatArray) -> TableChange:
     points = np.arange(0, top + step / 2, step)
     values = _curve(points, rotary)
     values = values - values[0]
-    old = CompensationTable("EEC", axis, axis, 0.0, top, step, tuple((0.2 * values).tolist()), rotary, 0, unit, unit)
+    old = CompensationTable("axis", axis, axis, 0.0, top, step, tuple((0.2 * values).tolist()), rotary, 0, unit, unit)
     new = replace(old, deviations=tuple(np.round(values, 3).tolist()))
     return TableChange(
         axis, old, new, True, "ab" * 32, targets, np.zeros(targets.size), np.full(targets.size, 0.45)

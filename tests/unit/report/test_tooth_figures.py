@@ -187,13 +187,13 @@ def test_every_error_that_cannot_be_cured_says_why(name: str) -> None:
 @pytest.mark.parametrize(
     ("error", "by", "kind"),
     [
-        ("ECC", "C(C)", "EEC"),
-        ("EXC", "X(C)", "CEC"),
+        ("ECC", "C(C)", "axis"),
+        ("EXC", "X(C)", "cross"),
         ("EYX", "dressing offset", "set-up"),
         ("ECX", "C zero", "set-up"),
         ("EBC", "X(Z)*(C)", "product"),
         ("EXZ", "set-up values", "set-up"),
-        ("B0Z", "X(Z), C(Z)", "CEC"),
+        ("B0Z", "X(Z), C(Z)", "cross"),
     ],
 )
 def test_cures_have_their_kind(error: str, by: str, kind: str) -> None:
@@ -227,7 +227,7 @@ def test_parts_pushes_and_axes_that_are_missing_are_named(material: ReportMateri
     tooth = material.tooth
     assert tooth is not None
     ground_only = tuple(replace(one, flank=None) if one.part == "trial" else one for one in tooth.parts)
-    pushed = tuple(replace(one, push=None) if one.change.layer == "CEC" else one for one in tooth.tables)
+    pushed = tuple(replace(one, push=None) if one.change.layer == "cross" else one for one in tooth.tables)
     axes = (material.axes[0], replace(material.axes[1], after=None))
     found = missing(replace(material, axes=axes, tooth=replace(tooth, parts=ground_only, tables=pushed)))
     assert found == (

@@ -145,7 +145,7 @@ def hostile(text: str) -> ReportMaterial:
     old = closing.proposal()
     made = replace(
         old,
-        prediction=replace(old.prediction, before=_small(text), with_eec=_small(text), after=_small(text)),
+        prediction=replace(old.prediction, before=_small(text), with_own=_small(text), after=_small(text)),
         cures=(replace(old.cures[0], error=text, by=f"{text} in part"),),
         ranking=(replace(old.ranking[0], error=text),),
         said=(text,),

@@ -101,7 +101,7 @@ def test_a_whole_closing_run_comes_out_of_its_folder_as_it_went_in(run: RunFolde
     assert [one["part"] for one in data["tooth"]["records"]["parts"]] == ["before", "trial", "after"]
     assert [one["key"] for one in data["tooth"]["flank"]][:2] == ["before", "before-set-right"]
     # The axis' own table is its EEC table, also where cross tables of the same axis come first.
-    assert [axis["change"]["new"]["function"] for axis in data["axes"]] == ["EEC", "EEC", "EEC"]
+    assert [axis["change"]["new"]["kind"] for axis in data["axes"]] == ["axis", "axis", "axis"]
     assert data["ended_utc"] == "2026-03-02T14:38:00+00:00"
     assert [path.name for path in paths.pictures] == ["flank-maps.png", "flank-charts.png", "ranking.png", "errors.png"]
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in (paths.picture, *paths.pictures))

@@ -34,7 +34,7 @@ def eec(draw: st.DrawFn, axis: str, encoder: int) -> CompensationTable:
     step, low = draw(grids), draw(starts)
     high = float(Decimal(repr(low)) + Decimal(repr(step)) * (len(values) - 1))
     return CompensationTable(
-        "EEC", axis, axis, low, high, step, values, modulo=rotary, index=encoder, input_unit=unit, output_unit=unit
+        "axis", axis, axis, low, high, step, values, modulo=rotary, index=encoder, input_unit=unit, output_unit=unit
     )
 
 
@@ -47,7 +47,7 @@ def cec(draw: st.DrawFn, number: int) -> CompensationTable:
         table = replace(table, deviations=tuple(round(value, 3) + 0.0 for value in table.deviations))
     return replace(
         table,
-        function="CEC",
+        kind="cross",
         input_axis=source,
         output_axis=output,
         index=number,
@@ -101,7 +101,7 @@ def test_every_form_comes_back_as_it_was(content: TableFile, form: forms.Form) -
 def test_no_digit_of_a_grid_is_ever_lost(step: float, low: float, k: int, values: list[Decimal]) -> None:
     high = low + k * step
     points = tuple(float(value * 1000) + 0.0 for value in values[: k + 1])
-    table = CompensationTable("EEC", "X1", "X1", low, high, step, points)
+    table = CompensationTable("axis", "X1", "X1", low, high, step, points)
     assert reader.read(forms.render(TableFile((table,))), "again").tables == (table,)
 
 
@@ -118,7 +118,7 @@ def test_the_golden_of_each_form(name: str) -> None:
 def test_a_form_nobody_knows_and_an_axis_without_number_are_refused() -> None:
     with pytest.raises(ConfigError, match="E-TABLE-FORM"):
         forms.named("pdf")
-    table = CompensationTable("EEC", "X1", "X1", 0.0, 1.0, 1.0, (0.0, 0.0))
+    table = CompensationTable("axis", "X1", "X1", 0.0, 1.0, 1.0, (0.0, 0.0))
     with pytest.raises(ConfigError, match="E-TABLE-FORM-AXIS"):
         forms.render(TableFile((table,)), forms.FORMS["axis-ini"])
 
@@ -144,7 +144,7 @@ POINTS = "$AA_ENC_COMP[0,0,AX2]=0\n$AA_ENC_COMP[0,1,AX2]=0.001\n"
     ],
 )
 def test_samples_vary_and_mean_one_table(text: str) -> None:
-    expected = CompensationTable("EEC", "AX2", "AX2", 0.0, 5.0, 5.0, (0.0, 1.0))
+    expected = CompensationTable("axis", "AX2", "AX2", 0.0, 5.0, 5.0, (0.0, 1.0))
     assert reader.read(text, "sample").tables == (expected,)
 
 

@@ -14,11 +14,11 @@ from drivers.sinumerik.tablefile.format import TableFiles
 from drivers.tablefile import TableFile, TableMachine
 from drivers.types import CompensationTable
 
-CLEAN = CompensationTable("EEC", "X1", "X1", 0.0, 100.0, 50.0, (0.0, 5.0, 2.0))
+CLEAN = CompensationTable("axis", "X1", "X1", 0.0, 100.0, 50.0, (0.0, 5.0, 2.0))
 TURN = CompensationTable(
-    "EEC", "C1", "C1", 0.0, 360.0, 180.0, (0.0, -3.0, 0.0), modulo=True, input_unit="deg", output_unit="deg"
+    "axis", "C1", "C1", 0.0, 360.0, 180.0, (0.0, -3.0, 0.0), modulo=True, input_unit="deg", output_unit="deg"
 )
-CROSS = replace(CLEAN, function="CEC", input_axis="Z1", index=2)
+CROSS = replace(CLEAN, kind="cross", input_axis="Z1", index=2)
 KNOWN = TableMachine(references={"": 0.0})
 
 
@@ -33,7 +33,7 @@ def of_file(content: TableFile | str, known: TableMachine = KNOWN) -> dict[str, 
 
 
 def test_good_tables_have_no_findings() -> None:
-    assert codes(CLEAN, replace(KNOWN, eec_points=3)) == {}
+    assert codes(CLEAN, replace(KNOWN, own_points=3)) == {}
     assert codes(TURN) == {}
     files = registry.load("sinumerik-tables", "table-file")()
     assert files.findings(forms.write([CLEAN, TURN]), "good.ini", KNOWN) == ()
@@ -42,7 +42,7 @@ def test_good_tables_have_no_findings() -> None:
 @pytest.mark.parametrize(
     ("table", "known", "code"),
     [
-        (CLEAN, {"eec_points": 2}, "E-TABLE-RESERVED"),
+        (CLEAN, {"own_points": 2}, "E-TABLE-RESERVED"),
         (CLEAN, {"references": {"X1": 50.0}}, "E-TABLE-REFERENCE"),
         (replace(CLEAN, step=7.0), {}, "E-TABLE-COUNT"),
         (replace(CLEAN, step=0.0), {}, "E-TABLE-GRID"),
@@ -84,8 +84,8 @@ def test_doubts_and_notes_are_no_errors(
 
 
 def test_the_memory_is_named_by_its_own_machine_datum() -> None:
-    (eec,) = lint.of_table(CLEAN, "t", replace(KNOWN, eec_points=2, cec_points=9))
-    (cec,) = lint.of_table(CROSS, "t", replace(KNOWN, eec_points=9, cec_points=2))
+    (eec,) = lint.of_table(CLEAN, "t", replace(KNOWN, own_points=2, cross_points=9))
+    (cec,) = lint.of_table(CROSS, "t", replace(KNOWN, own_points=9, cross_points=2))
     assert "MD38000" in eec.error.what
     assert "MD18342" not in eec.error.what
     assert "MD18342" in cec.error.what
@@ -116,7 +116,7 @@ def test_a_wrong_unit_is_suspected(table: CompensationTable, code: str) -> None:
 
 
 def test_one_deviation_in_both_layers() -> None:
-    same = replace(CLEAN, function="CEC")
+    same = replace(CLEAN, kind="cross")
     assert of_file(TableFile((CLEAN, same)))["E-TABLE-BOTH"] == "wrong"
     assert of_file(TableFile((CLEAN, replace(same, deviations=(0.0, -5.0, -2.0)))))["E-TABLE-BOTH"] == "wrong"
     other = replace(same, deviations=(0.0, -2.0, 2.0))
@@ -130,7 +130,7 @@ def test_one_deviation_in_both_layers() -> None:
 
 
 def test_a_pair_and_the_backlash_for_the_same_amount() -> None:
-    plus = replace(CLEAN, function="CEC", direction=1, deviations=(0.0, 2.0, 2.5))
+    plus = replace(CLEAN, kind="cross", direction=1, deviations=(0.0, 2.0, 2.5))
     minus = replace(plus, direction=-1, index=1, deviations=(0.0, -2.0, -2.5))
     slack = {"$MA_BACKLASH[0,X1]": Decimal("0.003")}
     assert of_file(TableFile((plus, minus), slack))["E-TABLE-BACKLASH"] == "wrong"

@@ -20,8 +20,8 @@ from drivers.types import CompensationTable, MachineIdentity, PushOrder, SignPro
 from simulators.nck.language.parser import parse
 
 SETTING = Setting(Words(80), Memory(80, (0, 30), ("X1", "Z1", "C1")), modulo=False)
-TABLE = CompensationTable("EEC", "X1", "X1", 0.0, 100.0, 50.0, (0.0, -3.0, 0.0))
-PROOF = SignProof(MachineIdentity("S", "V", ("X1",)), "EEC", "X1", 1.0, 0.01, 1, "2026-01-01")
+TABLE = CompensationTable("axis", "X1", "X1", 0.0, 100.0, 50.0, (0.0, -3.0, 0.0))
+PROOF = SignProof(MachineIdentity("S", "V", ("X1",)), "axis", "X1", 1.0, 0.01, 1, "2026-01-01")
 ORDER = PushOrder(4711, TABLE, "X", False, True, 0.0, "table", PROOF)
 
 
@@ -171,7 +171,7 @@ def texts_of(order: PushOrder, setting: Setting = SETTING) -> list[str]:
 
 
 def test_push_programs_are_readable_and_never_write_the_memory_data() -> None:
-    cross = replace(TABLE, function="CEC", index=1, input_axis="Z1", output_axis="X1")
+    cross = replace(TABLE, kind="cross", index=1, input_axis="Z1", output_axis="X1")
     for order in (ORDER, replace(ORDER, enable=False), replace(ORDER, table=cross, purpose="sign-proof", proof=None)):
         for text in texts_of(order):
             parse(text)

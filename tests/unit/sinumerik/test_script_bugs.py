@@ -28,7 +28,7 @@ def measured(up: list[float], down: list[float], spacing: float = 50.0) -> Measu
     return MeasuredSet(spacing * np.arange(len(up)), means[:, None, :] + scatter[None, :, None], "mm")
 
 
-def ours(up: list[float], down: list[float], to: str = "eec", spacing: float = 50.0) -> str:
+def ours(up: list[float], down: list[float], to: str = "axis", spacing: float = 50.0) -> str:
     request = TableRequest(to, "X1", 0.0, FileDatum(0.0))  # type: ignore[arg-type]
     return forms.render(TableFile(convert(measured(up, down, spacing), request).tables))
 
@@ -76,14 +76,14 @@ class TestSwappedDirectionsAndHardWiredPoints:
     up, down = [0.0, 4.0, 6.0], [0.0, -2.0, -4.0]
 
     def test_a_swapped_pair_differs_from_ours_at_every_point(self) -> None:
-        right, swapped = ours(self.up, self.down, "cec"), ours(self.down, self.up, "cec")
+        right, swapped = ours(self.up, self.down, "cross"), ours(self.down, self.up, "cross")
         difference = compare(reader.read(right, "right"), reader.read(swapped, "swapped"))
         assert not difference.same
         assert difference.largest is not None
         assert abs(difference.largest[2]) == pytest.approx(10.0)
 
     def test_ours_keeps_each_direction(self) -> None:
-        plus, minus = reader.read(ours(self.up, self.down, "cec"), "ours").tables
+        plus, minus = reader.read(ours(self.up, self.down, "cross"), "ours").tables
         assert (plus.direction, plus.deviations) == (1, (0.0, 4.0, 6.0))
         assert (minus.direction, minus.deviations) == (-1, (0.0, -2.0, -4.0))
         (mean,) = reader.read(ours(self.up, self.down), "ours").tables

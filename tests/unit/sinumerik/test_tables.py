@@ -21,12 +21,12 @@ MACHINE = MachineIdentity("S", "V", ("X1", "Z1", "C1"))
 
 def eec(deviations: tuple[float, ...], step: float = 1.0, low: float = 0.0, **more: object) -> CompensationTable:
     high = low + step * (len(deviations) - 1)
-    table = CompensationTable("EEC", "X1", "X1", low, high, step, deviations)
+    table = CompensationTable("axis", "X1", "X1", low, high, step, deviations)
     return dataclasses.replace(table, **more)
 
 
-def proof(sign: int, function: str = "CEC", axis: str = "X1") -> SignProof:
-    return SignProof(MACHINE, function, axis, float(sign), 0.01, sign, "2026-01-01")
+def proof(sign: int, kind: str = "cross", axis: str = "X1") -> SignProof:
+    return SignProof(MACHINE, kind, axis, float(sign), 0.01, sign, "2026-01-01")
 
 
 def test_the_manuals_example_of_801_points() -> None:
@@ -176,13 +176,13 @@ def test_quantising_rounds_once_to_the_nearest_step() -> None:
 
 
 def test_cec_needs_this_machines_proof_and_obeys_its_sign() -> None:
-    table = eec((0.0, 5.0, 0.0), 10.0, function="CEC", input_axis="Z1")
+    table = eec((0.0, 5.0, 0.0), 10.0, kind="cross", input_axis="Z1")
     with pytest.raises(TableError, match="E-TABLE-NO-PROOF"):
         tables.stored_values(table)
     with pytest.raises(TableError, match="E-TABLE-NO-PROOF"):
         tables.stored_values(table, proof(1, axis="C1"))
     with pytest.raises(TableError, match="E-TABLE-NO-PROOF"):
-        tables.stored_values(table, proof(1, function="EEC"))
+        tables.stored_values(table, proof(1, kind="axis"))
     assert tables.stored_values(table, proof(1))[1] == Decimal("0.005")
     assert tables.stored_values(table, proof(-1))[1] == Decimal("-0.005")
     text = forms.write([table], [proof(-1)])
@@ -193,7 +193,7 @@ def test_eec_goes_by_the_manual_and_refuses_a_contrary_proof() -> None:
     table = eec((0.0, 5.0, 0.0))
     assert tables.stored_values(table)[1] == Decimal("0.005")
     with pytest.raises(TableError, match="E-TABLE-SIGN"):
-        tables.stored_values(table, proof(-1, function="EEC"))
+        tables.stored_values(table, proof(-1, kind="axis"))
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf"), 1e12])

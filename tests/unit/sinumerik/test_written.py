@@ -53,15 +53,15 @@ def section(name: Any, number: int = 4711) -> tuple[list[str], Saving]:
 
 def test_a_whole_file_gives_the_live_set() -> None:
     live = read_written(TEXT, "back", SAVING)
-    assert live.eec.enabled
-    assert live.eec.table.deviations == pytest.approx((0.0, -2.9988, 0.0), abs=1e-12)
-    assert live.eec.table.modulo
-    assert live.eec.table.input_unit == "deg"
-    (cross,) = live.cec
+    assert live.own.enabled
+    assert live.own.table.deviations == pytest.approx((0.0, -2.9988, 0.0), abs=1e-12)
+    assert live.own.table.modulo
+    assert live.own.table.input_unit == "deg"
+    (cross,) = live.cross
     assert (cross.table.name, cross.enabled, cross.table.index) == ("C1(Z1)", False, 1)
     assert cross.table.deviations == pytest.approx((0.0, 14.4))
     assert (live.backlash, live.native, live.others) == (0.0002, TEXT, ())
-    (turned,) = read_written(TEXT, "back", SAVING, cec_sign=-1).cec
+    (turned,) = read_written(TEXT, "back", SAVING, cec_sign=-1).cross
     assert turned.table.deviations == pytest.approx((0.0, -14.4))
 
 
@@ -187,19 +187,19 @@ def test_an_axis_without_table_memory_still_says_its_switches() -> None:
     saving = Saving("LIVE", 1, "X1", 0, Memory(0))
     text = text_of(saving, dict.fromkeys(backup.axis_settings(saving), "0"))
     live = read_written(text, "live", saving)
-    assert (live.eec.table.deviations, live.eec.table.step, live.eec.enabled) == ((0.0,), 0.0, False)
+    assert (live.own.table.deviations, live.own.table.step, live.own.enabled) == ((0.0,), 0.0, False)
     for place in range(6):
         refusal([line for at, line in enumerate(text.splitlines()) if at != place], saving)
 
 
 def test_a_range_beyond_the_memory_is_shortened_as_the_control_does() -> None:
-    table = read([line.replace("STEP[0,C1]=180", "STEP[0,C1]=60") for line in LINES]).eec.table
+    table = read([line.replace("STEP[0,C1]=180", "STEP[0,C1]=60") for line in LINES]).own.table
     assert (table.maximum, len(table.deviations)) == (180.0, 4)
 
 
 def test_a_file_of_ours_is_still_a_program_and_a_table_file_for_everybody() -> None:
     read_whole = read_loosely(TEXT, "back")
-    assert [table.function for table in read_whole.tables] == ["EEC", "CEC"]
+    assert [table.kind for table in read_whole.tables] == ["axis", "cross"]
     assert "$AN_CEC[0,..]: never loaded (STEP 0)" in read_whole.notes
     codes = {one.error.code for one in TableFiles().findings(TEXT, "back")}
     assert "W-TABLE-NEVER" in codes
@@ -210,7 +210,7 @@ def test_a_file_of_ours_is_still_a_program_and_a_table_file_for_everybody() -> N
 
 X1, Z1 = AxisSpec("X1", "X", eec_points=(4, 3)), AxisSpec("Z1", "Z")
 WORDS = Words()
-NEW = CompensationTable("EEC", "X1", "X1", 0.0, 100.0, 50.0, (0.0, 3.0, 0.0))
+NEW = CompensationTable("axis", "X1", "X1", 0.0, 100.0, 50.0, (0.0, 3.0, 0.0))
 ORDER = PushOrder(4711, NEW, "X", False, True, 0.0, "restore", None)
 
 
@@ -250,7 +250,7 @@ def test_what_the_control_writes_is_what_the_reader_wants(never: bool) -> None:
     memory = Memory(4, (2, 0, 3), ("X1", "Z1"))
     back = read_written(found[0], "back", Saving("BACK", 4711, "X1", 0, memory))
     after = read_written(found[1], "read", Saving("READ", 4711, "X1", 0, memory))
-    assert (back.eec.table.step, after.eec.table.deviations) == (0.0, NEW.deviations)
-    assert [one.table.deviations for one in back.cec] == ([] if never else [(0.0, -1.5, 0.0)])
+    assert (back.own.table.step, after.own.table.deviations) == (0.0, NEW.deviations)
+    assert [one.table.deviations for one in back.cross] == ([] if never else [(0.0, -1.5, 0.0)])
     with pytest.raises(FileFormatError, match="E-SAVED-OTHER"):
         read_written(found[0], "back", Saving("READ", 4711, "X1", 0, memory))

@@ -12,17 +12,17 @@ from gateway.errors import CorruptRecord
 from gateway.store import Proofs
 
 MACHINE = MachineIdentity("SN/1 ö", "V4.8", ("X1", "C1"))
-PROOF = SignProof(MACHINE, "EEC", "X1", -1.01, 0.02, 1, "2026-11-21T10:00:00+00:00")
+PROOF = SignProof(MACHINE, "axis", "X1", -1.01, 0.02, 1, "2026-11-21T10:00:00+00:00")
 
 
 def test_found_again_newest_first(tmp_path: Path) -> None:
     proofs = Proofs(tmp_path)
-    assert proofs.find(MACHINE, "EEC", "X1") is None
+    assert proofs.find(MACHINE, "axis", "X1") is None
     newer = replace(PROOF, slope=-0.99, date_utc="2026-11-22T10:00:00+00:00")
     proofs.save(newer)
     path = proofs.save(PROOF)
     assert path.is_file()
-    assert proofs.find(MACHINE, "EEC", "X1") == newer
+    assert proofs.find(MACHINE, "axis", "X1") == newer
 
 
 @pytest.mark.parametrize(
@@ -30,7 +30,7 @@ def test_found_again_newest_first(tmp_path: Path) -> None:
     [
         replace(MACHINE, serial="SN-2"),
         replace(MACHINE, serial="SN_1 o"),
-        replace(MACHINE, nck_version="V4.9"),
+        replace(MACHINE, version="V4.9"),
         replace(MACHINE, axis_names=("C1", "X1")),
         replace(MACHINE, unit_system="inch"),
     ],
@@ -38,14 +38,14 @@ def test_found_again_newest_first(tmp_path: Path) -> None:
 def test_not_for_another_fingerprint(tmp_path: Path, machine: MachineIdentity) -> None:
     proofs = Proofs(tmp_path)
     proofs.save(PROOF)
-    assert proofs.find(machine, "EEC", "X1") is None
+    assert proofs.find(machine, "axis", "X1") is None
 
 
 def test_not_for_another_function_or_axis(tmp_path: Path) -> None:
     proofs = Proofs(tmp_path)
     proofs.save(PROOF)
-    assert proofs.find(MACHINE, "CEC", "X1") is None
-    assert proofs.find(MACHINE, "EEC", "C1") is None
+    assert proofs.find(MACHINE, "cross", "X1") is None
+    assert proofs.find(MACHINE, "axis", "C1") is None
 
 
 def test_an_altered_proof_is_refused(tmp_path: Path) -> None:
@@ -53,4 +53,4 @@ def test_an_altered_proof_is_refused(tmp_path: Path) -> None:
     path = proofs.save(PROOF)
     path.write_bytes(path.read_bytes().replace(b'"sign":1', b'"sign":-1'))
     with pytest.raises(CorruptRecord):
-        proofs.find(MACHINE, "EEC", "X1")
+        proofs.find(MACHINE, "axis", "X1")

@@ -18,7 +18,7 @@ from gateway.errors import CorruptRecord, FutureSchema, StoreError
 from gateway.store import records
 from tests.unit.store.strategies import all_records, anything, of_type, same
 
-TABLE = CompensationTable("EEC", "X1", "X1", -10.0, 10.0, 10.0, (0.0, 1.25, -0.0))
+TABLE = CompensationTable("axis", "X1", "X1", -10.0, 10.0, 10.0, (0.0, 1.25, -0.0))
 
 
 @pytest.mark.parametrize("kind", all_records(), ids=lambda kind: kind.__name__)
@@ -86,7 +86,7 @@ def test_what_has_no_stored_form_is_refused(value: object) -> None:
     [("serial", 5), ("unit_system", "furlong"), ("axis_names", ("X1", 2)), ("axis_names", "X1")],
 )
 def test_a_wrong_type_is_refused_with_the_fields_name(field: str, value: object) -> None:
-    good = {"serial": "s", "nck_version": "v", "axis_names": ("X1",)}
+    good = {"serial": "s", "version": "v", "axis_names": ("X1",)}
     with pytest.raises(StoreError) as caught:
         records.encode(MachineIdentity(**{**good, field: value}))
     assert field in str(caught.value.fields["what"])
@@ -134,7 +134,7 @@ def test_a_missing_field_takes_its_default_and_needs_one() -> None:
         (lambda e: e["record"].update(step=True), "E-STORE-FIELD"),
         (lambda e: e["record"].update(modulo=1), "E-STORE-FIELD"),
         (lambda e: e["record"].update(index=1.5), "E-STORE-FIELD"),
-        (lambda e: e["record"].update(function="VCS"), "E-STORE-FIELD"),
+        (lambda e: e["record"].update(kind="VCS"), "E-STORE-FIELD"),
         (lambda e: e["record"].update(deviations=5), "E-STORE-FIELD"),
         (lambda e: e.update(record=[]), "E-STORE-FIELD"),
         (lambda e: e.update(record=None), "E-STORE-FIELD"),

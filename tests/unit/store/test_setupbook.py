@@ -48,7 +48,7 @@ def test_another_machine_or_gear_has_its_own(tmp_path: Path) -> None:
     assert book.current(other, "RV 40") == SetupValues()
     assert book.current(MACHINE, "RV 4") == SetupValues()
     assert book.current(MACHINE, "RV 40") == FIRST
-    assert book.current(replace(MACHINE, nck_version="V5"), "RV 40") == FIRST
+    assert book.current(replace(MACHINE, version="V5"), "RV 40") == FIRST
 
 
 def test_an_altered_entry_is_refused(tmp_path: Path) -> None:

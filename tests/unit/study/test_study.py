@@ -114,13 +114,13 @@ def test_everything_is_told_and_the_tooth_gets_better(found: Study) -> None:
         assert data["by_tooth"]["after"][key] < data["by_tooth"]["before"][key]
     assert set(data["one_at_a_time"]) == set(found.names)
     assert len(data["ranking"]["equal_steps"]["rms"]) == 21
-    assert {one["tag"] for one in data["cures"].values()} <= {"EEC", "set-up", "CEC", "product", "mech", "none"}
+    assert {one["tag"] for one in data["cures"].values()} <= {"axis", "set-up", "cross", "product", "mech", "none"}
     assert data["cures"]["EZZ"]["tag"] == "none"
     assert data["floor"]["products_um"] <= data["floor"]["tables_um"] <= data["floor"]["before_um"]
     assert max(abs(v) for a in data["by_axis"] if a["axis"] == "C" for v in a["predicted"]) <= 45.0 + 0.5
     assert data["next"][0]["share"] >= data["next"][-1]["share"]
     assert sum(one["share"] for one in data["next"]) == pytest.approx(1.0)
-    assert {one["function"] for one in data["tables"]} == {"EEC", "CEC"}
+    assert {one["kind"] for one in data["tables"]} == {"axis", "cross"}
     assert data["truncation_um"] < 0.25
 
 

@@ -21,7 +21,7 @@ def measured(up: tuple[float, ...] = UP, down: tuple[float, ...] = DOWN, unit: s
     return MeasuredSet(100.0 * np.arange(len(up)), means[:, None, :] + spread[None, :, None], unit)  # type: ignore[arg-type]
 
 
-def asked(to: str = "eec", **more: object) -> TableRequest:
+def asked(to: str = "axis", **more: object) -> TableRequest:
     return TableRequest(**({"to": to, "axis": "X1", "reference": 100.0, "datum": FileDatum(0.0)} | more))  # type: ignore[arg-type]
 
 
@@ -32,7 +32,7 @@ def found(conversion: Conversion) -> str:
 def test_eec_is_the_mean_of_both_directions_zero_at_the_reference() -> None:
     conversion = convert(measured(), asked(datum=FileDatum(50.0), reference=150.0))
     (table,) = conversion.tables
-    assert (table.function, table.minimum, table.maximum, table.step) == ("EEC", 50.0, 350.0, 100.0)
+    assert (table.kind, table.minimum, table.maximum, table.step) == ("axis", 50.0, 350.0, 100.0)
     assert table.deviations == (-1.5, 0.0, 2.0, 2.0)
     assert "W-COMP-REVERSAL" in found(conversion)
     assert "(1.250 um)" in found(conversion)
@@ -40,12 +40,12 @@ def test_eec_is_the_mean_of_both_directions_zero_at_the_reference() -> None:
 
 
 def test_cec_is_a_pair_with_its_sign_said_to_be_unproven() -> None:
-    conversion = convert(measured(), asked("cec", index=4))
+    conversion = convert(measured(), asked("cross", index=4))
     plus, minus = conversion.tables
     assert (plus.direction, plus.index, plus.deviations) == (1, 4, (-2.0, 0.0, 2.0, 1.0))
     assert (minus.direction, minus.index, minus.deviations) == (-1, 5, (-1.0, 0.0, 2.0, 3.0))
     assert {plus.input_axis, plus.output_axis, minus.output_axis} == {"X1"}
-    assert "W-COMP-CEC-SIGN" in found(conversion)
+    assert "W-COMP-CROSS-SIGN" in found(conversion)
     assert "the reversal at the reference 100 (2.000 um)" in found(conversion)
 
 
@@ -53,7 +53,7 @@ def test_a_file_that_counts_against_the_machine() -> None:
     """machine = 300 - file: positions run back, deviations change sign, + in the file is - on the machine."""
     datum = datum_of([(0.0, 300.0), (300.0, 0.0)])
     assert datum == FileDatum(300.0, -1)
-    plus, minus = convert(measured(), asked("cec", datum=datum, reference=0.0)).tables
+    plus, minus = convert(measured(), asked("cross", datum=datum, reference=0.0)).tables
     assert plus.deviations == (0.0, 1.0, 3.0, 4.0)  # -(DOWN) turned round, less its value at 0
     assert minus.deviations == (0.0, -1.0, 1.0, 3.0)
     (mean,) = convert(measured(), asked(datum=datum, reference=0.0)).tables
@@ -86,7 +86,7 @@ def test_one_direction_makes_eec_with_a_warning_and_no_pair() -> None:
     assert conversion.tables[0].deviations == (-2.0, 0.0, 2.0, 1.0)
     assert "W-COMP-ONE-WAY" in found(conversion)
     with pytest.raises(Gap, match="E-COMP-ONE-WAY"):
-        convert(one, asked("cec"))
+        convert(one, asked("cross"))
 
 
 def test_a_modulo_axis_closes_wherever_it_was_measured() -> None:

@@ -11,9 +11,9 @@ from drivers.tablefile import TableFile
 from drivers.types import CompensationTable
 from gateway.table.filediff import compare
 
-X = CompensationTable("EEC", "X1", "X1", 0.0, 20.0, 10.0, (0.0, 2.0, 1.0))
+X = CompensationTable("axis", "X1", "X1", 0.0, 20.0, 10.0, (0.0, 2.0, 1.0))
 Z = replace(X, input_axis="Z1", output_axis="Z1")
-CROSS = CompensationTable("CEC", "Z1", "C1", 0.0, 20.0, 10.0, (0.0, 2.0, 1.0), index=3, output_unit="deg")
+CROSS = CompensationTable("cross", "Z1", "C1", 0.0, 20.0, 10.0, (0.0, 2.0, 1.0), index=3, output_unit="deg")
 
 
 def test_the_same_content_in_another_order_is_the_same() -> None:

@@ -18,11 +18,11 @@ AT = np.linspace(0.0, 400.0, 21)
 MEANS = 8.0 * np.sin(AT / 100.0)
 
 
-def offer(*, hidden: float = 0.0, rest: float = 0.0, size: float = 1.0, cec: bool = False, of: str = "A1") -> str:
+def offer(*, hidden: float = 0.0, rest: float = 0.0, size: float = 1.0, cross: bool = False, of: str = "A1") -> str:
     known = live(table(None, X, rotary=False), enabled=False)
-    if cec:
-        cross = replace(table(np.arange(41.0), X, rotary=False), function="CEC", index=2, input_axis=of)
-        known = replace(known, cec=(LiveTable(cross, True),))
+    if cross:
+        other = replace(table(np.arange(41.0), X, rotary=False), kind="cross", index=2, input_axis=of)
+        known = replace(known, cross=(LiveTable(other, True),))
     fitted = fit_polygon(AT, size * MEANS, 0.02, name="EXX", axis="X1", axis_unit="mm")
     means = MeasuredMeans(AT, size * MEANS, np.full(AT.size, 0.02), rest, hidden)
     change = propose(axis(rotary=False), fitted, means, known, X, resolution=1e-3, reserved_points=100)
@@ -54,5 +54,5 @@ def test_reversal_that_outweighs_the_gain_refuses() -> None:
 
 
 def test_cec_that_acted_by_the_axis_own_position_refuses() -> None:
-    assert offer(cec=True).startswith("S-COMP-CEC-ON")
-    assert offer(cec=True, of="Z1") == ""
+    assert offer(cross=True).startswith("S-COMP-CROSS-ON")
+    assert offer(cross=True, of="Z1") == ""

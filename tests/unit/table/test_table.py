@@ -172,7 +172,7 @@ def test_change_is_judged_against_what_acts() -> None:
     new = replace(high, deviations=tuple(v + 1.0 for v in high.deviations))
     assert check(new, high, Limits.of("mm"), "A1")
     with pytest.raises(ValueOutOfRange, match="E-COMP-CHANGE"):
-        check(new, effective(live(high, enabled=False).eec), Limits.of("mm"), "A1")
+        check(new, effective(live(high, enabled=False).own), Limits.of("mm"), "A1")
 
 
 @pytest.mark.parametrize("grid", [Grid(0.0, 400.0, 30.0), Grid(0.0, 0.0, 1.0), Grid(0.0, 10.0, 0.0)])
@@ -214,7 +214,7 @@ def test_each_layer_names_its_own_memory() -> None:
     with pytest.raises(TableError, match="MD38000") as eec:
         check_points(11, 10, "X(X)")
     with pytest.raises(TableError, match="MD18342") as cec:
-        check_points(11, 10, "X(Z)", "CEC")
+        check_points(11, 10, "X(Z)", "cross")
     assert "MD18342" not in str(eec.value)
     assert "MD38000" not in str(cec.value)
-    check_points(10, 10, "X(Z)", "CEC")
+    check_points(10, 10, "X(Z)", "cross")

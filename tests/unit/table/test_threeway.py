@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from drivers.types import CompensationTable, LiveTable
 from gateway.table.threeway import compare
 
-BEFORE = CompensationTable("EEC", "C1", "C1", 0.0, 360.0, 90.0, (0.0, 1.0, 2.0, 1.0, 0.0), True, 0, "deg", "deg")
+BEFORE = CompensationTable("axis", "C1", "C1", 0.0, 360.0, 90.0, (0.0, 1.0, 2.0, 1.0, 0.0), True, 0, "deg", "deg")
 APPROVED = replace(BEFORE, deviations=(0.0, 4.0, 6.0, -2.0, 0.0))
-NEVER = CompensationTable("EEC", "C1", "C1", 0.0, 0.0, 0.0, (0.0,), True, 0, "deg", "deg")
+NEVER = CompensationTable("axis", "C1", "C1", 0.0, 0.0, 0.0, (0.0,), True, 0, "deg", "deg")
 ON = LiveTable(APPROVED, enabled=True)
 ALLOWED = 0.001
 

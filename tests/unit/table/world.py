@@ -23,7 +23,7 @@ def table(values: np.ndarray | None, grid: Grid, *, rotary: bool) -> Compensatio
     points = grid.points
     found = np.zeros_like(points) if values is None else values
     return CompensationTable(
-        "EEC", "A1", "A1", grid.minimum, grid.maximum, grid.step, tuple(float(v) for v in found), rotary, 0,
+        "axis", "A1", "A1", grid.minimum, grid.maximum, grid.step, tuple(float(v) for v in found), rotary, 0,
         unit, unit,
     )  # fmt: skip
 
@@ -50,7 +50,7 @@ class Round:
 def turn(world: little.Truth, seed: int, *, rotary: bool, acts: LiveSet | None = None) -> Round:
     grid = C_GRID if rotary else X_GRID
     known = acts or live(table(None, grid, rotary=rotary), enabled=False)
-    now = effective(known.eec)
+    now = effective(known.own)
     ends = (0.0, 345.0, 24) if rotary else (0.0, 400.0, 21)
     targets = little.unequal_targets(*ends, seed + 1000)
     x = little.capture(world, targets, seed + 5000, residual=lambda q: world.error(q) - now.at(q))

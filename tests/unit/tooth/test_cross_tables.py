@@ -30,8 +30,8 @@ class Control:
     memory: tuple[int, ...]
     asked: list[int] = field(default_factory=list)
 
-    async def table_limits(self, axis: str, function: str, index: int) -> TableLimits:
-        assert (axis, function) in {("X1", "CEC"), ("C1", "CEC")}
+    async def table_limits(self, axis: str, kind: str, index: int) -> TableLimits:
+        assert (axis, kind) in {("X1", "cross"), ("C1", "cross")}
         self.asked.append(index)
         if index >= len(self.memory):
             raise DeviceRefused("E-MBX-TABLE", axis)
@@ -51,12 +51,12 @@ def held(
 ) -> LiveTable:
     values = (0.0, value, 0.0, 0.0, 0.0)
     return LiveTable(
-        CompensationTable("CEC", over, out, 0.0, 40.0, 10.0, values, index=index, direction=direction), enabled
+        CompensationTable("cross", over, out, 0.0, 40.0, 10.0, values, index=index, direction=direction), enabled
     )
 
 
 def live(axis: str, cec: tuple[LiveTable, ...] = (), others: tuple[LiveTable, ...] = ()) -> LiveSet:
-    own = LiveTable(CompensationTable("EEC", axis, axis, 0.0, 0.0, 0.0, (0.0,)), enabled=False)
+    own = LiveTable(CompensationTable("axis", axis, axis, 0.0, 0.0, 0.0, (0.0,)), enabled=False)
     return LiveSet(axis, own, cec, 0.0, "", f"digest of {axis}", others)
 
 

@@ -11,7 +11,7 @@ from drivers.types import CompensationTable
 from gateway.domain import TableChange
 from gateway.workflow.axes.explaining import explain
 
-OLD = CompensationTable("EEC", "C1", "C1", 0.0, 360.0, 60.0, (0.0, 2.0, 4.0, 2.0, -1.0, -3.0, 0.0), True)
+OLD = CompensationTable("axis", "C1", "C1", 0.0, 360.0, 60.0, (0.0, 2.0, 4.0, 2.0, -1.0, -3.0, 0.0), True)
 NEW = replace(OLD, deviations=(0.0, 9.0, 15.0, 4.0, -12.0, -9.0, 0.0))
 TARGETS = np.arange(0.0, 360.0, 15.0)
 SHAPE = NEW.at(TARGETS) - OLD.at(TARGETS)

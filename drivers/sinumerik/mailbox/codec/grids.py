@@ -94,7 +94,7 @@ def begin_order(table: CompensationTable, points: int, axes: Mapping[str, Mailbo
 def naming(table: CompensationTable, axes: Mapping[str, MailboxAxis], command: Command = Command.SELECT) -> Order:
     """A command that names a table and nothing of what is in it."""
     output = axes[table.output_axis].number
-    if table.function == "EEC":
+    if table.kind == "axis":
         return Order(command, Kind.EEC, output, table.index)
     return Order(command, Kind.CEC, table.index, input_axis=axes[table.input_axis].number, output_axis=output)
 
@@ -102,7 +102,7 @@ def naming(table: CompensationTable, axes: Mapping[str, MailboxAxis], command: C
 def flags_of(table: CompensationTable) -> int:
     """Register 21 of a table. Raises TableError (E-MBX-KIND) for a direction or type that EEC does not have."""
     direction = {0: 0, 1: TableFlag.POSITIVE, -1: TableFlag.NEGATIVE}[table.direction]
-    if table.table_type not in (0, 1) or (table.function == "EEC" and (direction or table.table_type)):
+    if table.table_type not in (0, 1) or (table.kind == "axis" and (direction or table.table_type)):
         raise TableError("E-MBX-KIND", table.name, table=table.name)
     return int((TableFlag.MODULO if table.modulo else 0) | direction | (TableFlag.CYLINDER if table.table_type else 0))
 
@@ -116,7 +116,7 @@ def numbers_of(table: CompensationTable, values: Sequence[Decimal], unit: AxisUn
 class Stored:
     """One table as read back: the picture it came with and all reserved points."""
 
-    function: Literal["EEC", "CEC"]
+    kind: Literal["axis", "cross"]
     picture: Picture
     points: tuple[int, ...]
 
@@ -132,13 +132,13 @@ def saved_text(tables: Sequence[Stored], axes: Mapping[int, MailboxAxis], saving
         cec_switch: str(int(SwitchBit.CEC_AXIS in own.switches)),
     }
     for table in tables:
-        values |= _eec(table, axis, saving) if table.function == "EEC" else _cec(table, axes)
+        values |= _eec(table, axis, saving) if table.kind == "axis" else _cec(table, axes)
     return text_of(saving, values)
 
 
 def memory_of(tables: Sequence[Stored]) -> Memory:
     """What the tables that were read have reserved; tables that were not read count as none."""
-    cross = {table.picture.selection.index: len(table.points) for table in tables if table.function == "CEC"}
+    cross = {table.picture.selection.index: len(table.points) for table in tables if table.kind == "cross"}
     return Memory(len(tables[0].points), tuple(cross.get(number, 0) for number in range(max(cross, default=-1) + 1)))
 
 

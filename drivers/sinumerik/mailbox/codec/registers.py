@@ -116,6 +116,9 @@ class Kind(IntEnum):
     TEMPERATURE = 4
 
 
+KINDS = {"axis": Kind.EEC, "cross": Kind.CEC}
+
+
 class StatusBit(IntFlag):
     """Register 5."""
 

@@ -1,0 +1,40 @@
+"""What a SINUMERIK's manuals call the two kinds of tables, their memory and the acts of a person."""
+
+from __future__ import annotations
+
+from drivers.terms import Terms
+
+SINUMERIK = Terms(
+    own="EEC",
+    cross="CEC",
+    own_key="eec",
+    cross_key="cec",
+    own_rule="EEC acts on the actual side: a positive stored value moves the axis in the negative direction",
+    own_side="The encoder error compensation (EEC) acts on the actual value: a positive value moves the axis in the "
+    "negative direction.",
+    cross_rule="CEC acts on the setpoint side; its sense is not taken from a manual but measured",
+    sign_doubt="CEC SIGN UNPROVEN: values follow the EEC convention (value = +deviation)",
+    own_memory="MD38000 $MA_MM_ENC_COMP_MAX_POINTS",
+    cross_memory="MD18342 $MN_MM_CEC_MAX_POINTS",
+    own_reserve="MD38000",
+    cross_reserve="MD18342",
+    backlash="MD32450",
+    product="$AN_CEC_MULT_BY_TABLE",
+    axis_name="MD10000",
+    start="NC START",
+    restart="NCK reset",
+    version="NCK version",
+    controls="840D, 828D, 808D or 802D",
+    suffixes=".spf, .mpf, .ini or .arc",
+    program_suffix=".mpf",
+    tables_suffix=".spf",
+    older={
+        "function": "kind",
+        "EEC": "axis",
+        "CEC": "cross",
+        "eec": "own",
+        "cec": "cross",
+        "with_eec": "with_own",
+        "nck_version": "version",
+    },
+)

@@ -1,0 +1,108 @@
+"""The field's words for what a control holds and asks of a person; each driver of a control brings its own.
+
+Programs and records say "axis" and "cross"; what people read says what stands in the control's manual. One process
+serves one machine, so one set of terms is spoken in it, as one language is. Above this floor nobody writes such a
+word: texts of the catalogue ask for a term by ``{term_NAME}``, all others by `spoken`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+TableKind = Literal["axis", "cross"]
+PREFIX = "term_"
+
+
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """What people call the tables of a control, where their memory is set, and how they consent; the plain words here.
+
+    ``own`` and ``cross`` are the kinds of tables, ``own_key`` and ``cross_key`` how they are typed and named
+    (X1-cec3); ``own_rule`` and ``cross_rule`` say in one sentence which way a stored value acts, ``own_side`` where.
+    ``own_memory`` and ``cross_memory`` name the setting that reserves points, ``own_reserve`` and ``cross_reserve``
+    in short; ``backlash`` that of the reversal; ``product`` how tables multiply. ``start`` and ``restart`` are what
+    a person does. ``older`` maps keys and kinds of records kept by versions that wrote the control's own words.
+    """
+
+    own: str = "axis table"
+    cross: str = "cross table"
+    own_key: str = "axis"
+    cross_key: str = "cross"
+    own_rule: str = "a positive value moves the axis in the negative direction"
+    own_side: str = "acts on the axis"
+    cross_rule: str = "its sense is not taken from a manual but measured"
+    sign_doubt: str = "sign unproven: values follow value = +deviation"
+    own_memory: str = "memory of axis tables"
+    cross_memory: str = "memory of cross tables"
+    own_reserve: str = "memory"
+    cross_reserve: str = "memory"
+    backlash: str = "backlash"
+    product: str = "multiplication of tables"
+    axis_name: str = "name in the control"
+    start: str = "START"
+    restart: str = "restart"
+    version: str = "version"
+    controls: str = ""
+    suffixes: str = ""
+    program_suffix: str = ".txt"
+    tables_suffix: str = ".txt"
+    older: Mapping[str, str] = field(default_factory=dict)
+
+    def kind(self, kind: TableKind) -> str:
+        """What people call a table of this kind."""
+        return self.own if kind == "axis" else self.cross
+
+    def name(self, kind: TableKind, axis: str, index: int) -> str:
+        """A table among all of a machine: "X1" for an axis' own, "X1-cec3" for cross table 3 of it."""
+        return axis if kind == "axis" else f"{axis}-{self.cross_key}{index}"
+
+    def axis_of(self, name: str) -> str:
+        """The axis of a table's name: "X1" of "X1-cec3"."""
+        return name.partition(f"-{self.cross_key}")[0]
+
+    def is_cross(self, name: str) -> bool:
+        """Whether a table's name is that of a cross table."""
+        return f"-{self.cross_key}" in name
+
+    def cross_index(self, word: str) -> int | None:
+        """The number in "cec3"; None where the word names no cross table."""
+        found = re.fullmatch(re.escape(self.cross_key) + r"(\d{1,2})", word)
+        return int(found.group(1)) if found else None
+
+
+_SPOKEN = [Terms()]
+
+
+def speak(terms: Terms) -> None:
+    """From now on this process speaks the terms of this control."""
+    _SPOKEN[0] = terms
+
+
+def spoken() -> Terms:
+    """The terms of the control that this process works with; the plain words before any is known."""
+    return _SPOKEN[0]
+
+
+def filled(key: str) -> str | None:
+    """The term that a text of the catalogue asks for as ``{term_NAME}``; None for any other field."""
+    if not key.startswith(PREFIX):
+        return None
+    found = getattr(spoken(), key.removeprefix(PREFIX), None)
+    return found if isinstance(found, str) else None
+
+
+def in_todays_words(data: Any) -> Any:
+    """JSON data of a kept record with keys and kinds as they are written today; whatever is no such word stays."""
+    older = spoken().older
+    if isinstance(data, dict):
+        return {older.get(key, key): _value(key, value, older) for key, value in data.items()}
+    return [in_todays_words(item) for item in data] if isinstance(data, list) else data
+
+
+def _value(key: str, value: Any, older: Mapping[str, str]) -> Any:
+    if isinstance(value, str):
+        return older.get(value, value) if older.get(key) == "kind" else value
+    return in_todays_words(value)

@@ -1,0 +1,41 @@
+"""Above the port nobody writes one maker's words: tables, machine data and variables are named by the driver."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from drivers import registry
+from drivers.terms import Terms
+
+ROOT = Path(__file__).parents[2]
+MAKERS = {
+    "kinds of tables": re.compile(r"(?<![A-Za-z])(EEC|CEC|eec|cec)(?![a-z])"),
+    "machine and setting data": re.compile(r"\b[MS]D_?\d{4,5}\b"),
+    "variables of the control": re.compile(r"\$[A-Z]{1,2}_[A-Z]"),
+    "what the person presses": re.compile(r"NC START|NCK"),
+    "the maker's controls and files": re.compile(r"\b8[0-9]{2}D\b|\.[ms]pf\b"),
+    "fields of the fingerprint": re.compile(r"nck_version"),
+}
+
+
+def _files() -> list[Path]:
+    kinds = (".py", ".j2", ".js", ".html")
+    return sorted(path for path in (ROOT / "gateway").rglob("*") if path.suffix in kinds)
+
+
+@pytest.mark.parametrize("what", MAKERS)
+def test_no_file_above_the_port_has_a_word_of_one_maker(what: str) -> None:
+    found = [str(path.relative_to(ROOT)) for path in _files() if MAKERS[what].search(path.read_text(encoding="utf-8"))]
+    assert found == []
+
+
+def test_every_registered_control_brings_its_words() -> None:
+    assert [name for name in registry.known("controller") if registry.terms_of(name) in (None, Terms())] == []
+
+
+def test_the_patterns_find_what_they_are_for() -> None:
+    texts = ("the EEC table", "MD38000", "$AN_CEC_TYPE", "press NC START", "an 840D, or x.mpf", "nck_version")
+    assert all(pattern.search(text) for pattern, text in zip(MAKERS.values(), texts, strict=True))
