@@ -19,6 +19,7 @@ ENTRIES = (
     "simulators.cell.__main__",
     "simulators.pytest_plugin",
     "drivers.registry",
+    "drivers.contract",
 )
 PURE = ("evaluate", "correct", "model", "gear", "sensitivity", "guard")
 LARGEST_FOLDER, LONGEST_FILE = 18, 300
