@@ -8,6 +8,7 @@ from typing import Literal, Protocol, runtime_checkable
 
 from drivers.checks import CheckLine, TrustView, Wanted
 from drivers.tablefile import ArchiveMember, TableFile, TableFinding, TableMachine
+from drivers.terms import TableKind
 from drivers.types import (
     Ambient,
     Capabilities,
@@ -156,7 +157,8 @@ class Controller(Device, Protocol):
     """A machine controller that measures by hand-shake and takes compensation tables.
 
     Reads may be retried by the caller; a write is never retried: after DeadlineExceeded the outcome is
-    unknown and must be read back. Nothing here starts a program: the operator presses NC START.
+    unknown and must be read back. Nothing here starts a program: the operator does. What a control
+    cannot do it declares, and refuses as unsupported; `drivers.contract` holds every controller to this port.
     """
 
     @property
@@ -172,7 +174,7 @@ class Controller(Device, Protocol):
         """Read the machine state afresh."""
         ...
 
-    async def table_limits(self, axis: str, kind: Literal["axis", "cross"] = "axis", index: int = 0) -> TableLimits:
+    async def table_limits(self, axis: str, kind: TableKind = "axis", index: int = 0) -> TableLimits:
         """Reserved points and value resolution: of encoder ``index`` or of cross table ``index``."""
         ...
 
@@ -202,7 +204,7 @@ class Controller(Device, Protocol):
     async def saved_tables(self, axis: str) -> LiveSet:
         """The live tables: from the file that the last `prepare_stops` program wrote before its first move.
 
-        Without `Capabilities.programs` they are read directly, afresh. Deviations of cross tables are the stored
+        Without `Capabilities.stops` they are read directly, afresh. Deviations of cross tables are the stored
         values.
         """
         ...
@@ -213,18 +215,19 @@ class Controller(Device, Protocol):
     async def wait_ground(self, after: int, timeout_s: float) -> int | None:
         """Spaces done once > ``after`` (-1: begun), None: ended. Raises DeadlineExceeded, DeviceRefused (alarm...)."""
 
-    async def prepare_push(self, order: PushOrder) -> None:
+    async def stage(self, order: PushOrder) -> None:
         """Get ready to load: nothing of the compensation changes yet; the person at the machine starts it.
 
-        With `Capabilities.programs` the two-half program is generated, sent, read back and selected. With
-        `Capabilities.marker` the marker says in-progress with the order's number when this returns.
+        Where programs load it, the program is generated, sent, read back and selected. What its abilities
+        lack is refused here (TableError, DeviceRefused), with nothing sent. With `Capabilities.marker` the marker says
+        in-progress with the order's number when this returns.
         """
         ...
 
-    async def wait_loaded(self, order: PushOrder, timeout_s: float) -> tuple[LiveSet, LiveSet]:
+    async def read_back(self, order: PushOrder, timeout_s: float) -> tuple[LiveSet, LiveSet]:
         """Disable, write, read all back; (back-up of the old, read-back of the new). The new one stays off.
 
-        Deviations of cross tables of both carry the sign of the order's proof. A program has then reached its M0. A
+        Deviations of cross tables of both carry the sign of the order's proof. A
         table never loaded (step 0) is restored as such, or, where the road cannot say that, as zeros on the grid there.
 
         Raises DeviceRefused when the program itself counted mismatches or ended by another way.
@@ -234,28 +237,29 @@ class Controller(Device, Protocol):
     async def backup_of(self, order: PushOrder) -> LiveSet:
         """What stood before ``order`` began, as the controller or this driver kept it under the order's number.
 
-        With `Capabilities.programs` from the file that the order's first half wrote, also in a later process; else
-        from `prepare_push`, in the same process. Deviations of cross tables carry the sign of the order's proof.
+        With `Capabilities.stops` from the file that the order's first half wrote, also in a later process; else
+        from `stage`, in the same process. Deviations of cross tables carry the sign of the order's proof.
         Raises DeviceRefused when there is none, FileFormatError when it is not whole or of another order.
         """
         ...
 
-    async def release_push(self, order: PushOrder) -> None:
-        """Set the release word to the transaction number; the operator's second NC START enables."""
+    async def activate(self, order: PushOrder) -> None:
+        """Release the loaded table under the transaction's number; what enables it is the person's next act."""
         ...
 
-    async def wait_enabled(self, order: PushOrder, timeout_s: float) -> bool:
-        """Wait for the second half's end: true if it enabled, false if it left compensation disabled."""
+    async def confirm(self, order: PushOrder, timeout_s: float) -> bool:
+        """Wait for the outcome: true if the table is switched on, or will be by the restart; false if left off."""
         ...
 
-    async def wait_activated(self, order: PushOrder, timeout_s: float) -> None:
-        """Wait while the operator does NCK reset and reference run, until the axis is referenced again."""
+    async def restarted(self, order: PushOrder, timeout_s: float) -> None:
+        """Wait while the operator restarts the control and references, until the table acts."""
         ...
 
-    async def switch_table(self, order: PushOrder, enable: bool, timeout_s: float) -> None:
+    async def switch(self, order: PushOrder, enable: bool, timeout_s: float) -> None:
         """Switch the order's table on or off and wait until it acts or is gone, confirmed at the machine.
 
-        Raises UnsupportedDevice (E-NC-NO-SWITCHING) without `Capabilities.switching`, DeadlineExceeded, DeviceRefused.
+        Raises UnsupportedDevice (E-NC-NO-SWITCHING) unless `Capabilities.switched` is "by-itself", DeadlineExceeded,
+        DeviceRefused.
         """
         ...
 
@@ -266,7 +270,7 @@ class Controller(Device, Protocol):
     async def prepare_disable(self, order: DisableOrder) -> None:
         """Get ready to switch a table off, wherever its axis stands; nothing changes yet.
 
-        With `Capabilities.programs` a program that does only this is sent, read back and selected; the person at
+        With `Capabilities.stops` a program that does only this is sent, read back and selected; the person at
         the machine starts it. Raises DeviceRefused when the machine may not be switched now.
         """
         ...

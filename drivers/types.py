@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.terms import spoken
+from drivers.terms import TableKind, spoken
 from drivers.units import AxisUnit, DeviationUnit, deviation_unit
 
 FloatArray = NDArray[np.float64]
@@ -121,19 +121,49 @@ class MachineState:
 
 
 @dataclass(frozen=True, slots=True)
-class Capabilities:
-    """What the road to a controller can do; a push asks before it begins.
+class TableAbility:
+    """One kind of table that a control holds.
 
-    ``programs``: runs motion programs of ours (stops, hand-shake, saved tables); without them the tables are
-    read directly and the axis is moved by the operator. ``switching``: a table can be switched on and off by
-    itself, each time confirmed at the machine. ``marker``: the controller keeps the number and state of the
-    transaction where it outlives the gateway's PC. ``consent`` is how the person at the machine agrees.
+    ``grid``: points of equal step, or at free positions. ``most_points`` of one table; None where the control's own
+    memory says (`Controller.table_limits`). ``directions``: how the two directions of travel differ: not at all, by a
+    table for each, or by a second column of the same table.
     """
 
-    programs: bool
-    switching: bool
+    kind: TableKind
+    grid: Literal["equal-step", "free"] = "equal-step"
+    directions: Literal["none", "tables", "columns"] = "none"
+    most_points: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Capabilities:
+    """What the road to a controller can do; whoever works with it asks before it begins.
+
+    ``stops``: runs motion programs of ours (stops, hand-shake, saved tables); without them the tables are read
+    directly and the axis is moved by the operator. ``tables`` are the kinds it holds. ``switched``: how a table is
+    switched on and off: at a stop of such a program, by itself, or only by a restart of the control. ``marker``: the
+    controller keeps the number and state of the transaction where it outlives the gateway's PC. ``consent`` is how
+    the person at the machine agrees. ``grinding``: grinds a test part. ``alarms``: its state names alarms.
+    ``acting_tables``: the tables that act can be read; else only what was loaded, and the acting value.
+    """
+
+    stops: bool
+    tables: tuple[TableAbility, ...]
+    switched: Literal["at-stop", "by-itself", "by-restart"]
     marker: bool
-    consent: Literal["nc-start", "panel"]
+    consent: Literal["start", "panel", "restart"]
+    grinding: bool = False
+    alarms: bool = True
+    acting_tables: bool = True
+
+    @property
+    def switches_now(self) -> bool:
+        """Whether a table can be switched while the control runs, as a proof of its sign needs."""
+        return self.switched != "by-restart"
+
+    def table(self, kind: TableKind) -> TableAbility | None:
+        """What the control can do with tables of a kind; None where it has none."""
+        return next((one for one in self.tables if one.kind == kind), None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,10 +200,12 @@ class CompensationTable:
     ``minimum``, ``maximum``, ``step`` are in the input axis' unit; ``deviations`` has k+1 values for
     k = (maximum-minimum)/step, in the deviation unit of the *output* axis. ``kind`` "axis": an axis' own table (input =
     output); "cross": of one axis over another. ``index`` is the encoder of an axis table and the number of a cross
-    table. ``direction`` 0 both, +1/-1 one travel direction of the input axis (cross tables only).
+    table. ``direction`` 0 both, +1/-1 one travel direction of the input axis (cross tables only). ``places`` are points
+    at free positions, rising, () where the step is equal; ``reverse`` is the curve of the negative direction of travel,
+    () where ``deviations`` holds for both. A control takes what its `TableAbility` says and refuses the rest.
     """
 
-    kind: Literal["axis", "cross"]
+    kind: TableKind
     input_axis: str
     output_axis: str
     minimum: float
@@ -187,6 +219,8 @@ class CompensationTable:
     direction: Literal[-1, 0, 1] = 0
     multiply_by: int = 0
     table_type: int = 0
+    places: tuple[float, ...] = ()
+    reverse: tuple[float, ...] = ()
 
     @property
     def deviation_unit(self) -> DeviationUnit:
@@ -196,6 +230,8 @@ class CompensationTable:
     @property
     def positions(self) -> FloatArray:
         """Interpolation points in the input axis' unit, shape (k+1,)."""
+        if self.places:
+            return np.asarray(self.places, dtype=np.float64)
         return self.minimum + self.step * np.arange(len(self.deviations), dtype=np.float64)
 
     @property
@@ -203,9 +239,18 @@ class CompensationTable:
         """Short name, output first: X(X), C(Z)."""
         return f"{self.output_axis}({self.input_axis})"
 
-    def at(self, positions: FloatArray) -> FloatArray:
-        """Deviation at input positions, shape as given: linear between points, clamped or modulo outside."""
-        values = np.asarray(self.deviations, dtype=np.float64)
+    @property
+    def is_plain(self) -> bool:
+        """Whether points of equal step and one curve for both directions are all there is to it."""
+        return not self.places and not self.reverse
+
+    def at(self, positions: FloatArray, approach: Approach = 1) -> FloatArray:
+        """Deviation at input positions, shape as given: linear between points, clamped or modulo outside.
+
+        ``approach`` chooses the curve where the table has one for each direction.
+        """
+        curve = self.reverse if approach < 0 and self.reverse else self.deviations
+        values = np.asarray(curve, dtype=np.float64)
         wanted = np.asarray(positions, dtype=np.float64)
         if self.modulo:
             wanted = self.minimum + np.mod(wanted - self.minimum, self.maximum - self.minimum)
@@ -225,10 +270,10 @@ class LiveSet:
     """Everything that compensates one axis right now: tables, switches, backlash; and the text as read.
 
     ``backlash`` is the constant reversal the control takes up, in the axis unit. ``native`` is the loadable back-up
-    exactly as the controller wrote it; ``digest`` its sha256. ``own`` is the axis' own table; that of an axis that
-    never had one is all zero and disabled. ``cross`` are the cross tables whose output is this axis, ``others`` those
-    of other outputs, as far as they are known. Cross tables hold the stored values unless a proof was given with the
-    order that led to this set.
+    exactly as the controller wrote it; ``digest`` is the same as long as the tables are. ``own`` is the axis' own
+    table; that of an axis that never had one is all zero and disabled. ``cross`` are the cross tables whose output is
+    this axis, ``others`` those of other outputs, as far as they are known. Cross tables hold the stored values unless
+    a proof was given with the order that led to this set.
     """
 
     axis: str
@@ -260,7 +305,7 @@ class Stop:
 class StopPlan:
     """A motion programme of one axis: stop, hand-shake, next stop. Positions are machine coordinates.
 
-    ``setup`` is the operator's message shown before the M0 that precedes the first move ("" for none).
+    ``setup`` is the operator's message shown before the first move ("" for none).
     ``feed`` in mm/min or deg/min; ``overrun`` moves beyond reversal so that each stop is approached from
     its own side; ``dwell_s`` passes before each hand-shake; ``save_tables`` writes the live tables first.
     ``output_axis`` ("": the axis that moves) is the one whose tables are saved and whose compensation is shown,
@@ -310,7 +355,7 @@ class SignProof:
     """
 
     machine: MachineIdentity
-    kind: Literal["axis", "cross"]
+    kind: TableKind
     output_axis: str
     slope: float
     slope_u: float
@@ -352,7 +397,7 @@ class DisableOrder:
     """
 
     transaction: int
-    kind: Literal["axis", "cross"]
+    kind: TableKind
     axis: str
     index: int = 0
 

@@ -42,7 +42,7 @@ class Rig:
 
     async def visit(self, plan: StopPlan, at_stop: AtStop) -> None:
         """Visit a plan's stops: by a program, or where the road runs none by the operator's hand."""
-        if self.controller.capabilities.programs:
+        if self.controller.capabilities.stops:
             await walk(self.controller, plan, at_stop=at_stop, patience=self.patience, say=self.say)
         else:
             await jog_through(

@@ -39,13 +39,13 @@ async def stand_at(context: PushContext, position: float, room: float) -> AxisSt
 async def visit_by_hand(context: PushContext, plan: StopPlan, at_stop: AtStop, order: PushOrder | None) -> None:
     """Be at each stop as the operator jogs there; the target reported is where the axis really stands.
 
-    A stop's switch is `Controller.switch_table` of ``order``. Raises as `stand_at` and that call.
+    A stop's switch is `Controller.switch` of ``order``. Raises as `stand_at` and that call.
     """
     room = room_of(order.table) if order is not None else FARTHEST
     for number, stop in enumerate(plan.stops, start=1):
         await stand_at(context, stop.target, room)
         if stop.switch is not None and order is not None:
-            await context.controller.switch_table(order, stop.switch, context.start_timeout_s)
+            await context.controller.switch(order, stop.switch, context.start_timeout_s)
         await at_stop(stop, await _reached(context, stop, number))
 
 

@@ -16,6 +16,7 @@ from gateway.interlocks.facts import rest_of
 GRID_TOLERANCE = 1e-6
 # A driver's stated resolution is taken up to this much, so that a wrong one cannot make all tables alike.
 COARSEST = 0.05
+_CURVES = ("deviations", "places", "reverse")
 _EXACT = ("kind", "input_axis", "output_axis", "modulo", "index", "direction", "multiply_by", "table_type")
 
 
@@ -42,12 +43,18 @@ def _differences(wanted: CompensationTable, found: CompensationTable, allowed: f
     for name in ("minimum", "maximum", "step"):
         if not abs(getattr(wanted, name) - getattr(found, name)) <= GRID_TOLERANCE:
             yield f"{name} {getattr(wanted, name)} is {getattr(found, name)}"
-    if len(wanted.deviations) != len(found.deviations):
-        yield f"{len(wanted.deviations)} points are {len(found.deviations)}"
+    yield from _points("place", wanted.places, found.places, GRID_TOLERANCE)
+    yield from _points("point", wanted.deviations, found.deviations, allowed)
+    yield from _points("reverse point", wanted.reverse, found.reverse, allowed)
+
+
+def _points(what: str, wanted: tuple[float, ...], found: tuple[float, ...], allowed: float) -> Iterator[str]:
+    if len(wanted) != len(found):
+        yield f"{len(wanted)} {what}s are {len(found)}"
         return
-    for number, (value, other) in enumerate(zip(wanted.deviations, found.deviations, strict=True)):
+    for number, (value, other) in enumerate(zip(wanted, found, strict=True)):
         if not abs(value - other) <= allowed:
-            yield f"point {number}: {value} is {other}"
+            yield f"{what} {number}: {value} is {other}"
 
 
 def same_table(one: LiveTable, two: LiveTable, allowed: float) -> bool:
@@ -237,4 +244,5 @@ def table_facts(table: CompensationTable) -> dict[str, Any]:
 
 def table_from(facts: Mapping[str, Any]) -> CompensationTable:
     """The table that `table_facts` noted."""
-    return CompensationTable(**{**facts, "deviations": tuple(map(float, facts["deviations"]))})
+    known: dict[str, Any] = {"places": (), "reverse": (), **facts}
+    return CompensationTable(**{**known, **{name: tuple(map(float, known[name])) for name in _CURVES}})

@@ -90,7 +90,7 @@ async def facts_at_start(
 
 def _modes(context: PushContext) -> tuple[str, ...]:
     """Where the operator's hand moves the axes the control may be in JOG as well."""
-    return context.modes if context.controller.capabilities.programs else (*context.modes, "JOG")
+    return context.modes if context.controller.capabilities.stops else (*context.modes, "JOG")
 
 
 async def read_live(context: PushContext, position: float) -> LiveSet:
@@ -99,7 +99,7 @@ async def read_live(context: PushContext, position: float) -> LiveSet:
     Saved by a program that visits one stop, or read directly where the road runs no programs. Raises what the
     port raises: DeadlineExceeded when nobody starts it, DeviceRefused on an alarm.
     """
-    if context.controller.capabilities.programs:
+    if context.controller.capabilities.stops:
         context.say("P-PUSH-READ", axis=context.axis.name)
         stop = Stop(position, approach_to(context, position))
         await visit(context, plan_of(context, "TFREAD", (stop,)), _nothing)
@@ -162,7 +162,7 @@ async def visit(context: PushContext, plan: StopPlan, at_stop: AtStop, order: Pu
     async def note(_index: int, stop: Stop, found: StopReached) -> None:
         await at_stop(stop, found)
 
-    if context.controller.capabilities.programs:
+    if context.controller.capabilities.stops:
         await walk(context.controller, plan, note, Patience(context.start_timeout_s, context.stop_timeout_s))
     else:
         await visit_by_hand(context, plan, at_stop, order)

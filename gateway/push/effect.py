@@ -48,7 +48,7 @@ async def prove_effect(work: Work, positions: tuple[float, ...], base: LiveSet) 
         shown.append(await _look(work, base, reached))
 
     context.say("P-PUSH-EFFECT", axis=context.moved.name, count=len(positions))
-    places = (*positions, work.agreeing_position) if context.controller.capabilities.programs else positions
+    places = (*positions, work.agreeing_position) if context.controller.capabilities.stops else positions
     # The input axis of a cross table ends where it disturbs the next table of the same output least.
     stops = conversation.stops_at(context, places if table.kind == "cross" else positions)
     order = work.order(table, True, "table", work.number)

@@ -34,7 +34,7 @@ async def load(work: Work, order: PushOrder, base: LiveSet | None) -> None:
     work.note("DISABLE", order=order.transaction, purpose=order.purpose, **_stood(work))
     work.marked, work.cut_short = order, True
     work.sent.add(order.transaction)
-    await context.controller.prepare_push(order)
+    await context.controller.stage(order)
     await _check_marker(work, order)
     context.say("P-PUSH-LOAD", axis=work.axis, transaction=order.transaction)
     kept = await _kept_before(work, order, base)
@@ -53,7 +53,7 @@ async def _kept_before(work: Work, order: PushOrder, base: LiveSet | None) -> Li
     Raises VerifyError (E-PUSH-LOST-UPDATE); nothing was changed then, and there is nothing to take back.
     """
     controller = work.context.controller
-    if controller.capabilities.programs:
+    if controller.capabilities.stops:
         return None
     backup = await controller.backup_of(order)
     keep_backup(work, order, backup)
@@ -83,7 +83,7 @@ def _stood(work: Work) -> dict[str, object]:
 async def _loaded(work: Work, order: PushOrder) -> tuple[LiveSet, LiveSet]:
     """What stood before and what stands now, once every point has been written, or was found to differ after that."""
     try:
-        found = await work.context.controller.wait_loaded(order, work.context.start_timeout_s)
+        found = await work.context.controller.read_back(order, work.context.start_timeout_s)
     except TrueflankError as error:
         work.cut_short = error.code not in RAN_THROUGH
         work.protected = work.protected or error.code == PROTECTED
@@ -94,7 +94,7 @@ async def _loaded(work: Work, order: PushOrder) -> tuple[LiveSet, LiveSet]:
 
 async def _stand(work: Work, order: PushOrder) -> None:
     """A program moves the axis where the tables agree; without programs the operator does."""
-    if not work.context.controller.capabilities.programs:
+    if not work.context.controller.capabilities.stops:
         await stand_at(work.context, order.agreeing_position, room_of(order.table, work.restore_to.table))
 
 
@@ -161,15 +161,15 @@ async def release(work: Work, order: PushOrder) -> None:
     await _stand(work, order)
     await _ask_again(work, order)
     work.note("ENABLE", order=order.transaction, enable=order.enable)
-    await context.controller.release_push(order)
+    await context.controller.activate(order)
     context.say("P-PUSH-RELEASE", axis=work.axis, transaction=order.transaction)
-    enabled = await context.controller.wait_enabled(order, context.start_timeout_s)
+    enabled = await context.controller.confirm(order, context.start_timeout_s)
     if enabled != order.enable:
         raise VerifyError("E-PUSH-SWITCH", work.axis, wanted=order.enable, found=enabled)
     work.note("ENABLED" if enabled else "LEFT_DISABLED", order=order.transaction)
     if enabled:
         context.say("P-PUSH-ACTIVATE", axis=work.axis)
-        await context.controller.wait_activated(order, context.start_timeout_s)
+        await context.controller.restarted(order, context.start_timeout_s)
         work.note("ACTIVATED", order=order.transaction)
 
 

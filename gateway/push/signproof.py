@@ -129,7 +129,7 @@ async def prove_sign(
     raw = replace(unheard(context), proof=None)
     can = raw.controller.capabilities
     table, peak = triangle(raw, minimum, maximum, step, kind, index)
-    if not (can.programs or can.switching):
+    if not can.switches_now:
         raise UnsupportedDevice("E-NC-NO-SWITCHING", raw.axis.name, table=table.name)
     folder = journal.machine_folder(raw.journals, raw.machine.serial)
     with machine_lock(folder):

@@ -17,6 +17,7 @@ ENTRIES = (
     "simulators.cell.__main__",
     "simulators.pytest_plugin",
     "drivers.registry",
+    "drivers.contract",
 )
 PURE = ("evaluate", "correct", "model", "gear", "sensitivity", "guard")
 AWAITED = {

@@ -59,12 +59,12 @@ class Stage:
     async def push(self, order: PushOrder) -> tuple[LiveSet, LiveSet]:
         """A whole push with a willing person at the panel."""
         device = self.device
-        await device.prepare_push(order)
-        sets = await device.wait_loaded(order, 200.0)
-        await device.release_push(order)
-        assert await self.pressed(device.wait_enabled(order, 100.0)) is order.enable
+        await device.stage(order)
+        sets = await device.read_back(order, 200.0)
+        await device.activate(order)
+        assert await self.pressed(device.confirm(order, 100.0)) is order.enable
         if order.enable:
-            await device.wait_activated(order, 100.0)
+            await device.restarted(order, 100.0)
         await device.finish_push(order, "committed")
         return sets
 

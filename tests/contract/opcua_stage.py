@@ -103,17 +103,17 @@ class Stage:
 
     async def loaded(self, order: PushOrder) -> tuple[LiveSet, LiveSet]:
         """First half."""
-        await self.device.prepare_push(order)
+        await self.device.stage(order)
         self.press()
-        return await self.device.wait_loaded(order, 120.0)
+        return await self.device.read_back(order, 120.0)
 
     async def push(self, order: PushOrder) -> bool:
         """Both halves and the activation."""
         await self.loaded(order)
-        await self.device.release_push(order)
-        enabled = await self.device.wait_enabled(order, 120.0)
+        await self.device.activate(order)
+        enabled = await self.device.confirm(order, 120.0)
         if enabled:
-            await self.device.wait_activated(order, 120.0)
+            await self.device.restarted(order, 120.0)
         return enabled
 
     def memory(self, axis: str = "C1") -> tuple[Any, ...]:

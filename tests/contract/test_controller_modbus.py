@@ -24,6 +24,7 @@ from drivers.errors import (
 )
 from drivers.ports import Controller
 from drivers.sinumerik.tablefile import reader
+from drivers.sinumerik.tablefile.held import HELD
 from drivers.types import Capabilities, ChannelStatus, Marker, StopPlan
 from drivers.workpiece import GrindAxis, GrindPlan
 from tests.contract.modbus_stage import Stage, cross, on_stage, order_for, play, table
@@ -78,7 +79,7 @@ def test_it_is_a_controller_and_says_what_it_can() -> None:
     async def body(stage: Stage) -> None:
         device = stage.device
         assert isinstance(device, Controller)
-        assert device.capabilities == Capabilities(programs=False, switching=True, marker=True, consent="panel")
+        assert device.capabilities == Capabilities(False, HELD, "by-itself", True, "panel")
         machine = await device.identify()
         assert (machine.serial, machine.version) == ("ST-DOUBLE-0001", "4.8.6")
         assert (machine.axis_names, machine.unit_system) == (("X1", "C1"), "metric")
@@ -159,7 +160,7 @@ def test_a_cross_table_without_proof_is_refused_with_nothing_written() -> None:
     async def body(stage: Stage) -> None:
         order = await order_for(stage.device, cross())
         with pytest.raises(TableError) as caught:
-            await stage.device.prepare_push(replace(order, proof=None))
+            await stage.device.stage(replace(order, proof=None))
         assert caught.value.code == "E-TABLE-NO-PROOF"
         assert stage.plc.image.words[16] == 11
 
@@ -196,7 +197,7 @@ def test_other_cross_tables_are_neither_woken_nor_silenced_unseen() -> None:
         await stage.push(await order_for(stage.device, cross(0)))
         second = await order_for(stage.device, cross(1), 18)
         with pytest.raises(DeviceRefused) as caught:
-            await stage.device.prepare_push(second)
+            await stage.device.stage(second)
         assert caught.value.code == "E-MBX-COUPLED"
         off = replace(second, coupled=True, enable=False, purpose="restore")
         await stage.push(off)
@@ -214,13 +215,13 @@ def test_a_table_is_switched_off_and_on_by_itself_with_the_panel() -> None:
         order = await order_for(stage.device, table())
         await stage.push(order)
         for _ in range(2):
-            await stage.device.switch_table(order, False, 30.0)
+            await stage.device.switch(order, False, 30.0)
             assert stage.get("$MA_ENC_COMP_ENABLE[0,X1]") is False
-            await stage.pressed(stage.device.switch_table(order, True, 30.0))
+            await stage.pressed(stage.device.switch(order, True, 30.0))
             assert stage.get("$MA_ENC_COMP_ENABLE[0,X1]") is True
-        await stage.device.switch_table(order, False, 30.0)
+        await stage.device.switch(order, False, 30.0)
         with pytest.raises(DeviceRefused) as caught:
-            await stage.device.switch_table(order, True, 90.0)  # nobody presses
+            await stage.device.switch(order, True, 90.0)  # nobody presses
         assert caught.value.code == "E-MBX-TIME"
         assert stage.get("$MA_ENC_COMP_ENABLE[0,X1]") is False
         await stage.device.finish_push(order, "held")
@@ -232,14 +233,14 @@ def test_a_table_is_switched_off_and_on_by_itself_with_the_panel() -> None:
 def test_activation_waits_for_reset_and_reference_where_the_control_needs_them() -> None:
     async def body(stage: Stage) -> None:
         order = await order_for(stage.device, replace(table(), deviations=tuple([0.8] * 111)))
-        await stage.device.prepare_push(order)
-        await stage.device.wait_loaded(order, 100.0)
-        await stage.device.release_push(order)
-        assert await stage.pressed(stage.device.wait_enabled(order, 100.0))
+        await stage.device.stage(order)
+        await stage.device.read_back(order, 100.0)
+        await stage.device.activate(order)
+        assert await stage.pressed(stage.device.confirm(order, 100.0))
         with pytest.raises(DeadlineExceeded) as caught:
-            await stage.device.wait_activated(order, 20.0)
+            await stage.device.restarted(order, 20.0)
         assert caught.value.code == "E-NC-NO-ACTIVATION"
-        waiting = asyncio.ensure_future(stage.device.wait_activated(order, 600.0))
+        waiting = asyncio.ensure_future(stage.device.restarted(order, 600.0))
         await stage.bench.reset_and_reference()
         await waiting
         assert (await stage.device.state()).axes["X1"].encoder_compensation == pytest.approx(0.8)
@@ -255,7 +256,7 @@ async def refused(stage: Stage, order: Any, code: str, kind: type[TrueflankError
     """Prepared, it is refused with this code; no session, marker, switch or value has changed then."""
     values, on = stage.values(111), stage.get("$MA_ENC_COMP_ENABLE[0,X1]")
     with pytest.raises(kind) as caught:
-        await stage.device.prepare_push(order)
+        await stage.device.stage(order)
     assert caught.value.code == code
     assert str(caught.value).count("->") == 1
     assert stage.plc.session == 0
@@ -445,9 +446,9 @@ def test_a_plc_that_lies_about_disable_is_found_out_by_what_acts() -> None:
         stage.plc.change(lies_about_disable=True)
         before = stage.values(120)
         second = await order_for(stage.device, table(), 18)
-        await stage.device.prepare_push(second)
+        await stage.device.stage(second)
         with pytest.raises(DeviceRefused) as caught:
-            await stage.device.wait_loaded(second, 200.0)
+            await stage.device.read_back(second, 200.0)
         assert caught.value.code == "E-MBX-STILL-ACTING"
         assert stage.values(120) == before
 
@@ -457,14 +458,14 @@ def test_a_plc_that_lies_about_disable_is_found_out_by_what_acts() -> None:
 def test_nobody_at_the_panel_leaves_it_off_and_says_so() -> None:
     async def body(stage: Stage) -> None:
         order = await order_for(stage.device, table())
-        await stage.device.prepare_push(order)
-        await stage.device.wait_loaded(order, 100.0)
-        await stage.device.release_push(order)
-        assert await stage.device.wait_enabled(order, 200.0) is False
+        await stage.device.stage(order)
+        await stage.device.read_back(order, 100.0)
+        await stage.device.activate(order)
+        assert await stage.device.confirm(order, 200.0) is False
         assert stage.get("$MA_ENC_COMP_ENABLE[0,X1]") is False
         assert await stage.device.marker() == Marker(17, "in-progress")
-        await stage.device.release_push(order)
-        assert await stage.device.wait_enabled(order, 5.0) is False
+        await stage.device.activate(order)
+        assert await stage.device.confirm(order, 5.0) is False
         assert not stage.plc.waiting
         await stage.device.finish_push(order, "held")
 
@@ -474,14 +475,14 @@ def test_nobody_at_the_panel_leaves_it_off_and_says_so() -> None:
 def test_looking_while_the_panel_is_waited_for_disturbs_nothing() -> None:
     async def body(stage: Stage) -> None:
         order = await order_for(stage.device, table())
-        await stage.device.prepare_push(order)
-        await stage.device.wait_loaded(order, 100.0)
-        await stage.device.release_push(order)
+        await stage.device.stage(order)
+        await stage.device.read_back(order, 100.0)
+        await stage.device.activate(order)
         assert stage.plc.waiting
         state = await stage.device.state()
         assert set(state.axes) == {"X1", "C1"}
         assert stage.plc.waiting
-        waiting = asyncio.ensure_future(stage.device.wait_enabled(order, 100.0))
+        waiting = asyncio.ensure_future(stage.device.confirm(order, 100.0))
         for _ in range(10):
             await stage.device.state()
             await stage.bench.sleep(0.5)
@@ -498,8 +499,8 @@ def test_a_lost_pc_leaves_the_table_off_and_the_marker_in_progress() -> None:
         order = await order_for(stage.device, table())
         await stage.push(order)
         second = replace(order, transaction=18, table=table(41))
-        await stage.device.prepare_push(second)
-        task = asyncio.ensure_future(stage.device.wait_loaded(second, 100.0))
+        await stage.device.stage(second)
+        task = asyncio.ensure_future(stage.device.read_back(second, 100.0))
         await stage.bench.sleep(0.25)
         await stage.station.pull()
         with pytest.raises(TransportError):
@@ -521,7 +522,7 @@ def test_a_lost_pc_leaves_the_table_off_and_the_marker_in_progress() -> None:
 def test_a_second_pc_is_told_that_the_mailbox_is_taken() -> None:
     async def body(stage: Stage) -> None:
         order = await order_for(stage.device, table())
-        await stage.device.prepare_push(order)
+        await stage.device.stage(order)
         other = stage.other()
         await other.open(5.0)
         with pytest.raises(DeviceRefused) as caught:
@@ -535,17 +536,17 @@ def test_a_second_pc_is_told_that_the_mailbox_is_taken() -> None:
 def test_a_reopened_driver_goes_on_in_its_session() -> None:
     async def body(stage: Stage) -> None:
         order = await order_for(stage.device, table())
-        await stage.device.prepare_push(order)
+        await stage.device.stage(order)
         session = stage.plc.session
         await stage.station.pull()
         with pytest.raises(TransportError):
-            await stage.device.wait_loaded(order, 100.0)
+            await stage.device.read_back(order, 100.0)
         await stage.station.plug("memory://plc")
         await stage.device.open(5.0)
         assert stage.plc.session == session
         await stage.bench.sleep(10.0)
         assert stage.plc.session == session, "the heartbeat did not go on"
-        _, new = await stage.device.wait_loaded(order, 100.0)
+        _, new = await stage.device.read_back(order, 100.0)
         assert new.own.table == order.table
         await stage.device.finish_push(order, "none")
         assert await stage.device.marker() == Marker(0, "none")
@@ -560,9 +561,9 @@ def test_a_power_cut_while_loading_leaves_the_table_off(after: int) -> None:
         await stage.push(first)
         stage.plc.change(power_cut_after=after)
         second = replace(first, transaction=18, table=table(101))
-        await stage.device.prepare_push(second)
+        await stage.device.stage(second)
         with pytest.raises(TrueflankError):
-            await stage.device.wait_loaded(second, 100.0)
+            await stage.device.read_back(second, 100.0)
         while not stage.plc.powered or stage.bench.nck.booting:
             await stage.bench.sleep(0.5)
         await stage.bench.warm_up()
@@ -571,7 +572,7 @@ def test_a_power_cut_while_loading_leaves_the_table_off(after: int) -> None:
         assert not live.own.enabled
         assert await stage.device.marker() == Marker(18, "in-progress")
         with pytest.raises(DeviceRefused) as caught:
-            await stage.device.switch_table(second, True, 100.0)
+            await stage.device.switch(second, True, 100.0)
         assert caught.value.code == "E-MBX-MISMATCH"
         back = replace(first, transaction=19, purpose="restore", proof=None)
         await stage.push(back)
@@ -656,9 +657,9 @@ def test_a_table_is_switched_where_it_moves_the_axis() -> None:
         assert abs(expected) > 5.0
         assert nck.channel_status == 0
         for _ in range(3):
-            await stage.device.switch_table(order, False, 30.0)
+            await stage.device.switch(order, False, 30.0)
             assert (await stage.device.state()).axes["X1"].encoder_compensation == 0.0
-            await stage.pressed(stage.device.switch_table(order, True, 30.0))
+            await stage.pressed(stage.device.switch(order, True, 30.0))
             axis = (await stage.device.state()).axes["X1"]
             assert axis.encoder_compensation == pytest.approx(expected, abs=0.05)
             assert axis.in_position

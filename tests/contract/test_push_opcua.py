@@ -264,7 +264,7 @@ def test_limits_of_a_cross_table_come_from_its_own_machine_data(keys: Path) -> N
         assert (limits.reserved_points, limits.max_sum) == (12, 1.0)
         assert (await on.device.table_limits("X1", "cross", 0)).reserved_points == 0
         assert (await on.device.table_limits("X1")).max_sum is None
-        assert on.device.capabilities.programs
+        assert on.device.capabilities.stops
         order = PushOrder(1, WAVE, "Z", False, True, 0.0, "table", proof(on, 1))
         for head in (0, 1, 0xFEDC_BA98_7654_3210, 2**64 - 1):
             await on.device.finish_push(replace(order, transaction=987_600_001, head=head), "committed")
@@ -272,7 +272,7 @@ def test_limits_of_a_cross_table_come_from_its_own_machine_data(keys: Path) -> N
             assert marker == Marker(987_600_001, "committed")
             assert marker.head == head
         with pytest.raises(TrueflankError) as caught:
-            await on.device.switch_table(order, True, 1.0)
+            await on.device.switch(order, True, 1.0)
         assert caught.value.code == "E-NC-NO-SWITCHING"
 
     on_stage(act, SPEC, folder=keys)

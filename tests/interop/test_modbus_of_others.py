@@ -76,12 +76,12 @@ async def push(on: Desk, url: str, **settings: Any) -> None:
         assert (identity.serial, identity.firmware) == (SPEC.serial, SPEC.nck_version)
         assert (await driver.table_limits("C1")).reserved_points == 80
         assert (await driver.state()).axes["C1"].referenced
-        await driver.prepare_push(ORDER)
-        backup, readback = await driver.wait_loaded(ORDER, 30.0)
+        await driver.stage(ORDER)
+        backup, readback = await driver.read_back(ORDER, 30.0)
         assert not backup.own.enabled
         assert readback.own.table.deviations == pytest.approx(ORDER.table.deviations, abs=2e-4)
-        await driver.release_push(ORDER)
-        assert await driver.wait_enabled(ORDER, 30.0)
+        await driver.activate(ORDER)
+        assert await driver.confirm(ORDER, 30.0)
         await driver.finish_push(ORDER, "committed")
         marker = await driver.marker()
         assert marker is not None

@@ -170,7 +170,7 @@ def watching(device: Any, oracle: Oracle) -> Any:
     With programs the tables are saved at a program's start; what is fetched later is of that moment.
     """
     looks = ["prepare_stops", "switch_reading", "wait_disabled"]
-    looks += [] if device.capabilities.programs else ["saved_tables"]
+    looks += [] if device.capabilities.stops else ["saved_tables"]
 
     def watched(name: str) -> Any:
         real = getattr(device, name)

@@ -22,6 +22,7 @@ from drivers.sinumerik.mailbox.reader import MailboxReader
 from drivers.sinumerik.mailbox.settings import ModbusSettings
 from drivers.sinumerik.mailbox.switching import Switching
 from drivers.sinumerik.mailbox.wire import ModbusWire
+from drivers.sinumerik.tablefile.held import HELD
 from drivers.types import (
     Capabilities,
     DisableOrder,
@@ -38,7 +39,7 @@ from drivers.types import (
 )
 from drivers.workpiece import GrindPlan
 
-CAPABILITIES = Capabilities(programs=False, switching=True, marker=True, consent="panel")
+CAPABILITIES = Capabilities(stops=False, tables=HELD, switched="by-itself", marker=True, consent="panel")
 
 
 class SinumerikModbus:
@@ -170,34 +171,34 @@ class SinumerikModbus:
                 if not ours:
                     await self._talk.leave()
 
-    async def prepare_push(self, order: PushOrder) -> None:
+    async def stage(self, order: PushOrder) -> None:
         """Open a session, check, back up, set the marker. Raises as its `prepare`; nothing acts differently yet."""
         async with self._talk.turn:
             await self._pushing.prepare(order)
 
-    async def wait_loaded(self, order: PushOrder, timeout_s: float) -> tuple[LiveSet, LiveSet]:
+    async def read_back(self, order: PushOrder, timeout_s: float) -> tuple[LiveSet, LiveSet]:
         """Disable, load, read back twice afresh: (old, new). Raises as `MailboxPushing.loaded`."""
         async with self._talk.turn:
             return await self._pushing.loaded(order, timeout_s)
 
     async def backup_of(self, order: PushOrder) -> LiveSet:
-        """What `prepare_push` read for this very order. Raises DeviceRefused (E-MBX-NOT-PREPARED)."""
+        """What `stage` read for this very order. Raises DeviceRefused (E-MBX-NOT-PREPARED)."""
         return self._pushing.backup_of(order)
 
-    async def release_push(self, order: PushOrder) -> None:
+    async def activate(self, order: PushOrder) -> None:
         """Ask the PLC to activate; it waits for the panel. Raises as `Switching.release`."""
         async with self._talk.turn:
             await self._switching.release(order)
 
-    async def wait_enabled(self, order: PushOrder, timeout_s: float) -> bool:
+    async def confirm(self, order: PushOrder, timeout_s: float) -> bool:
         """True when a person confirmed and the switches read on, false when it was left off."""
         return await self._switching.enabled(order, timeout_s)
 
-    async def wait_activated(self, order: PushOrder, timeout_s: float) -> None:
+    async def restarted(self, order: PushOrder, timeout_s: float) -> None:
         """Wait through NCK reset and reference run. Raises DeadlineExceeded (E-NC-NO-ACTIVATION)."""
         await self._switching.activated(order, timeout_s)
 
-    async def switch_table(self, order: PushOrder, enable: bool, timeout_s: float) -> None:
+    async def switch(self, order: PushOrder, enable: bool, timeout_s: float) -> None:
         """Switch the order's table and wait until it acts or is gone. Raises as `Switching.switch`."""
         async with self._talk.turn:
             await self._switching.switch(order, enable, timeout_s)

@@ -33,6 +33,7 @@ from drivers.sinumerik.opcua.pushing import Pushing, live_tables
 from drivers.sinumerik.opcua.session.client import UaSession
 from drivers.sinumerik.opcua.settings import UaSettings, secrets_of
 from drivers.sinumerik.opcua.transfer import Transfer
+from drivers.sinumerik.tablefile.held import HELD
 from drivers.types import (
     Capabilities,
     ChannelStatus,
@@ -52,6 +53,7 @@ from drivers.units import deviation_scale
 from drivers.workpiece import GrindPlan
 
 GIVE_BACK_S = 3.0
+CAPABILITIES = Capabilities(stops=True, tables=HELD, switched="at-stop", marker=True, consent="start", grinding=True)
 QUIET_PART, QUIET_S = 0.6, 2.0
 _SAVED = (Phase.MEASURING, Phase.FINISHED, Phase.LEFT)
 _OVER = (Phase.FINISHED, Phase.LEFT)
@@ -127,8 +129,8 @@ class SinumerikOpcUa(Leaver):
 
     @property
     def capabilities(self) -> Capabilities:
-        """Programs of ours run; switching is a stop of theirs; the marker stands in four R parameters."""
-        return Capabilities(programs=True, switching=False, marker=True, consent="nc-start")
+        """Programs of ours run; tables are switched at a stop of theirs; the marker stands in four R parameters."""
+        return CAPABILITIES
 
     async def table_limits(self, axis: str, kind: Literal["axis", "cross"] = "axis", index: int = 0) -> TableLimits:
         """MD38000 of an encoder or MD18342 of a table, six decimals of a mm or degree, our value limit, MD32720."""
@@ -292,7 +294,7 @@ class SinumerikOpcUa(Leaver):
 
     # ---- pushing ------------------------------------------------------------------------------------
 
-    async def prepare_push(self, order: PushOrder) -> None:
+    async def stage(self, order: PushOrder) -> None:
         """Send, read back and select the two-half measuring_program. Raises as `Pushing.prepare`."""
         table = order.table
         encoder = table.index if table.kind == "axis" else 0
@@ -302,7 +304,7 @@ class SinumerikOpcUa(Leaver):
         self._plan, self._saved, self._grinding.plan = None, False, None
         await self._pushing.prepare(order, setting)
 
-    async def wait_loaded(self, order: PushOrder, timeout_s: float) -> tuple[LiveSet, LiveSet]:
+    async def read_back(self, order: PushOrder, timeout_s: float) -> tuple[LiveSet, LiveSet]:
         """(Back-up of the old, read-back of the new) at the end of the first half. Raises as `Pushing.loaded`."""
         return await self._pushing.loaded(order, timeout_s, self._configuration)
 
@@ -310,15 +312,15 @@ class SinumerikOpcUa(Leaver):
         """What stood before the order, from the file that its own program wrote. Raises as `Pushing.backup`."""
         return await self._pushing.backup(order, self._configuration)
 
-    async def release_push(self, order: PushOrder) -> None:
+    async def activate(self, order: PushOrder) -> None:
         """Set the release word to the transaction number; never retried. Two programs: select the second."""
         await self._pushing.release(order)
 
-    async def wait_enabled(self, order: PushOrder, timeout_s: float) -> bool:
+    async def confirm(self, order: PushOrder, timeout_s: float) -> bool:
         """True when the second half switched the table on, false when it, or a reset, left it off."""
         return await self._pushing.enabled(order, timeout_s, self._configuration)
 
-    async def wait_activated(self, order: PushOrder, timeout_s: float) -> None:
+    async def restarted(self, order: PushOrder, timeout_s: float) -> None:
         """Wait through NCK reset and reference run. Raises DeadlineExceeded (E-NC-NO-ACTIVATION)."""
         look_s = 0.4 * self._settings.poll_s
         axis, shown = order.table.output_axis, order.enable
@@ -326,7 +328,7 @@ class SinumerikOpcUa(Leaver):
             self._dialogue, self._clock, axis=axis, timeout_s=timeout_s, look_s=look_s, where=self.name, shown=shown
         )
 
-    async def switch_table(self, order: PushOrder, enable: bool, timeout_s: float) -> None:
+    async def switch(self, order: PushOrder, enable: bool, timeout_s: float) -> None:
         """Not on this road: stops switch. Raises UnsupportedDevice (E-NC-NO-SWITCHING)."""
         raise UnsupportedDevice(
             "E-NC-NO-SWITCHING", self.name, table=order.table.name, enable=enable, timeout_s=timeout_s

@@ -62,6 +62,8 @@ def as_stored(table: CompensationTable) -> tuple[Decimal, ...]:
 
 
 def _stored(table: CompensationTable, sign: Sign) -> tuple[Decimal, ...]:
+    if not table.is_plain:
+        raise TableError("E-TABLE-PLAIN", table.name, table=table.name)
     scale, places = SCALE[table.output_unit], Decimal(1).scaleb(-DECIMALS)
     values, largest = [], float(LARGEST * scale)
     for number, deviation in enumerate(table.deviations):

@@ -128,7 +128,7 @@ def serve_command(site: Path, host: str, port: int) -> None:
         if not tree.site.verify_each_day:
             return None
         # With programs every reading is a start by the operator: it is told as due, and nothing starts by itself.
-        job = None if devices.controller.capabilities.programs else compare
+        job = None if devices.controller.capabilities.stops else compare
         return Daily(hour, lambda: due(store, serial, clock.utc(), hour), job)
 
     async def starter(say: Say) -> object:

@@ -90,7 +90,7 @@ async def _carried_out(context: PushContext, order: DisableOrder) -> tuple[Switc
         with foreseen(context.axis.name):
             await conversation.leave_program(context)
             await context.controller.prepare_disable(order)
-            if context.controller.capabilities.programs:
+            if context.controller.capabilities.stops:
                 context.say("P-PUSH-DISABLE", axis=context.axis.name, table=order.name)
             found = await context.controller.wait_disabled(order, context.start_timeout_s)
     except TrueflankError as error:

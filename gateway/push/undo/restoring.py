@@ -106,7 +106,7 @@ async def _is_whole(work: Work) -> bool:
     Read where no program is needed for it, else as it was read last; what cannot be told is not whole.
     """
     found = work.seen
-    if not work.context.controller.capabilities.programs:
+    if not work.context.controller.capabilities.stops:
         try:
             with foreseen(work.axis):
                 live = await conversation.read_live(work.context, work.agreeing_position)
@@ -178,7 +178,7 @@ def _doubted(work: Work) -> bool:
     A file names the run that wrote it. What a mailbox shows may be an older picture of the table, and once a load has
     begun the older picture is the very thing that would hide it.
     """
-    return work.begun and not work.context.controller.capabilities.programs
+    return work.begun and not work.context.controller.capabilities.stops
 
 
 def as_before(work: Work, live: LiveSet) -> bool:
@@ -228,6 +228,6 @@ async def _restart_with_old(work: Work) -> None:
     await load(work, order, None)
     await release(work, order)
     work.context.say("P-PUSH-RESTART", axis=work.axis)
-    await work.context.controller.wait_activated(order, work.context.start_timeout_s)
+    await work.context.controller.restarted(order, work.context.start_timeout_s)
     work.note("RESTARTED", torn=False)
     work.torn = False

@@ -84,7 +84,7 @@ def evaluated(
 
 
 async def _live(at: Bench, axis: AxisSection, phase: stages.Phase) -> tuple[Capture, tuple[str, ...]]:
-    if not at.supervisor.controller.capabilities.programs:
+    if not at.supervisor.controller.capabilities.stops:
         raise UnsupportedDevice("E-RUN-NO-PROGRAMS", axis.name)
     rig = at.rig(axis)
     proof = await prove_sense(rig)
@@ -138,7 +138,7 @@ async def fetch_tables(at: Bench, axis: AxisSection) -> LiveSet:
 
     By a one-stop program at its reference; directly where the road runs no programs.
     """
-    if not at.supervisor.controller.capabilities.programs:
+    if not at.supervisor.controller.capabilities.stops:
         return await at.supervisor.controller.saved_tables(axis.name)
     stop = Stop(axis.reference, 1)
     plan = plan_of(axis, (stop,), "", name=f"TFREAD{axis.letter}", dwell_s=0.1)

@@ -182,7 +182,7 @@ def push_context(at: Bench, axis: AxisSection, capture: Capture | None) -> PushC
 def provable(at: Bench, axis: AxisSection) -> bool:
     """Whether a push can prove a sign itself: an instrument sees the output axis, and the table can be switched."""
     can = at.supervisor.controller.capabilities
-    return bool(axis.measure.instrument) and (can.programs or can.switching)
+    return bool(axis.measure.instrument) and can.switches_now
 
 
 async def _prove(at: Bench, change: TableChange, context: PushContext) -> SignProof:
@@ -223,7 +223,7 @@ async def _prove(at: Bench, change: TableChange, context: PushContext) -> SignPr
 
 
 async def _verify(at: Bench, change: TableChange, before: MeasuredAxis, push: PushRecord) -> AxisVerdict:
-    measurable = push.outcome in PUSHED and at.supervisor.controller.capabilities.programs
+    measurable = push.outcome in PUSHED and at.supervisor.controller.capabilities.stops
     again = live_again(at.axis(change.axis), change.targets) if measurable else None
     if again is None:
         return unmeasured(change.axis, before.evaluation, change, push)

@@ -157,7 +157,7 @@ async def grind_part(at: Bench, part: str, setup: SetupValues) -> GroundPart:
     checked_name(f"grind-{part}{spoken().program_suffix}")
     plan = grind_plan(at.site, gear_of_site(at.site, at.site_path), setup, part)
     controller = at.supervisor.controller
-    if controller.capabilities.programs:
+    if controller.capabilities.grinding:
         await _check_ready(at, plan)
     text = await controller.prepare_grinding(plan)
     at.folder.write_text(f"grind-{part}{spoken().program_suffix}", text)

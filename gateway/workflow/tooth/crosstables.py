@@ -57,7 +57,11 @@ async def places_of(at: Bench, tables: Sequence[CompensationTable], live: Mappin
     taken = {one.index for one in _held(live)} | {index for index in kept if index is not None}
     search, places = _Search(at), []
     for table, index in zip(tables, kept, strict=True):
-        place = await search.place(table, index, taken) if _known(at, table, live) else _nowhere(table, taken, True)
+        place = (
+            await search.place(table, index, taken)
+            if search.none or _known(at, table, live)
+            else _nowhere(table, taken, True)
+        )
         taken.add(place.index)
         places.append(place)
     return tuple(places)
@@ -80,9 +84,16 @@ class _Search:
         self._controller = at.supervisor.controller
         self._known: dict[tuple[str, int], TableLimits | None] = {}
 
+    @property
+    def none(self) -> bool:
+        """Whether the control has no cross tables at all."""
+        return self._controller.capabilities.table("cross") is None
+
     async def place(self, table: CompensationTable, index: int | None, taken: set[int]) -> Place:
         """The number it has, or the first free one that is large enough."""
         needed, empty = len(table.deviations), 0
+        if self.none:
+            return Place(_beyond(taken), None, words("S-CROSS-NONE", table=table.name))
         if index is not None:
             limits = await self._limits(table.output_axis, index)
             enough = limits is not None and limits.reserved_points >= needed
@@ -106,8 +117,13 @@ class _Search:
         return self._known[axis, index]
 
 
+def _beyond(taken: set[int]) -> int:
+    """A number that no control has, for a table without a place."""
+    return next(one for one in range(TABLES, 2 * TABLES) if one not in taken)
+
+
 def _nowhere(table: CompensationTable, taken: set[int], unproved: bool) -> Place:
-    number = next(one for one in range(TABLES, 2 * TABLES) if one not in taken)
+    number = _beyond(taken)
     if unproved:
         return Place(number, None, words("S-CROSS-UNPROVED", table=table.name, axis=table.output_axis))
     return Place(number, None, words("S-CROSS-FULL", table=table.name, points=len(table.deviations)))

@@ -224,7 +224,7 @@ def test_a_log_from_before_is_behind_the_controls_mark_even_when_the_store_is_as
 def marked(shop: Shop) -> None:
     """The control keeps the head that it is given, as four R parameters do."""
     machine, controller = shop.double.machine, shop.double.controller
-    prepare, finish = controller.prepare_push, controller.finish_push
+    prepare, finish = controller.stage, controller.finish_push
 
     async def prepared(order: Any) -> None:
         await prepare(order)
@@ -234,7 +234,7 @@ def marked(shop: Shop) -> None:
         await finish(order, state)
         machine.marker = Marker(order.transaction, state, order.head)
 
-    controller.prepare_push, controller.finish_push = prepared, finished  # type: ignore[method-assign]
+    controller.stage, controller.finish_push = prepared, finished  # type: ignore[method-assign]
 
 
 def test_a_log_cut_behind_the_last_push_is_behind_the_controls_mark(shop: Shop) -> None:
@@ -326,7 +326,7 @@ def test_an_approval_that_ends_while_the_push_waits_still_holds(shop: Shop) -> N
 
 @pytest.mark.parametrize("left", [0, 40], ids=["emptied", "beheaded"])
 def test_an_emptied_journal_is_no_finished_one(shop: Shop, left: int) -> None:
-    shop.double.controller.faults[("wait_loaded", 0, "before")] = lambda machine: setattr(machine, "operator", False)
+    shop.double.controller.faults[("read_back", 0, "before")] = lambda machine: setattr(machine, "operator", False)
     assert shop.push().outcome == "held-on"
     shop.double.controller.faults.clear()
     shop.double.machine.operator = True

@@ -10,6 +10,7 @@ import numpy as np
 
 from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded
+from drivers.sinumerik.tablefile.held import HELD
 from drivers.types import (
     Ambient,
     Capabilities,
@@ -103,7 +104,7 @@ class LittleMachine:
 
     @property
     def capabilities(self) -> Capabilities:
-        return Capabilities(programs=True, switching=False, marker=True, consent="nc-start")
+        return Capabilities(stops=True, tables=HELD, switched="at-stop", marker=True, consent="start")
 
     async def state(self) -> MachineState:
         running = self.task is not None and not self.task.done()

@@ -40,10 +40,10 @@ async def order_for(device: SinumerikModbus, wanted: CompensationTable | None = 
 
 async def push(device: SinumerikModbus, order: PushOrder) -> tuple[LiveSet, LiveSet]:
     """The whole push."""
-    await device.prepare_push(order)
-    sets = await device.wait_loaded(order, 100.0)
-    await device.release_push(order)
-    assert await device.wait_enabled(order, 100.0)
+    await device.stage(order)
+    sets = await device.read_back(order, 100.0)
+    await device.activate(order)
+    assert await device.confirm(order, 100.0)
     await device.finish_push(order, "committed")
     return sets
 

@@ -173,11 +173,11 @@ def test_fault_72_other_exceptions(operation: str, code: int, kind: type[Truefla
 
 async def _push_and_wait(device: SinumerikModbus, order: PushOrder) -> None:
     """A push with time between: a heartbeat that failed shows at the next exchange."""
-    await device.prepare_push(order)
-    await device.wait_loaded(order, 100.0)
+    await device.stage(order)
+    await device.read_back(order, 100.0)
     await device._talk._clock.sleep(3.0)
-    await device.release_push(order)
-    await device.wait_enabled(order, 100.0)
+    await device.activate(order)
+    await device.confirm(order, 100.0)
 
 
 # ---- no answer, late answer, twice ---------------------------------------------------------------------
@@ -437,7 +437,7 @@ def test_fault_84_what_does_not_fit_is_refused_with_nothing_written(changes: dic
     async def body(device: SinumerikModbus) -> None:
         order = await order_for(device, table((0.0, 1.0, 2.0, 1.0, 0.0), **changes))
         with pytest.raises(ValueOutOfRange):
-            await device.prepare_push(order)
+            await device.stage(order)
 
     at_rogue(rogue, body)
     assert not rogue.writes

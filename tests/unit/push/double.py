@@ -14,6 +14,7 @@ import numpy as np
 
 from drivers.clock import LoopClock
 from drivers.errors import DeadlineExceeded, DeviceRefused, UnsupportedDevice
+from drivers.sinumerik.tablefile.held import HELD
 from drivers.types import (
     AxisState,
     Capabilities,
@@ -272,15 +273,18 @@ class Controller:
         self.clock = clock
         self.reaper = reaper or Reaper()
         self.by_hand = by_hand
-        self.switching = by_hand
+        self.switching = True
         self.keeps_marker = True
         self.faults: dict[tuple[str, int, str], Fault] = {}
         self.calls: dict[str, int] = {}
 
     @property
     def capabilities(self) -> Capabilities:
-        consent: Literal["nc-start", "panel"] = "panel" if self.by_hand else "nc-start"
-        return Capabilities(not self.by_hand, self.switching, self.keeps_marker, consent)
+        consent: Literal["start", "panel"] = "panel" if self.by_hand else "start"
+        switched: Literal["at-stop", "by-itself", "by-restart"] = "by-itself" if self.by_hand else "at-stop"
+        return Capabilities(
+            not self.by_hand, HELD, switched if self.switching else "by-restart", self.keeps_marker, consent
+        )
 
     async def _begin(self, call: str) -> int:
         self.calls[call] = self.calls.get(call, 0) + 1
@@ -380,11 +384,11 @@ class Controller:
         table = next(one.table for one in m.cross if one.table.index == cross_table)
         m.become_cec(table, switch=enable, axis_on=m.cec_on)
 
-    async def switch_table(self, order: PushOrder, enable: bool, timeout_s: float) -> None:
-        number = await self._begin("switch_table")
+    async def switch(self, order: PushOrder, enable: bool, timeout_s: float) -> None:
+        number = await self._begin("switch")
         await self._operator(timeout_s)
         self._switch(order.table.index if order.table.kind == "cross" else None, enable)
-        self._end("switch_table", number)
+        self._end("switch", number)
 
     async def _operator(self, timeout_s: float) -> None:
         if not self.machine.operator:
@@ -410,14 +414,14 @@ class Controller:
             raise DeviceRefused("E-TEST-FILE", "double")
         return saved
 
-    async def prepare_push(self, order: PushOrder) -> None:
-        number = await self._begin("prepare_push")
+    async def stage(self, order: PushOrder) -> None:
+        number = await self._begin("stage")
         self._in_reset()
         m = self.machine
         m.order, m.plan, m.phase, m.release = order, None, 0, 0
         if not m.forgets_marker:
             m.marker = Marker(order.transaction, "in-progress")
-        self._end("prepare_push", number)
+        self._end("stage", number)
 
     async def backup_of(self, order: PushOrder) -> LiveSet:
         number = await self._begin("backup_of")
@@ -428,33 +432,33 @@ class Controller:
             raise DeviceRefused("E-TEST-FILE", "double")
         return self.machine.backup
 
-    async def wait_loaded(self, order: PushOrder, timeout_s: float) -> tuple[LiveSet, LiveSet]:
-        number = await self._begin("wait_loaded")
+    async def read_back(self, order: PushOrder, timeout_s: float) -> tuple[LiveSet, LiveSet]:
+        number = await self._begin("read_back")
         await self._operator(timeout_s)
         self.machine.start_push(moves=not self.by_hand)
-        self._end("wait_loaded", number)
+        self._end("read_back", number)
         backup, readback = self.machine.backup, self.machine.readback
         if backup is None or readback is None:
             raise DeviceRefused("E-TEST-FILE", "double")
         return backup, readback
 
-    async def release_push(self, order: PushOrder) -> None:
-        number = await self._begin("release_push")
+    async def activate(self, order: PushOrder) -> None:
+        number = await self._begin("activate")
         self.machine.release = order.transaction
-        self._end("release_push", number)
+        self._end("activate", number)
 
-    async def wait_enabled(self, order: PushOrder, timeout_s: float) -> bool:
-        number = await self._begin("wait_enabled")
+    async def confirm(self, order: PushOrder, timeout_s: float) -> bool:
+        number = await self._begin("confirm")
         await self._operator(timeout_s)
         self.machine.go_on()
-        self._end("wait_enabled", number)
+        self._end("confirm", number)
         return self.machine.phase == 5
 
-    async def wait_activated(self, order: PushOrder, timeout_s: float) -> None:
-        number = await self._begin("wait_activated")
+    async def restarted(self, order: PushOrder, timeout_s: float) -> None:
+        number = await self._begin("restarted")
         await self._operator(timeout_s)
         self.machine.nck_reset()
-        self._end("wait_activated", number)
+        self._end("restarted", number)
 
     async def switch_reading(self, order: DisableOrder) -> SwitchReading:
         number = await self._begin("switch_reading")

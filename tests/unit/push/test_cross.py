@@ -108,7 +108,7 @@ def test_an_eec_table_goes_the_same_way_on_both_roads(tmp_path: Path, by_hand: b
     assert at.machine.own == LiveTable(NEW, enabled=True)
     assert max(map(abs, at.machine.jumps)) <= 1.0
     assert [code for code, _fields in at.told if code == "P-PUSH-JOG"] if by_hand else True
-    assert set(at.controller.calls).isdisjoint({"prepare_stops", "wait_stop"} if by_hand else {"switch_table"})
+    assert set(at.controller.calls).isdisjoint({"prepare_stops", "wait_stop"} if by_hand else {"switch"})
 
 
 @ROADS
@@ -176,16 +176,16 @@ def test_a_table_number_of_another_output_is_not_taken(tmp_path: Path) -> None:
 
 
 ROLLED_BACK = {
-    "mismatch": ("before wait_loaded", changing(wrong_point=0.5)),
-    "wait_loaded times out": ("after wait_loaded", deadline),
-    "prepare_push is refused": ("before prepare_push", refuse),
-    "release is ignored": ("before release_push", changing(ignore_release=True)),
-    "wait_activated times out": ("after wait_activated", deadline),
-    "an alarm between the halves": ("after wait_loaded", changing(alarms=(4075,))),
-    "the input axis moved between": ("after wait_loaded", changing(z_position=150.0)),
-    "the marker is lost": ("before prepare_push", changing(forgets_marker=True)),
-    "a neighbour changed": ("before wait_loaded", changing(others=(LiveTable(replace(TILT, output_axis="Y1"), True),))),
-    "no effect": ("before wait_activated", changing(ignore_reset=True)),
+    "mismatch": ("before read_back", changing(wrong_point=0.5)),
+    "read_back times out": ("after read_back", deadline),
+    "stage is refused": ("before stage", refuse),
+    "release is ignored": ("before activate", changing(ignore_release=True)),
+    "restarted times out": ("after restarted", deadline),
+    "an alarm between the halves": ("after read_back", changing(alarms=(4075,))),
+    "the input axis moved between": ("after read_back", changing(z_position=150.0)),
+    "the marker is lost": ("before stage", changing(forgets_marker=True)),
+    "a neighbour changed": ("before read_back", changing(others=(LiveTable(replace(TILT, output_axis="Y1"), True),))),
+    "no effect": ("before restarted", changing(ignore_reset=True)),
 }
 
 
@@ -229,7 +229,7 @@ def test_nobody_jogs_or_starts(tmp_path: Path, by_hand: bool) -> None:
 
 def test_held_says_so_in_the_control_and_refuses_the_next(tmp_path: Path) -> None:
     at = stage(tmp_path)
-    at.controller.faults[("wait_loaded", 0, "before")] = changing(operator=False)
+    at.controller.faults[("read_back", 0, "before")] = changing(operator=False)
     record = push(at)
     assert record.outcome == "held-on"
     at.machine.operator = True
@@ -293,7 +293,7 @@ def test_the_sign_is_what_is_measured(tmp_path: Path, by_hand: bool, sign: int, 
     assert found.slope == pytest.approx(-sign, abs=0.05)
     assert filled(at.machine) == before.cross
     assert at.machine.writes == ["sign-proof", "restore"]
-    assert at.controller.calls.get("switch_table", 0) == (6 if by_hand else 0)
+    assert at.controller.calls.get("switch", 0) == (6 if by_hand else 0)
     assert journals_of(tmp_path)[0].finished
 
 
@@ -329,7 +329,7 @@ def test_a_road_that_neither_runs_programs_nor_switches_proves_nothing(tmp_path:
 
 def test_a_proof_that_cannot_be_put_back_is_held(tmp_path: Path) -> None:
     at = stage(tmp_path)
-    at.controller.faults[("wait_loaded", 2, "after")] = deadline
+    at.controller.faults[("read_back", 2, "after")] = deadline
     with pytest.raises(RollbackFailed):
         prove(at, 1)
     assert all(not one.enabled for one in at.machine.live().cross)
@@ -384,7 +384,7 @@ def _recovered(root: Path, machine: Machine, sign: int, by_hand: bool, neighbour
 
 def test_finishing_a_cross_push_proves_it_first(tmp_path: Path) -> None:
     at = stage(tmp_path)
-    at.controller.faults[("wait_activated", 1, "before")] = changing(operator=False)
+    at.controller.faults[("restarted", 1, "before")] = changing(operator=False)
     assert push(at).outcome == "held-on"
     at.machine.operator = True
     at.machine.nck_reset()
@@ -397,7 +397,7 @@ def test_finishing_a_cross_push_proves_it_first(tmp_path: Path) -> None:
 
 def test_a_left_triangle_cannot_be_finished_as_a_table(tmp_path: Path) -> None:
     at = stage(tmp_path)
-    at.controller.faults[("wait_activated", 1, "before")] = changing(operator=False)
+    at.controller.faults[("restarted", 1, "before")] = changing(operator=False)
     with pytest.raises(RollbackFailed):
         prove(at, 1)
     at.machine.operator = True
@@ -418,8 +418,8 @@ def test_seeded_faults_never_enable_a_wrong_table_nor_leave_a_neighbour_behind(t
     at.machine.cross = (LiveTable(stored(FLAT, sign), coupled),)
     at.machine.__post_init__()
     before = at.machine.live().cross
-    calls = ["identify", "state", "marker", "saved_tables", "prepare_push", "wait_loaded", "release_push"]
-    calls += ["wait_enabled", "wait_activated", "abort_program", "finish_push", "wait_stop", "prepare_stops"]
+    calls = ["identify", "state", "marker", "saved_tables", "stage", "read_back", "activate"]
+    calls += ["confirm", "restarted", "abort_program", "finish_push", "wait_stop", "prepare_stops"]
     faults = [
         deadline,
         refuse,

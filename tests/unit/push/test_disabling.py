@@ -53,7 +53,7 @@ def push(at: Bench) -> str:
 
 def test_two_points_exchanged_at_the_activating_reset_end_off(tmp_path: Path) -> None:
     at = bench(tmp_path)
-    at.controller.faults[("wait_activated", 1, "before")] = swapping
+    at.controller.faults[("restarted", 1, "before")] = swapping
     assert push(at) == "held"
     assert not at.machine.own.enabled
     codes = [code for code, _fields in at.told]
@@ -64,7 +64,7 @@ def test_two_points_exchanged_at_the_activating_reset_end_off(tmp_path: Path) ->
 @pytest.mark.parametrize("stays", [False, True])
 def test_a_hand_that_switches_on_in_mid_write(tmp_path: Path, stays: bool) -> None:
     at = bench(tmp_path)
-    at.controller.faults[("wait_loaded", 1, "after")] = by_hand
+    at.controller.faults[("read_back", 1, "after")] = by_hand
     at.machine.stuck_on = stays
     outcome = push(at)
     assert outcome == ("held-on" if stays else "held")
@@ -78,7 +78,7 @@ def test_a_hand_that_switches_on_in_mid_write(tmp_path: Path, stays: bool) -> No
 
 def test_still_on_has_a_word_and_an_exit_code_of_its_own(tmp_path: Path) -> None:
     at = bench(tmp_path)
-    at.controller.faults[("wait_loaded", 1, "after")] = by_hand
+    at.controller.faults[("read_back", 1, "after")] = by_hand
     at.controller.faults[("prepare_disable", 0, "before")] = refuse
     record = run_virtual(lambda: push_table(change_of(at.machine), at.context))
     error = outcome_error(record)
@@ -90,7 +90,7 @@ def test_still_on_has_a_word_and_an_exit_code_of_its_own(tmp_path: Path) -> None
 
 def test_an_order_without_an_answer_is_read_back_and_not_repeated(tmp_path: Path) -> None:
     at = bench(tmp_path)
-    at.controller.faults[("wait_loaded", 1, "after")] = by_hand
+    at.controller.faults[("read_back", 1, "after")] = by_hand
     at.controller.faults[("wait_disabled", 1, "after")] = deadline
     assert push(at) == "held"
     assert at.controller.calls["wait_disabled"] == 1
@@ -98,8 +98,8 @@ def test_an_order_without_an_answer_is_read_back_and_not_repeated(tmp_path: Path
 
 def test_what_is_whole_is_left_to_a_restore_and_told_as_on(tmp_path: Path) -> None:
     at = bench(tmp_path)
-    at.controller.faults[("wait_activated", 1, "before")] = changing(ignore_reset=True)
-    at.controller.faults[("prepare_push", 2, "before")] = refuse
+    at.controller.faults[("restarted", 1, "before")] = changing(ignore_reset=True)
+    at.controller.faults[("stage", 2, "before")] = refuse
     assert push(at) == "held"
     assert not at.machine.own.enabled
     assert "prepare_disable" in at.controller.calls  # what a refused restore left is not known on this road
@@ -110,15 +110,15 @@ def test_a_table_that_could_not_be_written_because_it_is_on_is_on_whatever_its_s
         raise DeviceRefused("E-MBX-PROTECTED", "double", command="BEGIN", detail=0)
 
     at = bench(tmp_path)
-    at.controller.faults[("wait_loaded", 0, "before")] = changing(own=LiveTable(OLD, enabled=False))
-    at.controller.faults[("wait_loaded", 0, "after")] = protected
+    at.controller.faults[("read_back", 0, "before")] = changing(own=LiveTable(OLD, enabled=False))
+    at.controller.faults[("read_back", 0, "after")] = protected
     assert push(at) == "held-on"
     assert not at.machine.own.enabled
 
 
 def test_recovery_switches_off_and_then_restores_however_often_it_was_tried(tmp_path: Path) -> None:
     at = bench(tmp_path)
-    at.controller.faults[("wait_loaded", 1, "after")] = by_hand
+    at.controller.faults[("read_back", 1, "after")] = by_hand
     at.machine.stuck_on = True
     assert push(at) == "held-on"
     for _ in range(4):
@@ -135,7 +135,7 @@ def test_recovery_switches_off_and_then_restores_however_often_it_was_tried(tmp_
 
 def test_tables_that_cannot_be_read_are_switched_off(tmp_path: Path) -> None:
     at = bench(tmp_path)
-    at.controller.faults[("wait_loaded", 1, "after")] = by_hand
+    at.controller.faults[("read_back", 1, "after")] = by_hand
     at.controller.faults[("prepare_disable", 0, "before")] = refuse
     push(at)
     (found,) = unfinished(tmp_path / "journal", MACHINE.serial)
@@ -187,7 +187,7 @@ def test_what_stays_on_is_told_and_its_journal_ends(tmp_path: Path) -> None:
 
 def test_it_goes_on_in_the_journal_of_the_push_it_came_from(tmp_path: Path) -> None:
     at = bench(tmp_path)
-    at.controller.faults[("wait_loaded", 1, "after")] = by_hand
+    at.controller.faults[("read_back", 1, "after")] = by_hand
     at.controller.faults[("prepare_disable", 1, "before")] = refuse
     assert push(at) == "held-on"
     (found,) = unfinished(tmp_path / "journal", MACHINE.serial)

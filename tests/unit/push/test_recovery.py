@@ -170,7 +170,7 @@ def test_killed_again_during_recovery(tmp_path: Path, monkeypatch: pytest.Monkey
 
 def _held(root: Path) -> tuple[Bench, journal.JournalRead]:
     here = bench(root)
-    here.controller.faults[("wait_activated", 1, "before")] = changing(operator=False)
+    here.controller.faults[("restarted", 1, "before")] = changing(operator=False)
     assert run_virtual(lambda: push_table(change_of(here.machine), here.context)).outcome == "held-on"
     here.machine.operator = True
     (found,) = unfinished(root / "journal", MACHINE.serial)

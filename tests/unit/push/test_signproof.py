@@ -103,7 +103,7 @@ def test_refused_untouched(tmp_path: Path) -> None:
 
 def test_held_when_the_old_table_does_not_come_back(tmp_path: Path) -> None:
     at = bench(tmp_path)
-    at.controller.faults[("wait_loaded", 2, "after")] = deadline
+    at.controller.faults[("read_back", 2, "after")] = deadline
     with pytest.raises(RollbackFailed) as caught:
         prove(at)
     assert "backup" in caught.value.fields
@@ -128,7 +128,7 @@ def test_the_order_of_switching(tmp_path: Path) -> None:
         seen.append((stop.switch, stop.target))
         return -at.machine.compensation, 0.05
 
-    at.controller.faults[("wait_loaded", 9, "after")] = changing()
+    at.controller.faults[("read_back", 9, "after")] = changing()
     run_virtual(lambda: prove_sign(at.context, 0.0, 400.0, 50.0, read))
     assert [switch for switch, _place in seen] == [False, True] * 3
     assert len({place for _switch, place in seen}) == 1

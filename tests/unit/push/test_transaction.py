@@ -87,7 +87,7 @@ def test_again_is_already_applied_with_no_write(tmp_path: Path) -> None:
     record = push(again, change)
     assert record.outcome == "already-applied"
     assert at.machine.writes == ["table"]
-    assert not any(call in again.controller.calls for call in ("prepare_push", "release_push"))
+    assert not any(call in again.controller.calls for call in ("stage", "activate"))
     same = push(bench(tmp_path, machine=at.machine), change_of(at.machine, NEW))
     assert same.outcome == "already-applied"
 
@@ -165,20 +165,20 @@ def test_busy(tmp_path: Path) -> None:
 
 
 ROLLED_BACK: dict[str, tuple[str, Fault]] = {
-    "mismatch": ("before wait_loaded", changing(wrong_point=0.5)),
-    "program counts mismatches": ("after wait_loaded", refuse),
-    "wait_loaded times out": ("after wait_loaded", deadline),
-    "prepare_push times out": ("after prepare_push", deadline),
-    "prepare_push is refused": ("before prepare_push", refuse),
-    "release is ignored": ("before release_push", changing(ignore_release=True)),
-    "release times out unsent": ("before release_push", deadline),
-    "release times out sent": ("after release_push", deadline),
-    "wait_enabled times out": ("after wait_enabled", deadline),
-    "wait_activated times out": ("after wait_activated", deadline),
-    "reset forgets the reference": ("after wait_activated", changing(referenced=False)),
-    "alarm between the halves": ("after wait_loaded", changing(alarms=(4075,))),
-    "mode changed between the halves": ("after wait_loaded", changing(mode="JOG")),
-    "axis moved between the halves": ("after wait_loaded", changing(position=150.0)),
+    "mismatch": ("before read_back", changing(wrong_point=0.5)),
+    "program counts mismatches": ("after read_back", refuse),
+    "read_back times out": ("after read_back", deadline),
+    "stage times out": ("after stage", deadline),
+    "stage is refused": ("before stage", refuse),
+    "release is ignored": ("before activate", changing(ignore_release=True)),
+    "release times out unsent": ("before activate", deadline),
+    "release times out sent": ("after activate", deadline),
+    "confirm times out": ("after confirm", deadline),
+    "restarted times out": ("after restarted", deadline),
+    "reset forgets the reference": ("after restarted", changing(referenced=False)),
+    "alarm between the halves": ("after read_back", changing(alarms=(4075,))),
+    "mode changed between the halves": ("after read_back", changing(mode="JOG")),
+    "axis moved between the halves": ("after read_back", changing(position=150.0)),
 }
 
 
@@ -257,7 +257,7 @@ def _replaced(machine: Machine) -> None:
 @pytest.mark.parametrize("fault", [_replaced, changing(backlash=0.5)])
 def test_changed_between_snapshot_and_load_goes_back_to_neither_reading(tmp_path: Path, fault: Fault) -> None:
     at = bench(tmp_path)
-    at.controller.faults[("prepare_push", 1, "before")] = fault
+    at.controller.faults[("stage", 1, "before")] = fault
     record = push(at)
     assert record.outcome == "held"
     assert any("E-PUSH-LOST-UPDATE" in step for step in record.steps)
@@ -276,7 +276,7 @@ def test_changed_between_snapshot_and_load_goes_back_to_neither_reading(tmp_path
 
 def test_changed_between_two_readings_of_the_driver_nothing_is_sent(tmp_path: Path) -> None:
     at = bench(tmp_path, by_hand=True)
-    at.controller.faults[("prepare_push", 1, "before")] = _replaced
+    at.controller.faults[("stage", 1, "before")] = _replaced
     with pytest.raises(VerifyError, match="E-PUSH-LOST-UPDATE"):
         push(at)
     assert at.machine.writes == []
@@ -297,7 +297,7 @@ def test_a_failed_load_is_taken_back_only_with_a_second_reading(tmp_path: Path, 
         machine.backup = {"none": None, "another table": other}.get(lost, machine.backup)
         deadline(machine)
 
-    at.controller.faults[("wait_loaded", 1, "after")] = fail
+    at.controller.faults[("read_back", 1, "after")] = fail
     record = push(at)
     assert record.outcome == "held"
     assert any("E-PUSH-UNCONFIRMED" in step for step in record.steps)
@@ -306,14 +306,14 @@ def test_a_failed_load_is_taken_back_only_with_a_second_reading(tmp_path: Path, 
 
 
 HELD: dict[str, tuple[str, Fault]] = {
-    "another machine answers": ("after wait_loaded", changing(identity=replace(MACHINE, serial="SN-2"))),
-    "another software": ("after wait_loaded", changing(identity=replace(MACHINE, version="V4.9"))),
-    "the operator is gone": ("before wait_loaded", changing(operator=False)),
-    "the operator leaves between": ("after wait_loaded", changing(operator=False)),
-    "the operator leaves before activation": ("before wait_activated", changing(operator=False)),
-    "every write is wrong": ("before wait_loaded", changing(wrong_point=1.0)),
-    "an alarm that stays": ("after wait_loaded", changing(alarms=(25000,))),
-    "something else changed between": ("before wait_loaded", changing(backlash=0.5)),
+    "another machine answers": ("after read_back", changing(identity=replace(MACHINE, serial="SN-2"))),
+    "another software": ("after read_back", changing(identity=replace(MACHINE, version="V4.9"))),
+    "the operator is gone": ("before read_back", changing(operator=False)),
+    "the operator leaves between": ("after read_back", changing(operator=False)),
+    "the operator leaves before activation": ("before restarted", changing(operator=False)),
+    "every write is wrong": ("before read_back", changing(wrong_point=1.0)),
+    "an alarm that stays": ("after read_back", changing(alarms=(25000,))),
+    "something else changed between": ("before read_back", changing(backlash=0.5)),
     "a foreign table appears enabled": ("before saved_tables 2", _replaced),
 }
 
@@ -402,7 +402,7 @@ def test_a_poisoned_journal_stops_everything(tmp_path: Path, monkeypatch: pytest
     with pytest.raises(StoreError) as caught:
         push(at)
     assert caught.value.code == "E-PUSH-JOURNAL"
-    assert "release_push" not in at.controller.calls
+    assert "activate" not in at.controller.calls
     assert not at.machine.own.enabled
 
 
@@ -423,7 +423,7 @@ def test_cancelled_between_the_halves_leaves_it_disabled_and_unfinished(tmp_path
         assert task is not None
         task.cancel()
 
-    at.controller.faults[("wait_loaded", 1, "after")] = cancel
+    at.controller.faults[("read_back", 1, "after")] = cancel
     with pytest.raises(asyncio.CancelledError):
         push(at)
     at.machine.go_on()
@@ -436,8 +436,8 @@ def test_seeded_faults_never_enable_a_wrong_table(tmp_path: Path, seed: int) -> 
     rng = np.random.default_rng(seed)
     at = bench(tmp_path, [OLD_ON, LiveTable(OLD, enabled=False), LiveTable(NEVER, enabled=False)][seed % 3])
     old = at.machine.own
-    calls = ["identify", "state", "prepare_stops", "wait_stop", "release_stop", "saved_tables", "prepare_push"]
-    calls += ["wait_loaded", "release_push", "wait_enabled", "wait_activated", "abort_program"]
+    calls = ["identify", "state", "prepare_stops", "wait_stop", "release_stop", "saved_tables", "stage"]
+    calls += ["read_back", "activate", "confirm", "restarted", "abort_program"]
     faults = [
         deadline,
         refuse,

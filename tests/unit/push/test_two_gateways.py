@@ -28,7 +28,7 @@ PLACES = [
     *(("state", nth, "after") for nth in (1, 2)),
     ("saved_tables", 1, "after"),
     ("table_limits", 1, "after"),
-    ("prepare_push", 1, "before"),
+    ("stage", 1, "before"),
 ]
 
 
@@ -82,7 +82,7 @@ def test_what_the_other_did_meanwhile_stays(
     kept = frozen(at, place, act, broken=broken)
     found = push(at)
     assert kept, "this request was made"
-    if place[0] == "prepare_push" and not broken and act is they_push:
+    if place[0] == "stage" and not broken and act is they_push:
         return  # it wrote in the very moment after its last look; what it meets is compared before it is changed
     assert (at.machine.own, at.machine.marker, at.machine.channel, len(at.machine.history)) == kept[0]
     assert at.machine.writes == []
@@ -94,14 +94,14 @@ def test_what_the_other_did_meanwhile_stays(
 @pytest.mark.parametrize("act", [they_push, they_load])
 def test_a_gateway_that_sent_nothing_says_who_is_there(tmp_path: Path, act: Any) -> None:
     at = bench(tmp_path)
-    kept = frozen(at, ("prepare_push", 1, "before"), act, broken=True)
+    kept = frozen(at, ("stage", 1, "before"), act, broken=True)
     assert push(at) == "E-PUSH-ANOTHER"
     assert (at.machine.own, at.machine.marker) == kept[0][:2]
     assert "abort_program" not in at.controller.calls
     assert [one.kinds[-1] for one in journals_of(tmp_path)] == ["ABORTED"]
 
 
-@pytest.mark.parametrize("call", ["wait_loaded", "release_push", "wait_enabled", "wait_activated"])
+@pytest.mark.parametrize("call", ["read_back", "activate", "confirm", "restarted"])
 def test_under_anothers_mark_nothing_is_restored_aborted_or_marked(tmp_path: Path, call: str) -> None:
     at = bench(tmp_path)
     kept = frozen(at, (call, 1, "before"), they_push, broken=True)
@@ -120,7 +120,7 @@ def test_a_killed_gateway_recovers_nothing_that_is_anothers(tmp_path: Path, when
     def killed(machine: Machine) -> None:
         raise KeyboardInterrupt
 
-    at.controller.faults[("prepare_push", 1, when)] = killed
+    at.controller.faults[("stage", 1, when)] = killed
     with pytest.raises(KeyboardInterrupt):
         push(at)
     at.controller.faults.clear()

@@ -100,7 +100,7 @@ def test_a_foreign_edit_is_left_alone_and_told_three_ways(tmp_path: Path) -> Non
     assert "at 1 of 9 points, at 1 of them it is as before; first at 150" in str(error)
     assert at.machine.own.table == foreign
     assert at.machine.writes == writes
-    assert "prepare_push" not in at.controller.calls
+    assert "stage" not in at.controller.calls
 
 
 def test_switched_off_by_somebody_is_a_foreign_edit(tmp_path: Path) -> None:
@@ -135,7 +135,7 @@ def test_the_interlocks_are_those_of_every_push(tmp_path: Path, state: dict[str,
     record = take_back(at)
     assert record.outcome == "refused"
     assert any(code in step for step in record.steps)
-    assert "prepare_push" not in at.controller.calls
+    assert "stage" not in at.controller.calls
 
 
 @pytest.mark.parametrize(
@@ -146,7 +146,7 @@ def test_consent_and_a_whole_audit_are_needed(tmp_path: Path, changed: dict[str,
     record = take_back(at, **changed)
     assert record.outcome == "refused"
     assert any(code in step for step in record.steps)
-    assert "prepare_push" not in at.controller.calls
+    assert "stage" not in at.controller.calls
 
 
 def test_an_unfinished_push_is_recovered_first(tmp_path: Path) -> None:
@@ -167,7 +167,7 @@ def test_asking_writes_nothing(tmp_path: Path) -> None:
     assert set(at.controller.calls) <= {"identify", "state", "marker", "table_limits"}
 
 
-@pytest.mark.parametrize("call", ["prepare_push", "wait_loaded", "release_push", "wait_enabled", "wait_activated"])
+@pytest.mark.parametrize("call", ["stage", "read_back", "activate", "confirm", "restarted"])
 def test_a_failure_leads_back_to_the_newer_table(tmp_path: Path, call: str) -> None:
     at = pushed(tmp_path)
     at.controller.faults[call, 1, "before"] = deadline
@@ -223,7 +223,7 @@ def test_the_live_table_is_compared(tmp_path: Path, live: LiveTable, kind: str) 
     at.machine.become(live)
     done = last(at)
     assert run_virtual(lambda: compare_now(done, at.context)).kind == kind
-    assert "prepare_push" not in at.controller.calls
+    assert "stage" not in at.controller.calls
 
 
 LATER_WAVE = replace(WAVE, deviations=(0.0, 4.0, 8.0, 9.5, 4.0, 0.0, -5.0, -2.0, 0.0))

@@ -27,7 +27,7 @@ SURPRISES: tuple[BaseException, ...] = (
     asyncio.CancelledError("our own"),
     ExceptionGroup("two", [KeyError("one"), ValueError("two")]),
 )
-AFTER = ("prepare_push", "wait_loaded", "release_push", "wait_enabled", "wait_activated")
+AFTER = ("stage", "read_back", "activate", "confirm", "restarted")
 BEFORE = ("table_limits", "identify", "state", "saved_tables")
 
 
@@ -91,7 +91,7 @@ def test_a_cancel_from_outside_passes_and_the_journal_stays_open(tmp_path: Path)
 
     async def main() -> None:
         task = asyncio.ensure_future(push_table(change_of(at.machine), at.context))
-        at.context.controller.wait_loaded = lambda *_: _stopped(task)
+        at.context.controller.read_back = lambda *_: _stopped(task)
         await asyncio.wait([task])
         assert task.cancelled()
 

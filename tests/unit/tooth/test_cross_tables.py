@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from drivers.errors import DeviceRefused, ValueOutOfRange
-from drivers.types import CompensationTable, LiveSet, LiveTable, TableLimits
+from drivers.sinumerik.tablefile.held import HELD
+from drivers.types import Capabilities, CompensationTable, LiveSet, LiveTable, TableAbility, TableLimits
 from gateway.correct.flank.tables import Table, TableGrid
 from gateway.domain import TableChange
 from gateway.errors import CaptureError
@@ -29,6 +30,11 @@ class Control:
 
     memory: tuple[int, ...]
     asked: list[int] = field(default_factory=list)
+    tables: tuple[TableAbility, ...] = HELD
+
+    @property
+    def capabilities(self) -> Capabilities:
+        return Capabilities(False, self.tables, "by-itself", True, "panel")
 
     async def table_limits(self, axis: str, kind: str, index: int) -> TableLimits:
         assert (axis, kind) in {("X1", "cross"), ("C1", "cross")}
@@ -129,3 +135,10 @@ def test_a_table_beyond_the_limits_of_the_house_is_no_proposal() -> None:
     with pytest.raises(ValueOutOfRange) as caught:
         changes(at, (steep,), acts)
     assert caught.value.code in {"E-COMP-SLOPE", "E-COMP-CHANGE"}
+
+
+def test_a_control_without_cross_tables_gets_none_and_is_not_even_asked_for_room() -> None:
+    control = Control((100, 100), tables=(TableAbility("axis", "free", "columns", 256),))
+    (change,) = changes(bench(control), (x_of_z(),), (live("X1"),))
+    assert "this control has no cross tables" in change.skipped
+    assert control.asked == []

@@ -1,0 +1,282 @@
+"""What every controller behind the port must do, as checks that anybody can run on a control of their own.
+
+A check is a coroutine function of a `Subject`: an open controller on a machine (better: on its double) where one table
+may be written, and somebody who acts there as a person would. It returns nothing, or raises `ContractBroken` naming
+the rule; what the port itself raises passes on. Checks may be run in any order, each on a fresh subject. They know no
+test framework: `for check in CHECKS: await check(subject)`. Here nothing is asked of one maker.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Awaitable, Callable, Coroutine
+from dataclasses import dataclass, replace
+from typing import Any, Literal, TypeVar
+
+from drivers.errors import DeviceError, TableError, TrueflankError, UnsupportedDevice
+from drivers.ports import Controller
+from drivers.terms import TableKind
+from drivers.types import CompensationTable, DisableOrder, LiveSet, LiveTable, PushOrder
+
+T = TypeVar("T")
+Moment = Literal["start", "release", "restart"]
+"""When a person acts: the load begins, the loaded table is released, the control takes it over."""
+Act = Callable[[Moment, Coroutine[Any, Any, Any]], Awaitable[Any]]
+
+
+class ContractBroken(TrueflankError):
+    """A controller does not do what the port promises; rule and finding are in the fields."""
+
+
+@dataclass(frozen=True, slots=True)
+class Subject:
+    """A controller to be judged, open, its machine ready and without a table in the place of ``table``.
+
+    ``table`` is one it can hold, at its resolution, zero at ``agreeing_position``; ``letter`` and ``rotary`` are those
+    of its input axis. ``person`` runs a piece of the talk while somebody does at the machine what that moment asks.
+    ``live`` reads the live tables of an axis, with whatever the road needs for it. ``allowed`` (um or arcsec) is the
+    control's resolution. Timeouts in s of the controller's clock.
+    """
+
+    controller: Controller
+    table: CompensationTable
+    letter: str
+    rotary: bool
+    agreeing_position: float
+    person: Act
+    live: Callable[[str], Awaitable[LiveSet]]
+    allowed: float = 0.001
+    timeout_s: float = 200.0
+
+    @property
+    def place(self) -> DisableOrder:
+        """The table's place, for looking at its switch."""
+        table = self.table
+        return DisableOrder(1, table.kind, table.output_axis, table.index)
+
+    def order(self, number: int, table: CompensationTable, *, enable: bool = True, restore: bool = False) -> PushOrder:
+        """An order for a table as it is stored, without any proof."""
+        purpose: Literal["sign-proof", "restore"] = "restore" if restore else "sign-proof"
+        return PushOrder(number, table, self.letter, self.rotary, enable, self.agreeing_position, purpose)
+
+
+def _demand(rule: str, held: bool, found: object) -> None:
+    if not held:
+        raise ContractBroken("E-PORT-CONTRACT", "contract", rule=rule, found=found)
+
+
+def _in(live: LiveSet, table: CompensationTable) -> LiveTable | None:
+    if table.kind == "axis":
+        return live.own
+    return next((one for one in live.cross if one.table.index == table.index), None)
+
+
+def _same(subject: Subject, one: CompensationTable, two: CompensationTable) -> bool:
+    grids = [(t.kind, t.input_axis, t.output_axis, t.index, len(t.deviations), len(t.reverse)) for t in (one, two)]
+    if grids[0] != grids[1] or any(abs(a - b) > 1e-6 for a, b in zip(one.positions, two.positions, strict=True)):
+        return False
+    pairs = (*zip(one.deviations, two.deviations, strict=True), *zip(one.reverse, two.reverse, strict=True))
+    return all(abs(a - b) <= subject.allowed for a, b in pairs)
+
+
+def _empty(table: LiveTable | None) -> bool:
+    return table is None or not table.enabled or not any((*table.table.deviations, *table.table.reverse))
+
+
+async def says_what_it_can(subject: Subject) -> None:
+    """Abilities are declared, do not contradict each other, and hold for the machine's own state."""
+    can = subject.controller.capabilities
+    kinds = [one.kind for one in can.tables]
+    _demand("it holds at least one kind of table, each said once", 0 < len(set(kinds)) == len(kinds), kinds)
+    _demand("who switches at a stop makes stops", can.stops or can.switched != "at-stop", can.switched)
+    _demand(
+        "most points, where they are fixed, make a table", all((one.most_points or 2) >= 2 for one in can.tables), can
+    )
+    state = await subject.controller.state()
+    _demand("without alarms in its abilities it names none", can.alarms or not state.alarms, state.alarms)
+    marker = await subject.controller.marker()
+    _demand("it has a marker if and only if it says so", (marker is not None) == can.marker, marker)
+
+
+async def names_its_machine(subject: Subject) -> None:
+    """The fingerprint is the same at each reading, and every axis it names has a state in its unit."""
+    first, second = await subject.controller.identify(), await subject.controller.identify()
+    _demand("the fingerprint stays", not first.differences(second), first.differences(second))
+    _demand("serial number and version are no empty texts", bool(first.serial and first.version), first)
+    state = await subject.controller.state()
+    _demand("each axis has a state", set(first.axis_names) <= set(state.axes), sorted(state.axes))
+    output = state.axes[subject.table.output_axis]
+    _demand("units are those of the table", output.unit == subject.table.output_unit, output.unit)
+
+
+async def bounds_its_tables(subject: Subject) -> None:
+    """Limits of each kind it holds; a kind it has not is refused, or has no room."""
+    table, can = subject.table, subject.controller.capabilities
+    limits = await subject.controller.table_limits(table.output_axis, table.kind, table.index)
+    _demand("there is room for the table", limits.reserved_points >= len(table.deviations), limits)
+    _demand("its values have a resolution and a limit", limits.resolution > 0.0 and limits.max_value > 0.0, limits)
+    most = [one.most_points for one in can.tables if one.kind == table.kind]
+    _demand("no more room than the kind has", most[0] is None or limits.reserved_points <= most[0], limits)
+    for kind in _KINDS:
+        if can.table(kind) is None:
+            _demand(f"no room for {kind} tables it has not", await _refuses_limits(subject, kind), kind)
+
+
+_KINDS: tuple[TableKind, ...] = ("axis", "cross")
+
+
+async def _refuses_limits(subject: Subject, kind: TableKind) -> bool:
+    try:
+        limits = await subject.controller.table_limits(subject.table.output_axis, kind, 0)
+    except DeviceError:
+        return True
+    return limits.reserved_points == 0
+
+
+async def shows_what_acts(subject: Subject) -> None:
+    """Live sets belong to their axis, hold kinds it has, and have a digest that stays while the tables do."""
+    axis = subject.table.output_axis
+    live = await subject.live(axis)
+    _demand("the set is of the axis asked for", live.axis == axis and live.own.table.output_axis == axis, live.axis)
+    _demand("the axis' own table is of that kind", live.own.table.kind == "axis", live.own.table.kind)
+    held = subject.controller.capabilities.table("cross")
+    _demand("cross tables only where it has them", held is not None or not (live.cross or live.others), live.cross)
+    _demand("the set has a digest", len(live.digest) == 64, live.digest)
+    _demand("read twice it is the same", (await subject.live(axis)).digest == live.digest, live.digest)
+
+
+async def _load(subject: Subject, order: PushOrder) -> tuple[LiveSet, LiveSet]:
+    controller = subject.controller
+    await controller.stage(order)
+    sets: tuple[LiveSet, LiveSet] = await subject.person("start", controller.read_back(order, subject.timeout_s))
+    return sets
+
+
+async def _to_work(subject: Subject, order: PushOrder) -> bool:
+    controller = subject.controller
+    await controller.activate(order)
+    enabled: bool = await subject.person("release", controller.confirm(order, subject.timeout_s))
+    if enabled:
+        await subject.person("restart", controller.restarted(order, subject.timeout_s))
+    return enabled
+
+
+async def loads_and_acts(subject: Subject) -> None:
+    """Stage, read back, activate, confirm: off until it is released, then as it was ordered."""
+    order, axis = subject.order(701, subject.table), subject.table.output_axis
+    before = await subject.live(axis)
+    backup, loaded = await _load(subject, order)
+    was, now = _in(backup, order.table), _in(loaded, order.table)
+    _demand("the back-up is what stood before", _empty(was) == _empty(_in(before, order.table)), was)
+    _demand("what was sent is read back", now is not None and _same(subject, now.table, order.table), now)
+    _demand("it stays off until it is released", now is not None and not now.enabled, now)
+    await _marked(subject, order, "in-progress")
+    _demand("a released table is switched on", await _to_work(subject, order), False)
+    await subject.controller.finish_push(order, "committed")
+    await _marked(subject, order, "committed")
+    after = await subject.live(axis)
+    _demand("another table has another digest", after.digest != before.digest, after.digest)
+    acts = _in(after, order.table)
+    right = acts is not None and acts.enabled and _same(subject, acts.table, order.table)
+    _demand("then it acts as it was ordered", right, acts)
+    reading = await subject.controller.switch_reading(subject.place)
+    _demand("and its switch reads on", reading.enabled is True and not reading.off, reading)
+
+
+async def _marked(subject: Subject, order: PushOrder, state: str) -> None:
+    if not subject.controller.capabilities.marker:
+        return
+    marker = await subject.controller.marker()
+    found = (marker.transaction, marker.state) if marker is not None else None
+    _demand("the marker names transaction and state", found == (order.transaction, state), found)
+
+
+async def stays_off_where_told(subject: Subject) -> None:
+    """An order that does not enable ends loaded and off."""
+    order = subject.order(702, subject.table, enable=False)
+    await _load(subject, order)
+    _demand("it says that it left the table off", not await _to_work(subject, order), True)
+    await subject.controller.finish_push(order, "held")
+    held = _in(await subject.live(order.table.output_axis), order.table)
+    _demand("and it is off", held is None or not held.enabled, held)
+
+
+async def restores(subject: Subject) -> None:
+    """After a push the back-up goes in by an order of its own, and what stood before acts again."""
+    order = subject.order(703, subject.table)
+    backup, _ = await _load(subject, order)
+    _demand("first the new one acts", await _to_work(subject, order), False)
+    await subject.controller.finish_push(order, "committed")
+    old = _in(backup, order.table)
+    table = old.table if old is not None else replace(order.table, deviations=(0.0,) * len(order.table.deviations))
+    enable = old is not None and old.enabled
+    back = subject.order(704, table, enable=enable, restore=True)
+    await _load(subject, back)
+    _demand("the order ends as the old one was", await _to_work(subject, back) == enable, enable)
+    await subject.controller.finish_push(back, "committed")
+    held = _in(await subject.live(order.table.output_axis), order.table)
+    gone = held is None or not _same(subject, held.table, order.table) or not held.enabled
+    _demand("the new one does not act any more", gone, held)
+
+
+async def refuses_what_it_cannot_hold(subject: Subject) -> None:
+    """A kind, a grid or a curve that its abilities lack is refused before anything changes."""
+    before = await subject.live(subject.table.output_axis)
+    for what, table in _beyond(subject):
+        try:
+            await subject.controller.stage(subject.order(705, table))
+        except (TableError, DeviceError):
+            continue
+        _demand(f"refused before anything is sent: {what}", held=False, found=table.name)
+    after = await subject.live(subject.table.output_axis)
+    _demand("and nothing changed", (before.own, before.cross) == (after.own, after.cross), after)
+
+
+def _beyond(subject: Subject) -> list[tuple[str, CompensationTable]]:
+    table, can = subject.table, subject.controller.capabilities
+    ability = can.table(table.kind)
+    found: list[tuple[str, CompensationTable]] = []
+    if can.table("cross") is None:
+        found.append(("a cross table", replace(table, kind="cross", index=0)))
+    if ability is not None and ability.grid == "equal-step":
+        found.append(("points at free positions", replace(table, places=tuple(map(float, table.positions)))))
+    if ability is not None and ability.directions != "columns":
+        found.append(("a curve for each direction in one table", replace(table, reverse=table.deviations)))
+    if ability is not None and ability.most_points is not None:
+        count = ability.most_points + 1
+        places = tuple(table.minimum + number * 0.01 for number in range(count))
+        more: dict[str, Any] = {"deviations": (0.0,) * count, "reverse": (0.0,) * count if table.reverse else ()}
+        found.append(("too many points", replace(table, places=places if table.places else (), **more)))
+    return found
+
+
+async def switches_as_declared(subject: Subject) -> None:
+    """By itself where it says so; else switching alone is unsupported, and changes nothing."""
+    order = subject.order(706, subject.table)
+    if subject.controller.capabilities.switched == "by-itself":
+        await _load(subject, order)
+        await _to_work(subject, order)
+        await subject.controller.finish_push(order, "committed")
+        again = replace(order, transaction=707)
+        await subject.person("release", subject.controller.switch(again, False, subject.timeout_s))
+        reading = await subject.controller.switch_reading(subject.place)
+        _demand("it switches off", reading.enabled is False, reading)
+        return
+    try:
+        await subject.controller.switch(order, False, subject.timeout_s)
+    except UnsupportedDevice:
+        return
+    _demand("switching alone is unsupported", held=False, found=subject.controller.capabilities.switched)
+
+
+Check = Callable[[Subject], Coroutine[Any, Any, None]]
+CHECKS: tuple[Check, ...] = (
+    says_what_it_can,
+    names_its_machine,
+    bounds_its_tables,
+    shows_what_acts,
+    loads_and_acts,
+    stays_off_where_told,
+    restores,
+    refuses_what_it_cannot_hold,
+    switches_as_declared,
+)

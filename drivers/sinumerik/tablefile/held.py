@@ -1,0 +1,8 @@
+"""The kinds of tables that an 840D holds, whichever road leads to it."""
+
+from __future__ import annotations
+
+from drivers.types import TableAbility
+
+HELD = (TableAbility("axis"), TableAbility("cross", directions="tables"))
+"""Points of equal step, as many as the machine data reserve; a direction of travel has a cross table of its own."""

@@ -1,0 +1,199 @@
+"""Every registered controller, and a control that takes tables from files, keep the one contract of the port."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable, Coroutine
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from drivers import registry
+from drivers.clock import LoopClock, run_virtual
+from drivers.contract import (
+    CHECKS,
+    Check,
+    ContractBroken,
+    Moment,
+    Subject,
+    loads_and_acts,
+    restores,
+    says_what_it_can,
+    shows_what_acts,
+    switches_as_declared,
+)
+from drivers.ports import Controller
+from drivers.types import LiveSet, LiveTable, PushOrder, Stop
+from tests.contract import modbus_stage, opcua_stage
+from tests.contract.fileroad import CAPABILITIES, FileRoad, Machine, curve
+
+Body = Callable[[Subject], Awaitable[None]]
+
+
+@pytest.fixture(scope="module")
+def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One pair of server keys for all tests here."""
+    return tmp_path_factory.mktemp("keys")
+
+
+def on_opcua(body: Body, folder: Path) -> None:
+    """The 840D by its OPC UA server and programs: the operator presses NC START and does what MSG says."""
+
+    async def act(on: opcua_stage.Stage) -> None:
+        async def person(moment: Moment, work: Coroutine[Any, Any, Any]) -> Any:
+            if moment == "start":
+                on.press()
+            return await work
+
+        async def live(axis: str) -> LiveSet:
+            await on.walk(opcua_stage.plan((Stop(0.0, 1),)))
+            return await on.device.saved_tables(axis)
+
+        table = opcua_stage.TABLE_C
+        await body(Subject(on.device, table, "C", True, 0.0, person, live, allowed=0.002))
+
+    opcua_stage.on_stage(act, folder=folder)
+
+
+def on_mailbox(body: Body, folder: Path) -> None:
+    """The 840D behind a PLC mailbox: somebody presses the button at the panel."""
+    del folder
+
+    async def act(on: modbus_stage.Stage) -> None:
+        async def person(moment: Moment, work: Coroutine[Any, Any, Any]) -> Any:
+            return await (on.pressed(work) if moment == "release" else work)
+
+        table = modbus_stage.table()
+        await body(Subject(on.device, table, "X", False, 0.0, person, on.device.saved_tables))
+
+    modbus_stage.on_stage(act)
+
+
+def on_files(body: Body, folder: Path) -> None:
+    """Tables from files: the control is restarted after a while."""
+    del folder
+
+    async def main() -> None:
+        machine, clock = Machine(), LoopClock()
+        device = FileRoad(machine, clock)
+        await body(files_subject(device, machine, clock))
+
+    run_virtual(main)
+
+
+def files_subject(device: FileRoad, machine: Machine, clock: LoopClock) -> Subject:
+    async def person(moment: Moment, work: Coroutine[Any, Any, Any]) -> Any:
+        if moment == "start":
+            return await work
+        task = asyncio.ensure_future(work)
+        await clock.sleep(3.0)
+        machine.restart()
+        return await task
+
+    return Subject(device, curve(), "X", False, 0.0, person, device.saved_tables)
+
+
+ROADS: dict[str, Callable[[Body, Path], None]] = {
+    "sinumerik-opcua": on_opcua,
+    "sinumerik-modbus": on_mailbox,
+    "file-road": on_files,
+}
+
+
+def test_every_registered_controller_is_judged() -> None:
+    assert set(registry.known("controller")) <= set(ROADS)
+
+
+@pytest.mark.parametrize("check", CHECKS, ids=lambda check: str(check.__name__))
+@pytest.mark.parametrize("road", ROADS)
+def test_the_port_is_kept(road: str, check: Check, keys: Path) -> None:
+    ROADS[road](check, keys)
+
+
+# ---- the checks find what they are for -----------------------------------------------------------------
+
+
+class _Liar(FileRoad):
+    """Keeps the port but for one thing, which a subclass spoils."""
+
+
+class TwoHomes(_Liar):
+    @property
+    def capabilities(self) -> Any:
+        return replace(CAPABILITIES, tables=CAPABILITIES.tables * 2)
+
+
+class LosesAPoint(_Liar):
+    async def read_back(self, order: PushOrder, timeout_s: float) -> tuple[LiveSet, LiveSet]:
+        backup, loaded = await super().read_back(order, timeout_s)
+        values = (*loaded.own.table.deviations[:-1], 9.0)
+        return backup, replace(loaded, own=LiveTable(replace(loaded.own.table, deviations=values), False))
+
+
+class OnAtOnce(_Liar):
+    async def read_back(self, order: PushOrder, timeout_s: float) -> tuple[LiveSet, LiveSet]:
+        backup, loaded = await super().read_back(order, timeout_s)
+        return backup, replace(loaded, own=replace(loaded.own, enabled=True))
+
+
+class OneCurve(_Liar):
+    async def activate(self, order: PushOrder) -> None:
+        await super().activate(replace(order, table=replace(order.table, reverse=())))
+        self.machine.files["X"] = "\n".join(
+            f"{place} {value} {value}" for place, value in zip(order.table.places, order.table.deviations, strict=True)
+        )
+
+
+class FrozenDigest(_Liar):
+    async def saved_tables(self, axis: str) -> LiveSet:
+        return replace(await super().saved_tables(axis), digest="0" * 64)
+
+
+class NoDigest(_Liar):
+    async def saved_tables(self, axis: str) -> LiveSet:
+        return replace(await super().saved_tables(axis), digest="")
+
+
+class KeepsTheNew(_Liar):
+    async def activate(self, order: PushOrder) -> None:
+        if order.purpose == "restore":
+            self.machine.files.pop("X.new")
+            self._started = self.machine.starts
+        else:
+            await super().activate(order)
+
+    async def restarted(self, order: PushOrder, timeout_s: float) -> None:
+        if order.purpose != "restore":
+            await super().restarted(order, timeout_s)
+
+
+class SwitchesAfterAll(_Liar):
+    async def switch(self, order: PushOrder, enable: bool, timeout_s: float) -> None:
+        del order, enable, timeout_s
+
+
+@pytest.mark.parametrize(
+    ("spoilt", "check", "rule"),
+    [
+        (TwoHomes, says_what_it_can, "each said once"),
+        (LosesAPoint, loads_and_acts, "read back"),
+        (OnAtOnce, loads_and_acts, "stays off"),
+        (OneCurve, loads_and_acts, "acts as it was ordered"),
+        (NoDigest, shows_what_acts, "has a digest"),
+        (FrozenDigest, loads_and_acts, "another digest"),
+        (KeepsTheNew, restores, "new one does not act"),
+        (SwitchesAfterAll, switches_as_declared, "unsupported"),
+    ],
+)
+def test_a_controller_that_breaks_a_rule_is_named(spoilt: type[FileRoad], check: Check, rule: str) -> None:
+    async def main() -> None:
+        machine, clock = Machine(), LoopClock()
+        device: Controller = spoilt(machine, clock)
+        assert isinstance(device, FileRoad)
+        await check(files_subject(device, machine, clock))
+
+    with pytest.raises(ContractBroken) as caught:
+        run_virtual(main)
+    assert rule in caught.value.what
