@@ -38,6 +38,11 @@ def test_the_demo_machines_rotary_axis_gets_better_as_promised(tmp_path: Path) -
     assert judged.outcome.exit_code == 0
     for kind in ("html", "json", "picture"):
         assert Path(judged.outcome.data["report"][kind]).stat().st_size > 1000
+    kept = sorted(tmp_path.rglob("sent-*.MPF"))
+    assert {"TFMEAS_C1.MPF", "TFPUSH_C1.MPF"} == {path.name[9:] for path in kept}
+    heads = [path.read_text(encoding="ascii").splitlines()[1] for path in kept if "TF" in path.name]
+    run = kept[0].parent.name
+    assert [head for head in heads if f"run {run}," not in head] == [], "what was sent says whose it is"
 
 
 @pytest.mark.parametrize("axis", [long("X1"), pytest.param("Z1", marks=pytest.mark.soak)])
