@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-
-from drivers.units import AxisUnit, DeviationUnit, deviation_unit
+from typing import Literal
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,7 +15,7 @@ class AxisRecord:
 
     name: str
     letter: str
-    unit: AxisUnit
+    unit: Literal["mm", "deg"]
     rotary: bool
     modulo: bool
     travel: tuple[float, float]
@@ -25,8 +24,3 @@ class AxisRecord:
     overrun: float = 5.0
     dwell_s: float = 1.0
     encoder: int = 0
-
-    @property
-    def deviation_unit(self) -> DeviationUnit:
-        """Unit of its deviations: um or arcsec."""
-        return deviation_unit(self.unit)

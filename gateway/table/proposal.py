@@ -11,7 +11,7 @@ from scipy.special import chdtri
 from drivers.errors import Gap
 from drivers.limits import Limits
 from drivers.types import CompensationTable, LiveSet
-from drivers.units import DeviationUnit
+from drivers.units import DeviationUnit, deviation_unit
 from gateway.axes import AxisRecord
 from gateway.domain import COVERAGE, Component, FloatArray, TableChange
 from gateway.model.components import is_periodic, standard_uncertainty, value
@@ -87,7 +87,7 @@ def propose(
     """
     check_points(grid.intervals + 1, reserved_points, axis.name)
     _check_turn(axis, component, grid)
-    known = instrument or InstrumentU.usual(axis.deviation_unit)
+    known = instrument or InstrumentU.usual(deviation_unit(axis.unit))
     acts = effective(live.own)
     new = _merged(axis, component, live.own.table, acts, grid, resolution)
     skipped = reasons.other_layer(axis.name, live) or _why_not(axis, component, measured, known, acts, new)
@@ -97,7 +97,7 @@ def propose(
     else:
         limit = limits or Limits.of(axis.unit)
         hidden, taken = _unseen(component, measured), _taken(component, acts, new)
-        doubtful = reasons.doubtful(axis.name, axis.deviation_unit, hidden, taken)
+        doubtful = reasons.doubtful(axis.name, deviation_unit(axis.unit), hidden, taken)
         findings = (*_coverage(axis, component, grid), *doubtful, *check(new, acts, limit, axis.name))
     return TableChange(
         axis=axis.name,
@@ -152,7 +152,7 @@ def _why_not(
     acts: CompensationTable,
     new: CompensationTable,
 ) -> str:
-    unit = axis.deviation_unit
+    unit = deviation_unit(axis.unit)
     largest, bound = _significance(axis, component, instrument)
     hidden, taken = _unseen(component, measured), _taken(component, acts, new)
     if largest <= 1.0 and hidden <= max(instrument.constant, COVERAGE * float(np.nanmax(measured.u))):
