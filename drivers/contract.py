@@ -56,7 +56,15 @@ class Subject:
     def order(self, number: int, table: CompensationTable, *, enable: bool = True, restore: bool = False) -> PushOrder:
         """An order for a table as it is stored, without any proof."""
         purpose: Literal["sign-proof", "restore"] = "restore" if restore else "sign-proof"
-        return PushOrder(number, table, self.letter, self.rotary, enable, self.agreeing_position, purpose)
+        return PushOrder(
+            number,
+            table,
+            letter=self.letter,
+            rotary=self.rotary,
+            enable=enable,
+            agreeing_position=self.agreeing_position,
+            purpose=purpose,
+        )
 
 
 def _demand(rule: str, held: bool, found: object) -> None:

@@ -8,7 +8,7 @@ from typing import Literal
 
 @dataclass(frozen=True, slots=True)
 class AxisRecord:
-    """One axis: ``name`` as in MD10000, ``letter`` as programs call it; positions and overrun in its unit.
+    """One axis: ``name`` as the control has it, ``letter`` as programs call it; positions and overrun in its unit.
 
     ``reference`` is where its tables must be zero. ``feed`` in mm/min or deg/min; ``dwell_s`` before each hand-shake.
     """

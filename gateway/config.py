@@ -9,9 +9,9 @@ from typing import Any, Literal
 from pydantic import Field, ValidationError, field_validator, model_validator
 
 from drivers.errors import ConfigError, words
-from drivers.names import shown
-from drivers.scrub import has_user, is_secret, secrets_in
-from drivers.tomlfile import read_toml
+from drivers.local.names import shown
+from drivers.local.scrub import has_user, is_secret, secrets_in
+from drivers.local.tomlfile import read_toml
 from gateway.axes import AxisRecord
 from gateway.siteplan import (
     MOST_POINTS,

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-from drivers.names import MOST, PATTERN, allowed, is_name
+from drivers.local.names import MOST, PATTERN, allowed, is_name
 
 # A visit of all of them would take days; the largest control holds 5000 points of a table.
 MOST_TARGETS, MOST_REPETITIONS, MOST_POINTS = 2000, 50, 5000
@@ -21,7 +21,7 @@ def _named(text: str) -> str:
 
 _AS_SCHEMA = {"pattern": PATTERN, "maxLength": MOST}
 Name = Annotated[str, AfterValidator(_named), Field(json_schema_extra=dict(_AS_SCHEMA))]
-"""A name by the one rule (`drivers.names`): it may stand in a file's name."""
+"""A name by the one rule (`drivers.local.names`): it may stand in a file's name."""
 MaybeName = Annotated[
     str, AfterValidator(lambda text: _named(text) if text else text), Field(json_schema_extra={"maxLength": MOST})
 ]

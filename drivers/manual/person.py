@@ -11,7 +11,7 @@ from typing import Protocol, TextIO
 
 from drivers.clock import Clock
 from drivers.errors import ConfigError, TransportError
-from drivers.names import visible
+from drivers.local.names import visible
 
 POLL_S = 0.2
 

@@ -16,9 +16,9 @@ import numpy as np
 
 from drivers.clock import Clock, LoopClock, run_virtual
 from drivers.errors import ConfigError, DeadlineExceeded, FileFormatError, TransportError, TrueflankError
+from drivers.local.scrub import HIDDEN
 from drivers.ports import Instrument
 from drivers.replay.tracefile import Record, Trace, read_trace
-from drivers.scrub import HIDDEN
 from drivers.transport import ByteTransport, listen_memory
 from drivers.types import Ambient, FloatArray, Identity, SampleBlock
 

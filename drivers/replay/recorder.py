@@ -9,10 +9,10 @@ from typing import Any, BinaryIO, Literal
 
 from drivers.clock import Clock
 from drivers.errors import ConfigError
-from drivers.names import allowed, is_name, shown
-from drivers.ownfiles import made_folder, opened
+from drivers.local.names import allowed, is_name, shown
+from drivers.local.ownfiles import made_folder, opened
+from drivers.local.scrub import without_secrets
 from drivers.replay.tracefile import Record, encode, head
-from drivers.scrub import without_secrets
 
 FILE_BYTES = 16 << 20
 FILES = 4

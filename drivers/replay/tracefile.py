@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from drivers.errors import FileFormatError
-from drivers.scrub import without_user
+from drivers.local.scrub import without_user
 
 FORM = 1
 _RECORD = struct.Struct("<cdI")

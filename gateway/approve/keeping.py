@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from drivers.ownfiles import opened
+from drivers.local.ownfiles import opened
 from gateway.domain import Approval
 from gateway.errors import CorruptRecord, WriteRefused
 from gateway.store import records

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import Event
 
-from drivers.ownfiles import opened, read_own
+from drivers.local.ownfiles import opened, read_own
 from gateway.audit.entries import TORN, AuditEntry, ChainHead, Happening, head_of, head_of_line, line_of, torn_facts
 from gateway.errors import BusyError, CorruptRecord
 from gateway.push.records.lock import held

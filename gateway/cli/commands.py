@@ -122,9 +122,7 @@ def evaluate(
     limit: Annotated[list[str] | None, typer.Option(help="Judge a parameter: A=10. May be repeated.")] = None,
     air: Annotated[str, typer.Option(help="Re-compensate: edlen, ciddor or edlen-1966.")] = "",
     expansion: Annotated[float | None, typer.Option(min=-5, max=100, help="Re-compensate: ppm/K.")] = None,
-    material_degc: Annotated[
-        float | None, typer.Option(help="Material temperature, degC: for U, and to re-compensate.")
-    ] = None,
+    material_degc: Annotated[float | None, typer.Option(help="Material, degC: for U, and to re-compensate.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the Monte Carlo.")] = 1,
     axis: Annotated[str, typer.Option(help="Of a run: this axis only.")] = "",
     phase: Annotated[str, typer.Option(help="Of a run: before or after only.")] = "",

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from drivers.errors import ConfigError
-from drivers.names import allowed, is_name, shown
+from drivers.local.names import allowed, is_name, shown
 
 SiteArgument = Annotated[Path, typer.Argument(help="Site file (TOML).", show_default=False)]
 RunArgument = Annotated[str, typer.Argument(help="Run folder, or its id with --store.", show_default=False)]

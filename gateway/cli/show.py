@@ -11,7 +11,7 @@ from typing import Any
 import typer
 
 from drivers.errors import TrueflankError, words
-from drivers.names import visible
+from drivers.local.names import visible
 from gateway.say import Say, silence
 
 

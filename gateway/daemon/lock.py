@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
-from drivers.ownfiles import made_parents, opened
+from drivers.local.ownfiles import made_parents, opened
 from gateway.errors import BusyError, StoreError
 
 LOCK_FILE = "daemon.lock"

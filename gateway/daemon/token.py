@@ -8,7 +8,7 @@ import secrets
 import stat
 from pathlib import Path
 
-from drivers.ownfiles import no_link, opened, read_own
+from drivers.local.ownfiles import no_link, opened, read_own
 from gateway.errors import StoreError
 
 TOKEN_FILE = "daemon.token"  # noqa: S105 - the file's name

@@ -10,8 +10,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from threading import Event
 
-from drivers.names import MOST_OF_FILE, allowed, is_file_name, shown
-from drivers.ownfiles import made_folder, opened, read_own
+from drivers.local.names import MOST_OF_FILE, allowed, is_file_name, shown
+from drivers.local.ownfiles import made_folder, opened, read_own
 from gateway.errors import StoreError
 
 # Windows: access denied, sharing violation, lock violation; a virus scanner holds a new file for a moment.

@@ -12,8 +12,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.names import is_file_name, shown
-from drivers.ownfiles import is_link
+from drivers.local.names import is_file_name, shown
+from drivers.local.ownfiles import is_link
 from drivers.types import MachineIdentity
 from gateway.errors import CorruptRecord, StoreError
 from gateway.store import records, seal

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from drivers.names import stem
+from drivers.local.names import stem
 from drivers.types import MachineIdentity, SignProof
 from gateway.errors import CorruptRecord
 from gateway.store import records

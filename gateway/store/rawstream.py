@@ -15,7 +15,7 @@ from typing import BinaryIO, Self
 
 import numpy as np
 
-from drivers.ownfiles import opened
+from drivers.local.ownfiles import opened
 from drivers.recordings import FloatArray, Recording, RecordingGap
 from drivers.units import DeviationUnit
 from gateway.errors import CorruptRecord

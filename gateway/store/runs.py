@@ -9,8 +9,8 @@ from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 
-from drivers.names import is_file_name, shown
-from drivers.ownfiles import new_folder
+from drivers.local.names import is_file_name, shown
+from drivers.local.ownfiles import new_folder
 from gateway.errors import StoreError
 from gateway.store import records
 from gateway.store.disk import disk_errors, write_whole

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from drivers.ownfiles import opened
+from drivers.local.ownfiles import opened
 from gateway.store.disk import disk_errors
 
 BESIDE = "beside"

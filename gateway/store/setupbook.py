@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from drivers.clock import Clock
-from drivers.names import stem
+from drivers.local.names import stem
 from drivers.types import MachineIdentity
 from gateway.errors import CorruptRecord
 from gateway.store import records

@@ -8,8 +8,8 @@ from typing import Any, Literal, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from drivers.errors import ConfigError
-from drivers.names import shown
-from drivers.tomlfile import read_toml
+from drivers.local.names import shown
+from drivers.local.tomlfile import read_toml
 from gateway.siteplan import MOST_POINTS, Name
 
 Number = float

@@ -6,7 +6,7 @@ import json
 import os
 from pathlib import Path
 
-from drivers.ownfiles import made_folder, opened, read_own
+from drivers.local.ownfiles import made_folder, opened, read_own
 from gateway.errors import CorruptRecord
 from gateway.store.disk import disk_errors, sync_folder
 

@@ -13,7 +13,7 @@ from starlette.exceptions import HTTPException
 from starlette.responses import HTMLResponse, JSONResponse, Response
 
 from drivers.errors import TrueflankError
-from drivers.names import is_file_name, shown
+from drivers.local.names import is_file_name, shown
 from gateway.errors import BusyError
 from gateway.report.sentences import visible, when
 from gateway.views import StatusView, as_data

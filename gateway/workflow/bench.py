@@ -11,8 +11,8 @@ from pathlib import Path
 
 from drivers.clock import Clock
 from drivers.errors import ConfigError, TrueflankError
+from drivers.local.scrub import without_secrets_text
 from drivers.programs import Origin, ProgramText, SendsPrograms
-from drivers.scrub import without_secrets_text
 from drivers.types import MachineIdentity
 from gateway import stopping
 from gateway.capture.rig import Rig

@@ -1,7 +1,7 @@
 """Every program that a site would send, written without a control: to be read and signed before the first day.
 
-What only the control knows is taken as small as the work allows: as many points as the tables ask for (MD38000,
-MD18342), and no tables of others. Numbers of runs and transactions are none that was ever given.
+What only the control knows is taken as small as the work allows: as many points as the tables ask
+for, and no tables of others. Numbers of runs and transactions are none that was ever given.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ def programs(
     found = []
     for what in wanted:
         for name, order in _orders(site, site_path, what, tables):
-            made = write(order, site.controller.settings, machine, origin, str(site_path))
+            made = write(order, site.controller.settings, machine=machine, origin=origin, where=str(site_path))
             found += [Written(what, f"{what}-{name}-{one.file_name}", one) for one in made]
     return tuple(found)
 
@@ -83,17 +83,17 @@ def _loaded(site: SiteFile, proposal: Proposal | None) -> tuple[CompensationTabl
 
 def _triangle(axis: AxisSection) -> tuple[CompensationTable, float]:
     facts, grid = axis.facts, axis.table
-    return triangle_of(facts, facts, grid.minimum, grid.maximum, grid.step)
+    return triangle_of(facts, facts, minimum=grid.minimum, maximum=grid.maximum, step=grid.step)
 
 
 def _machine(site: SiteFile, tables: tuple[CompensationTable, ...]) -> PaperMachine:
     own = {axis.name: len(_triangle(axis)[0].deviations) for axis in site.axes}
     cross = {table.index: len(table.deviations) for table in tables if table.kind == "cross"}
-    eec = {table.output_axis: len(table.deviations) for table in tables if table.kind == "axis"}
+    asked = {table.output_axis: len(table.deviations) for table in tables if table.kind == "axis"}
     modulo = frozenset(axis.name for axis in site.axes if axis.modulo)
     points = tuple(cross.get(number, 0) for number in range(max(cross, default=-1) + 1))
     names = tuple(axis.name for axis in site.axes)
-    return PaperMachine(names, modulo, {name: max(own[name], eec.get(name, 0)) for name in names}, points)
+    return PaperMachine(names, modulo, {name: max(own[name], asked.get(name, 0)) for name in names}, points)
 
 
 def _orders(
@@ -151,17 +151,37 @@ def _of_setup(site: SiteFile, one: Planned) -> Iterator[tuple[str, Order]]:
 def _load(site: SiteFile, table: CompensationTable) -> tuple[str, Order]:
     moved = next(axis for axis in site.axes if axis.name == table.input_axis)
     identity = MachineIdentity(site.controller.serial, "", tuple(axis.name for axis in site.axes))
-    proof = SignProof(identity, table.kind, table.output_axis, 1.0, 0.01, 1, "")
-    order = PushOrder(NUMBER, table, moved.letter, moved.kind == "rotary", True, moved.reference, "table", proof)
+    proof = SignProof(identity, table.kind, output_axis=table.output_axis, slope=1.0, slope_u=0.01, sign=1, date_utc="")
+    order = _order(moved, table, "table", proof)
     return f"{table.kind.lower()}-{table.output_axis}-{table.input_axis}", order
+
+
+def _order(
+    moved: AxisSection,
+    table: CompensationTable,
+    purpose: Literal["table", "sign-proof"],
+    proof: SignProof | None = None,
+) -> PushOrder:
+    return PushOrder(
+        NUMBER,
+        table,
+        letter=moved.letter,
+        rotary=moved.kind == "rotary",
+        enable=True,
+        agreeing_position=moved.reference,
+        purpose=purpose,
+        proof=proof,
+    )
 
 
 def _proof(axis: AxisSection) -> Iterator[tuple[str, Order]]:
     """The triangle table, the stops that switch it, and the old table back."""
     table, peak = _triangle(axis)
-    order = PushOrder(NUMBER, table, axis.letter, axis.kind == "rotary", True, axis.reference, "sign-proof")
+    order = _order(axis, table, "sign-proof")
     yield f"{axis.letter}-triangle", order
-    stops = tuple(Stop(peak, 1, number // 2, number, bool(number % 2)) for number in range(2 * TIMES))
+    stops = tuple(
+        Stop(peak, 1, repetition=number // 2, label=number, switch=bool(number % 2)) for number in range(2 * TIMES)
+    )
     setup = f"TRUEFLANK SETUP {axis.measure.component} ON {axis.letter}"
     switching: StopPlan = plan_of(axis, stops, setup, name=f"TFSIGN{axis.letter}", dwell_s=axis.measure.dwell_s)
     yield f"{axis.letter}-switching", switching

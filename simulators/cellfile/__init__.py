@@ -10,8 +10,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError, model_validator
 
 from drivers.errors import ConfigError
-from drivers.names import shown
-from drivers.tomlfile import parse_toml, read_toml
+from drivers.local.names import shown
+from drivers.local.tomlfile import parse_toml, read_toml
 from simulators.cellfile.instruments import Calibrator, Instrument, Laser, Noise, Outliers, Sensor, Setup
 from simulators.cellfile.part import InspectionMachine, Part, Wheel
 from simulators.cellfile.terms import CellSection, Name, Terms

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-from drivers.names import allowed, is_name
+from drivers.local.names import allowed, is_name
 
 
 def _named(text: str) -> str:
@@ -16,7 +16,7 @@ def _named(text: str) -> str:
 
 
 Name = Annotated[str, AfterValidator(_named)]
-"""A name by the one rule (`drivers.names`): it may stand in a file's name."""
+"""A name by the one rule (`drivers.local.names`): it may stand in a file's name."""
 
 
 class CellSection(BaseModel):

@@ -16,7 +16,7 @@ _LONGEST_NUMBER = 8
 
 
 @dataclass(frozen=True)
-class Head:
+class BlockHead:
     """Skip sign or not, block number ("N10", ":10" or nothing), label (or nothing)."""
 
     skipped: bool
@@ -24,7 +24,7 @@ class Head:
     label: str
 
 
-def head(cursor: Cursor) -> Head:
+def head(cursor: Cursor) -> BlockHead:
     """Read the head of a block; a wrong label is noted and kept. Raises Illegal for a wrong block number."""
     skipped = _skip(cursor)
     number = _number(cursor)
@@ -36,7 +36,7 @@ def head(cursor: Cursor) -> Head:
             judge_name(label, "label")
         except Illegal as wrong:
             cursor.noted.append(wrong)
-    return Head(skipped, number, label)
+    return BlockHead(skipped, number, label)
 
 
 def judge_header(line: str, name: str) -> None:

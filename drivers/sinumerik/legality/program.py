@@ -12,7 +12,7 @@ from drivers.sinumerik.legality.blocks import Commands, word
 from drivers.sinumerik.legality.cursor import Cursor, Scope
 from drivers.sinumerik.legality.definitions import definition, external, macro, procedure
 from drivers.sinumerik.legality.findings import Finding, Illegal, finding
-from drivers.sinumerik.legality.heads import Head, head, judge_header, judge_path
+from drivers.sinumerik.legality.heads import BlockHead, head, judge_header, judge_path
 from drivers.sinumerik.legality.lexer import Token, tokens
 from drivers.sinumerik.legality.names import bare_name, judge_program_name
 from drivers.sinumerik.legality.statements import JUMPS, STATEMENTS, Jump, conditional, jump
@@ -28,7 +28,7 @@ class Block:
     """What the whole program needs to know of one block; ``ends`` also where a jump leaves it for certain."""
 
     line: int
-    head: Head
+    head: BlockHead
     word: str
     jumps: tuple[Jump, ...]
     ends: bool
@@ -79,7 +79,7 @@ class Program:
             self._block(line, Cursor(found, self._scope), found)
 
     def _block(self, line: int, cursor: Cursor, found: list[Token]) -> None:
-        place, steered = Head(skipped=False, number="", label=""), ""
+        place, steered = BlockHead(skipped=False, number="", label=""), ""
         leaving: list[Jump] = []
         try:
             place = head(cursor)
@@ -179,7 +179,7 @@ def _structure(first: str, found: list[Token]) -> str:
     return first
 
 
-def _judge_place(place: Head, steered: str) -> None:
+def _judge_place(place: BlockHead, steered: str) -> None:
     """Printed: blocks of a structure carry no label and are never skipped."""
     if steered and place.label:
         raise Illegal("E-LEGAL-LABELLED", word=steered, label=place.label)
@@ -208,4 +208,4 @@ def _unread(line: int, text: str) -> Block:
     jumping = "GOTO" in text.upper()
     steered = first if first in structures.WORDS and not (first == "IF" and jumping) else ""
     ends = re.search(r"\b(?:M0*(?:2|17|30)|RET)\b", text, re.IGNORECASE) is not None
-    return Block(line=line, head=Head(skipped=False, number="", label=""), word=steered, jumps=(), ends=ends)
+    return Block(line=line, head=BlockHead(skipped=False, number="", label=""), word=steered, jumps=(), ends=ends)

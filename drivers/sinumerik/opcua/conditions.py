@@ -25,6 +25,9 @@ class Patient(Protocol):
         ...
 
 
+LONGEST_NUMBER = 999_999_999
+
+
 async def judged(bed: Patient, memories: Sequence[tuple[WantedAxis, Memory]]) -> list[CheckLine]:
     """Every setting in turn, for axes whose reserved points are known."""
     if not memories:
@@ -39,7 +42,9 @@ async def judged(bed: Patient, memories: Sequence[tuple[WantedAxis, Memory]]) ->
 async def file_length(bed: Patient, memories: Iterable[tuple[WantedAxis, Memory]]) -> list[CheckLine]:
     """MD11420 against the largest file that a program of ours writes, and MD11422 (a power cut)."""
     given = [(axis, memory) for axis, memory in memories]
-    needed = kilobytes(Saving("LIVE", 999_999_999, axis.name, axis.encoder, memory) for axis, memory in given)
+    needed = kilobytes(
+        Saving("LIVE", 999_999_999, axis=axis.name, encoder=axis.encoder, memory=memory) for axis, memory in given
+    )
     limit = await bed.datum("$MN_LEN_PROTOCOL_FILE")
     if limit is None:
         return [unknown("W-DOC-FILE-LIMIT-UNKNOWN", "written files", needed_kb=needed)]

@@ -12,7 +12,7 @@ from cryptography import x509
 
 from drivers.errors import ConfigError
 from drivers.link import read_settings, wrong_setting
-from drivers.names import shown
+from drivers.local.names import shown
 from drivers.sinumerik.ncprogram.words import COUNT, SetupWord, Words
 from drivers.sinumerik.opcua.session import certificates, nodes
 from drivers.sinumerik.opcua.session.certificates import KeyPair

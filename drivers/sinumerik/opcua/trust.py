@@ -16,7 +16,7 @@ from cryptography.hazmat.primitives.serialization import Encoding
 from drivers.checks import CertificateView, TrustView
 from drivers.clock import Clock
 from drivers.errors import ConfigError, DeviceRefused
-from drivers.ownfiles import made_parents, opened
+from drivers.local.ownfiles import made_parents, opened
 from drivers.sinumerik.opcua.session import certificates
 from drivers.sinumerik.opcua.session.certificates import load
 from drivers.sinumerik.opcua.session.client import UaSession

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from drivers.ownfiles import read_own
+from drivers.local.ownfiles import read_own
 from drivers.terms import spoken
 from drivers.types import CompensationTable, LiveTable
 from gateway.errors import StoreError

@@ -21,8 +21,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from drivers.names import stem
-from drivers.ownfiles import made_folder, opened, read_own
+from drivers.local.names import stem
+from drivers.local.ownfiles import made_folder, opened, read_own
 from drivers.terms import in_todays_words
 from gateway.errors import StoreError
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
-from drivers.ownfiles import made_folder, opened, read_own
+from drivers.local.ownfiles import made_folder, opened, read_own
 from gateway.errors import BusyError, StoreError
 
 # Windows forbids reading a locked byte, so the byte locked lies beyond the holder's name.

@@ -6,7 +6,7 @@ import os
 import secrets
 from pathlib import Path
 
-from drivers.ownfiles import opened, read_own
+from drivers.local.ownfiles import opened, read_own
 from gateway.errors import StoreError
 from gateway.push.records.journal import numbers, sync_folder
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.leftover import Sent
-from drivers.ownfiles import opened, read_own
+from drivers.local.ownfiles import opened, read_own
 from gateway.errors import BusyError, StoreError
 from gateway.push.records.journal import machine_folder
 from gateway.push.records.lock import held, is_held

@@ -12,7 +12,7 @@ import matplotlib as mpl
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from drivers.ownfiles import opened
+from drivers.local.ownfiles import opened
 from gateway.errors import StoreError
 from gateway.report.drawings import curves
 from gateway.report.material import AxisMaterial, ReportMaterial

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from drivers.ownfiles import opened
+from drivers.local.ownfiles import opened
 from drivers.recordings import Recording
 from gateway.evaluate.behaviour.dynamic import DynamicSpectrum
 

@@ -15,10 +15,10 @@ from typer.testing import CliRunner
 from drivers import registry
 from drivers.clock import LoopClock
 from drivers.errors import ConfigError, FileFormatError
+from drivers.local.scrub import without_secrets
 from drivers.replay.player import Player, Replayed
 from drivers.replay.recorder import TraceRecorder
 from drivers.replay.tracefile import Record, encode, head, read_trace
-from drivers.scrub import without_secrets
 from drivers.transport import serve
 from drivers.types import SampleBlock
 from tests.contract.servers import ScriptedBridge, ScriptedFrames, ScriptedUmd

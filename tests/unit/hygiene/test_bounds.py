@@ -11,12 +11,12 @@ from drivers.bridge.fields import Fields
 from drivers.errors import ConfigError, FileFormatError, RemoteProtocolError, TableError
 from drivers.files.csvmap import CsvFormat
 from drivers.files.size import MOST_READINGS, no_readings
+from drivers.local.tomlfile import MOST_BYTES, parse_toml, read_toml
 from drivers.sinumerik.opcua.machine import Configuration, MachineReader
 from drivers.sinumerik.opcua.session.requests import Reading
 from drivers.sinumerik.opcua.settings import UaSettings
 from drivers.sinumerik.tablefile.archive import listing
 from drivers.sinumerik.tablefile.groups import Reader, groups_of
-from drivers.tomlfile import MOST_BYTES, parse_toml, read_toml
 from gateway.config import load_site
 from gateway.study.files import load_errors, load_gear
 from simulators.cellfile import load_cell

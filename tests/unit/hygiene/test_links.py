@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from drivers import ownfiles
 from drivers.clock import LoopClock
+from drivers.local import ownfiles
 from drivers.replay.recorder import TraceRecorder
 from drivers.types import Ambient, MachineIdentity, SignProof
 from gateway import audit

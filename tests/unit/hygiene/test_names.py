@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from drivers.clock import LoopClock
 from drivers.errors import ConfigError, TrueflankError
-from drivers.names import MOST, is_file_name, is_name, shown, stem
+from drivers.local.names import MOST, is_file_name, is_name, shown, stem
 from drivers.replay.recorder import TraceRecorder
 from drivers.types import Ambient
 from gateway.cli import app

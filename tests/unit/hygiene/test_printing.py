@@ -10,7 +10,7 @@ import pytest
 from jinja2 import Environment
 
 from drivers.errors import TrueflankError
-from drivers.names import visible
+from drivers.local.names import visible
 from gateway.cli.show import echo, progress, show_error, show_json, show_table
 from gateway.report import page
 from gateway.web import app as web

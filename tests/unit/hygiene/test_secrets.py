@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from drivers.errors import ConfigError
-from drivers.scrub import HIDDEN, has_user, without_secrets, without_secrets_text
+from drivers.local.scrub import HIDDEN, has_user, without_secrets, without_secrets_text
 from drivers.sinumerik.opcua.settings import UaSettings, secrets_of
 from gateway.config import load_site
 from gateway.workflow.bench import new_run

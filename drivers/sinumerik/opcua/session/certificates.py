@@ -11,7 +11,7 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import rsa
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from drivers.ownfiles import made_folder, opened
+from drivers.local.ownfiles import made_folder, opened
 
 YEARS = 10
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.errors import words
-from drivers.names import shown
+from drivers.local.names import shown
 
 MOST_BYTES = 1 << 20
 
