@@ -43,7 +43,7 @@ async def file_length(bed: Patient, memories: Iterable[tuple[WantedAxis, Memory]
     """MD11420 against the largest file that a program of ours writes, and MD11422 (a power cut)."""
     given = [(axis, memory) for axis, memory in memories]
     needed = kilobytes(
-        Saving("LIVE", 999_999_999, axis=axis.name, encoder=axis.encoder, memory=memory) for axis, memory in given
+        Saving("LIVE", LONGEST_NUMBER, axis=axis.name, encoder=axis.encoder, memory=memory) for axis, memory in given
     )
     limit = await bed.datum("$MN_LEN_PROTOCOL_FILE")
     if limit is None:
