@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from drivers.local.names import is_file_name, shown
 from drivers.local.ownfiles import is_link
+from drivers.terms import in_todays_words
 from drivers.types import MachineIdentity
 from gateway.errors import CorruptRecord, StoreError
 from gateway.store import records, seal
@@ -263,4 +264,4 @@ def _read_facts(path: Path) -> dict[str, Any]:
     seal = facts.pop("sha256", "")
     if seal != records.sha256(records.canonical(facts)) or any(key not in facts for key in _KEYS):
         raise CorruptRecord("E-STORE-HASH", str(path), stage=RUN_FILE)
-    return facts
+    return {**facts, "machine": in_todays_words(facts["machine"])}

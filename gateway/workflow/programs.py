@@ -14,6 +14,7 @@ from typing import Literal
 from drivers import registry
 from drivers.errors import ConfigError
 from drivers.programs import Order, PaperMachine, ProgramText, SelfTest
+from drivers.terms import spoken
 from drivers.types import CompensationTable, DisableOrder, MachineIdentity, PushOrder, SignProof, Stop, StopPlan
 from gateway.capture.live import targets_of, with_checks
 from gateway.capture.targets import jog_plan, jog_start, measuring_plan, plan_of
@@ -153,7 +154,8 @@ def _load(site: SiteFile, table: CompensationTable) -> tuple[str, Order]:
     identity = MachineIdentity(site.controller.serial, "", tuple(axis.name for axis in site.axes))
     proof = SignProof(identity, table.kind, output_axis=table.output_axis, slope=1.0, slope_u=0.01, sign=1, date_utc="")
     order = _order(moved, table, "table", proof)
-    return f"{table.kind.lower()}-{table.output_axis}-{table.input_axis}", order
+    key = spoken().cross_key if table.kind == "cross" else spoken().own_key
+    return f"{key}-{table.output_axis}-{table.input_axis}", order
 
 
 def _order(

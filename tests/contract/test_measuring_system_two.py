@@ -21,7 +21,7 @@ TABLE = CompensationTable(
 def test_only_the_acting_measuring_system_is_written() -> None:
     async def act(on: Stage) -> None:
         with pytest.raises(UnsupportedDevice, match="E-NC-ENCODER") as caught:
-            await on.device.prepare_push(ORDER)
+            await on.device.stage(ORDER)
         assert "lets index 1 act" in caught.value.what
         with pytest.raises(UnsupportedDevice, match="E-NC-ENCODER"):
             await on.device.prepare_stops(plan((Stop(10.0, 1),)))

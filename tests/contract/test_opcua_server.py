@@ -258,23 +258,23 @@ def test_files_and_selection_as_the_manual_says(keys: Path) -> None:
             arguments = [(f"{FOLDER}/{name}", "String"), (data, "ByteString"), (overwrite, "Boolean")]
             await made.call("CopyFileToServer", arguments, 5.0)
 
-        await send("a.mpf")
-        await refused(send("a.mpf"), "E-UA-REFUSED")
-        await send("a.mpf", overwrite=True, data=b"M0\nM30\n")
-        for name in ("a.txt", "a", "a.b.mpf", "../a.mpf"):
+        await send("ab.mpf")
+        await refused(send("ab.mpf"), "E-UA-REFUSED")
+        await send("ab.mpf", overwrite=True, data=b"M0\nM30\n")
+        for name in ("a.txt", "a", "a.b.mpf", "../ab.mpf"):
             await refused(send(name), "E-UA-REFUSED")
-        assert await made.call("CopyFileFromServer", [(f"{FOLDER}/A.MPF", "String")], 5.0) == b"M0\nM30\n"
-        await refused(made.call("CopyFileFromServer", [(f"{FOLDER}/B.MPF", "String")], 5.0), "E-UA-FILE")
+        assert await made.call("CopyFileFromServer", [(f"{FOLDER}/AB.MPF", "String")], 5.0) == b"M0\nM30\n"
+        await refused(made.call("CopyFileFromServer", [(f"{FOLDER}/BC.MPF", "String")], 5.0), "E-UA-FILE")
         await refused(made.call("CopyFileFromServer", [(7, "Int32")], 5.0), "E-UA-REFUSED")
 
         async def select(name: str, channel: int = 1) -> Any:
             return await made.call("Select", [(f"{FOLDER}/{name}", "String"), (channel, "Int32")], 5.0)
 
-        assert [await select("A.MPF", 2), await select("B.MPF"), await select("A.MPF")] == [1, 2, 0]
+        assert [await select("AB.MPF", 2), await select("BC.MPF"), await select("AB.MPF")] == [1, 2, 0]
         on.press()
         await on.clock.sleep(1.0)
         assert on.nck.channel_status == 2
-        assert await select("A.MPF") == 3
+        assert await select("AB.MPF") == 3
         assert "FsWrite" in await made.call("GetMyAccessRights", [], 5.0)
         await refused(made.call("Start", [], 5.0), "E-UA-ABSENT")
         await made.close()

@@ -30,7 +30,7 @@ from gateway.push.compare import signed, table_in
 from simulators.nck.spec import NckSpec
 from tests.contract.opcua_stage import AXES, Stage, on_stage, plan
 
-SPEC = NckSpec(AXES, cross_points=(0, 10, 12, 10), access_level=2, files_max_bytes=65536)
+SPEC = NckSpec(AXES, cec_points=(0, 10, 12, 10), access_level=2, files_max_bytes=65536)
 X_AXIS = AxisRecord("X1", "X", "mm", False, False, (-250.0, 250.0), 0.0, 6000.0, dwell_s=0.2)
 Z_AXIS = AxisRecord("Z1", "Z", "mm", False, False, (0.0, 600.0), 0.0, 6000.0, dwell_s=0.2)
 C_AXIS = AxisRecord("C1", "C", "deg", True, True, (0.0, 360.0), 0.0, 3600.0, dwell_s=0.2)

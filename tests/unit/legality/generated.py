@@ -13,7 +13,7 @@ from drivers.workpiece import GrindAxis, GrindPlan
 
 SETTING = Setting(Words(), Memory(0, (), ("X1", "Z1")), modulo=False)
 _PLAN = StopPlan("TFMEAS", "X1", "X", "mm", False, (Stop(5.0, 1),), 500.0, 2.0, 0.1, "TRUEFLANK SETUP EXX ON X")
-_TABLE = CompensationTable("CEC", "Z1", "X1", 0.0, 20.0, 10.0, (0.0, 1.0, 0.0), index=1)
+_TABLE = CompensationTable("cross", "Z1", "X1", 0.0, 20.0, 10.0, (0.0, 1.0, 0.0), index=1)
 _PART = GrindPlan(
     "TFGRIND_C1",
     "PART",
@@ -32,6 +32,6 @@ GENERATED = (
     pushing(
         PushOrder(7, _TABLE, "Z", False, True, 0.0, "sign-proof"), Setting(Words(), Memory(0, (0, 3)), modulo=False)
     ),
-    disabling(DisableOrder(7, "EEC", "X1", 0), SETTING),
+    disabling(DisableOrder(7, "axis", "X1", 0), SETTING),
     grinding(_PART, 123456, GrindSetting(Words(), {})),
 )

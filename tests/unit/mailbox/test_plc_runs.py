@@ -13,7 +13,7 @@ import pytest
 from simulators.modbus import registers as r
 from simulators.modbus.access import CEC, EEC, RANGE, UNKNOWN, PlcFault, Target
 from simulators.modbus.checks import Checks
-from simulators.modbus.registers import Command, Image
+from simulators.modbus.registers import Image, PlcCommand
 from tests.unit.mailbox.structured import Library
 
 FOLDER = Path(__file__).parents[3] / "docs" / "plc"
@@ -60,8 +60,8 @@ def test_double_words_and_crc(low_first: bool) -> None:
         assert PLC.call("TF_Signed", {"High": words[7], "Low": words[8], "LowFirst": low_first}) == value
 
 
-def command_of(chance: random.Random, low_first: bool) -> tuple[list[int], Command]:
-    """Command 2 with sound parameters, of which one or two are then anything."""
+def command_of(chance: random.Random, low_first: bool) -> tuple[list[int], PlcCommand]:
+    """PlcCommand 2 with sound parameters, of which one or two are then anything."""
     image, kind = Image(low_first), chance.choice((EEC, CEC))
     low, step, total = chance.randrange(-5_000_000, 5_000_000), chance.randrange(1, 200_000), chance.randrange(2, 60)
     cross = kind == CEC
@@ -74,10 +74,10 @@ def command_of(chance: random.Random, low_first: bool) -> tuple[list[int], Comma
         place = chance.choice((3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 15, 16, 17))
         words[place] = chance.choice((0, 1, 2, 3, 5, 6, 0x10, 0x7FFF, 0x8000, 0xFFFF))
     image.put(r.COMMAND, words)
-    return words, Command.of(image)
+    return words, PlcCommand.of(image)
 
 
-def by_the_double(command: Command) -> int:
+def by_the_double(command: PlcCommand) -> int:
     """The error code that the double gives for these parameters."""
     checks = Checks(None, Plant())  # type: ignore[arg-type]
     try:

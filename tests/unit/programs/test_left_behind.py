@@ -54,8 +54,8 @@ SETTING = Setting(Words(), Memory(4, (4,), NAMES), modulo=False)
 READ = ("R[80]", "R[88]", "R[90]", "$AA_ENC_COMP[0,1,X1]", "$AN_CEC[0,1]")
 MAIN = "/_N_MPF_DIR/_N_TFTEST_MPF"
 STOPS = tuple(Stop(place, way, 0, label) for label, (place, way) in enumerate(((5.0, 1), (25.0, 1), (5.0, -1))))
-TABLE = CompensationTable("EEC", "X1", "X1", 0.0, 100.0, 50.0, (0.0, 3.0, 0.0))
-CROSS = replace(TABLE, function="CEC", input_axis="Z1")
+TABLE = CompensationTable("axis", "X1", "X1", 0.0, 100.0, 50.0, (0.0, 3.0, 0.0))
+CROSS = replace(TABLE, kind="cross", input_axis="Z1")
 PART = GrindPlan(
     "TFGRIND_C1",
     "PART",
@@ -159,5 +159,5 @@ def test_a_part_is_ground_at_its_place_and_a_table_switched_off_without_a_move(l
     machine = on_machine(left, grinding(replace(PART, save_tables=False), 4711, setting), R77=0.1, R78=0.01, R89=4711.0)
     assert {stop[:2] for stop in machine.stood} == {(PART.retracted_mm, PART.ends_mm[0])}
     assert machine.found["R[80]"] == 4.0
-    still = on_machine(left, disabling.disabling(DisableOrder(4711, "EEC", "X1", 0), SETTING))
+    still = on_machine(left, disabling.disabling(DisableOrder(4711, "axis", "X1", 0), SETTING))
     assert still.found["R[90]"] == 15.0

@@ -55,14 +55,14 @@ def test_all_that_every_site_would_send_is_legal(tmp_path: Path, cell: str, two:
 @pytest.mark.parametrize("multiply", [0, 2])
 def test_cross_tables_of_every_kind_are_legal(purpose: str, two: bool, coupled: bool, multiply: int) -> None:
     values = (0.0, -3.0, 2.0, 0.0)
-    table = CompensationTable("CEC", "Z1", "X1", 0.0, 300.0, 100.0, values, index=1, multiply_by=multiply)
+    table = CompensationTable("cross", "Z1", "X1", 0.0, 300.0, 100.0, values, index=1, multiply_by=multiply)
     order = PushOrder(4711, table, "Z", False, True, 0.0, purpose, None, coupled)
     machine = PaperMachine(AXES, frozenset({"C1"}), {"X1": 101}, (30, 4, 30))
     settings = {"security": "None", "two_programs": two}
     for enable in (True, False):
         given = replace(order, enable=enable, purpose="restore" if purpose == "table" else purpose)
         assert on_paper(given, settings, machine, NOBODY, "here")
-    assert on_paper(DisableOrder(4711, "CEC", "X1", 1), settings, machine, NOBODY, "here")
+    assert on_paper(DisableOrder(4711, "cross", "X1", 1), settings, machine, NOBODY, "here")
 
 
 def test_files_that_programs_write_are_legal() -> None:
@@ -72,7 +72,7 @@ def test_files_that_programs_write_are_legal() -> None:
 
 
 def test_the_two_halves_jump_to_their_own_labels_alone() -> None:
-    table = CompensationTable("EEC", "X1", "X1", 0.0, 100.0, 50.0, (0.0, -3.0, 0.0))
+    table = CompensationTable("axis", "X1", "X1", 0.0, 100.0, 50.0, (0.0, -3.0, 0.0))
     order = PushOrder(4711, table, "X", False, True, 0.0, "sign-proof")
     assert "TF_COMPARE_2" not in pushing.loading(order, SETTING)
     assert "TF_COMPARE_1" not in pushing.enabling(order, SETTING)
@@ -108,10 +108,13 @@ def test_nothing_is_sent_of_an_illegal_program() -> None:
         async def _setting(self, *_names: object, **_more: object) -> measuring.Setting:
             return replace(SETTING, words=Words(80), origin=replace(NOBODY, site="S"))
 
+        async def _check_encoder(self, *_axis: object) -> None:
+            """There is no control to ask."""
+
     async def job() -> None:
         device = Wire("control", "opc.tcp://127.0.0.1:1", {"security": "None"}, LoopClock())
         device._dialogue = type("Silent", (), {"begin": lambda *_: asked.append("begin")})()
-        device._configuration = replace(device._configuration, names=AXES)
+        device._configuration = replace(device._configuration, places=AXES)
         await device.prepare_stops(replace(PLAN, letter="N"))
 
     with pytest.raises(LocalProtocolError, match="E-PROGRAM-ILLEGAL"):
