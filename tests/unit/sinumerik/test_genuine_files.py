@@ -28,7 +28,7 @@ def test_table_files_of_a_real_control_are_read() -> None:
         wrong = [str(one.error) for one in FILES.findings(data, path.name) if one.severity == "wrong"]
         assert not wrong
         content = FILES.read(data, path.name)
-        assert len(content.tables) == len({(one.function, one.index, one.output_axis) for one in content.tables})
+        assert len(content.tables) == len({(one.kind, one.index, one.output_axis) for one in content.tables})
         assert content.tables or "no compensation table" in content.notes[0]
 
 
