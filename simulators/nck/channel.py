@@ -47,6 +47,7 @@ class Channel:
         self.cut_after_blocks: int | None = None
         self._run: Interpreter | None = None
         self._task: asyncio.Task[None] | None = None
+        self._ending: set[asyncio.Task[None]] = set()
         self._faulted = False
         self._line = 0
         self._modal = Modal()
@@ -134,12 +135,18 @@ class Channel:
     def abort(self) -> None:
         """End whatever runs; the channel is in reset."""
         if self._task is not None:
+            self._ending.add(self._task)
+            self._task.add_done_callback(self._ending.discard)
             self._task.cancel()
         self._run = None
         self._task = None
         self._faulted = False
         self._line = 0
         self.message = ""
+
+    async def ended(self) -> None:
+        """Wait until nothing of a run that was broken off goes on."""
+        await asyncio.gather(*self._ending, return_exceptions=True)
 
     # -- the run -----------------------------------------------------------------------------------
 

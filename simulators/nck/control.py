@@ -57,12 +57,12 @@ class Nck(Display):
 
     async def stop(self) -> None:
         """Switch it off and end all its tasks."""
-        tasks = [task for task in (self.channel.task, self._boot_task) if task is not None]
-        tasks += [*self._referencing.values(), *self._again]
+        tasks = [*self._referencing.values(), *self._again]
+        tasks += [] if self._boot_task is None else [self._boot_task]
         self.channel.abort()
         for task in tasks:
             task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
+        await asyncio.gather(*tasks, self.channel.ended(), return_exceptions=True)
         # A wait cancelled inside the run ends one turn of the loop later.
         await self._clock.sleep(0.0)
 

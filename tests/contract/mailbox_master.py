@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import struct
 import zlib
-from collections.abc import Callable, Coroutine, Sequence
+from collections.abc import AsyncIterator, Sequence
 from typing import Any
 
-from drivers.clock import LoopClock, run_virtual
+from drivers.clock import LoopClock
 from drivers.errors import DeadlineExceeded
 from drivers.transport import ByteTransport, open_transport
 from simulators.modbus import PlcStation, serving
@@ -196,9 +197,6 @@ def many(address: int, values: Sequence[int]) -> bytes:
     return struct.pack(">BHHB", 16, address, len(values), 2 * len(values)) + struct.pack(f">{len(values)}H", *values)
 
 
-Body = Callable[["Desk"], Coroutine[Any, Any, None]]
-
-
 class Desk:
     """A control, its PLC, and a master at it."""
 
@@ -227,24 +225,22 @@ class Desk:
         return await master.result(number)
 
 
-def at_desk(body: Body, url: str = "memory://plc", *, spec: dict[str, Any] | None = None, **settings: Any) -> None:
-    """Run a test's body in virtual time: control warmed up, PLC serving, master connected."""
-
-    async def main() -> None:
-        bench = Bench(**(spec or {}))
-        await bench.nck.start()
+@contextlib.asynccontextmanager
+async def at_desk(
+    url: str = "memory://plc", *, spec: dict[str, Any] | None = None, **settings: Any
+) -> AsyncIterator[Desk]:
+    """Control warmed up, PLC serving, master connected, for the length of a test."""
+    bench = Bench(**(spec or {}))
+    await bench.nck.start()
+    try:
         await bench.warm_up()
-        try:
-            async with serving(bench.nck, bench.clock, settings, url) as station:
-                wire = await open_transport(station.url, LoopClock(), 5.0)
-                low_first = settings.get("word_order") == "low-first"
-                master = Master(wire, settings.get("framer") == "rtu", settings.get("unit", 1), low_first)
-                desk = Desk(bench, station, master)
-                try:
-                    await body(desk)
-                finally:
-                    await master.wire.close()
-        finally:
-            await bench.nck.stop()
-
-    run_virtual(main)
+        async with serving(bench.nck, bench.clock, settings, url) as station:
+            wire = await open_transport(station.url, LoopClock(), 5.0)
+            low_first = settings.get("word_order") == "low-first"
+            master = Master(wire, settings.get("framer") == "rtu", settings.get("unit", 1), low_first)
+            try:
+                yield Desk(bench, station, master)
+            finally:
+                await master.wire.close()
+    finally:
+        await bench.nck.stop()

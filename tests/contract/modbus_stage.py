@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Coroutine
+import contextlib
+from collections.abc import AsyncIterator, Coroutine
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from drivers.clock import run_virtual
 from drivers.sinumerik.mailbox.device import SinumerikModbus
 from drivers.types import CompensationTable, LiveSet, PushOrder, SignProof
 from simulators.modbus import PlcStation, serving
@@ -106,38 +106,28 @@ async def order_for(device: SinumerikModbus, wanted: CompensationTable, number: 
     return PushOrder(number, wanted, **{**given, **changes})
 
 
-Body = Callable[[Stage], Coroutine[Any, Any, None]]
-
-
-async def play(
-    body: Body, url: str, opened: bool, spec: dict[str, Any], driver: dict[str, Any], plc: dict[str, Any]
-) -> None:
-    """The stage for the length of a body, on the running loop."""
-    bench = Bench(**{**SPEC, **spec})
-    await bench.nck.start()
-    try:
-        await bench.warm_up()
-        async with serving(bench.nck, bench.clock, plc, url) as station:
-            stage = Stage(bench, station, None)  # type: ignore[arg-type]
-            stage.device = stage.other(**driver)
-            try:
-                if opened:
-                    await stage.device.open(5.0)
-                await body(stage)
-            finally:
-                await stage.device.close()
-    finally:
-        await bench.nck.stop()
-
-
-def on_stage(
-    body: Body,
+@contextlib.asynccontextmanager
+async def on_stage(
     url: str = "memory://plc",
     *,
     opened: bool = True,
     spec: dict[str, Any] | None = None,
     driver: dict[str, Any] | None = None,
     **plc: Any,
-) -> None:
-    """Run a test's body in virtual time."""
-    run_virtual(lambda: play(body, url, opened, spec or {}, driver or {}, plc))
+) -> AsyncIterator[Stage]:
+    """The stage for the length of a test, on the running loop."""
+    bench = Bench(**{**SPEC, **(spec or {})})
+    await bench.nck.start()
+    try:
+        await bench.warm_up()
+        async with serving(bench.nck, bench.clock, plc, url) as station:
+            stage = Stage(bench, station, None)  # type: ignore[arg-type]
+            stage.device = stage.other(**(driver or {}))
+            try:
+                if opened:
+                    await stage.device.open(5.0)
+                yield stage
+            finally:
+                await stage.device.close()
+    finally:
+        await bench.nck.stop()

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine
+from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from drivers.clock import LoopClock, run_virtual
+from drivers.clock import LoopClock
 from drivers.sinumerik.opcua.device import SinumerikOpcUa
 from drivers.types import CompensationTable, LiveSet, PushOrder, Stop, StopPlan, StopReached
 from simulators.nck.control import Nck
@@ -153,24 +153,15 @@ async def stage(spec: NckSpec, server: dict[str, Any], settings: dict[str, Any])
         await nck.stop()
 
 
-Act = Callable[[Stage], Coroutine[Any, Any, None]]
-
-
-def on_stage(
-    act: Act,
+@contextlib.asynccontextmanager
+async def on_stage(
     spec: NckSpec = SPEC,
     server: dict[str, Any] | None = None,
     settings: dict[str, Any] | None = None,
     folder: Path | None = None,
-) -> None:
-    """Run a test on a stage; afterwards no task, session or connection may be left."""
-
-    async def main() -> None:
-        keys = {"folder": str(folder)} if folder else {}
-        async with stage(spec, {**keys, **(server or {})}, settings or {}) as made:
-            await act(made)
-        assert made.server.sessions == 0
-        left = [task for task in asyncio.all_tasks() if task is not asyncio.current_task()]
-        assert left == []
-
-    run_virtual(main)
+) -> AsyncIterator[Stage]:
+    """A stage for the length of a test; afterwards no session or connection may be left."""
+    keys = {"folder": str(folder)} if folder else {}
+    async with stage(spec, {**keys, **(server or {})}, settings or {}) as made:
+        yield made
+    assert made.server.sessions == 0

@@ -27,7 +27,7 @@ from drivers.sinumerik.tablefile import reader
 from drivers.sinumerik.tablefile.held import HELD
 from drivers.types import Capabilities, ChannelStatus, Marker, StopPlan
 from drivers.workpiece import GrindAxis, GrindPlan
-from tests.contract.modbus_stage import Stage, cross, on_stage, order_for, play, table
+from tests.contract.modbus_stage import Stage, cross, on_stage, order_for, table
 from tests.sizes import few
 
 WIRES: list[tuple[str, dict[str, Any]]] = [
@@ -46,8 +46,8 @@ def nm(values: tuple[float, ...]) -> list[int]:
 
 
 @pytest.mark.parametrize(("url", "plc"), WIRES)
-def test_a_table_goes_in_and_acts_over_every_wire(url: str, plc: dict[str, Any]) -> None:
-    async def body(stage: Stage) -> None:
+async def test_a_table_goes_in_and_acts_over_every_wire(url: str, plc: dict[str, Any]) -> None:
+    async with on_stage(url, **plc) as stage:
         order = await order_for(stage.device, table())
         old, new = await stage.push(order)
         assert (old.own.enabled, new.own.enabled) == (False, False)
@@ -62,21 +62,17 @@ def test_a_table_goes_in_and_acts_over_every_wire(url: str, plc: dict[str, Any])
         assert live.own.table == order.table
         assert reader.read_loosely(live.native, "text", {"X1": "mm"}).tables[0] == order.table
 
-    on_stage(body, url, **plc)
 
-
-def test_a_table_goes_in_and_acts_over_a_serial_line_in_wall_time() -> None:
-    async def body(stage: Stage) -> None:
+@pytest.mark.wall_time
+async def test_a_table_goes_in_and_acts_over_a_serial_line_in_wall_time() -> None:
+    async with on_stage("socket://127.0.0.1:0", framer="rtu", scan_s=0.001) as stage:
         order = await order_for(stage.device, table(), enable=False)
         await stage.push(order)
         assert (await stage.device.saved_tables("X1")).own.table == order.table
 
-    plc = {"framer": "rtu", "scan_s": 0.001}
-    asyncio.run(play(body, "socket://127.0.0.1:0", True, {}, {}, plc))
 
-
-def test_it_is_a_controller_and_says_what_it_can() -> None:
-    async def body(stage: Stage) -> None:
+async def test_it_is_a_controller_and_says_what_it_can() -> None:
+    async with on_stage() as stage:
         device = stage.device
         assert isinstance(device, Controller)
         assert device.capabilities == Capabilities(False, HELD, "by-itself", True, "panel")
@@ -108,11 +104,9 @@ def test_it_is_a_controller_and_says_what_it_can() -> None:
             await device.table_limits("Q9")
         assert refused.value.code == "E-NC-AXIS"
 
-    on_stage(body)
 
-
-def test_the_state_of_every_axis() -> None:
-    async def body(stage: Stage) -> None:
+async def test_the_state_of_every_axis() -> None:
+    async with on_stage() as stage:
         state = await stage.device.state()
         assert (state.channel, state.mode, state.alarms, state.access_level) == (ChannelStatus.RESET, "AUTO", (), 2)
         assert {name: axis.unit for name, axis in state.axes.items()} == {"X1": "mm", "C1": "deg"}
@@ -122,11 +116,9 @@ def test_the_state_of_every_axis() -> None:
         axis = (await stage.device.state()).axes["X1"]
         assert axis.encoder_compensation == pytest.approx(0.5)
 
-    on_stage(body)
 
-
-def test_looking_at_the_machine_writes_selections_only() -> None:
-    async def body(stage: Stage) -> None:
+async def test_looking_at_the_machine_writes_selections_only() -> None:
+    async with on_stage() as stage:
         await stage.device.identify()
         await stage.device.state()
         await stage.device.table_limits("C1")
@@ -137,12 +129,10 @@ def test_looking_at_the_machine_writes_selections_only() -> None:
         assert stage.plc.session == 0
         assert stage.plc.memory.marker_state == 0
 
-    on_stage(body)
-
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_a_cross_table_carries_the_proven_sign(sign: int) -> None:
-    async def body(stage: Stage) -> None:
+async def test_a_cross_table_carries_the_proven_sign(sign: int) -> None:
+    async with on_stage() as stage:
         order = await order_for(stage.device, cross(), sign=sign)
         _, new = await stage.push(order)
         assert new.cross[0].table == order.table
@@ -153,22 +143,18 @@ def test_a_cross_table_carries_the_proven_sign(sign: int) -> None:
         assert live.cross[0].enabled
         assert live.cross[0].table.deviations[9] == pytest.approx(4.0 * sign)
 
-    on_stage(body)
 
-
-def test_a_cross_table_without_proof_is_refused_with_nothing_written() -> None:
-    async def body(stage: Stage) -> None:
+async def test_a_cross_table_without_proof_is_refused_with_nothing_written() -> None:
+    async with on_stage() as stage:
         order = await order_for(stage.device, cross())
         with pytest.raises(TableError) as caught:
             await stage.device.stage(replace(order, proof=None))
         assert caught.value.code == "E-TABLE-NO-PROOF"
         assert stage.plc.image.words[16] == 11
 
-    on_stage(body)
 
-
-def test_the_old_table_can_be_put_back_from_its_back_up() -> None:
-    async def body(stage: Stage) -> None:
+async def test_the_old_table_can_be_put_back_from_its_back_up() -> None:
+    async with on_stage() as stage:
         first = await order_for(stage.device, table())
         await stage.push(first)
         second = await order_for(stage.device, table(41), 18)
@@ -179,21 +165,17 @@ def test_the_old_table_can_be_put_back_from_its_back_up() -> None:
         await stage.push(back)
         assert (await stage.device.saved_tables("X1")).own.table == first.table
 
-    on_stage(body)
 
-
-def test_an_order_that_shall_stay_off_stays_off() -> None:
-    async def body(stage: Stage) -> None:
+async def test_an_order_that_shall_stay_off_stays_off() -> None:
+    async with on_stage() as stage:
         order = await order_for(stage.device, table(), enable=False)
         await stage.push(order)
         assert stage.get("$MA_ENC_COMP_ENABLE[0,X1]") is False
         assert not stage.plc.waiting
 
-    on_stage(body)
 
-
-def test_other_cross_tables_are_neither_woken_nor_silenced_unseen() -> None:
-    async def body(stage: Stage) -> None:
+async def test_other_cross_tables_are_neither_woken_nor_silenced_unseen() -> None:
+    async with on_stage() as stage:
         await stage.push(await order_for(stage.device, cross(0)))
         second = await order_for(stage.device, cross(1), 18)
         with pytest.raises(DeviceRefused) as caught:
@@ -207,11 +189,9 @@ def test_other_cross_tables_are_neither_woken_nor_silenced_unseen() -> None:
         await stage.push(replace(second, coupled=True, transaction=20))
         assert stage.get("$SN_CEC_TABLE_ENABLE[1]") is True
 
-    on_stage(body)
 
-
-def test_a_table_is_switched_off_and_on_by_itself_with_the_panel() -> None:
-    async def body(stage: Stage) -> None:
+async def test_a_table_is_switched_off_and_on_by_itself_with_the_panel() -> None:
+    async with on_stage() as stage:
         order = await order_for(stage.device, table())
         await stage.push(order)
         for _ in range(2):
@@ -227,11 +207,9 @@ def test_a_table_is_switched_off_and_on_by_itself_with_the_panel() -> None:
         await stage.device.finish_push(order, "held")
         assert await stage.device.marker() == Marker(17, "held")
 
-    on_stage(body)
 
-
-def test_activation_waits_for_reset_and_reference_where_the_control_needs_them() -> None:
-    async def body(stage: Stage) -> None:
+async def test_activation_waits_for_reset_and_reference_where_the_control_needs_them() -> None:
+    async with on_stage(spec={"strict_activation": True}, driver={"needs_reference": True}) as stage:
         order = await order_for(stage.device, replace(table(), deviations=tuple([0.8] * 111)))
         await stage.device.stage(order)
         await stage.device.read_back(order, 100.0)
@@ -245,8 +223,6 @@ def test_activation_waits_for_reset_and_reference_where_the_control_needs_them()
         await waiting
         assert (await stage.device.state()).axes["X1"].encoder_compensation == pytest.approx(0.8)
         await stage.device.finish_push(order, "committed")
-
-    on_stage(body, spec={"strict_activation": True}, driver={"needs_reference": True})
 
 
 # ---- refusals before anything is written ---------------------------------------------------------------------
@@ -264,27 +240,23 @@ async def refused(stage: Stage, order: Any, code: str, kind: type[TrueflankError
     assert (stage.values(111), stage.get("$MA_ENC_COMP_ENABLE[0,X1]")) == (values, on)
 
 
-def test_a_machine_that_is_not_released_is_not_written() -> None:
-    async def body(stage: Stage) -> None:
+async def test_a_machine_that_is_not_released_is_not_written() -> None:
+    async with on_stage() as stage:
         order = await order_for(stage.device, table())
         stage.plc.turn_key_back()
         await refused(stage, order, "E-MBX-NOT-RELEASED")
 
-    on_stage(body)
 
-
-def test_an_alarm_is_told_by_its_number() -> None:
-    async def body(stage: Stage) -> None:
+async def test_an_alarm_is_told_by_its_number() -> None:
+    async with on_stage() as stage:
         order = await order_for(stage.device, table())
         stage.bench.nck.core.alarms.raise_(20124, "test")
         await refused(stage, order, "E-MBX-ALARM")
         assert (await stage.device.state()).alarms == (20124,)
 
-    on_stage(body)
 
-
-def test_a_running_program_is_not_disturbed() -> None:
-    async def body(stage: Stage) -> None:
+async def test_a_running_program_is_not_disturbed() -> None:
+    async with on_stage() as stage:
         order = await order_for(stage.device, table())
         stage.bench.press_start("G4 F600\nM30")
         await stage.bench.sleep(1.0)
@@ -292,28 +264,22 @@ def test_a_running_program_is_not_disturbed() -> None:
         assert (await stage.device.state()).channel is ChannelStatus.ACTIVE
         stage.bench.nck.channel_reset()
 
-    on_stage(body)
 
-
-def test_too_many_points_are_refused() -> None:
-    async def body(stage: Stage) -> None:
+async def test_too_many_points_are_refused() -> None:
+    async with on_stage() as stage:
         order = await order_for(stage.device, table(121))
         await refused(stage, order, "E-TABLE-POINTS", TooManyPoints)
 
-    on_stage(body)
-
 
 @pytest.mark.parametrize("step", [5.00005, 10.0 / 3.0])
-def test_a_step_that_cannot_be_said_is_refused(step: float) -> None:
-    async def body(stage: Stage) -> None:
+async def test_a_step_that_cannot_be_said_is_refused(step: float) -> None:
+    async with on_stage() as stage:
         wanted = replace(table(), step=step, minimum=0.0, maximum=step * 110)
         await refused(stage, await order_for(stage.device, wanted), "E-MBX-FRACTION", ValueOutOfRange)
 
-    on_stage(body)
 
-
-def test_a_live_table_that_could_not_be_put_back_is_refused_before_anything_is_disabled() -> None:
-    async def act(stage: Stage) -> None:
+async def test_a_live_table_that_could_not_be_put_back_is_refused_before_anything_is_disabled() -> None:
+    async with on_stage() as stage:
         nck = stage.bench.nck
         for part, value in (("STEP", 30.0), ("MIN", -50.0), ("MAX", 60.0)):  # 30 does not divide 110: k = 3
             nck.set(f"$AA_ENC_COMP_{part}[0,X1]", value, 2)
@@ -326,25 +292,19 @@ def test_a_live_table_that_could_not_be_put_back_is_refused_before_anything_is_d
         assert stage.values(4) == [0.0005] * 4
         assert stage.plc.session == 0
 
-    on_stage(act)
 
-
-def test_an_axis_that_stands_where_the_table_would_move_it_is_refused() -> None:
-    async def body(stage: Stage) -> None:
+async def test_an_axis_that_stands_where_the_table_would_move_it_is_refused() -> None:
+    async with on_stage() as stage:
         wanted = replace(table(), deviations=tuple([5.0] * 111))
         await refused(stage, await order_for(stage.device, wanted), "E-MBX-PLACE")
 
-    on_stage(body)
 
-
-def test_a_table_that_stands_finer_in_the_control_than_the_mailbox_can_say_is_not_touched() -> None:
-    async def body(stage: Stage) -> None:
+async def test_a_table_that_stands_finer_in_the_control_than_the_mailbox_can_say_is_not_touched() -> None:
+    async with on_stage() as stage:
         nck = stage.bench.nck
         for name, value in (("MIN", 0.0), ("STEP", 0.00005), ("MAX", 0.0005)):
             nck.set(f"$AA_ENC_COMP_{name}[0,X1]", value, 0)
         await refused(stage, await order_for(stage.device, table()), "E-MBX-GRID")
-
-    on_stage(body)
 
 
 @pytest.mark.parametrize(
@@ -355,21 +315,17 @@ def test_a_table_that_stands_finer_in_the_control_than_the_mailbox_can_say_is_no
         ({"map_version": 3}, "E-MBX-VERSION"),
     ],
 )
-def test_another_map_is_refused_at_once(plc: dict[str, Any], code: str) -> None:
-    async def body(stage: Stage) -> None:
+async def test_another_map_is_refused_at_once(plc: dict[str, Any], code: str) -> None:
+    async with on_stage(opened=False, **plc) as stage:
         with pytest.raises(UnsupportedDevice) as caught:
             await stage.device.open(5.0)
         assert caught.value.code == code
         assert stage.plc._taken == 0
 
-    on_stage(body, opened=False, **plc)
 
-
-def test_a_heartbeat_that_stands_still_is_refused() -> None:
-    async def body(stage: Stage) -> None:
+async def test_a_heartbeat_that_stands_still_is_refused() -> None:
+    async with on_stage(stale_heartbeat=True) as stage:
         await refused(stage, await order_for(stage.device, table()), "E-MBX-STALLED")
-
-    on_stage(body, stale_heartbeat=True)
 
 
 # ---- a push that meets trouble on its way --------------------------------------------------------------------
@@ -411,36 +367,30 @@ async def troubled(stage: Stage, order: Any = None) -> TrueflankError:
         *(({"second_master": place}, {"E-MBX-FOREIGN"}) for place in (20, 22, 28, 37)),
     ],
 )
-def test_a_hostile_plc_never_gets_a_wrong_table_to_work(plc: dict[str, Any], codes: set[str]) -> None:
-    async def body(stage: Stage) -> None:
+async def test_a_hostile_plc_never_gets_a_wrong_table_to_work(plc: dict[str, Any], codes: set[str]) -> None:
+    async with on_stage(**plc) as stage:
         error = await troubled(stage, await order_for(stage.device, table()))
         assert error.code in codes, error
         assert str(error).count("->") == 1
 
-    on_stage(body, **plc)
 
-
-def test_values_that_a_plc_keeps_as_32_bit_floats_are_still_whole_nanometres() -> None:
-    async def body(stage: Stage) -> None:
+async def test_values_that_a_plc_keeps_as_32_bit_floats_are_still_whole_nanometres() -> None:
+    async with on_stage(float32_values=True) as stage:
         order = await order_for(stage.device, table())
         _, new = await stage.push(order)
         assert new.own.table == order.table
         assert stage.values(111) != [value / 1000.0 for value in order.table.deviations]
 
-    on_stage(body, float32_values=True)
 
-
-def test_a_plc_that_spoils_registers_is_found_out_at_once() -> None:
-    async def body(stage: Stage) -> None:
+async def test_a_plc_that_spoils_registers_is_found_out_at_once() -> None:
+    async with on_stage(opened=False, overwrites=((26, 77),)) as stage:
         with pytest.raises(RemoteProtocolError) as caught:
             await stage.device.open(5.0)
         assert caught.value.code == "E-MBX-CRC"
 
-    on_stage(body, opened=False, overwrites=((26, 77),))
 
-
-def test_a_plc_that_lies_about_disable_is_found_out_by_what_acts() -> None:
-    async def body(stage: Stage) -> None:
+async def test_a_plc_that_lies_about_disable_is_found_out_by_what_acts() -> None:
+    async with on_stage() as stage:
         first = await order_for(stage.device, replace(table(), deviations=tuple([0.9] * 111)))
         await stage.push(first)
         stage.plc.change(lies_about_disable=True)
@@ -452,11 +402,9 @@ def test_a_plc_that_lies_about_disable_is_found_out_by_what_acts() -> None:
         assert caught.value.code == "E-MBX-STILL-ACTING"
         assert stage.values(120) == before
 
-    on_stage(body)
 
-
-def test_nobody_at_the_panel_leaves_it_off_and_says_so() -> None:
-    async def body(stage: Stage) -> None:
+async def test_nobody_at_the_panel_leaves_it_off_and_says_so() -> None:
+    async with on_stage() as stage:
         order = await order_for(stage.device, table())
         await stage.device.stage(order)
         await stage.device.read_back(order, 100.0)
@@ -469,11 +417,9 @@ def test_nobody_at_the_panel_leaves_it_off_and_says_so() -> None:
         assert not stage.plc.waiting
         await stage.device.finish_push(order, "held")
 
-    on_stage(body)
 
-
-def test_looking_while_the_panel_is_waited_for_disturbs_nothing() -> None:
-    async def body(stage: Stage) -> None:
+async def test_looking_while_the_panel_is_waited_for_disturbs_nothing() -> None:
+    async with on_stage() as stage:
         order = await order_for(stage.device, table())
         await stage.device.stage(order)
         await stage.device.read_back(order, 100.0)
@@ -491,11 +437,9 @@ def test_looking_while_the_panel_is_waited_for_disturbs_nothing() -> None:
         assert await waiting
         await stage.device.finish_push(order, "committed")
 
-    on_stage(body)
 
-
-def test_a_lost_pc_leaves_the_table_off_and_the_marker_in_progress() -> None:
-    async def body(stage: Stage) -> None:
+async def test_a_lost_pc_leaves_the_table_off_and_the_marker_in_progress() -> None:
+    async with on_stage() as stage:
         order = await order_for(stage.device, table())
         await stage.push(order)
         second = replace(order, transaction=18, table=table(41))
@@ -516,11 +460,9 @@ def test_a_lost_pc_leaves_the_table_off_and_the_marker_in_progress() -> None:
         assert stage.plc.session == 0
         await again.close()
 
-    on_stage(body)
 
-
-def test_a_second_pc_is_told_that_the_mailbox_is_taken() -> None:
-    async def body(stage: Stage) -> None:
+async def test_a_second_pc_is_told_that_the_mailbox_is_taken() -> None:
+    async with on_stage() as stage:
         order = await order_for(stage.device, table())
         await stage.device.stage(order)
         other = stage.other()
@@ -530,11 +472,9 @@ def test_a_second_pc_is_told_that_the_mailbox_is_taken() -> None:
         assert caught.value.code == "E-MBX-TAKEN"
         await other.close()
 
-    on_stage(body)
 
-
-def test_a_reopened_driver_goes_on_in_its_session() -> None:
-    async def body(stage: Stage) -> None:
+async def test_a_reopened_driver_goes_on_in_its_session() -> None:
+    async with on_stage() as stage:
         order = await order_for(stage.device, table())
         await stage.device.stage(order)
         session = stage.plc.session
@@ -551,12 +491,10 @@ def test_a_reopened_driver_goes_on_in_its_session() -> None:
         await stage.device.finish_push(order, "none")
         assert await stage.device.marker() == Marker(0, "none")
 
-    on_stage(body)
-
 
 @pytest.mark.parametrize("after", few([30, 1, 119]))
-def test_a_power_cut_while_loading_leaves_the_table_off(after: int) -> None:
-    async def body(stage: Stage) -> None:
+async def test_a_power_cut_while_loading_leaves_the_table_off(after: int) -> None:
+    async with on_stage() as stage:
         first = await order_for(stage.device, table())
         await stage.push(first)
         stage.plc.change(power_cut_after=after)
@@ -578,20 +516,16 @@ def test_a_power_cut_while_loading_leaves_the_table_off(after: int) -> None:
         await stage.push(back)
         assert (await stage.device.saved_tables("X1")).own.table == first.table
 
-    on_stage(body)
 
-
-def test_a_repeated_number_is_never_sent() -> None:
-    async def body(stage: Stage) -> None:
+async def test_a_repeated_number_is_never_sent() -> None:
+    async with on_stage(redo_repeats=True) as stage:
         order = await order_for(stage.device, table())
         await stage.push(order)
 
-    on_stage(body, redo_repeats=True)
-
 
 @pytest.mark.parametrize("place", few(sorted(range(3, 240, 13), key=lambda place: place % 4), 5))
-def test_a_connection_cut_at_any_request_leaves_old_or_new(place: int) -> None:
-    async def body(stage: Stage) -> None:
+async def test_a_connection_cut_at_any_request_leaves_old_or_new(place: int) -> None:
+    async with on_stage() as stage:
         first = await order_for(stage.device, table())
         await stage.push(first)
         second = replace(first, transaction=18, table=table(101))
@@ -615,11 +549,9 @@ def test_a_connection_cut_at_any_request_leaves_old_or_new(place: int) -> None:
         if live.own.enabled:
             assert live.own.table in (first.table, second.table), held
 
-    on_stage(body)
 
-
-def test_registers_are_read_and_written_within_the_limits_of_the_document() -> None:
-    async def body(stage: Stage) -> None:
+async def test_registers_are_read_and_written_within_the_limits_of_the_document() -> None:
+    async with on_stage() as stage:
         lengths: list[tuple[int, int]] = []
         seen = stage.station._reply
 
@@ -633,21 +565,17 @@ def test_registers_are_read_and_written_within_the_limits_of_the_document() -> N
         assert max(count for function, count in lengths if function == 3) <= 125
         assert max(count for function, count in lengths if function == 16) <= 123
 
-    on_stage(body)
 
-
-def test_one_who_sends_nonsense_from_the_other_side_is_a_protocol_error() -> None:
-    async def body(stage: Stage) -> None:
+async def test_one_who_sends_nonsense_from_the_other_side_is_a_protocol_error() -> None:
+    async with on_stage() as stage:
         stage.plc.memory.marker = tuple([0x4142] * 8)
         with pytest.raises(RemoteProtocolError) as caught:
             await stage.device.marker()
         assert caught.value.code == "E-MBX-REGISTER"
 
-    on_stage(body)
 
-
-def test_a_table_is_switched_where_it_moves_the_axis() -> None:
-    async def body(stage: Stage) -> None:
+async def test_a_table_is_switched_where_it_moves_the_axis() -> None:
+    async with on_stage() as stage:
         order = await order_for(stage.device, table())
         await stage.push(order)
         nck = stage.bench.nck
@@ -664,5 +592,3 @@ def test_a_table_is_switched_where_it_moves_the_axis() -> None:
             assert axis.encoder_compensation == pytest.approx(expected, abs=0.05)
             assert axis.in_position
         await stage.device.finish_push(order, "committed")
-
-    on_stage(body)

@@ -52,8 +52,8 @@ async def refused(work: object, code: str) -> TrueflankError:
 # ---- measuring --------------------------------------------------------------------------------------
 
 
-def test_stops_come_once_in_order_and_each_from_its_own_side(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_stops_come_once_in_order_and_each_from_its_own_side(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         assert isinstance(on.device, Controller)
         directions = []
 
@@ -76,11 +76,9 @@ def test_stops_come_once_in_order_and_each_from_its_own_side(keys: Path) -> None
         assert (live.own.enabled, live.own.table.deviations, live.backlash) == (False, (0.0,), 0.0)
         assert await on.device.wait_stop(12, 1.0) is None
 
-    on_stage(act, folder=keys)
 
-
-def test_r_parameters_are_given_back_and_the_session_is_closed(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_r_parameters_are_given_back_and_the_session_is_closed(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         for number in range(80, 80 + COUNT):
             on.nck.set(f"R[{number}]", number + 0.5, 7)
         await on.walk(plan(STOPS[:2]))
@@ -94,11 +92,9 @@ def test_r_parameters_are_given_back_and_the_session_is_closed(keys: Path) -> No
         assert on.server.sessions == 0
         await refused(on.device.state(), "E-UA-BROKEN")
 
-    on_stage(act, folder=keys)
 
-
-def test_closing_in_the_middle_lets_the_program_leave_first(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_closing_in_the_middle_lets_the_program_leave_first(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         on.nck.set("R[80]", 7.0, 7)
         await on.device.prepare_stops(plan(STOPS))
         on.press()
@@ -107,11 +103,9 @@ def test_closing_in_the_middle_lets_the_program_leave_first(keys: Path) -> None:
         assert on.nck.channel_status == 0
         assert on.nck.get("R[80]") == 7.0
 
-    on_stage(act, folder=keys)
 
-
-def test_an_older_programs_words_are_never_taken_for_a_stop(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_an_older_programs_words_are_never_taken_for_a_stop(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         await on.walk(plan(STOPS[:3]))
         await on.device.prepare_stops(plan(STOPS[:1]))
         on.nck.set("R[80]", 3.0, 7)
@@ -120,11 +114,9 @@ def test_an_older_programs_words_are_never_taken_for_a_stop(keys: Path) -> None:
         assert (await on.device.state()).channel is ChannelStatus.RESET  # the session is still good
         await refused(on.device.saved_tables("C1"), "E-NC-NOT-SAVED")
 
-    on_stage(act, folder=keys)
 
-
-def test_abort_leaves_a_waiting_program_and_one_not_yet_started(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_abort_leaves_a_waiting_program_and_one_not_yet_started(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         await on.device.prepare_stops(plan(STOPS))
         on.press()
         assert await on.device.wait_stop(0, 60.0) is not None
@@ -138,11 +130,9 @@ def test_abort_leaves_a_waiting_program_and_one_not_yet_started(keys: Path) -> N
         assert await on.device.wait_stop(0, 60.0) is None
         assert on.nck.axis_state("C1").set_position == before
 
-    on_stage(act, folder=keys)
 
-
-def test_another_gateways_program_is_not_aborted_and_its_words_stay(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_another_gateways_program_is_not_aborted_and_its_words_stay(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         on.nck.set("R[80]", 7.0, 7)
         await on.device.prepare_stops(plan(STOPS))
         for number, value in ((80, 4.0), (87, 555_555.0), (89, 3.0)):
@@ -152,22 +142,18 @@ def test_another_gateways_program_is_not_aborted_and_its_words_stay(keys: Path) 
         await on.device.close()
         assert [on.nck.get(f"R[{number}]") for number in (80, 86, 87, 89)] == [4.0, 0.0, 555_555.0, 3.0]
 
-    on_stage(act, folder=keys)
 
-
-def test_a_program_left_alone_ends_by_itself(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_a_program_left_alone_ends_by_itself(keys: Path) -> None:
+    async with on_stage(folder=keys, settings={"wait_limit_s": 60.0}) as on:
         await on.device.prepare_stops(plan(STOPS))
         on.press()
         assert await on.device.wait_stop(0, 60.0) is not None
         await on.clock.sleep(70.0)
         assert on.nck.channel_status == 0
 
-    on_stage(act, folder=keys, settings={"wait_limit_s": 60.0})
 
-
-def test_an_alarm_ends_the_wait_with_its_number(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_an_alarm_ends_the_wait_with_its_number(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         beyond = plan((Stop(900.0, 1),), axis="X1", letter="X", unit="mm", rotary=False)
         await on.device.prepare_stops(beyond)
         on.press()
@@ -175,11 +161,9 @@ def test_an_alarm_ends_the_wait_with_its_number(keys: Path) -> None:
         assert error.fields["number"] == on.nck.alarms[0].number
         await refused(on.device.prepare_stops(beyond), "E-NC-NOT-RESET")
 
-    on_stage(act, folder=keys)
 
-
-def test_a_part_is_counted_space_by_space_and_carries_the_tables_that_acted(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_a_part_is_counted_space_by_space_and_carries_the_tables_that_acted(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         for number in (77, 78, 79, 80):
             on.nck.set(f"R[{number}]", 7.5, 7)
         missing = replace(PART, dresser=GrindAxis("Y1", "Y"))
@@ -207,11 +191,9 @@ def test_a_part_is_counted_space_by_space_and_carries_the_tables_that_acted(keys
         await on.device.close()
         assert [on.nck.get(f"R[{number}]") for number in (77, 78, 79, 80)] == [7.5] * 4
 
-    on_stage(act, folder=keys)
 
-
-def test_set_up_values_that_somebody_changed_grind_nothing(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_set_up_values_that_somebody_changed_grind_nothing(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         await on.device.prepare_grinding(PART)
         on.nck.set("R[78]", 0.06, 7)
         start = on.nck.axis_state("X1").set_position
@@ -228,22 +210,18 @@ def test_set_up_values_that_somebody_changed_grind_nothing(keys: Path) -> None:
         error = await refused(on.device.prepare_grinding(PART), "E-GRIND-NOT-HELD")
         assert error.fields["number"] == 79
 
-    on_stage(act, folder=keys)
 
-
-def test_a_reset_by_the_operator_ends_the_stops(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_a_reset_by_the_operator_ends_the_stops(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         await on.device.prepare_stops(plan(STOPS))
         on.press()
         assert await on.device.wait_stop(0, 60.0) is not None
         on.nck.channel_reset()
         assert await on.device.wait_stop(1, 60.0) is None
 
-    on_stage(act, folder=keys)
 
-
-def test_nothing_is_sent_while_a_program_runs(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_nothing_is_sent_while_a_program_runs(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         await on.device.prepare_stops(plan(STOPS))
         on.press()
         await on.clock.sleep(1.0)
@@ -252,11 +230,9 @@ def test_nothing_is_sent_while_a_program_runs(keys: Path) -> None:
         await refused(on.device.stage(ORDER), "E-NC-NOT-RESET")
         assert on.nck.files.read("/_N_MPF_DIR/_N_TFMEAS_C1_MPF") == text
 
-    on_stage(act, folder=keys)
 
-
-def test_tables_limits_and_axes_that_do_not_exist(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_tables_limits_and_axes_that_do_not_exist(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         assert (await on.device.table_limits("C1")).reserved_points == 80
         assert (await on.device.table_limits("X1")).max_value == 0.2
         await refused(on.device.table_limits("Q1"), "E-NC-AXIS")
@@ -267,14 +243,12 @@ def test_tables_limits_and_axes_that_do_not_exist(keys: Path) -> None:
         assert (state.mode, state.access_level, state.axes["C1"].unit) == ("AUTO", 2, "deg")
         assert all(axis.referenced and axis.in_position for axis in state.axes.values())
 
-    on_stage(act, folder=keys)
-
 
 # ---- pushing ----------------------------------------------------------------------------------------
 
 
-def test_a_push_loads_proves_enables_and_acts(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_a_push_loads_proves_enables_and_acts(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         backup, readback = await on.loaded(ORDER)
         assert not on.enabled
         assert backup.own.table.deviations == (0.0,)
@@ -292,37 +266,31 @@ def test_a_push_loads_proves_enables_and_acts(keys: Path) -> None:
         live = await on.device.saved_tables("C1")
         assert (live.own.table, live.own.enabled) == (TABLE_C_STORED, True)
 
-    on_stage(act, folder=keys)
-
 
 TABLE_C_STORED = replace(TABLE_C, deviations=tuple(round(d / 3600.0, 6) * 3600.0 for d in TABLE_C.deviations))
 TABLE_C_STORED = replace(TABLE_C_STORED, deviations=tuple(round(d, 9) for d in TABLE_C_STORED.deviations))
 
 
-def test_a_measured_back_up_and_that_of_the_push_have_one_digest(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_a_measured_back_up_and_that_of_the_push_have_one_digest(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         await on.walk(plan(STOPS[:1]))
         measured = await on.device.saved_tables("C1")
         backup, _ = await on.loaded(ORDER)
         assert backup.digest == measured.digest
 
-    on_stage(act, folder=keys)
 
-
-def test_without_release_a_second_start_ends_disabled(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_without_release_a_second_start_ends_disabled(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         await on.loaded(ORDER)
         on.press()
         assert await on.device.confirm(ORDER, 60.0) is False
         assert not on.enabled
         assert on.nck.channel_status == 0
 
-    on_stage(act, folder=keys)
-
 
 @pytest.mark.parametrize("released", [False, True])
-def test_a_reset_between_the_halves_ends_disabled(keys: Path, released: bool) -> None:
-    async def act(on: Stage) -> None:
+async def test_a_reset_between_the_halves_ends_disabled(keys: Path, released: bool) -> None:
+    async with on_stage(folder=keys) as on:
         on.releases = False
         await on.loaded(ORDER)
         if released:
@@ -331,12 +299,10 @@ def test_a_reset_between_the_halves_ends_disabled(keys: Path, released: bool) ->
         assert await on.device.confirm(ORDER, 60.0) is False
         assert not on.enabled
 
-    on_stage(act, folder=keys)
-
 
 @pytest.mark.parametrize("name", ["$AA_ENC_COMP[0,30,C1]", "$AA_ENC_COMP[0,79,C1]", "$AA_ENC_COMP_MAX[0,C1]"])
-def test_a_table_changed_between_the_halves_stays_disabled(keys: Path, name: str) -> None:
-    async def act(on: Stage) -> None:
+async def test_a_table_changed_between_the_halves_stays_disabled(keys: Path, name: str) -> None:
+    async with on_stage(folder=keys) as on:
         on.releases = False
         await on.loaded(ORDER)
         on.nck.set(name, float(on.nck.get(name)) + 0.0001, 0)
@@ -345,12 +311,10 @@ def test_a_table_changed_between_the_halves_stays_disabled(keys: Path, name: str
         assert await on.device.confirm(ORDER, 60.0) is False
         assert not on.enabled
 
-    on_stage(act, folder=keys)
-
 
 @pytest.mark.parametrize("number", [83 + 10, 94, 95, 87, 90])
-def test_words_changed_between_the_halves_stay_disabled(keys: Path, number: int) -> None:
-    async def act(on: Stage) -> None:
+async def test_words_changed_between_the_halves_stay_disabled(keys: Path, number: int) -> None:
+    async with on_stage(folder=keys) as on:
         on.releases = False
         await on.loaded(ORDER)
         await on.device.activate(ORDER)
@@ -360,13 +324,11 @@ def test_words_changed_between_the_halves_stay_disabled(keys: Path, number: int)
         assert on.nck.channel_status == 0
         assert not on.enabled
 
-    on_stage(act, folder=keys)
 
-
-def test_a_control_that_stores_something_else_is_caught_by_the_program(
+async def test_a_control_that_stores_something_else_is_caught_by_the_program(
     keys: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    async def act(on: Stage) -> None:
+    async with on_stage(folder=keys) as on:
         kept = on.nck.core.memory.kept
         calls = []
 
@@ -379,18 +341,14 @@ def test_a_control_that_stores_something_else_is_caught_by_the_program(
         assert error.fields["count"] == 1
         assert not on.enabled
 
-    on_stage(act, folder=keys)
 
-
-def test_single_precision_tables_pass_the_half_unit(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_single_precision_tables_pass_the_half_unit(keys: Path) -> None:
+    async with on_stage(replace(SPEC, float32_tables=True), folder=keys) as on:
         assert await on.push(ORDER)
 
-    on_stage(act, replace(SPEC, float32_tables=True), folder=keys)
 
-
-def test_a_control_that_lies_about_the_switch_is_caught_before_a_point_is_written(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_a_control_that_lies_about_the_switch_is_caught_before_a_point_is_written(keys: Path) -> None:
+    async with on_stage(replace(SPEC, lies_about_disable=True), folder=keys) as on:
         assert await on.push(ORDER)
         before = on.memory()[:-1]
         place = 30.0
@@ -398,11 +356,9 @@ def test_a_control_that_lies_about_the_switch_is_caught_before_a_point_is_writte
         await refused(on.loaded(replace(ORDER, transaction=4712, agreeing_position=place)), "E-NC-STOPPED")
         assert on.memory()[:-1] == before
 
-    on_stage(act, replace(SPEC, lies_about_disable=True), folder=keys)
 
-
-def test_without_the_right_level_nothing_changes(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_without_the_right_level_nothing_changes(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         assert await on.push(ORDER)
         before = on.memory()
         on.nck.set_access_level(4)
@@ -411,11 +367,9 @@ def test_without_the_right_level_nothing_changes(keys: Path) -> None:
         assert on.memory() == before
         assert on.enabled
 
-    on_stage(act, folder=keys)
 
-
-def test_a_table_that_does_not_fit_is_never_sent(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_a_table_that_does_not_fit_is_never_sent(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         long = CompensationTable("axis", "Z1", "Z1", 0.0, 100.0, 10.0, (0.0,) * 11)
         error = await refused(on.device.stage(replace(ORDER, table=long, letter="Z", rotary=False)), "E-TABLE-POINTS")
         assert isinstance(error, TableError)
@@ -423,11 +377,9 @@ def test_a_table_that_does_not_fit_is_never_sent(keys: Path) -> None:
         assert on.nck.files.list("/_N_MPF_DIR") == []
         assert on.nck.selected == ""
 
-    on_stage(act, folder=keys)
 
-
-def test_restoring_gives_back_every_value_as_it_was(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_restoring_gives_back_every_value_as_it_was(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         for number, value in enumerate((0.0, 0.0012345678, -0.0000000123, 0.0)):
             on.nck.set(f"$AA_ENC_COMP[0,{number},C1]", value, 0)
         for name, value in (("STEP", 120.0), ("MIN", 0.0), ("MAX", 360.0), ("IS_MODULO", 1)):
@@ -441,21 +393,17 @@ def test_restoring_gives_back_every_value_as_it_was(keys: Path) -> None:
         assert await on.push(restore)
         assert on.memory() == before
 
-    on_stage(act, folder=keys)
 
-
-def test_an_order_without_enabling_ends_loaded_and_off(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_an_order_without_enabling_ends_loaded_and_off(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         assert await on.push(replace(ORDER, enable=False)) is False
         assert not on.enabled
         assert on.nck.get("$AA_ENC_COMP[0,1,C1]") != 0.0
         assert "activate" not in on.pressed
 
-    on_stage(act, folder=keys)
 
-
-def test_closing_between_the_halves_ends_disabled_whatever_the_operator_does(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_closing_between_the_halves_ends_disabled_whatever_the_operator_does(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         on.releases = False
         await on.loaded(ORDER)
         await on.device.activate(ORDER)
@@ -465,10 +413,8 @@ def test_closing_between_the_halves_ends_disabled_whatever_the_operator_does(key
         assert on.nck.channel_status == 0
         assert not on.enabled
 
-    on_stage(act, folder=keys)
 
-
-def test_two_programs_where_files_cannot_be_fetched_meanwhile(keys: Path) -> None:
+async def test_two_programs_where_files_cannot_be_fetched_meanwhile(keys: Path) -> None:
     spec = replace(SPEC, fetch_while_waiting=False)
 
     async def one_program(on: Stage) -> None:
@@ -486,12 +432,14 @@ def test_two_programs_where_files_cannot_be_fetched_meanwhile(keys: Path) -> Non
         await on.device.restarted(ORDER, 120.0)
         assert on.enabled
 
-    on_stage(one_program, spec, folder=keys)
-    on_stage(two_programs, spec, folder=keys, settings={"two_programs": True})
+    async with on_stage(spec, folder=keys) as on:
+        await one_program(on)
+    async with on_stage(spec, folder=keys, settings={"two_programs": True}) as on:
+        await two_programs(on)
 
 
-def test_cross_tables_are_on_record_and_can_be_loaded(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_cross_tables_are_on_record_and_can_be_loaded(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         table = CompensationTable(
             "cross", "Z1", "C1", 0.0, 100.0, 50.0, (0.0, 7.2, 0.0), index=1, output_unit="deg", input_unit="mm"
         )
@@ -502,25 +450,21 @@ def test_cross_tables_are_on_record_and_can_be_loaded(keys: Path) -> None:
         assert cross.enabled
         assert cross.table == table
 
-    on_stage(act, folder=keys)
 
-
-def test_the_switch_at_a_stop_turns_a_table_off_and_on(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_the_switch_at_a_stop_turns_a_table_off_and_on(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         assert await on.push(ORDER)
         stops = tuple(Stop(30.0, 1, 0, n, switch) for n, switch in enumerate((None, False, True)))
         seen = await on.walk(plan(stops))
         value = TABLE_C_STORED.at(np.array([30.0]))[0]
         assert [stop.encoder_compensation for stop in seen] == pytest.approx([value, 0.0, value], abs=1e-3)
 
-    on_stage(act, folder=keys)
-
 
 # ---- broken wires -----------------------------------------------------------------------------------
 
 
-def test_a_dropped_connection_breaks_the_session_until_it_is_opened_again(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_a_dropped_connection_breaks_the_session_until_it_is_opened_again(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         await on.device.prepare_stops(plan(STOPS))
         on.press()
         assert await on.device.wait_stop(0, 60.0) is not None
@@ -535,11 +479,9 @@ def test_a_dropped_connection_breaks_the_session_until_it_is_opened_again(keys: 
         assert second is not None
         assert second.counter == 2
 
-    on_stage(act, folder=keys)
 
-
-def test_a_cancelled_request_breaks_the_session(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_a_cancelled_request_breaks_the_session(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         task = asyncio.get_running_loop().create_task(on.device.state())
         await on.clock.sleep(0)
         await on.clock.sleep(0)
@@ -550,22 +492,18 @@ def test_a_cancelled_request_breaks_the_session(keys: Path) -> None:
         await on.device.open(5.0)
         assert (await on.device.state()).mode == "AUTO"
 
-    on_stage(act, folder=keys)
 
-
-def test_a_restart_of_the_nck_is_seen_as_such(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_a_restart_of_the_nck_is_seen_as_such(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         on.nck.nck_reset()
         error = await refused(on.device.state(), "E-UA-NCK-DOWN")
         assert error.retryable
         await on.referenced()
         assert (await on.device.state()).axes["C1"].referenced
 
-    on_stage(act, folder=keys)
 
-
-def test_a_server_that_never_answers_is_left_at_the_deadline() -> None:
-    async def act(on: Stage) -> None:
+async def test_a_server_that_never_answers_is_left_at_the_deadline() -> None:
+    async with on_stage() as on:
         held: list[asyncio.StreamWriter] = []
 
         async def silent(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -584,5 +522,3 @@ def test_a_server_that_never_answers_is_left_at_the_deadline() -> None:
         server.close()
         await server.wait_closed()
         await refused(device.open(2.0), "E-UA-CONNECT")
-
-    on_stage(act)

@@ -28,8 +28,8 @@ async def stand(nck: Any, clock: Any, axis: str, position: float) -> None:
 # ---- with programs ----------------------------------------------------------------------------------
 
 
-def test_a_program_of_its_own_switches_off_and_writes_nothing_else(keys: Path) -> None:
-    async def act(on: opcua_stage.Stage) -> None:
+async def test_a_program_of_its_own_switches_off_and_writes_nothing_else(keys: Path) -> None:
+    async with opcua_stage.on_stage(folder=keys) as on:
         await on.push(opcua_stage.ORDER)
         on.nck.channel_reset()
         await stand(on.nck, on.clock, "C1", 20.0)
@@ -45,23 +45,19 @@ def test_a_program_of_its_own_switches_off_and_writes_nothing_else(keys: Path) -
         assert on.memory() == (*before[:-1], False)
         assert on.nck.core.eec_value(2, 0) == 0.0
 
-    opcua_stage.on_stage(act, folder=keys)
 
-
-def test_switching_off_what_is_off_says_so_again(keys: Path) -> None:
-    async def act(on: opcua_stage.Stage) -> None:
+async def test_switching_off_what_is_off_says_so_again(keys: Path) -> None:
+    async with opcua_stage.on_stage(folder=keys) as on:
         before = on.memory()
         await on.device.prepare_disable(C1)
         on.press()
         assert (await on.device.wait_disabled(C1, 60.0)).off
         assert on.memory() == before
 
-    opcua_stage.on_stage(act, folder=keys)
-
 
 @pytest.mark.parametrize("manner", [{"lies_about_disable": True}, {"ignores_newconf": True}])
-def test_a_table_that_goes_on_acting_is_never_told_as_off(keys: Path, manner: dict[str, Any]) -> None:
-    async def act(on: opcua_stage.Stage) -> None:
+async def test_a_table_that_goes_on_acting_is_never_told_as_off(keys: Path, manner: dict[str, Any]) -> None:
+    async with opcua_stage.on_stage(replace(opcua_stage.SPEC, **manner), folder=keys) as on:
         await on.push(opcua_stage.ORDER)
         on.nck.channel_reset()
         await stand(on.nck, on.clock, "C1", 20.0)
@@ -72,11 +68,9 @@ def test_a_table_that_goes_on_acting_is_never_told_as_off(keys: Path, manner: di
         assert found.off is not acts
         assert acts or "ignores_newconf" in manner
 
-    opcua_stage.on_stage(act, replace(opcua_stage.SPEC, **manner), folder=keys)
 
-
-def test_nobody_starts_it_and_a_running_program_is_left_alone(keys: Path) -> None:
-    async def act(on: opcua_stage.Stage) -> None:
+async def test_nobody_starts_it_and_a_running_program_is_left_alone(keys: Path) -> None:
+    async with opcua_stage.on_stage(folder=keys) as on:
         await on.loaded(opcua_stage.ORDER)
         with pytest.raises(DeviceRefused) as refused:
             await on.device.prepare_disable(C1)
@@ -86,15 +80,13 @@ def test_nobody_starts_it_and_a_running_program_is_left_alone(keys: Path) -> Non
         with pytest.raises(DeadlineExceeded):
             await on.device.wait_disabled(C1, 20.0)
 
-    opcua_stage.on_stage(act, folder=keys)
-
 
 # ---- through the mailbox ----------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("order", [X1, CEC], ids=["axis", "cross"])
-def test_command_6_alone_switches_off_wherever_the_axis_stands(order: DisableOrder) -> None:
-    async def body(stage: modbus_stage.Stage) -> None:
+async def test_command_6_alone_switches_off_wherever_the_axis_stands(order: DisableOrder) -> None:
+    async with modbus_stage.on_stage() as stage:
         device = stage.device
         wanted = table() if order.kind == "axis" else cross()
         await stage.push(await order_for(device, wanted))
@@ -111,21 +103,17 @@ def test_command_6_alone_switches_off_wherever_the_axis_stands(order: DisableOrd
         assert not stage.get("$MA_CEC_ENABLE[X1]")
         assert (await device.wait_disabled(order, 60.0)).off
 
-    modbus_stage.on_stage(body)
 
-
-def test_a_plc_that_lies_about_disable_is_told_as_on() -> None:
-    async def body(stage: modbus_stage.Stage) -> None:
+async def test_a_plc_that_lies_about_disable_is_told_as_on() -> None:
+    async with modbus_stage.on_stage() as stage:
         await stage.push(await order_for(stage.device, table()))
         await stand(stage.bench.nck, stage.bench.clock, "X1", 33.0)
         stage.plc.change(lies_about_disable=True)
         assert not (await stage.device.wait_disabled(X1, 60.0)).off
 
-    modbus_stage.on_stage(body)
 
-
-def test_its_needs_and_what_is_no_need_of_it() -> None:
-    async def body(stage: modbus_stage.Stage) -> None:
+async def test_its_needs_and_what_is_no_need_of_it() -> None:
+    async with modbus_stage.on_stage() as stage:
         device, nck = stage.device, stage.bench.nck
         await stage.push(await order_for(device, table()))
         stage.plc.turn_key_back()
@@ -137,5 +125,3 @@ def test_its_needs_and_what_is_no_need_of_it() -> None:
         nck.set_access_level(2)
         nck.drive_alarm(300504, "drive fault")  # an alarm keeps tables from being switched on, not off
         assert (await device.wait_disabled(X1, 30.0)).off
-
-    modbus_stage.on_stage(body)

@@ -8,7 +8,7 @@ import pytest
 
 from drivers.errors import UnsupportedDevice
 from drivers.types import CompensationTable, Stop
-from tests.contract.opcua_stage import AXES, ORDER, SPEC, Stage, on_stage, plan
+from tests.contract.opcua_stage import AXES, ORDER, SPEC, on_stage, plan
 
 X, Z, C = AXES
 SCALES = replace(SPEC, axes=(X, replace(Z, number=4), replace(C, eec_points=(0, 25), number=13)), cec_points=())
@@ -18,8 +18,8 @@ TABLE = CompensationTable(
 )
 
 
-def test_only_the_acting_measuring_system_is_written() -> None:
-    async def act(on: Stage) -> None:
+async def test_only_the_acting_measuring_system_is_written() -> None:
+    async with on_stage(spec=SCALES, server={"null_strings": True}) as on:
         with pytest.raises(UnsupportedDevice, match="E-NC-ENCODER") as caught:
             await on.device.stage(ORDER)
         assert "lets index 1 act" in caught.value.what
@@ -34,14 +34,10 @@ def test_only_the_acting_measuring_system_is_written() -> None:
         live = await on.device.saved_tables("C1")
         assert (live.own.enabled, live.own.table.index, len(live.own.table.deviations)) == (True, 1, 25)
 
-    on_stage(act, spec=SCALES, server={"null_strings": True})
 
-
-def test_two_that_act_are_refused() -> None:
-    async def act(on: Stage) -> None:
+async def test_two_that_act_are_refused() -> None:
+    async with on_stage() as on:
         for encoder in (0, 1):
             on.nck.set(f"$MA_ENC_COMP_ENABLE[{encoder},X1]", True, 2)
         with pytest.raises(UnsupportedDevice, match="E-NC-ENCODERS"):
             await on.device.prepare_stops(plan((Stop(10.0, 1),), axis="X1", letter="X", unit="mm", rotary=False))
-
-    on_stage(act)

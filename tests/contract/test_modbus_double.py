@@ -37,12 +37,12 @@ def worked_exchange() -> list[tuple[str, int, list[int]]]:
     return found
 
 
-def test_the_worked_exchange_passes_as_printed() -> None:
+async def test_the_worked_exchange_passes_as_printed() -> None:
     from simulators.nck.control import AxisSpec
 
     axes = (AxisSpec("X1", "X", travel=(-300.0, 700.0), eec_points=(801, 0)),)
 
-    async def body(desk: Desk) -> None:
+    async with at_desk(spec={"axes": axes, "cec_points": ()}) as desk:
         desk.plc._taken = 41
         for place, (way, address, values) in enumerate(worked_exchange()):
             if way == "write":
@@ -60,8 +60,6 @@ def test_the_worked_exchange_passes_as_printed() -> None:
         assert [desk.nck.get(f"$AA_ENC_COMP_{p}[0,X1]") for p in ("MIN", "STEP", "MAX")] == [0.0, 10.0, 20.0]
         assert desk.nck.get("$MA_ENC_COMP_ENABLE[0,X1]") is False
 
-    at_desk(body, spec={"axes": axes, "cec_points": ()})
-
 
 def frames_of(mark: str) -> bytes:
     text = DOCUMENT.read_text(encoding="utf-8").split("as whole frames")[1].split("```")[1]
@@ -69,15 +67,13 @@ def frames_of(mark: str) -> bytes:
 
 
 @pytest.mark.parametrize("framer", ["tcp", "rtu"])
-def test_the_whole_frames_of_the_document(framer: str) -> None:
-    async def body(desk: Desk) -> None:
+async def test_the_whole_frames_of_the_document(framer: str) -> None:
+    async with at_desk(framer=framer) as desk:
         desk.plc._taken = 41
         await desk.master.wire.write(frames_of(f"{framer} >"))
         assert await desk.master.wire.read(100) == frames_of(f"{framer} <")
         await desk.bench.sleep(0.1)
         assert desk.plc.session == 0x2A17
-
-    at_desk(body, framer=framer)
 
 
 # -- every wire ----------------------------------------------------------------------------------------
@@ -93,8 +89,8 @@ def test_the_whole_frames_of_the_document(framer: str) -> None:
         ("memory://plc", {"framer": "rtu", "unit": 17, "word_order": "low-first"}),
     ],
 )
-def test_a_table_goes_in_acts_and_comes_back_over_every_wire(url: str, settings: dict[str, object]) -> None:
-    async def body(desk: Desk) -> None:
+async def test_a_table_goes_in_acts_and_comes_back_over_every_wire(url: str, settings: dict[str, object]) -> None:
+    async with at_desk(url, spec={"strict_activation": False}, **settings) as desk:
         master = desk.master
         if url.startswith("socket"):
             await master.wire.close()
@@ -109,15 +105,11 @@ def test_a_table_goes_in_acts_and_comes_back_over_every_wire(url: str, settings:
         assert await desk.confirmed(5, X1) == (0, 0)
         assert desk.nck.get("$MA_ENC_COMP_ENABLE[0,X1]") is True
 
-    at_desk(body, url, spec={"strict_activation": False}, **settings)
 
-
-def test_the_wire_listens_on_loopback_only() -> None:
-    async def body(desk: Desk) -> None:
+async def test_the_wire_listens_on_loopback_only() -> None:
+    async with at_desk("tcp://127.0.0.1:0") as desk:
         assert re.fullmatch(r"tcp://127\.0\.0\.1:\d+", desk.station.url)
         assert not desk.station.url.endswith(":0")
-
-    at_desk(body, "tcp://127.0.0.1:0")
 
 
 @pytest.mark.parametrize(
@@ -136,16 +128,14 @@ def test_the_wire_listens_on_loopback_only() -> None:
         ("17 00 00 00 01 00 10 00 01 02 00 00", "97 01"),
     ],
 )
-def test_addresses_functions_and_quantities(pdu: str, answer: str) -> None:
-    async def body(desk: Desk) -> None:
+async def test_addresses_functions_and_quantities(pdu: str, answer: str) -> None:
+    async with at_desk() as desk:
         assert (await desk.master.exchange(bytes.fromhex(pdu))).hex(" ").upper() == answer
         rest = desk.plc.image.words[16:136]
         assert set(rest) == {0}
 
-    at_desk(body)
 
-
-def test_foreign_units_get_no_register() -> None:
+async def test_foreign_units_get_no_register() -> None:
     async def tcp(desk: Desk) -> None:
         desk.master.unit = 9
         assert await desk.master.exchange(bytes.fromhex("03 00 00 00 01")) == bytes.fromhex("83 0B")
@@ -163,15 +153,17 @@ def test_foreign_units_get_no_register() -> None:
         await desk.master.wire.write(bent)
         assert await desk.master.read(0, 1) == [0x4743]
 
-    at_desk(tcp)
-    at_desk(rtu, framer="rtu")
+    async with at_desk() as on:
+        await tcp(on)
+    async with at_desk(framer="rtu") as on:
+        await rtu(on)
 
 
 # -- pictures ------------------------------------------------------------------------------------------
 
 
-def test_the_head_and_the_machine_as_the_map_has_them() -> None:
-    async def body(desk: Desk) -> None:
+async def test_the_head_and_the_machine_as_the_map_has_them() -> None:
+    async with at_desk() as desk:
         head = await desk.master.read(0, 15)
         assert head[:4] == [0x4743, 2, 0x1234, 0x5678]
         assert head[5:] == [0b1111_0001, *[0] * 9]
@@ -184,11 +176,9 @@ def test_the_head_and_the_machine_as_the_map_has_them() -> None:
         assert live[49:73] == [0] * 24
         assert live[30:47] == [0] * 17
 
-    at_desk(body)
 
-
-def test_a_selected_axis_and_table_as_the_control_holds_them() -> None:
-    async def body(desk: Desk) -> None:
+async def test_a_selected_axis_and_table_as_the_control_holds_them() -> None:
+    async with at_desk() as desk:
         nck, master = desk.nck, desk.master
         nck.set("$MA_BACKLASH[0,C1]", 0.0021, 0)
         nck.set("$AN_CEC_INPUT_AXIS[2]", "Z1", 0)
@@ -212,11 +202,9 @@ def test_a_selected_axis_and_table_as_the_control_holds_them() -> None:
         nck.set("$AN_CEC_STEP[2]", 12.50001, 0)
         assert await master.read(356, 7) == [0x8004, 0, 0, 0, 0, 0, 0]
 
-    at_desk(body)
 
-
-def test_the_acting_values_are_the_controls_own() -> None:
-    async def body(desk: Desk) -> None:
+async def test_the_acting_values_are_the_controls_own() -> None:
+    async with at_desk(spec={"strict_activation": False}) as desk:
         master = desk.master
         await desk.bench.run(
             "$AA_ENC_COMP_STEP[0,X1]=100 $AA_ENC_COMP_MIN[0,X1]=0 $AA_ENC_COMP_MAX[0,X1]=200\n"
@@ -234,11 +222,10 @@ def test_the_acting_values_are_the_controls_own() -> None:
         assert await master.command(11, {18: 3, 19: 1}) == (0, 0)
         assert await master.read(356, 11) == [0] * 10 + [1]
 
-    at_desk(body, spec={"strict_activation": False})
 
+async def test_status_bits_follow_the_machine() -> None:
+    async with at_desk() as desk:
 
-def test_status_bits_follow_the_machine() -> None:
-    async def body(desk: Desk) -> None:
         async def bits() -> int:
             return (await desk.master.read(5, 1))[0]
 
@@ -260,14 +247,12 @@ def test_status_bits_follow_the_machine() -> None:
         desk.nck.nck_reset()
         assert await bits() & 0b1_0001 == 0
 
-    at_desk(body)
-
 
 # -- sessions, numbers, order --------------------------------------------------------------------------
 
 
-def test_numbers_are_used_once_and_repeats_are_answered_not_redone() -> None:
-    async def body(desk: Desk) -> None:
+async def test_numbers_are_used_once_and_repeats_are_answered_not_redone() -> None:
+    async with at_desk() as desk:
         master = desk.master
         assert await master.command(1, {19: 5}) == (0, 0)
         marker = [0x3137, *[0] * 7, 1]
@@ -283,33 +268,27 @@ def test_numbers_are_used_once_and_repeats_are_answered_not_redone() -> None:
         desk.plc._taken = 65535
         assert await master.command(8, number=1) == (0, 0)
 
-    at_desk(body)
 
-
-def test_number_0_is_no_command() -> None:
-    async def body(desk: Desk) -> None:
+async def test_number_0_is_no_command() -> None:
+    async with at_desk() as desk:
         master = desk.master
         await master.open()
         assert await master.command(8, number=0) == (2, 2)
         assert (await master.read(6, 1)) == [0]
         assert await master.command(8) == (0, 0)
 
-    at_desk(body)
 
-
-def test_a_torn_transfer_is_never_acted_on() -> None:
-    async def body(desk: Desk) -> None:
+async def test_a_torn_transfer_is_never_acted_on() -> None:
+    async with at_desk() as desk:
         master = desk.master
         await master.write(36, [7] * 100)
         await master.write(18, [1, 1])
         await desk.bench.sleep(5.0)
         assert (await master.read(5, 3)) == [0b1111_0001, 0, 0]
 
-    at_desk(body)
 
-
-def test_the_session_lives_by_its_heartbeat() -> None:
-    async def body(desk: Desk) -> None:
+async def test_the_session_lives_by_its_heartbeat() -> None:
+    async with at_desk() as desk:
         master = desk.master
         await master.open(77)
         for _ in range(8):
@@ -328,11 +307,9 @@ def test_the_session_lives_by_its_heartbeat() -> None:
         assert await master.command(1, {19: 78}) == (0, 0)
         assert await master.command(3, {**X1, 28: 3, 30: 1}, [0, 0], step=10, maximum=20) == (2, 5)
 
-    at_desk(body)
 
-
-def test_a_busy_plc_takes_abort_and_close_only() -> None:
-    async def body(desk: Desk) -> None:
+async def test_a_busy_plc_takes_abort_and_close_only() -> None:
+    async with at_desk() as desk:
         master = desk.master
         await master.open()
         await master.put(master.header(5, 2, X1))
@@ -347,19 +324,15 @@ def test_a_busy_plc_takes_abort_and_close_only() -> None:
         assert desk.plc.confirm() is False
         assert desk.nck.get("$MA_ENC_COMP_ENABLE[0,X1]") is False
 
-    at_desk(body)
 
-
-def test_a_second_session_is_refused_and_named() -> None:
-    async def body(desk: Desk) -> None:
+async def test_a_second_session_is_refused_and_named() -> None:
+    async with at_desk() as desk:
         await desk.master.open(300)
         other = Master(await open_transport(desk.station.url, LoopClock(), 5.0))
         assert await other.command(1, {19: 301}) == (14, 300)
         assert await desk.master.command(9) == (0, 0)
         assert await other.command(1, {19: 301}) == (0, 0)
         await other.wire.close()
-
-    at_desk(body)
 
 
 # -- refusals ------------------------------------------------------------------------------------------
@@ -398,20 +371,18 @@ CEC = {18: 2, 19: 1, 28: 3, 31: 3, 32: 1}
         ({**CEC, 28: 21}, {"step": 10, "maximum": 200}, (8, 20)),
     ],
 )
-def test_begin_refuses_what_is_not_sound(
+async def test_begin_refuses_what_is_not_sound(
     fields: dict[int, int], places: dict[str, int], expected: tuple[int, int]
 ) -> None:
-    async def body(desk: Desk) -> None:
+    async with at_desk() as desk:
         await desk.master.open()
         assert await desk.master.command(2, fields, **places) == expected
         assert (await desk.master.read(351, 1)) == [0], "a refused command selects nothing"
         assert not desk.plc.memory.half
 
-    at_desk(body)
 
-
-def test_refusals_by_the_state_of_the_machine() -> None:
-    async def body(desk: Desk) -> None:
+async def test_refusals_by_the_state_of_the_machine() -> None:
+    async with at_desk() as desk:
         master, nck = desk.master, desk.nck
         await master.open()
         nck.set_access_level(5)
@@ -437,11 +408,9 @@ def test_refusals_by_the_state_of_the_machine() -> None:
         assert await master.command(2, BEGIN, **SOUND) == (6, 0)
         assert await master.command(11, X1) == (6, 0)
 
-    at_desk(body)
 
-
-def test_refusals_while_loading() -> None:
-    async def body(desk: Desk) -> None:
+async def test_refusals_while_loading() -> None:
+    async with at_desk() as desk:
         master = desk.master
         await master.open()
         assert await master.command(3, BEGIN, [0] * 2, **SOUND) == (2, 2)
@@ -478,11 +447,9 @@ def test_refusals_while_loading() -> None:
         assert await master.command(10, {}, [0] * 8 + [4]) == (4, 44)
         assert await master.command(1, {19: 0}) == (14, 0x2A17)
 
-    at_desk(body)
 
-
-def test_what_the_nck_refuses_is_told() -> None:
-    async def body(desk: Desk) -> None:
+async def test_what_the_nck_refuses_is_told() -> None:
+    async with at_desk(write_level=3) as desk:
         master = desk.master
         await master.open()
         assert await master.command(6, X1) == (11, 4075)
@@ -492,14 +459,12 @@ def test_what_the_nck_refuses_is_told() -> None:
         desk.plc.change(nck_refuses=0)
         assert await master.command(7, {**X1, 29: 3, 30: 1}) == (4, 0)
 
-    at_desk(body, write_level=3)
-
 
 # -- switching and reading -----------------------------------------------------------------------------
 
 
-def test_nothing_is_switched_on_without_a_person() -> None:
-    async def body(desk: Desk) -> None:
+async def test_nothing_is_switched_on_without_a_person() -> None:
+    async with at_desk() as desk:
         master = desk.master
         await master.open()
         assert desk.plc.confirm() is False, "a button pressed before counts for nothing"
@@ -518,11 +483,9 @@ def test_nothing_is_switched_on_without_a_person() -> None:
         assert (await master.read(7, 1)) == [13]
         assert desk.nck.get("$MA_ENC_COMP_ENABLE[0,X1]") is False
 
-    at_desk(body)
 
-
-def test_a_cross_table_goes_in_and_is_switched_as_the_map_says() -> None:
-    async def body(desk: Desk) -> None:
+async def test_a_cross_table_goes_in_and_is_switched_as_the_map_says() -> None:
+    async with at_desk() as desk:
         master, nck = desk.master, desk.nck
         await master.open()
         nck.set("$SN_CEC_TABLE_WEIGHT[1]", 0.5, 0)
@@ -545,11 +508,9 @@ def test_a_cross_table_goes_in_and_is_switched_as_the_map_says() -> None:
         assert await master.read(366, 1) == [0b010]
         assert await master.command(5, {**X1, 21: 1 << 4}) == (4, 21)
 
-    at_desk(body)
 
-
-def test_a_rotary_table_has_its_own_units() -> None:
-    async def body(desk: Desk) -> None:
+async def test_a_rotary_table_has_its_own_units() -> None:
+    async with at_desk() as desk:
         await desk.master.open()
         rotary = {18: 1, 19: 4, 21: 1}
         assert await desk.master.load(rotary, [0, 12_345, -7, 0], step=120_000_000) == (0, 0)
@@ -557,11 +518,9 @@ def test_a_rotary_table_has_its_own_units() -> None:
         assert desk.nck.get("$AA_ENC_COMP_MAX[0,C1]") == 360.0
         assert desk.nck.get("$AA_ENC_COMP_IS_MODULO[0,C1]") is True
 
-    at_desk(body)
 
-
-def test_backlash_and_temperature_are_read_only() -> None:
-    async def body(desk: Desk) -> None:
+async def test_backlash_and_temperature_are_read_only() -> None:
+    async with at_desk() as desk:
         master, nck = desk.master, desk.nck
         await master.open()
         nck.set("$MA_BACKLASH[0,X1]", -0.0035, 0)
@@ -574,22 +533,18 @@ def test_backlash_and_temperature_are_read_only() -> None:
         for code in (2, 5, 6):
             assert await master.command(code, {18: 3, 19: 1}) == (9, 0)
 
-    at_desk(body)
 
-
-def test_left_over_points_above_the_table_are_zeroed() -> None:
-    async def body(desk: Desk) -> None:
+async def test_left_over_points_above_the_table_are_zeroed() -> None:
+    async with at_desk() as desk:
         for place in range(60):
             desk.nck.set(f"$AA_ENC_COMP[0,{place},Z1]", 0.01, 0)
         await desk.master.open()
         assert await desk.master.load({18: 1, 19: 3}, [0, 5, 0]) == (0, 0)
         assert [desk.nck.get(f"$AA_ENC_COMP[0,{n},Z1]") for n in range(60)] == [0.0, 5e-6, *[0.0] * 58]
 
-    at_desk(body)
 
-
-def test_what_outlives_a_power_cut() -> None:
-    async def body(desk: Desk) -> None:
+async def test_what_outlives_a_power_cut() -> None:
+    async with at_desk() as desk:
         master = desk.master
         await master.open()
         assert await master.command(10, {}, [0x3939, *[0] * 7, 1]) == (0, 0)
@@ -605,22 +560,18 @@ def test_what_outlives_a_power_cut() -> None:
         assert await master.load(X1, [0, 1, 2]) == (0, 0)
         assert await desk.confirmed(5, X1) == (0, 0)
 
-    at_desk(body)
 
-
-def test_a_forgetful_plc_can_be_had() -> None:
-    async def body(desk: Desk) -> None:
+async def test_a_forgetful_plc_can_be_had() -> None:
+    async with at_desk(retentive=False) as desk:
         await desk.master.open()
         assert await desk.master.command(10, {}, [0x3939, *[0] * 7, 1]) == (0, 0)
         await desk.station.power_cycle()
         await desk.reconnect()
         assert (await desk.master.read(340, 9)) == [0] * 9
 
-    at_desk(body, retentive=False)
 
-
-def test_commands_take_program_cycles() -> None:
-    async def body(desk: Desk) -> None:
+async def test_commands_take_program_cycles() -> None:
+    async with at_desk() as desk:
         master = desk.master
         await master.open()
         begun = desk.bench.clock.now()
@@ -629,11 +580,9 @@ def test_commands_take_program_cycles() -> None:
         await master.result(2)
         assert 0.03 <= desk.bench.clock.now() - begun <= 0.2
 
-    at_desk(body)
-
 
 @pytest.mark.parametrize("seed", range(4))
-def test_whatever_is_asked_is_answered_and_nothing_is_switched_on(seed: int) -> None:
+async def test_whatever_is_asked_is_answered_and_nothing_is_switched_on(seed: int) -> None:
     async def body(desk: Desk) -> None:
         rng = np.random.default_rng(seed)
         for _ in range(150):
@@ -666,8 +615,10 @@ def test_whatever_is_asked_is_answered_and_nothing_is_switched_on(seed: int) -> 
         switches = [desk.nck.get(f"$MA_ENC_COMP_ENABLE[0,{axis}]") for axis in ("X1", "Y1", "Z1", "C1")]
         assert switches == [False] * 4
 
-    at_desk(body)
-    at_desk(commands)
+    async with at_desk() as on:
+        await body(on)
+    async with at_desk() as on:
+        await commands(on)
 
 
 def test_the_masters_own_checks() -> None:

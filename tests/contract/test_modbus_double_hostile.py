@@ -25,43 +25,35 @@ def points(desk: Desk, axis: str, count: int) -> list[float]:
     return [float(desk.nck.get(f"$AA_ENC_COMP[0,{n},{axis}]")) for n in range(count)]
 
 
-def test_swapped_words_show_in_the_word_order_test() -> None:
-    async def body(desk: Desk) -> None:
+async def test_swapped_words_show_in_the_word_order_test() -> None:
+    async with at_desk(swap_words=True) as desk:
         assert await desk.master.read(2, 2) == [0x5678, 0x1234]
 
-    at_desk(body, swap_words=True)
 
-
-def test_swapped_data_words_pass_every_check_of_the_plc_but_not_a_read_back() -> None:
-    async def body(desk: Desk) -> None:
+async def test_swapped_data_words_pass_every_check_of_the_plc_but_not_a_read_back() -> None:
+    async with at_desk(swap_data_words=True) as desk:
         await desk.master.open()
         assert await desk.master.read(2, 2) == [0x1234, 0x5678]
         assert await desk.master.load(Z1, [0, 3000, 0]) == (0, 0)
         assert await desk.master.read_back(Z1, 0, 3) == [0, 3000 << 16, 0]
 
-    at_desk(body, swap_data_words=True)
 
-
-def test_another_map_version() -> None:
-    async def body(desk: Desk) -> None:
+async def test_another_map_version() -> None:
+    async with at_desk(map_version=1) as desk:
         assert await desk.master.read(0, 2) == [0x4743, 1]
 
-    at_desk(body, map_version=1)
 
-
-def test_a_stale_heartbeat() -> None:
-    async def body(desk: Desk) -> None:
+async def test_a_stale_heartbeat() -> None:
+    async with at_desk(stale_heartbeat=True) as desk:
         (before,) = await desk.master.read(4, 1)
         await desk.bench.sleep(30.0)
         assert await desk.master.read(4, 1) == [before]
         desk.plc.change(stale_heartbeat=False)
         assert await desk.master.read(4, 1) != [before]
 
-    at_desk(body, stale_heartbeat=True)
 
-
-def test_a_wrong_crc_of_the_read_back() -> None:
-    async def body(desk: Desk) -> None:
+async def test_a_wrong_crc_of_the_read_back() -> None:
+    async with at_desk(wrong_read_back_crc=True) as desk:
         master = desk.master
         await master.open()
         head = master.header(7, 2, {**X1, 30: 3})
@@ -70,11 +62,9 @@ def test_a_wrong_crc_of_the_read_back() -> None:
         area = await master.read(200, 102)
         assert crc32([*head, *area[:100]]) != area[100] << 16 | area[101]
 
-    at_desk(body, wrong_read_back_crc=True)
 
-
-def test_a_command_nobody_answered_comes_late() -> None:
-    async def body(desk: Desk) -> None:
+async def test_a_command_nobody_answered_comes_late() -> None:
+    async with at_desk(late_command=6, late_s=3.0) as desk:
         master = desk.master
         desk.nck.set("$MA_ENC_COMP_ENABLE[0,X1]", 1, 0)
         desk.nck.channel_reset()
@@ -90,12 +80,10 @@ def test_a_command_nobody_answered_comes_late() -> None:
         assert desk.nck.get("$MA_ENC_COMP_ENABLE[0,X1]") is False
         assert await master.command(6, X1) == (0, 0), "once"
 
-    at_desk(body, late_command=6, late_s=3.0)
-
 
 @pytest.mark.parametrize("redo", [False, True])
-def test_a_repeated_number_is_done_again_when_told_so(redo: bool) -> None:
-    async def body(desk: Desk) -> None:
+async def test_a_repeated_number_is_done_again_when_told_so(redo: bool) -> None:
+    async with at_desk(redo_repeats=redo) as desk:
         master = desk.master
         await master.open()
         await master.command(10, {}, [0x3131, *[0] * 7, 1])
@@ -104,11 +92,9 @@ def test_a_repeated_number_is_done_again_when_told_so(redo: bool) -> None:
         await desk.bench.sleep(0.5)
         assert desk.plc.memory.marker_state == int(redo)
 
-    at_desk(body, redo_repeats=redo)
 
-
-def test_off_is_said_but_the_table_acts_on() -> None:
-    async def body(desk: Desk) -> None:
+async def test_off_is_said_but_the_table_acts_on() -> None:
+    async with at_desk(spec=QUICK, lies_about_disable=True) as desk:
         master = desk.master
         await master.open()
         assert await master.load(X1, [4000, 4000, 4000]) == (0, 0)
@@ -121,31 +107,25 @@ def test_off_is_said_but_the_table_acts_on() -> None:
         assert acting_um(desk, "X1") == 4.0
         assert await master.load(X1, [0, 0, 0]) == (7, 17070)
 
-    at_desk(body, spec=QUICK, lies_about_disable=True)
 
-
-def test_values_kept_in_single_precision() -> None:
-    async def body(desk: Desk) -> None:
+async def test_values_kept_in_single_precision() -> None:
+    async with at_desk(float32_values=True, careless=True) as desk:
         await desk.master.open()
         assert await desk.master.load(X1, [0, 123_456_789, 0]) == (0, 0)
         kept = points(desk, "X1", 2)[1]
         assert kept == struct.unpack("f", struct.pack("f", 123.456789))[0] != 123.456789
         assert await desk.master.read_back(X1, 0, 2) == [0, round(kept * 1e6)]
 
-    at_desk(body, float32_values=True, careless=True)
 
-
-def test_values_coarsened_unnoticed() -> None:
-    async def body(desk: Desk) -> None:
+async def test_values_coarsened_unnoticed() -> None:
+    async with at_desk(quantum_points=100) as desk:
         await desk.master.open()
         assert await desk.master.load(X1, [0, 1234, -1260]) == (0, 0)
         assert await desk.master.read_back(X1, 0, 3) == [0, 1200, -1300]
 
-    at_desk(body, quantum_points=100)
 
-
-def test_a_wrong_length_is_taken() -> None:
-    async def body(desk: Desk) -> None:
+async def test_a_wrong_length_is_taken() -> None:
+    async with at_desk(accepts_wrong_length=True) as desk:
         master = desk.master
         await master.open()
         fields, places = {**X1, 28: 60}, {"step": 10, "maximum": 590}
@@ -156,11 +136,9 @@ def test_a_wrong_length_is_taken() -> None:
         assert await master.command(4, fields, **places) == (0, 0)
         assert points(desk, "X1", 60) == [7e-6] * 50 + [0.0] * 10
 
-    at_desk(body, accepts_wrong_length=True)
 
-
-def test_the_end_of_each_chunk_is_lost_silently() -> None:
-    async def body(desk: Desk) -> None:
+async def test_the_end_of_each_chunk_is_lost_silently() -> None:
+    async with at_desk(lose_points=2) as desk:
         for place in range(60):
             desk.nck.set(f"$AA_ENC_COMP[0,{place},Z1]", 0.001, 0)
         await desk.master.open()
@@ -168,12 +146,10 @@ def test_the_end_of_each_chunk_is_lost_silently() -> None:
         assert points(desk, "Z1", 60) == [7e-6] * 48 + [0.001] * 2 + [7e-6] * 8 + [0.001] * 2
         assert await desk.master.read_back(Z1, 47, 3) == [7, 1000, 1000]
 
-    at_desk(body, lose_points=2)
-
 
 @pytest.mark.parametrize("code", [2, 4, 6])
-def test_busy_for_ever(code: int) -> None:
-    async def body(desk: Desk) -> None:
+async def test_busy_for_ever(code: int) -> None:
+    async with at_desk(busy_forever=code) as desk:
         master = desk.master
         await master.open()
         places = {"step": 10, "maximum": 20}
@@ -188,33 +164,27 @@ def test_busy_for_ever(code: int) -> None:
         assert (status & 0b1110, taken) == (0b0010, number)
         assert await master.command(8) == (0, 0)
 
-    at_desk(body, busy_forever=code)
 
-
-def test_the_key_turned_back_before_activation() -> None:
-    async def body(desk: Desk) -> None:
+async def test_the_key_turned_back_before_activation() -> None:
+    async with at_desk(key_back=True) as desk:
         await desk.master.open()
         assert await desk.master.load(X1, [0, 1, 0]) == (0, 0)
         assert await desk.confirmed(5, X1) == (5, 0)
         assert await desk.master.read(307, 1) == [7]
         assert desk.nck.get("$MA_ENC_COMP_ENABLE[0,X1]") is False
 
-    at_desk(body, key_back=True)
 
-
-def test_an_alarm_in_the_middle() -> None:
-    async def body(desk: Desk) -> None:
+async def test_an_alarm_in_the_middle() -> None:
+    async with at_desk(alarm_during=4) as desk:
         await desk.master.open()
         assert await desk.master.load(X1, [0, 1, 0]) == (0, 0)
         assert (await desk.master.read(5, 1))[0] >> 8 & 1 == 1
         assert await desk.master.dint(375) == 700016
         assert await desk.master.command(5, X1) == (6, 700016)
 
-    at_desk(body, alarm_during=4)
 
-
-def test_power_off_between_disable_and_enable() -> None:
-    async def body(desk: Desk) -> None:
+async def test_power_off_between_disable_and_enable() -> None:
+    async with at_desk() as desk:
         master, nck = desk.master, desk.nck
         await master.open()
         assert await master.load(Z1, [1000, 2000, 1000], minimum=-500_000) == (0, 0)
@@ -237,11 +207,9 @@ def test_power_off_between_disable_and_enable() -> None:
         assert await master.dint(357) == -500_000
         assert await master.command(5, Z1) == (10, 0)
 
-    at_desk(body)
 
-
-def test_parameters_first_leaves_the_new_limits_with_old_points() -> None:
-    async def body(desk: Desk) -> None:
+async def test_parameters_first_leaves_the_new_limits_with_old_points() -> None:
+    async with at_desk(parameters_first=True, power_cut_after=2) as desk:
         await desk.master.open()
         desk.nck.set("$AA_ENC_COMP[0,2,Z1]", 0.009, 0)
         with pytest.raises(TransportError):
@@ -250,22 +218,18 @@ def test_parameters_first_leaves_the_new_limits_with_old_points() -> None:
         assert desk.nck.get("$AA_ENC_COMP_MAX[0,Z1]") == 30.0
         assert points(desk, "Z1", 3) == [0.0, 70e-6, 0.009]
 
-    at_desk(body, parameters_first=True, power_cut_after=2)
 
-
-def test_the_plc_program_overwrites_a_register() -> None:
-    async def body(desk: Desk) -> None:
+async def test_the_plc_program_overwrites_a_register() -> None:
+    async with at_desk(overwrites=[[37, 99]]) as desk:
         await desk.master.open()
         fields, places = {**X1, 28: 3}, {"step": 10, "maximum": 20}
         assert await desk.master.command(2, fields, **places) == (0, 0)
         assert await desk.master.command(3, {**fields, 30: 3}, [0, 1, 0, 2, 0, 3], **places) == (1, 0)
         assert await desk.master.read(37, 1) == [99]
 
-    at_desk(body, overwrites=[[37, 99]])
 
-
-def test_a_second_master_gets_between() -> None:
-    async def body(desk: Desk) -> None:
+async def test_a_second_master_gets_between() -> None:
+    async with at_desk(second_master=2) as desk:
         master = desk.master
         await master.open()
         head = master.header(8, 2, {})
@@ -276,20 +240,16 @@ def test_a_second_master_gets_between() -> None:
         assert taken[1] << 16 | taken[2] != crc32(head)
         assert await master.command(8, number=3 + 1) == (0, 0)
 
-    at_desk(body, second_master=2)
 
-
-def test_the_nck_refuses_with_its_own_result() -> None:
-    async def body(desk: Desk) -> None:
+async def test_the_nck_refuses_with_its_own_result() -> None:
+    async with at_desk(nck_refuses=4, nck_result=70_003) as desk:
         await desk.master.open()
         assert await desk.master.load(X1, [0, 1, 0]) == (11, 70_003)
         assert await desk.master.read(8, 2) == [70_003 & 0xFFFF, 1]
 
-    at_desk(body, nck_refuses=4, nck_result=70_003)
 
-
-def test_a_button_without_wires() -> None:
-    async def body(desk: Desk) -> None:
+async def test_a_button_without_wires() -> None:
+    async with at_desk(confirm_dead=True) as desk:
         await desk.master.open()
         await desk.master.put(desk.master.header(5, 2, X1))
         for _ in range(62):
@@ -298,10 +258,8 @@ def test_a_button_without_wires() -> None:
             assert desk.plc.confirm() is False
         assert await desk.master.result(2) == (12, 0)
 
-    at_desk(body, confirm_dead=True)
 
-
-def test_a_silent_plc_and_a_pulled_cable() -> None:
+async def test_a_silent_plc_and_a_pulled_cable() -> None:
     async def body(desk: Desk) -> None:
         desk.station.silent = True
         assert await desk.master.is_silent(bytes.fromhex("03 00 00 00 01"))
@@ -312,8 +270,10 @@ def test_a_silent_plc_and_a_pulled_cable() -> None:
         await desk.reconnect()
         assert await desk.master.read(0, 1) == [0x4743]
 
-    at_desk(body)
-    at_desk(body, "tcp://127.0.0.1:0")
+    async with at_desk() as on:
+        await body(on)
+    async with at_desk("tcp://127.0.0.1:0") as on:
+        await body(on)
 
 
 @pytest.mark.parametrize(
@@ -332,20 +292,18 @@ async def loaded_off(desk: Desk) -> None:
     assert not desk.nck.get("$MA_ENC_COMP_ENABLE[0,Z1]")
 
 
-def test_a_control_that_switches_on_by_itself_at_a_command() -> None:
-    async def body(desk: Desk) -> None:
+async def test_a_control_that_switches_on_by_itself_at_a_command() -> None:
+    async with at_desk(spec=QUICK) as desk:
         await loaded_off(desk)
         desk.plc.change(enables_itself=7)
         await desk.master.read_back(Z1, 0, 3)
         assert desk.nck.get("$MA_ENC_COMP_ENABLE[0,Z1]")
         assert desk.nck.core.whims == ["enable"]
 
-    at_desk(body, spec=QUICK)
-
 
 @pytest.mark.parametrize("what", ["words", "memory", "switch"])
-def test_a_plc_that_forgets_at_a_command(what: str) -> None:
-    async def body(desk: Desk) -> None:
+async def test_a_plc_that_forgets_at_a_command(what: str) -> None:
+    async with at_desk(spec=QUICK, forgets_what=what) as desk:
         await loaded_off(desk)
         desk.nck.set("$MA_ENC_COMP_ENABLE[0,Z1]", 1, 0)
         desk.plc.memory.marker_state = 1
@@ -355,20 +313,16 @@ def test_a_plc_that_forgets_at_a_command(what: str) -> None:
         assert (points(desk, "Z1", 3) != before) is (what == "memory")
         assert bool(desk.nck.get("$MA_ENC_COMP_ENABLE[0,Z1]")) is (what != "switch")
 
-    at_desk(body, spec=QUICK, forgets_what=what)
 
-
-def test_forgetting_comes_while_the_command_is_under_way() -> None:
-    async def body(desk: Desk) -> None:
+async def test_forgetting_comes_while_the_command_is_under_way() -> None:
+    async with at_desk(spec=QUICK) as desk:
         await loaded_off(desk)
         desk.plc.change(forgets=7, forgets_what="memory")
         assert await desk.master.read_back(Z1, 0, 3) == [0, 0, 0]
 
-    at_desk(body, spec=QUICK)
 
-
-def test_a_switching_on_that_is_done_a_second_time() -> None:
-    async def body(desk: Desk) -> None:
+async def test_a_switching_on_that_is_done_a_second_time() -> None:
+    async with at_desk(spec=QUICK) as desk:
         await loaded_off(desk)
         desk.plc.change(enables_twice_s=8.0)
         assert await desk.confirmed(5, Z1) == (0, 0)
@@ -376,5 +330,3 @@ def test_a_switching_on_that_is_done_a_second_time() -> None:
         desk.nck.set("$MA_ENC_COMP_ENABLE[0,Z1]", 0, 0)
         await desk.bench.sleep(10.0)
         assert desk.nck.get("$MA_ENC_COMP_ENABLE[0,Z1]")
-
-    at_desk(body, spec=QUICK)

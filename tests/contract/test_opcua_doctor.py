@@ -43,23 +43,19 @@ def doctor(on: Stage, wanted: Wanted = WANTED, url: str = "", **settings: Any) -
     return UaDoctor("840D", url or on.server.url, {**own, **secured, **settings}, on.clock).examine(wanted, 5.0)
 
 
-def lines_of(
+async def lines_of(
     keys: Path, spec: NckSpec = SPEC, server: dict[str, Any] | None = None, wanted: Wanted = WANTED, **settings: Any
 ) -> list[CheckLine]:
     """What the doctor says of a control, having changed nothing on it and left nothing open."""
-    found: list[CheckLine] = []
-
-    async def act(on: Stage) -> None:
+    async with on_stage(spec, folder=keys, server=server) as on:
         await on.device.close()
         for axis in ("X1", "C1"):
             on.nck.files.write(f"/_N_SPF_DIR/_N_TFSELF_{axis}_SPF", PASSED.format(axis=axis).encode())
-        found.extend(await doctor(on, wanted, **settings))
+        found = await doctor(on, wanted, **settings)
         assert on.server.requests.changing == 0
         assert on.server.requests.services["write"] == 0
         await on.clock.sleep(0.5)
         assert on.server.sessions == 0
-
-    on_stage(act, spec, folder=keys, server=server)
     for line in found:
         assert "<" not in line.what + line.fix, line
         assert bool(line.fix) == (line.outcome != "ok"), line
@@ -70,8 +66,8 @@ def bad(lines: list[CheckLine]) -> list[tuple[str, str, str]]:
     return [(line.check, line.outcome, line.code) for line in lines if line.outcome != "ok"]
 
 
-def test_a_road_in_order(keys: Path) -> None:
-    lines = lines_of(keys)
+async def test_a_road_in_order(keys: Path) -> None:
+    lines = await lines_of(keys)
     assert bad(lines) == []
     assert tuple(line.check for line in lines) == CHECKS
 
@@ -107,22 +103,22 @@ WRONG: list[tuple[str, NckSpec, dict[str, Any], dict[str, Any], tuple[str, str, 
 @pytest.mark.parametrize(
     ("spec", "server", "settings", "line"), [case[1:] for case in WRONG], ids=[c[0] for c in WRONG]
 )
-def test_what_is_wrong_has_its_line_and_its_fix(
+async def test_what_is_wrong_has_its_line_and_its_fix(
     keys: Path, spec: NckSpec, server: dict[str, Any], settings: dict[str, Any], line: tuple[str, str, str]
 ) -> None:
-    assert line in bad(lines_of(keys, spec, server, **settings))
+    assert line in bad(await lines_of(keys, spec, server, **settings))
 
 
-def test_what_the_site_wants_and_the_control_has_not(keys: Path) -> None:
+async def test_what_the_site_wants_and_the_control_has_not(keys: Path) -> None:
     axes = (WantedAxis("X1", "deg", 0, 73), WantedAxis("Z1", "mm", 0, 73), WantedAxis("Q1", "mm", 0, 3))
-    lines = bad(lines_of(keys, wanted=Wanted(SPEC.serial, axes)))
+    lines = bad(await lines_of(keys, wanted=Wanted(SPEC.serial, axes)))
     assert ("axes", "wrong", "E-DOC-AXIS-UNIT") in lines
     assert ("axes", "wrong", "E-NC-AXIS") in lines
     assert ("table memory", "wrong", "E-DOC-MEMORY") in lines
 
 
-def test_settings_of_the_control_that_tables_and_files_need(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_settings_of_the_control_that_tables_and_files_need(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         for name, value in (
             ("$MN_PROTOCOL_FILE_MODE", 1),
             ("$MA_CEC_MAX_SUM[X1]", 0.01),
@@ -142,30 +138,26 @@ def test_settings_of_the_control_that_tables_and_files_need(keys: Path) -> None:
         unread = await doctor(on)
         assert ("written files", "unknown", "W-DOC-FILE-LIMIT-UNKNOWN") in bad(unread)
 
-    on_stage(act, folder=keys)
 
-
-def test_the_last_self_test_is_told_with_its_date(keys: Path) -> None:
-    told = [line for line in lines_of(keys) if line.check == "self-test"]
+async def test_the_last_self_test_is_told_with_its_date(keys: Path) -> None:
+    told = [line for line in await lines_of(keys) if line.check == "self-test"]
     assert [(line.outcome, line.fields["date"]) for line in told] == [("ok", "2026-03-09")] * 2
 
-    async def act(on: Stage) -> None:
+    async with on_stage(folder=keys) as on:
         bad_one = PASSED.format(axis="X1").replace(";PASSED", ";NOT PASSED")
         on.nck.files.write("/_N_SPF_DIR/_N_TFSELF_X1_SPF", bad_one.encode())
         found = bad(await doctor(on))
         assert ("self-test", "wrong", "E-DOC-SELF-TEST") in found
         assert ("self-test", "unknown", "W-DOC-NO-SELF-TEST") in found
 
-    on_stage(act, folder=keys)
 
-
-def test_a_machine_with_a_diameter_axis_is_told_so(keys: Path) -> None:
-    lines = lines_of(keys, replace(SPEC, diameter_axis="X"))
+async def test_a_machine_with_a_diameter_axis_is_told_so(keys: Path) -> None:
+    lines = await lines_of(keys, replace(SPEC, diameter_axis="X"))
     assert [line.what[:1] for line in lines if line.check == "diameters"] == ["X"]
 
 
-def test_live_conditions_and_the_end_of_the_road(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_live_conditions_and_the_end_of_the_road(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         on.nck.set("R[83]", 1.5, 7)
         on.server.manners.stale_s = 30.0
         on.server.manners.read_status["/Channel/ProgramInfo/msg"] = "BadUserAccessDenied"
@@ -186,14 +178,10 @@ def test_live_conditions_and_the_end_of_the_road(keys: Path) -> None:
         assert bad(found)[0] == ("port", "wrong", "E-DOC-PORT")
         assert on.server.requests.changing == 0
 
-    on_stage(act, folder=keys)
 
-
-def test_a_file_that_may_not_be_written_is_known_without_writing(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_a_file_that_may_not_be_written_is_known_without_writing(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         on.nck.files.write("/_N_MPF_DIR/_N_TFMEAS_X1_MPF", b"M30\n")
         assert ("W-DOC-FILES", "ok") in [(line.code, line.outcome) for line in await doctor(on)]
         on.nck.set_access_level(7)
         assert ("files", "wrong", "E-UA-LEVEL") in bad(await doctor(on))
-
-    on_stage(act, folder=keys)

@@ -98,12 +98,12 @@ async def wire(on: Stage) -> AsyncIterator[Wire]:
         await made.stop()
 
 
-def test_fault_46_renewing_the_channel_loses_and_doubles_no_write(
+async def test_fault_46_renewing_the_channel_loses_and_doubles_no_write(
     keys: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(login, "CHANNEL_S", 30.0)
 
-    async def act(on: Stage) -> None:
+    async with on_stage(folder=keys) as on:
         settings = {"security": "Basic256Sha256", "server_certificate": str(on.server.certificate)}
         device = on.driver(**settings, client_folder=str(tmp_path))
         await device.open(5.0)
@@ -117,11 +117,9 @@ def test_fault_46_renewing_the_channel_loses_and_doubles_no_write(
         assert on.server.requests.written[R[0]] == 120
         await device.close()
 
-    on_stage(act, folder=keys)
 
-
-def test_fault_47_a_session_is_kept_alive_and_its_loss_is_told(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_fault_47_a_session_is_kept_alive_and_its_loss_is_told(keys: Path) -> None:
+    async with on_stage(folder=keys, server={"session_timeout_s": 2.0}) as on:
         await on.clock.sleep(60.0)
         assert (await on.device.state()).mode == "AUTO"
         assert on.device._session._alive is not None
@@ -133,11 +131,9 @@ def test_fault_47_a_session_is_kept_alive_and_its_loss_is_told(keys: Path) -> No
         await on.device.open(5.0)
         assert (await on.device.state()).mode == "AUTO"
 
-    on_stage(act, folder=keys, server={"session_timeout_s": 2.0})
 
-
-def test_fault_48_49_a_restarted_server_with_another_name_space_index(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_fault_48_49_a_restarted_server_with_another_name_space_index(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         port = int(on.server.url.rpartition(":")[2])
         await on.device.prepare_stops(plan((Stop(5.0, 1),)))
         await on.server.stop()
@@ -153,13 +149,11 @@ def test_fault_48_49_a_restarted_server_with_another_name_space_index(keys: Path
         await on.device.close()
         await on.server.stop()
 
-    on_stage(act, folder=keys)
-
 
 @pytest.mark.parametrize("told", [True, False])
 @pytest.mark.parametrize("most", [1, 5, 100])
-def test_fault_50_no_more_nodes_in_one_request_than_the_server_takes(keys: Path, most: int, told: bool) -> None:
-    async def act(on: Stage) -> None:
+async def test_fault_50_no_more_nodes_in_one_request_than_the_server_takes(keys: Path, most: int, told: bool) -> None:
+    async with on_stage(folder=keys) as on:
         on.server.manners.most_read = on.server.manners.most_write = most
         on.server.manners.tells_limits = told
         device = on.driver()
@@ -177,12 +171,10 @@ def test_fault_50_no_more_nodes_in_one_request_than_the_server_takes(keys: Path,
             assert not on.server.requests.written
         await device.close()
 
-    on_stage(act, folder=keys)
-
 
 @pytest.mark.parametrize("status", ["BadNotConnected", "BadCommunicationError", "BadOutOfService"])
-def test_fault_51_an_nck_that_does_not_answer_behind_its_server(keys: Path, status: str) -> None:
-    async def act(on: Stage) -> None:
+async def test_fault_51_an_nck_that_does_not_answer_behind_its_server(keys: Path, status: str) -> None:
+    async with on_stage(folder=keys) as on:
         on.server.manners.read_status[STATUS] = status
         error = await refused(on.device.state(), "E-UA-NCK-DOWN")
         assert error.retryable
@@ -192,11 +184,9 @@ def test_fault_51_an_nck_that_does_not_answer_behind_its_server(keys: Path, stat
         assert not error.retryable
         assert (await on.device.state()).mode == "AUTO"
 
-    on_stage(act, folder=keys)
 
-
-def test_fault_52_a_slow_server_meets_the_deadline_and_one_write_at_a_time(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_fault_52_a_slow_server_meets_the_deadline_and_one_write_at_a_time(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         times: list[float] = []
         manners = on.server.manners
         manners.on_request = lambda service: times.append(on.clock.now()) if service == "write" else None
@@ -220,11 +210,9 @@ def test_fault_52_a_slow_server_meets_the_deadline_and_one_write_at_a_time(keys:
         assert on.server.requests.written[R[4]] <= 1
         await fresh.close()
 
-    on_stage(act, folder=keys)
 
-
-def test_fault_53_alarm_events_that_never_come_cost_a_bounded_time_and_disturb_nothing(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_fault_53_alarm_events_that_never_come_cost_a_bounded_time_and_disturb_nothing(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         on.nck.core.alarms.raise_(700012, "coolant low", "cancel")
         reader = on.device._reader
         assert await reader.alarm_texts(1) == "700012 coolant low"
@@ -235,21 +223,17 @@ def test_fault_53_alarm_events_that_never_come_cost_a_bounded_time_and_disturb_n
         assert (await on.device.state()).alarms == (700012,)
         assert on.server.sessions == 1
 
-    on_stage(act, folder=keys)
-
 
 @pytest.mark.parametrize("server", [{"alarm_events": False}, {"session_limit": 1}])
-def test_alarm_texts_without_events_come_from_variables(keys: Path, server: dict[str, Any]) -> None:
-    async def act(on: Stage) -> None:
+async def test_alarm_texts_without_events_come_from_variables(keys: Path, server: dict[str, Any]) -> None:
+    async with on_stage(folder=keys, server=server) as on:
         on.nck.core.alarms.raise_(20124, "sum of compensation too high", "cancel")
         on.nck.core.alarms.raise_(10720, "software limit", "reset")
         assert await on.device._reader.alarm_texts(2) == "sum of compensation too high; software limit"
 
-    on_stage(act, folder=keys, server=server)
 
-
-def test_alarm_events_tell_the_gravest_first_and_what_is_gone_is_gone(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_alarm_events_tell_the_gravest_first_and_what_is_gone_is_gone(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         on.nck.core.alarms.raise_(20124, "sum of compensation too high", "cancel")
         on.nck.core.alarms.raise_(10720, "software limit", "reset")
         assert await on.device._reader.alarm_texts(2) == "10720 software limit; 20124 sum of compensation too high"
@@ -257,11 +241,9 @@ def test_alarm_events_tell_the_gravest_first_and_what_is_gone_is_gone(keys: Path
         told = await on.device._session.alarm_events(5.0)
         assert [(alarm.number, alarm.severity, alarm.standing) for alarm in told or ()] == [(20124, 500, True)]
 
-    on_stage(act, folder=keys)
 
-
-def test_fault_54_an_old_or_uncertain_value_is_no_state(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_fault_54_an_old_or_uncertain_value_is_no_state(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         manners = on.server.manners
         assert (await on.device.state()).mode == "AUTO"
         manners.stale_s = 3.0
@@ -277,14 +259,12 @@ def test_fault_54_an_old_or_uncertain_value_is_no_state(keys: Path) -> None:
         manners.read_status.clear()
         assert (await on.device.state()).mode == "AUTO"
 
-    on_stage(act, folder=keys)
-
 
 @pytest.mark.parametrize("kind", ["Int64", "Int32", "Float", "String"])
-def test_fault_58_another_type_than_the_nodes_is_refused_and_said_so(
+async def test_fault_58_another_type_than_the_nodes_is_refused_and_said_so(
     keys: Path, monkeypatch: pytest.MonkeyPatch, kind: str
 ) -> None:
-    async def act(on: Stage) -> None:
+    async with on_stage(folder=keys) as on:
         made = await session(on)
         with monkeypatch.context() as patch:
             patch.setattr(nodes, "kind_of", lambda _path: "Double")
@@ -293,14 +273,12 @@ def test_fault_58_another_type_than_the_nodes_is_refused_and_said_so(
         assert on.nck.get("R[90]") == 0.0
         await made.close()
 
-    on_stage(act, folder=keys)
-
 
 @pytest.mark.parametrize("change", [lambda values: values[:-1], lambda values: [*values, 0.0], lambda values: []])
-def test_fault_59_a_block_of_the_wrong_length_is_not_taken(
+async def test_fault_59_a_block_of_the_wrong_length_is_not_taken(
     keys: Path, monkeypatch: pytest.MonkeyPatch, change: Callable[[list[Any]], list[Any]]
 ) -> None:
-    async def act(on: Stage) -> None:
+    async with on_stage(folder=keys) as on:
         whole = Space._values
 
         def wrong(self: Space, address: Any) -> list[Any]:
@@ -310,23 +288,19 @@ def test_fault_59_a_block_of_the_wrong_length_is_not_taken(
         monkeypatch.setattr(Space, "_values", wrong)
         await refused(on.device._dialogue.look(), "E-UA-VALUE", "E-UA-PROTOCOL")
 
-    on_stage(act, folder=keys)
-
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])
-def test_fault_60_what_is_no_number_is_never_sent(keys: Path, value: float) -> None:
-    async def act(on: Stage) -> None:
+async def test_fault_60_what_is_no_number_is_never_sent(keys: Path, value: float) -> None:
+    async with on_stage(folder=keys) as on:
         before = on.server.requests.services["write"]
         await refused(on.device._session.write([(R[0], 1.0), (R[1], value)], 5.0), "E-UA-NUMBER")
         assert on.server.requests.services["write"] == before
         assert on.nck.get("R[90]") == 0.0
 
-    on_stage(act, folder=keys)
-
 
 @pytest.mark.parametrize("place", range(6))
-def test_fault_61_a_batch_of_which_one_is_refused_is_told_as_such(keys: Path, place: int) -> None:
-    async def act(on: Stage) -> None:
+async def test_fault_61_a_batch_of_which_one_is_refused_is_told_as_such(keys: Path, place: int) -> None:
+    async with on_stage(folder=keys) as on:
         on.server.manners.write_status[R[place]] = "BadUserAccessDenied"
         values = [(path, 5.0) for path in R]
         error = await refused(on.device._session.write(values, 5.0), "E-UA-PARTIAL")
@@ -335,23 +309,19 @@ def test_fault_61_a_batch_of_which_one_is_refused_is_told_as_such(keys: Path, pl
         on.server.manners.write_status = dict.fromkeys(R, "BadUserAccessDenied")
         await refused(on.device._session.write(values, 5.0), "E-UA-RIGHTS")
 
-    on_stage(act, folder=keys)
-
 
 @pytest.mark.parametrize("status", ["GoodCompletesAsynchronously", "GoodClamped", "UncertainNotAllNodesAvailable"])
-def test_fault_62_what_is_not_plainly_good_is_not_confirmed(keys: Path, status: str) -> None:
-    async def act(on: Stage) -> None:
+async def test_fault_62_what_is_not_plainly_good_is_not_confirmed(keys: Path, status: str) -> None:
+    async with on_stage(folder=keys) as on:
         on.server.manners.write_status[R[0]] = status
         error = await refused(on.device._session.write([(R[0], 5.0)], 5.0), "E-UA-UNCONFIRMED")
         assert isinstance(error, TransportError)
         assert not error.retryable
         assert on.device._session.is_open
 
-    on_stage(act, folder=keys)
 
-
-def test_fault_65_the_right_to_write_is_seen_without_writing(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_fault_65_the_right_to_write_is_seen_without_writing(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         made = await session(on)
         assert await made.user_may_write(R[0], 5.0) is True
         assert await made.user_may_write(STATUS, 5.0) is False
@@ -360,37 +330,32 @@ def test_fault_65_the_right_to_write_is_seen_without_writing(keys: Path) -> None
         assert on.server.requests.services["write"] == 0
         await made.close()
 
-    on_stage(act, folder=keys)
-
 
 @pytest.mark.parametrize("service", ["open", "read", "write", "call", "alarms"])
-def test_fault_66_a_black_hole_at_each_step_ends_at_the_deadline(keys: Path, service: str) -> None:
-    async def act(on: Stage) -> None:
-        async with wire(on) as between:
-            made = UaSession(between.url, on.clock, "test")
-            if service != "open":
-                await made.open(Secrets("trueflank", "trueflank"), 5.0)
-            between.swallow = True
-            works = {
-                "open": lambda: made.open(Secrets("trueflank", "trueflank"), 3.0),
-                "read": lambda: made.read([STATUS], 3.0),
-                "write": lambda: made.write([(R[0], 1.0)], 3.0),
-                "call": lambda: made.call("GetMyAccessRights", [], 3.0),
-                "alarms": lambda: made.alarm_events(3.0),
-            }
-            started = on.clock.now()
-            await refused(works[service](), "E-LINK-DEADLINE")
-            assert on.clock.now() - started == pytest.approx(3.0, abs=0.2)
-            assert not made.is_open
-            await made.close()
-            assert on.nck.get("R[90]") == 0.0
-
-    on_stage(act, folder=keys)
+async def test_fault_66_a_black_hole_at_each_step_ends_at_the_deadline(keys: Path, service: str) -> None:
+    async with on_stage(folder=keys) as on, wire(on) as between:
+        made = UaSession(between.url, on.clock, "test")
+        if service != "open":
+            await made.open(Secrets("trueflank", "trueflank"), 5.0)
+        between.swallow = True
+        works = {
+            "open": lambda: made.open(Secrets("trueflank", "trueflank"), 3.0),
+            "read": lambda: made.read([STATUS], 3.0),
+            "write": lambda: made.write([(R[0], 1.0)], 3.0),
+            "call": lambda: made.call("GetMyAccessRights", [], 3.0),
+            "alarms": lambda: made.alarm_events(3.0),
+        }
+        started = on.clock.now()
+        await refused(works[service](), "E-LINK-DEADLINE")
+        assert on.clock.now() - started == pytest.approx(3.0, abs=0.2)
+        assert not made.is_open
+        await made.close()
+        assert on.nck.get("R[90]") == 0.0
 
 
 @pytest.mark.parametrize("way", ["up", "down"])
-def test_fault_67_a_wire_cut_after_each_byte_of_a_write_leaves_old_or_new(keys: Path, way: str) -> None:
-    async def act(on: Stage) -> None:
+async def test_fault_67_a_wire_cut_after_each_byte_of_a_write_leaves_old_or_new(keys: Path, way: str) -> None:
+    async with on_stage(folder=keys) as on:
         async with wire(on) as between:
             made = await session(on, between.url)
             between.passed = {"up": 0, "down": 0}
@@ -414,11 +379,9 @@ def test_fault_67_a_wire_cut_after_each_byte_of_a_write_leaves_old_or_new(keys: 
             old = float(found[0])
         assert outcomes == ({False} if way == "up" else {True})
 
-    on_stage(act, folder=keys)
 
-
-def test_fault_68_a_full_server_is_left_alone_and_gets_its_session_back(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_fault_68_a_full_server_is_left_alone_and_gets_its_session_back(keys: Path) -> None:
+    async with on_stage(folder=keys, server={"session_limit": 2}) as on:
         guest = await session(on)
         await refused(session(on), "E-UA-SESSIONS")
         assert on.server.sessions == 2
@@ -428,11 +391,9 @@ def test_fault_68_a_full_server_is_left_alone_and_gets_its_session_back(keys: Pa
         again = await session(on)
         await again.close()
 
-    on_stage(act, folder=keys, server={"session_limit": 2})
 
-
-def test_refusals_are_devices_and_lost_wires_are_transports(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_refusals_are_devices_and_lost_wires_are_transports(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         made = await session(on)
         error = await refused(made.write([(STATUS, 1)], 5.0), "E-UA-RIGHTS")
         assert isinstance(error, DeviceRefused)
@@ -440,5 +401,3 @@ def test_refusals_are_devices_and_lost_wires_are_transports(keys: Path) -> None:
         error = await refused(made.read([STATUS], 5.0), "E-UA-CONNECT")
         assert isinstance(error, TransportError)
         await made.close()
-
-    on_stage(act, folder=keys)

@@ -43,8 +43,8 @@ async def session(on: Stage) -> UaSession:
         {"copy_methods": False, "name_space": 4, "method_folder": "/Methods"},
     ],
 )
-def test_a_whole_run_through_file_nodes(keys: Path, server: dict[str, Any]) -> None:
-    async def act(on: Stage) -> None:
+async def test_a_whole_run_through_file_nodes(keys: Path, server: dict[str, Any]) -> None:
+    async with on_stage(folder=keys, server=server) as on:
         assert len(await on.walk(STOPS)) == 1
         assert (await on.device.saved_tables("C1")).own.table.deviations == (0.0,)
         assert len(await on.walk(STOPS)) == 1
@@ -52,36 +52,33 @@ def test_a_whole_run_through_file_nodes(keys: Path, server: dict[str, Any]) -> N
         assert (called["Open"], called["Open/CreateFile"]) == (3, 1)
         assert on.server._core.files.handles == {}
 
-    on_stage(act, folder=keys, server=server)
 
-
-def test_polite_servers_are_asked_by_methods_only(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_polite_servers_are_asked_by_methods_only(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         await on.walk(STOPS)
         assert on.server.requests.called["Open"] == 0
-
-    on_stage(act, folder=keys)
 
 
 @pytest.mark.parametrize(
     ("refusal", "code"),
     [("BadNotSupported", "E-UA-LEVEL"), ("BadRequestNotAllowed", "E-UA-RIGHTS"), ("", "E-UA-ABSENT")],
 )
-def test_without_either_way_the_first_refusal_is_told(keys: Path, refusal: str, code: str) -> None:
+async def test_without_either_way_the_first_refusal_is_told(keys: Path, refusal: str, code: str) -> None:
     async def act(on: Stage) -> None:
         await refused(on.device.prepare_stops(STOPS), code)
         assert on.nck.selected == ""
         assert not on.nck.files.exists(MEASURE)
 
     server = {"file_nodes": False, "copy_refusal": refusal, "copy_methods": bool(refusal)}
-    on_stage(act, folder=keys, server=server)
+    async with on_stage(folder=keys, server=server) as on:
+        await act(on)
 
 
 @pytest.mark.parametrize("silent", [True, False])
-def test_a_level_too_low_is_refused_even_where_the_server_would_lose_the_write_in_silence(
+async def test_a_level_too_low_is_refused_even_where_the_server_would_lose_the_write_in_silence(
     keys: Path, silent: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    async def act(on: Stage) -> None:
+    async with on_stage(folder=keys, server={"copy_methods": False}) as on:
         on.server.manners.silent_file_nodes = silent
         await on.walk(STOPS)
         text = on.nck.files.read(MEASURE)
@@ -97,22 +94,18 @@ def test_a_level_too_low_is_refused_even_where_the_server_would_lose_the_write_i
         await refused(on.device.prepare_stops(plan((Stop(6.0, 1),))), code)
         assert on.nck.files.read(MEASURE) == text
 
-    on_stage(act, folder=keys, server={"copy_methods": False})
 
-
-def test_a_large_file_goes_through_in_pieces_and_comes_back_whole(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_a_large_file_goes_through_in_pieces_and_comes_back_whole(keys: Path) -> None:
+    async with on_stage(folder=keys, server={"largest_copy": 1000}) as on:
         transfer = on.device._transfer
         text = "; a line of a long program\n" * 12000 + "M30\n"
         await transfer.send(legal(MEASURE, text, ()))
         assert on.server.requests.called["Open/Write"] == 5
         assert await transfer.fetch(MEASURE) == text
 
-    on_stage(act, folder=keys, server={"largest_copy": 1000})
 
-
-def test_the_nodes_themselves(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_the_nodes_themselves(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         made, other = await session(on), await session(on)
         file = f"{FOLDER}/A.MPF"
 
@@ -149,11 +142,9 @@ def test_the_nodes_themselves(keys: Path) -> None:
         assert on.server._core.files.handles == {}
         await other.close()
 
-    on_stage(act, folder=keys)
 
-
-def test_a_file_left_open_by_a_lost_session_keeps_its_old_content(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_a_file_left_open_by_a_lost_session_keeps_its_old_content(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         on.nck.files.write("/_N_MPF_DIR/_N_A_MPF", b"old\n")
         made = await session(on)
         (handle,) = await made.invoke(f"{FOLDER}/A.MPF", "Open", [(6, "Byte")], 5.0)
@@ -164,11 +155,9 @@ def test_a_file_left_open_by_a_lost_session_keeps_its_old_content(keys: Path) ->
         assert on.server._core.files.handles == {}
         await made.close()
 
-    on_stage(act, folder=keys)
 
-
-def test_a_control_whose_files_stay_too_short_gets_no_program(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_a_control_whose_files_stay_too_short_gets_no_program(keys: Path) -> None:
+    async with on_stage(replace(SPEC, files_max_bytes=1024), folder=keys) as on:
         with pytest.raises(DeviceRefused, match="E-NC-FILE-LIMIT") as caught:
             await on.device.prepare_stops(plan((Stop(6.0, 1),)))
         assert caught.value.fields["limit_kb"] == 1
@@ -176,15 +165,11 @@ def test_a_control_whose_files_stay_too_short_gets_no_program(keys: Path) -> Non
         assert not on.nck.files.exists(MEASURE)
         assert on.server.requests.changing == 0
 
-    on_stage(act, replace(SPEC, files_max_bytes=1024), folder=keys)
 
-
-def test_a_file_that_is_full_is_called_full(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_a_file_that_is_full_is_called_full(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         await on.device.prepare_stops(plan((Stop(6.0, 1),)))
         on.nck.set("$MN_LEN_PROTOCOL_FILE", 1, 0)
         on.press()
         with pytest.raises(DeviceRefused, match="E-NC-FILE-FULL"):
             await on.device.wait_stop(0, 60.0)
-
-    on_stage(act, folder=keys)

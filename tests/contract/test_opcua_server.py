@@ -39,8 +39,8 @@ async def session(on: Stage, user: str = "trueflank", password: str | None = Non
 # ---- who may come in --------------------------------------------------------------------------------
 
 
-def test_sign_and_encrypt_with_the_pinned_certificate(keys: Path, tmp_path: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_sign_and_encrypt_with_the_pinned_certificate(keys: Path, tmp_path: Path) -> None:
+    async with on_stage(folder=keys) as on:
         (tmp_path / "password").write_text("trueflank\n")
         settings = {"security": "Basic256Sha256", "server_certificate": str(on.server.certificate)}
         settings |= {"password_file": str(tmp_path / "password"), "password": "", "client_folder": str(tmp_path)}
@@ -52,49 +52,39 @@ def test_sign_and_encrypt_with_the_pinned_certificate(keys: Path, tmp_path: Path
         own = tmp_path / "trueflank.key.pem"
         assert own.stat().st_mode & 0o077 == 0
 
-    on_stage(act, folder=keys)
 
-
-def test_another_certificate_is_not_trusted_and_shown_by_fingerprint(keys: Path, tmp_path: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_another_certificate_is_not_trusted_and_shown_by_fingerprint(keys: Path, tmp_path: Path) -> None:
+    async with on_stage(folder=keys) as on:
         other = own_key_pair(tmp_path, "other", "urn:sinumerik:opcua:server", "127.0.0.1", server=True)
         device = on.driver(security="Basic256Sha256", server_certificate=str(other.certificate))
         error = await refused(device.open(5.0), "E-UA-TRUST")
         assert error.fields["found"] != error.fields["pinned"]
 
-    on_stage(act, folder=keys)
 
-
-def test_a_server_without_encryption_is_refused_unless_asked_for(keys: Path, tmp_path: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_a_server_without_encryption_is_refused_unless_asked_for(keys: Path, tmp_path: Path) -> None:
+    async with on_stage(folder=keys, server={"security": ["None"]}) as on:
         device = on.driver(security="Basic256Sha256", server_certificate=str(keys / "server.der"))
         await refused(device.open(5.0), "E-UA-POLICY")
 
-    on_stage(act, folder=keys, server={"security": ["None"]})
 
-
-def test_a_control_that_does_not_know_our_certificate(keys: Path, tmp_path: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_a_control_that_does_not_know_our_certificate(keys: Path, tmp_path: Path) -> None:
+    async with on_stage(folder=keys, server={"trusted": []}) as on:
         pinned = {"security": "Basic256Sha256", "server_certificate": str(on.server.certificate)}
         device = on.driver(**pinned, client_folder=str(tmp_path))
         await refused(device.open(5.0), "E-UA-TRUST-US")
 
-    on_stage(act, folder=keys, server={"trusted": []})
-
 
 @pytest.mark.parametrize(("user", "password"), [("trueflank", "wrong"), ("nobody", "trueflank"), ("trueflank", "")])
-def test_wrong_logins(keys: Path, user: str, password: str) -> None:
-    async def act(on: Stage) -> None:
+async def test_wrong_logins(keys: Path, user: str, password: str) -> None:
+    async with on_stage(folder=keys) as on:
         error = await refused(on.driver(user=user, password=password).open(5.0), "E-UA-LOGIN")
         assert "wrong" not in str(error)
         await on.clock.sleep(0.5)
         assert on.server.sessions == 1
 
-    on_stage(act, folder=keys)
 
-
-def test_anonymous_may_enter_and_do_nothing(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_anonymous_may_enter_and_do_nothing(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         await refused(on.driver(user="", password="").open(5.0), "E-UA-RIGHTS")
         visitor = await session(on, "", "")
         (value,) = await visitor.read(["/Channel/State/chanStatus"], 5.0)
@@ -103,18 +93,14 @@ def test_anonymous_may_enter_and_do_nothing(keys: Path) -> None:
         assert error.fields["status"] == "BadRequestNotAllowed"
         await visitor.close()
 
-    on_stage(act, folder=keys)
 
-
-def test_no_more_than_ten_sessions(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_no_more_than_ten_sessions(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         guests = [await session(on) for _ in range(9)]
         await refused(session(on), "E-UA-SESSIONS")
         for guest in guests:
             await guest.close()
         assert on.server.sessions == 1
-
-    on_stage(act, folder=keys)
 
 
 @pytest.mark.parametrize(
@@ -134,8 +120,8 @@ def test_settings_are_checked_before_anything_is_connected(settings: dict[str, A
         SinumerikOpcUa("840D", "opc.tcp://127.0.0.1:1", settings, None)  # type: ignore[arg-type]
 
 
-def test_files_named_in_the_settings_must_be_there(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_files_named_in_the_settings_must_be_there(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         for key, code in (("password_file", "E-UA-SECRET"), ("server_certificate", "E-UA-UNPINNED")):
             settings = {"security": "Basic256Sha256", "server_certificate": str(on.server.certificate), "password": ""}
             device = on.driver(**{**settings, key: str(keys / "missing")})
@@ -144,55 +130,56 @@ def test_files_named_in_the_settings_must_be_there(keys: Path) -> None:
         device = on.driver(security="Basic256Sha256", server_certificate=__file__)
         await refused(device.open(5.0), "E-UA-SECRET")
 
-    on_stage(act, folder=keys)
-
 
 # ---- variants of servers ----------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("server", [{"method_folder": "/Methods"}, {"name_space": 5}])
-def test_methods_under_either_parent_and_any_name_space_index(keys: Path, server: dict[str, Any]) -> None:
-    async def act(on: Stage) -> None:
+async def test_methods_under_either_parent_and_any_name_space_index(keys: Path, server: dict[str, Any]) -> None:
+    async with on_stage(folder=keys, server=server) as on:
         assert len(await on.walk(plan((Stop(5.0, 1),)))) == 1
 
-    on_stage(act, folder=keys, server=server)
 
-
-def test_r_parameters_that_may_not_be_written(keys: Path) -> None:
+async def test_r_parameters_that_may_not_be_written(keys: Path) -> None:
     async def act(on: Stage) -> None:
         await refused(on.device.prepare_stops(plan((Stop(5.0, 1),))), "E-UA-RIGHTS")
         assert on.nck.selected == ""
         assert on.nck.files.list("/_N_MPF_DIR") == []
 
     rights = ["SinuReadAll", "FsRead", "FsWrite", "ApWrite"]
-    on_stage(act, folder=keys, server={"users": {"trueflank": {"password": "trueflank", "rights": rights}}})
-    on_stage(act, replace(SPEC, r_writable=False), folder=keys)
+    async with on_stage(
+        folder=keys, server={"users": {"trueflank": {"password": "trueflank", "rights": rights}}}
+    ) as on:
+        await act(on)
+    async with on_stage(replace(SPEC, r_writable=False), folder=keys) as on:
+        await act(on)
 
 
 @pytest.mark.parametrize("missing", ["FsWrite", "FsRead", "ApWrite"])
-def test_missing_rights_for_files_and_selection(keys: Path, missing: str) -> None:
+async def test_missing_rights_for_files_and_selection(keys: Path, missing: str) -> None:
     async def act(on: Stage) -> None:
         await refused(on.device.prepare_stops(plan((Stop(5.0, 1),))), "E-UA-RIGHTS")
         assert on.nck.selected == ""
 
     rights = sorted({"SinuReadAll", "StateWrite", "FsRead", "FsWrite", "ApWrite"} - {missing})
-    on_stage(act, folder=keys, server={"users": {"trueflank": {"password": "trueflank", "rights": rights}}})
+    async with on_stage(
+        folder=keys, server={"users": {"trueflank": {"password": "trueflank", "rights": rights}}}
+    ) as on:
+        await act(on)
 
 
-def test_an_access_level_too_low_for_files(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_an_access_level_too_low_for_files(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         on.nck.set_access_level(7)
         error = await refused(on.device.prepare_stops(plan((Stop(5.0, 1),))), "E-UA-LEVEL")
         assert error.fields["status"] == "BadNotSupported"
-
-    on_stage(act, folder=keys)
 
 
 # ---- answers and refusals, one by one ---------------------------------------------------------------
 
 
-def test_every_element_is_read_by_identifier(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_every_element_is_read_by_identifier(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         made = await session(on)
         on.nck.set("R[90]", 1.5, 7)
         paths = ["/Channel/Parameter/R[u1,90]", "/Channel/Parameter/R[u1, 90]", "/Channel/Parameter/R[u1,89,#3]"]
@@ -204,8 +191,6 @@ def test_every_element_is_read_by_identifier(keys: Path) -> None:
         values = [reading.value for reading in await made.read(paths, 5.0)]
         assert values == [1.5, 1.5, [0.0, 1.5, 0.0], 4, 80, "Z1", ""]
         await made.close()
-
-    on_stage(act, folder=keys)
 
 
 @pytest.mark.parametrize(
@@ -222,18 +207,16 @@ def test_every_element_is_read_by_identifier(keys: Path) -> None:
         ("/NC/_N_NC_TEA_ACX/$AA_ENC_COMP[u1,1]", "BadAttributeIdInvalid"),
     ],
 )
-def test_variables_that_are_not_there(keys: Path, path: str, status: str) -> None:
-    async def act(on: Stage) -> None:
+async def test_variables_that_are_not_there(keys: Path, path: str, status: str) -> None:
+    async with on_stage(folder=keys) as on:
         made = await session(on)
         good, bad = await made.read(["/Channel/State/chanStatus", path], 5.0)
         assert (good.status, bad.status) == ("", status)
         await made.close()
 
-    on_stage(act, folder=keys)
 
-
-def test_what_may_not_be_written(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_what_may_not_be_written(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         made = await session(on)
         enable = "/NC/_N_AX_TEA_ACX/$MA_ENC_COMP_ENABLE[u3,1]"
         await refused(made.write([(enable, True)], 5.0), "E-UA-RIGHTS")
@@ -247,11 +230,9 @@ def test_what_may_not_be_written(keys: Path) -> None:
         await made.close()
         await administrator.close()
 
-    on_stage(act, folder=keys)
 
-
-def test_files_and_selection_as_the_manual_says(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_files_and_selection_as_the_manual_says(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         made = await session(on)
 
         async def send(name: str, overwrite: bool = False, data: bytes = b"M30\n") -> None:
@@ -279,11 +260,9 @@ def test_files_and_selection_as_the_manual_says(keys: Path) -> None:
         await refused(made.call("Start", [], 5.0), "E-UA-ABSENT")
         await made.close()
 
-    on_stage(act, folder=keys)
 
-
-def test_large_programs_go_through_in_pieces(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_large_programs_go_through_in_pieces(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         made = await session(on)
         data = b"; a line of a long program\n" * 20000
         arguments = [(f"{FOLDER}/L.MPF", "String"), (data, "ByteString"), (True, "Boolean")]
@@ -291,11 +270,9 @@ def test_large_programs_go_through_in_pieces(keys: Path) -> None:
         assert await made.call("CopyFileFromServer", [(f"{FOLDER}/L.MPF", "String")], 5.0) == data
         await made.close()
 
-    on_stage(act, folder=keys)
 
-
-def test_a_foreign_client_browses_first_elements_only_and_meets_typed_refusals(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_a_foreign_client_browses_first_elements_only_and_meets_typed_refusals(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         client = Client(on.server.url, timeout=30, watchdog_intervall=30)
         client.set_user("trueflank")
         client.set_password("trueflank")
@@ -321,11 +298,9 @@ def test_a_foreign_client_browses_first_elements_only_and_meets_typed_refusals(k
             with pytest.raises(ua.uaerrors.BadUserAccessDenied):
                 await client.get_node(ua.ObjectIds.Server_ServerStatus_State).write_value(0)
 
-    on_stage(act, folder=keys)
 
-
-def test_the_server_listens_on_loopback_and_may_be_stopped_twice(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_the_server_listens_on_loopback_and_may_be_stopped_twice(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         assert on.server.url.startswith("opc.tcp://127.0.0.1:")
         other = SinumerikServer(on.nck, on.clock, {"folder": str(keys)})
         await other.start()
@@ -334,11 +309,9 @@ def test_the_server_listens_on_loopback_and_may_be_stopped_twice(keys: Path) -> 
         with pytest.raises(ConfigError, match="E-CFG-SETTING"):
             SinumerikServer(on.nck, on.clock, {"prt": 4840})
 
-    on_stage(act, folder=keys)
 
-
-def test_another_index_than_the_name_space_s_is_refused(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_another_index_than_the_name_space_s_is_refused(keys: Path) -> None:
+    async with on_stage(folder=keys, server={"name_space": 5}) as on:
         made = await session(on)
         made._index = 2
         (wrong,) = await made.read(["/Channel/State/chanStatus"], 5.0)
@@ -347,11 +320,9 @@ def test_another_index_than_the_name_space_s_is_refused(keys: Path) -> None:
         assert on.nck.get("R[90]") == 0.0
         await made.close()
 
-    on_stage(act, folder=keys, server={"name_space": 5})
 
-
-def test_a_session_nobody_uses_ends_after_sixty_seconds(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_a_session_nobody_uses_ends_after_sixty_seconds(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         guest = await session(on)
         assert guest._alive is not None
         guest._alive.cancel()
@@ -361,11 +332,9 @@ def test_a_session_nobody_uses_ends_after_sixty_seconds(keys: Path) -> None:
         assert on.server.sessions == 1
         await guest.close()
 
-    on_stage(act, folder=keys)
 
-
-def test_values_are_read_and_not_subscribed(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_values_are_read_and_not_subscribed(keys: Path) -> None:
+    async with on_stage(folder=keys) as on:
         client = Client(on.server.url, timeout=30, watchdog_intervall=30)
         client.set_user("trueflank")
         client.set_password("trueflank")
@@ -377,5 +346,3 @@ def test_values_are_read_and_not_subscribed(keys: Path) -> None:
                 await subscription.subscribe_data_change(node)
             assert subscription.parameters.RequestedPublishingInterval == 250.0
             await subscription.delete()
-
-    on_stage(act, folder=keys)

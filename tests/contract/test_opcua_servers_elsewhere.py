@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from drivers.sinumerik.opcua.session import nodes
 from drivers.sinumerik.opcua.session.certificates import own_key_pair
 from drivers.sinumerik.opcua.trust import UaTrust
 from drivers.types import Stop
-from tests.contract.opcua_stage import AXES, ORDER, SPEC, Act, Stage, on_stage, plan
+from tests.contract.opcua_stage import AXES, ORDER, SPEC, Stage, on_stage, plan
 
 X, Z, C = AXES
 GAPS = replace(SPEC, axes=(X, replace(Z, number=4), replace(C, number=13)), cec_points=(0, 10))
@@ -25,8 +26,8 @@ def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize("null_strings", [False, True])
-def test_axes_keep_their_numbers_whatever_an_empty_name_is(null_strings: bool) -> None:
-    async def act(on: Stage) -> None:
+async def test_axes_keep_their_numbers_whatever_an_empty_name_is(null_strings: bool) -> None:
+    async with on_stage(spec=GAPS, server={"null_strings": null_strings}) as on:
         names = [nodes.axis_name(place) for place in range(1, 32)]
         told = [one.value for one in await on.device._session.read(names, 5.0)]
         assert (told[0], told[3], told[12]) == ("X1", "Z1", "C1")
@@ -38,11 +39,9 @@ def test_axes_keep_their_numbers_whatever_an_empty_name_is(null_strings: bool) -
         memory = await on.device._reader.memory(on.device._configuration, "X1", 0)
         assert (memory.eec_points, memory.axes) == (81, ("X1", "Z1", "C1"))
 
-    on_stage(act, spec=GAPS, server={"null_strings": null_strings})
 
-
-def test_a_push_and_a_walk_go_by_the_numbers_of_the_control() -> None:
-    async def act(on: Stage) -> None:
+async def test_a_push_and_a_walk_go_by_the_numbers_of_the_control() -> None:
+    async with on_stage(spec=GAPS, server={"null_strings": True}) as on:
         assert await on.push(ORDER)
         assert on.enabled
         seen = await on.walk(plan((Stop(10.0, 1),)))
@@ -51,14 +50,12 @@ def test_a_push_and_a_walk_go_by_the_numbers_of_the_control() -> None:
         assert live.own.enabled
         assert len(live.own.table.deviations) == len(ORDER.table.deviations)
 
-    on_stage(act, spec=GAPS, server={"null_strings": True})
-
 
 @pytest.mark.parametrize("offered", ["Basic256Sha256", "Aes256_Sha256_RsaPss"])
-def test_a_server_that_shows_nothing_without_security_proves_the_pinned_certificate(
+async def test_a_server_that_shows_nothing_without_security_proves_the_pinned_certificate(
     keys: Path, tmp_path: Path, offered: str
 ) -> None:
-    async def act(on: Stage) -> None:
+    async with on_closed_stage(keys, offered) as on:
         pinned = {"security": "best", "server_certificate": str(on.server.certificate)}
         device = on.driver(**pinned, client_folder=str(tmp_path))
         assert (await device.open(5.0)).serial == SPEC.serial
@@ -68,13 +65,11 @@ def test_a_server_that_shows_nothing_without_security_proves_the_pinned_certific
             await UaTrust("840D", on.server.url, pinned, on.clock).show(5.0)
         assert caught.value.code == "E-UA-NO-OFFER"
 
-    on_closed_stage(act, keys, offered)
 
-
-def test_a_server_that_shows_nothing_and_has_another_certificate_is_refused(keys: Path, tmp_path: Path) -> None:
+async def test_a_server_that_shows_nothing_and_has_another_certificate_is_refused(keys: Path, tmp_path: Path) -> None:
     other = own_key_pair(tmp_path, "other", "urn:other", "127.0.0.1", server=True)
 
-    async def act(on: Stage) -> None:
+    async with on_closed_stage(keys, "Basic256Sha256") as on:
         pinned = {"security": "best", "server_certificate": str(other.certificate)}
         device = on.driver(**pinned, client_folder=str(tmp_path))
         with pytest.raises(TrueflankError) as caught:
@@ -82,22 +77,18 @@ def test_a_server_that_shows_nothing_and_has_another_certificate_is_refused(keys
         assert caught.value.code in ("E-UA-TRUST-US", "E-UA-CONNECT", "E-LINK-DEADLINE")
         assert on.server.sessions == 1  # that of the stage itself
 
-    on_closed_stage(act, keys, "Basic256Sha256")
 
-
-def on_closed_stage(act: Act, keys: Path, offered: str) -> None:
+def on_closed_stage(keys: Path, offered: str) -> contextlib.AbstractAsyncContextManager[Stage]:
     """A stage whose server has one policy, and none without security; its own driver logs in by the pinned one."""
     server = {"security": [offered], "discovery": False}
     settings = {"security": "best", "server_certificate": str(keys / "server.der"), "client_folder": str(keys)}
-    on_stage(act, server=server, settings=settings, folder=keys)
+    return on_stage(server=server, settings=settings, folder=keys)
 
 
-def test_an_error_names_the_argument_that_the_server_refused() -> None:
-    async def act(on: Stage) -> None:
+async def test_an_error_names_the_argument_that_the_server_refused() -> None:
+    async with on_stage() as on:
         with pytest.raises(TrueflankError, match="argument 1: BadOutOfRange"):
             await on.device._session.call("CopyFileFromServer", [("Nowhere/A.MPF", "String")], 5.0)
         with pytest.raises(TrueflankError, match="argument 2: BadTypeMismatch") as caught:
             await on.device._session.call("Select", [("Nowhere/A.MPF", "String"), (1, "UInt16")], 5.0)
         assert "argument 1" not in caught.value.what
-
-    on_stage(act)

@@ -45,8 +45,8 @@ def settings(folder: Path) -> dict[str, Any]:
     return {**USER, "server_certificate": str(folder / "pinned" / "control.der")}
 
 
-def test_nothing_is_trusted_until_a_person_types_the_thumbprint(keys: Path, tmp_path: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_nothing_is_trusted_until_a_person_types_the_thumbprint(keys: Path, tmp_path: Path) -> None:
+    async with on_stage(folder=keys) as on:
         await on.device.close()
         trust = UaTrust("840D", on.server.url, settings(tmp_path), on.clock)
         device = SinumerikOpcUa("840D", on.server.url, settings(tmp_path), on.clock)
@@ -64,11 +64,11 @@ def test_nothing_is_trusted_until_a_person_types_the_thumbprint(keys: Path, tmp_
         await device.open(5.0)
         await device.close()
 
-    on_stage(act, folder=keys)
-
 
 @pytest.mark.parametrize("name", ["test_fault_55"])
-def test_fault_55_a_changed_certificate_is_refused_until_it_is_accepted(keys: Path, tmp_path: Path, name: str) -> None:
+async def test_fault_55_a_changed_certificate_is_refused_until_it_is_accepted(
+    keys: Path, tmp_path: Path, name: str
+) -> None:
     async def act(on: Stage) -> None:
         trust = UaTrust("840D", on.server.url, settings(tmp_path), on.clock)
         first = await trust.accept((await trust.show(5.0)).shown.sha256, "anna", 5.0)
@@ -96,11 +96,12 @@ def test_fault_55_a_changed_certificate_is_refused_until_it_is_accepted(keys: Pa
         await other.stop()
 
     assert name
-    on_stage(act, folder=keys)
+    async with on_stage(folder=keys) as on:
+        await act(on)
 
 
-def test_fault_56_certificates_near_and_past_their_end(keys: Path, tmp_path: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_fault_56_certificates_near_and_past_their_end(keys: Path, tmp_path: Path) -> None:
+    async with on_stage(folder=keys) as on:
         trust = UaTrust("840D", on.server.url, settings(tmp_path), on.clock)
         view = await trust.accept((await trust.show(5.0)).shown.sha256, "anna", 5.0)
         assert view.own is not None
@@ -119,16 +120,15 @@ def test_fault_56_certificates_near_and_past_their_end(keys: Path, tmp_path: Pat
             "E-UA-EXPIRED",
         )
 
-    on_stage(act, folder=keys)
 
-
-def test_fault_57_a_server_that_offers_no_encryption_is_never_accepted(keys: Path, tmp_path: Path) -> None:
+async def test_fault_57_a_server_that_offers_no_encryption_is_never_accepted(keys: Path, tmp_path: Path) -> None:
     async def act(on: Stage) -> None:
         trust = UaTrust("840D", on.server.url, settings(tmp_path), on.clock)
         await refused(trust.show(5.0), "E-UA-POLICY")
         await refused(trust.accept("AA" * 32, "anna", 5.0), "E-UA-POLICY")
 
-    on_stage(act, folder=keys, server={"security": ["None"]})
+    async with on_stage(folder=keys, server={"security": ["None"]}) as on:
+        await act(on)
     with pytest.raises(ConfigError, match="E-TRUST-NO-SECURITY"):
         UaTrust("840D", "opc.tcp://127.0.0.1:1", {**USER, "security": "None"}, LoopClock())
 
@@ -208,8 +208,8 @@ async def test_the_commands(keys: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(os.name != "posix", reason="rights of files are told on POSIX only")
-def test_a_private_key_that_others_may_read_is_named(keys: Path, tmp_path: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_a_private_key_that_others_may_read_is_named(keys: Path, tmp_path: Path) -> None:
+    async with on_stage(folder=keys) as on:
         trust = UaTrust("840D", on.server.url, settings(tmp_path), on.clock)
         await trust.accept((await trust.show(5.0)).shown.sha256, "anna", 5.0)
         key = tmp_path / "pinned" / "trueflank-client" / "trueflank.key.pem"
@@ -217,8 +217,6 @@ def test_a_private_key_that_others_may_read_is_named(keys: Path, tmp_path: Path)
             await asyncio.to_thread(key.chmod, mode)
             lines = await UaDoctor("840D", on.server.url, settings(tmp_path), on.clock).examine(WANTED, 5.0)
             assert ("E-DOC-KEY-OPEN" in {line.code for line in lines}) == found
-
-    on_stage(act, folder=keys)
 
 
 # ---- policies ----------------------------------------------------------------------------------------
@@ -235,10 +233,10 @@ BOTH = ("Aes256_Sha256_RsaPss", "Basic256Sha256")
         (("None", BOTH[1]), BOTH[0], ""),
     ],
 )
-def test_the_best_policy_that_both_know_is_used(
+async def test_the_best_policy_that_both_know_is_used(
     keys: Path, tmp_path: Path, offered: tuple[str, ...], asked: str, used: str
 ) -> None:
-    async def act(on: Stage) -> None:
+    async with on_stage(folder=keys, server={"security": list(offered)}) as on:
         await on.device.close()
         given = {**USER, "security": asked, "server_certificate": str(on.server.certificate)}
         given["client_folder"] = str(keys / "client")
@@ -260,8 +258,6 @@ def test_the_best_policy_that_both_know_is_used(
             assert f"{BOTH[1]}/SignAndEncrypt" in error.what
             assert line.code == "E-UA-POLICY"
 
-    on_stage(act, folder=keys, server={"security": list(offered)})
-
 
 def reissued(folder: Path, since_days: int, until_days: int) -> x509.Certificate:
     """The server's certificate anew, of the same key, holding from and until so many days from now."""
@@ -280,12 +276,17 @@ def reissued(folder: Path, since_days: int, until_days: int) -> x509.Certificate
     return made
 
 
+def copied(keys: Path, folder: Path) -> None:
+    """The server's key pair, for a test that spoils it."""
+    for path in keys.glob("server.*"):
+        (folder / path.name).write_bytes(path.read_bytes())
+
+
 @pytest.mark.parametrize(("since", "until"), [(-20, -1), (1, 20)])
-def test_a_pinned_certificate_that_does_not_hold_now_connects_to_nothing(
+async def test_a_pinned_certificate_that_does_not_hold_now_connects_to_nothing(
     keys: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, since: int, until: int
 ) -> None:
-    for path in keys.glob("server.*"):
-        (tmp_path / path.name).write_bytes(path.read_bytes())
+    copied(keys, tmp_path)
     reissued(tmp_path, since, until)
 
     async def garbled(*_asked: str) -> Any:
@@ -302,10 +303,11 @@ def test_a_pinned_certificate_that_does_not_hold_now_connects_to_nothing(
         assert dict(on.server.requests.services) == before
         assert on.server.sessions == 0
 
-    on_stage(act, folder=tmp_path)
+    async with on_stage(folder=tmp_path) as on:
+        await act(on)
 
 
-def test_a_server_whose_end_points_are_garbled_must_still_be_the_pinned_one(
+async def test_a_server_whose_end_points_are_garbled_must_still_be_the_pinned_one(
     keys: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async def garbled(*_asked: str) -> Any:
@@ -326,4 +328,5 @@ def test_a_server_whose_end_points_are_garbled_must_still_be_the_pinned_one(
             await SinumerikOpcUa("840D", on.server.url, given, on.clock).open(5.0)
         assert on.server.sessions == 0
 
-    on_stage(act, folder=keys)
+    async with on_stage(folder=keys) as on:
+        await act(on)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Coroutine
+import contextlib
+from collections.abc import AsyncIterator, Callable, Coroutine
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -29,19 +30,12 @@ from drivers.types import LiveSet, LiveTable, PushOrder, Stop
 from tests.contract import modbus_stage, opcua_stage
 from tests.contract.fileroad import CAPABILITIES, FileRoad, Machine, curve
 
-Body = Callable[[Subject], Awaitable[None]]
 
-
-@pytest.fixture(scope="module")
-def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """One pair of server keys for all tests here."""
-    return tmp_path_factory.mktemp("keys")
-
-
-def on_opcua(body: Body, folder: Path) -> None:
+@contextlib.asynccontextmanager
+async def on_opcua(folder: Path) -> AsyncIterator[Subject]:
     """The 840D by its OPC UA server and programs: the operator presses NC START and does what MSG says."""
+    async with opcua_stage.on_stage(folder=folder) as on:
 
-    async def act(on: opcua_stage.Stage) -> None:
         async def person(moment: Moment, work: Coroutine[Any, Any, Any]) -> Any:
             if moment == "start":
                 on.press()
@@ -51,36 +45,25 @@ def on_opcua(body: Body, folder: Path) -> None:
             await on.walk(opcua_stage.plan((Stop(0.0, 1),)))
             return await on.device.saved_tables(axis)
 
-        table = opcua_stage.TABLE_C
-        await body(Subject(on.device, table, "C", True, 0.0, person, live, allowed=0.002))
-
-    opcua_stage.on_stage(act, folder=folder)
+        yield Subject(on.device, opcua_stage.TABLE_C, "C", True, 0.0, person, live, allowed=0.002)
 
 
-def on_mailbox(body: Body, folder: Path) -> None:
+@contextlib.asynccontextmanager
+async def on_mailbox(_folder: Path) -> AsyncIterator[Subject]:
     """The 840D behind a PLC mailbox: somebody presses the button at the panel."""
-    del folder
+    async with modbus_stage.on_stage() as on:
 
-    async def act(on: modbus_stage.Stage) -> None:
         async def person(moment: Moment, work: Coroutine[Any, Any, Any]) -> Any:
             return await (on.pressed(work) if moment == "release" else work)
 
-        table = modbus_stage.table()
-        await body(Subject(on.device, table, "X", False, 0.0, person, on.device.saved_tables))
-
-    modbus_stage.on_stage(act)
+        yield Subject(on.device, modbus_stage.table(), "X", False, 0.0, person, on.device.saved_tables)
 
 
-def on_files(body: Body, folder: Path) -> None:
+@contextlib.asynccontextmanager
+async def on_files(_folder: Path) -> AsyncIterator[Subject]:
     """Tables from files: the control is restarted after a while."""
-    del folder
-
-    async def main() -> None:
-        machine, clock = Machine(), LoopClock()
-        device = FileRoad(machine, clock)
-        await body(files_subject(device, machine, clock))
-
-    run_virtual(main)
+    machine, clock = Machine(), LoopClock()
+    yield files_subject(FileRoad(machine, clock), machine, clock)
 
 
 def files_subject(device: FileRoad, machine: Machine, clock: LoopClock) -> Subject:
@@ -95,7 +78,7 @@ def files_subject(device: FileRoad, machine: Machine, clock: LoopClock) -> Subje
     return Subject(device, curve(), "X", False, 0.0, person, device.saved_tables)
 
 
-ROADS: dict[str, Callable[[Body, Path], None]] = {
+ROADS: dict[str, Callable[[Path], contextlib.AbstractAsyncContextManager[Subject]]] = {
     "sinumerik-opcua": on_opcua,
     "sinumerik-modbus": on_mailbox,
     "file-road": on_files,
@@ -108,8 +91,9 @@ def test_every_registered_controller_is_judged() -> None:
 
 @pytest.mark.parametrize("check", CHECKS, ids=lambda check: str(check.__name__))
 @pytest.mark.parametrize("road", ROADS)
-def test_the_port_is_kept(road: str, check: Check, keys: Path) -> None:
-    ROADS[road](check, keys)
+async def test_the_port_is_kept(road: str, check: Check, keys: Path) -> None:
+    async with ROADS[road](keys) as subject:
+        await check(subject)
 
 
 # ---- the checks find what they are for -----------------------------------------------------------------

@@ -82,8 +82,8 @@ async def proof_of(on: Stage, function: Any, sign: Any = 1) -> SignProof:
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_an_axis_own_table_and_a_cross_table_one_after_the_other(tmp_path: Path, sign: int) -> None:
-    async def body(on: Stage) -> None:
+async def test_an_axis_own_table_and_a_cross_table_one_after_the_other(tmp_path: Path, sign: int) -> None:
+    async with on_stage(spec={"cec_sign": sign}) as on:
         base = await on.device.saved_tables("X1")
         own, other = table(), cross()
         async with people(on, tmp_path, await proof_of(on, "axis"), None) as context:
@@ -100,12 +100,11 @@ def test_an_axis_own_table_and_a_cross_table_one_after_the_other(tmp_path: Path,
         assert await on.device.marker() == Marker(second.transaction, "committed")
         assert len(first.effect) == len(second.effect) == 3
 
-    on_stage(body, spec={"cec_sign": sign})
-
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_the_sign_is_measured_while_the_panel_switches(tmp_path: Path, sign: int) -> None:
-    async def body(on: Stage) -> None:
+async def test_the_sign_is_measured_while_the_panel_switches(tmp_path: Path, sign: int) -> None:
+    async with on_stage(spec={"cec_sign": sign}) as on:
+
         async def read(_stop: Stop) -> tuple[float, float]:
             await on.bench.clock.sleep(1.0)
             here = on.bench.nck.encoder("X1", np.array([on.bench.clock.now()]))[0][0]
@@ -119,16 +118,12 @@ def test_the_sign_is_measured_while_the_panel_switches(tmp_path: Path, sign: int
         assert not any(one.enabled or any(one.table.deviations) for one in left)
         assert await on.device.marker() == Marker(0, "none")
 
-    on_stage(body, spec={"cec_sign": sign})
 
-
-def test_nobody_at_the_panel_leads_back_or_is_held_but_never_enabled(tmp_path: Path) -> None:
-    async def body(on: Stage) -> None:
+async def test_nobody_at_the_panel_leads_back_or_is_held_but_never_enabled(tmp_path: Path) -> None:
+    async with on_stage() as on:
         base = await on.device.saved_tables("X1")
         async with people(on, tmp_path, await proof_of(on, "axis"), None) as context:
             on.plc.confirm = lambda: False
             record = await push_table(change_of(base, table()), context)
         assert record.outcome in ("rolled-back", "held"), record.steps
         assert not (await on.device.saved_tables("X1")).own.enabled
-
-    on_stage(body)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from tests.contract.opcua_stage import ORDER, Stage, on_stage
+from tests.contract.opcua_stage import ORDER, on_stage
 
 POINTS = {0: 0.0, 1: 0.0005, 2: -0.0002, 3: 0.0003}
 
 
-def test_a_step_that_does_not_divide_goes_out_and_back_by_programs() -> None:
-    async def act(on: Stage) -> None:
+async def test_a_step_that_does_not_divide_goes_out_and_back_by_programs() -> None:
+    async with on_stage() as on:
         for part, value in (("STEP", 100.0), ("MIN", 0.0), ("MAX", 360.0), ("IS_MODULO", False)):
             on.nck.set(f"$AA_ENC_COMP_{part}[0,C1]", value, 2)
         for point, value in POINTS.items():
@@ -27,5 +27,3 @@ def test_a_step_that_does_not_divide_goes_out_and_back_by_programs() -> None:
         await on.loaded(back)
         assert on.memory()[:-1] == before[:-1]
         assert not on.enabled
-
-    on_stage(act)

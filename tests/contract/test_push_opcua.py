@@ -116,10 +116,10 @@ async def live_of(on: Stage, root: Path) -> LiveSet:
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_cross_tables_one_after_the_other_make_the_machine_move_as_they_say(
+async def test_cross_tables_one_after_the_other_make_the_machine_move_as_they_say(
     keys: Path, tmp_path: Path, sign: int
 ) -> None:
-    async def act(on: Stage) -> None:
+    async with on_stage(replace(SPEC, cec_sign=sign), folder=keys) as on:
         base = await live_of(on, tmp_path)
         context = await context_for(on, tmp_path, proof(on, sign))
         async with starting(on):
@@ -143,12 +143,10 @@ def test_cross_tables_one_after_the_other_make_the_machine_move_as_they_say(
         assert live.cross[0].table == WAVE
         assert live.cross[1].table == TURN
 
-    on_stage(act, replace(SPEC, cec_sign=sign), folder=keys)
-
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_the_sign_is_measured_on_the_output_axis(keys: Path, tmp_path: Path, sign: int) -> None:
-    async def act(on: Stage) -> None:
+async def test_the_sign_is_measured_on_the_output_axis(keys: Path, tmp_path: Path, sign: int) -> None:
+    async with on_stage(replace(SPEC, cec_sign=sign), folder=keys) as on:
         context = await context_for(on, tmp_path)
 
         async def read(_stop: Stop) -> tuple[float, float]:
@@ -165,11 +163,9 @@ def test_the_sign_is_measured_on_the_output_axis(keys: Path, tmp_path: Path, sig
         assert left is not None
         assert left.state == "none"
 
-    on_stage(act, replace(SPEC, cec_sign=sign), folder=keys)
 
-
-def test_a_mismatch_leads_back_and_the_neighbour_works_again(keys: Path, tmp_path: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_a_mismatch_leads_back_and_the_neighbour_works_again(keys: Path, tmp_path: Path) -> None:
+    async with on_stage(SPEC, folder=keys) as on:
         context = await context_for(on, tmp_path, proof(on, 1))
         async with starting(on):
             base = await live_of_running(on)
@@ -191,8 +187,6 @@ def test_a_mismatch_leads_back_and_the_neighbour_works_again(keys: Path, tmp_pat
             assert after.cross == base.cross
             assert after.cross[0].enabled
 
-    on_stage(act, SPEC, folder=keys)
-
 
 async def live_of_running(on: Stage) -> LiveSet:
     """The live tables while `starting` presses the button."""
@@ -205,8 +199,8 @@ async def live_of_running(on: Stage) -> LiveSet:
     return await on.device.saved_tables("X1")
 
 
-def test_tables_that_would_wake_up_with_the_axis_switch_stop_the_program(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_tables_that_would_wake_up_with_the_axis_switch_stop_the_program(keys: Path) -> None:
+    async with on_stage(SPEC, folder=keys) as on:
         for name, value in (("STEP", 50.0), ("MIN", 0.0), ("MAX", 100.0)):
             on.nck.set(f"$AN_CEC_{name}[2]", value, 0)
         on.nck.set("$AN_CEC_INPUT_AXIS[2]", "C1", 0)
@@ -220,11 +214,9 @@ def test_tables_that_would_wake_up_with_the_axis_switch_stop_the_program(keys: P
         assert on.nck.get("$AN_CEC_STEP[1]") == 0.0
         assert (await on.device.state()).channel is ChannelStatus.RESET
 
-    on_stage(act, SPEC, folder=keys)
 
-
-def test_the_marker_outlives_session_and_programs_until_it_is_recovered(keys: Path, tmp_path: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_the_marker_outlives_session_and_programs_until_it_is_recovered(keys: Path, tmp_path: Path) -> None:
+    async with on_stage(SPEC, folder=keys) as on:
         base = await live_of(on, tmp_path)
         context = replace(await context_for(on, tmp_path, proof(on, 1)), start_timeout_s=20.0)
         on.releases = False
@@ -255,11 +247,9 @@ def test_the_marker_outlives_session_and_programs_until_it_is_recovered(keys: Pa
         assert marker.state == "none"
         await other.close()
 
-    on_stage(act, SPEC, folder=keys)
 
-
-def test_limits_of_a_cross_table_come_from_its_own_machine_data(keys: Path) -> None:
-    async def act(on: Stage) -> None:
+async def test_limits_of_a_cross_table_come_from_its_own_machine_data(keys: Path) -> None:
+    async with on_stage(SPEC, folder=keys) as on:
         limits = await on.device.table_limits("X1", "cross", 2)
         assert (limits.reserved_points, limits.max_sum) == (12, 1.0)
         assert (await on.device.table_limits("X1", "cross", 0)).reserved_points == 0
@@ -274,5 +264,3 @@ def test_limits_of_a_cross_table_come_from_its_own_machine_data(keys: Path) -> N
         with pytest.raises(TrueflankError) as caught:
             await on.device.switch(order, True, 1.0)
         assert caught.value.code == "E-NC-NO-SWITCHING"
-
-    on_stage(act, SPEC, folder=keys)

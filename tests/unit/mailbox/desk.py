@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Coroutine
+import contextlib
+from collections.abc import AsyncIterator
 from typing import Any
 
-from drivers.clock import run_virtual
 from drivers.sinumerik.mailbox.device import SinumerikModbus
 from drivers.types import CompensationTable, LiveSet, PushOrder, SignProof
 from tests.unit.mailbox.rogue import Rogue, serving
@@ -48,9 +48,6 @@ async def push(device: SinumerikModbus, order: PushOrder) -> tuple[LiveSet, Live
     return sets
 
 
-Body = Callable[[SinumerikModbus], Coroutine[Any, Any, None]]
-
-
 def driver(rogue: Rogue, url: str, **settings: Any) -> SinumerikModbus:
     """A driver set up for the scripted PLC."""
     order = "low-first" if rogue.low_first else "high-first"
@@ -58,17 +55,14 @@ def driver(rogue: Rogue, url: str, **settings: Any) -> SinumerikModbus:
     return SinumerikModbus("grinder", url, {**given, **settings}, rogue.clock)
 
 
-def at_rogue(rogue: Rogue, body: Body, *, opened: bool = True, **settings: Any) -> None:
-    """Run a body in virtual time with a driver in front of the scripted PLC."""
-
-    async def main() -> None:
-        async with serving(rogue) as url:
-            device = driver(rogue, url, **settings)
-            try:
-                if opened:
-                    await device.open(5.0)
-                await body(device)
-            finally:
-                await device.close()
-
-    run_virtual(main)
+@contextlib.asynccontextmanager
+async def at_rogue(rogue: Rogue, *, opened: bool = True, **settings: Any) -> AsyncIterator[SinumerikModbus]:
+    """A driver in front of the scripted PLC, for the length of a test."""
+    async with serving(rogue) as url:
+        device = driver(rogue, url, **settings)
+        try:
+            if opened:
+                await device.open(5.0)
+            yield device
+        finally:
+            await device.close()

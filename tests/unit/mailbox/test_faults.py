@@ -68,19 +68,16 @@ def exception(rogue: Rogue, code: int) -> Change:
     return lambda asked, _reply: [rogue.frame(bytes([asked.function | 0x80, code]), asked.transaction)]
 
 
-def refused_push(rogue: Rogue, operation: str, change: Change, **settings: Any) -> TrueflankError:
+async def refused_push(rogue: Rogue, operation: str, change: Change, **settings: Any) -> TrueflankError:
     """The error of a push that meets one lie; whatever it was, nothing that is not right is enabled or believed."""
     caught: list[TrueflankError] = []
-
-    async def body(device: SinumerikModbus) -> None:
+    async with at_rogue(rogue, **settings) as device:
         order = await order_for(device)
         rogue.lie = once(operation, change)
         try:
             await push(device, order)
         except TrueflankError as error:
             caught.append(error)
-
-    at_rogue(rogue, body, **settings)
     assert caught, f"a lie in {operation} was accepted"
     assert not rogue.enabled or rogue.tables[1] == HELD
     for command in (2, 4, 5, 6):
@@ -93,9 +90,9 @@ def refused_push(rogue: Rogue, operation: str, change: Change, **settings: Any) 
 
 @pytest.mark.parametrize("operation", [name for name in OPERATIONS if name != "heartbeat"])
 @pytest.mark.parametrize("code", [1, 2, 3])
-def test_fault_69_exceptions_of_the_map_are_refusals_with_the_address(operation: str, code: int) -> None:
+async def test_fault_69_exceptions_of_the_map_are_refusals_with_the_address(operation: str, code: int) -> None:
     rogue = Rogue()
-    error = refused_push(rogue, operation, exception(rogue, code))
+    error = await refused_push(rogue, operation, exception(rogue, code))
     assert isinstance(error, UnsupportedDevice)
     wanted = {1: "E-MODBUS-NO-FUNCTION", 2: "E-MODBUS-NO-ADDRESS", 3: "E-MODBUS-NO-VALUE"}[code]
     assert error.code == wanted
@@ -104,16 +101,16 @@ def test_fault_69_exceptions_of_the_map_are_refusals_with_the_address(operation:
 
 
 @pytest.mark.parametrize("operation", [name for name in OPERATIONS if name != "heartbeat"])
-def test_fault_70_a_device_failure_is_a_refusal(operation: str) -> None:
+async def test_fault_70_a_device_failure_is_a_refusal(operation: str) -> None:
     rogue = Rogue()
-    error = refused_push(rogue, operation, exception(rogue, 4))
+    error = await refused_push(rogue, operation, exception(rogue, 4))
     assert isinstance(error, DeviceRefused)
     assert error.code == "E-MODBUS-FAILED"
 
 
 @pytest.mark.parametrize("operation", list(OPERATIONS))
 @pytest.mark.parametrize("code", [5, 6])
-def test_fault_71_busy_is_waited_for_and_read_back_never_sent_twice(operation: str, code: int) -> None:
+async def test_fault_71_busy_is_waited_for_and_read_back_never_sent_twice(operation: str, code: int) -> None:
     rogue = Rogue()
 
     async def body(device: SinumerikModbus) -> None:
@@ -123,13 +120,14 @@ def test_fault_71_busy_is_waited_for_and_read_back_never_sent_twice(operation: s
         assert [round(1000 * value) for value in new.own.table.deviations] == NM
         assert not any(old.own.table.deviations)
 
-    at_rogue(rogue, body)
+    async with at_rogue(rogue) as on:
+        await body(on)
     assert rogue.tables[1] == HELD
     assert rogue.done.count(2) == rogue.done.count(4) == rogue.done.count(5) == 1
     assert sum(one.command == 5 for one in rogue.asked) == 1
 
 
-def test_fault_71_busy_that_did_nothing_is_not_sent_again() -> None:
+async def test_fault_71_busy_that_did_nothing_is_not_sent_again() -> None:
     rogue = Rogue()
     kept: list[int] = []
 
@@ -147,7 +145,8 @@ def test_fault_71_busy_that_did_nothing_is_not_sent_again() -> None:
             await push(device, order)
         assert caught.value.code == "E-MODBUS-BUSY"
 
-    at_rogue(rogue, body)
+    async with at_rogue(rogue) as on:
+        await body(on)
     assert len(kept) == 1
 
 
@@ -164,9 +163,9 @@ def test_fault_71_busy_that_did_nothing_is_not_sent_again() -> None:
     ],
 )
 @pytest.mark.parametrize("operation", ["status", "begin", "read back"])
-def test_fault_72_other_exceptions(operation: str, code: int, kind: type[TrueflankError], name: str) -> None:
+async def test_fault_72_other_exceptions(operation: str, code: int, kind: type[TrueflankError], name: str) -> None:
     rogue = Rogue()
-    error = refused_push(rogue, operation, exception(rogue, code))
+    error = await refused_push(rogue, operation, exception(rogue, code))
     assert isinstance(error, kind)
     assert error.code == name
 
@@ -185,7 +184,7 @@ async def _push_and_wait(device: SinumerikModbus, order: PushOrder) -> None:
 
 @pytest.mark.parametrize("framer", ["tcp", "rtu"])
 @pytest.mark.parametrize("operation", list(OPERATIONS))
-def test_fault_73_no_reply_is_unknown_and_read_back_over_a_new_connection(operation: str, framer: str) -> None:
+async def test_fault_73_no_reply_is_unknown_and_read_back_over_a_new_connection(operation: str, framer: str) -> None:
     rogue = Rogue(framer=framer)
 
     async def body(device: SinumerikModbus) -> None:
@@ -203,16 +202,17 @@ def test_fault_73_no_reply_is_unknown_and_read_back_over_a_new_connection(operat
         held = rogue.tables[1][: len(live.own.table.deviations)]
         assert [round(1000 * value) for value in live.own.table.deviations] == held
 
-    at_rogue(rogue, body)
+    async with at_rogue(rogue) as on:
+        await body(on)
     assert max(sum(one.command == command for one in rogue.asked) for command in (2, 4, 5, 6)) <= 1
 
 
 @pytest.mark.parametrize("framer", ["tcp", "rtu"])
 @pytest.mark.parametrize("late_s", [1.001, 1.2, 3.0])
-def test_fault_74_a_late_reply_is_never_taken(framer: str, late_s: float) -> None:
+async def test_fault_74_a_late_reply_is_never_taken(framer: str, late_s: float) -> None:
     rogue = Rogue(framer=framer)
 
-    async def body(device: SinumerikModbus) -> None:
+    async with at_rogue(rogue) as device:
         await device.identify()
         rogue.lie = once("picture", lambda _asked, reply: [late_s, reply])
         with pytest.raises(DeadlineExceeded):
@@ -222,11 +222,9 @@ def test_fault_74_a_late_reply_is_never_taken(framer: str, late_s: float) -> Non
         await device.open(5.0)
         assert (await device.identify()).axis_names == ("X1", "C1")
 
-    at_rogue(rogue, body)
-
 
 @pytest.mark.parametrize("operation", list(OPERATIONS))
-def test_fault_75_a_duplicate_is_ignored(operation: str) -> None:
+async def test_fault_75_a_duplicate_is_ignored(operation: str) -> None:
     rogue = Rogue()
 
     async def body(device: SinumerikModbus) -> None:
@@ -235,15 +233,16 @@ def test_fault_75_a_duplicate_is_ignored(operation: str) -> None:
         _, new = await push(device, order)
         assert [round(1000 * value) for value in new.own.table.deviations] == NM
 
-    at_rogue(rogue, body)
+    async with at_rogue(rogue) as on:
+        await body(on)
     assert rogue.tables[1] == HELD
     assert rogue.enabled == {1}
 
 
 @pytest.mark.parametrize("operation", ["status", "picture", "chunk", "read back"])
-def test_fault_75_a_duplicate_without_transaction_numbers_breaks_the_link(operation: str) -> None:
+async def test_fault_75_a_duplicate_without_transaction_numbers_breaks_the_link(operation: str) -> None:
     rogue = Rogue(framer="rtu")
-    error = refused_push(rogue, operation, lambda _asked, reply: [reply, reply])
+    error = await refused_push(rogue, operation, lambda _asked, reply: [reply, reply])
     assert isinstance(error, RemoteProtocolError | LinkBroken)
 
 
@@ -252,7 +251,7 @@ def test_fault_75_a_duplicate_without_transaction_numbers_breaks_the_link(operat
 
 @pytest.mark.parametrize("operation", ["status", "picture", "open", "data", "begin", "read back", "activate"])
 @pytest.mark.parametrize("change", ["next", "zero", "before", "bytes swapped"])
-def test_fault_76_another_transaction_is_rejected(operation: str, change: str) -> None:
+async def test_fault_76_another_transaction_is_rejected(operation: str, change: str) -> None:
     def other(asked: Asked, reply: bytes) -> Iterable[bytes]:
         number = {
             "next": asked.transaction + 1,
@@ -262,41 +261,41 @@ def test_fault_76_another_transaction_is_rejected(operation: str, change: str) -
         }[change]
         return [struct.pack(">H", number) + reply[2:]]
 
-    error = refused_push(Rogue(), operation, other)
+    error = await refused_push(Rogue(), operation, other)
     assert error.code == "E-MODBUS-TRANSACTION"
 
 
 @pytest.mark.parametrize("operation", ["status", "begin", "read back"])
 @pytest.mark.parametrize("unit", [0, 2, 255])
-def test_fault_77_another_unit_is_rejected(operation: str, unit: int) -> None:
-    error = refused_push(Rogue(), operation, lambda _asked, reply: [reply[:6] + bytes([unit]) + reply[7:]])
+async def test_fault_77_another_unit_is_rejected(operation: str, unit: int) -> None:
+    error = await refused_push(Rogue(), operation, lambda _asked, reply: [reply[:6] + bytes([unit]) + reply[7:]])
     assert error.code == "E-MODBUS-UNIT"
 
     def serial(_asked: Asked, reply: bytes) -> Iterable[bytes]:
         body = bytes([unit]) + reply[1:-2]
         return [body + crc16(body)]
 
-    assert refused_push(Rogue(framer="rtu"), operation, serial).code == "E-MODBUS-UNIT"
+    assert (await refused_push(Rogue(framer="rtu"), operation, serial)).code == "E-MODBUS-UNIT"
 
 
 @pytest.mark.parametrize("protocol", [1, 0x0100, 0xFFFF])
-def test_fault_77_another_protocol_is_rejected_at_once(protocol: int) -> None:
+async def test_fault_77_another_protocol_is_rejected_at_once(protocol: int) -> None:
     change: Change = lambda _asked, reply: [reply[:2] + struct.pack(">H", protocol) + reply[4:]]  # noqa: E731
-    assert refused_push(Rogue(), "status", change).code == "E-MODBUS-FRAME"
+    assert (await refused_push(Rogue(), "status", change)).code == "E-MODBUS-FRAME"
 
 
 @pytest.mark.parametrize("framer", ["tcp", "rtu"])
 @pytest.mark.parametrize(
     ("operation", "function"), [("status", 4), ("read back", 4), ("begin", 15), ("open", 6), ("data", 23)]
 )
-def test_fault_78_another_function_is_rejected(operation: str, function: int, framer: str) -> None:
+async def test_fault_78_another_function_is_rejected(operation: str, function: int, framer: str) -> None:
     rogue = Rogue(framer=framer)
 
     def other(asked: Asked, reply: bytes) -> Iterable[bytes]:
         pdu = reply[7:] if framer == "tcp" else reply[1:-2]
         return [rogue.frame(bytes([function]) + pdu[1:], asked.transaction)]
 
-    assert refused_push(rogue, operation, other).code == "E-MODBUS-REPLY"
+    assert (await refused_push(rogue, operation, other)).code == "E-MODBUS-REPLY"
 
 
 def _registers(rogue: Rogue, asked: Asked, count: int, told: int | None = None, odd: bytes = b"") -> Iterable[bytes]:
@@ -308,7 +307,7 @@ def _registers(rogue: Rogue, asked: Asked, count: int, told: int | None = None, 
 @pytest.mark.parametrize("framer", ["tcp", "rtu"])
 @pytest.mark.parametrize("operation", ["status", "picture", "read back"])
 @pytest.mark.parametrize("change", ["short", "long", "odd", "count too small", "count too big"])
-def test_fault_79_another_count_is_rejected(operation: str, change: str, framer: str) -> None:
+async def test_fault_79_another_count_is_rejected(operation: str, change: str, framer: str) -> None:
     rogue = Rogue(framer=framer)
 
     def other(asked: Asked, _reply: bytes) -> Iterable[bytes]:
@@ -321,13 +320,13 @@ def test_fault_79_another_count_is_rejected(operation: str, change: str, framer:
             "count too big": lambda: _registers(rogue, asked, count, 2 * count + 2),
         }[change]()
 
-    assert refused_push(rogue, operation, other).code == "E-MODBUS-LENGTH"
+    assert (await refused_push(rogue, operation, other)).code == "E-MODBUS-LENGTH"
 
 
 @pytest.mark.parametrize("framer", ["tcp", "rtu"])
 @pytest.mark.parametrize("operation", ["open", "data", "begin", "chunk", "verify", "activate"])
 @pytest.mark.parametrize("change", ["address", "count"])
-def test_fault_80_an_echo_of_another_write_is_unknown_and_never_sent_again(
+async def test_fault_80_an_echo_of_another_write_is_unknown_and_never_sent_again(
     operation: str, change: str, framer: str
 ) -> None:
     rogue = Rogue(framer=framer)
@@ -337,26 +336,26 @@ def test_fault_80_an_echo_of_another_write_is_unknown_and_never_sent_again(
         count = asked.count - (change == "count")
         return [rogue.frame(struct.pack(">BHH", asked.function, address, count), asked.transaction)]
 
-    assert refused_push(rogue, operation, other).code == "E-MODBUS-ECHO"
+    assert (await refused_push(rogue, operation, other)).code == "E-MODBUS-ECHO"
 
 
-def test_fault_80_an_echo_of_another_value_breaks_the_session() -> None:
+async def test_fault_80_an_echo_of_another_value_breaks_the_session() -> None:
     rogue = Rogue()
 
-    async def body(device: SinumerikModbus) -> None:
+    async with at_rogue(rogue) as device:
         order = await order_for(device)
         other = struct.pack(">BHH", 6, 15, 0x1234)
         rogue.lie = once("heartbeat", lambda asked, _reply: [rogue.frame(other, asked.transaction)])
         with pytest.raises(TrueflankError):
             await _push_and_wait(device, order)
 
-    at_rogue(rogue, body)
-
 
 @pytest.mark.parametrize("framer", ["tcp", "rtu"])
 @pytest.mark.parametrize("operation", ["status", "begin", "read back"])
 @pytest.mark.parametrize("change", ["cut", "garbage before", "nothing but garbage", "one byte"])
-def test_fault_81_truncated_and_garbled_answers_end_the_connection(operation: str, change: str, framer: str) -> None:
+async def test_fault_81_truncated_and_garbled_answers_end_the_connection(
+    operation: str, change: str, framer: str
+) -> None:
     def other(_asked: Asked, reply: bytes) -> Iterable[bytes]:
         pieces = {
             "cut": reply[:-3],
@@ -367,20 +366,18 @@ def test_fault_81_truncated_and_garbled_answers_end_the_connection(operation: st
         return [pieces[change]]
 
     rogue = Rogue(framer=framer)
-    error = refused_push(rogue, operation, other)
+    error = await refused_push(rogue, operation, other)
     assert isinstance(error, TransportError | RemoteProtocolError)
 
-    async def again(device: SinumerikModbus) -> None:
+    async with at_rogue(rogue) as device:
         assert (await device.identify()).serial == "ROGUE-1"
-
-    at_rogue(rogue, again)
 
 
 # ---- what the registers mean ----------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("change", ["words", "bytes", "both"])
-def test_fault_82_a_wrong_order_is_refused_before_anything_is_written(change: str) -> None:
+async def test_fault_82_a_wrong_order_is_refused_before_anything_is_written(change: str) -> None:
     rogue = Rogue(low_first=change in ("words", "both"))
     if change in ("bytes", "both"):
 
@@ -398,12 +395,13 @@ def test_fault_82_a_wrong_order_is_refused_before_anything_is_written(change: st
             await device.open(5.0)
         assert caught.value.code == ("E-MBX-WORD-ORDER" if change == "words" else "E-MBX-MAGIC")
 
-    at_rogue(rogue, body, opened=False, word_order="high-first")
+    async with at_rogue(rogue, opened=False, word_order="high-first") as on:
+        await body(on)
     assert all(one.function == 3 for one in rogue.asked)
 
 
 @pytest.mark.parametrize("shift", [-1, 1])
-def test_fault_83_a_base_off_by_one_is_refused_before_anything_is_written(shift: int) -> None:
+async def test_fault_83_a_base_off_by_one_is_refused_before_anything_is_written(shift: int) -> None:
     rogue = Rogue()
     rogue.registers = [*rogue.registers[1:], 0] if shift > 0 else [0, *rogue.registers[:-1]]
 
@@ -413,12 +411,13 @@ def test_fault_83_a_base_off_by_one_is_refused_before_anything_is_written(shift:
         assert caught.value.code == "E-MBX-MAGIC"
         assert "shifted by one register" in str(caught.value) or shift > 0
 
-    at_rogue(rogue, body, opened=False)
+    async with at_rogue(rogue, opened=False) as on:
+        await body(on)
     assert all(one.function == 3 for one in rogue.asked)
 
 
 @pytest.mark.parametrize("value", [32.767, 32.768, -32.768, -32.769, 65.535, 65.536, 199.999])
-def test_fault_84_values_beyond_16_bits_arrive_whole(value: float) -> None:
+async def test_fault_84_values_beyond_16_bits_arrive_whole(value: float) -> None:
     rogue = Rogue()
     values = (0.0, value, -value, 0.0)
 
@@ -426,12 +425,13 @@ def test_fault_84_values_beyond_16_bits_arrive_whole(value: float) -> None:
         _, new = await push(device, await order_for(device, table(values)))
         assert new.own.table.deviations == values
 
-    at_rogue(rogue, body)
+    async with at_rogue(rogue) as on:
+        await body(on)
     assert rogue.tables[1][:4] == [0, round(1000 * value), -round(1000 * value), 0]
 
 
 @pytest.mark.parametrize("changes", [{"step": 1e6, "maximum": 4e6}, {"step": 10.00001, "maximum": 40.00004}])
-def test_fault_84_what_does_not_fit_is_refused_with_nothing_written(changes: dict[str, float]) -> None:
+async def test_fault_84_what_does_not_fit_is_refused_with_nothing_written(changes: dict[str, float]) -> None:
     rogue = Rogue()
 
     async def body(device: SinumerikModbus) -> None:
@@ -439,12 +439,13 @@ def test_fault_84_what_does_not_fit_is_refused_with_nothing_written(changes: dic
         with pytest.raises(ValueOutOfRange):
             await device.stage(order)
 
-    at_rogue(rogue, body)
+    async with at_rogue(rogue) as on:
+        await body(on)
     assert not rogue.writes
 
 
 @pytest.mark.parametrize("points", [2, 3, 49, 50, 51, 99, 100, 101, 123])
-def test_fault_85_no_value_is_split_over_two_requests(points: int) -> None:
+async def test_fault_85_no_value_is_split_over_two_requests(points: int) -> None:
     rogue = Rogue(reserved=123)
     values = (0.0, *(float(place % 7 - 3) * 70.001 for place in range(points - 2)), 0.0)
 
@@ -452,7 +453,8 @@ def test_fault_85_no_value_is_split_over_two_requests(points: int) -> None:
         _, new = await push(device, await order_for(device, table(values)))
         assert new.own.table.deviations == pytest.approx(values, abs=1e-9)
 
-    at_rogue(rogue, body)
+    async with at_rogue(rogue) as on:
+        await body(on)
     data = [one for one in rogue.asked if (one.function, one.address) == (16, 36)]
     assert all(one.count == 100 for one in data)
     assert sum(one.command == 3 for one in rogue.asked) == -(-points // 50)
@@ -500,7 +502,7 @@ async def test_fault_88_after_a_timeout_no_answer_goes_to_the_next_question() ->
         await wire.close()
 
 
-def test_fault_88_a_line_that_answers_the_question_before_is_found_out() -> None:
+async def test_fault_88_a_line_that_answers_the_question_before_is_found_out() -> None:
     rogue = Rogue(framer="rtu")
     former: list[bytes] = []
 
@@ -508,7 +510,7 @@ def test_fault_88_a_line_that_answers_the_question_before_is_found_out() -> None
         former.append(reply)
         return [former[-2]] if len(former) > 1 else []
 
-    async def body(device: SinumerikModbus) -> None:
+    async with at_rogue(rogue) as device:
         await device.identify()
         rogue.lie = lie
         for _ in range(6):
@@ -520,8 +522,6 @@ def test_fault_88_a_line_that_answers_the_question_before_is_found_out() -> None
                 await device.open(5.0) if not former else None
                 return
         raise AssertionError("answers to other questions were believed")
-
-    at_rogue(rogue, body)
 
 
 # ---- many lies --------------------------------------------------------------------------------------------
@@ -626,7 +626,11 @@ def _bent_push(seed: int, framer: str) -> bool:
         through = True
         assert [round(1000 * value) for value in new.own.table.deviations] == NM
 
-    at_rogue(rogue, body)
+    async def main() -> None:
+        async with at_rogue(rogue) as on:
+            await body(on)
+
+    run_virtual(main)
     assert not rogue.enabled or rogue.tables[1] == HELD, seed
     return through
 

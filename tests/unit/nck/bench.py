@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
-from collections.abc import Callable, Coroutine
-from typing import Any
+from collections.abc import AsyncIterator
 
-from drivers.clock import LoopClock, run_virtual
+from drivers.clock import LoopClock
 from simulators.nck.control import AxisSpec, Nck, NckSpec
 
 SPEC = NckSpec(
@@ -21,7 +21,6 @@ SPEC = NckSpec(
     judges_programs=False,  # the interpreter behind the gate is tried here
 )
 MAIN = "/_N_MPF_DIR/_N_TEST_MPF"
-Body = Callable[["Bench"], Coroutine[Any, Any, None]]
 
 
 class Bench:
@@ -78,20 +77,17 @@ class Bench:
         return value
 
 
-def on_bench(body: Body, *, warm: bool = True, **changes: object) -> None:
-    """Run a test's body in virtual time against a fresh control."""
-
-    async def main() -> None:
-        bench = Bench(**changes)
-        await bench.nck.start()
-        try:
-            if warm:
-                await bench.warm_up()
-            await body(bench)
-        finally:
-            await bench.nck.stop()
-
-    run_virtual(main)
+@contextlib.asynccontextmanager
+async def on_bench(*, warm: bool = True, **changes: object) -> AsyncIterator[Bench]:
+    """A fresh control for the length of a test."""
+    bench = Bench(**changes)
+    await bench.nck.start()
+    try:
+        if warm:
+            await bench.warm_up()
+        yield bench
+    finally:
+        await bench.nck.stop()
 
 
 def eec_lines(axis: str, values: list[float], minimum: float, step: float, modulo: int = 0) -> str:

@@ -5,32 +5,28 @@ from __future__ import annotations
 import pytest
 
 from simulators.nck.control import AxisSpec, NckRefusal
-from tests.unit.nck.bench import SPEC, Bench, eec_lines, enable, load_eec, on_bench
+from tests.unit.nck.bench import SPEC, eec_lines, enable, load_eec, on_bench
 from tests.unit.nck.test_cec import encoder, load, move, table
 
 
-def test_4070_scaling_data_changed() -> None:
-    async def body(bench: Bench) -> None:
+async def test_4070_scaling_data_changed() -> None:
+    async with on_bench() as bench:
         bench.nck.set("$MN_SCALING_SYSTEM_IS_METRIC", 0, 2)
         assert bench.numbers() == [4070]
         assert bench.nck.spec.unit_system == "metric", "acts after the next boot only"
         bench.nck.set("$MN_SCALING_SYSTEM_IS_METRIC", 1, 2)
         assert bench.numbers() == []
 
-    on_bench(body)
 
-
-def test_4075_once_and_the_value_stays() -> None:
-    async def body(bench: Bench) -> None:
+async def test_4075_once_and_the_value_stays() -> None:
+    async with on_bench() as bench:
         bench.nck.set_access_level(5)
         await bench.run("$MA_BACKLASH[0,X1]=1\n$MA_BACKLASH[0,Z1]=1\nR1=1\nM30")
         assert (bench.numbers(), bench.r(1), bench.nck.get("$MA_BACKLASH[0,Z1]")) == ([4075], 1.0, 0.0)
 
-    on_bench(body)
 
-
-def test_4076_locks_nc_start_until_power_on() -> None:
-    async def body(bench: Bench) -> None:
+async def test_4076_locks_nc_start_until_power_on() -> None:
+    async with on_bench() as bench:
         bench.nck.set_access_level(5)
         await bench.run("$MA_BACKLASH[0,X1]=1\nM30")
         bench.nck.acknowledge_alarms()
@@ -42,14 +38,12 @@ def test_4076_locks_nc_start_until_power_on() -> None:
         await bench.sleep(11.0)
         assert bench.numbers() == []
 
-    on_bench(body)
-
 
 @pytest.mark.parametrize(
     "name", ["$MA_MM_ENC_COMP_MAX_POINTS[1,X1]", "$MN_MM_CEC_MAX_POINTS[2]", "$MA_MM_QEC_MAX_POINTS[0,Z1]"]
 )
-def test_4400_at_once_and_gone_when_set_back(name: str) -> None:
-    async def body(bench: Bench) -> None:
+async def test_4400_at_once_and_gone_when_set_back(name: str) -> None:
+    async with on_bench() as bench:
         before = bench.nck.get(name)
         bench.nck.set(name, 5, 2)
         assert bench.numbers() == [4400]
@@ -58,11 +52,9 @@ def test_4400_at_once_and_gone_when_set_back(name: str) -> None:
         bench.nck.set(name, before, 2)
         assert bench.numbers() == []
 
-    on_bench(body)
 
-
-def test_6020_after_the_boot_that_lost_the_data() -> None:
-    async def body(bench: Bench) -> None:
+async def test_6020_after_the_boot_that_lost_the_data() -> None:
+    async with on_bench() as bench:
         bench.nck.set("$MN_MM_CEC_MAX_POINTS[2]", 5, 2)
         await bench.reset_and_reference()
         assert bench.numbers() == [6020]
@@ -70,17 +62,13 @@ def test_6020_after_the_boot_that_lost_the_data() -> None:
         await bench.sleep(6.0)
         assert bench.numbers() == []
 
-    on_bench(body)
 
-
-def test_6000_when_it_does_not_fit() -> None:
-    async def body(bench: Bench) -> None:
+async def test_6000_when_it_does_not_fit() -> None:
+    async with on_bench(table_memory_bytes=20_000) as bench:
         bench.nck.set("$MA_MM_ENC_COMP_MAX_POINTS[0,X1]", 5000, 2)
         await bench.reset_and_reference()
         assert set(bench.numbers()) == {6000, 6020}
         assert bench.nck.get("$MA_MM_ENC_COMP_MAX_POINTS[0,X1]") == 900
-
-    on_bench(body, table_memory_bytes=20_000)
 
 
 @pytest.mark.parametrize(
@@ -97,59 +85,49 @@ def test_6000_when_it_does_not_fit() -> None:
         ('EXTOPEN(R1,"LOCAL_DRIVE/OUT")', 12550),
     ],
 )
-def test_17030_17020_17070_12550_stop_the_program(line: str, number: int) -> None:
-    async def body(bench: Bench) -> None:
+async def test_17030_17020_17070_12550_stop_the_program(line: str, number: int) -> None:
+    async with on_bench(gud=(("GUDLIST", 3),)) as bench:
         await bench.run(f"R1=1\n{line}\nR1=2\nM30")
         assert (bench.numbers(), bench.nck.channel_status, bench.r(1)) == ([number], 2, 1.0)
         assert not bench.nck.nc_start()
         bench.nck.channel_reset()
         assert bench.numbers() == []
 
-    on_bench(body, gud=(("GUDLIST", 3),))
 
-
-def test_17070_while_the_table_is_enabled() -> None:
-    async def body(bench: Bench) -> None:
+async def test_17070_while_the_table_is_enabled() -> None:
+    async with on_bench() as bench:
         await load_eec(bench, "Z1", [0.001] * 3, 0.0, 10.0)
         await bench.run("$AA_ENC_COMP[0,0,Z1]=1\nM30")
         assert bench.numbers() == [17070]
         assert bench.nck.get("$AA_ENC_COMP[0,0,Z1]") == 0.001
 
-    on_bench(body)
 
-
-def test_8040_without_the_option() -> None:
-    async def body(bench: Bench) -> None:
+async def test_8040_without_the_option() -> None:
+    async with on_bench(option_cec=False) as bench:
         await bench.run("$MA_CEC_ENABLE[X1]=1\nR1=1\nM30")
         assert (bench.numbers(), bench.nck.get("$MA_CEC_ENABLE[X1]"), bench.r(1)) == ([8040], False, 1.0)
         with pytest.raises(NckRefusal, match="8040"):
             bench.nck.set("$MA_CEC_ENABLE[X1]", 1, 0)
 
-    on_bench(body, option_cec=False)
 
-
-def test_8041_when_the_option_does_not_go_that_far() -> None:
-    async def body(bench: Bench) -> None:
+async def test_8041_when_the_option_does_not_go_that_far() -> None:
+    async with on_bench(option_cec_axes=1) as bench:
         await bench.run("$MA_CEC_ENABLE[X1]=1\n$MA_CEC_ENABLE[Z1]=1\nM30")
         assert bench.numbers() == [8041]
         assert (bench.nck.get("$MA_CEC_ENABLE[X1]"), bench.nck.get("$MA_CEC_ENABLE[Z1]")) == (True, False)
 
-    on_bench(body, option_cec_axes=1)
 
-
-def test_20124_clips_and_the_program_goes_on() -> None:
-    async def body(bench: Bench) -> None:
+async def test_20124_clips_and_the_program_goes_on() -> None:
+    async with on_bench() as bench:
         await load(bench, table(0, "Z1", "X1", [0.0, 0.5], 0.0, 100.0), "X1", extra="$MA_CEC_MAX_SUM[X1]=0.1\n")
         await move(bench, "Z100")
         assert bench.numbers() == [20124]
         assert bench.nck.axis_state("X1").cec_value == pytest.approx(0.1)
         assert bench.nck.channel_status == 0
 
-    on_bench(body)
 
-
-def test_20125_limits_the_rate_and_makes_it_up() -> None:
-    async def body(bench: Bench) -> None:
+async def test_20125_limits_the_rate_and_makes_it_up() -> None:
+    async with on_bench() as bench:
         text = table(0, "Z1", "X1", [0.0, 0.9], 0.0, 10.0)
         await load(bench, text, "X1", extra="$MA_CEC_MAX_VELO[X1]=1\n")
         await bench.run("G1 Z10 F6000\nM30")
@@ -158,14 +136,12 @@ def test_20125_limits_the_rate_and_makes_it_up() -> None:
         await bench.sleep(1.0)
         assert bench.nck.axis_state("X1").cec_value == pytest.approx(0.9)
 
-    on_bench(body)
-
 
 @pytest.mark.parametrize(("offset", "refused"), [(0.05, False), (0.15, True)])
-def test_25100_when_the_encoders_are_too_far_apart(offset: float, refused: bool) -> None:
+async def test_25100_when_the_encoders_are_too_far_apart(offset: float, refused: bool) -> None:
     axes = (AxisSpec("X1", "X", eec_points=(10, 10), encoder2_offset=offset), *SPEC.axes[1:])
 
-    async def body(bench: Bench) -> None:
+    async with on_bench(axes=axes) as bench:
         bench.nck.core.axis("X1").encoders_referenced[1] = True
         assert bench.nck.select_encoder("X1", 1) is not refused
         assert bench.numbers() == ([25100] if refused else [])
@@ -174,11 +150,9 @@ def test_25100_when_the_encoders_are_too_far_apart(offset: float, refused: bool)
         assert bench.nck.get("$VA_ENC2_COMP_VAL[X1]") == 0.0
         assert not bench.nck.select_encoder("X1", 2)
 
-    on_bench(body, axes=axes)
 
-
-def test_25100_counts_the_tables_of_both_encoders() -> None:
-    async def body(bench: Bench) -> None:
+async def test_25100_counts_the_tables_of_both_encoders() -> None:
+    async with on_bench() as bench:
         second = eec_lines("X1", [0.15] * 3, 0.0, 100.0).replace("[0,", "[1,")
         await bench.run(second + "$MA_ENC_COMP_ENABLE[1,X1]=1\nNEWCONF\nM30")
         await bench.reset_and_reference()
@@ -188,13 +162,11 @@ def test_25100_counts_the_tables_of_both_encoders() -> None:
         await bench.run("$MA_ENC_CHANGE_TOL[X1]=0.2\nNEWCONF\nM30")
         assert bench.nck.select_encoder("X1", 1)
 
-    on_bench(body)
 
-
-def test_26030_takes_reference_and_compensation_away() -> None:
+async def test_26030_takes_reference_and_compensation_away() -> None:
     axes = (AxisSpec("X1", "X", eec_points=(10, 0), absolute_encoder=True), *SPEC.axes[1:])
 
-    async def body(bench: Bench) -> None:
+    async with on_bench(axes=axes) as bench:
         await load_eec(bench, "X1", [0.004] * 3, 0.0, 100.0)
         bench.nck.power_cycle()
         await bench.sleep(11.0)
@@ -208,11 +180,9 @@ def test_26030_takes_reference_and_compensation_away() -> None:
         await bench.sleep(11.0)
         assert not bench.nck.axis_state("X1").referenced
 
-    on_bench(body, axes=axes)
 
-
-def test_22062_refuses_nc_start_until_referenced() -> None:
-    async def body(bench: Bench) -> None:
+async def test_22062_refuses_nc_start_until_referenced() -> None:
+    async with on_bench() as bench:
         bench.nck.lose_reference("Z1")
         bench.load("R1=1\nM30")
         bench.nck.select("/_N_MPF_DIR/_N_TEST_MPF")
@@ -224,12 +194,8 @@ def test_22062_refuses_nc_start_until_referenced() -> None:
         await bench.until_idle()
         assert bench.r(1) == 1.0
 
-    on_bench(body)
 
-
-def test_enabling_what_is_disabled_raises_nothing() -> None:
-    async def body(bench: Bench) -> None:
+async def test_enabling_what_is_disabled_raises_nothing() -> None:
+    async with on_bench() as bench:
         await bench.run(enable("X1", 1) + enable("X1", 0) + "M30")
         assert bench.numbers() == []
-
-    on_bench(body)

@@ -38,10 +38,10 @@ def encoder(bench: Bench, axis: str) -> float:
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_sum_of_tables_on_the_base_setpoint(sign: int) -> None:
+async def test_sum_of_tables_on_the_base_setpoint(sign: int) -> None:
     text = table(0, "Z1", "X1", [0.0, 0.010, 0.0], 0.0, 100.0) + table(1, "X1", "X1", [0.0, 0.004], 0.0, 100.0)
 
-    async def body(bench: Bench) -> None:
+    async with on_bench(cec_sign=sign) as bench:
         await load(bench, text, "X1", extra="$SN_CEC_TABLE_WEIGHT[1]=0.5\n")
         await move(bench, "Z100 X50")
         view = bench.nck.axis_state("X1")
@@ -56,11 +56,9 @@ def test_sum_of_tables_on_the_base_setpoint(sign: int) -> None:
         await bench.run("$SN_CEC_TABLE_ENABLE[0]=0\nG4 F1\nM30")
         assert bench.nck.axis_state("X1").cec_value == pytest.approx(0.001, abs=1e-9)
 
-    on_bench(body, cec_sign=sign)
 
-
-def test_value_follows_the_base_axis_on_its_way() -> None:
-    async def body(bench: Bench) -> None:
+async def test_value_follows_the_base_axis_on_its_way() -> None:
+    async with on_bench() as bench:
         await load(bench, table(0, "Z1", "X1", [0.0, 0.010, 0.0, 0.006, 0.0], 0.0, 50.0), "X1")
         bench.press_start("G1 Z200 F3000\nM30")
         begin = bench.clock.now()
@@ -71,14 +69,12 @@ def test_value_follows_the_base_axis_on_its_way() -> None:
         np.testing.assert_allclose(bench.nck.encoder("X1", times)[0], -expected, atol=1e-3)
         assert abs(expected).max() > 0.009
 
-    on_bench(body)
 
-
-def test_direction_tables_by_the_travel_of_the_base() -> None:
+async def test_direction_tables_by_the_travel_of_the_base() -> None:
     text = table(0, "X1", "X1", [0.002, 0.002], 0.0, 100.0, direction=1)
     text += table(1, "X1", "X1", [-0.003, -0.003], 0.0, 100.0, direction=-1)
 
-    async def body(bench: Bench) -> None:
+    async with on_bench() as bench:
         await load(bench, text, "X1")
         await move(bench, "X50")
         assert encoder(bench, "X1") == pytest.approx(49.998, abs=1e-9)
@@ -87,25 +83,21 @@ def test_direction_tables_by_the_travel_of_the_base() -> None:
         await move(bench, "X50")
         assert encoder(bench, "X1") == pytest.approx(49.998, abs=1e-9)
 
-    on_bench(body)
-
 
 @pytest.mark.parametrize(("count", "expected"), [(False, 0.02 * 0.5), (True, 0.02 * 0.5 + 0.02 + 0.5)])
-def test_product_of_two_tables(count: bool, expected: float) -> None:
+async def test_product_of_two_tables(count: bool, expected: float) -> None:
     text = table(0, "Z1", "X1", [0.0, 0.04], 0.0, 200.0, mult_by_table=2)
     text += table(1, "X1", "X1", [0.0, 1.0], 0.0, 100.0)
 
-    async def body(bench: Bench) -> None:
+    async with on_bench(cec_factor_tables_count=count) as bench:
         await load(bench, text, "X1")
         await move(bench, "Z100 X50")
         assert bench.nck.axis_state("X1").cec_value == pytest.approx(expected, abs=1e-9)
         assert encoder(bench, "X1") == pytest.approx(50.0 - expected, abs=1e-9)
 
-    on_bench(body, cec_factor_tables_count=count)
 
-
-def test_modulo_base_axis() -> None:
-    async def body(bench: Bench) -> None:
+async def test_modulo_base_axis() -> None:
+    async with on_bench() as bench:
         await load(bench, table(0, "C1", "X1", [0.0, 0.01, 0.0, 0.0, 0.0], 0.0, 90.0, is_modulo=1), "X1")
         for _ in range(2):
             await move(bench, "C=ACP(45)")
@@ -114,22 +106,18 @@ def test_modulo_base_axis() -> None:
             await move(bench, "C=ACP(300)")
             assert encoder(bench, "X1") == pytest.approx(0.0, abs=1e-9)
 
-    on_bench(body)
 
-
-def test_sum_above_the_limit_is_clipped_with_an_alarm_and_goes_on() -> None:
-    async def body(bench: Bench) -> None:
+async def test_sum_above_the_limit_is_clipped_with_an_alarm_and_goes_on() -> None:
+    async with on_bench() as bench:
         await load(bench, table(0, "Z1", "X1", [0.0, 0.5], 0.0, 100.0), "X1", extra="$MA_CEC_MAX_SUM[X1]=0.1\n")
         await bench.run("G0 Z100\nG4 F1\nR1=7\nM30")
         assert bench.r(1) == 7.0
         assert 20124 in bench.numbers()
         assert bench.nck.axis_state("X1").cec_value == pytest.approx(0.1)
 
-    on_bench(body)
 
-
-def test_too_fast_a_change_is_held_back_and_made_up() -> None:
-    async def body(bench: Bench) -> None:
+async def test_too_fast_a_change_is_held_back_and_made_up() -> None:
+    async with on_bench() as bench:
         text = table(0, "Z1", "X1", [0.0, 0.9, 0.9], 0.0, 10.0)
         await load(bench, text, "X1", extra="$MA_CEC_MAX_VELO[X1]=0.1\n")
         await bench.run("R1=1\nG0 Z20\nM30")
@@ -138,8 +126,6 @@ def test_too_fast_a_change_is_held_back_and_made_up() -> None:
         await bench.sleep(10.0)
         assert bench.nck.axis_state("X1").cec_value == pytest.approx(0.9)
         assert encoder(bench, "X1") == pytest.approx(-0.9, abs=1e-6)
-
-    on_bench(body)
 
 
 def test_follow_never_exceeds_its_rate_and_arrives() -> None:
@@ -154,37 +140,31 @@ def test_follow_never_exceeds_its_rate_and_arrives() -> None:
         assert v1 == pytest.approx(v0 + s0 * (t1 - t0))
 
 
-def test_missing_option_resets_the_datum() -> None:
-    async def body(bench: Bench) -> None:
+async def test_missing_option_resets_the_datum() -> None:
+    async with on_bench(option_cec=False) as bench:
         await bench.run("$MA_CEC_ENABLE[X1]=1\nR1=$MA_CEC_ENABLE[X1]\nR2=5\nM30")
         assert 8040 in bench.numbers()
         assert (bench.r(1), bench.r(2)) == (0.0, 5.0)
 
-    on_bench(body, option_cec=False)
 
-
-def test_cylinder_error_adds_setting_data_to_the_first_points() -> None:
-    async def body(bench: Bench) -> None:
+async def test_cylinder_error_adds_setting_data_to_the_first_points() -> None:
+    async with on_bench() as bench:
         await load(bench, table(0, "Z1", "X1", [0.001, 0.002], 0.0, 100.0, type=1), "X1")
         await bench.run("$SN_CEC_0[0]=0.010 $SN_CEC_1[0]=0.030\nG0 Z100\nG4 F1\nM30")
         assert bench.nck.axis_state("X1").cec_value == pytest.approx(0.032)
 
-    on_bench(body)
 
-
-def test_nothing_acts_while_the_base_axis_is_not_referenced() -> None:
-    async def body(bench: Bench) -> None:
+async def test_nothing_acts_while_the_base_axis_is_not_referenced() -> None:
+    async with on_bench() as bench:
         await load(bench, table(0, "Z1", "X1", [0.005, 0.005], 0.0, 100.0), "X1")
         assert bench.nck.axis_state("X1").cec_value == pytest.approx(0.005)
         bench.nck.lose_reference("Z1")
         await bench.sleep(1.0)
         assert bench.nck.axis_state("X1").cec_value == 0.0
 
-    on_bench(body)
 
-
-def test_backlash_leads_the_encoder_in_each_direction() -> None:
-    async def body(bench: Bench) -> None:
+async def test_backlash_leads_the_encoder_in_each_direction() -> None:
+    async with on_bench() as bench:
         await bench.run("$MA_BACKLASH[0,X1]=0.008 $MA_BACKLASH_FACTOR[0,X1]=0.5\nNEWCONF\nM30")
         await move(bench, "X50")
         forth = encoder(bench, "X1")
@@ -195,12 +175,10 @@ def test_backlash_leads_the_encoder_in_each_direction() -> None:
         assert forth + back == pytest.approx(100.0, abs=1e-9)
         assert bench.nck.axis_state("X1").backlash_value == pytest.approx(-0.002)
 
-    on_bench(body)
-
 
 @pytest.mark.parametrize(("mode", "taken_up"), [(0, True), (2, False)])
-def test_compensation_takes_up_backlash_unless_told_not_to(mode: int, taken_up: bool) -> None:
-    async def body(bench: Bench) -> None:
+async def test_compensation_takes_up_backlash_unless_told_not_to(mode: int, taken_up: bool) -> None:
+    async with on_bench() as bench:
         extra = f"$MA_BACKLASH[0,X1]=0.008\n$MA_BACKLASH_MODE[X1]={mode}\n"
         await load(bench, table(0, "Z1", "X1", [0.0, 0.01], 0.0, 100.0), "X1", extra=extra)
         await move(bench, "X10")
@@ -208,11 +186,9 @@ def test_compensation_takes_up_backlash_unless_told_not_to(mode: int, taken_up: 
         expected = 10.0 - 0.01 + (-0.004 if taken_up else 0.004)
         assert encoder(bench, "X1") == pytest.approx(expected, abs=1e-9)
 
-    on_bench(body)
 
-
-def test_temperature_moves_the_axis_negative_and_no_faster_than_allowed() -> None:
-    async def body(bench: Bench) -> None:
+async def test_temperature_moves_the_axis_negative_and_no_faster_than_allowed() -> None:
+    async with on_bench() as bench:
         await bench.run(
             "$MA_TEMP_COMP_TYPE[X1]=3\nNEWCONF\n$SA_TEMP_COMP_SLOPE[X1]=0.0001\n"
             "$SA_TEMP_COMP_REF_POSITION[X1]=100\nG0 X300\nG4 F1\nM30"
@@ -226,5 +202,3 @@ def test_temperature_moves_the_axis_negative_and_no_faster_than_allowed() -> Non
         await bench.sleep(3.0)
         assert encoder(bench, "X1") == pytest.approx(297.98, abs=1e-6)
         assert bench.numbers() == []
-
-    on_bench(body)

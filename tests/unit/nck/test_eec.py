@@ -78,8 +78,8 @@ def test_modulo_curve_repeats_every_turn(points: list[float], position: float, t
 # -- on the machine ------------------------------------------------------------------------------------
 
 
-def test_a_positive_value_moves_the_axis_negative() -> None:
-    async def body(bench: Bench) -> None:
+async def test_a_positive_value_moves_the_axis_negative() -> None:
+    async with on_bench() as bench:
         await load_eec(bench, "X1", TRIANGLE, 0.0, 100.0)
         for position, value in ((0.0, 0.0), (200.0, 0.010), (150.0, 0.0065), (350.0, 0.002)):
             await move(bench, f"X{position}")
@@ -90,24 +90,20 @@ def test_a_positive_value_moves_the_axis_negative() -> None:
             assert bench.nck.get("$VA_ENC1_COMP_VAL[X1]") == pytest.approx(value, abs=1e-9)
             assert encoder_now(bench, "X") == pytest.approx(position - value, abs=1e-9)
 
-    on_bench(body)
 
-
-def test_end_values_hold_outside() -> None:
-    async def body(bench: Bench) -> None:
+async def test_end_values_hold_outside() -> None:
+    async with on_bench() as bench:
         await load_eec(bench, "X1", [0.004, 0.0, -0.006], -50.0, 50.0)
         await move(bench, "X-200")
         assert encoder_now(bench, "X1") == pytest.approx(-200.004, abs=1e-9)
         await move(bench, "X400")
         assert encoder_now(bench, "X1") == pytest.approx(400.006, abs=1e-9)
 
-    on_bench(body)
 
-
-def test_modulo_table_acts_alike_in_every_turn() -> None:
+async def test_modulo_table_acts_alike_in_every_turn() -> None:
     table = [0.0, 0.002, 0.0, -0.001, 0.0]
 
-    async def body(bench: Bench) -> None:
+    async with on_bench() as bench:
         await load_eec(bench, "C1", table, 0.0, 90.0, modulo=1)
         for _ in range(3):
             await move(bench, "C=ACP(90)")
@@ -117,11 +113,9 @@ def test_modulo_table_acts_alike_in_every_turn() -> None:
             assert bench.nck.axis_state("C1").eec_value == pytest.approx(-0.0005, abs=1e-9)
         assert encoder_now(bench, "C") == pytest.approx(2 * 360.0 + 315.0005, abs=1e-9)
 
-    on_bench(body)
 
-
-def test_points_not_written_again_stay_live() -> None:
-    async def body(bench: Bench) -> None:
+async def test_points_not_written_again_stay_live() -> None:
+    async with on_bench() as bench:
         await load_eec(bench, "X1", [0.01, 0.01, 0.01, 0.01, 0.01], 0.0, 10.0)
         await bench.run(enable("X1", 0) + "$AA_ENC_COMP[0,1,X1]=0\n" + enable("X1", 1) + "M30")
         await bench.reset_and_reference()
@@ -131,11 +125,9 @@ def test_points_not_written_again_stay_live() -> None:
         await move(bench, "X25")
         assert bench.nck.axis_state("X1").eec_value == pytest.approx(0.01)
 
-    on_bench(body)
 
-
-def test_changed_content_waits_for_the_nck_reset() -> None:
-    async def body(bench: Bench) -> None:
+async def test_changed_content_waits_for_the_nck_reset() -> None:
+    async with on_bench() as bench:
         await load_eec(bench, "X1", [0.0, 0.005, 0.0], 0.0, 100.0)
         await move(bench, "X100")
         await bench.run(enable("X1", 0) + eec_lines("X1", [0.0, 0.009, 0.0], 0.0, 100.0) + enable("X1", 1) + "M30")
@@ -147,11 +139,9 @@ def test_changed_content_waits_for_the_nck_reset() -> None:
         await move(bench, "X100")
         assert bench.nck.axis_state("X1").eec_value == pytest.approx(0.009)
 
-    on_bench(body)
 
-
-def test_lenient_activation_takes_content_at_newconf() -> None:
-    async def body(bench: Bench) -> None:
+async def test_lenient_activation_takes_content_at_newconf() -> None:
+    async with on_bench(strict_activation=False) as bench:
         await bench.run(
             enable("X1", 0) + eec_lines("X1", [0.0, 0.009, 0.0], 0.0, 100.0) + enable("X1", 1) + "G0 X100\nM30"
         )
@@ -159,11 +149,9 @@ def test_lenient_activation_takes_content_at_newconf() -> None:
         assert bench.nck.axis_state("X1").eec_value == pytest.approx(0.009)
         assert encoder_now(bench, "X1") == pytest.approx(99.991, abs=1e-9)
 
-    on_bench(body, strict_activation=False)
 
-
-def test_enable_acts_at_newconf_and_the_axis_moves_at_once() -> None:
-    async def body(bench: Bench) -> None:
+async def test_enable_acts_at_newconf_and_the_axis_moves_at_once() -> None:
+    async with on_bench() as bench:
         await load_eec(bench, "X1", TRIANGLE, 0.0, 100.0)
         await bench.run(
             "G0 X200\nG4 F1\n$MA_ENC_COMP_ENABLE[0,X1]=0\nSTOPRE\nR1=$VA_ENC1_COMP_VAL[X1]\nM0\nNEWCONF\nM0\nM30"
@@ -182,11 +170,9 @@ def test_enable_acts_at_newconf_and_the_axis_moves_at_once() -> None:
         assert np.all(np.diff(rising) > 0.0)
         assert 199.99 < rising[3] < 200.0
 
-    on_bench(body)
 
-
-def test_switching_fast_to_and_fro_never_overshoots() -> None:
-    async def body(bench: Bench) -> None:
+async def test_switching_fast_to_and_fro_never_overshoots() -> None:
+    async with on_bench() as bench:
         await load_eec(bench, "X1", [0.0, 0.01, 0.0], 0.0, 100.0)
         toggles = "".join(f"$MA_ENC_COMP_ENABLE[0,X1]={n % 2}\nNEWCONF\nG4 F0.01\n" for n in range(9))
         begin = bench.clock.now()
@@ -196,11 +182,9 @@ def test_switching_fast_to_and_fro_never_overshoots() -> None:
         assert position.max() < 100.0 + 1e-9
         assert np.abs(np.diff(position)).max() < 0.003
 
-    on_bench(body)
 
-
-def test_nothing_acts_until_referenced_and_lost_reference_takes_it_away() -> None:
-    async def body(bench: Bench) -> None:
+async def test_nothing_acts_until_referenced_and_lost_reference_takes_it_away() -> None:
+    async with on_bench() as bench:
         await load_eec(bench, "X1", [0.008, 0.008], -500.0, 1500.0)
         await bench.sleep(1.0)
         assert encoder_now(bench, "X1") == pytest.approx(-0.008, abs=1e-9)
@@ -215,10 +199,8 @@ def test_nothing_acts_until_referenced_and_lost_reference_takes_it_away() -> Non
         await bench.sleep(1.0)
         assert encoder_now(bench, "X1") == pytest.approx(0.0, abs=1e-9)
 
-    on_bench(body)
 
-
-def test_hostile_manners() -> None:
+async def test_hostile_manners() -> None:
     async def liar(bench: Bench) -> None:
         await load_eec(bench, "X1", [0.008, 0.008], -500.0, 1500.0)
         await bench.run(enable("X1", 0) + "M30")
@@ -234,6 +216,9 @@ def test_hostile_manners() -> None:
         await bench.run("$AA_ENC_COMP[0,0,X1]=0.0071\nM30")
         assert bench.nck.get("$AA_ENC_COMP[0,0,X1]") == float(np.float32(0.0071))
 
-    on_bench(liar, lies_about_disable=True)
-    on_bench(cleared, enable_cleared_at_boot=True)
-    on_bench(single, float32_tables=True)
+    async with on_bench(lies_about_disable=True) as on:
+        await liar(on)
+    async with on_bench(enable_cleared_at_boot=True) as on:
+        await cleared(on)
+    async with on_bench(float32_tables=True) as on:
+        await single(on)

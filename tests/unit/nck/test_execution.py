@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from drivers.clock import run_virtual
 from tests.unit.nck.bench import Bench, on_bench
 
 SKELETON = """
@@ -27,8 +28,8 @@ M30
 """
 
 
-def test_measuring_skeleton_runs() -> None:
-    async def body(bench: Bench) -> None:
+async def test_measuring_skeleton_runs() -> None:
+    async with on_bench() as bench:
         for number, value in {10: 5.0, 11: 10.0, 12: 4.0, 13: 2.0, 14: 2000.0, 15: 1.0, 16: 0.5}.items():
             bench.nck.set(f"R[{number}]", value, 7)
         bench.press_start(SKELETON)
@@ -46,8 +47,6 @@ def test_measuring_skeleton_runs() -> None:
         assert (bench.nck.channel_status, bench.nck.program_status) == (0, 5)
         assert bench.nck.axis_state("X").set_position == 37.0
 
-    on_bench(body)
-
 
 def outcome(text: str, *names: str) -> list[object]:
     """R1, R2 ... (or other names) after a program."""
@@ -58,7 +57,11 @@ def outcome(text: str, *names: str) -> list[object]:
         assert bench.numbers() == [], bench.nck.alarms
         found.extend(bench.nck.get(name) for name in names or ("R1",))
 
-    on_bench(body)
+    async def main() -> None:
+        async with on_bench() as on:
+            await body(on)
+
+    run_virtual(main)
     return found
 
 
@@ -73,7 +76,11 @@ def alarms_of(text: str, **changes: object) -> list[str]:
             assert (bench.nck.channel_status, bench.nck.program_status) == (2, 1)
             assert not bench.nck.nc_start()
 
-    on_bench(body, **changes)
+    async def main() -> None:
+        async with on_bench(**changes) as on:
+            await body(on)
+
+    run_virtual(main)
     return found
 
 
@@ -150,8 +157,8 @@ def test_for_that_never_runs_and_its_end_is_looked_at_each_time() -> None:
     assert outcome(text, "R2", "R5") == [0.0, 5.0]
 
 
-def test_strings_are_readable() -> None:
-    async def body(bench: Bench) -> None:
+async def test_strings_are_readable() -> None:
+    async with on_bench() as bench:
         await bench.run(
             'DEF STRING[80] TEXT\nDEF INT N=3\nTEXT="N"<<N<<" R"<<R1<<" "<<0.0000125<<" "<<-2.50<<" "<<TRUE\n'
             "MSG(TEXT)\nM0"
@@ -162,11 +169,9 @@ def test_strings_are_readable() -> None:
         await bench.until_idle()
         assert bench.nck.message == ""
 
-    on_bench(body)
 
-
-def test_subprograms_with_values_and_references() -> None:
-    async def body(bench: Bench) -> None:
+async def test_subprograms_with_values_and_references() -> None:
+    async with on_bench() as bench:
         bench.load(
             "PROC DOUBLE(REAL IN, VAR REAL OUT, INT PLUS=1)\nDEF REAL LOCAL\nLOCAL=IN*2\nOUT=LOCAL+PLUS\nRET",
             "/_N_SPF_DIR/_N_DOUBLE_SPF",
@@ -177,8 +182,6 @@ def test_subprograms_with_values_and_references() -> None:
         )
         assert bench.numbers() == []
         assert [bench.r(number) for number in (1, 2, 5)] == [9.0, 11.0, 2.0]
-
-    on_bench(body)
 
 
 @pytest.mark.parametrize(
@@ -243,12 +246,16 @@ def refused_at_start(line: str) -> list[str]:
         assert bench.nck.channel_status == 2
         found.extend(f"{alarm.number} {alarm.text}" for alarm in bench.nck.alarms)
 
-    on_bench(body)
+    async def main() -> None:
+        async with on_bench() as on:
+            await body(on)
+
+    run_virtual(main)
     return found
 
 
-def test_nothing_behind_a_bad_block_is_executed_and_reset_clears() -> None:
-    async def body(bench: Bench) -> None:
+async def test_nothing_behind_a_bad_block_is_executed_and_reset_clears() -> None:
+    async with on_bench() as bench:
         await bench.run("R1=1\nFOO\nR1=2\nM30")
         assert bench.r(1) == 1.0
         assert bench.nck.program_line == 2
@@ -258,10 +265,8 @@ def test_nothing_behind_a_bad_block_is_executed_and_reset_clears() -> None:
         await bench.run("R1=3\nM30")
         assert bench.r(1) == 3.0
 
-    on_bench(body)
 
-
-def test_handshake_with_an_echo_from_outside() -> None:
+async def test_handshake_with_an_echo_from_outside() -> None:
     text = """
     DEF INT POINT
     FOR POINT=1 TO 20
@@ -277,8 +282,7 @@ def test_handshake_with_an_echo_from_outside() -> None:
     ABORTED: R99=2
     M30
     """
-
-    async def body(bench: Bench) -> None:
+    async with on_bench() as bench:
         bench.press_start(text)
         seen = []
         while bench.nck.channel_status == 1:
@@ -296,11 +300,9 @@ def test_handshake_with_an_echo_from_outside() -> None:
         await bench.until_idle()
         assert bench.r(99) == 2.0
 
-    on_bench(body)
 
-
-def test_a_tight_loop_leaves_time_to_others_and_to_reset() -> None:
-    async def body(bench: Bench) -> None:
+async def test_a_tight_loop_leaves_time_to_others_and_to_reset() -> None:
+    async with on_bench() as bench:
         bench.press_start("AGAIN: R1=R1+1\nGOTOB AGAIN")
         await bench.sleep(10.0)
         assert bench.r(1) > 1000.0
@@ -309,11 +311,9 @@ def test_a_tight_loop_leaves_time_to_others_and_to_reset() -> None:
         await bench.sleep(1.0)
         assert bench.r(1) == count
 
-    on_bench(body)
 
-
-def test_timers_and_own_name() -> None:
-    async def body(bench: Bench) -> None:
+async def test_timers_and_own_name() -> None:
+    async with on_bench() as bench:
         await bench.run(
             "$AC_TIMER[1]=0\nG4 F2\nSTOPRE\nR1=$AC_TIMER[1]\n$AC_TIMER[1]=-1\nG4 F1\nSTOPRE\n"
             "R2=$AC_TIMER[1]\nMSG($P_PROG[0])\nM0"
@@ -322,10 +322,8 @@ def test_timers_and_own_name() -> None:
         assert bench.r(1) == pytest.approx(2.0, abs=0.05)
         assert bench.r(2) == pytest.approx(bench.r(1), abs=0.01)
 
-    on_bench(body)
 
-
-def test_an_801_point_table_takes_few_turns_of_the_clock() -> None:
+async def test_an_801_point_table_takes_few_turns_of_the_clock() -> None:
     points = [0.0001 * place for place in range(801)]
     lines = "".join(f"$AA_ENC_COMP[0,{n},X1]={value:.6f}\n" for n, value in enumerate(points))
     text = (
@@ -336,7 +334,7 @@ def test_an_801_point_table_takes_few_turns_of_the_clock() -> None:
         + "IF ERR<>0\nR2=ERR\nENDIF\nENDFOR\nM30"
     )
 
-    async def body(bench: Bench) -> None:
+    async with on_bench() as bench:
         begin = bench.clock.now()
         await bench.run(text)
         assert bench.numbers() == []
@@ -345,5 +343,3 @@ def test_an_801_point_table_takes_few_turns_of_the_clock() -> None:
         written = bench.nck.files.read("/_N_MPF_DIR/_N_OUT_SPF").decode().splitlines()
         assert len(written) == 801
         assert written[800] == "$AA_ENC_COMP[0,800,X1]=0.08"
-
-    on_bench(body)

@@ -60,36 +60,30 @@ def test_memory_and_number_of_files_are_limited() -> None:
         ("_N_TEST_MPF", 11),
     ],
 )
-def test_state_of_write(name: str, code: int) -> None:
-    async def body(bench: Bench) -> None:
+async def test_state_of_write(name: str, code: int) -> None:
+    async with on_bench() as bench:
         await bench.run(f'DEF INT STATE\nWRITE(STATE,"{name}","G0 X1 ; a;b")\nR1=STATE\nM30')
         assert bench.numbers() == []
         assert bench.r(1) == code
         assert bench.nck.files.exists(MAIN)
 
-    on_bench(body)
 
-
-def test_write_appends_until_the_file_is_full() -> None:
-    async def body(bench: Bench) -> None:
+async def test_write_appends_until_the_file_is_full() -> None:
+    async with on_bench(files_max_bytes=2048) as bench:
         await bench.run(
             'DEF INT STATE\nREPEAT\nWRITE(STATE,"_N_OUT_SPF","0123456789")\nR1=R1+1\nUNTIL STATE<>0\nR2=STATE\nM30'
         )
         assert (bench.r(1), bench.r(2)) == (2 * 1024 // 11 + 1, 10.0)
 
-    on_bench(body, files_max_bytes=2048)
 
-
-def test_text_beyond_200_characters_is_an_alarm_in_the_expression() -> None:
-    async def body(bench: Bench) -> None:
+async def test_text_beyond_200_characters_is_an_alarm_in_the_expression() -> None:
+    async with on_bench() as bench:
         long = "x" * 150
         await bench.run(f'DEF INT STATE\nWRITE(STATE,"_N_OUT_SPF","{long}"<<"{long}")\nM30')
         assert bench.numbers() == [12210]
 
-    on_bench(body)
 
-
-def test_delete_isfile_filesize_and_read() -> None:
+async def test_delete_isfile_filesize_and_read() -> None:
     text = """
     DEF INT ERR, SIZE
     DEF STRING[80] LINES[2]
@@ -110,16 +104,13 @@ def test_delete_isfile_filesize_and_read() -> None:
     R7=ISFILE("_N_OUT_SPF")
     M30
     """
-
-    async def body(bench: Bench) -> None:
+    async with on_bench() as bench:
         await bench.run(text)
         assert bench.numbers() == []
         assert [bench.r(number) for number in range(1, 8)] == [3.0, 1.0, 13.0, 0.0, 1.0, 0.0, 0.0]
 
-    on_bench(body)
 
-
-def test_a_backup_written_by_write_can_be_run() -> None:
+async def test_a_backup_written_by_write_can_be_run() -> None:
     text = """
     DEF INT ERR, POINT
     DELETE(ERR,"/_N_SPF_DIR/_N_BACK_SPF")
@@ -133,8 +124,7 @@ def test_a_backup_written_by_write_can_be_run() -> None:
     BACK
     M30
     """
-
-    async def body(bench: Bench) -> None:
+    async with on_bench() as bench:
         for place in range(5):
             bench.nck.set(f"$AA_ENC_COMP[0,{place},X1]", -0.001 * place, 2)
         await bench.run(text)
@@ -142,10 +132,8 @@ def test_a_backup_written_by_write_can_be_run() -> None:
         values = [bench.nck.get(f"$AA_ENC_COMP[0,{place},X1]") for place in range(5)]
         assert values == pytest.approx([-0.001 * place for place in range(5)])
 
-    on_bench(body)
 
-
-def test_fetching_while_a_program_waits() -> None:
+async def test_fetching_while_a_program_waits() -> None:
     async def open_(bench: Bench) -> None:
         await bench.run("M0\nM30")
         assert bench.nck.files.read(MAIN)
@@ -161,5 +149,7 @@ def test_fetching_while_a_program_waits() -> None:
         bench.nck.channel_reset()
         assert bench.nck.files.read(MAIN)
 
-    on_bench(open_)
-    on_bench(closed, fetch_while_waiting=False)
+    async with on_bench() as on:
+        await open_(on)
+    async with on_bench(fetch_while_waiting=False) as on:
+        await closed(on)

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from drivers.clock import run_virtual
 from simulators.nck.language.parser import NcSyntaxError, parse
 from tests.sizes import few
 from tests.unit.nck.bench import MAIN, Bench, on_bench
@@ -144,7 +145,11 @@ def run_batch(seed: int, count: int) -> None:
     async def body(bench: Bench) -> None:
         found.update(await batch(bench, seed, count))
 
-    on_bench(body, gud=(("GUDLIST", 5),))
+    async def main() -> None:
+        async with on_bench(gud=(("GUDLIST", 5),)) as on:
+            await body(on)
+
+    run_virtual(main)
     print(f"seed {seed}: {dict(found)}")
     assert found.total() == count
     assert found["alarm"] > count // 10
@@ -162,8 +167,8 @@ def test_damaged_programs_ten_times_as_many(seed: int) -> None:
     run_batch(seed, 10 * PROGRAMS // SHARES)
 
 
-def test_the_undamaged_program_runs() -> None:
-    async def body(bench: Bench) -> None:
+async def test_the_undamaged_program_runs() -> None:
+    async with on_bench(gud=(("GUDLIST", 5),)) as bench:
         await bench.run(SEED)
         assert bench.numbers() == []
         assert bench.nck.nc_start()
@@ -171,5 +176,3 @@ def test_the_undamaged_program_runs() -> None:
         assert (bench.nck.channel_status, bench.r(3)) == (0, 4.0)
         assert bench.nck.axis_state("X1").set_position == 5.0
         assert bench.nck.get("GUDLIST[2]") == pytest.approx(8.0)
-
-    on_bench(body, gud=(("GUDLIST", 5),))

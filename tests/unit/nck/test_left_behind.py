@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from drivers.clock import run_virtual
 from tests.unit.nck.bench import Bench, on_bench
 
 MOVE = "G1 X=10 F=600"
@@ -18,7 +19,11 @@ def stands(left: str, block: str, axis: str = "X1", *, modal_stays: bool = True,
         await bench.run(f"{block}\nM30")
         found.append(bench.nck.axis_state(axis).set_position if not bench.numbers() else -float(bench.numbers()[0]))
 
-    on_bench(body, modal_stays=modal_stays, **switches)
+    async def main() -> None:
+        async with on_bench(modal_stays=modal_stays, **switches) as on:
+            await body(on)
+
+    run_virtual(main)
     return found[0]
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from tests.unit.nck.bench import MAIN, Bench, on_bench
+from tests.unit.nck.bench import MAIN, on_bench
 
 
-def test_as_switched_on_nothing_is_referenced_and_start_is_refused() -> None:
-    async def body(bench: Bench) -> None:
+async def test_as_switched_on_nothing_is_referenced_and_start_is_refused() -> None:
+    async with on_bench(warm=False) as bench:
         assert bench.nck.mode == "JOG"
         bench.load("R1=1\nM30")
         assert bench.nck.select(MAIN) == 0
@@ -23,22 +23,18 @@ def test_as_switched_on_nothing_is_referenced_and_start_is_refused() -> None:
         assert bench.nck.nc_start()
         assert bench.numbers() == []
 
-    on_bench(body, warm=False)
 
-
-def test_without_the_lock_unreferenced_axes_may_run() -> None:
-    async def body(bench: Bench) -> None:
+async def test_without_the_lock_unreferenced_axes_may_run() -> None:
+    async with on_bench(warm=False) as bench:
         bench.nck.set("$MC_REFP_NC_START_LOCK", 0, 2)
         bench.nck.channel_reset()
         bench.nck.set_mode("AUTO")
         await bench.run("R1=1\nM30")
         assert bench.r(1) == 1.0
 
-    on_bench(body, warm=False)
 
-
-def test_codes_of_select() -> None:
-    async def body(bench: Bench) -> None:
+async def test_codes_of_select() -> None:
+    async with on_bench() as bench:
         bench.load("M0\nM30")
         assert bench.nck.select(MAIN, 2) == 1
         assert bench.nck.select("/_N_MPF_DIR/_N_NONE_MPF") == 2
@@ -56,11 +52,9 @@ def test_codes_of_select() -> None:
         assert bench.nck.unselect() == 0
         assert not bench.nck.nc_start()
 
-    on_bench(body)
 
-
-def test_start_is_refused_in_the_wrong_mode_and_while_running() -> None:
-    async def body(bench: Bench) -> None:
+async def test_start_is_refused_in_the_wrong_mode_and_while_running() -> None:
+    async with on_bench() as bench:
         bench.load("G4 F5\nM0\nR1=1\nM30")
         bench.nck.select(MAIN)
         bench.nck.set_mode("JOG")
@@ -80,13 +74,11 @@ def test_start_is_refused_in_the_wrong_mode_and_while_running() -> None:
         with pytest.raises(ValueError, match="mode"):
             bench.nck.set_mode("TEACH")  # type: ignore[arg-type]
 
-    on_bench(body)
 
-
-def test_m0_m1_m30_m17_and_skipped_blocks() -> None:
+async def test_m0_m1_m30_m17_and_skipped_blocks() -> None:
     text = "R1=1\n/R2=1\nM1\nSTOPRE\nR3=1\nM0\nSTOPRE\nR4=1\nM2\nR5=1"
 
-    async def body(bench: Bench) -> None:
+    async with on_bench() as bench:
         await bench.run(text)
         assert [bench.r(n) for n in range(1, 6)] == [1.0, 1.0, 1.0, 0.0, 0.0]
         bench.nck.nc_start()
@@ -101,11 +93,9 @@ def test_m0_m1_m30_m17_and_skipped_blocks() -> None:
         assert bench.r(6) == 101.0
         assert bench.nck.channel_status == 0
 
-    on_bench(body)
 
-
-def test_nck_reset_aborts_and_keeps_what_is_buffered() -> None:
-    async def body(bench: Bench) -> None:
+async def test_nck_reset_aborts_and_keeps_what_is_buffered() -> None:
+    async with on_bench() as bench:
         await bench.run('R1=4\n$MA_BACKLASH[0,X1]=0.002\nG0 X50\nMSG("WAIT")\nM0\nSTOPRE\nR1=5\nM30')
         assert bench.nck.message == "WAIT"
         bench.nck.nck_reset()
@@ -124,11 +114,9 @@ def test_nck_reset_aborts_and_keeps_what_is_buffered() -> None:
         assert bench.nck.axis_state("X1").set_position == 0.0
         assert bench.nck.nc_start()
 
-    on_bench(body)
 
-
-def test_reset_in_the_middle_of_referencing_leaves_the_axis_unreferenced() -> None:
-    async def body(bench: Bench) -> None:
+async def test_reset_in_the_middle_of_referencing_leaves_the_axis_unreferenced() -> None:
+    async with on_bench() as bench:
         await bench.run("G0 X500\nM30")
         bench.nck.reference_axis("X1")
         await bench.sleep(1.0)
@@ -139,22 +127,18 @@ def test_reset_in_the_middle_of_referencing_leaves_the_axis_unreferenced() -> No
         assert not view.referenced
         assert 0.0 < view.set_position < 500.0
 
-    on_bench(body)
 
-
-def test_user_alarm_that_only_shows() -> None:
-    async def body(bench: Bench) -> None:
+async def test_user_alarm_that_only_shows() -> None:
+    async with on_bench() as bench:
         await bench.run('SETAL(65010,"look")\nR1=1\nM30')
         assert bench.numbers() == [65010]
         assert bench.r(1) == 1.0
         bench.nck.acknowledge_alarms()
         assert bench.numbers() == []
 
-    on_bench(body)
 
-
-def test_override_stretches_motion() -> None:
-    async def body(bench: Bench) -> None:
+async def test_override_stretches_motion() -> None:
+    async with on_bench() as bench:
         bench.nck.set_feed_override(50.0)
         begin = bench.clock.now()
         await bench.run("G1 X10 F600\nM30")
@@ -163,14 +147,10 @@ def test_override_stretches_motion() -> None:
             with pytest.raises(ValueError, match="override"):
                 bench.nck.set_feed_override(bad)
 
-    on_bench(body)
 
-
-def test_access_level_is_checked() -> None:
-    async def body(bench: Bench) -> None:
+async def test_access_level_is_checked() -> None:
+    async with on_bench() as bench:
         bench.nck.set_access_level(7)
         assert bench.nck.access_level == 7
         with pytest.raises(ValueError, match="level"):
             bench.nck.set_access_level(8)
-
-    on_bench(body)

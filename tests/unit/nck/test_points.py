@@ -13,10 +13,10 @@ from tests.unit.nck.bench import MAIN, SPEC, Bench, eec_lines, enable, load_eec,
 from tests.unit.nck.test_cec import encoder, load, move, table
 
 
-def test_point_01_eec_as_the_manual_states_it() -> None:
+async def test_point_01_eec_as_the_manual_states_it() -> None:
     values = [0.004, 0.010, -0.006]
 
-    async def body(bench: Bench) -> None:
+    async with on_bench() as bench:
         await load_eec(bench, "Z1", values, 0.0, 100.0)
         for place, value in {-50.0: 0.004, 0.0: 0.004, 50.0: 0.007, 100.0: 0.010, 150.0: 0.002, 300.0: -0.006}.items():
             await move(bench, f"Z{place}")
@@ -34,11 +34,9 @@ def test_point_01_eec_as_the_manual_states_it() -> None:
         await move(bench, "C=ACP(45)")
         assert bench.nck.axis_state("C1").eec_value == pytest.approx(0.0005, abs=1e-9)
 
-    on_bench(body)
 
-
-def test_point_01_the_active_encoders_table_drives_the_axis() -> None:
-    async def body(bench: Bench) -> None:
+async def test_point_01_the_active_encoders_table_drives_the_axis() -> None:
+    async with on_bench() as bench:
         second = eec_lines("X1", [0.005] * 3, 0.0, 100.0).replace("[0,", "[1,")
         first = enable("X1", 0) + eec_lines("X1", [0.002] * 3, 0.0, 100.0)
         await bench.run(first + second + enable("X1", 1) + "$MA_ENC_COMP_ENABLE[1,X1]=1\nNEWCONF\nM30")
@@ -59,11 +57,9 @@ def test_point_01_the_active_encoders_table_drives_the_axis() -> None:
         await bench.sleep(1.0)
         assert encoder(bench, "X1") == pytest.approx(49.998, abs=1e-9)
 
-    on_bench(body)
 
-
-def test_point_02_no_table_is_written_while_it_is_enabled() -> None:
-    async def body(bench: Bench) -> None:
+async def test_point_02_no_table_is_written_while_it_is_enabled() -> None:
+    async with on_bench() as bench:
         await load_eec(bench, "X1", [0.001] * 3, 0.0, 10.0)
         await bench.run("$AA_ENC_COMP[0,0,X1]=0.5\nM30")
         assert bench.numbers() == [17070]
@@ -74,18 +70,16 @@ def test_point_02_no_table_is_written_while_it_is_enabled() -> None:
         assert bench.numbers() == [17070]
         assert (bench.nck.get("$AA_ENC_COMP[0,0,X1]"), bench.nck.get("$AN_CEC[0,0]")) == (0.001, 0.0)
 
-    on_bench(body)
-
 
 @pytest.mark.parametrize(("mode", "taken", "shown"), [(0, 1, [17030, 15180]), (1, 3, [17030, 12080, 17020, 15185])])
-def test_point_03_bad_indices_and_ini_files(mode: int, taken: int, shown: list[int]) -> None:
+async def test_point_03_bad_indices_and_ini_files(mode: int, taken: int, shown: list[int]) -> None:
     text = (
         b"%_N_AX_EEC_INI\nCHANDATA(1)\n$AA_ENC_COMP[0,0,X1]=0.003\n$AA_ENC_COMP[0,900,X1]=0.1\n"
         b"$AA_ENC_COMP[0,1,X1]  0.004\n$AA_ENC_COMP[2,1,X1]=1\nN20 $AA_ENC_COMP [0,1,AX1] = +0.012\n"
         b"$AA_ENC_COMP_IS_MODULO[0,X1]=0\nM17\n"
     )
 
-    async def body(bench: Bench) -> None:
+    async with on_bench() as bench:
         bench.nck.set("$MN_INI_FILE_MODE", mode, 0)
         report = bench.nck.load_ini(text, level=2)
         assert (report.taken, bench.numbers()) == (taken, shown)
@@ -97,11 +91,9 @@ def test_point_03_bad_indices_and_ini_files(mode: int, taken: int, shown: list[i
         await bench.run("$AA_ENC_COMP[0,900,X1]=0\nM30")
         assert bench.numbers() == [17030]
 
-    on_bench(body)
 
-
-def test_point_04_machine_data_without_rights() -> None:
-    async def body(bench: Bench) -> None:
+async def test_point_04_machine_data_without_rights() -> None:
+    async with on_bench() as bench:
         bench.nck.set_access_level(4)
         await bench.run("$MA_ENC_COMP_ENABLE[0,X1]=1\nR1=7\nM30")
         assert (bench.numbers(), bench.r(1), bench.nck.channel_status) == ([4075], 7.0, 0)
@@ -118,11 +110,9 @@ def test_point_04_machine_data_without_rights() -> None:
         await bench.warm_up()
         assert bench.nck.nc_start()
 
-    on_bench(body)
 
-
-def test_point_05_memory_data_wipe_buffered_memory_at_the_next_boot() -> None:
-    async def body(bench: Bench) -> None:
+async def test_point_05_memory_data_wipe_buffered_memory_at_the_next_boot() -> None:
+    async with on_bench(gud=(("GUDLIST", 3),)) as bench:
         await load_eec(bench, "X1", [0.001] * 3, 0.0, 10.0)
         bench.nck.set("GUDLIST[1]", 5.0, 7)
         bench.nck.set("$MA_MM_ENC_COMP_MAX_POINTS[0,X1]", 901, 2)
@@ -134,11 +124,9 @@ def test_point_05_memory_data_wipe_buffered_memory_at_the_next_boot() -> None:
         assert bench.nck.files.list("/_N_MPF_DIR") == []
         assert bench.nck.get("$AA_ENC_COMP[0,900,X1]") == 0.0
 
-    on_bench(body, gud=(("GUDLIST", 3),))
 
-
-def test_point_06_enabling_moves_the_axis_and_exact_stop_falls() -> None:
-    async def body(bench: Bench) -> None:
+async def test_point_06_enabling_moves_the_axis_and_exact_stop_falls() -> None:
+    async with on_bench() as bench:
         await load_eec(bench, "X1", [0.010] * 3, 0.0, 100.0)
         bench.press_start(f"G0 X50\nG4 F1\n{enable('X1', 0)}M0\nSTOPRE\n{enable('X1', 1)}M0\nM30")
         await bench.until_idle()
@@ -161,16 +149,14 @@ def test_point_06_enabling_moves_the_axis_and_exact_stop_falls() -> None:
         assert encoder(bench, "X1") == pytest.approx(50.0, abs=1e-9)
         assert bench.nck.get("$VA_ENC1_COMP_VAL[X1]") == 0.0
 
-    on_bench(body)
-
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_point_07_cec_sums_weights_directions_and_products(sign: int) -> None:
+async def test_point_07_cec_sums_weights_directions_and_products(sign: int) -> None:
     text = table(0, "Z1", "X1", [0.0, 0.010], 0.0, 100.0) + table(1, "Z1", "X1", [0.002] * 2, 0.0, 100.0, direction=1)
     text += table(2, "Y1", "X1", [0.0, 1.0], 0.0, 100.0, mult_by_table=4)
     text += table(3, "Z1", "X1", [0.0, 0.004], 0.0, 100.0)
 
-    async def body(bench: Bench) -> None:
+    async with on_bench(cec_sign=sign) as bench:
         await load(bench, text, "X1", extra="$SN_CEC_TABLE_WEIGHT[0]=0.5\n")
         await move(bench, "Y50 Z50 X10")
         expected = 0.5 * 0.005 + 0.002 + 0.5 * 0.002
@@ -181,11 +167,9 @@ def test_point_07_cec_sums_weights_directions_and_products(sign: int) -> None:
         assert encoder(bench, "X1") == pytest.approx(10.0 - sign * expected, abs=1e-9), "the + table only with + travel"
         assert bench.numbers() == []
 
-    on_bench(body, cec_sign=sign)
 
-
-def test_point_07_sum_and_rate_are_limited_and_made_up() -> None:
-    async def body(bench: Bench) -> None:
+async def test_point_07_sum_and_rate_are_limited_and_made_up() -> None:
+    async with on_bench() as bench:
         text = table(0, "Z1", "X1", [0.0, 1.5], 0.0, 10.0)
         await load(bench, text, "X1", extra="$MA_CEC_MAX_SUM[X1]=1\n$MA_CEC_MAX_VELO[X1]=1\n")
         await bench.run("G0 Z10\nM30")
@@ -194,11 +178,9 @@ def test_point_07_sum_and_rate_are_limited_and_made_up() -> None:
         await bench.sleep(2.0)
         assert bench.nck.axis_state("X1").cec_value == pytest.approx(1.0), "clipped, and made up later"
 
-    on_bench(body)
 
-
-def test_point_07_cylinder_errors_are_added_to_the_two_points() -> None:
-    async def body(bench: Bench) -> None:
+async def test_point_07_cylinder_errors_are_added_to_the_two_points() -> None:
+    async with on_bench() as bench:
         await load(bench, table(0, "Z1", "X1", [0.001, 0.001], 0.0, 100.0, type=1), "X1")
         data = "$SN_CEC_BAS_0[0]=0 $SN_CEC_BAS_1[0]=50 $SN_CEC_COMP_0[0]=0.002 $SN_CEC_COMP_1[0]=0.006\n"
         await bench.run(data + "$SN_CEC_CALC[0]=1\n$SN_CEC_CALC[0]=0\nG0 Z100\nG4 F1\nM30")
@@ -209,12 +191,10 @@ def test_point_07_cylinder_errors_are_added_to_the_two_points() -> None:
         await bench.run("$SN_CEC_CALC_ADD[0]=1\n" + data + "$SN_CEC_CALC[0]=1\nM30")
         assert bench.nck.get("$SN_CEC_1[0]") == pytest.approx(0.020)
 
-    on_bench(body)
-
 
 @pytest.mark.parametrize(("mode", "reverses"), [(0, True), (2, False)])
-def test_point_08_backlash(mode: int, reverses: bool) -> None:
-    async def body(bench: Bench) -> None:
+async def test_point_08_backlash(mode: int, reverses: bool) -> None:
+    async with on_bench() as bench:
         text = table(0, "Z1", "X1", [0.0, 0.010], 0.0, 100.0)
         extra = f"$MA_BACKLASH[0,X1]=0.004 $MA_BACKLASH_FACTOR[0,X1]=2 $MA_BACKLASH_MODE[X1]={mode}\n"
         await load(bench, text, "X1", extra=extra)
@@ -227,11 +207,9 @@ def test_point_08_backlash(mode: int, reverses: bool) -> None:
         lead = -0.004 if reverses else 0.004
         assert encoder(bench, "X1") == pytest.approx(50.0 - 0.010 + lead, abs=1e-9)
 
-    on_bench(body)
 
-
-def test_point_08_dynamic_backlash_comes_slowly_and_half_in_each_direction() -> None:
-    async def body(bench: Bench) -> None:
+async def test_point_08_dynamic_backlash_comes_slowly_and_half_in_each_direction() -> None:
+    async with on_bench() as bench:
         await bench.run("$MA_BACKLASH_DYN[0,X1]=0.1 $MA_BACKLASH_DYN_MAX_VELO[X1]=0.03\nNEWCONF\nG0 X10\nG4 F1\nM30")
         assert encoder(bench, "X1") == pytest.approx(10.0, abs=1e-9)
         bench.nck.set_dynamic_backlash("X1", active=True)
@@ -245,11 +223,9 @@ def test_point_08_dynamic_backlash_comes_slowly_and_half_in_each_direction() -> 
         await bench.sleep(2.0)
         assert encoder(bench, "X1") == pytest.approx(5.0, abs=1e-6)
 
-    on_bench(body)
 
-
-def test_point_08_power_on_forgets_the_direction_unless_mode_bit_0() -> None:
-    async def body(bench: Bench) -> None:
+async def test_point_08_power_on_forgets_the_direction_unless_mode_bit_0() -> None:
+    async with on_bench() as bench:
         for mode, lead in ((0, 0.002), (1, -0.002)):
             await bench.run(f"$MA_BACKLASH[0,X1]=0.004 $MA_BACKLASH_MODE[X1]={mode}\nNEWCONF\nG0 X10\nX-5\nM30")
             bench.nck.power_cycle()
@@ -260,11 +236,9 @@ def test_point_08_power_on_forgets_the_direction_unless_mode_bit_0() -> None:
             assert encoder(bench, "X1") == pytest.approx(-5.0 + lead, abs=1e-9)
             await bench.warm_up()
 
-    on_bench(body)
 
-
-def test_point_09_points_that_are_not_written_stay() -> None:
-    async def body(bench: Bench) -> None:
+async def test_point_09_points_that_are_not_written_stay() -> None:
+    async with on_bench() as bench:
         await load_eec(bench, "X1", [0.01] * 5, 0.0, 10.0)
         await load_eec(bench, "X1", [0.02] * 3, 0.0, 20.0)
         assert [bench.nck.get(f"$AA_ENC_COMP[0,{n},X1]") for n in range(5)] == [0.02] * 3 + [0.01] * 2
@@ -273,11 +247,9 @@ def test_point_09_points_that_are_not_written_stay() -> None:
         await move(bench, "X80")
         assert bench.nck.axis_state("X1").eec_value == pytest.approx(0.01), "an old point is live again"
 
-    on_bench(body)
 
-
-def test_point_10_values_are_read_in_the_basic_system() -> None:
-    async def body(bench: Bench) -> None:
+async def test_point_10_values_are_read_in_the_basic_system() -> None:
+    async with on_bench(unit_system="inch") as bench:
         await bench.run(enable("X1", 0) + eec_lines("X1", [0.0, 0.001, 0.0], 0.0, 1.0) + enable("X1", 1) + "M30")
         await bench.reset_and_reference()
         await bench.run("G0 X1\nG4 F1\nSTOPRE\nR1=$AA_IM[X1] R2=$VA_ENC1_COMP_VAL[X1]\nM30")
@@ -286,11 +258,9 @@ def test_point_10_values_are_read_in_the_basic_system() -> None:
         assert bench.nck.axis_state("X1").set_position == pytest.approx(1.0)
         assert bench.nck.spec.unit_system == "inch"
 
-    on_bench(body, unit_system="inch")
 
-
-def test_point_11_what_the_server_is_answered_with() -> None:
-    async def body(bench: Bench) -> None:
+async def test_point_11_what_the_server_is_answered_with() -> None:
+    async with on_bench() as bench:
         bench.load("M0\nM30", "/_n_mpf_dir/_n_small_mpf")
         assert bench.nck.files.list("/_N_MPF_DIR") == ["_N_SMALL_MPF"]
         codes = [bench.nck.select(path) for path in ("/_N_MPF_DIR/_N_SMALL_MPF", "/_N_MPF_DIR/_N_NONE_MPF")]
@@ -305,11 +275,9 @@ def test_point_11_what_the_server_is_answered_with() -> None:
         bench.nck.nck_reset()
         assert bench.nck.select("/_N_MPF_DIR/_N_SMALL_MPF") == 4
 
-    on_bench(body)
 
-
-def test_point_12_power_off_between_disable_and_enable() -> None:
-    async def body(bench: Bench) -> None:
+async def test_point_12_power_off_between_disable_and_enable() -> None:
+    async with on_bench() as bench:
         await load_eec(bench, "X1", [0.001] * 5, 0.0, 10.0)
         bench.nck.power_cut_at_block(3 + 2 + 3)
         bench.press_start(enable("X1", 0) + eec_lines("X1", [0.002] * 5, 0.0, 20.0) + enable("X1", 1) + "M30")
@@ -321,10 +289,8 @@ def test_point_12_power_off_between_disable_and_enable() -> None:
         await bench.warm_up()
         assert bench.nck.axis_state("X1").eec_value == 0.0
 
-    on_bench(body)
 
-
-def test_point_12_an_alarm_and_the_key_switch_in_the_middle_of_a_write() -> None:
+async def test_point_12_an_alarm_and_the_key_switch_in_the_middle_of_a_write() -> None:
     text = enable("X1", 0) + eec_lines("X1", [0.002] * 5, 0.0, 20.0) + enable("X1", 1) + "M30"
 
     async def alarm(bench: Bench) -> None:
@@ -340,12 +306,14 @@ def test_point_12_an_alarm_and_the_key_switch_in_the_middle_of_a_write() -> None
         assert bench.nck.get("$AA_ENC_COMP[0,4,X1]") == 0.002
         assert bench.nck.get("$MA_ENC_COMP_ENABLE[0,X1]") is False, "the program ran to its end and enabled nothing"
 
-    on_bench(alarm, alarm_at_block=3 + 2 + 3)
-    on_bench(key, keyswitch_at_block=3 + 2 + 3)
+    async with on_bench(alarm_at_block=3 + 2 + 3) as on:
+        await alarm(on)
+    async with on_bench(keyswitch_at_block=3 + 2 + 3) as on:
+        await key(on)
 
 
-def test_point_13_when_nc_start_and_select_are_refused() -> None:
-    async def body(bench: Bench) -> None:
+async def test_point_13_when_nc_start_and_select_are_refused() -> None:
+    async with on_bench(warm=False) as bench:
         bench.load("M0\nM30")
         bench.nck.select(MAIN)
         bench.nck.set_mode("AUTO")
@@ -362,13 +330,11 @@ def test_point_13_when_nc_start_and_select_are_refused() -> None:
         await bench.until_idle()
         assert bench.nck.select(MAIN) == 3
 
-    on_bench(body, warm=False)
 
-
-def test_point_13_an_axis_that_needs_no_reference_does_not_lock() -> None:
+async def test_point_13_an_axis_that_needs_no_reference_does_not_lock() -> None:
     axes = (*SPEC.axes[:3], AxisSpec("C1", "C", rotary=True, modulo=True))
 
-    async def body(bench: Bench) -> None:
+    async with on_bench(warm=False, axes=axes) as bench:
         bench.nck.set("$MA_REFP_CYCLE_NR[C1]", -1, 2)
         bench.nck.channel_reset()
         for name in ("X1", "Y1", "Z1"):
@@ -381,5 +347,3 @@ def test_point_13_an_axis_that_needs_no_reference_does_not_lock() -> None:
         await bench.until_idle()
         assert bench.r(1) == 3.0
         assert not np.isnan(encoder(bench, "C1"))
-
-    on_bench(body, warm=False, axes=axes)

@@ -16,7 +16,7 @@ PUSH = enable("X1", 0) + eec_lines("X1", NEW, 0.0, 10.0) + enable("X1", 1) + "M3
 BLOCKS = 3 + 2 + 6 + 3 + 1
 
 
-def test_static_memory_goes_through_a_file_into_another_control() -> None:
+async def test_static_memory_goes_through_a_file_into_another_control() -> None:
     kept: list[str] = []
 
     async def before(bench: Bench) -> None:
@@ -40,12 +40,14 @@ def test_static_memory_goes_through_a_file_into_another_control() -> None:
         assert restored.get("$AA_ENC_COMP[0,5,X1]") == 0.0
         await restored.stop()
 
-    on_bench(before, gud=(("GUDLIST", 3),))
-    on_bench(after, gud=(("GUDLIST", 3),))
+    async with on_bench(gud=(("GUDLIST", 3),)) as on:
+        await before(on)
+    async with on_bench(gud=(("GUDLIST", 3),)) as on:
+        await after(on)
 
 
-def test_restored_tables_act_after_referencing_only() -> None:
-    async def body(bench: Bench) -> None:
+async def test_restored_tables_act_after_referencing_only() -> None:
+    async with on_bench() as bench:
         await load_eec(bench, "X1", OLD, 0.0, 10.0)
         content = json.loads(json.dumps(bench.nck.static_memory()))
         other = Nck(bench.nck.spec, bench.clock)
@@ -58,11 +60,9 @@ def test_restored_tables_act_after_referencing_only() -> None:
         assert other.axis_state("X1").eec_value == pytest.approx(0.001)
         await other.stop()
 
-    on_bench(body)
 
-
-def test_another_controls_memory_is_refused() -> None:
-    async def body(bench: Bench) -> None:
+async def test_another_controls_memory_is_refused() -> None:
+    async with on_bench() as bench:
         content = bench.nck.static_memory()
         other = Nck(dataclasses.replace(SPEC, axes=(AxisSpec("Q1", "Q"),)), bench.clock)
         with pytest.raises(ValueError, match="another control"):
@@ -70,11 +70,9 @@ def test_another_controls_memory_is_refused() -> None:
         with pytest.raises(ValueError, match="another control"):
             other.restore_static_memory({**content, "format": 99})
 
-    on_bench(body)
 
-
-def test_the_hook_sees_every_block_of_all_levels() -> None:
-    async def body(bench: Bench) -> None:
+async def test_the_hook_sees_every_block_of_all_levels() -> None:
+    async with on_bench() as bench:
         bench.load("R1=R1+1\nM17", "/_N_SPF_DIR/_N_L5_SPF")
         seen: list[int] = []
         bench.nck.on_block = seen.append
@@ -86,12 +84,10 @@ def test_the_hook_sees_every_block_of_all_levels() -> None:
         await bench.run("R5=1\nR6=1\nR7=1\nM30")
         assert (seen, bench.nck.channel_status, bench.r(7)) == ([1], 0, 0.0)
 
-    on_bench(body)
-
 
 @pytest.mark.parametrize("block", range(1, BLOCKS + 1))
-def test_mains_cut_at_every_block_of_a_push(block: int) -> None:
-    async def body(bench: Bench) -> None:
+async def test_mains_cut_at_every_block_of_a_push(block: int) -> None:
+    async with on_bench() as bench:
         await load_eec(bench, "X1", OLD, 0.0, 10.0)
         bench.nck.power_cut_at_block(block)
         bench.press_start(PUSH)
@@ -106,5 +102,3 @@ def test_mains_cut_at_every_block_of_a_push(block: int) -> None:
         enabled = bench.nck.get("$MA_ENC_COMP_ENABLE[0,X1]")
         assert enabled is (block < 1 or block >= 12), "a half table is never the one that is enabled"
         assert bench.nck.axis_state("X1").eec_value == (pytest.approx(points[0]) if enabled else 0.0)
-
-    on_bench(body)

@@ -31,9 +31,10 @@ def test_every_switch_is_named_in_a_test_and_in_its_description() -> None:
     "changes",
     [{"cec_sign": 2}, {"activation": "never"}, {"preprocess_ahead": -1}, {"writes_late_s": -1.0}, {"unit_system": "?"}],
 )
-def test_a_value_that_means_nothing_is_refused(changes: dict[str, object]) -> None:
+async def test_a_value_that_means_nothing_is_refused(changes: dict[str, object]) -> None:
     with pytest.raises(ValueError, match=r"is one of|negative|unit_system"):
-        on_bench(lambda _bench: None, **changes)  # type: ignore[arg-type, return-value]
+        async with on_bench(**changes):
+            pass
 
 
 def test_a_cell_file_draws_open_switches_by_its_seed_and_refuses_unknown_ones() -> None:
@@ -57,33 +58,29 @@ def test_a_cell_file_draws_open_switches_by_its_seed_and_refuses_unknown_ones() 
 
 
 @pytest.mark.parametrize("sign", [1, -1])
-def test_cec_sign(sign: int) -> None:
-    async def body(bench: Bench) -> None:
+async def test_cec_sign(sign: int) -> None:
+    async with on_bench(cec_sign=sign) as bench:
         await load(bench, table(0, "Z1", "X1", [0.01] * 2, 0.0, 100.0), "X1")
         await bench.sleep(1.0)
         assert encoder(bench, "X1") == pytest.approx(-sign * 0.01, abs=1e-9)
 
-    on_bench(body, cec_sign=sign)
-
 
 @pytest.mark.parametrize(("count", "expected"), [(False, 0.03 * 0.5), (True, 0.03 * 0.5 + 0.03 + 0.5)])
-def test_cec_factor_tables_count(count: bool, expected: float) -> None:
+async def test_cec_factor_tables_count(count: bool, expected: float) -> None:
     text = table(0, "Z1", "X1", [0.03] * 2, 0.0, 100.0, mult_by_table=2) + table(1, "Z1", "X1", [0.5] * 2, 0.0, 100.0)
 
-    async def body(bench: Bench) -> None:
+    async with on_bench(cec_factor_tables_count=count) as bench:
         await load(bench, text, "X1")
         await bench.sleep(1.0)
         assert bench.nck.axis_state("X1").cec_value == pytest.approx(expected)
 
-    on_bench(body, cec_factor_tables_count=count)
-
 
 @pytest.mark.parametrize(("first", "value"), [(1, 0.002), (-1, 0.007), (0, 0.0)])
-def test_cec_direction_at_start(first: int, value: float) -> None:
+async def test_cec_direction_at_start(first: int, value: float) -> None:
     text = table(0, "Z1", "X1", [0.002] * 2, 0.0, 100.0, direction=1)
     text += table(1, "Z1", "X1", [0.007] * 2, 0.0, 100.0, direction=-1)
 
-    async def body(bench: Bench) -> None:
+    async with on_bench(cec_direction_at_start=first) as bench:
         await load(bench, text, "X1")
         await bench.sleep(1.0)
         assert bench.nck.axis_state("X1").cec_value == pytest.approx(value), "nothing has moved since power on"
@@ -92,12 +89,10 @@ def test_cec_direction_at_start(first: int, value: float) -> None:
         await move(bench, "Z10")
         assert bench.nck.axis_state("X1").cec_value == pytest.approx(0.002)
 
-    on_bench(body, cec_direction_at_start=first)
-
 
 @pytest.mark.parametrize("kept", [True, False])
-def test_cec_direction_at_standstill(kept: bool) -> None:
-    async def body(bench: Bench) -> None:
+async def test_cec_direction_at_standstill(kept: bool) -> None:
+    async with on_bench(cec_direction_at_standstill=kept) as bench:
         await load(bench, table(0, "Z1", "X1", [0.002] * 2, 0.0, 100.0, direction=1), "X1")
         bench.press_start("G1 Z100 F3000\nM30")
         await bench.sleep(1.0)
@@ -105,8 +100,6 @@ def test_cec_direction_at_standstill(kept: bool) -> None:
         await bench.until_idle()
         await bench.sleep(1.0)
         assert bench.nck.axis_state("X1").cec_value == pytest.approx(0.002 if kept else 0.0)
-
-    on_bench(body, cec_direction_at_standstill=kept)
 
 
 @pytest.mark.parametrize(
@@ -118,8 +111,8 @@ def test_cec_direction_at_standstill(kept: bool) -> None:
         ({"activation": "power_on"}, "power"),
     ],
 )
-def test_activation(changes: dict[str, object], acts: str) -> None:
-    async def body(bench: Bench) -> None:
+async def test_activation(changes: dict[str, object], acts: str) -> None:
+    async with on_bench(**changes) as bench:
         await bench.run(enable("X1", 0) + eec_lines("X1", [0.01] * 3, 0.0, 100.0) + enable("X1", 1) + "M30")
         values = [bench.nck.axis_state("X1").eec_value]
         await bench.reset_and_reference()
@@ -131,21 +124,17 @@ def test_activation(changes: dict[str, object], acts: str) -> None:
         first = ("newconf", "reset", "power").index(acts)
         assert values == [0.0] * first + [0.01] * (3 - first)
 
-    on_bench(body, **changes)
 
-
-def test_locked_alarm() -> None:
-    async def body(bench: Bench) -> None:
+async def test_locked_alarm() -> None:
+    async with on_bench(locked_alarm=17180) as bench:
         await load_eec(bench, "X1", [0.001] * 3, 0.0, 10.0)
         await bench.run("$AA_ENC_COMP[0,0,X1]=1\nM30")
         assert bench.numbers() == [17180]
 
-    on_bench(body, locked_alarm=17180)
-
 
 @pytest.mark.parametrize("allowed", [True, False])
-def test_fetch_while_waiting(allowed: bool) -> None:
-    async def body(bench: Bench) -> None:
+async def test_fetch_while_waiting(allowed: bool) -> None:
+    async with on_bench(fetch_while_waiting=allowed) as bench:
         await bench.run('WRITE(R1,"OUT","LINE")\nM0\nM30')
         if allowed:
             assert bench.nck.files.read(READ) == b"LINE\n"
@@ -153,12 +142,10 @@ def test_fetch_while_waiting(allowed: bool) -> None:
             with pytest.raises(NckRefusal, match="fetched"):
                 bench.nck.files.read(READ)
 
-    on_bench(body, fetch_while_waiting=allowed)
-
 
 @pytest.mark.parametrize("writable", [True, False])
-def test_r_writable(writable: bool) -> None:
-    async def body(bench: Bench) -> None:
+async def test_r_writable(writable: bool) -> None:
+    async with on_bench(r_writable=writable) as bench:
         if writable:
             bench.nck.set("R[5]", 2.0, 7)
         else:
@@ -166,52 +153,42 @@ def test_r_writable(writable: bool) -> None:
                 bench.nck.set("R[5]", 2.0, 0)
         assert bench.r(5) == (2.0 if writable else 0.0)
 
-    on_bench(body, r_writable=writable)
-
 
 @pytest.mark.parametrize("reacts", [True, False])
-def test_backlash_reacts_to_cec(reacts: bool) -> None:
-    async def body(bench: Bench) -> None:
+async def test_backlash_reacts_to_cec(reacts: bool) -> None:
+    async with on_bench(backlash_reacts_to_cec=reacts) as bench:
         text = table(0, "Z1", "X1", [0.0, 0.010], 0.0, 100.0)
         await load(bench, text, "X1", extra="$MA_BACKLASH[0,X1]=0.008\n")
         await move(bench, "X50")
         await move(bench, "Z100")
         assert encoder(bench, "X1") == pytest.approx(49.99 + (-0.004 if reacts else 0.004), abs=1e-9)
 
-    on_bench(body, backlash_reacts_to_cec=reacts)
-
 
 @pytest.mark.parametrize(("stored", "maximum"), [(False, 1000.0), (True, 590.0)])
-def test_shortened_max_is_stored(stored: bool, maximum: float) -> None:
-    async def body(bench: Bench) -> None:
+async def test_shortened_max_is_stored(stored: bool, maximum: float) -> None:
+    async with on_bench(shortened_max_is_stored=stored) as bench:
         await bench.run("$AA_ENC_COMP_STEP[0,Z1]=10 $AA_ENC_COMP_MAX[0,Z1]=1000\nM30")
         assert bench.nck.get("$AA_ENC_COMP_MAX[0,Z1]") == 1000.0
         await bench.reset_and_reference()
         assert bench.nck.get("$AA_ENC_COMP_MAX[0,Z1]") == maximum
 
-    on_bench(body, shortened_max_is_stored=stored)
-
 
 @pytest.mark.parametrize("cleared", [True, False])
-def test_enable_cleared_at_boot(cleared: bool) -> None:
-    async def body(bench: Bench) -> None:
+async def test_enable_cleared_at_boot(cleared: bool) -> None:
+    async with on_bench(enable_cleared_at_boot=cleared) as bench:
         await load_eec(bench, "X1", [0.008] * 2, 0.0, 10.0)
         assert bench.nck.get("$MA_ENC_COMP_ENABLE[0,X1]") is not cleared
         assert bench.nck.axis_state("X1").eec_value == (0.0 if cleared else 0.008)
 
-    on_bench(body, enable_cleared_at_boot=cleared)
-
 
 @pytest.mark.parametrize(("shared", "ahead", "behind"), [(True, 0.002, -0.002), (False, 0.0, -0.004)])
-def test_encoder_lead_shared(shared: bool, ahead: float, behind: float) -> None:
-    async def body(bench: Bench) -> None:
+async def test_encoder_lead_shared(shared: bool, ahead: float, behind: float) -> None:
+    async with on_bench(encoder_lead_shared=shared) as bench:
         await bench.run("$MA_BACKLASH[0,X1]=0.004\nNEWCONF\nG0 X10\nG4 F1\nM30")
         assert encoder(bench, "X1") == pytest.approx(10.0 + ahead, abs=1e-9)
         await move(bench, "X5")
         assert encoder(bench, "X1") == pytest.approx(5.0 + behind, abs=1e-9)
         assert bench.nck.core.standing(0, np.array([5.0]), -1)[0] == pytest.approx(5.0 + behind, abs=1e-9)
-
-    on_bench(body, encoder_lead_shared=shared)
 
 
 # preprocess_ahead= and system_reads_stop= have their tests in test_preprocess.py.
@@ -235,8 +212,8 @@ def points(bench: Bench) -> list[float]:
     return [float(bench.nck.get(name)) for name in POINTS]
 
 
-def test_swaps_points_at_reset() -> None:
-    async def body(bench: Bench) -> None:
+async def test_swaps_points_at_reset() -> None:
+    async with on_bench(swaps_points_at_reset=1) as bench:
         await switched_off(bench)
         before = points(bench)
         bench.nck.nck_reset()
@@ -244,11 +221,9 @@ def test_swaps_points_at_reset() -> None:
         assert points(bench) == [before[0], before[2], before[1], before[3]]
         assert bench.nck.core.whims == ["swap"]
 
-    on_bench(body, swaps_points_at_reset=1)
 
-
-def test_enables_again_s() -> None:
-    async def body(bench: Bench) -> None:
+async def test_enables_again_s() -> None:
+    async with on_bench(enables_again_s=5.0) as bench:
         await switched_off(bench)
         for value in (1, 0):
             bench.nck.set(ENABLE, value, 0)
@@ -256,22 +231,18 @@ def test_enables_again_s() -> None:
         await bench.sleep(6.0)
         assert bench.nck.get(ENABLE)
 
-    on_bench(body, enables_again_s=5.0)
 
-
-def test_enables_at_block() -> None:
-    async def body(bench: Bench) -> None:
+async def test_enables_at_block() -> None:
+    async with on_bench(enables_at_block=2) as bench:
         await switched_off(bench)
         await bench.run("G4 F1\nG4 F1\nM30")
         assert bench.nck.get(ENABLE)
         assert "enable" in bench.nck.core.whims
 
-    on_bench(body, enables_at_block=2)
-
 
 @pytest.mark.parametrize("what", ["words", "memory", "switch"])
-def test_forgets_at_block(what: str) -> None:
-    async def body(bench: Bench) -> None:
+async def test_forgets_at_block(what: str) -> None:
+    async with on_bench(forgets_at_block=1, forgets=what) as bench:
         await switched_off(bench)
         bench.nck.set("R[7]", 7.0, 0)
         bench.nck.set(ENABLE, 1, 0)
@@ -283,5 +254,3 @@ def test_forgets_at_block(what: str) -> None:
         bench.nck.set(ENABLE, 1, 0)
         await bench.run("G4 F1\nM30")
         assert bench.nck.core.whims.count(f"forget {what}") == 2
-
-    on_bench(body, forgets_at_block=1, forgets=what)
