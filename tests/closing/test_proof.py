@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.clock import LoopClock, run_virtual
+from drivers.clock import LoopClock
 from gateway.store import RunFolder
 from gateway.tooth import ToothProposal
 from gateway.workflow import stages
@@ -38,33 +38,30 @@ def test_seeded_machines_end_at_their_floor_and_the_run_says_so(tmp_path: Path) 
 
 @pytest.mark.soak
 @pytest.mark.timeout(3000)
-def test_tables_switched_off_bring_the_old_flanks_back(tmp_path: Path) -> None:
+async def test_tables_switched_off_bring_the_old_flanks_back(tmp_path: Path) -> None:
     """CEC off: the flank that EEC alone makes, as foretold. EEC off too: the first part again."""
     from tests.closing.again import expected, ground_now, switched
     from tests.closing.judge import places, places_at, rms
     from tests.closing.runs import closed
 
-    async def story() -> None:
-        clock = LoopClock()
-        async with cell_running(with_plan(load_cell("demo")), tmp_path, clock, wires="memory", block_s=0.5) as cell:
-            done = await closed(cell, clock)
-            first, last = (done.watched.parts[part].work for part in ("before", "after"))
-            at = places(first.spec)
-            change = rms(at.trued(at.flank(last)) - at.trued(at.flank(first)))
-            assert change > 4.0 * SAME_UM
+    clock = LoopClock()
+    async with cell_running(with_plan(load_cell("demo")), tmp_path, clock, wires="memory", block_s=0.5) as cell:
+        done = await closed(cell, clock)
+        first, last = (done.watched.parts[part].work for part in ("before", "after"))
+        at = places(first.spec)
+        change = rms(at.trued(at.flank(last)) - at.trued(at.flank(first)))
+        assert change > 4.0 * SAME_UM
 
-            await switched(cell, "$MA_CEC_ENABLE[{axis}]", on=False)
-            alone, began = await ground_now(cell)
-            off = at.trued(at.flank(alone)) - at.trued(expected(cell, alone, began, at))
-            assert rms(off) < SAME_UM
-            assert rms(at.trued(at.flank(alone)) - at.trued(at.flank(last))) > 2.0 * SAME_UM
-            said = RunFolder(done.folder.path).get(stages.TOOTH, ToothProposal).prediction
-            there = places_at(first.spec, said.with_own.theta_rad, said.with_own.z_mm)
-            missed = rms(there.trued(there.flank(alone)) - there.trued(said.with_own.deviation_um))
-            assert missed < 2.0 * float(np.hypot(said.u_um, SAME_UM))
+        await switched(cell, "$MA_CEC_ENABLE[{axis}]", on=False)
+        alone, began = await ground_now(cell)
+        off = at.trued(at.flank(alone)) - at.trued(expected(cell, alone, began, at))
+        assert rms(off) < SAME_UM
+        assert rms(at.trued(at.flank(alone)) - at.trued(at.flank(last))) > 2.0 * SAME_UM
+        said = RunFolder(done.folder.path).get(stages.TOOTH, ToothProposal).prediction
+        there = places_at(first.spec, said.with_own.theta_rad, said.with_own.z_mm)
+        missed = rms(there.trued(there.flank(alone)) - there.trued(said.with_own.deviation_um))
+        assert missed < 2.0 * float(np.hypot(said.u_um, SAME_UM))
 
-            await switched(cell, "$MA_ENC_COMP_ENABLE[0,{axis}]", on=False)
-            bare, _ = await ground_now(cell)
-            assert rms(at.trued(at.flank(bare)) - at.trued(at.flank(first))) < SAME_UM
-
-    run_virtual(story)
+        await switched(cell, "$MA_ENC_COMP_ENABLE[0,{axis}]", on=False)
+        bare, _ = await ground_now(cell)
+        assert rms(at.trued(at.flank(bare)) - at.trued(at.flank(first))) < SAME_UM

@@ -20,34 +20,31 @@ pytestmark = pytest.mark.attack
 
 
 @pytest.mark.parametrize("command", ["MARKER", "DISABLE", "BEGIN", "CHUNK", "VERIFY", "ACTIVATE"])
-def test_an_answer_that_is_lost_leads_back_over_a_fresh_connection(tmp_path: Path, command: str) -> None:
+async def test_an_answer_that_is_lost_leads_back_over_a_fresh_connection(tmp_path: Path, command: str) -> None:
     """What the lost command did is unknown: it is never sent again; the restore is a transaction of its own number."""
 
-    async def main() -> None:
-        clock = LoopClock()
-        wire = Mischief(clock, random.Random(1))
-        async with world(Scene(), clock, wire.around) as at:
-            device = at.driver()
-            await device.open(5.0)
-            base = await device.saved_tables("X1")
-            said: list[str] = []
+    clock = LoopClock()
+    wire = Mischief(clock, random.Random(1))
+    async with world(Scene(), clock, wire.around) as at:
+        device = at.driver()
+        await device.open(5.0)
+        base = await device.saved_tables("X1")
+        said: list[str] = []
 
-            def say(code: str, /, **fields: object) -> None:
-                said.append(code)
-                at.person.hear(code, fields)
+        def say(code: str, /, **fields: object) -> None:
+            said.append(code)
+            at.person.hear(code, fields)
 
-            context = context_for(Scene(), device, clock, tmp_path, await device.identify(), say=say)
-            wire.due.append((Moment(1, command), lambda: setattr(wire, "lost", True)))
-            found = Played(0)
-            found.outcome = await ended(push_table(change_of(Scene(), base), context))
-            await device.close()
-            judge(at.oracle, found, said, context)
-            assert found.wrong == []
-            assert found.outcome == "rolled-back"
-            assert at.oracle.as_before
-            assert at.station.plc.memory.marker_state == 0
-
-    run_virtual(main)
+        context = context_for(Scene(), device, clock, tmp_path, await device.identify(), say=say)
+        wire.due.append((Moment(1, command), lambda: setattr(wire, "lost", True)))
+        found = Played(0)
+        found.outcome = await ended(push_table(change_of(Scene(), base), context))
+        await device.close()
+        judge(at.oracle, found, said, context)
+        assert found.wrong == []
+        assert found.outcome == "rolled-back"
+        assert at.oracle.as_before
+        assert at.station.plc.memory.marker_state == 0
 
 
 def test_a_control_that_stays_away_is_told_as_still_on(tmp_path: Path) -> None:

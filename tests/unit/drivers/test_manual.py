@@ -203,9 +203,6 @@ def test_desks_that_are_made() -> None:
     assert isinstance(desks[0], TerminalDesk)
 
 
-def test_a_closed_instrument_asks_nobody() -> None:
-    async def main() -> None:
-        with pytest.raises(TransportError, match="E-LINK-CLOSED"):
-            await typed(ManualEntry("dial", "terminal://", {}, LoopClock()))
-
-    run_clean(main, virtual=True)
+async def test_a_closed_instrument_asks_nobody() -> None:
+    with pytest.raises(TransportError, match="E-LINK-CLOSED"):
+        await typed(ManualEntry("dial", "terminal://", {}, LoopClock()))

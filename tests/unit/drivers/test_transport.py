@@ -134,12 +134,9 @@ def test_what_a_handler_dies_of_is_told_when_the_listener_closes(url: str) -> No
     "url",
     ["", "nothing://x", "tcp://", "tcp://host", "tcp://host:99999999", "tcp://:5", "memory://", "http://a:1"],
 )
-def test_urls_that_name_no_wire(url: str) -> None:
-    async def main() -> None:
-        with pytest.raises(ConfigError, match="E-LINK-URL"):
-            await open_transport(url, LoopClock(), 1.0)
-
-    run_clean(main, virtual=True)
+async def test_urls_that_name_no_wire(url: str) -> None:
+    with pytest.raises(ConfigError, match="E-LINK-URL"):
+        await open_transport(url, LoopClock(), 1.0)
 
 
 @pytest.mark.parametrize("url", ["COM3", "/dev/ttyUSB0", "tcp://127.0.0.1:0", ""])
@@ -218,19 +215,16 @@ def test_a_slow_reader_holds_the_writer_back() -> None:
     run_clean(main, virtual=True)
 
 
-def test_long_writes_of_two_tasks_do_not_mix() -> None:
-    async def main() -> None:
-        async def both(wire: ByteTransport) -> None:
-            await asyncio.gather(wire.write(b"a" * PIPE_BYTES * 3), wire.write(b"b" * PIPE_BYTES))
+async def test_long_writes_of_two_tasks_do_not_mix() -> None:
+    async def both(wire: ByteTransport) -> None:
+        await asyncio.gather(wire.write(b"a" * PIPE_BYTES * 3), wire.write(b"b" * PIPE_BYTES))
 
-        listener = listen_memory("c", both)
-        wire = await open_transport("memory://c", LoopClock(), 1.0)
-        data = await read_all(wire, 4 * PIPE_BYTES)
-        assert data in (b"a" * PIPE_BYTES * 3 + b"b" * PIPE_BYTES, b"b" * PIPE_BYTES + b"a" * PIPE_BYTES * 3)
-        await wire.close()
-        await listener.close()
-
-    run_clean(main, virtual=True)
+    listener = listen_memory("c", both)
+    wire = await open_transport("memory://c", LoopClock(), 1.0)
+    data = await read_all(wire, 4 * PIPE_BYTES)
+    assert data in (b"a" * PIPE_BYTES * 3 + b"b" * PIPE_BYTES, b"b" * PIPE_BYTES + b"a" * PIPE_BYTES * 3)
+    await wire.close()
+    await listener.close()
 
 
 def test_a_closing_end_is_not_held_by_a_peer_that_does_not_read() -> None:
@@ -251,24 +245,21 @@ def test_a_closing_end_is_not_held_by_a_peer_that_does_not_read() -> None:
     run_clean(main, virtual=False)
 
 
-def test_a_bent_wire_splits_drops_and_cuts() -> None:
-    async def main() -> None:
-        listener = listen_memory("d", echo)
-        straight = await open_transport("memory://d", LoopClock(), 1.0)
+async def test_a_bent_wire_splits_drops_and_cuts() -> None:
+    listener = listen_memory("d", echo)
+    straight = await open_transport("memory://d", LoopClock(), 1.0)
 
-        def outgoing(data: bytes) -> list[bytes]:
-            if data == b"cut":
-                raise TransportError("E-LINK-CLOSED", "bent", why="cut by the plan")
-            return [data[:2], b"", data[2:].replace(b"x", b"")]
+    def outgoing(data: bytes) -> list[bytes]:
+        if data == b"cut":
+            raise TransportError("E-LINK-CLOSED", "bent", why="cut by the plan")
+        return [data[:2], b"", data[2:].replace(b"x", b"")]
 
-        wire = BentTransport(
-            straight, incoming=lambda data: [data[at : at + 1] for at in range(len(data))], outgoing=outgoing
-        )
-        await wire.write(b"abxcd")
-        assert [await wire.read(10) for _ in range(4)] == [b"a", b"b", b"c", b"d"]
-        with pytest.raises(TransportError, match="cut by the plan"):
-            await wire.write(b"cut")
-        await wire.close()
-        await listener.close()
-
-    run_clean(main, virtual=True)
+    wire = BentTransport(
+        straight, incoming=lambda data: [data[at : at + 1] for at in range(len(data))], outgoing=outgoing
+    )
+    await wire.write(b"abxcd")
+    assert [await wire.read(10) for _ in range(4)] == [b"a", b"b", b"c", b"d"]
+    with pytest.raises(TransportError, match="cut by the plan"):
+        await wire.write(b"cut")
+    await wire.close()
+    await listener.close()

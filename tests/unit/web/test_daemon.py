@@ -299,7 +299,7 @@ def test_the_wrong_machine_is_trouble_though_every_device_answers() -> None:
     at_desk(body, devices, None)
 
 
-def test_a_task_that_swallows_a_cancel_is_cancelled_again() -> None:
+async def test_a_task_that_swallows_a_cancel_is_cancelled_again() -> None:
     async def stubborn(times: int) -> None:
         while times:
             try:
@@ -307,24 +307,18 @@ def test_a_task_that_swallows_a_cancel_is_cancelled_again() -> None:
             except asyncio.CancelledError:
                 times -= 1
 
-    async def main() -> None:
-        task = asyncio.create_task(stubborn(3))
-        await LoopClock().sleep(0)
-        await interrupt(task, LoopClock())
-        assert task.done()
-
-    run_virtual(main)
+    task = asyncio.create_task(stubborn(3))
+    await LoopClock().sleep(0)
+    await interrupt(task, LoopClock())
+    assert task.done()
 
 
-def test_work_that_ends_by_itself_passes_its_error_on() -> None:
+async def test_work_that_ends_by_itself_passes_its_error_on() -> None:
     async def broken() -> None:
         raise StoreError("E-STORE-DISK", "runs", why="full")
 
-    async def main() -> None:
-        with pytest.raises(StoreError):
-            await unless(broken(), LoopClock(), asyncio.Event())
-
-    run_virtual(main)
+    with pytest.raises(StoreError):
+        await unless(broken(), LoopClock(), asyncio.Event())
 
 
 # -- whole daemon on a loopback socket ---------------------------------------------------------------------
