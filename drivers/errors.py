@@ -21,12 +21,23 @@ def catalogue(language: str = "en") -> dict[str, dict[str, str]]:
     return merged
 
 
-def words(code: str, **fields: object) -> str:
+@functools.cache
+def _explanations(language: str) -> dict[str, dict[str, str]]:
+    file = resources.files("drivers").joinpath("messages", "explained", f"{language}.toml")
+    return tomllib.loads(file.read_text(encoding="utf-8"))
+
+
+def explained(code: str, language: str = "en") -> dict[str, str]:
+    """How a code comes about and how to get out of it, {"how", "out"}; {} for most codes, whose text says enough."""
+    return dict(_explanations(language).get(code, {}))
+
+
+def words(code: str, part: str = "what", /, **fields: object) -> str:
     """A catalogue text that is no error: progress, findings, verdicts. Unknown codes show their fields."""
     entry = catalogue().get(code)
     if entry is None:
         return f"{code} {fields}"
-    return entry["what"].format_map(_Fields(fields))
+    return entry.get(part, "").format_map(_Fields(fields))
 
 
 class TrueflankError(Exception):
@@ -56,10 +67,7 @@ class TrueflankError(Exception):
         return self._render("do")
 
     def _render(self, part: str) -> str:
-        if part == "what":
-            return words(self.code, **self.fields)
-        entry = catalogue().get(self.code, {})
-        return entry.get(part, "").format_map(_Fields(self.fields))
+        return words(self.code, part, **self.fields) if part == "what" or self.code in catalogue() else ""
 
     def __str__(self) -> str:
         place = f" [{self.where}]" if self.where else ""

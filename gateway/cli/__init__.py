@@ -6,7 +6,7 @@ import sys
 
 from gateway.cli.commands import app
 from gateway.cli.control import auditing, connecting, consenting, switching
-from gateway.cli.files import importing, replaying, watching
+from gateway.cli.files import explaining, importing, listing, replaying, watching
 from gateway.cli.machine import correcting, dynamic, grinding, inspecting, measuring, programs, whole_loop
 from gateway.cli.show import show_error
 
@@ -16,6 +16,8 @@ switching.add_to(app)
 connecting.add_to(app)
 replaying.add_to(app)
 importing.add_to(app)
+listing.add_to(app)
+explaining.add_to(app)
 watching.add_to(app)
 dynamic.add_to(app)
 measuring.add_to(app)

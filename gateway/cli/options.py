@@ -11,7 +11,10 @@ from drivers.errors import ConfigError
 from drivers.local.names import allowed, is_name, shown
 
 SiteArgument = Annotated[Path, typer.Argument(help="Site file (TOML).", show_default=False)]
-RunArgument = Annotated[str, typer.Argument(help="Run folder, or its id with --store.", show_default=False)]
+RunArgument = Annotated[
+    str,
+    typer.Argument(help="Run folder; its id, a unique beginning of it, or latest, with --store.", show_default=False),
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 ApplyOption = Annotated[bool, typer.Option("--apply", help="Write to the controller (else: propose only).")]
 MachineOption = Annotated[str, typer.Option(help="The machine's name, typed to confirm --apply.")]

@@ -61,6 +61,11 @@ class RunFolder:
         return self._facts()
 
     @property
+    def errors(self) -> tuple[Mapping[str, Any], ...]:
+        """What went wrong in this run, oldest first, each as `TrueflankError.as_record` gave it."""
+        return tuple(records.from_plain(one) for one in self._facts()["errors"])
+
+    @property
     def stages(self) -> tuple[str, ...]:
         """Names of the stored stages in the order they were first stored."""
         return tuple(self._facts()["stages"])

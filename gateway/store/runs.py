@@ -21,6 +21,9 @@ def _utc_now() -> datetime:
     return datetime.now(UTC)
 
 
+LATEST = "latest"
+
+
 class Store:
     """All runs below one folder. Holds nothing open."""
 
@@ -57,7 +60,7 @@ class Store:
         return RunFolder(path)
 
     def open(self, run: str | Path) -> RunFolder:
-        """A run by its id, by the start of its id when only one matches, or by its path.
+        """A run by its id, by the start of its id when only one matches, by its path, or `latest`.
 
         Raises StoreError (E-STORE-RUN, E-STORE-LINK), CorruptRecord, FutureSchema.
         """
@@ -65,7 +68,10 @@ class Store:
         for path in (*inside, Path(run)):
             if (path / RUN_FILE).is_file():
                 return RunFolder(path)
-        matches = [path for path in self._folders() if path.name.startswith(str(run))] if str(run) else []
+        folders = self._folders()
+        matches = [path for path in folders if path.name.startswith(str(run))] if str(run) else []
+        if run == LATEST:
+            matches = folders[-1:]
         if len(matches) == 1:
             return RunFolder(matches[0])
         raise StoreError("E-STORE-RUN", str(self.root), run=shown(run), matches=len(matches))

@@ -42,7 +42,7 @@ DOORS = {
     "scipy": 14,
     "serial": 1,
     "starlette": 2,
-    "typer": 21,
+    "typer": 23,
     "uvicorn": 1,
 }
 """In how many files each foreign library is imported; numpy is the language of the maths and may be anywhere."""

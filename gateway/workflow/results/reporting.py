@@ -107,7 +107,7 @@ def material_of(folder: RunFolder) -> ReportMaterial:
         instruments=instruments,
         files=files,
         hashes={stage: folder.digest(stage) for stage in folder.stages},
-        findings=tuple(str(error.get("what", "")) for error in facts["errors"]),
+        findings=tuple(str(error.get("what", "")) for error in folder.errors),
         tooth=tooth,
     )
 

@@ -1,0 +1,58 @@
+"""`runs` lists a store and shows one run, by its id, a beginning of it, or as the latest."""
+
+from __future__ import annotations
+
+import json
+from datetime import UTC, datetime
+from pathlib import Path
+
+from typer.testing import CliRunner
+
+from gateway.cli.commands import app
+from gateway.store import Store
+from gateway.workflow.results.reporting import material_of
+from tests.unit.programs.sites import site_file
+
+RUNNER = CliRunner()
+
+
+def a_store(root: Path) -> list[str]:
+    """Two runs, a day apart; the later one ended with an error."""
+    days = iter((1, 2))
+    store = Store(root, lambda: datetime(2026, 3, next(days), tzinfo=UTC))
+    first, second = store.create("hall-3"), store.create("hall-3")
+    second.set_state("failed", error={"code": "E-CAP-BEAM", "what": "the beam was lost"})
+    return [first.run_id, second.run_id]
+
+
+def test_all_runs_of_a_store(tmp_path: Path) -> None:
+    ids = a_store(tmp_path)
+    told = RUNNER.invoke(app, ["runs", "list", "--store", str(tmp_path), "--json"])
+    assert [one["run_id"] for one in json.loads(told.stdout)] == ids
+    plain = RUNNER.invoke(app, ["runs", "list", "--store", str(tmp_path)])
+    assert all(run in plain.stdout for run in ids)
+
+
+def test_no_run_is_said(tmp_path: Path) -> None:
+    assert "no run in" in RUNNER.invoke(app, ["runs", "list", "--store", str(tmp_path / "none")]).stdout
+
+
+def test_one_run_by_any_of_its_names(tmp_path: Path) -> None:
+    first, second = a_store(tmp_path)
+    for name, wanted in ((first, first), (first[:8], first), ("latest", second), (second[:8], second)):
+        told = RUNNER.invoke(app, ["runs", "show", name, "--store", str(tmp_path)])
+        assert told.exit_code == 0
+        assert wanted in told.stdout
+    shown = RUNNER.invoke(app, ["runs", "show", "latest", "--store", str(tmp_path)]).stdout
+    assert "E-CAP-BEAM: the beam was lost" in shown
+
+
+def test_a_report_of_the_latest_run_of_an_empty_store_is_refused(tmp_path: Path) -> None:
+    told = RUNNER.invoke(app, ["runs", "show", "latest", "--store", str(tmp_path)])
+    assert told.exit_code != 0
+
+
+def test_what_ended_a_run_stands_in_its_report(tmp_path: Path) -> None:
+    run = Store(tmp_path).create("hall-3", {"site_file": str(site_file(tmp_path, "demo", plan=False))})
+    run.set_state("failed", error={"code": "E-CAP-BEAM", "what": "the beam was lost"})
+    assert material_of(run).findings == ("the beam was lost",)
