@@ -141,7 +141,7 @@ def _proof(facts: PushFacts) -> Iterator[Refusal]:
     elif proof.machine.differences(facts.found):
         differ = ", ".join(proof.machine.differences(facts.found))
         yield from no("E-INT-OTHER-PROOF", axis=table.output_axis, differ=differ)
-    elif table.kind == "axis" and proof.sign != 1:
+    elif proof.reversed:
         yield from no("E-INT-SIGN", axis=table.output_axis, slope=proof.slope)
     elif not _sound(proof):
         yield from no("E-INT-BAD-PROOF", axis=table.output_axis, slope=proof.slope, u=proof.slope_u)
@@ -151,7 +151,7 @@ def _sound(proof: SignProof) -> bool:
     """The slope is one within 20 %, clear of its uncertainty, and says what the sign says."""
     size = abs(proof.slope)
     clear = abs(size - 1.0) <= PROOF_WITHIN + ROUNDING and size > PROOF_TIMES_U * proof.slope_u
-    return clear and proof.slope * proof.sign < 0
+    return clear and proof.agrees
 
 
 MACHINE: tuple[Rule, ...] = (_machine, _units, _channel, _mode, _alarms, _axis, _axis_units, _access)

@@ -123,20 +123,6 @@ def with_table(live: LiveSet, table: CompensationTable) -> LiveSet:
     return dataclasses.replace(live, cross=tuple(sorted((*cross, now), key=lambda one: one.table.index)), digest="")
 
 
-def signed(live: LiveSet, sign: int) -> LiveSet:
-    """Cross tables as deviations: stored values times the machine's proven sign."""
-    if sign == 1:
-        return live
-    return dataclasses.replace(live, cross=_turned(live.cross), others=_turned(live.others))
-
-
-def _turned(tables: tuple[LiveTable, ...]) -> tuple[LiveTable, ...]:
-    def turned(table: CompensationTable) -> CompensationTable:
-        return dataclasses.replace(table, deviations=tuple(-value + 0.0 for value in table.deviations))
-
-    return tuple(dataclasses.replace(one, table=turned(one.table)) for one in tables)
-
-
 def three_way(old: CompensationTable, new: CompensationTable, live: CompensationTable, most: int = 8) -> list[str]:
     """Where the live table is neither the old nor the new one: parameters, then points, ``most`` lines in all."""
     lines = [

@@ -11,12 +11,11 @@ from gateway.domain import TableChange
 from gateway.errors import VerifyError
 from gateway.interlocks import PushFacts
 from gateway.push.byhand import visit_by_hand
-from gateway.push.compare import signed
 from gateway.push.context import PushContext
 from gateway.push.plan import plan_hash
 from gateway.push.records.marking import against_the_log, missing_journals
 from gateway.push.work import Purpose
-from gateway.walk import Patience, walk
+from gateway.walk import Patience, approach_in, question, walk
 
 POLL_S = 0.5
 CONNECT_WITHIN_S = 60.0
@@ -96,18 +95,12 @@ def _modes(context: PushContext) -> tuple[str, ...]:
 async def read_live(context: PushContext, position: float) -> LiveSet:
     """The live tables of the output axis, cross tables as deviations; compensation stays as it is.
 
-    Saved by a program that visits one stop, or read directly where the road runs no programs. Raises what the
-    port raises: DeadlineExceeded when nobody starts it, DeviceRefused on an alarm.
+    Where the control must run a program for it the input axis goes to ``position``. Raises what the port raises:
+    DeadlineExceeded when nobody starts it, DeviceRefused on an alarm.
     """
-    if context.controller.capabilities.stops:
-        context.say("P-PUSH-READ", axis=context.axis.name)
-        stop = Stop(position, approach_to(context, position))
-        await visit(context, plan_of(context, "TFREAD", (stop,)), _nothing)
-    return signed(await context.controller.saved_tables(context.axis.name), context.sign)
-
-
-async def _nothing(_stop: Stop, _reached: StopReached) -> None:
-    return None
+    patience = Patience(context.start_timeout_s, context.stop_timeout_s)
+    asked = question(context.axis, context.moved, position, patience, proof=context.proof)
+    return await context.controller.live_tables(asked, context.say)
 
 
 def plan_of(
@@ -141,15 +134,10 @@ def stops_at(context: PushContext, positions: tuple[float, ...]) -> tuple[Stop, 
 
 
 def approach_to(context: PushContext, position: float, direction: int = 0) -> Approach:
-    """The direction from which a stop is reached without leaving the travel.
-
-    Coming up from below needs room for the overrun below; near the lower end the axis comes down. A table that
-    acts in one ``direction`` of travel is met in that direction.
-    """
-    axis = context.moved
+    """As `approach_in`; a table that acts in one ``direction`` of travel is met in that direction."""
     if direction:
         return 1 if direction > 0 else -1
-    return -1 if not axis.modulo and position - axis.overrun < axis.travel[0] else 1
+    return approach_in(context.moved, position)
 
 
 async def visit(context: PushContext, plan: StopPlan, at_stop: AtStop, order: PushOrder | None = None) -> None:

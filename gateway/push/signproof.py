@@ -233,5 +233,5 @@ def _judged(context: PushContext, steps: Steps, kind: Literal["axis", "cross"]) 
         told = {"mean": round(steps.mean, 3), "unit": deviation_unit(axis.unit)}
         raise VerifyError("E-PUSH-SIGN", axis.name, axis=axis.name, **told)
     moment = context.clock.utc().isoformat(timespec="seconds")
-    sign: Literal[1, -1] = 1 if steps.mean < 0 else -1
+    sign = SignProof.sign_of(steps.mean)
     return SignProof(context.machine, kind, axis.name, steps.mean / PEAK, steps.u / PEAK, sign, moment)

@@ -21,7 +21,6 @@ from gateway.push.compare import (
     effect_positions,
     same_set,
     same_table,
-    signed,
     table_facts,
     table_in,
     with_table,
@@ -242,7 +241,7 @@ def unchanged(context: PushContext, change: TableChange, live: LiveSet, allowed:
     base = change.base or (context.capture.live if context.capture is not None else None)
     if base is None or base.digest != change.base_digest or base.axis != live.axis:
         return False
-    expected = signed(base, context.sign)
+    expected = context.controller.tables_by(base, context.proof)
     for table in context.pushed:
         expected = with_table(expected, table)
     return same_set(expected, live, allowed)

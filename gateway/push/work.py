@@ -14,7 +14,7 @@ from drivers.errors import TrueflankError, words
 from drivers.types import CompensationTable, LiveSet, LiveTable, Marker, PushOrder, TableLimits
 from gateway.domain import PushRecord, TableChange
 from gateway.errors import BusyError, StoreError, VerifyError
-from gateway.push.compare import signed, table_facts, tolerance
+from gateway.push.compare import table_facts, tolerance
 from gateway.push.context import PushContext
 from gateway.push.plan import plan_hash
 from gateway.push.records import journal, numbering
@@ -109,10 +109,6 @@ class Work:
         head = self.context.log.head() if self.context.log is not None else 0
         return PushOrder(number, table, moved.letter, moved.rotary, enable, place, purpose, proof, self.coupled, head)
 
-    def signed(self, live: LiveSet) -> LiveSet:
-        """A live set as saved, cross tables as deviations by this push's proof."""
-        return signed(live, self.context.sign)
-
     def fresh_number(self) -> int:
         """Another transaction number of this machine."""
         return numbering.allocate(self.folder, seed_of(self.context))
@@ -199,7 +195,7 @@ def begun(
             key=context.key,
             actor=context.actor,
             approved_by=sorted({approval.actor for approval in context.approvals}),
-            sign=context.sign,
+            sign=context.sense,
         )
         _announce(work)
         yield work

@@ -32,6 +32,13 @@ def test_no_file_above_the_port_has_a_word_of_one_maker(what: str) -> None:
     assert found == []
 
 
+def test_nobody_above_the_port_asks_for_the_sign_of_a_table() -> None:
+    asks = re.compile(r"(?<!np)\.sign\b|\b(sense|sign)\s*\*\s*\w+\.(deviation|table|value)")
+    rooms = ("push", "interlocks", "table", "approve", "workflow/control", "workflow/tooth", "workflow/aftercare.py")
+    files = (path for path in _files() if str(path.relative_to(ROOT / "gateway")).startswith(rooms))
+    assert [str(path.relative_to(ROOT)) for path in files if asks.search(path.read_text(encoding="utf-8"))] == []
+
+
 def test_every_registered_control_brings_its_words() -> None:
     assert [name for name in registry.known("controller") if registry.terms_of(name) in (None, Terms())] == []
 

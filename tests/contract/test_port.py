@@ -25,7 +25,7 @@ from drivers.contract import (
     switches_as_declared,
 )
 from drivers.ports import Controller
-from drivers.types import LiveSet, LiveTable, PushOrder, Stop
+from drivers.types import LiveSet, LiveTable, PushOrder, SignProof
 from tests.contract import modbus_stage, opcua_stage
 from tests.contract.fileroad import CAPABILITIES, FileRoad, Machine, curve
 
@@ -42,17 +42,18 @@ def on_opcua(body: Body, folder: Path) -> None:
     """The 840D by its OPC UA server and programs: the operator presses NC START and does what MSG says."""
 
     async def act(on: opcua_stage.Stage) -> None:
+        told: list[str] = []
+
+        def tell(code: str, /, **_fields: object) -> None:
+            told.append(code)
+
         async def person(moment: Moment, work: Coroutine[Any, Any, Any]) -> Any:
             if moment == "start":
                 on.press()
-            return await work
-
-        async def live(axis: str) -> LiveSet:
-            await on.walk(opcua_stage.plan((Stop(0.0, 1),)))
-            return await on.device.saved_tables(axis)
+            return await (on.asked(work, told) if moment == "read" else work)
 
         table = opcua_stage.TABLE_C
-        await body(Subject(on.device, table, "C", True, 0.0, person, live, allowed=0.002))
+        await body(Subject(on.device, table, "C", True, 0.0, person, tell, allowed=0.002))
 
     opcua_stage.on_stage(act, folder=folder)
 
@@ -66,7 +67,7 @@ def on_mailbox(body: Body, folder: Path) -> None:
             return await (on.pressed(work) if moment == "release" else work)
 
         table = modbus_stage.table()
-        await body(Subject(on.device, table, "X", False, 0.0, person, on.device.saved_tables))
+        await body(Subject(on.device, table, "X", False, 0.0, person))
 
     modbus_stage.on_stage(act)
 
@@ -85,14 +86,14 @@ def on_files(body: Body, folder: Path) -> None:
 
 def files_subject(device: FileRoad, machine: Machine, clock: LoopClock) -> Subject:
     async def person(moment: Moment, work: Coroutine[Any, Any, Any]) -> Any:
-        if moment == "start":
+        if moment in ("read", "start"):
             return await work
         task = asyncio.ensure_future(work)
         await clock.sleep(3.0)
         machine.restart()
         return await task
 
-    return Subject(device, curve(), "X", False, 0.0, person, device.saved_tables)
+    return Subject(device, curve(), "X", False, 0.0, person)
 
 
 ROADS: dict[str, Callable[[Body, Path], None]] = {
@@ -147,13 +148,13 @@ class OneCurve(_Liar):
 
 
 class FrozenDigest(_Liar):
-    async def saved_tables(self, axis: str) -> LiveSet:
-        return replace(await super().saved_tables(axis), digest="0" * 64)
+    async def saved_tables(self, axis: str, proof: SignProof | None = None) -> LiveSet:
+        return replace(await super().saved_tables(axis, proof), digest="0" * 64)
 
 
 class NoDigest(_Liar):
-    async def saved_tables(self, axis: str) -> LiveSet:
-        return replace(await super().saved_tables(axis), digest="")
+    async def saved_tables(self, axis: str, proof: SignProof | None = None) -> LiveSet:
+        return replace(await super().saved_tables(axis, proof), digest="")
 
 
 class KeepsTheNew(_Liar):

@@ -17,13 +17,13 @@ from drivers.sinumerik.opcua.dialogue import Dialogue, Glance, file_refused
 from drivers.sinumerik.opcua.machine import Configuration, MachineReader
 from drivers.sinumerik.opcua.settings import UaSettings
 from drivers.sinumerik.opcua.transfer import Transfer
-from drivers.sinumerik.tablefile.reader import Sign
-from drivers.types import ChannelStatus, LiveSet, Marker, PushOrder
+from drivers.sinumerik.tablefile.signs import sense_for
+from drivers.types import ChannelStatus, LiveSet, Marker, PushOrder, Sense
 
 T = TypeVar("T")
 
 
-async def live_tables(transfer: Transfer, saving: Saving, configuration: Configuration, cec_sign: Sign = 1) -> LiveSet:
+async def live_tables(transfer: Transfer, saving: Saving, configuration: Configuration, cec_sign: Sense = 1) -> LiveSet:
     """Fetch the file of one run of our program and read it; raises what `Transfer.fetch` and `read_written` do."""
     text = await transfer.fetch(saving.path)
     return read_written(text, saving.path, saving=saving, units=configuration.units, cec_sign=cec_sign)
@@ -95,7 +95,7 @@ class Pushing:
         await self._until(order, timeout_s, self._is_loaded)
         sections: tuple[Section, Section] = ("BACK", "READ")
         files = [pushing_program.saving(section, order, self._memory) for section in sections]
-        backup, readback = [await live_tables(self._transfer, one, configuration, _sign_of(order)) for one in files]
+        backup, readback = [await live_tables(self._transfer, one, configuration, sense_for(order)) for one in files]
         return backup, readback
 
     async def backup(self, order: PushOrder, configuration: Configuration) -> LiveSet:
@@ -104,7 +104,7 @@ class Pushing:
         encoder = table.index if table.kind == "axis" else 0
         memory = await self._reader.memory(configuration, table.output_axis, encoder)
         saving = pushing_program.saving("BACK", order, memory)
-        return await live_tables(self._transfer, saving, configuration, _sign_of(order))
+        return await live_tables(self._transfer, saving, configuration, sense_for(order))
 
     async def _until(
         self, order: PushOrder, timeout_s: float, reached: Callable[[PushOrder, Glance | None, Glance], T | None]
@@ -178,7 +178,3 @@ class Pushing:
         waits_for_second = self._settings.two_programs and seen.phase == Phase.WAITING
         stopped = before is not None and before.channel is seen.channel is ChannelStatus.RESET
         return False if stopped and not waits_for_second else None
-
-
-def _sign_of(order: PushOrder) -> Sign:
-    return order.proof.sign if order.proof and order.table.kind == "cross" else 1

@@ -15,10 +15,10 @@ from math import isfinite
 from drivers.errors import TableError, ValueOutOfRange
 from drivers.limits import VALUE_RESOLUTION
 from drivers.sinumerik.tablefile.grammar import DECIMALS, FINEST_POSITION, LARGEST, grid_text, value_text
-from drivers.sinumerik.tablefile.groups import SCALE, Sign, axis_unit
+from drivers.sinumerik.tablefile.groups import SCALE, axis_unit
 from drivers.sinumerik.tablefile.reader import read
 from drivers.tablefile import TableFile
-from drivers.types import CompensationTable, PushOrder, SignProof
+from drivers.types import CompensationTable, PushOrder, Sense, SignProof
 
 __all__ = [
     "TableFile",
@@ -43,7 +43,7 @@ def stored_values(table: CompensationTable, proof: SignProof | None = None) -> t
     return _stored(table, written_sign(table, proof))
 
 
-def written_sign(table: CompensationTable, proof: SignProof | None) -> Sign:
+def written_sign(table: CompensationTable, proof: SignProof | None) -> Sense:
     """What d is multiplied with. Raises TableError (E-TABLE-NO-PROOF, E-TABLE-SIGN)."""
     if proof is not None and (proof.kind, proof.output_axis) != (table.kind, table.output_axis):
         proof = None
@@ -61,7 +61,7 @@ def as_stored(table: CompensationTable) -> tuple[Decimal, ...]:
     return _stored(table, 1)
 
 
-def _stored(table: CompensationTable, sign: Sign) -> tuple[Decimal, ...]:
+def _stored(table: CompensationTable, sign: Sense) -> tuple[Decimal, ...]:
     if not table.is_plain:
         raise TableError("E-TABLE-PLAIN", table.name, table=table.name)
     scale, places = SCALE[table.output_unit], Decimal(1).scaleb(-DECIMALS)

@@ -59,14 +59,14 @@ async def look(found: JournalRead, context: PushContext) -> Finding:
         return without_controller
     except TrueflankError:
         return await _unreadable(found, context, without_controller)
-    return verdict(found, seen, allowed, context.sign)
+    return verdict(found, seen, allowed, context.meant)
 
 
 async def _unreadable(found: JournalRead, context: PushContext, otherwise: Finding) -> Finding:
     """Tables that cannot be read may be anything: unless the switch reads off, they are switched off."""
     if not announced(found, "DISABLE"):
         return otherwise
-    reading = await disabling.read(context, disabling.order_of(tables_of(found, context.sign)[1]))
+    reading = await disabling.read(context, disabling.order_of(tables_of(found, context.meant)[1]))
     if reading is not None and reading.off:
         return otherwise
     return replace(otherwise, code="R-PUSH-UNREADABLE", action="disable", still_on=True)
@@ -77,7 +77,7 @@ async def _see(found: JournalRead, context: PushContext) -> tuple[Seen | None, f
     if state.channel is not ChannelStatus.RESET:
         context.say("P-PUSH-RESET", axis=context.axis.name)
         return None, 0.0
-    _old, new = tables_of(found, context.sign)
+    _old, new = tables_of(found, context.meant)
     limits = await context.controller.table_limits(context.axis.name, new.kind, new.index)
     live = await conversation.read_live(context, _place(found, context))
     marker = await context.controller.marker() if context.controller.capabilities.marker else None
@@ -95,7 +95,7 @@ def _neighbours_on(live: LiveSet, table: CompensationTable) -> bool:
 
 
 def _place(found: JournalRead, context: PushContext) -> float:
-    old, new = tables_of(found, context.sign)
+    old, new = tables_of(found, context.meant)
     axis = context.moved
     place = agreeing_position(old, new, axis.reference, axis.travel)
     return axis.reference if place is None else place
@@ -141,7 +141,7 @@ def _closed(found: JournalRead, finding: Finding) -> PushRecord:
 
 
 async def _work(found: JournalRead, context: PushContext) -> Work:
-    old, new = tables_of(found, context.sign)
+    old, new = tables_of(found, context.meant)
     limits = await context.controller.table_limits(context.axis.name, new.kind, new.index)
     nothing = np.zeros(0)
     base = str(found.latest("base_digest") or "")
