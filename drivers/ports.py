@@ -257,7 +257,8 @@ class Controller(Device, Protocol):
         Cross tables of both are deviations by the order's proof. A
         table never loaded (step 0) is restored as such, or, where the road cannot say that, as zeros on the grid there.
 
-        Raises DeviceRefused when the program itself counted mismatches or ended by another way.
+        Raises PointsDiffer when every point was written and some read otherwise, TableActs when the control takes
+        none because the table is on, DeviceRefused when it ended by another way.
         """
         ...
 
@@ -285,7 +286,7 @@ class Controller(Device, Protocol):
     async def switch(self, order: PushOrder, enable: bool, timeout_s: float) -> None:
         """Switch the order's table on or off and wait until it acts or is gone, confirmed at the machine.
 
-        Raises UnsupportedDevice (E-NC-NO-SWITCHING) unless `Capabilities.switched` is "by-itself", DeadlineExceeded,
+        Raises UnsupportedDevice unless `Capabilities.switched` is "by-itself", DeadlineExceeded,
         DeviceRefused.
         """
         ...

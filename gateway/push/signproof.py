@@ -123,14 +123,14 @@ async def prove_sign(
     counts, and its u; only differences matter. ``setup`` is the operator's message for mounting the optics;
     ``index`` the number of the cross table to borrow.
     Raises WriteRefused (E-PUSH-REFUSED), VerifyError (E-PUSH-NO-PROOF, E-PUSH-SIGN), RollbackFailed
-    (E-PUSH-HELD), UnsupportedDevice (E-NC-NO-SWITCHING), BusyError, StoreError, and what port or reading raise;
+    (E-PUSH-HELD), UnsupportedDevice (E-PUSH-NO-SWITCHING), BusyError, StoreError, and what port or reading raise;
     the old table is then live again.
     """
     raw = replace(unheard(context), proof=None)
     can = raw.controller.capabilities
     table, peak = triangle(raw, minimum, maximum, step, kind, index)
     if not can.switches_now:
-        raise UnsupportedDevice("E-NC-NO-SWITCHING", raw.axis.name, table=table.name)
+        raise UnsupportedDevice("E-PUSH-NO-SWITCHING", raw.axis.name, table=table.name)
     folder = journal.machine_folder(raw.journals, raw.machine.serial)
     with machine_lock(folder):
         await _allowed(raw, _change(table, None), None)

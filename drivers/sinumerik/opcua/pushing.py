@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from drivers.clock import Clock
-from drivers.errors import DeadlineExceeded, DeviceRefused
+from drivers.errors import DeadlineExceeded, DeviceRefused, PointsDiffer
 from drivers.sinumerik.ncprogram import pushing as pushing_program
 from drivers.sinumerik.ncprogram.backup import Memory, Saving, Section
 from drivers.sinumerik.ncprogram.legal import legal
@@ -88,8 +88,8 @@ class Pushing:
     async def loaded(self, order: PushOrder, timeout_s: float, configuration: Configuration) -> tuple[LiveSet, LiveSet]:
         """Wait for the end of the first half: (back-up of the old, read-back of the new), both as written there.
 
-        Raises DeviceRefused: E-NC-MISMATCH (count) when the program found differences, E-NC-LEVEL when the
-        compensation could not be switched off, E-NC-FILE, E-NC-ALARM, E-NC-STOPPED; DeadlineExceeded;
+        Raises PointsDiffer (E-NC-MISMATCH, count) when the program found differences, DeviceRefused: E-NC-LEVEL when
+        the compensation could not be switched off, E-NC-FILE, E-NC-ALARM, E-NC-STOPPED; DeadlineExceeded;
         FileFormatError as `written.read_written` for a file that is not the whole one of this very order.
         """
         await self._until(order, timeout_s, self._is_loaded)
@@ -139,7 +139,7 @@ class Pushing:
         if seen.phase == Phase.WAITING and at_rest:
             return True
         if seen.phase == Phase.ENDED_DISABLED and mismatches:
-            raise DeviceRefused("E-NC-MISMATCH", self._where, count=mismatches, table=order.table.name)
+            raise PointsDiffer("E-NC-MISMATCH", self._where, count=mismatches, table=order.table.name)
         if seen.phase == Phase.LEFT and not seen.word(Word.ABORT):
             raise DeviceRefused("E-NC-LEVEL", self._where, table=order.table.name)
         if seen.phase == Phase.FILE_FAILED:

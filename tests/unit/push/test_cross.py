@@ -324,7 +324,7 @@ def test_a_road_that_neither_runs_programs_nor_switches_proves_nothing(tmp_path:
     at.controller.switching = False
     with pytest.raises(UnsupportedDevice) as caught:
         prove(at, 1)
-    assert caught.value.code == "E-NC-NO-SWITCHING"
+    assert caught.value.code == "E-PUSH-NO-SWITCHING"
     assert at.controller.calls == {}
 
 
