@@ -171,7 +171,12 @@ async def release(work: Work, order: PushOrder) -> None:
 async def _ask_again(work: Work, order: PushOrder) -> None:
     change = replace(work.change, new=order.table, old_enabled=order.enable)
     start = await conversation.facts_at_start(
-        work.context, change, order.purpose, work.limits, order.agreeing_position, live=work.base
+        work.context,
+        change,
+        purpose=order.purpose,
+        limits=work.limits,
+        agreeing_position=order.agreeing_position,
+        live=work.base,
     )
     found = refusals(_at_release(start))
     if found:

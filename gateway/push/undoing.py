@@ -32,7 +32,16 @@ from gateway.table.threeway import ThreeWay, compare
 def undoing(done: Committed) -> TableChange:
     """The change that takes a push back: from what it wrote to what was live before."""
     nothing = np.zeros(0)
-    return TableChange(done.axis, done.new.table, done.old.table, done.new.enabled, "", nothing, nothing, nothing)
+    return TableChange(
+        done.axis,
+        done.new.table,
+        new=done.old.table,
+        old_enabled=done.new.enabled,
+        base_digest="",
+        targets=nothing,
+        predicted=nothing,
+        predicted_U=nothing,
+    )
 
 
 async def ask_undo(done: Committed, context: PushContext) -> Asked:
@@ -42,7 +51,9 @@ async def ask_undo(done: Committed, context: PushContext) -> Asked:
     limits = await context.controller.table_limits(change.axis, table.kind, table.index)
     place = place_for(done.new, change, context)
     names = unfinished_names(context)
-    facts = await conversation.facts_at_start(context, change, "restore", limits, place, unfinished=names)
+    facts = await conversation.facts_at_start(
+        context, change, purpose="restore", limits=limits, agreeing_position=place, unfinished=names
+    )
     return Asked(limits, place, tuple(_reasons(facts)), marker=facts.marker)
 
 
@@ -83,7 +94,14 @@ async def _undone(done: Committed, context: PushContext) -> PushRecord:
         if asked.refusals or asked.agreeing_position is None:
             return refused(context, done.axis, asked.refusals)
         change = undoing(done)
-        with begun(context, folder, change, "restore", asked.limits, asked.agreeing_position) as work:
+        with begun(
+            context,
+            folder,
+            change=change,
+            purpose="restore",
+            limits=asked.limits,
+            agreeing_position=asked.agreeing_position,
+        ) as work:
             work.before = asked.marker
             work.note("UNDOES", undoes=done.transaction)
             return work.record(await _undo(work, done))
@@ -127,7 +145,9 @@ async def _exchange(work: Work, done: Committed, base: LiveSet) -> Outcome:
 
 async def _still_allowed(work: Work, base: LiveSet) -> tuple[Refusal, ...]:
     place = work.agreeing_position
-    facts = await conversation.facts_at_start(work.context, work.change, "restore", work.limits, place, live=base)
+    facts = await conversation.facts_at_start(
+        work.context, work.change, purpose="restore", limits=work.limits, agreeing_position=place, live=base
+    )
     return tuple(_reasons(facts))
 
 

@@ -124,13 +124,13 @@ def _committed(found: JournalRead, meant: Meant) -> Committed | None:
     return Committed(
         found.number,
         spoken().name(new.kind, axis, new.index),
-        axis,
-        str(ends[-1].facts.get("utc", "")),
-        old,
-        LiveTable(new, enabled=True if switch is None else bool(switch)),
-        int(found.latest("undoes") or 0),
-        str(found.latest("path") or ""),
-        found.path,
+        axis=axis,
+        utc=str(ends[-1].facts.get("utc", "")),
+        old=old,
+        new=LiveTable(new, enabled=True if switch is None else bool(switch)),
+        undoes=int(found.latest("undoes") or 0),
+        backup=str(found.latest("path") or ""),
+        journal=found.path,
     )
 
 

@@ -86,7 +86,17 @@ def verdict(found: JournalRead, live: LiveTable | Seen | None, allowed: float, m
         old, new = tables_of(found, meant)
         difference = tuple(three_way(old.table, new, seen.live.table))
     axis, loud = str(found.latest("axis") or ""), _still_on(found, seen, code, action)
-    return Finding(found.number, axis, code, action, found.path, last, backup, difference, loud)
+    return Finding(
+        found.number,
+        axis,
+        code=code,
+        action=action,
+        journal=found.path,
+        last=last,
+        backup=backup,
+        difference=difference,
+        still_on=loud,
+    )
 
 
 def _still_on(found: JournalRead, seen: Seen | None, code: str, action: Action) -> bool:

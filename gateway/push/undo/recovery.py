@@ -137,7 +137,7 @@ def _closed(found: JournalRead, finding: Finding) -> PushRecord:
     finally:
         kept.close()
     journal.set_aside(found.path)
-    return PushRecord(found.number, finding.axis, "skipped", (finding.words,), "")
+    return PushRecord(found.number, finding.axis, outcome="skipped", steps=(finding.words,), backup_path="")
 
 
 async def _work(found: JournalRead, context: PushContext) -> Work:
@@ -145,11 +145,31 @@ async def _work(found: JournalRead, context: PushContext) -> Work:
     limits = await context.controller.table_limits(context.axis.name, new.kind, new.index)
     nothing = np.zeros(0)
     base = str(found.latest("base_digest") or "")
-    change = TableChange(context.axis.name, old.table, new, old.enabled, base, nothing, nothing, nothing)
+    change = TableChange(
+        context.axis.name,
+        old.table,
+        new=new,
+        old_enabled=old.enabled,
+        base_digest=base,
+        targets=nothing,
+        predicted=nothing,
+        predicted_U=nothing,
+    )
     folder = journal.machine_folder(context.journals, context.machine.serial)
     written = journal.Journal.reopen(found)
     place = _place(found, context)
-    work = Work(context, folder, written, found.number, change, "table", limits, place, old, coupled(found))
+    work = Work(
+        context,
+        folder,
+        journal=written,
+        number=found.number,
+        change=change,
+        purpose="table",
+        limits=limits,
+        agreeing_position=place,
+        restore_to=old,
+        coupled=coupled(found),
+    )
     work.backup_path = str(found.latest("path") or "")
     work.marked = work.order(new, False, "restore", found.number)
     work.cut_short, work.torn = True, bool(found.latest("torn"))

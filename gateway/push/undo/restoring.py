@@ -191,7 +191,9 @@ async def _asked(work: Work) -> None:
     """The interlocks of a restore. Raises WriteRefused (E-PUSH-REFUSED) with every reason."""
     change = replace(work.change, new=work.restore_to.table)
     context, place = work.context, work.agreeing_position
-    facts = await conversation.facts_at_start(context, change, "restore", work.limits, place, live=work.base)
+    facts = await conversation.facts_at_start(
+        context, change, purpose="restore", limits=work.limits, agreeing_position=place, live=work.base
+    )
     found = refusals(facts)
     if found:
         reasons = "; ".join(refusal.words for refusal in found)

@@ -139,8 +139,8 @@ async def inspect_part(at: Bench, part: str, others: Mapping[str, str] | None = 
     Profile lines on both flanks of every space at five heights and one touch for pitch, in one clamping. Waits for a
     person to clamp it. ``others`` are numbers and names of parts it must not be, beside those of this run. Raises
     ConfigError (E-INSPECT-INSPECTOR), DeviceRefused (E-INSPECT-UNCLAMPED, E-GEAR-ENDED, E-INSPECT-SAME,
-    E-INSPECT-RECLAMPED), ModelError (E-INSPECT-...: wrong gear, spaces missing, too many glitches), and what the wire raises; the machine's
-    plan is stopped then.
+    E-INSPECT-RECLAMPED), ModelError (E-INSPECT-...: wrong gear, spaces missing, too many glitches), and what the wire
+    raises; the machine's plan is stopped then.
     """
     checked_name(stages.inspected(part))
     name = inspector_name(at.site)
