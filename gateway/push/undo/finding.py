@@ -22,7 +22,7 @@ MOST_TRIES = 3
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class PushFinding:
     """What one unfinished push left. ``code`` is its catalogue entry, ``action`` what is offered.
 
     ``difference`` says, where somebody else wrote, what is neither old nor new. ``still_on``: something is enabled,
@@ -72,7 +72,7 @@ class Seen:
     marker_ours: bool = True
 
 
-def verdict(found: JournalRead, live: LiveTable | Seen | None, allowed: float, meant: Meant = as_kept) -> Finding:
+def verdict(found: JournalRead, live: LiveTable | Seen | None, allowed: float, meant: Meant = as_kept) -> PushFinding:
     """What happened, from the journal and the live table (None: not readable now).
 
     ``meant`` gives the journal's tables by the proof that ``live`` was read by.
@@ -86,7 +86,7 @@ def verdict(found: JournalRead, live: LiveTable | Seen | None, allowed: float, m
         old, new = tables_of(found, meant)
         difference = tuple(three_way(old.table, new, seen.live.table))
     axis, loud = str(found.latest("axis") or ""), _still_on(found, seen, code, action)
-    return Finding(
+    return PushFinding(
         found.number,
         axis,
         code=code,

@@ -31,7 +31,7 @@ from gateway.push.records.history import tables_of
 from gateway.push.records.journal import JournalRead
 from gateway.push.records.lock import machine_lock
 from gateway.push.undo import disabling
-from gateway.push.undo.finding import MOST_TRIES, Finding, Seen, announced, before, coupled, verdict
+from gateway.push.undo.finding import MOST_TRIES, PushFinding, Seen, announced, before, coupled, verdict
 from gateway.push.undo.restoring import held, hold, roll_back
 from gateway.push.unexpected import foreseen, unheard
 from gateway.push.work import Work, closed_at_the_end
@@ -42,7 +42,7 @@ def unfinished(journals: Path, serial: str, begun: journal.Begun | None = None) 
     return journal.left_open(journal.machine_folder(journals, serial), begun)
 
 
-async def look(found: JournalRead, context: PushContext) -> Finding:
+async def look(found: JournalRead, context: PushContext) -> PushFinding:
     """Read the controller and say what an unfinished push left; changes no compensation.
 
     A controller that cannot be read, or whose program still waits, gives a finding that says so.
@@ -62,7 +62,7 @@ async def look(found: JournalRead, context: PushContext) -> Finding:
     return verdict(found, seen, allowed, context.meant)
 
 
-async def _unreadable(found: JournalRead, context: PushContext, otherwise: Finding) -> Finding:
+async def _unreadable(found: JournalRead, context: PushContext, otherwise: PushFinding) -> PushFinding:
     """Tables that cannot be read may be anything: unless the switch reads off, they are switched off."""
     if not announced(found, "DISABLE"):
         return otherwise
@@ -129,7 +129,7 @@ async def _recovered(found: JournalRead, context: PushContext, action: Literal["
             return await _carry_out(work, finding, action)
 
 
-def _closed(found: JournalRead, finding: Finding) -> PushRecord:
+def _closed(found: JournalRead, finding: PushFinding) -> PushRecord:
     """A disable order leaves nothing half done: its journal ends as it stands."""
     kept = journal.Journal.reopen(found)
     try:
@@ -180,7 +180,7 @@ async def _work(found: JournalRead, context: PushContext) -> Work:
     return work
 
 
-async def _carry_out(work: Work, finding: Finding, action: str) -> PushRecord:
+async def _carry_out(work: Work, finding: PushFinding, action: str) -> PushRecord:
     if finding.code == "R-PUSH-DONE":
         return work.record("rolled-back" if finding.last != "COMMITTED" else "committed")
     if finding.action == "close":
