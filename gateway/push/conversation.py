@@ -40,56 +40,27 @@ async def facts_at_start(
     controller = context.controller
     found = await controller.identify()
     state = await controller.state()
-    kept = controller.capabilities.marker
-    marker = await controller.marker() if kept else None
-    mark = against_the_log(context, marker)
+    marker = await controller.marker() if controller.capabilities.marker else None
     return PushFacts(
         change=change,
         purpose=purpose,
         moment="start",
-        typed_name=context.typed_name,
-        site_name=context.site_name,
-        expected=context.machine,
+        request=context,
+        can=controller.capabilities,
         found=found,
         state=state,
         limits=limits,
-        reference=context.moved.reference,
         agreeing_position=agreeing_position,
         now_utc=context.clock.utc(),
         unchanged=unchanged,
-        proof=context.proof,
-        capture=context.capture,
-        ambient_now=context.ambient_now,
         unfinished=unfinished,
-        modes=_modes(context),
-        harmless_alarms=context.harmless_alarms,
-        access_level_needed=context.access_level_needed,
         live=live,
         marker=marker,
-        marker_ours=mark.ours,
-        marker_kept=kept,
+        mark=against_the_log(context, marker),
         plan=plan_hash(change, context.machine),
-        actor=context.actor,
-        approvals=context.approvals,
-        approvals_needed=context.approvals_needed,
-        audit_broken=context.audit_broken,
         key_taken=key_taken,
-        proposed=context.proposed,
-        used=context.used,
-        unrecorded=context.unrecorded,
-        run_id=context.run_id,
-        consent_utc=context.consent_utc,
-        behind=mark.behind,
-        mark_lost=mark.lost,
-        stranger=mark.stranger,
         missing=missing_journals(context),
-        alarms=context.alarms,
     )
-
-
-def _modes(context: PushContext) -> tuple[str, ...]:
-    """Where the operator's hand moves the axes the control may be in JOG as well."""
-    return context.modes if context.controller.capabilities.stops else (*context.modes, "JOG")
 
 
 async def read_live(context: PushContext, position: float) -> LiveSet:

@@ -19,8 +19,9 @@ from gateway.interlocks import value_at
 from gateway.interlocks.facts import rest_of
 from gateway.interlocks.table import steepest
 from gateway.push import conversation
-from gateway.push.compare import differences, same_rest, same_table, table_in
+from gateway.push.compare import same_rest, same_table, table_in
 from gateway.push.work import Work
+from gateway.table.comparison import differences
 
 # The axis stands within its exact stop window of the target: 0.01 mm or deg.
 POSITION_SLACK = 0.01

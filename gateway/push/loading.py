@@ -12,8 +12,9 @@ from gateway.interlocks import PushFacts, refusals
 from gateway.interlocks.facts import rest_of
 from gateway.push import conversation
 from gateway.push.byhand import room_of, stand_at
-from gateway.push.compare import differences, same_rest, same_set, same_table, table_facts, table_in
+from gateway.push.compare import same_rest, same_set, same_table, table_facts, table_in
 from gateway.push.work import Work
+from gateway.table.comparison import differences
 
 
 async def load(work: Work, order: PushOrder, base: LiveSet | None) -> None:

@@ -15,7 +15,7 @@ from gateway.errors import VerifyError
 from gateway.interlocks import PushFacts, Refusal, refusals
 from gateway.interlocks.facts import no
 from gateway.push import conversation
-from gateway.push.compare import differences, effect_positions, same_table, table_in, tolerance
+from gateway.push.compare import effect_positions, same_table, table_in, tolerance
 from gateway.push.context import PushContext
 from gateway.push.effect import prove_effect
 from gateway.push.loading import load, release
@@ -26,6 +26,7 @@ from gateway.push.transaction import Asked, place_for, refused, snapshot, unfini
 from gateway.push.undo.restoring import roll_back
 from gateway.push.unexpected import foreseen, unheard
 from gateway.push.work import Outcome, Work, begun
+from gateway.table.comparison import differences
 from gateway.table.threeway import ThreeWay, compare
 
 
@@ -62,14 +63,14 @@ def _reasons(facts: PushFacts) -> list[Refusal]:
     found = list(refusals(facts))
     if facts.unfinished:
         found += no("E-INT-UNFINISHED", journals=", ".join(facts.unfinished))
-    if facts.audit_broken:
-        found += no("E-INT-AUDIT-BROKEN", why=facts.audit_broken)
+    if facts.request.audit_broken:
+        found += no("E-INT-AUDIT-BROKEN", why=facts.request.audit_broken)
     if facts.missing:
         found += no("E-INT-JOURNAL-MISSING", numbers=", ".join(map(str, facts.missing)))
-    if facts.behind:
-        found += no("E-INT-AUDIT-BEHIND", why=facts.behind)
+    if facts.mark.behind:
+        found += no("E-INT-AUDIT-BEHIND", why=facts.mark.behind)
     marker = facts.marker
-    if marker is not None and marker.state in ("in-progress", "held") and not facts.marker_ours:
+    if marker is not None and marker.state in ("in-progress", "held") and not facts.mark.ours:
         found += no("E-INT-MARKER", number=marker.transaction, state=marker.state)
     if facts.agreeing_position is None:
         limit, unit = facts.bounds.jump, facts.table.deviation_unit

@@ -11,11 +11,12 @@ from typing import Any, Literal
 
 from drivers.errors import words
 from drivers.types import LiveTable, Marker
-from gateway.push.compare import differences, three_way
+from gateway.push.compare import three_way
 from gateway.push.records import journal
 from gateway.push.records.history import Meant, as_kept, tables_of
 from gateway.push.records.holding import standing
 from gateway.push.records.journal import JournalRead
+from gateway.table.comparison import differences
 
 Action = Literal["close", "restore", "disable", "none"]
 MOST_TRIES = 3

@@ -9,12 +9,13 @@ from drivers.types import DisableOrder, LiveSet, LiveTable, SwitchReading
 from gateway.errors import BusyError, VerifyError, WriteRefused
 from gateway.interlocks import refusals
 from gateway.push import conversation
-from gateway.push.compare import differences, same_table, table_in
+from gateway.push.compare import same_table, table_in
 from gateway.push.loading import is_coupled, keep_backup, load, release
 from gateway.push.records import journal
 from gateway.push.undo import disabling
 from gateway.push.unexpected import foreseen
 from gateway.push.work import Outcome, Work
+from gateway.table.comparison import differences
 
 SETTLE_S = 4.0
 
