@@ -114,6 +114,7 @@ def _in(live: LiveSet, table: CompensationTable) -> LiveTable | None:
 
 
 def _same(subject: Subject, one: CompensationTable, two: CompensationTable) -> bool:
+    """Whether two tables have one place, one grid and values within the control's resolution."""
     grids = [(t.kind, t.input_axis, t.output_axis, t.index, len(t.deviations), len(t.reverse)) for t in (one, two)]
     if grids[0] != grids[1] or any(abs(a - b) > 1e-6 for a, b in zip(one.positions, two.positions, strict=True)):
         return False

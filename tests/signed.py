@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from drivers.sinumerik.tablefile.signs import tables_by
+from drivers.sinumerik.tablefile.tables import tables_by
 from drivers.types import LiveSet, MachineIdentity, SignProof
 
 

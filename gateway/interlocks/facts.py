@@ -34,8 +34,8 @@ __all__ = [
     "ROUNDING",
     "Mark",
     "PushFacts",
+    "PushRequest",
     "Refusal",
-    "Request",
     "Rule",
     "no",
     "others_now",
@@ -60,7 +60,7 @@ class Refusal:
         return f"{self.code}: {words(self.code, **self.fields)}"
 
 
-class Request(Protocol):
+class PushRequest(Protocol):
     """Who asks for what and with whose consent, as far as the rules care; a push's own context is one.
 
     ``typed_name`` is what the operator gave as the machine's name, ``site_name`` what it must be; ``machine`` the
@@ -145,7 +145,7 @@ class PushFacts:
     change: TableChange
     purpose: Literal["table", "sign-proof", "restore"]
     moment: Literal["start", "release"]
-    request: Request
+    request: PushRequest
     can: Capabilities
     found: MachineIdentity
     state: MachineState

@@ -23,7 +23,7 @@ from drivers.sinumerik.mailbox.reader import MailboxReader
 from drivers.sinumerik.mailbox.settings import ModbusSettings
 from drivers.sinumerik.mailbox.switching import Switching
 from drivers.sinumerik.mailbox.wire import ModbusWire
-from drivers.sinumerik.tablefile import signs
+from drivers.sinumerik.tablefile import tables
 from drivers.sinumerik.tablefile.held import HELD
 from drivers.types import (
     Capabilities,
@@ -174,12 +174,12 @@ class SinumerikModbus:
         return await self.saved_tables(question.axis, question.proof)
 
     def tables_by(self, live: LiveSet, proof: SignProof | None) -> LiveSet:
-        """As `signs.tables_by`."""
-        return signs.tables_by(live, proof)
+        """As `tables.tables_by`."""
+        return tables.tables_by(live, proof)
 
     def table_by(self, table: CompensationTable, sense: Sense, proof: SignProof | None) -> CompensationTable:
-        """As `signs.table_by`."""
-        return signs.table_by(table, sense, proof)
+        """As `tables.table_by`."""
+        return tables.table_by(table, sense, proof)
 
     async def saved_tables(self, axis: str, proof: SignProof | None = None) -> LiveSet:
         """The live tables of an axis, read afresh; in a session of their own outside a push."""
@@ -188,7 +188,7 @@ class SinumerikModbus:
             await self._talk.enter()
             try:
                 reading = await self._reader.tables(axis, self._encoder)
-                return reading.live("LIVE", self._talk.session, signs.sense_of(proof))
+                return reading.live("LIVE", self._talk.session, tables.sense_of(proof))
             finally:
                 if not ours:
                     await self._talk.leave()

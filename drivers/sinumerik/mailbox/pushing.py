@@ -31,7 +31,7 @@ from drivers.sinumerik.mailbox.reader import (
 )
 from drivers.sinumerik.mailbox.settings import ModbusSettings
 from drivers.sinumerik.tablefile import tables
-from drivers.sinumerik.tablefile.signs import sense_for
+from drivers.sinumerik.tablefile.tables import sense_for
 from drivers.types import GONE, LiveSet, MachineIdentity, PushOrder
 
 MARKER_DIGITS = 16

@@ -35,7 +35,7 @@ from drivers.sinumerik.opcua.reading import read_live
 from drivers.sinumerik.opcua.session.client import UaSession
 from drivers.sinumerik.opcua.settings import UaSettings, secrets_of
 from drivers.sinumerik.opcua.transfer import Transfer
-from drivers.sinumerik.tablefile import signs
+from drivers.sinumerik.tablefile import tables
 from drivers.sinumerik.tablefile.held import HELD
 from drivers.types import (
     Capabilities,
@@ -287,18 +287,18 @@ class SinumerikOpcUa(Leaver):
         return await read_live(self, question, tell)
 
     def tables_by(self, live: LiveSet, proof: SignProof | None) -> LiveSet:
-        """As `signs.tables_by`."""
-        return signs.tables_by(live, proof)
+        """As `tables.tables_by`."""
+        return tables.tables_by(live, proof)
 
     def table_by(self, table: CompensationTable, sense: Sense, proof: SignProof | None) -> CompensationTable:
-        """As `signs.table_by`."""
-        return signs.table_by(table, sense, proof)
+        """As `tables.table_by`."""
+        return tables.table_by(table, sense, proof)
 
     async def saved_tables(self, axis: str, proof: SignProof | None = None) -> LiveSet:
         """The live tables the last program wrote before moving. Raises DeviceRefused (E-NC-NOT-SAVED, E-UA-FILE...)."""
         plan = self._plan
         if self._grinding.plan is not None:
-            return signs.tables_by(await self._grinding.saved_tables(axis, self._configuration), proof)
+            return tables.tables_by(await self._grinding.saved_tables(axis, self._configuration), proof)
         if plan is not None and plan.compensated_axis == axis and plan.save_tables and not self._saved:
             seen = await self._dialogue.look()
             if seen.word(Word.TRANSACTION) == self._token:
@@ -306,7 +306,7 @@ class SinumerikOpcUa(Leaver):
         if plan is None or plan.compensated_axis != axis or not self._saved or not plan.save_tables:
             raise DeviceRefused("E-NC-NOT-SAVED", self.name, axis=axis)
         saving = Saving(section="LIVE", number=self._token, axis=axis, encoder=plan.encoder, memory=self._memory)
-        return await live_tables(self._transfer, saving, self._configuration, signs.sense_of(proof))
+        return await live_tables(self._transfer, saving, self._configuration, tables.sense_of(proof))
 
     # ---- the test part ------------------------------------------------------------------------------
 

@@ -17,7 +17,7 @@ from drivers.sinumerik.opcua.dialogue import Dialogue, Glance, file_refused
 from drivers.sinumerik.opcua.machine import Configuration, MachineReader
 from drivers.sinumerik.opcua.settings import UaSettings
 from drivers.sinumerik.opcua.transfer import Transfer
-from drivers.sinumerik.tablefile.signs import sense_for
+from drivers.sinumerik.tablefile.tables import sense_for
 from drivers.types import ChannelStatus, LiveSet, Marker, PushOrder, Sense
 
 T = TypeVar("T")

@@ -2,7 +2,8 @@
 
 Sign (SINUMERIK FM Extended Functions 03/2013, K3, p. 238): a positive EEC value moves the axis in the
 negative direction, so the stored value is the deviation itself, +d. For CEC no public text settles it: the
-machine's `SignProof` does. Values are in mm or deg; `quantised` brings a table to the resolution once.
+machine's `SignProof` does, and this is the one place where a deviation meets it; without a proof its values are taken
+as they stand. Values are in mm or deg; `quantised` brings a table to the resolution once.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from drivers.sinumerik.tablefile.grammar import DECIMALS, FINEST_POSITION, LARGE
 from drivers.sinumerik.tablefile.groups import SCALE, axis_unit
 from drivers.sinumerik.tablefile.reader import read
 from drivers.tablefile import TableFile
-from drivers.types import CompensationTable, PushOrder, Sense, SignProof
+from drivers.types import CompensationTable, LiveSet, LiveTable, PushOrder, Sense, SignProof
 
 __all__ = [
     "TableFile",
@@ -28,10 +29,44 @@ __all__ = [
     "point_name",
     "quantised",
     "read",
+    "sense_for",
+    "sense_of",
     "stored_values",
+    "table_by",
+    "tables_by",
     "values_of",
     "written_sign",
 ]
+
+
+def sense_of(proof: SignProof | None) -> Sense:
+    """The sense in which cross tables are deviations by a proof; as they stand without one of their kind."""
+    return proof.sense if proof is not None else 1
+
+
+def sense_for(order: PushOrder) -> Sense:
+    """The sense of an order's cross tables: an order for an axis table leaves them as they stand."""
+    return sense_of(order.proof) if order.table.kind == "cross" else 1
+
+
+def table_by(table: CompensationTable, sense: Sense, proof: SignProof | None) -> CompensationTable:
+    """A table that was read or kept in ``sense`` as a deviation by ``proof``; an axis table as it is."""
+    if table.kind == "axis" or sense == sense_of(proof):
+        return table
+    return replace(table, deviations=_minus(table.deviations), reverse=_minus(table.reverse))
+
+
+def tables_by(live: LiveSet, proof: SignProof | None) -> LiveSet:
+    """The same set with its cross tables as deviations by ``proof``: as stored where that is None."""
+
+    def turned(tables: tuple[LiveTable, ...]) -> tuple[LiveTable, ...]:
+        return tuple(replace(one, table=table_by(one.table, live.sense, proof)) for one in tables)
+
+    return replace(live, cross=turned(live.cross), others=turned(live.others), sense=sense_of(proof))
+
+
+def _minus(values: tuple[float, ...]) -> tuple[float, ...]:
+    return tuple(-value + 0.0 for value in values)
 
 
 def stored_values(table: CompensationTable, proof: SignProof | None = None) -> tuple[Decimal, ...]:

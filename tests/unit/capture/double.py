@@ -12,7 +12,7 @@ from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded
 from drivers.ports import Tell
 from drivers.sinumerik.tablefile.held import HELD
-from drivers.sinumerik.tablefile.signs import table_by, tables_by
+from drivers.sinumerik.tablefile.tables import table_by, tables_by
 from drivers.types import (
     Ambient,
     Capabilities,

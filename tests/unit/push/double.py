@@ -16,7 +16,7 @@ from drivers.clock import LoopClock
 from drivers.errors import DeadlineExceeded, DeviceRefused, UnsupportedDevice
 from drivers.ports import Tell
 from drivers.sinumerik.opcua.reading import read_live
-from drivers.sinumerik.tablefile import signs
+from drivers.sinumerik.tablefile import tables
 from drivers.sinumerik.tablefile.held import HELD
 from drivers.types import (
     AxisState,
@@ -422,10 +422,10 @@ class Controller:
         return await read_live(self, question, tell)
 
     def tables_by(self, live: LiveSet, proof: SignProof | None) -> LiveSet:
-        return signs.tables_by(live, proof)
+        return tables.tables_by(live, proof)
 
     def table_by(self, table: CompensationTable, sense: Sense, proof: SignProof | None) -> CompensationTable:
-        return signs.table_by(table, sense, proof)
+        return tables.table_by(table, sense, proof)
 
     async def saved_tables(self, axis: str, proof: SignProof | None = None) -> LiveSet:
         number = await self._begin("saved_tables")
@@ -433,7 +433,7 @@ class Controller:
         self._end("saved_tables", number)
         if saved is None:
             raise DeviceRefused("E-TEST-FILE", "double")
-        return signs.tables_by(saved, proof)
+        return tables.tables_by(saved, proof)
 
     async def stage(self, order: PushOrder) -> None:
         number = await self._begin("stage")

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from drivers.sinumerik.tablefile.signs import sense_for, sense_of, table_by, tables_by
+from drivers.sinumerik.tablefile.tables import sense_for, sense_of, table_by, tables_by
 from drivers.types import CompensationTable, LiveSet, LiveTable, PushOrder, Sense
 from tests.signed import proof_of
 
