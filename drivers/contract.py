@@ -13,13 +13,22 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeVar
 
 from drivers.errors import DeviceError, TableError, TrueflankError, UnsupportedDevice
-from drivers.ports import Controller
+from drivers.ports import Controller, Tell
 from drivers.terms import TableKind
-from drivers.types import CompensationTable, DisableOrder, LiveSet, LiveTable, PushOrder
+from drivers.types import (
+    CompensationTable,
+    DisableOrder,
+    LiveSet,
+    LiveTable,
+    PushOrder,
+    Sense,
+    SignProof,
+    TableQuestion,
+)
 
 T = TypeVar("T")
-Moment = Literal["start", "release", "restart"]
-"""When a person acts: the load begins, the loaded table is released, the control takes it over."""
+Moment = Literal["read", "start", "release", "restart"]
+"""When a person acts: tables are read, the load begins, the loaded table is released, the control takes it over."""
 Act = Callable[[Moment, Coroutine[Any, Any, Any]], Awaitable[Any]]
 
 
@@ -27,14 +36,19 @@ class ContractBroken(TrueflankError):
     """A controller does not do what the port promises; rule and finding are in the fields."""
 
 
+def _unheard(_code: str, /, **_fields: object) -> None:
+    """Nobody needs to be told."""
+
+
 @dataclass(frozen=True, slots=True)
 class Subject:
     """A controller to be judged, open, its machine ready and without a table in the place of ``table``.
 
     ``table`` is one it can hold, at its resolution, zero at ``agreeing_position``; ``letter`` and ``rotary`` are those
-    of its input axis. ``person`` runs a piece of the talk while somebody does at the machine what that moment asks.
-    ``live`` reads the live tables of an axis, with whatever the road needs for it. ``allowed`` (um or arcsec) is the
-    control's resolution. Timeouts in s of the controller's clock.
+    of its input axis. ``person`` runs a piece of the talk while somebody does at the machine what that moment asks: at
+    "read" and "start" where a program is selected, start it; ``tell`` hears what the driver says of that.
+    ``allowed`` (um or arcsec) is the control's resolution.
+    Timeouts in s of the controller's clock; ``feed`` and ``overrun`` for moves in the input axis' unit.
     """
 
     controller: Controller
@@ -43,9 +57,30 @@ class Subject:
     rotary: bool
     agreeing_position: float
     person: Act
-    live: Callable[[str], Awaitable[LiveSet]]
+    tell: Tell = _unheard
     allowed: float = 0.001
     timeout_s: float = 200.0
+    feed: float = 1000.0
+    overrun: float = 1.0
+
+    async def live(self, axis: str) -> LiveSet:
+        """The live tables of an axis by the port's own call."""
+        table = self.table
+        question = TableQuestion(
+            axis=axis,
+            moved=table.input_axis,
+            letter=self.letter,
+            unit=table.input_unit,
+            rotary=self.rotary,
+            place=self.agreeing_position,
+            feed=self.feed,
+            overrun=self.overrun,
+            encoder=table.index if table.kind == "axis" else 0,
+            start_s=self.timeout_s,
+            stop_s=self.timeout_s,
+        )
+        found: LiveSet = await self.person("read", self.controller.live_tables(question, self.tell))
+        return found
 
     @property
     def place(self) -> DisableOrder:
@@ -79,6 +114,7 @@ def _in(live: LiveSet, table: CompensationTable) -> LiveTable | None:
 
 
 def _same(subject: Subject, one: CompensationTable, two: CompensationTable) -> bool:
+    """Whether two tables have one place, one grid and values within the control's resolution."""
     grids = [(t.kind, t.input_axis, t.output_axis, t.index, len(t.deviations), len(t.reverse)) for t in (one, two)]
     if grids[0] != grids[1] or any(abs(a - b) > 1e-6 for a, b in zip(one.positions, two.positions, strict=True)):
         return False
@@ -150,6 +186,21 @@ async def shows_what_acts(subject: Subject) -> None:
     _demand("cross tables only where it has them", held is not None or not (live.cross or live.others), live.cross)
     _demand("the set has a digest", len(live.digest) == 64, live.digest)
     _demand("read twice it is the same", (await subject.live(axis)).digest == live.digest, live.digest)
+
+
+async def means_what_the_proof_says(subject: Subject) -> None:
+    """A proof changes what cross tables mean and nothing else; without it they are as stored, read or kept."""
+    controller, table = subject.controller, subject.table
+    live, machine = await subject.live(table.output_axis), await controller.identify()
+    _demand("read without a proof they are as stored", controller.tables_by(live, None) == live, live.sense)
+    signs: tuple[Sense, Sense] = (1, -1)
+    for sign in signs:
+        proof = SignProof(machine, "cross", table.output_axis, slope=-1.0 * sign, slope_u=0.01, sign=sign, date_utc="")
+        meant = controller.tables_by(live, proof)
+        _demand("the axis' own table and the digest stay", (meant.own, meant.digest) == (live.own, live.digest), meant)
+        _demand("the way there leads back", controller.tables_by(meant, None) == live, meant.sense)
+        own = replace(table, kind="axis", input_axis=table.output_axis)
+        _demand("an axis table means what it says", controller.table_by(own, 1, proof) == own, own)
 
 
 async def _load(subject: Subject, order: PushOrder) -> tuple[LiveSet, LiveSet]:
@@ -282,6 +333,7 @@ CHECKS: tuple[Check, ...] = (
     names_its_machine,
     bounds_its_tables,
     shows_what_acts,
+    means_what_the_proof_says,
     loads_and_acts,
     stays_off_where_told,
     restores,

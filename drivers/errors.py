@@ -137,6 +137,14 @@ class DeviceRefused(DeviceError):
     """The device understood and said no."""
 
 
+class PointsDiffer(DeviceRefused):
+    """Every point of a table was written, and the control's own comparison found some otherwise."""
+
+
+class TableActs(DeviceRefused):
+    """The control will not write a table because it is on, whatever its switch reads."""
+
+
 class BeamObstructed(DeviceError):
     """The laser lost its beam; nothing counted after that is valid."""
 

@@ -27,13 +27,24 @@ from drivers.types import (
     Optics,
     PushOrder,
     SampleBlock,
+    Sense,
+    SignProof,
     StopPlan,
     StopReached,
     SwitchReading,
     TableLimits,
+    TableQuestion,
 )
 from drivers.units import AxisUnit
 from drivers.workpiece import GrindPlan
+
+
+class Tell(Protocol):
+    """Hears what a driver has to say to people: a code of its catalogue with fields."""
+
+    def __call__(self, code: str, /, **fields: object) -> None:
+        """Tell; returns at once and never raises."""
+        ...
 
 
 @runtime_checkable
@@ -201,12 +212,28 @@ class Controller(Device, Protocol):
         """Ask the waiting program to end by its abort word; it leaves compensation as it is."""
         ...
 
-    async def saved_tables(self, axis: str) -> LiveSet:
-        """The live tables: from the file that the last `prepare_stops` program wrote before its first move.
+    async def live_tables(self, question: TableQuestion, tell: Tell) -> LiveSet:
+        """What compensates an axis now, read afresh; compensation stays as it is.
 
-        Without `Capabilities.stops` they are read directly, afresh. Deviations of cross tables are the stored
-        values.
+        Where only a program can read it, the driver makes that program and ``tell`` hears what the person is to do.
+        Raises DeadlineExceeded (nobody started it), DeviceRefused (alarm, another way it ended).
         """
+        ...
+
+    async def saved_tables(self, axis: str, proof: SignProof | None = None) -> LiveSet:
+        """The live tables as the last `prepare_stops` program saved them before its first move.
+
+        Without `Capabilities.stops` they are read directly, afresh. Cross tables are deviations by ``proof``, and as
+        they are stored where that is None.
+        """
+        ...
+
+    def tables_by(self, live: LiveSet, proof: SignProof | None) -> LiveSet:
+        """A set that was read before, its cross tables now as deviations by ``proof`` (None: as stored); pure."""
+        ...
+
+    def table_by(self, table: CompensationTable, sense: Sense, proof: SignProof | None) -> CompensationTable:
+        """One table that was kept in ``sense``, now as a deviation by ``proof`` (None: as stored); pure."""
         ...
 
     async def prepare_grinding(self, plan: GrindPlan) -> str:
@@ -227,10 +254,11 @@ class Controller(Device, Protocol):
     async def read_back(self, order: PushOrder, timeout_s: float) -> tuple[LiveSet, LiveSet]:
         """Disable, write, read all back; (back-up of the old, read-back of the new). The new one stays off.
 
-        Deviations of cross tables of both carry the sign of the order's proof. A
+        Cross tables of both are deviations by the order's proof. A
         table never loaded (step 0) is restored as such, or, where the road cannot say that, as zeros on the grid there.
 
-        Raises DeviceRefused when the program itself counted mismatches or ended by another way.
+        Raises PointsDiffer when every point was written and some read otherwise, TableActs when the control takes
+        none because the table is on, DeviceRefused when it ended by another way.
         """
         ...
 
@@ -238,7 +266,7 @@ class Controller(Device, Protocol):
         """What stood before ``order`` began, as the controller or this driver kept it under the order's number.
 
         With `Capabilities.stops` from the file that the order's first half wrote, also in a later process; else
-        from `stage`, in the same process. Deviations of cross tables carry the sign of the order's proof.
+        from `stage`, in the same process. Cross tables are deviations by the order's proof.
         Raises DeviceRefused when there is none, FileFormatError when it is not whole or of another order.
         """
         ...
@@ -258,7 +286,7 @@ class Controller(Device, Protocol):
     async def switch(self, order: PushOrder, enable: bool, timeout_s: float) -> None:
         """Switch the order's table on or off and wait until it acts or is gone, confirmed at the machine.
 
-        Raises UnsupportedDevice (E-NC-NO-SWITCHING) unless `Capabilities.switched` is "by-itself", DeadlineExceeded,
+        Raises UnsupportedDevice unless `Capabilities.switched` is "by-itself", DeadlineExceeded,
         DeviceRefused.
         """
         ...

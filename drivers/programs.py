@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
-from drivers.types import DisableOrder, PushOrder, StopPlan
+from drivers.types import DisableOrder, PushOrder, StopPlan, TableQuestion
 from drivers.workpiece import GrindPlan
 
 
@@ -45,7 +45,7 @@ class SelfTest:
     encoder: int = 0
 
 
-Order = StopPlan | PushOrder | DisableOrder | GrindPlan | SelfTest
+Order = StopPlan | TableQuestion | PushOrder | DisableOrder | GrindPlan | SelfTest
 """What a program is written for."""
 
 
@@ -53,14 +53,14 @@ Order = StopPlan | PushOrder | DisableOrder | GrindPlan | SelfTest
 class PaperMachine:
     """What a program must know of a control, where there is none to ask.
 
-    ``axes``: machine axis names; ``modulo``: those that turn endlessly; ``eec_points``: reserved points (MD38000) by
-    axis; ``cec_points``: by table (MD18342).
+    ``axes``: machine axis names; ``modulo``: those that turn endlessly; ``own_points``: points that axis tables have
+    reserved, by axis; ``cross_points``: those of cross tables, by number.
     """
 
     axes: tuple[str, ...]
     modulo: frozenset[str] = frozenset()
-    eec_points: Mapping[str, int] = field(default_factory=dict)
-    cec_points: tuple[int, ...] = ()
+    own_points: Mapping[str, int] = field(default_factory=dict)
+    cross_points: tuple[int, ...] = ()
 
 
 @runtime_checkable

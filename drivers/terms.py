@@ -23,8 +23,10 @@ class Terms:
     ``own`` and ``cross`` are the kinds of tables, ``own_key`` and ``cross_key`` how they are typed and named
     (X1-cec3); ``own_rule`` and ``cross_rule`` say in one sentence which way a stored value acts, ``own_side`` where.
     ``own_memory`` and ``cross_memory`` name the setting that reserves points, ``own_reserve`` and ``cross_reserve``
-    in short; ``backlash`` that of the reversal; ``product`` how tables multiply. ``start`` and ``restart`` are what
-    a person does. ``older`` maps keys and kinds of records kept by versions that wrote the control's own words.
+    in short; ``backlash`` that of the reversal; ``product`` how tables multiply; ``units``, ``senses``,
+    ``cross_sum``, ``cross_type`` and ``cross_off`` the settings of what they say; ``words`` where programs shake hands.
+    ``start`` and ``restart`` are what a person does. ``older`` maps keys and kinds of records kept by versions that
+    wrote the control's own words.
     """
 
     own: str = "axis table"
@@ -42,6 +44,12 @@ class Terms:
     backlash: str = "backlash"
     product: str = "multiplication of tables"
     axis_name: str = "name in the control"
+    units: str = "its unit setting"
+    senses: str = "the settings of the axis' sense"
+    cross_sum: str = "the control's limit"
+    cross_type: str = "the type"
+    cross_off: str = "by their switches"
+    words: str = "hand-shake words"
     start: str = "START"
     restart: str = "restart"
     version: str = "version"

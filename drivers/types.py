@@ -16,6 +16,8 @@ from drivers.units import AxisUnit, DeviationUnit, deviation_unit
 FloatArray = NDArray[np.float64]
 Approach = Literal[1, -1]
 CompensatedFor = Literal["nothing", "air", "air+material"]
+Sense = Literal[1, -1]
+"""In which sense a cross table's values are held: +1 as they stand in the control. A driver's own: kept, never used."""
 # um or arcsec: an acting compensation below this is none
 GONE = 0.001
 
@@ -145,6 +147,7 @@ class Capabilities:
     controller keeps the number and state of the transaction where it outlives the gateway's PC. ``consent`` is how
     the person at the machine agrees. ``grinding``: grinds a test part. ``alarms``: its state names alarms.
     ``acting_tables``: the tables that act can be read; else only what was loaded, and the acting value.
+    ``cross_shown``: whether the acting value of cross tables counts as their deviations do, or nobody knows which way.
     """
 
     stops: bool
@@ -155,11 +158,16 @@ class Capabilities:
     grinding: bool = False
     alarms: bool = True
     acting_tables: bool = True
+    cross_shown: Literal["as-is", "either-way"] = "as-is"
 
     @property
     def switches_now(self) -> bool:
         """Whether a table can be switched while the control runs, as a proof of its sign needs."""
         return self.switched != "by-restart"
+
+    def shown(self, kind: TableKind, value: float) -> tuple[float, ...]:
+        """What the control may show where tables of a kind add up to a value; the ways keep their order."""
+        return (value, -value) if kind == "cross" and self.cross_shown == "either-way" else (value,)
 
     def table(self, kind: TableKind) -> TableAbility | None:
         """What the control can do with tables of a kind; None where it has none."""
@@ -272,8 +280,8 @@ class LiveSet:
     ``backlash`` is the constant reversal the control takes up, in the axis unit. ``native`` is the loadable back-up
     exactly as the controller wrote it; ``digest`` is the same as long as the tables are. ``own`` is the axis' own
     table; that of an axis that never had one is all zero and disabled. ``cross`` are the cross tables whose output is
-    this axis, ``others`` those of other outputs, as far as they are known. Cross tables hold the stored values unless
-    a proof was given with the order that led to this set.
+    this axis, ``others`` those of other outputs, as far as they are known. Cross tables are deviations by the proof
+    that was given with the question or order, in its ``sense``; without a proof they hold the stored values.
     """
 
     axis: str
@@ -283,6 +291,7 @@ class LiveSet:
     native: str
     digest: str
     others: tuple[LiveTable, ...] = ()
+    sense: Sense = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -334,6 +343,31 @@ class StopPlan:
 
 
 @dataclass(frozen=True, slots=True)
+class TableQuestion:
+    """Which tables act on ``axis``, measured by ``encoder``, and what a program may move to find out.
+
+    Where only a program of ours can read them it visits one stop: ``moved`` (``letter`` in programs) goes to ``place``
+    in its ``unit`` and in direction ``approach``, at ``feed`` in mm/min or deg/min and with ``overrun`` beyond it; a
+    person has ``start_s`` to start it and a move ``stop_s``. Cross tables come as deviations by ``proof``, and as they
+    are stored where that is None.
+    """
+
+    axis: str
+    moved: str
+    letter: str
+    unit: AxisUnit
+    rotary: bool
+    place: float
+    feed: float
+    overrun: float
+    approach: Approach = 1
+    encoder: int = 0
+    start_s: float = 600.0
+    stop_s: float = 120.0
+    proof: SignProof | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class StopReached:
     """The controller stands at a stop and waits: ``counter`` must be echoed to let it go on."""
 
@@ -351,7 +385,7 @@ class SignProof:
     """How this machine's compensation acts, measured: +1 a positive stored value moves the axis negative.
 
     ``slope`` is measured step / commanded deviation with standard uncertainty ``slope_u``; ``machine`` the
-    fingerprint it holds for; ``sign`` is what the driver multiplies d with.
+    fingerprint it holds for; ``sign`` is what the driver multiplies d with, and nobody else.
     """
 
     machine: MachineIdentity
@@ -359,8 +393,28 @@ class SignProof:
     output_axis: str
     slope: float
     slope_u: float
-    sign: Literal[1, -1]
+    sign: Sense
     date_utc: str
+
+    @staticmethod
+    def sign_of(step: float) -> Sense:
+        """The sign that a measured step proves: a positive stored value that moves the axis negative is +1."""
+        return 1 if step < 0 else -1
+
+    @property
+    def agrees(self) -> bool:
+        """Whether slope and sign say the same."""
+        return self.slope != 0 and self.sign == self.sign_of(self.slope)
+
+    @property
+    def reversed(self) -> bool:
+        """Whether an axis table acts against what the control's manual says."""
+        return self.kind == "axis" and self.sign != 1
+
+    @property
+    def sense(self) -> Sense:
+        """In which sense tables of its kind are deviations by it; an axis table is one as it stands."""
+        return self.sign if self.kind == "cross" else 1
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 from drivers.errors import DeviceRefused, TrueflankError
 from drivers.ports import Controller
-from drivers.types import Stop, StopPlan, StopReached
+from drivers.types import Approach, SignProof, Stop, StopPlan, StopReached, TableQuestion
+from gateway.axes import AxisRecord
 from gateway.errors import Incomplete
 from gateway.say import Say, silence
 
@@ -23,6 +24,35 @@ class Patience:
 
     start_s: float
     stop_s: float
+
+
+def approach_in(axis: AxisRecord, place: float) -> Approach:
+    """The direction from which a stop is reached without leaving the travel.
+
+    Coming up from below needs room for the overrun below; near the lower end the axis comes down.
+    """
+    return -1 if not axis.modulo and place - axis.overrun < axis.travel[0] else 1
+
+
+def question(
+    axis: AxisRecord, moved: AxisRecord, place: float, patience: Patience, *, proof: SignProof | None = None
+) -> TableQuestion:
+    """Which tables act on ``axis``; a program that must be run for it takes ``moved`` to ``place``."""
+    return TableQuestion(
+        axis=axis.name,
+        moved=moved.name,
+        letter=moved.letter,
+        unit=moved.unit,
+        rotary=moved.rotary,
+        place=place,
+        feed=moved.feed,
+        overrun=moved.overrun,
+        approach=approach_in(moved, place),
+        encoder=axis.encoder,
+        start_s=patience.start_s,
+        stop_s=patience.stop_s,
+        proof=proof,
+    )
 
 
 async def walk(controller: Controller, plan: StopPlan, at_stop: AtStop, patience: Patience, say: Say = silence) -> None:

@@ -9,7 +9,7 @@ from typing import Any, Protocol, TypeVar
 from drivers.errors import ConfigError
 
 
-class Declared(Protocol):
+class DeclaredFields(Protocol):
     """A dataclass of plain defaults with limits on its values."""
 
     def limits(self) -> Iterable[tuple[str, bool, str]]:
@@ -17,7 +17,7 @@ class Declared(Protocol):
         ...
 
 
-D = TypeVar("D", bound=Declared)
+D = TypeVar("D", bound=DeclaredFields)
 
 
 def declared(record: type[D], said: Mapping[str, Any], where: str) -> D:

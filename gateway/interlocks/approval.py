@@ -19,8 +19,8 @@ def warnings(facts: PushFacts) -> tuple[Refusal, ...]:
 
 def needed(facts: PushFacts) -> int:
     """How many people must agree, the one who pushes among them."""
-    if facts.approvals_needed is not None:
-        return facts.approvals_needed
+    if facts.request.approvals_needed is not None:
+        return facts.request.approvals_needed
     return 2 if warnings(facts) else 1
 
 
@@ -39,7 +39,7 @@ def _far(facts: PushFacts) -> Iterator[Refusal]:
 
 
 def _old(facts: PushFacts) -> Iterator[Refusal]:
-    capture = facts.capture
+    capture = facts.request.capture
     if capture is None or not capture.ended_utc:
         return
     try:
@@ -65,20 +65,20 @@ def _flat(facts: PushFacts) -> Iterator[Refusal]:
 
 
 def _forgetful(facts: PushFacts) -> Iterator[Refusal]:
-    if not facts.marker_kept:
+    if not facts.can.marker:
         yield from no("W-INT-NO-MARKER", axis=facts.change.axis)
 
 
 def _marked(facts: PushFacts) -> Iterator[Refusal]:
     """A control that lost its memory, or one that another gateway has pushed to since."""
-    if facts.mark_lost:
-        yield from no("W-INT-MARK-LOST", number=facts.mark_lost)
-    if facts.stranger and facts.marker is not None and facts.marker.state in ("none", "committed"):
-        yield from no("W-INT-STRANGER", number=facts.stranger)
+    if facts.mark.lost:
+        yield from no("W-INT-MARK-LOST", number=facts.mark.lost)
+    if facts.mark.stranger and facts.marker is not None and facts.marker.state in ("none", "committed"):
+        yield from no("W-INT-STRANGER", number=facts.mark.stranger)
 
 
 def _alarmed(facts: PushFacts) -> Iterator[Refusal]:
-    for alarm in facts.alarms:
+    for alarm in facts.request.alarms:
         yield from no("W-INT-ALARM", axis=facts.change.axis, alarm=alarm)
 
 
@@ -88,7 +88,7 @@ _JUDGED_HERE = ("W-COMP-STEEP", "W-COMP-FLAT")
 
 def _agreed(facts: PushFacts) -> Iterator[Refusal]:
     wanted = needed(facts)
-    problems = {approval: tuple(_problem(facts, approval)) for approval in facts.approvals}
+    problems = {approval: tuple(_problem(facts, approval)) for approval in facts.request.approvals}
     people = {approval.actor for approval, problem in problems.items() if not problem}
     if len(people) + 1 >= wanted:
         return
@@ -101,20 +101,20 @@ def _agreed(facts: PushFacts) -> Iterator[Refusal]:
 
 def _problem(facts: PushFacts, approval: Approval) -> Iterator[Refusal]:
     """Why this approval does not count, if it does not."""
-    wanted = (facts.plan, facts.change.base_digest, facts.expected.serial)
+    wanted = (facts.plan, facts.change.base_digest, facts.request.machine.serial)
     if (approval.plan_hash, approval.base_digest, approval.serial) != wanted:
         yield from no("E-INT-APPROVAL-OTHER-PLAN", actor=approval.actor)
-    elif approval.run_id != facts.run_id:
+    elif approval.run_id != facts.request.run_id:
         yield from no("E-INT-APPROVAL-OTHER-RUN", actor=approval.actor, run=approval.run_id or "none")
-    elif approval in facts.used:
+    elif approval in facts.request.used:
         yield from no("E-INT-APPROVAL-USED", actor=approval.actor)
-    elif approval in facts.unrecorded:
+    elif approval in facts.request.unrecorded:
         yield from no("E-INT-APPROVAL-UNRECORDED", actor=approval.actor)
     elif not _bounded(approval):
         yield from no("E-INT-APPROVAL-TOO-LONG", actor=approval.actor, given=approval.given_utc, **_times(approval))
-    elif not _holds(approval, facts.consent_utc or facts.now_utc):
+    elif not _holds(approval, facts.request.consent_utc or facts.now_utc):
         yield from no("E-INT-APPROVAL-EXPIRED", actor=approval.actor, given=approval.given_utc, **_times(approval))
-    elif approval.actor == facts.actor:
+    elif approval.actor == facts.request.actor:
         yield from no("E-INT-APPROVAL-SAME-PERSON", actor=approval.actor)
 
 
@@ -141,12 +141,12 @@ def _holds(approval: Approval, now: datetime) -> bool:
 
 
 def _audit(facts: PushFacts) -> Iterator[Refusal]:
-    if facts.audit_broken:
-        yield from no("E-INT-AUDIT-BROKEN", why=facts.audit_broken)
+    if facts.request.audit_broken:
+        yield from no("E-INT-AUDIT-BROKEN", why=facts.request.audit_broken)
 
 
 def _proposed(facts: PushFacts) -> Iterator[Refusal]:
-    if not facts.proposed:
+    if not facts.request.proposed:
         yield from no("E-INT-NOT-PROPOSED", table=facts.table.name, plan=facts.plan[:12])
 
 

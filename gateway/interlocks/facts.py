@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 
 from drivers.errors import words
-from drivers.limits import ACCESS_LEVEL, Limits
+from drivers.limits import Limits
 from drivers.types import (
     Ambient,
     AxisState,
+    Capabilities,
     CompensationTable,
     LiveSet,
     LiveTable,
@@ -24,10 +25,23 @@ from drivers.types import (
     TableLimits,
 )
 from drivers.units import AxisUnit
+from gateway.axes import AxisRecord
 from gateway.domain import Approval, Capture, TableChange
 from gateway.interlocks.limits import MAX_JUMP
 
-__all__ = ["MAX_JUMP", "ROUNDING", "PushFacts", "Refusal", "Rule", "no", "others_now", "rest_of", "value_at"]
+__all__ = [
+    "MAX_JUMP",
+    "ROUNDING",
+    "Mark",
+    "PushFacts",
+    "PushRequest",
+    "Refusal",
+    "Rule",
+    "no",
+    "others_now",
+    "rest_of",
+    "value_at",
+]
 
 # Values are judged with this much room, so that a table exactly at its limit passes.
 ROUNDING = 1e-6
@@ -46,68 +60,111 @@ class Refusal:
         return f"{self.code}: {words(self.code, **self.fields)}"
 
 
+class PushRequest(Protocol):
+    """Who asks for what and with whose consent, as far as the rules care; a push's own context is one.
+
+    ``typed_name`` is what the operator gave as the machine's name, ``site_name`` what it must be; ``machine`` the
+    fingerprint the run was made on; ``moved`` the table's input axis. ``actor`` is who pushes, ``approvals`` who else
+    agreed, ``approvals_needed`` None: one person, two when there is any warning. ``audit_broken`` says why the audit
+    chain cannot be trusted ("": it can). ``proposed`` whether the audit log holds this plan's proposal; ``used`` and
+    ``unrecorded`` are approvals that it knows as used or does not know; ``run_id`` the run they must name,
+    ``consent_utc`` when they must hold (None: now). ``alarms`` are differences found between this axis' live tables and
+    what was pushed.
+    """
+
+    @property
+    def typed_name(self) -> str: ...
+    @property
+    def site_name(self) -> str: ...
+    @property
+    def machine(self) -> MachineIdentity: ...
+    @property
+    def moved(self) -> AxisRecord: ...
+    @property
+    def proof(self) -> SignProof | None: ...
+    @property
+    def capture(self) -> Capture | None: ...
+    @property
+    def ambient_now(self) -> Ambient | None: ...
+    @property
+    def modes(self) -> tuple[str, ...]: ...
+    @property
+    def harmless_alarms(self) -> tuple[int, ...]: ...
+    @property
+    def access_level_needed(self) -> int: ...
+    @property
+    def actor(self) -> str: ...
+    @property
+    def approvals(self) -> tuple[Approval, ...]: ...
+    @property
+    def approvals_needed(self) -> int | None: ...
+    @property
+    def audit_broken(self) -> str: ...
+    @property
+    def proposed(self) -> bool: ...
+    @property
+    def used(self) -> tuple[Approval, ...]: ...
+    @property
+    def unrecorded(self) -> tuple[Approval, ...]: ...
+    @property
+    def run_id(self) -> str: ...
+    @property
+    def consent_utc(self) -> datetime | None: ...
+    @property
+    def alarms(self) -> tuple[str, ...]: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """What the control's marker says of this store.
+
+    ``ours`` whether its transaction was given here, or there is none. ``behind`` says why the audit log is older than
+    the marker ("": it is not). ``lost`` is the transaction it should name where it names none, ``stranger`` the one it
+    names that was not given here; 0 for none.
+    """
+
+    ours: bool = True
+    behind: str = ""
+    lost: int = 0
+    stranger: int = 0
+
+
 @dataclass(frozen=True, slots=True)
 class PushFacts:
-    """All that is known when the question is asked.
+    """All that is known when the question is asked: what was asked for, and what was found.
 
-    ``moment`` "start" is before anything is sent, "release" while the program waits between its halves.
-    ``reference`` is that of the table's input axis. ``agreeing_position`` is where old and new table agree (None:
+    ``moment`` "start" is before anything is sent, "release" while the program waits between its halves. ``can`` is what
+    the road can do, ``found`` the machine that answered. ``agreeing_position`` is where old and new table agree (None:
     nowhere). ``unchanged`` says whether the live tables are those of the capture (None: not read yet); ``live``
     are the live tables themselves, cross tables as deviations. ``unfinished`` names journals left open, ``marker`` is
-    what the controller remembers and ``marker_ours`` whether that number was given here.
-
-    ``plan`` is `gateway.push.plan_hash` of the change; ``actor`` who pushes; ``approvals`` who else agreed;
-    ``approvals_needed`` None: one person, two when there is any warning. ``audit_broken`` says why the audit
-    chain cannot be trusted ("": it can). ``key_taken`` names another plan under the same transaction key.
-
-    ``proposed`` whether the audit log holds this plan's proposal; ``used`` and ``unrecorded`` are approvals that it
-    knows as used or does not know; ``run_id`` the run they must name, ``consent_utc`` when they must hold (None: now).
-    ``behind`` says how the log falls short of the control's marker ("": it does not); ``mark_lost`` is a transaction
-    that the marker should name and does not, ``stranger`` one it names that another gateway ended, 0 for none.
-    ``missing`` are transactions begun here whose journals are gone.
-    ``alarms`` are differences found between this axis' live tables and what was pushed.
+    what the controller remembers and ``mark`` what that says of this store. ``plan`` is `gateway.push.plan_hash` of the
+    change, ``key_taken`` names another plan under the same transaction key, ``missing`` are transactions begun here
+    whose journals are gone.
     """
 
     change: TableChange
     purpose: Literal["table", "sign-proof", "restore"]
     moment: Literal["start", "release"]
-    typed_name: str
-    site_name: str
-    expected: MachineIdentity
+    request: PushRequest
+    can: Capabilities
     found: MachineIdentity
     state: MachineState
     limits: TableLimits
-    reference: float
     agreeing_position: float | None
     now_utc: datetime
     unchanged: bool | None = None
-    proof: SignProof | None = None
-    capture: Capture | None = None
-    ambient_now: Ambient | None = None
     unfinished: tuple[str, ...] = ()
-    modes: tuple[str, ...] = ("AUTO",)
-    harmless_alarms: tuple[int, ...] = ()
-    access_level_needed: int = ACCESS_LEVEL
     live: LiveSet | None = None
     marker: Marker | None = None
-    marker_ours: bool = True
-    marker_kept: bool = True
+    mark: Mark = field(default_factory=Mark)
     plan: str = ""
-    actor: str = ""
-    approvals: tuple[Approval, ...] = ()
-    approvals_needed: int | None = None
-    audit_broken: str = ""
     key_taken: str = ""
-    proposed: bool = True
-    used: tuple[Approval, ...] = ()
-    unrecorded: tuple[Approval, ...] = ()
-    run_id: str = ""
-    consent_utc: datetime | None = None
-    behind: str = ""
-    mark_lost: int = 0
-    stranger: int = 0
     missing: tuple[int, ...] = ()
-    alarms: tuple[str, ...] = ()
+
+    @property
+    def modes(self) -> tuple[str, ...]:
+        """Where the operator's hand moves the axes the control may be in JOG as well."""
+        return self.request.modes if self.can.stops else (*self.request.modes, "JOG")
 
     @property
     def table(self) -> CompensationTable:

@@ -11,9 +11,9 @@ from gateway.interlocks.limits import PROOF_TIMES_U, PROOF_WITHIN
 
 
 def _machine(facts: PushFacts) -> Iterator[Refusal]:
-    different = facts.expected.differences(facts.found)
+    different = facts.request.machine.differences(facts.found)
     if different:
-        wanted = ", ".join(str(getattr(facts.expected, name)) for name in different)
+        wanted = ", ".join(str(getattr(facts.request.machine, name)) for name in different)
         found = ", ".join(str(getattr(facts.found, name)) for name in different)
         yield from no("E-INT-MACHINE", differ=", ".join(different), wanted=wanted, found=found)
 
@@ -35,7 +35,7 @@ def _mode(facts: PushFacts) -> Iterator[Refusal]:
 
 
 def _alarms(facts: PushFacts) -> Iterator[Refusal]:
-    active = [number for number in facts.state.alarms if number not in facts.harmless_alarms]
+    active = [number for number in facts.state.alarms if number not in facts.request.harmless_alarms]
     if active:
         yield from no("E-INT-ALARM", alarms=", ".join(map(str, active)))
 
@@ -63,8 +63,8 @@ def _axis_units(facts: PushFacts) -> Iterator[Refusal]:
 
 
 def _access(facts: PushFacts) -> Iterator[Refusal]:
-    if facts.state.access_level > facts.access_level_needed:
-        level, needed = facts.state.access_level, facts.access_level_needed
+    if facts.state.access_level > facts.request.access_level_needed:
+        level, needed = facts.state.access_level, facts.request.access_level_needed
         yield from no("E-INT-ACCESS", level=level, needed=needed)
 
 
@@ -81,9 +81,9 @@ def _jump(facts: PushFacts) -> Iterator[Refusal]:
 
 
 def _name(facts: PushFacts) -> Iterator[Refusal]:
-    if facts.typed_name != facts.site_name:
-        typed = facts.typed_name or "nothing"
-        yield from no("E-INT-NAME", typed=typed, wanted=facts.site_name)
+    if facts.request.typed_name != facts.request.site_name:
+        typed = facts.request.typed_name or "nothing"
+        yield from no("E-INT-NAME", typed=typed, wanted=facts.request.site_name)
 
 
 def _unfinished(facts: PushFacts) -> Iterator[Refusal]:
@@ -105,14 +105,14 @@ def _nothing(facts: PushFacts) -> Iterator[Refusal]:
 def _marker(facts: PushFacts) -> Iterator[Refusal]:
     """Somebody else's push that did not end: on another PC, or in a store that is gone."""
     marker = facts.marker
-    if marker is not None and marker.state in ("in-progress", "held") and not facts.marker_ours:
+    if marker is not None and marker.state in ("in-progress", "held") and not facts.mark.ours:
         yield from no("E-INT-MARKER", number=marker.transaction, state=marker.state)
 
 
 def _behind(facts: PushFacts) -> Iterator[Refusal]:
     """The control remembers more of this store than its audit log does."""
-    if facts.behind:
-        yield from no("E-INT-AUDIT-BEHIND", why=facts.behind)
+    if facts.mark.behind:
+        yield from no("E-INT-AUDIT-BEHIND", why=facts.mark.behind)
 
 
 def _missing(facts: PushFacts) -> Iterator[Refusal]:
@@ -135,13 +135,13 @@ def _base(facts: PushFacts) -> Iterator[Refusal]:
 def _proof(facts: PushFacts) -> Iterator[Refusal]:
     if facts.purpose != "table":
         return
-    proof, table = facts.proof, facts.table
+    proof, table = facts.request.proof, facts.table
     if proof is None or (proof.kind, proof.output_axis) != (table.kind, table.output_axis):
         yield from no("E-INT-NO-PROOF", function=spoken().kind(table.kind), axis=table.output_axis)
     elif proof.machine.differences(facts.found):
         differ = ", ".join(proof.machine.differences(facts.found))
         yield from no("E-INT-OTHER-PROOF", axis=table.output_axis, differ=differ)
-    elif table.kind == "axis" and proof.sign != 1:
+    elif proof.reversed:
         yield from no("E-INT-SIGN", axis=table.output_axis, slope=proof.slope)
     elif not _sound(proof):
         yield from no("E-INT-BAD-PROOF", axis=table.output_axis, slope=proof.slope, u=proof.slope_u)
@@ -151,7 +151,7 @@ def _sound(proof: SignProof) -> bool:
     """The slope is one within 20 %, clear of its uncertainty, and says what the sign says."""
     size = abs(proof.slope)
     clear = abs(size - 1.0) <= PROOF_WITHIN + ROUNDING and size > PROOF_TIMES_U * proof.slope_u
-    return clear and proof.slope * proof.sign < 0
+    return clear and proof.agrees
 
 
 MACHINE: tuple[Rule, ...] = (_machine, _units, _channel, _mode, _alarms, _axis, _axis_units, _access)

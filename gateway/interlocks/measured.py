@@ -24,7 +24,7 @@ from gateway.interlocks.table import largest_change
 
 def _age(facts: PushFacts) -> Iterator[Refusal]:
     """A vendor's file has no end time we could trust, so its age is the operator's to know."""
-    capture = facts.capture
+    capture = facts.request.capture
     if capture is None or (capture.source != "live" and not capture.ended_utc):
         return
     try:
@@ -39,12 +39,12 @@ def _age(facts: PushFacts) -> Iterator[Refusal]:
 
 
 def _warmth(facts: PushFacts) -> Iterator[Refusal]:
-    if facts.capture is None or facts.ambient_now is None:
+    if facts.request.capture is None or facts.request.ambient_now is None:
         return
-    then, now = _degc(facts.capture.ambient_end), _degc(facts.ambient_now)
+    then, now = _degc(facts.request.capture.ambient_end), _degc(facts.request.ambient_now)
     if then is not None and now is not None and abs(now - then) > MAX_DRIFT_K:
         fields = {"then": round(then, 2), "now": round(now, 2), "limit": MAX_DRIFT_K}
-        yield from no("E-INT-WARMTH", axis=facts.capture.axis, **fields)
+        yield from no("E-INT-WARMTH", axis=facts.request.capture.axis, **fields)
 
 
 def _degc(ambient: Ambient) -> float | None:
@@ -55,8 +55,8 @@ def _degc(ambient: Ambient) -> float | None:
 def _coverage(facts: PushFacts) -> Iterator[Refusal]:
     """The table may reach one measuring interval past the outer targets, no further."""
     beyond, widest = unmeasured(facts)
-    if beyond > widest * 0.5 + ROUNDING and facts.capture is not None:
-        table, targets = facts.table, facts.capture.targets
+    if beyond > widest * 0.5 + ROUNDING and facts.request.capture is not None:
+        table, targets = facts.table, facts.request.capture.targets
         first, last = float(np.min(targets)), float(np.max(targets))
         span = {"minimum": table.minimum, "maximum": table.maximum}
         yield from no("E-INT-COVERAGE", table=table.name, first=first, last=last, **span)
@@ -64,7 +64,7 @@ def _coverage(facts: PushFacts) -> Iterator[Refusal]:
 
 def unmeasured(facts: PushFacts) -> tuple[float, float]:
     """(how far the table reaches past the outer targets beyond one measuring interval, that interval)."""
-    capture, table = facts.capture, facts.table
+    capture, table = facts.request.capture, facts.table
     if capture is None or capture.targets.size < 2:
         return 0.0, 0.0
     targets = np.sort(capture.targets)
@@ -79,7 +79,7 @@ def unmeasured(facts: PushFacts) -> tuple[float, float]:
 
 
 def _complete(facts: PushFacts) -> Iterator[Refusal]:
-    capture = facts.capture
+    capture = facts.request.capture
     if capture is None:
         return
     good = np.isfinite(capture.deviations)
@@ -96,7 +96,7 @@ def _complete(facts: PushFacts) -> Iterator[Refusal]:
 
 
 def _measured_axis(facts: PushFacts) -> Iterator[Refusal]:
-    capture, change = facts.capture, facts.change
+    capture, change = facts.request.capture, facts.change
     if capture is None:
         return
     if capture.axis != change.axis or capture.axis_unit != change.new.input_unit:
@@ -107,8 +107,8 @@ def _measured_axis(facts: PushFacts) -> Iterator[Refusal]:
 
 
 def _worth(facts: PushFacts) -> Iterator[Refusal]:
-    if facts.capture is not None:
-        yield from not_worth_it(facts.capture, facts.change)
+    if facts.request.capture is not None:
+        yield from not_worth_it(facts.request.capture, facts.change)
 
 
 def not_worth_it(capture: Capture, change: TableChange) -> tuple[Refusal, ...]:

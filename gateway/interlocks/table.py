@@ -87,9 +87,9 @@ def _turn(facts: PushFacts) -> Iterator[Refusal]:
 
 
 def _reference(facts: PushFacts) -> Iterator[Refusal]:
-    value = value_at(facts.table, facts.reference)
+    value = value_at(facts.table, facts.request.moved.reference)
     if not abs(value) <= facts.bounds.reference + ROUNDING:
-        fields = {"reference": facts.reference, "value": value, "limit": facts.bounds.reference}
+        fields = {"reference": facts.request.moved.reference, "value": value, "limit": facts.bounds.reference}
         yield from no("E-INT-REF-VALUE", table=facts.table.name, unit=facts.table.deviation_unit, **fields)
 
 

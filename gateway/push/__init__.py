@@ -9,13 +9,13 @@ from gateway.push.context import PushContext
 from gateway.push.plan import plan_hash
 from gateway.push.signproof import prove_sign
 from gateway.push.transaction import Asked, ask, push_table
-from gateway.push.undo.finding import Finding
+from gateway.push.undo.finding import PushFinding
 from gateway.push.undo.recovery import look, recover, unfinished
 
 __all__ = [
     "Asked",
-    "Finding",
     "PushContext",
+    "PushFinding",
     "ask",
     "look",
     "outcome_error",

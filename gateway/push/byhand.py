@@ -33,7 +33,9 @@ async def stand_at(context: PushContext, position: float, room: float) -> AxisSt
     def ask() -> None:
         context.say("P-PUSH-JOG", axis=axis.name, position=position, room=round(room, 3), unit=axis.unit)
 
-    return await jogging.stand_at(context.controller, context.clock, jogged, position, room, ask)
+    return await jogging.stand_at(
+        context.controller, context.clock, jogged=jogged, position=position, room=room, ask=ask
+    )
 
 
 async def visit_by_hand(context: PushContext, plan: StopPlan, at_stop: AtStop, order: PushOrder | None) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -12,49 +12,17 @@ from drivers.types import CompensationTable, LiveSet, LiveTable, TableLimits
 from drivers.units import deviation_scale
 from gateway.interlocks import MAX_JUMP, value_at
 from gateway.interlocks.facts import rest_of
+from gateway.table.comparison import GRID_TOLERANCE, PARTS, differences
 
-GRID_TOLERANCE = 1e-6
 # A driver's stated resolution is taken up to this much, so that a wrong one cannot make all tables alike.
 COARSEST = 0.05
 _CURVES = ("deviations", "places", "reverse")
-_EXACT = ("kind", "input_axis", "output_axis", "modulo", "index", "direction", "multiply_by", "table_type")
 
 
 def tolerance(limits: TableLimits, table: CompensationTable) -> float:
     """Half the controller's last place in um or arcsec, and what decimal text may lose."""
     step = abs(limits.resolution) * deviation_scale(table.output_unit)
     return min(0.5 * step, COARSEST) + 1e-6
-
-
-def differences(wanted: CompensationTable, found: CompensationTable, allowed: float) -> tuple[str, ...]:
-    """What differs, part by part; points beyond ``allowed``, NaN always. Empty means the same table.
-
-    A table never loaded is one with nothing in it: not every road can take a grid back once it was written.
-    """
-    if wanted.step <= 0 and not any(wanted.deviations) and not any(found.deviations):
-        return ()
-    return tuple(_differences(wanted, found, allowed))
-
-
-def _differences(wanted: CompensationTable, found: CompensationTable, allowed: float) -> Iterator[str]:
-    for name in _EXACT:
-        if getattr(wanted, name) != getattr(found, name):
-            yield f"{name} {getattr(wanted, name)} is {getattr(found, name)}"
-    for name in ("minimum", "maximum", "step"):
-        if not abs(getattr(wanted, name) - getattr(found, name)) <= GRID_TOLERANCE:
-            yield f"{name} {getattr(wanted, name)} is {getattr(found, name)}"
-    yield from _points("place", wanted.places, found.places, GRID_TOLERANCE)
-    yield from _points("point", wanted.deviations, found.deviations, allowed)
-    yield from _points("reverse point", wanted.reverse, found.reverse, allowed)
-
-
-def _points(what: str, wanted: tuple[float, ...], found: tuple[float, ...], allowed: float) -> Iterator[str]:
-    if len(wanted) != len(found):
-        yield f"{len(wanted)} {what}s are {len(found)}"
-        return
-    for number, (value, other) in enumerate(zip(wanted, found, strict=True)):
-        if not abs(value - other) <= allowed:
-            yield f"{what} {number}: {value} is {other}"
 
 
 def same_table(one: LiveTable, two: LiveTable, allowed: float) -> bool:
@@ -123,25 +91,11 @@ def with_table(live: LiveSet, table: CompensationTable) -> LiveSet:
     return dataclasses.replace(live, cross=tuple(sorted((*cross, now), key=lambda one: one.table.index)), digest="")
 
 
-def signed(live: LiveSet, sign: int) -> LiveSet:
-    """Cross tables as deviations: stored values times the machine's proven sign."""
-    if sign == 1:
-        return live
-    return dataclasses.replace(live, cross=_turned(live.cross), others=_turned(live.others))
-
-
-def _turned(tables: tuple[LiveTable, ...]) -> tuple[LiveTable, ...]:
-    def turned(table: CompensationTable) -> CompensationTable:
-        return dataclasses.replace(table, deviations=tuple(-value + 0.0 for value in table.deviations))
-
-    return tuple(dataclasses.replace(one, table=turned(one.table)) for one in tables)
-
-
 def three_way(old: CompensationTable, new: CompensationTable, live: CompensationTable, most: int = 8) -> list[str]:
     """Where the live table is neither the old nor the new one: parameters, then points, ``most`` lines in all."""
     lines = [
         f"{name}: old {getattr(old, name)}, new {getattr(new, name)}, live {getattr(live, name)}"
-        for name in ("minimum", "maximum", "step", *_EXACT)
+        for name in PARTS
         if getattr(live, name) not in (getattr(old, name), getattr(new, name))
     ]
     for number, value in enumerate(live.deviations):

@@ -11,7 +11,7 @@ from typing import Protocol
 from drivers.clock import Clock
 from drivers.limits import ACCESS_LEVEL
 from drivers.ports import Controller
-from drivers.types import Ambient, CompensationTable, LiveSet, MachineIdentity, SignProof
+from drivers.types import Ambient, CompensationTable, LiveSet, MachineIdentity, Sense, SignProof
 from gateway.axes import AxisRecord
 from gateway.domain import Approval, Capture, TableChange
 from gateway.say import Say, silence
@@ -119,6 +119,10 @@ class PushContext:
         return self.input or self.axis
 
     @property
-    def sign(self) -> int:
-        """What stored values of cross tables are multiplied with to become deviations; +1 without a proof."""
-        return self.proof.sign if self.proof is not None and self.proof.kind == "cross" else 1
+    def sense(self) -> Sense:
+        """In which sense cross tables are kept in this push's journal: that of its proof, as stored without one."""
+        return self.proof.sense if self.proof is not None else 1
+
+    def meant(self, table: CompensationTable, sense: Sense) -> CompensationTable:
+        """A table that a journal kept in ``sense``, as a deviation by this push's proof."""
+        return self.controller.table_by(table, sense, self.proof)

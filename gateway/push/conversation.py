@@ -11,12 +11,11 @@ from gateway.domain import TableChange
 from gateway.errors import VerifyError
 from gateway.interlocks import PushFacts
 from gateway.push.byhand import visit_by_hand
-from gateway.push.compare import signed
 from gateway.push.context import PushContext
 from gateway.push.plan import plan_hash
 from gateway.push.records.marking import against_the_log, missing_journals
 from gateway.push.work import Purpose
-from gateway.walk import Patience, walk
+from gateway.walk import Patience, approach_in, question, walk
 
 POLL_S = 0.5
 CONNECT_WITHIN_S = 60.0
@@ -41,73 +40,38 @@ async def facts_at_start(
     controller = context.controller
     found = await controller.identify()
     state = await controller.state()
-    kept = controller.capabilities.marker
-    marker = await controller.marker() if kept else None
-    mark = against_the_log(context, marker)
+    marker = await controller.marker() if controller.capabilities.marker else None
     return PushFacts(
         change=change,
         purpose=purpose,
         moment="start",
-        typed_name=context.typed_name,
-        site_name=context.site_name,
-        expected=context.machine,
+        request=context,
+        can=controller.capabilities,
         found=found,
         state=state,
         limits=limits,
-        reference=context.moved.reference,
         agreeing_position=agreeing_position,
         now_utc=context.clock.utc(),
         unchanged=unchanged,
-        proof=context.proof,
-        capture=context.capture,
-        ambient_now=context.ambient_now,
         unfinished=unfinished,
-        modes=_modes(context),
-        harmless_alarms=context.harmless_alarms,
-        access_level_needed=context.access_level_needed,
         live=live,
         marker=marker,
-        marker_ours=mark.ours,
-        marker_kept=kept,
+        mark=against_the_log(context, marker),
         plan=plan_hash(change, context.machine),
-        actor=context.actor,
-        approvals=context.approvals,
-        approvals_needed=context.approvals_needed,
-        audit_broken=context.audit_broken,
         key_taken=key_taken,
-        proposed=context.proposed,
-        used=context.used,
-        unrecorded=context.unrecorded,
-        run_id=context.run_id,
-        consent_utc=context.consent_utc,
-        behind=mark.behind,
-        mark_lost=mark.lost,
-        stranger=mark.stranger,
         missing=missing_journals(context),
-        alarms=context.alarms,
     )
-
-
-def _modes(context: PushContext) -> tuple[str, ...]:
-    """Where the operator's hand moves the axes the control may be in JOG as well."""
-    return context.modes if context.controller.capabilities.stops else (*context.modes, "JOG")
 
 
 async def read_live(context: PushContext, position: float) -> LiveSet:
     """The live tables of the output axis, cross tables as deviations; compensation stays as it is.
 
-    Saved by a program that visits one stop, or read directly where the road runs no programs. Raises what the
-    port raises: DeadlineExceeded when nobody starts it, DeviceRefused on an alarm.
+    Where the control must run a program for it the input axis goes to ``position``. Raises what the port raises:
+    DeadlineExceeded when nobody starts it, DeviceRefused on an alarm.
     """
-    if context.controller.capabilities.stops:
-        context.say("P-PUSH-READ", axis=context.axis.name)
-        stop = Stop(position, approach_to(context, position))
-        await visit(context, plan_of(context, "TFREAD", (stop,)), _nothing)
-    return signed(await context.controller.saved_tables(context.axis.name), context.sign)
-
-
-async def _nothing(_stop: Stop, _reached: StopReached) -> None:
-    return None
+    patience = Patience(context.start_timeout_s, context.stop_timeout_s)
+    asked = question(context.axis, context.moved, position, patience, proof=context.proof)
+    return await context.controller.live_tables(asked, context.say)
 
 
 def plan_of(
@@ -141,15 +105,10 @@ def stops_at(context: PushContext, positions: tuple[float, ...]) -> tuple[Stop, 
 
 
 def approach_to(context: PushContext, position: float, direction: int = 0) -> Approach:
-    """The direction from which a stop is reached without leaving the travel.
-
-    Coming up from below needs room for the overrun below; near the lower end the axis comes down. A table that
-    acts in one ``direction`` of travel is met in that direction.
-    """
-    axis = context.moved
+    """As `approach_in`; a table that acts in one ``direction`` of travel is met in that direction."""
     if direction:
         return 1 if direction > 0 else -1
-    return -1 if not axis.modulo and position - axis.overrun < axis.travel[0] else 1
+    return approach_in(context.moved, position)
 
 
 async def visit(context: PushContext, plan: StopPlan, at_stop: AtStop, order: PushOrder | None = None) -> None:

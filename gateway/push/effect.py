@@ -19,8 +19,9 @@ from gateway.interlocks import value_at
 from gateway.interlocks.facts import rest_of
 from gateway.interlocks.table import steepest
 from gateway.push import conversation
-from gateway.push.compare import differences, same_rest, same_table, table_in
+from gateway.push.compare import same_rest, same_table, table_in
 from gateway.push.work import Work
+from gateway.table.comparison import differences
 
 # The axis stands within its exact stop window of the target: 0.01 mm or deg.
 POSITION_SLACK = 0.01
@@ -54,7 +55,7 @@ async def prove_effect(work: Work, positions: tuple[float, ...], base: LiveSet) 
     order = work.order(table, True, "table", work.number)
     await conversation.visit(context, conversation.plan_of(context, "TFEFFECT", stops), at_stop, order)
     work.effect = _judged(work, table, shown)
-    live = work.signed(await context.controller.saved_tables(context.axis.name))
+    live = await context.controller.saved_tables(context.axis.name, context.proof)
     _still_there(work, live, base)
     await work.same_machine()
 
@@ -91,11 +92,11 @@ def _judged(work: Work, table: CompensationTable, shown: list[_Shown]) -> tuple[
     """The first way of counting that fits everywhere. Raises VerifyError (E-PUSH-EFFECT)."""
     allowed = effect_tolerance(work, table)
     ways = range(max((len(one.expected) for one in shown), default=1))
-    senses = (1.0, -1.0) if table.kind == "cross" else (1.0,)
+    can = work.context.controller.capabilities
     for way in ways:
-        for sense in senses:
-            if all(abs(one.found - sense * one.expected[way]) <= allowed for one in shown):
-                return tuple((one.position, sense * one.expected[way], one.found) for one in shown)
+        for wanted in zip(*(can.shown(table.kind, one.expected[way]) for one in shown), strict=True):
+            if all(abs(one.found - value) <= allowed for one, value in zip(shown, wanted, strict=True)):
+                return tuple((one.position, value, one.found) for one, value in zip(shown, wanted, strict=True))
     worst = next((one for one in shown if not abs(one.found - one.expected[0]) <= allowed), shown[0] if shown else None)
     fields: dict[str, Any] = {"position": "no position", "expected": "a value", "found": "none"}
     if worst is not None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from drivers.errors import TrueflankError
+from drivers.errors import PointsDiffer, TableActs, TrueflankError
 from drivers.terms import spoken
 from drivers.types import LiveSet, PushOrder
 from gateway.errors import VerifyError, WriteRefused
@@ -12,13 +12,9 @@ from gateway.interlocks import PushFacts, refusals
 from gateway.interlocks.facts import rest_of
 from gateway.push import conversation
 from gateway.push.byhand import room_of, stand_at
-from gateway.push.compare import differences, same_rest, same_set, same_table, table_facts, table_in
+from gateway.push.compare import same_rest, same_set, same_table, table_facts, table_in
 from gateway.push.work import Work
-
-# The control's own comparison comes after the last point: these say that it got there.
-RAN_THROUGH = ("E-NC-MISMATCH", "E-MBX-MISMATCH")
-# The control refuses to write a table that is on: whatever the switch reads, it is on.
-PROTECTED = "E-MBX-PROTECTED"
+from gateway.table.comparison import differences
 
 
 async def load(work: Work, order: PushOrder, base: LiveSet | None) -> None:
@@ -85,8 +81,8 @@ async def _loaded(work: Work, order: PushOrder) -> tuple[LiveSet, LiveSet]:
     try:
         found = await work.context.controller.read_back(order, work.context.start_timeout_s)
     except TrueflankError as error:
-        work.cut_short = error.code not in RAN_THROUGH
-        work.protected = work.protected or error.code == PROTECTED
+        work.cut_short = not isinstance(error, PointsDiffer)
+        work.protected = work.protected or isinstance(error, TableActs)
         raise
     work.cut_short = False
     return found
@@ -176,7 +172,12 @@ async def release(work: Work, order: PushOrder) -> None:
 async def _ask_again(work: Work, order: PushOrder) -> None:
     change = replace(work.change, new=order.table, old_enabled=order.enable)
     start = await conversation.facts_at_start(
-        work.context, change, order.purpose, work.limits, order.agreeing_position, live=work.base
+        work.context,
+        change,
+        purpose=order.purpose,
+        limits=work.limits,
+        agreeing_position=order.agreeing_position,
+        live=work.base,
     )
     found = refusals(_at_release(start))
     if found:

@@ -62,7 +62,7 @@ def triangle(
     Zero at the reference (and its two neighbours when it lies between points), at both ends and everywhere
     outside the longer side of the reference. Raises TableError (E-PUSH-TRIANGLE) when no peak fits.
     """
-    return triangle_of(context.moved, context.axis, minimum, maximum, step, kind, index)
+    return triangle_of(context.moved, context.axis, minimum=minimum, maximum=maximum, step=step, kind=kind, index=index)
 
 
 def triangle_of(
@@ -79,7 +79,7 @@ def triangle_of(
     at = min(max((axis.reference - minimum) / step, 0.0), float(count - 1))
     below, above = (0, floor(at + 1e-9)), (ceil(at - 1e-9), count - 1)
     first, last = max(below, above, key=lambda side: side[1] - side[0])
-    peak = _peak(axis.travel, minimum, step, first, last)
+    peak = _peak(axis.travel, minimum, step=step, first=first, last=last)
     if not first < peak < last:
         grid: dict[str, Any] = {"minimum": minimum, "maximum": maximum, "step": step}
         raise TableError("E-PUSH-TRIANGLE", axis.name, axis=axis.name, **grid)
@@ -87,11 +87,11 @@ def triangle_of(
     table = CompensationTable(
         kind,
         axis.name,
-        output.name,
-        minimum,
-        maximum,
-        step,
-        tuple(round(float(value), 3) for value in values),
+        output_axis=output.name,
+        minimum=minimum,
+        maximum=maximum,
+        step=step,
+        deviations=tuple(round(float(value), 3) for value in values),
         modulo=axis.modulo,
         index=output.encoder if kind == "axis" else index,
         input_unit=axis.unit,
@@ -123,23 +123,25 @@ async def prove_sign(
     counts, and its u; only differences matter. ``setup`` is the operator's message for mounting the optics;
     ``index`` the number of the cross table to borrow.
     Raises WriteRefused (E-PUSH-REFUSED), VerifyError (E-PUSH-NO-PROOF, E-PUSH-SIGN), RollbackFailed
-    (E-PUSH-HELD), UnsupportedDevice (E-NC-NO-SWITCHING), BusyError, StoreError, and what port or reading raise;
+    (E-PUSH-HELD), UnsupportedDevice (E-PUSH-NO-SWITCHING), BusyError, StoreError, and what port or reading raise;
     the old table is then live again.
     """
     raw = replace(unheard(context), proof=None)
     can = raw.controller.capabilities
-    table, peak = triangle(raw, minimum, maximum, step, kind, index)
+    table, peak = triangle(raw, minimum, maximum=maximum, step=step, kind=kind, index=index)
     if not can.switches_now:
-        raise UnsupportedDevice("E-NC-NO-SWITCHING", raw.axis.name, table=table.name)
+        raise UnsupportedDevice("E-PUSH-NO-SWITCHING", raw.axis.name, table=table.name)
     folder = journal.machine_folder(raw.journals, raw.machine.serial)
     with machine_lock(folder):
         await _allowed(raw, _change(table, None), None)
         live = await conversation.read_live(raw, raw.moved.reference)
         change = _change(table, live)
         asked = await _allowed(raw, change, live)
-        with begun(raw, folder, change, "sign-proof", asked.limits, asked.place) as work:
+        with begun(
+            raw, folder, change=change, purpose="sign-proof", limits=asked.limits, agreeing_position=asked.place
+        ) as work:
             work.before = asked.marker
-            steps = await _proved(work, live, peak, read_stop, setup)
+            steps = await _proved(work, live, peak=peak, read_stop=read_stop, setup=setup)
     return _judged(raw, steps, kind)
 
 
@@ -156,7 +158,16 @@ def _change(table: CompensationTable, live: LiveSet | None) -> TableChange:
     held = table_in(live, table) if live is not None else None
     old, enabled = (held.table, held.enabled) if held is not None else (table, False)
     digest = live.digest if live is not None else ""
-    return TableChange(table.output_axis, old, table, enabled, digest, nothing, nothing, nothing)
+    return TableChange(
+        table.output_axis,
+        old,
+        new=table,
+        old_enabled=enabled,
+        base_digest=digest,
+        targets=nothing,
+        predicted=nothing,
+        predicted_U=nothing,
+    )
 
 
 async def _allowed(context: PushContext, change: TableChange, live: LiveSet | None) -> _Allowed:
@@ -176,7 +187,7 @@ async def _proved(work: Work, live: LiveSet, peak: float, read_stop: ReadStop, s
             order = work.order(work.change.new, True, "sign-proof", work.number)
             await load(work, order, live)
             await release(work, order)
-            steps = await _measured(work, order, peak, read_stop, setup)
+            steps = await _measured(work, order, peak=peak, read_stop=read_stop, setup=setup)
             work.note("MEASURED", mean=steps.mean, u=steps.u, each=list(steps.each))
     except TrueflankError as error:
         failure = error
@@ -209,7 +220,7 @@ async def _measured(work: Work, order: PushOrder, peak: float, read_stop: ReadSt
 
     context.say("P-PUSH-SIGN", axis=context.axis.name, position=peak)
     switched = order.table.index if order.table.kind == "cross" else None
-    plan = conversation.plan_of(context, "TFSIGN", stops, setup, switched)
+    plan = conversation.plan_of(context, "TFSIGN", stops=stops, setup=setup, cross_table=switched)
     await conversation.visit(context, plan, read, order)
     return steps_of(readings)
 
@@ -233,5 +244,13 @@ def _judged(context: PushContext, steps: Steps, kind: Literal["axis", "cross"]) 
         told = {"mean": round(steps.mean, 3), "unit": deviation_unit(axis.unit)}
         raise VerifyError("E-PUSH-SIGN", axis.name, axis=axis.name, **told)
     moment = context.clock.utc().isoformat(timespec="seconds")
-    sign: Literal[1, -1] = 1 if steps.mean < 0 else -1
-    return SignProof(context.machine, kind, axis.name, steps.mean / PEAK, steps.u / PEAK, sign, moment)
+    sign = SignProof.sign_of(steps.mean)
+    return SignProof(
+        context.machine,
+        kind,
+        output_axis=axis.name,
+        slope=steps.mean / PEAK,
+        slope_u=steps.u / PEAK,
+        sign=sign,
+        date_utc=moment,
+    )

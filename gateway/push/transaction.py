@@ -21,7 +21,6 @@ from gateway.push.compare import (
     effect_positions,
     same_set,
     same_table,
-    signed,
     table_facts,
     table_in,
     with_table,
@@ -63,7 +62,7 @@ async def push_table(change: TableChange, context: PushContext) -> PushRecord:
     and as long as nothing has been written the port's errors and Unexpected (E-PUSH-UNEXPECTED).
     """
     if change.skipped:
-        return PushRecord(0, change.axis, "skipped", (change.skipped,), "")
+        return PushRecord(0, change.axis, outcome="skipped", steps=(change.skipped,), backup_path="")
     with foreseen(change.axis):
         return await _pushed(change, unheard(context))
 
@@ -78,7 +77,14 @@ async def _pushed(change: TableChange, context: PushContext) -> PushRecord:
         reasons = tuple(refusal for refusal in asked.refusals if refusal.code != _NOTHING)
         if reasons or asked.agreeing_position is None:
             return refused(context, change.axis, reasons)
-        with begun(context, folder, change, "table", asked.limits, asked.agreeing_position) as work:
+        with begun(
+            context,
+            folder,
+            change=change,
+            purpose="table",
+            limits=asked.limits,
+            agreeing_position=asked.agreeing_position,
+        ) as work:
             work.before = asked.marker
             return work.record(await _push(work))
 
@@ -93,7 +99,14 @@ def _same_again(change: TableChange, context: PushContext, folder: Path) -> Push
         return None
     steps = tuple(f"{entry.facts.get('utc', '')} {entry.kind}" for entry in found.entries)
     shown = tuple((float(one[0]), float(one[1]), float(one[2])) for one in found.latest("shown") or ())
-    return PushRecord(found.number, change.axis, outcome, steps, str(found.latest("path") or ""), shown)
+    return PushRecord(
+        found.number,
+        change.axis,
+        outcome=outcome,
+        steps=steps,
+        backup_path=str(found.latest("path") or ""),
+        effect=shown,
+    )
 
 
 async def ask(change: TableChange, context: PushContext, purpose: Purpose, live: LiveSet | None = None) -> Asked:
@@ -108,9 +121,9 @@ async def ask(change: TableChange, context: PushContext, purpose: Purpose, live:
     facts = await conversation.facts_at_start(
         context,
         change,
-        purpose,
-        limits,
-        place,
+        purpose=purpose,
+        limits=limits,
+        agreeing_position=place,
         live=live,
         unfinished=unfinished_names(context),
         key_taken=_key_taken(change, context),
@@ -119,7 +132,9 @@ async def ask(change: TableChange, context: PushContext, purpose: Purpose, live:
 
 
 def _asked(facts: PushFacts, limits: TableLimits, place: float | None) -> Asked:
-    return Asked(limits, place, refusals(facts), warnings(facts), needed(facts), facts.marker)
+    return Asked(
+        limits, place, refusals=refusals(facts), warnings=warnings(facts), people=needed(facts), marker=facts.marker
+    )
 
 
 def place_for(old: LiveTable, change: TableChange, context: PushContext) -> float | None:
@@ -146,7 +161,7 @@ def refused(context: PushContext, axis: str, reasons: tuple[Refusal, ...]) -> Pu
     """The record of a push that wrote nothing, every reason one step."""
     for reason in reasons:
         context.say("P-PUSH-REFUSED", axis=axis, reason=reason.words)
-    return PushRecord(0, axis, "refused", tuple(reason.words for reason in reasons), "")
+    return PushRecord(0, axis, outcome="refused", steps=tuple(reason.words for reason in reasons), backup_path="")
 
 
 async def _push(work: Work) -> Outcome:
@@ -221,9 +236,9 @@ async def _still_allowed(work: Work, live: LiveSet) -> tuple[Refusal, ...]:
     facts = await conversation.facts_at_start(
         work.context,
         change,
-        work.purpose,
-        work.limits,
-        place_for(old, change, work.context),
+        purpose=work.purpose,
+        limits=work.limits,
+        agreeing_position=place_for(old, change, work.context),
         live=live,
         unchanged=unchanged(work.context, work.change, live, work.allowed),
     )
@@ -242,7 +257,7 @@ def unchanged(context: PushContext, change: TableChange, live: LiveSet, allowed:
     base = change.base or (context.capture.live if context.capture is not None else None)
     if base is None or base.digest != change.base_digest or base.axis != live.axis:
         return False
-    expected = signed(base, context.sign)
+    expected = context.controller.tables_by(base, context.proof)
     for table in context.pushed:
         expected = with_table(expected, table)
     return same_set(expected, live, allowed)

@@ -15,7 +15,7 @@ from gateway.errors import VerifyError
 from gateway.interlocks import PushFacts, Refusal, refusals
 from gateway.interlocks.facts import no
 from gateway.push import conversation
-from gateway.push.compare import differences, effect_positions, same_table, table_in, tolerance
+from gateway.push.compare import effect_positions, same_table, table_in, tolerance
 from gateway.push.context import PushContext
 from gateway.push.effect import prove_effect
 from gateway.push.loading import load, release
@@ -26,13 +26,23 @@ from gateway.push.transaction import Asked, place_for, refused, snapshot, unfini
 from gateway.push.undo.restoring import roll_back
 from gateway.push.unexpected import foreseen, unheard
 from gateway.push.work import Outcome, Work, begun
+from gateway.table.comparison import differences
 from gateway.table.threeway import ThreeWay, compare
 
 
 def undoing(done: Committed) -> TableChange:
     """The change that takes a push back: from what it wrote to what was live before."""
     nothing = np.zeros(0)
-    return TableChange(done.axis, done.new.table, done.old.table, done.new.enabled, "", nothing, nothing, nothing)
+    return TableChange(
+        done.axis,
+        done.new.table,
+        new=done.old.table,
+        old_enabled=done.new.enabled,
+        base_digest="",
+        targets=nothing,
+        predicted=nothing,
+        predicted_U=nothing,
+    )
 
 
 async def ask_undo(done: Committed, context: PushContext) -> Asked:
@@ -42,7 +52,9 @@ async def ask_undo(done: Committed, context: PushContext) -> Asked:
     limits = await context.controller.table_limits(change.axis, table.kind, table.index)
     place = place_for(done.new, change, context)
     names = unfinished_names(context)
-    facts = await conversation.facts_at_start(context, change, "restore", limits, place, unfinished=names)
+    facts = await conversation.facts_at_start(
+        context, change, purpose="restore", limits=limits, agreeing_position=place, unfinished=names
+    )
     return Asked(limits, place, tuple(_reasons(facts)), marker=facts.marker)
 
 
@@ -51,14 +63,14 @@ def _reasons(facts: PushFacts) -> list[Refusal]:
     found = list(refusals(facts))
     if facts.unfinished:
         found += no("E-INT-UNFINISHED", journals=", ".join(facts.unfinished))
-    if facts.audit_broken:
-        found += no("E-INT-AUDIT-BROKEN", why=facts.audit_broken)
+    if facts.request.audit_broken:
+        found += no("E-INT-AUDIT-BROKEN", why=facts.request.audit_broken)
     if facts.missing:
         found += no("E-INT-JOURNAL-MISSING", numbers=", ".join(map(str, facts.missing)))
-    if facts.behind:
-        found += no("E-INT-AUDIT-BEHIND", why=facts.behind)
+    if facts.mark.behind:
+        found += no("E-INT-AUDIT-BEHIND", why=facts.mark.behind)
     marker = facts.marker
-    if marker is not None and marker.state in ("in-progress", "held") and not facts.marker_ours:
+    if marker is not None and marker.state in ("in-progress", "held") and not facts.mark.ours:
         found += no("E-INT-MARKER", number=marker.transaction, state=marker.state)
     if facts.agreeing_position is None:
         limit, unit = facts.bounds.jump, facts.table.deviation_unit
@@ -83,7 +95,14 @@ async def _undone(done: Committed, context: PushContext) -> PushRecord:
         if asked.refusals or asked.agreeing_position is None:
             return refused(context, done.axis, asked.refusals)
         change = undoing(done)
-        with begun(context, folder, change, "restore", asked.limits, asked.agreeing_position) as work:
+        with begun(
+            context,
+            folder,
+            change=change,
+            purpose="restore",
+            limits=asked.limits,
+            agreeing_position=asked.agreeing_position,
+        ) as work:
             work.before = asked.marker
             work.note("UNDOES", undoes=done.transaction)
             return work.record(await _undo(work, done))
@@ -127,7 +146,9 @@ async def _exchange(work: Work, done: Committed, base: LiveSet) -> Outcome:
 
 async def _still_allowed(work: Work, base: LiveSet) -> tuple[Refusal, ...]:
     place = work.agreeing_position
-    facts = await conversation.facts_at_start(work.context, work.change, "restore", work.limits, place, live=base)
+    facts = await conversation.facts_at_start(
+        work.context, work.change, purpose="restore", limits=work.limits, agreeing_position=place, live=base
+    )
     return tuple(_reasons(facts))
 
 

@@ -14,7 +14,7 @@ from drivers.errors import TrueflankError, words
 from drivers.types import CompensationTable, LiveSet, LiveTable, Marker, PushOrder, TableLimits
 from gateway.domain import PushRecord, TableChange
 from gateway.errors import BusyError, StoreError, VerifyError
-from gateway.push.compare import signed, table_facts, tolerance
+from gateway.push.compare import table_facts, tolerance
 from gateway.push.context import PushContext
 from gateway.push.plan import plan_hash
 from gateway.push.records import journal, numbering
@@ -107,11 +107,18 @@ class Work:
         if purpose == "sign-proof" or (purpose == "restore" and table.kind == "axis"):
             proof = None
         head = self.context.log.head() if self.context.log is not None else 0
-        return PushOrder(number, table, moved.letter, moved.rotary, enable, place, purpose, proof, self.coupled, head)
-
-    def signed(self, live: LiveSet) -> LiveSet:
-        """A live set as saved, cross tables as deviations by this push's proof."""
-        return signed(live, self.context.sign)
+        return PushOrder(
+            number,
+            table,
+            letter=moved.letter,
+            rotary=moved.rotary,
+            enable=enable,
+            agreeing_position=place,
+            purpose=purpose,
+            proof=proof,
+            coupled=self.coupled,
+            head=head,
+        )
 
     def fresh_number(self) -> int:
         """Another transaction number of this machine."""
@@ -157,7 +164,9 @@ class Work:
         """What happened, for the run folder."""
         self.context.say("P-PUSH-END", axis=self.axis, outcome=outcome)
         steps = tuple(self.steps)
-        return PushRecord(self.number, self.axis, outcome, steps, self.backup_path, self.effect)
+        return PushRecord(
+            self.number, self.axis, outcome=outcome, steps=steps, backup_path=self.backup_path, effect=self.effect
+        )
 
     def _utc(self) -> str:
         return self.context.clock.utc().isoformat(timespec="milliseconds")
@@ -182,7 +191,17 @@ def begun(
     number = numbering.allocate(folder, seed_of(context))
     written = journal.Journal.create(folder, number)
     old = LiveTable(change.old, change.old_enabled)
-    work = Work(context, folder, written, number, change, purpose, limits, agreeing_position, old)
+    work = Work(
+        context,
+        folder,
+        journal=written,
+        number=number,
+        change=change,
+        purpose=purpose,
+        limits=limits,
+        agreeing_position=agreeing_position,
+        restore_to=old,
+    )
     with closed_at_the_end(work):
         work.note(
             "LEASED",
@@ -199,7 +218,7 @@ def begun(
             key=context.key,
             actor=context.actor,
             approved_by=sorted({approval.actor for approval in context.approvals}),
-            sign=context.sign,
+            sign=context.sense,
         )
         _announce(work)
         yield work

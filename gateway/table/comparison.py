@@ -13,6 +13,8 @@ from gateway.domain import FloatArray
 GRID_TOLERANCE = 1e-6  # mm or deg: how far a control may round a grid
 FORM = ("minimum", "maximum", "step", "modulo", "direction", "multiply_by", "table_type")
 AXES, UNITS = ("input_axis", "output_axis"), ("input_unit", "output_unit")
+PARTS = ("kind", "index", *AXES, *FORM)
+"""All that says which table it is and where its points lie."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,11 +54,31 @@ def unlike(
             yield name, one, two
 
 
-def equal_tables(one: CompensationTable, two: CompensationTable, allowed: float) -> bool:
-    """Whether two tables have one form and values ``allowed`` apart at most (um or arcsec)."""
-    if any(unlike(one, two)) or len(one.deviations) != len(two.deviations):
-        return False
-    return all(abs(first - second) <= allowed for first, second in zip(one.deviations, two.deviations, strict=True))
+def curves_apart(wanted: CompensationTable, found: CompensationTable, allowed: float) -> Iterator[str]:
+    """What differs in free places and in the curve of the negative direction, in words."""
+    yield from _points("place", wanted.places, found.places, GRID_TOLERANCE)
+    yield from _points("reverse point", wanted.reverse, found.reverse, allowed)
+
+
+def differences(wanted: CompensationTable, found: CompensationTable, allowed: float) -> tuple[str, ...]:
+    """What differs, part by part; values by more than ``allowed`` (um or arcsec), NaN always. Empty: the same table.
+
+    A table never loaded is one with nothing in it: not every road can take a grid back once it was written.
+    """
+    if wanted.step <= 0 and not wanted.places and not any((*wanted.deviations, *found.deviations)):
+        return ()
+    parts = (f"{name} {one} is {two}" for name, one, two in unlike(wanted, found, PARTS))
+    points = _points("point", wanted.deviations, found.deviations, allowed)
+    return (*parts, *points, *curves_apart(wanted, found, allowed))
+
+
+def _points(what: str, wanted: tuple[float, ...], found: tuple[float, ...], allowed: float) -> Iterator[str]:
+    if len(wanted) != len(found):
+        yield f"{len(wanted)} {what}s are {len(found)}"
+        return
+    for number, (value, other) in enumerate(zip(wanted, found, strict=True)):
+        if not abs(value - other) <= allowed:
+            yield f"{what} {number}: {value} is {other}"
 
 
 def diff(old: CompensationTable, new: CompensationTable) -> TableDifference:

@@ -10,7 +10,7 @@ import numpy as np
 
 from drivers.errors import words
 from drivers.types import CompensationTable, LiveTable
-from gateway.table.comparison import acting, equal_tables, unlike
+from gateway.table.comparison import acting, curves_apart, differences, unlike
 
 Kind = Literal["as-approved", "switched-off", "switched-on", "before", "differs"]
 _WORDS: dict[Kind, str] = {
@@ -96,7 +96,7 @@ def compare(live: LiveTable, approved: LiveTable, before: LiveTable | None, allo
     ``before`` is the table that was live before the approved one was written (None: not known); ``allowed`` how
     far values of the same table may lie apart, um or arcsec. Values are compared at the approved table's points.
     """
-    form = tuple(_form(approved.table, live.table))
+    form = tuple(_form(approved.table, live.table, allowed))
     places = tuple(_places(live, approved, before, allowed))
     kind = _kind(live, approved, before, allowed, same=not form and not places)
     table, points = approved.table, len(approved.table.deviations)
@@ -115,19 +115,20 @@ def compare(live: LiveTable, approved: LiveTable, before: LiveTable | None, allo
 def _kind(live: LiveTable, approved: LiveTable, before: LiveTable | None, allowed: float, *, same: bool) -> Kind:
     if same and live.enabled == approved.enabled:
         return "as-approved"
-    if before is not None and before.enabled == live.enabled and equal_tables(before.table, live.table, allowed):
+    if before is not None and before.enabled == live.enabled and not differences(before.table, live.table, allowed):
         return "before"
     if same:
         return "switched-on" if live.enabled else "switched-off"
-    old = before is not None and equal_tables(before.table, live.table, allowed)
+    old = before is not None and not differences(before.table, live.table, allowed)
     return "before" if old else "differs"
 
 
-def _form(approved: CompensationTable, live: CompensationTable) -> Iterator[str]:
+def _form(approved: CompensationTable, live: CompensationTable, allowed: float) -> Iterator[str]:
     for name, wanted, found in unlike(approved, live):
         yield f"{name}: {wanted}, live {found}"
     if len(approved.deviations) != len(live.deviations):
         yield f"points: {len(approved.deviations)}, live {len(live.deviations)}"
+    yield from curves_apart(approved, live, allowed)
 
 
 def _places(live: LiveTable, approved: LiveTable, before: LiveTable | None, allowed: float) -> Iterator[DifferingPoint]:

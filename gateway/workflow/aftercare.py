@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import datetime, timedelta
+from functools import partial
 
 from drivers.errors import words
 from drivers.terms import spoken
-from drivers.types import CompensationTable, LiveSet
+from drivers.types import CompensationTable, LiveSet, SignProof
 from gateway import audit
 from gateway.errors import StoreError
-from gateway.push.compare import signed, table_in, tolerance
+from gateway.push.compare import table_in, tolerance
 from gateway.push.records.history import Committed, committed, pushed_tables
 from gateway.push.records.journal import JOURNALS
 from gateway.store import Store
@@ -23,10 +24,13 @@ from gateway.workflow.witness import Witness
 
 @dataclass(frozen=True, slots=True)
 class PushedTable:
-    """A table as the last committed push left it; ``sign`` turns stored values, ``allowed`` is no difference."""
+    """A table as the last committed push left it; ``allowed`` is no difference.
+
+    ``meant`` gives a live set by the proof that the push is known by.
+    """
 
     push: Committed
-    sign: int
+    meant: Callable[[LiveSet], LiveSet]
     allowed: float
 
     @property
@@ -70,23 +74,25 @@ async def expected_of(at: Bench, axis: str = "") -> tuple[PushedTable, ...]:
         if cross and proof is None:
             at.say("P-VERIFY-UNPROVED", table=name)
             continue
-        found.append(await _expected(at, name, proof.sign if proof is not None else 1))
+        found.append(await _expected(at, name, proof))
     return tuple(found)
 
 
-async def _expected(at: Bench, name: str, sign: int) -> PushedTable:
-    last = committed(at.store.root / JOURNALS, at.machine.serial, name, sign)[-1]
+async def _expected(at: Bench, name: str, proof: SignProof | None) -> PushedTable:
+    controller = at.supervisor.controller
+    meant = partial(controller.table_by, proof=proof)
+    last = committed(at.store.root / JOURNALS, at.machine.serial, name, meant)[-1]
     shape = last.new.table
-    limits = await at.supervisor.controller.table_limits(shape.output_axis, shape.kind, shape.index)
-    return PushedTable(last, sign, tolerance(limits, shape))
+    limits = await controller.table_limits(shape.output_axis, shape.kind, shape.index)
+    return PushedTable(last, partial(controller.tables_by, proof=proof), tolerance(limits, shape))
 
 
 def compare_with(wanted: tuple[PushedTable, ...], live: LiveSet) -> tuple[Look, ...]:
-    """The live tables of an axis, as stored in the control, against what pushes left; pure."""
+    """The live tables of an axis, by whatever proof they were read, against what pushes left; pure."""
     return tuple(
         Look(
             one,
-            compare(table_in(signed(live, one.sign), one.table), one.push.new, one.push.old, one.allowed),
+            compare(table_in(one.meant(live), one.table), one.push.new, one.push.old, one.allowed),
             live.digest,
         )
         for one in wanted
@@ -123,12 +129,11 @@ def while_measuring(looks: tuple[Look, ...]) -> tuple[Look, ...]:
 
 
 async def in_push(at: Bench, axis: str) -> Callable[[LiveSet], tuple[str, ...]]:
-    """What a push calls with the live tables it has read, all as deviations; it answers with the axis' alarms."""
+    """What a push calls with the live tables it has read; it answers with the axis' alarms."""
     wanted = await expected_of(at, axis)
 
     def seen(live: LiveSet) -> tuple[str, ...]:
-        # The set comes with its cross tables turned already, by the very proof that the history was read in.
-        looks = compare_with(tuple(replace(one, sign=1) for one in wanted), live)
+        looks = compare_with(wanted, live)
         keep_looks(at, while_measuring(looks))
         return standing_alarms(at, axis)
 

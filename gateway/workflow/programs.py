@@ -22,6 +22,7 @@ from gateway.config import AxisSection, SiteFile
 from gateway.domain import Proposal
 from gateway.push.signproof import TIMES, triangle_of
 from gateway.tooth import SetupValues
+from gateway.walk import Patience, question
 from gateway.workflow.axes.measure import check_stops
 from gateway.workflow.bench import origin_of
 from gateway.workflow.errors21.setups import Planned, planned
@@ -120,8 +121,7 @@ def _of_axis(axis: AxisSection, what: What) -> Iterator[tuple[str, Order]]:
         else:
             yield from _of_axis(axis, "backup")
     elif what == "backup":
-        stop = Stop(axis.reference, 1)
-        yield axis.letter, plan_of(axis, (stop,), "", name=f"TFREAD{axis.letter}", dwell_s=axis.measure.dwell_s)
+        yield axis.letter, question(axis.facts, axis.facts, axis.reference, Patience(0.0, 0.0))
     elif what == "self-test":
         yield axis.letter, SelfTest(axis.name, axis.encoder)
     elif what == "proof":

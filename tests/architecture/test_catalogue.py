@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import re
 import string
+import tomllib
 from pathlib import Path
 
 from drivers.errors import TrueflankError, catalogue
@@ -91,3 +92,24 @@ def test_every_term_that_a_text_asks_for_is_one_a_driver_brings() -> None:
     assert len(asked) > 5
     assert [name for name in sorted(asked) if filled(name) is None] == []
     assert all(isinstance(getattr(Terms(), name.removeprefix(PREFIX)), str) for name in asked)
+
+
+DRIVERS_OWN = ("attocube", "bridge", "legality", "mailbox", "manual", "replay", "sinumerik", "umd")
+"""Catalogues of concrete drivers: what they mean crosses the port as an exception class or a record."""
+
+
+def _driver_codes() -> set[str]:
+    folder = ROOT / "drivers" / "messages" / "en"
+    return {code for name in DRIVERS_OWN for code in tomllib.loads((folder / f"{name}.toml").read_text("utf-8"))}
+
+
+def test_the_gateway_names_no_code_of_a_concrete_driver() -> None:
+    codes = _driver_codes()
+    assert len(codes) > 200
+    found = [
+        f"{path.relative_to(ROOT)}:{node.lineno} {node.value}"
+        for path in sorted((ROOT / "gateway").rglob("*.py"))
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Constant) and node.value in codes
+    ]
+    assert found == []

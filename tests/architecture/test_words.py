@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import ast
 import re
+from collections import defaultdict
 from pathlib import Path
 
 import pytest
 
 from drivers import registry
+from drivers.errors import catalogue
 from drivers.terms import Terms
 
 ROOT = Path(__file__).parents[2]
@@ -32,8 +35,34 @@ def test_no_file_above_the_port_has_a_word_of_one_maker(what: str) -> None:
     assert found == []
 
 
+def test_nobody_above_the_port_asks_for_the_sign_of_a_table() -> None:
+    asks = re.compile(r"(?<!np)\.sign\b|\b(sense|sign)\s*\*\s*\w+\.(deviation|table|value)")
+    rooms = ("push", "interlocks", "table", "approve", "workflow/control", "workflow/tooth", "workflow/aftercare.py")
+    files = (path for path in _files() if str(path.relative_to(ROOT / "gateway")).startswith(rooms))
+    assert [str(path.relative_to(ROOT)) for path in files if asks.search(path.read_text(encoding="utf-8"))] == []
+
+
 def test_every_registered_control_brings_its_words() -> None:
     assert [name for name in registry.known("controller") if registry.terms_of(name) in (None, Terms())] == []
+
+
+def _raised() -> dict[str, set[str]]:
+    """Where each code of the catalogue stands in the source."""
+    known, found = catalogue(), defaultdict(set)
+    for top in ("gateway", "drivers"):
+        for path in (ROOT / top).rglob("*.py"):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value in known:
+                    found[node.value].add(str(path.relative_to(ROOT)))
+    return found
+
+
+def test_texts_of_codes_that_neutral_code_raises_have_no_word_of_one_maker() -> None:
+    maker = re.compile("|".join((*(one.pattern for one in MAKERS.values()), "R parameter", "NEWCONF")))
+    neutral = [code for code, files in _raised().items() if any(not f.startswith("drivers/sinumerik") for f in files)]
+    assert len(neutral) > 400
+    texts = catalogue()
+    assert [code for code in neutral if maker.search(f"{texts[code]['what']} {texts[code]['do']}")] == []
 
 
 def test_the_patterns_find_what_they_are_for() -> None:

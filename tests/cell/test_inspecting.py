@@ -97,7 +97,7 @@ def test_a_part_is_inspected_and_guards_its_machine(tmp_path: Path, monkeypatch:
 
     async def story(cell: Cell, site: SiteFile, clock: LoopClock) -> None:
         hands = Hands(cell, site, clock)
-        assert await hands.refused() == "E-GEAR-CLAMP"
+        assert await hands.refused() == "E-INSPECT-UNCLAMPED"
         work = part_of(cell.truth, x_mm=-0.011)
         found, run = await hands.inspect(work, "after")
         true = true_flank(work, found)

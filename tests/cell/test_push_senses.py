@@ -19,7 +19,7 @@ from gateway.config import load_site
 from gateway.domain import PushRecord, TableChange
 from gateway.interlocks import value_at
 from gateway.push import push_table
-from gateway.push.compare import signed, table_in
+from gateway.push.compare import table_in
 from gateway.say import silence
 from gateway.workflow.axes.measure import fetch_tables
 from gateway.workflow.bench import Bench, bench, new_run
@@ -27,6 +27,7 @@ from gateway.workflow.control import pushing
 from simulators.cell import Cell, cell_running
 from simulators.cellfile import load_cell
 from tests.cell.bench import short
+from tests.signed import signed
 from tests.sizes import few
 
 NOTHING = np.zeros(0)

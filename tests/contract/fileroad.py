@@ -14,6 +14,7 @@ import numpy as np
 
 from drivers.clock import LoopClock
 from drivers.errors import DeadlineExceeded, DeviceRefused, TableError, TooManyPoints, UnsupportedDevice
+from drivers.ports import Tell
 from drivers.terms import TableKind
 from drivers.types import (
     AxisState,
@@ -28,11 +29,14 @@ from drivers.types import (
     MachineState,
     Marker,
     PushOrder,
+    Sense,
+    SignProof,
     StopPlan,
     StopReached,
     SwitchReading,
     TableAbility,
     TableLimits,
+    TableQuestion,
 )
 from drivers.workpiece import GrindPlan
 
@@ -132,7 +136,21 @@ class FileRoad:
 
     # ---- what acts --------------------------------------------------------------------------------
 
-    async def saved_tables(self, axis: str) -> LiveSet:
+    async def live_tables(self, question: TableQuestion, tell: Tell) -> LiveSet:
+        del tell
+        return await self.saved_tables(question.axis, question.proof)
+
+    def tables_by(self, live: LiveSet, proof: SignProof | None) -> LiveSet:
+        """It has no cross tables, so there is nothing to turn."""
+        del proof
+        return live
+
+    def table_by(self, table: CompensationTable, sense: Sense, proof: SignProof | None) -> CompensationTable:
+        del sense, proof
+        return table
+
+    async def saved_tables(self, axis: str, proof: SignProof | None = None) -> LiveSet:
+        del proof
         return self._set(axis, self.machine.loaded.get(axis), enabled=True)
 
     def _set(self, axis: str, text: str | None, *, enabled: bool) -> LiveSet:

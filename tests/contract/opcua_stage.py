@@ -53,6 +53,15 @@ class Stage:
         """NC START; the operator presses it for a selected program."""
         assert self.nck.nc_start(), self.nck.alarms
 
+    async def asked(self, work: Coroutine[Any, Any, Any], told: list[str]) -> Any:
+        """Do a piece of the talk while somebody presses NC START once ``told`` to."""
+        before, task = len(told), asyncio.ensure_future(work)
+        while len(told) == before and not task.done():
+            await self.clock.sleep(0.1)
+        if not task.done():
+            self.press()
+        return await task
+
     async def operate(self) -> None:
         """Do what MSG says, as the auto operator of a cell does."""
         while True:

@@ -26,7 +26,7 @@ from drivers.contract import (
     switches_as_declared,
 )
 from drivers.ports import Controller
-from drivers.types import LiveSet, LiveTable, PushOrder, Stop
+from drivers.types import LiveSet, LiveTable, PushOrder, SignProof
 from tests.contract import modbus_stage, opcua_stage
 from tests.contract.fileroad import CAPABILITIES, FileRoad, Machine, curve
 
@@ -35,17 +35,17 @@ from tests.contract.fileroad import CAPABILITIES, FileRoad, Machine, curve
 async def on_opcua(folder: Path) -> AsyncIterator[Subject]:
     """The 840D by its OPC UA server and programs: the operator presses NC START and does what MSG says."""
     async with opcua_stage.on_stage(folder=folder) as on:
+        told: list[str] = []
+
+        def tell(code: str, /, **_fields: object) -> None:
+            told.append(code)
 
         async def person(moment: Moment, work: Coroutine[Any, Any, Any]) -> Any:
             if moment == "start":
                 on.press()
-            return await work
+            return await (on.asked(work, told) if moment == "read" else work)
 
-        async def live(axis: str) -> LiveSet:
-            await on.walk(opcua_stage.plan((Stop(0.0, 1),)))
-            return await on.device.saved_tables(axis)
-
-        yield Subject(on.device, opcua_stage.TABLE_C, "C", True, 0.0, person, live, allowed=0.002)
+        yield Subject(on.device, opcua_stage.TABLE_C, "C", True, 0.0, person, tell, allowed=0.002)
 
 
 @contextlib.asynccontextmanager
@@ -56,7 +56,7 @@ async def on_mailbox(_folder: Path) -> AsyncIterator[Subject]:
         async def person(moment: Moment, work: Coroutine[Any, Any, Any]) -> Any:
             return await (on.pressed(work) if moment == "release" else work)
 
-        yield Subject(on.device, modbus_stage.table(), "X", False, 0.0, person, on.device.saved_tables)
+        yield Subject(on.device, modbus_stage.table(), "X", False, 0.0, person)
 
 
 @contextlib.asynccontextmanager
@@ -68,14 +68,14 @@ async def on_files(_folder: Path) -> AsyncIterator[Subject]:
 
 def files_subject(device: FileRoad, machine: Machine, clock: LoopClock) -> Subject:
     async def person(moment: Moment, work: Coroutine[Any, Any, Any]) -> Any:
-        if moment == "start":
+        if moment in ("read", "start"):
             return await work
         task = asyncio.ensure_future(work)
         await clock.sleep(3.0)
         machine.restart()
         return await task
 
-    return Subject(device, curve(), "X", False, 0.0, person, device.saved_tables)
+    return Subject(device, curve(), "X", False, 0.0, person)
 
 
 ROADS: dict[str, Callable[[Path], contextlib.AbstractAsyncContextManager[Subject]]] = {
@@ -131,13 +131,13 @@ class OneCurve(_Liar):
 
 
 class FrozenDigest(_Liar):
-    async def saved_tables(self, axis: str) -> LiveSet:
-        return replace(await super().saved_tables(axis), digest="0" * 64)
+    async def saved_tables(self, axis: str, proof: SignProof | None = None) -> LiveSet:
+        return replace(await super().saved_tables(axis, proof), digest="0" * 64)
 
 
 class NoDigest(_Liar):
-    async def saved_tables(self, axis: str) -> LiveSet:
-        return replace(await super().saved_tables(axis), digest="")
+    async def saved_tables(self, axis: str, proof: SignProof | None = None) -> LiveSet:
+        return replace(await super().saved_tables(axis, proof), digest="")
 
 
 class KeepsTheNew(_Liar):

@@ -16,8 +16,9 @@ from drivers.types import CompensationTable, LiveSet, LiveTable, Marker, SignPro
 from gateway.axes import AxisRecord
 from gateway.domain import TableChange
 from gateway.push import PushContext, prove_sign, push_table
-from gateway.push.compare import signed, table_in
+from gateway.push.compare import table_in
 from tests.contract.modbus_stage import Stage, cross, on_stage, table
+from tests.signed import signed
 
 X_AXIS = AxisRecord("X1", "X", "mm", False, False, (-190.0, 340.0), 0.0, 6000.0)
 C_AXIS = AxisRecord("C1", "C", "deg", True, True, (0.0, 360.0), 0.0, 3600.0)

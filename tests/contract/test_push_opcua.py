@@ -26,9 +26,10 @@ from drivers.types import (
 from gateway.axes import AxisRecord
 from gateway.domain import TableChange
 from gateway.push import PushContext, look, prove_sign, push_table, recover, unfinished
-from gateway.push.compare import signed, table_in
+from gateway.push.compare import table_in
 from simulators.nck.spec import NckSpec
 from tests.contract.opcua_stage import AXES, Stage, on_stage, plan
+from tests.signed import signed
 
 SPEC = NckSpec(AXES, cec_points=(0, 10, 12, 10), access_level=2, files_max_bytes=65536)
 X_AXIS = AxisRecord("X1", "X", "mm", False, False, (-250.0, 250.0), 0.0, 6000.0, dwell_s=0.2)

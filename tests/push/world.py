@@ -20,12 +20,13 @@ from drivers.types import CompensationTable, LiveSet, LiveTable, MachineIdentity
 from gateway.axes import AxisRecord
 from gateway.domain import TableChange
 from gateway.push import PushContext
-from gateway.push.compare import signed, table_in
+from gateway.push.compare import table_in
 from simulators.instrument_wire import Around
 from simulators.modbus import PlcStation, station_of
 from simulators.nck.control import AxisSpec, Nck, NckSpec
 from simulators.nck.machine.data_table import CEC_ENABLE, ENC_ENABLE
 from tests.push.oracle import Oracle, content_of
+from tests.signed import signed
 
 URL = "memory://plc"
 POINTS = 12

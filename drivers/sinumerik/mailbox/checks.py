@@ -13,7 +13,6 @@ from drivers.sinumerik.mailbox.codec.grids import Stored
 from drivers.sinumerik.mailbox.codec.readings import Picture, Status
 from drivers.sinumerik.mailbox.codec.registers import Kind, StatusBit, SwitchBit
 from drivers.sinumerik.mailbox.reader import AxisReading
-from drivers.sinumerik.tablefile.reader import Sign
 from drivers.types import CompensationTable, LiveSet, LiveTable, PushOrder
 
 JUMP = Limits.of("mm").jump + 1e-6  # um or arcsec: what an axis may jump when a table is switched
@@ -117,11 +116,6 @@ def _differences(begin: Order, values: tuple[int, ...], stored: Stored) -> list[
     if begin.kind is Kind.CEC and (begin.input_axis, begin.output_axis) != (grid.input_axis, grid.output_axis):
         found.append("the axes")
     return found if len(stored.points) >= len(values) else [*found, f"{len(values)} points are {len(stored.points)}"]
-
-
-def sign_of(order: PushOrder) -> Sign:
-    """The proven CEC sign of an order's axis, +1 without proof or for EEC."""
-    return order.proof.sign if order.proof is not None and order.table.kind == "cross" else 1
 
 
 def value_at(table: CompensationTable, position: float) -> float:

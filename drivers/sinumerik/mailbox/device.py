@@ -14,6 +14,7 @@ from typing import Any, Literal
 from drivers.clock import Clock
 from drivers.errors import UnsupportedDevice
 from drivers.leftover import NOTHING, LeftOver, SentPrograms
+from drivers.ports import Tell
 from drivers.sinumerik.mailbox.codec.registers import KINDS
 from drivers.sinumerik.mailbox.conversation import Talk
 from drivers.sinumerik.mailbox.disabling import MailboxDisabling
@@ -22,9 +23,11 @@ from drivers.sinumerik.mailbox.reader import MailboxReader
 from drivers.sinumerik.mailbox.settings import ModbusSettings
 from drivers.sinumerik.mailbox.switching import Switching
 from drivers.sinumerik.mailbox.wire import ModbusWire
+from drivers.sinumerik.tablefile import tables
 from drivers.sinumerik.tablefile.held import HELD
 from drivers.types import (
     Capabilities,
+    CompensationTable,
     DisableOrder,
     Identity,
     LiveSet,
@@ -32,14 +35,19 @@ from drivers.types import (
     MachineState,
     Marker,
     PushOrder,
+    Sense,
+    SignProof,
     StopPlan,
     StopReached,
     SwitchReading,
     TableLimits,
+    TableQuestion,
 )
 from drivers.workpiece import GrindPlan
 
-CAPABILITIES = Capabilities(stops=False, tables=HELD, switched="by-itself", marker=True, consent="panel")
+CAPABILITIES = Capabilities(
+    stops=False, tables=HELD, switched="by-itself", marker=True, consent="panel", cross_shown="either-way"
+)
 
 
 class SinumerikModbus:
@@ -160,13 +168,27 @@ class SinumerikModbus:
 
     # ---- tables -------------------------------------------------------------------------------------
 
-    async def saved_tables(self, axis: str) -> LiveSet:
+    async def live_tables(self, question: TableQuestion, tell: Tell) -> LiveSet:
+        """As `saved_tables`: nobody has to do anything for it."""
+        del tell
+        return await self.saved_tables(question.axis, question.proof)
+
+    def tables_by(self, live: LiveSet, proof: SignProof | None) -> LiveSet:
+        """As `tables.tables_by`."""
+        return tables.tables_by(live, proof)
+
+    def table_by(self, table: CompensationTable, sense: Sense, proof: SignProof | None) -> CompensationTable:
+        """As `tables.table_by`."""
+        return tables.table_by(table, sense, proof)
+
+    async def saved_tables(self, axis: str, proof: SignProof | None = None) -> LiveSet:
         """The live tables of an axis, read afresh; in a session of their own outside a push."""
         async with self._talk.turn:
             ours = self._talk.session
             await self._talk.enter()
             try:
-                return (await self._reader.tables(axis, self._encoder)).live("LIVE", self._talk.session)
+                reading = await self._reader.tables(axis, self._encoder)
+                return reading.live("LIVE", self._talk.session, tables.sense_of(proof))
             finally:
                 if not ours:
                     await self._talk.leave()

@@ -31,6 +31,7 @@ from drivers.sinumerik.mailbox.reader import (
 )
 from drivers.sinumerik.mailbox.settings import ModbusSettings
 from drivers.sinumerik.tablefile import tables
+from drivers.sinumerik.tablefile.tables import sense_for
 from drivers.types import GONE, LiveSet, MachineIdentity, PushOrder
 
 MARKER_DIGITS = 16
@@ -75,7 +76,7 @@ class MailboxPushing:
             await self._check(order, plan)
             reading = await self._tables(order)
             checks.coupled(order, reading, self._where)
-            backup = reading.live("BACK", order.transaction, checks.sign_of(order))
+            backup = reading.live("BACK", order.transaction, sense_for(order))
             self._check_way_back(order, backup)
             await self.check_place(order, backup)
             await self.mark(order.transaction, "in-progress")
@@ -165,7 +166,7 @@ class MailboxPushing:
             await self._talk.renew(self.connect_s)
             found = await self._read_again(order)
         checks.same(order, plan.begin, values=plan.values, reading=found, where=self._where)
-        return backup, found.live("READ", order.transaction, checks.sign_of(order))
+        return backup, found.live("READ", order.transaction, sense_for(order))
 
     async def disable(self, begin: Order) -> None:
         """Off by its switch and by what acts: a switch that reads off proves nothing.

@@ -25,7 +25,6 @@ from drivers.sinumerik.mailbox.codec.registers import (
 from drivers.sinumerik.mailbox.conversation import Talk
 from drivers.sinumerik.ncprogram.backup import Saving, Section
 from drivers.sinumerik.ncprogram.written import read_written
-from drivers.sinumerik.tablefile.reader import Sign
 from drivers.types import (
     AxisState,
     ChannelStatus,
@@ -33,6 +32,7 @@ from drivers.types import (
     MachineIdentity,
     MachineState,
     Marker,
+    Sense,
     TableLimits,
 )
 from drivers.units import AxisUnit, deviation_scale
@@ -52,7 +52,7 @@ class AxisReading:
     stored: tuple[Stored, ...]
     where: str
 
-    def live(self, section: Section, number: int, cec_sign: Sign = 1) -> LiveSet:
+    def live(self, section: Section, number: int, cec_sign: Sense = 1) -> LiveSet:
         """The same as a record, by way of the text that a program of ours would have written under ``number``."""
         saving = Saving(
             section=section, number=number, axis=self.axis.name, encoder=self.encoder, memory=memory_of(self.stored)

@@ -7,7 +7,9 @@ from typing import Any
 
 from drivers.errors import (
     DeviceRefused,
+    PointsDiffer,
     RemoteProtocolError,
+    TableActs,
     TooManyPoints,
     TransportError,
     TrueflankError,
@@ -28,10 +30,10 @@ _CODES: Mapping[int, tuple[type[TrueflankError], str]] = {
     RefusalCode.VALUE: (ValueOutOfRange, "E-MBX-VALUE"),
     RefusalCode.NOT_RELEASED: (DeviceRefused, "E-MBX-NOT-RELEASED"),
     RefusalCode.NOT_IN_RESET: (DeviceRefused, "E-MBX-NOT-IN-RESET"),
-    RefusalCode.WRITE_PROTECTED: (DeviceRefused, "E-MBX-PROTECTED"),
+    RefusalCode.WRITE_PROTECTED: (TableActs, "E-MBX-PROTECTED"),
     RefusalCode.POINTS: (TooManyPoints, "E-MBX-POINTS"),
     RefusalCode.UNKNOWN: (UnsupportedDevice, "E-MBX-UNKNOWN"),
-    RefusalCode.MISMATCH: (DeviceRefused, "E-MBX-MISMATCH"),
+    RefusalCode.MISMATCH: (PointsDiffer, "E-MBX-MISMATCH"),
     RefusalCode.NCK: (DeviceRefused, "E-MBX-NCK"),
     RefusalCode.TIME: (DeviceRefused, "E-MBX-TIME"),
     RefusalCode.SESSION_LOST: (DeviceRefused, "E-MBX-SESSION-LOST"),

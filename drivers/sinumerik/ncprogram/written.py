@@ -20,8 +20,8 @@ from drivers.sinumerik.ncprogram import backup
 from drivers.sinumerik.ncprogram.backup import END_WORD, Saving
 from drivers.sinumerik.tablefile.archive import Listing
 from drivers.sinumerik.tablefile.grammar import Assignment, assignment
-from drivers.sinumerik.tablefile.groups import Reader, Sign, groups_of, settings_of, units_of
-from drivers.types import CompensationTable, LiveSet, LiveTable
+from drivers.sinumerik.tablefile.groups import Reader, groups_of, settings_of, units_of
+from drivers.types import CompensationTable, LiveSet, LiveTable, Sense
 from drivers.units import AxisUnit
 
 _FIRST = re.compile(r";TRUEFLANK [A-Z]+ \d+ \w+ ENCODER \d", re.ASCII)
@@ -31,7 +31,7 @@ _MARKS = 2  # the lines after those that are counted
 
 
 def read_written(
-    text: str, where: str, saving: Saving, units: Mapping[str, AxisUnit] | None = None, cec_sign: Sign = 1
+    text: str, where: str, saving: Saving, units: Mapping[str, AxisUnit] | None = None, cec_sign: Sense = 1
 ) -> LiveSet:
     """Every table that moves the axis of ``saving``, its switches and backlash, from the file of that very run.
 
@@ -154,7 +154,7 @@ def _live_set(
     saving: Saving,
     loaded: frozenset[int],
     units: Mapping[str, AxisUnit],
-    cec_sign: Sign,
+    cec_sign: Sense,
     text: str,
     digest: str,
 ) -> LiveSet:
@@ -174,6 +174,7 @@ def _live_set(
         backlash=float(switches[f"$MA_BACKLASH[{encoder},{axis}]"]),
         native=text,
         digest=digest,
+        sense=cec_sign,
     )
 
 

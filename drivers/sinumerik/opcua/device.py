@@ -16,6 +16,7 @@ from typing import Any, Literal
 from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded, DeviceRefused, TrueflankError, UnsupportedDevice
 from drivers.limits import VALUE_RESOLUTION, largest_value
+from drivers.ports import Tell
 from drivers.programs import NOBODY, Origin, ProgramText
 from drivers.sinumerik.ncprogram import measuring as measuring_program
 from drivers.sinumerik.ncprogram.backup import Memory, Saving
@@ -30,13 +31,16 @@ from drivers.sinumerik.opcua.grinding import PartGrinding
 from drivers.sinumerik.opcua.leaving import Leaver, Leaving
 from drivers.sinumerik.opcua.machine import Configuration, MachineReader
 from drivers.sinumerik.opcua.pushing import Pushing, live_tables
+from drivers.sinumerik.opcua.reading import read_live
 from drivers.sinumerik.opcua.session.client import UaSession
 from drivers.sinumerik.opcua.settings import UaSettings, secrets_of
 from drivers.sinumerik.opcua.transfer import Transfer
+from drivers.sinumerik.tablefile import tables
 from drivers.sinumerik.tablefile.held import HELD
 from drivers.types import (
     Capabilities,
     ChannelStatus,
+    CompensationTable,
     DisableOrder,
     Identity,
     LiveSet,
@@ -44,16 +48,27 @@ from drivers.types import (
     MachineState,
     Marker,
     PushOrder,
+    Sense,
+    SignProof,
     StopPlan,
     StopReached,
     SwitchReading,
     TableLimits,
+    TableQuestion,
 )
 from drivers.units import deviation_scale
 from drivers.workpiece import GrindPlan
 
 GIVE_BACK_S = 3.0
-CAPABILITIES = Capabilities(stops=True, tables=HELD, switched="at-stop", marker=True, consent="start", grinding=True)
+CAPABILITIES = Capabilities(
+    stops=True,
+    tables=HELD,
+    switched="at-stop",
+    marker=True,
+    consent="start",
+    grinding=True,
+    cross_shown="either-way",
+)
 QUIET_PART, QUIET_S = 0.6, 2.0
 _SAVED = (Phase.MEASURING, Phase.FINISHED, Phase.LEFT)
 _OVER = (Phase.FINISHED, Phase.LEFT)
@@ -267,11 +282,23 @@ class SinumerikOpcUa(Leaver):
         await self._dialogue.write({Word.ABORT: 1.0})
         self._dialogue.pace.again()
 
-    async def saved_tables(self, axis: str) -> LiveSet:
+    async def live_tables(self, question: TableQuestion, tell: Tell) -> LiveSet:
+        """By a program of one stop that the operator starts. Raises as `read_live`."""
+        return await read_live(self, question, tell)
+
+    def tables_by(self, live: LiveSet, proof: SignProof | None) -> LiveSet:
+        """As `tables.tables_by`."""
+        return tables.tables_by(live, proof)
+
+    def table_by(self, table: CompensationTable, sense: Sense, proof: SignProof | None) -> CompensationTable:
+        """As `tables.table_by`."""
+        return tables.table_by(table, sense, proof)
+
+    async def saved_tables(self, axis: str, proof: SignProof | None = None) -> LiveSet:
         """The live tables the last program wrote before moving. Raises DeviceRefused (E-NC-NOT-SAVED, E-UA-FILE...)."""
         plan = self._plan
         if self._grinding.plan is not None:
-            return await self._grinding.saved_tables(axis, self._configuration)
+            return tables.tables_by(await self._grinding.saved_tables(axis, self._configuration), proof)
         if plan is not None and plan.compensated_axis == axis and plan.save_tables and not self._saved:
             seen = await self._dialogue.look()
             if seen.word(Word.TRANSACTION) == self._token:
@@ -279,7 +306,7 @@ class SinumerikOpcUa(Leaver):
         if plan is None or plan.compensated_axis != axis or not self._saved or not plan.save_tables:
             raise DeviceRefused("E-NC-NOT-SAVED", self.name, axis=axis)
         saving = Saving(section="LIVE", number=self._token, axis=axis, encoder=plan.encoder, memory=self._memory)
-        return await live_tables(self._transfer, saving, self._configuration)
+        return await live_tables(self._transfer, saving, self._configuration, tables.sense_of(proof))
 
     # ---- the test part ------------------------------------------------------------------------------
 

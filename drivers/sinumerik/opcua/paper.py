@@ -12,8 +12,9 @@ from drivers.sinumerik.ncprogram.grinding import NEVER_GIVEN, GrindSetting
 from drivers.sinumerik.ncprogram.legal import legal
 from drivers.sinumerik.ncprogram.measuring import Setting
 from drivers.sinumerik.ncprogram.words import program_path
+from drivers.sinumerik.opcua.reading import plan_of
 from drivers.sinumerik.opcua.settings import UaSettings
-from drivers.types import DisableOrder, PushOrder, StopPlan
+from drivers.types import DisableOrder, PushOrder, StopPlan, TableQuestion
 
 
 def on_paper(
@@ -29,6 +30,8 @@ def on_paper(
 
 
 def _texts(order: Order, settings: UaSettings, machine: PaperMachine, origin: Origin) -> dict[str, str]:
+    if isinstance(order, TableQuestion):
+        order = plan_of(order)
     if isinstance(order, StopPlan):
         setting = _setting(order.axis, order.compensated_axis, settings, machine, origin)
         return {program_path("MEAS", order.compensated_axis): measuring.measuring(order, NEVER_GIVEN, setting)}
@@ -68,4 +71,4 @@ def _setting(moved: str, compensated: str, settings: UaSettings, machine: PaperM
 
 
 def _memory(axis: str, machine: PaperMachine) -> Memory:
-    return Memory(machine.eec_points.get(axis, 0), machine.cec_points, machine.axes)
+    return Memory(machine.own_points.get(axis, 0), machine.cross_points, machine.axes)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from drivers.clock import Clock
-from drivers.errors import DeadlineExceeded, DeviceRefused
+from drivers.errors import DeadlineExceeded, DeviceRefused, PointsDiffer
 from drivers.sinumerik.ncprogram import pushing as pushing_program
 from drivers.sinumerik.ncprogram.backup import Memory, Saving, Section
 from drivers.sinumerik.ncprogram.legal import legal
@@ -17,13 +17,13 @@ from drivers.sinumerik.opcua.dialogue import Dialogue, Glance, file_refused
 from drivers.sinumerik.opcua.machine import Configuration, MachineReader
 from drivers.sinumerik.opcua.settings import UaSettings
 from drivers.sinumerik.opcua.transfer import Transfer
-from drivers.sinumerik.tablefile.reader import Sign
-from drivers.types import ChannelStatus, LiveSet, Marker, PushOrder
+from drivers.sinumerik.tablefile.tables import sense_for
+from drivers.types import ChannelStatus, LiveSet, Marker, PushOrder, Sense
 
 T = TypeVar("T")
 
 
-async def live_tables(transfer: Transfer, saving: Saving, configuration: Configuration, cec_sign: Sign = 1) -> LiveSet:
+async def live_tables(transfer: Transfer, saving: Saving, configuration: Configuration, cec_sign: Sense = 1) -> LiveSet:
     """Fetch the file of one run of our program and read it; raises what `Transfer.fetch` and `read_written` do."""
     text = await transfer.fetch(saving.path)
     return read_written(text, saving.path, saving=saving, units=configuration.units, cec_sign=cec_sign)
@@ -88,14 +88,14 @@ class Pushing:
     async def loaded(self, order: PushOrder, timeout_s: float, configuration: Configuration) -> tuple[LiveSet, LiveSet]:
         """Wait for the end of the first half: (back-up of the old, read-back of the new), both as written there.
 
-        Raises DeviceRefused: E-NC-MISMATCH (count) when the program found differences, E-NC-LEVEL when the
-        compensation could not be switched off, E-NC-FILE, E-NC-ALARM, E-NC-STOPPED; DeadlineExceeded;
+        Raises PointsDiffer (E-NC-MISMATCH, count) when the program found differences, DeviceRefused: E-NC-LEVEL when
+        the compensation could not be switched off, E-NC-FILE, E-NC-ALARM, E-NC-STOPPED; DeadlineExceeded;
         FileFormatError as `written.read_written` for a file that is not the whole one of this very order.
         """
         await self._until(order, timeout_s, self._is_loaded)
         sections: tuple[Section, Section] = ("BACK", "READ")
         files = [pushing_program.saving(section, order, self._memory) for section in sections]
-        backup, readback = [await live_tables(self._transfer, one, configuration, _sign_of(order)) for one in files]
+        backup, readback = [await live_tables(self._transfer, one, configuration, sense_for(order)) for one in files]
         return backup, readback
 
     async def backup(self, order: PushOrder, configuration: Configuration) -> LiveSet:
@@ -104,7 +104,7 @@ class Pushing:
         encoder = table.index if table.kind == "axis" else 0
         memory = await self._reader.memory(configuration, table.output_axis, encoder)
         saving = pushing_program.saving("BACK", order, memory)
-        return await live_tables(self._transfer, saving, configuration, _sign_of(order))
+        return await live_tables(self._transfer, saving, configuration, sense_for(order))
 
     async def _until(
         self, order: PushOrder, timeout_s: float, reached: Callable[[PushOrder, Glance | None, Glance], T | None]
@@ -139,7 +139,7 @@ class Pushing:
         if seen.phase == Phase.WAITING and at_rest:
             return True
         if seen.phase == Phase.ENDED_DISABLED and mismatches:
-            raise DeviceRefused("E-NC-MISMATCH", self._where, count=mismatches, table=order.table.name)
+            raise PointsDiffer("E-NC-MISMATCH", self._where, count=mismatches, table=order.table.name)
         if seen.phase == Phase.LEFT and not seen.word(Word.ABORT):
             raise DeviceRefused("E-NC-LEVEL", self._where, table=order.table.name)
         if seen.phase == Phase.FILE_FAILED:
@@ -178,7 +178,3 @@ class Pushing:
         waits_for_second = self._settings.two_programs and seen.phase == Phase.WAITING
         stopped = before is not None and before.channel is seen.channel is ChannelStatus.RESET
         return False if stopped and not waits_for_second else None
-
-
-def _sign_of(order: PushOrder) -> Sign:
-    return order.proof.sign if order.proof and order.table.kind == "cross" else 1

@@ -14,7 +14,7 @@ from decimal import ROUND_HALF_EVEN, Decimal
 from functools import lru_cache
 
 from drivers.errors import FileFormatError
-from drivers.sinumerik.tablefile.variables import VARIABLES, Shape, Variable
+from drivers.sinumerik.tablefile.variables import VARIABLES, Shape, TableVariable
 
 DECIMALS = 10  # the control prints REAL with about ten decimals: finer digits of a value do not survive it
 LARGEST = Decimal(100000)
@@ -72,7 +72,7 @@ def assignment(body: str, number: int, where: str) -> Assignment:
     return Assignment(number, name, numbers, axis, value)
 
 
-def _indices(inside: str, variable: Variable, name: str, number: int, where: str) -> tuple[tuple[int, ...], str]:
+def _indices(inside: str, variable: TableVariable, name: str, number: int, where: str) -> tuple[tuple[int, ...], str]:
     found = _taken_apart(inside, variable.indices)
     if found is None:
         raise FileFormatError("E-TABLE-INDEX", where, line=number, name=name, inside=inside[:40])

@@ -17,10 +17,9 @@ from drivers.sinumerik.tablefile.archive import Listing
 from drivers.sinumerik.tablefile.grammar import Assignment
 from drivers.sinumerik.tablefile.variables import VARIABLES
 from drivers.sinumerik.terms import SINUMERIK
-from drivers.types import CompensationTable
+from drivers.types import CompensationTable, Sense
 from drivers.units import AxisUnit
 
-Sign = Literal[1, -1]
 SCALE = {"mm": Decimal(1000), "deg": Decimal(3600)}
 MOST_POINTS = 20_000
 """No control reserves more points for one table (840D: 5000); a file or a list that does is not believed."""
@@ -150,7 +149,7 @@ class Reader:
 
     where: str
     units: Mapping[str, AxisUnit]
-    cec_sign: Sign
+    cec_sign: Sense
     exact: bool = True
 
     def unit(self, axis: str, *, modulo: bool = False) -> AxisUnit:

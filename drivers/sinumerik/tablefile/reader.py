@@ -13,7 +13,6 @@ from drivers.sinumerik.tablefile.facts import Facts, facts_of
 from drivers.sinumerik.tablefile.groups import (
     Group,
     Reader,
-    Sign,
     axis_unit,
     groups_of,
     is_numbered,
@@ -25,10 +24,10 @@ from drivers.sinumerik.tablefile.groups import (
 from drivers.sinumerik.tablefile.inches import in_metric
 from drivers.sinumerik.tablefile.variables import VARIABLES
 from drivers.tablefile import TableFile
-from drivers.types import CompensationTable
+from drivers.types import CompensationTable, Sense
 from drivers.units import AxisUnit
 
-__all__ = ["Sign", "Source", "TableFile", "known_unit", "read", "read_loosely", "read_sources"]
+__all__ = ["Source", "TableFile", "known_unit", "read", "read_loosely", "read_sources"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +38,7 @@ class Source:
     text: str
 
 
-def read(text: str, where: str, units: Mapping[str, AxisUnit] | None = None, cec_sign: Sign = 1) -> TableFile:
+def read(text: str, where: str, units: Mapping[str, AxisUnit] | None = None, cec_sign: Sense = 1) -> TableFile:
     """Read a table file strictly. Positions in the input axis' unit, deviations in um or arcsec.
 
     ``units`` gives the unit of each axis by name; what is missing is guessed by `groups.axis_unit`. ``cec_sign``

@@ -2,7 +2,8 @@
 
 Sign (SINUMERIK FM Extended Functions 03/2013, K3, p. 238): a positive EEC value moves the axis in the
 negative direction, so the stored value is the deviation itself, +d. For CEC no public text settles it: the
-machine's `SignProof` does. Values are in mm or deg; `quantised` brings a table to the resolution once.
+machine's `SignProof` does, and this is the one place where a deviation meets it; without a proof its values are taken
+as they stand. Values are in mm or deg; `quantised` brings a table to the resolution once.
 """
 
 from __future__ import annotations
@@ -15,10 +16,10 @@ from math import isfinite
 from drivers.errors import TableError, ValueOutOfRange
 from drivers.limits import VALUE_RESOLUTION
 from drivers.sinumerik.tablefile.grammar import DECIMALS, FINEST_POSITION, LARGEST, grid_text, value_text
-from drivers.sinumerik.tablefile.groups import SCALE, Sign, axis_unit
+from drivers.sinumerik.tablefile.groups import SCALE, axis_unit
 from drivers.sinumerik.tablefile.reader import read
 from drivers.tablefile import TableFile
-from drivers.types import CompensationTable, PushOrder, SignProof
+from drivers.types import CompensationTable, LiveSet, LiveTable, PushOrder, Sense, SignProof
 
 __all__ = [
     "TableFile",
@@ -28,10 +29,44 @@ __all__ = [
     "point_name",
     "quantised",
     "read",
+    "sense_for",
+    "sense_of",
     "stored_values",
+    "table_by",
+    "tables_by",
     "values_of",
     "written_sign",
 ]
+
+
+def sense_of(proof: SignProof | None) -> Sense:
+    """The sense in which cross tables are deviations by a proof; as they stand without one of their kind."""
+    return proof.sense if proof is not None else 1
+
+
+def sense_for(order: PushOrder) -> Sense:
+    """The sense of an order's cross tables: an order for an axis table leaves them as they stand."""
+    return sense_of(order.proof) if order.table.kind == "cross" else 1
+
+
+def table_by(table: CompensationTable, sense: Sense, proof: SignProof | None) -> CompensationTable:
+    """A table that was read or kept in ``sense`` as a deviation by ``proof``; an axis table as it is."""
+    if table.kind == "axis" or sense == sense_of(proof):
+        return table
+    return replace(table, deviations=_minus(table.deviations), reverse=_minus(table.reverse))
+
+
+def tables_by(live: LiveSet, proof: SignProof | None) -> LiveSet:
+    """The same set with its cross tables as deviations by ``proof``: as stored where that is None."""
+
+    def turned(tables: tuple[LiveTable, ...]) -> tuple[LiveTable, ...]:
+        return tuple(replace(one, table=table_by(one.table, live.sense, proof)) for one in tables)
+
+    return replace(live, cross=turned(live.cross), others=turned(live.others), sense=sense_of(proof))
+
+
+def _minus(values: tuple[float, ...]) -> tuple[float, ...]:
+    return tuple(-value + 0.0 for value in values)
 
 
 def stored_values(table: CompensationTable, proof: SignProof | None = None) -> tuple[Decimal, ...]:
@@ -43,7 +78,7 @@ def stored_values(table: CompensationTable, proof: SignProof | None = None) -> t
     return _stored(table, written_sign(table, proof))
 
 
-def written_sign(table: CompensationTable, proof: SignProof | None) -> Sign:
+def written_sign(table: CompensationTable, proof: SignProof | None) -> Sense:
     """What d is multiplied with. Raises TableError (E-TABLE-NO-PROOF, E-TABLE-SIGN)."""
     if proof is not None and (proof.kind, proof.output_axis) != (table.kind, table.output_axis):
         proof = None
@@ -61,7 +96,7 @@ def as_stored(table: CompensationTable) -> tuple[Decimal, ...]:
     return _stored(table, 1)
 
 
-def _stored(table: CompensationTable, sign: Sign) -> tuple[Decimal, ...]:
+def _stored(table: CompensationTable, sign: Sense) -> tuple[Decimal, ...]:
     if not table.is_plain:
         raise TableError("E-TABLE-PLAIN", table.name, table=table.name)
     scale, places = SCALE[table.output_unit], Decimal(1).scaleb(-DECIMALS)

@@ -9,12 +9,11 @@ from typing import Any
 import typer
 
 from drivers import registry
-from drivers.errors import ConfigError, TrueflankError
+from drivers.errors import ConfigError, FileFormatError, TrueflankError
 from drivers.tablefile import ArchiveMember, TableFile, TableFinding, TableMachine
 from drivers.units import AxisUnit
 from gateway.cli.show import echo, show_error, show_json
 
-UNREADABLE = ("E-ARCHIVE-HEADER", "E-ARCHIVE-CUT")
 WORDS = {"wrong": ("error", "red"), "doubtful": ("warning", "yellow"), "note": ("note", "")}
 LARGEST_FILE = 500_000_000  # bytes: no archive of a control is larger
 ORDER = ("wrong", "doubtful", "note")
@@ -67,10 +66,18 @@ def lint_file(file: Path, machine: TableMachine, *, strict: bool, as_json: bool)
     """Print every finding of a table file; exit code 7 when something is wrong, with ``strict`` also for doubts."""
     data, driver = table_data(file), table_format()
     findings = driver.findings(data, str(file), machine)
-    wrong = any(one.code in UNREADABLE for one in findings)
-    show_findings(file, findings, as_json=as_json, members=() if wrong else driver.members(data, str(file)))
+    show_findings(file, findings, as_json=as_json, members=_members(driver, data, str(file)))
     if any(one.severity == "wrong" or (strict and one.severity == "doubtful") for one in findings):
         raise typer.Exit(7)
+
+
+def _members(driver: Any, data: bytes, where: str) -> tuple[ArchiveMember, ...]:
+    """What an archive holds; nothing of one that is damaged: a finding says where."""
+    try:
+        found: tuple[ArchiveMember, ...] = driver.members(data, where)
+    except FileFormatError:
+        return ()
+    return found
 
 
 def show_findings(

@@ -3,16 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from drivers.local.ownfiles import read_own
 from drivers.terms import spoken
-from drivers.types import CompensationTable, LiveTable
+from drivers.types import CompensationTable, LiveTable, Sense
 from gateway.errors import StoreError
 from gateway.push.compare import table_from
 from gateway.push.records import journal, numbering
 from gateway.push.records.journal import JournalRead
+
+Meant = Callable[[CompensationTable, Sense], CompensationTable]
+"""A table that was kept in a sense, as it is meant now: the driver's `table_by` with today's proof."""
+_SENSES: dict[Any, Sense] = {None: 1, 1: 1, -1: -1}
+
+
+def as_kept(table: CompensationTable, _sense: Sense) -> CompensationTable:
+    """A table as its journal kept it: enough to know its place."""
+    return table
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,15 +44,15 @@ class Committed:
     journal: Path
 
 
-def committed(journals: Path, serial: str, table: str, sign: int = 1) -> tuple[Committed, ...]:
+def committed(journals: Path, serial: str, table: str, meant: Meant = as_kept) -> tuple[Committed, ...]:
     """Every committed push of one table of one machine, oldest first; sign proofs leave nothing behind.
 
-    ``sign`` is that of the machine's proof, in which deviations of cross tables are given. Raises StoreError
-    (E-PUSH-JOURNAL) when a journal cannot be believed: then nobody knows what should be live.
+    ``meant`` gives cross tables as deviations by the machine's proof. Raises StoreError (E-PUSH-JOURNAL) when a
+    journal cannot be believed: then nobody knows what should be live.
     """
     folder = journal.machine_folder(journals, serial)
     found = [one for one in (*journal.all_of(folder / "done"), *journal.all_of(folder)) if one.entries or one.broken]
-    every = (_committed(one, sign) for one in found)
+    every = (_committed(one, meant) for one in found)
     pushes = [push for push in every if push is not None and push.table == table]
     return tuple(sorted(pushes, key=_age_among(pushes, _last_number(folder, pushes))))
 
@@ -87,7 +97,7 @@ def pushed_tables(journals: Path, serial: str) -> tuple[str, ...]:
     """Names of the tables of a machine that committed pushes have left, in order. Raises as `committed`."""
     folder = journal.machine_folder(journals, serial)
     found = (one for one in (*journal.all_of(folder / "done"), *journal.all_of(folder)) if one.entries or one.broken)
-    pushes = (_committed(one, 1) for one in found)
+    pushes = (_committed(one, as_kept) for one in found)
     return tuple(sorted({push.table for push in pushes if push is not None}))
 
 
@@ -102,41 +112,37 @@ def to_undo(pushes: tuple[Committed, ...]) -> Committed | None:
     return standing[-1] if standing else None
 
 
-def _committed(found: JournalRead, sign: int) -> Committed | None:
+def _committed(found: JournalRead, meant: Meant) -> Committed | None:
     if found.broken:
         raise StoreError("E-PUSH-JOURNAL", str(found.path), why=found.broken)
     ends = [entry for entry in found.entries if entry.kind == "COMMITTED"]
     if not ends or found.entries[0].facts.get("purpose") not in ("table", "restore"):
         return None
-    old, new = tables_of(found, sign)
+    old, new = tables_of(found, meant)
     switch = found.latest("enable")
     axis = str(found.latest("axis") or "")
     return Committed(
         found.number,
         spoken().name(new.kind, axis, new.index),
-        axis,
-        str(ends[-1].facts.get("utc", "")),
-        old,
-        LiveTable(new, enabled=True if switch is None else bool(switch)),
-        int(found.latest("undoes") or 0),
-        str(found.latest("path") or ""),
-        found.path,
+        axis=axis,
+        utc=str(ends[-1].facts.get("utc", "")),
+        old=old,
+        new=LiveTable(new, enabled=True if switch is None else bool(switch)),
+        undoes=int(found.latest("undoes") or 0),
+        backup=str(found.latest("path") or ""),
+        journal=found.path,
     )
 
 
-def tables_of(found: JournalRead, sign: int = 1) -> tuple[LiveTable, CompensationTable]:
+def tables_of(found: JournalRead, meant: Meant = as_kept) -> tuple[LiveTable, CompensationTable]:
     """The old table with its switch and the new one, as the journal noted them last.
 
-    Cross tables are turned from the sign the journal was kept in to ``sign``. Raises StoreError
-    (E-PUSH-JOURNAL) when the journal does not hold them.
+    ``meant`` gives them by today's proof, whatever the journal was kept in. Raises StoreError (E-PUSH-JOURNAL) when
+    the journal does not hold them.
     """
     try:
         old, new = table_from(found.latest("old")), table_from(found.latest("new"))
-        turn = (int(found.latest("sign") or 1) * sign) if new.kind == "cross" else 1
-        return LiveTable(_turned(old, turn), bool(found.latest("old_enabled"))), _turned(new, turn)
+        sense = _SENSES[found.latest("sign")]
+        return LiveTable(meant(old, sense), bool(found.latest("old_enabled"))), meant(new, sense)
     except (TypeError, KeyError) as error:
         raise StoreError("E-PUSH-JOURNAL", str(found.path), why="it names no tables") from error
-
-
-def _turned(table: CompensationTable, turn: int) -> CompensationTable:
-    return replace(table, deviations=tuple(turn * value + 0.0 for value in table.deviations))

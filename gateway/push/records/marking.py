@@ -2,28 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from drivers.errors import words
 from drivers.types import Marker
+from gateway.interlocks.facts import Mark
 from gateway.push.context import AuditLog, PushContext
 from gateway.push.records import journal, numbering
-
-
-@dataclass(frozen=True, slots=True)
-class Mark:
-    """What the marker says of this store.
-
-    ``ours`` whether its transaction was given here, or there is none. ``behind`` says why the audit log is older than
-    the marker ("": it is not). ``lost`` is the transaction it should name where it names none, ``stranger`` the one it
-    names that was not given here; 0 for none.
-    """
-
-    ours: bool = True
-    behind: str = ""
-    lost: int = 0
-    stranger: int = 0
 
 
 def against_the_log(context: PushContext, marker: Marker | None) -> Mark:

@@ -128,6 +128,6 @@ def _sent(line: dict[str, Any]) -> Sent | None:
     try:
         before = tuple(float(value) for value in line["before"])
         others = {int(number): float(value) for number, value in line["others"].items()}
-        return Sent(int(line["number"]), str(line["program"]), int(line["first"]), before, others)
+        return Sent(int(line["number"]), str(line["program"]), first=int(line["first"]), before=before, others=others)
     except (KeyError, TypeError, ValueError, AttributeError):
         return None

@@ -131,9 +131,11 @@ async def disable(order: DisableOrder, context: PushContext, found: JournalRead 
     with foreseen(context.axis.name), machine_lock(journal.machine_folder(context.journals, context.machine.serial)):
         asked = await ask_disable(order, context)
         if asked.refusals:
-            return _record(order, "refused", asked, None, tuple(reason.words for reason in asked.refusals))
+            return _record(
+                order, "refused", asked=asked, after=None, steps=tuple(reason.words for reason in asked.refusals)
+            )
         if asked.reading is not None and asked.reading.off and found is None:
-            return _record(order, "already-off", asked, asked.reading, ())
+            return _record(order, "already-off", asked=asked, after=asked.reading, steps=())
         return await _in_journal(order, context, found, asked)
 
 
@@ -162,7 +164,7 @@ async def _in_journal(
         kept.close()
     if found is None:
         journal.set_aside(kept.path)
-    return _record(numbered, "off" if off else "still-on", asked, reading, (why,) if why else ())
+    return _record(numbered, "off" if off else "still-on", asked=asked, after=reading, steps=(why,) if why else ())
 
 
 def _record(
@@ -170,4 +172,13 @@ def _record(
 ) -> SwitchRecord:
     before = asked.reading.acting if asked.reading is not None else None
     acting = after.acting if after is not None else None
-    return SwitchRecord(order.transaction, order.axis, order.name, outcome, asked.unit, before, acting, steps)
+    return SwitchRecord(
+        order.transaction,
+        order.axis,
+        table=order.name,
+        outcome=outcome,
+        unit=asked.unit,
+        before=before,
+        after=acting,
+        steps=steps,
+    )

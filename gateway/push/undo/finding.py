@@ -11,18 +11,19 @@ from typing import Any, Literal
 
 from drivers.errors import words
 from drivers.types import LiveTable, Marker
-from gateway.push.compare import differences, three_way
+from gateway.push.compare import three_way
 from gateway.push.records import journal
-from gateway.push.records.history import tables_of
+from gateway.push.records.history import Meant, as_kept, tables_of
 from gateway.push.records.holding import standing
 from gateway.push.records.journal import JournalRead
+from gateway.table.comparison import differences
 
 Action = Literal["close", "restore", "disable", "none"]
 MOST_TRIES = 3
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class PushFinding:
     """What one unfinished push left. ``code`` is its catalogue entry, ``action`` what is offered.
 
     ``difference`` says, where somebody else wrote, what is neither old nor new. ``still_on``: something is enabled,
@@ -72,21 +73,31 @@ class Seen:
     marker_ours: bool = True
 
 
-def verdict(found: JournalRead, live: LiveTable | Seen | None, allowed: float, sign: int = 1) -> Finding:
+def verdict(found: JournalRead, live: LiveTable | Seen | None, allowed: float, meant: Meant = as_kept) -> PushFinding:
     """What happened, from the journal and the live table (None: not readable now).
 
-    ``sign`` is that of the machine's proof, in which ``live`` was read.
+    ``meant`` gives the journal's tables by the proof that ``live`` was read by.
     """
     seen = Seen(live, coupled(found)) if isinstance(live, LiveTable) else live
-    code, action = _verdict(found, seen, allowed, sign)
+    code, action = _verdict(found, seen, allowed, meant)
     last = found.kinds[-1] if found.kinds else "nothing"
     backup = str(found.latest("path") or "none")
     difference: tuple[str, ...] = ()
     if code in ("R-PUSH-FOREIGN", "R-PUSH-STILL-ON") and seen is not None:
-        old, new = tables_of(found, sign)
+        old, new = tables_of(found, meant)
         difference = tuple(three_way(old.table, new, seen.live.table))
     axis, loud = str(found.latest("axis") or ""), _still_on(found, seen, code, action)
-    return Finding(found.number, axis, code, action, found.path, last, backup, difference, loud)
+    return PushFinding(
+        found.number,
+        axis,
+        code=code,
+        action=action,
+        journal=found.path,
+        last=last,
+        backup=backup,
+        difference=difference,
+        still_on=loud,
+    )
 
 
 def _still_on(found: JournalRead, seen: Seen | None, code: str, action: Action) -> bool:
@@ -95,7 +106,7 @@ def _still_on(found: JournalRead, seen: Seen | None, code: str, action: Action) 
     return action == "disable" or (held and (seen is None or seen.live.enabled))
 
 
-def _verdict(found: JournalRead, seen: Seen | None, allowed: float, sign: int) -> tuple[str, Action]:
+def _verdict(found: JournalRead, seen: Seen | None, allowed: float, meant: Meant) -> tuple[str, Action]:
     if found.broken or not found.entries:
         return "R-PUSH-DAMAGED", "none"
     if found.finished:
@@ -109,7 +120,7 @@ def _verdict(found: JournalRead, seen: Seen | None, allowed: float, sign: int) -
         return "R-PUSH-OTHER-MARKER", "none"
     if _superseded(seen, found):
         return "R-PUSH-SUPERSEDED", "close"
-    code, action = _by_content(found, seen, allowed, sign)
+    code, action = _by_content(found, seen, allowed, meant)
     return (code, action) if action == "disable" or not tried else ("R-PUSH-TRIES", "none")
 
 
@@ -118,8 +129,8 @@ def _tries(found: JournalRead) -> int:
     return sum(entry.kind == "RECOVERING" and entry.facts.get("action") != "disable" for entry in found.entries)
 
 
-def _by_content(found: JournalRead, seen: Seen, allowed: float, sign: int) -> tuple[str, Action]:
-    old, new = tables_of(found, sign)
+def _by_content(found: JournalRead, seen: Seen, allowed: float, meant: Meant) -> tuple[str, Action]:
+    old, new = tables_of(found, meant)
     if not differences(old.table, seen.live.table, allowed):
         return _is_old(old, seen, found)
     if not differences(new, seen.live.table, allowed):

@@ -31,7 +31,7 @@ from gateway.push.records.history import tables_of
 from gateway.push.records.journal import JournalRead
 from gateway.push.records.lock import machine_lock
 from gateway.push.undo import disabling
-from gateway.push.undo.finding import MOST_TRIES, Finding, Seen, announced, before, coupled, verdict
+from gateway.push.undo.finding import MOST_TRIES, PushFinding, Seen, announced, before, coupled, verdict
 from gateway.push.undo.restoring import held, hold, roll_back
 from gateway.push.unexpected import foreseen, unheard
 from gateway.push.work import Work, closed_at_the_end
@@ -42,7 +42,7 @@ def unfinished(journals: Path, serial: str, begun: journal.Begun | None = None) 
     return journal.left_open(journal.machine_folder(journals, serial), begun)
 
 
-async def look(found: JournalRead, context: PushContext) -> Finding:
+async def look(found: JournalRead, context: PushContext) -> PushFinding:
     """Read the controller and say what an unfinished push left; changes no compensation.
 
     A controller that cannot be read, or whose program still waits, gives a finding that says so.
@@ -59,14 +59,14 @@ async def look(found: JournalRead, context: PushContext) -> Finding:
         return without_controller
     except TrueflankError:
         return await _unreadable(found, context, without_controller)
-    return verdict(found, seen, allowed, context.sign)
+    return verdict(found, seen, allowed, context.meant)
 
 
-async def _unreadable(found: JournalRead, context: PushContext, otherwise: Finding) -> Finding:
+async def _unreadable(found: JournalRead, context: PushContext, otherwise: PushFinding) -> PushFinding:
     """Tables that cannot be read may be anything: unless the switch reads off, they are switched off."""
     if not announced(found, "DISABLE"):
         return otherwise
-    reading = await disabling.read(context, disabling.order_of(tables_of(found, context.sign)[1]))
+    reading = await disabling.read(context, disabling.order_of(tables_of(found, context.meant)[1]))
     if reading is not None and reading.off:
         return otherwise
     return replace(otherwise, code="R-PUSH-UNREADABLE", action="disable", still_on=True)
@@ -77,7 +77,7 @@ async def _see(found: JournalRead, context: PushContext) -> tuple[Seen | None, f
     if state.channel is not ChannelStatus.RESET:
         context.say("P-PUSH-RESET", axis=context.axis.name)
         return None, 0.0
-    _old, new = tables_of(found, context.sign)
+    _old, new = tables_of(found, context.meant)
     limits = await context.controller.table_limits(context.axis.name, new.kind, new.index)
     live = await conversation.read_live(context, _place(found, context))
     marker = await context.controller.marker() if context.controller.capabilities.marker else None
@@ -95,7 +95,7 @@ def _neighbours_on(live: LiveSet, table: CompensationTable) -> bool:
 
 
 def _place(found: JournalRead, context: PushContext) -> float:
-    old, new = tables_of(found, context.sign)
+    old, new = tables_of(found, context.meant)
     axis = context.moved
     place = agreeing_position(old, new, axis.reference, axis.travel)
     return axis.reference if place is None else place
@@ -129,7 +129,7 @@ async def _recovered(found: JournalRead, context: PushContext, action: Literal["
             return await _carry_out(work, finding, action)
 
 
-def _closed(found: JournalRead, finding: Finding) -> PushRecord:
+def _closed(found: JournalRead, finding: PushFinding) -> PushRecord:
     """A disable order leaves nothing half done: its journal ends as it stands."""
     kept = journal.Journal.reopen(found)
     try:
@@ -137,19 +137,39 @@ def _closed(found: JournalRead, finding: Finding) -> PushRecord:
     finally:
         kept.close()
     journal.set_aside(found.path)
-    return PushRecord(found.number, finding.axis, "skipped", (finding.words,), "")
+    return PushRecord(found.number, finding.axis, outcome="skipped", steps=(finding.words,), backup_path="")
 
 
 async def _work(found: JournalRead, context: PushContext) -> Work:
-    old, new = tables_of(found, context.sign)
+    old, new = tables_of(found, context.meant)
     limits = await context.controller.table_limits(context.axis.name, new.kind, new.index)
     nothing = np.zeros(0)
     base = str(found.latest("base_digest") or "")
-    change = TableChange(context.axis.name, old.table, new, old.enabled, base, nothing, nothing, nothing)
+    change = TableChange(
+        context.axis.name,
+        old.table,
+        new=new,
+        old_enabled=old.enabled,
+        base_digest=base,
+        targets=nothing,
+        predicted=nothing,
+        predicted_U=nothing,
+    )
     folder = journal.machine_folder(context.journals, context.machine.serial)
     written = journal.Journal.reopen(found)
     place = _place(found, context)
-    work = Work(context, folder, written, found.number, change, "table", limits, place, old, coupled(found))
+    work = Work(
+        context,
+        folder,
+        journal=written,
+        number=found.number,
+        change=change,
+        purpose="table",
+        limits=limits,
+        agreeing_position=place,
+        restore_to=old,
+        coupled=coupled(found),
+    )
     work.backup_path = str(found.latest("path") or "")
     work.marked = work.order(new, False, "restore", found.number)
     work.cut_short, work.torn = True, bool(found.latest("torn"))
@@ -160,7 +180,7 @@ async def _work(found: JournalRead, context: PushContext) -> Work:
     return work
 
 
-async def _carry_out(work: Work, finding: Finding, action: str) -> PushRecord:
+async def _carry_out(work: Work, finding: PushFinding, action: str) -> PushRecord:
     if finding.code == "R-PUSH-DONE":
         return work.record("rolled-back" if finding.last != "COMMITTED" else "committed")
     if finding.action == "close":

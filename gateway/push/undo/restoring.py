@@ -9,12 +9,13 @@ from drivers.types import DisableOrder, LiveSet, LiveTable, SwitchReading
 from gateway.errors import BusyError, VerifyError, WriteRefused
 from gateway.interlocks import refusals
 from gateway.push import conversation
-from gateway.push.compare import differences, same_table, table_in
+from gateway.push.compare import same_table, table_in
 from gateway.push.loading import is_coupled, keep_backup, load, release
 from gateway.push.records import journal
 from gateway.push.undo import disabling
 from gateway.push.unexpected import foreseen
 from gateway.push.work import Outcome, Work
+from gateway.table.comparison import differences
 
 SETTLE_S = 4.0
 
@@ -191,7 +192,9 @@ async def _asked(work: Work) -> None:
     """The interlocks of a restore. Raises WriteRefused (E-PUSH-REFUSED) with every reason."""
     change = replace(work.change, new=work.restore_to.table)
     context, place = work.context, work.agreeing_position
-    facts = await conversation.facts_at_start(context, change, "restore", work.limits, place, live=work.base)
+    facts = await conversation.facts_at_start(
+        context, change, purpose="restore", limits=work.limits, agreeing_position=place, live=work.base
+    )
     found = refusals(facts)
     if found:
         reasons = "; ".join(refusal.words for refusal in found)

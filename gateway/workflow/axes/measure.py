@@ -8,19 +8,19 @@ from pathlib import Path
 from drivers import registry
 from drivers.errors import ConfigError, UnsupportedDevice
 from drivers.terms import spoken
-from drivers.types import FloatArray, LiveSet, MeasuredSet, Stop, StopReached
+from drivers.types import FloatArray, LiveSet, MeasuredSet
 from drivers.units import deviation_unit
 from gateway.capture.corrected import from_file, from_live
 from gateway.capture.live import capture_axis, targets_of
 from gateway.capture.sense import prove_sense
-from gateway.capture.targets import between_places, plan_of
+from gateway.capture.targets import between_places
 from gateway.config import AxisSection, Targets
 from gateway.domain import Capture, Equipment, Evaluation, Item
 from gateway.evaluate.standards.iso230_2 import evaluate, told_incurable
 from gateway.evaluate.uncertainty.budget import UNKNOWN_OFF_20_K, Budget, linear_budget
 from gateway.store import Maps, RunFolder
 from gateway.table.proposal import InstrumentU
-from gateway.walk import walk
+from gateway.walk import question
 from gateway.workflow import stages
 from gateway.workflow.aftercare import look_at
 from gateway.workflow.bench import Bench
@@ -136,18 +136,10 @@ def live_again(axis: AxisSection, targets: FloatArray) -> AxisSection | None:
 async def fetch_tables(at: Bench, axis: AxisSection) -> LiveSet:
     """Read what compensates an axis now; writes no table.
 
-    By a one-stop program at its reference; directly where the road runs no programs.
+    Where the control must run a program for it the axis goes to its reference.
     """
-    if not at.supervisor.controller.capabilities.stops:
-        return await at.supervisor.controller.saved_tables(axis.name)
-    stop = Stop(axis.reference, 1)
-    plan = plan_of(axis, (stop,), "", name=f"TFREAD{axis.letter}", dwell_s=0.1)
-
-    async def at_stop(_index: int, _stop: Stop, _reached: StopReached) -> None:
-        return None
-
-    await walk(at.supervisor.controller, plan, at_stop=at_stop, patience=at.patience, say=at.say)
-    return await at.supervisor.controller.saved_tables(axis.name)
+    asked = question(axis.facts, axis.facts, axis.reference, at.patience)
+    return await at.supervisor.controller.live_tables(asked, at.say)
 
 
 def budget_of(capture: Capture) -> Budget:

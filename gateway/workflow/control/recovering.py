@@ -16,7 +16,7 @@ from gateway.errors import StoreError
 from gateway.push import PushContext, outcome_error
 from gateway.push.records.history import tables_of
 from gateway.push.records.journal import JOURNALS, JournalRead, machine_folder, tidy
-from gateway.push.undo.finding import Finding, verdict
+from gateway.push.undo.finding import PushFinding, verdict
 from gateway.push.undo.recovery import look, recover, unfinished
 from gateway.say import Say
 from gateway.workflow.bench import Bench, bench, check_name, new_run
@@ -28,7 +28,7 @@ from gateway.workflow.witness import Witness
 
 async def recover_site(
     site: SiteFile, site_path: Path, *, apply: bool, machine_name: str, clock: Clock, say: Say
-) -> tuple[Finding | LeftFinding, ...]:
+) -> tuple[PushFinding | LeftFinding, ...]:
     """What an earlier gateway left in the control, and every unfinished push of the site's machine.
 
     With `apply` what each finding offers is carried out; a program that stands until a person presses keeps the rest.
@@ -40,7 +40,7 @@ async def recover_site(
     check_name(site, apply, machine_name)
     folder = new_run(site, site_path)
     folder.set_state("recovering")
-    findings: list[Finding | LeftFinding] = []
+    findings: list[PushFinding | LeftFinding] = []
     left_on: list[PushRecord] = []
     async with bench(site, site_path, folder=folder, clock=clock, say=say, instruments=()) as at:
         left, may_write = at.supervisor.left, apply
@@ -72,7 +72,7 @@ async def _left(at: Bench, found: LeftOver, *, apply: bool) -> LeftFinding:
     return LeftFinding(found, after)
 
 
-async def _one(at: Bench, found: JournalRead, *, apply: bool) -> tuple[Finding, PushRecord | None]:
+async def _one(at: Bench, found: JournalRead, *, apply: bool) -> tuple[PushFinding, PushRecord | None]:
     context = _context(at, found)
     if context is None:
         finding = verdict(found, None, 0.0)
@@ -87,7 +87,7 @@ async def _one(at: Bench, found: JournalRead, *, apply: bool) -> tuple[Finding, 
     return finding, record
 
 
-async def _recovered(at: Bench, found: JournalRead, context: PushContext, finding: Finding) -> PushRecord:
+async def _recovered(at: Bench, found: JournalRead, context: PushContext, finding: PushFinding) -> PushRecord:
     """Carry out the offer; one that ends without a record is kept in the audit log too."""
     try:
         return await recover(found, context)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from drivers.clock import Clock
@@ -50,19 +51,17 @@ async def roll_back_site(
 
 
 def history(at: Bench, table: str) -> tuple[Committed, ...]:
-    """Every committed push of a table of this machine, cross tables in the sign of its proof.
+    """Every committed push of a table of this machine, cross tables as deviations by its proof.
 
     Raises ConfigError (E-RUN-AXIS), WriteRefused (E-RUN-NO-PROOF), StoreError.
     """
     axis, cross = spoken().axis_of(table), spoken().is_cross(table)
     at.axis(axis)
-    sign = 1
-    if cross:
-        proof = at.proofs.find(at.machine, "cross", axis)
-        if proof is None:
-            raise WriteRefused("E-RUN-NO-PROOF", table)
-        sign = proof.sign
-    return committed(at.store.root / JOURNALS, at.machine.serial, table, sign)
+    proof = at.proofs.find(at.machine, "cross", axis) if cross else None
+    if cross and proof is None:
+        raise WriteRefused("E-RUN-NO-PROOF", table)
+    meant = partial(at.supervisor.controller.table_by, proof=proof)
+    return committed(at.store.root / JOURNALS, at.machine.serial, table, meant)
 
 
 def context_of(at: Bench, table: CompensationTable) -> PushContext:

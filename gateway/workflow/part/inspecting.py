@@ -138,9 +138,9 @@ async def inspect_part(at: Bench, part: str, others: Mapping[str, str] | None = 
 
     Profile lines on both flanks of every space at five heights and one touch for pitch, in one clamping. Waits for a
     person to clamp it. ``others`` are numbers and names of parts it must not be, beside those of this run. Raises
-    ConfigError (E-INSPECT-INSPECTOR), DeviceRefused (E-GEAR-CLAMP, E-GEAR-ENDED, E-INSPECT-SAME, E-INSPECT-RECLAMPED),
-    ModelError (E-INSPECT-...: wrong gear, spaces missing, too many glitches), and what the wire raises; the machine's
-    plan is stopped then.
+    ConfigError (E-INSPECT-INSPECTOR), DeviceRefused (E-INSPECT-UNCLAMPED, E-GEAR-ENDED, E-INSPECT-SAME,
+    E-INSPECT-RECLAMPED), ModelError (E-INSPECT-...: wrong gear, spaces missing, too many glitches), and what the wire
+    raises; the machine's plan is stopped then.
     """
     checked_name(stages.inspected(part))
     name = inspector_name(at.site)
@@ -235,7 +235,7 @@ async def _clamped(at: Bench, machine: GearInspector, name: str, part: str, know
         waited += LOOK_S
     if seen.clamped:
         raise DeviceRefused("E-INSPECT-SAME", name, number=seen.part, other=known[seen.part], part=part)
-    raise DeviceRefused("E-GEAR-CLAMP", name)
+    raise DeviceRefused("E-INSPECT-UNCLAMPED", name)
 
 
 def part_numbers(folder: RunFolder, part: str = "") -> dict[str, str]:

@@ -16,7 +16,7 @@ from gateway.correct.plan.records import record
 from gateway.domain import TableChange
 from gateway.errors import CaptureError
 from gateway.model.chain import Chain
-from gateway.push.compare import signed, table_in
+from gateway.push.compare import table_in
 from gateway.table import check, effective
 from gateway.table.comparison import acting
 from gateway.table.projection import quantised
@@ -73,7 +73,7 @@ def acting_cross(at: Bench, live: Mapping[str, LiveSet]) -> tuple[CompensationTa
     for name, one in live.items():
         proof = at.proofs.find(at.machine, "cross", name)
         if proof is not None:
-            found += [table.table for table in signed(one, proof.sign).cross if table.enabled]
+            found += [table.table for table in at.supervisor.controller.tables_by(one, proof).cross if table.enabled]
     return tuple(found)
 
 
@@ -163,7 +163,7 @@ def _change(
     base, name = live[table.output_axis], table.output_axis
     proof = at.proofs.find(at.machine, "cross", name)
     placed = replace(table, index=place.index)
-    old = table_in(signed(base, proof.sign if proof is not None else 1), placed)
+    old = table_in(at.supervisor.controller.tables_by(base, proof), placed)
     findings: tuple[str, ...] = ()
     if place.limits is not None:
         placed = _merged(placed, old, place.limits, adds=adds)

@@ -15,6 +15,7 @@ import lark
 from simulators.nck.language.syntax import (
     Address,
     Assign,
+    BareWord,
     Binary,
     Block,
     Call,
@@ -28,17 +29,16 @@ from simulators.nck.language.syntax import (
     Indexed,
     Item,
     Jump,
-    Listing,
     Name,
     NcSyntaxError,
     Number,
+    OrdinaryBlock,
     Parameter,
     Proc,
     Procedure,
     Text,
     Unary,
-    Word,
-    Words,
+    ValueList,
 )
 
 BLOCK_LIMIT = 512
@@ -151,9 +151,9 @@ def _number(text: str) -> int | float:
 class _Nodes(lark.Transformer):
     """Builds the nodes while the text is parsed, so nothing recurses over a tree afterwards."""
 
-    def words(self, items: list[Any]) -> Words:
+    def words(self, items: list[Any]) -> OrdinaryBlock:
         jump = items.pop() if items else None
-        return Words(tuple(items), jump)
+        return OrdinaryBlock(tuple(items), jump)
 
     def address(self, items: list[Any]) -> Item:
         text = str(items[0]).replace(" ", "")
@@ -161,7 +161,7 @@ class _Nodes(lark.Transformer):
         return Address(text[0], sign * _number(text[1:].lstrip("+-")))
 
     def bare(self, items: list[Any]) -> Item:
-        return Word(str(items[0]))
+        return BareWord(str(items[0]))
 
     def procedure(self, items: list[Any]) -> Item:
         return Procedure(str(items[0]), items[1] or ())
@@ -213,7 +213,7 @@ class _Nodes(lark.Transformer):
         return str(items[1])
 
     def listing(self, items: list[Any]) -> Expression:
-        return Listing(tuple(items))
+        return ValueList(tuple(items))
 
     def args(self, items: list[Any]) -> tuple[Expression, ...]:
         return tuple(items)

@@ -70,13 +70,13 @@ class Binary:
 
 
 @dataclass(frozen=True, slots=True)
-class Listing:
+class ValueList:
     """A list of values on the right of an assignment."""
 
     items: tuple[Expression, ...]
 
 
-Expression = Number | Text | Name | Indexed | Call | Unary | Binary | Listing
+Expression = Number | Text | Name | Indexed | Call | Unary | Binary | ValueList
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +88,7 @@ class Address:
 
 
 @dataclass(frozen=True, slots=True)
-class Word:
+class BareWord:
     """A bare word: SUPA, STOPRE, NEWCONF, a subprogram's name."""
 
     name: str
@@ -118,11 +118,11 @@ class Jump:
     label: str
 
 
-Item = Address | Word | Procedure | Assign
+Item = Address | BareWord | Procedure | Assign
 
 
 @dataclass(frozen=True, slots=True)
-class Words:
+class OrdinaryBlock:
     """An ordinary block: its words in order, and the jump at its end."""
 
     items: tuple[Item, ...]
@@ -199,4 +199,4 @@ class Extern:
     name: str
 
 
-Block = Words | Control | IfJump | Case | Define | Proc | Extern
+Block = OrdinaryBlock | Control | IfJump | Case | Define | Proc | Extern

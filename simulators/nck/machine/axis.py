@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from simulators.nck.machine.backlash import Backlash
+from simulators.nck.machine.backlash import ReversalLead
 from simulators.nck.machine.compensation import Curve, Stretch
 from simulators.nck.machine.motion import DirectionLog, LaggedPath
 from simulators.nck.spec import AxisSpec
@@ -79,7 +79,7 @@ class MachineAxis:
         self.base = LaggedPath(lag, start_s, spec.reference)
         self.additional = LaggedPath(lag, start_s, 0.0)
         self.temperature = LaggedPath(lag, start_s, 0.0)
-        self.backlash = Backlash(lag, start_s)
+        self.backlash = ReversalLead(lag, start_s)
         self.travel = DirectionLog(start_s)
         self.encoders_referenced = [False, False]
         self.active_encoder = 0

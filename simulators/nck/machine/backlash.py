@@ -36,7 +36,7 @@ class TakeUp:
         return self.at_once(direction) + self.dynamic * direction
 
 
-class Backlash:
+class ReversalLead:
     """The lead over time; ``path`` is its demand and the response of the drive."""
 
     def __init__(self, lag_s: float, start_s: float) -> None:

@@ -13,7 +13,7 @@ from simulators.nck.whims import Forgotten
 _HMI_LEVEL = 1
 
 
-class Control(Protocol):
+class BlockTarget(Protocol):
     """What can be done to a control at a block."""
 
     def power_cycle(self) -> None:
@@ -48,7 +48,7 @@ class Control(Protocol):
 class BlockEvents:
     """The events of `Switches`, each once; ``refused`` lists what the control refused to the second writer."""
 
-    def __init__(self, switches: Switches, control: Control) -> None:
+    def __init__(self, switches: Switches, control: BlockTarget) -> None:
         self._control = control
         self._switches = switches
         self.refused: list[tuple[str, int]] = []

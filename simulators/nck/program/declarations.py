@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from simulators.nck.language.syntax import Call, Define, Expression, Listing, Proc
+from simulators.nck.language.syntax import Call, Define, Expression, Proc, ValueList
 from simulators.nck.program.expressions import R_NAME, compiled
 from simulators.nck.program.functions import FUNCTIONS
 from simulators.nck.program.names import Names
@@ -33,7 +33,7 @@ class DeclaringNames(Names):
                 self._initialise(item.name, item.initial)
 
     def _initialise(self, name: str, node: Expression) -> None:
-        if isinstance(node, Listing):
+        if isinstance(node, ValueList):
             self.fill(name, [compiled(item)(self) for item in node.items], repeat=False)
         elif isinstance(node, Call) and node.name in ("SET", "REP"):
             values = [compiled(item)(self) for item in node.arguments]

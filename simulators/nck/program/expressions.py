@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable
 from typing import Protocol
 
-from simulators.nck.language.syntax import Binary, Call, Expression, Indexed, Listing, Name, Number, Text, Unary
+from simulators.nck.language.syntax import Binary, Call, Expression, Indexed, Name, Number, Text, Unary, ValueList
 from simulators.nck.program.functions import FUNCTIONS, calculated, called
 from simulators.nck.spec import NckRefusal
 from simulators.nck.values import Value, compared, joined, number, readable, truth, whole
@@ -43,7 +43,7 @@ def compiled(node: Expression) -> Evaluate:
         return _call(node)
     if isinstance(node, Unary):
         return _unary(node)
-    if isinstance(node, Listing):
+    if isinstance(node, ValueList):
         raise NckRefusal(12150, "a list of values stands in assignments to arrays only")
     return _binary(node)
 

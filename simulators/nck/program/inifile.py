@@ -16,14 +16,14 @@ from simulators.nck.language.grammar import parse_block
 from simulators.nck.language.syntax import (
     Address,
     Assign,
+    BareWord,
     Expression,
     Indexed,
     NcSyntaxError,
     Number,
+    OrdinaryBlock,
     Text,
     Unary,
-    Word,
-    Words,
 )
 from simulators.nck.machine.core import Core
 from simulators.nck.program.variables import Variables
@@ -106,7 +106,7 @@ def _take(line: str, variables: Variables, level: int) -> bool:
         raise NckRefusal(4075, "no access rights to load a line without valid checksum")
     code = _NUMBER.sub("", text.partition(";")[0].strip().upper(), count=1)
     block = parse_block(code)
-    items = block.items if isinstance(block, Words) else ()
+    items = block.items if isinstance(block, OrdinaryBlock) else ()
     if len(items) == 1 and isinstance(items[0], Address) and items[0].letter == "M":
         return False
     if len(items) != 1 or not isinstance(items[0], Assign):
@@ -123,7 +123,7 @@ def _constant(node: Expression | object) -> Value:
     if isinstance(node, Unary) and isinstance(node.operand, Number) and node.operator in "+-":
         return -node.operand.value if node.operator == "-" else node.operand.value
     name = getattr(node, "name", None)
-    if isinstance(name, str) and not isinstance(node, Indexed | Word):
+    if isinstance(name, str) and not isinstance(node, Indexed | BareWord):
         return AxisName(name) if name not in ("TRUE", "FALSE") else name == "TRUE"
     raise NcSyntaxError(1, "syntax error: a constant is expected")
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 
-from simulators.nck.language.syntax import Define, Extern, NcSyntaxError, Proc, Procedure, Word, Words
+from simulators.nck.language.syntax import BareWord, Define, Extern, NcSyntaxError, OrdinaryBlock, Proc, Procedure
 from simulators.nck.machine.core import Core
 from simulators.nck.program.block import Deed, Modal
 from simulators.nck.program.declarations import DeclaringNames
@@ -127,8 +127,8 @@ class Interpreter(DeclaringNames):
     def _is_synchronous(self, block: object, text: str) -> bool:
         if self._core.spec.system_reads_stop and _SYSTEM_READ.search(text):
             return True
-        items = block.items if isinstance(block, Words) else ()
-        return any(isinstance(item, Word | Procedure) and item.name in _SYNCHRONOUS for item in items)
+        items = block.items if isinstance(block, OrdinaryBlock) else ()
+        return any(isinstance(item, BareWord | Procedure) and item.name in _SYNCHRONOUS for item in items)
 
     async def _synchronise(self) -> None:
         await self._settle_debt()

@@ -34,7 +34,7 @@ class Host(Protocol):
         ...
 
 
-class Store(Protocol):
+class HandsBack(Protocol):
     """Hands a value back to the caller's variable at a parameter's place."""
 
     def __call__(self, place: int, value: Value, element: int | None = None) -> None:
@@ -59,7 +59,7 @@ def message_of(given: list[Value]) -> str:
     return readable(given[0]) if given else ""
 
 
-def _write(host: Host, frame: Frame, given: list[Value], store: Store) -> None:
+def _write(host: Host, frame: Frame, given: list[Value], store: HandsBack) -> None:
     _count("WRITE", given, 3, 3)
     text = readable(given[2])
     if len(text) > TEXT_MAX:
@@ -69,12 +69,12 @@ def _write(host: Host, frame: Frame, given: list[Value], store: Store) -> None:
     store(0, host.files.append(path, text, host.file_limit()))
 
 
-def _delete(host: Host, frame: Frame, given: list[Value], store: Store) -> None:
+def _delete(host: Host, frame: Frame, given: list[Value], store: HandsBack) -> None:
     _count("DELETE", given, 2, 2)
     store(0, host.files.remove(program_path(_text(given[1]), frame.directory)))
 
 
-def _filesize(host: Host, frame: Frame, given: list[Value], store: Store) -> None:
+def _filesize(host: Host, frame: Frame, given: list[Value], store: HandsBack) -> None:
     _count("FILESIZE", given, 3, 3)
     path = program_path(_text(given[1]), frame.directory)
     there = host.files.exists(path)
@@ -82,7 +82,7 @@ def _filesize(host: Host, frame: Frame, given: list[Value], store: Store) -> Non
     store(2, host.files.size(path) if there else 0)
 
 
-def _read(host: Host, frame: Frame, given: list[Value], store: Store) -> None:
+def _read(host: Host, frame: Frame, given: list[Value], store: HandsBack) -> None:
     _count("READ", given, 5, 5)
     path = program_path(_text(given[1]), frame.directory)
     if not host.files.exists(path):
@@ -99,7 +99,7 @@ def _read(host: Host, frame: Frame, given: list[Value], store: Store) -> None:
     store(0, OK)
 
 
-def _setal(host: Host, _frame: Frame, given: list[Value], _store: Store) -> None:
+def _setal(host: Host, _frame: Frame, given: list[Value], _store: HandsBack) -> None:
     _count("SETAL", given, 1, 2)
     number = whole(given[0])
     if not 60000 <= number <= 69999:
@@ -110,11 +110,11 @@ def _setal(host: Host, _frame: Frame, given: list[Value], _store: Store) -> None
     host.alarms_list.raise_(number, text)
 
 
-def _nothing(_host: Host, _frame: Frame, _given: list[Value], _store: Store) -> None:
+def _nothing(_host: Host, _frame: Frame, _given: list[Value], _store: HandsBack) -> None:
     """Understood, and without effect here: axes always wait for each other."""
 
 
-PROCEDURES: dict[str, Callable[[Host, Frame, list[Value], Store], None]] = {
+PROCEDURES: dict[str, Callable[[Host, Frame, list[Value], HandsBack], None]] = {
     "WRITE": _write,
     "DELETE": _delete,
     "FILESIZE": _filesize,

@@ -8,6 +8,7 @@ from typing import Protocol
 from simulators.nck.language.syntax import (
     Address,
     Assign,
+    BareWord,
     Block,
     Call,
     Case,
@@ -18,12 +19,11 @@ from simulators.nck.language.syntax import (
     Indexed,
     Item,
     Jump,
-    Listing,
     Name,
+    OrdinaryBlock,
     Proc,
     Procedure,
-    Word,
-    Words,
+    ValueList,
 )
 from simulators.nck.program.block import POSITION_MODES, BlockWords, Deed
 from simulators.nck.program.expressions import R_NAME, Evaluate, Scope, compiled
@@ -96,7 +96,7 @@ def prepared(block: Block, head: Block | None = None) -> Step:
 
     Raises NckRefusal for what can be seen without running.
     """
-    if isinstance(block, Words):
+    if isinstance(block, OrdinaryBlock):
         return _words(block)
     if isinstance(block, Control):
         return _end_for(head) if block.keyword == "ENDFOR" else _control(block)
@@ -185,7 +185,7 @@ def _case(block: Case) -> Step:
 # -- ordinary blocks -----------------------------------------------------------------------------------
 
 
-def _words(block: Words) -> Step:
+def _words(block: OrdinaryBlock) -> Step:
     acts = [_act(item) for item in block.items]
     jump = block.jump
 
@@ -203,7 +203,7 @@ def _words(block: Words) -> Step:
 def _act(item: Item) -> _Act:
     if isinstance(item, Address):
         return _address(item)
-    if isinstance(item, Word):
+    if isinstance(item, BareWord):
         name = item.name
         return lambda runner, words: None if words.word(name) else words.end(runner.word(name))
     if isinstance(item, Procedure):
@@ -241,7 +241,7 @@ def _target(node: Name | Indexed) -> tuple[str, Given]:
 def _assign(item: Assign) -> _Act:
     name, indices = _target(item.target)
     node = item.value
-    if isinstance(node, Listing):
+    if isinstance(node, ValueList):
         return _fill(name, node.items, repeat=False)
     if isinstance(node, Call) and node.name in ("SET", "REP"):
         return _fill(name, node.arguments, repeat=node.name == "REP")

@@ -10,7 +10,9 @@ import numpy as np
 
 from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded
+from drivers.ports import Tell
 from drivers.sinumerik.tablefile.held import HELD
+from drivers.sinumerik.tablefile.tables import table_by, tables_by
 from drivers.types import (
     Ambient,
     Capabilities,
@@ -22,8 +24,11 @@ from drivers.types import (
     MachineState,
     Optics,
     SampleBlock,
+    Sense,
+    SignProof,
     StopPlan,
     StopReached,
+    TableQuestion,
 )
 
 RATE_HZ = 100.0
@@ -110,7 +115,18 @@ class LittleMachine:
         running = self.task is not None and not self.task.done()
         return MachineState(ChannelStatus.ACTIVE if running else ChannelStatus.RESET, "AUTO", "", (), 7, {})
 
-    async def saved_tables(self, axis: str) -> LiveSet:
+    async def live_tables(self, question: TableQuestion, tell: Tell) -> LiveSet:
+        del tell
+        return await self.saved_tables(question.axis, question.proof)
+
+    def tables_by(self, live: LiveSet, proof: SignProof | None) -> LiveSet:
+        return tables_by(live, proof)
+
+    def table_by(self, table: CompensationTable, sense: Sense, proof: SignProof | None) -> CompensationTable:
+        return table_by(table, sense, proof)
+
+    async def saved_tables(self, axis: str, proof: SignProof | None = None) -> LiveSet:
+        del proof
         table = CompensationTable("axis", axis, axis, 0.0, 100.0, 50.0, (0.0, 0.0, 0.0))
         return LiveSet(axis, LiveTable(table, enabled=False), (), 0.0, "", "0" * 64)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
@@ -17,6 +16,7 @@ from drivers.types import Ambient, AxisState, LiveSet, LiveTable, Marker, SignPr
 from gateway.domain import Approval
 from gateway.interlocks import PushFacts, needed, refusals, warnings
 from gateway.push import conversation, plan_hash, push_table
+from tests.unit.interlocks.asked import replace
 from tests.unit.interlocks.test_interlocks import (
     CAPTURE,
     CHANGE,
@@ -257,7 +257,9 @@ def test_a_second_person_counts_and_one_is_enough_without_a_warning() -> None:
     ],
 )  # fmt: skip
 def test_each_warning_asks_for_a_second_person(code: str, facts: PushFacts) -> None:
-    facts = replace(facts, approvals=(), capture=facts.capture if code in ("W-INT-AGE", "W-INT-COVERAGE") else None)
+    facts = replace(
+        facts, approvals=(), capture=facts.request.capture if code in ("W-INT-AGE", "W-INT-COVERAGE") else None
+    )
     if code == "W-INT-COVERAGE":
         targets = np.linspace(5.0, 395.0, 9)
         facts = replace(facts, capture=replace(CAPTURE, targets=targets))

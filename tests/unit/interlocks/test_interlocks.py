@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
@@ -24,8 +23,10 @@ from drivers.types import (
     SignProof,
     TableLimits,
 )
+from gateway.axes import AxisRecord
 from gateway.domain import Capture, Corrections, SenseProof, TableChange
 from gateway.interlocks import PushFacts, refusals, value_at
+from tests.unit.interlocks.asked import CAN, Asked, replace
 
 NOW = datetime(2026, 11, 21, 12, tzinfo=UTC)
 MACHINE = MachineIdentity("SN-1", "V4.8", ("X1", "C1"))
@@ -41,10 +42,12 @@ CAPTURE = Capture(
     Ambient(20.5, material_degc=(20.4, 20.6)), Corrections("edlen", "to 20", "none", "none"), LIVE,
     SenseProof("laser", "X1", 1, 1.0, (10.0,)), ended_utc=(NOW - timedelta(hours=1)).isoformat(),
 )  # fmt: skip
+AXIS = AxisRecord("X1", "X", "mm", False, False, (0.0, 400.0), 0.0, 2000.0)
 CHANGE = TableChange("X1", OLD, NEW, True, "digest", TARGETS, np.full(9, 0.1), np.full(9, 0.5))
 GOOD = PushFacts(
-    CHANGE, "table", "start", "mill", "mill", MACHINE, MACHINE, STATE, TableLimits(100, 1e-6, 1.0), 0.0, 0.0, NOW,
-    True, PROOF, CAPTURE, Ambient(20.0, material_degc=(20.0,)),
+    CHANGE, "table", "start",
+    Asked(MACHINE, AXIS, proof=PROOF, capture=CAPTURE, ambient_now=Ambient(20.0, material_degc=(20.0,))),
+    CAN, MACHINE, STATE, TableLimits(100, 1e-6, 1.0), 0.0, NOW, True,
 )  # fmt: skip
 
 

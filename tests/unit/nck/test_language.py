@@ -15,14 +15,14 @@ from simulators.nck.language.syntax import (
     Indexed,
     Name,
     Number,
+    OrdinaryBlock,
     Procedure,
-    Words,
 )
 
 
 def words(text: str) -> tuple[object, ...]:
     block = parse_block(text)
-    assert isinstance(block, Words)
+    assert isinstance(block, OrdinaryBlock)
     return block.items
 
 

@@ -14,6 +14,9 @@ import numpy as np
 
 from drivers.clock import LoopClock
 from drivers.errors import DeadlineExceeded, DeviceRefused, UnsupportedDevice
+from drivers.ports import Tell
+from drivers.sinumerik.opcua.reading import read_live
+from drivers.sinumerik.tablefile import tables
 from drivers.sinumerik.tablefile.held import HELD
 from drivers.types import (
     AxisState,
@@ -28,18 +31,20 @@ from drivers.types import (
     MachineState,
     Marker,
     PushOrder,
+    Sense,
     SignProof,
     StopPlan,
     StopReached,
     SwitchReading,
     TableLimits,
+    TableQuestion,
 )
 from gateway.axes import AxisRecord
 from gateway.domain import TableChange
 from gateway.interlocks import value_at
 from gateway.push import PushContext
-from gateway.push.compare import signed
 from gateway.push.records import journal
+from tests.signed import signed
 
 MACHINE = MachineIdentity("SN-1", "V4.8", ("X1", "Z1"))
 PROOF = SignProof(MACHINE, "axis", "X1", -1.0, 0.02, 1, "2026-11-21T09:00:00+00:00")
@@ -283,7 +288,12 @@ class Controller:
         consent: Literal["start", "panel"] = "panel" if self.by_hand else "start"
         switched: Literal["at-stop", "by-itself", "by-restart"] = "by-itself" if self.by_hand else "at-stop"
         return Capabilities(
-            not self.by_hand, HELD, switched if self.switching else "by-restart", self.keeps_marker, consent
+            not self.by_hand,
+            HELD,
+            switched=switched if self.switching else "by-restart",
+            marker=self.keeps_marker,
+            consent=consent,
+            cross_shown="either-way",
         )
 
     async def _begin(self, call: str) -> int:
@@ -406,13 +416,24 @@ class Controller:
             self.machine.end()
         self._end("abort_program", number)
 
-    async def saved_tables(self, axis: str) -> LiveSet:
+    async def live_tables(self, question: TableQuestion, tell: Tell) -> LiveSet:
+        if self.by_hand:
+            return await self.saved_tables(question.axis, question.proof)
+        return await read_live(self, question, tell)
+
+    def tables_by(self, live: LiveSet, proof: SignProof | None) -> LiveSet:
+        return tables.tables_by(live, proof)
+
+    def table_by(self, table: CompensationTable, sense: Sense, proof: SignProof | None) -> CompensationTable:
+        return tables.table_by(table, sense, proof)
+
+    async def saved_tables(self, axis: str, proof: SignProof | None = None) -> LiveSet:
         number = await self._begin("saved_tables")
         saved = self.machine.live() if self.by_hand else self.machine.saved
         self._end("saved_tables", number)
         if saved is None:
             raise DeviceRefused("E-TEST-FILE", "double")
-        return saved
+        return tables.tables_by(saved, proof)
 
     async def stage(self, order: PushOrder) -> None:
         number = await self._begin("stage")

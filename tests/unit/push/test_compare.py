@@ -13,13 +13,13 @@ from drivers.types import CompensationTable, LiveSet, LiveTable, TableLimits
 from gateway.interlocks import MAX_JUMP, value_at
 from gateway.push.compare import (
     agreeing_position,
-    differences,
     effect_positions,
     same_set,
     table_facts,
     table_from,
     tolerance,
 )
+from gateway.table.comparison import differences
 from tests.unit.push.double import NEVER, NEW, OLD, table
 
 OFF = LiveTable(OLD, enabled=False)
@@ -49,6 +49,8 @@ def test_tolerance_is_half_the_last_place() -> None:
         replace(OLD, deviations=(*OLD.deviations[:-1], 0.002)),
         replace(OLD, deviations=(*OLD.deviations[:-1], float("nan"))),
         replace(OLD, step=float("nan")),
+        replace(OLD, reverse=OLD.deviations),
+        replace(OLD, places=tuple(map(float, OLD.positions))),
     ],
 )
 def test_any_part_that_differs_is_named(other: CompensationTable) -> None:

@@ -16,9 +16,10 @@ from gateway.domain import PushRecord, TableChange
 from gateway.errors import RollbackFailed, VerifyError, WriteRefused
 from gateway.push import look, prove_sign, push_table, recover, unfinished
 from gateway.push.byhand import room_of
-from gateway.push.compare import signed, table_in
+from gateway.push.compare import table_in
 from gateway.push.effect import sums
 from gateway.push.records import numbering
+from tests.signed import signed
 from tests.unit.push.double import (
     MACHINE,
     NEW,
@@ -323,7 +324,7 @@ def test_a_road_that_neither_runs_programs_nor_switches_proves_nothing(tmp_path:
     at.controller.switching = False
     with pytest.raises(UnsupportedDevice) as caught:
         prove(at, 1)
-    assert caught.value.code == "E-NC-NO-SWITCHING"
+    assert caught.value.code == "E-PUSH-NO-SWITCHING"
     assert at.controller.calls == {}
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from drivers.clock import run_virtual
-from drivers.errors import DeviceRefused
+from drivers.errors import TableActs
 from drivers.types import DisableOrder, LiveTable
 from gateway.errors import StillOn
 from gateway.push import look, outcome_error, push_table, recover, unfinished
@@ -107,7 +107,7 @@ def test_what_is_whole_is_left_to_a_restore_and_told_as_on(tmp_path: Path) -> No
 
 def test_a_table_that_could_not_be_written_because_it_is_on_is_on_whatever_its_switch_reads(tmp_path: Path) -> None:
     def protected(_machine: Machine) -> None:
-        raise DeviceRefused("E-MBX-PROTECTED", "double", command="BEGIN", detail=0)
+        raise TableActs("E-MBX-PROTECTED", "double", command="BEGIN", detail=0)
 
     at = bench(tmp_path)
     at.controller.faults[("read_back", 0, "before")] = changing(own=LiveTable(OLD, enabled=False))

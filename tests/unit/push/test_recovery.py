@@ -15,7 +15,7 @@ from drivers.errors import DeadlineExceeded, TrueflankError
 from drivers.types import ChannelStatus, LiveTable
 from gateway.domain import PushRecord
 from gateway.errors import StoreError, WriteRefused
-from gateway.push import Finding, look, push_table, recover, unfinished
+from gateway.push import PushFinding, look, push_table, recover, unfinished
 from gateway.push.records import journal
 from gateway.push.undo.finding import verdict
 from tests.sizes import few
@@ -289,7 +289,7 @@ def test_a_damaged_journal_offers_nothing_and_refuses_pushes(tmp_path: Path) -> 
     (damaged,) = unfinished(tmp_path / "journal", MACHINE.serial)
     assert damaged.broken
     again = bench(tmp_path, machine=here.machine)
-    finding: Finding = run_virtual(lambda: look(damaged, again.context))
+    finding: PushFinding = run_virtual(lambda: look(damaged, again.context))
     assert (finding.code, finding.action) == ("R-PUSH-DAMAGED", "none")
     record: PushRecord = run_virtual(lambda: push_table(change_of(here.machine, OLD), again.context))
     assert any(step.startswith("E-INT-UNFINISHED") for step in record.steps)

@@ -236,14 +236,14 @@ def test_cross_tables_are_taken_back_in_the_proved_sign(tmp_path: Path, sign: in
     for wanted in (WAVE, LATER_WAVE):
         change = change_for(at.machine, wanted, sign)
         assert run_virtual(lambda change=change: push_table(change, at.context)).outcome == "committed"
-    done = to_undo(committed(at.context.journals, MACHINE.serial, "X1-cec2", sign))
+    done = to_undo(committed(at.context.journals, MACHINE.serial, "X1-cec2", at.context.meant))
     assert done is not None
     assert run_virtual(lambda: undo(done, at.context)).outcome == "committed"
     assert held(at.machine, 2) == LiveTable(stored(WAVE, sign), enabled=True)
-    first = to_undo(committed(at.context.journals, MACHINE.serial, "X1-cec2", sign))
+    first = to_undo(committed(at.context.journals, MACHINE.serial, "X1-cec2", at.context.meant))
     assert first is not None
     record = run_virtual(lambda: undo(first, at.context))
     assert record.outcome == "committed", record.steps
     assert not any(one.enabled and one.table.index == 2 for one in at.machine.live().cross)
-    assert to_undo(committed(at.context.journals, MACHINE.serial, "X1-cec2", sign)) is None
+    assert to_undo(committed(at.context.journals, MACHINE.serial, "X1-cec2", at.context.meant)) is None
     assert max(map(abs, at.machine.jumps)) <= 1.0

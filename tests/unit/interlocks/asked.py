@@ -1,0 +1,63 @@
+"""Who asks for a push, without a machine to push to; and facts with anything of them changed by its plain name."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+from drivers.limits import ACCESS_LEVEL
+from drivers.sinumerik.tablefile.held import HELD
+from drivers.types import Ambient, Capabilities, MachineIdentity, SignProof
+from gateway.axes import AxisRecord
+from gateway.domain import Approval, Capture
+from gateway.interlocks import PushFacts
+from gateway.interlocks.facts import Mark
+
+CAN = Capabilities(stops=True, tables=HELD, switched="at-stop", marker=True, consent="start")
+MARKS = {"marker_ours": "ours", "behind": "behind", "mark_lost": "lost", "stranger": "stranger"}
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """A request as the rules see it."""
+
+    machine: MachineIdentity
+    moved: AxisRecord
+    typed_name: str = "mill"
+    site_name: str = "mill"
+    proof: SignProof | None = None
+    capture: Capture | None = None
+    ambient_now: Ambient | None = None
+    modes: tuple[str, ...] = ("AUTO",)
+    harmless_alarms: tuple[int, ...] = ()
+    access_level_needed: int = ACCESS_LEVEL
+    actor: str = ""
+    approvals: tuple[Approval, ...] = ()
+    approvals_needed: int | None = None
+    audit_broken: str = ""
+    proposed: bool = True
+    used: tuple[Approval, ...] = ()
+    unrecorded: tuple[Approval, ...] = ()
+    run_id: str = ""
+    consent_utc: datetime | None = None
+    alarms: tuple[str, ...] = ()
+
+
+def replace(one: Any, /, **values: Any) -> Any:
+    """As `dataclasses.replace`; of facts also what their request and mark hold."""
+    if not isinstance(one, PushFacts):
+        return dataclasses.replace(one, **values)
+    marks = {MARKS[name]: values.pop(name) for name in tuple(values) if name in MARKS}
+    known = {item.name for item in dataclasses.fields(Asked)}
+    asked = {name: values.pop(name) for name in tuple(values) if name in known}
+    if "reference" in values:
+        asked["moved"] = dataclasses.replace(one.request.moved, reference=values.pop("reference"))
+    if "expected" in values:
+        asked["machine"] = values.pop("expected")
+    if "marker_kept" in values:
+        values["can"] = dataclasses.replace(one.can, marker=values.pop("marker_kept"))
+    request: Any = one.request
+    mark: Mark = dataclasses.replace(one.mark, **marks)
+    return dataclasses.replace(one, request=dataclasses.replace(request, **asked), mark=mark, **values)
