@@ -52,11 +52,11 @@ class Load:
 class Pair:
     """Both PLCs, their controls and one PC in front of both."""
 
-    def __init__(self, read: Library, seed: str, *, low_first: bool) -> None:
+    def __init__(self, read: Library, seed: str, *, low_first: bool = False, **spec: Any) -> None:
         self.chance = random.Random(seed)
         self.low_first = low_first
         self.clock = LoopClock()
-        self.benches = (Bench(**SPEC), Bench(**SPEC))
+        self.benches = (Bench(**{**SPEC, **spec}), Bench(**{**SPEC, **spec}))
         order = "low-first" if low_first else "high-first"
         self.double = Plc(self.benches[0].nck, self.clock, PlcSettings.of({"word_order": order}))
         self.text = TextPlc(read, self.benches[1].nck, low_first=low_first)

@@ -3,12 +3,27 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 
 import pytest
 
 from tests.sizes import few
 from tests.unit.mailbox.plant import FOLDER, ORDER, library
-from tests.unit.mailbox.sidebyside import ACTIVATE, BEGIN, CHUNK, DISABLE, READ, SELECT, VERIFY, side_by_side
+from tests.unit.mailbox.sidebyside import (
+    ACTIVATE,
+    AXES,
+    BEGIN,
+    CHUNK,
+    DISABLE,
+    DONE,
+    FAILED,
+    READ,
+    SELECT,
+    VERIFY,
+    Pair,
+    crc,
+    side_by_side,
+)
 from tests.unit.mailbox.structured import LeftItsType, Library, Unsound
 
 SEEDS = few([("one", 400, False), ("two", 400, True), ("three", 1000, False), ("four", 1000, True)], 2)
@@ -55,6 +70,19 @@ def test_a_text_that_does_otherwise_is_found_out(name: str) -> None:
     other = Library(texts=(*texts[:-1], texts[-1].replace(right, wrong)))
     with pytest.raises(AssertionError):
         side_by_side(other, "one", 400, low_first=False)
+
+
+async def test_a_number_without_an_axis_is_unknown_to_both() -> None:
+    axes = (AXES[0], replace(AXES[2], number=3))
+    async with Pair(library(), "gaps", axes=axes) as pair:
+        for number, (kind, index, output), code in ((1, (1, 2, 0), 9), (2, (2, 0, 2), 9), (3, (1, 3, 0), 0)):
+            head = [SELECT, number, kind, index, *[0] * 12, output, 0]
+            pair.write(head, [], crc(head))
+            await pair.until(number, DONE | FAILED)
+            assert pair.text.registers[7] == code
+            assert pair.difference() == {}
+        assert pair.text.registers[349] == 3
+        assert pair.text.registers[332] == 0x4331  # C1
 
 
 HEAD = "FUNCTION TF_A : INT\nVAR_INPUT\n  A : INT;\n  W : WORD;\n  B : BOOL;\nEND_VAR\nVAR\n  I : INT;\nEND_VAR\n"
