@@ -280,7 +280,7 @@ class NckAccess:
         """A system variable or datum of an axis, ``name`` without its axis, in value or position units."""
         spec = self.axis(axis)
         plain = float(self._nck.get(f"{name}{spec.name}]"))
-        return round(plain * (_POSITION if position else _VALUE)[spec.rotary])
+        return min(max(round(plain * (_POSITION if position else _VALUE)[spec.rotary]), DINT_LOW), DINT_HIGH)
 
     def weight(self, target: Target) -> int:
         """SD41310 of a CEC table times 1 000 000, 0 for other kinds."""

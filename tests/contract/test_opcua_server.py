@@ -364,17 +364,13 @@ def test_a_session_nobody_uses_ends_after_sixty_seconds(keys: Path) -> None:
     on_stage(act, folder=keys)
 
 
-def test_values_are_read_and_not_subscribed(keys: Path) -> None:
+def test_a_subscription_gets_an_interval_that_the_control_offers(keys: Path) -> None:
     async def act(on: Stage) -> None:
         client = Client(on.server.url, timeout=30, watchdog_intervall=30)
         client.set_user("trueflank")
         client.set_password("trueflank")
         async with client:
-            index = await client.get_namespace_index("SinumerikVarProvider")
             subscription = await client.create_subscription(120, None)
-            node = client.get_node(ua.NodeId("/Channel/State/chanStatus", index))
-            with pytest.raises(ua.uaerrors.BadNotSupported):
-                await subscription.subscribe_data_change(node)
             assert subscription.parameters.RequestedPublishingInterval == 250.0
             await subscription.delete()
 

@@ -103,6 +103,10 @@ class Plant:
             raise OutOfRange
         return whole
 
+    def _shown(self, value: float) -> int:
+        """A live value: what does not fit shows the end of the range."""
+        return max(-_LIMIT - 1, min(_LIMIT, round(value)))
+
     def _value_unit(self, axis: int) -> float:
         return 1e7 if self._rotary[axis] else 1e6
 
@@ -189,12 +193,12 @@ class Plant:
         eec, cec = self._switch_names(job.Encoder, axis)
         table = cross and bool(self.nck.get(f"$SN_CEC_TABLE_ENABLE[{job.Index}]"))
         answer.Switches = bool(self.nck.get(eec)) | bool(self.nck.get(cec)) << 1 | table << 2
-        answer.Position = self._dint(self._real(f"$VA_IM[{axis}]") * self._position_unit(job.Axis))
-        answer.ActingEec = self._dint(self._real(f"$VA_ENC{job.Encoder + 1}_COMP_VAL[{axis}]") * value)
-        answer.ActingCec = self._dint(self._real(f"$VA_CEC_COMP_VAL[{axis}]") * value)
-        answer.Backlash = self._dint(self._real(f"$MA_BACKLASH[{job.Encoder},{axis}]") * value)
+        answer.Position = self._shown(self._real(f"$VA_IM[{axis}]") * self._position_unit(job.Axis))
+        answer.ActingEec = self._shown(self._real(f"$VA_ENC{job.Encoder + 1}_COMP_VAL[{axis}]") * value)
+        answer.ActingCec = self._shown(self._real(f"$VA_CEC_COMP_VAL[{axis}]") * value)
+        answer.Backlash = self._shown(self._real(f"$MA_BACKLASH[{job.Encoder},{axis}]") * value)
         weight = self._real(f"$SN_CEC_TABLE_WEIGHT[{job.Index}]") if cross else 0.0
-        answer.Weight = self._dint(weight * 1e6)
+        answer.Weight = self._shown(weight * 1e6)
         answer.Reserved = self._reserved(job)
         self._table(job, answer)
 
