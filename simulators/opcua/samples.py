@@ -50,7 +50,13 @@ class SampledItems(MonitoredItemService):
     """
 
     def __init__(
-        self, where: tuple[Any, Any], sample: Sample, own: Callable[[ua.NodeId], bool], clock: Clock, samples: Samples
+        self,
+        where: tuple[Any, Any],
+        sample: Sample,
+        own: Callable[[ua.NodeId], bool],
+        *,
+        clock: Clock,
+        samples: Samples,
     ) -> None:
         super().__init__(*where)
         self._sample = sample

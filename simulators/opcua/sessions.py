@@ -158,7 +158,7 @@ class SinumerikSession(InternalSession):
         subscription: Any = self.subscription_service.subscriptions[made.SubscriptionId]
         home = self._home
         subscription.monitored_item_srv = SampledItems(
-            (subscription, self.aspace), self._sample, home.is_own, home.clock, home.samples
+            (subscription, self.aspace), self._sample, home.is_own, clock=home.clock, samples=home.samples
         )
         return made
 
