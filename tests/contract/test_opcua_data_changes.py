@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -81,7 +82,13 @@ def listening(act: Any, **stage: Any) -> None:
     on_stage(wrapped, **stage)
 
 
-def test_values_are_told_once_and_again_when_they_change() -> None:
+@pytest.fixture(scope="module")
+def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One pair of server keys for all tests here."""
+    return tmp_path_factory.mktemp("keys")
+
+
+def test_values_are_told_once_and_again_when_they_change(keys: Path) -> None:
     async def act(at: Listener) -> None:
         path, nck = nodes.r_parameter(10), at.on.nck
         await at.listen(path, "/Bag/State/opMode", nodes.axis_name(1))
@@ -95,11 +102,11 @@ def test_values_are_told_once_and_again_when_they_change() -> None:
         await at.until(path, 0.0, 4.5, -1.0)
         assert len(at.heard.of("/Bag/State/opMode")) == 1
 
-    listening(act)
+    listening(act, folder=keys)
 
 
 @pytest.mark.parametrize(("null_strings", "empty"), [(False, ""), (True, None)])
-def test_both_kinds_of_empty_texts_are_told(null_strings: bool, empty: str | None) -> None:
+def test_both_kinds_of_empty_texts_are_told(keys: Path, null_strings: bool, empty: str | None) -> None:
     """Axis numbers that are left out have an empty name, and keep their place."""
 
     async def act(at: Listener) -> None:
@@ -108,10 +115,10 @@ def test_both_kinds_of_empty_texts_are_told(null_strings: bool, empty: str | Non
         told = [at.heard.of(nodes.axis_name(place)) for place in (1, 2, 4, 13, 14)]
         assert told == [["X1"], [empty], ["Z1"], ["C1"], [empty]]
 
-    listening(act, spec=GAPS, server={"null_strings": null_strings})
+    listening(act, folder=keys, spec=GAPS, server={"null_strings": null_strings})
 
 
-def test_what_cannot_be_read_cannot_be_subscribed() -> None:
+def test_what_cannot_be_read_cannot_be_subscribed(keys: Path) -> None:
     async def act(at: Listener) -> None:
         refused = await at.listen("/Channel/MachineAxis/aaStat[u1, 9]", "nowhere")
         assert [one.name for one in refused] == ["BadAttributeIdInvalid", "BadNodeIdUnknown"]
@@ -119,20 +126,20 @@ def test_what_cannot_be_read_cannot_be_subscribed() -> None:
         bounded = await at.bounded(filtered, nodes.axis_name(1), nodes.r_parameter(7))
         assert [one.StatusCode.name for one in bounded] == ["BadFilterNotAllowed", "Good"]
 
-    listening(act)
+    listening(act, folder=keys)
 
 
-def test_who_may_not_read_may_not_listen() -> None:
+def test_who_may_not_read_may_not_listen(keys: Path) -> None:
     async def act(at: Listener) -> None:
         refused = await at.listen(nodes.r_parameter(1))
         assert [one.name for one in refused] == ["BadUserAccessDenied"]
 
     users = {"trueflank": {"password": "trueflank", "rights": ["TeaRead", "SeaRead"]}}
     driver = {"users": {**users, "other": "other"}}
-    listening(act, server=driver, settings={"user": "other", "password": "other"})
+    listening(act, folder=keys, server=driver, settings={"user": "other", "password": "other"})
 
 
-def test_a_control_that_starts_again_tells_it_by_a_bad_status() -> None:
+def test_a_control_that_starts_again_tells_it_by_a_bad_status(keys: Path) -> None:
     async def act(at: Listener) -> None:
         path = nodes.r_parameter(3)
         await at.listen(path)
@@ -144,10 +151,10 @@ def test_a_control_that_starts_again_tells_it_by_a_bad_status() -> None:
                 break
         assert [status for _, _, status in at.heard.told] == ["Good", "BadCommunicationError", "Good"]
 
-    listening(act)
+    listening(act, folder=keys)
 
 
-def test_no_more_samples_a_second_than_the_control_has() -> None:
+def test_no_more_samples_a_second_than_the_control_has(keys: Path) -> None:
     async def act(at: Listener) -> None:
         paths = [nodes.r_parameter(number) for number in range(1, 102)]
         handles = await at.listen(*paths, sampling_interval=100.0)
@@ -157,4 +164,4 @@ def test_no_more_samples_a_second_than_the_control_has() -> None:
         await at.subscription.unsubscribe(good[:1])
         assert isinstance((await at.listen(paths[-1], sampling_interval=100.0))[0], int)
 
-    listening(act)
+    listening(act, folder=keys)

@@ -28,6 +28,7 @@ from drivers.ports import Controller
 from drivers.types import LiveSet, LiveTable, PushOrder, Stop
 from tests.contract import modbus_stage, opcua_stage
 from tests.contract.fileroad import CAPABILITIES, FileRoad, Machine, curve
+from tests.sizes import long
 
 Body = Callable[[Subject], Awaitable[None]]
 
@@ -38,7 +39,7 @@ def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("keys")
 
 
-def on_opcua(body: Body, folder: Path) -> None:
+def on_opcua(body: Body, folder: Path, **stage: Any) -> None:
     """The 840D by its OPC UA server and programs: the operator presses NC START and does what MSG says."""
 
     async def act(on: opcua_stage.Stage) -> None:
@@ -54,7 +55,14 @@ def on_opcua(body: Body, folder: Path) -> None:
         table = opcua_stage.TABLE_C
         await body(Subject(on.device, table, "C", True, 0.0, person, live, allowed=0.002))
 
-    opcua_stage.on_stage(act, folder=folder)
+    opcua_stage.on_stage(act, folder=folder, **stage)
+
+
+def on_opcua_with_gaps(body: Body, folder: Path) -> None:
+    """The same from another server: axis numbers are left out, and an empty name is a null string."""
+    spec = opcua_stage.SPEC
+    axes = tuple(replace(axis, number=number) for axis, number in zip(spec.axes, (1, 4, 13), strict=True))
+    on_opcua(body, folder, spec=replace(spec, axes=axes), server={"null_strings": True})
 
 
 def on_mailbox(body: Body, folder: Path) -> None:
@@ -97,6 +105,7 @@ def files_subject(device: FileRoad, machine: Machine, clock: LoopClock) -> Subje
 
 ROADS: dict[str, Callable[[Body, Path], None]] = {
     "sinumerik-opcua": on_opcua,
+    "sinumerik-opcua with gaps": on_opcua_with_gaps,
     "sinumerik-modbus": on_mailbox,
     "file-road": on_files,
 }
@@ -106,8 +115,14 @@ def test_every_registered_controller_is_judged() -> None:
     assert set(registry.known("controller")) <= set(ROADS)
 
 
-@pytest.mark.parametrize("check", CHECKS, ids=lambda check: str(check.__name__))
-@pytest.mark.parametrize("road", ROADS)
+PAIRS = [
+    long((road, check)) if "gaps" in road and check is not loads_and_acts else (road, check)
+    for road in ROADS
+    for check in CHECKS
+]
+
+
+@pytest.mark.parametrize(("road", "check"), PAIRS)
 def test_the_port_is_kept(road: str, check: Check, keys: Path) -> None:
     ROADS[road](check, keys)
 
