@@ -348,14 +348,14 @@ def _written(nck: Any, name: str, value: float) -> None:
         return
 
 
-def side_by_side(read: Library, seed: str, count: int, *, low_first: bool) -> Counter[tuple[int, int]]:
+def side_by_side(read: Library, seed: str, count: int, *, low_first: bool, **spec: Any) -> Counter[tuple[int, int]]:
     """So many commands, the text as it was read; how often each ended with which code.
 
     Raises AssertionError with what differs.
     """
 
     async def main() -> Counter[tuple[int, int]]:
-        async with Pair(read, seed, low_first=low_first) as pair:
+        async with Pair(read, seed, low_first=low_first, **spec) as pair:
             for place in range(count):
                 await pair.between()
                 await pair.command()
