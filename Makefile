@@ -40,9 +40,9 @@ attacks: $(VENV)/developed
 	TRUEFLANK_ATTACKS=$(ATTACKS) $(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal -m attack
 	$(BIN)/python -m tests.attacks $(ATTACKS) docs/reliability.md "make attacks"
 
-# Peers nobody here wrote: node-opcua, libmodbus, mbpoll. What is not installed and cannot be is said and skipped.
+# Peers nobody here wrote: node-opcua, libmodbus, mbpoll, two parsers of structured text. What is not installed and cannot be is said and skipped.
 interop: $(VENV)/developed
-	tests/interop/prepare.sh
+	tests/interop/prepare.sh $(abspath $(BIN)/python)
 	$(BIN)/python -m pytest -q -n 0 -m interop tests/interop
 
 bench: $(VENV)/developed

@@ -21,7 +21,7 @@ INEXPRESSIBLE = 1 << 15
 _POSITION = {False: 1e4, True: 1e6}  # 0.1 um, 1e-6 deg
 _VALUE = {False: 1e6, True: 1e7}  # nm, 1e-7 deg
 _SLOPE = 1e9
-_MOST_AXES, _MOST_TABLES = 31, 62
+_MOST_TABLES = 62
 _TEMPERATURE_NAMES = ("$SA_TEMP_COMP_ABS_VALUE", "$SA_TEMP_COMP_SLOPE", "$SA_TEMP_COMP_REF_POSITION")
 _ALARM_ERRORS = {17070: PROTECTED, 17180: PROTECTED, 17030: TOO_MANY}
 
@@ -72,11 +72,15 @@ def _talking() -> Iterator[None]:
 
 
 class NckAccess:
-    """Reads and writes one NCK. ``write_level`` is the protection level the PLC has for machine data."""
+    """Reads and writes one NCK. ``write_level`` is the protection level the PLC has for machine data.
+
+    ``axes``: the machine axes by their numbers in the NCK, which may leave some out.
+    """
 
     def __init__(self, nck: Nck, write_level: int) -> None:
         self._nck = nck
         self._level = write_level
+        self.axes = dict(zip(nck.spec.numbers, nck.spec.axes, strict=True))
 
     # -- what there is -----------------------------------------------------------------------------
 
@@ -86,28 +90,23 @@ class NckAccess:
         return self._nck
 
     @property
-    def axes(self) -> tuple[AxisSpec, ...]:
-        """The machine axes, numbered from 1."""
-        return self._nck.spec.axes[:_MOST_AXES]
-
-    @property
     def tables(self) -> int:
         """Number of CEC tables."""
         return min(len(self._nck.spec.cec_points), _MOST_TABLES)
 
     def axis(self, number: int) -> AxisSpec:
         """An axis by its number. Raises PlcFault (9)."""
-        if not 1 <= number <= len(self.axes):
+        found = self.axes.get(number)
+        if found is None:
             raise PlcFault(UNKNOWN)
-        return self.axes[number - 1]
+        return found
 
     def check(self, target: Target) -> None:
         """Whether there is such a table. Raises PlcFault (9)."""
         self.axis(target.axis)
-        tables = range(self.tables) if target.kind == CEC else range(1, len(self.axes) + 1)
-        if target.kind not in (EEC, CEC, BACKLASH_KIND, TEMPERATURE) or target.index not in tables:
-            raise PlcFault(UNKNOWN)
-        if target.encoder not in (0, 1):
+        tables = range(self.tables) if target.kind == CEC else self.axes
+        kinds = (EEC, CEC, BACKLASH_KIND, TEMPERATURE)
+        if target.kind not in kinds or target.index not in tables or target.encoder not in (0, 1):
             raise PlcFault(UNKNOWN)
 
     def reserved(self, target: Target) -> int:
@@ -133,7 +132,7 @@ class NckAccess:
     @property
     def standstill(self) -> bool:
         """Whether no axis moves."""
-        return all(self.stands(number) for number in range(1, len(self.axes) + 1))
+        return all(self.stands(number) for number in self.axes)
 
     def stands(self, number: int) -> bool:
         """Whether one axis stands (in position, coarse or fine)."""
@@ -144,6 +143,10 @@ class NckAccess:
     def referenced(self) -> bool:
         """Whether all axes are referenced."""
         return all(axis.referenced for axis in self._nck.core.axes)
+
+    def referenced_by(self, number: int, encoder: int) -> bool:
+        """Whether one measuring system of an axis is referenced, the acting one or not."""
+        return self._nck.core.axis(self.axis(number).name).encoders_referenced[encoder]
 
     @property
     def first_alarm(self) -> int:
@@ -192,7 +195,7 @@ class NckAccess:
         """An EEC or CEC table's parameters; MIN, STEP and MAX are 0 where they are no whole units."""
         inner = self._axis_number(target, "INPUT_AXIS")
         outer = self._axis_number(target, "OUTPUT_AXIS")
-        scale = _POSITION[self.axes[inner - 1].rotary if inner else False]
+        scale = _POSITION[self.axis(inner).rotary if inner else False]
         places = [float(self._nck.get(self._part(target, part))) * scale for part in ("MIN", "STEP", "MAX")]
         # float noise of the conversion is far below, single precision far above this limit
         odd = any(abs(place - round(place)) > 1e-6 or abs(place) > DINT_HIGH for place in places)
@@ -234,7 +237,7 @@ class NckAccess:
         if target.kind != CEC:
             return target.index
         name = str(self._nck.get(self._part(target, part)))
-        return next((number for number, axis in enumerate(self.axes, start=1) if axis.name == name), 0)
+        return next((number for number, axis in self.axes.items() if axis.name == name), 0)
 
     # -- switches ----------------------------------------------------------------------------------
 
@@ -276,17 +279,14 @@ class NckAccess:
     def value(self, name: str, axis: int, *, position: bool = False) -> int:
         """A system variable or datum of an axis, ``name`` without its axis, in value or position units."""
         spec = self.axis(axis)
-        front, _, index = name.partition("[")
-        plain = float(self._nck.get(f"{front}[{index}{spec.name}]"))
-        return round(plain * (_POSITION if position else _VALUE)[spec.rotary])
+        plain = float(self._nck.get(f"{name}{spec.name}]"))
+        return min(max(round(plain * (_POSITION if position else _VALUE)[spec.rotary]), DINT_LOW), DINT_HIGH)
 
     def weight(self, target: Target) -> int:
         """SD41310 of a CEC table times 1 000 000, 0 for other kinds."""
         if target.kind != CEC:
             return 0
         return round(float(self._nck.get(f"$SN_CEC_TABLE_WEIGHT[{target.index}]")) * 1e6)
-
-    # -- inside ------------------------------------------------------------------------------------
 
     def _name(self, target: Target) -> str:
         return self.axis(target.axis).name

@@ -106,9 +106,10 @@ class Loading:
 
     def _compare(self, load: Load, wanted: Parameters) -> Work:
         """Read back from the NCK and compare. Raises PlcFault (10)."""
-        a_scan = self._desk.settings.points_a_scan
-        for first in range(0, len(load.values), a_scan):
-            sent = load.values[first : first + a_scan]
+        a_scan, reserved = self._desk.settings.points_a_scan, self._access.reserved(load.target)
+        values = (load.values + [0] * reserved)[:reserved]
+        for first in range(0, reserved, a_scan):
+            sent = values[first : first + a_scan]
             found = self._access.points(load.target, first, len(sent))
             for place, (old, new) in enumerate(zip(sent, found, strict=True), start=first):
                 if self._coarse(old) != new and place not in load.lost:

@@ -53,7 +53,7 @@ class PlcPicture:
         image.words[r.LEVEL] = nck.access_level
         image.put(r.SERIAL, r.text_words(nck.spec.serial, 16))
         image.put(r.NCK_VERSION, r.text_words(nck.spec.nck_version, 8))
-        image.put(r.AXES, (len(access.axes), access.tables))
+        image.put(r.AXES, (max(access.axes), access.tables))
         image.put_dint(r.ALARM, access.first_alarm)
         image.words[r.MODE] = _MODES.get(nck.mode, 255)
 
@@ -76,7 +76,8 @@ class PlcPicture:
         image.put_dint(r.ACTING, {EEC: eec, CEC: cec}.get(target.kind, 0))
         image.put(r.AXIS_NAME, r.text_words(spec.name, 8))
         image.put(r.SELECTED, (target.kind, target.index, target.encoder, axis))
-        facts = (spec.rotary, spec.modulo, view.referenced, view.aa_stat == 4, access.stands(axis))
+        referenced = access.referenced_by(axis, target.encoder)
+        facts = (spec.rotary, spec.modulo, referenced, view.aa_stat == 4, access.stands(axis))
         image.words[r.AXIS_BITS] = sum(1 << bit for bit, holds in enumerate(facts) if holds)
         image.words[r.SWITCHES] = self._switches(target)
         image.put_dint(r.EEC_ACTING, eec)

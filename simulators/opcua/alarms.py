@@ -16,6 +16,7 @@ from drivers.sinumerik.opcua.session import nodes
 from simulators.nck.control import Nck
 from simulators.nck.machine.alarms import POWER_ON_LOCK, STOPPING, Alarm
 from simulators.opcua.manners import Manners
+from simulators.opcua.samples import offered_ms
 
 REFRESH = ua.NodeId(ua.ObjectIds.ConditionType_ConditionRefresh)
 _LOOK_S = 0.2
@@ -115,6 +116,4 @@ def _severity(alarm: Alarm) -> int:
 
 def snapped(parameters: Any) -> Any:
     """Subscription parameters with the publishing interval the control offers next above the one asked for."""
-    offered = (100.0, 250.0, 500.0, 1000.0, 2500.0, 5000.0)
-    wanted = float(parameters.RequestedPublishingInterval)
-    return replace(parameters, RequestedPublishingInterval=next((one for one in offered if one >= wanted), offered[-1]))
+    return replace(parameters, RequestedPublishingInterval=offered_ms(float(parameters.RequestedPublishingInterval)))

@@ -14,6 +14,7 @@ from asyncua.server.internal_session import InternalSession, SessionState
 
 from drivers.clock import LoopClock
 from simulators.opcua.alarms import REFRESH, snapped
+from simulators.opcua.samples import SampledItems
 from simulators.opcua.space import Refused
 from simulators.opcua.standard import status
 from simulators.opcua.users import Account
@@ -153,10 +154,19 @@ class SinumerikSession(InternalSession):
         self, params: Any, callback: Callable[..., Any], request_callback: Callable[..., Any] | None = None
     ) -> ua.CreateSubscriptionResult:
         """A subscription with one of the publishing intervals the control offers."""
-        return await super().create_subscription(snapped(params), callback, request_callback)
+        made = await super().create_subscription(snapped(params), callback, request_callback)
+        subscription: Any = self.subscription_service.subscriptions[made.SubscriptionId]
+        home = self._home
+        subscription.monitored_item_srv = SampledItems(
+            (subscription, self.aspace), self._sample, home.is_own, clock=home.clock, samples=home.samples
+        )
+        return made
+
+    def _sample(self, item: ua.ReadValueId) -> ua.DataValue:
+        return self._value(item, self._home.accounts.account(self.user), self._home.clock.utc())
 
     async def create_monitored_items(self, params: Any) -> list[ua.MonitoredItemCreateResult]:
-        """Events of the alarm source. Values of the control are to be read: data changes are not served."""
+        """Events of the alarm source, and data changes of variables."""
         account = self._home.accounts.account(self.user)
         results: list[ua.MonitoredItemCreateResult] = []
         for item in params.ItemsToCreate:

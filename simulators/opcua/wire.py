@@ -20,6 +20,7 @@ from simulators.opcua.alarms import AlarmEvents
 from simulators.opcua.filenodes import RESULTS, ServedFiles
 from simulators.opcua.manners import Requests
 from simulators.opcua.methods import Methods
+from simulators.opcua.samples import Samples
 from simulators.opcua.sessions import SinumerikSession
 from simulators.opcua.space import Refused, Space
 from simulators.opcua.standard import Layer, attributes, standard_nodes, status
@@ -70,6 +71,7 @@ class SinumerikInternalServer(InternalServer):
         self.null_strings = False
         self._method_nodes: dict[tuple[str, str], str] = {}
         super().__init__(user_manager=accounts)
+        self.samples = Samples()
         self.alarms = AlarmEvents(files.nck, clock, self.subscription_service, self.manners)
         self.disabled_clock = True
         self.min_session_timeout_ms, self.max_session_timeout_ms = 1000, 60_000
@@ -133,7 +135,7 @@ class SinumerikInternalServer(InternalServer):
             if not self.event_source:
                 return "BadNodeIdUnknown"
             return "" if allowed else "BadUserAccessDenied"
-        return "BadNotSupported" if self.is_own(item.NodeId) else ""
+        return ""
 
     def answer(self, request: ua.CallMethodRequest, account: Account, session: object) -> list[ua.Variant]:
         """Output arguments of a method of ours. Raises Refused with the status the server gives."""

@@ -17,7 +17,6 @@ TOO_LONG = {
     "drivers/ports.py",
     "drivers/sinumerik/opcua/device.py",
     "drivers/sinumerik/opcua/examination.py",
-    "drivers/sinumerik/opcua/session/client.py",
     "drivers/types.py",
     "gateway/domain.py",
     "simulators/nck/language/grammar.py",
@@ -28,7 +27,7 @@ STILL_BY_NAME: set[str] = set()
 """Files that load modules by a text and will not: this list only shrinks."""
 DOORS = {
     "SALib": 1,
-    "asyncua": 8,
+    "asyncua": 9,
     "cryptography": 5,
     "distributed": 1,
     "fastapi": 1,

@@ -333,16 +333,12 @@ async def test_a_session_nobody_uses_ends_after_sixty_seconds(keys: Path) -> Non
         await guest.close()
 
 
-async def test_values_are_read_and_not_subscribed(keys: Path) -> None:
+async def test_a_subscription_gets_an_interval_that_the_control_offers(keys: Path) -> None:
     async with on_stage(folder=keys) as on:
         client = Client(on.server.url, timeout=30, watchdog_intervall=30)
         client.set_user("trueflank")
         client.set_password("trueflank")
         async with client:
-            index = await client.get_namespace_index("SinumerikVarProvider")
             subscription = await client.create_subscription(120, None)
-            node = client.get_node(ua.NodeId("/Channel/State/chanStatus", index))
-            with pytest.raises(ua.uaerrors.BadNotSupported):
-                await subscription.subscribe_data_change(node)
             assert subscription.parameters.RequestedPublishingInterval == 250.0
             await subscription.delete()

@@ -8,7 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from drivers.checks import CheckLine, Wanted, WantedAxis
 from drivers.errors import TrueflankError
+from drivers.sinumerik.opcua.doctor import UaDoctor
 from drivers.sinumerik.opcua.session import nodes
 from drivers.sinumerik.opcua.session.certificates import own_key_pair
 from drivers.sinumerik.opcua.trust import UaTrust
@@ -49,6 +51,22 @@ async def test_a_push_and_a_walk_go_by_the_numbers_of_the_control() -> None:
         live = await on.device.saved_tables("C1")
         assert live.own.enabled
         assert len(live.own.table.deviations) == len(ORDER.table.deviations)
+
+
+async def test_the_doctor_counts_no_null_string_as_an_axis(keys: Path) -> None:
+    told: list[CheckLine] = []
+
+    async def act(on: Stage) -> None:
+        settings = {"user": "trueflank", "password": "trueflank", "server_certificate": str(on.server.certificate)}
+        wanted = Wanted(SPEC.serial, (WantedAxis("X1", "mm", 0, 73), WantedAxis("C1", "deg", 0, 73)))
+        told.extend(await UaDoctor("840D", on.server.url, settings, on.clock).examine(wanted, 5.0))
+
+    async with on_stage(spec=GAPS, server={"null_strings": True}, folder=keys) as on:
+        await act(on)
+    lines = {line.check: line for line in told}
+    for check in ("axes", "variables", "units", "measuring system", "table memory", "state"):
+        assert lines[check].outcome == "ok", lines[check]
+    assert "X1, Z1, C1" in lines["axes"].what
 
 
 @pytest.mark.parametrize("offered", ["Basic256Sha256", "Aes256_Sha256_RsaPss"])

@@ -29,12 +29,13 @@ from drivers.ports import Controller
 from drivers.types import LiveSet, LiveTable, PushOrder, SignProof
 from tests.contract import modbus_stage, opcua_stage
 from tests.contract.fileroad import CAPABILITIES, FileRoad, Machine, curve
+from tests.sizes import long
 
 
 @contextlib.asynccontextmanager
-async def on_opcua(folder: Path) -> AsyncIterator[Subject]:
+async def on_opcua(folder: Path, **stage: Any) -> AsyncIterator[Subject]:
     """The 840D by its OPC UA server and programs: the operator presses NC START and does what MSG says."""
-    async with opcua_stage.on_stage(folder=folder) as on:
+    async with opcua_stage.on_stage(folder=folder, **stage) as on:
         told: list[str] = []
 
         def tell(code: str, /, **_fields: object) -> None:
@@ -46,6 +47,13 @@ async def on_opcua(folder: Path) -> AsyncIterator[Subject]:
             return await (on.asked(work, told) if moment == "read" else work)
 
         yield Subject(on.device, opcua_stage.TABLE_C, "C", True, 0.0, person, tell, allowed=0.002)
+
+
+def on_opcua_with_gaps(folder: Path) -> contextlib.AbstractAsyncContextManager[Subject]:
+    """The same from another server: axis numbers are left out, and an empty name is a null string."""
+    spec = opcua_stage.SPEC
+    axes = tuple(replace(axis, number=number) for axis, number in zip(spec.axes, (1, 4, 13), strict=True))
+    return on_opcua(folder, spec=replace(spec, axes=axes), server={"null_strings": True})
 
 
 @contextlib.asynccontextmanager
@@ -80,6 +88,7 @@ def files_subject(device: FileRoad, machine: Machine, clock: LoopClock) -> Subje
 
 ROADS: dict[str, Callable[[Path], contextlib.AbstractAsyncContextManager[Subject]]] = {
     "sinumerik-opcua": on_opcua,
+    "sinumerik-opcua with gaps": on_opcua_with_gaps,
     "sinumerik-modbus": on_mailbox,
     "file-road": on_files,
 }
@@ -89,8 +98,14 @@ def test_every_registered_controller_is_judged() -> None:
     assert set(registry.known("controller")) <= set(ROADS)
 
 
-@pytest.mark.parametrize("check", CHECKS, ids=lambda check: str(check.__name__))
-@pytest.mark.parametrize("road", ROADS)
+PAIRS = [
+    long((road, check)) if "gaps" in road and check is not loads_and_acts else (road, check)
+    for road in ROADS
+    for check in CHECKS
+]
+
+
+@pytest.mark.parametrize(("road", "check"), PAIRS)
 async def test_the_port_is_kept(road: str, check: Check, keys: Path) -> None:
     async with ROADS[road](keys) as subject:
         await check(subject)

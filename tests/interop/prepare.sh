@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Install the peers of `make interop`: Debian packages when root, node-opcua by npm from the committed lock.
+# Install the peers of `make interop`: Debian packages when root, node-opcua by npm from the committed lock, parsers of
+# structured text into the environment of the Python that is named (one of them is compiled where there is no wheel).
 # What cannot be had is said in a line "NOT RUN"; with TRUEFLANK_INTEROP=all that ends the run.
 set -uo pipefail
 cd "$(dirname "$0")"
@@ -48,6 +49,15 @@ if command -v node >/dev/null && command -v npm >/dev/null; then
     fi
 else
     absent "node-opcua (node and npm are not here)"
+fi
+
+has_parsers() {
+    "$1" -c "import blark, tree_sitter, tree_sitter_iec61131_3_st" 2>/dev/null
+}
+
+if [ -n "${1:-}" ] && ! has_parsers "$1"; then
+    "$1" -m pip install --quiet --disable-pip-version-check -c ../../constraints.txt -e "../..[plc]"
+    has_parsers "$1" || absent "the parsers of structured text (pip could not install blark and tree-sitter-iec61131-3-st)"
 fi
 
 if [ "$missing" = 1 ] && [ "${TRUEFLANK_INTEROP:-}" = all ]; then

@@ -78,19 +78,37 @@ class MailboxReader:
         return self.axes[name]
 
     async def identity(self) -> MachineIdentity:
-        """Select each axis for its name and read the fingerprint. Raises UnsupportedDevice (E-MBX-SILENT)."""
+        """Select each axis for its name, read the fingerprint. Raises UnsupportedDevice (E-MBX-SILENT, E-MBX-GAPS)."""
         first = await self._talk.picture()
         if not first.serial or not first.axes:
             what = "serial number" if first.axes else "number of axes"
             raise UnsupportedDevice("E-MBX-SILENT", self._where, what=what)
-        found = [await self._talk.select(_axis_order(number)) for number in range(1, first.axes + 1)]
+        found = await self._every_axis(first.axes)
         facts = [_facts(number, picture) for number, picture in enumerate(found, start=1)]
         names = tuple(axis.name for axis in facts)
-        if "" in names or len(set(names)) < len(names):
+        if len(set(names)) < len(names):
             raise UnsupportedDevice("E-MBX-SILENT", self._where, what=f"axis names ({', '.join(names)})")
         self.axes = {axis.name: axis for axis in facts}
         self._states = {axis.name: _axis_state(axis, picture) for axis, picture in zip(facts, found, strict=True)}
         return machine_of(first, names)
+
+    async def _every_axis(self, count: int) -> list[Picture]:
+        """The picture of each number; this map version cannot tell which number an axis after a gap has."""
+        found = [(number, await self._named(number)) for number in range(1, count + 1)]
+        gaps = [str(number) for number, picture in found if picture is None]
+        if gaps:
+            raise UnsupportedDevice("E-MBX-GAPS", self._where, numbers=", ".join(gaps), count=count)
+        return [picture for _, picture in found if picture is not None]
+
+    async def _named(self, number: int) -> Picture | None:
+        """An axis' picture, None where the PLC knows no axis of that number or no name for it."""
+        try:
+            picture = await self._talk.select(_axis_order(number))
+        except UnsupportedDevice as error:
+            if error.code != "E-MBX-UNKNOWN":
+                raise
+            return None
+        return picture if picture.axis_name else None
 
     async def state(self) -> MachineState:
         """Status and every axis. While a command waits for the panel, or the NCK restarts, only the selected one."""

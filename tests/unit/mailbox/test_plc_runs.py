@@ -5,7 +5,6 @@ from __future__ import annotations
 import random
 import zlib
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -14,10 +13,9 @@ from simulators.modbus import registers as r
 from simulators.modbus.access import CEC, EEC, RANGE, UNKNOWN, PlcFault, Target
 from simulators.modbus.checks import Checks
 from simulators.modbus.registers import Image, PlcCommand
-from tests.unit.mailbox.structured import Library
+from tests.unit.mailbox.plant import library
 
-FOLDER = Path(__file__).parents[3] / "docs" / "plc"
-PLC = Library(FOLDER / "tf_words.st", FOLDER / "tf_checks.st")
+PLC = library()
 COUNT = 1000
 AXES, TABLES = 3, 4
 
@@ -77,24 +75,24 @@ def command_of(chance: random.Random, low_first: bool) -> tuple[list[int], PlcCo
     return words, PlcCommand.of(image)
 
 
-def by_the_double(command: PlcCommand) -> int:
-    """The error code that the double gives for these parameters."""
+def by_the_double(command: PlcCommand) -> tuple[int, int]:
+    """The error code and detail that the double gives for these parameters."""
     checks = Checks(None, Plant())  # type: ignore[arg-type]
     try:
         checks.check_parameters(command, checks.target(command, (EEC, CEC)))
     except PlcFault as fault:
-        return int(fault.code)
-    return 0
+        return int(fault.code), fault.detail
+    return 0, 0
 
 
-def by_the_text(words: list[int], low_first: bool) -> int:
-    """The error code that the structured text gives, as step 1 of the mailbox asks."""
+def by_the_text(words: list[int], low_first: bool) -> tuple[int, int]:
+    """The same by the structured text, as step 1 of the mailbox asks."""
     given: dict[str, Any] = {"Taken": words, "Axes": AXES, "Tables": TABLES}
     error = int(PLC.call("TF_TableExists", given))
     if error:
-        return error
+        return error, 0
     fault = PLC.call("TF_ParametersFault", {**given, "LowFirst": low_first})
-    return UNKNOWN if fault == -1 else RANGE if fault else 0
+    return (UNKNOWN, 0) if fault == -1 else (RANGE if fault else 0, fault)
 
 
 @pytest.mark.parametrize("low_first", [False, True])
@@ -104,5 +102,5 @@ def test_random_parameters_get_the_same_code_from_the_text_and_from_the_double(l
         words, command = command_of(chance, low_first)
         wanted = by_the_double(command)
         assert by_the_text(words, low_first) == wanted, words
-        codes.append(wanted)
+        codes.append(wanted[0])
     assert min(codes.count(code) for code in (0, RANGE, UNKNOWN)) > COUNT // 50

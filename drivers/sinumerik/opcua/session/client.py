@@ -1,72 +1,42 @@
-"""One OPC UA session with the control; with `login` and `requests` the one place that knows asyncua.
+"""One OPC UA session with the control: its name space, and its variables and methods by their paths.
 
-asyncua's own reconnecting, watching and trusting are not used: a request that failed or was interrupted
-leaves the session broken and the next call says so, because what the server did meanwhile is unknown; the
-server's certificate must be the pinned one; values are written typed and without time stamps.
+Values are written typed and without time stamps, and never twice.
 """
 
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import functools
-import logging
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Sequence
 from datetime import datetime
-from typing import Any, TypeVar
-
-from asyncua import ua
+from typing import Any
 
 from drivers.clock import Clock
-from drivers.errors import DeviceRefused, LinkBroken, RemoteProtocolError, TrueflankError, UnsupportedDevice
+from drivers.errors import DeviceRefused, LinkBroken, RemoteProtocolError, UnsupportedDevice
 from drivers.sinumerik.opcua.session import login, nodes, requests
-from drivers.sinumerik.opcua.session import values as typed_values
-from drivers.sinumerik.opcua.session.login import CHANNEL_S, SESSION_S, Offer
+from drivers.sinumerik.opcua.session.connection import UaConnection, node_id
+from drivers.sinumerik.opcua.session.login import CHANNEL_S, SESSION_S
 from drivers.sinumerik.opcua.session.requests import AlarmEvent, Reading, ServerLimits
-from drivers.sinumerik.opcua.session.status import Stage, check_numbers, check_written, foreign, is_lost, refusal
+from drivers.sinumerik.opcua.session.status import check_numbers, check_written, is_lost, refusal
 from drivers.sinumerik.opcua.settings import Secrets
 
 __all__ = ["CHANNEL_S", "SESSION_S", "Reading", "UaSession"]
 
-T = TypeVar("T")
 Arguments = Sequence[tuple[Any, str]]
 
-CLOSE_S = 2.0
-SHORTEST_S = 0.5  # how often a server may make us show a sign of life, or renew its channel
 _TOO_MANY = "BadTooManyOperations"
-_NO_CHANNEL = ("E-UA-TRUST-US", "E-UA-CONNECT")
-
-logging.getLogger("asyncua").addHandler(logging.NullHandler())
+_GOOD = 0
 
 
-class UaSession:
+class UaSession(UaConnection):
     """Login, batch reads, writes and method calls, one request at a time."""
 
     def __init__(self, url: str, clock: Clock, where: str) -> None:
-        self._url = url
-        self._clock = clock
-        self._where = where
-        self._lock = asyncio.Lock()
-        self._client: Any = None
+        super().__init__(url, clock, where)
         self._index = 0
         self._limits = ServerLimits()
         self._spaces: tuple[int, ...] = (0,)
         self._methods: dict[str, tuple[Any, Any]] = {}
-        self._secrets: Secrets | None = None
-        self._alive: asyncio.Task[None] | None = None
-        self._renew_at, self._sign_s = 0.0, SESSION_S
-        self._why = "it was never opened"
-        self._policy = ""
-
-    @property
-    def is_open(self) -> bool:
-        """Whether requests can be made."""
-        return self._client is not None
-
-    @property
-    def policy(self) -> str:
-        """The security policy of an open session; "" without."""
-        return self._policy if self.is_open else ""
 
     @property
     def name_space(self) -> int:
@@ -79,11 +49,6 @@ class UaSession:
         return frozenset(self._methods)
 
     # ---- opening and closing ------------------------------------------------------------------------
-
-    async def offer(self, timeout_s: float) -> Offer:
-        """What the server shows before a login. Raises TransportError (E-UA-CONNECT), RemoteProtocolError."""
-        async with self._clock.deadline(timeout_s, self._where):
-            return await self._asked()
 
     async def open(self, secrets: Secrets, timeout_s: float) -> None:
         """Log in and find name space, limits and methods. An older session is closed first.
@@ -99,21 +64,6 @@ class UaSession:
             await self._translated("read", "the name space", self._look_around(client, opened_at))
         self._alive = asyncio.get_running_loop().create_task(self._keep_alive(), name=f"keep-alive of {self._where}")
 
-    async def _logged_in(self, secrets: Secrets, policies: Sequence[str]) -> tuple[Any, float]:
-        """A client that is logged in, and since when; another policy is tried only where the first got no channel."""
-        for place, policy in enumerate(policies, start=1):
-            self._policy = policy
-            self._client = client = login.new_client(self._url, secrets)
-            opened_at = self._clock.now()
-            try:
-                await self._translated("login", secrets.user, login.log_in(client, secrets, policy))
-            except TrueflankError as error:
-                if place == len(policies) or error.code not in _NO_CHANNEL:
-                    raise
-            else:
-                return client, opened_at
-        raise LinkBroken("E-UA-BROKEN", self._where, why="no policy to log in with")
-
     async def beside(self, timeout_s: float) -> UaSession:
         """A second session with the same login, for what must not disturb this one. Raises as `open`."""
         if self._secrets is None:
@@ -121,9 +71,6 @@ class UaSession:
         made = UaSession(self._url, self._clock, self._where)
         await made.open(self._secrets, timeout_s)
         return made
-
-    async def _asked(self) -> Offer:
-        return await self._translated("read", "the end points", login.ask(self._url, self._where))
 
     async def _look_around(self, client: Any, opened_at: float) -> None:
         """Resolve the name space by its URI, now and at every login, and find methods under either parent."""
@@ -136,46 +83,9 @@ class UaSession:
         self._limits = await requests.limits(client)
         self._methods = {}
         for parent in nodes.METHODS:
-            owner = ua.NodeId(parent, self._index)
+            owner = node_id(parent, self._index)
             found = await requests.methods(client, owner)
             self._methods |= {name: (owner, node) for name, node in found.items()}
-
-    def _note_lifetimes(self, client: Any, since: float) -> None:
-        channel_s = typed_values.lasting_s(client.secure_channel_timeout, "the secure channel's lifetime", self._where)
-        session_s = typed_values.lasting_s(client.session_timeout, "the session's timeout", self._where)
-        self._renew_at = since + max(0.6 * channel_s, SHORTEST_S)
-        self._sign_s = max(0.25 * session_s, SHORTEST_S)
-
-    async def close(self) -> None:
-        """Log out if the server still listens, and let go of the wire. Never raises, may be called twice."""
-        client, self._client = self._client, None
-        alive, self._alive = self._alive, None
-        try:
-            if alive is not None:
-                alive.cancel()
-                await asyncio.gather(alive, return_exceptions=True)
-            if client is not None:
-                with contextlib.suppress(TrueflankError):
-                    async with self._clock.deadline(CLOSE_S, self._where):
-                        await self._translated("call", "the log-out", login.log_out(client))
-        finally:
-            self._why = "it was closed"
-            if client is not None:
-                client.disconnect_socket()
-        await self._clock.sleep(0)
-        await self._clock.sleep(0)
-
-    def _break(self, why: str) -> None:
-        client, self._client, self._why = self._client, None, why
-        if client is not None:
-            client.disconnect_socket()
-
-    async def _keep_alive(self) -> None:
-        """Ask for a sign of life often enough that the server keeps the session; ends with the session."""
-        with contextlib.suppress(TrueflankError):
-            while self.is_open:
-                await self._clock.sleep(self._sign_s)
-                await self._request(self._sign_s, "read", "the server's state", requests.sign_of_life)
 
     # ---- requests -----------------------------------------------------------------------------------
 
@@ -258,7 +168,7 @@ class UaSession:
 
     async def _call(self, owner: Any, node: Any, name: str, arguments: Arguments, timeout_s: float) -> list[Any]:
         result = await self._request(timeout_s, "call", name, lambda it: requests.call(it, owner, node, arguments))
-        if result.StatusCode.value != ua.StatusCodes.Good:
+        if result.StatusCode.value != _GOOD:
             what = f"{name} {requests.shown(arguments)}{requests.refused_arguments(result)}".strip()
             raise refusal(result.StatusCode.name, self._where, "call", what)
         return [output.Value for output in result.OutputArguments or []]
@@ -272,43 +182,4 @@ class UaSession:
         return await self._request(timeout_s, "call", "ConditionRefresh", ask)
 
     def _node(self, path: str) -> Any:
-        return ua.NodeId(path, self._index)
-
-    async def _request(self, timeout_s: float, stage: Stage, what: str, act: Callable[[Any], Awaitable[T]]) -> T:
-        async with self._clock.deadline(timeout_s, self._where), self._lock:
-            client = self._client
-            if client is None:
-                raise LinkBroken("E-UA-BROKEN", self._where, why=self._why)
-            if self._clock.now() >= self._renew_at:
-                await self._translated(stage, "the secure channel", self._renew(client))
-            return await self._translated(stage, what, act(client))
-
-    async def _renew(self, client: Any) -> None:
-        await client.open_secure_channel(renew=True)
-        client.uaclient.revolve_security_token()
-        self._note_lifetimes(client, self._clock.now())
-
-    async def _translated(self, stage: Stage, what: str, work: Awaitable[T]) -> T:
-        """Await the library; turn its errors into ours; break the session where its state became unknown."""
-        task = asyncio.current_task()
-        before = task.cancelling() if task else 0
-        try:
-            result = await work
-        except ua.UaStatusCodeError as error:
-            name = ua.StatusCode(error.code).name
-            if stage == "login" or is_lost(name):
-                self._break(name)
-            raise refusal(name, self._where, stage, what) from error
-        except TrueflankError:
-            self._break("login was refused" if stage == "login" else "the server is not as expected")
-            raise
-        except asyncio.CancelledError:
-            self._break("a request was interrupted")
-            raise
-        except Exception as error:  # what the library makes of a peer's bytes is no list of types
-            self._break(str(error) or type(error).__name__)
-            raise foreign(error, stage, self._where, self._url) from error
-        if task is not None and task.cancelling() > before:  # 3.11's wait_for can swallow a cancel
-            self._break("a request was interrupted")
-            raise asyncio.CancelledError
-        return result
+        return node_id(path, self._index)
