@@ -82,12 +82,6 @@ def listening(act: Any, **stage: Any) -> None:
     on_stage(wrapped, **stage)
 
 
-@pytest.fixture(scope="module")
-def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """One pair of server keys for all tests here."""
-    return tmp_path_factory.mktemp("keys")
-
-
 def test_values_are_told_once_and_again_when_they_change(keys: Path) -> None:
     async def act(at: Listener) -> None:
         path, nck = nodes.r_parameter(10), at.on.nck
