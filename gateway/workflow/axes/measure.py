@@ -12,6 +12,7 @@ from drivers.types import FloatArray, LiveSet, MeasuredSet, Stop, StopReached
 from drivers.units import deviation_unit
 from gateway.capture.corrected import from_file, from_live
 from gateway.capture.live import capture_axis, targets_of
+from gateway.capture.retaking import demand_complete
 from gateway.capture.sense import prove_sense
 from gateway.capture.targets import between_places, plan_of
 from gateway.config import AxisSection, Targets
@@ -91,7 +92,10 @@ async def _live(at: Bench, axis: AxisSection, phase: stages.Phase) -> tuple[Capt
     raw = await capture_axis(rig, proof, check_stops(axis, phase))
     digest = at.folder.put(stages.raw(axis.name, phase), raw)
     at.folder.write_text(f"tables-{axis.name}-{phase}{spoken().tables_suffix}", raw.live.native)
-    return from_live(axis, raw, proof, rig.instrument.compensated_for), (digest,)
+    capture = from_live(axis, raw, proof, rig.instrument.compensated_for)
+    if phase == "before":  # afterwards the table is in the control, and what was measured of it is judged as it is
+        demand_complete(capture)
+    return capture, (digest,)
 
 
 def check_stops(axis: AxisSection, phase: stages.Phase) -> FloatArray:

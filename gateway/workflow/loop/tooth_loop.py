@@ -115,10 +115,19 @@ class _Loop:
         return found
 
     async def _proposal(self) -> tuple[Proposal, ToothProposal]:
+        """The stored one, unless it rests on what was measured anew since and nothing of it was pushed."""
         folder = self.at.folder
-        if folder.has(stages.TOOTH):
+        if folder.has(stages.TOOTH) and (self._begun or folder.parents(stages.PROPOSAL) == self._parents):
             return folder.get(stages.PROPOSAL, Proposal), folder.get(stages.TOOTH, ToothProposal)
         return await propose_tooth(self.at, self.model, self.measured, self.work)
+
+    @property
+    def _begun(self) -> bool:
+        return any(stage.startswith(stages.push("")) for stage in self.at.folder.stages)
+
+    @property
+    def _parents(self) -> tuple[str, ...]:
+        return self.at.folder.digest(stages.ERRORS), *(item.digest for item in self.measured.values())
 
     async def _pushed(self, proposal: Proposal) -> Verdict:
         folder = self.at.folder
