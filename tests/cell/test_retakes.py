@@ -54,7 +54,11 @@ def measured(
         done: PlanOutcome = await measure_site(site, cell.site_path, clock=clock, say=say, wanted=wanted)
         found.update(captures(Store(folder).open(done.run_folder)))
 
-    on_cell(folder, few(COUNT, 3), story)
+    def edit(text: str) -> str:
+        """Without check stops, whose median bears one reading out of line."""
+        return few(COUNT, 3)(text).replace("[axes.measure]\n", "[axes.measure]\nbetween = 0\n")
+
+    on_cell(folder, edit, story)
     return found
 
 

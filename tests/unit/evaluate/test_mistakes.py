@@ -103,7 +103,7 @@ def test_mistake_08_expansion_has_its_sign_acts_on_lengths_and_once() -> None:
 
 @pytest.mark.parametrize(
     "change",
-    [{"humidity_pct": 0.5}, {"pressure_hpa": 101.325}, {"pressure_hpa": 101325.0}, {"air_degc": 293.15}],
+    [{"humidity_pct": 5000.0}, {"pressure_hpa": 101.325}, {"pressure_hpa": 101325.0}, {"air_degc": 293.15}],
 )
 def test_mistake_09_units_of_sensors_are_doubted_not_used(change: dict[str, float]) -> None:
     with pytest.raises(AmbientOutOfRange, match="E-EVAL-AMBIENT"):
