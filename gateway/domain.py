@@ -102,7 +102,9 @@ class Capture:
     approach + then -, NaN where missing. ``reading_u`` is the standard uncertainty of one averaged reading
     as seen in its own window. ``suspects`` lists (target, repetition, approach index) out of line.
     ``live`` is what compensated the axis while it was measured. ``unsteady_u`` is the standard uncertainty that
-    drift and jumps leave in the targets' means.
+    drift and jumps leave in the targets' means. ``line_mm`` is where the reflector stood beside the line that counts,
+    whose lever was taken off; None: the figures hold for the line that was measured. ``lever_u`` is the standard
+    uncertainty that unknown angles leave in them over the travel.
     """
 
     axis: str
@@ -124,6 +126,8 @@ class Capture:
     cycle: Literal["standard", "pendulum", "pilgrim"] = "standard"
     between: Between | None = None
     unsteady_u: float = 0.0
+    line_mm: tuple[float, float, float] | None = None
+    lever_u: float = 0.0
 
     @property
     def unit(self) -> DeviationUnit:
