@@ -12,12 +12,7 @@ from drivers.units import AxisUnit, DeviationUnit
 from gateway.domain import Component, FloatArray, component_unit
 from gateway.errors import ModelError
 from gateway.evaluate.behaviour.repetitions import robust_means
-from gateway.model.components import value
-from gateway.model.fit import fit_polygon, fit_positioning
-
-LEAVES, FAR_ABOVE = 0.15, 4.0
-"""What a smooth fit may leave at a target: um or arcsec, and times the standard uncertainty of a mean."""
-
+from gateway.model.fit import fit_means
 
 # An artefact may stand 1 mm off its axis and lean by a quarter of a degree; what is larger is another unit.
 LARGEST: Mapping[DeviationUnit, float] = {"um": 1000.0, "arcsec": 1000.0}
@@ -74,9 +69,9 @@ class Means:
         return replace(self, mean=self.mean - what)
 
     def fitted(self) -> Component:
-        """Fit as it stands; where a smooth curve leaves far more than the scatter, straight lines between the means."""
+        """The curve through the means, by the one rule (`fit_means`)."""
         one = self.of
-        smooth = fit_positioning(
+        return fit_means(
             one.targets,
             self.mean,
             self.u,
@@ -86,12 +81,6 @@ class Means:
             kind=one.kind,
             modulo=one.modulo,
         )
-        known = np.isfinite(self.mean)
-        left = float(np.max(np.abs(self.mean - value(smooth, one.targets))[known]))
-        if one.kind == "rotary" or left <= max(LEAVES, FAR_ABOVE * float(np.max(self.u[known]))):
-            return smooth
-        at, mean, u = one.targets[known], self.mean[known], self.u[known]
-        return fit_polygon(at, mean, u, name=one.name, axis=one.letter, axis_unit=one.axis_unit)
 
 
 def _largest(one: Measurement) -> float:
