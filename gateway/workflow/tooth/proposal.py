@@ -174,9 +174,23 @@ class _Task:
         able = tuple(one for one in CROSS if self.names.get(one[0]) in self.live and self.plan.has(one[1]))
         specs = cross_specs(chain, replace(self.plan, cross=able))
         blank = [Table(spec.grid, np.zeros_like(spec.grid.nodes)) for spec in specs]
-        places = await places_of(at, [record(chain, one, "cross", names=self.names) for one in blank], self.live)
+        records = [record(chain, one, "cross", names=self.names) for one in blank]
+        places = await places_of(at, records, self.live)
+        if any(place.full for place in places):
+            places = await places_of(at, records, self.live, self._by_gain(able))
         cross = tuple(one for one, place in zip(able, places, strict=True) if not place.reason)
         return replace(self.plan, cross=cross), tuple(place.reason for place in places if place.reason)
+
+    def _by_gain(self, able: tuple[tuple[str, str], ...]) -> tuple[int, ...]:
+        """Which tables the flank would miss most, the first one first."""
+        missed = [self._rms(tuple(one for one in able if one != left)) for left in able]
+        return tuple(sorted(range(len(able)), key=lambda n: -missed[n]))
+
+    def _rms(self, cross: tuple[tuple[str, str], ...]) -> float:
+        """RMS of the flank with these cross tables at their best, mm."""
+        plan = replace(self.plan, cross=cross)
+        found = correct(self.grinding, self.grid, plan=plan, live=self.acted, own=self.own)
+        return float(found.optimum.best.rms)
 
     def worked_out(self, plan: Plan) -> tuple[LayeredCorrection, Outlook, Outlook]:
         """The correction, without cross tables where they gain too little; its outlook, and that with cross tables."""
