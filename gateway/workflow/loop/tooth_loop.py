@@ -87,6 +87,11 @@ class _Loop:
             folder.set_state("proposed")
             return
         verdict = await self._pushed(proposal)
+        if verdict.outcome == "not-pushed":
+            lacks = setup_from_part(before, self.work.gear).setup.rounded()
+            at.say("P-CLOSE-NOTHING", x=lacks.x_um, c=lacks.c_arcsec, dressing=lacks.dressing_um)
+            folder.set_state(verdict.outcome)
+            return
         first = now.plus(self._expected(before, tooth))
         trial = await self._part(TRIAL, first)
         setup = first.plus(setup_from_part(trial, self.work.gear).setup)
