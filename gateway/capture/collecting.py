@@ -114,8 +114,13 @@ class Collection:
             travel = _approach_travel(self._axis, self._targets)
         else:
             overrun = self._axis.measure.overrun
-            travel = max(expected_travel(self._last_stop, stop, overrun), overrun if first else 0.0)
+            travel = max(self._least_way(self._last_stop, stop), overrun if first else 0.0)
         return self._last_value, MOVED_PART * travel
+
+    def _least_way(self, before: Stop, here: Stop) -> float:
+        """The least distance between two stops; a modulo axis may go the other way round."""
+        way = expected_travel(before, here, self._axis.measure.overrun)
+        return min(way, 360.0 - way) if self._axis.modulo and way > 180.0 else way
 
     def take(self, stop: Stop, reading: StopReading) -> None:
         """Keep a stop's reading, in the count of the datum."""

@@ -23,6 +23,8 @@ MAD_TO_SIGMA = 1.4826
 MEDIAN = 1.25
 OUT_OF_LINE = 6.0
 CLEAR = 3.0
+# Less than this, um or arcsec, within a capture says nothing of an hour, however clear it is.
+LEAST = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +76,7 @@ def steadiness(times_s: ArrayLike, deviations: ArrayLike, unit: DeviationUnit) -
         jump_at_s=at_s,
         u=float(np.std(left)),
         said=_said(drift, drift_u, jump, at_s, unit),
-        per_h=3600.0 * drift / float(np.ptp(t[good])) if abs(drift) > CLEAR * drift_u else 0.0,
+        per_h=3600.0 * drift / float(np.ptp(t[good])) if abs(drift) > max(LEAST, CLEAR * drift_u) else 0.0,
     )
 
 

@@ -12,6 +12,7 @@ import pytest
 
 from drivers.clock import LoopClock, run_virtual
 from drivers.types import Optics, StopPlan
+from drivers.units import wrap_deg
 from gateway.capture.corrected import from_live
 from gateway.capture.errormotion import ErrorRig, capture_error, error_capture
 from gateway.capture.live import RawCapture, capture_axis
@@ -19,8 +20,8 @@ from gateway.capture.mounting import prove_mounting
 from gateway.capture.retaking import demand_complete
 from gateway.capture.rig import Rig
 from gateway.capture.sense import prove_sense
-from gateway.config import SiteFile
-from gateway.domain import Capture
+from gateway.config import AxisSection, SiteFile
+from gateway.domain import Capture, SenseProof
 from gateway.errors import CaptureError, Incomplete
 from gateway.say import silence
 from gateway.store import Store
@@ -144,6 +145,48 @@ def test_it_is_taken_again_with_the_level_of_its_own_pass(bad: int) -> None:
 def test_a_retake_that_is_off_again_is_taken_once_more(again: int) -> None:
     """36 stops are the capture; then come one neighbour, the one in doubt and two more neighbours."""
     judged(positioned((9, again)))
+
+
+class Turning(Disturbed):
+    """A modulo axis takes the shortest way round."""
+
+    async def move(self, target: float) -> None:
+        """The place is counted on over whole turns."""
+        here = float(self.at(np.array([self.clock.now()]))[0])
+        await super().move(here + wrap_deg(target - here))
+
+
+def test_a_modulo_axis_may_reach_a_retake_the_other_way_round() -> None:
+    """From 67.5 to 270 deg through zero: the count then lacks a turn, and that is no switched sign."""
+    axis_data = {
+        **AXIS.model_dump(),
+        "name": "C1",
+        "letter": "C",
+        "kind": "rotary",
+        "modulo": True,
+        "travel": (0.0, 360.0),
+    }
+    axis_data["measure"] |= {"component": "ECC", "between": 0, "stable": 5.0, "repetitions": 3, "overrun": 2.0}
+    axis_data["measure"]["targets"] = {"first": 0.0, "last": 337.5, "count": 16}
+    axis_data["table"] = {"minimum": 0.0, "maximum": 360.0, "step": 22.5}
+    used = AxisSection.model_validate(axis_data)
+    nothing = SenseProof(instrument="laser", axis="C1", sense=1, scale=1.0, evidence=(0.0, 0.0))
+
+    async def main() -> RawCapture:
+        clock, rng = LoopClock(), np.random.default_rng(3)
+
+        def reads(position: np.ndarray, times: np.ndarray) -> np.ndarray:
+            laser = rng.normal(0.0, 1e-5, position.shape) + machine.shift_mm(times)
+            return np.stack([laser + 1e-5 * np.sin(7.0 * machine.number), -position], axis=-1)
+
+        machine = Turning(clock, reads, channels=("laser_deg", "device_deg"))
+        machine.bad = (1, 32 + 15)
+        return await capture_axis(Rig(used, machine, machine, clock, PATIENCE), nothing)
+
+    found = from_live(used, run_virtual(main), nothing, "air+material")
+    assert found.suspects == ()
+    assert not any("beam" in note for note in found.notes)
+    assert np.ptp(found.deviations) < 1.0
 
 
 @pytest.mark.parametrize("bad", few((14, 3), 1))
