@@ -124,7 +124,9 @@ class MeasureSection(Section):
     between: int = Field(
         default=6, ge=0, le=24, description="check stops between the targets, one for four of these at most"
     )
-    retakes: int = Field(default=1, ge=0, le=5, description="rounds over targets that did not settle")
+    retakes: int = Field(
+        default=2, ge=0, le=5, description="rounds over stops that did not settle, and over readings out of line"
+    )
     beam_recoveries: int = Field(
         default=2, ge=0, le=20, description="times a lost beam may be restored and the datum set anew"
     )

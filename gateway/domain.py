@@ -102,7 +102,9 @@ class Capture:
     approach + then -, NaN where missing. ``reading_u`` is the standard uncertainty of one averaged reading
     as seen in its own window. ``suspects`` lists (target, repetition, approach index) out of line.
     ``live`` is what compensated the axis while it was measured. ``unsteady_u`` is the standard uncertainty that
-    drift and jumps leave in the targets' means.
+    drift and jumps leave in the targets' means; ``drift_per_h`` how fast the zero wandered, 0 where that is not clear.
+    ``line_mm`` is where the reflector stood beside the line that counts, its lever taken off; None: they hold for the
+    line that was measured. ``lever_u`` is the standard uncertainty that unknown angles leave at each place.
     """
 
     axis: str
@@ -124,6 +126,9 @@ class Capture:
     cycle: Literal["standard", "pendulum", "pilgrim"] = "standard"
     between: Between | None = None
     unsteady_u: float = 0.0
+    line_mm: tuple[float, float, float] | None = None
+    lever_u: float = 0.0
+    drift_per_h: float = 0.0
 
     @property
     def unit(self) -> DeviationUnit:

@@ -8,7 +8,7 @@ import numpy as np
 
 from drivers.ports import Instrument
 from drivers.types import Ambient, FloatArray, Stop
-from drivers.units import wrap_deg
+from drivers.units import deviation_scale, deviation_unit, wrap_deg
 from gateway.capture.diagnosis import UnexpectedValue
 from gateway.capture.readings import History, StopReading
 from gateway.capture.surroundings import check
@@ -48,6 +48,7 @@ class Collection:
         self._axis = axis
         self._targets = targets
         self._combine = combine
+        self.checks = checks
         # The channel that a lost beam sets back to zero; a calibrator's own encoder keeps counting.
         self._counting = channels.index("laser_deg") if "laser_deg" in channels else 0
         self._tolerance = _tolerance(axis, np.delete(targets, list(checks)))
@@ -91,8 +92,8 @@ class Collection:
         """What cannot be corrected is refused before it is measured: raises as `surroundings.check`."""
         check(self._axis, air, instrument.compensated_for, instrument.name)
 
-    def doubt(self, read: float, wanted: float) -> UnexpectedValue:
-        """A reading that is not the wanted one, with what it might be instead."""
+    def doubt(self, read: float, wanted: float) -> UnexpectedValue | None:
+        """A reading that is not the wanted one, with what it might be instead; None where it says nothing yet."""
         datum = wanted if self.datum is None else self.combined(self.datum.values - self._offset)
         stops = {} if self.datum is None else {float(t): datum + float(t) - self.datum.target for t in self._targets}
         return UnexpectedValue(
@@ -113,8 +114,13 @@ class Collection:
             travel = _approach_travel(self._axis, self._targets)
         else:
             overrun = self._axis.measure.overrun
-            travel = max(expected_travel(self._last_stop, stop, overrun), overrun if first else 0.0)
+            travel = max(self._least_way(self._last_stop, stop), overrun if first else 0.0)
         return self._last_value, MOVED_PART * travel
+
+    def _least_way(self, before: Stop, here: Stop) -> float:
+        """The least distance between two stops; a modulo axis may go the other way round."""
+        way = expected_travel(before, here, self._axis.measure.overrun)
+        return min(way, 360.0 - way) if self._axis.modulo and way > 180.0 else way
 
     def take(self, stop: Stop, reading: StopReading) -> None:
         """Keep a stop's reading, in the count of the datum."""
@@ -136,10 +142,39 @@ class Collection:
         if self.datum is None:
             return
         lacking = self.datum.combined - self.combined(reading.values)
+        self._offset = self._counted(reading.values, lacking)
+        self._stands(stop, reading)
+
+    def stop(self, cell: tuple[int, int, int]) -> Stop:
+        """The stop whose reading stands in a cell (target, repetition, approach index)."""
+        index, repetition, approach = cell
+        return Stop(float(self._targets[index]), 1 if approach == 0 else -1, repetition, index)
+
+    def told(self, cell: tuple[int, int, int]) -> str:
+        """A cell in words."""
+        index, repetition, approach = cell
+        return f"{self._targets[index]:g}{'+-'[approach]} repetition {repetition + 1}"
+
+    def deviations(self) -> FloatArray:
+        """What was read less its target, (m, n, 2) in the axis unit, but for a constant: to compare repetitions by."""
+        read = self._combine(self.values.reshape(-1, self.values.shape[-1])).reshape(self.times.shape)
+        zero = 0.0 if self.datum is None else self.datum.combined - self.datum.target
+        off = read - self._targets[:, None, None] - zero
+        return np.asarray(wrap_deg(off) if self._axis.modulo else off)
+
+    def size(self, change: float) -> str:
+        """A change of `deviations` in words."""
+        return f"{change * deviation_scale(self._axis.unit):+.3g} {deviation_unit(self._axis.unit)}"
+
+    def level(self, cell: tuple[int, int, int], shift: float) -> None:
+        """Take a shift of the combined quantity off a reading that is there."""
+        self.values[cell] -= self._counted(self.values[cell], shift)
+
+    def _counted(self, values: FloatArray, change: float) -> FloatArray:
+        """What the counting channel (c,) must change for this change of the combined quantity."""
         unit = np.zeros_like(self._offset)
         unit[self._counting] = 1.0
-        self._offset = unit * lacking / (self.combined(reading.values + unit) - self.combined(reading.values))
-        self._stands(stop, reading)
+        return np.asarray(unit * change / (self.combined(values + unit) - self.combined(values)))
 
     def _stands(self, stop: Stop, reading: StopReading) -> None:
         self._last_value, self._last_stop = self.combined(reading.values), stop

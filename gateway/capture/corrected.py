@@ -56,6 +56,7 @@ def from_live(axis: AxisSection, raw: RawCapture, proof: SenseProof, already: Co
         cycle=axis.measure.cycle,
         between=between,
         unsteady_u=steady.u,
+        drift_per_h=steady.per_h,
     )
 
 

@@ -32,6 +32,7 @@ UNITS: dict[DeviationUnit, dict[str, float]] = {
     "arcsec": {"_arcsec": 1.0, "_deg": ARCSEC_PER_DEG},
 }
 LARGEST: dict[DeviationUnit, float] = {"um": 1000.0, "arcsec": 300.0}
+TOUCHED = 2
 # These belong to a laser or a calibrator: what they show is the travel itself.
 NEVER = ("displacement_mm", "laser_deg", "device_deg")
 
@@ -132,6 +133,8 @@ class ErrorCollection(Collection):
         super().__init__(rig.axis, targets, channels, rig.combine, nothing)
         self._counting = rig.column
         self._largest = rig.largest
+        self._unit = rig.unit
+        self._elsewhere = 0
 
     def expectation(self, stop: Stop) -> tuple[float, float] | None:  # noqa: ARG002 - every stop alike
         """(value, tolerance) around the datum; None before it."""
@@ -143,11 +146,30 @@ class ErrorCollection(Collection):
         """Nothing must have moved."""
         return self._last_value, 0.0
 
+    def deviations(self) -> FloatArray:
+        """What was read, (m, n, 2): it hardly follows the axis."""
+        return np.asarray(self._combine(self.values.reshape(-1, self.values.shape[-1])).reshape(self.times.shape))
+
+    def size(self, change: float) -> str:
+        """A change of `deviations` in words."""
+        return f"{change:+.3g} {self._unit}"
+
     def admit(self, air: Ambient, instrument: Instrument) -> None:
         """Any air will do."""
 
-    def doubt(self, read: float, wanted: float) -> UnexpectedValue:
-        """Raises CaptureError (E-SETUP-TOUCHED): optics that stand elsewhere now lean otherwise too."""
+    def take(self, stop: Stop, reading: StopReading) -> None:
+        """Keep a stop's reading: the optics are where they were."""
+        self._elsewhere = 0
+        super().take(stop, reading)
+
+    def doubt(self, read: float, wanted: float) -> UnexpectedValue | None:
+        """None for one reading that is far off: it is taken again.
+
+        Raises CaptureError (E-SETUP-TOUCHED) at the second in a row: optics that stand elsewhere lean otherwise too.
+        """
+        self._elsewhere += 1
+        if self._elsewhere < TOUCHED:
+            return None
         shift = f"{read - wanted:+.6g}"
         raise CaptureError("E-SETUP-TOUCHED", self._axis.name, shift=shift, largest=f"{self._largest:g}")
 

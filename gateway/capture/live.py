@@ -1,7 +1,8 @@
 """Captures one axis live: every target, repetition and approach once, as raw averages with their times.
 
-A reading that does not settle is left out and taken again at the end; a lost beam ends the program, and the
-next one begins at the datum, which is set anew there, before it goes on where the first one stopped.
+A reading that does not settle is left out and taken again at the end, and so is one that is out of line with its
+repetitions; a lost beam ends the program, and the next one begins at the datum, which is set anew there, before it goes
+on where the first one stopped.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from drivers.types import Ambient, ChannelStatus, FloatArray, LiveSet, Stop, Sto
 from gateway.capture.collecting import Collection
 from gateway.capture.diagnosis import FROZEN_TARGETS, cause
 from gateway.capture.readings import NOT_MOVED, History, Readings
+from gateway.capture.retaking import Retake
 from gateway.capture.rig import Rig
 from gateway.capture.sense import first_channel
 from gateway.capture.targets import measuring_plan, positions
@@ -150,8 +152,28 @@ class Visits:
         self._still = 0
 
     async def all(self, plan: StopPlan, per_pass: int) -> None:
-        """Every stop read; raises BeamObstructed or Unstable when what is allowed did not suffice."""
+        """Every stop read; raises BeamObstructed or Unstable when what is allowed did not suffice.
+
+        What is out of line then is taken again, and stays as it is where that does not succeed.
+        """
         self._per_pass = max(per_pass, 1)
+        await self._all_read(plan)
+        for number in range(1, self._rig.axis.measure.retakes + 1):
+            again = Retake.of(self._found)
+            if again is None:
+                return
+            self._rig.say("P-CAP-OUT-OF-LINE", axis=plan.axis, count=len(again.cells), round=number)
+            await self._taken_again(plan, again)
+
+    async def _taken_again(self, plan: StopPlan, again: Retake) -> None:
+        again.begin(self._found)
+        try:
+            await self._through(replace(plan, name=f"TFAGAIN{plan.letter}", stops=again.stops), last_round=False)
+        except (Unstable, BeamObstructed):
+            await self._program_ended()
+        self._found.notes.append(again.end(self._found))
+
+    async def _all_read(self, plan: StopPlan) -> None:
         again = replace(plan, name=f"TFAGAIN{plan.letter}")
         rounds = self._rig.axis.measure.retakes
         await self._through(plan, last_round=not rounds)
@@ -232,7 +254,8 @@ class Visits:
         if found.datum is None:
             at, seen = f"{stop.target:g}", f"{read:.6g}"
             raise CaptureError("E-CAP-DATUM", axis, target=at, read=seen, wanted=f"{wanted:.6g}") from error
-        known = cause(found.doubt(read, wanted), axis, stop.target)
+        doubt = found.doubt(read, wanted)
+        known = None if doubt is None else cause(doubt, axis, stop.target)
         if known is not None:
             raise known from error
 

@@ -33,9 +33,29 @@ class MountingProof:
 async def prove_mounting(rig: ErrorRig) -> MountingProof:
     """Let the operator mount what MSG says, ask the instrument what it has, and jog the axis.
 
+    A jog that does not come back is made once more: one reading out of line is no wrong mounting.
     Raises UnsupportedDevice (E-SETUP-OPTICS: other optics; E-SETUP-LIGHT: no valid reading with them;
     E-SETUP-JOG: it follows the travel or does not come back), Unstable.
     """
+    told, seen = await _jogged(rig, rig.setup)
+    if not _plausible(rig, seen):
+        told, seen = await _jogged(rig, "")
+    if not _plausible(rig, seen):
+        raise _refused(rig, seen)
+    component = rig.axis.measure.component
+    return MountingProof(
+        instrument=rig.instrument.name,
+        axis=rig.axis.name,
+        component=component,
+        optics=told,
+        unit=rig.unit,
+        jog=rig.jog,
+        evidence=tuple(seen),
+    )
+
+
+async def _jogged(rig: ErrorRig, setup: str) -> tuple[str, list[float]]:
+    """What the instrument says of its optics, and its three readings; ``setup`` is what MSG says ("": nothing)."""
     seen: list[float] = []
     told: list[str] = []
     async with ErrorReadings(rig) as readings:
@@ -47,19 +67,9 @@ async def prove_mounting(rig: ErrorRig) -> MountingProof:
             reading = await _lit(rig, readings)
             seen.append(float(rig.combine(reading.values[None, :])[0]))
 
-        plan = jog_plan(rig.axis, jog_start(rig.axis, rig.jog), rig.jog, rig.setup)
+        plan = jog_plan(rig.axis, jog_start(rig.axis, rig.jog), rig.jog, setup)
         await walk(rig.controller, plan, at_stop=at_stop, patience=rig.patience, say=rig.say)
-    _plausible(rig, seen)
-    component = rig.axis.measure.component
-    return MountingProof(
-        instrument=rig.instrument.name,
-        axis=rig.axis.name,
-        component=component,
-        optics=told[0],
-        unit=rig.unit,
-        jog=rig.jog,
-        evidence=tuple(seen),
-    )
+    return told[0], seen
 
 
 async def _lit(rig: ErrorRig, readings: ErrorReadings) -> StopReading:
@@ -80,18 +90,22 @@ async def _optics(rig: ErrorRig) -> str:
     return kind
 
 
-def _plausible(rig: ErrorRig, seen: list[float]) -> None:
-    there, back = seen[1] - seen[0], seen[2] - seen[0]
-    repeats = max(BACK_AGAIN[rig.unit], 5.0 * rig.axis.measure.stable)
-    if abs(there) <= JOG_CHANGE[rig.unit] and abs(back) <= repeats:
-        return
-    raise UnsupportedDevice(
+def _plausible(rig: ErrorRig, seen: list[float]) -> bool:
+    return abs(seen[1] - seen[0]) <= JOG_CHANGE[rig.unit] and abs(seen[2] - seen[0]) <= _repeats(rig)
+
+
+def _repeats(rig: ErrorRig) -> float:
+    return max(BACK_AGAIN[rig.unit], 5.0 * rig.axis.measure.stable)
+
+
+def _refused(rig: ErrorRig, seen: list[float]) -> UnsupportedDevice:
+    return UnsupportedDevice(
         "E-SETUP-JOG",
         rig.instrument.name,
         jog=f"{rig.jog:g} {rig.axis.unit}",
         component=rig.axis.measure.component,
-        there=f"{there:+.3f} {rig.unit}",
+        there=f"{seen[1] - seen[0]:+.3f} {rig.unit}",
         limit=f"{JOG_CHANGE[rig.unit]:g} {rig.unit}",
-        back=f"{back:+.3f} {rig.unit}",
-        repeats=f"{repeats:g} {rig.unit}",
+        back=f"{seen[2] - seen[0]:+.3f} {rig.unit}",
+        repeats=f"{_repeats(rig):g} {rig.unit}",
     )

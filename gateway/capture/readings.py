@@ -34,12 +34,21 @@ class StopReading:
 
 @dataclass(frozen=True, slots=True)
 class Window:
-    """When a reading counts as settled: instrument times in s, ``stable`` the largest sigma per channel unit."""
+    """When a reading counts as settled: instrument times in s, ``stable`` the largest sigma per channel unit.
+
+    ``turn`` is what the reading repeats after (360 deg of a modulo axis, which may take either way round); 0: nothing.
+    """
 
     settle_s: float
     average_s: float
     stable: float
     timeout_s: float
+    turn: float = 0.0
+
+    def off(self, read: float, wanted: float) -> float:
+        """How far a reading is from the wanted one, whole turns left out."""
+        off = read - wanted
+        return off - self.turn * round(off / self.turn) if self.turn else off
 
 
 class Readings:
@@ -192,8 +201,9 @@ class Readings:
         if left_at is None or left_at > begin:
             return NOT_MOVED, None
         self._read = None
-        if expect is not None and abs(mean - expect[0]) > expect[1]:
-            self._read = mean, expect[0]
+        off = 0.0 if expect is None else window.off(mean, expect[0])
+        if expect is not None and abs(off) > expect[1]:
+            self._read = expect[0] + off, expect[0]
             return f"reading {mean:.6f} is not within {expect[1]:.6f} of {expect[0]:.6f}", None
         if sigma > window.stable or self._drifts(combined, sigma, window.stable):
             return f"sigma {sigma:.3g} is above {window.stable:.3g}", None

@@ -10,13 +10,15 @@ from gateway.interlocks.approval import APPROVED, needed, warnings
 from gateway.interlocks.cross import CROSS, CROSS_RELEASE
 from gateway.interlocks.facts import MAX_JUMP, PushFacts, Refusal, Rule, value_at
 from gateway.interlocks.machine import CONSENT, MACHINE, NAMED, RELEASE
-from gateway.interlocks.measured import MEASURED, MEASURED_CROSS, not_worth_it
+from gateway.interlocks.measured import MEASURED, MEASURED_CROSS, aged, crowded, not_worth_it
 from gateway.interlocks.table import FITS, TABLE
 
 __all__ = [
     "MAX_JUMP",
     "PushFacts",
     "Refusal",
+    "aged",
+    "crowded",
     "needed",
     "not_worth_it",
     "refusals",

@@ -9,6 +9,7 @@ import numpy as np
 
 from drivers.types import Ambient, FloatArray
 from gateway.domain import Capture, TableChange
+from gateway.evaluate.behaviour.repetitions import good_readings
 from gateway.interlocks.facts import ROUNDING, PushFacts, Refusal, Rule, no
 from gateway.interlocks.limits import (
     MAX_AGE,
@@ -24,11 +25,16 @@ from gateway.interlocks.table import largest_change
 
 def _age(facts: PushFacts) -> Iterator[Refusal]:
     """A vendor's file has no end time we could trust, so its age is the operator's to know."""
-    capture = facts.request.capture
-    if capture is None or (capture.source != "live" and not capture.ended_utc):
+    if facts.request.capture is not None:
+        yield from aged(facts.request.capture, facts.now_utc)
+
+
+def aged(capture: Capture, now_utc: datetime) -> Iterator[Refusal]:
+    """Why a capture is too old to make a table from, or its date none."""
+    if capture.source != "live" and not capture.ended_utc:
         return
     try:
-        age = facts.now_utc - datetime.fromisoformat(capture.ended_utc)
+        age = now_utc - datetime.fromisoformat(capture.ended_utc)
     except (ValueError, TypeError):
         yield from no("E-INT-DATE", axis=capture.axis, found=capture.ended_utc or "nothing")
         return
@@ -82,13 +88,16 @@ def _complete(facts: PushFacts) -> Iterator[Refusal]:
     capture = facts.request.capture
     if capture is None:
         return
-    good = np.isfinite(capture.deviations)
-    for target, repetition, approach in capture.suspects:
-        good[target, repetition, approach] = False
-    short = int(np.sum(np.sum(good, axis=1) < MIN_REPETITIONS))
+    good = good_readings(capture.deviations, capture.suspects)
+    short = int(np.sum(good < MIN_REPETITIONS))
     if short:
-        fields = {"places": short, "total": good.shape[0] * good.shape[2], "needed": MIN_REPETITIONS}
+        fields = {"places": short, "total": good.size, "needed": MIN_REPETITIONS}
         yield from no("E-INT-INCOMPLETE", axis=capture.axis, **fields)
+    yield from crowded(capture)
+
+
+def crowded(capture: Capture) -> Iterator[Refusal]:
+    """Why so many readings out of line are no accident any more."""
     share = len(capture.suspects) / max(capture.deviations.size, 1)
     if share > MAX_SUSPECT_SHARE:
         count, percent = len(capture.suspects), 100.0 * MAX_SUSPECT_SHARE

@@ -22,6 +22,7 @@ Motion = float | Callable[[FloatArray], FloatArray]
 MOTIONS = ("dx", "dy", "dz", "ea", "eb", "ec")
 LOCATIONS = ("X0", "Y0", "Z0", "A0", "B0", "C0")
 SMALLEST_DIRECTION = 1e-9
+LARGEST_SHIFT = 1.0  # mm, of an error motion
 LARGEST_TILT = 0.5  # rad: what is larger is a wrong unit or another machine, not an error
 
 
@@ -104,6 +105,9 @@ class Axis:
         value = np.asarray(motion(q), dtype=np.float64)
         if value.shape not in (q.shape, ()) or not np.all(np.isfinite(value)):
             raise ModelError("E-CHAIN-MOTION", f"axis {self.name}", motion=key, shape=value.shape, wanted=q.shape)
+        if key in MOTIONS[:3] and float(np.max(np.abs(value), initial=0.0)) > LARGEST_SHIFT:
+            largest = float(np.max(np.abs(value)))
+            raise ModelError("E-CHAIN-SHIFT", f"axis {self.name}", key=key, value=largest, limit=LARGEST_SHIFT)
         return np.broadcast_to(value, q.shape)
 
     def location(self) -> FloatArray:
@@ -145,6 +149,9 @@ def _errors_sound(err: Mapping[str, Motion], loc: Mapping[str, float], where: st
     for key, value in numbers.items():
         if key[0] in "eABC" and abs(float(value)) > LARGEST_TILT:
             raise ModelError("E-CHAIN-TILT", where, key=key, value=value, limit=LARGEST_TILT)
+    for key, value in constants.items():
+        if key in MOTIONS[:3] and abs(float(value)) > LARGEST_SHIFT:
+            raise ModelError("E-CHAIN-SHIFT", where, key=key, value=value, limit=LARGEST_SHIFT)
 
 
 def _vector(key: str, value: object, where: str) -> tuple[float, float, float]:

@@ -45,6 +45,9 @@ def _element(data: object, where: str) -> Element:
     for key in AXIS_KEYS[:3]:
         if key not in data:
             raise ModelError("E-CHAIN-ELEMENT", where, why=f"key {key} is missing")
+    for key in ("err", "loc"):
+        if not isinstance(data.get(key, {}), Mapping):
+            raise ModelError("E-CHAIN-ELEMENT", where, why=f"{key} is a table of keys")
     err = {key: motion_of(value, f"{where} {key}") for key, value in dict(data.get("err", {})).items()}
     frame = data.get("err_frame", "moving")
     return Axis(

@@ -69,6 +69,20 @@ class PiecewiseLinear:
         return np.asarray(np.interp(q, self.q, self.v, period=self.period))
 
 
+@dataclass(frozen=True, slots=True)
+class Sum:
+    """Several motions at once."""
+
+    parts: tuple[Motion, ...]
+
+    def __call__(self, q: FloatArray) -> FloatArray:
+        """Values at q, same shape."""
+        total = np.zeros(np.shape(q))
+        for part in self.parts:
+            total = total + (part(q) if callable(part) else part)
+        return total
+
+
 def motion_of(data: object, where: str = "motion") -> Motion:
     """An error motion from plain data: a number, a callable, or a mapping with "type" poly, fourier or pl.
 

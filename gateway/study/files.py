@@ -131,7 +131,9 @@ class ErrorFile(_Section):
     name: Name
     note: str = ""
     machine: ChainSection = ChainSection()
-    errors: dict[str, Number | ErrorFunction] = Field(default_factory=dict)
+    errors: dict[str, Number | ErrorFunction | tuple[Number | ErrorFunction, ...]] = Field(
+        default_factory=dict, description="by name; several in a list are added up"
+    )
     seeded: Seeded | None = None
     uncertainty: Doubt | None = None
     tables: dict[str, GridData] = Field(default_factory=dict)

@@ -15,7 +15,7 @@ from gateway.gear.grinding import Grinding
 from gateway.model.axis import Motion
 from gateway.model.chain import LETTERS, Chain
 from gateway.model.layout import chain_of
-from gateway.model.motion import Fourier, Polynomial, motion_of
+from gateway.model.motion import Fourier, Polynomial, Sum, motion_of
 from gateway.model.preset import LOCATION_NAMES, yk7350b
 from gateway.study.files import ErrorFile, ErrorFunction, GearFile, Seeded
 
@@ -62,8 +62,12 @@ def is_angle(name: str) -> bool:
     return (name[1:2] if name.startswith("E") else name[:1]) in "ABC"
 
 
-def motion_in_mm_rad(chain: Chain, name: str, value: float | ErrorFunction) -> Motion:
-    """An error in um or arcsec over mm or deg as a motion in mm or rad over mm or rad."""
+def motion_in_mm_rad(
+    chain: Chain, name: str, value: float | ErrorFunction | tuple[float | ErrorFunction, ...]
+) -> Motion:
+    """An error in um or arcsec over mm or deg as a motion in mm or rad over mm or rad; several are added up."""
+    if isinstance(value, tuple):
+        return Sum(tuple(motion_in_mm_rad(chain, name, one) for one in value))
     axis, _ = chain.error_place(name)
     size = arcsec_to_rad(1.0) if is_angle(name) else um_to_mm(1.0)
     if not isinstance(value, ErrorFunction):

@@ -26,7 +26,6 @@ AWAITED = {
     "gateway.evaluate.geometry.rotary_motion": "error motions of a turning table",
     "gateway.evaluate.standards.flank_tolerances": "flank classes in the report",
     "gateway.correct.plan.reversal": "advice on curves for each direction",
-    "gateway.correct.solve.inverse": "commands that put one pose right",
     "drivers.envelope": "a long stream on the web page",
     "drivers.sinumerik.tablefile.temperature": "temperature compensation as it is set",
 }

@@ -77,6 +77,8 @@ def recover_command(site: Path, apply: bool, machine: str, *, as_json: bool) -> 
 
 def check_command(site: Path, connect: bool, *, as_json: bool) -> None:
     """Check a site file and, on request, its devices."""
+    from gateway.workflow.axes.beforehand import remarks
+
     tree = load_site(site)
     rows: list[tuple[str, str, str, str]] = []
     if connect:
@@ -84,9 +86,11 @@ def check_command(site: Path, connect: bool, *, as_json: bool) -> None:
     if as_json:
         keys = ("device", "model", "serial", "firmware")
         devices = [dict(zip(keys, row, strict=True)) for row in rows]
-        show_json({"site": tree.site.name, "file": str(site), "devices": devices})
+        show_json({"site": tree.site.name, "file": str(site), "devices": devices, "remarks": list(remarks(tree))})
         return
     echo(f"{site}: site {tree.site.name}, {len(tree.axes)} axes, {len(tree.instruments)} instruments: valid")
+    for line in remarks(tree):
+        echo(line)
     if rows:
         show_table("devices", ("device", "model", "serial", "firmware"), rows)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,9 @@ from gateway.evaluate.standards import readings
 
 SUSPECT_FACTOR = 6.0
 OTHERS_FACTOR = 3.0
+# A reading is doubted, while it can still be taken again, a little before it would be left out.
+DOUBT = 5.0 / 6.0
+FEWEST_PAIRS = 5
 MAD_TO_SIGMA = 1.4826
 Q80_TO_SIGMA = 1.2816
 
@@ -44,7 +48,7 @@ def robust_means(targets: ArrayLike, deviations: ArrayLike) -> RobustMeans:
     Raises ModelError as `readings.checked`.
     """
     _, x = readings.checked(targets, deviations)
-    offsets = _pass_offsets(x)
+    offsets = pass_offsets(x)
     level = x - offsets[None, :, :]
     out = _suspects(level)
     kept = np.where(out, np.nan, level)
@@ -55,7 +59,33 @@ def robust_means(targets: ArrayLike, deviations: ArrayLike) -> RobustMeans:
     return RobustMeans(mean_up=up, mean_down=down, mean=mean, u=u, s=s, pass_offsets=offsets, suspects=found)
 
 
-def _pass_offsets(x: FloatArray) -> FloatArray:
+def good_readings(deviations: ArrayLike, suspects: Iterable[tuple[int, int, int]]) -> NDArray[np.int64]:
+    """How many readings of deviations (m, n, 2) are there and in line, for each target and approach, (m, 2)."""
+    good = np.isfinite(np.asarray(deviations, dtype=np.float64))
+    for target, repetition, approach in suspects:
+        good[target, repetition, approach] = False
+    return np.asarray(np.sum(good, axis=1), dtype=np.int64)
+
+
+def in_doubt(level: FloatArray) -> NDArray[np.bool_]:
+    """Which levelled readings (m, n, 2) are worth taking again: nearly suspects, and both of two that disagree."""
+    return np.asarray(_suspects(level, DOUBT) | _disagreeing(level))
+
+
+def _disagreeing(level: FloatArray) -> NDArray[np.bool_]:
+    """Of two readings nobody can say which is out of line; only that these two differ far more than all others."""
+    two = readings.counts(level) == 2
+    gap = np.where(two, np.fmax.reduce(level, axis=1) - np.fmin.reduce(level, axis=1), 0.0)
+    known = gap[two]
+    if known.size < FEWEST_PAIRS:
+        return np.zeros(level.shape, dtype=np.bool_)
+    scale = _scale(known)
+    out = (gap > DOUBT * SUSPECT_FACTOR * scale) & (scale > 0.0)
+    return np.asarray(out[:, None, :] & np.isfinite(level))
+
+
+def pass_offsets(x: FloatArray) -> FloatArray:
+    """The shift (n, 2) that each pass of deviations (m, n, 2) has in common; the mean of each approach's is zero."""
     offsets = np.zeros(x.shape[1:])
     for _ in range(3):
         centre = _median(x - offsets[None], axis=1)
@@ -74,7 +104,7 @@ def _median(values: FloatArray, axis: int) -> FloatArray:
     return np.asarray(np.nanmedian(np.where(empty, 0.0, values), axis=axis))
 
 
-def _suspects(level: FloatArray) -> NDArray[np.bool_]:
+def _suspects(level: FloatArray, share: float = 1.0) -> NDArray[np.bool_]:
     n = level.shape[1]
     out = np.zeros(level.shape, dtype=np.bool_)
     if n < 3:
@@ -89,9 +119,14 @@ def _suspects(level: FloatArray) -> NDArray[np.bool_]:
     known = distance[np.isfinite(distance)]
     if known.size < 3:
         return out
-    scale = max(MAD_TO_SIGMA * float(np.median(known)), float(np.quantile(known, 0.8)) / Q80_TO_SIGMA)
+    far, apart = share * SUSPECT_FACTOR * _scale(known), share * OTHERS_FACTOR * spread
     with np.errstate(invalid="ignore"):
-        return np.asarray((distance > SUSPECT_FACTOR * scale) & (distance > OTHERS_FACTOR * spread))
+        return np.asarray((distance > far) & (distance > apart))
+
+
+def _scale(known: FloatArray) -> float:
+    """Robust standard deviation of distances that are nearly all ordinary ones."""
+    return max(MAD_TO_SIGMA * float(np.median(known)), float(np.quantile(known, 0.8)) / Q80_TO_SIGMA)
 
 
 def _pooled(level: FloatArray) -> float:

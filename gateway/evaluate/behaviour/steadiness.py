@@ -22,14 +22,18 @@ SMALL = 0.5
 MAD_TO_SIGMA = 1.4826
 MEDIAN = 1.25
 OUT_OF_LINE = 6.0
+CLEAR = 3.0
+# Less than this, um or arcsec, within a capture says nothing of an hour, however clear it is.
+LEAST = 0.1
 
 
 @dataclass(frozen=True, slots=True)
 class Steadiness:
     """Drift and largest jump of one capture, in the deviation unit; ``drift`` from first to last reading.
 
-    ``jump_at_s`` is instrument time of the first reading after the jump (NaN: none). ``u`` is the standard
-    uncertainty (RMS) that both leave in the means of the targets: what hits all targets alike is not in it.
+    ``per_h`` is the drift in an hour where it is clear, 0 else. ``jump_at_s`` is instrument time of the first reading
+    after the jump (NaN: none). ``u`` is the standard uncertainty (RMS) that both leave in the targets' means: what
+    hits all targets alike is not in it.
     """
 
     drift: float
@@ -38,6 +42,7 @@ class Steadiness:
     jump_at_s: float
     u: float
     said: tuple[str, ...]
+    per_h: float = 0.0
 
 
 def steadiness(times_s: ArrayLike, deviations: ArrayLike, unit: DeviationUnit) -> Steadiness:
@@ -71,6 +76,7 @@ def steadiness(times_s: ArrayLike, deviations: ArrayLike, unit: DeviationUnit) -
         jump_at_s=at_s,
         u=float(np.std(left)),
         said=_said(drift, drift_u, jump, at_s, unit),
+        per_h=3600.0 * drift / float(np.ptp(t[good])) if abs(drift) > max(LEAST, CLEAR * drift_u) else 0.0,
     )
 
 
@@ -78,7 +84,7 @@ def _said(drift: float, drift_u: float, jump: float, at_s: float, unit: Deviatio
     told: tuple[str, ...] = ()
     if jump:
         told += (words("W-STEADY-JUMP", jump=f"{jump:+.2g}", at_s=f"{at_s:.0f}", unit=unit),)
-    if abs(drift) > max(2.0 * SMALL, 3.0 * drift_u):
+    if abs(drift) > max(2.0 * SMALL, CLEAR * drift_u):
         told += (words("W-STEADY-DRIFT", drift=f"{drift:+.2g}", unit=unit),)
     return told
 

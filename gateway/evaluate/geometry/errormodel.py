@@ -9,8 +9,9 @@ from math import hypot
 import numpy as np
 
 from drivers.errors import words
-from drivers.units import arcsec_to_rad, mm_to_um, rad_to_arcsec, um_to_mm
-from gateway.domain import Component, FloatArray, component_unit
+from drivers.units import rad_to_arcsec, um_to_mm
+from gateway.domain import Component, component_unit
+from gateway.evaluate.geometry.lever import Lever
 from gateway.evaluate.geometry.locations import locations
 from gateway.evaluate.geometry.measurement import Means, Measurement, means_of
 from gateway.evaluate.geometry.straightness import straightness
@@ -54,31 +55,6 @@ def error_model(
     )
 
 
-# ------------------------------------------------------------------------------------------------ Abbe levers
-
-# (eps x r) along X, Y, Z: which rotation acts on which arm with which sign (right-handed, ISO 230-1).
-_ARMS: Mapping[str, tuple[tuple[str, int, float], tuple[str, int, float]]] = {
-    "X": (("B", 2, 1.0), ("C", 1, -1.0)),
-    "Y": (("C", 0, 1.0), ("A", 2, -1.0)),
-    "Z": (("A", 1, 1.0), ("B", 0, -1.0)),
-}
-
-
-def arms(along: str, axis: str, offset_mm: tuple[float, float, float]) -> dict[str, float]:
-    """Lever of each angular error motion of an axis, um per arcsec, that moves a point at the offset along a letter."""
-    found = {f"E{letter}{axis}": sign * offset_mm[place] for letter, place, sign in _ARMS[along]}
-    return {name: float(mm_to_um(arcsec_to_rad(arm))) for name, arm in found.items() if arm}
-
-
-def lever_um(levers: Mapping[str, float], angles_arcsec: Mapping[str, FloatArray], points: int) -> FloatArray:
-    """What those levers add to the readings (m,), from the angles (m,) that are known."""
-    total = np.zeros(points)
-    for name, lever in levers.items():
-        if name in angles_arcsec:
-            total = total + lever * angles_arcsec[name]
-    return total
-
-
 # ------------------------------------------------------------------------------------------ the model as it grows
 
 
@@ -113,16 +89,12 @@ class _Work:
         name, offset = one.of.name, one.of.offset_mm
         if offset is None:
             return one
-        levers = arms(name[1], one.of.letter, offset)
-        at = one.of.targets
-        angles = {key: value(self.motions[key], at) for key in levers if key in self.motions}
-        for key in sorted(set(levers) - set(angles)):
-            share = abs(levers[key]) * self._spans.get(key, self._usual["arcsec"]) / 3.0**0.5
-            self.systematic[name] = hypot(self.systematic.get(name, 0.0), share)
+        usual, at = self._usual["arcsec"], one.of.targets
+        lever = Lever.of(name, one.of.letter, offset, angles=self.motions, spans=self._spans, usual_arcsec=usual)
+        self.systematic[name] = hypot(self.systematic.get(name, 0.0), lever.open_u)
+        for key, share in lever.open_um.items():
             self.said.append(words("S-MODEL-LEVER", name=name, angle=key, u=f"{share:.2f}"))
-        squares = [(levers[key] * standard_uncertainty(self.motions[key], at)) ** 2 for key in angles]
-        u = np.sqrt(one.u**2 + np.sum(squares, axis=0)) if squares else one.u
-        return replace(one.less(lever_um(levers, angles, at.size)), u=np.asarray(u))
+        return replace(one.less(lever.um(at)), u=np.hypot(one.u, lever.u(at)))
 
     def tilt(self, name: str, place: float | None) -> tuple[float, float]:
         """An angular motion at a place and its standard uncertainty, arcsec; unknown ones are 0 within their span."""

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from drivers.units import deg_to_rad
 from gateway.domain import FloatArray
 from gateway.errors import ModelError, NotIdentifiable
+from gateway.evaluate.standards.readings import numbers
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,10 +37,10 @@ def harmonics(angles_deg: ArrayLike, deviations: ArrayLike, orders: Sequence[int
     """Fit mean and the given orders to deviations (m,) at angles (m,).
 
     Angles a whole turn apart (0 and 360) are one position and weigh as one. Raises NotIdentifiable
-    (E-EVAL-ORDERS) when the angles cannot tell the orders apart, ModelError (E-EVAL-LINE) for other shapes.
+    (E-EVAL-ORDERS) when the angles cannot tell the orders apart, ModelError (E-EVAL-LINE) for other shapes,
+    E-EVAL-NUMBER.
     """
-    angle = deg_to_rad(np.asarray(angles_deg, dtype=np.float64))
-    y = np.asarray(deviations, dtype=np.float64)
+    angle, y = deg_to_rad(numbers("angles", angles_deg)), numbers("deviations", deviations)
     if angle.ndim != 1 or angle.shape != y.shape or not np.isfinite(angle).all() or not np.isfinite(y).all():
         raise ModelError("E-EVAL-LINE", "harmonics", positions=angle.size, deviations=y.size)
     columns = [np.ones_like(angle)]

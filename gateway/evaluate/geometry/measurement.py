@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
-from drivers.units import AxisUnit
-from gateway.domain import Component, FloatArray
+from drivers.units import AxisUnit, DeviationUnit
+from gateway.domain import Component, FloatArray, component_unit
+from gateway.errors import ModelError
 from gateway.evaluate.behaviour.repetitions import robust_means
-from gateway.model.components import value
-from gateway.model.fit import fit_polygon, fit_positioning
+from gateway.model.fit import fit_means
 
-LEAVES, FAR_ABOVE = 0.15, 4.0
-"""What a smooth fit may leave at a target: um or arcsec, and times the standard uncertainty of a mean."""
+# An artefact may stand 1 mm off its axis and lean by a quarter of a degree; what is larger is another unit.
+LARGEST: Mapping[DeviationUnit, float] = {"um": 1000.0, "arcsec": 1000.0}
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,9 +69,9 @@ class Means:
         return replace(self, mean=self.mean - what)
 
     def fitted(self) -> Component:
-        """Fit as it stands; where a smooth curve leaves far more than the scatter, straight lines between the means."""
+        """The curve through the means, by the one rule (`fit_means`)."""
         one = self.of
-        smooth = fit_positioning(
+        return fit_means(
             one.targets,
             self.mean,
             self.u,
@@ -81,16 +81,28 @@ class Means:
             kind=one.kind,
             modulo=one.modulo,
         )
-        known = np.isfinite(self.mean)
-        left = float(np.max(np.abs(self.mean - value(smooth, one.targets))[known]))
-        if one.kind == "rotary" or left <= max(LEAVES, FAR_ABOVE * float(np.max(self.u[known]))):
-            return smooth
-        at, mean, u = one.targets[known], self.mean[known], self.u[known]
-        return fit_polygon(at, mean, u, name=one.name, axis=one.letter, axis_unit=one.axis_unit)
+
+
+def _largest(one: Measurement) -> float:
+    """The largest deviation; from the line that leaning optics show, where only what is left of it is the axis' own."""
+    known = np.isfinite(one.deviations)
+    values, at = one.deviations[known], np.broadcast_to(one.targets[:, None, None], known.shape)[known]
+    across = one.kind == "linear" and component_unit(one.name, "mm") == "um" and one.name[1] != one.name[2]
+    if across and np.ptp(at) > 0.0:
+        values = values - np.polyval(np.polyfit(at, values, 1), at)
+    return float(np.max(np.abs(values), initial=0.0))
 
 
 def means_of(one: Measurement) -> Means:
-    """Means of a measurement's readings, robust against drift of passes and readings out of line."""
+    """Means of a measurement's readings, robust against drift of passes and readings out of line.
+
+    Raises ModelError (E-EVAL-SIZE) for deviations that no machine tool has: another unit.
+    """
+    unit = component_unit(one.name, one.axis_unit)
+    largest = _largest(one)
+    if largest > LARGEST[unit]:
+        fields: dict[str, Any] = {"largest": f"{largest:.3g}", "limit": f"{LARGEST[unit]:g}", "unit": unit}
+        raise ModelError("E-EVAL-SIZE", one.letter, component=one.component, **fields)
     found = robust_means(one.targets, one.deviations)
     # One repetition one way tells nothing of its scatter: the instrument's own uncertainty stands for it.
     u = np.where(np.isfinite(found.u) & (found.u > 0.0), found.u, max(one.systematic, 1e-3))

@@ -76,6 +76,8 @@ def from_face_diagonals(d_pp: float, d_pm: float, length_x: float, length_y: flo
 
     For another plane hand the result to `of_plane`. Raises ModelError (E-EVAL-DIAGONALS).
     """
+    if not length_x * length_y > 0.0:
+        raise ModelError("E-EVAL-DIAGONALS", "squareness", d_pp=d_pp, d_pm=d_pm)
     cosine = (d_pp**2 - d_pm**2) / (4.0 * length_x * length_y)
     if abs(cosine) > 1.0:
         raise ModelError("E-EVAL-DIAGONALS", "squareness", d_pp=d_pp, d_pm=d_pm)

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from gateway.domain import COVERAGE, FloatArray
 from gateway.errors import ModelError
+from gateway.evaluate.standards.readings import numbers
 
 Reference = Literal["lsq", "end-point", "minimum-zone"]
 
@@ -30,9 +31,12 @@ class Straightness:
 def straightness(positions: ArrayLike, deviations: ArrayLike, reference: Reference = "minimum-zone") -> Straightness:
     """Straightness of deviations (m,) along positions (m,); the slope is deviation unit per position unit.
 
-    Raises ModelError (E-EVAL-LINE) without two different positions.
+    Raises ModelError: E-EVAL-LINE without two different positions, E-EVAL-WORD, E-EVAL-NUMBER.
     """
-    x, y = np.asarray(positions, dtype=np.float64), np.asarray(deviations, dtype=np.float64)
+    if reference not in _LINES:
+        known = ", ".join(_LINES)
+        raise ModelError("E-EVAL-WORD", "straightness", key="reference line", value=reference, known=known)
+    x, y = numbers("positions", positions), numbers("deviations", deviations)
     fits = x.ndim == 1 and x.shape == y.shape and x.size >= 2
     if not fits or not (np.isfinite(x).all() and np.isfinite(y).all()) or float(np.ptp(x)) == 0.0:
         raise ModelError("E-EVAL-LINE", "straightness", positions=x.size, deviations=y.size)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from math import exp
-from typing import Literal
+from typing import Any, Literal
 
 from drivers.types import Ambient
 from drivers.units import KELVIN_OFFSET, PA_PER_HPA
-from gateway.errors import AmbientOutOfRange
+from gateway.errors import AmbientOutOfRange, ModelError
 
 WAVELENGTH_NM = 632.990577
 """Vacuum wavelength of a stabilised He-Ne laser as used by calibration systems, nm."""
@@ -20,10 +20,17 @@ Equation = Literal["edlen", "ciddor", "edlen-1966"]
 
 # What a workshop can have. Outside of it a sensor is wrong, its unit is, or nothing is connected.
 LIMITS: Mapping[str, tuple[float, float, str]] = {
-    "air_degc": (0.0, 50.0, "degC"),
+    "air_degc": (-20.0, 50.0, "degC"),
     "pressure_hpa": (600.0, 1150.0, "hPa"),
-    "humidity_pct": (1.0, 100.0, "%"),
+    "humidity_pct": (0.0, 100.0, "%"),
     "material_degc": (0.0, 60.0, "degC"),
+}
+# What the equations of the index were made for, a little wider: outside it is another unit.
+RANGES: Mapping[str, tuple[float, float, str]] = {
+    "t_degc": (-40.0, 100.0, "degC"),
+    "pressure_pa": (1e4, 1.4e5, "Pa"),
+    "humidity_pct": (-1.0, 101.0, "%"),
+    "wavelength_nm": (300.0, 1700.0, "nm"),
 }
 
 # IAPWS-IF97, region 4 (saturation line), n1 .. n10.
@@ -55,8 +62,19 @@ def saturation_pressure_pa(t_degc: float) -> float:
     return float(1e6 * (2 * c / (-b + (b**2 - 4 * a * c) ** 0.5)) ** 4)
 
 
+def _in_range(t_degc: float, pressure_pa: float, humidity_pct: float, wavelength_nm: float) -> None:
+    """Raises AmbientOutOfRange (E-EVAL-AMBIENT) for hPa in place of Pa, K of degC, um of nm."""
+    for (name, (low, high, unit)), value in zip(
+        RANGES.items(), (t_degc, pressure_pa, humidity_pct, wavelength_nm), strict=True
+    ):
+        if not low <= value <= high:
+            fields: dict[str, Any] = {"sensor": name, "value": f"{value:g}", "low": low, "high": high, "unit": unit}
+            raise AmbientOutOfRange("E-EVAL-AMBIENT", "index of air", **fields)
+
+
 def edlen(t_degc: float, pressure_pa: float, humidity_pct: float, wavelength_nm: float = WAVELENGTH_NM) -> float:
     """Index n by the updated Edlen equation (Birch & Downs 1993/94) in NIST's form."""
+    _in_range(t_degc, pressure_pa, humidity_pct, wavelength_nm)
     s2 = (1000.0 / wavelength_nm) ** 2
     vapour = humidity_pct / 100.0 * saturation_pressure_pa(t_degc)
     standard = (8342.54 + 2406147.0 / (130.0 - s2) + 15998.0 / (38.9 - s2)) * 1e-8
@@ -68,6 +86,7 @@ def edlen(t_degc: float, pressure_pa: float, humidity_pct: float, wavelength_nm:
 
 def edlen_1966(t_degc: float, pressure_pa: float, humidity_pct: float, wavelength_nm: float = WAVELENGTH_NM) -> float:
     """Index n by Edlen's equation of 1966, as older laser systems and their result files use it."""
+    _in_range(t_degc, pressure_pa, humidity_pct, wavelength_nm)
     s2 = (1000.0 / wavelength_nm) ** 2
     torr = pressure_pa / PA_PER_TORR
     vapour_torr = humidity_pct / 100.0 * saturation_pressure_pa(t_degc) / PA_PER_TORR
@@ -85,6 +104,7 @@ def ciddor(
     co2_ppm: float = CO2_PPM,
 ) -> float:
     """Index n by Ciddor's equation (Appl. Opt. 35 (1996) 1566) in NIST's form."""
+    _in_range(t_degc, pressure_pa, humidity_pct, wavelength_nm)
     kelvin = t_degc + KELVIN_OFFSET
     s2 = (1000.0 / wavelength_nm) ** 2
     vapour_fraction = _vapour_fraction(t_degc, pressure_pa, humidity_pct)
@@ -131,8 +151,10 @@ def index(
 ) -> float:
     """Index n of the air a sensor set describes; nothing is assumed.
 
-    Raises AmbientOutOfRange (E-EVAL-SENSOR, E-EVAL-AMBIENT) naming the sensor and its limits.
+    Raises AmbientOutOfRange (E-EVAL-SENSOR, E-EVAL-AMBIENT) naming the sensor and its limits, ModelError (E-EVAL-WORD).
     """
+    if equation not in EQUATIONS:
+        raise ModelError("E-EVAL-WORD", where, key="equation", value=equation, known=", ".join(EQUATIONS))
     t = required("air_degc", ambient.air_degc, where)
     p = required("pressure_hpa", ambient.pressure_hpa, where) * PA_PER_HPA
     rh = required("humidity_pct", ambient.humidity_pct, where)

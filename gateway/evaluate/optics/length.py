@@ -40,7 +40,12 @@ def at_20_degc(length_mm: FloatArray | float, expansion_ppm_per_k: float, t_degc
 
 
 def cosine_error_mm(length_mm: float, lateral_mm: float) -> float:
-    """Reading minus travel when the beam runs off by `lateral_mm` over the travel: always negative."""
+    """Reading minus travel when the beam runs off by `lateral_mm` over the travel: always negative.
+
+    Raises ModelError (E-EVAL-NUMBER) for no travel.
+    """
+    if not abs(length_mm) > 0.0:
+        raise ModelError("E-EVAL-NUMBER", "length", key="length_mm", value=length_mm, must="another than 0")
     secant = hypot(1.0, lateral_mm / length_mm)
     return -length_mm * (lateral_mm / length_mm) ** 2 / (secant * (1.0 + secant))
 
@@ -114,12 +119,17 @@ def linear_deviations(
         n, n_datum = index_course(start, end, fraction, setup.equation)
         if already == "nothing":
             words = f"{setup.equation}, by the gateway"
-            done = applied(done, "air", words, n_start=n_datum, n_end=float(np.max(n)))
+            done = applied(done, "air", words, n_start=n_datum, n_end=_last(n))
             reading = geometric_mm(reading, n)
         reading, done = _less_dead_path(reading, setup, n, n_datum, done)
     if already != "air+material":
         reading, done = _to_20(reading, setup.expansion_ppm_per_k, start, end, fraction, done)
     return mm_to_um(reading - travel), done
+
+
+def _last(n: FloatArray) -> float:
+    """The largest index; a reading that is missing has none."""
+    return float(np.nanmax(n))
 
 
 def expansion_corrected(

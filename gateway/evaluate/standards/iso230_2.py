@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from math import ceil
+from collections.abc import Collection, Mapping
+from math import ceil, inf
 from typing import Literal
 
 import numpy as np
@@ -19,6 +19,7 @@ from gateway.evaluate.uncertainty.budget import Budget, expanded
 
 SIGMAS: Mapping[str, float] = {"1988": 3.0, "1997": 2.0, "2006": 2.0, "2014": 2.0}
 STANDARD_RUNS = 5
+UNITS = ("um", "arcsec")
 MOST_INCURABLE = 0.5  # of A: beyond it no table is worth much
 LONG_TRAVEL_MM, LONG_INTERVAL_MM = 2000.0, 250.0
 
@@ -28,7 +29,7 @@ def evaluate(
     deviations: ArrayLike,
     unit: DeviationUnit,
     *,
-    edition: str = "2014",
+    edition: str | int = "2014",
     budget: Budget | None = None,
 ) -> Evaluation:
     """Evaluate deviations (m, n, 2), approach + then -, NaN where missing, in `unit`; targets (m,).
@@ -37,9 +38,11 @@ def evaluate(
     said in ``flags``: a target without one approach takes no part in B, M and R_i but stays in E and A of
     its approach; with n = 1 there is no s, R or A. ``U`` holds expanded uncertainties (k = 2) with
     coefficients of our own (`budget.expanded`). Formulas: ISO 230-2:2014, clause 3 (2 s; 1988: 3 s).
-    Raises ModelError (E-EVAL-EDITION, E-EVAL-SHAPE, E-EVAL-INFINITE, E-EVAL-EMPTY).
+    Raises ModelError (E-EVAL-EDITION, E-EVAL-WORD, E-EVAL-NUMBER, E-EVAL-SHAPE, E-EVAL-INFINITE, E-EVAL-EMPTY).
     """
+    edition = str(edition)
     k = sigmas(edition)
+    _known("unit", unit, UNITS)
     at, x = readings.checked(targets, deviations)
     mean, s, n = readings.means(x), readings.standard_deviations(x), readings.counts(x)
     values = parameters.stated(parameters.of_table(mean, s, k))
@@ -66,7 +69,11 @@ def minimum_targets(kind: Literal["linear", "rotary"], travel: float) -> tuple[i
 
     Linear: five per metre and five in all, 5 runs; over 2000 mm a mean interval of 250 mm at most, 1 run.
     Rotary: 3 to 90 deg, 5 to 180, 8 to 360, 5 runs; beyond that 8 per revolution, 1 run.
+    Raises ModelError (E-EVAL-WORD, E-EVAL-NUMBER).
     """
+    _known("kind of axis", kind, ("linear", "rotary"))
+    if not 0.0 < travel < inf:
+        raise ModelError("E-EVAL-NUMBER", "ISO 230-2", key="travel", value=travel, must="above 0")
     if kind == "linear":
         if travel > LONG_TRAVEL_MM:
             return ceil(travel / LONG_INTERVAL_MM) + 1, 1
@@ -74,6 +81,11 @@ def minimum_targets(kind: Literal["linear", "rotary"], travel: float) -> tuple[i
     if travel > 360.0:
         return ceil(8.0 * travel / 360.0), 1
     return next(count for limit, count in ((90, 3), (180, 5), (360, 8)) if travel <= limit), STANDARD_RUNS
+
+
+def _known(key: str, value: str, known: Collection[str]) -> None:
+    if value not in known:
+        raise ModelError("E-EVAL-WORD", "ISO 230-2", key=key, value=value, known=", ".join(known))
 
 
 def sigmas(edition: str) -> float:
@@ -114,5 +126,8 @@ def _uncertainties(
             return {}
         eve = 2.0 * float(np.sqrt(np.mean(known**2)))
     fewest, both = int(n[n > 0].min()), int((n > 0).all(axis=1).sum())
-    found = expanded(fewest, eve, budget.systematic, both)
+    # R and A stand on the places with two readings and more alone.
+    repeated = int(n[n > 1].min(initial=int(n.max())))
+    spread, means = (expanded(count, eve, budget.systematic, both) for count in (repeated, fewest))
+    found = {**means, **{name: u for name, u in spread.items() if name[0] in "RA"}}
     return {name: u for name, u in found.items() if values[name] is not None}

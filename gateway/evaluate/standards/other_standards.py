@@ -54,7 +54,7 @@ def vdi_formulas(x: FloatArray) -> Values:
 def vdi_of_table(mean: FloatArray, s: FloatArray) -> Values:
     """P_sj = 6 s_j, U_j = |B_j|, P = max(x_j + (U_j + P_sj)/2) - min(x_j - (U_j + P_sj)/2), and the rest."""
     centre, reversal = mean.mean(axis=-1), np.abs(mean[..., 0] - mean[..., 1])
-    spread = 6.0 * parameters.where_complete(mean, s).mean(axis=-1)
+    spread = 6.0 * s.mean(axis=-1)
     half = (reversal + spread) / 2.0
     return {
         "U_max": parameters.top(reversal),
@@ -84,8 +84,8 @@ def asme_b554_1992(deviations: ArrayLike) -> Figures:
 def asme_1992_formulas(x: FloatArray) -> Values:
     """Largest spread at a target, range of all readings, lost motion from the means; (..., m, n, 2)."""
     mean, n = readings.means(x), readings.counts(x)
-    repeated = (n != 1).all(axis=-2)
-    at_target = np.where(repeated[..., None, :], np.where(n > 1, _spread(x, -2), np.nan), np.nan)
+    repeated = (n > 1).any(axis=-2)
+    at_target = np.where(n > 1, _spread(x, -2), np.nan)
     up, down = parameters.top(at_target[..., 0]), parameters.top(at_target[..., 1])
     both = (n > 0).all(axis=-1)
     bidirectional = np.where(both, _spread(x, (-2, -1)), np.nan)
@@ -113,8 +113,7 @@ def nmtba(deviations: ArrayLike, *, offset: bool = True) -> Figures:
 def nmtba_formulas(x: FloatArray, *, offset: bool = True) -> Values:
     """A from x +/- 3 s, R_bi = (|B_i| + 3 s+ + 3 s-)/2; half widths; (..., m, n, 2)."""
     mean, s = readings.moments(x)
-    s = parameters.where_complete(mean, s)
-    both = np.isfinite(mean).any(axis=-2).all(axis=-1)
+    both = np.isfinite(s).any(axis=-2).all(axis=-1)
     high, low = mean + 3.0 * s, mean - 3.0 * s
     names = (("A_up", slice(0, 1)), ("A_down", slice(1, 2)), ("A_bi", slice(0, 2)))
     values = {name: _half(high[..., part], low[..., part], offset) for name, part in names}

@@ -21,11 +21,12 @@ def of_readings(deviations: FloatArray, k: float) -> Mapping[str, FloatArray]:
 def of_table(mean: FloatArray, s: FloatArray, k: float) -> Mapping[str, FloatArray]:
     """All parameters of means and standard deviations (..., m, 2); ``k`` is 2, in the edition of 1988 3.
 
-    Absent (NaN) are: R, A when a mean stands on one reading; E, A, B, M, R of one direction only. A target
-    without one approach takes no part in B, M, R (ISO 230-2:2014, clause 3; gaps by our own policy).
+    A mean that stands on one reading takes no part in R and A, a target without one approach none in B, M, R. Absent
+    (NaN) are R, A where nothing is repeated; E, A, B, M, R of one direction only (ISO 230-2:2014, clause 3; gaps by our
+    own policy).
     """
     both = np.isfinite(mean).any(axis=-2).all(axis=-1)
-    spread = where_complete(mean, s)
+    spread, repeated = s, np.isfinite(s).any(axis=-2).all(axis=-1)
     high, low = mean + k * spread, mean - k * spread
     reversal = mean[..., 0] - mean[..., 1]
     return {
@@ -38,16 +39,10 @@ def of_table(mean: FloatArray, s: FloatArray, k: float) -> Mapping[str, FloatArr
         "R": top(repeatability(mean, spread, k)),
         "R_up": top(2.0 * k * spread[..., 0]),
         "R_down": top(2.0 * k * spread[..., 1]),
-        "A": np.where(both, whole_span(high, low), np.nan),
+        "A": np.where(both & repeated, whole_span(high, low), np.nan),
         "A_up": span(high[..., 0], low[..., 0]),
         "A_down": span(high[..., 1], low[..., 1]),
     }
-
-
-def where_complete(mean: FloatArray, s: FloatArray) -> FloatArray:
-    """Standard deviations (..., m, 2) where every mean has one, else all NaN."""
-    known = np.asarray((np.isfinite(s) | ~np.isfinite(mean)).all(axis=(-2, -1)))
-    return np.where(known[..., None, None], s, np.nan)
 
 
 def repeatability(mean: FloatArray, s: FloatArray, k: float) -> FloatArray:

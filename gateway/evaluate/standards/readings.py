@@ -12,10 +12,10 @@ from gateway.errors import ModelError
 def checked(targets: ArrayLike, deviations: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Targets (m,) and deviations (m, n, 2) as float arrays; NaN marks a missing reading.
 
-    Raises ModelError: E-EVAL-SHAPE (shapes do not fit), E-EVAL-INFINITE, E-EVAL-EMPTY (no reading, or a
-    target without any).
+    Raises ModelError: E-EVAL-NUMBER (no numbers), E-EVAL-SHAPE (shapes do not fit), E-EVAL-INFINITE, E-EVAL-EMPTY (no
+    reading, or a target without any).
     """
-    at, x = np.asarray(targets, dtype=np.float64), np.asarray(deviations, dtype=np.float64)
+    at, x = numbers("targets", targets), numbers("deviations", deviations)
     if at.ndim != 1 or x.ndim != 3 or x.shape[0] != at.size or x.shape[2] != 2:
         raise ModelError("E-EVAL-SHAPE", "evaluate", targets=at.shape, deviations=x.shape)
     if np.isinf(x).any() or not np.isfinite(at).all():
@@ -26,18 +26,29 @@ def checked(targets: ArrayLike, deviations: ArrayLike) -> tuple[FloatArray, Floa
     return at, x
 
 
+def numbers(key: str, values: ArrayLike) -> FloatArray:
+    """Values as a float array. Raises ModelError (E-EVAL-NUMBER) for what is none, or no regular table."""
+    try:
+        return np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        must = "a regular table of numbers"
+        raise ModelError("E-EVAL-NUMBER", "evaluate", key=key, value=type(values).__name__, must=must) from error
+
+
 def from_rows(up: ArrayLike | None = None, down: ArrayLike | None = None) -> FloatArray:
     """Two tables of rows (m, n), approach + and -, as (m, n, 2); a missing table is all NaN.
 
-    Rows are readings in order of repetition; None or NaN is a missing reading. Raises E-EVAL-SHAPE.
+    Rows are readings in order of repetition; None or NaN is a missing reading, and the shorter table's repetitions that
+    the other has more are missing ones. Raises ModelError (E-EVAL-NUMBER, E-EVAL-SHAPE).
     """
-    tables = [None if rows is None else np.asarray(rows, dtype=np.float64) for rows in (up, down)]
-    shapes = {table.shape for table in tables if table is not None}
-    if len(shapes) != 1 or len(next(iter(shapes))) != 2:
+    tables = [np.empty((0, 0)) if rows is None else numbers("rows", rows) for rows in (up, down)]
+    shapes = {table.shape for table in tables if table.size}
+    if not shapes or any(len(shape) != 2 for shape in shapes) or len({shape[0] for shape in shapes}) != 1:
         raise ModelError("E-EVAL-SHAPE", "evaluate", targets="rows", deviations=sorted(shapes))
-    shape = shapes.pop()
-    filled = [np.full(shape, np.nan) if table is None else table for table in tables]
-    return np.stack(filled, axis=2)
+    filled = np.full((*np.max(sorted(shapes), axis=0), 2), np.nan)
+    for approach, table in enumerate(tables):
+        filled[: table.shape[0], : table.shape[1], approach] = table
+    return filled
 
 
 def counts(deviations: FloatArray) -> np.ndarray[tuple[int, ...], np.dtype[np.int64]]:
@@ -92,5 +103,5 @@ def gaps(n: np.ndarray[tuple[int, ...], np.dtype[np.int64]], wanted: int, lost: 
     if runs < wanted:
         found.append(f"n = {runs}" + (f": no {lost}" if runs == 1 else f", the standard asks for {wanted}"))
     elif 1 in used:
-        found.append(f"a target has one reading: no {lost.removeprefix('s, ')}")
+        found.append(f"a target has one reading: left out of {lost.removeprefix('s, ')}")
     return tuple(found)

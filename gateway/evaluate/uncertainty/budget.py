@@ -9,6 +9,7 @@ from math import hypot, sqrt
 from scipy.special import stdtrit
 
 from drivers.units import DeviationUnit
+from gateway.errors import ModelError
 
 LABEL = "U (k = 2): GUM, own coefficients"
 RECTANGULAR = 0.6  # ISO/TR 230-9: U = 2 R / (2 sqrt 3) = 0.577 R, printed as 0.6 R
@@ -40,7 +41,12 @@ def device_um(length_mm: float, calibration_um_per_m: float) -> float:
 
 
 def misalignment_um(length_mm: float, lateral_range_mm: float) -> float:
-    """U_MISALIGNMENT in um: 0.3 R^2 / L, R the range of lateral misalignment in mm, L in m."""
+    """U_MISALIGNMENT in um: 0.3 R^2 / L, R the range of lateral misalignment in mm, L in m.
+
+    Raises ModelError (E-EVAL-NUMBER) for no length.
+    """
+    if not abs(length_mm) > 0.0:
+        raise ModelError("E-EVAL-NUMBER", "budget", key="length_mm", value=length_mm, must="another than 0")
     return 0.3 * lateral_range_mm**2 / (abs(length_mm) / 1000.0)
 
 
@@ -128,5 +134,14 @@ def expanded(n: int, eve: float, systematic: float, targets: int = 1) -> Mapping
 
 
 def coverage_factor(confidence: float, degrees_of_freedom: float) -> float:
-    """Student's two-sided coverage factor t_p(nu) (GUM table G.2)."""
+    """Student's two-sided coverage factor t_p(nu) (GUM table G.2); ``confidence`` 0.95 for 95 %.
+
+    Raises ModelError (E-EVAL-NUMBER) for a confidence that is none, or no degrees of freedom.
+    """
+    if not 0.0 < confidence < 1.0:
+        must = "between 0 and 1 (0.95 for 95 %)"
+        raise ModelError("E-EVAL-NUMBER", "coverage", key="confidence", value=confidence, must=must)
+    if not degrees_of_freedom > 0.0:
+        key, value = "degrees_of_freedom", degrees_of_freedom
+        raise ModelError("E-EVAL-NUMBER", "coverage", key=key, value=value, must="above 0")
     return float(stdtrit(degrees_of_freedom, 0.5 + confidence / 2.0))

@@ -25,6 +25,7 @@ from gateway.say import Say
 from gateway.store import RunFolder
 from gateway.table.proposal import InstrumentU
 from gateway.workflow import stages
+from gateway.workflow.axes.line import on_its_line
 from gateway.workflow.axes.measure import store_equipment
 from gateway.workflow.bench import Bench, bench, new_run
 
@@ -62,11 +63,12 @@ class GuardOutcome:
 
 @dataclass(frozen=True, slots=True)
 class Standard:
-    """What the check is compared with: the curve, under which tables, by which instrument."""
+    """What the check is compared with: the curve, under which tables, by which instrument, and its lever taken off."""
 
     approved: Approved
     tables: str
     serial: str
+    on_line: bool = False
 
 
 async def guard_site(
@@ -122,6 +124,8 @@ async def _checked(at: Bench, axis: AxisSection, run: RunFolder, known: Standard
     _same_tables(raw.live, known, run)
     digest = at.folder.put(stages.raw(axis.name, "after"), raw)
     capture = from_live(axis, raw, proof, rig.instrument.compensated_for)
+    if known.on_line:
+        capture = on_its_line(capture, axis, at.site, run)
     parents = (at.folder.put(stages.capture(axis.name, "after"), capture, (digest,)),)
     same = _serial(at.folder, axis.measure.instrument) == known.serial
     unit = deviation_unit(axis.unit)
@@ -167,7 +171,8 @@ def standard_of(run: RunFolder, axis: AxisSection) -> Standard:
         u=means.u,
         freedom=_freedom(capture, len(means.suspects)),
     )
-    return Standard(approved, capture.live.digest, _serial(run, axis.measure.instrument))
+    serial, on_line = _serial(run, axis.measure.instrument), capture.line_mm is not None
+    return Standard(approved, capture.live.digest, serial, on_line)
 
 
 def _freedom(capture: Capture, suspects: int) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import hypot, sqrt
 from pathlib import Path
 
 from drivers import registry
@@ -12,10 +13,11 @@ from drivers.types import FloatArray, LiveSet, MeasuredSet
 from drivers.units import deviation_unit
 from gateway.capture.corrected import from_file, from_live
 from gateway.capture.live import capture_axis, targets_of
+from gateway.capture.retaking import demand_complete
 from gateway.capture.sense import prove_sense
 from gateway.capture.targets import between_places
 from gateway.config import AxisSection, Targets
-from gateway.domain import Capture, Equipment, Evaluation, Item
+from gateway.domain import COVERAGE, Capture, Equipment, Evaluation, Item
 from gateway.evaluate.standards.iso230_2 import evaluate, told_incurable
 from gateway.evaluate.uncertainty.budget import UNKNOWN_OFF_20_K, Budget, linear_budget
 from gateway.store import Maps, RunFolder
@@ -23,6 +25,7 @@ from gateway.table.proposal import InstrumentU
 from gateway.walk import question
 from gateway.workflow import stages
 from gateway.workflow.aftercare import look_at
+from gateway.workflow.axes.line import on_its_line, told
 from gateway.workflow.bench import Bench
 from gateway.workflow.files.importing import How, read_file
 
@@ -62,6 +65,7 @@ async def measure_axis(at: Bench, axis: AxisSection, phase: stages.Phase) -> Mea
         capture, parents = await _from_file(at, axis)
     else:
         capture, parents = await _live(at, axis, phase)
+    capture = on_its_line(capture, axis, at.site, at.folder)
     measured = evaluated(at.folder, axis, phase=phase, capture=capture, parents=parents)
     if phase == "before":
         await look_at(at, capture.live)
@@ -78,7 +82,8 @@ def evaluated(
     result = evaluate(capture.targets, capture.deviations, deviation_unit(axis.unit), budget=budget_of(capture))
     if capture.cycle != "standard":
         result = replace(result, flags=(*result.flags, f"{capture.cycle} cycle: not for acceptance to ISO 230-2"))
-    result = replace(result, flags=(*result.flags, *told_incurable(result)))
+    line = (told(capture),) if axis.kind == "linear" else ()
+    result = replace(result, flags=(*result.flags, *told_incurable(result), *line))
     folder.put(stages.evaluation(axis.name, phase), result, (digest,))
     return MeasuredAxis(capture, result, digest)
 
@@ -91,7 +96,10 @@ async def _live(at: Bench, axis: AxisSection, phase: stages.Phase) -> tuple[Capt
     raw = await capture_axis(rig, proof, check_stops(axis, phase))
     digest = at.folder.put(stages.raw(axis.name, phase), raw)
     at.folder.write_text(f"tables-{axis.name}-{phase}{spoken().tables_suffix}", raw.live.native)
-    return from_live(axis, raw, proof, rig.instrument.compensated_for), (digest,)
+    capture = from_live(axis, raw, proof, rig.instrument.compensated_for)
+    if phase == "before":  # afterwards the table is in the control, and what was measured of it is judged as it is
+        demand_complete(capture)
+    return capture, (digest,)
 
 
 def check_stops(axis: AxisSection, phase: stages.Phase) -> FloatArray:
@@ -155,7 +163,10 @@ def budget_of(capture: Capture) -> Budget:
     off = float(material[0]) - 20.0 if material else UNKNOWN_OFF_20_K
     length_mm = float(capture.targets[-1] - capture.targets[0])
     expansion = capture.corrections.details.get("expansion.ppm_per_k", 11.5)
-    return linear_budget(length_mm, expansion_ppm_per_k=expansion, off_20_k=off)
+    budget = linear_budget(length_mm, expansion_ppm_per_k=expansion, off_20_k=off)
+    # A range has two ends, and an angle nobody measured is another at each.
+    lever = COVERAGE * sqrt(2.0) * capture.lever_u
+    return replace(budget, misalignment=hypot(budget.misalignment, lever))
 
 
 def _figure(value: float | None) -> str:

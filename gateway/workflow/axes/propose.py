@@ -16,7 +16,7 @@ from gateway.evaluate.behaviour.fine_structure import Hidden, hidden_structure, 
 from gateway.evaluate.behaviour.repetitions import RobustMeans, robust_means
 from gateway.interlocks import not_worth_it
 from gateway.model.components import standard_uncertainty, value
-from gateway.model.fit import fit_positioning
+from gateway.model.fit import fit_means
 from gateway.table import Grid, MeasuredMeans
 from gateway.table import propose as propose_table
 from gateway.workflow import stages
@@ -103,7 +103,7 @@ def _rest(means: RobustMeans) -> float:
 
 
 def _fit(axis: AxisSection, item: MeasuredAxis, means: RobustMeans) -> Component:
-    return fit_positioning(
+    return fit_means(
         item.capture.targets,
         means.mean,
         means.u,

@@ -6,18 +6,21 @@ import asyncio
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from drivers.clock import Clock
 from drivers.errors import TrueflankError, words
 from drivers.types import LiveSet
+from gateway.capture.retaking import demand_complete
 from gateway.config import SiteFile
 from gateway.correct.outlook.next_setup import THRESHOLD_UM, OpenDoubt, Tooth, what_next
 from gateway.correct.plan.plan import AxisGrid
 from gateway.domain import Capture, Equipment
-from gateway.errors import CaptureError, IllegalTransition
+from gateway.errors import CaptureError, IllegalTransition, Incomplete
 from gateway.evaluate.geometry.errormodel import error_model
+from gateway.interlocks import aged, crowded
 from gateway.model.known import ErrorModel
 from gateway.report.tooth.errors import ErrorRow, error_rows
 from gateway.say import Say
@@ -75,14 +78,14 @@ async def measure_site(
 
     All instruments are opened before anything moves, so that a missing one is told at once; then only the one in
     use stays open. Each set-up is stored before the next; a run that stopped is resumed with its folder, finished
-    set-ups are not repeated. Raises ConfigError (E-SETUP-...), IllegalTransition (E-SETUP-MACHINE, E-SETUP-CHANGED),
-    CaptureError (E-SETUP-TABLES: tables changed since an earlier set-up), and what capturing raises; the folder keeps
-    the error.
+    set-ups are not repeated, but for those that no table could be pushed from. Raises ConfigError (E-SETUP-...),
+    IllegalTransition (E-SETUP-MACHINE, E-SETUP-CHANGED), CaptureError (E-SETUP-TABLES: tables changed since an earlier
+    set-up), and what capturing raises; the folder keeps the error.
     """
     todo = chosen(planned(site), wanted)
     folder = resume or new_run(site, site_path)
     say("P-RUN", folder=str(folder.path))
-    left = _left(folder, todo)
+    left = _left(folder, todo, clock.utc(), say)
     try:
         if left:
             async with bench(
@@ -98,14 +101,36 @@ async def measure_site(
     return conclude(site, folder, tooth)
 
 
-def _left(folder: RunFolder, todo: Sequence[Planned]) -> tuple[Planned, ...]:
-    """Set-ups without a capture; a finished one must still be what the site file says."""
+def _left(folder: RunFolder, todo: Sequence[Planned], now_utc: datetime, say: Say) -> tuple[Planned, ...]:
+    """Set-ups without a capture that can be used; a finished one must still be what the site file says."""
     for one in todo:
         if not folder.has(stages.setup(one.key)):
             continue
         if folder.read_text(f"setup-{one.key}.json") != one.setup.model_dump_json():
             raise IllegalTransition("E-SETUP-CHANGED", folder.run_id, setup=one.key)
-    return tuple(one for one in todo if not folder.has(stages.setup(one.key)))
+    return tuple(one for one in todo if not _done(folder, one, now_utc, say))
+
+
+def _done(folder: RunFolder, one: Planned, now_utc: datetime, say: Say) -> bool:
+    """Whether a set-up is behind us: measured, and with nothing against it that would refuse a push from it later."""
+    if not folder.has(stages.setup(one.key)):
+        return False
+    if one.setup.source != "live" or any(stage.startswith(stages.push("")) for stage in folder.stages):
+        return True
+    why = _unfit(folder.get(stages.setup(one.key), Capture), now_utc, positioning=one.positioning)
+    if why:
+        say("P-SETUP-ANEW", setup=one.key, words=why)
+    return not why
+
+
+def _unfit(capture: Capture, now_utc: datetime, *, positioning: bool) -> str:
+    """Why a stored capture is measured anew; "" where it is not."""
+    try:
+        demand_complete(capture)
+    except Incomplete as error:
+        return error.what
+    against = (*crowded(capture), *aged(capture, now_utc)) if positioning else ()
+    return "; ".join(one.words for one in against)
 
 
 def instruments_of(plan: Sequence[Planned]) -> set[str]:

@@ -7,6 +7,7 @@ from gateway.config import SiteFile
 from gateway.domain import Capture
 from gateway.store import RunFolder
 from gateway.workflow import stages
+from gateway.workflow.axes.line import on_its_line
 from gateway.workflow.axes.measure import MeasuredAxis, evaluated
 from gateway.workflow.errors21.setups import planned
 
@@ -14,12 +15,13 @@ from gateway.workflow.errors21.setups import planned
 def axes_measured(folder: RunFolder, site: SiteFile) -> dict[str, MeasuredAxis]:
     """Capture and evaluation of each axis whose positioning the plan measured, by name, in the order of the site.
 
-    Each is stored as the axis' capture and evaluation "before". Raises ConfigError (E-CLOSE-AXES) when no axis was.
+    Each is brought to the line it is meant for, and stored as the axis' capture and evaluation "before". Raises
+    ConfigError (E-CLOSE-AXES) when no axis was.
     """
     found: dict[str, MeasuredAxis] = {}
     for one in planned(site):
         if one.positioning and folder.has(stages.setup(one.key)):
-            capture = folder.get(stages.setup(one.key), Capture)
+            capture = on_its_line(folder.get(stages.setup(one.key), Capture), one.axis, site, folder)
             parents = (folder.digest(stages.setup(one.key)),)
             found[one.axis.name] = evaluated(folder, one.axis, phase="before", capture=capture, parents=parents)
     if not found:

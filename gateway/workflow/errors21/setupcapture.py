@@ -13,6 +13,7 @@ from gateway.capture.corrected import from_file, from_live
 from gateway.capture.errormotion import LARGEST, ErrorRig, capture_error, channel_of, error_capture
 from gateway.capture.live import capture_axis
 from gateway.capture.mounting import prove_mounting
+from gateway.capture.retaking import demand_complete
 from gateway.capture.sense import prove_sense
 from gateway.capture.targets import plan_of
 from gateway.domain import Capture
@@ -34,6 +35,7 @@ OPTICS = {
 async def measure_setup(at: Bench, one: Planned, tables: dict[str, LiveSet] | None = None) -> Capture:
     """Measure a set-up and store proof, averages, tables as read, and the capture last; returns it.
 
+    Raises Incomplete (E-CAP-INCOMPLETE) where readings stay out of line: the set-up is then measured anew.
     ``tables`` are those read for earlier files, by axis: files measured long ago share one look at what is live.
     """
     at.say("P-SETUP", setup=one.key, component=one.setup.component, axis=one.axis.name)
@@ -43,6 +45,7 @@ async def measure_setup(at: Bench, one: Planned, tables: dict[str, LiveSet] | No
         await _park(at, one)
         at.folder.write_text(stands_name(one.key), json.dumps(await _stands(at)))
         capture, parents = await (_positioning(at, one) if one.positioning else _error(at, one))
+        demand_complete(capture)
     at.folder.write_text(f"setup-{one.key}.json", one.setup.model_dump_json())
     at.folder.put(stages.setup(one.key), capture, parents)
     return capture

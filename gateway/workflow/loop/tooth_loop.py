@@ -87,6 +87,11 @@ class _Loop:
             folder.set_state("proposed")
             return
         verdict = await self._pushed(proposal)
+        if verdict.outcome == "not-pushed":
+            lacks = setup_from_part(before, self.work.gear).setup.rounded()
+            at.say("P-CLOSE-NOTHING", x=lacks.x_um, c=lacks.c_arcsec, dressing=lacks.dressing_um)
+            folder.set_state(verdict.outcome)
+            return
         first = now.plus(self._expected(before, tooth))
         trial = await self._part(TRIAL, first)
         setup = first.plus(setup_from_part(trial, self.work.gear).setup)
@@ -115,10 +120,19 @@ class _Loop:
         return found
 
     async def _proposal(self) -> tuple[Proposal, ToothProposal]:
+        """The stored one, unless it rests on what was measured anew since and nothing of it was pushed."""
         folder = self.at.folder
-        if folder.has(stages.TOOTH):
+        if folder.has(stages.TOOTH) and (self._begun or folder.parents(stages.PROPOSAL) == self._parents):
             return folder.get(stages.PROPOSAL, Proposal), folder.get(stages.TOOTH, ToothProposal)
         return await propose_tooth(self.at, self.model, self.measured, self.work)
+
+    @property
+    def _begun(self) -> bool:
+        return any(stage.startswith(stages.push("")) for stage in self.at.folder.stages)
+
+    @property
+    def _parents(self) -> tuple[str, ...]:
+        return self.at.folder.digest(stages.ERRORS), *(item.digest for item in self.measured.values())
 
     async def _pushed(self, proposal: Proposal) -> Verdict:
         folder = self.at.folder

@@ -21,6 +21,7 @@ from gateway.table import check, effective
 from gateway.table.comparison import acting
 from gateway.table.projection import quantised
 from gateway.workflow.bench import Bench
+from gateway.workflow.tooth.seating import seated
 
 TABLES = 62  # the highest numbers that any control has, and so all that are tried
 EMPTY = 8  # numbers without memory, one after the other, after which no more are looked for
@@ -29,11 +30,15 @@ NOTHING = np.zeros(0)
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where a table goes: its number and what the control holds there; ``reason`` why nowhere ("": somewhere)."""
+    """Where a table goes: its number and what the control holds there.
+
+    ``reason`` says why nowhere ("": somewhere), ``full`` whether for want of room.
+    """
 
     index: int
     limits: TableLimits | None
     reason: str = ""
+    full: bool = False
 
 
 async def cross_changes(
@@ -51,17 +56,24 @@ async def cross_changes(
     return tuple(_change(at, table, place, live, adds=adds) for table, place in zip(plain, places, strict=True))
 
 
-async def places_of(at: Bench, tables: Sequence[CompensationTable], live: Mapping[str, LiveSet]) -> tuple[Place, ...]:
-    """A place for each table: the live one of the same axes, else a free number with memory for its points."""
+async def places_of(
+    at: Bench, tables: Sequence[CompensationTable], live: Mapping[str, LiveSet], ranked: Sequence[int] = ()
+) -> tuple[Place, ...]:
+    """A place for each table: the live one of the same axes, else a free number with memory for its points.
+
+    Memory is dealt out by `seated`; ``ranked`` are the tables' places in ``tables``, those first that gain most.
+    """
     kept = [_kept(table, live) for table in tables]
     taken = {one.index for one in _held(live)} | {index for index in kept if index is not None}
-    search, places = _Search(at), []
-    for table, index in zip(tables, kept, strict=True):
-        place = (
-            await search.place(table, index, taken)
-            if search.none or _known(at, table, live)
-            else _nowhere(table, taken, True)
-        )
+    search = _Search(at)
+    able = [n for n, table in enumerate(tables) if search.none or _known(at, table, live)]
+    asking = [n for n in able if kept[n] is None and not search.none]
+    needs = {n: len(tables[n].deviations) for n in asking}
+    rooms = {n: await search.rooms(tables[n].output_axis, taken) for n in asking}
+    seats = seated(needs, rooms, [n for n in ranked if n in needs])
+    places: list[Place] = []
+    for n, table in enumerate(tables):
+        place = await search.place(table, seats.get(n, kept[n]), taken) if n in able else _nowhere(table, taken, True)
         taken.add(place.index)
         places.append(place)
     return tuple(places)
@@ -90,22 +102,25 @@ class _Search:
         return self._controller.capabilities.table("cross") is None
 
     async def place(self, table: CompensationTable, index: int | None, taken: set[int]) -> Place:
-        """The number it has, or the first free one that is large enough."""
-        needed, empty = len(table.deviations), 0
+        """The number that a table was given, if it holds it; None: nowhere."""
         if self.none:
             return Place(_beyond(taken), None, words("S-CROSS-NONE", table=table.name))
-        if index is not None:
-            limits = await self._limits(table.output_axis, index)
-            enough = limits is not None and limits.reserved_points >= needed
-            return Place(index, limits) if enough else _nowhere(table, taken, False)
+        limits = None if index is None else await self._limits(table.output_axis, index)
+        if index is None or limits is None or limits.reserved_points < len(table.deviations):
+            return _nowhere(table, taken, False)
+        return Place(index, limits)
+
+    async def rooms(self, axis: str, taken: set[int]) -> Mapping[int, int]:
+        """Points of every free number that an axis can have."""
+        found: dict[int, int] = {}
+        empty = 0
         for number in (one for one in range(TABLES) if one not in taken):
-            limits = await self._limits(table.output_axis, number)
-            if limits is not None and limits.reserved_points >= needed:
-                return Place(number, limits)
+            limits = await self._limits(axis, number)
+            found |= {number: limits.reserved_points} if limits is not None and limits.reserved_points else {}
             empty = empty + 1 if limits is None or not limits.reserved_points else 0
             if limits is None or empty >= EMPTY:
                 break
-        return _nowhere(table, taken, False)
+        return found
 
     async def _limits(self, axis: str, index: int) -> TableLimits | None:
         """None where the control has no table of that number."""
@@ -126,7 +141,7 @@ def _nowhere(table: CompensationTable, taken: set[int], unproved: bool) -> Place
     number = _beyond(taken)
     if unproved:
         return Place(number, None, words("S-CROSS-UNPROVED", table=table.name, axis=table.output_axis))
-    return Place(number, None, words("S-CROSS-FULL", table=table.name, points=len(table.deviations)))
+    return Place(number, None, words("S-CROSS-FULL", table=table.name, points=len(table.deviations)), full=True)
 
 
 def _held(live: Mapping[str, LiveSet]) -> list[CompensationTable]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from drivers.errors import ConfigError
+from drivers.errors import ConfigError, words
 from drivers.types import CompensationTable, LiveSet
 from gateway.config import SiteFile, WorkSection
 from gateway.correct.flank.compensability import tangential_cure
@@ -22,7 +22,7 @@ from gateway.correct.outlook.ranking import cure_errors, rank_errors
 from gateway.correct.plan.layers import LayeredCorrection, correct
 from gateway.correct.plan.plan import CROSS, Plan, cross_specs
 from gateway.correct.plan.records import record
-from gateway.domain import COVERAGE, Proposal, TableChange
+from gateway.domain import COVERAGE, Capture, Proposal, TableChange
 from gateway.evaluate.behaviour.approach_scatter import approach_of
 from gateway.evaluate.behaviour.fine_structure import Hidden
 from gateway.gear.cycloid import CycloidGear
@@ -105,6 +105,7 @@ async def propose_tooth(
         tilt_arcsec=found.moved.tilt_arcsec,
     )
     tooth = replace(tooth, said=told(tooth, model, found=found, gains=gains, left_alone=(*nowhere, *_left_alone(own))))
+    tooth = replace(tooth, said=(*tooth.said, *_drifting(task.shop, at.site.work)))
     at.folder.put(stages.TOOTH, tooth, (at.folder.digest(stages.PROPOSAL), *parents))
     return proposal, tooth
 
@@ -174,9 +175,23 @@ class _Task:
         able = tuple(one for one in CROSS if self.names.get(one[0]) in self.live and self.plan.has(one[1]))
         specs = cross_specs(chain, replace(self.plan, cross=able))
         blank = [Table(spec.grid, np.zeros_like(spec.grid.nodes)) for spec in specs]
-        places = await places_of(at, [record(chain, one, "cross", names=self.names) for one in blank], self.live)
+        records = [record(chain, one, "cross", names=self.names) for one in blank]
+        places = await places_of(at, records, self.live)
+        if any(place.full for place in places):
+            places = await places_of(at, records, self.live, self._by_gain(able))
         cross = tuple(one for one, place in zip(able, places, strict=True) if not place.reason)
         return replace(self.plan, cross=cross), tuple(place.reason for place in places if place.reason)
+
+    def _by_gain(self, able: tuple[tuple[str, str], ...]) -> tuple[int, ...]:
+        """Which tables the flank would miss most, the first one first."""
+        missed = [self._rms(tuple(one for one in able if one != left)) for left in able]
+        return tuple(sorted(range(len(able)), key=lambda n: -missed[n]))
+
+    def _rms(self, cross: tuple[tuple[str, str], ...]) -> float:
+        """RMS of the flank with these cross tables at their best, mm."""
+        plan = replace(self.plan, cross=cross)
+        found = correct(self.grinding, self.grid, plan=plan, live=self.acted, own=self.own)
+        return float(found.optimum.best.rms)
 
     def worked_out(self, plan: Plan) -> tuple[LayeredCorrection, Outlook, Outlook]:
         """The correction, without cross tables where they gain too little; its outlook, and that with cross tables."""
@@ -196,16 +211,45 @@ def _lettered(table: CompensationTable, letters: Mapping[str, str]) -> Compensat
     return replace(table, output_axis=out, input_axis=over)
 
 
+def _with_drift(shop: Shop, captures: Mapping[str, Capture], grinding: Grinding) -> Shop:
+    """Drift measured is drift believed: the larger of what the site file says and what the captures saw."""
+    seen = {letter: abs(capture.drift_per_h) for letter, capture in captures.items()}
+    return replace(
+        shop,
+        drift_um_per_h=max(shop.drift_um_per_h, seen.get(grinding.infeed, 0.0)),
+        drift_arcsec_per_h=max(shop.drift_arcsec_per_h, seen.get(grinding.index, 0.0)),
+    )
+
+
+def _drifting(shop: Shop, work: WorkSection | None) -> tuple[str, ...]:
+    """Where a drift was seen that is larger than the site file's, in words."""
+    said = _said_of(work)
+    pairs = (
+        ("infeed", shop.drift_um_per_h, said.drift_um_per_h, "um"),
+        ("index", shop.drift_arcsec_per_h, said.drift_arcsec_per_h, "arcsec"),
+    )
+    return tuple(
+        words("S-TOOTH-DRIFT", what=what, seen=f"{seen:.1f}", said=f"{told:g}", unit=unit)
+        for what, seen, told, unit in pairs
+        if seen > told
+    )
+
+
+def _said_of(work: WorkSection | None) -> Shop:
+    """What the site file says of clamping, drift and times; the usual where it says nothing."""
+    if work is None:
+        return Shop()
+    keys = ("clamping_um", "drift_um_per_h", "drift_arcsec_per_h", "part_h")
+    return replace(Shop(), **{key: getattr(work, key) for key in keys}, size_um=work.inspection_size_um / COVERAGE)
+
+
 def _shop(
     work: WorkSection | None, measured: Mapping[str, MeasuredAxis], letters: Mapping[str, str], grinding: Grinding
 ) -> Shop:
     """What the site file and the captures say of clamping, drift and repeatability; the usual for the rest."""
-    shop = Shop()
-    if work is not None:
-        keys = ("clamping_um", "drift_um_per_h", "drift_arcsec_per_h", "part_h")
-        size_um = work.inspection_size_um / COVERAGE
-        shop = replace(shop, **{key: getattr(work, key) for key in keys}, size_um=size_um)
-    known = {letters.get(name, name): approach_of(item.capture) for name, item in measured.items()}
+    captures = {letters.get(name, name): item.capture for name, item in measured.items()}
+    shop = _with_drift(_said_of(work), captures, grinding)
+    known = {letter: approach_of(capture) for letter, capture in captures.items()}
     if grinding.infeed in known:
         shop = replace(shop, infeed_um=known[grinding.infeed].scatter)
     if grinding.index in known:

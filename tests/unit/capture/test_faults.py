@@ -120,7 +120,7 @@ def test_fault_25_a_sensor_that_freezes_in_the_middle_spoils_the_evaluation_not_
         (replace(GOOD, pressure_hpa=0.0), "pressure_hpa"),
         (replace(GOOD, pressure_hpa=101.325), "pressure_hpa"),
         (replace(GOOD, humidity_pct=140.0), "humidity_pct"),
-        (replace(GOOD, humidity_pct=0.5), "humidity_pct"),
+        (replace(GOOD, humidity_pct=-0.5), "humidity_pct"),
         (replace(GOOD, material_degc=(20.0, -10.0)), "material_degc"),
         (replace(GOOD, material_degc=()), "material_degc"),
         (replace(GOOD, pressure_hpa=None), "pressure_hpa"),

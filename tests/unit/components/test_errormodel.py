@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gateway.evaluate.geometry.errormodel import arms, error_model, lever_um
+from gateway.evaluate.geometry.errormodel import error_model
+from gateway.evaluate.geometry.lever import arms, lever_um
 from gateway.evaluate.geometry.measurement import Measurement
 from gateway.model.components import standard_uncertainty, value
 from gateway.model.known import ErrorModel, chain_of_errors

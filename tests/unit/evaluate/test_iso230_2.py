@@ -115,12 +115,13 @@ def test_one_run_has_no_spread() -> None:
     assert result.flags == ("n = 1: no s, R, A",)
 
 
-def test_one_lone_reading_makes_R_and_A_absent() -> None:
+def test_one_lone_reading_is_left_out_of_R_and_A() -> None:
     x = complete()
     x[0, 1:, 0] = np.nan
     result = evaluate(np.arange(6.0), x, "um")
-    assert result.A is None
-    assert "a target has one reading: no R, A" in result.flags
+    assert result.A is not None
+    assert np.isnan(result.R_i[0])
+    assert "a target has one reading: left out of R, A" in result.flags
 
 
 def test_uncertainty_coefficients_and_systematic_terms() -> None:
@@ -165,7 +166,7 @@ def test_unknown_edition_and_shapeless_rows() -> None:
     with pytest.raises(ModelError, match="E-EVAL-EDITION"):
         evaluate([0.0], np.zeros((1, 5, 2)), "um", edition="2030")
     with pytest.raises(ModelError, match="E-EVAL-SHAPE"):
-        readings.from_rows([[0, 1]], [[0, 1, 2]])
+        readings.from_rows([[0, 1]], [[0, 1], [2, 3]])
 
 
 def test_numacc4_by_two_passes() -> None:

@@ -60,7 +60,7 @@ def test_equations_agree_in_the_workshop() -> None:
     [
         ({"air_degc": None}, "E-EVAL-SENSOR", "air_degc"),
         ({"pressure_hpa": 99.04}, "E-EVAL-AMBIENT", "pressure_hpa"),
-        ({"humidity_pct": 0.5}, "E-EVAL-AMBIENT", "humidity_pct"),
+        ({"humidity_pct": -0.5}, "E-EVAL-AMBIENT", "humidity_pct"),
         ({"humidity_pct": 140.0}, "E-EVAL-AMBIENT", "humidity_pct"),
         ({"air_degc": 293.15}, "E-EVAL-AMBIENT", "air_degc"),
         ({"pressure_hpa": float("nan")}, "E-EVAL-AMBIENT", "pressure_hpa"),

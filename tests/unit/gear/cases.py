@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from gateway.correct.flank.compensability import observability, tangential_cure
-from gateway.correct.solve.inverse import flank_inverse, pose_inverse
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.envelope import exact
 from gateway.gear.first_order import first_order, flank_abg, judged
@@ -110,17 +109,6 @@ def odd_residual(data: Mapping[str, Any]) -> Answer:
     return {"dc_per_B": found.dc_per_B, "eta": found.eta, "max": found.largest}
 
 
-def vol_inverse(data: Mapping[str, Any]) -> Answer:
-    """Best commands for the flank."""
-    found = flank_inverse(_grinding(data), data["k"], data["z"], data["thetas"])
-    return {"dx": found.dx, "dc": found.dc, "res_rms": found.rms}
-
-
-def vol_inverse_pose(data: Mapping[str, Any]) -> Answer:
-    """Commands that put the wheel centre right."""
-    return {"dq": pose_inverse(chain_of(data["machine"]), data["q"])}
-
-
 def runout(data: Mapping[str, Any]) -> Answer:
     """Runout of a ball."""
     nx = float(CycloidGear.of(data["gear"]).section(data["theta"]).nx)
@@ -141,7 +129,5 @@ KINDS: dict[str, Callable[[Mapping[str, Any]], Answer]] = {
     "abg": abg,
     "observability": observed,
     "odd_residual": odd_residual,
-    "vol_inverse": vol_inverse,
-    "vol_inverse_pose": vol_inverse_pose,
     "runout": runout,
 }

@@ -18,6 +18,8 @@ from gateway.domain import TableChange
 from gateway.errors import CaptureError
 from gateway.model.preset import yk7350b
 from gateway.workflow.tooth.crosstables import acting_cross, cross_changes
+from gateway.workflow.tooth.proposal import _Task
+from gateway.workflow.tooth.seating import seated
 
 CHAIN = yk7350b()
 Z, C = np.linspace(0.0, 40.0, 5), np.deg2rad(np.arange(0.0, 361.0, 45.0))
@@ -91,6 +93,33 @@ def test_a_free_number_with_room_is_taken_and_one_of_others_is_not() -> None:
     assert (large.new.input_unit, large.new.maximum, large.new.modulo) == ("deg", 360.0, True)
     assert (small.base, small.base_digest) == (sets[0], "digest of X1")
     assert (small.skipped, large.skipped) == ("", "")
+
+
+def test_the_largest_goes_first_and_each_into_the_smallest_memory_that_holds_it() -> None:
+    """In the plan's order X(Z) took a memory that only X(C) needed, and C(C) was dropped."""
+    needs = {0: 31, 1: 73, 2: 31, 3: 73}
+    rooms = {key: {0: 100, 1: 40, 2: 40, 3: 100} for key in needs}
+    assert seated(needs, rooms) == {1: 0, 3: 3, 0: 1, 2: 2}
+    control = Control((100, 8, 8, 100))
+    sets = (live("X1"), live("C1"))
+    small, large = changes(bench(control), (x_of_z(), x_of_c()), sets)
+    assert (small.name, large.name) == ("X1-cec1", "X1-cec0")
+
+
+def test_where_there_is_room_for_some_those_that_gain_most_come_first() -> None:
+    needs = {0: 31, 1: 73, 2: 31, 3: 73}
+    rooms = {key: {0: 100, 1: 40} for key in needs}
+    assert set(seated(needs, rooms)) == {0, 1}
+    assert set(seated(needs, rooms, [3, 2, 1, 0])) == {3, 2}
+    assert set(seated(needs, rooms, [0, 2, 1, 3])) == {0, 2}
+    assert seated(needs, {key: {} for key in needs}, [0, 1, 2, 3]) == {}
+
+
+def test_what_the_flank_would_miss_most_comes_first() -> None:
+    able = (("X", "Z"), ("X", "C"), ("C", "C"))
+    left = {able[1:]: 0.40, (able[0], able[2]): 0.25, able[:2]: 0.37}
+    task: Any = SimpleNamespace(_rms=lambda cross: left[cross])
+    assert _Task._by_gain(task, able) == (0, 2, 1)
 
 
 @pytest.mark.parametrize("sign", [1, -1])

@@ -1,0 +1,142 @@
+"""Readings out of line are taken again before a set-up is left, and a capture that is not whole is refused there.
+
+A stop in doubt is visited again together with its nearest neighbours that are in line. They say how far the zero has
+moved since then, so that the new reading stands in its own pass and at its own time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from drivers.types import FloatArray, Stop
+from gateway.capture.collecting import Collection
+from gateway.domain import Capture
+from gateway.errors import Incomplete
+from gateway.evaluate.behaviour.repetitions import good_readings, in_doubt, pass_offsets
+from gateway.interlocks.limits import MAX_SUSPECT_SHARE, MIN_REPETITIONS
+
+# Of three, one may be out of line itself.
+NEIGHBOURS = 3
+# So many may always be taken again, however few stops there are.
+ALWAYS = 4
+NAMED = 5
+# So many good readings make a mean and a doubt of it; an axis that a table is made for needs more.
+FEWEST = 2
+Cell = tuple[int, int, int]
+
+
+@dataclass(frozen=True)
+class Retake:
+    """What is taken again: the ``cells`` in doubt (target, repetition, approach index), and the ``stops`` on the way.
+
+    ``level`` (m, n, 2) is where each reading would lie by its repetitions and its pass; ``values``, ``times`` and
+    ``sigmas`` are those of the collection as it was.
+    """
+
+    cells: tuple[Cell, ...]
+    stops: tuple[Stop, ...]
+    level: FloatArray
+    values: FloatArray
+    times: FloatArray
+    sigmas: FloatArray
+
+    @classmethod
+    def of(cls, found: Collection) -> Retake | None:
+        """What a collection leaves in doubt; None where nothing is, or so much that the set-up itself is at fault."""
+        seen = found.deviations()
+        doubted, level = _doubted(seen, found.checks)
+        cells = tuple((int(i), int(j), int(a)) for i, j, a in np.argwhere(doubted))
+        if not cells or len(cells) > max(ALWAYS, MAX_SUSPECT_SHARE * np.isfinite(seen).sum()):
+            return None
+        way = {cell for one in cells for cell in (one, *_neighbours(one, np.isfinite(seen) & ~doubted))}
+        stops = tuple(found.stop(cell) for cell in sorted(way, key=_along))
+        return cls(
+            cells=cells,
+            stops=stops,
+            level=level,
+            values=found.values.copy(),
+            times=found.times.copy(),
+            sigmas=found.sigmas.copy(),
+        )
+
+    def begin(self, found: Collection) -> None:
+        """Let the collection miss what is taken again."""
+        for stop in self.stops:
+            found.times[_cell(stop)] = np.nan
+
+    def end(self, found: Collection) -> str:
+        """Put what was taken into its passes and all else back as it was; what was done, in words."""
+        again, there = found.deviations(), np.isfinite(found.times)
+        values, sigmas = found.values.copy(), found.sigmas.copy()
+        found.values[:], found.times[:], found.sigmas[:] = self.values, self.times, self.sigmas
+        usable, done = self._beside(), []
+        for cell in self.cells:
+            beside = [one for one in _neighbours(cell, usable) if there[one]]
+            if not there[cell] or not beside:
+                continue
+            before = found.deviations()[cell]
+            found.values[cell], found.sigmas[cell] = values[cell], sigmas[cell]
+            found.level(cell, float(np.median([again[one] - self.level[one] for one in beside])))
+            done.append(f"{found.told(cell)} ({found.size(before - found.deviations()[cell])} off)")
+        more = f" and {len(done) - NAMED} more" if len(done) > NAMED else ""
+        what = ", ".join(done[:NAMED]) + more if done else "none of them settled"
+        return f"{len(self.cells)} reading(s) out of line with their repetitions were taken again: {what}"
+
+    def _beside(self) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+        """Where the neighbours on the way are, (m, n, 2)."""
+        on_way = np.zeros(self.times.shape, dtype=np.bool_)
+        for stop in self.stops:
+            on_way[_cell(stop)] = _cell(stop) not in self.cells
+        return on_way
+
+
+def _doubted(
+    seen: FloatArray, checks: tuple[int, ...]
+) -> tuple[np.ndarray[tuple[int, ...], np.dtype[np.bool_]], FloatArray]:
+    """Which readings (m, n, 2) are in doubt, and where each would lie by its repetitions and its pass."""
+    kept = np.setdiff1d(np.arange(len(seen)), checks)
+    offsets = pass_offsets(seen[kept])
+    level = seen - offsets[None]
+    doubted = np.zeros(seen.shape, dtype=np.bool_)
+    for rows in (kept, np.asarray(checks, dtype=np.int64)):
+        if rows.size:
+            doubted[rows] = in_doubt(level[rows])
+    good = np.where(doubted, np.nan, level)
+    n = np.isfinite(good).sum(axis=1)
+    centre = np.divide(np.nansum(good, axis=1), n, out=np.full(n.shape, np.nan), where=n > 0)
+    return doubted, np.asarray(centre[:, None, :] + offsets[None])
+
+
+def _neighbours(cell: Cell, usable: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> list[Cell]:
+    """The nearest usable readings of the same pass."""
+    index, repetition, approach = cell
+    others = [int(i) for i in np.flatnonzero(usable[:, repetition, approach]) if i != index]
+    nearest = sorted(others, key=lambda i: abs(i - index))[:NEIGHBOURS]
+    return [(i, repetition, approach) for i in nearest]
+
+
+def _along(cell: Cell) -> tuple[int, int, int]:
+    """Pass after pass, each in its own direction."""
+    index, repetition, approach = cell
+    return repetition, approach, index if approach == 0 else -index
+
+
+def _cell(stop: Stop) -> Cell:
+    return stop.label, stop.repetition, 0 if stop.approach == 1 else 1
+
+
+def demand_complete(capture: Capture) -> None:
+    """Raises Incomplete (E-CAP-INCOMPLETE) while the set-up still stands, where a place has too few good readings.
+
+    As many as the push of a table asks for, 2 of an error motion, and never more than were taken.
+    """
+    needed = min(MIN_REPETITIONS if capture.sense is not None else FEWEST, capture.deviations.shape[1])
+    short = np.argwhere(good_readings(capture.deviations, capture.suspects) < needed)
+    if not short.size:
+        return
+    places = [f"{capture.targets[i]:g}{'+-'[a]}" for i, a in short[:NAMED]]
+    named = ", ".join(places) + (" ..." if len(short) > NAMED else "")
+    fields = {"places": len(short), "total": capture.targets.size * 2, "needed": needed, "named": named}
+    raise Incomplete("E-CAP-INCOMPLETE", capture.axis, component=capture.component, axis=capture.axis, **fields)

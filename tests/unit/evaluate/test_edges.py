@@ -1,0 +1,135 @@
+"""The library's edges: what cannot be is refused by name, what a workshop has is accepted; nothing is guessed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from drivers.types import Ambient
+from gateway.errors import AmbientOutOfRange, ModelError
+from gateway.evaluate.geometry.errormodel import error_model
+from gateway.evaluate.geometry.harmonics import harmonics
+from gateway.evaluate.geometry.measurement import Measurement
+from gateway.evaluate.geometry.squareness import from_face_diagonals
+from gateway.evaluate.geometry.straightness import straightness
+from gateway.evaluate.optics import air, length
+from gateway.evaluate.standards import iso230_2
+from gateway.evaluate.standards.other_standards import asme_b554_1992, nmtba, vdi3441
+from gateway.evaluate.standards.readings import from_rows
+from gateway.evaluate.uncertainty.budget import Budget, coverage_factor, misalignment_um
+from gateway.model.layout import chain_of
+from gateway.study.files import ErrorFile
+from gateway.study.machine import machine_of
+
+AT = np.linspace(0.0, 400.0, 6)
+X = np.random.default_rng(1).normal(0.0, 0.2, (6, 5, 2)) + AT[:, None, None] / 100.0
+ANY: Any = None
+
+
+def linear_axis(err: dict[str, Any]) -> dict[str, Any]:
+    return {"work": [{"kind": "prismatic", "name": "X", "axis": [1, 0, 0], "err": err}]}
+
+
+def measured(deviations: np.ndarray, component: str = "EXX") -> Measurement:
+    return Measurement(component, "X", "mm", AT, deviations)
+
+
+REFUSED: dict[str, Callable[[], object]] = {
+    "coverage in percent": lambda: coverage_factor(95, 9.0),
+    "coverage of all": lambda: coverage_factor(1.0, 9.0),
+    "no degrees of freedom": lambda: coverage_factor(0.95, 0.0),
+    "a unit of length for deviations": lambda: iso230_2.evaluate(AT, X, ANY or "mm"),
+    "readings that are words": lambda: iso230_2.evaluate(AT, [["a"]], "um"),
+    "an edition there is none of": lambda: iso230_2.evaluate(AT, X, "um", edition="2015"),
+    "an unknown kind of axis": lambda: iso230_2.minimum_targets(ANY or "spindle", 300.0),
+    "no travel": lambda: iso230_2.minimum_targets("linear", 0.0),
+    "an unknown line": lambda: straightness(AT, AT, ANY or "chebyshev"),
+    "positions that are words": lambda: straightness(["a", "b"], [1.0, 2.0]),
+    "angles that are words": lambda: harmonics(["a", "b"], [1.0, 2.0], [1]),
+    "an unknown equation": lambda: air.index(Ambient(20.0, 1013.25, 50.0), equation=ANY or "owens"),
+    "a travel of nothing": lambda: misalignment_um(0.0, 1.0),
+    "a beam of nothing": lambda: length.cosine_error_mm(0.0, 1.0),
+    "a rectangle of nothing": lambda: from_face_diagonals(1.0, 1.0, 0.0, 100.0),
+    "one place twice": lambda: straightness([0.0, 0.0], [1.0, 2.0]),
+    "errors as a list": lambda: chain_of(linear_axis([1.0])),  # type: ignore[arg-type]
+    "5 mm of EXX": lambda: chain_of(linear_axis({"dx": 5.0})),
+    "5 mm of EXX by function": lambda: chain_of(linear_axis({"dx": {"type": "poly", "c": [0.0, 5.0]}})).actual(
+        {"X": 1.0}
+    ),
+    "5 mm of EXX as measured": lambda: error_model([measured(1000.0 * X)], {}),
+    "a degree of EBX as measured": lambda: error_model([measured(1000.0 * X, "EBX")], {}),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_cannot_be_is_refused_by_name(name: str) -> None:
+    with pytest.raises(ModelError) as caught:
+        REFUSED[name]()
+    assert "{" not in caught.value.what
+
+
+@pytest.mark.parametrize("equation", [air.edlen, air.edlen_1966, air.ciddor])
+@pytest.mark.parametrize("given", [(20.0, 1013.25, 50.0), (20.0, 101325.0, 50.0, 0.633), (293.15, 101325.0, 50.0)])
+def test_air_in_other_units_is_refused(equation: Callable[..., float], given: tuple[float, ...]) -> None:
+    with pytest.raises(AmbientOutOfRange, match="E-EVAL-AMBIENT"):
+        equation(*given)
+
+
+@pytest.mark.parametrize("ambient", [Ambient(20.0, 1013.25, 0.4), Ambient(-6.0, 1013.25, 30.0)])
+def test_dry_and_cold_air_is_air(ambient: Ambient) -> None:
+    assert 1.0002 < air.index(ambient) < 1.0004
+
+
+def test_an_edition_may_be_a_number() -> None:
+    assert iso230_2.evaluate(AT, X, "um", edition=ANY or 2014).edition == "2014"
+
+
+def test_the_two_directions_may_have_unequal_repetitions() -> None:
+    rows = from_rows(np.ones((4, 5)), np.zeros((4, 3)))
+    assert rows.shape == (4, 5, 2)
+    assert np.isnan(rows[:, 3:, 1]).all()
+    assert pytest.approx(1.0) == iso230_2.evaluate(np.arange(4.0), rows, "um").B
+    with pytest.raises(ModelError):
+        from_rows(np.ones((4, 5)), np.zeros((3, 5)))
+
+
+def test_a_target_left_with_one_reading_is_left_out_of_R_and_A_alone() -> None:
+    gap = X.copy()
+    gap[2, 1:, 0] = np.nan
+    whole = np.delete(X, 2, axis=0)
+    found = iso230_2.evaluate(AT, gap, "um", budget=Budget(eve=0.2))
+    rest = iso230_2.evaluate(np.delete(AT, 2), whole, "um", budget=Budget(eve=0.2))
+    assert found.R_up == pytest.approx(rest.R_up)
+    assert found.R is not None
+    assert found.A is not None
+    assert {"R", "A", "M", "B"} <= set(found.U)
+    assert any("left out of R, A" in flag for flag in found.flags)
+    for other in (vdi3441(gap), nmtba(gap), asme_b554_1992(gap)):
+        assert all(value is not None for value in other.values.values()), other.standard
+        assert any("one reading" in flag for flag in other.flags)
+
+
+def test_sums_of_two_motions_stand_in_an_error_file() -> None:
+    wave = {"type": "fourier", "a": [2.0], "period": 10.0}
+    line = {"type": "poly", "c": [0.0, 3.0], "scale": 100.0}
+
+    def of(exx: Any) -> np.ndarray:
+        file = ErrorFile.model_validate({"name": "two", "errors": {"EXX": exx}})
+        return machine_of(file).axis("X").value("dx", np.linspace(-100.0, 0.0, 7))
+
+    np.testing.assert_allclose(of([wave, line, 1.0]), of(wave) + of(line) + of(1.0))
+
+
+def test_a_gap_in_a_capture_leaves_no_nan_in_its_record() -> None:
+    shown = np.broadcast_to(AT[:, None, None], X.shape) / 1e6 + AT[:, None, None]
+    fraction = np.linspace(0.0, 1.0, X.size).reshape(X.shape)
+    fraction[3, 4, 1] = np.nan
+    setup = length.LinearSetup(datum_mm=0.0, dead_path_mm=20.0, expansion_ppm_per_k=11.5)
+    start, end = Ambient(20.0, 1013.25, 50.0, (20.0,)), Ambient(21.0, 1013.25, 50.0, (21.0,))
+    found, done = length.linear_deviations(shown, AT, setup, start=start, end=end, fraction=fraction)
+    assert np.isnan(found).sum() == 1
+    assert all(math.isfinite(value) for value in done.details.values() if isinstance(value, float))

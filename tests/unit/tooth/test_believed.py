@@ -1,0 +1,86 @@
+"""Drift that was seen is believed, and nothing is ground to prove a push that did not happen."""
+
+from __future__ import annotations
+
+import asyncio
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gateway.capture.cycles import visits
+from gateway.config import SiteFile
+from gateway.correct.outlook.flank_uncertainty import Shop
+from gateway.domain import Verdict
+from gateway.evaluate.behaviour.steadiness import steadiness
+from gateway.siteplan import WorkSection
+from gateway.store import Store
+from gateway.tooth import SetupValues
+from gateway.workflow.loop import tooth_loop
+from gateway.workflow.tooth.proposal import _drifting, _said_of, _with_drift
+from tests.unit.components.site import site_data
+
+AT = np.linspace(0.0, 400.0, 11)
+GRINDING: Any = SimpleNamespace(infeed="X", index="C")
+WORK = WorkSection(gear=Path("gear.toml"), height_mm=150.0, drift_um_per_h=0.3)
+
+
+def per_h(rate: float, seed: int, seconds: float = 20.0) -> float:
+    """The drift an hour that a capture of 5 repetitions sees, readings scattered by 0.1 um."""
+    times = np.full((AT.size, 5, 2), np.nan)
+    for number, stop in enumerate(visits("standard", AT, 5)):
+        times[stop.label, stop.repetition, 0 if stop.approach == 1 else 1] = number * seconds
+    x = rate * times / 3600.0 + np.random.default_rng(seed).normal(0.0, 0.1, times.shape)
+    return steadiness(times, x, "um").per_h
+
+
+@pytest.mark.parametrize("rate", [2.0, -2.0])
+def test_a_clear_drift_is_told_as_a_rate_and_none_where_there_is_none(rate: float) -> None:
+    assert per_h(rate, 1) == pytest.approx(rate, rel=0.25)
+    assert sum(per_h(0.0, seed) != 0.0 for seed in range(20)) <= 1
+
+
+def test_the_larger_of_the_site_file_and_what_was_seen_counts_and_is_said() -> None:
+    def shop(x: float, c: float) -> Shop:
+        seen: Any = {"X": SimpleNamespace(drift_per_h=x), "C": SimpleNamespace(drift_per_h=c)}
+        return _with_drift(_said_of(WORK), seen, GRINDING)
+
+    fast, slow = shop(-2.0, 0.1), shop(0.1, 0.0)
+    assert (fast.drift_um_per_h, fast.drift_arcsec_per_h) == (2.0, 0.5)
+    assert slow.drift_um_per_h == 0.3
+    (told,) = _drifting(fast, WORK)
+    assert "infeed wandered by 2.0 um in an hour" in told
+    assert _drifting(slow, WORK) == ()
+
+
+class Loop(tooth_loop._Loop):
+    """A closing run whose stages are there already."""
+
+    async def _part(self, part: str, setup: SetupValues) -> Any:
+        self.at.say("part", name=part, x=setup.x_um)
+        return SimpleNamespace(part=part)
+
+    async def _proposal(self) -> Any:
+        return None, None
+
+    async def _pushed(self, proposal: Any) -> Verdict:
+        return Verdict((), "not-pushed", ())
+
+
+def test_nothing_is_ground_again_where_nothing_was_pushed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    said: list[str] = []
+    store = Store(tmp_path)
+    folder = store.create("grinder")
+    monkeypatch.setattr(tooth_loop, "same_machine", lambda _at: None)
+    book = SimpleNamespace(current=lambda *_names: SetupValues())
+    monkeypatch.setattr(tooth_loop, "SetupBook", lambda _root: book)
+    lacks = SimpleNamespace(setup=SetupValues(x_um=1.5))
+    monkeypatch.setattr(tooth_loop, "setup_from_part", lambda _part, _gear: lacks)
+    at: Any = SimpleNamespace(folder=folder, store=store, machine=None, site=SiteFile.model_validate(site_data()))
+    at.say = lambda code, **fields: said.append(f"{code} {fields.get('name', fields.get('x', ''))}")
+    work: Any = SimpleNamespace(name="disc", gear=None)
+    asyncio.run(Loop(at, work, None, {}).close(apply=True))  # type: ignore[arg-type]
+    assert said == ["part before", "P-CLOSE-NOTHING 1.5"]
+    assert folder.state == "not-pushed"
