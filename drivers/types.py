@@ -145,6 +145,7 @@ class Capabilities:
     controller keeps the number and state of the transaction where it outlives the gateway's PC. ``consent`` is how
     the person at the machine agrees. ``grinding``: grinds a test part. ``alarms``: its state names alarms.
     ``acting_tables``: the tables that act can be read; else only what was loaded, and the acting value.
+    ``self_test``: it tries the words of its programs (`drivers.programs.SelfTests`); a push asks for it.
     """
 
     stops: bool
@@ -155,6 +156,7 @@ class Capabilities:
     grinding: bool = False
     alarms: bool = True
     acting_tables: bool = True
+    self_test: bool = False
 
     @property
     def switches_now(self) -> bool:

@@ -11,6 +11,7 @@ import numpy as np
 
 from drivers.errors import words
 from drivers.limits import ACCESS_LEVEL, Limits
+from drivers.programs import SelfTested
 from drivers.types import (
     Ambient,
     AxisState,
@@ -66,6 +67,7 @@ class PushFacts:
     that the marker should name and does not, ``stranger`` one it names that another gateway ended, 0 for none.
     ``missing`` are transactions begun here whose journals are gone.
     ``alarms`` are differences found between this axis' live tables and what was pushed.
+    ``self_test`` is the last of the output axis (None: never), ``self_tests`` whether this control must have one.
     """
 
     change: TableChange
@@ -108,6 +110,8 @@ class PushFacts:
     stranger: int = 0
     missing: tuple[int, ...] = ()
     alarms: tuple[str, ...] = ()
+    self_test: SelfTested | None = None
+    self_tests: bool = False
 
     @property
     def table(self) -> CompensationTable:

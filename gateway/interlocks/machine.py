@@ -132,6 +132,20 @@ def _base(facts: PushFacts) -> Iterator[Refusal]:
         yield from no("E-INT-LOST-UPDATE", axis=facts.change.axis, base=facts.change.base_digest[:12])
 
 
+def _self_test(facts: PushFacts) -> Iterator[Refusal]:
+    """Programs that this very control has not tried are not let loose on its tables; no setting waives it."""
+    if not facts.self_tests:
+        return
+    axis, test = facts.change.axis, facts.self_test
+    if test is None:
+        yield from no("E-INT-NO-SELF-TEST", axis=axis)
+    elif test.machine.differences(facts.found):
+        differ = ", ".join(test.machine.differences(facts.found))
+        yield from no("E-INT-OTHER-SELF-TEST", axis=axis, differ=differ, date=test.utc, tested=test.machine.version)
+    elif not test.ok:
+        yield from no("E-INT-SELF-TEST", axis=axis, date=test.utc, missed=test.missed)
+
+
 def _proof(facts: PushFacts) -> Iterator[Refusal]:
     if facts.purpose != "table":
         return
@@ -155,6 +169,9 @@ def _sound(proof: SignProof) -> bool:
 
 
 MACHINE: tuple[Rule, ...] = (_machine, _units, _channel, _mode, _alarms, _axis, _axis_units, _access)
-CONSENT: tuple[Rule, ...] = (_name, _unfinished, _marker, _behind, _missing, _key, _skipped, _nothing, _base, _proof)
+CONSENT: tuple[Rule, ...] = (
+    *(_name, _unfinished, _marker, _behind, _missing, _key, _skipped, _nothing, _base),
+    *(_self_test, _proof),
+)
 RELEASE: tuple[Rule, ...] = (*MACHINE, _jump)
 NAMED: tuple[Rule, ...] = (_name,)

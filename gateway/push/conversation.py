@@ -85,6 +85,8 @@ async def facts_at_start(
         stranger=mark.stranger,
         missing=missing_journals(context),
         alarms=context.alarms,
+        self_test=context.self_test,
+        self_tests=controller.capabilities.self_test,
     )
 
 
