@@ -7,7 +7,7 @@ import sys
 from gateway.cli.commands import app
 from gateway.cli.control import auditing, connecting, consenting, switching
 from gateway.cli.files import importing, replaying, watching
-from gateway.cli.machine import correcting, dynamic, grinding, inspecting, measuring, programs, selftest, whole_loop
+from gateway.cli.machine import correcting, dynamic, grinding, inspecting, measuring, programs, whole_loop
 from gateway.cli.show import show_error
 
 auditing.add_to(app)
@@ -22,7 +22,6 @@ measuring.add_to(app)
 correcting.add_to(app)
 grinding.add_to(app)
 programs.add_to(app)
-selftest.add_to(app)
 inspecting.add_to(app)
 whole_loop.add_to(app)
 

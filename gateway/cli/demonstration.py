@@ -15,8 +15,8 @@ from typing import Any, TextIO
 
 from drivers.clock import LoopClock
 from drivers.errors import ConfigError
+from gateway.cli.machine.programs import self_tested
 from gateway.cli.machine.running import run_site_command
-from gateway.cli.machine.selftest import self_tested
 from gateway.cli.machine.whole_loop import close_site_command
 from gateway.cli.show import echo
 

@@ -29,6 +29,7 @@ class SelfTesting:
         self._where = where
         self._number = 0
         self._words: tuple[str, ...] = ()
+        self._alarms: set[int] = set()
 
     async def prepare(self, order: SelfTest, setting: Setting) -> None:
         """Send, read back and select the program.
@@ -40,6 +41,7 @@ class SelfTesting:
         text = program.self_test(order.axis, order.encoder, number=number, setting=setting)
         passed = legal(path, text, setting.memory.axes)
         self._number, self._words = number, program.words_of(order.axis, order.encoder, setting)
+        self._alarms = set()
         await self._dialogue.begin(setting.axis_number, number, path)
         await self._transfer.send(passed)
         await self._transfer.select(path)
@@ -55,6 +57,9 @@ class SelfTesting:
             await self._pushing.until(self._number, timeout_s, lambda before, seen: self._is_over(order, before, seen))
         except DeviceRefused as error:
             stopped = str(error)
+        if self._alarms and not stopped:
+            # The program went on with the old value, which is what it had written: only the alarm tells.
+            stopped = words("W-NC-SELF-ALARM", axis=order.axis, numbers=", ".join(map(str, sorted(self._alarms))))
         report = await self._report(order)
         failed = report.failed
         if not report.whole or self._untried(report):
@@ -82,6 +87,7 @@ class SelfTesting:
         return tuple(word for word in self._words if word not in (*report.passed, *report.failed))
 
     def _is_over(self, order: SelfTest, before: Glance | None, seen: Glance) -> bool | None:
+        self._alarms |= self._dialogue.fresh_alarms(seen)
         if seen.phase == Phase.FILE_FAILED:
             raise file_refused(seen, self._where, order.axis)
         if seen.channel is not ChannelStatus.RESET:

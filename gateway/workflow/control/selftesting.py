@@ -20,7 +20,7 @@ async def self_test_site(site: SiteFile, site_path: Path, *, axis: str, clock: C
     """Test every axis of a site, or the one that is named; no instrument is opened and nothing moves.
 
     Each outcome is kept before the next begins. Raises ConfigError (E-RUN-AXIS), DeviceRefused (E-SELF-TEST) when
-    words were not passed, DeadlineExceeded (E-NC-NO-START) when nobody pressed NC START, StoreError.
+    words were not passed, DeadlineExceeded (E-NC-NO-START) when nobody started it, StoreError.
     """
     folder = new_run(site, site_path)
     folder.set_state("self-testing")
