@@ -268,6 +268,23 @@ class LiveTable:
 
 
 @dataclass(frozen=True, slots=True)
+class TemperatureShift:
+    """What temperature compensation is worth on an axis: ``constant`` + ``slope`` (position - ``reference``).
+
+    In the axis unit, and per unit. Only the parts that the control has switched on, the slope as far as it lets it
+    act; all 0 where nothing acts.
+    """
+
+    constant: float = 0.0
+    slope: float = 0.0
+    reference: float = 0.0
+
+    def at(self, position: float) -> float:
+        """Its worth at a position, in the axis unit."""
+        return self.constant + self.slope * (position - self.reference)
+
+
+@dataclass(frozen=True, slots=True)
 class LiveSet:
     """Everything that compensates one axis right now: tables, switches, backlash; and the text as read.
 
@@ -275,7 +292,8 @@ class LiveSet:
     exactly as the controller wrote it; ``digest`` is the same as long as the tables are. ``own`` is the axis' own
     table; that of an axis that never had one is all zero and disabled. ``cross`` are the cross tables whose output is
     this axis, ``others`` those of other outputs, as far as they are known. Cross tables hold the stored values unless
-    a proof was given with the order that led to this set.
+    a proof was given with the order that led to this set. ``temperature`` is what else moves the axis, read beside
+    the tables and no part of the digest; None where the road cannot tell.
     """
 
     axis: str
@@ -285,6 +303,7 @@ class LiveSet:
     native: str
     digest: str
     others: tuple[LiveTable, ...] = ()
+    temperature: TemperatureShift | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,7 +28,6 @@ AWAITED = {
     "gateway.correct.plan.reversal": "advice on curves for each direction",
     "gateway.correct.solve.inverse": "commands that put one pose right",
     "drivers.envelope": "a long stream on the web page",
-    "drivers.sinumerik.tablefile.temperature": "temperature compensation as it is set",
 }
 """Modules that no entry point reaches yet, and the use that will: this list only shrinks."""
 ALONE = {

@@ -10,6 +10,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any, Literal
 
 from drivers.clock import Clock
@@ -186,7 +187,8 @@ class SinumerikOpcUa(Leaver):
     async def saved_tables(self, axis: str) -> LiveSet:
         """The live tables the last program wrote before moving. Raises DeviceRefused (E-NC-NOT-SAVED, E-UA-FILE...)."""
         saved = self._measuring if self._grinding.plan is None else self._grinding
-        return await saved.saved_tables(axis, self._configuration)
+        live = await saved.saved_tables(axis, self._configuration)
+        return replace(live, temperature=await self._reader.temperature(self._configuration, axis))
 
     # ---- the self-test ------------------------------------------------------------------------------
 

@@ -58,7 +58,7 @@ def self_test_command(
     axis: Annotated[str, typer.Option("--axis", help="This machine axis only.", show_default=False)] = "",
     as_json: JsonOption = False,
 ) -> None:
-    """Let the control try every word of our programs: you start it at the machine, nothing moves, the outcome is kept."""
+    """Let the control try every word of our programs: you start it, nothing moves, the outcome is kept."""
     from gateway.cli.machine.running import show_outcome
 
     show_outcome(self_tested(site, axis, quiet=as_json), as_json=as_json)
