@@ -89,7 +89,14 @@ def _head(kind: str, order: PushOrder, setting: Setting) -> Head:
     names = " and ".join(file_path(name, table.output_axis) for name in ("BACK", "READ"))
     saved = f" Saves old and new table in {names}." if kind != "ENAB" else ""
     also = f"Switching the table off or on moves {table.output_axis} by the table's value.{saved}"
-    return Head(program_path(kind, table.output_axis), what, order.transaction, _STOPS, setting.origin, also)
+    return Head(
+        program_path(kind, table.output_axis),
+        what,
+        number=order.transaction,
+        stops=_STOPS,
+        origin=setting.origin,
+        also=also,
+    )
 
 
 def _first_half(order: PushOrder, setting: Setting) -> list[str]:
@@ -198,7 +205,9 @@ def _still_acting(table: CompensationTable) -> list[str]:
 def saving(section: Section, order: PushOrder, memory: Memory) -> Saving:
     """What the order's program writes to a file, and what proves that it did."""
     encoder = order.table.index if order.table.kind == "axis" else 0
-    return Saving(section, order.transaction, order.table.output_axis, encoder, memory)
+    return Saving(
+        section=section, number=order.transaction, axis=order.table.output_axis, encoder=encoder, memory=memory
+    )
 
 
 def _go(order: PushOrder, setting: Setting) -> str:

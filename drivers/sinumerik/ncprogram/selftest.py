@@ -65,7 +65,11 @@ def self_test(axis: str, encoder: int, number: int, setting: Setting) -> str:
     stops = _STOPS.format(counter=words.number(Word.COUNTER))
     what = f"self-test of every word our programs need, {len(trials)} trials"
     also = f"Says what passed in {path}."
-    return text_of(headed(Head(program_path("SELF", axis), what, number, stops, setting.origin, also), out))
+    return text_of(
+        headed(
+            Head(program_path("SELF", axis), what, number=number, stops=stops, origin=setting.origin, also=also), out
+        )
+    )
 
 
 def words_of(axis: str, encoder: int, setting: Setting) -> tuple[str, ...]:
@@ -120,7 +124,7 @@ def _trials(axis: str, encoder: int, path: str, setting: Setting) -> Iterator[Tr
     yield Trial("READ", (f'READ({error},"{path}",1,1,{_LINE})',), f"{error}==0")
     yield Trial("R WORDS", (f"{words.name(Word.TARGET)}=-12.5", "STOPRE"), f"{words.name(Word.TARGET)}==-12.5")
     yield Trial("NEWCONF", ("NEWCONF", "STOPRE"), "TRUE")
-    saving = Saving("LIVE", 1, axis, encoder, memory)
+    saving = Saving(section="LIVE", number=1, axis=axis, encoder=encoder, memory=memory)
     for name in _read(saving):
         yield Trial(f"VALUE OF {name}", (f'{_LINE}[0]="V"<<{name}',), f'{_LINE}[0]<>"V"')
     for switch in _switches(saving):
