@@ -108,8 +108,7 @@ def _first_half(order: PushOrder, setting: Setting) -> list[str]:
     out += [section("old table into a file"), *backup.blocks(saving("BACK", order, setting.memory), _FAILED)]
     out += _asleep(order, setting)
     out += [section("to where old and new table agree; the table off")]
-    out += [_go(order, setting), "STOPRE", *_disable(table), "STOPRE"]
-    out += [f"IF {switch}<>0 GOTOF {_LEFT}" for switch in switches(table)]
+    out += [_go(order, setting), "STOPRE", *_switched_off(table)]
     out += [*_still_acting(table), phase_block(words, Phase.DISABLED)]
     out += [section("new table"), *_write(order, setting), "STOPRE", phase_block(words, Phase.WRITTEN)]
     out += [f"{_HALF}=1", f"GOTOF {_COMPARE}", f"{_COMPARE}_1:"]
@@ -188,6 +187,18 @@ def _others_again(order: PushOrder) -> list[str]:
         return [f"GOTOF {_HELD}"]
     axis_switch = switches(order.table)[0]
     return [f"{axis_switch}=1", "NEWCONF", "STOPRE", f"IF {axis_switch}<>1 GOTOF {_HELD}", f"GOTOF {_ALONE}"]
+
+
+def _switched_off(table: CompensationTable) -> list[str]:
+    """The table off, proved switch by switch; the axis' first: where it stays on, nothing at all has changed.
+
+    SD41300 comes after it: anybody may write it. Where that one stays on, the axis is off already.
+    """
+    first, *rest = switches(table)
+    out = [f"{first}=0", "NEWCONF", "STOPRE", f"IF {first}<>0 GOTOF {_LEFT}"]
+    for switch in rest:
+        out += [f"{switch}=0", "STOPRE", f"IF {switch}<>0 GOTOF {_HELD}"]
+    return out
 
 
 def _disable(table: CompensationTable) -> list[str]:
