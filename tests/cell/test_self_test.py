@@ -8,12 +8,13 @@ from typing import Any
 import pytest
 
 from drivers.clock import LoopClock, run_virtual
-from drivers.errors import DeviceRefused, words
+from drivers.errors import DeviceRefused, TrueflankError, words
 from drivers.types import MachineIdentity
 from gateway.config import load_site
 from gateway.say import silence
 from gateway.store import SelfTestBook
-from gateway.workflow.bench import store_of
+from gateway.workflow.axes.measure import fetch_tables
+from gateway.workflow.bench import bench, new_run, store_of
 from gateway.workflow.control.selftesting import self_test_site
 from simulators.cell import Cell, cell_running
 from simulators.cellfile import load_cell
@@ -78,3 +79,27 @@ def test_a_road_that_runs_no_programs_needs_none(tmp_path: Path, road: str) -> N
     assert outcome.state == "not-needed"
     assert outcome.lines == (words("W-SELF-TEST-NONE", site=cell.file.site.name),)
     assert book.all(cell.file.machine.serial) == ()
+
+
+def test_a_cell_with_the_control_s_own_default_is_refused_with_the_size_it_needs(tmp_path: Path) -> None:
+    """The shipped cells set MD11420 (`files_max_bytes`); one that keeps the small default is told what to set."""
+    file = load_cell("zero")
+    bare = file.model_copy(update={"machine": file.machine.model_copy(update={"switches": {}})})
+
+    async def job() -> TrueflankError:
+        clock = LoopClock()
+        async with cell_running(bare, tmp_path, clock, wires="memory") as cell:
+            path = cell.site_path
+            site = load_site(path)
+            async with bench(site, path, folder=new_run(site, path), clock=clock, say=silence, instruments=()) as at:
+                with pytest.raises(DeviceRefused) as caught:
+                    await fetch_tables(at, site.axes[0])
+                assert "_N_TFMEAS_X1_MPF" not in cell.nck.files.list("/_N_MPF_DIR")
+                return caught.value
+
+    error = run_virtual(job)
+    assert error.code == "E-NC-FILE-LIMIT"
+    assert error.fields["limit_kb"] == 1
+    needed = int(str(error.fields["needed_kb"]))
+    assert 1 < needed <= 64
+    assert f"set MD11420 $MN_LEN_PROTOCOL_FILE to {needed} or more" in str(error)
