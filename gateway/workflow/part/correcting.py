@@ -123,8 +123,8 @@ async def _proposed(at: Bench, flank: InspectedFlank, run: RunFolder) -> FromGea
     changes = await cross_changes(
         at, tables, chain_of_errors(ErrorModel(), height_mm=work.height_mm), live=live, adds=True
     )
-    gear = replace(gear, said=(*gear.said, *said, *_nothing(changes)))
     untried = warnings(at, (change.axis for change in changes if not change.skipped))
+    gear = replace(gear, said=(*gear.said, *said, *_nothing(changes), *untried))
     proposal = Proposal(at.machine, changes, parents, at.clock.utc().isoformat(timespec="seconds"), warnings=untried)
     at.folder.put(stages.FROM_GEAR, gear, parents)
     at.folder.put(stages.PROPOSAL, proposal, parents)
