@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from drivers.clock import LoopClock
+from drivers.programs import SelfTested
 from drivers.sinumerik.opcua.device import SinumerikOpcUa
 from drivers.types import CompensationTable, LiveSet, SignProof, Stop, StopPlan
 from gateway.domain import PushRecord, TableChange
@@ -119,9 +120,11 @@ async def one_push(url: str, size: float, folder: Path) -> tuple[PushRecord, flo
         nothing = np.zeros(0)
         old = base.own
         change = TableChange("X1", old.table, new, old.enabled, base.digest, nothing, nothing, nothing, base=base)
+        tested = SelfTested(machine, "X1", 0, "2026-01-01T00:00:00+00:00", "2026-01-01", passed=("READ",), failed=())
         context = PushContext(
-            device, clock, Folder(folder), folder / "journal", AXIS, machine, "mill", "mill", proof, approvals_needed=1
-        )
+            device, clock, Folder(folder), folder / "journal", AXIS, machine, "mill", "mill", proof,
+            approvals_needed=1, self_test=tested,
+        )  # fmt: skip
         begun, worked, clock.watched = perf_counter(), process_time(), asyncio.current_task()
         record = await push_table(change, context)
         return record, perf_counter() - begun, clock.paused_s, process_time() - worked

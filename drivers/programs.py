@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
-from drivers.types import DisableOrder, PushOrder, StopPlan, TableQuestion
+from drivers.types import DisableOrder, MachineIdentity, PushOrder, StopPlan, TableQuestion
 from drivers.workpiece import GrindPlan
 
 
@@ -45,6 +45,34 @@ class SelfTest:
     encoder: int = 0
 
 
+@dataclass(frozen=True, slots=True)
+class SelfTested:
+    """How a self-test ended, word by word: for one axis and measuring system of the very machine that it names.
+
+    ``utc`` is this PC's time, ``control_date`` the day that the control wrote into its report ("": none). ``stopped``
+    says why the program did not come to its end ("": it did); ``failed`` then names the trial it stopped at.
+    """
+
+    machine: MachineIdentity
+    axis: str
+    encoder: int
+    utc: str
+    control_date: str
+    passed: tuple[str, ...]
+    failed: tuple[str, ...]
+    stopped: str = ""
+
+    @property
+    def ok(self) -> bool:
+        """Whether every word passed and the program came to its end."""
+        return bool(self.passed) and not self.failed and not self.stopped
+
+    @property
+    def missed(self) -> str:
+        """What was not passed, in words; "" where all was."""
+        return "; ".join(one for one in (", ".join(self.failed), self.stopped) if one)
+
+
 Order = StopPlan | TableQuestion | PushOrder | DisableOrder | GrindPlan | SelfTest
 """What a program is written for."""
 
@@ -69,4 +97,23 @@ class SendsPrograms(Protocol):
 
     def attend(self, origin: Origin, keep: Callable[[ProgramText], None]) -> None:
         """From now on programs carry ``origin`` in their head; ``keep`` is called with each before it is sent."""
+        ...
+
+
+@runtime_checkable
+class SelfTests(Protocol):
+    """A controller that tries the words of its programs before any of them matters (`Capabilities.self_test`)."""
+
+    async def prepare_self_test(self, order: SelfTest) -> None:
+        """Send, read back and select the program; it moves nothing. The person at the machine starts it.
+
+        Raises DeviceRefused (not in reset, a program the control's rules do not allow) with nothing started.
+        """
+        ...
+
+    async def wait_self_test(self, order: SelfTest, timeout_s: float) -> SelfTested:
+        """Wait for its end and read its report; what stopped it is a result, not an error.
+
+        Raises DeadlineExceeded (nobody started it), and what the wire raises.
+        """
         ...

@@ -148,6 +148,7 @@ class Capabilities:
     the person at the machine agrees. ``grinding``: grinds a test part. ``alarms``: its state names alarms.
     ``acting_tables``: the tables that act can be read; else only what was loaded, and the acting value.
     ``cross_shown``: whether the acting value of cross tables counts as their deviations do, or nobody knows which way.
+    ``self_test``: it tries the words of its programs (`drivers.programs.SelfTests`); a push asks for it.
     """
 
     stops: bool
@@ -159,6 +160,7 @@ class Capabilities:
     alarms: bool = True
     acting_tables: bool = True
     cross_shown: Literal["as-is", "either-way"] = "as-is"
+    self_test: bool = False
 
     @property
     def switches_now(self) -> bool:
@@ -274,6 +276,23 @@ class LiveTable:
 
 
 @dataclass(frozen=True, slots=True)
+class TemperatureShift:
+    """What temperature compensation is worth on an axis: ``constant`` + ``slope`` (position - ``reference``).
+
+    In the axis unit, and per unit. Only the parts that the control has switched on, the slope as far as it lets it
+    act; all 0 where nothing acts.
+    """
+
+    constant: float = 0.0
+    slope: float = 0.0
+    reference: float = 0.0
+
+    def at(self, position: float) -> float:
+        """Its worth at a position, in the axis unit."""
+        return self.constant + self.slope * (position - self.reference)
+
+
+@dataclass(frozen=True, slots=True)
 class LiveSet:
     """Everything that compensates one axis right now: tables, switches, backlash; and the text as read.
 
@@ -282,6 +301,8 @@ class LiveSet:
     table; that of an axis that never had one is all zero and disabled. ``cross`` are the cross tables whose output is
     this axis, ``others`` those of other outputs, as far as they are known. Cross tables are deviations by the proof
     that was given with the question or order, in its ``sense``; without a proof they hold the stored values.
+    ``temperature`` is what else moves the axis, read beside the tables and no part of the digest; None where the road
+    cannot tell.
     """
 
     axis: str
@@ -292,6 +313,7 @@ class LiveSet:
     digest: str
     others: tuple[LiveTable, ...] = ()
     sense: Sense = 1
+    temperature: TemperatureShift | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -249,12 +249,13 @@ class Approval:
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """All table changes of a run, for one machine, made from captures named by their hashes."""
+    """All table changes of a run, for one machine, made from captures named by their hashes; ``warnings`` in words."""
 
     machine: MachineIdentity
     changes: tuple[TableChange, ...]
     parents: tuple[str, ...]
     created_utc: str
+    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

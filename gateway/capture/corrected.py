@@ -9,6 +9,7 @@ from drivers.units import deviation_scale, deviation_unit
 from gateway.capture.live import RawCapture
 from gateway.capture.surroundings import check_all
 from gateway.capture.targets import CHECK_REPETITIONS
+from gateway.capture.warmth import warmth_said
 from gateway.config import AxisSection
 from gateway.domain import Between, Capture, Corrections, SenseProof
 from gateway.errors import AmbientOutOfRange, CaptureError
@@ -52,7 +53,10 @@ def from_live(axis: AxisSection, raw: RawCapture, proof: SenseProof, already: Co
         source="live",
         started_utc=raw.started_utc,
         ended_utc=raw.ended_utc,
-        notes=(*lost, *raw.notes, *_alignment_doubt(axis, targets, deviations), *steady.said),
+        notes=(
+            *(*lost, *raw.notes, *_alignment_doubt(axis, targets, deviations), *steady.said),
+            *warmth_said(raw.live, targets),
+        ),
         cycle=axis.measure.cycle,
         between=between,
         unsteady_u=steady.u,
@@ -157,7 +161,10 @@ def from_file(axis: AxisSection, measured: MeasuredSet, live: LiveSet | None, so
         source=source,
         started_utc=measured.header.get("Date", ""),
         ended_utc="",
-        notes=(*measured.warnings, "tables taken as live during the file's measurement are those found now"),
+        notes=(
+            *(*measured.warnings, "tables taken as live during the file's measurement are those found now"),
+            *warmth_said(live, targets),
+        ),
     )
 
 

@@ -22,6 +22,7 @@ from gateway.capture.live import RawCapture, Visits, raw_capture, targets_of
 from gateway.capture.readings import History, Readings, StopReading, Window
 from gateway.capture.rig import SETTLE_TIMEOUT_S, Rig
 from gateway.capture.targets import measuring_plan
+from gateway.capture.warmth import warmth_said
 from gateway.domain import Capture, SenseProof
 from gateway.errors import CaptureError, Unstable
 from gateway.evaluate.behaviour.repetitions import robust_means
@@ -216,6 +217,9 @@ def error_capture(rig: ErrorRig, raw: RawCapture, sense: Literal[1, -1], *, abso
         source="live",
         started_utc=raw.started_utc,
         ended_utc=raw.ended_utc,
-        notes=(*lost, *raw.notes, f"direction as the site file says it (sense {sense:+d}): no jog can prove it"),
+        notes=(
+            *(*lost, *raw.notes, f"direction as the site file says it (sense {sense:+d}): no jog can prove it"),
+            *warmth_said(raw.live, raw.targets),
+        ),
         cycle=rig.axis.measure.cycle,
     )

@@ -15,6 +15,7 @@ from typing import Any, TextIO
 
 from drivers.clock import LoopClock
 from drivers.errors import ConfigError
+from gateway.cli.machine.programs import self_tested
 from gateway.cli.machine.running import run_site_command
 from gateway.cli.machine.whole_loop import close_site_command
 from gateway.cli.show import echo
@@ -78,6 +79,7 @@ def run_demo(folder: Path, cell: str, speed: float, seed: int | None, *, axes: b
         if not as_json:
             echo(f"a simulated grinder runs at {speed:g} x machine time; {EXPECT[axes]}")
         started = clock.utc()
+        self_tested(site, quiet=as_json, clock=clock)
         if axes:
             run_site_command(site, True, "", as_json=as_json, typed_by_demo=True, clock=clock)
         else:

@@ -11,6 +11,7 @@ import numpy as np
 
 from drivers.errors import words
 from drivers.limits import Limits
+from drivers.programs import SelfTested
 from drivers.types import (
     Ambient,
     AxisState,
@@ -64,7 +65,8 @@ class PushRequest(Protocol):
     """Who asks for what and with whose consent, as far as the rules care; a push's own context is one.
 
     ``typed_name`` is what the operator gave as the machine's name, ``site_name`` what it must be; ``machine`` the
-    fingerprint the run was made on; ``moved`` the table's input axis. ``actor`` is who pushes, ``approvals`` who else
+    fingerprint the run was made on; ``moved`` the table's input axis. ``self_test`` is the last of
+    the output axis (None: never). ``actor`` is who pushes, ``approvals`` who else
     agreed, ``approvals_needed`` None: one person, two when there is any warning. ``audit_broken`` says why the audit
     chain cannot be trusted ("": it can). ``proposed`` whether the audit log holds this plan's proposal; ``used`` and
     ``unrecorded`` are approvals that it knows as used or does not know; ``run_id`` the run they must name,
@@ -84,6 +86,8 @@ class PushRequest(Protocol):
     def proof(self) -> SignProof | None: ...
     @property
     def capture(self) -> Capture | None: ...
+    @property
+    def self_test(self) -> SelfTested | None: ...
     @property
     def ambient_now(self) -> Ambient | None: ...
     @property

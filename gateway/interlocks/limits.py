@@ -21,3 +21,5 @@ PROOF_WITHIN = 0.2
 PROOF_TIMES_U = 4.0
 
 MAX_JUMP = Limits.of("mm").jump
+# um or arcsec: by so little temperature compensation may have changed since the measurement.
+TEMPERATURE_MOVED = 0.1

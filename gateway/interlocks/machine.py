@@ -6,8 +6,9 @@ from collections.abc import Iterator
 
 from drivers.terms import spoken
 from drivers.types import ChannelStatus, SignProof
+from drivers.units import deviation_scale
 from gateway.interlocks.facts import ROUNDING, PushFacts, Refusal, Rule, no, others_now, value_at
-from gateway.interlocks.limits import PROOF_TIMES_U, PROOF_WITHIN
+from gateway.interlocks.limits import PROOF_TIMES_U, PROOF_WITHIN, TEMPERATURE_MOVED
 
 
 def _machine(facts: PushFacts) -> Iterator[Refusal]:
@@ -132,6 +133,43 @@ def _base(facts: PushFacts) -> Iterator[Refusal]:
         yield from no("E-INT-LOST-UPDATE", axis=facts.change.axis, base=facts.change.base_digest[:12])
 
 
+def _temperature(facts: PushFacts) -> Iterator[Refusal]:
+    """A table made while temperature compensation was worth something else holds part of the difference."""
+    base = facts.change.base or (facts.request.capture.live if facts.request.capture is not None else None)
+    if facts.live is None or base is None or base.axis != facts.live.axis:
+        return
+    then, now = base.temperature, facts.live.temperature
+    if then is None or now is None:
+        return
+    scale = deviation_scale(facts.unit)
+    moved = max((abs(now.at(place) - then.at(place)) * scale for place in _looked_at(facts)), default=0.0)
+    if moved > TEMPERATURE_MOVED + ROUNDING:
+        fields = {"axis": facts.live.axis, "moved": round(moved, 3), "limit": TEMPERATURE_MOVED}
+        yield from no("E-INT-TEMPERATURE-MOVED", unit=facts.table.deviation_unit, **fields)
+
+
+def _looked_at(facts: PushFacts) -> tuple[float, ...]:
+    """Ends of what was measured of the output axis; without any a metre or a turn around its zero."""
+    if facts.request.capture is not None and facts.request.capture.targets.size:
+        return float(facts.request.capture.targets[0]), float(facts.request.capture.targets[-1])
+    around = 1000.0 if facts.unit == "mm" else 360.0
+    return -around, 0.0, around
+
+
+def _self_test(facts: PushFacts) -> Iterator[Refusal]:
+    """Programs that this very control has not tried are not let loose on its tables; no setting waives it."""
+    if not facts.can.self_test:
+        return
+    axis, test = facts.change.axis, facts.request.self_test
+    if test is None:
+        yield from no("E-INT-NO-SELF-TEST", axis=axis)
+    elif test.machine.differences(facts.found):
+        differ = ", ".join(test.machine.differences(facts.found))
+        yield from no("E-INT-OTHER-SELF-TEST", axis=axis, differ=differ, date=test.utc, tested=test.machine.version)
+    elif not test.ok:
+        yield from no("E-INT-SELF-TEST", axis=axis, date=test.utc, missed=test.missed)
+
+
 def _proof(facts: PushFacts) -> Iterator[Refusal]:
     if facts.purpose != "table":
         return
@@ -155,6 +193,9 @@ def _sound(proof: SignProof) -> bool:
 
 
 MACHINE: tuple[Rule, ...] = (_machine, _units, _channel, _mode, _alarms, _axis, _axis_units, _access)
-CONSENT: tuple[Rule, ...] = (_name, _unfinished, _marker, _behind, _missing, _key, _skipped, _nothing, _base, _proof)
+CONSENT: tuple[Rule, ...] = (
+    *(_name, _unfinished, _marker, _behind, _missing, _key, _skipped, _nothing, _base),
+    *(_temperature, _self_test, _proof),
+)
 RELEASE: tuple[Rule, ...] = (*MACHINE, _jump)
 NAMED: tuple[Rule, ...] = (_name,)

@@ -11,6 +11,7 @@ from typing import Protocol
 from drivers.clock import Clock
 from drivers.limits import ACCESS_LEVEL
 from drivers.ports import Controller
+from drivers.programs import SelfTested
 from drivers.types import Ambient, CompensationTable, LiveSet, MachineIdentity, Sense, SignProof
 from gateway.axes import AxisRecord
 from gateway.domain import Approval, Capture, TableChange
@@ -75,6 +76,8 @@ class PushContext:
     ``consent_utc`` when this push began, which is when they must hold (None: now). ``on_live`` is told the live tables
     as read before anything is disabled, cross tables as deviations, and answers with the alarms that stand then.
 
+    ``self_test`` is the last one of the output axis (None: this store knows none).
+
     ``journals`` is the folder of all machines' journals; ``machine`` the fingerprint the run was made on;
     ``typed_name`` what the operator gave as the machine's name, ``site_name`` what it must be. Timeouts in s of
     the clock: for a person to start or do a reference run, and for one move to end.
@@ -112,6 +115,7 @@ class PushContext:
     run_id: str = ""
     on_live: Callable[[LiveSet], tuple[str, ...]] | None = None
     consent_utc: datetime | None = None
+    self_test: SelfTested | None = None
 
     @property
     def moved(self) -> AxisRecord:

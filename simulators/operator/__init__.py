@@ -17,6 +17,7 @@ BLANK = re.compile(r"TRUEFLANK LOAD BLANK(?: .*)?$")
 UNLOAD = re.compile(r"TRUEFLANK UNLOAD PART(?: .*)?$")
 LOADED = re.compile(r"TRUEFLANK LOADED .+ NC START WHEN R(?P<number>\d+)=(?P<value>-?\d+(?:\.\d+)?)$")
 ACTIVATE = re.compile(r"TRUEFLANK ACTIVATE NCK RESET AND REFERENCE (?P<axis>\S+)$")
+SELF_TEST = re.compile(r"TRUEFLANK SELF-TEST PRESS NC START$")
 RESET, ACTIVE, INTERRUPTED = 0, 1, 2
 LOOK_S = 0.5
 KEYS = ("RESET", "NC START", "NCK RESET")
@@ -119,6 +120,7 @@ class Operator:
             (UNLOAD, self._unload_part),
             (LOADED, self._release),
             (ACTIVATE, self._activate),
+            (SELF_TEST, self._go_on_with_test),
         )
         for pattern, act in acts:
             found = pattern.fullmatch(message.strip())
@@ -147,6 +149,10 @@ class Operator:
     async def _unload_part(self, _found: re.Match[str]) -> None:
         await self._clock.sleep(self.spec.load_delay_s)
         self._go_on("took the part off" if self._table is not None and self._table.unload() else "no part to take off")
+
+    async def _go_on_with_test(self, _found: re.Match[str]) -> None:
+        await self._clock.sleep(self.spec.start_delay_s)
+        self._go_on("went on with the self-test")
 
     def _go_on(self, done: str) -> None:
         self.log.append(done)

@@ -15,8 +15,6 @@ LARGEST_FOLDER, LONGEST_FILE = 18, 300
 TOO_LONG = {
     "drivers/contract.py",
     "drivers/ports.py",
-    "drivers/sinumerik/opcua/device.py",
-    "drivers/sinumerik/opcua/examination.py",
     "drivers/types.py",
     "gateway/domain.py",
     "simulators/nck/language/grammar.py",

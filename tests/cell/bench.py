@@ -12,8 +12,9 @@ from drivers.clock import LoopClock, run_virtual
 from gateway.config import load_site
 from gateway.workflow.loop.run import run_site
 from gateway.workflow.outcome import Outcome
-from simulators.cell import Cell, cell_running
+from simulators.cell import Cell
 from simulators.cell.site import section
+from tests.selftested import cell_running
 
 During = Callable[[Cell], Awaitable[None]]
 Hook = Callable[[Cell, str, dict[str, object]], None]

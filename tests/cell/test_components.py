@@ -27,13 +27,14 @@ from gateway.workflow.bench import store_of
 from gateway.workflow.errors21.components import PlanOutcome, measure_site
 from gateway.workflow.errors21.setups import planned
 from gateway.workflow.loop.run import run_site
-from simulators.cell import Cell, cell_running
+from simulators.cell import Cell
 from simulators.cell.filed import write_filed_site
 from simulators.cell.judge import Judge
 from simulators.cell.site import section
 from simulators.cellfile import load_cell, with_plan
 from simulators.truth import Truth
 from tests.cell.bench import short
+from tests.selftested import cell_running
 
 
 def only(keys: tuple[str, ...], axes: tuple[str, ...], count: int, repetitions: int) -> Callable[[str], str]:

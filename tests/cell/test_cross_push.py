@@ -18,8 +18,8 @@ from gateway.workflow import consents, stages
 from gateway.workflow.axes.measure import fetch_tables
 from gateway.workflow.bench import bench, new_run
 from gateway.workflow.control.pushing import apply_proposal
-from simulators.cell import cell_running
 from tests.cell.bench import short
+from tests.selftested import cell_running
 
 NOTHING = np.zeros(0)
 # The cell draws the sense in which its control applies cross tables.

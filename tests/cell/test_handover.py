@@ -29,9 +29,10 @@ from gateway.workflow.control.rolling_back import roll_back_site
 from gateway.workflow.control.verifying import verify_table
 from gateway.workflow.loop.run import run_site
 from gateway.workflow.outcome import Outcome
-from simulators.cell import Cell, cell_running
+from simulators.cell import Cell
 from simulators.cell.judge import Judge
 from tests.cell.bench import short
+from tests.selftested import cell_running
 
 
 class Story:

@@ -22,12 +22,13 @@ from gateway.workflow.part import inspecting
 from gateway.workflow.part.correcting import propose_from_gear
 from gateway.workflow.part.guard import guard_gear_site
 from gateway.workflow.part.inspecting import inspect_site
-from simulators.cell import Cell, cell_running
+from simulators.cell import Cell
 from simulators.cellfile import CellFile, load_cell, with_plan
 from simulators.grinding import WorkPiece
 from simulators.sensing import GearAnswerer
 from simulators.truth import Truth
 from tests.cell.test_components import few
+from tests.selftested import cell_running
 from tests.unit.simulators.planned_run import ground
 
 Story = Callable[[Cell, SiteFile, LoopClock], Awaitable[None]]

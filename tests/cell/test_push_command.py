@@ -5,11 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from drivers.clock import LoopClock, run_virtual
 from gateway.config import load_site
+from gateway.errors import WriteRefused
 from gateway.say import silence
 from gateway.store import Store
 from gateway.workflow.control.pushing import push_run
+from gateway.workflow.control.selftesting import self_test_site
 from gateway.workflow.loop.run import run_site
 from simulators.cell import cell_running
 from simulators.cell.judge import Judge
@@ -23,15 +27,22 @@ def test_a_proposal_is_shown_then_pushed(tmp_path: Path) -> None:
             path = cell.site_path
             path.write_text(short(("C1",), 10, 4)(path.read_text(encoding="utf-8")), encoding="utf-8")
             site, judge = load_site(path), Judge(cell)
+            with pytest.raises(WriteRefused, match="E-RUN-SELF-TEST"):
+                await run_site(site, path, apply=True, machine_name=site.site.name, clock=clock, say=silence)
             made = await run_site(site, path, apply=False, machine_name="", clock=clock, say=silence)
             folder = Store(path.parent / site.site.store).open(made.run_folder)
+            with pytest.raises(WriteRefused, match="E-INT-NO-SELF-TEST"):
+                await push_run(folder, apply=True, machine_name=site.site.name, clock=clock, say=silence)
             tables = await judge.answer({"ask": "tables"})
+            tested = await self_test_site(site, path, axis="", clock=clock, say=silence)
             shown = await push_run(folder, apply=False, machine_name="", clock=clock, say=silence)
             untouched = await judge.answer({"ask": "tables"}) == tables
             before = cell.figures("C1")["M"]
             pushed = await push_run(folder, apply=True, machine_name=site.site.name, clock=clock, say=silence)
             again = await push_run(folder, apply=False, machine_name="", clock=clock, say=silence)
             return {
+                "made": made,
+                "tested": tested,
                 "shown": shown,
                 "untouched": untouched,
                 "pushed": pushed,
@@ -41,6 +52,8 @@ def test_a_proposal_is_shown_then_pushed(tmp_path: Path) -> None:
             }
 
     seen = run_virtual(job)
+    assert any("until `trueflank self-test` has been run" in line for line in seen["made"].lines)
+    assert "PRODUCT OF TABLE 0" in seen["tested"].data["axes"]["C1"]["passed"]
     assert seen["untouched"]
     assert any("is proved first" in line for line in seen["shown"].lines)
     assert any("360.000" in line for line in seen["shown"].lines)

@@ -24,9 +24,10 @@ from gateway.say import silence
 from gateway.workflow.axes.measure import fetch_tables
 from gateway.workflow.bench import Bench, bench, new_run
 from gateway.workflow.control import pushing
-from simulators.cell import Cell, cell_running
+from simulators.cell import Cell
 from simulators.cellfile import load_cell
 from tests.cell.bench import short
+from tests.selftested import cell_running
 from tests.signed import signed
 from tests.sizes import few
 

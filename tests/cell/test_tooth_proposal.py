@@ -34,11 +34,12 @@ from gateway.workflow.axes.measure import fetch_tables, store_equipment
 from gateway.workflow.bench import bench, new_run
 from gateway.workflow.control.pushing import push_run
 from gateway.workflow.tooth.correcting import ToothOutcome, correct_site
-from simulators.cell import Cell, cell_running
+from simulators.cell import Cell
 from simulators.cellfile import load_cell, with_plan
 from simulators.grinding.rotation_axis import on_axis
 from simulators.truth import Truth
 from tests.cell.fitted import read
+from tests.selftested import cell_running
 from tests.unit.simulators.planned_run import ground
 
 SEED = 11

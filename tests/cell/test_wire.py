@@ -11,7 +11,9 @@ from typing import Any
 
 import pytest
 
+from simulators.cellfile import load_cell
 from tests.cell.bench import short
+from tests.selftested import keep
 
 MACHINE = "demo-grinder"
 TRIES = 2400
@@ -55,6 +57,8 @@ def test_a_run_over_the_wires_makes_the_axis_better(trueflank_cell: Any) -> None
     assert code == 0
     assert {device["device"] for device in json.loads(out)["devices"]} >= {"controller", "laser", "calibrator"}
     before = cell.ask("figures", axis="C1")["live"]
+    code, out, _err = _ended("self-test", str(site), "--json")
+    assert (code, list(json.loads(out)["axes"])) == (0, ["C1"])
     code, out, err = _ended("run", str(site), "--apply", "--machine", MACHINE, "--json")
     assert code == 0, err
     told = json.loads(out)
@@ -69,6 +73,7 @@ def test_a_run_over_the_wires_makes_the_axis_better(trueflank_cell: Any) -> None
 def test_the_gateway_killed_between_the_two_halves(trueflank_cell: Any) -> None:
     cell = trueflank_cell("demo", speed=300.0, seed=6)
     site = _short_site(cell)
+    keep(site, load_cell("demo"))
     first = cell.ask("tables")
     cell.set("operator", options={"release_delay_s": 900.0})  # long enough to die before NC START is pressed again
     with _command("run", str(site), "--apply", "--machine", MACHINE, "--json") as gateway:

@@ -19,13 +19,14 @@ from gateway.tooth import FlankMap, FlankPrediction, InspectedFlank, ToothPropos
 from gateway.workflow import stages
 from gateway.workflow.loop.tooth_loop import AFTER, BEFORE, close_site
 from gateway.workflow.outcome import Outcome
-from simulators.cell import Cell, cell_running
+from simulators.cell import Cell
 from simulators.cellfile import CellFile
 from simulators.grinding import WorkPiece
 from tests.closing.identified import identified
 from tests.closing.judge import Machine, b_left_on, floor, kept_floor, places, places_at, rms
 from tests.closing.record import MachineResult, Normalised
 from tests.closing.tables import Grid
+from tests.selftested import cell_running
 
 BLOCK_S = 0.5
 # How often a run may do what it must not repeat when it goes on after a stop.

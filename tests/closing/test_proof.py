@@ -15,11 +15,11 @@ from drivers.clock import LoopClock
 from gateway.store import RunFolder
 from gateway.tooth import ToothProposal
 from gateway.workflow import stages
-from simulators.cell import cell_running
 from simulators.cellfile import load_cell, with_plan
 from tests.closing.pool import jobs, prove
 from tests.closing.proof import machine_row, write
 from tests.closing.record import violations
+from tests.selftested import cell_running
 
 DOCS = Path(__file__).parents[2] / "docs"
 WORKERS = 2

@@ -368,6 +368,24 @@ async def test_without_the_right_level_nothing_changes(keys: Path) -> None:
         assert on.enabled
 
 
+async def test_a_cross_table_that_may_not_be_switched_off_is_left_on_with_every_switch_of_it(keys: Path) -> None:
+    """SD41300 may be written by anybody, MD32710 may not: "no table was changed" must be true of both."""
+    async with on_stage(folder=keys) as on:
+        names = ("$MA_CEC_ENABLE[C1]", "$SN_CEC_TABLE_ENABLE[1]")
+        for name in reversed(names):
+            on.nck.set(name, 1, 0)
+        on.nck.core.newconf()
+        on.nck.set_access_level(4)
+        cross = CompensationTable(
+            "cross", "Z1", "C1", 0.0, 20.0, 10.0, (0.0, 1.0, 0.0), index=1, output_unit="deg", input_unit="mm"
+        )
+        sent = replace(ORDER, transaction=4713, table=cross, letter="Z", rotary=False)
+        order = replace(sent, purpose="sign-proof", coupled=True)
+        error = await refused(on.loaded(order), "E-NC-LEVEL")
+        assert "no table was changed" in error.hint
+        assert [int(on.nck.get(name)) for name in names] == [1, 1]
+
+
 async def test_a_table_that_does_not_fit_is_never_sent(keys: Path) -> None:
     async with on_stage(folder=keys) as on:
         long = CompensationTable("axis", "Z1", "Z1", 0.0, 100.0, 10.0, (0.0,) * 11)

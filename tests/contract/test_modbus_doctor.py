@@ -61,7 +61,17 @@ def bad(lines: list[CheckLine]) -> list[tuple[str, str, str]]:
 def test_a_mailbox_in_order(url: str) -> None:
     lines = lines_of(url=url)
     assert bad(lines) == []
-    checks = ["mailbox", "map version", "word order", "heartbeat", "serial number", "axes", "units", "key switch"]
+    checks = [
+        "mailbox",
+        "map version",
+        "word order",
+        "heartbeat",
+        "serial number",
+        "axes",
+        "units",
+        "temperature",
+        "key switch",
+    ]
     road = ["name", "port"] if url.startswith("tcp") else []
     assert [line.check for line in lines] == [*road, *checks, "session", "state"]
 

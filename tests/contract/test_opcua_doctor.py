@@ -32,7 +32,7 @@ CHECKS = (
     ),
     *("rights", "axes", "serial number", "variables", "units", "measuring system", "measuring system"),
     *("table memory", "table memory", "cross tables"),
-    *("written files", "SD41300", "CEC limits", "CEC limits", "diameters", "temperature", "temperature"),
+    *("written files", "free memory", "SD41300", "CEC limits", "CEC limits", "diameters", "temperature", "temperature"),
     *("key switch", "files", "self-test", "self-test", "left over", "R parameters", "alarms", "state"),
 )
 
@@ -127,10 +127,12 @@ async def test_settings_of_the_control_that_tables_and_files_need(keys: Path) ->
         ):
             on.nck.set(name, value, 0)
         on.nck.core.data.store("$MN_PROG_SD_RESET_SAVE_TAB", (0,), 0)
+        on.nck.core.data.store("$MN_INFO_FREE_MEM_STATIC", (), 0)
         found = await doctor(on)
         told = {(line.check, line.code, line.fields.get("axis")) for line in found}
         assert ("written files", "E-DOC-FILE-LATE", None) in told
         assert ("SD41300", "E-DOC-NOT-KEPT", None) in told
+        assert ("free memory", "E-DOC-FREE", None) in told
         assert ("CEC limits", "E-DOC-CEC", "X1") in told
         assert ("temperature", "W-DOC-WARMTH", "C1") in told
         assert any("0.25" in line.what for line in found if line.check == "temperature")

@@ -29,6 +29,7 @@ from gateway.push import PushContext, look, prove_sign, push_table, recover, unf
 from gateway.push.compare import table_in
 from simulators.nck.spec import NckSpec
 from tests.contract.opcua_stage import AXES, Stage, on_stage, plan
+from tests.selftested import passed
 from tests.signed import signed
 
 SPEC = NckSpec(AXES, cec_points=(0, 10, 12, 10), access_level=2, files_max_bytes=65536)
@@ -58,10 +59,10 @@ async def context_for(
 ) -> PushContext:
     """A push of X1, with an operator who presses NC START for whatever is selected."""
     controller = on.device
-
+    machine = await controller.identify()
     return PushContext(
-        controller, on.clock, Folder(root), root / "journal", X_AXIS, await controller.identify(), "mill", "mill",
-        proof, start_timeout_s=200.0, input=moved,
+        controller, on.clock, Folder(root), root / "journal", X_AXIS, machine, "mill", "mill",
+        proof, start_timeout_s=200.0, input=moved, self_test=passed(machine),
     )  # fmt: skip
 
 

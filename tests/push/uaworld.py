@@ -23,6 +23,7 @@ from simulators.nck.spec import AxisSpec, NckSpec
 from simulators.opcua import SinumerikServer
 from tests.push.oracle import Oracle, content_of
 from tests.push.world import NAME, NEW, NOTHING, OLD, POINTS, Folder, Scene
+from tests.selftested import passed
 
 SETTINGS: Mapping[str, Any] = {"user": "trueflank", "password": "trueflank", "security": "None", "poll_s": 0.2}
 X_SPEC = AxisSpec("X1", "X", travel=(-100.0, 100.0), eec_points=(POINTS, 0))
@@ -184,7 +185,8 @@ def ua_context(controller: Any, clock: Clock, root: Path, machine: MachineIdenti
     """What a push or a recovery at this machine works with."""
     function: Any = "cross" if more.get("input") else "axis"
     proof = SignProof(machine, function, "X1", -1.0, 0.01, 1, "2026-01-01T00:00:00+00:00")
-    given: dict[str, Any] = {"proof": proof, "start_timeout_s": 60.0, "approvals_needed": 1, "actor": "anna", **more}
+    given: dict[str, Any] = {"self_test": passed(machine)}
+    given |= {"proof": proof, "start_timeout_s": 60.0, "approvals_needed": 1, "actor": "anna", **more}
     return PushContext(controller, clock, Folder(root), root / "journal", X_AXIS, machine, NAME, NAME, **given)
 
 

@@ -90,6 +90,7 @@ def _fingerprint(picture: Picture, wanted: Wanted) -> list[CheckLine]:
 def _machine(picture: Picture, status: Status) -> list[CheckLine]:
     scaling = {"basic": "in register 306", "scaling": int(picture.metric)}
     lines = [fine("W-DOC-UNITS", "units") if picture.metric else wrong("E-DOC-INCH", "units", **scaling)]
+    lines.append(fine("W-DOC-WARMTH-ELSEWHERE", "temperature"))
     level = {"level": picture.access_level, "needed": NEEDED_LEVEL}
     released = status.has(StatusBit.RELEASED)
     lines.append(

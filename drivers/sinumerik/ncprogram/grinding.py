@@ -92,7 +92,9 @@ def _text(plan: GrindPlan, token: int, setting: GrindSetting, *, saves: bool) ->
         for axis in plan.compensated:
             memory = setting.memory[axis.name]
             out += [section(f"live tables and switches of {axis.name} into a file")]
-            out += backup.blocks(Saving("LIVE", token, axis.name, axis.encoder, memory), _FAILED)
+            out += backup.blocks(
+                Saving(section="LIVE", number=token, axis=axis.name, encoder=axis.encoder, memory=memory), _FAILED
+            )
     out += [section("wheel clear, blank"), "STOPRE", phase_block(words, Phase.GRINDING), *_clear(plan)]
     out += [*_person(f"TRUEFLANK LOAD BLANK {plan.part}"), unless_aborted(words, _LEFT)]
     out += [
@@ -118,7 +120,9 @@ def _head(plan: GrindPlan, token: int, setting: GrindSetting, *, saves: bool) ->
     files = ", ".join(file_path("LIVE", axis.name) for axis in plan.compensated)
     also = "The wheel runs. X is retracted before C turns." + (f" Saves what acts in {files}." if saves else "")
     what = f"test part {plan.part}, {plan.spaces} spaces"
-    return Head(program_path("GRIND", plan.index.name), what, token, _STOPS, setting.origin, also)
+    return Head(
+        program_path("GRIND", plan.index.name), what, number=token, stops=_STOPS, origin=setting.origin, also=also
+    )
 
 
 def _taken(words: Words) -> list[str]:

@@ -64,7 +64,9 @@ def measuring(plan: StopPlan, token: int, setting: Setting) -> str:
     out += [f"{words.name(Word.TRANSACTION)}={token}", phase_block(words, Phase.BACKING_UP), "STOPRE"]
     out += [unless_aborted(words, _LEFT)]
     if plan.save_tables:
-        saving = Saving("LIVE", token, plan.compensated_axis, plan.encoder, setting.memory)
+        saving = Saving(
+            section="LIVE", number=token, axis=plan.compensated_axis, encoder=plan.encoder, memory=setting.memory
+        )
         out += [section("live tables and switches into a file"), *backup.blocks(saving, _FAILED)]
     out += [section("measuring"), "STOPRE", phase_block(words, Phase.MEASURING)]
     if plan.setup:
@@ -82,7 +84,9 @@ def _head(plan: StopPlan, token: int, setting: Setting) -> Head:
     saved = f"Saves what acts on {plan.compensated_axis} in {file_path('LIVE', plan.compensated_axis)}."
     also = ("Switching a table moves its axis by the table's value. " if switched else "") + saved * plan.save_tables
     stops = SWITCHED if switched else STANDING
-    return Head(program_path("MEAS", plan.compensated_axis), what, token, stops, setting.origin, also)
+    return Head(
+        program_path("MEAS", plan.compensated_axis), what, number=token, stops=stops, origin=setting.origin, also=also
+    )
 
 
 def _stops(plan: StopPlan, setting: Setting) -> list[str]:

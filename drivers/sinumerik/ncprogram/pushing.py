@@ -89,7 +89,14 @@ def _head(kind: str, order: PushOrder, setting: Setting) -> Head:
     names = " and ".join(file_path(name, table.output_axis) for name in ("BACK", "READ"))
     saved = f" Saves old and new table in {names}." if kind != "ENAB" else ""
     also = f"Switching the table off or on moves {table.output_axis} by the table's value.{saved}"
-    return Head(program_path(kind, table.output_axis), what, order.transaction, _STOPS, setting.origin, also)
+    return Head(
+        program_path(kind, table.output_axis),
+        what,
+        number=order.transaction,
+        stops=_STOPS,
+        origin=setting.origin,
+        also=also,
+    )
 
 
 def _first_half(order: PushOrder, setting: Setting) -> list[str]:
@@ -101,8 +108,7 @@ def _first_half(order: PushOrder, setting: Setting) -> list[str]:
     out += [section("old table into a file"), *backup.blocks(saving("BACK", order, setting.memory), _FAILED)]
     out += _asleep(order, setting)
     out += [section("to where old and new table agree; the table off")]
-    out += [_go(order, setting), "STOPRE", *_disable(table), "STOPRE"]
-    out += [f"IF {switch}<>0 GOTOF {_LEFT}" for switch in switches(table)]
+    out += [_go(order, setting), "STOPRE", *_switched_off(table)]
     out += [*_still_acting(table), phase_block(words, Phase.DISABLED)]
     out += [section("new table"), *_write(order, setting), "STOPRE", phase_block(words, Phase.WRITTEN)]
     out += [f"{_HALF}=1", f"GOTOF {_COMPARE}", f"{_COMPARE}_1:"]
@@ -183,6 +189,18 @@ def _others_again(order: PushOrder) -> list[str]:
     return [f"{axis_switch}=1", "NEWCONF", "STOPRE", f"IF {axis_switch}<>1 GOTOF {_HELD}", f"GOTOF {_ALONE}"]
 
 
+def _switched_off(table: CompensationTable) -> list[str]:
+    """The table off, proved switch by switch; the axis' first: where it stays on, nothing at all has changed.
+
+    SD41300 comes after it: anybody may write it. Where that one stays on, the axis is off already.
+    """
+    first, *rest = switches(table)
+    out = [f"{first}=0", "NEWCONF", "STOPRE", f"IF {first}<>0 GOTOF {_LEFT}"]
+    for switch in rest:
+        out += [f"{switch}=0", "STOPRE", f"IF {switch}<>0 GOTOF {_HELD}"]
+    return out
+
+
 def _disable(table: CompensationTable) -> list[str]:
     return [*(f"{switch}=0" for switch in reversed(switches(table))), "NEWCONF"]
 
@@ -198,7 +216,9 @@ def _still_acting(table: CompensationTable) -> list[str]:
 def saving(section: Section, order: PushOrder, memory: Memory) -> Saving:
     """What the order's program writes to a file, and what proves that it did."""
     encoder = order.table.index if order.table.kind == "axis" else 0
-    return Saving(section, order.transaction, order.table.output_axis, encoder, memory)
+    return Saving(
+        section=section, number=order.transaction, axis=order.table.output_axis, encoder=encoder, memory=memory
+    )
 
 
 def _go(order: PushOrder, setting: Setting) -> str:

@@ -29,7 +29,7 @@ _LEFT, _FAILED = "TF_LEFT", "TF_FAILED"
 _OLD, _LINE = "UOLD", "ULINE"
 _STOPS = "press RESET: nothing that acts was written. R{counter} holds the number of the trial that was not passed."
 _FULL_LINE = 180
-_FIRST = re.compile(r";TRUEFLANK SELF \d+ \w+", re.ASCII)
+_FIRST = re.compile(r";TRUEFLANK SELF (\d+) (\w+)", re.ASCII)
 _DATE = re.compile(r";AT (\d{4})-(\d{1,2})-(\d{1,2})", re.ASCII)
 _TRIED = re.compile(r";(PASSED|NOT PASSED) \d+ (.+)", re.ASCII)
 
@@ -65,7 +65,11 @@ def self_test(axis: str, encoder: int, number: int, setting: Setting) -> str:
     stops = _STOPS.format(counter=words.number(Word.COUNTER))
     what = f"self-test of every word our programs need, {len(trials)} trials"
     also = f"Says what passed in {path}."
-    return text_of(headed(Head(program_path("SELF", axis), what, number, stops, setting.origin, also), out))
+    return text_of(
+        headed(
+            Head(program_path("SELF", axis), what, number=number, stops=stops, origin=setting.origin, also=also), out
+        )
+    )
 
 
 def words_of(axis: str, encoder: int, setting: Setting) -> tuple[str, ...]:
@@ -75,9 +79,12 @@ def words_of(axis: str, encoder: int, setting: Setting) -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """What a self-test's file says: the control's own date, words passed and not passed, whether it came to its end."""
+    """What a self-test's file says: the control's own date, the number of the program that wrote it, words passed and
+    not passed, whether it came to its end.
+    """
 
     date: str
+    number: int
     passed: tuple[str, ...]
     failed: tuple[str, ...]
     whole: bool
@@ -86,14 +93,16 @@ class Report:
 def read_report(text: str, axis: str) -> Report | None:
     """The report of an axis' self-test; None for any other file."""
     lines = [line.rstrip() for line in text.rstrip().splitlines()]
-    if len(lines) < 2 or not (_FIRST.fullmatch(lines[0]) and lines[0].endswith(f" {axis}")):
+    first = _FIRST.fullmatch(lines[0]) if len(lines) > 1 else None
+    if first is None or first[2] != axis:
         return None
     found = [(match[1] == "PASSED", match[2]) for line in lines if (match := _TRIED.fullmatch(line))]
     date = _DATE.fullmatch(lines[1])
     return Report(
         "-".join(f"{int(part):02}" for part in date.groups()) if date else "an unknown day",
-        tuple(word for passed, word in found if passed),
-        tuple(word for passed, word in found if not passed),
+        int(first[1]),
+        passed=tuple(word for passed, word in found if passed),
+        failed=tuple(word for passed, word in found if not passed),
         whole=lines[-2:] == [f";TRUEFLANK END {len(found)}", backup.END_WORD] and bool(found),
     )
 
@@ -115,7 +124,7 @@ def _trials(axis: str, encoder: int, path: str, setting: Setting) -> Iterator[Tr
     yield Trial("READ", (f'READ({error},"{path}",1,1,{_LINE})',), f"{error}==0")
     yield Trial("R WORDS", (f"{words.name(Word.TARGET)}=-12.5", "STOPRE"), f"{words.name(Word.TARGET)}==-12.5")
     yield Trial("NEWCONF", ("NEWCONF", "STOPRE"), "TRUE")
-    saving = Saving("LIVE", 1, axis, encoder, memory)
+    saving = Saving(section="LIVE", number=1, axis=axis, encoder=encoder, memory=memory)
     for name in _read(saving):
         yield Trial(f"VALUE OF {name}", (f'{_LINE}[0]="V"<<{name}',), f'{_LINE}[0]<>"V"')
     for switch in _switches(saving):

@@ -50,7 +50,7 @@ class Phase(IntEnum):
     """How far a program is.
 
     1 to 5 and 9 are a push; 1 and 6 to 8 a measuring run; 1, 7, 8, 13 and 14 a test part; 8, 15 and 16 a
-    disable-only order; 8, 11 and 14 changed nothing.
+    disable-only order. Of a push 8 and 11 changed nothing; nor did 14.
     """
 
     NONE = 0

@@ -158,7 +158,9 @@ def _live_set(
     text: str,
     digest: str,
 ) -> LiveSet:
-    found = Listing(tuple(sheet.items), (), True, (), (), frozenset(), len(sheet.lines))
+    found = Listing(
+        tuple(sheet.items), (), ended=True, headers=(), ends=(), checked=frozenset(), lines=len(sheet.lines)
+    )
     switches, groups = settings_of(found), groups_of(found)
     reader = Reader(sheet.where, units_of(groups.values(), units), cec_sign)
     axis, encoder = saving.axis, saving.encoder
@@ -186,4 +188,6 @@ def _cec_on(table: CompensationTable, switches: Mapping[str, Decimal]) -> bool:
 def never_loaded(axis: str, encoder: int, unit: AxisUnit) -> CompensationTable:
     """An EEC table with nothing in it."""
     nothing: dict[str, Any] = {"index": encoder, "input_unit": unit, "output_unit": unit}
-    return CompensationTable("axis", axis, axis, 0.0, 0.0, 0.0, (0.0,), **nothing)
+    return CompensationTable(
+        "axis", axis, output_axis=axis, minimum=0.0, maximum=0.0, step=0.0, deviations=(0.0,), **nothing
+    )

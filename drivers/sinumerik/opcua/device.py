@@ -9,29 +9,28 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import secrets as random_source
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any, Literal
 
 from drivers.clock import Clock
-from drivers.errors import DeadlineExceeded, DeviceRefused, TrueflankError, UnsupportedDevice
+from drivers.errors import TrueflankError, UnsupportedDevice
 from drivers.limits import VALUE_RESOLUTION, largest_value
 from drivers.ports import Tell
-from drivers.programs import NOBODY, Origin, ProgramText
-from drivers.sinumerik.ncprogram import measuring as measuring_program
-from drivers.sinumerik.ncprogram.backup import Memory, Saving
-from drivers.sinumerik.ncprogram.legal import legal
+from drivers.programs import NOBODY, Origin, ProgramText, SelfTest, SelfTested
 from drivers.sinumerik.ncprogram.measuring import Setting
-from drivers.sinumerik.ncprogram.words import Phase, Word, program_path
+from drivers.sinumerik.ncprogram.words import Word
 from drivers.sinumerik.opcua import encoders
 from drivers.sinumerik.opcua.activation import activation
-from drivers.sinumerik.opcua.dialogue import Dialogue, Glance, file_refused
+from drivers.sinumerik.opcua.dialogue import Dialogue
 from drivers.sinumerik.opcua.disabling import Disabling
 from drivers.sinumerik.opcua.grinding import PartGrinding
 from drivers.sinumerik.opcua.leaving import Leaver, Leaving
 from drivers.sinumerik.opcua.machine import Configuration, MachineReader
-from drivers.sinumerik.opcua.pushing import Pushing, live_tables
+from drivers.sinumerik.opcua.measuring import Measuring
+from drivers.sinumerik.opcua.pushing import Pushing
 from drivers.sinumerik.opcua.reading import read_live
+from drivers.sinumerik.opcua.selftesting import SelfTesting
 from drivers.sinumerik.opcua.session.client import UaSession
 from drivers.sinumerik.opcua.settings import UaSettings, secrets_of
 from drivers.sinumerik.opcua.transfer import Transfer
@@ -39,7 +38,6 @@ from drivers.sinumerik.tablefile import tables
 from drivers.sinumerik.tablefile.held import HELD
 from drivers.types import (
     Capabilities,
-    ChannelStatus,
     CompensationTable,
     DisableOrder,
     Identity,
@@ -56,7 +54,6 @@ from drivers.types import (
     TableLimits,
     TableQuestion,
 )
-from drivers.units import deviation_scale
 from drivers.workpiece import GrindPlan
 
 GIVE_BACK_S = 3.0
@@ -68,10 +65,8 @@ CAPABILITIES = Capabilities(
     consent="start",
     grinding=True,
     cross_shown="either-way",
+    self_test=True,
 )
-QUIET_PART, QUIET_S = 0.6, 2.0
-_SAVED = (Phase.MEASURING, Phase.FINISHED, Phase.LEFT)
-_OVER = (Phase.FINISHED, Phase.LEFT)
 
 
 class SinumerikOpcUa(Leaver):
@@ -88,17 +83,14 @@ class SinumerikOpcUa(Leaver):
         parts = (self._dialogue, self._reader, self._transfer)
         self._pushing = Pushing(*parts, settings=self._settings, clock=clock, where=name)
         self._disabling = Disabling(*parts, pushing=self._pushing, where=name)
+        self._measuring = Measuring(self._dialogue, self._transfer, clock=clock, where=name)
+        self._self_testing = SelfTesting(self._dialogue, self._transfer, pushing=self._pushing, where=name)
         self._grinding = PartGrinding(*parts, settings=self._settings, clock=clock, where=name)
         self._leaving = Leaving(
             *parts, channel=self._settings.channel, clock=clock, where=name, reopen=self._open_again
         )
         self._configuration = Configuration((), (), ())
         self._origin = NOBODY
-        self._plan: StopPlan | None = None
-        self._token, self._memory = 0, Memory(0)
-        self._saved = self._ended = False
-        self._moving_since: float | None = None
-        self._move_s = 0.0
 
     # ---- device -------------------------------------------------------------------------------------
 
@@ -164,21 +156,11 @@ class SinumerikOpcUa(Leaver):
     # ---- measuring ----------------------------------------------------------------------------------
 
     async def prepare_stops(self, plan: StopPlan) -> None:
-        """Send, read back and select the program of a plan.
-
-        Raises DeviceRefused (E-NC-NOT-RESET and other refusals), and as `legal`, before anything was written.
-        """
+        """Send, read back and select a plan's program. Raises UnsupportedDevice (E-NC-ENCODER...), as `Measuring`."""
         setting = await self._setting(plan.axis, plan.compensated_axis, plan.encoder, rotary=plan.rotary)
         await self._check_encoder(plan.compensated_axis, plan.encoder)
-        token = random_source.randbelow(899_999) + 100_000
-        path = program_path("MEAS", plan.compensated_axis)
-        passed = legal(path, measuring_program.measuring(plan, token, setting), self._configuration.names)
-        await self._dialogue.begin(setting.axis_number, token, path)
-        self._plan, self._token, self._saved, self._ended = plan, token, False, False
-        self._memory, self._grinding.plan = setting.memory, None
-        self._moving_since, self._move_s = None, 0.0
-        await self._transfer.send(passed)
-        await self._transfer.select(path)
+        await self._measuring.prepare(plan, setting)
+        self._grinding.plan = None
 
     async def _setting(self, axis: str, compensated: str, encoder: int, *, rotary: bool) -> Setting:
         """What the programs must know: ``axis`` is the one that moves."""
@@ -200,78 +182,12 @@ class SinumerikOpcUa(Leaver):
         encoders.check(found, axis, encoder, self.name)
 
     async def wait_stop(self, after: int, timeout_s: float) -> StopReached | None:
-        """Wait for a counter above ``after`` with the axis in position; None when the program has ended.
-
-        Raises DeadlineExceeded (E-NC-NO-STOP), DeviceRefused (E-NC-ALARM, E-NC-FILE), and what the wire raises.
-        """
-        end = self._clock.now() + timeout_s
-        before: Glance | None = None
-        looks = 0
-        if self._moving_since is not None:
-            await self._dialogue.wait()
-        while not self._ended:
-            seen = await self._dialogue.look()
-            looks += 1
-            await self._dialogue.check_alarms(seen)
-            if seen.word(Word.TRANSACTION) == self._token:
-                self._note_progress(seen)
-                if before is not None and before.words == seen.words and self._is_stop(seen, after):
-                    self._time_move(at_once=looks == 2)
-                    return self._stop(seen)
-                self._ended = self._is_over(before, seen)
-                fresh = self._is_stop(seen, after) and not (before and before.words == seen.words)
-                before = seen
-                if fresh:
-                    continue  # look again at once: the words of a stop must be seen twice alike
-            if self._clock.now() >= end and not self._ended:
-                raise DeadlineExceeded("E-NC-NO-STOP", self.name, after=after, timeout_s=timeout_s)
-            await self._dialogue.wait()
-        return None
-
-    def _note_progress(self, seen: Glance) -> None:
-        if seen.phase == Phase.FILE_FAILED:
-            raise file_refused(seen, self.name, self._plan.compensated_axis if self._plan else "")
-        self._saved = self._saved or seen.phase in _SAVED
-
-    @staticmethod
-    def _is_stop(seen: Glance, after: int) -> bool:
-        waiting = seen.channel is ChannelStatus.ACTIVE and seen.word(Word.COUNTER) > after
-        return waiting and seen.in_position and seen.phase == Phase.MEASURING
-
-    @staticmethod
-    def _is_over(before: Glance | None, seen: Glance) -> bool:
-        """By its own word, or because the channel is in reset at two looks after the program had begun."""
-        if seen.channel is not ChannelStatus.RESET:
-            return False
-        return seen.phase in _OVER or (before is not None and before.channel is ChannelStatus.RESET)
-
-    def _stop(self, seen: Glance) -> StopReached:
-        compensated = self._plan.compensated_axis if self._plan else ""
-        scale = deviation_scale(self._configuration.units.get(compensated, "mm"))
-        return StopReached(
-            counter=round(seen.word(Word.COUNTER)),
-            repetition=round(seen.word(Word.REPETITION)),
-            label=round(seen.word(Word.LABEL)),
-            approach=1 if seen.word(Word.APPROACH) > 0 else -1,
-            target=seen.word(Word.TARGET),
-            encoder_compensation=seen.word(Word.ENCODER_COMPENSATION) * scale,
-            cross_compensation=seen.word(Word.CROSS_COMPENSATION) * scale,
-        )
+        """Wait for a counter above ``after``; None when the program has ended. Raises as `Measuring.wait`."""
+        return await self._measuring.wait(after, timeout_s, self._configuration)
 
     async def release_stop(self, counter: int) -> None:
         """Echo the counter. Never retried."""
-        await self._dialogue.write({Word.ECHO: float(counter)})
-        self._moving_since = self._clock.now()
-        self._dialogue.pace.again(min(QUIET_PART * self._move_s, QUIET_S))
-
-    def _time_move(self, *, at_once: bool) -> None:
-        """Remember how long the move took: the next stop is not expected much earlier.
-
-        One that stood there at the first look may have stood there for long: the next is looked for earlier.
-        """
-        if self._moving_since is not None:
-            took_s = self._clock.now() - self._moving_since
-            self._move_s, self._moving_since = (0.5 * took_s if at_once else took_s), None
+        await self._measuring.release(counter)
 
     async def abort_program(self) -> None:
         """Set the abort word: a program of ours that waits, now or at its start, leaves to its end.
@@ -296,23 +212,34 @@ class SinumerikOpcUa(Leaver):
 
     async def saved_tables(self, axis: str, proof: SignProof | None = None) -> LiveSet:
         """The live tables the last program wrote before moving. Raises DeviceRefused (E-NC-NOT-SAVED, E-UA-FILE...)."""
-        plan = self._plan
-        if self._grinding.plan is not None:
-            return tables.tables_by(await self._grinding.saved_tables(axis, self._configuration), proof)
-        if plan is not None and plan.compensated_axis == axis and plan.save_tables and not self._saved:
-            seen = await self._dialogue.look()
-            if seen.word(Word.TRANSACTION) == self._token:
-                self._note_progress(seen)
-        if plan is None or plan.compensated_axis != axis or not self._saved or not plan.save_tables:
-            raise DeviceRefused("E-NC-NOT-SAVED", self.name, axis=axis)
-        saving = Saving(section="LIVE", number=self._token, axis=axis, encoder=plan.encoder, memory=self._memory)
-        return await live_tables(self._transfer, saving, self._configuration, tables.sense_of(proof))
+        saved = self._measuring if self._grinding.plan is None else self._grinding
+        live = tables.tables_by(await saved.saved_tables(axis, self._configuration), proof)
+        return replace(live, temperature=await self._reader.temperature(self._configuration, axis))
+
+    # ---- the self-test ------------------------------------------------------------------------------
+
+    async def prepare_self_test(self, order: SelfTest) -> None:
+        """Send, read back and select the program. Raises as `prepare_stops`."""
+        setting = await self._setting(order.axis, order.axis, order.encoder, rotary=False)
+        await self._check_encoder(order.axis, order.encoder)
+        self._other_program()
+        await self._self_testing.prepare(order, setting)
+
+    async def wait_self_test(self, order: SelfTest, timeout_s: float) -> SelfTested:
+        """Wait for its end and read its report. Raises as `SelfTesting.tested`."""
+        machine, utc = await self.identify(), self._clock.utc().isoformat(timespec="seconds")
+        return await self._self_testing.tested(order, timeout_s, machine=machine, utc=utc)
+
+    def _other_program(self) -> None:
+        """What is sent next neither measures nor grinds: tables saved before are no answer any more."""
+        self._measuring.forget()
+        self._grinding.plan = None
 
     # ---- the test part ------------------------------------------------------------------------------
 
     async def prepare_grinding(self, plan: GrindPlan) -> str:
         """Place the set-up values, send, read back and select the program. Raises as its `prepare`."""
-        self._plan, self._saved = None, False
+        self._measuring.forget()
         return await self._grinding.prepare(plan, self._configuration)
 
     async def wait_ground(self, after: int, timeout_s: float) -> int | None:
@@ -328,7 +255,7 @@ class SinumerikOpcUa(Leaver):
         setting = await self._setting(table.input_axis, table.output_axis, encoder, rotary=order.rotary)
         if table.kind == "axis" and order.purpose != "restore":
             await self._check_encoder(table.output_axis, encoder)
-        self._plan, self._saved, self._grinding.plan = None, False, None
+        self._other_program()
         await self._pushing.prepare(order, setting)
 
     async def read_back(self, order: PushOrder, timeout_s: float) -> tuple[LiveSet, LiveSet]:
@@ -369,7 +296,7 @@ class SinumerikOpcUa(Leaver):
         """Send, read back and select the program that switches off. Raises as `Disabling.prepare`."""
         encoder = order.index if order.kind == "axis" else 0
         setting = await self._setting(order.axis, order.axis, encoder, rotary=False)
-        self._plan, self._saved, self._grinding.plan = None, False, None
+        self._other_program()
         await self._disabling.prepare(order, setting)
 
     async def wait_disabled(self, order: DisableOrder, timeout_s: float) -> SwitchReading:

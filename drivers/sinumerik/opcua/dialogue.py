@@ -186,9 +186,13 @@ class Dialogue:
         pause = self.pace.step()
         await self._clock.sleep(pause if longest_s is None else min(pause, longest_s))
 
+    def fresh_alarms(self, seen: Glance) -> frozenset[int]:
+        """Alarms that came up since `begin`, those that stop no program among them."""
+        return frozenset(seen.alarms) - self._before
+
     async def check_alarms(self, seen: Glance) -> None:
         """Raise DeviceRefused (E-NC-ALARM) for an alarm that came up since `begin` and stops programs."""
-        new = [number for number in seen.alarms if number not in self._before and number not in HARMLESS]
+        new = [number for number in seen.alarms if number in self.fresh_alarms(seen) - HARMLESS]
         if new:
             try:
                 text = await self._reader.alarm_texts(len(seen.alarms))

@@ -13,7 +13,8 @@ from typing import Any
 from drivers.checks import CheckLine, Wanted, failed, fine, unknown, wrong
 from drivers.clock import Clock
 from drivers.errors import DeviceRefused, TrueflankError
-from drivers.sinumerik.opcua.examination import Bedside, at_the_bed
+from drivers.sinumerik.opcua.bedside.bed import Bedside
+from drivers.sinumerik.opcua.bedside.examination import at_the_bed
 from drivers.sinumerik.opcua.machine import MachineReader
 from drivers.sinumerik.opcua.session.certificates import KeyPair, load
 from drivers.sinumerik.opcua.session.client import UaSession

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from decimal import Decimal
 from typing import Any, Literal
 
 from drivers.errors import TransportError, UnsupportedDevice
@@ -16,8 +17,9 @@ from drivers.sinumerik.opcua.session import values as typed_values
 from drivers.sinumerik.opcua.session.client import Reading, UaSession
 from drivers.sinumerik.opcua.session.status import is_down, refusal
 from drivers.sinumerik.opcua.settings import UaSettings
+from drivers.sinumerik.tablefile import temperature
 from drivers.sinumerik.tablefile.groups import MOST_POINTS
-from drivers.types import AxisState, ChannelStatus, MachineIdentity, MachineState
+from drivers.types import AxisState, ChannelStatus, MachineIdentity, MachineState, TemperatureShift
 from drivers.units import AxisUnit, deviation_scale
 
 MOST_AXES = 31
@@ -150,6 +152,22 @@ class MachineReader:
         path = self._datum(name, configuration.places)
         (reading,) = await self._session.read([path], self.timeout_s)
         return None if reading.status else bool(reading.value)
+
+    async def temperature(self, configuration: Configuration, axis: str) -> TemperatureShift | None:
+        """What temperature compensation is worth on an axis just now; None where its data cannot be read.
+
+        Raises RemoteProtocolError (E-UA-VALUE) for a datum that is no finite number.
+        """
+        names = temperature.names_of(axis)
+        paths = [nodes.to_path(name, configuration.places, self._settings.channel) for name in names]
+        if None in paths:
+            return None
+        found = self._up(await self._session.read([path for path in paths if path], self.timeout_s))
+        if any(reading.status for reading in found):
+            return None
+        values = [typed_values.number(one.value, one.path, self._where) for one in found]
+        read = dict(zip(names, map(Decimal, map(repr, values)), strict=True))
+        return temperature.acting(temperature.of_axis(read, axis))
 
     async def figure(self, name: str, configuration: Configuration) -> float | None:
         """A machine datum by its NC name; None where there is no public node for it or it cannot be read."""

@@ -61,7 +61,9 @@ def _member(data: bytes, at: int, where: str) -> tuple[Member, int]:
     begin, name = at + BLOCK, _text(header[_NAME])
     if begin + size > len(data):
         raise FileFormatError("E-ARCHIVE-CUT", where, name=name, size=size, there=len(data) - begin)
-    about = ArchiveMember(name, _text(header[_SHOWN]), _text(header[_FOLDER]), size, _number(header[_TIME]) or 0)
+    about = ArchiveMember(
+        name, _text(header[_SHOWN]), folder=_text(header[_FOLDER]), size=size, changed=_number(header[_TIME]) or 0
+    )
     return Member(about, data[begin : begin + size]), begin + -(-size // BLOCK) * BLOCK
 
 

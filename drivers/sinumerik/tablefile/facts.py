@@ -42,9 +42,9 @@ def facts_of(listings: Iterable[Listing]) -> Facts:
     return Facts(
         names,
         units,
-        _acting(items),
-        {(item.numbers[0], item.axis): _whole(item) for item in items if item.name == RESERVED},
-        {item.numbers[0]: _whole(item) for item in items if item.name == CROSS},
+        acting=_acting(items),
+        reserved={(item.numbers[0], item.axis): _whole(item) for item in items if item.name == RESERVED},
+        cross={item.numbers[0]: _whole(item) for item in items if item.name == CROSS},
     )
 
 

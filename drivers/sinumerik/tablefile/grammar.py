@@ -69,7 +69,7 @@ def assignment(body: str, number: int, where: str) -> Assignment:
         raise FileFormatError(
             "E-TABLE-RANGE", where, line=number, name=name, value=value, low=variable.low, high=variable.high
         )
-    return Assignment(number, name, numbers, axis, value)
+    return Assignment(number, name, numbers=numbers, axis=axis, value=value)
 
 
 def _indices(inside: str, variable: TableVariable, name: str, number: int, where: str) -> tuple[tuple[int, ...], str]:

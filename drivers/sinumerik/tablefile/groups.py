@@ -70,7 +70,9 @@ def groups_of(found: Listing) -> dict[str, Group]:
         key = f"{SINUMERIK.own}[{index},{axis}]" if axis else f"CEC[{index}]"
         group = groups.get(key)
         if group is None:
-            group = groups[key] = Group("axis" if axis else "cross", index, axis, item.line, {}, {})
+            group = groups[key] = Group(
+                "axis" if axis else "cross", index, axis=axis, line=item.line, points={}, parameters={}
+            )
         if item.name == stem:
             group.points[item.numbers[1]] = item
         else:

@@ -77,11 +77,11 @@ def read_sources(sources: Sequence[Source], units: Mapping[str, AxisUnit] | None
     return TableFile(
         tuple(table for part in parts for table in part.tables),
         _settings(parts),
-        {name: unit for part in parts for name, unit in part.lengths.items()},
-        tuple(note for part in parts for note in part.notes),
-        facts.names,
-        facts.units,
-        frozenset(axis for part in parts for axis in part.unknown),
+        lengths={name: unit for part in parts for name, unit in part.lengths.items()},
+        notes=tuple(note for part in parts for note in part.notes),
+        names=facts.names,
+        units=facts.units,
+        unknown=frozenset(axis for part in parts for axis in part.unknown),
     )
 
 

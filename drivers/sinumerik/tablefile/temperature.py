@@ -10,6 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from decimal import Decimal
 
+from drivers.types import TemperatureShift
+
 _NAMES = {
     "kind": "$MA_TEMP_COMP_TYPE",
     "steepest": "$MA_COMP_ADD_VELO_FACTOR",
@@ -44,6 +46,21 @@ class Temperature:
         if self.steepest is None or abs(slope) <= self.steepest:
             return slope
         return self.steepest.copy_sign(slope)
+
+
+def names_of(axis: str) -> tuple[str, ...]:
+    """The control's names of the settings of an axis."""
+    return tuple(f"{name}[{axis}]" for name in _NAMES.values())
+
+
+def acting(found: Temperature | None) -> TemperatureShift:
+    """What is switched on of it, as a record; nothing where nothing is."""
+    if found is None:
+        return TemperatureShift()
+    kind = int(found.kind or 0)
+    constant = (found.constant or Decimal(0)) if kind & 1 else Decimal(0)
+    slope = found.acting_slope if kind & 2 else Decimal(0)
+    return TemperatureShift(float(constant), float(slope), float(found.reference or 0) if slope else 0.0)
 
 
 def of_axis(settings: Mapping[str, Decimal], axis: str) -> Temperature | None:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from drivers import registry
-from drivers.checks import CertificateView, CheckLine, TrustView, Wanted, WantedAxis, wrong
+from drivers.checks import CertificateView, CheckLine, TrustView, Wanted, WantedAxis, fine, unknown, wrong
 from drivers.clock import Clock, LoopClock
 from drivers.errors import TrueflankError, words
 from drivers.leftover import Sent
@@ -36,7 +37,7 @@ def doctor_command(site: SiteArgument, as_json: JsonOption = False) -> None:
     tree = load(site)
     sought = wanted(tree, sent_before(tree, site))
     lines = run_to_end(port(tree, "doctor", LoopClock()).examine(sought, tree.controller.timeout_s))
-    lines = (*lines, *unended(tree, site))
+    lines = (*lines, *kept_tests(tree, site, lines), *unended(tree, site))
     well = all(line.outcome == "ok" for line in lines)
     if as_json:
         show_json({"site": tree.site.name, "ok": well, "lines": [line.as_record() for line in lines]})
@@ -110,6 +111,34 @@ def unended(tree: Any, site: Path) -> tuple[CheckLine, ...]:
     from gateway.workflow.bench import store_of
 
     return tuple(wrong(one.code, "journal", **one.fields) for one in held_pushes(store_of(tree, site).root / JOURNALS))
+
+
+def kept_tests(tree: Any, site: Path, seen: Sequence[CheckLine]) -> tuple[CheckLine, ...]:
+    """The last self-test of each axis as this store knows it: that is what a push asks for.
+
+    ``seen`` is what was found of the control just now: a test of another version of it does not count.
+    """
+    from gateway.store import SelfTestBook
+    from gateway.workflow.bench import store_of
+
+    if f"{tree.controller.driver}-paper" not in registry.known("paper"):
+        return ()  # no programs of ours run on this road
+    now = next((str(line.fields["version"]) for line in seen if line.code == "W-DOC-SERIAL"), "")
+    known = SelfTestBook(store_of(tree, site).root).all(tree.controller.serial)
+    last = {(one.axis, one.encoder): one for one in known}
+    return tuple(told(axis.name, last.get((axis.name, axis.encoder)), now) for axis in tree.axes)
+
+
+def told(axis: str, test: Any, now: str) -> CheckLine:
+    """A kept self-test (None: never made) as a line: passed, not passed, of another version."""
+    if test is None:
+        return unknown("W-DOC-UNTESTED", "self-test kept", axis=axis)
+    fields = {"axis": axis, "date": test.utc, "version": test.machine.version}
+    if now and test.machine.version != now:
+        return wrong("E-DOC-TESTED-OTHER", "self-test kept", now=now, **fields)
+    if test.ok:
+        return fine("W-DOC-TESTED", "self-test kept", passed=len(test.passed), **fields)
+    return wrong("E-DOC-TESTED", "self-test kept", missed=test.missed, **fields)
 
 
 def wanted(tree: Any, sent: tuple[Sent, ...] = ()) -> Wanted:

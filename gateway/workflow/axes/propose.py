@@ -23,6 +23,7 @@ from gateway.workflow import stages
 from gateway.workflow.axes.measure import MeasuredAxis
 from gateway.workflow.bench import Bench
 from gateway.workflow.consents import proposed, tell
+from gateway.workflow.selftests import warnings
 
 
 async def propose(at: Bench, measured: Mapping[str, MeasuredAxis]) -> Proposal:
@@ -38,7 +39,8 @@ async def axis_changes(at: Bench, measured: Mapping[str, MeasuredAxis]) -> tuple
 
 def keep(at: Bench, changes: tuple[TableChange, ...], parents: tuple[str, ...]) -> Proposal:
     """Store a proposal of these changes for the machine, and tell it."""
-    proposal = Proposal(at.machine, changes, parents, at.clock.utc().isoformat(timespec="seconds"))
+    said = warnings(at, (change.axis for change in changes if not change.skipped))
+    proposal = Proposal(at.machine, changes, parents, at.clock.utc().isoformat(timespec="seconds"), warnings=said)
     at.folder.put(stages.PROPOSAL, proposal, parents)
     tell(at, proposed(at, proposal))
     for change in changes:

@@ -42,6 +42,7 @@ from gateway.workflow.consents import (
 )
 from gateway.workflow.outcome import Outcome, alarmed, shown
 from gateway.workflow.results.ending import finish
+from gateway.workflow.selftests import last_of
 from gateway.workflow.witness import Witness
 
 Done = TypeVar("Done")
@@ -176,6 +177,7 @@ def push_context(at: Bench, axis: AxisSection, capture: Capture | None) -> PushC
         stop_timeout_s=operator.stop_timeout_s,
         approvals_needed=at.site.site.approvals,
         say=at.say,
+        self_test=last_of(at, axis),
     )
 
 

@@ -8,6 +8,7 @@ from drivers.clock import Clock
 from drivers.errors import TrueflankError
 from gateway.config import SiteFile
 from gateway.say import Say
+from gateway.workflow import selftests
 from gateway.workflow.aftercare import standing_alarms
 from gateway.workflow.axes.measure import measure_axis, store_equipment
 from gateway.workflow.axes.propose import propose
@@ -37,6 +38,8 @@ async def run_site(
 
 
 async def _work(at: Bench, *, apply: bool) -> Outcome:
+    if apply:
+        selftests.demand(at)
     store_equipment(at)
     measured = {axis.name: await measure_axis(at, axis, "before") for axis in at.site.axes}
     proposal = await propose(at, measured)

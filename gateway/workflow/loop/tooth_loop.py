@@ -15,7 +15,7 @@ from gateway.model.known import ErrorModel
 from gateway.say import Say
 from gateway.store import RunFolder, SetupBook
 from gateway.tooth import InspectedFlank, SetupValues, ToothProposal
-from gateway.workflow import stages
+from gateway.workflow import selftests, stages
 from gateway.workflow.aftercare import standing_alarms
 from gateway.workflow.axes.measure import MeasuredAxis
 from gateway.workflow.bench import Bench, bench, check_name
@@ -79,6 +79,8 @@ class _Loop:
     async def close(self, *, apply: bool) -> None:
         at, folder = self.at, self.at.folder
         same_machine(at)
+        if apply and not folder.has(stages.VERDICT):
+            selftests.demand(at)
         book = SetupBook(at.store.root)
         now = book.current(at.machine, self.work.name)
         before = await self._part(BEFORE, now) if apply else None

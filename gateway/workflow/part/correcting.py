@@ -37,6 +37,7 @@ from gateway.workflow.consents import proposed, tell
 from gateway.workflow.errors21.components import grids
 from gateway.workflow.part.grinding import gear_of_site, work_section
 from gateway.workflow.part.inspecting import FlankFile, check_machine, inspect_file, inspected_of
+from gateway.workflow.selftests import warnings
 from gateway.workflow.tooth.crosstables import acting_cross, cross_changes
 
 OUTPUTS = ("X", "C")
@@ -122,8 +123,9 @@ async def _proposed(at: Bench, flank: InspectedFlank, run: RunFolder) -> FromGea
     changes = await cross_changes(
         at, tables, chain_of_errors(ErrorModel(), height_mm=work.height_mm), live=live, adds=True
     )
-    gear = replace(gear, said=(*gear.said, *said, *_nothing(changes)))
-    proposal = Proposal(at.machine, changes, parents, at.clock.utc().isoformat(timespec="seconds"))
+    untried = warnings(at, (change.axis for change in changes if not change.skipped))
+    gear = replace(gear, said=(*gear.said, *said, *_nothing(changes), *untried))
+    proposal = Proposal(at.machine, changes, parents, at.clock.utc().isoformat(timespec="seconds"), warnings=untried)
     at.folder.put(stages.FROM_GEAR, gear, parents)
     at.folder.put(stages.PROPOSAL, proposal, parents)
     tell(at, proposed(at, proposal))

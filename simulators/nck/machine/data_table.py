@@ -87,6 +87,7 @@ DATA: dict[str, DataSpec] = {
     IS_METRIC: DataSpec("", "bool", "power_on", True),
     "$MN_CONVERT_SCALING_SYSTEM": DataSpec("", "bool", "power_on", False),
     "$MN_AXCONF_MACHAX_NAME_TAB": DataSpec("n", "text", "never", ""),
+    "$MN_INFO_FREE_MEM_STATIC": DataSpec("", "int", "never", 1_000_000),
     "$MN_LEN_PROTOCOL_FILE": DataSpec("", "int", "now", 1, 1, 100000),
     "$MN_PROTOCOL_FILE_MODE": DataSpec("", "int", "now", 0, 0, 1),
     SAVED_SETTINGS: DataSpec("n", "int", "reset", 0, 0, 50000, count=10),

@@ -8,6 +8,7 @@ from datetime import datetime
 from typing import Any
 
 from drivers.limits import ACCESS_LEVEL
+from drivers.programs import SelfTested
 from drivers.sinumerik.tablefile.held import HELD
 from drivers.types import Ambient, Capabilities, MachineIdentity, SignProof
 from gateway.axes import AxisRecord
@@ -29,6 +30,7 @@ class Asked:
     site_name: str = "mill"
     proof: SignProof | None = None
     capture: Capture | None = None
+    self_test: SelfTested | None = None
     ambient_now: Ambient | None = None
     modes: tuple[str, ...] = ("AUTO",)
     harmless_alarms: tuple[int, ...] = ()
@@ -58,6 +60,8 @@ def replace(one: Any, /, **values: Any) -> Any:
         asked["machine"] = values.pop("expected")
     if "marker_kept" in values:
         values["can"] = dataclasses.replace(one.can, marker=values.pop("marker_kept"))
+    if "self_tests" in values:
+        values["can"] = dataclasses.replace(one.can, self_test=values.pop("self_tests"))
     request: Any = one.request
     mark: Mark = dataclasses.replace(one.mark, **marks)
     return dataclasses.replace(one, request=dataclasses.replace(request, **asked), mark=mark, **values)

@@ -12,10 +12,11 @@ import pytest
 
 from drivers.clock import run_virtual
 from drivers.errors import catalogue
-from drivers.types import Ambient, AxisState, LiveSet, LiveTable, Marker, SignProof, TableLimits
+from drivers.types import Ambient, AxisState, LiveSet, LiveTable, Marker, SignProof, TableLimits, TemperatureShift
 from gateway.domain import Approval
 from gateway.interlocks import PushFacts, needed, refusals, warnings
 from gateway.push import conversation, plan_hash, push_table
+from tests.selftested import passed
 from tests.unit.interlocks.asked import replace
 from tests.unit.interlocks.test_interlocks import (
     CAPTURE,
@@ -79,6 +80,15 @@ def z_axis(**values: Any) -> PushFacts:
 
 def approved(**values: Any) -> PushFacts:
     return replace(TWO, approvals=(replace(GIVEN, **values),))
+
+
+def trial(**values: Any) -> PushFacts:
+    return replace(GOOD, self_tests=True, self_test=replace(passed(MACHINE), **values))
+
+
+def warmer(*, then: TemperatureShift | None, now: TemperatureShift | None) -> PushFacts:
+    capture = replace(CAPTURE, live=replace(LIVE, temperature=then))
+    return replace(GOOD, live=replace(LIVE, temperature=now), capture=capture)
 
 
 def noisy(scatter: float) -> PushFacts:
@@ -164,6 +174,14 @@ MORE: list[tuple[str, PushFacts]] = [
     ("E-INT-AUDIT-BEHIND", replace(GOOD, behind="no line has it", purpose="sign-proof")),
     ("E-INT-JOURNAL-MISSING", replace(GOOD, missing=(432_100_007,))),
     ("E-INT-NOT-PROPOSED", replace(GOOD, proposed=False)),
+    ("E-INT-TEMPERATURE-MOVED", warmer(then=TemperatureShift(0.005), now=TemperatureShift())),
+    ("E-INT-TEMPERATURE-MOVED", warmer(then=TemperatureShift(0.0, 1e-6), now=TemperatureShift(0.0, 2e-6, 10.0))),
+    ("E-INT-NO-SELF-TEST", replace(GOOD, self_tests=True)),
+    ("E-INT-NO-SELF-TEST", replace(GOOD, self_tests=True, purpose="sign-proof")),
+    ("E-INT-OTHER-SELF-TEST", trial(machine=replace(MACHINE, version="V4.7"))),
+    ("E-INT-SELF-TEST", trial(failed=("READ",))),
+    ("E-INT-SELF-TEST", trial(stopped="alarm 17070")),
+    ("E-INT-SELF-TEST", trial(passed=())),
 ]  # fmt: skip
 C_EEC = replace(
     NEW, input_axis="C1", output_axis="C1", input_unit="deg", output_unit="deg", minimum=0.0, maximum=360.0, step=45.0
@@ -197,6 +215,11 @@ def test_each_rule_alone(code: str, facts: PushFacts) -> None:
 def test_sound_cross_and_two_person_pushes_have_no_reason_against_them() -> None:
     assert codes(CROSS) == set()
     assert codes(TWO) == set()
+    assert codes(trial()) == set()
+    still = TemperatureShift(0.003, 1e-5, 20.0)
+    assert codes(warmer(then=still, now=replace(still, constant=0.00305))) == set()
+    assert codes(warmer(then=None, now=still)) == set()  # what was never read cannot be compared
+    assert codes(replace(GOOD, self_tests=True, purpose="restore")) == set()  # the way back is always open
     assert (
         codes(replace(CROSS, live=beside(LiveTable(WAVE, True), LiveTable(replace(HELD, direction=1), False)))) == set()
     )

@@ -34,7 +34,7 @@ async def judged(bed: Patient, memories: Sequence[tuple[WantedAxis, Memory]]) ->
         return [unknown("W-DOC-MEMORY-UNKNOWN", "written files")]
     axes = [axis for axis, _ in memories]
     cross = any(any(memory.cec_points) for _, memory in memories)
-    lines = [*await file_length(bed, memories), *await kept_switch(bed, cross=cross)]
+    lines = [*await file_length(bed, memories), *await free_memory(bed), *await kept_switch(bed, cross=cross)]
     lines += await cross_limits(bed, axes, cross=cross)
     return [*lines, *await diameter(bed), *await temperature(bed, axes)]
 
@@ -55,6 +55,18 @@ async def file_length(bed: Patient, memories: Iterable[tuple[WantedAxis, Memory]
     if mode is not None and int(mode) & 1:
         return [wrong("E-DOC-FILE-LATE", "written files", mode=int(mode))]
     return [fine("W-DOC-FILE-LIMIT", "written files", **fields)]
+
+
+async def free_memory(bed: Patient) -> list[CheckLine]:
+    """MD18060: what is left for programs and for memory that somebody reserves.
+
+    Its unit differs between controls and versions, so nothing is compared but whether there is any.
+    """
+    left = await bed.datum("$MN_INFO_FREE_MEM_STATIC")
+    if left is None:
+        return [unknown("W-DOC-FREE-UNKNOWN", "free memory")]
+    enough = float(left) > 0.0
+    return [(fine if enough else wrong)("W-DOC-FREE" if enough else "E-DOC-FREE", "free memory", left=int(left))]
 
 
 async def kept_switch(bed: Patient, *, cross: bool) -> list[CheckLine]:

@@ -1,0 +1,99 @@
+"""Questions about the OPC UA server itself: clock, name space, option, methods, rights, files, alarms."""
+
+from __future__ import annotations
+
+import re
+from datetime import UTC
+from typing import Any
+
+from drivers.checks import CheckLine, fine, unknown, wrong
+from drivers.sinumerik.ncprogram.words import program_path
+from drivers.sinumerik.opcua.bedside.bed import Bedside
+from drivers.sinumerik.opcua.session import alarms as standing_alarms
+from drivers.sinumerik.opcua.session import nodes
+from drivers.sinumerik.opcua.session.files import FileNodes
+
+CLOCK_LIMIT_S = 60.0
+READING = ("StateRead", "TeaRead", "SeaRead")
+WRITING = ("StateWrite", "FsRead", "FsWrite", "ApWrite")
+SURPLUS = ("SinuWriteAll", "TeaWrite", "SeaWrite", "DriveWrite", "PlcWrite", "FrameWrite", "ToolWrite", "RandomWrite")
+
+
+async def clock(bed: Bedside) -> list[CheckLine]:
+    """How far the control's clock is from this PC's."""
+    theirs = await bed.session.server_time(bed.timeout_s)
+    if theirs is None:
+        return [unknown("W-DOC-NO-CLOCK", "clock")]
+    apart_s = abs((theirs.replace(tzinfo=UTC) - bed.clock.utc()).total_seconds())
+    if apart_s > CLOCK_LIMIT_S:
+        return [wrong("E-DOC-CLOCK", "clock", apart_s=round(apart_s), limit_s=CLOCK_LIMIT_S)]
+    return [fine("W-DOC-CLOCK", "clock", apart_s=round(apart_s, 1))]
+
+
+async def name_space(bed: Bedside) -> list[CheckLine]:
+    """Where the control's variables live."""
+    return [fine("W-DOC-NAMESPACE", "name space", uri=nodes.NAMESPACE_URI, index=bed.session.name_space)]
+
+
+async def option(bed: Bedside) -> list[CheckLine]:
+    """The licence itself is no public variable; without it there is no machine data to be served."""
+    served = await bed.value(nodes.in_channel("chanStatus", bed.settings.channel))
+    if served is not None and bed.session.methods:
+        return [fine("W-DOC-OPTION", "option")]
+    return [unknown("W-DOC-OPTION-UNKNOWN", "option")]
+
+
+async def methods(bed: Bedside) -> list[CheckLine]:
+    """What can be called: copying files, selecting programs."""
+    lines = []
+    absent = [name for name in ("CopyFileToServer", "CopyFileFromServer") if name not in bed.session.methods]
+    if absent:
+        lines.append(fine("W-DOC-FILE-NODES", "methods", absent=", ".join(absent)))
+    if "Select" not in bed.session.methods:
+        return [*lines, wrong("E-UA-ABSENT", "methods", status="not offered", what="Select")]
+    return lines or [fine("W-DOC-METHODS", "methods")]
+
+
+async def rights(bed: Bedside) -> list[CheckLine]:
+    """What this user may do: no less than is needed, and no more."""
+    if "GetMyAccessRights" not in bed.session.methods:
+        return [unknown("W-DOC-RIGHTS-UNKNOWN", "rights")]
+    bed.rights = rights = _listed(await bed.session.call("GetMyAccessRights", [], bed.timeout_s))
+    missing = [right for right in READING if "SinuReadAll" not in rights and right not in rights]
+    missing += [right for right in WRITING if right not in rights]
+    surplus = [right for right in SURPLUS if right in rights]
+    if missing:
+        return [wrong("E-DOC-RIGHTS", "rights", missing=", ".join(missing))]
+    if surplus:
+        return [wrong("E-DOC-SURPLUS", "rights", surplus=", ".join(surplus))]
+    return [fine("W-DOC-RIGHTS", "rights", rights=", ".join(sorted(rights)))]
+
+
+def _listed(answer: Any) -> frozenset[str]:
+    """Rights as one text or as a list of texts: the manuals show names only."""
+    parts = answer if isinstance(answer, list) else [answer or ""]
+    return frozenset(name for part in parts for name in re.split(r"[;,\s]+", str(part)) if name)
+
+
+async def files(bed: Bedside) -> list[CheckLine]:
+    """By rights and by what a program of ours that is already there says; nothing is written to find out."""
+    if bed.rights is not None and "FsWrite" not in bed.rights:
+        return [wrong("E-DOC-RIGHTS", "files", missing="FsWrite")]
+    said: bool | None = None
+    for axis in bed.wanted.axes:
+        path = nodes.to_file(program_path("MEAS", axis.name))
+        if path is not None and said is None:
+            said = await FileNodes(bed.session, bed.where).writable(path, bed.timeout_s)
+    if said is False:
+        return [wrong("E-UA-LEVEL", "files", status="UserWritable is false", what="part programs")]
+    if said is None and bed.rights is None:
+        return [unknown("W-DOC-FILES-UNKNOWN", "files")]
+    return [fine("W-DOC-FILES", "files") if said else fine("W-DOC-FILES-BY-RIGHTS", "files")]
+
+
+async def alarms(bed: Bedside) -> list[CheckLine]:
+    """Whether alarms are told, and which stand."""
+    told = await standing_alarms.standing(bed.session, bed.timeout_s)
+    if told is None:
+        return [unknown("W-DOC-NO-EVENTS", "alarms")]
+    return [fine("W-DOC-EVENTS", "alarms", standing=", ".join(str(alarm.number) for alarm in told) or "none")]

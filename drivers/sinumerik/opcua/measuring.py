@@ -1,0 +1,143 @@
+"""A stop plan through OPC UA: sent, its stops waited for and released, and the tables that its program saved."""
+
+from __future__ import annotations
+
+import secrets as random_source
+
+from drivers.clock import Clock
+from drivers.errors import DeadlineExceeded, DeviceRefused
+from drivers.sinumerik.ncprogram import measuring as measuring_program
+from drivers.sinumerik.ncprogram.backup import Memory, Saving
+from drivers.sinumerik.ncprogram.legal import legal
+from drivers.sinumerik.ncprogram.measuring import Setting
+from drivers.sinumerik.ncprogram.words import Phase, Word, program_path
+from drivers.sinumerik.opcua.dialogue import Dialogue, Glance, file_refused
+from drivers.sinumerik.opcua.machine import Configuration
+from drivers.sinumerik.opcua.pushing import live_tables
+from drivers.sinumerik.opcua.transfer import Transfer
+from drivers.types import ChannelStatus, LiveSet, StopPlan, StopReached
+from drivers.units import deviation_scale
+
+QUIET_PART, QUIET_S = 0.6, 2.0
+_SAVED = (Phase.MEASURING, Phase.FINISHED, Phase.LEFT)
+_OVER = (Phase.FINISHED, Phase.LEFT)
+
+
+class Measuring:
+    """The measuring part of the driver; it shares dialogue and transfer with the others."""
+
+    def __init__(self, dialogue: Dialogue, transfer: Transfer, clock: Clock, where: str) -> None:
+        self._dialogue = dialogue
+        self._transfer = transfer
+        self._clock = clock
+        self._where = where
+        self._plan: StopPlan | None = None
+        self._token, self._memory = 0, Memory(0)
+        self._saved = self._ended = False
+        self._moving_since: float | None = None
+        self._move_s = 0.0
+
+    def forget(self) -> None:
+        """Another kind of program is about to be sent: no plan's tables are to be had any more."""
+        self._plan, self._saved = None, False
+
+    async def prepare(self, plan: StopPlan, setting: Setting) -> None:
+        """Send, read back and select the program of a plan.
+
+        Raises DeviceRefused (E-NC-NOT-RESET and other refusals), and as `legal`, before anything was written.
+        """
+        token = random_source.randbelow(899_999) + 100_000
+        path = program_path("MEAS", plan.compensated_axis)
+        passed = legal(path, measuring_program.measuring(plan, token, setting), setting.memory.axes)
+        await self._dialogue.begin(setting.axis_number, token, path)
+        self._plan, self._token, self._saved, self._ended = plan, token, False, False
+        self._memory = setting.memory
+        self._moving_since, self._move_s = None, 0.0
+        await self._transfer.send(passed)
+        await self._transfer.select(path)
+
+    async def wait(self, after: int, timeout_s: float, configuration: Configuration) -> StopReached | None:
+        """Wait for a counter above ``after`` with the axis in position; None when the program has ended.
+
+        Raises DeadlineExceeded (E-NC-NO-STOP), DeviceRefused (E-NC-ALARM, E-NC-FILE), and what the wire raises.
+        """
+        end = self._clock.now() + timeout_s
+        before: Glance | None = None
+        looks = 0
+        if self._moving_since is not None:
+            await self._dialogue.wait()
+        while not self._ended:
+            seen = await self._dialogue.look()
+            looks += 1
+            await self._dialogue.check_alarms(seen)
+            if seen.word(Word.TRANSACTION) == self._token:
+                self._note_progress(seen)
+                if before is not None and before.words == seen.words and self._is_stop(seen, after):
+                    self._time_move(at_once=looks == 2)
+                    return self._stop(seen, configuration)
+                self._ended = self._is_over(before, seen)
+                fresh = self._is_stop(seen, after) and not (before and before.words == seen.words)
+                before = seen
+                if fresh:
+                    continue  # look again at once: the words of a stop must be seen twice alike
+            if self._clock.now() >= end and not self._ended:
+                raise DeadlineExceeded("E-NC-NO-STOP", self._where, after=after, timeout_s=timeout_s)
+            await self._dialogue.wait()
+        return None
+
+    def _note_progress(self, seen: Glance) -> None:
+        if seen.phase == Phase.FILE_FAILED:
+            raise file_refused(seen, self._where, self._plan.compensated_axis if self._plan else "")
+        self._saved = self._saved or seen.phase in _SAVED
+
+    @staticmethod
+    def _is_stop(seen: Glance, after: int) -> bool:
+        waiting = seen.channel is ChannelStatus.ACTIVE and seen.word(Word.COUNTER) > after
+        return waiting and seen.in_position and seen.phase == Phase.MEASURING
+
+    @staticmethod
+    def _is_over(before: Glance | None, seen: Glance) -> bool:
+        """By its own word, or because the channel is in reset at two looks after the program had begun."""
+        if seen.channel is not ChannelStatus.RESET:
+            return False
+        return seen.phase in _OVER or (before is not None and before.channel is ChannelStatus.RESET)
+
+    def _stop(self, seen: Glance, configuration: Configuration) -> StopReached:
+        compensated = self._plan.compensated_axis if self._plan else ""
+        scale = deviation_scale(configuration.units.get(compensated, "mm"))
+        return StopReached(
+            counter=round(seen.word(Word.COUNTER)),
+            repetition=round(seen.word(Word.REPETITION)),
+            label=round(seen.word(Word.LABEL)),
+            approach=1 if seen.word(Word.APPROACH) > 0 else -1,
+            target=seen.word(Word.TARGET),
+            encoder_compensation=seen.word(Word.ENCODER_COMPENSATION) * scale,
+            cross_compensation=seen.word(Word.CROSS_COMPENSATION) * scale,
+        )
+
+    async def release(self, counter: int) -> None:
+        """Echo the counter. Never retried."""
+        await self._dialogue.write({Word.ECHO: float(counter)})
+        self._moving_since = self._clock.now()
+        self._dialogue.pace.again(min(QUIET_PART * self._move_s, QUIET_S))
+
+    def _time_move(self, *, at_once: bool) -> None:
+        """Remember how long the move took: the next stop is not expected much earlier.
+
+        One that stood there at the first look may have stood there for long: the next is looked for earlier.
+        """
+        if self._moving_since is not None:
+            took_s = self._clock.now() - self._moving_since
+            self._move_s, self._moving_since = (0.5 * took_s if at_once else took_s), None
+
+    async def saved_tables(self, axis: str, configuration: Configuration) -> LiveSet:
+        """The live tables the last program wrote before moving. Raises DeviceRefused (E-NC-NOT-SAVED, E-UA-FILE...)."""
+        plan = self._plan
+        if plan is not None and plan.compensated_axis == axis and plan.save_tables and not self._saved:
+            seen = await self._dialogue.look()
+            if seen.word(Word.TRANSACTION) == self._token:
+                self._note_progress(seen)
+        if plan is None or plan.compensated_axis != axis or not self._saved or not plan.save_tables:
+            raise DeviceRefused("E-NC-NOT-SAVED", self._where, axis=axis)
+        saving = Saving(section="LIVE", number=self._token, axis=axis, encoder=plan.encoder, memory=self._memory)
+        return await live_tables(self._transfer, saving, configuration)

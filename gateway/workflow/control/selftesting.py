@@ -1,0 +1,75 @@
+"""The self-test of a site's control: one program for each axis, started by a person, its outcome kept for good."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from drivers.clock import Clock
+from drivers.errors import DeviceRefused, TrueflankError, words
+from drivers.programs import SelfTest, SelfTested, SelfTests
+from gateway import audit
+from gateway.config import AxisSection, SiteFile
+from gateway.say import Say
+from gateway.store import SelfTestBook
+from gateway.workflow.bench import Bench, bench, new_run
+from gateway.workflow.consents import tell
+from gateway.workflow.outcome import Outcome
+
+
+async def self_test_site(site: SiteFile, site_path: Path, *, axis: str, clock: Clock, say: Say) -> Outcome:
+    """Test every axis of a site, or the one that is named; no instrument is opened and nothing moves.
+
+    Each outcome is kept before the next begins. Raises ConfigError (E-RUN-AXIS), DeviceRefused (E-SELF-TEST) when
+    words were not passed, DeadlineExceeded (E-NC-NO-START) when nobody started it, StoreError.
+    """
+    folder = new_run(site, site_path)
+    folder.set_state("self-testing")
+    try:
+        async with bench(site, site_path, folder=folder, clock=clock, say=say, instruments=()) as at:
+            axes = (at.axis(axis),) if axis else tuple(site.axes)
+            controller = at.supervisor.controller
+            if not controller.capabilities.self_test or not isinstance(controller, SelfTests):
+                return _no_programs(at)
+            return _told(at, tuple([await _tested(at, controller, one) for one in axes]))
+    except TrueflankError as error:
+        folder.set_state("failed", error=error.as_record())
+        raise
+
+
+async def _tested(at: Bench, controller: SelfTests, axis: AxisSection) -> SelfTested:
+    """One axis: sent, started by a person, read and kept, in the audit log too."""
+    order = SelfTest(axis.name, axis.encoder)
+    await controller.prepare_self_test(order)
+    at.say("P-SELF-TEST", axis=axis.name)
+    found = await controller.wait_self_test(order, at.patience.start_s)
+    SelfTestBook(at.store.root).save(found)
+    told = {"axis": axis.name, "run": at.folder.run_id, "version": found.machine.version, "missed": found.missed}
+    action = "self-test-passed" if found.ok else "self-test-failed"
+    root, serial = at.store.root, at.machine.serial
+    tell(at, audit.note(root, action, clock=at.clock, serial=serial, details=told))
+    at.say("P-SELF-TEST-PASSED" if found.ok else "P-SELF-TEST-FAILED", **_fields(found))
+    return found
+
+
+def _fields(test: SelfTested) -> dict[str, object]:
+    date = test.control_date or "no date"
+    return {"axis": test.axis, "passed": len(test.passed), "missed": test.missed, "control_date": date}
+
+
+def _told(at: Bench, found: tuple[SelfTested, ...]) -> Outcome:
+    """Raises DeviceRefused (E-SELF-TEST)."""
+    failed = [test for test in found if not test.ok]
+    if failed:
+        missed = "; ".join(f"{test.axis}: {test.missed}" for test in failed)
+        raise DeviceRefused("E-SELF-TEST", at.site.site.name, missed=missed)
+    at.folder.set_state("self-tested")
+    lines = tuple(words("W-SELF-TEST-PASSED", version=test.machine.version, **_fields(test)) for test in found)
+    data = {"axes": {test.axis: {"passed": list(test.passed), "control_date": test.control_date} for test in found}}
+    data |= {"version": at.machine.version}  # type: ignore[dict-item]
+    return Outcome(state=at.folder.state, run_folder=str(at.folder.path), rows=(), lines=lines, data=data)
+
+
+def _no_programs(at: Bench) -> Outcome:
+    at.folder.set_state("not-needed")
+    lines = (words("W-SELF-TEST-NONE", site=at.site.site.name),)
+    return Outcome(state=at.folder.state, run_folder=str(at.folder.path), rows=(), lines=lines, data={"axes": {}})
