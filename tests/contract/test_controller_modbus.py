@@ -75,7 +75,7 @@ async def test_it_is_a_controller_and_says_what_it_can() -> None:
     async with on_stage() as stage:
         device = stage.device
         assert isinstance(device, Controller)
-        assert device.capabilities == Capabilities(False, HELD, "by-itself", True, "panel")
+        assert device.capabilities == Capabilities(False, HELD, "by-itself", True, "panel", cross_shown="either-way")
         machine = await device.identify()
         assert (machine.serial, machine.version) == ("ST-DOUBLE-0001", "4.8.6")
         assert (machine.axis_names, machine.unit_system) == (("X1", "C1"), "metric")

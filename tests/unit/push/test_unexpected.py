@@ -28,7 +28,7 @@ SURPRISES: tuple[BaseException, ...] = (
     ExceptionGroup("two", [KeyError("one"), ValueError("two")]),
 )
 AFTER = ("stage", "read_back", "activate", "confirm", "restarted")
-BEFORE = ("table_limits", "identify", "state", "saved_tables")
+BEFORE = ("table_limits", "identify", "state", "live_tables")
 
 
 def failing(at: Any, name: str, error: BaseException) -> Any:

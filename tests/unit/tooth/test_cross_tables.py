@@ -12,7 +12,8 @@ import pytest
 
 from drivers.errors import DeviceRefused, ValueOutOfRange
 from drivers.sinumerik.tablefile.held import HELD
-from drivers.types import Capabilities, CompensationTable, LiveSet, LiveTable, TableAbility, TableLimits
+from drivers.sinumerik.tablefile.tables import tables_by
+from drivers.types import Capabilities, CompensationTable, LiveSet, LiveTable, SignProof, TableAbility, TableLimits
 from gateway.correct.flank.tables import Table, TableGrid
 from gateway.domain import TableChange
 from gateway.errors import CaptureError
@@ -20,6 +21,7 @@ from gateway.model.preset import yk7350b
 from gateway.workflow.tooth.crosstables import acting_cross, cross_changes
 from gateway.workflow.tooth.proposal import _Task
 from gateway.workflow.tooth.seating import seated
+from tests.signed import proof_of
 
 CHAIN = yk7350b()
 Z, C = np.linspace(0.0, 40.0, 5), np.deg2rad(np.arange(0.0, 361.0, 45.0))
@@ -38,6 +40,9 @@ class Control:
     def capabilities(self) -> Capabilities:
         return Capabilities(False, self.tables, "by-itself", True, "panel")
 
+    def tables_by(self, found: LiveSet, proof: SignProof | None) -> LiveSet:
+        return tables_by(found, proof)
+
     async def table_limits(self, axis: str, kind: str, index: int) -> TableLimits:
         assert (axis, kind) in {("X1", "cross"), ("C1", "cross")}
         self.asked.append(index)
@@ -49,7 +54,7 @@ class Control:
 def bench(control: Control, sign: int = 0) -> Any:
     names = (("X1", "X"), ("Z1", "Z"), ("C1", "C"))
     site = SimpleNamespace(axes=[SimpleNamespace(name=name, letter=letter) for name, letter in names])
-    proof = SimpleNamespace(sign=sign) if sign else None
+    proof = proof_of(sign) if sign else None
     proofs = SimpleNamespace(find=lambda _machine, _function, _axis: proof)
     return SimpleNamespace(site=site, supervisor=SimpleNamespace(controller=control), proofs=proofs, machine=None)
 
