@@ -5,6 +5,8 @@ from __future__ import annotations
 import hashlib
 import re
 import unicodedata
+from collections.abc import Iterable
+from difflib import get_close_matches
 
 from drivers.errors import words
 
@@ -70,3 +72,10 @@ def shown(value: object) -> str:
     """A value for an error's text: one line, nothing hidden, not long."""
     text = visible(str(value), keep="")
     return text if len(text) <= _MOST_SHOWN else f"{text[:_MOST_SHOWN]}..."
+
+
+def guess(text: str, known: Iterable[str]) -> str:
+    """The words "; did you mean NAME?" where one of the known words is close to a mistyped one, else nothing."""
+    lower = {word.lower(): word for word in known}
+    close = get_close_matches(text.lower(), list(lower), n=1, cutoff=0.6)
+    return words("W-CFG-GUESS", word=lower[close[0]]) if close else ""

@@ -30,8 +30,9 @@ from drivers.sinumerik.opcua.grinding import PartGrinding
 from drivers.sinumerik.opcua.leaving import Leaver, Leaving
 from drivers.sinumerik.opcua.machine import Configuration, MachineReader
 from drivers.sinumerik.opcua.pushing import Pushing, live_tables
+from drivers.sinumerik.opcua.secrets import secrets_of
 from drivers.sinumerik.opcua.session.client import UaSession
-from drivers.sinumerik.opcua.settings import UaSettings, secrets_of
+from drivers.sinumerik.opcua.settings import UaSettings
 from drivers.sinumerik.opcua.transfer import Transfer
 from drivers.sinumerik.tablefile.held import HELD
 from drivers.types import (

@@ -19,12 +19,12 @@ from asyncua import ua
 
 from drivers.clock import Clock
 from drivers.errors import DeviceRefused, LinkBroken, RemoteProtocolError, TrueflankError, UnsupportedDevice
+from drivers.sinumerik.opcua.secrets import Secrets
 from drivers.sinumerik.opcua.session import login, nodes, requests
 from drivers.sinumerik.opcua.session import values as typed_values
 from drivers.sinumerik.opcua.session.login import CHANNEL_S, SESSION_S, Offer
 from drivers.sinumerik.opcua.session.requests import AlarmEvent, Reading, ServerLimits
 from drivers.sinumerik.opcua.session.status import Stage, check_numbers, check_written, foreign, is_lost, refusal
-from drivers.sinumerik.opcua.settings import Secrets
 
 __all__ = ["CHANNEL_S", "SESSION_S", "Reading", "UaSession"]
 
