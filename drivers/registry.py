@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cache
 from importlib import import_module
 from typing import Any
 
@@ -51,6 +54,7 @@ _OWN = (
     DriverSpec("sinumerik-modbus-doctor", "doctor", "drivers.sinumerik.mailbox.doctor:ModbusDoctor"),
     DriverSpec("sinumerik-opcua-program", "program", "drivers.sinumerik.opcua.grinding:preview"),
     DriverSpec("sinumerik-opcua-paper", "paper", "drivers.sinumerik.opcua.paper:on_paper"),
+    DriverSpec("sinumerik-opcua-survey", "survey", "drivers.sinumerik.opcua.survey:UaSurvey"),
     DriverSpec("sinumerik-opcua-trust", "trust", "drivers.sinumerik.opcua.trust:UaTrust"),
     DriverSpec("sinumerik-modbus", "controller", "drivers.sinumerik.mailbox.device:SinumerikModbus", _MODBUS),
     DriverSpec("umd", "instrument", "drivers.umd.device:UmdCounter", "drivers.umd.settings:UmdSettings"),
@@ -79,11 +83,12 @@ _OWN = (
 
 def known(role: str | None = None) -> dict[str, DriverSpec]:
     """All drivers by name, our own and those installed beside us; a name of ours cannot be taken over."""
-    specs = {spec.name: spec for spec in _OWN} | _others()
+    specs = {spec.name: spec for spec in _OWN} | _others(tuple(sys.path))
     return {name: spec for name, spec in specs.items() if role in (None, spec.role)}
 
 
-def _others() -> dict[str, DriverSpec]:
+@cache
+def _others(_path: tuple[str, ...]) -> dict[str, DriverSpec]:
     """Drivers of other packages; what they declare of their settings stands in a group of its own."""
     from importlib.metadata import entry_points  # it is slow to load, and most commands ask for no driver
 
@@ -101,13 +106,13 @@ def load(name: str, role: str) -> Any:
     """Load a driver by name. Raises ConfigError (E-CFG-DRIVER) naming those that exist."""
     specs = known(role)
     if name not in specs:
-        raise unknown_driver(name, role)
+        raise unknown_driver(name, role, specs)
     return specs[name].load()
 
 
-def unknown_driver(name: str, role: str) -> ConfigError:
-    """The error for a name that no driver of this role has, with those that there are."""
-    names = sorted(known(role))
+def unknown_driver(name: str, role: str, names: Iterable[str]) -> ConfigError:
+    """The error for a name that none of the drivers for a role has, with those that there are."""
+    names = sorted(names)
     return ConfigError("E-CFG-DRIVER", name, role=role, known=", ".join(names) + guess(name, names))
 
 

@@ -76,6 +76,12 @@ def shown(value: object) -> str:
 
 def guess(text: str, known: Iterable[str]) -> str:
     """The words "; did you mean NAME?" where one of the known words is close to a mistyped one, else nothing."""
+    close = closest(text, known)
+    return words("W-CFG-GUESS", word=close) if close else ""
+
+
+def closest(text: str, known: Iterable[str]) -> str:
+    """The known word that a mistyped one was probably to be, whatever its upper and lower case; "" for none."""
     lower = {word.lower(): word for word in known}
-    close = get_close_matches(text.lower(), list(lower), n=1, cutoff=0.6)
-    return words("W-CFG-GUESS", word=lower[close[0]]) if close else ""
+    found = get_close_matches(text.lower(), list(lower), n=1, cutoff=0.6 if len(text) > 3 else 0.5)
+    return lower[found[0]] if found else ""

@@ -91,18 +91,6 @@ def recover(
 
 
 @app.command()
-def check(
-    site: SiteArgument,
-    connect: Annotated[bool, typer.Option("--connect", help="Also open and identify every device.")] = False,
-    as_json: JsonOption = False,
-) -> None:
-    """Check a site file; with --connect also every device it names, all failures at once."""
-    from gateway.cli.machine.running import check_command
-
-    check_command(site, connect, as_json=as_json)
-
-
-@app.command()
 def serve(
     site: SiteArgument,
     host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",

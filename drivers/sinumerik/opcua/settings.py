@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from collections.abc import Mapping
+from typing import Any, ClassVar, Literal
 
 from pydantic import Field
 
-from drivers.settings import CertificatePathText, DriverSettings, FilePathText, FolderPathText, Rule
+from drivers.settings import CertificatePathText, DriverSettings, FilePathText, FolderPathText, Rule, VariableText
 from drivers.sinumerik.ncprogram.words import COUNT, SetupWord, Words
 from drivers.sinumerik.opcua.session import nodes
 
@@ -27,7 +28,7 @@ class UaSettings(DriverSettings):
     user: str = Field(default="", description="user of the control's OPC UA server; left out: anonymous")
     password: str = Field(default="", description="for programs only: a site file names password_file or password_env")
     password_file: FilePathText = Field(default="", description="file that holds the password, one line")
-    password_env: str = Field(default="", description="environment variable that holds the password")
+    password_env: VariableText = Field(default="", description="environment variable that holds the password")
     security: Literal["best", "Aes256_Sha256_RsaPss", "Basic256Sha256", "None"] = Field(
         default=BEST,
         description="best: the better policy that the server offers; each but None signs and encrypts",
@@ -74,6 +75,13 @@ class UaSettings(DriverSettings):
             ("serial_node", nodes.parse(self.serial_node) is not None, "is no node path of this control"),
             ("version_node", nodes.parse(self.version_node) is not None, "is no node path of this control"),
         )
+
+    @classmethod
+    def first(cls, settings: Mapping[str, Any], where: str) -> UaSettings:
+        """As `read`, of a file that may name no certificate yet: who looks at the road says so in a line of its own."""
+        if any(fault.key != "server_certificate" for fault in cls.faults(settings)):
+            return cls.read(settings, where)
+        return cls.model_validate(dict(settings))
 
     @property
     def secured(self) -> bool:
