@@ -280,8 +280,11 @@ def study(
 
 
 @app.command()
-def schema() -> None:
-    """Print the site file's JSON schema."""
-    from gateway.config import schema as site_schema
+def schema(
+    as_page: Annotated[bool, typer.Option("--page", help="The page of reference instead, in Markdown.")] = False,
+) -> None:
+    """Print the site file's JSON schema, the settings of every driver among it."""
+    from gateway.config.reference import page
+    from gateway.config.reference import schema as site_schema
 
-    echo(json.dumps(site_schema(), indent=2))
+    echo(page().rstrip() if as_page else json.dumps(site_schema(), indent=2))

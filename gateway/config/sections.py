@@ -48,7 +48,7 @@ class Site(Section):
 class _Reached(Section):
     """What is reached by an address with settings of its own: neither may hold a secret."""
 
-    url: str = Field(min_length=1, description="address, as the driver's part of this page says")
+    url: str = Field(min_length=1, description="address, of a kind that the driver opens")
     settings: dict[str, Any] = Field(
         default_factory=dict, description="driver's own keys; secrets as KEY_file or KEY_env, never in the site file"
     )
