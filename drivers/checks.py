@@ -115,3 +115,33 @@ class TrustView:
     def equal(self) -> bool:
         """Whether the server is the pinned one."""
         return self.pinned is not None and self.pinned.sha256 == self.shown.sha256
+
+
+@dataclass(frozen=True, slots=True)
+class ControlAxis:
+    """An axis as the control tells it for a site file; None where this road cannot tell.
+
+    ``travel`` are the soft limits, mm or deg; ``encoder`` 0 or 1 is the measuring system whose table acts, ``points``
+    the room reserved for that table.
+    """
+
+    name: str
+    unit: Literal["mm", "deg"]
+    modulo: bool | None = None
+    travel: tuple[float, float] | None = None
+    encoder: int | None = None
+    points: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ControlFacts:
+    """What a control tells of itself: serial number, version, unit system, axes in its own order."""
+
+    serial: str
+    version: str
+    unit_system: Literal["metric", "inch"]
+    axes: tuple[ControlAxis, ...]
+
+    def axis(self, name: str) -> ControlAxis | None:
+        """An axis by its name; None where there is none."""
+        return next((axis for axis in self.axes if axis.name == name), None)

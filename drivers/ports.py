@@ -6,7 +6,7 @@ from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Literal, Protocol, runtime_checkable
 
-from drivers.checks import CheckLine, TrustView, Wanted
+from drivers.checks import CheckLine, ControlFacts, TrustView, Wanted
 from drivers.tablefile import ArchiveMember, TableFile, TableFinding, TableMachine
 from drivers.terms import TableKind
 from drivers.types import (
@@ -364,4 +364,13 @@ class Trust(Protocol):
 
     async def accept(self, thumbprint: str, who: str, timeout_s: float) -> TrustView:
         """Pin what the server shows now, if its thumbprint is the typed one. Raises DeviceRefused (E-TRUST-OTHER)."""
+        ...
+
+
+@runtime_checkable
+class Survey(Protocol):
+    """Tells what a control knows of itself, so that nobody types it; every question is a read."""
+
+    async def survey(self, timeout_s: float) -> ControlFacts:
+        """Axes, travel, encoders, room for tables. Raises what a login raises."""
         ...

@@ -2,46 +2,73 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cache
 from importlib import import_module
-from importlib.metadata import entry_points
 from typing import Any
 
 from drivers.errors import ConfigError
+from drivers.local.names import guess
 from drivers.terms import Terms
 
-GROUP = "trueflank.drivers"
+GROUP, SETTINGS_GROUP = "trueflank.drivers", "trueflank.settings"
 
 
 @dataclass(frozen=True, slots=True)
 class DriverSpec:
-    """Where a driver lives ("module:attribute") and which role it plays."""
+    """Where a driver lives ("module:attribute"), which role it plays, and where the model of its settings lives.
+
+    ``settings`` stands in a module that opens nothing, so that a site file is judged without the driver; "" where a
+    driver of somebody else declares none.
+    """
 
     name: str
     role: str
     target: str
+    settings: str = ""
 
     def load(self) -> Any:
         """Import the driver's class or factory now."""
-        module, _, attribute = self.target.partition(":")
-        return getattr(import_module(module), attribute)
+        return _loaded(self.target)
+
+    def load_settings(self) -> Any:
+        """The model (`drivers.settings.DriverSettings`) of what a site file may tell this driver; None: unsaid."""
+        return _loaded(self.settings) if self.settings else None
+
+
+def _loaded(place: str) -> Any:
+    module, _, attribute = place.partition(":")
+    return getattr(import_module(module), attribute)
+
+
+_UA = "drivers.sinumerik.opcua.settings:UaSettings"
+_MODBUS = "drivers.sinumerik.mailbox.settings:ModbusSettings"
+_BRIDGE = "drivers.bridge.settings:BridgeSettings"
 
 
 _OWN = (
-    DriverSpec("sinumerik-opcua", "controller", "drivers.sinumerik.opcua.device:SinumerikOpcUa"),
+    DriverSpec("sinumerik-opcua", "controller", "drivers.sinumerik.opcua.device:SinumerikOpcUa", _UA),
     DriverSpec("sinumerik-opcua-doctor", "doctor", "drivers.sinumerik.opcua.doctor:UaDoctor"),
     DriverSpec("sinumerik-modbus-doctor", "doctor", "drivers.sinumerik.mailbox.doctor:ModbusDoctor"),
     DriverSpec("sinumerik-opcua-program", "program", "drivers.sinumerik.opcua.grinding:preview"),
     DriverSpec("sinumerik-opcua-paper", "paper", "drivers.sinumerik.opcua.paper:on_paper"),
+    DriverSpec("sinumerik-opcua-survey", "survey", "drivers.sinumerik.opcua.survey:UaSurvey"),
     DriverSpec("sinumerik-opcua-trust", "trust", "drivers.sinumerik.opcua.trust:UaTrust"),
-    DriverSpec("sinumerik-modbus", "controller", "drivers.sinumerik.mailbox.device:SinumerikModbus"),
-    DriverSpec("umd", "instrument", "drivers.umd.device:UmdCounter"),
-    DriverSpec("bridge", "instrument", "drivers.bridge.device:BridgeInstrument"),
-    DriverSpec("bridge-gear", "gear-inspector", "drivers.bridge.gear:BridgeGear"),
-    DriverSpec("manual", "instrument", "drivers.manual.device:ManualEntry"),
+    DriverSpec("sinumerik-modbus", "controller", "drivers.sinumerik.mailbox.device:SinumerikModbus", _MODBUS),
+    DriverSpec("umd", "instrument", "drivers.umd.device:UmdCounter", "drivers.umd.settings:UmdSettings"),
+    DriverSpec("bridge", "instrument", "drivers.bridge.device:BridgeInstrument", _BRIDGE),
+    DriverSpec("bridge-gear", "gear-inspector", "drivers.bridge.gear:BridgeGear", _BRIDGE),
+    DriverSpec("manual", "instrument", "drivers.manual.device:ManualEntry", "drivers.manual.settings:ManualSettings"),
     DriverSpec("wire-trace", "trace", "drivers.replay.recorder:TraceRecorder"),
     DriverSpec("replay", "replay", "drivers.replay.player:Player"),
-    DriverSpec("attocube-ids", "instrument", "drivers.attocube.device:AttocubeIds"),
+    DriverSpec(
+        "attocube-ids",
+        "instrument",
+        "drivers.attocube.device:AttocubeIds",
+        "drivers.attocube.settings:AttocubeSettings",
+    ),
     DriverSpec("rtl", "file", "drivers.files.rtl:RtlFormat"),
     DriverSpec("rta", "file", "drivers.files.rtl:RtaFormat"),
     DriverSpec("pos", "file", "drivers.files.pos:PosFormat"),
@@ -56,19 +83,37 @@ _OWN = (
 
 def known(role: str | None = None) -> dict[str, DriverSpec]:
     """All drivers by name, our own and those installed beside us; a name of ours cannot be taken over."""
-    specs = {spec.name: spec for spec in _OWN}
-    for point in entry_points(group=GROUP):
-        role_name, _, name = point.name.rpartition(".")
-        specs.setdefault(name, DriverSpec(name, role_name or "instrument", point.value))
+    specs = {spec.name: spec for spec in _OWN} | _others(tuple(sys.path))
     return {name: spec for name, spec in specs.items() if role in (None, spec.role)}
+
+
+@cache
+def _others(_path: tuple[str, ...]) -> dict[str, DriverSpec]:
+    """Drivers of other packages; what they declare of their settings stands in a group of its own."""
+    from importlib.metadata import entry_points  # it is slow to load, and most commands ask for no driver
+
+    ours = {spec.name for spec in _OWN}
+    models = {point.name: point.value for point in entry_points(group=SETTINGS_GROUP)}
+    found: dict[str, DriverSpec] = {}
+    for point in entry_points(group=GROUP):
+        role, _, name = point.name.rpartition(".")
+        if name not in ours:
+            found.setdefault(name, DriverSpec(name, role or "instrument", point.value, models.get(name, "")))
+    return found
 
 
 def load(name: str, role: str) -> Any:
     """Load a driver by name. Raises ConfigError (E-CFG-DRIVER) naming those that exist."""
     specs = known(role)
     if name not in specs:
-        raise ConfigError("E-CFG-DRIVER", name, role=role, known=", ".join(sorted(specs)))
+        raise unknown_driver(name, role, specs)
     return specs[name].load()
+
+
+def unknown_driver(name: str, role: str, names: Iterable[str]) -> ConfigError:
+    """The error for a name that none of the drivers for a role has, with those that there are."""
+    names = sorted(names)
+    return ConfigError("E-CFG-DRIVER", name, role=role, known=", ".join(names) + guess(name, names))
 
 
 def terms_of(controller: str) -> Terms | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, model_validator
 
 from drivers.local.names import MOST, PATTERN, allowed, is_name
 
@@ -27,6 +27,13 @@ MaybeName = Annotated[
 ]
 
 
+Number = Annotated[float, Strict()]
+Whole = Annotated[int, Strict()]
+Flag = Annotated[bool, Strict()]
+"""A text is no number, and true is no 1: a site file says what it means."""
+Sense = Literal[1, -1]
+
+
 class Section(BaseModel):
     """A part of a site file: nothing unknown, nothing infinite, nothing changed later."""
 
@@ -38,9 +45,9 @@ class Section(BaseModel):
 class WorkingWindow(Section):
     """A working window visited at table step, for the tooth, beside the full travel."""
 
-    first: float
-    last: float
-    step: float = Field(gt=0)
+    first: Number = Field(description="machine coordinate, mm or deg")
+    last: Number = Field(description="machine coordinate, mm or deg")
+    step: Number = Field(gt=0, description="distance of the targets, mm or deg")
 
     @model_validator(mode="after")
     def _rises(self) -> WorkingWindow:
@@ -57,13 +64,17 @@ class Targets(Section):
     ``count`` "iso230-2" takes as many as the standard asks for over first .. last, with random offsets.
     """
 
-    first: float = 0.0
-    last: float = 0.0
-    count: int | Literal["iso230-2"] = 0
-    window: WorkingWindow | None = None
-    offset_fraction: float = Field(default=0.0, ge=0.0, le=0.3, description="of the interval, random")
-    seed: int = Field(default=1, ge=0, lt=1 << 63)
-    positions: tuple[float, ...] = Field(default=(), max_length=MOST_TARGETS)
+    first: Number = Field(default=0.0, description="first target, machine coordinate, mm or deg")
+    last: Number = Field(default=0.0, description="last target, machine coordinate, mm or deg")
+    count: Whole | Literal["iso230-2"] = Field(
+        default=0, description='how many; "iso230-2": as many as the standard asks for'
+    )
+    window: WorkingWindow | None = Field(default=None, description="a part of the travel visited more densely")
+    offset_fraction: Number = Field(default=0.0, ge=0.0, le=0.3, description="of the interval, random")
+    seed: Whole = Field(default=1, ge=0, lt=1 << 63, description="of the random offsets")
+    positions: tuple[Number, ...] = Field(
+        default=(), max_length=MOST_TARGETS, description="targets one by one, in place of first, last and count"
+    )
 
     @model_validator(mode="after")
     def _one_way(self) -> Targets:
@@ -76,7 +87,6 @@ class Targets(Section):
         return self
 
 
-Sense = Literal[1, -1]
 MOTION = r"E[XYZABC][A-Z]"
 LOCATIONS: dict[str, tuple[str, ...]] = {
     "B0Z": ("X", "Z"),
@@ -97,30 +107,38 @@ class SetupSection(Section):
     point less the point the component is meant for, machine directions (on a rotary axis along it only).
     """
 
-    axis: Name
-    component: str = Field(pattern=rf"^(?:{MOTION}|[XYZABC]0[A-Z](?:-R)?)$")
-    instrument: MaybeName = ""
+    axis: Name = Field(description="axis of the site that moves, by its name")
+    component: str = Field(
+        pattern=rf"^(?:{MOTION}|[XYZABC]0[A-Z](?:-R)?)$", description="error that is measured, in letters of ISO 230-1"
+    )
+    instrument: MaybeName = Field(default="", description="one of the instruments; needed where source is live")
     channel: str = Field(
         default="", max_length=MOST, description="of the instrument; empty: its only one in um or arcsec"
     )
     source: Literal["live", "file", "none"] = Field(default="live", description="none: not measured, only assumed")
-    path: Path | None = None
+    path: Path | None = Field(default=None, description="result file, relative to the site file")
     unit: Literal["", "um", "arcsec", "urad", "mrad"] = Field(default="", description="of the file's deviations")
-    datum: float | None = Field(default=None, description="machine coordinate of the file's zero")
-    file_axis_sense: Sense = 1
-    targets: Targets | None = None
-    repetitions: int | None = Field(default=None, ge=1, le=MOST_REPETITIONS)
-    settle_s: float | None = Field(default=None, ge=0)
-    average_s: float | None = Field(default=None, gt=0)
-    stable: float | None = Field(default=None, gt=0)
-    sense: Sense = 1
-    offset_mm: tuple[float, float, float] | None = None
-    largest: float | None = Field(default=None, gt=0, description="reading beyond which optics were touched")
-    jog: float | None = Field(default=None, description="plausibility move, mm or deg")
-    U: float | None = Field(default=None, ge=0, description="of the instrument (k = 2), um or arcsec")
-    own_angle_arcsec: float | None = Field(default=None, description="what a square has more than 90 deg, if known")
-    park: dict[Name, float] = Field(default_factory=dict, description="other axes and where they stand meanwhile")
-    assumed: float | None = Field(default=None, gt=0, description="half width it may have unmeasured, um or arcsec")
+    datum: Number | None = Field(default=None, description="machine coordinate of the file's zero")
+    file_axis_sense: Sense = Field(default=1, description="file direction against the axis")
+    targets: Targets | None = Field(default=None, description="left out: as the axis has them")
+    repetitions: Whole | None = Field(
+        default=None, ge=1, le=MOST_REPETITIONS, description="left out: as the axis has them"
+    )
+    settle_s: Number | None = Field(default=None, ge=0, le=600.0, description="left out: as the axis has it, s")
+    average_s: Number | None = Field(default=None, gt=0, le=600.0, description="left out: as the axis has it, s")
+    stable: Number | None = Field(
+        default=None, gt=0, le=1000.0, description="largest allowed sigma in the window; left out: as the axis has it"
+    )
+    sense: Sense = Field(default=1, description="-1: the reading falls when the moved part errs in plus direction")
+    offset_mm: tuple[Number, Number, Number] | None = Field(
+        default=None, description="measured point less the point the component is meant for, machine directions"
+    )
+    largest: Number | None = Field(default=None, gt=0, description="reading beyond which optics were touched")
+    jog: Number | None = Field(default=None, description="plausibility move, mm or deg")
+    U: Number | None = Field(default=None, ge=0, description="of the instrument (k = 2), um or arcsec")
+    own_angle_arcsec: Number | None = Field(default=None, description="what a square has more than 90 deg, if known")
+    park: dict[Name, Number] = Field(default_factory=dict, description="other axes and where they stand meanwhile")
+    assumed: Number | None = Field(default=None, gt=0, description="half width it may have unmeasured, um or arcsec")
 
     @model_validator(mode="after")
     def _whole(self) -> SetupSection:
@@ -146,8 +164,8 @@ class SetupSection(Section):
 class AssumedSection(Section):
     """Half widths of errors that nobody measured and no set-up says otherwise of."""
 
-    linear_um: float = Field(default=5.0, gt=0)
-    angular_arcsec: float = Field(default=5.0, gt=0)
+    linear_um: Number = Field(default=5.0, gt=0, description="of shifts, um")
+    angular_arcsec: Number = Field(default=5.0, gt=0, description="of turns, arcsec")
 
 
 class WorkSection(Section):
@@ -156,56 +174,48 @@ class WorkSection(Section):
     With it a test part can be ground: by which axes, how (`drivers.workpiece.GrindPlan`), how well a blank is clamped.
     """
 
-    gear: Path
-    height_mm: float = 0.0
+    gear: Path = Field(description="gear file, relative to the site file")
+    height_mm: Number = Field(default=0.0, description="middle of the face over the table's zero, mm")
     infeed: Name = Field(default="X", description="axis of the site by letter or name; rises into the cut")
     stroke: Name = Field(default="Z", description="axis of the site along the face")
     index: Name = Field(default="C", description="axis of the site that turns the work")
     index_sense: Sense = Field(default=-1, description="-1: space k is at -360 k / number of spaces")
     dresser: MaybeName = Field(default="Y1", description="machine axis of the form dresser; empty: none")
-    dresser_letter: str = Field(default="Y", pattern=r"^[A-Z]$")
-    dresser_travel: tuple[float, float] | None = None
-    overrun_mm: float = Field(default=8.0, description="Z beyond the face")
-    retract_mm: float = Field(default=10.0, description="X back from the centre distance")
-    rough_mm: tuple[float, ...] = Field(
+    dresser_letter: str = Field(default="Y", pattern=r"^[A-Z]$", description="of the dresser's axis in programs")
+    dresser_travel: tuple[Number, Number] | None = Field(
+        default=None, description="[low, high] of that axis, mm; left out: not judged"
+    )
+    overrun_mm: Number = Field(default=8.0, ge=0, le=1000.0, description="Z beyond the face")
+    retract_mm: Number = Field(default=10.0, ge=0, le=1000.0, description="X back from the centre distance")
+    rough_mm: tuple[Number, ...] = Field(
         default=(0.05, 0.02), max_length=20, description="strokes this far short of full depth"
     )
-    spark_out: int = Field(default=1, ge=0, le=20, description="strokes at full depth after the first")
-    infeed_feed: float = Field(default=100.0, description="mm/min")
-    stroke_feed: float = Field(default=3000.0, description="mm/min")
-    index_feed: float = Field(default=1800.0, description="deg/min")
-    positioning_feed: float = Field(default=3000.0, description="mm/min, wheel clear")
-    dwell_s: float = Field(default=0.3, description="after indexing")
+    spark_out: Whole = Field(default=1, ge=0, le=20, description="strokes at full depth after the first")
+    infeed_feed: Number = Field(default=100.0, gt=0, le=1e6, description="of the infeed, mm/min")
+    stroke_feed: Number = Field(default=3000.0, gt=0, le=1e6, description="of the strokes, mm/min")
+    index_feed: Number = Field(default=1800.0, gt=0, le=1e6, description="of indexing, deg/min")
+    positioning_feed: Number = Field(default=3000.0, gt=0, le=1e6, description="mm/min, wheel clear")
+    dwell_s: Number = Field(default=0.3, ge=0, le=600.0, description="after indexing")
     wheel_on: str = Field(default="", description="M, S, H words that start wheel and coolant; empty: by hand")
     wheel_off: str = Field(default="", description="those that stop them")
-    clamping_um: float = Field(default=0.3, ge=0, description="how well a blank sits on its datum (k = 2)")
-    clamping_arcsec: float = Field(default=2.0, ge=0, description="how well its flanks are centred (k = 2)")
+    clamping_um: Number = Field(default=0.3, ge=0, description="how well a blank sits on its datum (k = 2)")
+    clamping_arcsec: Number = Field(default=2.0, ge=0, description="how well its flanks are centred (k = 2)")
     inspector: MaybeName = Field(default="", description="gear inspection machine among the instruments; empty: files")
-    inspection_clamping_um: float = Field(default=0.5, ge=0, description="how well that clamps a part (k = 2)")
-    inspection_size_um: float = Field(default=0.0, ge=0, description="how well its probe's size is known (k = 2)")
-    drift_um_per_h: float = Field(default=0.3, ge=0, description="how fast the infeed's zero wanders")
-    drift_arcsec_per_h: float = Field(default=0.5, ge=0, description="how fast the index axis' zero wanders")
-    part_h: float = Field(default=0.25, gt=0, description="hours that a part takes, its inspection included")
+    inspection_clamping_um: Number = Field(default=0.5, ge=0, description="how well that clamps a part (k = 2)")
+    inspection_size_um: Number = Field(default=0.0, ge=0, description="how well its probe's size is known (k = 2)")
+    drift_um_per_h: Number = Field(default=0.3, ge=0, description="how fast the infeed's zero wanders")
+    drift_arcsec_per_h: Number = Field(default=0.5, ge=0, description="how fast the index axis' zero wanders")
+    part_h: Number = Field(default=0.25, gt=0, description="hours that a part takes, its inspection included")
 
 
 class GuardSection(Section):
     """The drift guard: what may have changed, how much it looks, how well a new mounting repeats an old one (k = 2)."""
 
-    limit_um: float = Field(default=2.0, gt=0)
-    limit_arcsec: float = Field(default=3.0, gt=0)
-    targets: int = Field(default=8, ge=3, le=MOST_TARGETS)
-    repetitions: int = Field(default=3, ge=2, le=MOST_REPETITIONS)
-    mounting_um: float = Field(default=0.2, ge=0)
-    mounting_arcsec: float = Field(default=0.2, ge=0)
-
-
-def belongs(setup: SetupSection, letter: str, kind: Literal["linear", "rotary"], where: str) -> None:
-    """A component is measured along its own axis, a location error along one that can show it; else ValueError."""
-    if setup.name[1] == "0":
-        if letter not in LOCATIONS.get(setup.name, ()):
-            known = ", ".join(f"{name} on {' and '.join(on)}" for name, on in LOCATIONS.items())
-            raise ValueError(f"{where}: location errors are measured as {known}")
-    elif setup.name[2] != letter:
-        raise ValueError(f"{where}: this error motion is one of axis {setup.name[2]}, not {letter}")
-    if kind == "rotary" and setup.offset_mm is not None and any(setup.offset_mm[:2]):
-        raise ValueError(f"{where}: on a rotary axis offset_mm may only lie along the axis")
+    limit_um: Number = Field(default=2.0, gt=0, description="change of a shift that asks for measuring again, um")
+    limit_arcsec: Number = Field(
+        default=3.0, gt=0, description="change of a turn that asks for measuring again, arcsec"
+    )
+    targets: Whole = Field(default=8, ge=3, le=MOST_TARGETS, description="places it looks at")
+    repetitions: Whole = Field(default=3, ge=2, le=MOST_REPETITIONS, description="times it looks at each")
+    mounting_um: Number = Field(default=0.2, ge=0, description="how well a mounting repeats, um")
+    mounting_arcsec: Number = Field(default=0.2, ge=0, description="how well a mounting repeats, arcsec")

@@ -2,41 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from typing import ClassVar
 
-from drivers.link import read_settings, wrong_setting
+from pydantic import Field
+
+from drivers.settings import WIRES, DriverSettings, Rule
 
 
-@dataclass(frozen=True, slots=True)
-class AttocubeSettings:
-    """``axis`` 1..3; ``poll_hz`` samples asked for a second; ``block_s`` how much of them one block holds.
+class AttocubeSettings(DriverSettings):
+    """One axis of an interferometer that is asked for its position at a steady rate."""
 
-    ``refractive_index`` 0: ask the device which index its lengths hold; else it is this one.
-    """
+    addresses: ClassVar[tuple[str, ...]] = WIRES
+    axis: int = Field(default=1, ge=1, le=3, description="axis of the interferometer")
+    poll_hz: float = Field(default=100.0, gt=0, le=1000, description="samples asked for a second")
+    block_s: float = Field(default=0.1, gt=0, le=5, description="how much of them one block holds, s")
+    refractive_index: float = Field(
+        default=0.0, ge=0, lt=1.01, description="index that its lengths hold; 0: the device is asked"
+    )
+    timeout_s: float = Field(default=2.0, gt=0, description="longest wait for one answer, s")
 
-    axis: int = 1
-    poll_hz: float = 100.0
-    block_s: float = 0.1
-    refractive_index: float = 0.0
-    timeout_s: float = 2.0
-
-    @classmethod
-    def read(cls, settings: Mapping[str, Any], where: str) -> AttocubeSettings:
-        """From the site file. Raises ConfigError (E-CFG-SETTING, E-CFG-SETTING-VALUE)."""
-        found = read_settings(cls, settings, where)
-        for key, good, why in (
-            ("axis", found.axis in (1, 2, 3), "must be 1, 2 or 3"),
-            ("poll_hz", 0 < found.poll_hz <= 1000, "must be above 0, 1000 at most"),
-            ("block_s", 0 < found.block_s <= 5, "must be above 0, 5 at most"),
-            (
-                "refractive_index",
-                found.refractive_index == 0 or 1 <= found.refractive_index < 1.01,
-                "must be 0 or an index",
-            ),
-            ("timeout_s", found.timeout_s > 0, "must be above 0"),
-        ):
-            if not good:
-                raise wrong_setting(key, why, where)
-        return found
+    def rules(self) -> tuple[Rule, ...]:
+        """An index of air is 1 or a little more."""
+        return (
+            ("refractive_index", self.refractive_index == 0 or self.refractive_index >= 1, "must be 0 or an index"),
+        )

@@ -2,39 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from typing import ClassVar, Literal
 
-from drivers.link import read_settings, wrong_setting
+from pydantic import Field
+
+from drivers.settings import WIRES, DriverSettings
 
 
-@dataclass(frozen=True, slots=True)
-class BridgeSettings:
-    """``turn_timeout_s`` bounds a turn, hold or track; ``stale_s`` a silent stream; battery in per cent.
+class BridgeSettings(DriverSettings):
+    """An instrument or a gear inspection machine that speaks the bridge's dialect."""
 
-    ``framing`` "": binary frames where the bridge offers them; "json" or "binary" insists.
-    ``echo``: the line gives our own questions back. ``gear_quiet_s`` bounds the silence of a gear inspection
-    machine between two chunks of points.
-    """
-
-    baudrate: int = 115_200
-    turn_timeout_s: float = 60.0
-    stale_s: float = 5.0
-    battery_refuse_pct: float = 10.0
-    battery_stop_pct: float = 5.0
-    battery_warn_pct: float = 20.0
-    framing: str = ""
-    echo: bool = False
-    gear_quiet_s: float = 120.0
-
-    @classmethod
-    def read(cls, settings: Mapping[str, Any], where: str) -> BridgeSettings:
-        """From the site file. Raises ConfigError (E-CFG-SETTING, E-CFG-SETTING-VALUE)."""
-        found = read_settings(cls, settings, where)
-        for key in ("baudrate", "turn_timeout_s", "stale_s", "gear_quiet_s"):
-            if getattr(found, key) <= 0:
-                raise wrong_setting(key, "must be above 0", where)
-        if found.framing not in ("", "json", "binary"):
-            raise wrong_setting("framing", 'must be "json", "binary" or left out', where)
-        return found
+    addresses: ClassVar[tuple[str, ...]] = WIRES
+    baudrate: int = Field(default=115_200, gt=0, le=4_000_000, description="of a serial line, Bd")
+    turn_timeout_s: float = Field(
+        default=60.0, gt=0, description="longest turn, hold or track of a rotary calibrator, s"
+    )
+    stale_s: float = Field(default=5.0, gt=0, description="longest silence of the stream, s")
+    battery_refuse_pct: float = Field(
+        default=10.0, ge=0, le=100, description="nothing begins below this charge of the battery, %"
+    )
+    battery_stop_pct: float = Field(default=5.0, ge=0, le=100, description="measuring ends below this charge, %")
+    battery_warn_pct: float = Field(default=20.0, ge=0, le=100, description="a warning below this charge, %")
+    framing: Literal["", "json", "binary"] = Field(
+        default="", description="json or binary insists; left out: binary frames where the bridge offers them"
+    )
+    echo: bool = Field(default=False, description="the line gives our own questions back")
+    gear_quiet_s: float = Field(
+        default=120.0, gt=0, description="longest silence of a gear inspection machine between two chunks of points, s"
+    )

@@ -5,6 +5,8 @@ from __future__ import annotations
 import hashlib
 import re
 import unicodedata
+from collections.abc import Iterable
+from difflib import get_close_matches
 
 from drivers.errors import words
 
@@ -70,3 +72,16 @@ def shown(value: object) -> str:
     """A value for an error's text: one line, nothing hidden, not long."""
     text = visible(str(value), keep="")
     return text if len(text) <= _MOST_SHOWN else f"{text[:_MOST_SHOWN]}..."
+
+
+def guess(text: str, known: Iterable[str]) -> str:
+    """The words "; did you mean NAME?" where one of the known words is close to a mistyped one, else nothing."""
+    close = closest(text, known)
+    return words("W-CFG-GUESS", word=close) if close else ""
+
+
+def closest(text: str, known: Iterable[str]) -> str:
+    """The known word that a mistyped one was probably to be, whatever its upper and lower case; "" for none."""
+    lower = {word.lower(): word for word in known}
+    found = get_close_matches(text.lower(), list(lower), n=1, cutoff=0.6 if len(text) > 3 else 0.5)
+    return lower[found[0]] if found else ""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import stat
 import tomllib
+from collections.abc import Iterator
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -11,36 +13,62 @@ from drivers.errors import words
 from drivers.local.names import shown
 
 MOST_BYTES = 1 << 20
+_MARK = b"\xef\xbb\xbf"
+_WIDE = (b"\xff\xfe", b"\xfe\xff")
 
 
 def read_toml(path: Path) -> dict[str, Any]:
     """The file's tree. Raises OSError when it cannot be read, ValueError when it is no TOML of a bearable size."""
+    return parse_toml(decoded(read_bounded(path)))
+
+
+def read_bounded(path: Path) -> bytes:
+    """The bytes of a file of a bearable size; a folder, a pipe and a large file are refused at once. Raises OSError."""
+    kind = path.stat()
+    if stat.S_ISDIR(kind.st_mode):
+        raise IsADirectoryError(words("W-TOML-FOLDER"))
+    if not stat.S_ISREG(kind.st_mode):
+        raise OSError(words("W-TOML-NO-FILE"))
     with path.open("rb") as file:
-        data = file.read(MOST_BYTES + 1)
-    if len(data) > MOST_BYTES:
+        data = file.read(MOST_BYTES + 1) if kind.st_size <= MOST_BYTES else b""
+    if kind.st_size > MOST_BYTES or len(data) > MOST_BYTES:
         raise OSError(words("W-TOML-LARGE", limit=MOST_BYTES))
-    return parse_toml(data.decode("utf-8"))
+    return data
+
+
+def decoded(data: bytes) -> str:
+    """The text of UTF-8 bytes, without the mark some editors write first. Raises ValueError naming what it is else."""
+    if data.startswith(_WIDE) or data[:400].count(0) > len(data[:400]) // 4:
+        raise ValueError(words("W-TOML-UTF16"))
+    try:
+        return data.removeprefix(_MARK).decode("utf-8")
+    except UnicodeDecodeError as error:
+        before = error.object[: error.start]
+        line, column = before.count(b"\n") + 1, len(before) - (before.rfind(b"\n") + 1) + 1
+        letter = error.object[error.start : error.start + 1]
+        seen = shown(letter.decode("cp1252", "replace"))
+        raise ValueError(
+            words("W-TOML-LATIN", byte=f"0x{letter.hex()}", letter=seen, line=line, column=column)
+        ) from error
 
 
 def parse_toml(text: str) -> dict[str, Any]:
     """The tree of a text. Raises ValueError, for brackets nested beyond reason and infinite numbers too."""
     try:
         tree = tomllib.loads(text)
-        _check(tree, "")
+        for path, value in no_numbers(tree):
+            raise ValueError(words("W-TOML-NUMBER", key=shown(".".join(map(str, path))), value=shown(value)))
     except RecursionError as error:
         raise ValueError(words("W-TOML-DEEP")) from error
     return tree
 
 
-def _check(value: Any, key: str) -> None:
-    """Raises ValueError for a number that is none: nan, infinite, or beyond the 64 bits that TOML gives integers."""
-    if isinstance(value, dict):
-        for name, item in value.items():
-            _check(item, f"{key}.{name}" if key else name)
-    elif isinstance(value, list):
-        for item in value:
-            _check(item, key)
+def no_numbers(value: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[tuple[str | int, ...], object]]:
+    """Numbers that are none, with their ways into the tree: nan, infinite, or beyond the 64 bits of TOML's integers."""
+    if isinstance(value, dict | list):
+        for key, item in value.items() if isinstance(value, dict) else enumerate(value):
+            yield from no_numbers(item, (*path, key))
     elif isinstance(value, float | int) and not (
         isfinite(value) if isinstance(value, float) else abs(value) >> 63 == 0
     ):
-        raise ValueError(words("W-TOML-NUMBER", key=shown(key), value=shown(value)))
+        yield path, value

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from drivers.clock import Clock
-from drivers.errors import ConfigError, TransportError, catalogue, words
-from drivers.link import Trace, wrong_setting
+from drivers.errors import TransportError, catalogue, words
+from drivers.link import Trace
 from drivers.manual.entry import FAR, EntryRefused, ExpectedReading, read_entry
 from drivers.manual.person import DeskMaker, TypingDesk, open_desk
 from drivers.manual.settings import ManualSettings
@@ -19,12 +19,6 @@ from drivers.types import Ambient, CompensatedFor, Identity, Optics, SampleBlock
 
 TURN_S = 0.01
 _AIR = ("air_degc", "pressure_hpa", "humidity_pct")
-_PLAUSIBLE = {
-    "air_degc": ExpectedReading("air", 20.0, 30.0),
-    "pressure_hpa": ExpectedReading("pressure", 900.0, 250.0),
-    "humidity_pct": ExpectedReading("humidity", 50.0, 50.0),
-    "material_degc": ExpectedReading("material", 20.0, 40.0),
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +48,7 @@ class ManualEntry:
         self._url = url
         self._clock = clock
         self._settings = ManualSettings.read(settings, name)
-        self._ambient = _typed_ambient(self._settings, name)
+        self._ambient = _typed_ambient(self._settings)
         self._make_desk = desk
         self._desk: TypingDesk | None = None
         self._expected = ExpectedReading()
@@ -152,22 +146,12 @@ class ManualEntry:
         return await self._desk.ask(f"{trouble}\n{question}" if trouble else question)
 
 
-def _typed_ambient(settings: ManualSettings, where: str) -> Ambient:
-    """Raises ConfigError (E-CFG-SETTING-VALUE) for what is no number or no possible reading."""
-    air, pressure, humidity = (_typed_number(settings, key, getattr(settings, key), where) for key in _AIR)
-    texts = settings.material_degc.split(";") if settings.material_degc else []
-    material = [_typed_number(settings, "material_degc", text, where) for text in texts]
-    return Ambient(air, pressure, humidity, tuple(value for value in material if value is not None))
+def _typed_ambient(settings: ManualSettings) -> Ambient:
+    """The typed surroundings, judged when the settings were read."""
 
+    def number(text: str) -> float:
+        return float(text.strip().replace(",", "."))
 
-def _typed_number(settings: ManualSettings, key: str, text: str, where: str) -> float | None:
-    if not text:
-        return None
-    found = read_entry(text, settings.mark, _PLAUSIBLE[key], key.rpartition("_")[2], sure=False)
-    if isinstance(found, EntryRefused):
-        raise _refused(key, found, where)
-    return found
-
-
-def _refused(key: str, refused: EntryRefused, where: str) -> ConfigError:
-    return wrong_setting(key, words(refused.code, **refused.fields), where)
+    air, pressure, humidity = (number(text) if (text := getattr(settings, key)) else None for key in _AIR)
+    material = tuple(number(text) for text in settings.material_degc.split(";") if text)
+    return Ambient(air, pressure, humidity, material)

@@ -2,55 +2,63 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, cast
+from collections.abc import Iterator
+from typing import ClassVar
 
-from drivers.link import read_settings, wrong_setting
-from drivers.manual.entry import DecimalMark
+from pydantic import Field
 
+from drivers.errors import words
+from drivers.manual.entry import DecimalMark, EntryRefused, ExpectedReading, read_entry
+from drivers.settings import DriverSettings, Rule
+
+PLAUSIBLE = {
+    "air_degc": ExpectedReading("air", 20.0, 30.0),
+    "pressure_hpa": ExpectedReading("pressure", 900.0, 250.0),
+    "humidity_pct": ExpectedReading("humidity", 50.0, 50.0),
+    "material_degc": ExpectedReading("material", 20.0, 40.0),
+}
 UNITS = ("_mm", "_um", "_deg", "_arcsec")
 
 
-@dataclass(frozen=True, slots=True)
-class ManualSettings:
-    """``channel`` names what is typed, with its unit; ``decimal`` "point" or "comma".
+class ManualSettings(DriverSettings):
+    """A display that a person reads and types; one typed value is averaged like any other."""
 
-    ``scale`` turns the display's count into the channel's sense (+1 or -1). One typed value stands for
-    ``samples`` samples over ``hold_s``, so that it is averaged like any other. ``air_degc``, ``pressure_hpa``,
-    ``humidity_pct`` and ``material_degc`` are typed environment readings, each "" where there is none.
-    """
+    channel: str = Field(
+        default="displacement_mm", description="what is typed, with its unit: it ends in _mm, _um, _deg or _arcsec"
+    )
+    decimal: DecimalMark = Field(default="point", description="decimal mark of the display, point or comma")
+    scale: float = Field(default=1.0, description="+1 or -1: turns the display's count into the channel's sense")
+    hold_s: float = Field(default=10.0, gt=0, description="time that one typed value stands for, s")
+    samples: int = Field(default=20, ge=3, le=10_000, description="samples that one typed value stands for")
+    who: str = Field(default="", description="who types; left out: the user of this PC")
+    air_degc: str = Field(default="", description="typed air temperature, degC, as a text; left out: unknown")
+    pressure_hpa: str = Field(default="", description="typed air pressure, hPa, as a text; left out: unknown")
+    humidity_pct: str = Field(default="", description="typed humidity, %, as a text; left out: unknown")
+    material_degc: str = Field(
+        default="", description="typed material temperatures, degC, as a text with ; between them; left out: unknown"
+    )
 
-    channel: str = "displacement_mm"
-    decimal: str = "point"
-    scale: float = 1.0
-    hold_s: float = 10.0
-    samples: int = 20
-    who: str = ""
-    air_degc: str = ""
-    pressure_hpa: str = ""
-    humidity_pct: str = ""
-    material_degc: str = ""
+    addresses: ClassVar[tuple[str, ...]] = ("terminal", "folder")
 
-    @classmethod
-    def read(cls, settings: Mapping[str, Any], where: str) -> ManualSettings:
-        """From the site file. Raises ConfigError (E-CFG-SETTING, E-CFG-SETTING-VALUE)."""
-        found = read_settings(cls, settings, where)
-        for key, good, why in (
-            ("channel", found.channel.endswith(UNITS), "must end in a unit: " + " ".join(UNITS)),
-            ("decimal", found.decimal in ("point", "comma"), 'must be "point" or "comma"'),
-            ("scale", found.scale in (1.0, -1.0), "must be 1.0 or -1.0"),
-            ("hold_s", found.hold_s > 0, "must be above 0"),
-            ("samples", 3 <= found.samples <= 10_000, "must be 3 .. 10000"),
-        ):
-            if not good:
-                raise wrong_setting(key, why, where)
-        return found
+    def rules(self) -> tuple[Rule, ...]:
+        """A channel says its unit; a sense is a sign."""
+        return (
+            *((key, not why, why) for key, why in self._untypable()),
+            ("channel", self.channel.endswith(UNITS), "must end in a unit: " + " ".join(UNITS)),
+            ("scale", self.scale in (1.0, -1.0), "must be 1.0 or -1.0"),
+        )
+
+    def _untypable(self) -> Iterator[tuple[str, str]]:
+        """Keys of typed surroundings, and why one is no possible reading ("" where it is)."""
+        for key, expected in PLAUSIBLE.items():
+            for text in filter(None, getattr(self, key).split(";") if key == "material_degc" else [getattr(self, key)]):
+                found = read_entry(text, self.mark, expected, key.rpartition("_")[2], sure=False)
+                yield key, words(found.code, **found.fields) if isinstance(found, EntryRefused) else ""
 
     @property
     def mark(self) -> DecimalMark:
         """The decimal mark that is typed."""
-        return cast(DecimalMark, self.decimal)
+        return self.decimal
 
     @property
     def unit(self) -> str:

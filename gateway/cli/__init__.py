@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import sys
 
+from gateway.cli.begin import checking, initialising
 from gateway.cli.commands import app
 from gateway.cli.control import auditing, connecting, consenting, switching
 from gateway.cli.files import explaining, importing, listing, replaying, watching
 from gateway.cli.machine import correcting, dynamic, grinding, inspecting, measuring, programs, whole_loop
 from gateway.cli.show import show_error
 
+initialising.add_to(app)
+checking.add_to(app)
 auditing.add_to(app)
 consenting.add_to(app)
 switching.add_to(app)

@@ -91,18 +91,6 @@ def recover(
 
 
 @app.command()
-def check(
-    site: SiteArgument,
-    connect: Annotated[bool, typer.Option("--connect", help="Also open and identify every device.")] = False,
-    as_json: JsonOption = False,
-) -> None:
-    """Check a site file; with --connect also every device it names, all failures at once."""
-    from gateway.cli.machine.running import check_command
-
-    check_command(site, connect, as_json=as_json)
-
-
-@app.command()
 def serve(
     site: SiteArgument,
     host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
@@ -292,8 +280,11 @@ def study(
 
 
 @app.command()
-def schema() -> None:
-    """Print the site file's JSON schema."""
-    from gateway.config import schema as site_schema
+def schema(
+    as_page: Annotated[bool, typer.Option("--page", help="The page of reference instead, in Markdown.")] = False,
+) -> None:
+    """Print the site file's JSON schema, the settings of every driver among it."""
+    from gateway.config.reference import page
+    from gateway.config.reference import schema as site_schema
 
-    echo(json.dumps(site_schema(), indent=2))
+    echo(page().rstrip() if as_page else json.dumps(site_schema(), indent=2))

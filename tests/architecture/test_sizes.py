@@ -33,7 +33,7 @@ DOORS = {
     "lark": 1,
     "markupsafe": 2,
     "matplotlib": 8,
-    "pydantic": 7,
+    "pydantic": 14,
     "pymodbus": 1,
     "pytest": 1,
     "rich": 1,

@@ -16,10 +16,11 @@ from drivers.errors import DeviceRefused, TrueflankError
 from drivers.sinumerik.opcua.bedside.bed import Bedside
 from drivers.sinumerik.opcua.bedside.examination import at_the_bed
 from drivers.sinumerik.opcua.machine import MachineReader
+from drivers.sinumerik.opcua.secrets import secrets_of
 from drivers.sinumerik.opcua.session.certificates import KeyPair, load
 from drivers.sinumerik.opcua.session.client import UaSession
 from drivers.sinumerik.opcua.session.login import Offer, no_policy
-from drivers.sinumerik.opcua.settings import UaSettings, secrets_of
+from drivers.sinumerik.opcua.settings import UaSettings
 from drivers.sinumerik.opcua.trust import last_record, view
 from drivers.sinumerik.reach import host_and_port, reach
 
@@ -34,7 +35,7 @@ class UaDoctor:
         self.name = name
         self._url = url
         self._clock = clock
-        self._settings = UaSettings.read(settings, name)
+        self._settings = UaSettings.first(settings, name)
         self._session = UaSession(url, clock, name)
 
     async def examine(self, wanted: Wanted, timeout_s: float) -> tuple[CheckLine, ...]:
@@ -43,6 +44,8 @@ class UaDoctor:
         if lines[-1].outcome != "ok":
             return (*lines, unknown("W-DOC-NOT-REACHED", "rest"))
         lines += await self._trust(timeout_s)
+        if self._settings.secured and not self._settings.server_certificate:
+            return (*lines, unknown("W-DOC-NOT-REACHED", "rest"))
         lines += await self._login(timeout_s)
         if not self._session.is_open:
             return (*lines, unknown("W-DOC-NOT-REACHED", "rest"))
@@ -95,6 +98,9 @@ class UaDoctor:
         place = Path(self._settings.server_certificate)
         if offer.certificate is None:
             return [unknown("W-DOC-NO-CERTIFICATE", "certificate")]
+        if not self._settings.server_certificate:
+            shown = view(offer.certificate)
+            return [wrong("E-DOC-NO-CERTIFICATE", "certificate", sha256=shown.sha256, sha1=shown.sha1)]
         if not place.is_file():
             return [wrong("E-UA-UNPINNED", "certificate", path=place)]
         try:

@@ -1,4 +1,4 @@
-"""Commands that meet devices or stored runs: run, push, recover, check, serve, report."""
+"""Commands that meet devices or stored runs: run, push, recover, serve, report."""
 
 from __future__ import annotations
 
@@ -73,41 +73,6 @@ def recover_command(site: Path, apply: bool, machine: str, *, as_json: bool) -> 
         raise typer.Exit(StillOn.exit_code)
     if not findings and not as_json:
         echo(f"{tree.site.name}: no push was left unfinished, and nothing of ours is left in the control")
-
-
-def check_command(site: Path, connect: bool, *, as_json: bool) -> None:
-    """Check a site file and, on request, its devices."""
-    from gateway.workflow.axes.beforehand import remarks
-
-    tree = load_site(site)
-    rows: list[tuple[str, str, str, str]] = []
-    if connect:
-        rows = run_to_end(_identities(site))
-    if as_json:
-        keys = ("device", "model", "serial", "firmware")
-        devices = [dict(zip(keys, row, strict=True)) for row in rows]
-        show_json({"site": tree.site.name, "file": str(site), "devices": devices, "remarks": list(remarks(tree))})
-        return
-    echo(f"{site}: site {tree.site.name}, {len(tree.axes)} axes, {len(tree.instruments)} instruments: valid")
-    for line in remarks(tree):
-        echo(line)
-    if rows:
-        show_table("devices", ("device", "model", "serial", "firmware"), rows)
-
-
-async def _identities(site: Path) -> list[tuple[str, str, str, str]]:
-    from gateway.supervisor import Supervisor
-
-    supervisor = Supervisor(load_site(site), LoopClock())
-    try:
-        await supervisor.open_all()
-        return [
-            (seen.name, seen.identity.model, seen.identity.serial, seen.identity.firmware)
-            for seen in supervisor.picture()
-            if seen.identity is not None
-        ]
-    finally:
-        await supervisor.close_all()
 
 
 def serve_command(site: Path, host: str, port: int) -> None:

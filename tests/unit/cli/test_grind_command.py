@@ -79,7 +79,7 @@ def test_what_is_refused(site: Path, options: tuple[str, ...], code: str) -> Non
 @pytest.mark.parametrize(
     ("old", "new", "code"),
     [
-        ("[work]", "[nothing]\n[work]", "E-CFG-VALUE"),
+        ("[work]", "[nothing]\n[work]", "E-CFG-KEY"),
         ("height_mm = 150.0", 'height_mm = 150.0\ninfeed = "Q"', "E-GRIND-AXIS"),
         ("height_mm = 150.0", 'height_mm = 150.0\nindex = "Z"', "E-GRIND-AXIS"),
         ("height_mm = 150.0", "height_mm = 310.0", "E-GRIND-TRAVEL"),

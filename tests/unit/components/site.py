@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from gateway.config import SiteFile
+from gateway.config.loading import site_of as site_of_tree
 
 
 def axis(name: str, kind: str, travel: list[float], component: str, **measure: Any) -> dict[str, Any]:
@@ -63,4 +64,4 @@ def site_data(setups: list[dict[str, Any]] | None = None, **more: Any) -> dict[s
 
 
 def site_of(setups: list[dict[str, Any]] | None = None, **more: Any) -> SiteFile:
-    return SiteFile.model_validate(site_data(setups, **more))
+    return site_of_tree(site_data(setups, **more), "site")

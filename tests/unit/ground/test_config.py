@@ -61,11 +61,15 @@ def test_a_good_site_file_is_read_with_its_defaults(tmp_path: Path) -> None:
         ('name = "grinder-7"', 'name = "grinder 7"', "site.name"),
         ('serial = "YK-0007"', 'serial = ""', "controller.serial"),
         ("step = 20.0", "step = 19.0", "step must divide"),
-        ("step = 20.0", "step = -20.0", "axes.0.table.step"),
-        ("travel = [-400.0, 20.0]", "travel = [20.0, -400.0]", "travel must be"),
-        ('instrument = "laser"', 'instrument = "lazer"', "no instrument is called 'lazer'"),
-        ("feed = 6000.0", "feed = 6000.0\nsign = -1", "axes.0.measure.sign"),
-        ("feed = 6000.0", "", "axes.0.measure.feed"),
+        ("step = 20.0", "step = -20.0", "axis X1: table.step = -20.0: must be above 0"),
+        ("travel = [-400.0, 20.0]", "travel = [20.0, -400.0]", "must be [low, high]"),
+        (
+            'instrument = "laser"',
+            'instrument = "lazer"',
+            "is called so (known: laser; did you mean laser?)",
+        ),
+        ("feed = 6000.0", "feed = 6000.0\nsign = -1", "axis X1: measure.sign"),
+        ("feed = 6000.0", "", "axis X1: measure.feed: is missing"),
         ("count = 21", "count = 1", "count must be 2 or more"),
         ("offset_fraction = 0.2", "offset_fraction = 0.5", "offset_fraction"),
         ("stable = 0.5", 'stable = 0.5\nfile = "x.rtl"', "no machine datum"),
@@ -89,7 +93,7 @@ def test_a_missing_file_is_told_so(tmp_path: Path) -> None:
 
 def test_two_instruments_of_one_name_are_refused(tmp_path: Path) -> None:
     twice = GOOD.replace("[[axes]]", '[[instruments]]\nname = "laser"\ndriver = "umd"\nurl = "tcp://x:1"\n\n[[axes]]')
-    with pytest.raises(ConfigError, match="two instruments"):
+    with pytest.raises(ConfigError, match="taken by number 1"):
         load_site(_site(tmp_path, twice))
 
 

@@ -16,8 +16,9 @@ from cryptography import x509
 from cryptography.hazmat.primitives.serialization import Encoding
 
 from drivers.errors import ConfigError, DeviceRefused, RemoteProtocolError
+from drivers.sinumerik.opcua.secrets import APPLICATION_URI, Secrets
 from drivers.sinumerik.opcua.session.certificates import fingerprint, load
-from drivers.sinumerik.opcua.settings import APPLICATION_URI, POLICIES, Secrets
+from drivers.sinumerik.opcua.settings import POLICIES
 
 SESSION_S = 60.0
 CHANNEL_S = 3600.0

@@ -9,24 +9,16 @@ from typing import Any
 
 import numpy as np
 
+from dialgauge.settings import DialSettings
 from drivers.clock import Clock
 from drivers.errors import RemoteProtocolError, TransportError
-from drivers.link import Link, Trace, read_settings
+from drivers.link import Link, Trace
 from drivers.transport import open_transport
 from drivers.types import Ambient, CompensatedFor, Identity, Optics, SampleBlock
 
 # One answer: the gauge's number and its reading in mm. Anything else is no reading.
 ANSWER = re.compile(rb"(DG-[0-9]+) ([+-][0-9]+\.[0-9]{4})\Z")
 BLOCK = 5
-
-
-@dataclass(frozen=True, slots=True)
-class Settings:
-    """What a site file may say; every key has a default."""
-
-    baudrate: int = 9600
-    rate_hz: float = 10.0
-    timeout_s: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +62,7 @@ class DialGauge:
         self.trace: Trace | None = None
         self._url = url
         self._clock = clock
-        self._settings = read_settings(Settings, settings, name)
+        self._settings = DialSettings.read(settings, name)
         self._link: Link[bytes, Reading] | None = None
 
     @property

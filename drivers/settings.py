@@ -1,0 +1,152 @@
+"""What a driver may be told by a site file: one model a driver, with the limits of each key; nothing unknown passes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar, Self
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from drivers.errors import ConfigError, words
+from drivers.local.names import guess, shown
+
+Rule = tuple[str, bool, str]
+"""A key, whether its value is allowed beside the others, and what it must be."""
+FIRST = "Value error, "
+FILE_KEY = "site_file_kind"
+"""Key of the schema that marks a text as a path: "secret" must be a readable file, "certificate" may come later."""
+VariableText = Annotated[str, Field(json_schema_extra={FILE_KEY: "environment"})]
+FilePathText = Annotated[str, Field(json_schema_extra={FILE_KEY: "secret"})]
+CertificatePathText = Annotated[str, Field(json_schema_extra={FILE_KEY: "certificate"})]
+FolderPathText = Annotated[str, Field(json_schema_extra={FILE_KEY: "folder"})]
+WIRES = ("tcp", "socket", "usb", "memory", "")
+"""What `drivers.transport` opens."""
+
+
+@dataclass(frozen=True, slots=True)
+class SettingFault:
+    """One key that is wrong: ``key`` as it stands under settings, ``code`` of the catalogue and its fields.
+
+    ``between``: each key is right by itself, and they do not go together.
+    """
+
+    key: str
+    code: str
+    fields: Mapping[str, Any]
+    between: bool = False
+
+    def error(self, where: str) -> ConfigError:
+        """The fault as an exception."""
+        return ConfigError(self.code, where, **self.fields)
+
+
+class DriverSettings(BaseModel):
+    """A driver's own keys of the site file, each with a default, its unit in its name, and a description.
+
+    A text is no number and true is no 1; a whole number will do for a float; nothing is infinite.
+    """
+
+    model_config = ConfigDict(
+        extra="forbid",
+        frozen=True,
+        strict=True,
+        allow_inf_nan=False,
+        hide_input_in_errors=True,
+        str_max_length=1000,
+    )
+    addresses: ClassVar[tuple[str, ...]] = ()
+    """Kinds of url that the driver opens, by scheme; "" is a serial port's own name; none named: any."""
+
+    @classmethod
+    def read(cls, settings: Mapping[str, Any], where: str) -> Self:
+        """The settings as a record. Raises ConfigError (E-CFG-SETTING, E-CFG-SETTING-VALUE) for the first fault."""
+        for fault in cls.faults(settings):
+            raise fault.error(where)
+        return cls.model_validate(dict(settings))
+
+    @classmethod
+    def faults(cls, settings: Mapping[str, Any]) -> tuple[SettingFault, ...]:
+        """Everything that is wrong with these settings; () is in order. Rules between keys hold for the right ones."""
+        try:
+            cls.model_validate(dict(settings))
+        except ValidationError as error:
+            found = [cls._fault(one) for one in error.errors(include_url=False, include_context=True)]
+        else:
+            found = []
+        wrong = {fault.key.partition(".")[0] for fault in found}
+        known = cls.model_validate({key: value for key, value in settings.items() if key not in wrong})
+        rules = [(key, why) for key, good, why in known.rules() if not good and key not in wrong]
+        broken = [_broken(key, why, between=True) for key, why in rules]
+        return (*found, *broken)
+
+    @classmethod
+    def paths(cls) -> dict[str, str]:
+        """Keys that hold a path, and its kind: secret, certificate or folder."""
+        extras = {key: field.json_schema_extra for key, field in cls.model_fields.items()}
+        return {
+            key: str(extra[FILE_KEY]) for key, extra in extras.items() if isinstance(extra, dict) and FILE_KEY in extra
+        }
+
+    def rules(self) -> tuple[Rule, ...]:
+        """What must hold between several keys; each on the key that is to be corrected."""
+        return ()
+
+    @classmethod
+    def _fault(cls, one: Mapping[str, Any]) -> SettingFault:
+        key = ".".join(map(str, one["loc"]))
+        if one["type"] == "extra_forbidden":
+            known = tuple(cls.model_fields)
+            fields = {"key": shown(key), "known": ", ".join(known) + guess(key, known)}
+            return SettingFault(key, "E-CFG-SETTING", fields)
+        return _broken(key, in_words(one))
+
+
+def _broken(key: str, why: str, *, between: bool = False) -> SettingFault:
+    return SettingFault(key, "E-CFG-SETTING-VALUE", {"key": shown(key), "why": why}, between)
+
+
+_KINDS = {
+    "float_type": "W-CFG-NUMBER",
+    "int_type": "W-CFG-WHOLE",
+    "int_from_float": "W-CFG-WHOLE",
+    "finite_number": "W-CFG-FINITE",
+    "bool_type": "W-CFG-FLAG",
+    "string_type": "W-CFG-TEXT",
+    "path_type": "W-CFG-TEXT",
+    "tuple_type": "W-CFG-LIST",
+    "model_type": "W-CFG-SECTION",
+    "dict_type": "W-CFG-SECTION",
+    "missing": "W-CFG-MISSING",
+}
+
+
+def in_words(one: Mapping[str, Any], given: object = "") -> str:
+    """What a model has against one value, in the words of the catalogue; ``given`` is what stands in the file."""
+    kind, limits = str(one["type"]), one.get("ctx") or {}
+    if kind == "tuple_type" and isinstance(given, dict):
+        return words("W-CFG-MANY", key=one["loc"][-1])
+    if kind == "model_type" and isinstance(given, list):
+        return words("W-CFG-ONE", key=one["loc"][-1])
+    if kind in _KINDS:
+        return words(_KINDS[kind])
+    if kind == "literal_error":
+        allowed = str(limits["expected"]).replace("'", '"')
+        names = [name.strip('"') for name in allowed.replace(" or ", ", ").split(", ")]
+        return words("W-CFG-ONE-OF", allowed=allowed) + guess(str(given), names)
+    if kind == "greater_than":
+        return words("W-CFG-ABOVE", limit=_plain(limits["gt"]))
+    if kind == "greater_than_equal":
+        return words("W-CFG-LEAST", limit=_plain(limits["ge"]))
+    if kind == "less_than":
+        return words("W-CFG-BELOW", limit=_plain(limits["lt"]))
+    if kind == "less_than_equal":
+        return words("W-CFG-MOST", limit=_plain(limits["le"]))
+    if kind in ("too_long", "too_short") and limits.get("field_type") == "Tuple":
+        least = limits.get("min_length", limits.get("max_length"))
+        return words("W-CFG-COUNT", least=least, found=limits["actual_length"])
+    return str(one["msg"]).removeprefix(FIRST)
+
+
+def _plain(limit: Any) -> str:
+    return f"{limit:g}" if isinstance(limit, float) else str(limit)

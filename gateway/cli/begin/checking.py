@@ -1,0 +1,173 @@
+"""The command `check`: everything a site file alone can tell, then its devices and the control's own limits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from drivers.checks import ControlFacts
+from drivers.clock import LoopClock
+from drivers.errors import ConfigError, TrueflankError, words
+from gateway.cli.options import JsonOption, SiteArgument
+from gateway.cli.show import echo, show_json, show_table
+from gateway.cli.stopping import run_to_end
+
+WRONG_FILE = ConfigError.exit_code
+DEVICE_KEYS = ("device", "model", "serial", "firmware")
+
+
+def add_to(app: typer.Typer) -> None:
+    """Give the command line this command."""
+    app.command("check")(check_command)
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """What was found: ``faults`` refuse the file, ``doubts`` do not; ``site`` is None where it cannot be used."""
+
+    site: Any
+    faults: tuple[Any, ...]
+    doubts: tuple[Any, ...]
+    text: str = ""
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What the file asks for that will do for no push, or only just."""
+        from gateway.workflow.axes.beforehand import remarks
+
+        return remarks(self.site) if self.site is not None else ()
+
+
+def check_command(
+    site: SiteArgument,
+    connect: Annotated[
+        bool, typer.Option("--connect", help="Also open every device and compare the control's own limits.")
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Say everything that is wrong in a site file; with --connect ask every device it names, and move nothing."""
+    from gateway.config.loading import placed
+
+    found = checked(site)
+    rows: list[tuple[str, ...]] = []
+    if connect and not found.faults:
+        rows, limits = run_to_end(_asked(found.site))
+        found = replace(found, faults=in_order(placed(limits, found.text)))
+    tell(found, site, rows, as_json=as_json)
+    if found.faults:
+        raise typer.Exit(WRONG_FILE)
+
+
+def checked(path: Path) -> Checked:
+    """The file, and the files it names, judged. Raises ConfigError (E-CFG-READ, E-CFG-ENCODING)."""
+    from gateway.cli.begin.ondisk import disk_faults
+    from gateway.config.loading import beside, placed, read_site
+
+    reading = read_site(path)
+    disk = placed(disk_faults(reading, path), reading.text)
+    faults = (*reading.faults, *(one for one in disk if not one.doubt))
+    doubts = (*reading.doubts, *(one for one in disk if one.doubt))
+    site = beside(reading.site, path.parent) if reading.site is not None else None
+    return Checked(site, in_order(faults), in_order(doubts), reading.text)
+
+
+def in_order(faults: Sequence[Any]) -> tuple[Any, ...]:
+    """As they stand in the file."""
+    return tuple(sorted(faults, key=lambda one: (one.line, one.column)))
+
+
+async def _asked(site: Any) -> tuple[list[tuple[str, ...]], tuple[Any, ...]]:
+    """Every device's identity, and what the control says against the file. Raises DevicesFailed."""
+    from gateway.cli.begin.surveying import surveyed
+    from gateway.supervisor import Supervisor
+
+    clock, control = LoopClock(), site.controller
+    supervisor = Supervisor(site, clock)
+    try:
+        await supervisor.open_all()
+        seen = [one for one in supervisor.picture() if one.identity is not None]
+    finally:
+        await supervisor.close_all()
+    rows: list[tuple[str, ...]] = [
+        (one.name, one.identity.model, one.identity.serial, one.identity.firmware) for one in seen if one.identity
+    ]
+    facts = await surveyed(control.driver, control.url, control.settings, clock, control.timeout_s)
+    return rows, tuple(against_control(site, facts))
+
+
+def against_control(site: Any, facts: ControlFacts) -> Iterator[Any]:
+    """What the file says otherwise than the control: axes, units, endless turning, soft limits, encoder, room."""
+    from gateway.config import Fault
+    from gateway.config.rules import bounds
+
+    known = ", ".join(axis.name for axis in facts.axes)
+    for number, axis in enumerate(site.axes):
+        own, fields = facts.axis(axis.name), {"axis": axis.name}
+        if own is None:
+            yield Fault(("axes", number, "name"), "E-CFG-CONTROL-AXIS", {**fields, "known": known})
+            continue
+        if own.unit != axis.unit:
+            yield Fault(("axes", number, "kind"), "E-CFG-CONTROL-KIND", {**fields, "unit": own.unit})
+        if own.modulo is not None and own.modulo != axis.modulo:
+            said = str(own.modulo).lower()
+            yield Fault(("axes", number, "modulo"), "E-CFG-CONTROL-MODULO", {**fields, "modulo": said})
+        if own.encoder is not None and own.encoder != axis.encoder:
+            yield Fault(("axes", number, "encoder"), "E-CFG-CONTROL-ENCODER", {**fields, "encoder": own.encoder})
+        points = round((axis.table.maximum - axis.table.minimum) / axis.table.step) + 1
+        if own.points is not None and points > own.points:
+            room = {"points": points, "reserved": own.points}
+            yield Fault(("axes", number, "table"), "E-CFG-CONTROL-ROOM", {**fields, **room})
+        if own.travel is not None and not axis.modulo:
+            low, high = own.travel
+            span = bounds(axis)
+            reached = {"travel": span, "table": (axis.table.minimum, axis.table.maximum), "targets": reach(axis)}
+            for what, (first, last) in reached.items():
+                if first < low - 1e-6 or last > high + 1e-6:
+                    ends = {"what": what, "first": first, "last": last, "low": low, "high": high}
+                    yield Fault(("axes", number, what), "E-CFG-CONTROL-LIMITS", {**fields, **ends})
+
+
+def reach(axis: Any) -> tuple[float, float]:
+    """How far measuring moves an axis: its outer targets and the overrun beyond them."""
+    from gateway.capture.targets import positions
+
+    measure = axis.measure
+    if measure.targets is None:
+        return axis.table.minimum, axis.table.maximum
+    at = positions(measure.targets, axis.reference, rotary=axis.kind == "rotary")
+    return float(at[0]) - measure.overrun, float(at[-1]) + measure.overrun
+
+
+def tell(found: Checked, path: Path, rows: Sequence[tuple[str, ...]], *, as_json: bool) -> None:
+    """The verdict for people, or as data."""
+    if as_json:
+        devices = [dict(zip(DEVICE_KEYS, row, strict=True)) for row in rows]
+        name = found.site.site.name if found.site is not None else None
+        notes = [one.as_record(str(path)) for one in (*found.faults, *found.doubts)]
+        told = {"faults": notes, "remarks": list(found.remarks), "devices": devices}
+        show_json({"site": name, "file": str(path), "valid": not found.faults, **told})
+        return
+    for fault in found.faults:
+        _line(fault.error(str(path)), "red")
+    for doubt in found.doubts:
+        _line(doubt.error(str(path)), "yellow")
+    for remark in found.remarks:
+        echo(remark, colour="yellow")
+    if found.faults:
+        echo(words("W-CHECK-FAULTS", file=path, count=len(found.faults)), colour="red", bold=True)
+        return
+    tree = found.site
+    counts = {"axes": len(tree.axes), "instruments": len(tree.instruments)}
+    echo(words("W-CHECK-VALID", file=path, site=tree.site.name, **counts), colour="green")
+    if rows:
+        show_table("devices", DEVICE_KEYS, rows)
+
+
+def _line(error: TrueflankError, colour: str) -> None:
+    echo(f"{error.where}: {error.code}: {error.what}", colour=colour)
+    if error.hint:
+        echo(f"  -> {error.hint}")

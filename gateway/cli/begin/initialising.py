@@ -1,0 +1,55 @@
+"""The command `init`: a site file from a few answers and from what the control itself tells; it overwrites nothing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from drivers.errors import ConfigError, words
+from gateway.cli.begin.checking import checked, tell
+from gateway.cli.begin.questions import Asker, answers
+from gateway.cli.show import echo
+
+FileArgument = Annotated[Path, typer.Argument(help="Site file to write; none is overwritten.")]
+AnswerOption = Annotated[
+    list[str] | None, typer.Option("--answer", help="KEY=VALUE: an answer given beforehand.", show_default=False)
+]
+
+
+def add_to(app: typer.Typer) -> None:
+    """Give the command line this command."""
+    app.command("init")(init_command)
+
+
+def init_command(
+    file: FileArgument = Path("site.toml"),
+    from_cell: Annotated[
+        str, typer.Option("--from-cell", help="Describe a shipped simulated cell: demo.", show_default=False)
+    ] = "",
+    yes: Annotated[bool, typer.Option("--yes", help="Ask nothing: every default, and the answers given.")] = False,
+    answer: AnswerOption = None,
+) -> None:
+    """Write a commented site file: a few questions, the rest is read from the control; nothing moves."""
+    if file.exists() or file.is_symlink():
+        raise ConfigError("E-INIT-EXISTS", str(file))
+    if not file.parent.is_dir():
+        raise ConfigError("E-INIT-FOLDER", str(file), folder=str(file.parent))
+    if from_cell:
+        from gateway.cli.begin.fromcell import cell_text
+
+        text = cell_text(from_cell, file)
+    else:
+        from gateway.cli.begin.wizard import wizard_text
+
+        text = wizard_text(file, Asker(answers(answer or []), yes))
+    try:
+        with file.open("x", encoding="utf-8") as written:
+            written.write(text)
+    except OSError as error:
+        raise ConfigError("E-INIT-WRITE", str(file), why=error.strerror or str(error)) from error
+    echo("\n" + words("P-INIT-WRITTEN", file=file))
+    found = checked(file)
+    tell(found, file, [], as_json=False)
+    echo(words("P-INIT-NEXT" if not found.faults else "P-INIT-LEFT", file=file))

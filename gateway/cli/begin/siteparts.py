@@ -1,0 +1,104 @@
+"""From what a control tells and a person answers to the tree of a site file that can be measured; pure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import ceil, floor
+from typing import Any
+
+from drivers.checks import ControlAxis
+
+OVERRUN, ROTARY = 5.0, "ABC"
+# Distances of interpolation points that people read easily, mm or deg.
+STEPS = (1.0, 2.0, 2.5, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 45.0, 50.0, 90.0, 100.0, 200.0, 250.0, 500.0, 1000.0)
+MOST_POINTS = 101
+TURN = 360.0
+
+
+@dataclass(frozen=True, slots=True)
+class Planned:
+    """An axis to be measured: travel in mm or deg, ``instrument`` by its name in the site file."""
+
+    name: str
+    letter: str
+    rotary: bool
+    modulo: bool
+    travel: tuple[float, float]
+    instrument: str
+    encoder: int = 0
+    points: int | None = None
+
+
+def planned(axis: ControlAxis, travel: tuple[float, float], instruments: tuple[str, str]) -> Planned:
+    """An axis as the control tells it; ``instruments`` are those of linear and of rotary axes."""
+    rotary = axis.unit == "deg"
+    modulo = rotary and (axis.modulo if axis.modulo is not None else travel == (0.0, TURN))
+    return Planned(
+        name=axis.name,
+        letter=letter_of(axis.name),
+        rotary=rotary,
+        modulo=bool(modulo),
+        travel=(0.0, TURN) if modulo else travel,
+        instrument=instruments[rotary],
+        encoder=axis.encoder or 0,
+        points=axis.points,
+    )
+
+
+def letter_of(name: str) -> str:
+    """The ISO 230-1 letter in an axis' name: the first of X Y Z A B C U V W there, else its first letter."""
+    letters = [one for one in name.upper() if one in "XYZABCUVW"]
+    return letters[0] if letters else next((one for one in name.upper() if one.isalpha()), "X")
+
+
+def axis_tree(axis: Planned) -> dict[str, Any]:
+    """The axis' section: targets, overrun and table fit into its travel and into the control's room for points."""
+    low, high, step = grid(axis)
+    targets: dict[str, Any] = {"first": low, "last": high, "count": "iso230-2"}
+    if axis.modulo:
+        targets = {"first": 0.0, "last": TURN - 15.0, "count": 24, "offset_fraction": 0.2}
+    tree: dict[str, Any] = {"name": axis.name, "letter": axis.letter, "kind": "rotary" if axis.rotary else "linear"}
+    tree["travel"] = list(axis.travel)
+    tree["reference"] = min(max(0.0, low), high)
+    tree |= {"modulo": True} if axis.modulo else {}
+    tree["encoder"] = axis.encoder
+    tree["measure"] = {
+        "instrument": axis.instrument,
+        "component": f"E{axis.letter}{axis.letter}",
+        "targets": targets,
+        "repetitions": 5,
+        "overrun": overrun(axis),
+        "feed": 900.0 if axis.rotary else 3000.0,
+        "stable": 1.5 if axis.rotary else 0.5,
+        **({"jog": 0.1} if axis.rotary else {"expansion_ppm_per_k": 11.5, "jog": min(10.0, (high - low) / 4.0)}),
+    }
+    tree["table"] = {"minimum": low, "maximum": high, "step": step}
+    return tree
+
+
+def overrun(axis: Planned) -> float:
+    """How far the axis may run beyond its outer targets: 5 mm or deg, less on a short axis."""
+    return min(OVERRUN, (axis.travel[1] - axis.travel[0]) / 20.0)
+
+
+def grid(axis: Planned) -> tuple[float, float, float]:
+    """First point, last point and distance of the table: whole steps, within the travel less the overrun."""
+    most = min(axis.points or MOST_POINTS, MOST_POINTS)
+    span = (0.0, TURN) if axis.modulo else (axis.travel[0] + overrun(axis), axis.travel[1] - overrun(axis))
+    for step in STEPS:
+        low, high = ceil(span[0] / step - 1e-9) * step, floor(span[1] / step + 1e-9) * step
+        if high > low and round((high - low) / step) + 1 <= most and (not axis.modulo or TURN % step == 0):
+            return low, high, step
+    return span[0], span[1], span[1] - span[0]
+
+
+def used_letters(axes: Sequence[Planned]) -> tuple[Planned, ...]:
+    """The axes whose letter is their own: of two with one letter the first is measured."""
+    seen: set[str] = set()
+    found = []
+    for axis in axes:
+        if axis.letter not in seen:
+            seen.add(axis.letter)
+            found.append(axis)
+    return tuple(found)

@@ -1,0 +1,202 @@
+"""The questions of `init` in turn, and what is asked of the control between them."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+from drivers import registry
+from drivers.checks import ControlAxis, ControlFacts, TrustView
+from drivers.clock import LoopClock
+from drivers.errors import TrueflankError, words
+from drivers.local.names import is_name, shown
+from drivers.local.ownfiles import opened
+from gateway.cli.begin.questions import Asker
+from gateway.cli.begin.siteparts import ROTARY, TURN, axis_tree, letter_of, planned, used_letters
+from gateway.cli.begin.surveying import surveyed
+from gateway.cli.show import echo
+from gateway.cli.stopping import run_to_end
+
+TIMEOUT_S = 10.0
+ROADS = {"opcua": "sinumerik-opcua", "mailbox": "sinumerik-modbus", "files": "sinumerik-opcua"}
+URLS = {"opcua": "opc.tcp://192.168.214.1:4840", "mailbox": "tcp://192.168.214.1:502"}
+PASSWORD, CERTIFICATE, VARIABLE = "password.txt", "control.der", "TRUEFLANK_PASSWORD"
+STORE = "runs"
+USUAL_AXES = "X1 Z1 C1"
+USUAL_TRAVEL = (0.0, 500.0)
+_TRAVEL = re.compile(r"(\w+)\s+([+-]?\d+(?:\.\d+)?)\s+([+-]?\d+(?:\.\d+)?)")
+
+
+def wizard_text(file: Path, asker: Asker) -> str:
+    """The text of a site file by answers. Raises ConfigError (E-INIT-ANSWER, E-INIT-ENDED)."""
+    from gateway.config.writing import site_text
+
+    folder = file.resolve().parent
+    road = asker.ask("road", "P-INIT-ROAD", "opcua", _one_of(tuple(ROADS)))
+    name = asker.ask("name", "P-INIT-NAME", "grinder", _machine_name)
+    control = _control(asker, road, folder)
+    facts = _facts(road, control, folder, asker)
+    control["serial"] = facts.serial if facts else asker.ask("serial", "P-INIT-SERIAL", "unknown", _something)
+    axes, notes = _axes(asker, facts)
+    instruments = _instruments(asker, road, {axis.unit for axis, _ in axes})
+    pair = (instruments[0]["name"], instruments[-1]["name"])
+    plans = used_letters([planned(axis, travel, pair) for axis, travel in axes])
+    tree: dict[str, Any] = {"site": {"name": name, "store": STORE}, "controller": control, "instruments": instruments}
+    tree["axes"] = [axis_tree(plan) for plan in plans]
+    version = facts.version if facts else words("P-INIT-UNREAD")
+    return site_text(tree, words("P-INIT-HEAD", name=name, version=version, road=road), notes)
+
+
+def _control(asker: Asker, road: str, folder: Path) -> dict[str, Any]:
+    control: dict[str, Any] = {"driver": ROADS[road], "url": URLS["opcua"], "serial": ""}
+    if road == "files":
+        return control | {"settings": {"security": "None"}}
+    control["url"] = asker.ask("url", "P-INIT-URL", URLS[road], _something)
+    if road == "mailbox":
+        return control | {"settings": {"unit": 1, "word_order": "high-first"}}
+    settings = {"user": asker.ask("user", "P-INIT-USER", "OpcUaClient")}
+    return control | {"settings": settings | _password(asker, folder) | {"server_certificate": CERTIFICATE}}
+
+
+def _password(asker: Asker, folder: Path) -> dict[str, str]:
+    """Where the password is; a typed one goes into a file that only its owner reads, and into no site file."""
+    place = folder / PASSWORD
+    if place.exists():
+        return {"password_file": PASSWORD}
+    password = asker.ask("password", "P-INIT-PASSWORD", "", secret=True)
+    if not password:
+        return {"password_env": VARIABLE}
+    with opened(place, "wb", secret=True) as file:
+        file.write(f"{password}\n".encode())
+    return {"password_file": PASSWORD}
+
+
+def _facts(road: str, control: dict[str, Any], folder: Path, asker: Asker) -> ControlFacts | None:
+    """What the control tells; None, with the reason said, where it cannot be asked now."""
+    if road == "files":
+        return None
+    settings = dict(control["settings"])
+    for key in ("password_file", "server_certificate"):
+        settings |= {key: str(folder / settings[key])} if key in settings else {}
+    try:
+        if road == "opcua" and not _trusted(control, settings, folder, asker):
+            return None
+        facts = run_to_end(surveyed(control["driver"], control["url"], settings, LoopClock(), TIMEOUT_S))
+    except TrueflankError as error:
+        echo(words("P-INIT-NO-CONTROL", why=str(error)), colour="yellow")
+        return None
+    names = " ".join(axis.name for axis in facts.axes)
+    echo(words("P-INIT-FOUND", serial=facts.serial, version=facts.version, units=facts.unit_system, axes=names))
+    return facts
+
+
+def _trusted(control: dict[str, Any], settings: dict[str, Any], folder: Path, asker: Asker) -> bool:
+    """Whether the certificate that the control shows is accepted: a person typed its thumbprint."""
+    from gateway import audit
+
+    clock = LoopClock()
+    trust = registry.load(f"{control['driver']}-trust", "trust")("control", control["url"], settings, clock)
+    view: TrustView = run_to_end(trust.show(TIMEOUT_S))
+    if view.equal:
+        return True
+    echo(words("P-INIT-SHOWN", subject=view.shown.subject, sha256=view.shown.sha256, sha1=view.shown.sha1))
+
+    def judge(text: str) -> str:
+        return "" if not text or view.shown.is_called(text) else words("W-INIT-THUMBPRINT")
+
+    typed = asker.ask("thumbprint", "P-INIT-THUMBPRINT", "", judge)
+    if not typed:
+        echo(words("P-INIT-NOT-TRUSTED"), colour="yellow")
+        return False
+    store = folder / STORE
+    audit.demand(store)
+
+    async def accept() -> None:
+        await trust.accept(typed, audit.os_user(), TIMEOUT_S)
+        told = {"url": view.url, "sha256": view.shown.sha256, "subject": view.shown.subject}
+        audit.record(store, "trust-accept", clock=clock, role="service", details=told)
+
+    run_to_end(accept())
+    return True
+
+
+Ranged = list[tuple[ControlAxis, tuple[float, float]]]
+
+
+def _axes(asker: Asker, facts: ControlFacts | None) -> tuple[Ranged, dict[str, str]]:
+    """The axes to be measured with their travel, and which keys the control told."""
+    known = {axis.name: axis for axis in facts.axes} if facts else {}
+    asked = asker.ask("axes", "P-INIT-AXES", " ".join(known) or USUAL_AXES, lambda text: _axis_names(text, known))
+    chosen = [known.get(name) or _guessed(name) for name in _parted(asked)]
+    usual = {axis.name: (0.0, TURN) if axis.unit == "deg" else USUAL_TRAVEL for axis in chosen}
+    untold = [axis.name for axis in chosen if axis.travel is None and not axis.modulo]
+    typed: dict[str, tuple[float, float]] = {}
+    if untold:
+        default = ", ".join(f"{name} {usual[name][0]:g} {usual[name][1]:g}" for name in untold)
+        typed = _ranges(asker.ask("travel", "P-INIT-TRAVEL", default, lambda text: _travel(text, untold)))
+    told = words("P-INIT-TOLD")
+    notes = {f"{axis.name}.travel": told for axis in chosen if axis.travel is not None}
+    notes |= {f"{axis.name}.encoder": told for axis in chosen if axis.encoder is not None}
+    return [(axis, axis.travel or typed.get(axis.name) or usual[axis.name]) for axis in chosen], notes
+
+
+def _guessed(name: str) -> ControlAxis:
+    return ControlAxis(name, "deg" if letter_of(name) in ROTARY else "mm")
+
+
+def _instruments(asker: Asker, road: str, units: set[str]) -> list[dict[str, Any]]:
+    """What measures linear axes, and what measures rotary ones."""
+    if road == "files":
+        return [{"name": "typed", "driver": "manual", "url": "terminal://"}]
+    found = []
+    if "mm" in units:
+        found.append(("laser", asker.ask("laser", "P-INIT-LASER", "umd COM5", _instrument)))
+    if "deg" in units:
+        default = "bridge tcp://127.0.0.1:7001"
+        found.append(("calibrator", asker.ask("calibrator", "P-INIT-CALIBRATOR", default, _instrument)))
+    split = [(name, *text.split(maxsplit=1)) for name, text in found]
+    return [{"name": name, "driver": driver, "url": url} for name, driver, url in split]
+
+
+# ---- what will do as an answer ------------------------------------------------------------------------
+
+
+def _one_of(allowed: tuple[str, ...]) -> Any:
+    return lambda text: "" if text in allowed else words("W-CFG-ONE-OF", allowed=", ".join(allowed))
+
+
+def _something(text: str) -> str:
+    return "" if text.strip() else words("W-CFG-MISSING")
+
+
+def _machine_name(text: str) -> str:
+    return "" if is_name(text) and re.fullmatch(r"[A-Za-z0-9_.-]+", text) else words("W-CFG-SITE-NAME")
+
+
+def _parted(text: str) -> list[str]:
+    return [name for name in re.split(r"[\s,;]+", text) if name]
+
+
+def _axis_names(text: str, known: dict[str, ControlAxis]) -> str:
+    names = _parted(text)
+    wrong = [name for name in names if not is_name(name) or (known and name not in known)]
+    if wrong or not names or len(set(names)) < len(names):
+        return words("W-INIT-AXES", wrong=shown(", ".join(wrong) or text), known=" ".join(known) or USUAL_AXES)
+    return ""
+
+
+def _ranges(text: str) -> dict[str, tuple[float, float]]:
+    return {name: (float(low), float(high)) for name, low, high in _TRAVEL.findall(text)}
+
+
+def _travel(text: str, names: list[str]) -> str:
+    found = _ranges(text)
+    right = all(name in found and found[name][0] < found[name][1] for name in names)
+    return "" if right else words("W-INIT-TRAVEL", names=", ".join(names))
+
+
+def _instrument(text: str) -> str:
+    parts, known = text.split(maxsplit=1), registry.known("instrument")
+    right = len(parts) == 2 and parts[0] in known
+    return "" if right else words("W-INIT-INSTRUMENT", known=", ".join(known))

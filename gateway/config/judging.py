@@ -1,0 +1,55 @@
+"""What no single key of a site file can tell: every rule between keys, in turn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+from drivers.errors import words
+from gateway.config.axisfaults import axis_faults
+from gateway.config.faults import Fault
+from gateway.config.keyfaults import broken
+from gateway.config.places import Path
+from gateway.config.reaching import reach_faults
+from gateway.config.sections import SiteFile
+from gateway.config.seen import seen
+from gateway.config.setupfaults import setup_faults
+from gateway.config.workfaults import work_faults
+
+# What the devices of a site are called by is one list, in which the control has this name.
+TAKEN = "controller"
+
+
+def rule_faults(tree: Mapping[str, Any], wrong: Collection[Path]) -> tuple[Fault, ...]:
+    """Every rule between keys that the file breaks; ``wrong`` are places of keys that are refused already."""
+    site = seen(SiteFile, tree, wrong)
+    found = [fault for rule in _NOW for fault in rule(tree, site)]
+    found += [replace(fault, later=True) for rule in _LATER for fault in rule(tree, site)]
+    return tuple(fault for fault in found if fault.path not in wrong)
+
+
+def _names(tree: Mapping[str, Any], site: Any) -> Iterator[Fault]:
+    yield from _twice(tree, site.instruments, "name", "W-CFG-SAME-NAME")
+    yield from _twice(tree, site.axes, "name", "W-CFG-SAME-NAME")
+    yield from _twice(tree, site.axes, "letter", "W-CFG-SAME-LETTER")
+    for instrument in site.instruments:
+        if instrument.name == TAKEN:
+            yield broken(tree, (*instrument.place, "name"), words("W-CFG-TAKEN"))
+
+
+def _twice(tree: Mapping[str, Any], sections: Iterable[Any], key: str, code: str) -> Iterator[Fault]:
+    """Each but the first of one name; upper and lower case make no difference in a file's name."""
+    before: dict[str, int] = {}
+    for number, section in enumerate(sections, start=1):
+        name = getattr(section, key)
+        if not isinstance(name, str) or not name:
+            continue
+        first = before.setdefault(name.lower(), number)
+        if first != number:
+            yield broken(tree, (*section.place, key), words(code, number=first))
+
+
+Rule = Callable[[Mapping[str, Any], Any], Iterable[Fault]]
+_NOW: tuple[Rule, ...] = (_names, axis_faults, setup_faults)
+_LATER: tuple[Rule, ...] = (reach_faults, work_faults)

@@ -1,0 +1,136 @@
+"""What the models of a site file say against a tree, in words: unknown and missing keys, kinds, limits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, get_args
+
+from pydantic import BaseModel, ValidationError
+
+from drivers.errors import words
+from drivers.local.names import closest, guess, shown
+from drivers.local.scrub import has_user, is_secret
+from drivers.settings import in_words
+from gateway.config.faults import Fault, called
+from gateway.config.places import Path, held
+from gateway.config.sections import AxisSection, SiteFile, TableSection
+from gateway.siteplan import MOST_TARGETS, Targets, WorkingWindow
+
+_PATTERNS = {
+    "letter": "W-CFG-LETTER",
+    "dresser_letter": "W-CFG-LETTER",
+    "component": "W-CFG-COMPONENT",
+    "name": "W-CFG-SITE-NAME",
+}
+
+
+# Where a rule of a whole section stands in it.
+_MEANT: dict[type[BaseModel] | None, Path] = {
+    AxisSection: ("travel",),
+    TableSection: ("step",),
+    WorkingWindow: ("step",),
+    Targets: ("count",),
+}
+
+
+def key_faults(tree: Mapping[str, Any]) -> tuple[SiteFile | None, tuple[Fault, ...]]:
+    """The site if the models have nothing against the tree, and every fault they find."""
+    try:
+        return SiteFile.model_validate(tree), ()
+    except ValidationError as error:
+        told = [one for one in error.errors(include_url=False) if not _is_short_by_others(tree, one)]
+        return None, tuple(_each_once(_fault(tree, one) for one in told))
+
+
+def _is_short_by_others(tree: Any, one: Mapping[str, Any]) -> bool:
+    """Whether a list of sections is called too short only because those in it have faults of their own."""
+    section = held(tree, one["loc"])
+    return one["type"] == "too_short" and isinstance(section, list) and len(section) >= one["ctx"]["min_length"]
+
+
+def _each_once(found: Iterable[Fault]) -> Iterator[Fault]:
+    """One fault a place: each kind that a key may have complains, and what is mistyped is not missing too."""
+    faults = tuple(found)
+    seen: set[Path] = {_meant(fault.path) for fault in faults if fault.on_key}
+    for fault in faults:
+        if fault.path not in seen:
+            seen.add(fault.path)
+            yield fault
+
+
+def _fault(tree: Mapping[str, Any], one: Mapping[str, Any]) -> Fault:
+    path = _in_tree(one["loc"])
+    if one["type"] == "extra_forbidden":
+        known = sorted(model.model_fields) if (model := model_at(path[:-1])) is not None else []
+        fields = {"key": shown(called(tree, path)), "known": ", ".join(known) + guess(str(path[-1]), known)}
+        return Fault(path, "E-CFG-KEY", fields, on_key=True)
+    if one["type"] == "value_error":
+        path += _MEANT.get(model_at(path), ())
+    return broken(tree, path, _why(tree, path, one))
+
+
+def _meant(path: Path) -> Path:
+    """The place that a mistyped key was to have; its own where nobody knows."""
+    model = model_at(path[:-1])
+    close = closest(str(path[-1]), model.model_fields) if model is not None else ""
+    return (*path[:-1], close) if close else path[:-1]
+
+
+def broken(tree: Any, path: Path, why: str, *, doubt: bool = False) -> Fault:
+    """A value that may not be: the key by its section's name, the value where it may be shown, and why."""
+    code = "W-CFG-DOUBT" if doubt else "E-CFG-VALUE"
+    return Fault(path, code, {"key": shown(called(tree, path)), "value": _given(tree, path), "why": why}, doubt=doubt)
+
+
+def _given(tree: Any, path: Path) -> str:
+    """The value that was refused, as far as it is one and may be shown."""
+    value = held(tree, path)
+    hidden = has_user(str(value)) or any(is_secret(str(part)) for part in path)
+    if hidden or not isinstance(value, str | int | float):
+        return ""
+    return f' = "{shown(value)}"' if isinstance(value, str) else f" = {shown(value).lower()}"
+
+
+def _in_tree(loc: tuple[Any, ...]) -> Path:
+    """A place without the names that pydantic gives to the kinds of one key, and to keys of a mapping."""
+    path: Path = ()
+    for part in loc:
+        model = model_at(path)
+        if part == "[key]" or (
+            model is None and isinstance(part, str) and path and path[-1] not in ("settings", "park")
+        ):
+            break
+        path += (part,)
+    return path
+
+
+def _why(tree: Any, path: Path, one: Mapping[str, Any]) -> str:
+    key, kind = path[-1] if path else "", one["type"]
+    if kind == "string_pattern_mismatch" and key in _PATTERNS:
+        return words(_PATTERNS[str(key)])
+    if key == "count" and kind != "value_error":
+        return words("W-CFG-TARGET-COUNT", most=MOST_TARGETS)
+    return in_words(one, held(tree, path))
+
+
+def model_at(path: Path) -> type[BaseModel] | None:
+    """The model of the section at a place of the tree; None where a value stands."""
+    model: type[BaseModel] | None = SiteFile
+    for part in path:
+        if isinstance(part, int):
+            continue
+        field = model.model_fields.get(part) if model is not None else None
+        model = section_of(field.annotation) if field is not None else None
+    return model
+
+
+def section_of(annotation: Any) -> type[BaseModel] | None:
+    """The model in an annotation, through None and lists; None where there is none."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    return next((found for one in get_args(annotation) if (found := section_of(one)) is not None), None)
+
+
+def is_list(annotation: Any) -> bool:
+    """Whether an annotation is a list of sections."""
+    return section_of(annotation) is not None and getattr(annotation, "__origin__", None) is tuple

@@ -1,0 +1,128 @@
+"""The site file described from its models, the drivers' settings among them: JSON schema and page of reference."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from drivers import registry
+from drivers.settings import DriverSettings
+from gateway.config.keyfaults import is_list, section_of
+from gateway.config.reaching import INSTRUMENTS
+from gateway.config.sections import SiteFile
+
+ROLES = {"ControllerSection": ("controller",), "InstrumentSection": INSTRUMENTS}
+_INSIDE = "memory"  # wires within one process
+_LIMITS = {
+    "exclusiveMinimum": "above {}",
+    "minimum": "{} or more",
+    "exclusiveMaximum": "below {}",
+    "maximum": "{} at most",
+}
+
+
+def settings_models(role: str) -> dict[str, type[DriverSettings]]:
+    """The model of each driver of a role that declares one, by the driver's name."""
+    models = {name: spec.load_settings() for name, spec in sorted(registry.known(role).items())}
+    return {name: model for name, model in models.items() if model is not None}
+
+
+def schema() -> dict[str, Any]:
+    """The site file's JSON schema; the settings of each driver hold where it is named."""
+    whole = SiteFile.model_json_schema()
+    for section, roles in ROLES.items():
+        cases = []
+        for name, model in (pair for role in roles for pair in settings_models(role).items()):
+            place = f"Settings of {name}"
+            whole["$defs"][place] = model.model_json_schema()
+            then = {"properties": {"settings": {"$ref": f"#/$defs/{place}"}}}
+            cases.append({"if": _named(whole["$defs"][section], name), "then": then})
+        whole["$defs"][section]["allOf"] = cases
+    return whole
+
+
+def _named(section: Mapping[str, Any], driver: str) -> dict[str, Any]:
+    """Where this driver is meant: named, or the one that a section without any has."""
+    is_default = section["properties"]["driver"].get("default") == driver
+    said = {"properties": {"driver": {"const": driver}}}
+    return said if is_default else {**said, "required": ["driver"]}
+
+
+def page() -> str:
+    """The page of reference, in Markdown: every section with its keys, then every driver's settings."""
+    lines = [
+        "# The site file",
+        "",
+        "Every key of a site file, as `trueflank check` knows it; this page is written from the code by",
+        "`trueflank schema --page`. Keys without a default must be given. Positions are the machine's coordinates.",
+        "`trueflank init` writes a commented file, `examples/sites` holds five.",
+        "",
+        *_section("", SiteFile),
+        "# Settings of the drivers",
+        "",
+        "They stand under `settings` of the control or of an instrument. Paths are taken from the site file's folder.",
+        "",
+    ]
+    for role in ("controller", *INSTRUMENTS):
+        for name, model in settings_models(role).items():
+            kinds = ", ".join(
+                f"`{kind}://`" if kind else "a serial port" for kind in model.addresses if kind != "memory"
+            )
+            lines += [f"## {name} ({role})", "", f"{_first(model)} Its `url` is {kinds}.", "", *_table(model), ""]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def _section(place: str, model: type[BaseModel]) -> Iterator[str]:
+    if place:
+        yield from (f"## {place}", "", _first(model), "", *_table(model), "")
+    for name, field in model.model_fields.items():
+        inner = section_of(field.annotation)
+        if inner is not None:
+            path = f"{place.strip('[]')}.{name}" if place else name
+            yield from _section(f"[[{path}]]" if is_list(field.annotation) else f"[{path}]", inner)
+
+
+def _first(model: type[BaseModel]) -> str:
+    return (model.__doc__ or "").strip().split("\n\n")[0].replace("\n    ", " ").replace("``", "`")
+
+
+def _table(model: type[BaseModel]) -> list[str]:
+    rows = ["| key | default | is | meaning |", "|---|---|---|---|"]
+    properties = model.model_json_schema()["properties"]
+    for name, field in model.model_fields.items():
+        if section_of(field.annotation) is None:
+            cells = (f"`{name}`", default_of(field), kind_of(properties[name]), field.description or "")
+            rows.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+    return rows if len(rows) > 2 else []
+
+
+def default_of(field: FieldInfo) -> str:
+    """A key's default as it is written in a site file; "must be given" where there is none."""
+    if field.is_required():
+        return "must be given"
+    value = field.get_default(call_default_factory=True)
+    if value is None or value in ("", (), {}):
+        return "left out"
+    if isinstance(value, bool):
+        return f"`{str(value).lower()}`"
+    if isinstance(value, tuple):
+        return f"`[{', '.join(map(repr, value))}]`"
+    return f"`{value!r}`" if isinstance(value, int | float) else f'`"{value}"`'
+
+
+def kind_of(one: Mapping[str, Any]) -> str:
+    """Kind and limits of a value by its JSON schema, in words."""
+    if "anyOf" in one:
+        return " or ".join(kind_of(part) for part in one["anyOf"] if part.get("type") != "null")
+    if "enum" in one or "const" in one:
+        allowed = one.get("enum", [one.get("const")])
+        return ", ".join(f'"{value}"' if isinstance(value, str) else str(value) for value in allowed if value != "")
+    kinds = {"number": "number", "integer": "whole number", "boolean": "true or false", "string": "text"}
+    kind = kinds.get(str(one.get("type")), "list" if one.get("type") == "array" else "section of keys")
+    if one.get("type") == "array" and "prefixItems" in one:
+        kind = f"list of {len(one['prefixItems'])} numbers"
+    limits = [text.format(f"{one[key]:g}") for key, text in _LIMITS.items() if key in one]
+    return ", ".join([kind, *limits])

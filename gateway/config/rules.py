@@ -1,0 +1,101 @@
+"""Rules between keys that several sections share: ranges of an axis, names of other sections, targets."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+from drivers import registry
+from drivers.errors import words
+from drivers.local.names import guess
+from gateway.config.faults import Fault
+from gateway.config.keyfaults import broken
+from gateway.config.places import Path, held
+
+LINEAR, ROTARY = "XYZUVW", "ABC"
+TURN_DEG = 360.0
+NEAR = 1e-9
+GEAR_MACHINE = "gear-inspector"
+
+
+def bounds(axis: Any) -> tuple[float, float]:
+    """Where an axis can stand: its travel, or one turn; infinite where that is not known."""
+    if axis.modulo:
+        travel = axis.travel if is_pair(axis.travel) else (0.0, TURN_DEG)
+        return min(0.0, *travel), max(TURN_DEG, *travel)
+    if not is_pair(axis.travel) or axis.travel[0] >= axis.travel[1]:
+        return float("-inf"), float("inf")
+    return axis.travel[0], axis.travel[1]
+
+
+def is_pair(value: Any) -> bool:
+    """Whether a value is [low, high] as far as its kind goes."""
+    return isinstance(value, list | tuple) and len(value) == 2 and all(isinstance(one, int | float) for one in value)
+
+
+def within(value: Any, low: float, high: float) -> bool:
+    """Whether a position lies in a range, its ends included."""
+    return not isinstance(value, int | float) or low - NEAR <= value <= high + NEAR
+
+
+def no_such(tree: Mapping[str, Any], path: Path, what: str, known: Iterable[str]) -> Fault:
+    """A name of nothing in this file, with those that there are."""
+    names = sorted(known)
+    text = (", ".join(names) or words("W-CFG-NONE")) + guess(str(held(tree, path)), names)
+    return broken(tree, path, words("W-CFG-NO-SUCH", what=what, known=text))
+
+
+def instrument_faults(tree: Mapping[str, Any], site: Any, path: Path, name: Any) -> Iterator[Fault]:
+    """A name that no instrument of the site has, or one that cannot measure an axis."""
+    drivers = {one.name: one.driver for one in site.instruments if isinstance(one.name, str)}
+    if not isinstance(name, str) or not name:
+        return
+    if name not in drivers:
+        yield no_such(tree, path, "instrument", drivers)
+    elif drivers[name] in registry.known(GEAR_MACHINE):
+        yield broken(tree, path, words("W-CFG-GEAR-MACHINE"))
+
+
+def target_faults(tree: Mapping[str, Any], axis: Any, targets: Any, overrun: Any) -> Iterator[Fault]:
+    """Targets beyond what the axis can reach; those that are twice there or no range."""
+    if not hasattr(targets, "place"):
+        return
+    low, high = bounds(axis)
+    given = dict(_positions(targets))
+    for path, value in given.items():
+        if not within(value, low, high):
+            yield broken(tree, path, words("W-CFG-OUTSIDE", low=low, high=high))
+    for key in ("first", "last"):
+        if targets.count and targets.first is not None and targets.first == targets.last and key == "last":
+            yield broken(tree, (*targets.place, key), words("W-CFG-DIFFER"))
+    if isinstance(targets.positions, list):
+        for number, value in enumerate(targets.positions):
+            if value in targets.positions[:number]:
+                yield broken(tree, (*targets.place, "positions", number), words("W-CFG-AGAIN"))
+        if len(targets.positions) == 1:
+            yield broken(tree, (*targets.place, "positions"), words("W-CFG-TWO"))
+    yield from _overrun(tree, axis, given, overrun)
+
+
+def _overrun(tree: Mapping[str, Any], axis: Any, given: Mapping[Path, Any], overrun: Any) -> Iterator[Fault]:
+    """The axis turns beyond its outer targets: doubtful where that lies outside its travel."""
+    low, high = bounds(axis)
+    inside = {
+        path: value for path, value in given.items() if isinstance(value, int | float) and within(value, low, high)
+    }
+    if axis.modulo or not inside or not isinstance(overrun, int | float):
+        return
+    for path, ends in ((min(inside, key=inside.__getitem__), -overrun), (max(inside, key=inside.__getitem__), overrun)):
+        end = inside[path] + ends
+        if not within(end, low, high):
+            yield broken(tree, path, words("W-CFG-OVERRUN", end=end, low=low, high=high), doubt=True)
+
+
+def _positions(targets: Any) -> Iterator[tuple[Path, Any]]:
+    """Every position that a targets section names."""
+    if targets.count:
+        yield from (((*targets.place, key), getattr(targets, key)) for key in ("first", "last"))
+    if isinstance(targets.positions, list):
+        yield from (((*targets.place, "positions", number), one) for number, one in enumerate(targets.positions))
+    if hasattr(targets.window, "place"):
+        yield from (((*targets.window.place, key), getattr(targets.window, key)) for key in ("first", "last"))

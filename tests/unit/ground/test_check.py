@@ -1,0 +1,297 @@
+"""Everything that a site file alone can tell: each mistake with its place, all of them at once."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from drivers.errors import ConfigError
+from gateway.cli import app
+from gateway.cli.begin.checking import checked
+from gateway.config import load_site, read_site
+from gateway.config.places import places_in
+
+WHOLE = """[site]
+name = "grinder-7"
+
+[controller]
+driver = "sinumerik-opcua"
+url = "opc.tcp://192.168.214.1:4840"
+serial = "YK-0007"
+
+[controller.settings]
+user = "OpcUaClient"
+password_file = "password.txt"
+server_certificate = "control.der"
+
+[[instruments]]
+name = "laser"
+driver = "umd"
+url = "COM5"
+
+[[instruments]]
+name = "ring"
+driver = "bridge"
+url = "tcp://127.0.0.1:7001"
+
+[[axes]]
+name = "X1"
+letter = "X"
+kind = "linear"
+travel = [-420.0, 20.0]
+
+[axes.measure]
+instrument = "laser"
+component = "EXX"
+targets = { first = -400.0, last = 0.0, count = 21, offset_fraction = 0.2 }
+feed = 6000.0
+stable = 0.5
+
+[axes.table]
+minimum = -400.0
+maximum = 0.0
+step = 20.0
+
+[[axes]]
+name = "C1"
+letter = "C"
+kind = "rotary"
+modulo = true
+travel = [0.0, 360.0]
+
+[axes.measure]
+instrument = "ring"
+component = "ECC"
+targets = { first = 0.0, last = 345.0, count = 24 }
+feed = 900.0
+stable = 1.5
+jog = 0.1
+
+[axes.table]
+minimum = 0.0
+maximum = 360.0
+step = 5.0
+
+[[setups]]
+axis = "X1"
+component = "EYX"
+instrument = "laser"
+park = { C1 = 0.0 }
+"""
+
+# (old, new, line, column, words that must be told)
+MISTAKES = [
+    ('driver = "umd"', 'driver = "udm"', 16, 10, "known: attocube-ids, bridge, bridge-gear, manual, umd"),
+    ('driver = "sinumerik-opcua"', 'driver = "sinumerik-opc"', 5, 10, "did you mean sinumerik-opcua?"),
+    ('name = "C1"', 'name = "x1"', 43, 8, "taken by number 1"),
+    ('letter = "C"', 'letter = "X"', 44, 10, "letter is taken by axis number 1"),
+    ('name = "ring"', 'name = "laser"', 20, 8, "taken by number 1"),
+    ('name = "ring"', 'name = "controller"', 20, 8, "another one"),
+    ('"EXX"', '"EXQ"', 32, 13, "EXX"),
+    ('"EXX"', '"EZZ"', 32, 13, "axis X1: measure.component"),
+    ('"EYX"', '"EQX"', 64, 13, "must be an error motion"),
+    ('"EYX"', '"EYZ"', 64, 13, "did you mean EYX?"),
+    ('"EYX"', '"B0C"', 64, 13, "B0C on Z"),
+    ("minimum = -400.0", "minimum = -500.0", 38, 11, "travel -420 to 20"),
+    ("minimum = -400.0\nmaximum = 0.0", "minimum = 0.0\nmaximum = -400.0", 40, 8, "minimum must lie below maximum"),
+    ("step = 20.0", "step = 19.0", 40, 8, "step must divide"),
+    ("first = -400.0", "first = -500.0", 33, 21, "must lie in the travel"),
+    ("first = -400.0, last = 0.0", "first = 0.0, last = 0.0", 33, 33, "must differ from first"),
+    ("count = 21, off", "count = 9, window = { first = 1.0, last = 90.0, step = 1.0 }, off", 33, 83, "must lie in"),
+    ("count = 24", "count = 1", 52, 48, "count must be 2 or more"),
+    ("count = 24", 'count = "iso"', 52, 48, '"iso230-2"'),
+    ("first = 0.0, last = 345.0, count = 24", "positions = [0.0, 90.0, 90.0]", 52, 37, "twice"),
+    ('user = "OpcUaClient"', 'usr = "OpcUaClient"', 10, 1, "did you mean user?"),
+    ('user = "OpcUaClient"', "r_first = 40000", 10, 11, "32515 at most"),
+    ('user = "OpcUaClient"', 'security = "none"', 10, 12, "must be"),
+    ('user = "OpcUaClient"', "poll_s = nan", 10, 10, "finite"),
+    ('user = "OpcUaClient"', 'password = "x"', 9, 1, "password_file"),
+    ("feed = 6000.0", "fed = 6000.0", 34, 1, "did you mean feed?"),
+    ("feed = 6000.0", "", 30, 1, "axis X1: measure.feed: is missing"),
+    ("feed = 6000.0", 'feed = "6000"', 34, 8, "must be a number"),
+    ("feed = 6000.0", "feed = true", 34, 8, "must be a number"),
+    ("feed = 6000.0", "feed = -6000.0", 34, 8, "must be above 0"),
+    ("feed = 6000.0", "feed = inf", 34, 8, "finite"),
+    ("feed = 6000.0", "feed = 6000.0\nexpansion_ppm_per_k = nan", 35, 23, "finite"),
+    ("feed = 6000.0", "feed = 6000.0\nexpansion_ppm_per_k = 1150.0", 35, 23, "100 at most"),
+    ("feed = 6000.0", "feed = 6000.0\nrepetitions = 5.5", 35, 15, "whole number"),
+    ("feed = 6000.0", 'feed = 6000.0\ncycle = "pendular"', 35, 9, "did you mean pendulum?"),
+    ('kind = "rotary"', 'kind = "linear"', 45, 8, "axis C is rotary"),
+    ('kind = "linear"', 'kind = "rotary"', 27, 8, "axis X is linear"),
+    ('kind = "linear"', 'kind = "liner"', 27, 8, "did you mean linear?"),
+    ("travel = [-420.0, 20.0]", "travel = [20.0, -420.0]", 28, 10, "the lower limit first"),
+    ("travel = [-420.0, 20.0]", "travel = [-420,5, 20.0]", 28, 10, "decimal comma"),
+    ("travel = [-420.0, 20.0]", "travel = [-420.0, 20.0]\nreference = 30.0", 29, 13, "zero there"),
+    ("travel = [-420.0, 20.0]", "travel = [-420.0, 20.0]\nmodulo = true", 29, 10, "only a rotary axis"),
+    ("travel = [-420.0, 20.0]", "travel = [-420.0, 20.0]\nencoder = 2", 29, 11, "1 at most"),
+    ('instrument = "ring"', 'instrument = "rign"', 50, 14, "did you mean ring?"),
+    ('url = "COM5"', 'url = "COM"', 17, 7, "COM3"),
+    ('url = "COM5"', 'url = "http://laser"', 17, 7, "socket://"),
+    (":4840", ":99999", 6, 7, "65535"),
+    ("tcp://127.0.0.1:7001", "tcp://127.0.0.1", 22, 7, "host and a port"),
+    ("192.168.214.1", "ann:pw@192.168.214.1", 6, 7, "password_file"),
+    ("park = { C1 = 0.0 }", "park = { D1 = 0.0 }", 66, 15, "known: C1"),
+    ("park = { C1 = 0.0 }", "park = { X1 = 0.0 }", 66, 15, "cannot be parked"),
+    ('axis = "X1"', 'axis = "X2"', 63, 8, "did you mean X1?"),
+    ('name = "grinder-7"', 'name = "../grinder"', 2, 8, "without blanks"),
+    ('name = "laser"', 'name = "CON"', 15, 8, "no device name"),
+    ("[controller]", "[controler]", 4, 1, "did you mean controller?"),
+    ("[controller]", "[[controller]]", 4, 1, "single brackets"),
+    ('[[axes]]\nname = "C1"', '[[axis]]\nname = "C1"', 42, 1, "did you mean axes?"),
+]
+
+BROKEN = [
+    ("stable = 0.5", "stable = 0,5", 35, "decimal point"),
+    ('url = "COM5"', r'url = "C:\Users\ann"', 17, "single quotes"),
+    ('url = "COM5"', r'url = "\\.\COM12"', 17, "single quotes"),
+    ("stable = 0.5", "stable = 0.5\nstable = 0.6", 36, "before"),
+    ("modulo = true", "modulo = True", 46, "small letters"),
+    ('letter = "X"', "letter = X", 26, "double quotes"),
+    ("[site]", "[site", 1, ""),
+    ("[axes.table]", "[site]", 37, "twice"),
+    ("travel = [-420.0, 20.0]", "travel = [-420.0; 20.0]", 28, "comma"),
+    ("stable = 0.5", "stable = 1.000.0", 35, "one decimal point"),
+]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "password.txt").write_text("secret\n")
+    (tmp_path / "password.txt").chmod(0o600)
+    (tmp_path / "control.der").write_bytes(b"\x30\x82")
+    return tmp_path
+
+
+def written(folder: Path, text: str | bytes) -> Path:
+    path = folder / "site.toml"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+def changed(old: str, new: str) -> str:
+    assert old in WHOLE
+    return WHOLE.replace(old, new, 1)
+
+
+def test_the_whole_file_is_valid(folder: Path) -> None:
+    found = checked(written(folder, WHOLE))
+    assert (found.faults, found.doubts) == ((), ())
+    assert found.site.controller.settings["password_file"] == str(folder / "password.txt")
+
+
+@pytest.mark.parametrize(("old", "new", "line", "column", "told"), MISTAKES)
+def test_each_mistake_is_told_with_its_place(
+    folder: Path, old: str, new: str, line: int, column: int, told: str
+) -> None:
+    found = checked(written(folder, changed(old, new)))
+    errors = {(fault.line, fault.column): str(fault.error("f")) for fault in found.faults}
+    assert told in errors[line, column]
+    assert f"f:{line}:{column}" in errors[line, column]
+
+
+@pytest.mark.parametrize(("old", "new", "line", "told"), BROKEN)
+def test_what_is_no_toml_is_told_with_what_was_meant(folder: Path, old: str, new: str, line: int, told: str) -> None:
+    first = read_site(written(folder, changed(old, new))).faults[0]
+    assert (first.code, first.line) == ("E-CFG-TOML", line)
+    assert told in first.error("f").what
+
+
+def test_all_faults_come_at_once_those_of_broken_lines_among_them(folder: Path) -> None:
+    text = WHOLE
+    for old, new in (
+        ("stable = 0.5", "stable = 0,5"),
+        ("modulo = true", "modulo = Yes"),
+        ('"EXX"', '"EXQ"'),
+        ("[axes.table]", "[axes.tabel]"),
+        ('"COM5"', '"COM"'),
+    ):
+        text = text.replace(old, new, 1)
+    found = checked(written(folder, text))
+    assert [fault.line for fault in found.faults] == [17, 32, 35, 37, 46]
+
+
+@pytest.mark.parametrize("change", [lambda text: b"\xef\xbb\xbf" + text, lambda text: text.replace(b"\n", b"\r\n")])
+def test_marks_and_line_ends_of_windows_are_read(folder: Path, change: object) -> None:
+    path = written(folder, change(WHOLE.encode()))  # type: ignore[operator]
+    assert checked(path).faults == ()
+    assert load_site(path).site.name == "grinder-7"
+
+
+@pytest.mark.parametrize(
+    ("data", "told"),
+    [
+        (WHOLE.encode("utf-16"), "UTF-16"),
+        (WHOLE.encode("utf-16-le"), "UTF-16"),
+        (f"# Gerät\n{WHOLE}".encode("latin-1"), "Latin-1 (Windows-1252): byte 0xe4, ä, in line 1, column 6"),
+    ],
+)
+def test_other_encodings_are_named(folder: Path, data: bytes, told: str) -> None:
+    with pytest.raises(ConfigError, match="E-CFG-ENCODING") as caught:
+        read_site(written(folder, data))
+    assert told in caught.value.what
+
+
+def test_what_is_no_file_or_too_large_is_refused_at_once(folder: Path) -> None:
+    large = folder / "large.toml"
+    with large.open("wb") as file:
+        file.truncate(200_000_000)
+    os.mkfifo(folder / "pipe")
+    written(folder, WHOLE)
+    for name, told in (
+        ("large.toml", "1048576"),
+        ("pipe", "no plain file"),
+        ("", "folder"),
+        ("sit.toml", "site.toml?"),
+    ):
+        with pytest.raises(ConfigError, match="E-CFG-READ") as caught:
+            read_site(folder / name)
+        assert told in caught.value.what
+
+
+def test_files_that_are_named_and_missing_are_told(folder: Path) -> None:
+    (folder / "password.txt").unlink()
+    (folder / "control.der").write_text("no certificate")
+    (folder / "runs").write_text("a file")
+    text = changed("stable = 0.5", 'stable = 0.5\nfile = "x1.rtl"\nfile_datum = 0.0') + '[work]\ngear = "gear.toml"\n'
+    (folder / "gear.toml").write_text("[gear]\n")
+    told = {fault.path[-1]: str(fault.error("f")) for fault in checked(written(folder, text)).faults}
+    assert set(told) == {"password_file", "server_certificate", "file", "gear", "store"}
+    (folder / "control.der").unlink()
+    found = checked(written(folder, WHOLE)).faults
+    assert [fault.code for fault in found] == ["E-CFG-FILE", "E-CFG-FILE", "E-CFG-CERTIFICATE"]
+    assert "trueflank trust accept" in found[-1].error("f").hint
+
+
+def test_an_overrun_beyond_the_travel_is_a_doubt_and_no_fault(folder: Path) -> None:
+    found = checked(written(folder, changed("[-420.0, 20.0]", "[-402.0, 20.0]")))
+    assert found.faults == ()
+    assert "turns at -405" in found.doubts[0].error("f").what
+
+
+def test_the_command_tells_people_and_programs(folder: Path) -> None:
+    path = written(folder, changed('"EXX"', '"EXQ"').replace("feed = 900.0", "feed = 0.0"))
+    shown = CliRunner().invoke(app, ["check", str(path)])
+    assert shown.exit_code == 2
+    assert f"{path}:32:13: E-CFG-VALUE" in shown.output
+    data = json.loads(CliRunner().invoke(app, ["check", str(path), "--json"]).output)
+    assert [(one["line"], one["column"], one["code"]) for one in data["faults"]] == [
+        (32, 13, "E-CFG-VALUE"),
+        (53, 8, "E-CFG-VALUE"),
+    ]
+    assert data["valid"] is False
+    good = CliRunner().invoke(app, ["check", str(written(folder, WHOLE))])
+    assert (good.exit_code, "valid" in good.output) == (0, True)
+
+
+def test_places_are_found_in_every_form_of_toml() -> None:
+    text = 'a.b = 1\n"c d" = { e = [1,\n 2], f = """x\n]""" } # = 3\n[[g]]\nh = \'x\'\n[g.i]\nj = 2\n[[g]]\nh = 3\n'
+    places = places_in(text)
+    found = {
+        path: places.of(path) for path in (("a", "b"), ("c d", "e", 1), ("c d", "f"), ("g", 0, "i", "j"), ("g", 1, "h"))
+    }
+    assert list(found.values()) == [(1, 7), (3, 2), (3, 10), (8, 5), (10, 5)]
+    assert places.of(("g", 0, "i"), key=True) == (7, 1)
