@@ -39,7 +39,7 @@ class Rig:
         measure = self.axis.measure
         stable = measure.stable / deviation_scale(self.axis.unit)
         turn = 360.0 if self.axis.modulo else 0.0
-        return Window(measure.settle_s, measure.average_s, stable, SETTLE_TIMEOUT_S, turn)
+        return Window(measure.settle_s, measure.average_s, stable, SETTLE_TIMEOUT_S, turn=turn)
 
     async def visit(self, plan: StopPlan, at_stop: AtStop) -> None:
         """Visit a plan's stops: by a program, or where the road runs none by the operator's hand."""
