@@ -8,6 +8,7 @@ from typing import Literal
 
 from drivers.errors import TrueflankError
 from drivers.leftover import Sent
+from drivers.limits import ACCESS_LEVEL
 
 Outcome = Literal["ok", "wrong", "unknown"]
 
@@ -76,11 +77,15 @@ class WantedAxis:
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """What a site expects of its control; ``sent`` are the programs it ever sent there, if none is at work now."""
+    """What a site expects of its control; ``sent`` are the programs it ever sent there, if none is at work now.
+
+    ``access_level`` is the largest at which the switches of the tables may be written.
+    """
 
     serial: str
     axes: tuple[WantedAxis, ...] = ()
     sent: tuple[Sent, ...] = ()
+    access_level: int = ACCESS_LEVEL
 
 
 @dataclass(frozen=True, slots=True)

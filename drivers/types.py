@@ -372,7 +372,7 @@ class PushOrder:
     ``agreeing_position`` is where old and new table agree and the table's *input* axis must stand; ``letter``
     and ``rotary`` are those of the input axis. ``coupled`` (cross tables) says that other tables of the output axis
     were on and must be on again at the end, whether this one is enabled or not. ``head`` (64 bits) is left in the
-    controller's marker, where that holds it.
+    controller's marker, where that holds it. ``encoder`` is the measuring system of the output axis that acts.
     """
 
     transaction: int
@@ -385,6 +385,12 @@ class PushOrder:
     proof: SignProof | None = None
     coupled: bool = False
     head: int = 0
+    encoder: int = 0
+
+    @property
+    def saved_encoder(self) -> int:
+        """Whose own table is saved beside the one that is loaded: an axis table's own, else the one that acts."""
+        return self.table.index if self.table.kind == "axis" else self.encoder
 
 
 @dataclass(frozen=True, slots=True)

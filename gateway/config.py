@@ -9,6 +9,7 @@ from typing import Any, Literal
 from pydantic import Field, ValidationError, field_validator, model_validator
 
 from drivers.errors import ConfigError, words
+from drivers.limits import ACCESS_LEVEL
 from drivers.local.names import shown
 from drivers.local.scrub import has_user, is_secret, secrets_in
 from drivers.local.tomlfile import read_toml
@@ -96,6 +97,9 @@ class ControllerSection(_Reached):
     driver: str = "sinumerik-opcua"
     serial: str = Field(min_length=1, description="serial number this machine must answer with")
     timeout_s: float = Field(default=5.0, gt=0)
+    access_level: int = Field(
+        default=ACCESS_LEVEL, ge=0, le=7, description="largest access level at which the tables' switches are writable"
+    )
 
 
 class InstrumentSection(_Reached):

@@ -107,7 +107,19 @@ class Work:
         if purpose == "sign-proof" or (purpose == "restore" and table.kind == "axis"):
             proof = None
         head = self.context.log.head() if self.context.log is not None else 0
-        return PushOrder(number, table, moved.letter, moved.rotary, enable, place, purpose, proof, self.coupled, head)
+        return PushOrder(
+            number,
+            table,
+            letter=moved.letter,
+            rotary=moved.rotary,
+            enable=enable,
+            agreeing_position=place,
+            purpose=purpose,
+            proof=proof,
+            coupled=self.coupled,
+            head=head,
+            encoder=self.context.axis.encoder,
+        )
 
     def signed(self, live: LiveSet) -> LiveSet:
         """A live set as saved, cross tables as deviations by this push's proof."""

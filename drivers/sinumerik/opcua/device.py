@@ -297,7 +297,7 @@ class SinumerikOpcUa(Leaver):
     async def stage(self, order: PushOrder) -> None:
         """Send, read back and select the two-half measuring_program. Raises as `Pushing.prepare`."""
         table = order.table
-        encoder = table.index if table.kind == "axis" else 0
+        encoder = order.saved_encoder
         setting = await self._setting(table.input_axis, table.output_axis, encoder, rotary=order.rotary)
         if table.kind == "axis" and order.purpose != "restore":
             await self._check_encoder(table.output_axis, encoder)

@@ -23,12 +23,11 @@ from drivers.sinumerik.opcua.session.files import FileNodes
 from drivers.sinumerik.opcua.settings import UaSettings
 from drivers.sinumerik.opcua.transfer import Transfer
 
-NEEDED_LEVEL = 3
 CLOCK_LIMIT_S = 60.0
 READING = ("StateRead", "TeaRead", "SeaRead")
 WRITING = ("StateWrite", "FsRead", "FsWrite", "ApWrite")
 SURPLUS = ("SinuWriteAll", "TeaWrite", "SeaWrite", "DriveWrite", "PlcWrite", "FrameWrite", "ToolWrite", "RandomWrite")
-_AXIS_ITEMS = ("actToolBasePos", "aaRef", "aaStat", "vaEnc1CompVal", "vaCecCompVal")
+_AXIS_ITEMS = ("actToolBasePos", "aaRef", "aaStat", "vaEnc1CompVal", "vaEnc2CompVal", "vaCecCompVal")
 
 
 @dataclass(slots=True)
@@ -227,8 +226,8 @@ async def _level(bed: Bedside) -> list[CheckLine]:
     level = await bed.value(nodes.ACCESS_LEVEL)
     if level is None:
         return [unknown("W-DOC-LEVEL-UNKNOWN", "key switch")]
-    if int(level) > NEEDED_LEVEL:
-        return [wrong("E-DOC-LEVEL", "key switch", level=level, needed=NEEDED_LEVEL)]
+    if int(level) > bed.wanted.access_level:
+        return [wrong("E-DOC-LEVEL", "key switch", level=level, needed=bed.wanted.access_level)]
     return [fine("W-DOC-LEVEL", "key switch", level=level)]
 
 

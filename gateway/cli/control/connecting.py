@@ -119,7 +119,7 @@ def wanted(tree: Any, sent: tuple[Sent, ...] = ()) -> Wanted:
         for axis in tree.axes
         if getattr(axis, "table", None) is not None
     )
-    return Wanted(tree.controller.serial, axes, sent)
+    return Wanted(tree.controller.serial, axes, sent, access_level=tree.controller.access_level)
 
 
 def points(table: Any) -> int:

@@ -52,13 +52,16 @@ async def cross_changes(
 
 
 async def places_of(at: Bench, tables: Sequence[CompensationTable], live: Mapping[str, LiveSet]) -> tuple[Place, ...]:
-    """A place for each table: the live one of the same axes, else a free number with memory for its points."""
+    """A place for each table: the live one of the same axes, else a free number with memory for its points.
+
+    A live one that is off and too small is left as it is; one that acts has to be the place, or there is none.
+    """
     kept = [_kept(table, live) for table in tables]
-    taken = {one.index for one in _held(live)} | {index for index in kept if index is not None}
+    taken = {one.index for one in _held(live)}
     search, places = _Search(at), []
-    for table, index in zip(tables, kept, strict=True):
+    for table, mine in zip(tables, kept, strict=True):
         place = (
-            await search.place(table, index, taken)
+            await search.place(table, mine, taken)
             if search.none or _known(at, table, live)
             else _nowhere(table, taken, True)
         )
@@ -68,12 +71,16 @@ async def places_of(at: Bench, tables: Sequence[CompensationTable], live: Mappin
 
 
 def acting_cross(at: Bench, live: Mapping[str, LiveSet]) -> tuple[CompensationTable, ...]:
-    """Cross tables that act, as deviations by the proofs of their output axes; those without a proof are left out."""
+    """Cross tables that act between the axes of the site, as deviations by the proofs of their output axes.
+
+    Those without a proof are left out.
+    """
     found = []
     for name, one in live.items():
         proof = at.proofs.find(at.machine, "cross", name)
         if proof is not None:
-            found += [table.table for table in signed(one, proof.sign).cross if table.enabled]
+            mine = (table.table for table in signed(one, proof.sign).cross if table.enabled)
+            found += [table for table in mine if table.input_axis in at.moved]
     return tuple(found)
 
 
@@ -89,15 +96,17 @@ class _Search:
         """Whether the control has no cross tables at all."""
         return self._controller.capabilities.table("cross") is None
 
-    async def place(self, table: CompensationTable, index: int | None, taken: set[int]) -> Place:
+    async def place(self, table: CompensationTable, mine: LiveTable | None, taken: set[int]) -> Place:
         """The number it has, or the first free one that is large enough."""
         needed, empty = len(table.deviations), 0
         if self.none:
             return Place(_beyond(taken), None, words("S-CROSS-NONE", table=table.name))
-        if index is not None:
-            limits = await self._limits(table.output_axis, index)
-            enough = limits is not None and limits.reserved_points >= needed
-            return Place(index, limits) if enough else _nowhere(table, taken, False)
+        if mine is not None:
+            limits = await self._limits(table.output_axis, mine.table.index)
+            if limits is not None and limits.reserved_points >= needed:
+                return Place(mine.table.index, limits)
+            if mine.enabled:
+                return _nowhere(table, taken, False)
         for number in (one for one in range(TABLES) if one not in taken):
             limits = await self._limits(table.output_axis, number)
             if limits is not None and limits.reserved_points >= needed:
@@ -135,12 +144,12 @@ def _held(live: Mapping[str, LiveSet]) -> list[CompensationTable]:
     return [one.table for one in every if one.enabled or any(one.table.deviations)]
 
 
-def _kept(table: CompensationTable, live: Mapping[str, LiveSet]) -> int | None:
-    """The number of the live table of the same axes, both directions, no factor; one that acts before others."""
+def _kept(table: CompensationTable, live: Mapping[str, LiveSet]) -> LiveTable | None:
+    """The live table of the same axes, both directions, no factor; one that acts before others."""
     mine = live.get(table.output_axis)
     found = [one for one in mine.cross if _same(one.table, table)] if mine is not None else []
     held = sorted((one for one in found if one.enabled or any(one.table.deviations)), key=lambda one: not one.enabled)
-    return held[0].table.index if held else None
+    return held[0] if held else None
 
 
 def _same(one: CompensationTable, other: CompensationTable) -> bool:
@@ -149,11 +158,15 @@ def _same(one: CompensationTable, other: CompensationTable) -> bool:
 
 
 def _known(at: Bench, table: CompensationTable, live: Mapping[str, LiveSet]) -> bool:
-    """Whether it is known what the tables of the output axis do: none acts, or their sign is proved."""
+    """Whether it is known what the tables of the output axis do: none acts, or their sign is proved.
+
+    One whose input axis stands still while work is measured and ground is a constant, whatever its sign.
+    """
     mine = live.get(table.output_axis)
     if mine is None:
         raise CaptureError("E-RUN-LIVE", table.output_axis)
-    acts = any(one.enabled and any(one.table.deviations) for one in mine.cross)
+    moving = [one for one in mine.cross if one.table.input_axis in at.moved]
+    acts = any(one.enabled and any(one.table.deviations) for one in moving)
     return not acts or at.proofs.find(at.machine, "cross", table.output_axis) is not None
 
 
