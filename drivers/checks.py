@@ -67,12 +67,16 @@ def failed(error: TrueflankError, check: str, outcome: Outcome = "wrong") -> Che
 
 @dataclass(frozen=True, slots=True)
 class WantedAxis:
-    """An axis the site means to correct: name as in MD10000, unit, measuring system (0 or 1), table points."""
+    """An axis the site means to correct: name as in MD10000, unit, measuring system (0 or 1), table points.
+
+    ``encoder_said``: whether a person named the measuring system.
+    """
 
     name: str
     unit: Literal["mm", "deg"]
     encoder: int
     points: int
+    encoder_said: bool = True
 
 
 @dataclass(frozen=True, slots=True)

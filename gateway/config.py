@@ -181,7 +181,12 @@ class AxisSection(Section):
     travel: tuple[float, float]
     reference: float = 0.0
     modulo: bool = False
-    encoder: int = Field(default=0, ge=0, le=1)
+    encoder: int = Field(
+        default=0,
+        ge=0,
+        le=1,
+        description="measuring system whose table acts, as in MD32700: say it with two",
+    )
     measure: MeasureSection
     table: TableSection
 
@@ -190,6 +195,11 @@ class AxisSection(Section):
         if self.travel[0] >= self.travel[1]:
             raise ValueError("travel must be [low, high]")
         return self
+
+    @property
+    def encoder_said(self) -> bool:
+        """Whether the site file names the measuring system, so that no default decides."""
+        return "encoder" in self.model_fields_set
 
     @property
     def unit(self) -> Literal["mm", "deg"]:
@@ -211,6 +221,7 @@ class AxisSection(Section):
             overrun=self.measure.overrun,
             dwell_s=self.measure.dwell_s,
             encoder=self.encoder,
+            encoder_said=self.encoder_said,
         )
 
 

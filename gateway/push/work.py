@@ -119,6 +119,7 @@ class Work:
             coupled=self.coupled,
             head=head,
             encoder=self.context.axis.encoder,
+            encoder_said=self.context.axis.encoder_said,
         )
 
     def signed(self, live: LiveSet) -> LiveSet:

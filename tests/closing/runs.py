@@ -27,7 +27,7 @@ from simulators.cellfile import CellFile
 from simulators.grinding import WorkPiece
 from simulators.nck.machine import compensation as table
 from tests.closing.identified import Curve, FloatArray, identified
-from tests.closing.judge import Machine, b_left_on, floor, kept_floor, places, places_at, rms
+from tests.closing.judge import CROSS, OWN, Machine, b_left_on, floor, kept_floor, places, places_at, rms
 from tests.closing.record import MachineResult, Normalised
 from tests.closing.tables import Grid
 
@@ -180,13 +180,14 @@ def judged(done: Closed, blank: MachineResult) -> MachineResult:
     grids = grids_of(done.cell.site_path)
     machine = Machine(done.cell.truth, after.work.spec, after.work.seat, after.start_s)
     said = tooth.prediction
+    cross = CROSS if any(done.cell.file.machine.cec_points) else OWN
     return replace(
         blank,
         before_um=rms(first),
         set_right_um=rms(at.set_right(first)),
         after_um=rms(at.flank(after.work)),
-        floor_um=kept_floor(machine, grids).rms_um,
-        least_um=floor(machine, grids).rms_um,
+        floor_um=kept_floor(machine, grids, cross).rms_um,
+        least_um=floor(machine, grids, cross=cross).rms_um,
         u_um=said.u_um,
         predicted_um=said.rms_um,
         rms_u_um=said.rms_u_um,

@@ -154,7 +154,7 @@ class SinumerikOpcUa(Leaver):
         Raises DeviceRefused (E-NC-NOT-RESET and other refusals), and as `legal`, before anything was written.
         """
         setting = await self._setting(plan.axis, plan.compensated_axis, plan.encoder, rotary=plan.rotary)
-        await self._check_encoder(plan.compensated_axis, plan.encoder)
+        await self._check_encoder(plan.compensated_axis, plan.encoder, said=plan.encoder_said)
         token = random_source.randbelow(899_999) + 100_000
         path = program_path("MEAS", plan.compensated_axis)
         passed = legal(path, measuring_program.measuring(plan, token, setting), self._configuration.names)
@@ -179,10 +179,10 @@ class SinumerikOpcUa(Leaver):
             origin=self._origin,
         )
 
-    async def _check_encoder(self, axis: str, encoder: int) -> None:
+    async def _check_encoder(self, axis: str, encoder: int, *, said: bool) -> None:
         """The site file's measuring system must be the one that acts. Raises UnsupportedDevice (E-NC-ENCODER...)."""
         found = await self._reader.encoders(self._configuration, axis)
-        encoders.check(found, axis, encoder, self.name)
+        encoders.check(found, axis, encoder, self.name, said=said)
 
     async def wait_stop(self, after: int, timeout_s: float) -> StopReached | None:
         """Wait for a counter above ``after`` with the axis in position; None when the program has ended.
@@ -299,8 +299,8 @@ class SinumerikOpcUa(Leaver):
         table = order.table
         encoder = order.saved_encoder
         setting = await self._setting(table.input_axis, table.output_axis, encoder, rotary=order.rotary)
-        if table.kind == "axis" and order.purpose != "restore":
-            await self._check_encoder(table.output_axis, encoder)
+        if order.purpose != "restore":
+            await self._check_encoder(table.output_axis, encoder, said=order.encoder_said)
         self._plan, self._saved, self._grinding.plan = None, False, None
         await self._pushing.prepare(order, setting)
 

@@ -189,7 +189,7 @@ async def _encoders(bed: Bedside) -> list[CheckLine]:
             continue
         found = await bed.reader.encoders(bed.configuration, axis.name)
         try:
-            encoders.check(found, axis.name, axis.encoder, bed.where)
+            encoders.check(found, axis.name, axis.encoder, bed.where, said=axis.encoder_said)
         except UnsupportedDevice as error:
             lines.append(failed(error, "measuring system"))
         else:

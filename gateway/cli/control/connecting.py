@@ -115,7 +115,7 @@ def unended(tree: Any, site: Path) -> tuple[CheckLine, ...]:
 def wanted(tree: Any, sent: tuple[Sent, ...] = ()) -> Wanted:
     """What the site expects of its control; ``sent`` are the programs that were sent there."""
     axes = tuple(
-        WantedAxis(axis.name, axis.unit, axis.encoder, points(axis.table))
+        WantedAxis(axis.name, axis.unit, axis.encoder, points(axis.table), encoder_said=axis.encoder_said)
         for axis in tree.axes
         if getattr(axis, "table", None) is not None
     )

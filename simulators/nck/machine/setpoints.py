@@ -91,7 +91,8 @@ class Setpoints:
             if source is None or output is None:
                 continue
             ends = (self._data.effective("$SN_CEC_0", number), self._data.effective("$SN_CEC_1", number))
-            curve = table.curve(*ends, self._cec_unit(source, output), self._cec_unit(output, output))
+            units = {"unit": self._cec_unit(source, output), "value_unit": self._cec_unit(output, output)}
+            curve = table.curve(ends, **units, uneven=self._spec.uneven_step)
             if curve is None:
                 continue
             if self._axes[source].referenced and self._axes[output].referenced:
