@@ -8,7 +8,6 @@ from typing import Literal
 
 from drivers.errors import TrueflankError
 from drivers.leftover import Sent
-from drivers.limits import ACCESS_LEVEL
 
 Outcome = Literal["ok", "wrong", "unknown"]
 
@@ -89,7 +88,7 @@ class Wanted:
     serial: str
     axes: tuple[WantedAxis, ...] = ()
     sent: tuple[Sent, ...] = ()
-    access_level: int = ACCESS_LEVEL
+    access_level: int = 3
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,6 @@ from typing import Any, Literal
 from pydantic import Field, ValidationError, field_validator, model_validator
 
 from drivers.errors import ConfigError, words
-from drivers.limits import ACCESS_LEVEL
 from drivers.local.names import shown
 from drivers.local.scrub import has_user, is_secret, secrets_in
 from drivers.local.tomlfile import read_toml
@@ -97,9 +96,7 @@ class ControllerSection(_Reached):
     driver: str = "sinumerik-opcua"
     serial: str = Field(min_length=1, description="serial number this machine must answer with")
     timeout_s: float = Field(default=5.0, gt=0)
-    access_level: int = Field(
-        default=ACCESS_LEVEL, ge=0, le=7, description="largest access level at which the tables' switches are writable"
-    )
+    access_level: int = Field(default=3, ge=0, le=7, description="largest at which the tables' switches are writable")
 
 
 class InstrumentSection(_Reached):
@@ -181,12 +178,7 @@ class AxisSection(Section):
     travel: tuple[float, float]
     reference: float = 0.0
     modulo: bool = False
-    encoder: int = Field(
-        default=0,
-        ge=0,
-        le=1,
-        description="measuring system whose table acts, as in MD32700: say it with two",
-    )
+    encoder: int = Field(default=0, ge=0, le=1, description="measuring system whose table acts; say it with two")
     measure: MeasureSection
     table: TableSection
 
@@ -198,7 +190,7 @@ class AxisSection(Section):
 
     @property
     def encoder_said(self) -> bool:
-        """Whether the site file names the measuring system, so that no default decides."""
+        """Whether the site file names the measuring system."""
         return "encoder" in self.model_fields_set
 
     @property

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 
@@ -37,6 +38,9 @@ def check_applied(live: LiveSet, shown: Iterable[tuple[float, float]]) -> None:
     off = np.abs(seen[:, 1] - expected)
     worst = int(np.argmax(off))
     if off[worst] > SHOWN_SLACK + POSITION_SLACK * steepest:
-        told = {"position": round(float(seen[worst, 0]), 4), "expected": round(float(expected[worst]), 3)}
+        told: dict[str, Any] = {
+            "position": round(float(seen[worst, 0]), 4),
+            "expected": round(float(expected[worst]), 3),
+        }
         told |= {"found": round(float(seen[worst, 1]), 3), "step": table.step}
         raise CaptureError("E-CAP-APPLIED", live.axis, table=table.name, unit=table.deviation_unit, **told)

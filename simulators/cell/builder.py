@@ -6,7 +6,7 @@ import numpy as np
 
 from drivers.units import deviation_scale
 from simulators.cellfile import CellAxis, CellFile
-from simulators.cellfile.loaded import Loaded, LoadedAxis, LoadedCross
+from simulators.cellfile.terms import Loaded, LoadedAxis, LoadedCross
 from simulators.nck.control import Nck
 from simulators.truth.terms import curve
 
@@ -53,7 +53,9 @@ def _points(table: Loaded, source: CellAxis, output: CellAxis, seed: int) -> dic
     count = int((table.maximum - table.minimum) / table.step + 1e-9) + 1
     places = table.minimum + table.step * np.arange(count, dtype=np.float64)
     name = f"loaded {output.name} {source.name}"
-    drawn = curve(table.values, source.travel, source.kind == "rotary", seed, name, redraw=False)(places)
+    drawn = curve(table.values, source.travel, rotary=source.kind == "rotary", seed=seed, name=name, redraw=False)(
+        places
+    )
     scale = deviation_scale("deg" if output.kind == "rotary" else "mm")
     return {k: round(float(v) / scale, DECIMALS) for k, v in enumerate(drawn) if k not in table.gaps}
 

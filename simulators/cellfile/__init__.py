@@ -14,9 +14,8 @@ from drivers.local.names import shown
 from drivers.local.tomlfile import parse_toml, read_toml
 from simulators.cellfile.instruments import Calibrator, Instrument, Laser, Noise, Outliers, Sensor, Setup
 from simulators.cellfile.likeness import changed
-from simulators.cellfile.loaded import LoadedAxis, LoadedCross
 from simulators.cellfile.part import InspectionMachine, Part, Wheel
-from simulators.cellfile.terms import CellSection, Name, Terms
+from simulators.cellfile.terms import CellSection, LoadedAxis, LoadedCross, Name, Terms
 
 __all__ = [
     "Calibrator",

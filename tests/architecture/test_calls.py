@@ -17,7 +17,6 @@ FOREIGN = {"add_method", "SinumerikSession", "clamped"}
 """Signatures that are not ours (asyncua's), and one that takes any number of names."""
 LEFT = {
     "gateway/push": 31,
-    "simulators/nck": 22,
     "drivers/sinumerik/ncprogram": 11,
     "drivers/sinumerik/tablefile": 6,
 }

@@ -14,7 +14,7 @@ from gateway.workflow.control.rolling_back import roll_back_site
 from gateway.workflow.loop.run import run_site
 from simulators.cell import Cell, cell_running
 from simulators.cellfile import CellFile, load_cell
-from simulators.cellfile.loaded import LoadedAxis
+from simulators.cellfile.terms import LoadedAxis
 from tests.cell.bench import main_job, short
 from tests.sizes import few
 

@@ -14,9 +14,13 @@ BLOCK_LIMIT = 512
 DEPTH_LIMIT = 60
 
 
+class _Builder(Nodes, lark.Transformer):
+    """The parser calls it while it reads."""
+
+
 @functools.cache
 def _parser() -> lark.Lark:
-    return lark.Lark(GRAMMAR, parser="lalr", lexer="contextual", transformer=Nodes(), maybe_placeholders=True)
+    return lark.Lark(GRAMMAR, parser="lalr", lexer="contextual", transformer=_Builder(), maybe_placeholders=True)
 
 
 @functools.lru_cache(maxsize=4096)

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import lark
-
 from simulators.nck.language.syntax import (
     Address,
     Assign,
@@ -59,7 +57,7 @@ def _number(text: str) -> int | float:
     return float(f"{mantissa}e{power or 0}")
 
 
-class Nodes(lark.Transformer):
+class Nodes:
     """One method for each rule of the grammar."""
 
     def words(self, items: list[Any]) -> Words:
@@ -142,6 +140,7 @@ class Nodes(lark.Transformer):
         return Number(_number(str(items[0])))
 
     def radix(self, items: list[Any]) -> Expression:
+        """Raises NodeRefused for digits that the radix does not have."""
         text = str(items[0])
         try:
             return Number(int(text[2:-1], 16 if text[1] == "H" else 2))

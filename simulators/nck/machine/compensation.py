@@ -41,7 +41,7 @@ class Curve:
 
 
 @dataclass(frozen=True, slots=True)
-class Shape:
+class TableShape:
     """A table's parameters; ``uneven`` is how a step that does not divide the range is taken (`Switches`)."""
 
     minimum: float
@@ -74,7 +74,7 @@ class Shape:
         return nodes
 
 
-def curve_of(points: Sequence[float], shape: Shape, *, unit: float = 1.0, value_unit: float = 1.0) -> Curve | None:
+def curve_of(points: Sequence[float], shape: TableShape, *, unit: float = 1.0, value_unit: float = 1.0) -> Curve | None:
     """The curve a table's memory means; None when its parameters describe none.
 
     ``unit`` and ``value_unit``: mm or deg in one unit of its positions and of its values.

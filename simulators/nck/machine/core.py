@@ -78,9 +78,8 @@ class Core:
         if self.spec.shortened_max_is_stored:
             self.memory.shorten(self.spec.uneven_step)
         acting = self.memory.copied()
-        self._eec = {
-            key: table.curve(self.spec.uneven_step, self.data.unit(key[0])) for key, table in acting.eec.items()
-        }
+        uneven = self.spec.uneven_step
+        self._eec = {key: table.curve(uneven, self.data.unit(key[0])) for key, table in acting.eec.items()}
         self._shifted.clear()
         self._setpoints.load(acting.cec)
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from simulators.nck.machine.compensation import Curve, Shape, curve_of
+from simulators.nck.machine.compensation import Curve, TableShape, curve_of
 from simulators.nck.spec import NckRefusal
 
 
@@ -24,7 +24,7 @@ class EecTable:
     is_modulo: bool = False
 
     def curve(self, uneven: str, unit: float = 1.0) -> Curve | None:
-        """The curve these values mean; ``unit``: mm or deg in one of its units; ``uneven``: see `Shape`."""
+        """The curve these values mean; ``unit``: mm or deg in one of its units; ``uneven``: see `TableShape`."""
         return curve_of(self.points, shape_of(self, uneven), unit=unit, value_unit=unit)
 
     def convert(self, factor: float) -> None:
@@ -64,9 +64,9 @@ class CecTable:
 Table = EecTable | CecTable
 
 
-def shape_of(table: Table, uneven: str) -> Shape:
+def shape_of(table: Table, uneven: str) -> TableShape:
     """The grid of a table as the control takes it."""
-    return Shape(table.minimum, table.maximum, step=table.step, is_modulo=table.is_modulo, uneven=uneven)
+    return TableShape(table.minimum, table.maximum, step=table.step, is_modulo=table.is_modulo, uneven=uneven)
 
 
 @dataclass(slots=True)
