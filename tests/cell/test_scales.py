@@ -42,6 +42,7 @@ def tables(cell: Cell) -> Any:
     return cell.nck.static_memory()["tables"], [cell.nck.get(name) for name in names]
 
 
+@pytest.mark.long
 def test_a_table_of_the_builder_is_merged_replaced_and_rolled_back_point_by_point(tmp_path: Path) -> None:
     async def job() -> None:
         clock = LoopClock()
@@ -67,7 +68,7 @@ def test_a_table_of_the_builder_is_merged_replaced_and_rolled_back_point_by_poin
 @pytest.mark.parametrize("reading", few(["stretched", "idle"]))
 def test_a_control_that_takes_the_step_in_another_way_is_refused(tmp_path: Path, reading: str) -> None:
     with pytest.raises(TrueflankError) as caught:
-        main_job(tmp_path, scales(reading), edit=EDIT)
+        main_job(tmp_path, scales(reading), edit=short(axes=("X1",), count=5, repetitions=1))
     assert caught.value.code == "E-CAP-APPLIED"
 
 
