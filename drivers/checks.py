@@ -66,21 +66,29 @@ def failed(error: TrueflankError, check: str, outcome: Outcome = "wrong") -> Che
 
 @dataclass(frozen=True, slots=True)
 class WantedAxis:
-    """An axis the site means to correct: name as in MD10000, unit, measuring system (0 or 1), table points."""
+    """An axis the site means to correct: name as in MD10000, unit, measuring system (0 or 1), table points.
+
+    ``encoder_said``: whether a person named the measuring system.
+    """
 
     name: str
     unit: Literal["mm", "deg"]
     encoder: int
     points: int
+    encoder_said: bool = True
 
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """What a site expects of its control; ``sent`` are the programs it ever sent there, if none is at work now."""
+    """What a site expects of its control; ``sent`` are the programs it ever sent there, if none is at work now.
+
+    ``access_level`` is the largest at which the switches of the tables may be written.
+    """
 
     serial: str
     axes: tuple[WantedAxis, ...] = ()
     sent: tuple[Sent, ...] = ()
+    access_level: int = 3
 
 
 @dataclass(frozen=True, slots=True)

@@ -43,6 +43,7 @@ class SelfTest:
 
     axis: str
     encoder: int = 0
+    encoder_said: bool = True
 
 
 @dataclass(frozen=True, slots=True)

@@ -340,7 +340,8 @@ class StopPlan:
     ``feed`` in mm/min or deg/min; ``overrun`` moves beyond reversal so that each stop is approached from
     its own side; ``dwell_s`` passes before each hand-shake; ``save_tables`` writes the live tables first.
     ``output_axis`` ("": the axis that moves) is the one whose tables are saved and whose compensation is shown,
-    ``encoder`` its measuring system; ``cross_table`` is the cross table that stops switch (None: its own).
+    ``encoder`` its measuring system, ``encoder_said`` whether a person named it; ``cross_table`` is the cross table
+    that stops switch (None: its own).
     """
 
     name: str
@@ -357,6 +358,7 @@ class StopPlan:
     encoder: int = 0
     output_axis: str = ""
     cross_table: int | None = None
+    encoder_said: bool = True
 
     @property
     def compensated_axis(self) -> str:
@@ -448,7 +450,8 @@ class PushOrder:
     ``agreeing_position`` is where old and new table agree and the table's *input* axis must stand; ``letter``
     and ``rotary`` are those of the input axis. ``coupled`` (cross tables) says that other tables of the output axis
     were on and must be on again at the end, whether this one is enabled or not. ``head`` (64 bits) is left in the
-    controller's marker, where that holds it.
+    controller's marker, where that holds it. ``encoder`` is the measuring system of the output axis that acts,
+    ``encoder_said`` whether a person named it.
     """
 
     transaction: int
@@ -461,6 +464,13 @@ class PushOrder:
     proof: SignProof | None = None
     coupled: bool = False
     head: int = 0
+    encoder: int = 0
+    encoder_said: bool = True
+
+    @property
+    def saved_encoder(self) -> int:
+        """Whose own table is saved beside the one that is loaded: an axis table's own, else the one that acts."""
+        return self.table.index if self.table.kind == "axis" else self.encoder
 
 
 @dataclass(frozen=True, slots=True)

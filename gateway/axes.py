@@ -11,6 +11,7 @@ class AxisRecord:
     """One axis: ``name`` as the control has it, ``letter`` as programs call it; positions and overrun in its unit.
 
     ``reference`` is where its tables must be zero. ``feed`` in mm/min or deg/min; ``dwell_s`` before each hand-shake.
+    ``encoder`` is the measuring system whose table acts, ``encoder_said`` whether the site file names it.
     """
 
     name: str
@@ -24,3 +25,4 @@ class AxisRecord:
     overrun: float = 5.0
     dwell_s: float = 1.0
     encoder: int = 0
+    encoder_said: bool = True

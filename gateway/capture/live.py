@@ -15,6 +15,7 @@ import numpy as np
 from drivers.errors import BeamObstructed, TrueflankError
 from drivers.ports import Instrument, Recounting, RotaryCalibrator, TypedInstrument
 from drivers.types import Ambient, ChannelStatus, FloatArray, LiveSet, Stop, StopPlan, StopReached
+from gateway.capture.applied import check_applied
 from gateway.capture.collecting import Collection
 from gateway.capture.diagnosis import FROZEN_TARGETS, cause
 from gateway.capture.readings import NOT_MOVED, History, Readings
@@ -72,7 +73,7 @@ async def capture_axis(rig: Rig, proof: SenseProof, between: FloatArray | None =
     """Measure an axis with a proven instrument, at its targets and at check stops ``between`` (k,) them.
 
     Raises what `walk` and `Readings` raise: BeamObstructed once every allowed recovery is used up, Unstable
-    when a stop does not settle in any round either.
+    when a stop does not settle in any round either; CaptureError (E-CAP-APPLIED).
     """
     axis, clock = rig.axis, rig.clock
     targets, checks = with_checks(targets_of(axis), between)
@@ -83,12 +84,14 @@ async def capture_axis(rig: Rig, proof: SenseProof, between: FloatArray | None =
     started = clock.utc().isoformat(timespec="seconds")
     async with Readings(rig.instrument, clock, combine) as readings:
         plan = measuring_plan(axis, targets, "", name=f"TFMEAS{axis.letter}", checks=checks)
-        await Visits(rig, found, readings).all(plan, len(targets))
+        visits = Visits(rig, found, readings)
+        await visits.all(plan, len(targets))
         found.ambients.append(await rig.instrument.ambient())
         found.ambient_times.append(readings.latest_s)
         lost = readings.lost
         found.notes.extend(f"the instrument said: {event}" for event in dict.fromkeys(readings.events))
     live = await rig.controller.saved_tables(axis.name)
+    check_applied(live, visits.shown)
     ended = clock.utc().isoformat(timespec="seconds")
     return replace(
         raw_capture(found, targets, channels=rig.instrument.channels, live=live, times=(started, ended), lost=lost),
@@ -150,6 +153,7 @@ class Visits:
         self._per_pass = 1
         self._in_a_row = 0
         self._still = 0
+        self.shown: list[tuple[float, float]] = []
 
     async def all(self, plan: StopPlan, per_pass: int) -> None:
         """Every stop read; raises BeamObstructed or Unstable when what is allowed did not suffice.
@@ -215,7 +219,8 @@ class Visits:
         return replace(plan, name=f"TFDATUM{plan.letter}", stops=(first, *left), setup=self._rig.setup)
 
     def _at_stop(self, *, last_round: bool) -> AtStop:
-        async def at_stop(index: int, stop: Stop, _reached: StopReached) -> None:
+        async def at_stop(index: int, stop: Stop, reached: StopReached) -> None:
+            self.shown.append((reached.target, reached.encoder_compensation))
             if stop.repetition == DATUM_REPETITION:
                 await self._set_datum_anew(stop)
                 return

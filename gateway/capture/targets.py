@@ -101,6 +101,7 @@ def plan_of(
         setup=setup,
         save_tables=save,
         encoder=axis.encoder,
+        encoder_said=axis.encoder_said,
     )
 
 

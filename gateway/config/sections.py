@@ -74,6 +74,7 @@ class ControllerSection(_Reached):
     driver: str = Field(default="sinumerik-opcua", description="road to the control, a driver by its name")
     serial: str = Field(min_length=1, description="serial number this machine must answer with")
     timeout_s: Number = Field(default=5.0, gt=0, le=600.0, description="longest wait for one answer, s")
+    access_level: Whole = Field(default=3, ge=0, le=7, description="largest at which the tables' switches are writable")
 
 
 class InstrumentSection(_Reached):
@@ -176,6 +177,11 @@ class AxisSection(Section):
         return self
 
     @property
+    def encoder_said(self) -> bool:
+        """Whether the site file names the measuring system."""
+        return "encoder" in self.model_fields_set
+
+    @property
     def unit(self) -> Literal["mm", "deg"]:
         """Unit of the axis."""
         return "mm" if self.kind == "linear" else "deg"
@@ -195,6 +201,7 @@ class AxisSection(Section):
             overrun=self.measure.overrun,
             dwell_s=self.measure.dwell_s,
             encoder=self.encoder,
+            encoder_said=self.encoder_said,
         )
 
 

@@ -92,6 +92,7 @@ def plan_of(
         setup=setup,
         save_tables=True,
         encoder=context.axis.encoder,
+        encoder_said=context.axis.encoder_said,
         output_axis="" if context.input is None else context.axis.name,
         cross_table=cross_table,
     )

@@ -118,6 +118,8 @@ class Work:
             proof=proof,
             coupled=self.coupled,
             head=head,
+            encoder=self.context.axis.encoder,
+            encoder_said=self.context.axis.encoder_said,
         )
 
     def fresh_number(self) -> int:

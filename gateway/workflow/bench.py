@@ -67,6 +67,11 @@ class Bench:
         known = ", ".join(axis.name for axis in self.site.axes)
         raise ConfigError("E-RUN-AXIS", str(self.site_path), axis=name, known=known)
 
+    @property
+    def moved(self) -> frozenset[str]:
+        """Machine names of the axes that are moved and measured; every other stands still."""
+        return frozenset(axis.name for axis in self.site.axes)
+
 
 def store_of(site: SiteFile, site_path: Path) -> Store:
     """The site's store: its folder is relative to the site file."""

@@ -123,7 +123,7 @@ def _of_axis(axis: AxisSection, what: What) -> Iterator[tuple[str, Order]]:
     elif what == "backup":
         yield axis.letter, question(axis.facts, axis.facts, axis.reference, Patience(0.0, 0.0))
     elif what == "self-test":
-        yield axis.letter, SelfTest(axis.name, axis.encoder)
+        yield axis.letter, SelfTest(axis.name, axis.encoder, axis.encoder_said)
     elif what == "proof":
         yield from _proof(axis)
     else:

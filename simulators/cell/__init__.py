@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.clock import Clock, LoopClock
+from simulators.cell.builder import build
 from simulators.cell.control import CellNck, ControlPanel, live_deviation, spec_of
 from simulators.cell.instruments import Instruments
 from simulators.cell.mailboxpanel import MailboxPanel
@@ -109,7 +110,8 @@ class Cell:
         return self.site_path
 
     async def _power_up(self) -> None:
-        """The machine as one finds it on a working day: referenced, in AUTO."""
+        """The machine as one finds it on a working day: what its builder loaded acts, referenced, in AUTO."""
+        build(self.nck, self.file, self.truth.seed)
         await self.nck.start()
         for axis in self.file.axes:
             if axis.backlash:

@@ -38,6 +38,8 @@ def spec_of(cell: CellFile, seed: int) -> NckSpec:
             servo_time_s=axis.servo_time_s,
             eec_points=axis.eec_points,
             absolute_encoder=axis.absolute_encoder,
+            encoder=axis.encoder,
+            number=axis.number,
         )
         for axis in cell.axes
     )

@@ -20,7 +20,7 @@ def site_text(
         f"# Written by the simulated cell {cell.name!r}; valid while it runs.",
         # Nobody else works at a simulated machine.
         section("site", {"name": site.name, "store": site.store, "approvals": 1}),
-        section("controller", {"driver": "sinumerik-opcua", "serial": serial, **controller}),
+        section("controller", {"driver": "sinumerik-opcua", "serial": serial, **site.controller, **controller}),
     ]
     if site.operator:
         parts.append(section("operator", site.operator))
@@ -53,7 +53,7 @@ def _axis(cell: CellFile, axis: CellAxis) -> str:
         "travel": list(axis.travel),
         "reference": axis.reference,
         "modulo": axis.modulo,
-    }
+    } | ({"encoder": axis.encoder} if axis.encoder else {})
     return "\n".join(
         (section("[axes]", keys), section("axes.measure", measure), section("axes.table", axis.table or {}))
     )

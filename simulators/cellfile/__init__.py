@@ -13,8 +13,9 @@ from drivers.errors import ConfigError
 from drivers.local.names import shown
 from drivers.local.tomlfile import parse_toml, read_toml
 from simulators.cellfile.instruments import Calibrator, Instrument, Laser, Noise, Outliers, Sensor, Setup
+from simulators.cellfile.likeness import changed
 from simulators.cellfile.part import InspectionMachine, Part, Wheel
-from simulators.cellfile.terms import CellSection, Name, Terms
+from simulators.cellfile.terms import CellSection, LoadedAxis, LoadedCross, Name, Terms
 
 __all__ = [
     "Calibrator",
@@ -58,7 +59,8 @@ class CellAxis(CellSection):
     """One machine axis. ``measure`` and ``table`` go into the site file as they stand.
 
     ``reversal`` is B = mean up - mean down in um or arcsec, a curve over the axis; ``drift_per_h`` moves
-    the whole axis. ``thermal_origin`` is the position of the scale's fixed point.
+    the whole axis. ``thermal_origin`` is the position of the scale's fixed point. ``encoder`` is the measuring system
+    (0, 1) that acts, ``loaded`` what its table holds; ``number`` of the machine axis, 0 for the next one.
     """
 
     name: Name = Field(pattern=r"^[A-Z][A-Z0-9]*$")
@@ -70,6 +72,9 @@ class CellAxis(CellSection):
     max_velocity: float = Field(default=10000.0, gt=0)
     servo_time_s: float = Field(default=0.05, gt=0)
     eec_points: tuple[Reserved, Reserved] = (0, 0)
+    encoder: Literal[0, 1] = 0
+    number: int = Field(default=0, ge=0, le=31)
+    loaded: LoadedAxis | None = None
     absolute_encoder: bool = False
     backlash: float = 0.0
     reversal: Terms = ()
@@ -137,6 +142,7 @@ class CellMachine(CellSection):
     access_level: int = Field(default=2, ge=0, le=7)
     cec_sign: Literal["seed", 1, -1] = "seed"
     cec_points: tuple[Reserved, ...] = Field(default=(), max_length=62)
+    cross: tuple[LoadedCross, ...] = Field(default=(), max_length=62)
     switches: dict[str, Any] = Field(
         default_factory=dict,
         description='any other field of the NCK double (simulators.nck.switches); an open one may say "seed"',
@@ -154,6 +160,7 @@ class SitePart(CellSection):
     name: Name = "demo-grinder"
     store: str = "runs"
     plan: bool = Field(default=False, description="whether the site file names every set-up and the work")
+    controller: dict[str, Any] = Field(default_factory=dict, description="further keys of [controller]")
     controller_settings: dict[str, Any] = Field(default_factory=dict)
     modbus_settings: dict[str, Any] = Field(default_factory=dict)
     operator: dict[str, Any] = Field(default_factory=dict)
@@ -225,10 +232,20 @@ def packaged() -> tuple[str, ...]:
 
 
 def _tree(source: str | Path) -> dict[str, Any]:
+    """A cell file as a tree; with ``like`` it says only what differs from another cell that comes with us."""
     try:
         if str(source) in packaged():
             inside = resources.files("simulators").joinpath("cells", f"{source}.toml")
-            return parse_toml(inside.read_text(encoding="utf-8"))
-        return read_toml(Path(source))
+            tree = parse_toml(inside.read_text(encoding="utf-8"))
+        else:
+            tree = read_toml(Path(source))
     except (OSError, ValueError) as error:
         raise ConfigError("E-CELL-READ", str(source), why=str(error)) from error
+    like = tree.pop("like", "")
+    return changed(_tree(_known(like, source)), tree) if like else tree
+
+
+def _known(like: Any, source: str | Path) -> str:
+    if like in packaged() and like != str(source):
+        return str(like)
+    raise ConfigError("E-CELL-VALUE", str(source), key="like", why=f"is one of {', '.join(packaged())}")

@@ -164,7 +164,7 @@ class Channel:
             self._core.alarms.raise_(14011, f"program {self.selected} does not exist", "start")
             return False
         try:
-            run = Interpreter(self._core, self._variables, self, self.selected, self._in_force())
+            run = Interpreter(self._core, self._variables, self, path=self.selected, modal=self._in_force())
         except NcSyntaxError as error:
             self._fault(error.number, error.reason, error.line)
             return False

@@ -28,7 +28,8 @@ class AxisSpec:
 
     ``eec_points`` is MD38000 for encoder 1 and 2. An axis with an absolute encoder keeps its reference over a
     reset; any other loses it. Modulo axes have no travel limits. ``encoder2_offset``: what encoder 2 shows
-    more than encoder 1 at the same place of the machine. ``number`` of the machine axis, 0 for the one after the axis
+    more than encoder 1 at the same place of the machine. ``encoder`` is the measuring system, 0 or 1, that the PLC
+    selects at power on. ``number`` of the machine axis, 0 for the one after the axis
     before it: MD10000 has an empty name where a number is left out.
     """
 
@@ -43,6 +44,7 @@ class AxisSpec:
     eec_points: tuple[int, int] = (0, 0)
     absolute_encoder: bool = False
     encoder2_offset: float = 0.0
+    encoder: int = 0
     number: int = 0
 
 
@@ -53,7 +55,8 @@ class NckSpec(Switches):
     ``access_level`` 0..7, smaller has more rights (0 Siemens, 2 service, 3 user, 4..7 key switch).
     ``option_cec``: the option for CEC is there, for ``option_cec_axes`` compensation axes at most.
     ``files_max_bytes``: MD11420, to the kB; the control's own default is small.
-    ``gud``: global user data, REAL arrays by name and length.
+    ``gud``: global user data, REAL arrays by name and length. ``redefined``: the write level that the machine's builder
+    gave a datum (REDEF name APW level), in place of the control's own.
     """
 
     axes: tuple[AxisSpec, ...]
@@ -66,6 +69,7 @@ class NckSpec(Switches):
     option_cec_axes: int = 31
     r_count: int = 1000
     gud: tuple[tuple[str, int], ...] = ()
+    redefined: tuple[tuple[str, int], ...] = ()
     files_max_bytes: int = 1024
     files_max_total: int = 50_000_000
     files_max_count: int = 1000
@@ -82,6 +86,10 @@ class NckSpec(Switches):
             found.append(axis.number or (found[-1] if found else 0) + 1)
         return tuple(found)
 
+    def level_of(self, name: str, own: int) -> int:
+        """The level that may write a datum: the builder's where he gave one, else the control's ``own``."""
+        return dict(self.redefined).get(name, own)
+
     @property
     def places(self) -> tuple[str, ...]:
         """Machine axis names by number, "" where there is no axis (MD10000)."""
@@ -97,4 +105,6 @@ class NckSpec(Switches):
             raise ValueError(f"axis numbers must rise and end at {MOST_AXES}")
         if self.unit_system not in ("metric", "inch") or not 0 <= self.access_level <= 7:
             raise ValueError("unit_system is metric or inch and access_level 0..7")
+        if any(axis.encoder not in (0, 1) for axis in self.axes) or any(not 0 <= one <= 7 for _, one in self.redefined):
+            raise ValueError("an axis' encoder is 0 or 1, a level given by REDEF 0..7")
         self.checked()

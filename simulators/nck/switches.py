@@ -29,6 +29,7 @@ OPEN: dict[str, tuple[Choice, ...]] = {
     "encoder_lead_shared": (True, False),
     "system_reads_stop": (False, True),
     "modal_stays": (False, True),
+    "uneven_step": ("floor", "stretched", "ceil", "idle"),
 }
 """The open switches and what each can be, the default first; a seed may draw one."""
 
@@ -57,6 +58,9 @@ class Switches:
         ``backlash_reacts_to_cec``: False: as if MD32454 bit 1 were always set.
         ``shortened_max_is_stored``: where memory ends before MAX, _MAX reads back shortened once it acts.
         ``enable_cleared_at_boot``: MD32700 and MD32710 are 0 after an NCK reset or power on.
+        ``uneven_step``: a STEP that does not divide MAX - MIN. "floor": the last point is k = floor((MAX - MIN) / STEP)
+        and its value holds from there on; "stretched": that point stands at MAX; "ceil": the next point acts too;
+        "idle": the table does nothing.
         ``encoder_lead_shared``: True: backlash is taken up by half in each direction; False: all of it in -.
 
     Preprocessing
@@ -107,6 +111,7 @@ class Switches:
     shortened_max_is_stored: bool = False
     enable_cleared_at_boot: bool = False
     encoder_lead_shared: bool = True
+    uneven_step: str = "floor"
     preprocess_ahead: int = 20
     system_reads_stop: bool = False
     lies_about_disable: bool = False

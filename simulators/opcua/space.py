@@ -64,7 +64,8 @@ class Space:
             "cmdContrPos": lambda name: float(nck.axis_state(name).set_position),
             "aaStat": lambda name: int(nck.axis_state(name).aa_stat),
             "aaRef": lambda name: int(nck.axis_state(name).referenced),
-            "vaEnc1CompVal": lambda name: float(nck.axis_state(name).eec_value),
+            "vaEnc1CompVal": lambda name: float(nck.get(f"$VA_ENC1_COMP_VAL[{name}]")),
+            "vaEnc2CompVal": lambda name: float(nck.get(f"$VA_ENC2_COMP_VAL[{name}]")),
             "vaCecCompVal": lambda name: float(nck.axis_state(name).cec_value),
         }
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,7 @@ from gateway.workflow import stages
 from simulators.truth import Truth
 
 FloatArray = NDArray[np.float64]
+Curve = Callable[[FloatArray], FloatArray]
 LEAST = 0.3
 SHARE = 0.05
 PAIRS = {"EXC": "EYC", "EYC": "EXC", "EAC": "EBC", "EBC": "EAC"}
@@ -30,14 +31,17 @@ class Identified:
     limit: float
 
 
-def identified(folder: RunFolder, truth: Truth) -> tuple[Identified, ...]:
-    """Every motion that the run measured, each with its mean deviation (the datum, nobody's concern) taken off."""
+def identified(folder: RunFolder, truth: Truth, acted: Mapping[str, Curve]) -> tuple[Identified, ...]:
+    """Every motion that the run measured, each with its mean deviation (the datum, nobody's concern) taken off.
+
+    ``acted`` is what the control's own tables added (um or arcsec) by motion, while it was measured.
+    """
     model = folder.get(stages.ERRORS, ErrorModel)
     found = []
     for one in model.motions:
         at = _targets(folder, one.name)
         if at is not None:
-            true = told(truth, one.name, at)
+            true = told(truth, one.name, at) + (acted[one.name](at) if one.name in acted else 0.0)
             off = value(one, at) - true
             limit = max(LEAST, SHARE * float(np.ptp(true)))
             found.append(Identified(one.name, float(np.max(np.abs(off - off.mean()))), limit))

@@ -26,7 +26,10 @@ UM = 1e-3
 SHARE = 0.95
 STEP = 2.0
 ROUNDS = 2
-CROSS = (("X", "Z"), ("X", "C"), ("C", "Z"), ("C", "C"))
+Crossing = tuple[str, str]
+CROSS: tuple[Crossing, ...] = (("X", "Z"), ("X", "C"), ("C", "Z"), ("C", "C"))
+OWN: tuple[Crossing, ...] = (("C", "C"),)
+"""What a control without cross tables has: of the axes' own tables only that of C shows on a flank."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,8 +191,10 @@ def corrections(tables: Sequence[Table]) -> dict[str, Any]:
     return {out: added(out) for out in {one.out for one in tables}}
 
 
-def floor(machine: Machine, grids: Mapping[str, Grid], *, start: Values | None = None) -> Floor:
-    """The least RMS that x zero, dressing offset and the four cross tables on these grids (by input axis) leave.
+def floor(
+    machine: Machine, grids: Mapping[str, Grid], *, start: Values | None = None, cross: Sequence[Crossing] = CROSS
+) -> Floor:
+    """The least RMS that x zero, dressing offset and the cross tables ``cross`` on these grids (by input axis) leave.
 
     The machine's answer to X, C and dressing is measured by grinding a step of each; least squares under the limits,
     and once more around the answer, because a flank that lies 10 um off answers a thousandth differently. The layer
@@ -197,7 +202,7 @@ def floor(machine: Machine, grids: Mapping[str, Grid], *, start: Values | None =
     ValueError where a table would break a limit.
     """
     found = start or Values()
-    layouts = [Layout(out, over, grids[over]) for out, over in CROSS]
+    layouts = [Layout(out, over, grids[over]) for out, over in cross]
     tight: tuple[str, ...] = ()
     for _ in range(ROUNDS):
         found, tight = _better(machine, found, layouts)
@@ -205,12 +210,12 @@ def floor(machine: Machine, grids: Mapping[str, Grid], *, start: Values | None =
     return Floor(rms(flank), found, flank, tight)
 
 
-def kept_floor(machine: Machine, grids: Mapping[str, Grid]) -> Floor:
+def kept_floor(machine: Machine, grids: Mapping[str, Grid], cross: Sequence[Crossing] = CROSS) -> Floor:
     """The floor where no table takes the work's eccentricity and tilt, which change at every clamping.
 
     Tables are those of the machine with its work centred; x zero and dressing are then set for the work as it sits.
     """
-    found, _ = _better(machine, floor(machine.centred(), grids).values, [])
+    found, _ = _better(machine, floor(machine.centred(), grids, cross=cross).values, [])
     flank = machine.flank(found)
     return Floor(rms(flank), found, flank, ())
 

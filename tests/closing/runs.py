@@ -5,14 +5,17 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 import pytest
 
 from drivers.clock import Clock, LoopClock, run_virtual
 from drivers.errors import TrueflankError
+from drivers.units import deviation_scale
 from gateway.config import SiteFile, load_site
 from gateway.store import RunFolder
 from gateway.tooth import FlankMap, FlankPrediction, InspectedFlank, ToothProposal, ToothVerdict
@@ -22,8 +25,9 @@ from gateway.workflow.outcome import Outcome
 from simulators.cell import Cell
 from simulators.cellfile import CellFile
 from simulators.grinding import WorkPiece
-from tests.closing.identified import identified
-from tests.closing.judge import Machine, b_left_on, floor, kept_floor, places, places_at, rms
+from simulators.nck.machine import compensation as table
+from tests.closing.identified import Curve, FloatArray, identified
+from tests.closing.judge import CROSS, OWN, Machine, b_left_on, floor, kept_floor, places, places_at, rms
 from tests.closing.record import MachineResult, Normalised
 from tests.closing.tables import Grid
 from tests.selftested import cell_running
@@ -72,16 +76,30 @@ class Watched:
 
 @dataclass(frozen=True)
 class Closed:
-    """A run that came to its end: its folder, its parts, M of each axis (by name) before and after."""
+    """A run that came to its end: its folder, its parts, M of each axis (by name) before and after.
+
+    ``acted`` is what the axes' own tables added, um or arcsec by error motion, when it began.
+    """
 
     cell: Cell
     site: SiteFile
     folder: RunFolder
     watched: Watched
     axes: Mapping[str, tuple[float, float]]
+    acted: Mapping[str, Curve] = field(default_factory=dict)
 
 
-async def closed(cell: Cell, clock: Clock, edit: Edit | None = None, absent_at: str = "") -> Closed:
+@dataclass(frozen=True)
+class Remedy:
+    """The error that must end the run at first, and what somebody does at the machine before it goes on."""
+
+    code: str
+    act: Callable[[Cell], None]
+
+
+async def closed(
+    cell: Cell, clock: Clock, edit: Edit | None = None, absent_at: str = "", remedy: Remedy | None = None
+) -> Closed:
     """Close the loop on a running cell; `edit` may change its site file first.
 
     Where the operator goes home before a part, the run must end with an error and go on when he is back.
@@ -91,25 +109,55 @@ async def closed(cell: Cell, clock: Clock, edit: Edit | None = None, absent_at: 
         path.write_text(edit(cell, path.read_text(encoding="utf-8")), encoding="utf-8")
     site = load_site(path)
     names = [axis.name for axis in site.axes]
-    before = {name: cell.figures(name, step=0.5)["M"] for name in names}
+    before, acted = {name: cell.figures(name, step=0.5)["M"] for name in names}, acting(cell)
     watched = Watched(cell, absent_at)
 
     async def run(resume: RunFolder | None = None) -> Outcome:
         name = site.site.name
         return await close_site(site, path, apply=True, machine_name=name, clock=clock, say=watched.say, resume=resume)
 
+    resume: RunFolder | None = None
+    if remedy is not None:
+        with pytest.raises(TrueflankError) as caught:
+            await run()
+        assert caught.value.code == remedy.code, str(caught.value)
+        remedy.act(cell)
+        watched.said.clear()  # what was refused had not been done: its set-up begins again
+        resume = RunFolder(watched.folder)
     if absent_at:
         with pytest.raises(TrueflankError):
-            await run()
+            await run(resume)
+        resume = RunFolder(watched.folder)
         watched.absent_at = ""
         cell.operator.change(auto=True)
-    outcome = await run(RunFolder(watched.folder) if absent_at else None)
+    outcome = await run(resume)
     axes = {name: (before[name], cell.figures(name, step=0.5)["M"]) for name in names}
-    return Closed(cell, site, RunFolder(Path(outcome.run_folder)), watched, axes)
+    return Closed(cell, site, RunFolder(Path(outcome.run_folder)), watched, axes, acted=acted)
+
+
+def acting(cell: Cell) -> dict[str, Curve]:
+    """What the control adds to each measured axis now, um or arcsec by error motion."""
+    found: dict[str, Curve] = {}
+    for axis in cell.file.axes:
+        if axis.measure is not None:
+            scale = deviation_scale("deg" if axis.kind == "rotary" else "mm")
+            found[str(axis.measure["component"])] = partial(_added, cell.nck.core.axis(axis.name).curve, scale)
+    return found
+
+
+def _added(curve: table.Curve | None, scale: float, at: FloatArray) -> FloatArray:
+    return np.zeros_like(at) if curve is None else -scale * curve.at(at)
 
 
 async def close_machine(
-    file: CellFile, seed: int, folder: Path, *, short: bool, edit: Edit | None = None, absent_at: str = ""
+    file: CellFile,
+    seed: int,
+    folder: Path,
+    *,
+    short: bool,
+    edit: Edit | None = None,
+    absent_at: str = "",
+    remedy: Remedy | None = None,
 ) -> MachineResult:
     """The whole run on one machine, judged; an error of ours that ended it is its result. On a virtual loop."""
     clock, began = LoopClock(), perf_counter()
@@ -117,7 +165,7 @@ async def close_machine(
     blank = MachineResult(file.name, seed, file.part.name, file.part.gear.zc, short, clock.utc().isoformat())
     async with cell_running(file, folder, clock, wires="memory", block_s=BLOCK_S) as cell:
         try:
-            result = judged(await closed(cell, clock, edit, absent_at), blank)
+            result = judged(await closed(cell, clock, edit, absent_at, remedy), blank)
         except TrueflankError as error:
             result = replace(blank, failed=f"{error.code} {error.where}")
         return replace(result, virtual_s=clock.now(), wall_s=perf_counter() - began)
@@ -134,18 +182,19 @@ def judged(done: Closed, blank: MachineResult) -> MachineResult:
     grids = grids_of(done.cell.site_path)
     machine = Machine(done.cell.truth, after.work.spec, after.work.seat, after.start_s)
     said = tooth.prediction
+    cross = CROSS if any(done.cell.file.machine.cec_points) else OWN
     return replace(
         blank,
         before_um=rms(first),
         set_right_um=rms(at.set_right(first)),
         after_um=rms(at.flank(after.work)),
-        floor_um=kept_floor(machine, grids).rms_um,
-        least_um=floor(machine, grids).rms_um,
+        floor_um=kept_floor(machine, grids, cross).rms_um,
+        least_um=floor(machine, grids, cross=cross).rms_um,
         u_um=said.u_um,
         predicted_um=said.rms_um,
         rms_u_um=said.rms_u_um,
         points=normalised(after.work, said),
-        components=identified(folder, done.cell.truth),
+        components=identified(folder, done.cell.truth, done.acted),
         axes=done.axes,
         b_left=(tooth.b_left, b_seen(folder, after.work)),
         done_twice=tuple(sorted(code for code in ONCE if done.watched.said.count(code) > ONCE[code])),
@@ -182,8 +231,6 @@ def grids_of(site_path: Path) -> dict[str, Grid]:
     return found
 
 
-def run_machine(
-    file: CellFile, seed: int, folder: Path, *, short: bool = False, edit: Edit | None = None, absent_at: str = ""
-) -> MachineResult:
+def run_machine(file: CellFile, seed: int, folder: Path, *, short: bool = False, **how: Any) -> MachineResult:
     """The same on a virtual loop of its own."""
-    return run_virtual(lambda: close_machine(file, seed, folder, short=short, edit=edit, absent_at=absent_at))
+    return run_virtual(lambda: close_machine(file, seed, folder, short=short, **how))

@@ -116,9 +116,7 @@ class MailboxPushing:
             raise TooManyPoints("E-TABLE-POINTS", self._where, table=order.table.name, **told)
 
     async def _tables(self, order: PushOrder) -> AxisReading:
-        table = order.table
-        encoder = table.index if table.kind == "axis" else self._settings.encoder
-        return await self._reader.tables(table.output_axis, encoder)
+        return await self._reader.tables(order.table.output_axis, order.saved_encoder)
 
     def _check_way_back(self, order: PushOrder, backup: LiveSet) -> None:
         """The table that stands now must be sayable too, or it could not be put back once it was overwritten.

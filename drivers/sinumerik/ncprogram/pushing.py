@@ -215,9 +215,12 @@ def _still_acting(table: CompensationTable) -> list[str]:
 
 def saving(section: Section, order: PushOrder, memory: Memory) -> Saving:
     """What the order's program writes to a file, and what proves that it did."""
-    encoder = order.table.index if order.table.kind == "axis" else 0
     return Saving(
-        section=section, number=order.transaction, axis=order.table.output_axis, encoder=encoder, memory=memory
+        section=section,
+        number=order.transaction,
+        axis=order.table.output_axis,
+        encoder=order.saved_encoder,
+        memory=memory,
     )
 
 

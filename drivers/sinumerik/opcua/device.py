@@ -159,7 +159,7 @@ class SinumerikOpcUa(Leaver):
     async def prepare_stops(self, plan: StopPlan) -> None:
         """Send, read back and select a plan's program. Raises UnsupportedDevice (E-NC-ENCODER...), as `Measuring`."""
         setting = await self._setting(plan.axis, plan.compensated_axis, plan.encoder, rotary=plan.rotary)
-        await self._check_encoder(plan.compensated_axis, plan.encoder)
+        await self._check_encoder(plan.compensated_axis, plan.encoder, said=plan.encoder_said)
         await self._measuring.prepare(plan, setting)
         self._grinding.plan = None
 
@@ -177,10 +177,10 @@ class SinumerikOpcUa(Leaver):
             origin=self._origin,
         )
 
-    async def _check_encoder(self, axis: str, encoder: int) -> None:
+    async def _check_encoder(self, axis: str, encoder: int, *, said: bool) -> None:
         """The site file's measuring system must be the one that acts. Raises UnsupportedDevice (E-NC-ENCODER...)."""
         found = await self._reader.encoders(self._configuration, axis)
-        encoders.check(found, axis, encoder, self.name)
+        encoders.check(found, axis, encoder, self.name, said=said)
 
     async def wait_stop(self, after: int, timeout_s: float) -> StopReached | None:
         """Wait for a counter above ``after``; None when the program has ended. Raises as `Measuring.wait`."""
@@ -222,7 +222,7 @@ class SinumerikOpcUa(Leaver):
     async def prepare_self_test(self, order: SelfTest) -> None:
         """Send, read back and select the program. Raises as `prepare_stops`."""
         setting = await self._setting(order.axis, order.axis, order.encoder, rotary=False)
-        await self._check_encoder(order.axis, order.encoder)
+        await self._check_encoder(order.axis, order.encoder, said=order.encoder_said)
         self._other_program()
         await self._self_testing.prepare(order, setting)
 
@@ -252,10 +252,10 @@ class SinumerikOpcUa(Leaver):
     async def stage(self, order: PushOrder) -> None:
         """Send, read back and select the two-half measuring_program. Raises as `Pushing.prepare`."""
         table = order.table
-        encoder = table.index if table.kind == "axis" else 0
+        encoder = order.saved_encoder
         setting = await self._setting(table.input_axis, table.output_axis, encoder, rotary=order.rotary)
-        if table.kind == "axis" and order.purpose != "restore":
-            await self._check_encoder(table.output_axis, encoder)
+        if order.purpose != "restore":
+            await self._check_encoder(table.output_axis, encoder, said=order.encoder_said)
         self._other_program()
         await self._pushing.prepare(order, setting)
 

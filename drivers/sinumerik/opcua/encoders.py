@@ -45,11 +45,11 @@ def of_values(values: list[float | None]) -> Encoders:
     return Encoders(None if count is None else int(count), (on[0], on[1]), (points[0], points[1]))
 
 
-def check(found: Encoders, axis: str, encoder: int, where: str) -> None:
+def check(found: Encoders, axis: str, encoder: int, where: str, *, said: bool = True) -> None:
     """Refuse an encoder of the site file that is not the acting one, and a control that lets two act.
 
-    Where no table is on and both measuring systems have memory, the site file decides. Raises UnsupportedDevice
-    (E-NC-ENCODER, E-NC-ENCODERS).
+    Where no table is on and both measuring systems have memory, the site file decides, if it has ``said`` so: no
+    default does. Raises UnsupportedDevice (E-NC-ENCODER, E-NC-ENCODERS, E-NC-ENCODER-OPEN).
     """
     told: dict[str, Any] = {"axis": axis, "encoder": encoder, "count": found.count if found.count is not None else "?"}
     told |= {"enabled": _shown(found.enabled), "reserved": _shown(found.reserved)}
@@ -58,6 +58,8 @@ def check(found: Encoders, axis: str, encoder: int, where: str) -> None:
     if encoder not in found.acting:
         acting = ", ".join(map(str, found.acting)) or "none"
         raise UnsupportedDevice("E-NC-ENCODER", where, acting=acting, **told)
+    if not said and len(found.acting) > 1:
+        raise UnsupportedDevice("E-NC-ENCODER-OPEN", where, **told)
 
 
 def _shown(values: tuple[Any, Any]) -> str:

@@ -29,7 +29,7 @@ MOST_FILE_KB = 100_000
 _IN_POSITION = 4
 _AXIS_NAME = re.compile(r"[A-Z_][A-Z0-9_]{0,31}")
 _CHANNEL = tuple(status.value for status in ChannelStatus)
-_AXIS_ITEMS = ("actToolBasePos", "aaRef", "aaStat", "vaEnc1CompVal", "vaCecCompVal")
+_AXIS_ITEMS = ("actToolBasePos", "aaRef", "aaStat", "vaEnc1CompVal", "vaEnc2CompVal", "vaCecCompVal")
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,7 +196,7 @@ class MachineReader:
         values = self._fresh(await self._read([*head, *alarms, *axes], aged=True))
         status, mode, message, program, level = values[: len(head)]
         pending = values[len(head) : len(head) + len(alarms)]
-        rest = values[len(head) + len(alarms) :]
+        rest, per = values[len(head) + len(alarms) :], len(_AXIS_ITEMS)
         return MachineState(
             channel=channel_status(status, self._where),
             mode=nodes.MODES[mode] if mode < len(nodes.MODES) else str(mode),
@@ -204,7 +204,7 @@ class MachineReader:
             alarms=tuple(number for number in pending if number),
             access_level=level,
             axes={
-                name: _axis_state(name, rest[place * 5 : place * 5 + 5], configuration)
+                name: _axis_state(name, rest[place * per : (place + 1) * per], configuration)
                 for place, name in enumerate(configuration.names)
             },
             program=program,
@@ -267,7 +267,7 @@ def channel_status(value: Any, where: str) -> ChannelStatus:
 
 
 def _axis_state(name: str, values: list[Any], configuration: Configuration) -> AxisState:
-    position, referenced, status, own, cross = values
+    position, referenced, status, first, second, cross = values
     unit: AxisUnit = "deg" if configuration.is_rotary(name) else "mm"
     scale = deviation_scale(unit)
     return AxisState(
@@ -275,7 +275,7 @@ def _axis_state(name: str, values: list[Any], configuration: Configuration) -> A
         position=position,
         referenced=bool(referenced),
         in_position=status == _IN_POSITION,
-        encoder_compensation=own * scale,
+        encoder_compensation=(first or second) * scale,  # the table of one measuring system acts, never both
         cross_compensation=cross * scale,
         unit=unit,
     )

@@ -101,8 +101,7 @@ class Pushing:
     async def backup(self, order: PushOrder, configuration: Configuration) -> LiveSet:
         """What stood before the order, from the file that its own first half wrote; raises as `live_tables`."""
         table = order.table
-        encoder = table.index if table.kind == "axis" else 0
-        memory = await self._reader.memory(configuration, table.output_axis, encoder)
+        memory = await self._reader.memory(configuration, table.output_axis, order.saved_encoder)
         saving = pushing_program.saving("BACK", order, memory)
         return await live_tables(self._transfer, saving, configuration, sense_for(order))
 

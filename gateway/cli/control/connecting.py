@@ -144,11 +144,11 @@ def told(axis: str, test: Any, now: str) -> CheckLine:
 def wanted(tree: Any, sent: tuple[Sent, ...] = ()) -> Wanted:
     """What the site expects of its control; ``sent`` are the programs that were sent there."""
     axes = tuple(
-        WantedAxis(axis.name, axis.unit, axis.encoder, points(axis.table))
+        WantedAxis(axis.name, axis.unit, axis.encoder, points(axis.table), encoder_said=axis.encoder_said)
         for axis in tree.axes
         if getattr(axis, "table", None) is not None
     )
-    return Wanted(tree.controller.serial, axes, sent)
+    return Wanted(tree.controller.serial, axes, sent, access_level=tree.controller.access_level)
 
 
 def points(table: Any) -> int:

@@ -61,7 +61,7 @@ async def _change(at: Bench, axis: AxisSection, item: MeasuredAxis) -> TableChan
     unseen = _unseen(component, hidden, lonely(capture.targets, means.mean, means.u))
     component = replace(component, residual_rms=max(component.residual_rms, hidden.u))
     at.folder.put(stages.component(axis.name), component, (item.digest,))
-    limits = await at.supervisor.controller.table_limits(axis.name)
+    limits = await at.supervisor.controller.table_limits(axis.name, "axis", axis.encoder)
     change = propose_table(
         axis.facts,
         component,

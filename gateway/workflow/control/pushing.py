@@ -176,6 +176,7 @@ def push_context(at: Bench, axis: AxisSection, capture: Capture | None) -> PushC
         start_timeout_s=operator.start_timeout_s,
         stop_timeout_s=operator.stop_timeout_s,
         approvals_needed=at.site.site.approvals,
+        access_level_needed=at.site.controller.access_level,
         say=at.say,
         self_test=last_of(at, axis),
     )

@@ -38,7 +38,7 @@ async def self_test_site(site: SiteFile, site_path: Path, *, axis: str, clock: C
 
 async def _tested(at: Bench, controller: SelfTests, axis: AxisSection) -> SelfTested:
     """One axis: sent, started by a person, read and kept, in the audit log too."""
-    order = SelfTest(axis.name, axis.encoder)
+    order = SelfTest(axis.name, axis.encoder, axis.encoder_said)
     await controller.prepare_self_test(order)
     at.say("P-SELF-TEST", axis=axis.name)
     found = await controller.wait_self_test(order, at.patience.start_s)

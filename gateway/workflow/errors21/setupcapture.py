@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
 
@@ -74,13 +75,16 @@ def stands_name(key: str) -> str:
     return f"stands-{key}.json"
 
 
-def without_cross(live: LiveSet) -> None:
+def without_cross(live: LiveSet, moved: Collection[str]) -> None:
     """Errors are measured without cross tables: a set-up that sees the output axis would see it, another would not.
 
-    Raises CaptureError (E-SETUP-CROSS) naming every cross table that acts.
+    That holds for tables between the axes ``moved`` (machine names) while the errors are measured. Any other stays as
+    it is: what it moves is not measured, or its input stands still and the table is a constant. Raises CaptureError
+    (E-SETUP-CROSS) naming every table that disturbs.
     """
     cross = [one.table for one in (*live.cross, *live.others) if one.table.kind == "cross" and one.enabled]
-    acting = sorted({f"{table.name} (table {table.index})" for table in cross if any(table.deviations)})
+    between = [table for table in cross if {table.input_axis, table.output_axis} <= set(moved)]
+    acting = sorted({f"{table.name} (table {table.index})" for table in between if any(table.deviations)})
     if acting:
         raise CaptureError("E-SETUP-CROSS", live.axis, tables=", ".join(acting))
 
@@ -88,7 +92,7 @@ def without_cross(live: LiveSet) -> None:
 async def _positioning(at: Bench, one: Planned) -> tuple[Capture, tuple[str, ...]]:
     rig = at.rig(one.axis)
     proof = await prove_sense(rig)
-    without_cross(await rig.controller.saved_tables(one.axis.name))
+    without_cross(await rig.controller.saved_tables(one.axis.name), at.moved)
     raw = await capture_axis(rig, proof, check_stops(one.axis, "before"))
     digest = at.folder.put(stages.setup_raw(one.key), raw)
     at.folder.write_text(f"tables-{one.key}{spoken().tables_suffix}", raw.live.native)
@@ -98,7 +102,7 @@ async def _positioning(at: Bench, one: Planned) -> tuple[Capture, tuple[str, ...
 async def _error(at: Bench, one: Planned) -> tuple[Capture, tuple[str, ...]]:
     rig = error_rig(at, one)
     proved = at.folder.put(stages.setup_proof(one.key), await prove_mounting(rig))
-    without_cross(await rig.controller.saved_tables(one.axis.name))
+    without_cross(await rig.controller.saved_tables(one.axis.name), at.moved)
     raw = await capture_error(rig)
     digest = at.folder.put(stages.setup_raw(one.key), raw, (proved,))
     at.folder.write_text(f"tables-{one.key}{spoken().tables_suffix}", raw.live.native)
@@ -134,7 +138,7 @@ async def _from_file(at: Bench, one: Planned, tables: dict[str, LiveSet]) -> tup
     if one.axis.name not in tables:
         tables[one.axis.name] = await fetch_tables(at, at.axis(one.axis.name))
     live = tables[one.axis.name]
-    without_cross(live)
+    without_cross(live, at.moved)
     if one.positioning:
         return from_file(one.axis, measured, live, path.name), ()
     scaled = replace(measured, deviations=one.setup.sense * _factor(one) * measured.deviations)

@@ -61,31 +61,38 @@ async def places_of(
 ) -> tuple[Place, ...]:
     """A place for each table: the live one of the same axes, else a free number with memory for its points.
 
-    Memory is dealt out by `seated`; ``ranked`` are the tables' places in ``tables``, those first that gain most.
+    A live one that is off and too small is left as it is; one that acts has to be the place, or there is none. Memory
+    is dealt out by `seated`; ``ranked`` are the tables' places in ``tables``, those first that gain most.
     """
     kept = [_kept(table, live) for table in tables]
-    taken = {one.index for one in _held(live)} | {index for index in kept if index is not None}
+    taken = {one.index for one in _held(live)}
     search = _Search(at)
     able = [n for n, table in enumerate(tables) if search.none or _known(at, table, live)]
-    asking = [n for n in able if kept[n] is None and not search.none]
+    stay = {n: await search.stays(tables[n], kept[n]) for n in able}
+    asking = [n for n in able if stay[n] is None and not search.none and not _acts(kept[n])]
     needs = {n: len(tables[n].deviations) for n in asking}
     rooms = {n: await search.rooms(tables[n].output_axis, taken) for n in asking}
     seats = seated(needs, rooms, [n for n in ranked if n in needs])
     places: list[Place] = []
     for n, table in enumerate(tables):
-        place = await search.place(table, seats.get(n, kept[n]), taken) if n in able else _nowhere(table, taken, True)
+        number = seats.get(n, stay.get(n))
+        place = await search.place(table, number, taken) if n in able else _nowhere(table, taken, True)
         taken.add(place.index)
         places.append(place)
     return tuple(places)
 
 
 def acting_cross(at: Bench, live: Mapping[str, LiveSet]) -> tuple[CompensationTable, ...]:
-    """Cross tables that act, as deviations by the proofs of their output axes; those without a proof are left out."""
+    """Cross tables that act between the axes of the site, as deviations by the proofs of their output axes.
+
+    Those without a proof are left out.
+    """
     found = []
     for name, one in live.items():
         proof = at.proofs.find(at.machine, "cross", name)
         if proof is not None:
-            found += [table.table for table in at.supervisor.controller.tables_by(one, proof).cross if table.enabled]
+            mine = at.supervisor.controller.tables_by(one, proof).cross
+            found += [one.table for one in mine if one.enabled and one.table.input_axis in at.moved]
     return tuple(found)
 
 
@@ -100,6 +107,14 @@ class _Search:
     def none(self) -> bool:
         """Whether the control has no cross tables at all."""
         return self._controller.capabilities.table("cross") is None
+
+    async def stays(self, table: CompensationTable, mine: LiveTable | None) -> int | None:
+        """The number of the live table of the same axes, where it has memory enough; None: it cannot stay there."""
+        if mine is None or self.none:
+            return None
+        limits = await self._limits(table.output_axis, mine.table.index)
+        enough = limits is not None and limits.reserved_points >= len(table.deviations)
+        return mine.table.index if enough else None
 
     async def place(self, table: CompensationTable, index: int | None, taken: set[int]) -> Place:
         """The number that a table was given, if it holds it; None: nowhere."""
@@ -150,12 +165,16 @@ def _held(live: Mapping[str, LiveSet]) -> list[CompensationTable]:
     return [one.table for one in every if one.enabled or any(one.table.deviations)]
 
 
-def _kept(table: CompensationTable, live: Mapping[str, LiveSet]) -> int | None:
-    """The number of the live table of the same axes, both directions, no factor; one that acts before others."""
+def _acts(mine: LiveTable | None) -> bool:
+    return mine is not None and mine.enabled
+
+
+def _kept(table: CompensationTable, live: Mapping[str, LiveSet]) -> LiveTable | None:
+    """The live table of the same axes, both directions, no factor; one that acts before others."""
     mine = live.get(table.output_axis)
     found = [one for one in mine.cross if _same(one.table, table)] if mine is not None else []
     held = sorted((one for one in found if one.enabled or any(one.table.deviations)), key=lambda one: not one.enabled)
-    return held[0].table.index if held else None
+    return held[0] if held else None
 
 
 def _same(one: CompensationTable, other: CompensationTable) -> bool:
@@ -164,11 +183,15 @@ def _same(one: CompensationTable, other: CompensationTable) -> bool:
 
 
 def _known(at: Bench, table: CompensationTable, live: Mapping[str, LiveSet]) -> bool:
-    """Whether it is known what the tables of the output axis do: none acts, or their sign is proved."""
+    """Whether it is known what the tables of the output axis do: none acts, or their sign is proved.
+
+    One whose input axis stands still while work is measured and ground is a constant, whatever its sign.
+    """
     mine = live.get(table.output_axis)
     if mine is None:
         raise CaptureError("E-RUN-LIVE", table.output_axis)
-    acts = any(one.enabled and any(one.table.deviations) for one in mine.cross)
+    moving = [one for one in mine.cross if one.table.input_axis in at.moved]
+    acts = any(one.enabled and any(one.table.deviations) for one in moving)
     return not acts or at.proofs.find(at.machine, "cross", table.output_axis) is not None
 
 

@@ -104,7 +104,8 @@ async def propose_tooth(
         eccentricity_um=found.moved.eccentricity_um,
         tilt_arcsec=found.moved.tilt_arcsec,
     )
-    tooth = replace(tooth, said=told(tooth, model, found=found, gains=gains, left_alone=(*nowhere, *_left_alone(own))))
+    left = (*nowhere, *(task.alone(plan, outlook) if nowhere else ()), *_left_alone(own))
+    tooth = replace(tooth, said=told(tooth, model, found=found, gains=gains, left_alone=left))
     tooth = replace(tooth, said=(*tooth.said, *_drifting(task.shop, at.site.work)))
     at.folder.put(stages.TOOTH, tooth, (at.folder.digest(stages.PROPOSAL), *parents))
     return proposal, tooth
@@ -199,6 +200,15 @@ class _Task:
         if outlook.worth or not found.optimum.tables:
             return found, outlook, outlook
         return (*self._one(replace(plan, cross=())), outlook)
+
+    def alone(self, plan: Plan, outlook: Outlook) -> tuple[str, ...]:
+        """What stays on the flank where the control has no place for any cross table, and what these would leave."""
+        if plan.cross:
+            return ()
+        _, could = self._one(self.plan)
+        return (
+            words("S-TOOTH-ALONE", left=f"{outlook.flank.after.rms_um:.2f}", least=f"{could.flank.after.rms_um:.2f}"),
+        )
 
     def _one(self, plan: Plan) -> tuple[LayeredCorrection, Outlook]:
         found = correct(self.grinding, self.grid, plan=plan, live=self.acted, own=self.own)

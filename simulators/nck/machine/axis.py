@@ -82,7 +82,7 @@ class MachineAxis:
         self.backlash = ReversalLead(lag, start_s)
         self.travel = DirectionLog(start_s)
         self.encoders_referenced = [False, False]
-        self.active_encoder = 0
+        self.active_encoder = spec.encoder
         self.curve_offset = 0.0
         self.moved = False
         self._epochs = [_Epoch(start_s, None, ())]

@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 
 _SUBDIVISIONS = 64
 _MOST_NODES = 50_000
+_EVEN = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,36 +40,52 @@ class Curve:
         return float(self.at(np.array([position]))[0])
 
 
-def last_point(count: int, minimum: float, maximum: float, step: float) -> int | None:
-    """Number of a table's last point, in a memory of ``count``; None when its parameters describe none."""
-    span = maximum - minimum
-    if count < 1 or step <= 0.0 or span < 0.0 or not math.isfinite(span / step):
-        return None
-    return min(math.floor(span / step + 1e-9), count - 1)
+@dataclass(frozen=True, slots=True)
+class TableShape:
+    """A table's parameters; ``uneven`` is how a step that does not divide the range is taken (`Switches`)."""
+
+    minimum: float
+    maximum: float
+    step: float
+    is_modulo: bool = False
+    uneven: str = "floor"
+
+    @property
+    def is_uneven(self) -> bool:
+        """Whether the step leaves a rest."""
+        intervals = (self.maximum - self.minimum) / self.step
+        return abs(intervals - round(intervals)) > _EVEN
+
+    def last_point(self, count: int) -> int | None:
+        """Number of the last point, in a memory of ``count``; None when the parameters describe none."""
+        span = self.maximum - self.minimum
+        if count < 1 or self.step <= 0.0 or span < 0.0 or not math.isfinite(span / self.step):
+            return None
+        if self.uneven == "idle" and self.is_uneven:
+            return None
+        up = self.uneven == "ceil" and self.is_uneven
+        return min(math.floor(span / self.step + _EVEN) + up, count - 1)
+
+    def nodes(self, last: int) -> Array:
+        """Where the points 0 .. last stand."""
+        nodes = self.minimum + self.step * np.arange(last + 1, dtype=np.float64)
+        if self.uneven == "stretched" and self.is_uneven and self.maximum - nodes[-1] < self.step:
+            nodes[-1] = self.maximum
+        return nodes
 
 
-def curve_of(
-    points: Sequence[float],
-    minimum: float,
-    maximum: float,
-    step: float,
-    is_modulo: bool,
-    *,
-    unit: float = 1.0,
-    value_unit: float = 1.0,
-) -> Curve | None:
+def curve_of(points: Sequence[float], shape: TableShape, *, unit: float = 1.0, value_unit: float = 1.0) -> Curve | None:
     """The curve a table's memory means; None when its parameters describe none.
 
     ``unit`` and ``value_unit``: mm or deg in one unit of its positions and of its values.
     """
-    last = last_point(len(points), minimum, maximum, step)
+    last = shape.last_point(len(points))
     if last is None:
         return None
-    span = maximum - minimum
-    nodes = minimum + step * np.arange(last + 1, dtype=np.float64)
-    period = span * unit if is_modulo and span > 0.0 else 0.0
+    span = shape.maximum - shape.minimum
+    period = span * unit if shape.is_modulo and span > 0.0 else 0.0
     values = np.nan_to_num(np.array(points[: last + 1], dtype=np.float64), nan=0.0)
-    return Curve(nodes * unit, values * value_unit, step * unit, period)
+    return Curve(shape.nodes(last) * unit, values * value_unit, shape.step * unit, period)
 
 
 def shifted(curve: Curve | None, offset: float) -> Curve | None:
@@ -176,14 +193,13 @@ def _break_times(tables: Mapping[int, CrossTable], now: Mapping[int, Stretch], b
 
 def _passing_times(curve: Curve, stretch: Stretch, begin: float, end: float) -> Array:
     ends = stretch.at(np.array([begin, end]))
-    low, high = sorted((ends - curve.nodes[0]) / curve.step)
-    first, last = math.ceil(low), math.floor(high)
+    low, high = sorted(ends)
     if curve.period <= 0.0:
-        first, last = max(first, 0), min(last, len(curve.nodes) - 1)
-    if last < first:
-        return np.empty(0)
-    stride = max(1, (last - first) // _MOST_NODES)
-    nodes = curve.nodes[0] + curve.step * np.arange(first, last + 1, stride, dtype=np.float64)
+        nodes = curve.nodes[(curve.nodes >= low) & (curve.nodes <= high)]
+    else:
+        first, last = math.ceil((low - curve.nodes[0]) / curve.step), math.floor((high - curve.nodes[0]) / curve.step)
+        stride = max(1, (last - first) // _MOST_NODES)
+        nodes = curve.nodes[0] + curve.step * np.arange(first, last + 1, stride, dtype=np.float64)
     times = stretch.start_s + (nodes - stretch.position) / stretch.slope
     return times[(times > begin) & (times < end)]
 

@@ -76,9 +76,10 @@ class Core:
         """The tables in memory become those that act (see `Switches.activation`)."""
         self.memory.settle(self.clock.now())
         if self.spec.shortened_max_is_stored:
-            self.memory.shorten()
+            self.memory.shorten(self.spec.uneven_step)
         acting = self.memory.copied()
-        self._eec = {key: table.curve(self.data.unit(key[0])) for key, table in acting.eec.items()}
+        uneven = self.spec.uneven_step
+        self._eec = {key: table.curve(uneven, self.data.unit(key[0])) for key, table in acting.eec.items()}
         self._shifted.clear()
         self._setpoints.load(acting.cec)
 

@@ -52,7 +52,7 @@ class MachineData:
         tables = len(spec.cec_points)
         for name in (CEC_POINTS, *(name for name in DATA if name.startswith("$SN_CEC"))):
             self._counts[name] = tables
-        self._counts["$MN_AXCONF_MACHAX_NAME_TAB"] = self._axes
+        self._counts["$MN_AXCONF_MACHAX_NAME_TAB"] = len(spec.places)
         self._stored: dict[Key, Datum] = {}
         for name, datum in DATA.items():
             for index in self._indices(name):
@@ -75,7 +75,7 @@ class MachineData:
 
     def _preset(self, spec: NckSpec) -> None:
         for place, axis in enumerate(spec.axes):
-            self._stored["$MN_AXCONF_MACHAX_NAME_TAB", (place,)] = axis.name
+            self._stored["$MN_AXCONF_MACHAX_NAME_TAB", (spec.numbers[place] - 1,)] = axis.name
             self._stored["$MA_MAX_AX_VELO", (place,)] = axis.max_velocity
             self._stored["$MA_IS_ROT_AX", (place,)] = axis.rotary
             self._stored["$MA_ROT_IS_MODULO", (place,)] = axis.modulo

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from simulators.nck.machine.compensation import Curve, curve_of, last_point
+from simulators.nck.machine.compensation import Curve, TableShape, curve_of
 from simulators.nck.spec import NckRefusal
 
 
@@ -23,10 +23,9 @@ class EecTable:
     step: float = 0.0
     is_modulo: bool = False
 
-    def curve(self, unit: float = 1.0) -> Curve | None:
-        """The curve these values mean; ``unit``: mm or deg in one of its units."""
-        shape = (self.minimum, self.maximum, self.step, self.is_modulo)
-        return curve_of(self.points, *shape, unit=unit, value_unit=unit)
+    def curve(self, uneven: str, unit: float = 1.0) -> Curve | None:
+        """The curve these values mean; ``unit``: mm or deg in one of its units; ``uneven``: see `TableShape`."""
+        return curve_of(self.points, shape_of(self, uneven), unit=unit, value_unit=unit)
 
     def convert(self, factor: float) -> None:
         """Change to another system of units."""
@@ -52,18 +51,22 @@ class CecTable:
     kind: int = 0
 
     def curve(
-        self, first: float = 0.0, second: float = 0.0, unit: float = 1.0, value_unit: float = 1.0
+        self, ends: tuple[float, float] = (0.0, 0.0), unit: float = 1.0, value_unit: float = 1.0, uneven: str = "floor"
     ) -> Curve | None:
-        """The curve these values mean; for TYPE 1 the two setting data are added to points 0 and 1."""
+        """The curve these values mean; for TYPE 1 the two setting data ``ends`` are added to points 0 and 1."""
         points = list(self.points)
         if self.kind == 1:
-            for place, extra in enumerate((first, second)[: len(points)]):
+            for place, extra in enumerate(ends[: len(points)]):
                 points[place] += extra
-        shape = (self.minimum, self.maximum, self.step, self.is_modulo)
-        return curve_of(points, *shape, unit=unit, value_unit=value_unit)
+        return curve_of(points, shape_of(self, uneven), unit=unit, value_unit=value_unit)
 
 
 Table = EecTable | CecTable
+
+
+def shape_of(table: Table, uneven: str) -> TableShape:
+    """The grid of a table as the control takes it."""
+    return TableShape(table.minimum, table.maximum, step=table.step, is_modulo=table.is_modulo, uneven=uneven)
 
 
 @dataclass(slots=True)
@@ -104,11 +107,11 @@ class TableMemory:
             if not rotary[axis]:
                 table.convert(factor)
 
-    def shorten(self) -> None:
+    def shorten(self, uneven: str) -> None:
         """Put MAX of every table back to where its memory ends."""
         tables: list[Table] = [*self.eec.values(), *self.cec]
         for table in tables:
-            last = last_point(len(table.points), table.minimum, table.maximum, table.step)
+            last = shape_of(table, uneven).last_point(len(table.points))
             if last is not None and table.maximum > table.minimum + table.step * (last + 1 - 1e-9):
                 table.maximum = table.minimum + table.step * last
 

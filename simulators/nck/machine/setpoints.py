@@ -52,7 +52,8 @@ class Setpoints:
         dynamic = data.effective("$MA_BACKLASH_DYN", encoder, index) / 2.0 if axis.backlash.dynamic_on else 0.0
         velocity = data.effective("$MA_MAX_AX_VELO", index) / 60.0
         slowly = max(velocity * data.effective("$MA_BACKLASH_DYN_MAX_VELO", index) / 100.0, _TINY)
-        return TakeUp(plus, minus, step, max(step / self._spec.ipo_cycle_s, _TINY), dynamic, slowly)
+        rate = max(step / self._spec.ipo_cycle_s, _TINY)
+        return TakeUp(plus, minus, step=step, rate=rate, dynamic=dynamic, dynamic_rate=slowly)
 
     def plan(self, now: float) -> None:
         """Lay the additional setpoints of all axes from now on, along the moves under way."""
@@ -91,13 +92,16 @@ class Setpoints:
             if source is None or output is None:
                 continue
             ends = (self._data.effective("$SN_CEC_0", number), self._data.effective("$SN_CEC_1", number))
-            curve = table.curve(*ends, self._cec_unit(source, output), self._cec_unit(output, output))
+            units = {"unit": self._cec_unit(source, output), "value_unit": self._cec_unit(output, output)}
+            curve = table.curve(ends, **units, uneven=self._spec.uneven_step)
             if curve is None:
                 continue
             if self._axes[source].referenced and self._axes[output].referenced:
                 weight = self._data.effective("$SN_CEC_TABLE_WEIGHT", number)
                 factor = table.mult_by_table - 1 if table.mult_by_table > 0 else None
-                found[number] = CrossTable(curve, source, output, weight, table.direction, factor)
+                found[number] = CrossTable(
+                    curve, source, output, weight=weight, direction=table.direction, factor=factor
+                )
         return found
 
     def _cec_unit(self, axis: int, output: int) -> float:
@@ -121,7 +125,9 @@ class Setpoints:
         limit = self._data.effective("$MA_CEC_MAX_VELO", index) / 100.0
         limit *= self._data.effective("$MA_MAX_AX_VELO", index) / 60.0
         signed = -self._spec.cec_sign * values
-        pieces, held_back = follow(times, signed, current, limit, limit * self._spec.ipo_cycle_s + _TINY)
+        pieces, held_back = follow(
+            times, signed, current, limit=limit, step_limit=limit * self._spec.ipo_cycle_s + _TINY
+        )
         if held_back:
             self._alarms.raise_(20125, f"axis {axis.spec.name}: rate of change of the CEC value too high")
         axis.additional.halt(now)
@@ -168,7 +174,7 @@ class Setpoints:
         times = np.array([stretch.start_s for stretch in way])
         values = -(offset + slope * (np.array([stretch.position for stretch in way]) - reference))
         limit = rate * self._data.effective("$MA_MAX_AX_VELO", index) / 60.0
-        pieces, _ = follow(times, values, current, limit, limit * self._spec.ipo_cycle_s)
+        pieces, _ = follow(times, values, current, limit=limit, step_limit=limit * self._spec.ipo_cycle_s)
         axis.temperature.halt(now)
         for piece in pieces:
             axis.temperature.add(*piece)

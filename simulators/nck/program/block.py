@@ -200,7 +200,7 @@ class BlockWords:
         self._modal.planned.update(targets)
         rate = None if self._modal.rapid else self._checked_feed()
         exact = self._modal.exact or self._exact_once or self._modal.rapid or bool(self._ending)
-        return Deed(targets, rate, self._modal.window if exact else None, 0.0, self._ending)
+        return Deed(targets, rate, window=self._modal.window if exact else None, ending=self._ending)
 
     def _possible(self) -> None:
         """What a program before may have left, under which a single axis does not go to its place."""

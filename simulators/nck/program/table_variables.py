@@ -9,10 +9,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from simulators.nck.machine.compensation import last_point
 from simulators.nck.machine.core import Core
 from simulators.nck.machine.data_table import CEC_ENABLE, ENC_ENABLE
-from simulators.nck.machine.memory import CecTable, EecTable, Table
+from simulators.nck.machine.memory import CecTable, EecTable, Table, shape_of
 from simulators.nck.spec import NckRefusal
 from simulators.nck.values import AxisName, Value, real, truth, whole
 
@@ -158,7 +157,7 @@ class TableVariables:
             return True
         if spec.loses_last_points == 0:
             return False
-        last = last_point(len(table.points), table.minimum, table.maximum, table.step)
+        last = shape_of(table, spec.uneven_step).last_point(len(table.points))
         return last is not None and last - spec.loses_last_points < number <= last
 
     def _put(self, write: Callable[[], None]) -> None:

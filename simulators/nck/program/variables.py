@@ -128,8 +128,9 @@ class Variables:
         before = core.data.stored(name, *index)
         if spec.effect == "never":
             raise NckRefusal(17070, f"{name}: data write-protected")
-        if level > spec.level:
-            self._refused(4075, f"no access rights to write {name}: level {spec.level} needed, {level} active", program)
+        needed = core.spec.level_of(name, spec.level)
+        if level > needed:
+            self._refused(4075, f"no access rights to write {name}: level {needed} needed, {level} active", program)
             return
         datum = checked(spec, name, value)
         missing = self._missing_option(index) if name == CEC_ENABLE and datum else None

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from simulators.nck.machine.compensation import curve_of
+from simulators.nck.machine.compensation import TableShape, curve_of
 from tests.unit.nck.bench import Bench, eec_lines, enable, load_eec, on_bench
 
 TRIANGLE = [0.0, 0.003, 0.010, 0.004, 0.0]
@@ -28,7 +28,7 @@ def test_manual_example_has_801_points() -> None:
     points = [0.0] * 900
     points[:3] = [0.003, 0.01, 0.012]
     points[850] = 9.0
-    curve = curve_of(points, -200.0, 600.0, 1.0, is_modulo=False)
+    curve = curve_of(points, TableShape(-200.0, 600.0, 1.0))
     assert curve is not None
     assert len(curve.nodes) == 801
     assert curve.one(-200.0) == 0.003
@@ -37,7 +37,7 @@ def test_manual_example_has_801_points() -> None:
 
 
 def test_max_is_shortened_when_memory_ends_first() -> None:
-    curve = curve_of([0.0, 1.0, 2.0], 0.0, 100.0, 10.0, is_modulo=False)
+    curve = curve_of([0.0, 1.0, 2.0], TableShape(0.0, 100.0, 10.0))
     assert curve is not None
     assert curve.nodes.tolist() == [0.0, 10.0, 20.0]
     assert curve.one(90.0) == 2.0
@@ -46,7 +46,7 @@ def test_max_is_shortened_when_memory_ends_first() -> None:
 @pytest.mark.parametrize("shape", [(0.0, 0.0, 0.0), (0.0, 10.0, 0.0), (10.0, 0.0, 1.0), (0.0, 1e300, 1e-300)])
 def test_parameters_that_are_no_table(shape: tuple[float, float, float]) -> None:
     minimum, maximum, step = shape
-    assert curve_of([1.0, 2.0], minimum, maximum, step, is_modulo=False) is None
+    assert curve_of([1.0, 2.0], TableShape(minimum, maximum, step)) is None
 
 
 values = st.lists(st.floats(-0.2, 0.2), min_size=2, max_size=30)
@@ -56,7 +56,7 @@ values = st.lists(st.floats(-0.2, 0.2), min_size=2, max_size=30)
 def test_curve_stays_between_its_neighbours_and_holds_its_ends(
     points: list[float], minimum: float, step: float, position: float
 ) -> None:
-    curve = curve_of(points, minimum, minimum + step * (len(points) - 1), step, is_modulo=False)
+    curve = curve_of(points, TableShape(minimum, minimum + step * (len(points) - 1), step))
     assert curve is not None
     value = curve.one(position)
     assert min(points) - 1e-12 <= value <= max(points) + 1e-12
@@ -70,7 +70,7 @@ def test_curve_stays_between_its_neighbours_and_holds_its_ends(
 @given(values, st.floats(-2000, 2000), st.integers(-5, 5))
 def test_modulo_curve_repeats_every_turn(points: list[float], position: float, turns: int) -> None:
     closed = [*points, points[0]]
-    curve = curve_of(closed, 0.0, 360.0, 360.0 / (len(closed) - 1), is_modulo=True)
+    curve = curve_of(closed, TableShape(0.0, 360.0, 360.0 / (len(closed) - 1), is_modulo=True))
     assert curve is not None
     assert curve.one(position) == pytest.approx(curve.one(position + 360.0 * turns), abs=1e-9)
 

@@ -108,7 +108,7 @@ def test_nothing_is_sent_of_an_illegal_program() -> None:
         async def _setting(self, *_names: object, **_more: object) -> measuring.Setting:
             return replace(SETTING, words=Words(80), origin=replace(NOBODY, site="S"))
 
-        async def _check_encoder(self, *_axis: object) -> None:
+        async def _check_encoder(self, *_axis: object, said: bool) -> None:
             """There is no control to ask."""
 
     async def job() -> None:

@@ -203,9 +203,11 @@ def test_the_site_file_of_a_packaged_cell_is_valid(name: str, tmp_path: Path) ->
     assert [axis.name for axis in site.axes] == ["X1", "Z1", "C1"]
     assert site.axes[0].measure.instrument == "laser"
     assert site.axes[0].measure.dead_path_mm == 180.0
-    assert site.controller.serial == "YK7350B-0042"
+    assert site.controller.serial == cell.machine.serial
     assert site.axes[2].modulo
-    assert (site.axes[2].table.maximum, site.axes[2].table.step) == (360.0, 5.0)
+    assert [axis.encoder for axis in site.axes] == [axis.encoder for axis in cell.axes if axis.measure is not None]
+    table = cell.axis("C").table or {}
+    assert (site.axes[2].table.maximum, site.axes[2].table.step) == (360.0, table["step"])
 
 
 @pytest.mark.parametrize("text", ["plain", 'with "quotes"', "C:\\cells\\a", "new\nline", "Grad \u00b0"])

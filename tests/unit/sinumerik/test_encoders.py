@@ -50,3 +50,16 @@ def test_what_is_read() -> None:
     assert len(names) == 5
     assert names[2] == "$MA_ENC_COMP_ENABLE[1,Z1]"
     assert of_values([2, 1, 0, 30, None]) == Encoders(2, (True, False), (30, None))
+
+
+@pytest.mark.parametrize("values", [[2.0, 0.0, 0.0, 101.0, 25.0], [None, None, None, None, None]])
+def test_no_default_decides_between_two_that_may_act(values: list[float | None]) -> None:
+    with pytest.raises(UnsupportedDevice) as caught:
+        check(of_values(values), "X1", 0, "840D", said=False)
+    assert caught.value.code == "E-NC-ENCODER-OPEN"
+    check(of_values(values), "X1", 0, "840D")
+
+
+def test_a_default_is_fine_where_only_one_can_act() -> None:
+    check(of_values([2.0, 0.0, 0.0, 101.0, 0.0]), "X1", 0, "840D", said=False)
+    check(of_values([2.0, 1.0, 0.0, 101.0, 25.0]), "X1", 0, "840D", said=False)

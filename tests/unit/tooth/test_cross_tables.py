@@ -56,7 +56,10 @@ def bench(control: Control, sign: int = 0) -> Any:
     site = SimpleNamespace(axes=[SimpleNamespace(name=name, letter=letter) for name, letter in names])
     proof = proof_of(sign) if sign else None
     proofs = SimpleNamespace(find=lambda _machine, _function, _axis: proof)
-    return SimpleNamespace(site=site, supervisor=SimpleNamespace(controller=control), proofs=proofs, machine=None)
+    moved = frozenset(name for name, _ in names)
+    return SimpleNamespace(
+        site=site, moved=moved, supervisor=SimpleNamespace(controller=control), proofs=proofs, machine=None
+    )
 
 
 def held(

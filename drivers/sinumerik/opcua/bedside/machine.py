@@ -9,8 +9,7 @@ from drivers.sinumerik.opcua import encoders as acting_encoders
 from drivers.sinumerik.opcua.bedside.bed import Bedside
 from drivers.sinumerik.opcua.session import nodes
 
-NEEDED_LEVEL = 3
-_AXIS_ITEMS = ("actToolBasePos", "aaRef", "aaStat", "vaEnc1CompVal", "vaCecCompVal")
+_AXIS_ITEMS = ("actToolBasePos", "aaRef", "aaStat", "vaEnc1CompVal", "vaEnc2CompVal", "vaCecCompVal")
 
 
 async def axes(bed: Bedside) -> list[CheckLine]:
@@ -82,7 +81,7 @@ async def encoders(bed: Bedside) -> list[CheckLine]:
             continue
         found = await bed.reader.encoders(bed.configuration, axis.name)
         try:
-            acting_encoders.check(found, axis.name, axis.encoder, bed.where)
+            acting_encoders.check(found, axis.name, axis.encoder, bed.where, said=axis.encoder_said)
         except UnsupportedDevice as error:
             lines.append(failed(error, "measuring system"))
         else:
@@ -116,8 +115,8 @@ async def level(bed: Bedside) -> list[CheckLine]:
     level = await bed.value(nodes.ACCESS_LEVEL)
     if level is None:
         return [unknown("W-DOC-LEVEL-UNKNOWN", "key switch")]
-    if int(level) > NEEDED_LEVEL:
-        return [wrong("E-DOC-LEVEL", "key switch", level=level, needed=NEEDED_LEVEL)]
+    if int(level) > bed.wanted.access_level:
+        return [wrong("E-DOC-LEVEL", "key switch", level=level, needed=bed.wanted.access_level)]
     return [fine("W-DOC-LEVEL", "key switch", level=level)]
 
 
