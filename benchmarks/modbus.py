@@ -20,7 +20,8 @@ from drivers.sinumerik.mailbox.conversation import Talk
 from drivers.sinumerik.mailbox.device import SinumerikModbus
 from drivers.sinumerik.mailbox.settings import ModbusSettings
 from drivers.sinumerik.mailbox.wire import ModbusWire
-from drivers.types import CompensationTable, PushOrder, SignProof
+from drivers.types.orders import PushOrder, SignProof
+from drivers.types.tables import CompensationTable
 from simulators.modbus import serving
 from simulators.nck.control import AxisSpec, Nck
 from simulators.nck.spec import NckSpec

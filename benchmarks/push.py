@@ -22,8 +22,11 @@ import numpy as np
 from drivers.clock import LoopClock
 from drivers.programs import SelfTested
 from drivers.sinumerik.opcua.device import SinumerikOpcUa
-from drivers.types import CompensationTable, LiveSet, SignProof, Stop, StopPlan
-from gateway.domain import PushRecord, TableChange
+from drivers.types.orders import SignProof
+from drivers.types.stops import Stop, StopPlan
+from drivers.types.tables import CompensationTable, LiveSet
+from gateway.domain.outcomes import PushRecord
+from gateway.domain.proposals import TableChange
 from gateway.push import AxisFacts, PushContext, push_table
 from gateway.push.records import journal
 from simulators.cell.control import CellNck

@@ -6,7 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
-from drivers.types import DisableOrder, MachineIdentity, PushOrder, StopPlan, TableQuestion
+from drivers.types.identity import MachineIdentity
+from drivers.types.orders import DisableOrder, PushOrder, TableQuestion
+from drivers.types.stops import StopPlan
 from drivers.workpiece import GrindPlan
 
 

@@ -8,7 +8,7 @@ from decimal import Decimal
 from typing import Literal
 
 from drivers.errors import TrueflankError
-from drivers.types import CompensationTable
+from drivers.types.tables import CompensationTable
 from drivers.units import AxisUnit
 
 Severity = Literal["wrong", "doubtful", "note"]

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 from drivers.clock import Clock
 from drivers.errors import TrueflankError
-from drivers.ports import Controller
-from drivers.types import AxisState, Stop, StopPlan, StopReached
+from drivers.ports.controller import Controller
+from drivers.types.machine import AxisState
+from drivers.types.stops import Stop, StopPlan, StopReached
 from drivers.units import wrap_deg
 from gateway.say import Say
 from gateway.walk import AtStop, Patience

@@ -12,9 +12,11 @@ from drivers import registry
 from drivers.clock import Clock
 from drivers.errors import ConfigError, TrueflankError, UnsupportedDevice
 from drivers.leftover import NOTHING, Leavable, SentPrograms
-from drivers.ports import Controller, Device, Instrument
+from drivers.ports.controller import Controller
+from drivers.ports.devices import Device
+from drivers.ports.instruments import Instrument
 from drivers.terms import speak
-from drivers.types import Identity, MachineIdentity
+from drivers.types.identity import Identity, MachineIdentity
 from gateway.config import InstrumentSection, SiteFile
 
 # What a site's instruments may be; the first is meant where a driver is not known.

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import Protocol
 
 from drivers.errors import TrueflankError
-from gateway.domain import Verdict
+from gateway.domain.outcomes import Verdict
 from gateway.report.parameters import ParameterRow, parameter_rows
 from gateway.report.sentences import number, percent
 

@@ -8,8 +8,10 @@ from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 
 from drivers.errors import DeviceRefused, TrueflankError
-from drivers.ports import Controller
-from drivers.types import Approach, SignProof, Stop, StopPlan, StopReached, TableQuestion
+from drivers.ports.controller import Controller
+from drivers.types.orders import SignProof, TableQuestion
+from drivers.types.stops import Stop, StopPlan, StopReached
+from drivers.types.values import Approach
 from gateway.axes import AxisRecord
 from gateway.errors import Incomplete
 from gateway.say import Say, silence

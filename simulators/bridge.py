@@ -44,7 +44,7 @@ from drivers.bridge.records import (
 from drivers.clock import Clock
 from drivers.errors import TransportError
 from drivers.transport import ByteTransport
-from drivers.types import Ambient
+from drivers.types.sensing import Ambient
 from simulators.instrument_wire import Around, Outlet
 from simulators.optics import OpticsBench, RotaryReader, Turns
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import simulators.cell
 from drivers.programs import SelfTested
-from drivers.types import MachineIdentity
+from drivers.types.identity import MachineIdentity
 from gateway.config import load_site
 from gateway.store import SelfTestBook
 from gateway.workflow.bench import store_of

@@ -5,7 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from drivers.sinumerik.tablefile.tables import tables_by
-from drivers.types import LiveSet, MachineIdentity, SignProof
+from drivers.types.identity import MachineIdentity
+from drivers.types.orders import SignProof
+from drivers.types.tables import LiveSet
 
 
 def proof_of(sign: Any, axis: str = "X1") -> SignProof:

@@ -15,7 +15,9 @@ from drivers.clock import Clock
 from drivers.errors import DeviceRefused, RemoteProtocolError, TransportError, UnsupportedDevice, catalogue
 from drivers.link import Link, Trace
 from drivers.transport import open_transport
-from drivers.types import Ambient, CompensatedFor, Identity, Optics, SampleBlock
+from drivers.types.identity import Identity
+from drivers.types.sensing import Ambient, Optics, SampleBlock
+from drivers.types.values import CompensatedFor
 
 MM_PER_PM = 1e-9
 CHANNELS = ("displacement_mm",)

@@ -17,7 +17,9 @@ from drivers.bridge.stream import BridgeStream
 from drivers.clock import Clock
 from drivers.errors import DeviceRefused, NotReferenced, TrueflankError, catalogue
 from drivers.link import Feed, Trace
-from drivers.types import Ambient, CompensatedFor, Identity, Optics, SampleBlock
+from drivers.types.identity import Identity
+from drivers.types.sensing import Ambient, Optics, SampleBlock
+from drivers.types.values import CompensatedFor
 
 CHECK_S = 10.0
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from drivers.errors import RemoteProtocolError
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 
 MOST = 1 << 53
 

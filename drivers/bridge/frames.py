@@ -14,7 +14,7 @@ from zlib import crc32
 import numpy as np
 
 from drivers.errors import LocalProtocolError
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 
 MAGIC = b"\xfaTFS"
 VERSION = 1

@@ -16,7 +16,9 @@ from drivers.bridge.settings import BridgeSettings
 from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded, DeviceRefused, TransportError, TrueflankError, UnsupportedDevice
 from drivers.link import Trace
-from drivers.types import Ambient, ClampedPart, GearPlan, Identity, InspectedGear
+from drivers.types.gears import ClampedPart, GearPlan, InspectedGear
+from drivers.types.identity import Identity
+from drivers.types.sensing import Ambient
 
 Told = Chunk | Ending
 

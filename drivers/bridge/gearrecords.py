@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.bridge.fields import Fields
-from drivers.types import ClampedPart, Flank, FloatArray, GearInspection, GearPlan, GearTrace, InspectedGear
+from drivers.types.gears import ClampedPart, Flank, GearInspection, GearPlan, GearTrace, InspectedGear
+from drivers.types.values import FloatArray
 
 PART, MEASURE, ABORT = "gear.part", "gear.measure", "gear.abort"
 POINTS, DONE = "gear.points", "gear.done"

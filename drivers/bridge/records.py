@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.bridge.fields import Fields
-from drivers.types import Ambient, CompensatedFor, FloatArray, Optics
+from drivers.types.sensing import Ambient, Optics
+from drivers.types.values import CompensatedFor, FloatArray
 
 PROTOCOL = 1
 

@@ -7,7 +7,8 @@ import numpy as np
 from drivers.bridge.frames import SampleFrame
 from drivers.bridge.records import BREAKS, BridgeSamples, Event
 from drivers.errors import RemoteProtocolError
-from drivers.types import FloatArray, SampleBlock
+from drivers.types.sensing import SampleBlock
+from drivers.types.values import FloatArray
 
 
 class BridgeStream:

@@ -21,7 +21,8 @@ from drivers.files.declared import declared
 from drivers.files.numbers import decimal, whole
 from drivers.files.size import no_readings
 from drivers.files.text import end_doubts
-from drivers.types import FloatArray, MeasuredSet
+from drivers.types.results import MeasuredSet
+from drivers.types.values import FloatArray
 from drivers.units import (
     MM_PER_INCH,
     AxisUnit,

@@ -17,7 +17,8 @@ from drivers.files.numbers import decimal, whole
 from drivers.files.signature import heading, signature_of
 from drivers.files.size import no_readings
 from drivers.files.text import decode, end_doubts, read_bytes
-from drivers.types import FloatArray, MeasuredSet
+from drivers.types.results import MeasuredSet
+from drivers.types.values import FloatArray
 from drivers.units import deviation_scale, deviation_unit
 
 _BREAK = re.compile(r"\r\n|\n|\r")

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from drivers.recordings import Recording
-from drivers.types import MeasuredSet
+from drivers.types.results import MeasuredSet
 from drivers.units import deviation_unit
 
 FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")

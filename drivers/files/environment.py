@@ -5,7 +5,7 @@ from __future__ import annotations
 from drivers.errors import FileFormatError
 from drivers.files.numbers import decimal, uses_comma
 from drivers.files.rtltext import lookup
-from drivers.types import Ambient
+from drivers.types.sensing import Ambient
 
 KEYS = (
     "Air temp",

@@ -18,7 +18,7 @@ from drivers.files.gear import PointMap, Touch, inspection, touch, wrong_line
 from drivers.files.numbers import decimal
 from drivers.files.safexml import Element, read_elements
 from drivers.files.text import read_bytes
-from drivers.types import GearInspection
+from drivers.types.gears import GearInspection
 
 DATUM_FACE = "datum_face"
 SIDES = (

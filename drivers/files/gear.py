@@ -20,7 +20,7 @@ from drivers.files.declared import declared
 from drivers.files.numbers import decimal, whole
 from drivers.files.signature import signature_of
 from drivers.files.text import decode, end_doubts, read_bytes
-from drivers.types import GearInspection
+from drivers.types.gears import GearInspection
 from drivers.units import MM_PER_INCH
 
 LENGTHS = {"mm": 1.0, "um": 1e-3, "m": 1e3, "inch": MM_PER_INCH}

@@ -14,7 +14,7 @@ import numpy as np
 from drivers.errors import FileFormatError
 from drivers.files.numbers import decimal
 from drivers.files.text import decode, end_doubts, read_bytes
-from drivers.types import MeasuredSet
+from drivers.types.results import MeasuredSet
 from drivers.units import mm_to_um
 
 _BREAK = re.compile(r"\r\n|\n|\r")

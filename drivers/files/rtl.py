@@ -15,7 +15,8 @@ from drivers.files.environment import KEYS, environment, environment_words
 from drivers.files.rtltext import RtlText, lookup, parse, render
 from drivers.files.size import no_readings
 from drivers.files.text import decode, read_bytes
-from drivers.types import FloatArray, MeasuredSet
+from drivers.types.results import MeasuredSet
+from drivers.types.values import FloatArray
 from drivers.units import AxisUnit, mm_to_um, rad_to_arcsec
 
 Convert = Callable[[FloatArray], FloatArray]

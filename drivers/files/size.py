@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from drivers.errors import FileFormatError
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 
 MOST_READINGS = 4_000_000
 

@@ -8,7 +8,7 @@ from collections.abc import AsyncGenerator
 
 from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded, DeviceRefused, TransportError, TrueflankError
-from drivers.types import SampleBlock
+from drivers.types.sensing import SampleBlock
 
 
 class _Seat:

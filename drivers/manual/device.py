@@ -15,7 +15,9 @@ from drivers.link import Trace
 from drivers.manual.entry import FAR, EntryRefused, ExpectedReading, read_entry
 from drivers.manual.person import DeskMaker, TypingDesk, open_desk
 from drivers.manual.settings import ManualSettings
-from drivers.types import Ambient, CompensatedFor, Identity, Optics, SampleBlock
+from drivers.types.identity import Identity
+from drivers.types.sensing import Ambient, Optics, SampleBlock
+from drivers.types.values import CompensatedFor
 
 TURN_S = 0.01
 _AIR = ("air_degc", "pressure_hpa", "humidity_pct")

@@ -17,10 +17,12 @@ import numpy as np
 from drivers.clock import Clock, LoopClock, run_virtual
 from drivers.errors import ConfigError, DeadlineExceeded, FileFormatError, TransportError, TrueflankError
 from drivers.local.scrub import HIDDEN
-from drivers.ports import Instrument
+from drivers.ports.instruments import Instrument
 from drivers.replay.tracefile import Record, Trace, read_trace
 from drivers.transport import ByteTransport, listen_memory
-from drivers.types import Ambient, FloatArray, Identity, SampleBlock
+from drivers.types.identity import Identity
+from drivers.types.sensing import Ambient, SampleBlock
+from drivers.types.values import FloatArray
 
 Factory = Callable[[str, str, Mapping[str, Any], Clock], Instrument]
 OPEN_S = 3600.0

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.errors import UnsupportedDevice
-from drivers.types import Ambient, SampleBlock
+from drivers.types.sensing import Ambient, SampleBlock
 from drivers.umd.codec import DISPLACEMENT, PHASE, VELOCITY, UmdLines
 from drivers.umd.lowspeed import LowSpeed
 from drivers.umd.numerals import IntArray

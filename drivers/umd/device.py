@@ -17,7 +17,9 @@ from drivers.errors import (
 )
 from drivers.link import Feed, Link, Trace
 from drivers.transport import hardware_of, open_transport
-from drivers.types import Ambient, CompensatedFor, Identity, Optics, SampleBlock
+from drivers.types.identity import Identity
+from drivers.types.sensing import Ambient, Optics, SampleBlock
+from drivers.types.values import CompensatedFor
 from drivers.umd.codec import UmdCodec, UmdLines
 from drivers.umd.counting import CHANNELS, UmdCounting
 from drivers.umd.settings import UmdSettings

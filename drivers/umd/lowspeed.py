@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.errors import RemoteProtocolError
-from drivers.types import Ambient
+from drivers.types.sensing import Ambient
 from drivers.umd.codec import (
     AIR_TEMPERATURE,
     CODE,

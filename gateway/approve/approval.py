@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from datetime import datetime
 
-from drivers.types import MachineIdentity
-from gateway.domain import Approval, TableChange
+from drivers.types.identity import MachineIdentity
+from gateway.domain.proposals import Approval, TableChange
 from gateway.errors import WriteRefused
 from gateway.interlocks.limits import APPROVED_FOR
 from gateway.push import plan_hash

@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 from drivers.local.ownfiles import opened
-from gateway.domain import Approval
+from gateway.domain.proposals import Approval
 from gateway.errors import CorruptRecord, WriteRefused
 from gateway.store import records
 from gateway.store.disk import checked_name, disk_errors, make_folder, read_whole, sync_folder, write_whole

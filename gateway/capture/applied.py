@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from drivers.types import CompensationTable, LiveSet
+from drivers.types.tables import CompensationTable, LiveSet
 from gateway.errors import CaptureError
 from gateway.table.comparison import acting, effective
 

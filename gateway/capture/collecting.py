@@ -6,15 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.ports import Instrument
-from drivers.types import Ambient, FloatArray, Stop
+from drivers.ports.instruments import Instrument
+from drivers.types.sensing import Ambient
+from drivers.types.stops import Stop
+from drivers.types.values import FloatArray
 from drivers.units import deviation_scale, deviation_unit, wrap_deg
 from gateway.capture.diagnosis import UnexpectedValue
 from gateway.capture.readings import History, StopReading
 from gateway.capture.surroundings import check
 from gateway.capture.targets import expected_travel, jog_start
 from gateway.config import AxisSection
-from gateway.domain import SenseProof
+from gateway.domain.equipment import SenseProof
 
 MATCH = 0.1
 # A quarter of the way is enough to know that the axis moved, and far above what it may wander while it stands.

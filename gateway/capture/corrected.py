@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from drivers.types import Ambient, CompensatedFor, FloatArray, LiveSet, MeasuredSet
+from drivers.types.results import MeasuredSet
+from drivers.types.sensing import Ambient
+from drivers.types.tables import LiveSet
+from drivers.types.values import CompensatedFor, FloatArray
 from drivers.units import deviation_scale, deviation_unit
 from gateway.capture.live import RawCapture
 from gateway.capture.surroundings import check_all
 from gateway.capture.targets import CHECK_REPETITIONS
 from gateway.capture.warmth import warmth_said
 from gateway.config import AxisSection
-from gateway.domain import Between, Capture, Corrections, SenseProof
+from gateway.domain.captures import Between, Capture, Corrections
+from gateway.domain.equipment import SenseProof
 from gateway.errors import AmbientOutOfRange, CaptureError
 from gateway.evaluate.behaviour.repetitions import robust_means
 from gateway.evaluate.behaviour.steadiness import steadiness

@@ -12,7 +12,8 @@ from typing import Literal
 
 import numpy as np
 
-from drivers.types import FloatArray, Stop
+from drivers.types.stops import Stop
+from drivers.types.values import FloatArray
 
 Cycle = Literal["standard", "pendulum", "pilgrim"]
 SECTION = 4

@@ -13,7 +13,8 @@ from typing import Literal
 import numpy as np
 
 from drivers.errors import ConfigError
-from drivers.types import FloatArray, SampleBlock
+from drivers.types.sensing import SampleBlock
+from drivers.types.values import FloatArray
 from gateway.capture.dynamicrecords import Ended, LiveView, Sink, StreamShape, Trigger, unit_of
 from gateway.errors import CaptureError
 

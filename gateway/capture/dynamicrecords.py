@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal, Protocol
 
 from drivers.errors import ConfigError
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 from drivers.units import ARCSEC_PER_DEG, ARCSEC_PER_RAD, UM_PER_MM, DeviationUnit
 
 # What a channel's last word means: unit of the record and how many of them one is.

@@ -13,8 +13,10 @@ from typing import Literal, Self
 import numpy as np
 
 from drivers.errors import ConfigError
-from drivers.ports import Instrument
-from drivers.types import Ambient, FloatArray, SampleBlock, Stop
+from drivers.ports.instruments import Instrument
+from drivers.types.sensing import Ambient, SampleBlock
+from drivers.types.stops import Stop
+from drivers.types.values import FloatArray
 from drivers.units import ARCSEC_PER_DEG, UM_PER_MM, DeviationUnit
 from gateway.capture.collecting import Collection
 from gateway.capture.diagnosis import UnexpectedValue
@@ -23,7 +25,8 @@ from gateway.capture.readings import History, Readings, StopReading, Window
 from gateway.capture.rig import SETTLE_TIMEOUT_S, Rig
 from gateway.capture.targets import measuring_plan
 from gateway.capture.warmth import warmth_said
-from gateway.domain import Capture, SenseProof
+from gateway.domain.captures import Capture
+from gateway.domain.equipment import SenseProof
 from gateway.errors import CaptureError, Unstable
 from gateway.evaluate.behaviour.repetitions import robust_means
 from gateway.evaluate.optics import corrections

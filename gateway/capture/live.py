@@ -13,8 +13,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drivers.errors import BeamObstructed, TrueflankError
-from drivers.ports import Instrument, Recounting, RotaryCalibrator, TypedInstrument
-from drivers.types import Ambient, ChannelStatus, FloatArray, LiveSet, Stop, StopPlan, StopReached
+from drivers.ports.instruments import Instrument, Recounting, RotaryCalibrator, TypedInstrument
+from drivers.types.machine import ChannelStatus
+from drivers.types.sensing import Ambient
+from drivers.types.stops import Stop, StopPlan, StopReached
+from drivers.types.tables import LiveSet
+from drivers.types.values import FloatArray
 from gateway.capture.applied import check_applied
 from gateway.capture.collecting import Collection
 from gateway.capture.diagnosis import FROZEN_TARGETS, cause
@@ -24,7 +28,7 @@ from gateway.capture.rig import Rig
 from gateway.capture.sense import first_channel
 from gateway.capture.targets import measuring_plan, positions
 from gateway.config import AxisSection
-from gateway.domain import SenseProof
+from gateway.domain.equipment import SenseProof
 from gateway.errors import CaptureError, Unstable
 from gateway.walk import walk
 

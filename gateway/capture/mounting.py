@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from drivers.errors import BeamObstructed, UnsupportedDevice
-from drivers.types import Stop, StopReached
+from drivers.types.stops import Stop, StopReached
 from drivers.units import DeviationUnit
 from gateway.capture.errormotion import ErrorReadings, ErrorRig
 from gateway.capture.readings import StopReading

@@ -12,8 +12,9 @@ import numpy as np
 
 from drivers.clock import Clock
 from drivers.errors import BeamObstructed, DeadlineExceeded, TrueflankError
-from drivers.ports import Instrument
-from drivers.types import FloatArray, SampleBlock
+from drivers.ports.instruments import Instrument
+from drivers.types.sensing import SampleBlock
+from drivers.types.values import FloatArray
 from gateway.errors import Unstable
 
 # Which condition is missing, in words that others compare.

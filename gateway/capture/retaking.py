@@ -10,9 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.types import FloatArray, Stop
+from drivers.types.stops import Stop
+from drivers.types.values import FloatArray
 from gateway.capture.collecting import Collection
-from gateway.domain import Capture
+from gateway.domain.captures import Capture
 from gateway.errors import Incomplete
 from gateway.evaluate.behaviour.repetitions import good_readings, in_doubt, pass_offsets
 from gateway.interlocks.limits import MAX_SUSPECT_SHARE, MIN_REPETITIONS

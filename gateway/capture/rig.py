@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from drivers.clock import Clock
-from drivers.ports import Controller, Instrument
-from drivers.types import StopPlan
+from drivers.ports.controller import Controller
+from drivers.ports.instruments import Instrument
+from drivers.types.stops import StopPlan
 from drivers.units import deviation_scale
 from gateway.capture.readings import Window
 from gateway.config import AxisSection

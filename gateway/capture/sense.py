@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from drivers.errors import ConfigError, UnsupportedDevice
-from drivers.ports import Instrument, RotaryCalibrator
-from drivers.types import Approach, FloatArray, Stop, StopReached
+from drivers.ports.instruments import Instrument, RotaryCalibrator
+from drivers.types.stops import Stop, StopReached
+from drivers.types.values import Approach, FloatArray
 from gateway.capture.readings import Readings, StopReading, Window
 from gateway.capture.rig import Rig
 from gateway.capture.targets import jog_plan, jog_start
 from gateway.config import AxisSection
-from gateway.domain import SenseProof
+from gateway.domain.equipment import SenseProof
 from gateway.errors import Unstable
 
 TOLERANCE = 0.01

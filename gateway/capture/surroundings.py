@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from drivers.types import Ambient, CompensatedFor
+from drivers.types.sensing import Ambient
+from drivers.types.values import CompensatedFor
 from gateway.config import AxisSection
 from gateway.errors import AmbientOutOfRange
 from gateway.evaluate.optics.air import required

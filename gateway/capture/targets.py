@@ -6,7 +6,8 @@ from typing import Literal
 
 import numpy as np
 
-from drivers.types import FloatArray, Stop, StopPlan
+from drivers.types.stops import Stop, StopPlan
+from drivers.types.values import FloatArray
 from gateway.capture.cycles import visits, with_window
 from gateway.config import AxisSection, MeasureSection, Targets, WorkingWindow
 from gateway.evaluate.standards.iso230_2 import minimum_targets

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from drivers.errors import words
-from drivers.types import FloatArray, LiveSet
+from drivers.types.tables import LiveSet
+from drivers.types.values import FloatArray
 from drivers.units import deviation_scale, deviation_unit
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gateway.domain import Verdict
+from gateway.domain.outcomes import Verdict
 from gateway.errors import StoreError
 from gateway.push.records.holding import held_pushes
 from gateway.push.records.journal import JOURNALS

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.special import ellipeinc
 
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 from gateway.errors import ModelError
 
 FEWEST_LOBES = 3

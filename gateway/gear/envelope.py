@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 from gateway.errors import ModelError
 from gateway.gear.cycloid import ProfileSection
 from gateway.gear.first_order import abg, along_normal, local_twist, stroke_slope

@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 from gateway.errors import ModelError
 from gateway.gear.first_order import abg, to_space
 from gateway.gear.flank import FlankGrid

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 from gateway.gear.cycloid import ProfileSection
 from gateway.gear.grinding import Grinding
 from gateway.model.parts import Vector, add, cross, scale, sub

@@ -12,7 +12,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.types import FloatArray, GearInspection
+from drivers.types.gears import GearInspection
+from drivers.types.values import FloatArray
 from drivers.units import UM_PER_MM
 from gateway.errors import ModelError
 from gateway.gear.cycloid import CycloidGear

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 from gateway.gear.cycloid import ProfileSection
 from gateway.gear.first_order import abg, along_normal, local_twist
 from gateway.gear.grinding import Grinding

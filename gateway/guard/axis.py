@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from drivers.units import DeviationUnit
-from gateway.domain import COVERAGE, Component, FloatArray, component_unit
+from gateway.domain.figures import Component
+from gateway.domain.values import COVERAGE, FloatArray, component_unit
 from gateway.guard.verdict import Change, GuardVerdict, judged, margin_factor, told, unknown
 from gateway.model.components import is_periodic, standard_uncertainty, value
 

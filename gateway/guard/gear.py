@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.units import mm_to_um
-from gateway.domain import COVERAGE, FloatArray
+from gateway.domain.values import COVERAGE, FloatArray
 from gateway.guard.verdict import Change, GuardVerdict, judged, margin_factor, told, unknown
 
 FEWEST = 30

@@ -15,7 +15,7 @@ from scipy.special import stdtrit
 
 from drivers.errors import words
 from drivers.units import DeviationUnit
-from gateway.domain import FloatArray
+from gateway.domain.values import FloatArray
 
 SIGMAS = 4.0
 RARE = 6.334e-5  # of a normal distribution beyond four standard deviations, both sides

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from drivers.types import CompensationTable
+from drivers.types.tables import CompensationTable
 from drivers.units import deviation_scale
 from gateway.interlocks.facts import ROUNDING, PushFacts, Refusal, Rule, no, others_now, rest_of, value_at
 

@@ -12,22 +12,16 @@ import numpy as np
 from drivers.errors import words
 from drivers.limits import Limits
 from drivers.programs import SelfTested
-from drivers.types import (
-    Ambient,
-    AxisState,
-    Capabilities,
-    CompensationTable,
-    LiveSet,
-    LiveTable,
-    MachineIdentity,
-    MachineState,
-    Marker,
-    SignProof,
-    TableLimits,
-)
+from drivers.types.abilities import Capabilities, Marker, TableLimits
+from drivers.types.identity import MachineIdentity
+from drivers.types.machine import AxisState, MachineState
+from drivers.types.orders import SignProof
+from drivers.types.sensing import Ambient
+from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from drivers.units import AxisUnit
 from gateway.axes import AxisRecord
-from gateway.domain import Approval, Capture, TableChange
+from gateway.domain.captures import Capture
+from gateway.domain.proposals import Approval, TableChange
 from gateway.interlocks.limits import MAX_JUMP
 
 __all__ = [

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from drivers.terms import spoken
-from drivers.types import ChannelStatus, SignProof
+from drivers.types.machine import ChannelStatus
+from drivers.types.orders import SignProof
 from drivers.units import deviation_scale
 from gateway.interlocks.facts import ROUNDING, PushFacts, Refusal, Rule, no, others_now, value_at
 from gateway.interlocks.limits import PROOF_TIMES_U, PROOF_WITHIN, TEMPERATURE_MOVED

@@ -7,8 +7,10 @@ from datetime import datetime
 
 import numpy as np
 
-from drivers.types import Ambient, FloatArray
-from gateway.domain import Capture, TableChange
+from drivers.types.sensing import Ambient
+from drivers.types.values import FloatArray
+from gateway.domain.captures import Capture
+from gateway.domain.proposals import TableChange
 from gateway.evaluate.behaviour.repetitions import good_readings
 from gateway.interlocks.facts import ROUNDING, PushFacts, Refusal, Rule, no
 from gateway.interlocks.limits import (

@@ -6,7 +6,7 @@ reference must not keep a table on. What the control itself asks for (release, s
 
 from __future__ import annotations
 
-from drivers.types import MachineIdentity
+from drivers.types.identity import MachineIdentity
 from gateway.interlocks.facts import Refusal, no
 
 

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from drivers.types import CompensationTable
+from drivers.types.tables import CompensationTable
 from drivers.units import deviation_scale
-from gateway.domain import TableChange
+from gateway.domain.proposals import TableChange
 from gateway.interlocks.facts import ROUNDING, PushFacts, Refusal, Rule, no, value_at
 from gateway.interlocks.limits import COARSEST_UM
 

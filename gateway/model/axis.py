@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 from gateway.errors import ModelError
 from gateway.model import se3
 

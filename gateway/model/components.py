@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import BSpline
 
-from gateway.domain import Component, FloatArray
+from gateway.domain.figures import Component
+from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
 
 Parameters = Mapping[str, Any]

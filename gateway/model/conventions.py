@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gateway.domain import Component, FloatArray
+from gateway.domain.figures import Component
+from gateway.domain.values import FloatArray
 from gateway.model.components import design, value
 
 TURN_DEG = 360.0

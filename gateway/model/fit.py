@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from drivers.units import AxisUnit
-from gateway.domain import Component, FloatArray
+from gateway.domain.figures import Component
+from gateway.domain.values import FloatArray
 from gateway.errors import ModelError, NotIdentifiable
 from gateway.model.components import at_datum, design, value
 from gateway.model.regression import Regression, weighted

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from drivers.units import DeviationUnit, arcsec_to_rad, um_to_mm
-from gateway.domain import Component, component_unit
+from gateway.domain.figures import Component
+from gateway.domain.values import component_unit
 from gateway.model.axis import FixedLink, Motion
 from gateway.model.chain import Chain
 from gateway.model.motion import motion_from

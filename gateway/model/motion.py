@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 from drivers.units import arcsec_to_rad, rad_to_deg, um_to_mm
-from gateway.domain import Component
+from gateway.domain.figures import Component
 from gateway.errors import ModelError
 from gateway.model.axis import Motion
 from gateway.model.components import value

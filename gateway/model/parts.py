@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 
 Vector = tuple[FloatArray, FloatArray, FloatArray]
 Rotation = tuple[Vector, Vector, Vector]

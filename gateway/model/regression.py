@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gateway.domain import FloatArray
+from gateway.domain.values import FloatArray
 from gateway.errors import NotIdentifiable
 
 LARGEST_CONDITION = 1e10

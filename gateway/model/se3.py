@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 
 SERIES_BELOW = 0.1  # rad: under this the closed forms lose digits and the series has them all
 

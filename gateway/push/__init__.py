@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from drivers.errors import TrueflankError
-from gateway.domain import PushRecord
+from gateway.domain.outcomes import PushRecord
 from gateway.errors import RollbackFailed, StillOn, VerifyError, WriteRefused
 from gateway.push.context import PushContext
 from gateway.push.plan import plan_hash

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
 
-from drivers.types import AxisState, CompensationTable, PushOrder, Stop, StopPlan, StopReached
+from drivers.types.machine import AxisState
+from drivers.types.orders import PushOrder
+from drivers.types.stops import Stop, StopPlan, StopReached
+from drivers.types.tables import CompensationTable
 from gateway import jogging
 from gateway.interlocks.table import steepest
 from gateway.push.context import PushContext

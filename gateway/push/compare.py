@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from drivers.types import CompensationTable, LiveSet, LiveTable, TableLimits
+from drivers.types.abilities import TableLimits
+from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from drivers.units import deviation_scale
 from gateway.interlocks import MAX_JUMP, value_at
 from gateway.interlocks.facts import rest_of

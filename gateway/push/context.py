@@ -10,11 +10,16 @@ from typing import Protocol
 
 from drivers.clock import Clock
 from drivers.limits import ACCESS_LEVEL
-from drivers.ports import Controller
+from drivers.ports.controller import Controller
 from drivers.programs import SelfTested
-from drivers.types import Ambient, CompensationTable, LiveSet, MachineIdentity, Sense, SignProof
+from drivers.types.identity import MachineIdentity
+from drivers.types.orders import SignProof
+from drivers.types.sensing import Ambient
+from drivers.types.tables import CompensationTable, LiveSet
+from drivers.types.values import Sense
 from gateway.axes import AxisRecord
-from gateway.domain import Approval, Capture, TableChange
+from gateway.domain.captures import Capture
+from gateway.domain.proposals import Approval, TableChange
 from gateway.say import Say, silence
 
 

@@ -6,8 +6,13 @@ import contextlib
 from collections.abc import Awaitable, Callable
 
 from drivers.errors import TransportError, TrueflankError
-from drivers.types import Approach, ChannelStatus, LiveSet, PushOrder, Stop, StopPlan, StopReached, TableLimits
-from gateway.domain import TableChange
+from drivers.types.abilities import TableLimits
+from drivers.types.machine import ChannelStatus
+from drivers.types.orders import PushOrder
+from drivers.types.stops import Stop, StopPlan, StopReached
+from drivers.types.tables import LiveSet
+from drivers.types.values import Approach
+from gateway.domain.proposals import TableChange
 from gateway.errors import VerifyError
 from gateway.interlocks import PushFacts
 from gateway.push.byhand import visit_by_hand

@@ -12,7 +12,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from drivers.types import CompensationTable, LiveSet, LiveTable, Stop, StopReached
+from drivers.types.stops import Stop, StopReached
+from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from drivers.units import deviation_scale
 from gateway.errors import VerifyError
 from gateway.interlocks import value_at

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 from drivers.errors import PointsDiffer, TableActs, TrueflankError
 from drivers.terms import spoken
-from drivers.types import LiveSet, PushOrder
+from drivers.types.orders import PushOrder
+from drivers.types.tables import LiveSet
 from gateway.errors import VerifyError, WriteRefused
 from gateway.interlocks import PushFacts, refusals
 from gateway.interlocks.facts import rest_of

@@ -5,8 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 
-from drivers.types import MachineIdentity
-from gateway.domain import TableChange
+from drivers.types.identity import MachineIdentity
+from gateway.domain.proposals import TableChange
 from gateway.push.compare import table_facts
 
 PLAN = 2

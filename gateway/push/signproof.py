@@ -17,10 +17,13 @@ from typing import Any, Literal
 import numpy as np
 
 from drivers.errors import TableError, TrueflankError, UnsupportedDevice
-from drivers.types import CompensationTable, LiveSet, Marker, PushOrder, SignProof, Stop, StopReached, TableLimits
+from drivers.types.abilities import Marker, TableLimits
+from drivers.types.orders import PushOrder, SignProof
+from drivers.types.stops import Stop, StopReached
+from drivers.types.tables import CompensationTable, LiveSet
 from drivers.units import deviation_unit
 from gateway.axes import AxisRecord
-from gateway.domain import TableChange
+from gateway.domain.proposals import TableChange
 from gateway.errors import RollbackFailed, StillOn, VerifyError, WriteRefused
 from gateway.push import conversation
 from gateway.push.compare import table_in

@@ -12,8 +12,10 @@ from pathlib import Path
 
 from drivers.errors import TrueflankError
 from drivers.terms import spoken
-from drivers.types import LiveSet, LiveTable, Marker, TableLimits
-from gateway.domain import PushRecord, TableChange
+from drivers.types.abilities import Marker, TableLimits
+from drivers.types.tables import LiveSet, LiveTable
+from gateway.domain.outcomes import PushRecord
+from gateway.domain.proposals import TableChange
 from gateway.interlocks import PushFacts, Refusal, needed, refusals, warnings
 from gateway.push import conversation
 from gateway.push.compare import (

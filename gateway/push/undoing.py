@@ -9,8 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from drivers.errors import TrueflankError, words
-from drivers.types import LiveSet, LiveTable
-from gateway.domain import PushRecord, TableChange
+from drivers.types.tables import LiveSet, LiveTable
+from gateway.domain.outcomes import PushRecord
+from gateway.domain.proposals import TableChange
 from gateway.errors import VerifyError
 from gateway.interlocks import PushFacts, Refusal, refusals
 from gateway.interlocks.facts import no

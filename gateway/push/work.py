@@ -11,8 +11,11 @@ from pathlib import Path
 from typing import Literal
 
 from drivers.errors import TrueflankError, words
-from drivers.types import CompensationTable, LiveSet, LiveTable, Marker, PushOrder, TableLimits
-from gateway.domain import PushRecord, TableChange
+from drivers.types.abilities import Marker, TableLimits
+from drivers.types.orders import PushOrder
+from drivers.types.tables import CompensationTable, LiveSet, LiveTable
+from gateway.domain.outcomes import PushRecord
+from gateway.domain.proposals import TableChange
 from gateway.errors import BusyError, StoreError, VerifyError
 from gateway.push.compare import table_facts, tolerance
 from gateway.push.context import PushContext

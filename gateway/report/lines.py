@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from drivers.errors import words
-from gateway.domain import COVERAGE
+from gateway.domain.values import COVERAGE
 from gateway.report.material import ReportMaterial, ToothMaterial
 from gateway.report.missing import PUSHED, missing
 from gateway.report.sentences import plain

@@ -6,10 +6,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from drivers.types import Identity, MachineIdentity, SignProof
+from drivers.types.identity import Identity, MachineIdentity
+from drivers.types.orders import SignProof
 from drivers.units import AxisUnit, DeviationUnit, deviation_unit
 from gateway.correct.outlook.next_setup import OpenDoubt
-from gateway.domain import AxisVerdict, Capture, Component, Evaluation, PushRecord, SenseProof, TableChange
+from gateway.domain.captures import Capture
+from gateway.domain.equipment import SenseProof
+from gateway.domain.figures import Component, Evaluation
+from gateway.domain.outcomes import AxisVerdict, PushRecord
+from gateway.domain.proposals import TableChange
 from gateway.gear.cycloid import CycloidGear
 from gateway.model.known import ErrorModel
 from gateway.tooth import GearProposal, GroundPart, InspectedFlank, ToothProposal, ToothVerdict

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from gateway.domain import PushRecord
+from gateway.domain.outcomes import PushRecord
 from gateway.report.material import ReportMaterial, ToothMaterial
 
 PUSHED = ("committed", "already-applied")

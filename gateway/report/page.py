@@ -11,8 +11,10 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup
 
 from drivers.terms import spoken
-from drivers.types import Ambient
-from gateway.domain import Capture, Evaluation, TableChange
+from drivers.types.sensing import Ambient
+from gateway.domain.captures import Capture
+from gateway.domain.figures import Evaluation
+from gateway.domain.proposals import TableChange
 from gateway.report import sentences
 from gateway.report.drawings import plots
 from gateway.report.material import AxisMaterial, ReportMaterial

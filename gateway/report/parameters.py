@@ -7,7 +7,7 @@ from math import hypot, isfinite
 from typing import Literal
 
 from drivers.units import DeviationUnit
-from gateway.domain import Evaluation
+from gateway.domain.figures import Evaluation
 
 Parameter = Literal["E", "R", "B", "A", "M"]
 PARAMETERS: tuple[Parameter, ...] = ("E", "R", "B", "A", "M")

@@ -8,8 +8,9 @@ from datetime import UTC, datetime
 from math import isfinite
 
 from drivers.terms import spoken
-from drivers.types import CompensationTable, SignProof
-from gateway.domain import Capture
+from drivers.types.orders import SignProof
+from drivers.types.tables import CompensationTable
+from gateway.domain.captures import Capture
 from gateway.report.material import AxisMaterial, Outcome, ReportMaterial
 from gateway.report.parameters import parameter_rows
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gateway.domain import FloatArray
+from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from drivers.local.names import is_file_name, shown
 from drivers.local.ownfiles import is_link
 from drivers.terms import in_todays_words
-from drivers.types import MachineIdentity
+from drivers.types.identity import MachineIdentity
 from gateway.errors import CorruptRecord, StoreError
 from gateway.store import records, seal
 from gateway.store.disk import checked_name, read_whole, write_whole

@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from drivers.local.names import stem
-from drivers.types import MachineIdentity, SignProof
+from drivers.types.identity import MachineIdentity
+from drivers.types.orders import SignProof
 from gateway.errors import CorruptRecord
 from gateway.store import records
 from gateway.store.disk import disk_errors, make_folder, read_whole, write_whole

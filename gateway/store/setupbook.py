@@ -7,7 +7,7 @@ from pathlib import Path
 
 from drivers.clock import Clock
 from drivers.local.names import stem
-from drivers.types import MachineIdentity
+from drivers.types.identity import MachineIdentity
 from gateway.errors import CorruptRecord
 from gateway.store import records
 from gateway.store.disk import disk_errors, make_folder, read_whole, write_whole

@@ -17,7 +17,7 @@ from matplotlib.projections.polar import PolarAxes
 from matplotlib.ticker import MaxNLocator
 
 from drivers.terms import spoken
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 from drivers.units import mm_to_um
 from gateway.correct.plan.ownlayer import AxisCurve
 from gateway.gear.flank import FlankGrid

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from drivers.errors import words
-from drivers.types import CompensationTable
+from drivers.types.tables import CompensationTable
 from drivers.units import DeviationUnit, mm_to_um, rad_to_arcsec
 from gateway.correct.flank.compensability import Cure
 from gateway.correct.plan.layers import LayeredCorrection

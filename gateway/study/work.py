@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 from drivers.units import arcsec_to_rad, um_to_mm
 from gateway.correct.flank.compensability import Cure, cures
 from gateway.correct.flank.flankmodel import FlankModel, flank_model

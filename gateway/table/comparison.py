@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drivers.types import CompensationTable, LiveTable
-from gateway.domain import FloatArray
+from drivers.types.tables import CompensationTable, LiveTable
+from gateway.domain.values import FloatArray
 
 GRID_TOLERANCE = 1e-6  # mm or deg: how far a control may round a grid
 FORM = ("minimum", "maximum", "step", "modulo", "direction", "multiply_by", "table_type")

@@ -15,9 +15,10 @@ import numpy as np
 from drivers.errors import ConfigError, Gap
 from drivers.limits import VALUE_RESOLUTION, Limits
 from drivers.terms import TableKind
-from drivers.types import CompensationTable, MeasuredSet
+from drivers.types.results import MeasuredSet
+from drivers.types.tables import CompensationTable
 from drivers.units import AxisUnit, DeviationUnit, deviation_scale, deviation_unit
-from gateway.domain import FloatArray
+from gateway.domain.values import FloatArray
 from gateway.table.limits import check, told
 from gateway.table.projection import Grid, project, quantised, zeroed
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from drivers.tablefile import TableFile
 from drivers.terms import spoken
-from drivers.types import CompensationTable
+from drivers.types.tables import CompensationTable
 from drivers.units import deviation_scale, deviation_unit
-from gateway.domain import FloatArray
+from gateway.domain.values import FloatArray
 from gateway.table.comparison import AXES, FORM, UNITS, TableDifference, acting, unlike
 
 ROUNDING = 1e-6  # um or arcsec: what interpolation between two grids leaves

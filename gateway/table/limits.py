@@ -9,8 +9,8 @@ import numpy as np
 from drivers.errors import TableError, TooManyPoints, ValueOutOfRange
 from drivers.limits import Limits
 from drivers.terms import spoken
-from drivers.types import CompensationTable
-from gateway.domain import FloatArray
+from drivers.types.tables import CompensationTable
+from gateway.domain.values import FloatArray
 from gateway.table.comparison import acting
 
 

@@ -10,7 +10,7 @@ from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import spsolve
 
 from drivers.errors import Gap
-from gateway.domain import FloatArray
+from gateway.domain.values import FloatArray
 
 SAMPLES_PER_STEP = 24
 Curve = Callable[[FloatArray], FloatArray]

@@ -10,10 +10,12 @@ from scipy.special import chdtri
 
 from drivers.errors import Gap
 from drivers.limits import Limits
-from drivers.types import CompensationTable, LiveSet
+from drivers.types.tables import CompensationTable, LiveSet
 from drivers.units import DeviationUnit, deviation_unit
 from gateway.axes import AxisRecord
-from gateway.domain import COVERAGE, Component, FloatArray, TableChange
+from gateway.domain.figures import Component
+from gateway.domain.proposals import TableChange
+from gateway.domain.values import COVERAGE, FloatArray
 from gateway.model.components import is_periodic, standard_uncertainty, value
 from gateway.table import reasons
 from gateway.table.comparison import acting, effective

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from drivers.types import LiveSet
+from drivers.types.tables import LiveSet
 from drivers.units import DeviationUnit
-from gateway.domain import FloatArray
+from gateway.domain.values import FloatArray
 from gateway.table.limits import told
 
 MOST_UNSEEN = 0.5

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from drivers.errors import words
-from drivers.types import CompensationTable, LiveTable
+from drivers.types.tables import CompensationTable, LiveTable
 from gateway.table.comparison import acting, curves_apart, differences, unlike
 
 Kind = Literal["as-approved", "switched-off", "switched-on", "before", "differs"]

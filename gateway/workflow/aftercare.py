@@ -9,7 +9,8 @@ from functools import partial
 
 from drivers.errors import words
 from drivers.terms import spoken
-from drivers.types import CompensationTable, LiveSet, SignProof
+from drivers.types.orders import SignProof
+from drivers.types.tables import CompensationTable, LiveSet
 from gateway import audit
 from gateway.errors import StoreError
 from gateway.push.compare import table_in, tolerance

@@ -13,7 +13,7 @@ from drivers.clock import Clock
 from drivers.errors import ConfigError, TrueflankError
 from drivers.local.scrub import without_secrets_text
 from drivers.programs import Origin, ProgramText, SendsPrograms
-from drivers.types import MachineIdentity
+from drivers.types.identity import MachineIdentity
 from gateway import stopping
 from gateway.capture.rig import Rig
 from gateway.config import AxisSection, SiteFile, load_site

@@ -9,7 +9,8 @@ from drivers.errors import TrueflankError
 from drivers.terms import spoken
 from gateway import audit
 from gateway.approve import Approvals
-from gateway.domain import Approval, Proposal, PushRecord, TableChange
+from gateway.domain.outcomes import PushRecord
+from gateway.domain.proposals import Approval, Proposal, TableChange
 from gateway.errors import CorruptRecord, WriteRefused
 from gateway.push import PushContext, plan_hash
 from gateway.push.compare import table_facts

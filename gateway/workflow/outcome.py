@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from drivers.errors import words
-from gateway.domain import Proposal
+from gateway.domain.proposals import Proposal
 from gateway.store import RunFolder
 
 WORSE_EXIT = 9

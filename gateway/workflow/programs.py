@@ -15,11 +15,14 @@ from drivers import registry
 from drivers.errors import ConfigError
 from drivers.programs import Order, PaperMachine, ProgramText, SelfTest
 from drivers.terms import spoken
-from drivers.types import CompensationTable, DisableOrder, MachineIdentity, PushOrder, SignProof, Stop, StopPlan
+from drivers.types.identity import MachineIdentity
+from drivers.types.orders import DisableOrder, PushOrder, SignProof
+from drivers.types.stops import Stop, StopPlan
+from drivers.types.tables import CompensationTable
 from gateway.capture.live import targets_of, with_checks
 from gateway.capture.targets import jog_plan, jog_start, measuring_plan, plan_of
 from gateway.config import AxisSection, SiteFile
-from gateway.domain import Proposal
+from gateway.domain.proposals import Proposal
 from gateway.push.signproof import TIMES, triangle_of
 from gateway.tooth import SetupValues
 from gateway.walk import Patience, question

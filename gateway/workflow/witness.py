@@ -6,7 +6,7 @@ from pathlib import Path
 
 from drivers.errors import TrueflankError
 from gateway import audit
-from gateway.domain import TableChange
+from gateway.domain.proposals import TableChange
 from gateway.push.compare import table_facts
 from gateway.push.records import journal
 from gateway.push.records.journal import JOURNALS

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.types import Ambient, LiveSet
-from gateway.domain import Capture, Corrections
+from drivers.types.sensing import Ambient
+from drivers.types.tables import LiveSet
+from gateway.domain.captures import Capture, Corrections
 from gateway.evaluate.geometry.errormodel import error_model
 from gateway.evaluate.geometry.measurement import Measurement
 from gateway.model.known import ErrorModel, LocationError

@@ -19,7 +19,7 @@ import pytest
 from drivers.clock import LoopClock
 from drivers.leftover import LeftOver
 from drivers.sinumerik.opcua.session.client import UaSession
-from drivers.types import SignProof
+from drivers.types.orders import SignProof
 from gateway.config import SiteFile, load_site
 from gateway.daemon.desk import Desk
 from gateway.daemon.stored import pushes_held

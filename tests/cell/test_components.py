@@ -14,7 +14,7 @@ from drivers.clock import LoopClock, run_virtual
 from drivers.errors import ConfigError, TrueflankError, UnsupportedDevice
 from gateway.config import SiteFile, load_site
 from gateway.correct.outlook.next_setup import Tooth
-from gateway.domain import Capture
+from gateway.domain.captures import Capture
 from gateway.errors import CaptureError
 from gateway.model.components import value
 from gateway.say import silence

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from drivers.clock import LoopClock, run_virtual
-from drivers.types import CompensationTable
+from drivers.types.tables import CompensationTable
 from gateway.config import load_site
-from gateway.domain import Proposal, TableChange, Verdict
+from gateway.domain.outcomes import Verdict
+from gateway.domain.proposals import Proposal, TableChange
 from gateway.push.compare import table_in
 from gateway.say import silence
 from gateway.workflow import consents, stages

@@ -11,11 +11,11 @@ from typing import Any
 import pytest
 
 from drivers.clock import LoopClock, run_virtual
-from drivers.types import SignProof
+from drivers.types.orders import SignProof
 from gateway import audit
 from gateway.approve import Approvals
 from gateway.config import load_site
-from gateway.domain import Proposal
+from gateway.domain.proposals import Proposal
 from gateway.errors import WriteRefused
 from gateway.push import push_table
 from gateway.say import silence

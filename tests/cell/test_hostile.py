@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 
 from drivers.errors import TrueflankError
-from gateway.domain import Capture, Evaluation, Proposal
+from gateway.domain.captures import Capture
+from gateway.domain.figures import Evaluation
+from gateway.domain.proposals import Proposal
 from gateway.store import RunFolder
 from gateway.workflow import stages
 from simulators.cell import Cell

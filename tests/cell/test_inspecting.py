@@ -12,7 +12,7 @@ import pytest
 from drivers.clock import LoopClock, run_virtual
 from drivers.errors import TrueflankError
 from gateway.config import SiteFile, load_site
-from gateway.domain import Proposal
+from gateway.domain.proposals import Proposal
 from gateway.say import silence
 from gateway.store import RunFolder, Store
 from gateway.tooth import GearProposal, GroundPart, InspectedFlank, SetupValues

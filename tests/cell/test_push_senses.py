@@ -14,9 +14,10 @@ import numpy as np
 import pytest
 
 from drivers.clock import LoopClock, run_virtual
-from drivers.types import CompensationTable
+from drivers.types.tables import CompensationTable
 from gateway.config import load_site
-from gateway.domain import PushRecord, TableChange
+from gateway.domain.outcomes import PushRecord
+from gateway.domain.proposals import TableChange
 from gateway.interlocks import value_at
 from gateway.push import push_table
 from gateway.push.compare import table_in

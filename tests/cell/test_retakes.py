@@ -9,7 +9,7 @@ import pytest
 
 from drivers.clock import LoopClock
 from gateway.config import SiteFile
-from gateway.domain import Capture
+from gateway.domain.captures import Capture
 from gateway.store import RunFolder, Store
 from gateway.workflow import stages
 from gateway.workflow.errors21.components import PlanOutcome, measure_site

@@ -12,10 +12,11 @@ from drivers.errors import TrueflankError
 from gateway.config import load_site
 from gateway.workflow.control.rolling_back import roll_back_site
 from gateway.workflow.loop.run import run_site
-from simulators.cell import Cell, cell_running
+from simulators.cell import Cell
 from simulators.cellfile import CellFile, load_cell
 from simulators.cellfile.terms import LoadedAxis
 from tests.cell.bench import main_job, short
+from tests.selftested import cell_running
 from tests.sizes import few
 
 # 3 intervals of 90 mm and a rest of 80 mm, in which targets lie; the last point is zero and holds to the reference.

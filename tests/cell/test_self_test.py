@@ -9,7 +9,7 @@ import pytest
 
 from drivers.clock import LoopClock, run_virtual
 from drivers.errors import DeviceRefused, TrueflankError, words
-from drivers.types import MachineIdentity
+from drivers.types.identity import MachineIdentity
 from gateway.config import load_site
 from gateway.say import silence
 from gateway.store import SelfTestBook

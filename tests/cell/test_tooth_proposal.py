@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from drivers.clock import LoopClock, run_virtual
-from drivers.types import CompensationTable
+from drivers.types.tables import CompensationTable
 from gateway.config import load_site
 from gateway.correct.flank.noise import noise_patterns
 from gateway.correct.outlook.flank_uncertainty import Shop
@@ -20,7 +20,7 @@ from gateway.correct.outlook.prediction import predict
 from gateway.correct.part.setupvalues import setup_from_part
 from gateway.correct.plan.layers import correct
 from gateway.correct.plan.plan import AxisGrid, Plan
-from gateway.domain import Proposal
+from gateway.domain.proposals import Proposal
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import flank_figure, flank_grid
 from gateway.gear.grinding import Grinding

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.domain import Capture
+from gateway.domain.captures import Capture
 from gateway.model.components import value
 from gateway.model.known import ErrorModel
 from gateway.store import RunFolder

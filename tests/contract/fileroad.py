@@ -14,30 +14,15 @@ import numpy as np
 
 from drivers.clock import LoopClock
 from drivers.errors import DeadlineExceeded, DeviceRefused, TableError, TooManyPoints, UnsupportedDevice
-from drivers.ports import Tell
+from drivers.ports.devices import Tell
 from drivers.terms import TableKind
-from drivers.types import (
-    AxisState,
-    Capabilities,
-    ChannelStatus,
-    CompensationTable,
-    DisableOrder,
-    Identity,
-    LiveSet,
-    LiveTable,
-    MachineIdentity,
-    MachineState,
-    Marker,
-    PushOrder,
-    Sense,
-    SignProof,
-    StopPlan,
-    StopReached,
-    SwitchReading,
-    TableAbility,
-    TableLimits,
-    TableQuestion,
-)
+from drivers.types.abilities import Capabilities, Marker, TableAbility, TableLimits
+from drivers.types.identity import Identity, MachineIdentity
+from drivers.types.machine import AxisState, ChannelStatus, MachineState
+from drivers.types.orders import DisableOrder, PushOrder, SignProof, SwitchReading, TableQuestion
+from drivers.types.stops import StopPlan, StopReached
+from drivers.types.tables import CompensationTable, LiveSet, LiveTable
+from drivers.types.values import Sense
 from drivers.workpiece import GrindPlan
 
 MOST = 256

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from drivers.sinumerik.mailbox.device import SinumerikModbus
-from drivers.types import CompensationTable, LiveSet, PushOrder, SignProof
+from drivers.types.orders import PushOrder, SignProof
+from drivers.types.tables import CompensationTable, LiveSet
 from simulators.modbus import PlcStation, serving
 from simulators.nck.control import AxisSpec
 from tests.unit.nck.bench import Bench

@@ -11,7 +11,9 @@ from typing import Any
 
 from drivers.clock import LoopClock
 from drivers.sinumerik.opcua.device import SinumerikOpcUa
-from drivers.types import CompensationTable, LiveSet, PushOrder, Stop, StopPlan, StopReached
+from drivers.types.orders import PushOrder
+from drivers.types.stops import Stop, StopPlan, StopReached
+from drivers.types.tables import CompensationTable, LiveSet
 from simulators.nck.control import Nck
 from simulators.nck.spec import AxisSpec, NckSpec
 from simulators.opcua import SinumerikServer

@@ -15,7 +15,7 @@ from drivers.bridge.records import BridgeIdentity, BridgeSamples, CalibratorStat
 from drivers.clock import Clock
 from drivers.errors import TransportError
 from drivers.transport import ByteTransport
-from drivers.types import Ambient
+from drivers.types.sensing import Ambient
 from drivers.umd.codec import CODE, DATA, SEQUENCE, UmdCodec, UmdLines
 
 BLOCK_S = 0.02

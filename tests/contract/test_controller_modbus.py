@@ -22,10 +22,12 @@ from drivers.errors import (
     UnsupportedDevice,
     ValueOutOfRange,
 )
-from drivers.ports import Controller
+from drivers.ports.controller import Controller
 from drivers.sinumerik.tablefile import reader
 from drivers.sinumerik.tablefile.held import HELD
-from drivers.types import Capabilities, ChannelStatus, Marker, StopPlan
+from drivers.types.abilities import Capabilities, Marker
+from drivers.types.machine import ChannelStatus
+from drivers.types.stops import StopPlan
 from drivers.workpiece import GrindAxis, GrindPlan
 from tests.contract.modbus_stage import Stage, cross, on_stage, order_for, table
 from tests.sizes import few

@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 
 from drivers.errors import DeadlineExceeded, DeviceRefused, LinkBroken, TableError, TransportError, TrueflankError
-from drivers.ports import Controller
+from drivers.ports.controller import Controller
 from drivers.sinumerik.ncprogram.words import COUNT
 from drivers.sinumerik.opcua.device import SinumerikOpcUa
-from drivers.types import ChannelStatus, CompensationTable, Stop, StopReached
+from drivers.types.machine import ChannelStatus
+from drivers.types.stops import Stop, StopReached
+from drivers.types.tables import CompensationTable
 from drivers.units import wrap_deg
 from drivers.workpiece import GrindAxis, GrindPlan
 from tests.contract.opcua_stage import ORDER, SPEC, TABLE_C, Stage, on_stage, plan

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from drivers.errors import DeadlineExceeded, DeviceRefused
-from drivers.types import DisableOrder
+from drivers.types.orders import DisableOrder
 from tests.contract import modbus_stage, opcua_stage
 from tests.contract.modbus_stage import cross, order_for, table
 

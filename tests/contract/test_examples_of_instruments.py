@@ -18,7 +18,7 @@ import pytest
 from drivers.bridge.device import BridgeInstrument
 from drivers.clock import LoopClock
 from drivers.errors import DeviceRefused, NotReferenced
-from drivers.types import SampleBlock
+from drivers.types.sensing import SampleBlock
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -30,7 +30,7 @@ from drivers.errors import (
     UnsupportedDevice,
 )
 from drivers.manual.entry import EntryRefused, ExpectedReading, read_entry
-from drivers.types import SampleBlock
+from drivers.types.sensing import SampleBlock
 from drivers.umd.codec import SEQUENCE, UmdCodec, encode_rows
 from drivers.umd.counting import LEARN_MOVING, UmdCounting
 from drivers.umd.device import UmdCounter

@@ -16,9 +16,9 @@ from drivers.bridge.gearrecords import Chunk, expected_points
 from drivers.bridge.records import BridgeIdentity
 from drivers.clock import LoopClock
 from drivers.errors import DeviceRefused, RemoteProtocolError, TransportError, TrueflankError, UnsupportedDevice
-from drivers.ports import AmbientSensor, GearInspector
+from drivers.ports.instruments import AmbientSensor, GearInspector
 from drivers.transport import ByteTransport, serve
-from drivers.types import GearPlan
+from drivers.types.gears import GearPlan
 from tests.unit.drivers.loops import run_clean
 
 PLAN = GearPlan(9, (0, 4), ("left", "right"), 5, 12.0, 4, (2.0, 20.0), pitch=True, runout_ball_mm=3.0)

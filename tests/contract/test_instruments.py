@@ -28,9 +28,9 @@ from drivers.errors import (
     TrueflankError,
     UnsupportedDevice,
 )
-from drivers.ports import Instrument, RotaryCalibrator
+from drivers.ports.instruments import Instrument, RotaryCalibrator
 from drivers.transport import Listener, serve
-from drivers.types import SampleBlock
+from drivers.types.sensing import SampleBlock
 from drivers.umd.device import UmdCounter
 from tests.contract.servers import ScriptedBridge, ScriptedFrames, ScriptedInstrument, ScriptedUmd
 from tests.unit.drivers.loops import run_clean

@@ -7,7 +7,8 @@ from dataclasses import replace
 import pytest
 
 from drivers.errors import UnsupportedDevice
-from drivers.types import CompensationTable, Stop
+from drivers.types.stops import Stop
+from drivers.types.tables import CompensationTable
 from tests.contract.opcua_stage import AXES, ORDER, SPEC, on_stage, plan
 
 X, Z, C = AXES

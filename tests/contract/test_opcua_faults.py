@@ -16,7 +16,7 @@ from drivers.errors import DeadlineExceeded, DeviceRefused, LinkBroken, Transpor
 from drivers.sinumerik.opcua.secrets import Secrets
 from drivers.sinumerik.opcua.session import login, nodes
 from drivers.sinumerik.opcua.session.client import UaSession
-from drivers.types import Stop
+from drivers.types.stops import Stop
 from simulators.opcua import SinumerikServer
 from simulators.opcua.space import Space
 from tests.contract.opcua_stage import Stage, on_stage, plan

@@ -12,7 +12,7 @@ from drivers.errors import DeviceRefused, TrueflankError
 from drivers.sinumerik.ncprogram.legal import legal
 from drivers.sinumerik.opcua.secrets import Secrets
 from drivers.sinumerik.opcua.session.client import UaSession
-from drivers.types import Stop
+from drivers.types.stops import Stop
 from tests.contract.opcua_stage import SPEC, Stage, on_stage, plan
 
 FOLDER = "Sinumerik/FileSystem/Part Program"

@@ -13,20 +13,13 @@ import pytest
 
 from drivers import registry
 from drivers.clock import LoopClock, run_virtual
-from drivers.contract import (
-    CHECKS,
-    Check,
-    ContractBroken,
-    Moment,
-    Subject,
-    loads_and_acts,
-    restores,
-    says_what_it_can,
-    shows_what_acts,
-    switches_as_declared,
-)
-from drivers.ports import Controller
-from drivers.types import LiveSet, LiveTable, PushOrder, SignProof
+from drivers.contract import CHECKS, Check
+from drivers.contract.loading import loads_and_acts, restores, switches_as_declared
+from drivers.contract.reading import says_what_it_can, shows_what_acts
+from drivers.contract.subject import ContractBroken, Moment, Subject
+from drivers.ports.controller import Controller
+from drivers.types.orders import PushOrder, SignProof
+from drivers.types.tables import LiveSet, LiveTable
 from tests.contract import modbus_stage, opcua_stage
 from tests.contract.fileroad import CAPABILITIES, FileRoad, Machine, curve
 from tests.sizes import long

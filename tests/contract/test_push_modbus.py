@@ -12,9 +12,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers.types import CompensationTable, LiveSet, LiveTable, Marker, SignProof, Stop
+from drivers.types.abilities import Marker
+from drivers.types.orders import SignProof
+from drivers.types.stops import Stop
+from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from gateway.axes import AxisRecord
-from gateway.domain import TableChange
+from gateway.domain.proposals import TableChange
 from gateway.push import PushContext, prove_sign, push_table
 from gateway.push.compare import table_in
 from tests.contract.modbus_stage import Stage, cross, on_stage, table

@@ -12,19 +12,14 @@ import numpy as np
 import pytest
 
 from drivers.errors import TrueflankError
-from drivers.types import (
-    ChannelStatus,
-    CompensationTable,
-    LiveSet,
-    MachineIdentity,
-    Marker,
-    PushOrder,
-    SignProof,
-    Stop,
-    StopReached,
-)
+from drivers.types.abilities import Marker
+from drivers.types.identity import MachineIdentity
+from drivers.types.machine import ChannelStatus
+from drivers.types.orders import PushOrder, SignProof
+from drivers.types.stops import Stop, StopReached
+from drivers.types.tables import CompensationTable, LiveSet
 from gateway.axes import AxisRecord
-from gateway.domain import TableChange
+from gateway.domain.proposals import TableChange
 from gateway.push import PushContext, look, prove_sign, push_table, recover, unfinished
 from gateway.push.compare import table_in
 from simulators.nck.spec import NckSpec

@@ -8,7 +8,7 @@ from typing import Any
 
 from drivers.clock import run_virtual
 from drivers.programs import SelfTest, SelfTested, SelfTests
-from drivers.types import ChannelStatus
+from drivers.types.machine import ChannelStatus
 from tests.contract.opcua_stage import Stage, on_stage
 
 C1 = SelfTest("C1")

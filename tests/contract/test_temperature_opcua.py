@@ -11,7 +11,7 @@ import pytest
 
 from drivers.clock import LoopClock, run_virtual
 from drivers.sinumerik.tablefile.temperature import acting, of_axis
-from drivers.types import TemperatureShift
+from drivers.types.tables import TemperatureShift
 from gateway.push import push_table
 from tests.push.uaworld import ua_change, ua_context, ua_world
 from tests.sizes import few

@@ -19,7 +19,7 @@ from drivers.sinumerik.opcua.session import nodes
 from drivers.sinumerik.opcua.session.certificates import own_key_pair
 from drivers.sinumerik.opcua.session.client import UaSession
 from drivers.sinumerik.opcua.settings import UaSettings
-from drivers.types import Stop
+from drivers.types.stops import Stop
 from simulators.nck.control import Nck
 from tests.contract.opcua_stage import ORDER, SPEC, Stage, plan
 from tests.interop.peers import NodeServer, node_server

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.clock import LoopClock, run_virtual
-from drivers.types import MachineIdentity
+from drivers.types.identity import MachineIdentity
 from gateway.push import PushContext, push_table, unfinished
 from gateway.push.records import journal
 from tests.push.judging import Played, ended, judge, settle

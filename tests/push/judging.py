@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.errors import TrueflankError
-from gateway.domain import PushRecord
+from gateway.domain.outcomes import PushRecord
 from gateway.errors import RollbackFailed, StillOn, VerifyError, WriteRefused
 from gateway.push import PushContext, look, outcome_error, recover, unfinished
 from gateway.push.records import journal

@@ -24,7 +24,8 @@ from drivers.clock import LoopClock, run_virtual
 from drivers.errors import TransportError, TrueflankError
 from drivers.sinumerik.mailbox.device import SinumerikModbus
 from drivers.transport import ByteTransport, listen_memory, memory, open_transport
-from drivers.types import LiveSet, MachineIdentity
+from drivers.types.identity import MachineIdentity
+from drivers.types.tables import LiveSet
 from gateway import audit
 from gateway.push import PushContext, look, push_table, recover, unfinished
 from gateway.push.records import journal

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from drivers.types import CompensationTable, LiveTable
+from drivers.types.tables import CompensationTable, LiveTable
 from simulators.nck.control import Nck
 from simulators.nck.machine.data_table import CEC_ENABLE, ENC_ENABLE
 from simulators.nck.machine.memory import CecTable

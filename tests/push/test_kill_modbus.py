@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from drivers.clock import run_virtual
-from drivers.types import LiveSet
+from drivers.types.tables import LiveSet
 from gateway import audit
 from gateway.push import unfinished
 from gateway.push.records import journal

@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from drivers.clock import LoopClock, run_virtual
-from drivers.types import LiveTable
+from drivers.types.tables import LiveTable
 from gateway.push import push_table
 from tests import attacks
 from tests.push.judging import Played, ended, judge, settle

@@ -13,8 +13,9 @@ from typing import Any
 import pytest
 
 from drivers.clock import LoopClock, run_virtual
-from drivers.types import CompensationTable
-from gateway.domain import PushRecord, TableChange
+from drivers.types.tables import CompensationTable
+from gateway.domain.outcomes import PushRecord
+from gateway.domain.proposals import TableChange
 from gateway.errors import BusyError
 from gateway.interlocks import refusals
 from gateway.push import PushContext, conversation, push_table

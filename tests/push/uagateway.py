@@ -17,7 +17,7 @@ from typing import Any
 from drivers.clock import LoopClock
 from drivers.sinumerik.opcua.device import SinumerikOpcUa
 from drivers.sinumerik.opcua.session.client import UaSession
-from drivers.types import Stop, StopPlan
+from drivers.types.stops import Stop, StopPlan
 from gateway.push import push_table
 from gateway.push.records import journal
 from tests.push.uaworld import SETTINGS, ua_change, ua_context

@@ -12,9 +12,12 @@ from typing import Any
 
 from drivers.clock import Clock
 from drivers.sinumerik.opcua.device import SinumerikOpcUa
-from drivers.types import CompensationTable, LiveSet, LiveTable, MachineIdentity, SignProof, Stop, StopPlan
+from drivers.types.identity import MachineIdentity
+from drivers.types.orders import SignProof
+from drivers.types.stops import Stop, StopPlan
+from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from gateway.axes import AxisRecord
-from gateway.domain import TableChange
+from gateway.domain.proposals import TableChange
 from gateway.push import PushContext
 from gateway.push.compare import table_in
 from simulators.nck.control import Nck

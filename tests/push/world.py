@@ -16,9 +16,11 @@ import numpy as np
 
 from drivers.clock import Clock, LoopClock
 from drivers.sinumerik.mailbox.device import SinumerikModbus
-from drivers.types import CompensationTable, LiveSet, LiveTable, MachineIdentity, SignProof
+from drivers.types.identity import MachineIdentity
+from drivers.types.orders import SignProof
+from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from gateway.axes import AxisRecord
-from gateway.domain import TableChange
+from gateway.domain.proposals import TableChange
 from gateway.push import PushContext
 from gateway.push.compare import table_in
 from simulators.instrument_wire import Around

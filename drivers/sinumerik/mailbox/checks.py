@@ -13,7 +13,8 @@ from drivers.sinumerik.mailbox.codec.grids import Stored
 from drivers.sinumerik.mailbox.codec.readings import Picture, Status
 from drivers.sinumerik.mailbox.codec.registers import Kind, StatusBit, SwitchBit
 from drivers.sinumerik.mailbox.reader import AxisReading
-from drivers.types import CompensationTable, LiveSet, LiveTable, PushOrder
+from drivers.types.orders import PushOrder
+from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 
 JUMP = Limits.of("mm").jump + 1e-6  # um or arcsec: what an axis may jump when a table is switched
 _SAFE = (StatusBit.READY, StatusBit.IN_RESET, StatusBit.STANDSTILL, StatusBit.RELEASED)

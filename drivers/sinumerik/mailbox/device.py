@@ -14,7 +14,7 @@ from typing import Any, Literal
 from drivers.clock import Clock
 from drivers.errors import UnsupportedDevice
 from drivers.leftover import NOTHING, LeftOver, SentPrograms
-from drivers.ports import Tell
+from drivers.ports.devices import Tell
 from drivers.sinumerik.mailbox.codec.registers import KINDS
 from drivers.sinumerik.mailbox.conversation import Talk
 from drivers.sinumerik.mailbox.disabling import MailboxDisabling
@@ -25,24 +25,13 @@ from drivers.sinumerik.mailbox.switching import Switching
 from drivers.sinumerik.mailbox.wire import ModbusWire
 from drivers.sinumerik.tablefile import tables
 from drivers.sinumerik.tablefile.held import HELD
-from drivers.types import (
-    Capabilities,
-    CompensationTable,
-    DisableOrder,
-    Identity,
-    LiveSet,
-    MachineIdentity,
-    MachineState,
-    Marker,
-    PushOrder,
-    Sense,
-    SignProof,
-    StopPlan,
-    StopReached,
-    SwitchReading,
-    TableLimits,
-    TableQuestion,
-)
+from drivers.types.abilities import Capabilities, Marker, TableLimits
+from drivers.types.identity import Identity, MachineIdentity
+from drivers.types.machine import MachineState
+from drivers.types.orders import DisableOrder, PushOrder, SignProof, SwitchReading, TableQuestion
+from drivers.types.stops import StopPlan, StopReached
+from drivers.types.tables import CompensationTable, LiveSet
+from drivers.types.values import Sense
 from drivers.workpiece import GrindPlan
 
 CAPABILITIES = Capabilities(

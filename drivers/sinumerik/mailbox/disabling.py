@@ -10,7 +10,7 @@ from drivers.sinumerik.mailbox.conversation import Talk
 from drivers.sinumerik.mailbox.pushing import acting_of
 from drivers.sinumerik.mailbox.reader import MailboxReader, table_order
 from drivers.sinumerik.mailbox.settings import ModbusSettings
-from drivers.types import DisableOrder, SwitchReading
+from drivers.types.orders import DisableOrder, SwitchReading
 
 
 class MailboxDisabling:

@@ -32,7 +32,10 @@ from drivers.sinumerik.mailbox.reader import (
 from drivers.sinumerik.mailbox.settings import ModbusSettings
 from drivers.sinumerik.tablefile import tables
 from drivers.sinumerik.tablefile.tables import sense_for
-from drivers.types import GONE, LiveSet, MachineIdentity, PushOrder
+from drivers.types.identity import MachineIdentity
+from drivers.types.orders import PushOrder
+from drivers.types.tables import LiveSet
+from drivers.types.values import GONE
 
 MARKER_DIGITS = 16
 

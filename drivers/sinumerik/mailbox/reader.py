@@ -25,16 +25,11 @@ from drivers.sinumerik.mailbox.codec.registers import (
 from drivers.sinumerik.mailbox.conversation import Talk
 from drivers.sinumerik.ncprogram.backup import Saving, Section
 from drivers.sinumerik.ncprogram.written import read_written
-from drivers.types import (
-    AxisState,
-    ChannelStatus,
-    LiveSet,
-    MachineIdentity,
-    MachineState,
-    Marker,
-    Sense,
-    TableLimits,
-)
+from drivers.types.abilities import Marker, TableLimits
+from drivers.types.identity import MachineIdentity
+from drivers.types.machine import AxisState, ChannelStatus, MachineState
+from drivers.types.tables import LiveSet
+from drivers.types.values import Sense
 from drivers.units import AxisUnit, deviation_scale
 
 MODES = {0: "JOG", 1: "MDA", 2: "AUTO"}

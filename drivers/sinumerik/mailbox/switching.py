@@ -16,7 +16,8 @@ from drivers.sinumerik.mailbox.conversation import Talk
 from drivers.sinumerik.mailbox.pushing import MailboxPushing, acting_of
 from drivers.sinumerik.mailbox.reader import MailboxReader, MarkerState, marker_of, position_of
 from drivers.sinumerik.mailbox.settings import ModbusSettings
-from drivers.types import GONE, PushOrder
+from drivers.types.orders import PushOrder
+from drivers.types.values import GONE
 
 GRACE_S = 3.0
 CONFIRM_S = 60.0 + 10.0

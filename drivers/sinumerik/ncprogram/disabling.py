@@ -12,7 +12,7 @@ from drivers.sinumerik.ncprogram.motion import number
 from drivers.sinumerik.ncprogram.pushing import NOTHING
 from drivers.sinumerik.ncprogram.words import Phase, Word, program_path
 from drivers.sinumerik.tablefile.grammar import value_text
-from drivers.types import DisableOrder
+from drivers.types.orders import DisableOrder
 
 SETTLE_S = 0.5
 _LEFT, _ON = "TF_LEFT", "TF_ON"

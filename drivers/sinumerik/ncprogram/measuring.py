@@ -17,7 +17,7 @@ from drivers.sinumerik.ncprogram.backup import Memory, Saving
 from drivers.sinumerik.ncprogram.heads import Head, headed, section
 from drivers.sinumerik.ncprogram.motion import Motion, number
 from drivers.sinumerik.ncprogram.words import Phase, Word, Words, file_path, program_path
-from drivers.types import Stop, StopPlan
+from drivers.types.stops import Stop, StopPlan
 
 POLL_S = 0.25
 # Every modal state that a program before ours may have left: plane, tool radius, exact stop, absolute, feed per

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from decimal import Decimal
 
 from drivers.sinumerik.tablefile.grammar import position_text
-from drivers.types import Stop
+from drivers.types.stops import Stop
 
 _SAME = 1e-9
 

@@ -26,7 +26,8 @@ from drivers.sinumerik.ncprogram.motion import Motion, number
 from drivers.sinumerik.ncprogram.words import Phase, Word, Words, file_path, program_path
 from drivers.sinumerik.tablefile import tables
 from drivers.sinumerik.tablefile.grammar import value_text
-from drivers.types import CompensationTable, PushOrder
+from drivers.types.orders import PushOrder
+from drivers.types.tables import CompensationTable
 
 SETTLE_S = 0.2
 NOTHING = Decimal("0.0000005")

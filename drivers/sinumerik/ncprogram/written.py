@@ -21,7 +21,8 @@ from drivers.sinumerik.ncprogram.backup import END_WORD, Saving
 from drivers.sinumerik.tablefile.archive import Listing
 from drivers.sinumerik.tablefile.grammar import Assignment, assignment
 from drivers.sinumerik.tablefile.groups import Reader, groups_of, settings_of, units_of
-from drivers.types import CompensationTable, LiveSet, LiveTable, Sense
+from drivers.types.tables import CompensationTable, LiveSet, LiveTable
+from drivers.types.values import Sense
 from drivers.units import AxisUnit
 
 _FIRST = re.compile(r";TRUEFLANK [A-Z]+ \d+ \w+ ENCODER \d", re.ASCII)

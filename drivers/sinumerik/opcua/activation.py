@@ -6,7 +6,7 @@ from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded
 from drivers.sinumerik.ncprogram.pushing import activate_message
 from drivers.sinumerik.opcua.dialogue import Dialogue, Glance
-from drivers.types import ChannelStatus
+from drivers.types.machine import ChannelStatus
 
 GRACE_S = 3.0
 

@@ -16,7 +16,7 @@ from typing import Any, Literal
 from drivers.clock import Clock
 from drivers.errors import TrueflankError, UnsupportedDevice
 from drivers.limits import VALUE_RESOLUTION, largest_value
-from drivers.ports import Tell
+from drivers.ports.devices import Tell
 from drivers.programs import NOBODY, Origin, ProgramText, SelfTest, SelfTested
 from drivers.sinumerik.ncprogram.measuring import Setting
 from drivers.sinumerik.ncprogram.words import Word
@@ -37,24 +37,13 @@ from drivers.sinumerik.opcua.settings import UaSettings
 from drivers.sinumerik.opcua.transfer import Transfer
 from drivers.sinumerik.tablefile import tables
 from drivers.sinumerik.tablefile.held import HELD
-from drivers.types import (
-    Capabilities,
-    CompensationTable,
-    DisableOrder,
-    Identity,
-    LiveSet,
-    MachineIdentity,
-    MachineState,
-    Marker,
-    PushOrder,
-    Sense,
-    SignProof,
-    StopPlan,
-    StopReached,
-    SwitchReading,
-    TableLimits,
-    TableQuestion,
-)
+from drivers.types.abilities import Capabilities, Marker, TableLimits
+from drivers.types.identity import Identity, MachineIdentity
+from drivers.types.machine import MachineState
+from drivers.types.orders import DisableOrder, PushOrder, SignProof, SwitchReading, TableQuestion
+from drivers.types.stops import StopPlan, StopReached
+from drivers.types.tables import CompensationTable, LiveSet
+from drivers.types.values import Sense
 from drivers.workpiece import GrindPlan
 
 GIVE_BACK_S = 3.0

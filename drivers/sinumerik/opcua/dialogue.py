@@ -13,7 +13,7 @@ from drivers.sinumerik.opcua.machine import ALARM_PLACES, MachineReader, channel
 from drivers.sinumerik.opcua.session import nodes
 from drivers.sinumerik.opcua.session.client import UaSession
 from drivers.sinumerik.opcua.settings import UaSettings
-from drivers.types import ChannelStatus
+from drivers.types.machine import ChannelStatus
 
 # Alarms that report and let the program run on: rights for machine data, memory display, CEC limits.
 HARMLESS = frozenset({4070, 4075, 4400, 20124, 20125})

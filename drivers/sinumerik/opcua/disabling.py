@@ -13,7 +13,8 @@ from drivers.sinumerik.opcua.dialogue import Dialogue, Glance
 from drivers.sinumerik.opcua.machine import Configuration, MachineReader
 from drivers.sinumerik.opcua.pushing import Pushing
 from drivers.sinumerik.opcua.transfer import Transfer
-from drivers.types import ChannelStatus, DisableOrder, SwitchReading
+from drivers.types.machine import ChannelStatus
+from drivers.types.orders import DisableOrder, SwitchReading
 
 
 class Disabling:

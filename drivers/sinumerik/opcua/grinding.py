@@ -19,7 +19,8 @@ from drivers.sinumerik.opcua.machine import Configuration, MachineReader
 from drivers.sinumerik.opcua.pushing import live_tables
 from drivers.sinumerik.opcua.settings import UaSettings
 from drivers.sinumerik.opcua.transfer import Transfer
-from drivers.types import ChannelStatus, LiveSet
+from drivers.types.machine import ChannelStatus
+from drivers.types.tables import LiveSet
 from drivers.workpiece import GrindPlan, check_plan
 
 # Nothing waits for an echo here: looks are this many polls apart, a second at most.

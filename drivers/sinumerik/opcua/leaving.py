@@ -19,7 +19,7 @@ from drivers.sinumerik.opcua.dialogue import Dialogue, Glance
 from drivers.sinumerik.opcua.machine import MachineReader
 from drivers.sinumerik.opcua.session import nodes
 from drivers.sinumerik.opcua.transfer import Transfer
-from drivers.types import ChannelStatus
+from drivers.types.machine import ChannelStatus
 
 INERT = "M30\n"
 # How long a program that stands is watched before it is called standing: between two blocks it may seem to.

@@ -19,7 +19,9 @@ from drivers.sinumerik.opcua.session.status import is_down, refusal
 from drivers.sinumerik.opcua.settings import UaSettings
 from drivers.sinumerik.tablefile import temperature
 from drivers.sinumerik.tablefile.groups import MOST_POINTS
-from drivers.types import AxisState, ChannelStatus, MachineIdentity, MachineState, TemperatureShift
+from drivers.types.identity import MachineIdentity
+from drivers.types.machine import AxisState, ChannelStatus, MachineState
+from drivers.types.tables import TemperatureShift
 from drivers.units import AxisUnit, deviation_scale
 
 MOST_AXES = 31

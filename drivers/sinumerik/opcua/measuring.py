@@ -15,7 +15,9 @@ from drivers.sinumerik.opcua.dialogue import Dialogue, Glance, file_refused
 from drivers.sinumerik.opcua.machine import Configuration
 from drivers.sinumerik.opcua.pushing import live_tables
 from drivers.sinumerik.opcua.transfer import Transfer
-from drivers.types import ChannelStatus, LiveSet, StopPlan, StopReached
+from drivers.types.machine import ChannelStatus
+from drivers.types.stops import StopPlan, StopReached
+from drivers.types.tables import LiveSet
 from drivers.units import deviation_scale
 
 QUIET_PART, QUIET_S = 0.6, 2.0

@@ -14,7 +14,8 @@ from drivers.sinumerik.ncprogram.measuring import Setting
 from drivers.sinumerik.ncprogram.words import program_path
 from drivers.sinumerik.opcua.reading import plan_of
 from drivers.sinumerik.opcua.settings import UaSettings
-from drivers.types import DisableOrder, PushOrder, StopPlan, TableQuestion
+from drivers.types.orders import DisableOrder, PushOrder, TableQuestion
+from drivers.types.stops import StopPlan
 
 
 def on_paper(

@@ -18,7 +18,11 @@ from drivers.sinumerik.opcua.machine import Configuration, MachineReader
 from drivers.sinumerik.opcua.settings import UaSettings
 from drivers.sinumerik.opcua.transfer import Transfer
 from drivers.sinumerik.tablefile.tables import sense_for
-from drivers.types import ChannelStatus, LiveSet, Marker, PushOrder, Sense
+from drivers.types.abilities import Marker
+from drivers.types.machine import ChannelStatus
+from drivers.types.orders import PushOrder
+from drivers.types.tables import LiveSet
+from drivers.types.values import Sense
 
 T = TypeVar("T")
 

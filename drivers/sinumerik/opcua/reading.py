@@ -7,8 +7,10 @@ import contextlib
 from typing import Protocol
 
 from drivers.errors import DeviceRefused, TrueflankError
-from drivers.ports import Tell
-from drivers.types import LiveSet, SignProof, Stop, StopPlan, StopReached, TableQuestion
+from drivers.ports.devices import Tell
+from drivers.types.orders import SignProof, TableQuestion
+from drivers.types.stops import Stop, StopPlan, StopReached
+from drivers.types.tables import LiveSet
 
 # The axis need not settle: nothing is measured at this stop.
 DWELL_S = 0.1

@@ -14,7 +14,8 @@ from drivers.sinumerik.ncprogram.words import Phase, Word, file_path, program_pa
 from drivers.sinumerik.opcua.dialogue import Dialogue, Glance, file_refused
 from drivers.sinumerik.opcua.pushing import Pushing
 from drivers.sinumerik.opcua.transfer import Transfer
-from drivers.types import ChannelStatus, MachineIdentity
+from drivers.types.identity import MachineIdentity
+from drivers.types.machine import ChannelStatus
 
 _NOTHING = Report("", 0, passed=(), failed=(), whole=False)
 

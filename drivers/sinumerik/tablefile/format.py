@@ -29,7 +29,7 @@ from drivers.sinumerik.tablefile.inches import in_metric
 from drivers.sinumerik.tablefile.opening import listed, opened
 from drivers.sinumerik.tablefile.reader import Source, known_unit
 from drivers.tablefile import ArchiveMember, TableFile, TableFinding, TableMachine
-from drivers.types import CompensationTable
+from drivers.types.tables import CompensationTable
 from drivers.units import AxisUnit
 
 _AXIS_HEADER = re.compile(r"%_N_(AX\d{1,2})_EEC_INI")

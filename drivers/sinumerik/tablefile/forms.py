@@ -20,7 +20,8 @@ from drivers.sinumerik.tablefile import tables
 from drivers.sinumerik.tablefile.grammar import grid_text, value_text
 from drivers.sinumerik.tablefile.variables import VARIABLES
 from drivers.tablefile import TableFile
-from drivers.types import CompensationTable, SignProof
+from drivers.types.orders import SignProof
+from drivers.types.tables import CompensationTable
 
 Values = Callable[[CompensationTable], Iterable[Decimal]]
 _AXIS_NUMBER = re.compile(r"AX(\d{1,2})")

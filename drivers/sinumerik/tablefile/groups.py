@@ -17,7 +17,8 @@ from drivers.sinumerik.tablefile.archive import Listing
 from drivers.sinumerik.tablefile.grammar import Assignment
 from drivers.sinumerik.tablefile.variables import VARIABLES
 from drivers.sinumerik.terms import SINUMERIK
-from drivers.types import CompensationTable, Sense
+from drivers.types.tables import CompensationTable
+from drivers.types.values import Sense
 from drivers.units import AxisUnit
 
 SCALE = {"mm": Decimal(1000), "deg": Decimal(3600)}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from drivers.types import TableAbility
+from drivers.types.abilities import TableAbility
 
 HELD = (TableAbility("axis"), TableAbility("cross", directions="tables"))
 """Points of equal step, as many as the machine data reserve; a direction of travel has a cross table of its own."""

@@ -17,7 +17,8 @@ from drivers.errors import TableError
 from drivers.sinumerik.tablefile import backlash
 from drivers.sinumerik.tablefile.lint import finding
 from drivers.tablefile import TableFinding
-from drivers.types import CompensationTable, FloatArray
+from drivers.types.tables import CompensationTable
+from drivers.types.values import FloatArray
 from drivers.units import deviation_scale
 
 LIKENESS = 0.9  # correlation from which two curves are one deviation

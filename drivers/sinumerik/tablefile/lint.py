@@ -14,7 +14,8 @@ import numpy as np
 from drivers.errors import Gap, TableError, TooManyPoints, ValueOutOfRange
 from drivers.limits import Limits, largest_value
 from drivers.tablefile import Severity, TableFinding, TableMachine
-from drivers.types import CompensationTable, FloatArray
+from drivers.types.tables import CompensationTable
+from drivers.types.values import FloatArray
 from drivers.units import deviation_scale
 
 MEMORY = {

@@ -24,7 +24,8 @@ from drivers.sinumerik.tablefile.groups import (
 from drivers.sinumerik.tablefile.inches import in_metric
 from drivers.sinumerik.tablefile.variables import VARIABLES
 from drivers.tablefile import TableFile
-from drivers.types import CompensationTable, Sense
+from drivers.types.tables import CompensationTable
+from drivers.types.values import Sense
 from drivers.units import AxisUnit
 
 __all__ = ["Source", "TableFile", "known_unit", "read", "read_loosely", "read_sources"]

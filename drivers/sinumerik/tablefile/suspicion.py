@@ -11,7 +11,7 @@ from drivers.errors import TableError
 from drivers.limits import largest_value
 from drivers.sinumerik.tablefile.lint import finding
 from drivers.tablefile import TableFinding
-from drivers.types import CompensationTable
+from drivers.types.tables import CompensationTable
 from drivers.units import ARCSEC_PER_DEG, MM_PER_INCH, UM_PER_MM, deviation_scale
 
 SMALLEST = {"mm": 1e-5, "deg": 1e-6}  # no interferometer sees less: 10 nm, 0.0036 arcsec

@@ -19,7 +19,9 @@ from drivers.sinumerik.tablefile.grammar import DECIMALS, FINEST_POSITION, LARGE
 from drivers.sinumerik.tablefile.groups import SCALE, axis_unit
 from drivers.sinumerik.tablefile.reader import read
 from drivers.tablefile import TableFile
-from drivers.types import CompensationTable, LiveSet, LiveTable, PushOrder, Sense, SignProof
+from drivers.types.orders import PushOrder, SignProof
+from drivers.types.tables import CompensationTable, LiveSet, LiveTable
+from drivers.types.values import Sense
 
 __all__ = [
     "TableFile",

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from decimal import Decimal
 
-from drivers.types import TemperatureShift
+from drivers.types.tables import TemperatureShift
 
 _NAMES = {
     "kind": "$MA_TEMP_COMP_TYPE",

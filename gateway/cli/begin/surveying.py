@@ -9,7 +9,8 @@ from drivers import registry
 from drivers.checks import ControlAxis, ControlFacts
 from drivers.clock import Clock
 from drivers.errors import TrueflankError
-from drivers.ports import Controller, Survey
+from drivers.ports.controller import Controller
+from drivers.ports.devices import Survey
 
 
 async def surveyed(driver: str, url: str, settings: Mapping[str, Any], clock: Clock, timeout_s: float) -> ControlFacts:

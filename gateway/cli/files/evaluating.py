@@ -114,7 +114,7 @@ def _evaluated(path: Path, asked: EvaluationOptions) -> list[dict[str, Any]]:
 
 
 def _evaluate(item: Any, asked: EvaluationOptions) -> dict[str, Any]:
-    from drivers.types import MeasuredSet
+    from drivers.types.results import MeasuredSet
     from drivers.units import deviation_unit
     from gateway.evaluate.optics import corrections
     from gateway.evaluate.standards.registry import evaluate_by

@@ -46,7 +46,7 @@ def program_command(
 
 
 def _proposal(run: str, store: Path) -> Any:
-    from gateway.domain import Proposal
+    from gateway.domain.proposals import Proposal
     from gateway.store import Store
     from gateway.workflow import stages
 

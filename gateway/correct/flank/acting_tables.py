@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 from gateway.correct.flank.tables import Correction, Product, Table
 from gateway.errors import ModelError
 from gateway.gear.grinding import Grinding

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csc_matrix, csr_matrix, hstack
 
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 from gateway.correct.flank.tables import Correction, Table, TableGrid, corrections
 from gateway.correct.flank.wheel_places import Places, places_of_grid
 from gateway.errors import ModelError

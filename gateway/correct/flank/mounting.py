@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 from drivers.units import mm_to_um, rad_to_arcsec
 from gateway.correct.flank.acting_tables import Combined
 from gateway.correct.flank.wheel_places import Places

@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 from gateway.correct.flank.flankmodel import FlankModel
-from gateway.domain import COVERAGE, Component
+from gateway.domain.figures import Component
+from gateway.domain.values import COVERAGE
 from gateway.gear.flank import FlankGrid
 from gateway.gear.grinding import Grinding
 from gateway.gear.linear import ErrorParameter, linear_flank

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 from gateway.model.chain import Chain
 
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from drivers.types import FloatArray
-from gateway.domain import Component
+from drivers.types.values import FloatArray
+from gateway.domain.figures import Component
 
 FEWEST = 6  # targets that tell neighbours apart
 LONG = -0.5  # cosine of a wave's phase from target to target: three distances

@@ -7,7 +7,7 @@ from math import hypot
 
 import numpy as np
 
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 from drivers.units import arcsec_to_rad, um_to_mm
 from gateway.correct.flank.flankmodel import command_effects
 from gateway.correct.flank.mounting import mounting_terms
@@ -16,7 +16,8 @@ from gateway.correct.flank.wheel_places import Places, places_of_grid
 from gateway.correct.outlook.face_residual import slope_and_bow
 from gateway.correct.outlook.next_setup import doubts
 from gateway.correct.plan.plan import Plan
-from gateway.domain import COVERAGE, Component, component_unit
+from gateway.domain.figures import Component
+from gateway.domain.values import COVERAGE, component_unit
 from gateway.gear.flank import FlankGrid
 from gateway.gear.grinding import Grinding
 from gateway.gear.linear import linear_flank

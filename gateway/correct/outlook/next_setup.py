@@ -10,7 +10,7 @@ from gateway.correct.flank.flankmodel import flank_model
 from gateway.correct.flank.noise import component_doubts, noise_patterns
 from gateway.correct.flank.travel_shapes import shapes_over
 from gateway.correct.plan.plan import AxisGrid, Plan, cross_specs, setup_unknowns
-from gateway.domain import component_unit
+from gateway.domain.values import component_unit
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import flank_grid
 from gateway.gear.grinding import Grinding

@@ -15,14 +15,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 from drivers.units import mm_to_um
 from gateway.correct.flank.flankmodel import FlankModel, command_effects
 from gateway.correct.flank.wheel_places import Places
 from gateway.correct.outlook.flank_uncertainty import FlankDoubts, Shop, lasting, passing
 from gateway.correct.plan.layers import LayeredCorrection
 from gateway.correct.plan.plan import Plan
-from gateway.domain import COVERAGE
+from gateway.domain.values import COVERAGE
 from gateway.gear.first_order import judged
 from gateway.gear.flank import FlankGrid, flank_figure
 from gateway.gear.grinding import Grinding

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 from drivers.units import mm_to_um
 from gateway.correct.flank.compensability import Cure, cures
 from gateway.correct.flank.travel_shapes import Shape

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 from drivers.units import UM_PER_MM, mm_to_um
 from gateway.correct.flank.wheel_places import Places, places_of_points
 from gateway.correct.part.fromgear import PlaceFit, fit_places

@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from drivers.errors import words
-from drivers.types import CompensationTable, FloatArray
+from drivers.types.tables import CompensationTable
+from drivers.types.values import FloatArray
 from drivers.units import mm_to_um
 from gateway.correct.flank.flankmodel import table_terms
 from gateway.correct.flank.mounting import WorkMounting, mounting_in, mounting_terms

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.errors import words
-from drivers.types import FloatArray, GearInspection
+from drivers.types.gears import GearInspection
+from drivers.types.values import FloatArray
 from drivers.units import UM_PER_MM, mm_to_um, rad_to_arcsec, um_to_mm
 from gateway.correct.part.fitted_places import FittedPlaces, check_points, placed
-from gateway.domain import COVERAGE
+from gateway.domain.values import COVERAGE
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import FlankGrid, flank_figure, flank_grid
 from gateway.gear.inspection import TraceValues, inspect, trace_values

@@ -8,11 +8,11 @@ import numpy as np
 
 from drivers.errors import words
 from drivers.limits import SOLVED_STEP
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 from drivers.units import mm_to_um
 from gateway.correct.flank.flankmodel import command_effects
 from gateway.correct.flank.wheel_places import places_of_points
-from gateway.domain import COVERAGE
+from gateway.domain.values import COVERAGE
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.grinding import Grinding
 from gateway.model.preset import yk7350b

@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 
 from drivers.errors import words
-from drivers.types import CompensationTable
+from drivers.types.tables import CompensationTable
 from drivers.units import mm_to_um
 from gateway.correct.flank.acting_tables import with_tables
 from gateway.correct.flank.flankmodel import setup_tables

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.types import CompensationTable, FloatArray
+from drivers.types.tables import CompensationTable
+from drivers.types.values import FloatArray
 from drivers.units import DeviationUnit, deviation_unit
 from gateway.correct.flank.tables import Table
 from gateway.correct.plan.plan import Plan, live_table, table_spec

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from drivers.limits import SOLVED_STEP, Limits
-from drivers.types import CompensationTable
+from drivers.types.tables import CompensationTable
 from gateway.correct.flank.flankmodel import SetupUnknown
 from gateway.correct.flank.noise import FitNoise
 from gateway.correct.flank.tables import Table

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 from gateway.correct.flank.flankmodel import FlankModel, command_effects, flank_model, with_acting
 from gateway.correct.flank.tables import Product, Table, TableGrid
 from gateway.correct.plan.plan import Plan, table_spec

@@ -8,7 +8,8 @@ from typing import Literal
 
 import numpy as np
 
-from drivers.types import CompensationTable, FloatArray
+from drivers.types.tables import CompensationTable
+from drivers.types.values import FloatArray
 from drivers.units import (
     ARCSEC_PER_RAD,
     DEG_PER_RAD,

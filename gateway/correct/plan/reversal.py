@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from drivers.types import CompensationTable, FloatArray
+from drivers.types.tables import CompensationTable
+from drivers.types.values import FloatArray
 from drivers.units import AxisUnit, deviation_scale
 from gateway.errors import ModelError
 from gateway.table import Grid, project

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 from drivers.units import mm_to_um, rad_to_arcsec
 from gateway.correct.flank.compensability import tangential_cure
 from gateway.correct.flank.flankmodel import FlankModel, SetupUnknown, UnknownsBlock, flank_model

@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import nnls
 
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 from gateway.errors import ModelError
 
 RANK = 1e-10  # of the largest singular value: what the flank does not see

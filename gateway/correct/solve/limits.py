@@ -17,7 +17,7 @@ from math import inf
 
 import numpy as np
 
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 from gateway.correct.flank.tables import Table, TableGrid
 from gateway.errors import ModelError
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linprog
 from scipy.sparse import csc_matrix, csr_matrix, hstack, vstack
 
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 from gateway.errors import ModelError
 
 ROUNDS = 60

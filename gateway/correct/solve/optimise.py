@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csc_matrix
 
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 from gateway.correct.flank.flankmodel import FlankModel, SetupUnknown, flank_model, setup_values
 from gateway.correct.flank.noise import FitNoise, Omitted, carried, worth_it
 from gateway.correct.flank.tables import Table

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csc_matrix
 
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 from gateway.errors import ModelError
 
 RIDGE = 1e-7

@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 from gateway.correct.solve.limits import TableSpec
 
 SHARE = 0.2  # of a travel: how far beside the flank a correction goes back to what acts

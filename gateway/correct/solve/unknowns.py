@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 from gateway.correct.flank.flankmodel import FlankModel, SetupUnknown, table_terms
 from gateway.correct.solve.leastsquares import nearest
 from gateway.correct.solve.limits import AxisBound, TableSpec, stacked

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gateway.domain import Capture, FloatArray
+from gateway.domain.captures import Capture
+from gateway.domain.values import FloatArray
 from gateway.evaluate.behaviour.repetitions import MAD_TO_SIGMA, SUSPECT_FACTOR, robust_means
 from gateway.evaluate.standards import readings
 

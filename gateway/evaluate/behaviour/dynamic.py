@@ -13,7 +13,7 @@ from scipy import signal
 
 from drivers.recordings import Recording
 from drivers.units import DeviationUnit
-from gateway.domain import FloatArray
+from gateway.domain.values import FloatArray
 from gateway.errors import NotIdentifiable
 
 MOST_LINES = 1 << 16

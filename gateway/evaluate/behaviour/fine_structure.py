@@ -13,7 +13,8 @@ from scipy.special import fdtri
 
 from drivers.errors import words
 from drivers.units import DeviationUnit
-from gateway.domain import COVERAGE, COVERED, Between, FloatArray
+from gateway.domain.captures import Between
+from gateway.domain.values import COVERAGE, COVERED, FloatArray
 from gateway.evaluate.behaviour.repetitions import RobustMeans, robust_means
 from gateway.evaluate.uncertainty.budget import coverage_factor
 from gateway.model.components import standard_uncertainty, value

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gateway.domain import FloatArray
+from gateway.domain.values import FloatArray
 from gateway.evaluate.standards import readings
 
 SUSPECT_FACTOR = 6.0

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from drivers.errors import words
 from drivers.units import DeviationUnit
-from gateway.domain import FloatArray
+from gateway.domain.values import FloatArray
 
 DEGREE = 3
 SIDE = 8

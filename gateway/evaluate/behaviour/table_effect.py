@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 
 from drivers.errors import words
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 
 Kind = Literal["as-predicted", "not-active", "wrong-sign", "doubled", "partly", "something-else", "cannot-tell"]
 APART = 4.0

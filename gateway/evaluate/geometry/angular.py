@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from drivers.units import arcsec_to_rad
-from gateway.domain import Evaluation
+from gateway.domain.figures import Evaluation
 from gateway.errors import ModelError
 from gateway.evaluate.standards import iso230_2
 from gateway.evaluate.uncertainty.budget import Budget

@@ -9,7 +9,8 @@ from typing import Literal
 import numpy as np
 
 from drivers.units import rad_to_arcsec, um_to_mm
-from gateway.domain import COVERAGE, Component, FloatArray
+from gateway.domain.figures import Component
+from gateway.domain.values import COVERAGE, FloatArray
 from gateway.errors import ModelError
 from gateway.evaluate.geometry.straightness import StraightnessRun
 from gateway.model.conventions import mean_of

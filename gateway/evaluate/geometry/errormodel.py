@@ -10,7 +10,8 @@ import numpy as np
 
 from drivers.errors import words
 from drivers.units import rad_to_arcsec, um_to_mm
-from gateway.domain import Component, component_unit
+from gateway.domain.figures import Component
+from gateway.domain.values import component_unit
 from gateway.evaluate.geometry.lever import Lever
 from gateway.evaluate.geometry.locations import locations
 from gateway.evaluate.geometry.measurement import Means, Measurement, means_of

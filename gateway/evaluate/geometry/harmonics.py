@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from drivers.units import deg_to_rad
-from gateway.domain import FloatArray
+from gateway.domain.values import FloatArray
 from gateway.errors import ModelError, NotIdentifiable
 from gateway.evaluate.standards.readings import numbers
 

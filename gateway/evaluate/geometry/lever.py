@@ -9,7 +9,8 @@ from math import hypot
 import numpy as np
 
 from drivers.units import arcsec_to_rad, mm_to_um
-from gateway.domain import Component, FloatArray
+from gateway.domain.figures import Component
+from gateway.domain.values import FloatArray
 from gateway.model.components import standard_uncertainty, value
 
 # (eps x r) along X, Y, Z: which rotation acts on which arm with which sign (right-handed, ISO 230-1).

@@ -9,7 +9,7 @@ import numpy as np
 
 from drivers.errors import words
 from drivers.units import arcsec_to_rad, rad_to_arcsec, um_to_mm
-from gateway.domain import COVERAGE
+from gateway.domain.values import COVERAGE
 from gateway.evaluate.geometry.axis_location import from_ball, from_bar
 from gateway.evaluate.geometry.measurement import Means
 from gateway.evaluate.geometry.squareness import from_runs, of_plane, reversed_square

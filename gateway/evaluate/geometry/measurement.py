@@ -9,7 +9,8 @@ from typing import Any, Literal
 import numpy as np
 
 from drivers.units import AxisUnit, DeviationUnit
-from gateway.domain import Component, FloatArray, component_unit
+from gateway.domain.figures import Component
+from gateway.domain.values import FloatArray, component_unit
 from gateway.errors import ModelError
 from gateway.evaluate.behaviour.repetitions import robust_means
 from gateway.model.fit import fit_means

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from drivers.units import ARCSEC_PER_RAD, deg_to_rad, um_to_mm
-from gateway.domain import FloatArray
+from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
 from gateway.evaluate.geometry.harmonics import FittedHarmonic, harmonics
 from gateway.evaluate.standards.certainty import SECONDARY, Certainty

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gateway.domain import COVERAGE, FloatArray
+from gateway.domain.values import COVERAGE, FloatArray
 from gateway.errors import ModelError
 from gateway.evaluate.standards.readings import numbers
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from math import exp
 from typing import Any, Literal
 
-from drivers.types import Ambient
+from drivers.types.sensing import Ambient
 from drivers.units import KELVIN_OFFSET, PA_PER_HPA
 from gateway.errors import AmbientOutOfRange, ModelError
 

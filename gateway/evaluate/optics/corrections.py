@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Literal, get_args
 
-from drivers.types import CompensatedFor
-from gateway.domain import CorrectionRecord, Corrections
+from drivers.types.values import CompensatedFor
+from gateway.domain.captures import CorrectionRecord, Corrections
 from gateway.errors import ModelError
 
 Step = Literal["air", "expansion", "dead_path", "drift", "cosine", "abbe", "closure"]

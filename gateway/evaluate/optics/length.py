@@ -9,9 +9,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from drivers.types import Ambient, CompensatedFor
+from drivers.types.sensing import Ambient
+from drivers.types.values import CompensatedFor
 from drivers.units import mm_to_um
-from gateway.domain import Corrections, FloatArray
+from gateway.domain.captures import Corrections
+from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
 from gateway.evaluate.optics import air
 from gateway.evaluate.optics.corrections import applied, begin, refuse_twice

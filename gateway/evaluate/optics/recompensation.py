@@ -8,9 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from drivers.types import Ambient, MeasuredSet
+from drivers.types.results import MeasuredSet
+from drivers.types.sensing import Ambient
 from drivers.units import PA_PER_HPA, mm_to_um, um_to_mm
-from gateway.domain import Corrections, FloatArray
+from gateway.domain.captures import Corrections
+from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
 from gateway.evaluate.optics import air
 from gateway.evaluate.optics.corrections import applied, begin, undone

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from drivers.units import arcsec_to_deg, deg_to_arcsec, wrap_deg
-from gateway.domain import FloatArray
+from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
 
 

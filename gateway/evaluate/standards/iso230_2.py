@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from drivers.errors import words
 from drivers.units import DeviationUnit
-from gateway.domain import Evaluation, FloatArray
+from gateway.domain.figures import Evaluation
+from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
 from gateway.evaluate.standards import parameters, readings
 from gateway.evaluate.standards.certainty import SECONDARY

@@ -14,7 +14,7 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gateway.domain import FloatArray
+from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
 from gateway.evaluate.standards import parameters, readings
 from gateway.evaluate.standards.certainty import RECALLED, Certainty

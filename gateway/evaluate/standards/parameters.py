@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from gateway.domain import FloatArray
+from gateway.domain.values import FloatArray
 from gateway.evaluate.standards import readings
 
 NAMES = ("B", "B_mean", "M", "E", "E_up", "E_down", "R", "R_up", "R_down", "A", "A_up", "A_down")

@@ -10,7 +10,7 @@ from numpy.random import Generator
 from numpy.typing import ArrayLike
 
 from drivers.units import DeviationUnit, deg_to_rad
-from gateway.domain import COVERED, FloatArray
+from gateway.domain.values import COVERED, FloatArray
 from gateway.evaluate.standards import readings
 from gateway.evaluate.uncertainty import montecarlo
 from gateway.evaluate.uncertainty.budget import Budget

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from drivers.units import DeviationUnit
-from gateway.domain import FloatArray
+from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
 from gateway.evaluate.optics import rotary
 from gateway.evaluate.standards import iso230_2, parameters, readings

@@ -8,7 +8,7 @@ from typing import Protocol
 
 from numpy.random import Generator
 
-from gateway.domain import FloatArray
+from gateway.domain.values import FloatArray
 
 
 class Distribution(Protocol):

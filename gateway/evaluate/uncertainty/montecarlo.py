@@ -9,7 +9,7 @@ from math import ceil, floor, log10
 import numpy as np
 from numpy.random import Generator
 
-from gateway.domain import FloatArray
+from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
 
 Trial = Callable[[Generator, int], Mapping[str, FloatArray]]

@@ -9,7 +9,8 @@ from typing import Any
 
 from drivers.local.ownfiles import read_own
 from drivers.terms import spoken
-from drivers.types import CompensationTable, LiveTable, Sense
+from drivers.types.tables import CompensationTable, LiveTable
+from drivers.types.values import Sense
 from gateway.errors import StoreError
 from gateway.push.compare import table_from
 from gateway.push.records import journal, numbering

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from drivers.errors import words
-from drivers.types import Marker
+from drivers.types.abilities import Marker
 from gateway.interlocks.facts import Mark
 from gateway.push.context import AuditLog, PushContext
 from gateway.push.records import journal, numbering

@@ -10,8 +10,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 from drivers.errors import TrueflankError
-from drivers.types import ChannelStatus, CompensationTable, DisableOrder, SwitchReading
-from gateway.domain import SwitchRecord
+from drivers.types.machine import ChannelStatus
+from drivers.types.orders import DisableOrder, SwitchReading
+from drivers.types.tables import CompensationTable
+from gateway.domain.outcomes import SwitchRecord
 from gateway.interlocks import Refusal
 from gateway.interlocks.switching import switching_refusals
 from gateway.push import conversation

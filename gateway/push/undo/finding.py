@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from drivers.errors import words
-from drivers.types import LiveTable, Marker
+from drivers.types.abilities import Marker
+from drivers.types.tables import LiveTable
 from gateway.push.compare import three_way
 from gateway.push.records import journal
 from gateway.push.records.history import Meant, as_kept, tables_of

@@ -13,8 +13,11 @@ from typing import Literal
 import numpy as np
 
 from drivers.errors import DeadlineExceeded, TransportError, TrueflankError
-from drivers.types import ChannelStatus, CompensationTable, LiveSet, Marker
-from gateway.domain import PushRecord, TableChange
+from drivers.types.abilities import Marker
+from drivers.types.machine import ChannelStatus
+from drivers.types.tables import CompensationTable, LiveSet
+from gateway.domain.outcomes import PushRecord
+from gateway.domain.proposals import TableChange
 from gateway.errors import VerifyError, WriteRefused
 from gateway.interlocks.facts import rest_of
 from gateway.push import conversation

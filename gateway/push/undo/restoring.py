@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from drivers.errors import TrueflankError, words
-from drivers.types import DisableOrder, LiveSet, LiveTable, SwitchReading
+from drivers.types.orders import DisableOrder, SwitchReading
+from drivers.types.tables import LiveSet, LiveTable
 from gateway.errors import BusyError, VerifyError, WriteRefused
 from gateway.interlocks import refusals
 from gateway.push import conversation

@@ -13,7 +13,9 @@ from matplotlib.figure import FigureBase
 from matplotlib.projections.polar import PolarAxes
 from matplotlib.ticker import MaxNLocator
 
-from gateway.domain import Evaluation, FloatArray, TableChange
+from gateway.domain.figures import Evaluation
+from gateway.domain.proposals import TableChange
+from gateway.domain.values import FloatArray
 from gateway.report.material import AxisMaterial
 
 INK = "#22282e"

@@ -10,8 +10,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from drivers.types import FloatArray
-from gateway.domain import COVERAGE, Component, TableChange
+from drivers.types.values import FloatArray
+from gateway.domain.figures import Component
+from gateway.domain.proposals import TableChange
+from gateway.domain.values import COVERAGE
 from gateway.model.components import is_periodic, standard_uncertainty, value
 from gateway.model.known import ErrorModel, Unknown
 from gateway.model.preset import MOTION_NAMES

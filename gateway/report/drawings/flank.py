@@ -15,7 +15,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 from gateway.report.drawings.curves import INK, NEW, OLD, QUIET, RULE, calm, limits, plain_name
 from gateway.report.tooth.flank import FlankState, Traces, top_of, traces
 from gateway.tooth import FlankMap

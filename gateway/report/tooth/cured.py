@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.terms import spoken
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 from gateway.tooth import FlankPrediction
 
 EVEN, ODD = "even", "odd"

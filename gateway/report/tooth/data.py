@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from gateway.domain import COVERAGE
+from gateway.domain.values import COVERAGE
 from gateway.report.material import ReportMaterial, TableMaterial, ToothMaterial
 from gateway.report.missing import missing
 from gateway.report.tooth.cured import shares

@@ -8,7 +8,8 @@ from typing import Any, Literal
 import numpy as np
 
 from drivers.units import DeviationUnit
-from gateway.domain import COVERAGE, Component
+from gateway.domain.figures import Component
+from gateway.domain.values import COVERAGE
 from gateway.model.components import is_periodic, standard_uncertainty, value
 from gateway.model.known import ErrorModel
 from gateway.model.preset import TWENTY_ONE

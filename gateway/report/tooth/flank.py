@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 
 from drivers.terms import spoken
-from drivers.types import FloatArray
-from gateway.domain import COVERAGE
+from drivers.types.values import FloatArray
+from gateway.domain.values import COVERAGE
 from gateway.gear.setright import set_right
 from gateway.report.material import ToothMaterial
 from gateway.tooth import FlankMap, FlankPrediction, InspectedFlank

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from drivers.terms import spoken
-from gateway.domain import COVERAGE
+from gateway.domain.values import COVERAGE
 from gateway.model.preset import TWENTY_ONE
 from gateway.report.material import Outcome, ReportMaterial, ToothMaterial
 from gateway.report.sentences import OUTCOME, number, percent

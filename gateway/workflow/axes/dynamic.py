@@ -11,7 +11,7 @@ from typing import Any, cast
 from drivers import registry
 from drivers.clock import Clock
 from drivers.errors import ConfigError, DeadlineExceeded, TrueflankError, UnsupportedDevice
-from drivers.ports import Instrument
+from drivers.ports.instruments import Instrument
 from drivers.recordings import Recording
 from gateway.capture.dynamic import DynamicCapture
 from gateway.capture.dynamicrecords import Ended, LiveView, Sink, StreamShape, Trigger, unit_of

@@ -7,9 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.errors import words
-from drivers.types import FloatArray, LiveTable
+from drivers.types.tables import LiveTable
+from drivers.types.values import FloatArray
 from drivers.units import DeviationUnit
-from gateway.domain import COVERAGE, Capture, TableChange
+from gateway.domain.captures import Capture
+from gateway.domain.proposals import TableChange
+from gateway.domain.values import COVERAGE
 from gateway.evaluate.behaviour.fine_structure import means_between
 from gateway.evaluate.behaviour.repetitions import robust_means
 from gateway.evaluate.behaviour.table_effect import TableEffect, why

@@ -10,13 +10,16 @@ import numpy as np
 
 from drivers.clock import Clock
 from drivers.errors import ConfigError, TrueflankError, words
-from drivers.types import FloatArray, LiveSet
+from drivers.types.tables import LiveSet
+from drivers.types.values import FloatArray
 from drivers.units import DeviationUnit, deviation_unit
 from gateway.capture.corrected import from_live
 from gateway.capture.live import capture_axis
 from gateway.capture.sense import prove_sense
 from gateway.config import AxisSection, GuardSection, SiteFile, Targets
-from gateway.domain import COVERAGE, Capture, Equipment
+from gateway.domain.captures import Capture
+from gateway.domain.equipment import Equipment
+from gateway.domain.values import COVERAGE
 from gateway.errors import CaptureError, IllegalTransition
 from gateway.evaluate.behaviour.repetitions import robust_means
 from gateway.guard import Approved, Check, GuardVerdict, guard_axis

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from drivers.errors import words
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 from gateway.config import AxisSection, SiteFile
-from gateway.domain import Capture
+from gateway.domain.captures import Capture
 from gateway.evaluate.geometry.lever import Lever
 from gateway.model.known import ErrorModel
 from gateway.store import RunFolder

@@ -9,7 +9,9 @@ from pathlib import Path
 from drivers import registry
 from drivers.errors import ConfigError, UnsupportedDevice
 from drivers.terms import spoken
-from drivers.types import FloatArray, LiveSet, MeasuredSet
+from drivers.types.results import MeasuredSet
+from drivers.types.tables import LiveSet
+from drivers.types.values import FloatArray
 from drivers.units import deviation_unit
 from gateway.capture.corrected import from_file, from_live
 from gateway.capture.live import capture_axis, targets_of
@@ -17,7 +19,10 @@ from gateway.capture.retaking import demand_complete
 from gateway.capture.sense import prove_sense
 from gateway.capture.targets import between_places
 from gateway.config import AxisSection, Targets
-from gateway.domain import COVERAGE, Capture, Equipment, Evaluation, Item
+from gateway.domain.captures import Capture
+from gateway.domain.equipment import Equipment, Item
+from gateway.domain.figures import Evaluation
+from gateway.domain.values import COVERAGE
 from gateway.evaluate.standards.iso230_2 import evaluate, told_incurable
 from gateway.evaluate.uncertainty.budget import UNKNOWN_OFF_20_K, Budget, linear_budget
 from gateway.store import Maps, RunFolder

@@ -7,10 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 from drivers.units import deviation_scale
 from gateway.config import AxisSection
-from gateway.domain import Capture, Component, Proposal, TableChange
+from gateway.domain.captures import Capture
+from gateway.domain.figures import Component
+from gateway.domain.proposals import Proposal, TableChange
 from gateway.errors import CaptureError
 from gateway.evaluate.behaviour.fine_structure import Hidden, hidden_structure, lonely
 from gateway.evaluate.behaviour.repetitions import RobustMeans, robust_means

@@ -5,8 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from drivers.errors import words
-from drivers.types import FloatArray, SignProof
-from gateway.domain import AxisVerdict, Evaluation, PushRecord, TableChange, Verdict
+from drivers.types.orders import SignProof
+from drivers.types.values import FloatArray
+from gateway.domain.figures import Evaluation
+from gateway.domain.outcomes import AxisVerdict, PushRecord, Verdict
+from gateway.domain.proposals import TableChange
 from gateway.workflow.axes.explaining import WIDEN, Checked, explain
 
 PUSHED = ("committed", "already-applied")

@@ -6,7 +6,7 @@ from drivers.clock import Clock
 from drivers.errors import ConfigError
 from gateway import audit
 from gateway.approve import Approvals, consent
-from gateway.domain import Approval, Proposal, TableChange
+from gateway.domain.proposals import Approval, Proposal, TableChange
 from gateway.errors import WriteRefused
 from gateway.say import Say
 from gateway.store import RunFolder

@@ -10,10 +10,10 @@ from typing import Any
 from drivers.clock import Clock
 from drivers.errors import ConfigError, TrueflankError, words
 from drivers.terms import spoken
-from drivers.types import DisableOrder
+from drivers.types.orders import DisableOrder
 from gateway import audit
 from gateway.config import AxisSection, SiteFile
-from gateway.domain import SwitchRecord
+from gateway.domain.outcomes import SwitchRecord
 from gateway.errors import StillOn, StoreError, WriteRefused
 from gateway.push.context import PushContext
 from gateway.push.records.history import tables_of

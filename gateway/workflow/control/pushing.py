@@ -9,13 +9,19 @@ from typing import TypeVar
 
 from drivers.clock import Clock
 from drivers.errors import TrueflankError, words
-from drivers.types import Ambient, CompensationTable, SignProof, Stop
+from drivers.types.orders import SignProof
+from drivers.types.sensing import Ambient
+from drivers.types.stops import Stop
+from drivers.types.tables import CompensationTable
 from drivers.units import deviation_scale
 from gateway.capture.live import combined
 from gateway.capture.readings import Readings
 from gateway.capture.sense import prove_sense
 from gateway.config import AxisSection
-from gateway.domain import AxisVerdict, Capture, Evaluation, Proposal, PushRecord, TableChange, Verdict
+from gateway.domain.captures import Capture
+from gateway.domain.figures import Evaluation
+from gateway.domain.outcomes import AxisVerdict, PushRecord, Verdict
+from gateway.domain.proposals import Proposal, TableChange
 from gateway.errors import StoreError, WriteRefused
 from gateway.interlocks import Refusal
 from gateway.push import Asked, PushContext, ask, outcome_error, prove_sign, push_table

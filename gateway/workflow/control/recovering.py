@@ -9,9 +9,9 @@ from pathlib import Path
 from drivers.clock import Clock
 from drivers.errors import ConfigError, TrueflankError
 from drivers.leftover import LeftOver
-from drivers.types import CompensationTable
+from drivers.types.tables import CompensationTable
 from gateway.config import SiteFile
-from gateway.domain import PushRecord
+from gateway.domain.outcomes import PushRecord
 from gateway.errors import StoreError
 from gateway.push import PushContext, outcome_error
 from gateway.push.records.history import tables_of

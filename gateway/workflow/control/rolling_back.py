@@ -10,7 +10,7 @@ from pathlib import Path
 from drivers.clock import Clock
 from drivers.errors import TrueflankError, words
 from drivers.terms import spoken
-from drivers.types import CompensationTable
+from drivers.types.tables import CompensationTable
 from gateway import audit
 from gateway.config import SiteFile
 from gateway.errors import WriteRefused

@@ -8,9 +8,9 @@ from typing import Any
 from drivers.clock import Clock
 from drivers.errors import ConfigError, TrueflankError, words
 from drivers.terms import spoken
-from drivers.types import LiveSet, LiveTable
+from drivers.types.tables import LiveSet, LiveTable
 from gateway.config import SiteFile
-from gateway.domain import Proposal
+from gateway.domain.proposals import Proposal
 from gateway.errors import StoreError
 from gateway.push import conversation
 from gateway.push.compare import table_in, tolerance

@@ -12,12 +12,13 @@ from typing import Any
 
 from drivers.clock import Clock
 from drivers.errors import TrueflankError, words
-from drivers.types import LiveSet
+from drivers.types.tables import LiveSet
 from gateway.capture.retaking import demand_complete
 from gateway.config import SiteFile
 from gateway.correct.outlook.next_setup import THRESHOLD_UM, OpenDoubt, Tooth, what_next
 from gateway.correct.plan.plan import AxisGrid
-from gateway.domain import Capture, Equipment
+from gateway.domain.captures import Capture
+from gateway.domain.equipment import Equipment
 from gateway.errors import CaptureError, IllegalTransition, Incomplete
 from gateway.evaluate.geometry.errormodel import error_model
 from gateway.interlocks import aged, crowded

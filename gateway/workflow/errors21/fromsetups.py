@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from drivers.errors import ConfigError
 from gateway.config import SiteFile
-from gateway.domain import Capture
+from gateway.domain.captures import Capture
 from gateway.store import RunFolder
 from gateway.workflow import stages
 from gateway.workflow.axes.line import on_its_line

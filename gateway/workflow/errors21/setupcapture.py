@@ -8,7 +8,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from drivers.terms import spoken
-from drivers.types import LiveSet, MeasuredSet, Stop, StopReached
+from drivers.types.results import MeasuredSet
+from drivers.types.stops import Stop, StopReached
+from drivers.types.tables import LiveSet
 from drivers.units import rad_to_arcsec
 from gateway.capture.corrected import from_file, from_live
 from gateway.capture.errormotion import LARGEST, ErrorRig, capture_error, channel_of, error_capture
@@ -17,7 +19,7 @@ from gateway.capture.mounting import prove_mounting
 from gateway.capture.retaking import demand_complete
 from gateway.capture.sense import prove_sense
 from gateway.capture.targets import plan_of
-from gateway.domain import Capture
+from gateway.domain.captures import Capture
 from gateway.errors import CaptureError
 from gateway.walk import walk
 from gateway.workflow import stages

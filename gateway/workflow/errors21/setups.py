@@ -9,7 +9,7 @@ from typing import Any
 from drivers.errors import ConfigError
 from drivers.units import DeviationUnit, deviation_unit
 from gateway.config import AxisSection, SetupSection, SiteFile
-from gateway.domain import COVERAGE, component_unit
+from gateway.domain.values import COVERAGE, component_unit
 from gateway.evaluate.geometry.measurement import Measurement
 from gateway.table.proposal import InstrumentU
 

@@ -12,8 +12,10 @@ from typing import Any
 from drivers import registry
 from drivers.errors import ConfigError
 from drivers.recordings import Recording
-from drivers.types import CompensatedFor, GearInspection, MeasuredSet
-from gateway.domain import Capture, Corrections
+from drivers.types.gears import GearInspection
+from drivers.types.results import MeasuredSet
+from drivers.types.values import CompensatedFor
+from gateway.domain.captures import Capture, Corrections
 from gateway.store import Maps, RunFolder, Store
 from gateway.store.folder import RUN_FILE
 from gateway.store.rawstream import open_stream

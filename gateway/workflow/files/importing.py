@@ -13,7 +13,8 @@ from typing import Any
 from drivers import registry
 from drivers.errors import ConfigError, FileFormatError
 from drivers.recordings import Recording
-from drivers.types import GearInspection, MeasuredSet
+from drivers.types.gears import GearInspection
+from drivers.types.results import MeasuredSet
 from gateway.config import SiteFile
 from gateway.errors import StoreError
 from gateway.say import Say, silence

@@ -10,7 +10,8 @@ from drivers.clock import Clock
 from drivers.errors import TrueflankError
 from gateway.config import SiteFile
 from gateway.correct.part.setupvalues import setup_from_part
-from gateway.domain import Proposal, Verdict
+from gateway.domain.outcomes import Verdict
+from gateway.domain.proposals import Proposal
 from gateway.model.known import ErrorModel
 from gateway.say import Say
 from gateway.store import RunFolder, SetupBook

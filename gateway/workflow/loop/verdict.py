@@ -7,7 +7,9 @@ from dataclasses import asdict, replace
 from typing import Any, TypeVar
 
 from gateway.config import SiteFile
-from gateway.domain import Evaluation, Proposal, Verdict
+from gateway.domain.figures import Evaluation
+from gateway.domain.outcomes import Verdict
+from gateway.domain.proposals import Proposal
 from gateway.store import RunFolder
 from gateway.tooth import ToothProposal, ToothVerdict
 from gateway.workflow import stages

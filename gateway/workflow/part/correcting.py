@@ -12,7 +12,8 @@ import numpy as np
 
 from drivers.clock import Clock
 from drivers.errors import TrueflankError, words
-from drivers.types import CompensationTable, FloatArray, LiveSet
+from drivers.types.tables import CompensationTable, LiveSet
+from drivers.types.values import FloatArray
 from drivers.units import UM_PER_MM
 from gateway.config import SiteFile
 from gateway.correct.flank.flankmodel import setup_tables, table_terms
@@ -21,7 +22,7 @@ from gateway.correct.flank.tables import Correction, Table
 from gateway.correct.flank.wheel_places import places_of_grid
 from gateway.correct.part.fromgear import FromGear, correct_from_gear
 from gateway.correct.plan.plan import Plan
-from gateway.domain import Proposal, TableChange
+from gateway.domain.proposals import Proposal, TableChange
 from gateway.errors import CaptureError
 from gateway.gear.flank import FlankGrid, flank_figure
 from gateway.gear.grinding import Grinding

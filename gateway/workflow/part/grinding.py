@@ -10,10 +10,10 @@ from pathlib import Path
 from drivers.clock import Clock
 from drivers.errors import ConfigError, DeviceRefused, TrueflankError, words
 from drivers.terms import spoken
-from drivers.types import ChannelStatus, MachineState
+from drivers.types.machine import ChannelStatus, MachineState
 from drivers.workpiece import GrindAxis, GrindPlan, check_plan
 from gateway.config import AxisSection, SiteFile, WorkSection
-from gateway.domain import Equipment
+from gateway.domain.equipment import Equipment
 from gateway.errors import IllegalTransition, WriteRefused
 from gateway.say import Say
 from gateway.store import RunFolder

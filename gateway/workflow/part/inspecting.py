@@ -12,11 +12,11 @@ import numpy as np
 
 from drivers.clock import Clock
 from drivers.errors import ConfigError, DeviceRefused, TrueflankError, words
-from drivers.ports import GearInspector
-from drivers.types import ClampedPart, GearInspection, GearPlan, InspectedGear
+from drivers.ports.instruments import GearInspector
+from drivers.types.gears import ClampedPart, GearInspection, GearPlan, InspectedGear
 from gateway.config import SiteFile
 from gateway.correct.part.inspected import About, check_gear, inspected_flank
-from gateway.domain import Equipment
+from gateway.domain.equipment import Equipment
 from gateway.errors import IllegalTransition
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.touched import Heights

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from gateway.domain import Evaluation, Proposal, Verdict
+from gateway.domain.figures import Evaluation
+from gateway.domain.outcomes import Verdict
+from gateway.domain.proposals import Proposal
 from gateway.report import parameter_rows
 from gateway.report.lines import tooth_lines
 from gateway.report.parameters import PARAMETERS

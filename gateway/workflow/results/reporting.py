@@ -7,19 +7,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from drivers.types import MachineIdentity, SignProof
+from drivers.types.identity import MachineIdentity
+from drivers.types.orders import SignProof
 from gateway.config import AxisSection
-from gateway.domain import (
-    AxisVerdict,
-    Capture,
-    Component,
-    Equipment,
-    Evaluation,
-    Proposal,
-    PushRecord,
-    TableChange,
-    Verdict,
-)
+from gateway.domain.captures import Capture
+from gateway.domain.equipment import Equipment
+from gateway.domain.figures import Component, Evaluation
+from gateway.domain.outcomes import AxisVerdict, PushRecord, Verdict
+from gateway.domain.proposals import Proposal, TableChange
 from gateway.report import (
     AxisMaterial,
     FileUsed,

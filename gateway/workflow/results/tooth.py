@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import TypeVar
 
 from drivers.errors import ConfigError
-from drivers.types import SignProof
+from drivers.types.orders import SignProof
 from gateway.config import SiteFile
 from gateway.correct.outlook.next_setup import OpenDoubt, what_next
-from gateway.domain import Proposal, PushRecord, TableChange, Verdict
+from gateway.domain.outcomes import PushRecord, Verdict
+from gateway.domain.proposals import Proposal, TableChange
 from gateway.errors import ModelError
 from gateway.model.known import ErrorModel
 from gateway.report import PartMaterial, TableMaterial, ToothMaterial

@@ -10,7 +10,8 @@ from drivers.clock import Clock
 from drivers.errors import TrueflankError
 from drivers.terms import spoken
 from gateway.config import SiteFile
-from gateway.domain import Equipment, Proposal, TableChange
+from gateway.domain.equipment import Equipment
+from gateway.domain.proposals import Proposal, TableChange
 from gateway.errors import IllegalTransition
 from gateway.gear.setright import set_right
 from gateway.model.known import ErrorModel

@@ -9,11 +9,12 @@ import numpy as np
 
 from drivers.errors import DeviceRefused, words
 from drivers.limits import Limits
-from drivers.types import CompensationTable, LiveSet, LiveTable, TableLimits
+from drivers.types.abilities import TableLimits
+from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from drivers.units import deviation_scale
 from gateway.correct.flank.tables import Table
 from gateway.correct.plan.records import record
-from gateway.domain import TableChange
+from gateway.domain.proposals import TableChange
 from gateway.errors import CaptureError
 from gateway.model.chain import Chain
 from gateway.push.compare import table_in

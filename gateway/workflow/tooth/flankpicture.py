@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gateway.domain import COVERAGE
+from gateway.domain.values import COVERAGE
 from gateway.report.drawings.flank import flank_maps
 from gateway.report.drawings.plots import png
 from gateway.report.tooth.flank import FlankState

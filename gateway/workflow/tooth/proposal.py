@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from drivers.errors import ConfigError, words
-from drivers.types import CompensationTable, LiveSet
+from drivers.types.tables import CompensationTable, LiveSet
 from gateway.config import SiteFile, WorkSection
 from gateway.correct.flank.compensability import tangential_cure
 from gateway.correct.flank.noise import noise_patterns
@@ -22,7 +22,9 @@ from gateway.correct.outlook.ranking import cure_errors, rank_errors
 from gateway.correct.plan.layers import LayeredCorrection, correct
 from gateway.correct.plan.plan import CROSS, Plan, cross_specs
 from gateway.correct.plan.records import record
-from gateway.domain import COVERAGE, Capture, Proposal, TableChange
+from gateway.domain.captures import Capture
+from gateway.domain.proposals import Proposal, TableChange
+from gateway.domain.values import COVERAGE
 from gateway.evaluate.behaviour.approach_scatter import approach_of
 from gateway.evaluate.behaviour.fine_structure import Hidden
 from gateway.gear.cycloid import CycloidGear

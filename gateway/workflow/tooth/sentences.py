@@ -8,7 +8,7 @@ from drivers.errors import words
 from gateway.correct.outlook.next_setup import THRESHOLD_UM
 from gateway.correct.outlook.prediction import Outlook
 from gateway.correct.plan.layers import LayeredCorrection
-from gateway.domain import COVERAGE
+from gateway.domain.values import COVERAGE
 from gateway.model.known import ErrorModel
 from gateway.tooth import ToothProposal
 

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from drivers.errors import words
-from gateway.domain import COVERAGE
+from gateway.domain.values import COVERAGE
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.setright import set_right
 from gateway.tooth import FlankMap, FlankPrediction, FloatArray, InspectedFlank, ToothVerdict

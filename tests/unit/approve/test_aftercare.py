@@ -12,10 +12,10 @@ from typing import Any
 import pytest
 
 from drivers.clock import LoopClock, run_virtual
-from drivers.types import LiveTable
+from drivers.types.tables import LiveTable
 from gateway import audit
 from gateway.daemon.daily import LOOK_EVERY_S, TRY_AGAIN_S, Daily, each_day
-from gateway.domain import PushRecord
+from gateway.domain.outcomes import PushRecord
 from gateway.errors import BusyError
 from gateway.push import ask, push_table
 from gateway.say import silence

@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.types import CompensationTable, MachineIdentity
+from drivers.types.identity import MachineIdentity
+from drivers.types.tables import CompensationTable
 from gateway.approve import VALID, Approvals, consent
-from gateway.domain import Approval, TableChange
+from gateway.domain.proposals import Approval, TableChange
 from gateway.errors import CorruptRecord, WriteRefused
 from gateway.push import plan_hash
 

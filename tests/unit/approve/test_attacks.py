@@ -14,11 +14,14 @@ import numpy as np
 import pytest
 
 from drivers.clock import Clock, run_virtual
-from drivers.types import LiveTable, MachineIdentity, Marker
+from drivers.types.abilities import Marker
+from drivers.types.identity import MachineIdentity
+from drivers.types.tables import LiveTable
 from gateway import audit
 from gateway.approve import Approvals, consent
 from gateway.audit.chain import AUDIT
-from gateway.domain import Approval, Proposal, PushRecord, TableChange
+from gateway.domain.outcomes import PushRecord
+from gateway.domain.proposals import Approval, Proposal, TableChange
 from gateway.push import PushContext, push_table
 from gateway.push.records import journal, numbering
 from gateway.push.records.journal import JOURNALS

@@ -13,7 +13,7 @@ from drivers.errors import ConfigError
 from gateway import audit
 from gateway.approve import Approvals
 from gateway.cli import app
-from gateway.domain import Proposal
+from gateway.domain.proposals import Proposal
 from gateway.errors import WriteRefused
 from gateway.store import RunFolder, Store
 from gateway.workflow import stages

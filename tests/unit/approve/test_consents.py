@@ -10,11 +10,12 @@ from typing import Any
 import pytest
 
 from drivers.errors import DeadlineExceeded
-from drivers.types import MachineIdentity
+from drivers.types.identity import MachineIdentity
 from gateway import audit
 from gateway.approve import Approvals, consent
 from gateway.audit.chain import AUDIT
-from gateway.domain import Proposal, PushRecord
+from gateway.domain.outcomes import PushRecord
+from gateway.domain.proposals import Proposal
 from gateway.errors import CorruptRecord, WriteRefused
 from gateway.store import Store
 from gateway.workflow import consents

@@ -16,9 +16,9 @@ from drivers import registry
 from drivers.attocube.codec import Ask, AttocubeCodec, DamagedReply, Result
 from drivers.clock import Clock, LoopClock
 from drivers.errors import ConfigError, TransportError, TrueflankError
-from drivers.ports import Instrument
+from drivers.ports.instruments import Instrument
 from drivers.transport import ByteTransport, serve
-from drivers.types import Ambient, SampleBlock
+from drivers.types.sensing import Ambient, SampleBlock
 from tests.unit.drivers.loops import run_clean
 
 # A request and an answer as public clients of the device print them.

@@ -10,26 +10,17 @@ import numpy as np
 
 from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded
-from drivers.ports import Tell
+from drivers.ports.devices import Tell
 from drivers.sinumerik.tablefile.held import HELD
 from drivers.sinumerik.tablefile.tables import table_by, tables_by
-from drivers.types import (
-    Ambient,
-    Capabilities,
-    ChannelStatus,
-    CompensationTable,
-    Identity,
-    LiveSet,
-    LiveTable,
-    MachineState,
-    Optics,
-    SampleBlock,
-    Sense,
-    SignProof,
-    StopPlan,
-    StopReached,
-    TableQuestion,
-)
+from drivers.types.abilities import Capabilities
+from drivers.types.identity import Identity
+from drivers.types.machine import ChannelStatus, MachineState
+from drivers.types.orders import SignProof, TableQuestion
+from drivers.types.sensing import Ambient, Optics, SampleBlock
+from drivers.types.stops import StopPlan, StopReached
+from drivers.types.tables import CompensationTable, LiveSet, LiveTable
+from drivers.types.values import Sense
 
 RATE_HZ = 100.0
 BLOCK_S = 0.1

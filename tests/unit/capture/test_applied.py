@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from drivers.types import CompensationTable, LiveSet, LiveTable
+from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from gateway.capture.applied import check_applied, is_uneven
 from gateway.errors import CaptureError
 

@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.errors import ConfigError, TransportError
-from drivers.types import SampleBlock
+from drivers.types.sensing import SampleBlock
 from gateway.capture.dynamic import DynamicCapture
 from gateway.capture.dynamicrecords import Ended, LiveView, StreamShape, Trigger
 from gateway.errors import CaptureError

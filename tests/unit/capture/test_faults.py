@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from drivers.clock import Clock, LoopClock, run_virtual
 from drivers.errors import BeamObstructed, DeviceRefused, UnsupportedDevice
-from drivers.types import Ambient, SampleBlock
+from drivers.types.sensing import Ambient, SampleBlock
 from drivers.units import wrap_deg
 from gateway.capture.corrected import from_live
 from gateway.capture.diagnosis import UnexpectedValue, cause
@@ -23,7 +23,7 @@ from gateway.capture.rig import Rig
 from gateway.capture.sense import prove_sense
 from gateway.capture.targets import positions
 from gateway.config import AxisSection
-from gateway.domain import SenseProof
+from gateway.domain.equipment import SenseProof
 from gateway.errors import AmbientOutOfRange, CaptureError, ModelError, Unstable
 from gateway.evaluate.optics import rotary
 from gateway.evaluate.optics.corrections import applied, begin

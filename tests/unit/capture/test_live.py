@@ -13,7 +13,7 @@ from gateway.capture.live import RawCapture, capture_axis
 from gateway.capture.rig import Rig
 from gateway.capture.sense import prove_sense
 from gateway.config import AxisSection
-from gateway.domain import SenseProof
+from gateway.domain.equipment import SenseProof
 from gateway.errors import Unstable
 from gateway.walk import Patience
 from tests.unit.capture.double import LittleMachine

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from drivers.clock import LoopClock, run_virtual
-from drivers.types import Optics, StopPlan
+from drivers.types.sensing import Optics
+from drivers.types.stops import StopPlan
 from drivers.units import wrap_deg
 from gateway.capture.corrected import from_live
 from gateway.capture.errormotion import ErrorRig, capture_error, error_capture
@@ -21,7 +22,8 @@ from gateway.capture.retaking import demand_complete
 from gateway.capture.rig import Rig
 from gateway.capture.sense import prove_sense
 from gateway.config import AxisSection, SiteFile
-from gateway.domain import Capture, SenseProof
+from gateway.domain.captures import Capture
+from gateway.domain.equipment import SenseProof
 from gateway.errors import CaptureError, Incomplete
 from gateway.say import silence
 from gateway.store import Store

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gateway.domain import Component
+from gateway.domain.figures import Component
 from gateway.model.motion import motion_from, motion_of
 
 

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from drivers.clock import LoopClock
 from drivers.errors import TrueflankError
-from drivers.types import MachineIdentity
+from drivers.types.identity import MachineIdentity
 from gateway.cli.commands import app
 from gateway.config import load_site
 from gateway.store import SetupBook

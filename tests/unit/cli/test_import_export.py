@@ -16,10 +16,12 @@ from drivers.clock import Clock
 from drivers.errors import ConfigError, FileFormatError, TrueflankError
 from drivers.files.rtl import RtlFormat
 from drivers.files.rtx import RtxFormat
-from drivers.types import Identity, MeasuredSet, SampleBlock
+from drivers.types.identity import Identity
+from drivers.types.results import MeasuredSet
+from drivers.types.sensing import SampleBlock
 from gateway.capture.corrected import from_live
 from gateway.cli import app
-from gateway.domain import SenseProof
+from gateway.domain.equipment import SenseProof
 from gateway.errors import CaptureError, CorruptRecord
 from gateway.store import Maps, Store
 from gateway.store.rawstream import open_stream

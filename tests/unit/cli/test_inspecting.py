@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from drivers.errors import TrueflankError
-from drivers.types import GearInspection
+from drivers.types.gears import GearInspection
 from gateway.cli import app
 from gateway.correct.part.inspected import inspected_flank
 from simulators.cell.site import section

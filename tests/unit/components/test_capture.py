@@ -9,12 +9,12 @@ import pytest
 
 from drivers.clock import LoopClock, run_virtual
 from drivers.errors import ConfigError, UnsupportedDevice
-from drivers.types import Optics
+from drivers.types.sensing import Optics
 from gateway.capture.errormotion import ErrorReadings, ErrorRig, capture_error, channel_of, error_capture
 from gateway.capture.live import RawCapture
 from gateway.capture.mounting import MountingProof, prove_mounting
 from gateway.config import AxisSection
-from gateway.domain import Capture
+from gateway.domain.captures import Capture
 from gateway.errors import CaptureError
 from gateway.walk import Patience
 from tests.unit.capture.double import LittleMachine

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers.types import Ambient
+from drivers.types.sensing import Ambient
 from gateway.config import SiteFile
-from gateway.domain import Between, Capture
+from gateway.domain.captures import Between, Capture
 from gateway.evaluate.behaviour.repetitions import robust_means
 from gateway.evaluate.geometry.lever import arms
 from gateway.evaluate.geometry.measurement import Measurement, means_of

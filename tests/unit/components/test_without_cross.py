@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from drivers.types import CompensationTable, LiveSet, LiveTable
+from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from gateway.errors import CaptureError
 from gateway.workflow.errors21.setupcapture import without_cross
 

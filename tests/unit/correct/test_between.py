@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gateway.correct.outlook.face_residual import slope_and_bow
-from gateway.domain import Component
+from gateway.domain.figures import Component
 from gateway.model.components import value
 from gateway.model.fit import fit_polygon
 

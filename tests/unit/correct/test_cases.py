@@ -11,7 +11,7 @@ from gateway.correct.flank.flankmodel import flank_model, with_acting
 from gateway.correct.flank.tables import Correction, Product, Table, TableGrid
 from gateway.correct.solve.limits import TableSpec
 from gateway.correct.solve.optimise import optimise
-from gateway.domain import Component
+from gateway.domain.figures import Component
 from gateway.evaluate.geometry.straightness import straightness
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import FlankGrid, flank_figure

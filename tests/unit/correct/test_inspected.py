@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from drivers.errors import TrueflankError
-from drivers.types import GearInspection
+from drivers.types.gears import GearInspection
 from gateway.correct.part.gearguard import guard_flanks
 from gateway.correct.part.inspected import About, along_face, check_gear, inspected_flank
 from gateway.gear.cycloid import CycloidGear

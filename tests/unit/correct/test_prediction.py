@@ -21,7 +21,8 @@ from gateway.correct.part.setupvalues import setup_from_part
 from gateway.correct.plan.layers import LayeredCorrection, correct
 from gateway.correct.plan.plan import AxisGrid, Plan
 from gateway.correct.plan.records import table_of
-from gateway.domain import Component, FloatArray
+from gateway.domain.figures import Component
+from gateway.domain.values import FloatArray
 from gateway.gear.flank import FlankGrid, flank_grid
 from gateway.gear.grinding import Grinding
 from gateway.gear.linear import ErrorParameter

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.types import CompensationTable
+from drivers.types.tables import CompensationTable
 from drivers.units import arcsec_to_rad
 from gateway.correct.flank.flankmodel import flank_model
 from gateway.correct.flank.tables import Table, TableGrid

@@ -34,7 +34,7 @@ from drivers.bridge.records import (
 )
 from drivers.bridge.stream import BridgeStream
 from drivers.errors import LocalProtocolError, RemoteProtocolError
-from drivers.types import Ambient
+from drivers.types.sensing import Ambient
 
 ROOT = Path(__file__).parents[3]
 EXCHANGE = (ROOT / "tests/golden/bridge/exchange.txt").read_text(encoding="utf-8").splitlines()

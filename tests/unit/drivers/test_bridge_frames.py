@@ -15,7 +15,7 @@ from drivers.bridge.frames import HEADER_BYTES, MAGIC, PAYLOAD_BYTES, SampleFram
 from drivers.bridge.records import BridgeIdentity, Event
 from drivers.bridge.stream import BridgeStream
 from drivers.errors import LocalProtocolError, RemoteProtocolError
-from drivers.types import SampleBlock
+from drivers.types.sensing import SampleBlock
 from tests.sizes import few
 
 # Written by hand from docs/instrument-bridge.md section 5, not by the codec.

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from drivers.errors import ConfigError, FileFormatError
 from drivers.files.csvmap import CsvFormat, parse_csv
-from drivers.types import MeasuredSet
+from drivers.types.results import MeasuredSet
 
 PLAIN = """target,direction,repetition,deviation
 -10,+,1,0.5

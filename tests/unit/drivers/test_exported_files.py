@@ -15,7 +15,8 @@ from drivers.files.csvtext import guarded
 from drivers.files.rtl import RtaFormat, RtlFormat, measured_set
 from drivers.files.rtltext import parse
 from drivers.files.signature import heading, signature_of
-from drivers.types import Ambient, MeasuredSet
+from drivers.types.results import MeasuredSet
+from drivers.types.sensing import Ambient
 from drivers.units import AxisUnit
 
 GOLDEN = Path(__file__).parents[2] / "golden/files"

@@ -21,7 +21,7 @@ from drivers.errors import (
 )
 from drivers.link import Feed, Link
 from drivers.transport import ByteTransport, listen_memory, open_transport
-from drivers.types import SampleBlock
+from drivers.types.sensing import SampleBlock
 from tests.unit.drivers.loops import run_clean
 
 

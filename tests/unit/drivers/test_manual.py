@@ -14,8 +14,8 @@ from drivers.clock import LoopClock
 from drivers.errors import ConfigError, TransportError
 from drivers.manual.device import ManualEntry
 from drivers.manual.person import FolderDesk, QueueDesk, TerminalDesk, TypingDesk, open_desk
-from drivers.ports import AmbientSensor, Instrument, TypedInstrument
-from drivers.types import SampleBlock
+from drivers.ports.instruments import AmbientSensor, Instrument, TypedInstrument
+from drivers.types.sensing import SampleBlock
 from tests.unit.drivers.loops import run_clean
 
 

@@ -20,7 +20,8 @@ from drivers.files.rtl import measured_set
 from drivers.files.rtltext import RtlText, parse, render
 from drivers.files.rtx import RtxHead, read_head
 from drivers.files.text import decode
-from drivers.types import GearInspection, MeasuredSet
+from drivers.types.gears import GearInspection
+from drivers.types.results import MeasuredSet
 from tests.sizes import few
 from tests.unit.drivers.mutations import Score, run
 

@@ -20,7 +20,7 @@ from drivers.replay.player import Player, Replayed
 from drivers.replay.recorder import TraceRecorder
 from drivers.replay.tracefile import Record, encode, head, read_trace
 from drivers.transport import serve
-from drivers.types import SampleBlock
+from drivers.types.sensing import SampleBlock
 from tests.contract.servers import ScriptedBridge, ScriptedFrames, ScriptedUmd
 from tests.unit.drivers.loops import run_clean
 

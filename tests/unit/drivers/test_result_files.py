@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 from drivers.errors import ConfigError, FileFormatError
 from drivers.files.rtl import RtaFormat, RtlFormat, text_of
 from drivers.files.rtltext import RtlText, parse, render
-from drivers.types import Ambient, MeasuredSet
+from drivers.types.results import MeasuredSet
+from drivers.types.sensing import Ambient
 
 FOLDER = Path(__file__).parents[2] / "golden/files"
 EXPECTED = json.loads((FOLDER / "expected.json").read_text(encoding="utf-8"))

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.errors import ConfigError, RemoteProtocolError, UnsupportedDevice
-from drivers.types import SampleBlock
+from drivers.types.sensing import SampleBlock
 from drivers.umd.codec import CODE, DATA, PHASE, SEQUENCE, UmdLines
 from drivers.umd.counting import LEARN_MOVING, UmdCounting
 from drivers.umd.sequence import SequenceOrder, forward

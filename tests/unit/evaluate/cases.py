@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from drivers.types import Ambient, CompensationTable
+from drivers.types.sensing import Ambient
+from drivers.types.tables import CompensationTable
 from drivers.units import mm_to_um, um_to_mm
 from gateway.correct.flank.acting_tables import with_tables
 from gateway.correct.plan.ownlayer import own_deviation
 from gateway.correct.plan.records import table_of
-from gateway.domain import Component, Evaluation
+from gateway.domain.figures import Component, Evaluation
 from gateway.evaluate.behaviour.repetitions import robust_means
 from gateway.evaluate.geometry import harmonics, squareness, straightness
 from gateway.evaluate.geometry.straightness import StraightnessRun

@@ -9,7 +9,7 @@ import numpy as np
 
 from gateway.capture.cycles import Cycle, visits
 from gateway.capture.targets import CHECK_REPETITIONS, between_places
-from gateway.domain import Between
+from gateway.domain.captures import Between
 from gateway.evaluate.behaviour.fine_structure import Hidden, hidden_structure
 from gateway.evaluate.behaviour.repetitions import robust_means
 from gateway.evaluate.behaviour.steadiness import Steadiness, steadiness

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.types import Ambient
-from gateway.domain import Capture, Corrections
+from drivers.types.sensing import Ambient
+from gateway.domain.captures import Capture, Corrections
 from gateway.evaluate.behaviour.approach_scatter import approach_of
 
 TARGETS = np.linspace(0.0, 345.0, 24)

@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.types import Ambient, MeasuredSet
-from gateway.domain import Corrections
+from drivers.types.results import MeasuredSet
+from drivers.types.sensing import Ambient
+from gateway.domain.captures import Corrections
 from gateway.errors import AmbientOutOfRange, ModelError
 from gateway.evaluate.optics import air, corrections, recompensation
 from gateway.evaluate.optics.corrections import applied, begin, standing, told, undone

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers.types import Ambient
+from drivers.types.sensing import Ambient
 from gateway.errors import AmbientOutOfRange, ModelError
 from gateway.evaluate.geometry.errormodel import error_model
 from gateway.evaluate.geometry.harmonics import harmonics

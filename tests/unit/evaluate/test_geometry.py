@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.optimize import linprog
 
-from gateway.domain import Component
+from gateway.domain.figures import Component
 from gateway.errors import ModelError
 from gateway.evaluate.geometry import angular, axis_location, harmonics, rotary_motion, squareness, straightness
 from gateway.evaluate.geometry.straightness import StraightnessRun

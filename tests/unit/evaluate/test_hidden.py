@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.domain import Between
+from gateway.domain.captures import Between
 from gateway.evaluate.behaviour.fine_structure import hidden_structure, lonely, means_between
 from gateway.evaluate.behaviour.repetitions import robust_means
 from tests.sizes import few

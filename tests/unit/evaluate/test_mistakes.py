@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.types import Ambient
+from drivers.types.sensing import Ambient
 from drivers.units import arcsec_to_rad, rad_to_arcsec
 from gateway.cli.files.evaluating import reader
 from gateway.errors import AmbientOutOfRange, ModelError

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.types import Ambient
+from drivers.types.sensing import Ambient
 from gateway.errors import AmbientOutOfRange, ModelError, NotIdentifiable
 from gateway.evaluate.geometry import harmonics, straightness
 from gateway.evaluate.optics import air, length, rotary

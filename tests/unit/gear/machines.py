@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.grinding import Grinding
 from gateway.model import se3

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gateway.domain import Component
+from gateway.domain.figures import Component
 from gateway.guard import Approved, Check, GuardVerdict, guard_axis
 from gateway.guard.verdict import SIGMAS, margin_factor
 from gateway.model.components import value

@@ -13,13 +13,15 @@ import pytest
 from drivers.clock import LoopClock
 from drivers.local import ownfiles
 from drivers.replay.recorder import TraceRecorder
-from drivers.types import Ambient, MachineIdentity, SignProof
+from drivers.types.identity import MachineIdentity
+from drivers.types.orders import SignProof
+from drivers.types.sensing import Ambient
 from gateway import audit
 from gateway.approve import Approvals
 from gateway.daemon.lock import LOCK_FILE, locked
 from gateway.daemon.stored import newest_runs, stored_report
 from gateway.daemon.token import TOKEN_FILE, token_of, token_path
-from gateway.domain import Approval
+from gateway.domain.proposals import Approval
 from gateway.errors import StoreError
 from gateway.push.records import journal, numbering
 from gateway.push.records.lock import held

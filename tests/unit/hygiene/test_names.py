@@ -15,7 +15,7 @@ from drivers.clock import LoopClock
 from drivers.errors import ConfigError, TrueflankError
 from drivers.local.names import MOST, is_file_name, is_name, shown, stem
 from drivers.replay.recorder import TraceRecorder
-from drivers.types import Ambient
+from drivers.types.sensing import Ambient
 from gateway.cli import app
 from gateway.config import load_site
 from gateway.errors import CorruptRecord, StoreError

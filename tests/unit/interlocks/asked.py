@@ -10,9 +10,13 @@ from typing import Any
 from drivers.limits import ACCESS_LEVEL
 from drivers.programs import SelfTested
 from drivers.sinumerik.tablefile.held import HELD
-from drivers.types import Ambient, Capabilities, MachineIdentity, SignProof
+from drivers.types.abilities import Capabilities
+from drivers.types.identity import MachineIdentity
+from drivers.types.orders import SignProof
+from drivers.types.sensing import Ambient
 from gateway.axes import AxisRecord
-from gateway.domain import Approval, Capture
+from gateway.domain.captures import Capture
+from gateway.domain.proposals import Approval
 from gateway.interlocks import PushFacts
 from gateway.interlocks.facts import Mark
 

@@ -12,8 +12,12 @@ import pytest
 
 from drivers.clock import run_virtual
 from drivers.errors import catalogue
-from drivers.types import Ambient, AxisState, LiveSet, LiveTable, Marker, SignProof, TableLimits, TemperatureShift
-from gateway.domain import Approval
+from drivers.types.abilities import Marker, TableLimits
+from drivers.types.machine import AxisState
+from drivers.types.orders import SignProof
+from drivers.types.sensing import Ambient
+from drivers.types.tables import LiveSet, LiveTable, TemperatureShift
+from gateway.domain.proposals import Approval
 from gateway.interlocks import PushFacts, needed, refusals, warnings
 from gateway.push import conversation, plan_hash, push_table
 from tests.selftested import passed

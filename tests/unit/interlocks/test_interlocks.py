@@ -11,20 +11,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.errors import catalogue
-from drivers.types import (
-    Ambient,
-    AxisState,
-    ChannelStatus,
-    CompensationTable,
-    LiveSet,
-    LiveTable,
-    MachineIdentity,
-    MachineState,
-    SignProof,
-    TableLimits,
-)
+from drivers.types.abilities import TableLimits
+from drivers.types.identity import MachineIdentity
+from drivers.types.machine import AxisState, ChannelStatus, MachineState
+from drivers.types.orders import SignProof
+from drivers.types.sensing import Ambient
+from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from gateway.axes import AxisRecord
-from gateway.domain import Capture, Corrections, SenseProof, TableChange
+from gateway.domain.captures import Capture, Corrections
+from gateway.domain.equipment import SenseProof
+from gateway.domain.proposals import TableChange
 from gateway.interlocks import PushFacts, refusals, value_at
 from tests.unit.interlocks.asked import CAN, Asked, replace
 

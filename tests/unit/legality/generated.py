@@ -8,7 +8,9 @@ from drivers.sinumerik.ncprogram.grinding import GrindSetting, grinding
 from drivers.sinumerik.ncprogram.measuring import Setting, measuring
 from drivers.sinumerik.ncprogram.pushing import pushing
 from drivers.sinumerik.ncprogram.words import Words
-from drivers.types import CompensationTable, DisableOrder, PushOrder, Stop, StopPlan
+from drivers.types.orders import DisableOrder, PushOrder
+from drivers.types.stops import Stop, StopPlan
+from drivers.types.tables import CompensationTable
 from drivers.workpiece import GrindAxis, GrindPlan
 
 SETTING = Setting(Words(), Memory(0, (), ("X1", "Z1")), modulo=False)

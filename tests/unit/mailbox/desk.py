@@ -7,7 +7,8 @@ from collections.abc import AsyncIterator
 from typing import Any
 
 from drivers.sinumerik.mailbox.device import SinumerikModbus
-from drivers.types import CompensationTable, LiveSet, PushOrder, SignProof
+from drivers.types.orders import PushOrder, SignProof
+from drivers.types.tables import CompensationTable, LiveSet
 from tests.unit.mailbox.rogue import Rogue, serving
 
 VALUES = tuple(float(value) for value in (0, 3, -1.5, 2.001, 0, *range(-27, 28), 1, 0))

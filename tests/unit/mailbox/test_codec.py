@@ -19,7 +19,7 @@ from drivers.sinumerik.mailbox.codec.grids import MailboxAxis
 from drivers.sinumerik.mailbox.codec.registers import ADDRESS, Command, Kind, StatusBit
 from drivers.sinumerik.mailbox.refusals import check_map
 from drivers.sinumerik.mailbox.wire import ModbusCodec, Question
-from drivers.types import CompensationTable
+from drivers.types.tables import CompensationTable
 
 ROOT = Path(__file__).parents[3]
 DOCUMENT = (ROOT / "docs" / "plc-mailbox.md").read_text(encoding="utf-8")

@@ -26,7 +26,7 @@ from drivers.sinumerik.mailbox.codec.commands import chunks
 from drivers.sinumerik.mailbox.device import SinumerikModbus
 from drivers.sinumerik.mailbox.settings import ModbusSettings
 from drivers.sinumerik.mailbox.wire import ModbusCodec, ModbusWire, Question
-from drivers.types import PushOrder
+from drivers.types.orders import PushOrder
 from tests.unit.mailbox.desk import VALUES, at_rogue, driver, order_for, push, table
 from tests.unit.mailbox.rogue import Asked, Lie, Rogue, crc16, serving
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.domain import Component
+from gateway.domain.figures import Component
 from gateway.errors import ModelError, NotIdentifiable
 from gateway.model import components, fit
 from gateway.model.components import at_datum, design, standard_uncertainty, value

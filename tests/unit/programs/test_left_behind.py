@@ -13,7 +13,9 @@ from drivers.sinumerik.ncprogram.backup import Memory
 from drivers.sinumerik.ncprogram.grinding import GrindSetting, grinding
 from drivers.sinumerik.ncprogram.measuring import Setting
 from drivers.sinumerik.ncprogram.words import Words
-from drivers.types import CompensationTable, DisableOrder, PushOrder, Stop, StopPlan
+from drivers.types.orders import DisableOrder, PushOrder
+from drivers.types.stops import Stop, StopPlan
+from drivers.types.tables import CompensationTable
 from drivers.workpiece import GrindAxis, GrindPlan
 from simulators.nck.control import AxisSpec, Nck, NckSpec
 

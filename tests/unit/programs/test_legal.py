@@ -16,7 +16,9 @@ from drivers.sinumerik.ncprogram.backup import Memory, Saving
 from drivers.sinumerik.ncprogram.legal import legal
 from drivers.sinumerik.ncprogram.words import Words
 from drivers.sinumerik.opcua.paper import on_paper
-from drivers.types import CompensationTable, DisableOrder, PushOrder, Stop, StopPlan
+from drivers.types.orders import DisableOrder, PushOrder
+from drivers.types.stops import Stop, StopPlan
+from drivers.types.tables import CompensationTable
 from gateway.config import load_site
 from gateway.workflow.programs import EVERY, What, programs
 from tests.unit.programs.sites import CELLS, site_file

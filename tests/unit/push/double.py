@@ -14,33 +14,19 @@ import numpy as np
 
 from drivers.clock import LoopClock
 from drivers.errors import DeadlineExceeded, DeviceRefused, UnsupportedDevice
-from drivers.ports import Tell
+from drivers.ports.devices import Tell
 from drivers.sinumerik.opcua.reading import read_live
 from drivers.sinumerik.tablefile import tables
 from drivers.sinumerik.tablefile.held import HELD
-from drivers.types import (
-    AxisState,
-    Capabilities,
-    ChannelStatus,
-    CompensationTable,
-    DisableOrder,
-    Identity,
-    LiveSet,
-    LiveTable,
-    MachineIdentity,
-    MachineState,
-    Marker,
-    PushOrder,
-    Sense,
-    SignProof,
-    StopPlan,
-    StopReached,
-    SwitchReading,
-    TableLimits,
-    TableQuestion,
-)
+from drivers.types.abilities import Capabilities, Marker, TableLimits
+from drivers.types.identity import Identity, MachineIdentity
+from drivers.types.machine import AxisState, ChannelStatus, MachineState
+from drivers.types.orders import DisableOrder, PushOrder, SignProof, SwitchReading, TableQuestion
+from drivers.types.stops import StopPlan, StopReached
+from drivers.types.tables import CompensationTable, LiveSet, LiveTable
+from drivers.types.values import Sense
 from gateway.axes import AxisRecord
-from gateway.domain import TableChange
+from gateway.domain.proposals import TableChange
 from gateway.interlocks import value_at
 from gateway.push import PushContext
 from gateway.push.records import journal

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.types import CompensationTable, LiveSet, LiveTable, TableLimits
+from drivers.types.abilities import TableLimits
+from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from gateway.interlocks import MAX_JUMP, value_at
 from gateway.push.compare import (
     agreeing_position,

@@ -11,8 +11,12 @@ import pytest
 
 from drivers.clock import run_virtual
 from drivers.errors import DeadlineExceeded, TrueflankError, UnsupportedDevice
-from drivers.types import CompensationTable, LiveTable, Marker, SignProof, Stop
-from gateway.domain import PushRecord, TableChange
+from drivers.types.abilities import Marker
+from drivers.types.orders import SignProof
+from drivers.types.stops import Stop
+from drivers.types.tables import CompensationTable, LiveTable
+from gateway.domain.outcomes import PushRecord
+from gateway.domain.proposals import TableChange
 from gateway.errors import RollbackFailed, VerifyError, WriteRefused
 from gateway.push import look, prove_sign, push_table, recover, unfinished
 from gateway.push.byhand import room_of

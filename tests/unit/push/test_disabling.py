@@ -9,7 +9,8 @@ import pytest
 
 from drivers.clock import run_virtual
 from drivers.errors import TableActs
-from drivers.types import DisableOrder, LiveTable
+from drivers.types.orders import DisableOrder
+from drivers.types.tables import LiveTable
 from gateway.errors import StillOn
 from gateway.push import look, outcome_error, push_table, recover, unfinished
 from gateway.push.records import journal

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from drivers.types import CompensationTable
+from drivers.types.tables import CompensationTable
 from gateway.errors import StoreError
 from gateway.push.compare import table_facts
 from gateway.push.records import journal, numbering

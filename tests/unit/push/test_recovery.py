@@ -12,8 +12,9 @@ import pytest
 
 from drivers.clock import run_virtual
 from drivers.errors import DeadlineExceeded, TrueflankError
-from drivers.types import ChannelStatus, LiveTable
-from gateway.domain import PushRecord
+from drivers.types.machine import ChannelStatus
+from drivers.types.tables import LiveTable
+from gateway.domain.outcomes import PushRecord
 from gateway.errors import StoreError, WriteRefused
 from gateway.push import PushFinding, look, push_table, recover, unfinished
 from gateway.push.records import journal

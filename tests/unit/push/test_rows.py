@@ -11,8 +11,10 @@ import pytest
 
 from drivers.clock import run_virtual
 from drivers.errors import DeadlineExceeded
-from drivers.types import LiveTable, Marker
-from gateway.domain import Approval, PushRecord
+from drivers.types.abilities import Marker
+from drivers.types.tables import LiveTable
+from gateway.domain.outcomes import PushRecord
+from gateway.domain.proposals import Approval
 from gateway.errors import BusyError, WriteRefused
 from gateway.push import look, plan_hash, push_table, recover, unfinished
 from gateway.push.records import journal

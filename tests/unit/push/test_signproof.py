@@ -10,7 +10,9 @@ import pytest
 
 from drivers.clock import run_virtual
 from drivers.errors import BeamObstructed, TableError
-from drivers.types import LiveTable, SignProof, Stop
+from drivers.types.orders import SignProof
+from drivers.types.stops import Stop
+from drivers.types.tables import LiveTable
 from gateway.axes import AxisRecord
 from gateway.errors import RollbackFailed, VerifyError, WriteRefused
 from gateway.interlocks import value_at

@@ -11,8 +11,9 @@ import pytest
 
 from drivers.clock import run_virtual
 from drivers.errors import DeadlineExceeded, DeviceRefused, TransportError, TrueflankError, catalogue, words
-from drivers.types import LiveTable
-from gateway.domain import PushRecord, TableChange
+from drivers.types.tables import LiveTable
+from gateway.domain.outcomes import PushRecord
+from gateway.domain.proposals import TableChange
 from gateway.errors import BusyError, RollbackFailed, StoreError, VerifyError, WriteRefused
 from gateway.push import outcome_error, push_table, recover
 from gateway.push.records import journal

@@ -10,8 +10,10 @@ import pytest
 
 from drivers.clock import run_virtual
 from drivers.errors import DeadlineExceeded
-from drivers.types import ChannelStatus, LiveTable, Marker
-from gateway.domain import PushRecord
+from drivers.types.abilities import Marker
+from drivers.types.machine import ChannelStatus
+from drivers.types.tables import LiveTable
+from gateway.domain.outcomes import PushRecord
 from gateway.errors import BusyError, VerifyError
 from gateway.push import push_table
 from gateway.push.undo.recovery import look, recover, unfinished

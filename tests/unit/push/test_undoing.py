@@ -9,8 +9,8 @@ import pytest
 
 from drivers.clock import run_virtual
 from drivers.errors import DeadlineExceeded
-from drivers.types import LiveTable
-from gateway.domain import PushRecord
+from drivers.types.tables import LiveTable
+from gateway.domain.outcomes import PushRecord
 from gateway.errors import RollbackFailed, VerifyError
 from gateway.push import outcome_error, push_table
 from gateway.push.records import journal

@@ -11,7 +11,7 @@ import pytest
 
 from drivers.clock import run_virtual
 from drivers.errors import DeviceRefused
-from drivers.types import LiveTable
+from drivers.types.tables import LiveTable
 from gateway.errors import StoreError, Unexpected
 from gateway.push import push_table
 from gateway.push.records import journal

@@ -6,10 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from drivers.types import CompensationTable
+from drivers.types.tables import CompensationTable
 from drivers.units import arcsec_to_rad, mm_to_um
 from gateway.correct.outlook.next_setup import OpenDoubt
-from gateway.domain import Component, FloatArray, PushRecord, TableChange
+from gateway.domain.figures import Component
+from gateway.domain.outcomes import PushRecord
+from gateway.domain.proposals import TableChange
+from gateway.domain.values import FloatArray
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import FlankGrid, flank_grid
 from gateway.gear.setright import set_right

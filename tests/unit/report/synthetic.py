@@ -6,19 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from drivers.types import Ambient, CompensationTable, Identity, MachineIdentity, SignProof
+from drivers.types.identity import Identity, MachineIdentity
+from drivers.types.orders import SignProof
+from drivers.types.sensing import Ambient
+from drivers.types.tables import CompensationTable
 from drivers.units import AxisUnit, deviation_unit
-from gateway.domain import (
-    AxisVerdict,
-    Capture,
-    Component,
-    Corrections,
-    Evaluation,
-    FloatArray,
-    PushRecord,
-    SenseProof,
-    TableChange,
-)
+from gateway.domain.captures import Capture, Corrections
+from gateway.domain.equipment import SenseProof
+from gateway.domain.figures import Component, Evaluation
+from gateway.domain.outcomes import AxisVerdict, PushRecord
+from gateway.domain.proposals import TableChange
+from gateway.domain.values import FloatArray
 from gateway.report import AxisMaterial, FileUsed, InstrumentNote, ReportMaterial
 
 MACHINE = MachineIdentity("YK7350B-0042", "107.60.05", ("X1", "Z1", "C1", "Y1"))

@@ -9,7 +9,8 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from drivers.types import Ambient, Identity, MachineIdentity
+from drivers.types.identity import Identity, MachineIdentity
+from drivers.types.sensing import Ambient
 from gateway.report import AxisMaterial, FileUsed, InstrumentNote, ReportMaterial, render
 from tests.sizes import few
 from tests.unit.report import synthetic

@@ -11,7 +11,7 @@ import pytest
 from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
 
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 from gateway.model.preset import TWENTY_ONE
 from gateway.report import ReportMaterial, ToothMaterial, as_json
 from gateway.report.drawings.flank import flank_maps

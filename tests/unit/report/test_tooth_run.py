@@ -10,7 +10,8 @@ import pytest
 from typer.testing import CliRunner
 
 from gateway.cli import app
-from gateway.domain import Proposal, Verdict
+from gateway.domain.outcomes import Verdict
+from gateway.domain.proposals import Proposal
 from gateway.model.known import ErrorModel, Unknown
 from gateway.store import RunFolder, Store
 from gateway.tooth import GearProposal, SetupValues

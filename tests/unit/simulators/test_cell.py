@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers.types import Ambient
+from drivers.types.sensing import Ambient
 from drivers.umd.device import UmdCounter
 from gateway.config import load_site
 from simulators.cell import Cell

@@ -13,7 +13,8 @@ import pytest
 from drivers.bridge.device import BridgeInstrument
 from drivers.bridge.gear import BridgeGear
 from drivers.errors import DeviceRefused
-from drivers.types import GearPlan, InspectedGear, SampleBlock
+from drivers.types.gears import GearPlan, InspectedGear
+from drivers.types.sensing import SampleBlock
 from gateway.config import load_site
 from simulators.cell import Cell
 from simulators.cell.judge import Judge

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from drivers.errors import ConfigError, FileFormatError
 from drivers.sinumerik.tablefile import backlash, forms, reader, temperature
 from drivers.tablefile import TableFile
-from drivers.types import CompensationTable
+from drivers.types.tables import CompensationTable
 
 TABLES = Path(__file__).parents[2] / "golden" / "tables"
 NAMES = sorted(forms.FORMS)

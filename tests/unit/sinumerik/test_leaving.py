@@ -10,7 +10,7 @@ from drivers.leftover import Sent
 from drivers.sinumerik.ncprogram.words import COUNT, Phase, Word, program_path
 from drivers.sinumerik.opcua.dialogue import Glance
 from drivers.sinumerik.opcua.leaving import found
-from drivers.types import ChannelStatus
+from drivers.types.machine import ChannelStatus
 
 MEAS, PUSH, OTHER = program_path("MEAS", "X1"), program_path("PUSH", "X1"), "/_N_MPF_DIR/_N_GEAR_MPF"
 BEFORE = (0.0,) * COUNT

@@ -12,7 +12,7 @@ from drivers.errors import ConfigError
 from drivers.sinumerik.tablefile import forms, lint, suspicion, tables
 from drivers.sinumerik.tablefile.format import TableFiles
 from drivers.tablefile import TableFile, TableMachine
-from drivers.types import CompensationTable
+from drivers.types.tables import CompensationTable
 
 CLEAN = CompensationTable("axis", "X1", "X1", 0.0, 100.0, 50.0, (0.0, 5.0, 2.0))
 TURN = CompensationTable(

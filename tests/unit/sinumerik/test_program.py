@@ -16,7 +16,10 @@ from drivers.sinumerik.ncprogram.backup import Memory
 from drivers.sinumerik.ncprogram.measuring import Setting
 from drivers.sinumerik.ncprogram.motion import Motion
 from drivers.sinumerik.ncprogram.words import Words
-from drivers.types import CompensationTable, MachineIdentity, PushOrder, SignProof, Stop, StopPlan
+from drivers.types.identity import MachineIdentity
+from drivers.types.orders import PushOrder, SignProof
+from drivers.types.stops import Stop, StopPlan
+from drivers.types.tables import CompensationTable
 from simulators.nck.language.parser import parse
 
 SETTING = Setting(Words(80), Memory(80, (0, 30), ("X1", "Z1", "C1")), modulo=False)

@@ -9,7 +9,7 @@ from drivers.errors import FileFormatError
 from drivers.sinumerik.tablefile import forms, reader
 from drivers.sinumerik.tablefile.format import TableFiles
 from drivers.tablefile import TableFile, TableMachine
-from drivers.types import MeasuredSet
+from drivers.types.results import MeasuredSet
 from gateway.evaluate.standards.iso230_2 import evaluate
 from gateway.table.conversion import FileDatum, TableRequest, convert
 from gateway.table.filediff import compare

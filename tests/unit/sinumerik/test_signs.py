@@ -7,7 +7,9 @@ from dataclasses import replace
 import pytest
 
 from drivers.sinumerik.tablefile.tables import sense_for, sense_of, table_by, tables_by
-from drivers.types import CompensationTable, LiveSet, LiveTable, PushOrder, Sense
+from drivers.types.orders import PushOrder
+from drivers.types.tables import CompensationTable, LiveSet, LiveTable
+from drivers.types.values import Sense
 from tests.signed import proof_of
 
 OWN = CompensationTable("axis", "X1", "X1", 0.0, 20.0, 10.0, (0.0, 2.0, -1.0))

@@ -12,7 +12,9 @@ from hypothesis import strategies as st
 
 from drivers.errors import FileFormatError, Gap, TableError
 from drivers.sinumerik.tablefile import forms, tables
-from drivers.types import CompensationTable, MachineIdentity, SignProof
+from drivers.types.identity import MachineIdentity
+from drivers.types.orders import SignProof
+from drivers.types.tables import CompensationTable
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "sinumerik"
 TABLES = GOLDEN.parent / "tables"

@@ -19,7 +19,8 @@ from drivers.sinumerik.ncprogram.words import Words
 from drivers.sinumerik.ncprogram.written import read_written, text_of
 from drivers.sinumerik.tablefile.format import TableFiles
 from drivers.sinumerik.tablefile.reader import read_loosely
-from drivers.types import CompensationTable, LiveSet, PushOrder
+from drivers.types.orders import PushOrder
+from drivers.types.tables import CompensationTable, LiveSet
 from simulators.nck.control import AxisSpec, Nck, NckSpec
 from tests import attacks
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import importlib
 import inspect
+import pkgutil
 from collections.abc import Mapping
 from enum import Enum
-from types import NoneType, UnionType
+from types import ModuleType, NoneType, UnionType
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -20,10 +22,16 @@ FLOATS = st.floats(allow_nan=True, allow_infinity=True)
 TEXT = st.text(max_size=8)
 
 
+def _modules(package: ModuleType) -> list[ModuleType]:
+    """The modules of a package."""
+    found = pkgutil.iter_modules(package.__path__, f"{package.__name__}.")
+    return [importlib.import_module(one.name) for one in found]
+
+
 def all_records() -> list[type]:
     """Every dataclass of the two modules whose records are stored."""
     found = {}
-    for module in (drivers.types, gateway.domain):
+    for module in (*_modules(drivers.types), *_modules(gateway.domain)):
         for _name, item in inspect.getmembers(module, inspect.isclass):
             if dataclasses.is_dataclass(item):
                 found[item.__name__] = item

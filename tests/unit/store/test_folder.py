@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drivers.types import Ambient, MachineIdentity
+from drivers.types.identity import MachineIdentity
+from drivers.types.sensing import Ambient
 from gateway.errors import CorruptRecord, FutureSchema, StoreError
 from gateway.store import Store, disk, records
 

@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers.types import CompensationTable, LiveSet, LiveTable, MachineIdentity, SignProof
-from gateway.domain import Proposal, TableChange
+from drivers.types.identity import MachineIdentity
+from drivers.types.orders import SignProof
+from drivers.types.tables import CompensationTable, LiveSet, LiveTable
+from gateway.domain.proposals import Proposal, TableChange
 from gateway.errors import FutureSchema, WriteRefused
 from gateway.push.records import journal
 from gateway.push.records.history import tables_of

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from drivers.types import MachineIdentity, SignProof
+from drivers.types.identity import MachineIdentity
+from drivers.types.orders import SignProof
 from gateway.errors import CorruptRecord
 from gateway.store import Proofs
 

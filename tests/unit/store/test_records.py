@@ -12,8 +12,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from drivers.types import Ambient, CompensationTable, MachineIdentity
-from gateway.domain import Component
+from drivers.types.identity import MachineIdentity
+from drivers.types.sensing import Ambient
+from drivers.types.tables import CompensationTable
+from gateway.domain.figures import Component
 from gateway.errors import CorruptRecord, FutureSchema, StoreError
 from gateway.store import records
 from tests.unit.store.strategies import all_records, anything, of_type, same

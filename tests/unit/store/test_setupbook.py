@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from drivers.clock import LoopClock
-from drivers.types import MachineIdentity
+from drivers.types.identity import MachineIdentity
 from gateway.errors import CorruptRecord
 from gateway.store import SetupBook, Store
 from gateway.tooth import SetupValues

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.errors import ConfigError, Gap, ValueOutOfRange
-from drivers.types import MeasuredSet
+from drivers.types.results import MeasuredSet
 from gateway.table.conversion import Conversion, FileDatum, TableRequest, convert, datum_of
 
 UP, DOWN = (0.0, 2.0, 4.0, 3.0), (-1.0, 0.0, 2.0, 3.0)

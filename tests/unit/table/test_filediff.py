@@ -8,7 +8,7 @@ from decimal import Decimal
 import pytest
 
 from drivers.tablefile import TableFile
-from drivers.types import CompensationTable
+from drivers.types.tables import CompensationTable
 from gateway.table.filediff import compare
 
 X = CompensationTable("axis", "X1", "X1", 0.0, 20.0, 10.0, (0.0, 2.0, 1.0))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gateway.domain import TableChange
+from gateway.domain.proposals import TableChange
 from gateway.evaluate.behaviour.repetitions import robust_means
 from tests.unit.table import truth as little
 from tests.unit.table.world import live, turn

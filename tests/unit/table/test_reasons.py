@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.types import LiveTable
+from drivers.types.tables import LiveTable
 from gateway.model.fit import fit_polygon
 from gateway.table import MeasuredMeans, propose
 from gateway.table.reasons import may_harm

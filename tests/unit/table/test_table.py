@@ -9,7 +9,8 @@ import pytest
 
 from drivers.errors import Gap, TableError, TooManyPoints, ValueOutOfRange
 from drivers.limits import Limits
-from gateway.domain import Component, TableChange
+from gateway.domain.figures import Component
+from gateway.domain.proposals import TableChange
 from gateway.model.fit import fit_polygon, fit_positioning
 from gateway.table import Grid, MeasuredMeans, check, diff, effective, project, propose
 from gateway.table.limits import check_points

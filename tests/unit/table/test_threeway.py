@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.types import CompensationTable, LiveTable
+from drivers.types.tables import CompensationTable, LiveTable
 from gateway.table.threeway import compare
 
 BEFORE = CompensationTable("axis", "C1", "C1", 0.0, 360.0, 90.0, (0.0, 1.0, 2.0, 1.0, 0.0), True, 0, "deg", "deg")

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.types import CompensationTable, LiveSet, LiveTable
+from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from drivers.units import AxisUnit
 from gateway.axes import AxisRecord
-from gateway.domain import TableChange
+from gateway.domain.proposals import TableChange
 from gateway.evaluate.behaviour.repetitions import robust_means
 from gateway.model.fit import fit_positioning
 from gateway.table import Grid, MeasuredMeans, effective, propose

@@ -13,7 +13,7 @@ import pytest
 from gateway.capture.cycles import visits
 from gateway.config import SiteFile
 from gateway.correct.outlook.flank_uncertainty import Shop
-from gateway.domain import Verdict
+from gateway.domain.outcomes import Verdict
 from gateway.evaluate.behaviour.steadiness import steadiness
 from gateway.siteplan import WorkSection
 from gateway.store import Store

@@ -13,9 +13,11 @@ import pytest
 from drivers.errors import DeviceRefused, ValueOutOfRange
 from drivers.sinumerik.tablefile.held import HELD
 from drivers.sinumerik.tablefile.tables import tables_by
-from drivers.types import Capabilities, CompensationTable, LiveSet, LiveTable, SignProof, TableAbility, TableLimits
+from drivers.types.abilities import Capabilities, TableAbility, TableLimits
+from drivers.types.orders import SignProof
+from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from gateway.correct.flank.tables import Table, TableGrid
-from gateway.domain import TableChange
+from gateway.domain.proposals import TableChange
 from gateway.errors import CaptureError
 from gateway.model.preset import yk7350b
 from gateway.workflow.tooth.crosstables import acting_cross, cross_changes

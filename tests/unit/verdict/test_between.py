@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.types import Ambient
-from gateway.domain import AxisVerdict, Between, Capture, PushRecord
+from drivers.types.sensing import Ambient
+from gateway.domain.captures import Between, Capture
+from gateway.domain.outcomes import AxisVerdict, PushRecord
 from gateway.evaluate.optics.corrections import begin
 from gateway.evaluate.standards.iso230_2 import evaluate
 from gateway.workflow.axes.explaining import check_between

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.types import CompensationTable
-from gateway.domain import TableChange
+from drivers.types.tables import CompensationTable
+from gateway.domain.proposals import TableChange
 from gateway.workflow.axes.explaining import explain
 
 OLD = CompensationTable("axis", "C1", "C1", 0.0, 360.0, 60.0, (0.0, 2.0, 4.0, 2.0, -1.0, -3.0, 0.0), True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from drivers.types import FloatArray
+from drivers.types.values import FloatArray
 from gateway.evaluate.behaviour.table_effect import APART, TableEffect, why
 
 TRUTHS = {"as-predicted": -1.0, "not-active": 0.0, "wrong-sign": 1.0, "doubled": -2.0}

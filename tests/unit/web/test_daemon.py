@@ -23,7 +23,7 @@ from gateway.daemon.desk import Desk, interrupt, unless
 from gateway.daemon.lock import LOCK_FILE, locked
 from gateway.daemon.stored import last_result, newest_runs, pushes_held, stored_report
 from gateway.daemon.token import token_of
-from gateway.domain import AxisVerdict, Verdict
+from gateway.domain.outcomes import AxisVerdict, Verdict
 from gateway.errors import BusyError, StoreError
 from gateway.push.records import journal
 from gateway.say import Say

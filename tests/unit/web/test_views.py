@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from drivers.errors import TransportError
 from drivers.leftover import LeftOver
-from gateway.domain import AxisVerdict, Verdict
+from gateway.domain.outcomes import AxisVerdict, Verdict
 from gateway.views import RunView, as_data, axis_table, device_views
 from gateway.web import create_app
 from tests.unit.report.synthetic import axis_material

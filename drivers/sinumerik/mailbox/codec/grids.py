@@ -20,7 +20,7 @@ from drivers.sinumerik.ncprogram import backup
 from drivers.sinumerik.ncprogram.backup import Memory, Saving
 from drivers.sinumerik.ncprogram.written import text_of
 from drivers.sinumerik.tablefile.grammar import position_text, value_text
-from drivers.types import CompensationTable
+from drivers.types.tables import CompensationTable
 from drivers.units import AxisUnit
 
 VALUE_UNIT: Mapping[AxisUnit, Decimal] = {"mm": Decimal("1e-6"), "deg": Decimal("1e-7")}

@@ -14,7 +14,9 @@ from drivers.clock import Clock
 from drivers.errors import RemoteProtocolError, TransportError
 from drivers.link import Link, Trace
 from drivers.transport import open_transport
-from drivers.types import Ambient, CompensatedFor, Identity, Optics, SampleBlock
+from drivers.types.identity import Identity
+from drivers.types.sensing import Ambient, Optics, SampleBlock
+from drivers.types.values import CompensatedFor
 
 # One answer: the gauge's number and its reading in mm. Anything else is no reading.
 ANSWER = re.compile(rb"(DG-[0-9]+) ([+-][0-9]+\.[0-9]{4})\Z")

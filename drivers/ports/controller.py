@@ -1,166 +1,19 @@
-"""What the gateway may ask of the outside world: one Protocol for each role a device can play."""
+"""A machine control that measures by hand-shake and takes compensation tables."""
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Callable, Mapping, Sequence
-from pathlib import Path
 from typing import Literal, Protocol, runtime_checkable
 
-from drivers.checks import CheckLine, ControlFacts, TrustView, Wanted
-from drivers.tablefile import ArchiveMember, TableFile, TableFinding, TableMachine
+from drivers.ports.devices import Device, Tell
 from drivers.terms import TableKind
-from drivers.types import (
-    Ambient,
-    Capabilities,
-    ClampedPart,
-    CompensatedFor,
-    CompensationTable,
-    DisableOrder,
-    GearPlan,
-    Identity,
-    InspectedGear,
-    LiveSet,
-    MachineIdentity,
-    MachineState,
-    Marker,
-    MeasuredSet,
-    Optics,
-    PushOrder,
-    SampleBlock,
-    Sense,
-    SignProof,
-    StopPlan,
-    StopReached,
-    SwitchReading,
-    TableLimits,
-    TableQuestion,
-)
-from drivers.units import AxisUnit
+from drivers.types.abilities import Capabilities, Marker, TableLimits
+from drivers.types.identity import MachineIdentity
+from drivers.types.machine import MachineState
+from drivers.types.orders import DisableOrder, PushOrder, SignProof, SwitchReading, TableQuestion
+from drivers.types.stops import StopPlan, StopReached
+from drivers.types.tables import CompensationTable, LiveSet
+from drivers.types.values import Sense
 from drivers.workpiece import GrindPlan
-
-
-class Tell(Protocol):
-    """Hears what a driver has to say to people: a code of its catalogue with fields."""
-
-    def __call__(self, code: str, /, **fields: object) -> None:
-        """Tell; returns at once and never raises."""
-        ...
-
-
-@runtime_checkable
-class Device(Protocol):
-    """Anything that is opened, says who it is, and is closed. `open` raises our exceptions only."""
-
-    name: str
-
-    async def open(self, timeout_s: float) -> Identity:
-        """Connect and identify; raises TransportError, ProtocolError or DeviceError."""
-        ...
-
-    async def close(self) -> None:
-        """Let go of the wire; never raises, may be called twice."""
-        ...
-
-
-@runtime_checkable
-class Instrument(Device, Protocol):
-    """A measuring instrument that streams.
-
-    Channel names: a linear laser gives ("displacement_mm",): the optical path in mm of vacuum unless
-    `compensated_for` says otherwise, positive as the instrument counts. A rotary calibrator gives
-    ("device_deg", "laser_deg"); the device counts against the axis: axis = laser - device.
-    """
-
-    @property
-    def channels(self) -> tuple[str, ...]:
-        """Names of the value columns."""
-        ...
-
-    @property
-    def compensated_for(self) -> CompensatedFor:
-        """What the instrument has already applied to its length readings."""
-        ...
-
-    @property
-    def notices(self) -> tuple[str, ...]:
-        """What this instrument cannot see, to be printed in every report."""
-        ...
-
-    async def optics(self) -> Optics:
-        """What is mounted in the beam, if the instrument can tell."""
-        ...
-
-    async def ambient(self) -> Ambient:
-        """Latest environment readings of this instrument; fields are None where it has no sensor."""
-        ...
-
-    def blocks(self) -> AsyncIterator[SampleBlock]:
-        """Samples from now on, oldest first. A lost wire ends it with TransportError."""
-        ...
-
-
-@runtime_checkable
-class Recounting(Instrument, Protocol):
-    """An instrument that must be told to count afresh after its beam was lost."""
-
-    async def set_datum(self) -> None:
-        """The present reading is good again. Raises BeamObstructed while no light returns."""
-        ...
-
-
-@runtime_checkable
-class RotaryCalibrator(Instrument, Protocol):
-    """A self-turning rotary calibrator (XR20-W principle)."""
-
-    async def hold(self) -> None:
-        """Stop following: the device keeps its own angle while the axis moves."""
-        ...
-
-    async def track(self) -> None:
-        """Follow the axis again by turning against it."""
-        ...
-
-    async def turn(self, by_deg: float) -> None:
-        """Turn the device alone by this angle of its own encoder, and hold."""
-        ...
-
-
-@runtime_checkable
-class AmbientSensor(Device, Protocol):
-    """Anything that reads the environment, an instrument among them."""
-
-    async def ambient(self) -> Ambient:
-        """Latest readings; fields are None where there is no sensor."""
-        ...
-
-
-@runtime_checkable
-class TypedInstrument(Instrument, Protocol):
-    """An instrument whose readings a person types: it is told what stands in front of it, and asks."""
-
-    def expect(self, label: str, value: float, limit: float) -> None:
-        """The next reading is of ``label`` and lies within ``limit`` of ``value``, else the person is asked again."""
-        ...
-
-
-@runtime_checkable
-class GearInspector(Device, Protocol):
-    """A gear inspection machine."""
-
-    async def part(self) -> ClampedPart:
-        """What is clamped now."""
-        ...
-
-    async def inspect(self, plan: GearPlan, progress: Callable[[str, int, int], None]) -> InspectedGear:
-        """Measure; ``progress`` hears (trace, done, total). Whatever interrupts it aborts the machine's plan.
-
-        Raises DeviceRefused (nothing clamped, operator stopped it), TransportError, ProtocolError.
-        """
-        ...
-
-    async def abort(self) -> None:
-        """Stop measuring and retract."""
-        ...
 
 
 @runtime_checkable
@@ -312,65 +165,4 @@ class Controller(Device, Protocol):
 
     async def finish_push(self, order: PushOrder, state: Literal["committed", "held", "none"]) -> None:
         """Leave the marker in its last state (none: nothing is left of it) and end the talk about this order."""
-        ...
-
-
-@runtime_checkable
-class ResultFileFormat(Protocol):
-    """A vendor result file format: bytes to record and back."""
-
-    def read(self, path: Path) -> MeasuredSet:
-        """Read a file; raises FileFormatError with line and reason."""
-        ...
-
-
-@runtime_checkable
-class TableFormat(Protocol):
-    """Compensation tables as files."""
-
-    def read(self, data: str | bytes, where: str, units: Mapping[str, AxisUnit] | None = None) -> TableFile:
-        """A file, back-up or archive as it would act; raises FileFormatError or TableError with line and reason."""
-        ...
-
-    def members(self, data: bytes, where: str) -> tuple[ArchiveMember, ...]:
-        """What an archive of the control holds; nothing of any other file. Raises FileFormatError with the place."""
-        ...
-
-    def write(self, tables: Sequence[CompensationTable], form: str, comments: Sequence[str] = ()) -> str:
-        """The text of tables in a form by name. Raises ConfigError naming the forms."""
-        ...
-
-    def findings(self, data: str | bytes, where: str, machine: TableMachine | None = None) -> tuple[TableFinding, ...]:
-        """Everything wrong, doubtful or worth knowing in a table file; empty is clean."""
-        ...
-
-
-@runtime_checkable
-class Doctor(Protocol):
-    """Looks at the road to a device, from its name to its rights, and changes nothing there."""
-
-    async def examine(self, wanted: Wanted, timeout_s: float) -> tuple[CheckLine, ...]:
-        """Every line in the order of the road; ``timeout_s`` bounds each question. Never raises our errors."""
-        ...
-
-
-@runtime_checkable
-class Trust(Protocol):
-    """Which server certificate is trusted; a person decides, by its thumbprint."""
-
-    async def show(self, timeout_s: float) -> TrustView:
-        """What the server shows now beside what is pinned; nothing changes. Raises what the wire raises."""
-        ...
-
-    async def accept(self, thumbprint: str, who: str, timeout_s: float) -> TrustView:
-        """Pin what the server shows now, if its thumbprint is the typed one. Raises DeviceRefused (E-TRUST-OTHER)."""
-        ...
-
-
-@runtime_checkable
-class Survey(Protocol):
-    """Tells what a control knows of itself, so that nobody types it; every question is a read."""
-
-    async def survey(self, timeout_s: float) -> ControlFacts:
-        """Axes, travel, encoders, room for tables. Raises what a login raises."""
         ...

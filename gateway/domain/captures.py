@@ -1,0 +1,92 @@
+"""Deviations as captured, with all that was done to them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from drivers.types.sensing import Ambient
+from drivers.types.tables import LiveSet
+from drivers.units import AxisUnit, DeviationUnit
+from gateway.domain.equipment import SenseProof
+from gateway.domain.values import FloatArray, component_unit
+
+
+@dataclass(frozen=True, slots=True)
+class CorrectionRecord:
+    """One step done to readings: what, by whom, in words, with which coefficients; ``undone`` takes it back."""
+
+    step: str
+    by: str
+    words: str
+    coefficients: Mapping[str, float] = field(default_factory=dict)
+    undone: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Corrections:
+    """What was applied to raw readings, by whom, with which coefficients; applied once, refused twice.
+
+    The words say what stands; ``chain`` holds every step in the order it was done.
+    """
+
+    air: str
+    expansion: str
+    dead_path: str
+    drift: str
+    details: Mapping[str, float] = field(default_factory=dict)
+    chain: tuple[CorrectionRecord, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Between:
+    """Check stops between the targets: places ``targets`` (k,), ``deviations`` (k, n, 2) as in a `Capture`.
+
+    They are held against the fitted curve and never fitted themselves.
+    """
+
+    targets: FloatArray
+    deviations: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Capture:
+    """Deviations of one axis as captured, corrected, in um or arcsec.
+
+    ``targets`` (m,) machine coordinates in the axis unit. ``deviations`` (m, n, 2): target, repetition,
+    approach + then -, NaN where missing. ``reading_u`` is the standard uncertainty of one averaged reading
+    as seen in its own window. ``suspects`` lists (target, repetition, approach index) out of line.
+    ``live`` is what compensated the axis while it was measured. ``unsteady_u`` is the standard uncertainty that
+    drift and jumps leave in the targets' means; ``drift_per_h`` how fast the zero wandered, 0 where that is not clear.
+    ``line_mm`` is where the reflector stood beside the line that counts, its lever taken off; None: they hold for the
+    line that was measured. ``lever_u`` is the standard uncertainty that unknown angles leave at each place.
+    """
+
+    axis: str
+    component: str
+    axis_unit: AxisUnit
+    targets: FloatArray
+    deviations: FloatArray
+    reading_u: float
+    ambient_start: Ambient
+    ambient_end: Ambient
+    corrections: Corrections
+    live: LiveSet | None
+    sense: SenseProof | None
+    suspects: tuple[tuple[int, int, int], ...] = ()
+    source: str = "live"
+    started_utc: str = ""
+    ended_utc: str = ""
+    notes: tuple[str, ...] = ()
+    cycle: Literal["standard", "pendulum", "pilgrim"] = "standard"
+    between: Between | None = None
+    unsteady_u: float = 0.0
+    line_mm: tuple[float, float, float] | None = None
+    lever_u: float = 0.0
+    drift_per_h: float = 0.0
+
+    @property
+    def unit(self) -> DeviationUnit:
+        """Unit of the deviations."""
+        return component_unit(self.component, self.axis_unit)

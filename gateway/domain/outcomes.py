@@ -1,0 +1,69 @@
+"""What a push did, and the run's answer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from drivers.types.orders import SignProof
+from drivers.units import DeviationUnit
+from gateway.domain.figures import Evaluation
+
+
+@dataclass(frozen=True, slots=True)
+class PushRecord:
+    """What a push did to one axis: the outcome in one word and every step with its time.
+
+    "held": stopped half way, and a read-back says that the table is off. "held-on": it is still on, or unknown.
+    """
+
+    transaction: int
+    axis: str
+    outcome: Literal["committed", "already-applied", "rolled-back", "held", "held-on", "refused", "skipped"]
+    steps: tuple[str, ...]
+    backup_path: str
+    effect: tuple[tuple[float, float, float], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class SwitchRecord:
+    """What a disable-only order did to one table; ``table`` as in a proposal ("X1", a cross table with its number).
+
+    "off" and "already-off" are said of what was read back. ``before`` and ``after`` are the acting compensation, in
+    ``unit``; None where it could not be read. ``steps`` say why it is still on, or every reason against it.
+    """
+
+    transaction: int
+    axis: str
+    table: str
+    outcome: Literal["off", "already-off", "still-on", "refused"]
+    unit: str
+    before: float | None
+    after: float | None
+    steps: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class AxisVerdict:
+    """Before and after of one axis in the words of ISO 230-2, and whether the prediction held.
+
+    ``improved`` and ``worse`` are judged at the targets and at the check stops between them.
+    """
+
+    axis: str
+    unit: DeviationUnit
+    before: Evaluation
+    after: Evaluation
+    improved: bool
+    within_prediction: bool
+    words: str
+    worse: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """The run's answer: every axis, and one word for all."""
+
+    axes: tuple[AxisVerdict, ...]
+    outcome: Literal["better", "unchanged", "worse", "not-pushed"]
+    proofs: tuple[SignProof, ...] = ()

@@ -1,0 +1,75 @@
+"""What is proposed for the control, and people's consent to it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from drivers.terms import spoken
+from drivers.types.identity import MachineIdentity
+from drivers.types.tables import CompensationTable, LiveSet
+from gateway.domain.values import FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class TableChange:
+    """One proposed table: the old one as live, the new one merged, and what the axis will then show.
+
+    ``predicted`` (m,) mean deviation expected at ``targets`` after the push, with expanded uncertainty
+    ``predicted_U`` (k = 2). ``skipped`` says why nothing is proposed ("" when something is).
+
+    ``axis`` is the output axis. A cross table's change names its table by ``new``: kind, index, input and output axis,
+    direction, multiplication; its deviations are d of the output axis, whatever the machine's sign. ``targets``
+    are then positions of the input axis. ``base`` is the live set the change was made on, where it is not that
+    of a capture of this axis.
+    """
+
+    axis: str
+    old: CompensationTable
+    new: CompensationTable
+    old_enabled: bool
+    base_digest: str
+    targets: FloatArray
+    predicted: FloatArray
+    predicted_U: FloatArray
+    findings: tuple[str, ...] = ()
+    skipped: str = ""
+    base: LiveSet | None = None
+
+    @property
+    def layer(self) -> Literal["axis", "cross"]:
+        """Which layer of correction the table belongs to."""
+        return self.new.kind
+
+    @property
+    def name(self) -> str:
+        """The table among all of a proposal, as people name it: "X1", and for a cross table its number too."""
+        return spoken().name(self.layer, self.axis, self.new.index)
+
+
+@dataclass(frozen=True, slots=True)
+class Approval:
+    """One person's consent to one plan: ``plan_hash`` from `gateway.push.plan_hash`, bound to base and machine.
+
+    ``actor`` is who gave it; ``serial`` the machine; it holds from ``given_utc`` until ``expires_utc`` (ISO 8601
+    with offset). ``run_id`` is the run whose proposal was approved.
+    """
+
+    actor: str
+    plan_hash: str
+    base_digest: str
+    serial: str
+    given_utc: str
+    expires_utc: str
+    run_id: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Proposal:
+    """All table changes of a run, for one machine, made from captures named by their hashes; ``warnings`` in words."""
+
+    machine: MachineIdentity
+    changes: tuple[TableChange, ...]
+    parents: tuple[str, ...]
+    created_utc: str
+    warnings: tuple[str, ...] = ()
