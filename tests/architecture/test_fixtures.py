@@ -15,6 +15,10 @@ WHOLLY_LONG = {
     ("test_judge.py", "test_the_floor_does_not_depend_on_where_its_search_began"): JUDGED,
     ("test_judge.py", "test_the_work_s_eccentricity_is_kept_out_of_the_tables"): JUDGED,
     ("test_layers.py", "test_no_machine_of_many_gets_worse"): "test_no_machine_gets_worse",
+    (
+        "test_scales.py",
+        "test_a_table_of_the_builder_is_merged_replaced_and_rolled_back_point_by_point",
+    ): "test_the_old_table_can_be_put_back_from_its_back_up",
     ("test_wire.py", "test_the_gateway_killed_between_the_two_halves"): "test_killed_in_a_fresh_process",
 }
 """Tests that leave `make test` whole, and the smaller one of the same code that stays.
