@@ -13,9 +13,9 @@ from typing import Any
 import pytest
 
 from drivers.errors import DeadlineExceeded, DeviceRefused, LinkBroken, TransportError, TrueflankError
-from drivers.sinumerik.opcua.secrets import Secrets
 from drivers.sinumerik.opcua.session import login, nodes
 from drivers.sinumerik.opcua.session.client import UaSession
+from drivers.sinumerik.opcua.session.secrets import Secrets
 from drivers.types.stops import Stop
 from simulators.opcua import SinumerikServer
 from simulators.opcua.space import Space

@@ -10,8 +10,8 @@ import pytest
 
 from drivers.errors import DeviceRefused, TrueflankError
 from drivers.sinumerik.ncprogram.legal import legal
-from drivers.sinumerik.opcua.secrets import Secrets
 from drivers.sinumerik.opcua.session.client import UaSession
+from drivers.sinumerik.opcua.session.secrets import Secrets
 from drivers.types.stops import Stop
 from tests.contract.opcua_stage import SPEC, Stage, on_stage, plan
 

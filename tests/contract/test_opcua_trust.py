@@ -20,10 +20,10 @@ from drivers.clock import LoopClock
 from drivers.errors import ConfigError, TrueflankError
 from drivers.sinumerik.opcua.device import SinumerikOpcUa
 from drivers.sinumerik.opcua.doctor import UaDoctor
-from drivers.sinumerik.opcua.secrets import secrets_of
 from drivers.sinumerik.opcua.session import login
 from drivers.sinumerik.opcua.session.certificates import own_key_pair
 from drivers.sinumerik.opcua.session.client import UaSession
+from drivers.sinumerik.opcua.session.secrets import secrets_of
 from drivers.sinumerik.opcua.settings import UaSettings
 from drivers.sinumerik.opcua.trust import UaTrust, record_of
 from gateway.cli import app

@@ -14,10 +14,10 @@ from drivers.clock import LoopClock
 from drivers.errors import DeviceRefused, TrueflankError
 from drivers.sinumerik.opcua import settings as ua_settings
 from drivers.sinumerik.opcua.device import SinumerikOpcUa
-from drivers.sinumerik.opcua.secrets import APPLICATION_URI
 from drivers.sinumerik.opcua.session import nodes
 from drivers.sinumerik.opcua.session.certificates import own_key_pair
 from drivers.sinumerik.opcua.session.client import UaSession
+from drivers.sinumerik.opcua.session.secrets import APPLICATION_URI
 from drivers.sinumerik.opcua.settings import UaSettings
 from drivers.types.stops import Stop
 from simulators.nck.control import Nck

@@ -30,9 +30,9 @@ from drivers.sinumerik.opcua.machine import Configuration, MachineReader
 from drivers.sinumerik.opcua.measuring import Measuring
 from drivers.sinumerik.opcua.pushing import Pushing
 from drivers.sinumerik.opcua.reading import read_live
-from drivers.sinumerik.opcua.secrets import secrets_of
 from drivers.sinumerik.opcua.selftesting import SelfTesting
 from drivers.sinumerik.opcua.session.client import UaSession
+from drivers.sinumerik.opcua.session.secrets import secrets_of
 from drivers.sinumerik.opcua.settings import UaSettings
 from drivers.sinumerik.opcua.transfer import Transfer
 from drivers.sinumerik.tablefile import tables

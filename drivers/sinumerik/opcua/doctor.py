@@ -16,10 +16,10 @@ from drivers.errors import DeviceRefused, TrueflankError
 from drivers.sinumerik.opcua.bedside.bed import Bedside
 from drivers.sinumerik.opcua.bedside.examination import at_the_bed
 from drivers.sinumerik.opcua.machine import MachineReader
-from drivers.sinumerik.opcua.secrets import secrets_of
 from drivers.sinumerik.opcua.session.certificates import KeyPair, load
 from drivers.sinumerik.opcua.session.client import UaSession
 from drivers.sinumerik.opcua.session.login import Offer, no_policy
+from drivers.sinumerik.opcua.session.secrets import secrets_of
 from drivers.sinumerik.opcua.settings import UaSettings
 from drivers.sinumerik.opcua.trust import last_record, view
 from drivers.sinumerik.reach import host_and_port, reach

@@ -9,8 +9,8 @@ from typing import Any
 from drivers.checks import ControlAxis, ControlFacts
 from drivers.clock import Clock
 from drivers.sinumerik.opcua.machine import Configuration, MachineReader
-from drivers.sinumerik.opcua.secrets import secrets_of
 from drivers.sinumerik.opcua.session.client import UaSession
+from drivers.sinumerik.opcua.session.secrets import secrets_of
 from drivers.sinumerik.opcua.settings import UaSettings
 
 LIMITS = ("$MA_POS_LIMIT_MINUS", "$MA_POS_LIMIT_PLUS")

@@ -17,11 +17,11 @@ from drivers.checks import CertificateView, TrustView
 from drivers.clock import Clock
 from drivers.errors import ConfigError, DeviceRefused
 from drivers.local.ownfiles import made_parents, opened
-from drivers.sinumerik.opcua.secrets import APPLICATION_URI, client_folder
 from drivers.sinumerik.opcua.session import certificates
 from drivers.sinumerik.opcua.session.certificates import load
 from drivers.sinumerik.opcua.session.client import UaSession
 from drivers.sinumerik.opcua.session.login import Offer, no_policy
+from drivers.sinumerik.opcua.session.secrets import APPLICATION_URI, client_folder
 from drivers.sinumerik.opcua.settings import UaSettings
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from drivers.errors import ConfigError
 from drivers.local.scrub import HIDDEN, has_user, without_secrets, without_secrets_text
-from drivers.sinumerik.opcua.secrets import secrets_of
+from drivers.sinumerik.opcua.session.secrets import secrets_of
 from drivers.sinumerik.opcua.settings import UaSettings
 from gateway.config import load_site
 from gateway.workflow.bench import new_run

@@ -13,11 +13,11 @@ from typing import Any
 
 from drivers.clock import Clock
 from drivers.errors import DeviceRefused, LinkBroken, RemoteProtocolError, UnsupportedDevice
-from drivers.sinumerik.opcua.secrets import Secrets
 from drivers.sinumerik.opcua.session import login, nodes, requests
 from drivers.sinumerik.opcua.session.connection import UaConnection, node_id
 from drivers.sinumerik.opcua.session.login import CHANNEL_S, SESSION_S
 from drivers.sinumerik.opcua.session.requests import AlarmEvent, Reading, ServerLimits
+from drivers.sinumerik.opcua.session.secrets import Secrets
 from drivers.sinumerik.opcua.session.status import check_numbers, check_written, is_lost, refusal
 
 __all__ = ["CHANNEL_S", "SESSION_S", "Reading", "UaSession"]

@@ -18,10 +18,10 @@ from asyncua import ua
 
 from drivers.clock import Clock
 from drivers.errors import LinkBroken, TrueflankError
-from drivers.sinumerik.opcua.secrets import Secrets
 from drivers.sinumerik.opcua.session import login, requests
 from drivers.sinumerik.opcua.session import values as typed_values
 from drivers.sinumerik.opcua.session.login import SESSION_S, Offer
+from drivers.sinumerik.opcua.session.secrets import Secrets
 from drivers.sinumerik.opcua.session.status import Stage, foreign, is_lost, refusal
 
 T = TypeVar("T")

@@ -16,8 +16,8 @@ from cryptography import x509
 from cryptography.hazmat.primitives.serialization import Encoding
 
 from drivers.errors import ConfigError, DeviceRefused, RemoteProtocolError
-from drivers.sinumerik.opcua.secrets import APPLICATION_URI, Secrets
 from drivers.sinumerik.opcua.session.certificates import fingerprint, load
+from drivers.sinumerik.opcua.session.secrets import APPLICATION_URI, Secrets
 from drivers.sinumerik.opcua.settings import POLICIES
 
 SESSION_S = 60.0
