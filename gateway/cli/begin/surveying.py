@@ -12,7 +12,9 @@ from drivers.errors import TrueflankError
 from drivers.ports import Controller, Survey
 
 
-async def surveyed(driver: str, url: str, settings: Mapping[str, Any], clock: Clock, timeout_s: float) -> ControlFacts:
+async def surveyed(
+    driver: str, url: str, settings: Mapping[str, Any], *, clock: Clock, timeout_s: float
+) -> ControlFacts:
     """Everything the road can tell. Raises what opening it raises, ConfigError (E-CFG-DRIVER)."""
     name = f"{driver}-survey"
     if name in registry.known("survey"):
