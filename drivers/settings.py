@@ -149,4 +149,4 @@ def in_words(one: Mapping[str, Any], given: object = "") -> str:
 
 
 def _plain(limit: Any) -> str:
-    return f"{limit:g}" if isinstance(limit, float) else str(limit)
+    return f"{limit:.12g}" if isinstance(limit, float) else str(limit)

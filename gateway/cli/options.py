@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -29,3 +29,10 @@ def named(text: str) -> str:
 
 
 PartOption = Annotated[str, typer.Option(help="What the part is called in its run.", callback=named)]
+
+
+def load_site(path: Path) -> Any:
+    """The site file of a command; what reads it is loaded now, so that --help is quick. Raises ConfigError."""
+    from gateway.config import load_site as load
+
+    return load(path)

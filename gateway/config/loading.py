@@ -73,7 +73,7 @@ def read_site(path: Path) -> SiteReading:
     faults = tuple(fault for fault in told if not fault.doubt)
     doubts = tuple(fault for fault in told if fault.doubt)
     right = seen(SiteFile, tree, {fault.path for fault in faults})
-    return SiteReading(site, faults, doubts, text_read, tree, right)
+    return SiteReading(site=site, faults=faults, doubts=doubts, text=text_read, tree=tree, seen=right)
 
 
 def _nothing(faults: tuple[Fault, ...], text: str) -> SiteReading:

@@ -22,7 +22,7 @@ _TEXTS = (
 
 
 @dataclass(slots=True)
-class Places:
+class TextPlaces:
     """Offsets in ``text`` of keys and of values, by their way into the tree."""
 
     text: str
@@ -40,7 +40,7 @@ class Places:
         return None
 
 
-def places_in(text: str) -> Places:
+def places_in(text: str) -> TextPlaces:
     """All of a text; what stands behind the first thing that is no TOML has no place."""
     reader = _Reader(text)
     with contextlib.suppress(IndexError, ValueError, RecursionError):
@@ -50,7 +50,7 @@ def places_in(text: str) -> Places:
 
 class _Reader:
     def __init__(self, text: str) -> None:
-        self.found = Places(text)
+        self.found = TextPlaces(text)
         self._text = text
         self._at = 0
         self._tables: dict[Path, int] = {}

@@ -16,6 +16,7 @@ from gateway.config.sections import SiteFile
 
 ROLES = {"ControllerSection": ("controller",), "InstrumentSection": INSTRUMENTS}
 _INSIDE = "memory"  # wires within one process
+_OURS = "drivers."
 _LIMITS = {
     "exclusiveMinimum": "above {}",
     "minimum": "{} or more",
@@ -24,9 +25,10 @@ _LIMITS = {
 }
 
 
-def settings_models(role: str) -> dict[str, type[DriverSettings]]:
-    """The model of each driver of a role that declares one, by the driver's name."""
-    models = {name: spec.load_settings() for name, spec in sorted(registry.known(role).items())}
+def settings_models(role: str, *, ours: bool = False) -> dict[str, type[DriverSettings]]:
+    """The model of each driver of a role that declares one, by the driver's name; with ``ours`` of no other package."""
+    specs = sorted(registry.known(role).items())
+    models = {name: spec.load_settings() for name, spec in specs if not ours or spec.target.startswith(_OURS)}
     return {name: model for name, model in models.items() if model is not None}
 
 
@@ -36,7 +38,7 @@ def schema() -> dict[str, Any]:
     for section, roles in ROLES.items():
         cases = []
         for name, model in (pair for role in roles for pair in settings_models(role).items()):
-            place = f"Settings of {name}"
+            place = f"Settings-{name}"
             whole["$defs"][place] = model.model_json_schema()
             then = {"properties": {"settings": {"$ref": f"#/$defs/{place}"}}}
             cases.append({"if": _named(whole["$defs"][section], name), "then": then})
@@ -67,7 +69,7 @@ def page() -> str:
         "",
     ]
     for role in ("controller", *INSTRUMENTS):
-        for name, model in settings_models(role).items():
+        for name, model in settings_models(role, ours=True).items():
             kinds = ", ".join(
                 f"`{kind}://`" if kind else "a serial port" for kind in model.addresses if kind != "memory"
             )
@@ -124,5 +126,5 @@ def kind_of(one: Mapping[str, Any]) -> str:
     kind = kinds.get(str(one.get("type")), "list" if one.get("type") == "array" else "section of keys")
     if one.get("type") == "array" and "prefixItems" in one:
         kind = f"list of {len(one['prefixItems'])} numbers"
-    limits = [text.format(f"{one[key]:g}") for key, text in _LIMITS.items() if key in one]
+    limits = [text.format(f"{one[key]:.12g}") for key, text in _LIMITS.items() if key in one]
     return ", ".join([kind, *limits])

@@ -25,14 +25,14 @@ DOORS = {
     "lark": 1,
     "markupsafe": 2,
     "matplotlib": 8,
-    "pydantic": 14,
+    "pydantic": 18,
     "pymodbus": 1,
     "pytest": 1,
     "rich": 1,
     "scipy": 14,
     "serial": 1,
     "starlette": 2,
-    "typer": 23,
+    "typer": 26,
     "uvicorn": 1,
 }
 """In how many files each foreign library is imported; numpy is the language of the maths and may be anywhere."""

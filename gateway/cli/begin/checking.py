@@ -26,7 +26,7 @@ def add_to(app: typer.Typer) -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class Checked:
+class CheckedSite:
     """What was found: ``faults`` refuse the file, ``doubts`` do not; ``site`` is None where it cannot be used."""
 
     site: Any
@@ -53,7 +53,7 @@ def check_command(
     from gateway.config.loading import placed
 
     found = checked(site)
-    rows: list[tuple[str, ...]] = []
+    rows: Sequence[tuple[str, ...]] = ()
     if connect and not found.faults:
         rows, limits = run_to_end(_asked(found.site))
         found = replace(found, faults=in_order(placed(limits, found.text)))
@@ -62,7 +62,7 @@ def check_command(
         raise typer.Exit(WRONG_FILE)
 
 
-def checked(path: Path) -> Checked:
+def checked(path: Path) -> CheckedSite:
     """The file, and the files it names, judged. Raises ConfigError (E-CFG-READ, E-CFG-ENCODING)."""
     from gateway.cli.begin.ondisk import disk_faults
     from gateway.config.loading import beside, placed, read_site
@@ -72,7 +72,7 @@ def checked(path: Path) -> Checked:
     faults = (*reading.faults, *(one for one in disk if not one.doubt))
     doubts = (*reading.doubts, *(one for one in disk if one.doubt))
     site = beside(reading.site, path.parent) if reading.site is not None else None
-    return Checked(site, in_order(faults), in_order(doubts), reading.text)
+    return CheckedSite(site, in_order(faults), in_order(doubts), reading.text)
 
 
 def in_order(faults: Sequence[Any]) -> tuple[Any, ...]:
@@ -80,7 +80,7 @@ def in_order(faults: Sequence[Any]) -> tuple[Any, ...]:
     return tuple(sorted(faults, key=lambda one: (one.line, one.column)))
 
 
-async def _asked(site: Any) -> tuple[list[tuple[str, ...]], tuple[Any, ...]]:
+async def _asked(site: Any) -> tuple[Sequence[tuple[str, ...]], tuple[Any, ...]]:
     """Every device's identity, and what the control says against the file. Raises DevicesFailed."""
     from gateway.cli.begin.surveying import surveyed
     from gateway.supervisor import Supervisor
@@ -95,7 +95,7 @@ async def _asked(site: Any) -> tuple[list[tuple[str, ...]], tuple[Any, ...]]:
     rows: list[tuple[str, ...]] = [
         (one.name, one.identity.model, one.identity.serial, one.identity.firmware) for one in seen if one.identity
     ]
-    facts = await surveyed(control.driver, control.url, control.settings, clock, control.timeout_s)
+    facts = await surveyed(control.driver, control.url, control.settings, clock=clock, timeout_s=control.timeout_s)
     return rows, tuple(against_control(site, facts))
 
 
@@ -142,7 +142,7 @@ def reach(axis: Any) -> tuple[float, float]:
     return float(at[0]) - measure.overrun, float(at[-1]) + measure.overrun
 
 
-def tell(found: Checked, path: Path, rows: Sequence[tuple[str, ...]], *, as_json: bool) -> None:
+def tell(found: CheckedSite, path: Path, rows: Sequence[tuple[str, ...]], *, as_json: bool) -> None:
     """The verdict for people, or as data."""
     if as_json:
         devices = [dict(zip(DEVICE_KEYS, row, strict=True)) for row in rows]

@@ -12,12 +12,14 @@ from drivers.checks import ControlAxis
 OVERRUN, ROTARY = 5.0, "ABC"
 # Distances of interpolation points that people read easily, mm or deg.
 STEPS = (1.0, 2.0, 2.5, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 45.0, 50.0, 90.0, 100.0, 200.0, 250.0, 500.0, 1000.0)
+TURNING = (15.0, 30.0, 45.0, 90.0)
+"""Those for rotary axes alone."""
 MOST_POINTS = 101
 TURN = 360.0
 
 
 @dataclass(frozen=True, slots=True)
-class Planned:
+class AxisToMeasure:
     """An axis to be measured: travel in mm or deg, ``instrument`` by its name in the site file."""
 
     name: str
@@ -30,11 +32,11 @@ class Planned:
     points: int | None = None
 
 
-def planned(axis: ControlAxis, travel: tuple[float, float], instruments: tuple[str, str]) -> Planned:
+def planned(axis: ControlAxis, travel: tuple[float, float], instruments: tuple[str, str]) -> AxisToMeasure:
     """An axis as the control tells it; ``instruments`` are those of linear and of rotary axes."""
     rotary = axis.unit == "deg"
     modulo = rotary and (axis.modulo if axis.modulo is not None else travel == (0.0, TURN))
-    return Planned(
+    return AxisToMeasure(
         name=axis.name,
         letter=letter_of(axis.name),
         rotary=rotary,
@@ -52,7 +54,7 @@ def letter_of(name: str) -> str:
     return letters[0] if letters else next((one for one in name.upper() if one.isalpha()), "X")
 
 
-def axis_tree(axis: Planned) -> dict[str, Any]:
+def axis_tree(axis: AxisToMeasure) -> dict[str, Any]:
     """The axis' section: targets, overrun and table fit into its travel and into the control's room for points."""
     low, high, step = grid(axis)
     targets: dict[str, Any] = {"first": low, "last": high, "count": "iso230-2"}
@@ -77,23 +79,23 @@ def axis_tree(axis: Planned) -> dict[str, Any]:
     return tree
 
 
-def overrun(axis: Planned) -> float:
+def overrun(axis: AxisToMeasure) -> float:
     """How far the axis may run beyond its outer targets: 5 mm or deg, less on a short axis."""
     return min(OVERRUN, (axis.travel[1] - axis.travel[0]) / 20.0)
 
 
-def grid(axis: Planned) -> tuple[float, float, float]:
+def grid(axis: AxisToMeasure) -> tuple[float, float, float]:
     """First point, last point and distance of the table: whole steps, within the travel less the overrun."""
     most = min(axis.points or MOST_POINTS, MOST_POINTS)
     span = (0.0, TURN) if axis.modulo else (axis.travel[0] + overrun(axis), axis.travel[1] - overrun(axis))
-    for step in STEPS:
+    for step in (one for one in STEPS if axis.rotary or one not in TURNING):
         low, high = ceil(span[0] / step - 1e-9) * step, floor(span[1] / step + 1e-9) * step
         if high > low and round((high - low) / step) + 1 <= most and (not axis.modulo or TURN % step == 0):
             return low, high, step
     return span[0], span[1], span[1] - span[0]
 
 
-def used_letters(axes: Sequence[Planned]) -> tuple[Planned, ...]:
+def used_letters(axes: Sequence[AxisToMeasure]) -> tuple[AxisToMeasure, ...]:
     """The axes whose letter is their own: of two with one letter the first is measured."""
     seen: set[str] = set()
     found = []

@@ -13,7 +13,9 @@ from drivers.ports.controller import Controller
 from drivers.ports.devices import Survey
 
 
-async def surveyed(driver: str, url: str, settings: Mapping[str, Any], clock: Clock, timeout_s: float) -> ControlFacts:
+async def surveyed(
+    driver: str, url: str, settings: Mapping[str, Any], *, clock: Clock, timeout_s: float
+) -> ControlFacts:
     """Everything the road can tell. Raises what opening it raises, ConfigError (E-CFG-DRIVER)."""
     name = f"{driver}-survey"
     if name in registry.known("survey"):

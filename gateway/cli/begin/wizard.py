@@ -82,7 +82,8 @@ def _facts(road: str, control: dict[str, Any], folder: Path, asker: Asker) -> Co
     try:
         if road == "opcua" and not _trusted(control, settings, folder, asker):
             return None
-        facts = run_to_end(surveyed(control["driver"], control["url"], settings, LoopClock(), TIMEOUT_S))
+        asked = surveyed(control["driver"], control["url"], settings, clock=LoopClock(), timeout_s=TIMEOUT_S)
+        facts = run_to_end(asked)
     except TrueflankError as error:
         echo(words("P-INIT-NO-CONTROL", why=str(error)), colour="yellow")
         return None

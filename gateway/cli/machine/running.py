@@ -8,9 +8,9 @@ from typing import Any
 import typer
 
 from drivers.clock import Clock, LoopClock
+from gateway.cli.options import load_site
 from gateway.cli.show import echo, progress, show_json, show_table
 from gateway.cli.stopping import run_to_end
-from gateway.config import load_site
 from gateway.errors import StillOn
 from gateway.say import Say
 

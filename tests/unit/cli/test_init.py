@@ -1,0 +1,180 @@
+"""A site file by answers: typed, piped or given; checked at once; nothing is ever overwritten."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from drivers.checks import ControlAxis, ControlFacts
+from drivers.errors import ConfigError
+from gateway.cli import app
+from gateway.cli.begin.checking import against_control, checked
+from gateway.cli.begin.siteparts import axis_tree, grid, letter_of, planned, used_letters
+from gateway.config import load_site, schema
+from gateway.config.reference import page, settings_models
+from gateway.config.writing import site_text, written
+
+ROOT = Path(__file__).parents[3]
+EXAMPLES = sorted((ROOT / "examples" / "sites").glob("*.toml"))
+
+
+def ran(folder: Path, *options: str, typed: str = "") -> Result:
+    words = ["init", str(folder / "site.toml"), *options]
+    return CliRunner().invoke(app, words, input=typed, catch_exceptions=False)
+
+
+def test_an_owner_of_files_gets_a_checked_file_from_three_answers(tmp_path: Path) -> None:
+    done = ran(tmp_path, typed="files\nold-1\n\n\n\n")
+    assert done.exit_code == 0, done.output
+    assert done.output.count("  road") == 1
+    assert "valid" in done.output
+    found = checked(tmp_path / "site.toml")
+    assert (found.faults, found.doubts) == ((), ())
+    assert found.site.site.name == "old-1"
+    assert [axis.name for axis in found.site.axes] == ["X1", "Z1", "C1"]
+
+
+def test_every_question_says_why_it_is_asked_and_a_wrong_answer_is_asked_again(tmp_path: Path) -> None:
+    done = ran(tmp_path, typed="opc\nfiles\nmy grinder\nm1\nS7\nX1 X1\nY B\nX 0 1\nY -100 200, B -20 120\n")
+    assert done.exit_code == 0, done.output
+    assert "must be opcua, mailbox, files" in done.output
+    assert "Nothing is written to a machine with another one" in done.output
+    site = load_site(tmp_path / "site.toml")
+    assert [(axis.name, axis.kind, axis.travel) for axis in site.axes] == [
+        ("Y", "linear", (-100.0, 200.0)),
+        ("B", "rotary", (-20.0, 120.0)),
+    ]
+
+
+def test_nothing_is_overwritten_and_no_end_of_input_hangs(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="E-INIT-ENDED"):
+        ran(tmp_path, typed="files\n")
+    assert not (tmp_path / "site.toml").exists()
+    (tmp_path / "site.toml").write_text("mine")
+    with pytest.raises(ConfigError, match="E-INIT-EXISTS"):
+        ran(tmp_path, "--yes")
+    assert (tmp_path / "site.toml").read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("answer", "code"),
+    [
+        ("road=train", "E-INIT-ANSWER"),
+        ("name=a b", "E-INIT-ANSWER"),
+        ("axes=", "E-INIT-ANSWER"),
+        ("travel=X1 5 1", "E-INIT-ANSWER"),
+        ("colour=red", "E-INIT-OPTION"),
+        ("road", "E-INIT-OPTION"),
+    ],
+)
+def test_answers_given_beforehand_are_judged(tmp_path: Path, answer: str, code: str) -> None:
+    with pytest.raises(ConfigError, match=code):
+        ran(tmp_path, "--yes", "--answer", "road=files", "--answer", answer)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_control_that_does_not_answer_leaves_a_file_and_the_next_step(tmp_path: Path) -> None:
+    done = ran(tmp_path, "--yes", "--answer", "url=opc.tcp://127.0.0.1:9")
+    assert done.exit_code == 0
+    assert "cannot be read now" in done.output
+    assert "trueflank trust accept" in done.output
+    assert [fault.code for fault in checked(tmp_path / "site.toml").faults] == ["E-CFG-CERTIFICATE"]
+
+
+FIVE = (
+    ControlAxis("X1", "mm", False, (-650.0, 650.0), 0, 131),
+    ControlAxis("Y1", "mm", False, (-3.3, 4.1), 1, 10),
+    ControlAxis("Z1", "mm", False, (-500.0, -50.0), 0, 20),
+    ControlAxis("B1", "deg", False, (-110.0, 110.0), 0, 50),
+    ControlAxis("C1", "deg", True, None, 0, 40),
+)
+
+
+def test_five_axes_fit_into_travel_and_room(tmp_path: Path) -> None:
+    travels = [axis.travel or (0.0, 360.0) for axis in FIVE]
+    plans = [planned(axis, travel, ("laser", "ring")) for axis, travel in zip(FIVE, travels, strict=True)]
+    tree = {
+        "site": {"name": "five"},
+        "controller": {"driver": "sinumerik-modbus", "url": "tcp://h:502", "serial": "S"},
+        "instruments": [
+            {"name": "laser", "driver": "umd", "url": "COM5"},
+            {"name": "ring", "driver": "bridge", "url": "tcp://h:1"},
+        ],
+        "axes": [axis_tree(plan) for plan in plans],
+    }
+    path = tmp_path / "site.toml"
+    path.write_text(site_text(tree, "five"), encoding="utf-8")
+    found = checked(path)
+    assert (found.faults, found.doubts) == ((), ())
+    assert list(against_control(found.site, ControlFacts("S", "V", "metric", FIVE))) == []
+    assert [grid(plan)[2] for plan in plans] == [20.0, 1.0, 25.0, 5.0, 10.0]
+
+
+def test_what_the_control_says_otherwise_is_told_before_anything_moves(tmp_path: Path) -> None:
+    ran(tmp_path, "--yes", "--answer", "road=files")
+    site = load_site(tmp_path / "site.toml")
+    told = ControlFacts(
+        "S",
+        "V",
+        "metric",
+        (ControlAxis("X1", "mm", False, (0.0, 400.0), 1, 50), ControlAxis("C1", "mm", False, (0.0, 360.0), 0, 500)),
+    )
+    found = [(fault.path[1:], fault.code) for fault in against_control(site, told)]
+    assert found == [
+        ((0, "encoder"), "E-CFG-CONTROL-ENCODER"),
+        ((0, "table"), "E-CFG-CONTROL-ROOM"),
+        ((0, "travel"), "E-CFG-CONTROL-LIMITS"),
+        ((0, "table"), "E-CFG-CONTROL-LIMITS"),
+        ((0, "targets"), "E-CFG-CONTROL-LIMITS"),
+        ((1, "name"), "E-CFG-CONTROL-AXIS"),
+        ((2, "kind"), "E-CFG-CONTROL-KIND"),
+        ((2, "modulo"), "E-CFG-CONTROL-MODULO"),
+    ]
+
+
+def test_letters_come_from_names() -> None:
+    assert [letter_of(name) for name in ("X1", "MX2", "C", "TABLE", "Q7")] == ["X", "X", "C", "A", "Q"]
+    two = [planned(ControlAxis(name, "mm"), (0.0, 9.0), ("a", "b")) for name in ("X1", "X2", "Z1")]
+    assert [plan.name for plan in used_letters(two)] == ["X1", "Z1"]
+
+
+def test_written_values_are_read_back() -> None:
+    tree = {"a": 'q"\\\x7f\n', "b": [1, 2.5, True], "c": {"d": -1e-9, "e": ""}}
+    assert tomllib.loads("\n".join(f"{key} = {written(value)}" for key, value in tree.items())) == tree
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=[path.stem for path in EXAMPLES])
+def test_every_example_is_valid_once_its_secrets_are_there(tmp_path: Path, path: Path) -> None:
+    lacking = {fault.path[-1] for fault in checked(path).faults}
+    assert lacking <= {"password_file", "server_certificate"}
+    copy = tmp_path / "sites" / path.name
+    copy.parent.mkdir()
+    copy.write_bytes(path.read_bytes())
+    (tmp_path / "gears").symlink_to(ROOT / "examples" / "gears")
+    (copy.parent / "password.txt").touch(mode=0o600)
+    (copy.parent / "password.txt").write_text("secret")
+    (copy.parent / "control.der").write_bytes(b"\x30\x82")
+    found = checked(copy)
+    assert (found.faults, found.doubts) == ((), ())
+    assert all("#" in line for line in path.read_text().splitlines() if line.strip() and not line.startswith("["))
+
+
+def test_there_is_an_example_for_each_kind_of_owner() -> None:
+    names = [path.stem for path in EXAMPLES]
+    assert names == ["files-only", "five-axes", "mailbox-grinder", "mill-three-axes", "opcua-grinder"]
+
+
+def test_the_page_of_reference_is_that_of_the_code() -> None:
+    assert (ROOT / "docs" / "site-file.md").read_text(encoding="utf-8") == page()
+    assert " |  |" not in page(), "a key without a description"
+
+
+def test_the_schema_holds_the_settings_of_every_driver() -> None:
+    whole = schema()
+    for role in ("controller", "instrument", "gear-inspector"):
+        for name, model in settings_models(role).items():
+            assert set(whole["$defs"][f"Settings-{name}"]["properties"]) == set(model.model_fields)
+    assert len(whole["$defs"]["InstrumentSection"]["allOf"]) >= 5
