@@ -48,7 +48,7 @@ def only(keys: tuple[str, ...], axes: tuple[str, ...], count: int, repetitions: 
         parts += [section("[instruments]", item) for item in site["instruments"] if item["name"] in used]
         for axis in (axis for axis in site["axes"] if axis["name"] in axes):
             targets = {**axis["measure"]["targets"], "count": count}
-            measure = {**axis["measure"], "targets": targets, "repetitions": repetitions, "component": "none"}
+            measure = {**axis["measure"], "targets": targets, "repetitions": repetitions}
             measure["instrument"] = next(one["instrument"] for one in setups if one["axis"] == axis["name"])
             parts += [section("[axes]", {k: v for k, v in axis.items() if k not in ("measure", "table")})]
             parts += [section("axes.measure", measure), section("axes.table", axis["table"])]
@@ -56,6 +56,14 @@ def only(keys: tuple[str, ...], axes: tuple[str, ...], count: int, repetitions: 
         return "\n".join(parts)
 
     return edit
+
+
+def without_positioning(site: SiteFile) -> SiteFile:
+    """The plan's set-ups alone: no axis is measured for itself."""
+    axes = [
+        axis.model_copy(update={"measure": axis.measure.model_copy(update={"component": "none"})}) for axis in site.axes
+    ]
+    return site.model_copy(update={"axes": axes})
 
 
 def on_cell(
@@ -105,7 +113,8 @@ def test_a_plan_is_walked_stopped_and_resumed_and_every_component_identified(tmp
     """Wrong optics are refused; the run is resumed, nothing twice; another plan, machine or table refuses it."""
     table = tmp_path / "pitch.csv"
 
-    async def story(cell: Cell, site: SiteFile, clock: LoopClock) -> None:
+    async def story(cell: Cell, whole: SiteFile, clock: LoopClock) -> None:
+        site = without_positioning(whole)
         root = store_of(site, cell.site_path).root
         written(cell, table)
 

@@ -27,7 +27,7 @@ GUEST = """
 import asyncio
 from drivers import registry
 from drivers.clock import LoopClock, run_virtual
-from drivers.ports import Instrument
+from drivers.ports.instruments import Instrument
 from drivers.transport import serve
 
 async def gauge(wire):

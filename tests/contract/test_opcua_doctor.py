@@ -72,8 +72,8 @@ async def test_a_road_in_order(keys: Path) -> None:
     assert tuple(line.check for line in lines) == CHECKS
 
 
-def test_a_first_file_without_a_certificate_is_told_its_thumbprint(keys: Path) -> None:
-    lines = lines_of(keys, server_certificate="")
+async def test_a_first_file_without_a_certificate_is_told_its_thumbprint(keys: Path) -> None:
+    lines = await lines_of(keys, server_certificate="")
     assert [line.code for line in lines if line.outcome != "ok"] == ["E-DOC-NO-CERTIFICATE", "W-DOC-NOT-REACHED"]
     (told,) = [line for line in lines if line.code == "E-DOC-NO-CERTIFICATE"]
     assert "trueflank trust accept" in told.fix

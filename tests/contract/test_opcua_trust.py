@@ -26,11 +26,16 @@ from drivers.sinumerik.opcua.session.client import UaSession
 from drivers.sinumerik.opcua.session.secrets import secrets_of
 from drivers.sinumerik.opcua.settings import UaSettings
 from drivers.sinumerik.opcua.trust import UaTrust, record_of
+from drivers.types.identity import MachineIdentity
 from gateway.cli import app
+from gateway.config.loading import load_site
+from gateway.store import SelfTestBook
+from gateway.workflow.bench import store_of
 from simulators.nck.control import Nck
 from simulators.opcua import SinumerikServer
 from tests.contract.opcua_stage import SPEC, Stage, on_stage
 from tests.contract.test_opcua_doctor import WANTED
+from tests.selftested import passed
 
 USER = {"user": "trueflank", "password": "trueflank"}
 
@@ -155,6 +160,7 @@ name = "X1"
 letter = "X"
 kind = "linear"
 travel = [-250.0, 250.0]
+encoder = 0
 [axes.measure]
 instrument = "laser"
 component = "EXX"
@@ -198,6 +204,8 @@ async def test_the_commands(keys: Path, tmp_path: Path) -> None:
     assert code == 0, said
     assert "accepted by" in said
     nck.files.write("/_N_SPF_DIR/_N_TFSELF_X1_SPF", TESTED)
+    machine = MachineIdentity(SPEC.serial, SPEC.nck_version, tuple(axis.name for axis in SPEC.axes))
+    SelfTestBook(store_of(load_site(site), site).root).save(passed(machine))
     code, said = await asyncio.to_thread(command, "doctor", "--json")
     told = json.loads(said)
     assert (code, told["ok"]) == (0, True), [line for line in told["lines"] if line["outcome"] != "ok"]

@@ -47,7 +47,7 @@ def test_every_number_has_its_tests() -> None:
     root = Path(__file__).parents[2]
     for number, (path, start) in FAULTS.items():
         tree = ast.parse((root / path).read_text(encoding="utf-8"))
-        names = [node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+        names = [node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)]
         assert [name for name in names if name.startswith(start)], f"fault {number}: {path} has no {start}..."
 
 

@@ -97,10 +97,10 @@ UNEVEN = "$AA_ENC_COMP_MAX[0,X1]=280\n"  # points at 0, 100 and 200: 2.8 interva
     ("reading", "at_240", "at_280"),
     [("floor", 4, 4), ("stretched", 2 + 2 * 140 / 180, 4), ("ceil", 5.6, 7.2), ("idle", 0, 0)],
 )
-def test_a_step_that_does_not_divide(reading: str, at_240: float, at_280: float) -> None:
+async def test_a_step_that_does_not_divide(reading: str, at_240: float, at_280: float) -> None:
     lines = eec_lines("X1", [0.0, 0.002, 0.004, 0.008], 0.0, 100.0) + UNEVEN
 
-    async def body(bench: Bench) -> None:
+    async with on_bench(uneven_step=reading) as bench:
         await bench.run(enable("X1", 0) + lines + enable("X1", 1) + "M30")
         await bench.reset_and_reference()
         seen = []
@@ -109,20 +109,16 @@ def test_a_step_that_does_not_divide(reading: str, at_240: float, at_280: float)
             seen.append(1000.0 * bench.nck.axis_state("X1").eec_value)
         assert seen == pytest.approx([0.0 if reading == "idle" else 2.0, at_240, at_280], abs=1e-6)
 
-    on_bench(body, uneven_step=reading)
-
 
 @pytest.mark.parametrize("reading", ["floor", "stretched", "ceil", "idle"])
-def test_a_cross_table_with_such_a_step(reading: str) -> None:
+async def test_a_cross_table_with_such_a_step(reading: str) -> None:
     text = table(0, "Z1", "X1", [0.0, 0.002, 0.004, 0.008], 0.0, 100.0).replace("MAX[0]=300", "MAX[0]=280")
 
-    async def body(bench: Bench) -> None:
+    async with on_bench(uneven_step=reading) as bench:
         await load(bench, text, "X1")
         await move(bench, "Z250")
         expected = {"floor": 4.0, "stretched": 2.0 + 2.0 * 150.0 / 180.0, "ceil": 6.0, "idle": 0.0}[reading]
         assert 1000.0 * bench.nck.axis_state("X1").cec_value == pytest.approx(expected, abs=1e-6)
-
-    on_bench(body, uneven_step=reading)
 
 
 @pytest.mark.parametrize("kept", [True, False])

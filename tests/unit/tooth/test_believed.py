@@ -78,6 +78,7 @@ def test_nothing_is_ground_again_where_nothing_was_pushed(tmp_path: Path, monkey
     monkeypatch.setattr(tooth_loop, "SetupBook", lambda _root: book)
     lacks = SimpleNamespace(setup=SetupValues(x_um=1.5))
     monkeypatch.setattr(tooth_loop, "setup_from_part", lambda _part, _gear: lacks)
+    monkeypatch.setattr(tooth_loop.selftests, "demand", lambda _at: None)
     at: Any = SimpleNamespace(folder=folder, store=store, machine=None, site=SiteFile.model_validate(site_data()))
     at.say = lambda code, **fields: said.append(f"{code} {fields.get('name', fields.get('x', ''))}")
     work: Any = SimpleNamespace(name="disc", gear=None)
