@@ -47,7 +47,7 @@ def _measured(tree: Mapping[str, Any], site: Any, axis: Any) -> Iterator[Fault]:
     measure, place, letter = axis.measure, axis.measure.place, axis.letter
     own = f"E{letter}{letter}"
     if letter and measure.component is not None and measure.component != own:
-        # Whoever works with the set-ups alone takes an axis whose own deviation has no name; nobody measures it by this.
+        # Who works with set-ups alone takes an axis whose own deviation has no name; nobody measures it by this.
         fault = broken(tree, (*place, "component"), words("W-CFG-OWN", own=own, letter=letter))
         yield replace(fault, later=MOTION.fullmatch(str(measure.component)) is None)
     if measure.file is None:
