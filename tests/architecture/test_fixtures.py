@@ -9,6 +9,10 @@ from pathlib import Path
 TESTS = Path(__file__).parents[1]
 JUDGED = "test_what_tables_and_set_up_values_can_cure_leaves_nothing"
 WHOLLY_LONG = {
+    (
+        "test_hostile.py",
+        "test_measured_without_check_stops_it_is_found_after_the_push",
+    ): "test_a_wave_that_looks_like_the_first_harmonic_is_refused_before_anything_is_written",
     ("test_judge.py", "test_a_table_as_steep_as_it_may_be_holds_the_floor_up"): JUDGED,
     ("test_judge.py", "test_no_part_corrected_by_chance_is_better"): JUDGED,
     ("test_judge.py", "test_of_a_tangential_error_38_percent_stay_on_the_disc_of_eleven"): JUDGED,

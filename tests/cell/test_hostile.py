@@ -157,6 +157,7 @@ def test_a_wave_that_looks_like_the_first_harmonic_is_refused_before_anything_is
     assert "6 check stops between the targets miss the curve by" in str(hidden[0])
 
 
+@pytest.mark.long
 def test_measured_without_check_stops_it_is_found_after_the_push(tmp_path: Path) -> None:
     end = run(tmp_path, with_terms("ECC", wave(25, 12.0), even=True), "C1", 24, 4, between=0)
     assert end.judged is not None

@@ -53,12 +53,10 @@ def test_the_demo_machines_linear_axes_get_better_as_promised(tmp_path: Path, ax
 
 @pytest.mark.parametrize(
     ("seed", "flip", "axes", "senses"),
-    few(
-        [
-            (7, True, ("C1",), {"laser": 1, "calibrator": 1}),
-            (8, False, ("X1", "C1"), {"laser": -1, "calibrator": -1}),
-        ]
-    ),
+    [
+        long((7, True, ("C1",), {"laser": 1, "calibrator": 1})),
+        long((8, False, ("X1", "C1"), {"laser": -1, "calibrator": -1})),
+    ],
 )
 def test_other_machines_are_never_made_worse(
     tmp_path: Path, seed: int, flip: bool, axes: tuple[str, ...], senses: dict[str, int]

@@ -39,9 +39,9 @@ def kept(one: MachineResult) -> list[str]:
 
 
 @pytest.mark.timeout(1800)
-@pytest.mark.parametrize(("name", "absent_at"), few([("eleven", "trial"), ("demo", ""), ("2", ""), ("4", "")]))
+@pytest.mark.parametrize(("name", "absent_at"), few([("demo", ""), ("eleven", "trial"), ("2", ""), ("4", "")]))
 def test_a_short_plan_ends_at_the_floor_of_its_machine(tmp_path: Path, name: str, absent_at: str) -> None:
-    """On the first one nobody loads the trial part: the run stops, goes on later, and does nothing twice."""
+    """On one of them nobody loads the trial part: the run stops, goes on later, and does nothing twice."""
     file: CellFile = machine(int(name)) if name.isdecimal() else with_plan(load_cell(name))
     found = run_machine(file, file.seed, tmp_path, short=True, edit=short, absent_at=absent_at)
     print(found)

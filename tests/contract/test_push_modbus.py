@@ -22,6 +22,7 @@ from gateway.push import PushContext, prove_sign, push_table
 from gateway.push.compare import table_in
 from tests.contract.modbus_stage import Stage, cross, on_stage, table
 from tests.signed import signed
+from tests.sizes import few
 
 X_AXIS = AxisRecord("X1", "X", "mm", False, False, (-190.0, 340.0), 0.0, 6000.0)
 C_AXIS = AxisRecord("C1", "C", "deg", True, True, (0.0, 360.0), 0.0, 3600.0)
@@ -85,7 +86,7 @@ async def proof_of(on: Stage, function: Any, sign: Any = 1) -> SignProof:
     return SignProof(machine, function, "X1", -1.0 * sign, 0.01, sign, "2026-01-01T00:00:00+00:00")
 
 
-@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("sign", few([-1, 1]))
 async def test_an_axis_own_table_and_a_cross_table_one_after_the_other(tmp_path: Path, sign: int) -> None:
     async with on_stage(spec={"cec_sign": sign}) as on:
         base = await on.device.saved_tables("X1")
@@ -105,7 +106,7 @@ async def test_an_axis_own_table_and_a_cross_table_one_after_the_other(tmp_path:
         assert len(first.effect) == len(second.effect) == 3
 
 
-@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("sign", few([-1, 1]))
 async def test_the_sign_is_measured_while_the_panel_switches(tmp_path: Path, sign: int) -> None:
     async with on_stage(spec={"cec_sign": sign}) as on:
 

@@ -26,6 +26,7 @@ from simulators.nck.spec import NckSpec
 from tests.contract.opcua_stage import AXES, Stage, on_stage, plan
 from tests.selftested import passed
 from tests.signed import signed
+from tests.sizes import few
 
 SPEC = NckSpec(AXES, cec_points=(0, 10, 12, 10), access_level=2, files_max_bytes=65536)
 X_AXIS = AxisRecord("X1", "X", "mm", False, False, (-250.0, 250.0), 0.0, 6000.0, dwell_s=0.2)
@@ -112,7 +113,7 @@ async def live_of(on: Stage, root: Path) -> LiveSet:
     return await on.device.saved_tables("X1")
 
 
-@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("sign", few([-1, 1]))
 async def test_cross_tables_one_after_the_other_make_the_machine_move_as_they_say(
     keys: Path, tmp_path: Path, sign: int
 ) -> None:
@@ -141,7 +142,7 @@ async def test_cross_tables_one_after_the_other_make_the_machine_move_as_they_sa
         assert live.cross[1].table == TURN
 
 
-@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("sign", few([-1, 1]))
 async def test_the_sign_is_measured_on_the_output_axis(keys: Path, tmp_path: Path, sign: int) -> None:
     async with on_stage(replace(SPEC, cec_sign=sign), folder=keys) as on:
         context = await context_for(on, tmp_path)
