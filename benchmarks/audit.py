@@ -28,10 +28,10 @@ def say(text: str, value: float, limit: str = "") -> None:
 def written(root: Path) -> None:
     """A log of many records: a few appended as the product does, then copies chained in memory."""
     (root / AUDIT).mkdir(parents=True)
-    head, lines = audit.Head(), []
+    head, lines = audit.ChainHead(), []
     happening = audit.Happening("push-start", "ann", "operator", "SN-1", 7, "ab" * 32, "cd" * 32, "", {"axis": "C1"})
     for number in range(1, COUNT + 1):
-        entry = audit.Entry(number, "2026-11-21T10:00:00.000+00:00", 1.5, 77, "0.1.0", happening, head.hash)
+        entry = audit.AuditEntry(number, "2026-11-21T10:00:00.000+00:00", 1.5, 77, "0.1.0", happening, head.hash)
         line, head = audit.line_of(entry)
         lines.append(line)
     (root / AUDIT / "audit-000001.jsonl").write_bytes(b"".join(lines))

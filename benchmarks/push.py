@@ -25,9 +25,10 @@ from drivers.sinumerik.opcua.device import SinumerikOpcUa
 from drivers.types.orders import SignProof
 from drivers.types.stops import Stop, StopPlan
 from drivers.types.tables import CompensationTable, LiveSet
+from gateway.axes import AxisRecord
 from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import TableChange
-from gateway.push import AxisFacts, PushContext, push_table
+from gateway.push import PushContext, push_table
 from gateway.push.records import journal
 from simulators.cell.control import CellNck
 from simulators.nck.control import AxisSpec
@@ -38,7 +39,7 @@ POINTS = 801
 RUNS = 3
 SPEED = 50.0
 OWN_S, JOURNAL_S, FAILS = 0.5, 0.020, 3.0
-AXIS = AxisFacts("X1", "X", "mm", False, False, (-400.0, 400.0), 0.0, 60_000.0, dwell_s=0.2)
+AXIS = AxisRecord("X1", "X", "mm", False, False, (-400.0, 400.0), 0.0, 60_000.0, dwell_s=0.2)
 LOGIN = {"user": "trueflank", "password": "trueflank", "security": "None", "poll_s": 0.2}
 
 

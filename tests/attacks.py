@@ -103,7 +103,8 @@ def page(counts: Iterable[Count], told: Mapping[str, str]) -> str:
 
 
 def _row(family: str, road: str, one: Count) -> str:
-    return f"| {family} | {road} | {one.tries:,} | {one.wrong_tables} | {one.false_words} |".replace(",", " ")
+    tries = f"{one.tries:,}".replace(",", " ")
+    return f"| {family} | {road} | {tries} | {one.wrong_tables} | {one.false_words} |"
 
 
 def main(folder: str, target: str, command: str) -> int:
