@@ -21,6 +21,7 @@ from gateway.workflow.bench import bench, new_run
 from gateway.workflow.control.pushing import apply_proposal
 from tests.cell.bench import short
 from tests.selftested import cell_running
+from tests.sizes import few
 
 NOTHING = np.zeros(0)
 # The cell draws the sense in which its control applies cross tables.
@@ -45,7 +46,7 @@ def wave(step: float, low: float, high: float, unit: Any, index: int, source: st
     )
 
 
-@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("sign", few([-1, 1]))
 def test_cross_tables_are_proved_pushed_and_act(tmp_path: Path, sign: int) -> None:
     async def job() -> dict[str, Any]:
         clock = LoopClock()

@@ -16,6 +16,7 @@ from simulators.cell import Cell
 from simulators.cell.control import with_serial
 from simulators.cell.judge import Judge
 from tests.cell.bench import main_job, short
+from tests.sizes import few
 
 
 class Watched:
@@ -87,7 +88,7 @@ def test_the_beam_of_the_calibrator_broken_mid_run_and_never_restored(tmp_path: 
     _fails(tmp_path, DeviceError, "BEAM", heard=heard)
 
 
-@pytest.mark.parametrize(("axis", "instrument"), [("C1", "calibrator"), ("X1", "laser")])
+@pytest.mark.parametrize(("axis", "instrument"), few([("C1", "calibrator"), ("X1", "laser")]))
 def test_a_beam_that_is_restored_costs_a_new_datum_only(tmp_path: Path, axis: str, instrument: str) -> None:
     def heard(cell: Cell, code: str, fields: dict[str, object]) -> None:
         if code == "P-STOP" and fields["program"] == f"TFMEAS{axis[0]}" and fields["done"] == 5:

@@ -172,6 +172,7 @@ def test_cec_left_on_is_not_built_into_the_axis_own_table(tmp_path: Path) -> Non
     assert "S-COMP-CROSS-ON" in end.words
 
 
+@pytest.mark.long
 def test_a_loose_gib_is_told_what_no_table_cures(tmp_path: Path) -> None:
     end = run(tmp_path, load_cell("demo"), "X1", 9, 3, during=loose(15.0))
     never_silently_worse(end, "X1")

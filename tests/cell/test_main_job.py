@@ -100,8 +100,8 @@ def test_the_whole_demo(tmp_path: Path) -> None:
     ("axis", "ending", "keys"),
     few(
         [
-            ("X1", "rtl", {"file_datum": -400.0}),
             ("C1", "rta", {"file_datum": 0.0, "file_unit": "mrad"}),
+            ("X1", "rtl", {"file_datum": -400.0}),
         ]
     ),
 )

@@ -237,7 +237,7 @@ def test_the_mains_cut_at_every_block_that_leaves_half_a_table(
 
 @pytest.mark.parametrize("count", few([2, 5]))
 @pytest.mark.parametrize("killed", [False, True], ids=["gateway lives", "gateway dies too"])
-@pytest.mark.parametrize("name", list(OLDS))
+@pytest.mark.parametrize("name", few(OLDS))
 def test_the_mains_cut_at_blocks_of_the_program(
     tmp_path: Path, keys: Path, halves: tuple[list[int], int], name: str, killed: bool, count: int
 ) -> None:
