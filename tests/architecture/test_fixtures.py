@@ -10,6 +10,18 @@ TESTS = Path(__file__).parents[1]
 JUDGED = "test_what_tables_and_set_up_values_can_cure_leaves_nothing"
 WHOLLY_LONG = {
     (
+        "test_components.py",
+        "test_the_guard_says_whether_an_approved_curve_still_holds",
+    ): "tests/unit/guard",
+    (
+        "test_inspecting.py",
+        "test_a_part_is_inspected_and_guards_its_machine",
+    ): "test_a_run_from_a_gear_makes_the_next_one_good",
+    (
+        "test_wire.py",
+        "test_a_run_over_the_wires_makes_the_axis_better",
+    ): "test_sigterm_in_mid_push_takes_the_release_back_and_says_what_to_press",
+    (
         "test_hostile.py",
         "test_a_loose_gib_is_told_what_no_table_cures",
     ): "test_a_wave_that_looks_like_the_first_harmonic_is_refused_before_anything_is_written",

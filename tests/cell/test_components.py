@@ -310,6 +310,7 @@ def test_all_21_are_told_from_tables_as_well_as_live(tmp_path: Path) -> None:
     on_cell(tmp_path, str, story)
 
 
+@pytest.mark.long
 def test_the_guard_says_whether_an_approved_curve_still_holds(tmp_path: Path) -> None:
     """The same machine: still valid; its errors turned round: re-measure; its backlash changed: no comparison."""
 

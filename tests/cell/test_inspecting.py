@@ -93,6 +93,7 @@ class Hands:
         return caught.value.code
 
 
+@pytest.mark.long
 def test_a_part_is_inspected_and_guards_its_machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The flank within what is stated; wrong parts refused; the same machine holds, 4 um deeper does not."""
 

@@ -50,6 +50,7 @@ def _until(cell: Any, process: subprocess.Popen[str], good: Callable[[dict[str, 
     raise AssertionError(f"the cell never came to that state: {cell.ask('status')}")
 
 
+@pytest.mark.long
 def test_a_run_over_the_wires_makes_the_axis_better(trueflank_cell: Any) -> None:
     cell = trueflank_cell("demo", speed=300.0, seed=4)
     site = _short_site(cell)
