@@ -197,10 +197,16 @@ def judged(done: Closed, blank: MachineResult) -> MachineResult:
         components=identified(folder, done.cell.truth, done.acted),
         axes=done.axes,
         b_left=(tooth.b_left, b_seen(folder, after.work)),
-        done_twice=tuple(sorted(code for code in ONCE if done.watched.said.count(code) > ONCE[code])),
+        done_twice=tuple(sorted(code for code in ONCE if done.watched.said.count(code) > most(code, done.cell.file))),
         outcome=verdict.outcome,
         words=verdict.words,
     )
+
+
+def most(code: str, file: CellFile) -> int:
+    """How often at most; a live axis table comes back once more, after its sign was proved."""
+    live = sum(axis.loaded is not None and axis.loaded.enabled for axis in file.axes)
+    return ONCE[code] + (live if code == "P-PUSH-ACTIVATE" else 0)
 
 
 def normalised(work: WorkPiece, said: FlankPrediction) -> Normalised:
