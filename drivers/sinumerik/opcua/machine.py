@@ -15,7 +15,7 @@ from drivers.sinumerik.opcua.session import alarms as alarm_nodes
 from drivers.sinumerik.opcua.session import nodes
 from drivers.sinumerik.opcua.session import values as typed_values
 from drivers.sinumerik.opcua.session.client import Reading, UaSession
-from drivers.sinumerik.opcua.session.status import is_down, refusal
+from drivers.sinumerik.opcua.session.status import is_absent, is_down, refusal
 from drivers.sinumerik.opcua.settings import UaSettings
 from drivers.sinumerik.tablefile import temperature
 from drivers.sinumerik.tablefile.groups import MOST_POINTS
@@ -195,7 +195,8 @@ class MachineReader:
         alarms = [nodes.alarm_number(place) for place in range(1, ALARM_PLACES + 1)]
         numbers = [place for place, name in enumerate(configuration.places, start=1) if name]
         axes = [nodes.of_axis(item, number, channel) for number in numbers for item in _AXIS_ITEMS]
-        values = self._fresh(await self._read([*head, *alarms, *axes], aged=True))
+        found = await self._read([*head, *alarms, *axes], aged=True)
+        values = self._fresh([_without_second(one) for one in found])
         status, mode, message, program, level = values[: len(head)]
         pending = values[len(head) : len(head) + len(alarms)]
         rest, per = values[len(head) + len(alarms) :], len(_AXIS_ITEMS)
@@ -266,6 +267,13 @@ def channel_status(value: Any, where: str) -> ChannelStatus:
     if value not in _CHANNEL:
         raise typed_values.wrong("chanStatus", value, f"one of {', '.join(map(str, _CHANNEL))}", where)
     return ChannelStatus(value)
+
+
+def _without_second(reading: Reading) -> Reading:
+    """A server that does not know the second measuring system's table shows none of it; all else must be there."""
+    if reading.path.split("[")[0].endswith("/vaEnc2CompVal") and is_absent(reading.status):
+        return Reading(reading.path, 0.0)
+    return reading
 
 
 def _axis_state(name: str, values: list[Any], configuration: Configuration) -> AxisState:

@@ -9,7 +9,7 @@ from drivers.sinumerik.opcua import encoders as acting_encoders
 from drivers.sinumerik.opcua.bedside.bed import Bedside
 from drivers.sinumerik.opcua.session import nodes
 
-_AXIS_ITEMS = ("actToolBasePos", "aaRef", "aaStat", "vaEnc1CompVal", "vaEnc2CompVal", "vaCecCompVal")
+_AXIS_ITEMS = ("actToolBasePos", "aaRef", "aaStat", "vaCecCompVal")
 
 
 async def axes(bed: Bedside) -> list[CheckLine]:
@@ -56,7 +56,11 @@ def _paths(bed: Bedside) -> list[str]:
     paths += [nodes.in_channel("chanStatus", channel), nodes.in_channel("msg", channel, "ProgramInfo")]
     paths += [nodes.in_channel("progName", channel, "ProgramInfo"), nodes.r_block(settings.r_first, COUNT, channel)]
     numbers = [place for place, name in enumerate(names, start=1) if name]
-    paths += [nodes.of_axis(item, number, channel) for item in _AXIS_ITEMS for number in numbers]
+    items = [
+        *_AXIS_ITEMS,
+        *(f"vaEnc{encoder + 1}CompVal" for encoder in sorted({one.encoder for one in bed.wanted.axes})),
+    ]
+    paths += [nodes.of_axis(item, number, channel) for item in items for number in numbers]
     data = [f"$MA_MM_ENC_COMP_MAX_POINTS[{axis.encoder},{axis.name}]" for axis in bed.wanted.axes]
     data += [f"$MA_ENC_COMP_ENABLE[{axis.encoder},{axis.name}]" for axis in bed.wanted.axes]
     return paths + [path for name in data if (path := nodes.to_path(name, names, channel)) is not None]

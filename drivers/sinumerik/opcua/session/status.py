@@ -50,6 +50,11 @@ def is_down(status: str) -> bool:
     return status in _DOWN
 
 
+def is_absent(status: str) -> bool:
+    """Whether the server has no such node."""
+    return status in _ABSENT
+
+
 def refusal(status: str, where: str, stage: Stage, what: str) -> TrueflankError:
     """The exception for a bad status; ``what`` names the variable, method or user concerned."""
     if stage == "login":
