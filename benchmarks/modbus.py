@@ -88,8 +88,9 @@ async def by_driver(url: str) -> tuple[float, list[Request]]:
     await device.state()  # the heartbeat has been seen to move: no waiting for it in what is timed
     before = len(wire.requests)
     start = perf_counter()
-    await device.stage(order)
-    _, new = await device.read_back(order, 60.0)
+    await device.stage((order,))
+    (loaded,) = await device.read_back((order,), 60.0)
+    new = loaded.found
     seconds = perf_counter() - start
     if new.own.table != order.table:
         raise SystemExit("the table did not arrive")

@@ -7,7 +7,7 @@ import tomllib
 from importlib import resources
 from typing import ClassVar
 
-from drivers.terms import filled
+from drivers.terms import filled, shown
 
 
 @functools.cache
@@ -33,11 +33,14 @@ def explained(code: str, language: str = "en") -> dict[str, str]:
 
 
 def words(code: str, part: str = "what", /, **fields: object) -> str:
-    """A catalogue text that is no error: progress, findings, verdicts. Unknown codes show their fields."""
+    """A catalogue text that is no error: progress, findings, verdicts; units as people write them.
+
+    Unknown codes show their fields.
+    """
     entry = catalogue().get(code)
     if entry is None:
         return f"{code} {fields}"
-    return entry.get(part, "").format_map(_Fields(fields))
+    return shown(entry.get(part, "").format_map(_Fields(fields)))
 
 
 class TrueflankError(Exception):
@@ -109,6 +112,10 @@ class DeadlineExceeded(TransportError):
     """The caller's deadline passed; what the peer did meanwhile is unknown."""
 
 
+class LimitPassed(DeadlineExceeded):
+    """A block took longer than `Clock.deadline` gave it: our own limit, not one that a peer told."""
+
+
 class LinkBroken(TransportError):
     """An exchange was interrupted, so later answers could belong to earlier questions."""
 
@@ -161,6 +168,10 @@ class FileFormatError(TrueflankError):
     """A vendor file is wrong: file, line and reason are in the fields; the operator must give another."""
 
     exit_code = 2
+
+
+class FileUnreadable(FileFormatError):
+    """The bytes of a file could not be had, so nothing is known of what it says; it may be tried again."""
 
 
 class TableError(TrueflankError):

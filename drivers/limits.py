@@ -21,6 +21,7 @@ class Limits:
 
     ``value``, ``change`` against what acts and ``slope`` refuse; the ``warn_`` ones ask for a second person. ``jump``
     is how far switching may move an axis, ``reference`` what a table may be at the reference position of its input.
+    ``reversal`` is the largest constant reversal, which acts at every turn of the axis and when it is switched.
     """
 
     value: float
@@ -30,6 +31,7 @@ class Limits:
     warn_change: float
     jump: float = 1.0
     reference: float = 0.1
+    reversal: float = 20.0
 
     @classmethod
     def of(cls, unit: AxisUnit) -> Limits:

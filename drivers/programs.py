@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
 from drivers.types.identity import MachineIdentity
-from drivers.types.orders import DisableOrder, PushOrder, TableQuestion
+from drivers.types.moves import Movement, SafePlaces
+from drivers.types.orders import DisableOrder, PushBatch, TableQuestion
 from drivers.types.stops import StopPlan
 from drivers.workpiece import GrindPlan
 
@@ -76,7 +77,15 @@ class SelfTested:
         return "; ".join(one for one in (", ".join(self.failed), self.stopped) if one)
 
 
-Order = StopPlan | TableQuestion | PushOrder | DisableOrder | GrindPlan | SelfTest
+@dataclass(frozen=True, slots=True)
+class DwellPlan:
+    """Stops for a capture program that triggers by itself: the axis stands ``dwell_s`` at each; nobody shakes hands."""
+
+    stops: StopPlan
+    dwell_s: float
+
+
+Order = StopPlan | TableQuestion | PushBatch | DisableOrder | GrindPlan | SelfTest | DwellPlan
 """What a program is written for."""
 
 
@@ -85,13 +94,14 @@ class PaperMachine:
     """What a program must know of a control, where there is none to ask.
 
     ``axes``: machine axis names; ``modulo``: those that turn endlessly; ``own_points``: points that axis tables have
-    reserved, by axis; ``cross_points``: those of cross tables, by number.
+    reserved, by axis; ``cross_points``: those of cross tables, by number; ``places``: where axes may stand.
     """
 
     axes: tuple[str, ...]
     modulo: frozenset[str] = frozenset()
     own_points: Mapping[str, int] = field(default_factory=dict)
     cross_points: tuple[int, ...] = ()
+    places: SafePlaces = field(default_factory=SafePlaces)
 
 
 @runtime_checkable
@@ -119,4 +129,22 @@ class SelfTests(Protocol):
 
         Raises DeadlineExceeded (nobody started it), and what the wire raises.
         """
+        ...
+
+
+@runtime_checkable
+class SaysMotion(Protocol):
+    """A controller that says what moves before the person at the machine acts, and guards axes by their places."""
+
+    @property
+    def places(self) -> SafePlaces:
+        """Safe places and feeds that it was told; none at first."""
+        ...
+
+    def keep_to(self, places: SafePlaces) -> None:
+        """From now on a program ends before its first move when a guarded axis has left its place."""
+        ...
+
+    async def motion(self) -> Movement:
+        """What the selected program will move, and where all axes stand, read afresh. Raises as `Controller.state`."""
         ...

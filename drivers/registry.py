@@ -78,6 +78,12 @@ _OWN = (
     DriverSpec("gde", "gear-file", "drivers.files.gde:GdeFormat"),
     DriverSpec("sinumerik-terms", "terms", "drivers.sinumerik.terms:SINUMERIK"),
     DriverSpec("sinumerik-tables", "table-file", "drivers.sinumerik.tablefile.format:TableFiles"),
+    DriverSpec("linuxcnc", "table-exchange", "drivers.exchange.linuxcnc:LinuxCncScrew"),
+    DriverSpec("twincat", "table-exchange", "drivers.exchange.twincat:TwinCatList"),
+    DriverSpec("table-csv", "table-exchange", "drivers.exchange.spreadsheet:TableCsv"),
+    DriverSpec("isg-volumetric", "error-exchange", "drivers.exchange.volumetric:IsgCsv"),
+    DriverSpec("etalon-exchange", "error-exchange", "drivers.exchange.volumetric:EtalonExchange"),
+    DriverSpec("error-csv", "error-exchange", "drivers.exchange.spreadsheet:ErrorCsv"),
 )
 
 

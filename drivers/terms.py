@@ -12,8 +12,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-TableKind = Literal["axis", "cross"]
+TableKind = Literal["axis", "cross", "reversal"]
 PREFIX = "term_"
+_SYMBOLS = {"um": "µm", "degC": "°C"}
+_UNIT = re.compile(r"`[^`]*`|(?<![\w\-./\\'\"`=])(um|degC)(?![\w\-='\"`\\]|\.\w)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +23,8 @@ class Terms:
     """What people call the tables of a control, where their memory is set, and how they consent; the plain words here.
 
     ``own`` and ``cross`` are the kinds of tables, ``own_key`` and ``cross_key`` how they are typed and named
-    (X1-cec3); ``own_rule`` and ``cross_rule`` say in one sentence which way a stored value acts, ``own_side`` where.
+    (X1-cec3), ``reversal`` and ``reversal_key`` the constant reversal of an axis (X1-reversal); ``own_rule`` and
+    ``cross_rule`` say in one sentence which way a stored value acts, ``own_side`` where.
     ``own_memory`` and ``cross_memory`` name the setting that reserves points, ``own_reserve`` and ``cross_reserve``
     in short; ``backlash`` that of the reversal; ``product`` how tables multiply; ``units``, ``senses``,
     ``cross_sum``, ``cross_type`` and ``cross_off`` the settings of what they say; ``words`` where programs shake hands.
@@ -33,6 +36,8 @@ class Terms:
     cross: str = "cross table"
     own_key: str = "axis"
     cross_key: str = "cross"
+    reversal: str = "reversal value"
+    reversal_key: str = "reversal"
     own_rule: str = "a positive value moves the axis in the negative direction"
     own_side: str = "acts on the axis"
     cross_rule: str = "its sense is not taken from a manual but measured"
@@ -61,15 +66,16 @@ class Terms:
 
     def kind(self, kind: TableKind) -> str:
         """What people call a table of this kind."""
-        return self.own if kind == "axis" else self.cross
+        return {"axis": self.own, "cross": self.cross, "reversal": self.reversal}[kind]
 
     def name(self, kind: TableKind, axis: str, index: int) -> str:
-        """A table among all of a machine: "X1" for an axis' own, "X1-cec3" for cross table 3 of it."""
-        return axis if kind == "axis" else f"{axis}-{self.cross_key}{index}"
+        """A table among all of a machine: "X1" for an axis' own, "X1-cec3" for cross table 3 of it, "X1-reversal"."""
+        tail = {"axis": "", "cross": f"-{self.cross_key}{index}", "reversal": f"-{self.reversal_key}"}
+        return axis + tail[kind]
 
     def axis_of(self, name: str) -> str:
-        """The axis of a table's name: "X1" of "X1-cec3"."""
-        return name.partition(f"-{self.cross_key}")[0]
+        """The axis of a table's name: "X1" of "X1-cec3" and of "X1-reversal"."""
+        return name.removesuffix(f"-{self.reversal_key}").partition(f"-{self.cross_key}")[0]
 
     def is_cross(self, name: str) -> bool:
         """Whether a table's name is that of a cross table."""
@@ -94,6 +100,14 @@ def spoken() -> Terms:
     return _SPOKEN[0]
 
 
+def shown(text: str) -> str:
+    """The text with its units as people write them: um and degC are for keys and programs, people read µm and °C.
+
+    Keys and file names stay (``--x-um``, ``deviation_um``), and so does what stands in quotes or backticks.
+    """
+    return _UNIT.sub(lambda found: _SYMBOLS[found[1]] if found[1] else found[0], text)
+
+
 def filled(key: str) -> str | None:
     """The term that a text of the catalogue asks for as ``{term_NAME}``; None for any other field."""
     if not key.startswith(PREFIX):
@@ -114,3 +128,9 @@ def _value(key: str, value: Any, older: Mapping[str, str]) -> Any:
     if isinstance(value, str):
         return older.get(value, value) if older.get(key) == "kind" else value
     return in_todays_words(value)
+
+
+def spoken_texts() -> dict[str, str]:
+    """Every term of the control by the name that a text of the catalogue asks for (``term_NAME``)."""
+    found = {name: getattr(spoken(), name) for name in Terms.__slots__}
+    return {f"{PREFIX}{name}": text for name, text in found.items() if isinstance(text, str)}

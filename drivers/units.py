@@ -71,6 +71,11 @@ def deviation_scale(axis_unit: AxisUnit) -> float:
     return UM_PER_MM if axis_unit == "mm" else ARCSEC_PER_DEG
 
 
+def typed_unit(unit: str) -> str:
+    """A unit that a person typed, as keys name it: µm, with either letter, is um."""
+    return unit.replace("\N{MICRO SIGN}", "u").replace("\N{GREEK SMALL LETTER MU}", "u")
+
+
 def wrap_deg(value: T) -> T:
     """Bring an angle difference to -180 .. 180 deg, the shortest way."""
     return (value + 180.0) % 360.0 - 180.0

@@ -12,6 +12,7 @@ class AxisRecord:
 
     ``reference`` is where its tables must be zero. ``feed`` in mm/min or deg/min; ``dwell_s`` before each hand-shake.
     ``encoder`` is the measuring system whose table acts, ``encoder_said`` whether the site file names it.
+    ``safe`` is where programs of the compensation may move it (None: nobody said).
     """
 
     name: str
@@ -26,3 +27,11 @@ class AxisRecord:
     dwell_s: float = 1.0
     encoder: int = 0
     encoder_said: bool = True
+    safe: tuple[float, float] | None = None
+
+    @property
+    def room(self) -> tuple[float, float]:
+        """Where a compensation's own moves lead: the travel, as far as it is safe."""
+        if self.safe is None:
+            return self.travel
+        return max(self.travel[0], self.safe[0]), min(self.travel[1], self.safe[1])

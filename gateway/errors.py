@@ -85,3 +85,9 @@ class CorruptRecord(StoreError):
 
 class FutureSchema(StoreError):
     """A stored record was written by a newer program."""
+
+
+class SignInRefused(TrueflankError):
+    """Who asks is not known, has not the role, or tried too often; they must sign in, or somebody else must ask."""
+
+    exit_code = 14

@@ -47,7 +47,7 @@ class WorkingWindow(Section):
 
     first: Number = Field(description="machine coordinate, mm or deg")
     last: Number = Field(description="machine coordinate, mm or deg")
-    step: Number = Field(gt=0, description="distance of the targets, mm or deg")
+    step: Number = Field(gt=0, description="spacing of the targets, mm or deg")
 
     @model_validator(mode="after")
     def _rises(self) -> WorkingWindow:
@@ -67,13 +67,15 @@ class Targets(Section):
     first: Number = Field(default=0.0, description="first target, machine coordinate, mm or deg")
     last: Number = Field(default=0.0, description="last target, machine coordinate, mm or deg")
     count: Whole | Literal["iso230-2"] = Field(
-        default=0, description='how many; "iso230-2": as many as the standard asks for'
+        default=0, description='number of targets; "iso230-2": as required by the standard'
     )
     window: WorkingWindow | None = Field(default=None, description="a part of the travel visited more densely")
-    offset_fraction: Number = Field(default=0.0, ge=0.0, le=0.3, description="of the interval, random")
-    seed: Whole = Field(default=1, ge=0, lt=1 << 63, description="of the random offsets")
+    offset_fraction: Number = Field(
+        default=0.0, ge=0.0, le=0.3, description="random offset as a fraction of the interval"
+    )
+    seed: Whole = Field(default=1, ge=0, lt=1 << 63, description="seed of the random offsets")
     positions: tuple[Number, ...] = Field(
-        default=(), max_length=MOST_TARGETS, description="targets one by one, in place of first, last and count"
+        default=(), max_length=MOST_TARGETS, description="list of targets, instead of first, last and count"
     )
 
     @model_validator(mode="after")
@@ -99,7 +101,7 @@ LOCATIONS: dict[str, tuple[str, ...]] = {
 
 
 class SetupSection(Section):
-    """How one error is measured; what is not said is as in the measure section of the axis that moves.
+    """How one error is measured; a key that is left out is taken from the measure section of the moving axis.
 
     ``axis`` moves. A square is one set-up on X and one on Z, and "B0Z-R" the same with the square turned over about
     its Z arm; a test bar is one set-up on Z with C parked at 0 and one at 180. ``sense`` -1 where the reading falls
@@ -113,32 +115,41 @@ class SetupSection(Section):
     )
     instrument: MaybeName = Field(default="", description="one of the instruments; needed where source is live")
     channel: str = Field(
-        default="", max_length=MOST, description="of the instrument; empty: its only one in um or arcsec"
+        default="", max_length=MOST, description="channel of the instrument; empty: its only one in um or arcsec"
     )
-    source: Literal["live", "file", "none"] = Field(default="live", description="none: not measured, only assumed")
+    source: Literal["live", "file", "none"] = Field(
+        default="live", description="live, file, or none: not measured, only assumed"
+    )
     path: Path | None = Field(default=None, description="result file, relative to the site file")
-    unit: Literal["", "um", "arcsec", "urad", "mrad"] = Field(default="", description="of the file's deviations")
-    datum: Number | None = Field(default=None, description="machine coordinate of the file's zero")
-    file_axis_sense: Sense = Field(default=1, description="file direction against the axis")
-    targets: Targets | None = Field(default=None, description="left out: as the axis has them")
-    repetitions: Whole | None = Field(
-        default=None, ge=1, le=MOST_REPETITIONS, description="left out: as the axis has them"
-    )
-    settle_s: Number | None = Field(default=None, ge=0, le=600.0, description="left out: as the axis has it, s")
-    average_s: Number | None = Field(default=None, gt=0, le=600.0, description="left out: as the axis has it, s")
+    unit: Literal["", "um", "arcsec", "urad", "mrad"] = Field(default="", description="unit of the file's deviations")
+    datum: Number | None = Field(default=None, description="machine position of the file's zero")
+    file_axis_sense: Sense = Field(default=1, description="direction of the file relative to the axis")
+    targets: Targets | None = Field(default=None, description="left out: as for the axis")
+    repetitions: Whole | None = Field(default=None, ge=1, le=MOST_REPETITIONS, description="left out: as for the axis")
+    settle_s: Number | None = Field(default=None, ge=0, le=600.0, description="left out: as for the axis, s")
+    average_s: Number | None = Field(default=None, gt=0, le=600.0, description="left out: as for the axis, s")
     stable: Number | None = Field(
-        default=None, gt=0, le=1000.0, description="largest allowed sigma in the window; left out: as the axis has it"
+        default=None,
+        gt=0,
+        le=1000.0,
+        description="largest allowed standard deviation while averaging; left out: as for the axis",
     )
-    sense: Sense = Field(default=1, description="-1: the reading falls when the moved part errs in plus direction")
+    sense: Sense = Field(default=1, description="-1: the reading decreases for a positive error of the moving part")
     offset_mm: tuple[Number, Number, Number] | None = Field(
-        default=None, description="measured point less the point the component is meant for, machine directions"
+        default=None, description="measured point minus functional point, in machine directions, mm"
     )
-    largest: Number | None = Field(default=None, gt=0, description="reading beyond which optics were touched")
-    jog: Number | None = Field(default=None, description="plausibility move, mm or deg")
+    largest: Number | None = Field(
+        default=None, gt=0, description="largest plausible reading; beyond it the optics were touched"
+    )
+    jog: Number | None = Field(default=None, description="jog of the plausibility check, mm or deg")
     U: Number | None = Field(default=None, ge=0, description="of the instrument (k = 2), um or arcsec")
-    own_angle_arcsec: Number | None = Field(default=None, description="what a square has more than 90 deg, if known")
-    park: dict[Name, Number] = Field(default_factory=dict, description="other axes and where they stand meanwhile")
-    assumed: Number | None = Field(default=None, gt=0, description="half width it may have unmeasured, um or arcsec")
+    own_angle_arcsec: Number | None = Field(default=None, description="angle of the square minus 90 deg, if known")
+    park: dict[Name, Number] = Field(
+        default_factory=dict, description="positions of the other axes during the measurement"
+    )
+    assumed: Number | None = Field(
+        default=None, gt=0, description="assumed half-width of an unmeasured error, um or arcsec"
+    )
 
     @model_validator(mode="after")
     def _whole(self) -> SetupSection:
@@ -162,10 +173,13 @@ class SetupSection(Section):
 
 
 class AssumedSection(Section):
-    """Half widths of errors that nobody measured and no set-up says otherwise of."""
+    """Half-widths of errors that are neither measured nor given in a set-up."""
 
-    linear_um: Number = Field(default=5.0, gt=0, description="of shifts, um")
-    angular_arcsec: Number = Field(default=5.0, gt=0, description="of turns, arcsec")
+    linear_um: Number = Field(default=5.0, gt=0, description="half-width of displacements, um")
+    angular_arcsec: Number = Field(default=5.0, gt=0, description="half-width of rotations, arcsec")
+
+
+ENTRY = "where a person enters {} for the builder's own programs"
 
 
 class WorkSection(Section):
@@ -175,47 +189,58 @@ class WorkSection(Section):
     """
 
     gear: Path = Field(description="gear file, relative to the site file")
-    height_mm: Number = Field(default=0.0, description="middle of the face over the table's zero, mm")
-    infeed: Name = Field(default="X", description="axis of the site by letter or name; rises into the cut")
-    stroke: Name = Field(default="Z", description="axis of the site along the face")
-    index: Name = Field(default="C", description="axis of the site that turns the work")
+    height_mm: Number = Field(default=0.0, description="middle of the face above the table zero, mm")
+    infeed: Name = Field(default="X", description="infeed axis by letter or name; positive direction into the cut")
+    stroke: Name = Field(default="Z", description="stroke axis, along the face width")
+    index: Name = Field(default="C", description="index axis, which turns the work")
     index_sense: Sense = Field(default=-1, description="-1: space k is at -360 k / number of spaces")
-    dresser: MaybeName = Field(default="Y1", description="machine axis of the form dresser; empty: none")
-    dresser_letter: str = Field(default="Y", pattern=r"^[A-Z]$", description="of the dresser's axis in programs")
+    dresser: MaybeName = Field(default="Y1", description="machine axis of the form dresser; empty: there is none")
+    dresser_letter: str = Field(default="Y", pattern=r"^[A-Z]$", description="letter of the dresser axis in programs")
     dresser_travel: tuple[Number, Number] | None = Field(
-        default=None, description="[low, high] of that axis, mm; left out: not judged"
+        default=None, description="[low, high] of that axis, mm; left out: not checked"
     )
-    overrun_mm: Number = Field(default=8.0, ge=0, le=1000.0, description="Z beyond the face")
-    retract_mm: Number = Field(default=10.0, ge=0, le=1000.0, description="X back from the centre distance")
+    overrun_mm: Number = Field(default=8.0, ge=0, le=1000.0, description="overrun of Z beyond the face, mm")
+    retract_mm: Number = Field(default=10.0, ge=0, le=1000.0, description="retract of X from the centre distance, mm")
     rough_mm: tuple[Number, ...] = Field(
-        default=(0.05, 0.02), max_length=20, description="strokes this far short of full depth"
+        default=(0.05, 0.02), max_length=20, description="stock left by each roughing stroke, mm"
     )
-    spark_out: Whole = Field(default=1, ge=0, le=20, description="strokes at full depth after the first")
+    spark_out: Whole = Field(default=1, ge=0, le=20, description="additional strokes at full depth (spark-out)")
     infeed_feed: Number = Field(default=100.0, gt=0, le=1e6, description="of the infeed, mm/min")
     stroke_feed: Number = Field(default=3000.0, gt=0, le=1e6, description="of the strokes, mm/min")
     index_feed: Number = Field(default=1800.0, gt=0, le=1e6, description="of indexing, deg/min")
-    positioning_feed: Number = Field(default=3000.0, gt=0, le=1e6, description="mm/min, wheel clear")
-    dwell_s: Number = Field(default=0.3, ge=0, le=600.0, description="after indexing")
-    wheel_on: str = Field(default="", description="M, S, H words that start wheel and coolant; empty: by hand")
-    wheel_off: str = Field(default="", description="those that stop them")
-    clamping_um: Number = Field(default=0.3, ge=0, description="how well a blank sits on its datum (k = 2)")
-    clamping_arcsec: Number = Field(default=2.0, ge=0, description="how well its flanks are centred (k = 2)")
+    positioning_feed: Number = Field(
+        default=3000.0, gt=0, le=1e6, description="feed with the wheel clear of the work, mm/min"
+    )
+    dwell_s: Number = Field(default=0.3, ge=0, le=600.0, description="dwell after indexing, s")
+    wheel_on: str = Field(default="", description="M, S and H words that start wheel and coolant; empty: by hand")
+    wheel_off: str = Field(default="", description="words that stop them")
+    clamping_um: Number = Field(default=0.3, ge=0, description="clamping repeatability of a blank, um (k = 2)")
+    clamping_arcsec: Number = Field(default=2.0, ge=0, description="centring of its flanks, arcsec (k = 2)")
     inspector: MaybeName = Field(default="", description="gear inspection machine among the instruments; empty: files")
-    inspection_clamping_um: Number = Field(default=0.5, ge=0, description="how well that clamps a part (k = 2)")
-    inspection_size_um: Number = Field(default=0.0, ge=0, description="how well its probe's size is known (k = 2)")
-    drift_um_per_h: Number = Field(default=0.3, ge=0, description="how fast the infeed's zero wanders")
-    drift_arcsec_per_h: Number = Field(default=0.5, ge=0, description="how fast the index axis' zero wanders")
-    part_h: Number = Field(default=0.25, gt=0, description="hours that a part takes, its inspection included")
+    inspection_clamping_um: Number = Field(
+        default=0.5, ge=0, description="clamping repeatability of the inspection machine, um (k = 2)"
+    )
+    inspection_size_um: Number = Field(default=0.0, ge=0, description="uncertainty of its probe size, um (k = 2)")
+    drift_um_per_h: Number = Field(default=0.3, ge=0, description="drift of the infeed zero, um per hour")
+    drift_arcsec_per_h: Number = Field(default=0.5, ge=0, description="drift of the index axis zero, arcsec per hour")
+    x_entry: str = Field(default="work offset of the infeed axis", description=ENTRY.format("the x zero"))
+    c_entry: str = Field(default="work offset of the index axis", description=ENTRY.format("the C zero"))
+    dressing_entry: str = Field(
+        default="offset of the dresser in the dressing program", description=ENTRY.format("the dressing offset")
+    )
+    part_h: Number = Field(default=0.25, gt=0, description="hours per part, including its inspection")
 
 
 class GuardSection(Section):
-    """The drift guard: what may have changed, how much it looks, how well a new mounting repeats an old one (k = 2)."""
+    """The drift guard: limits of change, size of the check, and repeatability of the mounting (k = 2)."""
 
-    limit_um: Number = Field(default=2.0, gt=0, description="change of a shift that asks for measuring again, um")
-    limit_arcsec: Number = Field(
-        default=3.0, gt=0, description="change of a turn that asks for measuring again, arcsec"
+    limit_um: Number = Field(
+        default=2.0, gt=0, description="change of a displacement that requires a new measurement, um"
     )
-    targets: Whole = Field(default=8, ge=3, le=MOST_TARGETS, description="places it looks at")
-    repetitions: Whole = Field(default=3, ge=2, le=MOST_REPETITIONS, description="times it looks at each")
-    mounting_um: Number = Field(default=0.2, ge=0, description="how well a mounting repeats, um")
-    mounting_arcsec: Number = Field(default=0.2, ge=0, description="how well a mounting repeats, arcsec")
+    limit_arcsec: Number = Field(
+        default=3.0, gt=0, description="change of a rotation that requires a new measurement, arcsec"
+    )
+    targets: Whole = Field(default=8, ge=3, le=MOST_TARGETS, description="number of targets of the check")
+    repetitions: Whole = Field(default=3, ge=2, le=MOST_REPETITIONS, description="repetitions per target")
+    mounting_um: Number = Field(default=0.2, ge=0, description="repeatability of a mounting, um")
+    mounting_arcsec: Number = Field(default=0.2, ge=0, description="repeatability of a mounting, arcsec")

@@ -34,13 +34,15 @@ class Stopped(TrueflankError):
 class StopAsked:
     """The stop of one command: who asked for it, who is leaving in order, what they told, transactions cut short."""
 
-    def __init__(self) -> None:
+    def __init__(self, within: StopAsked | None = None) -> None:
+        """``within`` is the stop of the program that this command is a part of: it knows who leaves in order."""
         self.asked = asyncio.Event()
         self.by = ""
         self.exit_code = TERMINATED
         self.told: list[str] = []
         self.transactions: list[int] = []
         self._leaving = 0
+        self._within = within
 
     def ask(self, by: str, exit_code: int = TERMINATED) -> bool:
         """Ask for the stop; false when it was asked for before, which changes nothing."""
@@ -60,7 +62,8 @@ class StopAsked:
         """No further cancel comes in this block; it must be bounded itself."""
         self._leaving += 1
         try:
-            yield
+            with self._within.leaving() if self._within is not None else contextlib.nullcontext():
+                yield
         finally:
             self._leaving -= 1
 
@@ -68,6 +71,8 @@ class StopAsked:
         """What was ended or left, for the last word of the command."""
         if words not in self.told:
             self.told.append(words)
+        if self._within is not None and self._within.asked.is_set():
+            self._within.tell(words)
 
     def error(self) -> Stopped:
         """How the command ends."""

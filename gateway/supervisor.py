@@ -199,18 +199,23 @@ class Supervisor:
         return machine
 
     async def watch(self, stop: asyncio.Event) -> None:
-        """Until `stop`: ask the controller for a sign of life and reopen what was lost, ever more slowly."""
-        pause = self.WATCH_S
+        """Until `stop`: ask the controller for a sign of life and reopen what was lost, ever more slowly.
+
+        An instrument that is away, as most are between two measurements, holds up nobody's look at the controller.
+        """
+        pause, again_at = self.WATCH_S, 0.0
         while not stop.is_set():
-            await self._wait(stop, pause)
+            await self._wait(stop, self.WATCH_S)
+            if self._is_open(self.CONTROLLER) and not stop.is_set():
+                await self._sign_of_life()
             lost = [name for name, seen in self._pictures.items() if seen.state != "open"]
             if not lost:
                 pause = self.WATCH_S
-                await self._sign_of_life()
-                continue
-            results = await asyncio.gather(*(self._open(name) for name in lost))
-            failed = any(error is not None for _name, error in results)
-            pause = min(pause * 1.8, self.REOPEN_MAX_S) if failed else self.WATCH_S
+            elif self._clock.now() >= again_at:
+                results = await asyncio.gather(*(self._open(name) for name in lost))
+                failed = any(error is not None for _name, error in results)
+                pause = min(pause * 1.8, self.REOPEN_MAX_S) if failed else self.WATCH_S
+                again_at = self._clock.now() + pause - self.WATCH_S
 
     async def _sign_of_life(self) -> None:
         try:

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.units import arcsec_to_deg, arcsec_to_rad, mm_to_um, rad_to_arcsec, um_to_mm
+from drivers.units import DeviationUnit, arcsec_to_deg, arcsec_to_rad, mm_to_um, rad_to_arcsec, um_to_mm
 
 FloatArray = NDArray[np.float64]
 
@@ -112,7 +112,8 @@ class InspectedFlank:
     deviations, + surplus; ``u_um`` is the standard uncertainty of one point. ``abg`` (G, 3) in um, um, arcsec at places
     ``place_k``, ``place_z_mm`` (G,), with standard uncertainties ``abg_u``. ``fitted`` is the flank these make on the
     judged grid. ``rms_u_um`` says how far the fitted flank may lie from the true one (RMS): probe and clamping.
-    ``figures`` are profile, lead, pitch and runout by name in um.
+    ``turned_arcsec`` is the one rotation that was removed from it. ``figures`` are profile, lead, pitch and runout by
+    name in um.
     """
 
     part: str
@@ -132,6 +133,7 @@ class InspectedFlank:
     figures: Mapping[str, float] = field(default_factory=dict)
     said: tuple[str, ...] = ()
     measured_utc: str = ""
+    turned_arcsec: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,13 +169,37 @@ class CureRecord:
 
 @dataclass(frozen=True, slots=True)
 class RankRecord:
-    """One error's place in the Morris ranking of the flank RMS: mu* in um with its interval, and its rank's."""
+    """One error's place in the Morris ranking of the flank RMS: mu* in um with its interval, and its rank's.
+
+    ``sigma_um`` is the spread of its effects: large beside mu* where it acts through others; None in older records.
+    """
 
     error: str
     mu_star_um: float
     low_um: float
     high_um: float
     rank: tuple[int, int]
+    sigma_um: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class AxisOutlook:
+    """How an axis will deviate with every table acting, cross tables too, which spoil it on purpose for the tooth.
+
+    ``deviation`` (m,) is expected at ``targets`` while the other axes stand, ``U`` its expanded uncertainty (k = 2),
+    in um or arcsec; ``M`` its range, ``M_U`` of that, ``M_alone`` the range with the axis' own table alone.
+    ``moved_by`` is how far the whole axis moves where another axis, by its name, goes through its table.
+    """
+
+    axis: str
+    unit: DeviationUnit
+    targets: FloatArray
+    deviation: FloatArray
+    U: FloatArray
+    M: float
+    M_U: float
+    M_alone: float
+    moved_by: Mapping[str, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,7 +207,8 @@ class ToothProposal:
     """What a run proposes for the tooth beside the tables: set-up values, and what everything together will do.
 
     ``eccentricity_um`` (x, y) and ``tilt_arcsec`` (a, b) say how the work should be moved on its table, where that
-    would help. ``b_left`` is the share of B that nothing can cure on this gear.
+    would help. ``b_left`` is the share of B that nothing can cure on this gear. ``axes`` are how the
+    axes will deviate with everything acting.
     """
 
     setup: SetupValues
@@ -192,6 +219,7 @@ class ToothProposal:
     eccentricity_um: tuple[float, float] = (0.0, 0.0)
     tilt_arcsec: tuple[float, float] = (0.0, 0.0)
     said: tuple[str, ...] = ()
+    axes: tuple[AxisOutlook, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,6 +246,9 @@ class ToothVerdict:
     """The flank before and after, in um: as ground, and before with its set-up values put right, which is the fair one.
 
     ``within_prediction`` says whether the flank after lies where it was predicted, within its uncertainty (k = 2).
+    ``before_anew_um`` is the flank before as ground anew with its set-up values right, without the curvature of how far
+    off it was ground either: ``change_um`` counts from there, with U (k = 2) of the change. ``clear`` figures are
+    without what an eccentric clamping can make. The trial part's are None where there was none.
     """
 
     before_um: float
@@ -228,3 +259,11 @@ class ToothVerdict:
     within_prediction: bool
     outcome: Literal["better", "unchanged", "worse", "not-pushed"]
     words: str
+    before_anew_um: float | None = None
+    change_um: float | None = None
+    change_U_um: float | None = None
+    before_clear_um: float | None = None
+    after_clear_um: float | None = None
+    clear_U_um: float | None = None
+    trial_um: float | None = None
+    trial_clear_um: float | None = None

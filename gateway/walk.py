@@ -14,6 +14,7 @@ from drivers.types.stops import Stop, StopPlan, StopReached
 from drivers.types.values import Approach
 from gateway.axes import AxisRecord
 from gateway.errors import Incomplete
+from gateway.moving import tell_motion
 from gateway.say import Say, silence
 
 AtStop = Callable[[int, Stop, StopReached], Awaitable[None]]
@@ -33,26 +34,18 @@ def approach_in(axis: AxisRecord, place: float) -> Approach:
 
     Coming up from below needs room for the overrun below; near the lower end the axis comes down.
     """
-    return -1 if not axis.modulo and place - axis.overrun < axis.travel[0] else 1
+    return -1 if not axis.modulo and place - axis.overrun < axis.room[0] else 1
 
 
-def question(
-    axis: AxisRecord, moved: AxisRecord, place: float, patience: Patience, *, proof: SignProof | None = None
-) -> TableQuestion:
-    """Which tables act on ``axis``; a program that must be run for it takes ``moved`` to ``place``."""
+def question(axis: AxisRecord, patience: Patience, proof: SignProof | None = None) -> TableQuestion:
+    """Which tables act on ``axis``; a program that must be run for it moves nothing."""
     return TableQuestion(
         axis=axis.name,
-        moved=moved.name,
-        letter=moved.letter,
-        unit=moved.unit,
-        rotary=moved.rotary,
-        place=place,
-        feed=moved.feed,
-        overrun=moved.overrun,
-        approach=approach_in(moved, place),
+        letter=axis.letter,
+        unit=axis.unit,
+        rotary=axis.rotary,
         encoder=axis.encoder,
         start_s=patience.start_s,
-        stop_s=patience.stop_s,
         proof=proof,
     )
 
@@ -65,12 +58,13 @@ async def walk(controller: Controller, plan: StopPlan, at_stop: AtStop, patience
     whatever the wire or `at_stop` raises; on any of these the waiting program is asked to end.
     """
     await controller.prepare_stops(plan)
-    if plan.setup:
-        say("P-START-SETUP", axis=plan.axis, program=plan.name, setup=plan.setup)
-    else:
-        say("P-START", axis=plan.axis, program=plan.name)
     counter = 0
     try:
+        await tell_motion(controller, say)
+        if plan.setup:
+            say("P-START-SETUP", axis=plan.axis, program=plan.name, setup=plan.setup)
+        else:
+            say("P-START", axis=plan.axis, program=plan.name)
         for index, stop in enumerate(plan.stops):
             timeout_s = patience.start_s if index == 0 else patience.stop_s
             reached = await controller.wait_stop(counter, timeout_s)

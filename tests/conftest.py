@@ -7,9 +7,14 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 from tests import attacks
 from tests.unit.drivers.loops import run_clean
+
+# What a busy computer does to an example's time is no fault of the code.
+settings.register_profile("trueflank", deadline=None)
+settings.load_profile("trueflank")
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -14,10 +14,10 @@ class AttocubeSettings(DriverSettings):
 
     addresses: ClassVar[tuple[str, ...]] = WIRES
     axis: int = Field(default=1, ge=1, le=3, description="axis of the interferometer")
-    poll_hz: float = Field(default=100.0, gt=0, le=1000, description="samples asked for a second")
-    block_s: float = Field(default=0.1, gt=0, le=5, description="how much of them one block holds, s")
+    poll_hz: float = Field(default=100.0, gt=0, le=1000, description="samples per second")
+    block_s: float = Field(default=0.1, gt=0, le=5, description="length of one block, s")
     refractive_index: float = Field(
-        default=0.0, ge=0, lt=1.01, description="index that its lengths hold; 0: the device is asked"
+        default=0.0, ge=0, lt=1.01, description="refractive index used for its lengths; 0: ask the device"
     )
     timeout_s: float = Field(default=2.0, gt=0, description="longest wait for one answer, s")
 

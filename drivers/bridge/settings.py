@@ -17,16 +17,18 @@ class BridgeSettings(DriverSettings):
     turn_timeout_s: float = Field(
         default=60.0, gt=0, description="longest turn, hold or track of a rotary calibrator, s"
     )
-    stale_s: float = Field(default=5.0, gt=0, description="longest silence of the stream, s")
+    stale_s: float = Field(default=5.0, gt=0, description="longest gap in the stream, s")
     battery_refuse_pct: float = Field(
-        default=10.0, ge=0, le=100, description="nothing begins below this charge of the battery, %"
+        default=10.0, ge=0, le=100, description="no measurement starts below this battery charge, %"
     )
-    battery_stop_pct: float = Field(default=5.0, ge=0, le=100, description="measuring ends below this charge, %")
-    battery_warn_pct: float = Field(default=20.0, ge=0, le=100, description="a warning below this charge, %")
+    battery_stop_pct: float = Field(
+        default=5.0, ge=0, le=100, description="a measurement ends below this battery charge, %"
+    )
+    battery_warn_pct: float = Field(default=20.0, ge=0, le=100, description="warning below this battery charge, %")
     framing: Literal["", "json", "binary"] = Field(
-        default="", description="json or binary insists; left out: binary frames where the bridge offers them"
+        default="", description="json or binary; left out: binary frames if the bridge offers them"
     )
-    echo: bool = Field(default=False, description="the line gives our own questions back")
+    echo: bool = Field(default=False, description="the line echoes what is sent")
     gear_quiet_s: float = Field(
-        default=120.0, gt=0, description="longest silence of a gear inspection machine between two chunks of points, s"
+        default=120.0, gt=0, description="longest gap between two chunks of points of a gear inspection machine, s"
     )

@@ -34,7 +34,7 @@ class Clock(Protocol):
         ...
 
     def deadline(self, timeout_s: float, where: str) -> contextlib.AbstractAsyncContextManager[None]:
-        """Bound a block; raises `DeadlineExceeded` (E-LINK-DEADLINE) when it takes longer."""
+        """Bound a block; raises `LimitPassed` (E-LINK-DEADLINE) when it takes longer."""
         ...
 
 

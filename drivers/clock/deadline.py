@@ -10,13 +10,13 @@ from __future__ import annotations
 import asyncio
 from types import TracebackType
 
-from drivers.errors import DeadlineExceeded, TrueflankError
+from drivers.errors import LimitPassed, TrueflankError
 
 
 class Deadline:
-    """Bounds one block: `DeadlineExceeded` where its time has run out, cancelled where it was cancelled from outside.
+    """Bounds one block: `LimitPassed` where its time has run out, cancelled where it was cancelled from outside.
 
-    Exactly: once the limit has cancelled the task, nothing but DeadlineExceeded (E-LINK-DEADLINE), an error of ours
+    Exactly: once the limit has cancelled the task, nothing but LimitPassed (E-LINK-DEADLINE), an error of ours
     that is no consequence of that cancel, or a cancel from outside leaves the block, not even a result; a cancel from
     outside that was swallowed inside is raised at the end of the block. The limit's own cancel is taken back.
     """
@@ -52,7 +52,7 @@ class Deadline:
         if self._task.cancelling() > self._before:
             self._cancelled(error)
         elif self._fired and (not isinstance(error, TrueflankError) or _by_cancel(error)):
-            raise DeadlineExceeded("E-LINK-DEADLINE", self._where, timeout_s=self._timeout_s) from error
+            raise LimitPassed("E-LINK-DEADLINE", self._where, timeout_s=self._timeout_s) from error
 
     def _cancelled(self, error: BaseException | None) -> None:
         """Somebody else wants the task to end: it does, even where the block swallowed it or made an error of it."""

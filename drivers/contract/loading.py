@@ -7,24 +7,25 @@ from typing import Any
 
 from drivers.contract.subject import Subject, demand, held_in, holds_nothing, same_tables
 from drivers.errors import DeviceError, TableError, UnsupportedDevice
-from drivers.types.orders import PushOrder
+from drivers.types.orders import PushOrder, ReadBack
 from drivers.types.tables import CompensationTable, LiveSet
 
 
 async def _load(subject: Subject, order: PushOrder) -> tuple[LiveSet, LiveSet]:
     controller = subject.controller
-    await controller.stage(order)
-    sets: tuple[LiveSet, LiveSet] = await subject.person("start", controller.read_back(order, subject.timeout_s))
-    return sets
+    await controller.stage((order,))
+    loaded: tuple[ReadBack, ...] = await subject.person("start", controller.read_back((order,), subject.timeout_s))
+    demand("the control found as sent what it took", loaded[0].agreed, loaded)
+    return loaded[0].backup, loaded[0].found
 
 
 async def _to_work(subject: Subject, order: PushOrder) -> bool:
     controller = subject.controller
-    await controller.activate(order)
-    enabled: bool = await subject.person("release", controller.confirm(order, subject.timeout_s))
-    if enabled:
-        await subject.person("restart", controller.restarted(order, subject.timeout_s))
-    return enabled
+    await controller.activate((order,), (order,))
+    enabled: tuple[bool, ...] = await subject.person("release", controller.confirm((order,), subject.timeout_s))
+    if enabled == (True,):
+        await subject.person("restart", controller.restarted((order,), subject.timeout_s))
+    return enabled == (True,)
 
 
 async def loads_and_acts(subject: Subject) -> None:
@@ -38,7 +39,7 @@ async def loads_and_acts(subject: Subject) -> None:
     demand("it stays off until it is released", now is not None and not now.enabled, now)
     await _marked(subject, order, "in-progress")
     demand("a released table is switched on", await _to_work(subject, order), False)
-    await subject.controller.finish_push(order, "committed")
+    await subject.controller.finish_push((order,), "committed")
     await _marked(subject, order, "committed")
     after = await subject.live(axis)
     demand("another table has another digest", after.digest != before.digest, after.digest)
@@ -62,7 +63,7 @@ async def stays_off_where_told(subject: Subject) -> None:
     order = subject.order(702, subject.table, enable=False)
     await _load(subject, order)
     demand("it says that it left the table off", not await _to_work(subject, order), True)
-    await subject.controller.finish_push(order, "held")
+    await subject.controller.finish_push((order,), "held")
     held = held_in(await subject.live(order.table.output_axis), order.table)
     demand("and it is off", held is None or not held.enabled, held)
 
@@ -72,14 +73,14 @@ async def restores(subject: Subject) -> None:
     order = subject.order(703, subject.table)
     backup, _ = await _load(subject, order)
     demand("first the new one acts", await _to_work(subject, order), False)
-    await subject.controller.finish_push(order, "committed")
+    await subject.controller.finish_push((order,), "committed")
     old = held_in(backup, order.table)
     table = old.table if old is not None else replace(order.table, deviations=(0.0,) * len(order.table.deviations))
     enable = old is not None and old.enabled
     back = subject.order(704, table, enable=enable, restore=True)
     await _load(subject, back)
     demand("the order ends as the old one was", await _to_work(subject, back) == enable, enable)
-    await subject.controller.finish_push(back, "committed")
+    await subject.controller.finish_push((back,), "committed")
     held = held_in(await subject.live(order.table.output_axis), order.table)
     gone = held is None or not same_tables(subject, held.table, order.table) or not held.enabled
     demand("the new one does not act any more", gone, held)
@@ -90,7 +91,7 @@ async def refuses_what_it_cannot_hold(subject: Subject) -> None:
     before = await subject.live(subject.table.output_axis)
     for what, table in _beyond(subject):
         try:
-            await subject.controller.stage(subject.order(705, table))
+            await subject.controller.stage((subject.order(705, table),))
         except (TableError, DeviceError):
             continue
         demand(f"refused before anything is sent: {what}", held=False, found=table.name)
@@ -122,7 +123,7 @@ async def switches_as_declared(subject: Subject) -> None:
     if subject.controller.capabilities.switched == "by-itself":
         await _load(subject, order)
         await _to_work(subject, order)
-        await subject.controller.finish_push(order, "committed")
+        await subject.controller.finish_push((order,), "committed")
         again = replace(order, transaction=707)
         await subject.person("release", subject.controller.switch(again, False, subject.timeout_s))
         reading = await subject.controller.switch_reading(subject.place)

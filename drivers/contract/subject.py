@@ -38,7 +38,7 @@ class Subject:
     of its input axis. ``person`` runs a piece of the talk while somebody does at the machine what that moment asks: at
     "read" and "start" where a program is selected, start it; ``tell`` hears what the driver says of that.
     ``allowed`` (um or arcsec) is the control's resolution.
-    Timeouts in s of the controller's clock; ``feed`` and ``overrun`` for moves in the input axis' unit.
+    Timeouts in s of the controller's clock;
     """
 
     controller: Controller
@@ -50,24 +50,17 @@ class Subject:
     tell: Tell = _unheard
     allowed: float = 0.001
     timeout_s: float = 200.0
-    feed: float = 1000.0
-    overrun: float = 1.0
 
     async def live(self, axis: str) -> LiveSet:
         """The live tables of an axis by the port's own call."""
         table = self.table
         question = TableQuestion(
             axis=axis,
-            moved=table.input_axis,
             letter=self.letter,
-            unit=table.input_unit,
+            unit=table.output_unit,
             rotary=self.rotary,
-            place=self.agreeing_position,
-            feed=self.feed,
-            overrun=self.overrun,
             encoder=table.index if table.kind == "axis" else 0,
             start_s=self.timeout_s,
-            stop_s=self.timeout_s,
         )
         found: LiveSet = await self.person("read", self.controller.live_tables(question, self.tell))
         return found

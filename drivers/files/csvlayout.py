@@ -45,8 +45,8 @@ class Layout:
 
     @property
     def axis_unit(self) -> AxisUnit:
-        """mm or deg."""
-        return TARGET_UNITS[self.target_unit][0]
+        """mm where deviations are lengths, deg where they are angles; positions are what the targets are."""
+        return UNITS[self.unit][0] if self.reading == "deviation" else TARGET_UNITS[self.target_unit][0]
 
 
 def cells(line: str, separator: str) -> list[str]:
@@ -57,8 +57,13 @@ def cells(line: str, separator: str) -> list[str]:
         return []
 
 
-def layout(header: tuple[int, str], body: list[tuple[int, str]], unit: str, where: str) -> Layout:
-    """From the heading (line number, text). Raises FileFormatError (E-FILE-CSV-HEADER, E-FILE-LINE)."""
+def layout(
+    header: tuple[int, str], body: list[tuple[int, str]], unit: str, where: str, *, mixed: bool = False
+) -> Layout:
+    """From the heading (line number, text); ``mixed`` lets angles stand over lengths and lengths over angles.
+
+    Raises FileFormatError (E-FILE-CSV-HEADER, E-FILE-LINE).
+    """
     at, line = header
     separator = next((mark for mark in SEPARATORS if mark in line), ",")
     names = [name.lower() for name in cells(line, separator)]
@@ -70,6 +75,11 @@ def layout(header: tuple[int, str], body: list[tuple[int, str]], unit: str, wher
     reading: Reading = "deviation" if readings == ["deviation"] else "position"
     columns = (places["target"][0], places["direction"][0], places["repetition"][0], places[reading][0])
     target_unit, reading_unit = _units((names[columns[0]], names[columns[3]]), reading, unit, at, where)
+    apart = reading == "deviation" and UNITS[reading_unit][0] != TARGET_UNITS[target_unit][0]
+    if apart and not mixed:
+        raise _wrong(
+            where, at, f"targets in {target_unit}, but {reading}s in {reading_unit}: one is a length, one an angle"
+        )
     text = " ".join(line for _at, line in body)
     comma = separator != "," and "," in text and "." not in text
     return Layout(
@@ -102,7 +112,7 @@ def _units(names: tuple[str, str], reading: Reading, unit: str, at: int, where: 
         target = known[chosen][0] if chosen else "mm"
     if not chosen:
         chosen = DEFAULT_READING[TARGET_UNITS[target][0]] if reading == "deviation" else target
-    if known[chosen][0] != TARGET_UNITS[target][0]:
+    if reading == "position" and known[chosen][0] != TARGET_UNITS[target][0]:
         raise _wrong(where, at, f"targets in {target}, but {reading}s in {chosen}: one is a length, one an angle")
     return target, chosen
 

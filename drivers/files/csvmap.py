@@ -19,7 +19,7 @@ from drivers.files.size import no_readings
 from drivers.files.text import decode, end_doubts, read_bytes
 from drivers.types.results import MeasuredSet
 from drivers.types.values import FloatArray
-from drivers.units import deviation_scale, deviation_unit
+from drivers.units import deviation_scale, deviation_unit, typed_unit
 
 _BREAK = re.compile(r"\r\n|\n|\r")
 MOST_REPETITIONS = 10_000
@@ -30,22 +30,34 @@ LARGEST = {"mm": 5000.0, "deg": 1000.0}
 class CsvFormat:
     """File driver "csv": header target, direction, repetition, deviation (or position) in any order.
 
-    Deviations are um over mm unless `unit`, or the column's own name (deviation_arcsec), says otherwise;
-    positions are in the targets' unit. A table in another layout is read by declared `columns`.
+    Deviations are um over mm unless `unit`, or the column's own name (deviation_arcsec), says otherwise; positions are
+    in the targets' unit. ``mixed`` lets angles stand over mm (pitch) and um over deg (run-out). A table in another
+    layout is read by declared `columns`.
     """
 
-    def __init__(self, unit: str = "", codepage: str = "cp1252", columns: Mapping[str, Any] | None = None) -> None:
+    def __init__(
+        self,
+        unit: str = "",
+        codepage: str = "cp1252",
+        columns: Mapping[str, Any] | None = None,
+        *,
+        mixed: bool = False,
+    ) -> None:
+        unit = typed_unit(unit)
         if unit and unit not in UNITS:
             raise ConfigError("E-FILE-UNIT", "csv", unit=unit, known=", ".join(UNITS))
         self._unit = unit
         self._codepage = codepage
+        self._mixed = mixed
         self._columns = ColumnMap.read(columns, "csv") if columns is not None else None
 
     def read(self, path: Path) -> MeasuredSet:
         """Read a file, by the declared columns if there are any. Raises FileFormatError with line and reason."""
         where = str(path)
         text = decode(read_bytes(path), self._codepage, where)
-        return parse_csv(text, self._unit, where) if self._columns is None else read_columns(text, self._columns, where)
+        if self._columns is not None:
+            return read_columns(text, self._columns, where)
+        return parse_csv(text, self._unit, where, mixed=self._mixed)
 
     def signature(self, path: Path) -> str:
         """What tables of the same layout have in common, "" for one without a heading. Raises FileFormatError."""
@@ -60,8 +72,11 @@ class CsvFormat:
         return table_text(measured)
 
 
-def parse_csv(text: str, unit: str, where: str) -> MeasuredSet:
-    """A whole table, pure. Every (target, direction, repetition) may occur once; missing ones are NaN."""
+def parse_csv(text: str, unit: str, where: str, *, mixed: bool = False) -> MeasuredSet:
+    """A whole table, pure. Every (target, direction, repetition) may occur once; missing ones are NaN.
+
+    ``mixed``: pitch over mm or run-out over deg; the record's unit is then that of the deviations.
+    """
     lines = [
         (at, line)
         for at, line in enumerate(_BREAK.split(text), start=1)
@@ -69,7 +84,7 @@ def parse_csv(text: str, unit: str, where: str) -> MeasuredSet:
     ]
     if not lines:
         raise FileFormatError("E-FILE-CSV-HEADER", where, found="nothing", columns=", ".join(COLUMNS))
-    found = layout(lines[0], lines[1:], unit, where)
+    found = layout(lines[0], lines[1:], unit, where, mixed=mixed)
     readings = _readings(lines[1:], found, where)
     targets, deviations = _arranged(readings, where)
     targets, deviations = _converted(targets, deviations, found)

@@ -17,7 +17,7 @@ from drivers.files.size import no_readings
 from drivers.files.text import decode, read_bytes
 from drivers.types.results import MeasuredSet
 from drivers.types.values import FloatArray
-from drivers.units import AxisUnit, mm_to_um, rad_to_arcsec
+from drivers.units import AxisUnit, mm_to_um, rad_to_arcsec, typed_unit
 
 Convert = Callable[[FloatArray], FloatArray]
 LENGTH: dict[str, Convert] = {"um": lambda value: value, "mm": mm_to_um}
@@ -43,7 +43,7 @@ class RtlFormat:
     """File driver "rtl": targets mm, deviations um unless `unit` says mm; deviation = measured - target."""
 
     def __init__(self, unit: str = "", codepage: str = "cp1252") -> None:
-        self._convert = _conversion(unit or "um", LENGTH, "rtl")
+        self._convert = _conversion(typed_unit(unit) or "um", LENGTH, "rtl")
         self._codepage = codepage
 
     def read(self, path: Path) -> MeasuredSet:

@@ -17,13 +17,13 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.errors import ConfigError, FileFormatError
+from drivers.errors import ConfigError, FileFormatError, FileUnreadable
 from drivers.files.csvtext import plain, recording_lines
 from drivers.files.numbers import decimal
 from drivers.files.rtltext import keyed, lookup
 from drivers.files.text import decode
 from drivers.recordings import Recording
-from drivers.units import ARCSEC_PER_RAD, UM_PER_MM, DeviationUnit
+from drivers.units import ARCSEC_PER_RAD, UM_PER_MM, DeviationUnit, typed_unit
 
 UNITS: dict[str, tuple[DeviationUnit, float]] = {
     "mm": ("um", UM_PER_MM),
@@ -45,6 +45,7 @@ class RtxFormat:
     """Dynamic file driver "rtx"; `unit` is mm, um, mrad, urad or arcsec, as the capture program was set."""
 
     def __init__(self, unit: str = "", codepage: str = "cp1252") -> None:
+        unit = typed_unit(unit)
         if unit and unit not in UNITS:
             raise ConfigError("E-FILE-UNIT", "rtx", unit=unit, known=", ".join(UNITS))
         self._unit = unit
@@ -113,7 +114,7 @@ def _beginning(path: Path) -> tuple[bytes, int]:
         with path.open("rb") as file:
             return file.read(LONGEST_HEADER), file.seek(0, 2)
     except OSError as error:
-        raise FileFormatError("E-FILE-READ", str(path), why=str(error)) from error
+        raise FileUnreadable("E-FILE-READ", str(path), why=str(error)) from error
 
 
 def read_head(data: bytes, size: int, codepage: str, where: str) -> RtxHead:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import codecs
 from pathlib import Path
 
-from drivers.errors import FileFormatError
+from drivers.errors import FileFormatError, FileUnreadable
 
 MARKS = (
     (codecs.BOM_UTF8, "utf-8-sig"),
@@ -16,14 +16,14 @@ LARGEST_BYTES = 64 << 20
 
 
 def read_bytes(path: Path) -> bytes:
-    """The file's bytes. Raises FileFormatError (E-FILE-READ)."""
+    """The file's bytes. Raises FileUnreadable (E-FILE-READ)."""
     try:
         with path.open("rb") as file:
             data = file.read(LARGEST_BYTES + 1)
     except OSError as error:
-        raise FileFormatError("E-FILE-READ", str(path), why=str(error)) from error
+        raise FileUnreadable("E-FILE-READ", str(path), why=str(error)) from error
     if len(data) > LARGEST_BYTES:
-        raise FileFormatError("E-FILE-READ", str(path), why=f"it is larger than {LARGEST_BYTES} bytes")
+        raise FileUnreadable("E-FILE-READ", str(path), why=f"it is larger than {LARGEST_BYTES} bytes")
     return data
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 HIDDEN = "***"
@@ -52,6 +52,30 @@ def _scrubbed(value: Any) -> Any:
 def without_secrets_text(text: str) -> str:
     """A TOML text, comments too, with the same hidden; everything else letter by letter as it was."""
     return without_user(_ENTRY.sub(_hidden, text))
+
+
+_JSON = re.compile(
+    rb'("[^"\n]{0,60}(?:passw|passphrase|secret|token|credential)[^"\n]{0,60}"\s*:\s*)"(?:\\.|[^"\\\n])*"',
+    re.IGNORECASE,
+)
+_POINTS = re.compile(rb'_(?:file|env)"\s*:\s*$', re.IGNORECASE)
+_BEARER = re.compile(rb"(?i)(bearer\s+)[A-Za-z0-9._~+/=-]{8,}")
+_PEM = re.compile(rb"-----BEGIN [A-Z ]*PRIVATE KEY-----.*?-----END [A-Z ]*PRIVATE KEY-----", re.DOTALL)
+
+
+def masked(data: bytes, values: Iterable[bytes]) -> bytes:
+    """Bytes of any file with these values starred out letter by letter, so that lengths stay; private keys too."""
+    data = _PEM.sub(lambda found: b"*" * len(found[0]), data)
+    for value in sorted(set(values), key=len, reverse=True):
+        if len(value) >= 4:
+            data = data.replace(value, b"*" * len(value))
+    return data
+
+
+def masked_text(data: bytes) -> bytes:
+    """A text with the values hidden that JSON or a header calls secret."""
+    hidden = _JSON.sub(lambda found: found[0] if _POINTS.search(found[1]) else found[1] + b'"***"', data)
+    return _BEARER.sub(rb"\1***", hidden)
 
 
 def _hidden(found: re.Match[str]) -> str:

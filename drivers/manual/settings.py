@@ -24,13 +24,13 @@ class ManualSettings(DriverSettings):
     """A display that a person reads and types; one typed value is averaged like any other."""
 
     channel: str = Field(
-        default="displacement_mm", description="what is typed, with its unit: it ends in _mm, _um, _deg or _arcsec"
+        default="displacement_mm", description="typed quantity; its name ends in the unit: _mm, _um, _deg or _arcsec"
     )
     decimal: DecimalMark = Field(default="point", description="decimal mark of the display, point or comma")
     scale: float = Field(default=1.0, description="+1 or -1: turns the display's count into the channel's sense")
-    hold_s: float = Field(default=10.0, gt=0, description="time that one typed value stands for, s")
-    samples: int = Field(default=20, ge=3, le=10_000, description="samples that one typed value stands for")
-    who: str = Field(default="", description="who types; left out: the user of this PC")
+    hold_s: float = Field(default=10.0, gt=0, description="duration that one typed value represents, s")
+    samples: int = Field(default=20, ge=3, le=10_000, description="number of samples that one typed value represents")
+    who: str = Field(default="", description="person who types; left out: the user of this PC")
     air_degc: str = Field(default="", description="typed air temperature, degC, as a text; left out: unknown")
     pressure_hpa: str = Field(default="", description="typed air pressure, hPa, as a text; left out: unknown")
     humidity_pct: str = Field(default="", description="typed humidity, %, as a text; left out: unknown")

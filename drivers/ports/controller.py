@@ -9,7 +9,7 @@ from drivers.terms import TableKind
 from drivers.types.abilities import Capabilities, Marker, TableLimits
 from drivers.types.identity import MachineIdentity
 from drivers.types.machine import MachineState
-from drivers.types.orders import DisableOrder, PushOrder, SignProof, SwitchReading, TableQuestion
+from drivers.types.orders import DisableOrder, PushBatch, PushOrder, ReadBack, SignProof, SwitchReading, TableQuestion
 from drivers.types.stops import StopPlan, StopReached
 from drivers.types.tables import CompensationTable, LiveSet
 from drivers.types.values import Sense
@@ -95,45 +95,48 @@ class Controller(Device, Protocol):
     async def wait_ground(self, after: int, timeout_s: float) -> int | None:
         """Spaces done once > ``after`` (-1: begun), None: ended. Raises DeadlineExceeded, DeviceRefused (alarm...)."""
 
-    async def stage(self, order: PushOrder) -> None:
+    async def stage(self, batch: PushBatch) -> None:
         """Get ready to load: nothing of the compensation changes yet; the person at the machine starts it.
 
-        Where programs load it, the program is generated, sent, read back and selected. What its abilities
+        Where programs load, one program for all tables is generated, sent, read back and selected. What its abilities
         lack is refused here (TableError, DeviceRefused), with nothing sent. With `Capabilities.marker` the marker says
-        in-progress with the order's number when this returns.
+        in-progress with the orders' number when this returns.
         """
         ...
 
-    async def read_back(self, order: PushOrder, timeout_s: float) -> tuple[LiveSet, LiveSet]:
-        """Disable, write, read all back; (back-up of the old, read-back of the new). The new one stays off.
+    async def read_back(self, batch: PushBatch, timeout_s: float) -> tuple[ReadBack, ...]:
+        """Disable all, write all, read all back; for each order what stood before and what stands now, still off.
 
         Cross tables of both are deviations by the order's proof. A
         table never loaded (step 0) is restored as such, or, where the road cannot say that, as zeros on the grid there.
 
-        Raises PointsDiffer when every point was written and some read otherwise, TableActs when the control takes
-        none because the table is on, DeviceRefused when it ended by another way.
+        Raises PointsDiffer when every point was written and no table reads as sent, TableActs when the control takes
+        none because a table is on, DeviceRefused when it ended by another way: all are off then.
         """
         ...
 
-    async def backup_of(self, order: PushOrder) -> LiveSet:
-        """What stood before ``order`` began, as the controller or this driver kept it under the order's number.
+    async def backup_of(self, batch: PushBatch) -> tuple[LiveSet, ...]:
+        """What stood before the batch began, order by order, as the controller or this driver kept it under its number.
 
-        With `Capabilities.stops` from the file that the order's first half wrote, also in a later process; else
-        from `stage`, in the same process. Cross tables are deviations by the order's proof.
-        Raises DeviceRefused when there is none, FileFormatError when it is not whole or of another order.
+        With `Capabilities.stops` from the files that its first half wrote, also in a later process; else
+        from `stage`, in the same process. Cross tables are deviations by the orders' proofs.
+        Raises DeviceRefused when there is none, FileFormatError when it is not whole or of another batch.
         """
         ...
 
-    async def activate(self, order: PushOrder) -> None:
-        """Release the loaded table under the transaction's number; what enables it is the person's next act."""
+    async def activate(self, batch: PushBatch, passed: PushBatch) -> None:
+        """Release those tables of the batch that ``passed`` names, at least one; the others stay off.
+
+        What switches them is the person's next act.
+        """
         ...
 
-    async def confirm(self, order: PushOrder, timeout_s: float) -> bool:
-        """Wait for the outcome: true if the table is switched on, or will be by the restart; false if left off."""
+    async def confirm(self, passed: PushBatch, timeout_s: float) -> tuple[bool, ...]:
+        """Wait for the outcome, order by order: true if switched on, now or by the restart; false if left off."""
         ...
 
-    async def restarted(self, order: PushOrder, timeout_s: float) -> None:
-        """Wait while the operator restarts the control and references, until the table acts."""
+    async def restarted(self, passed: PushBatch, timeout_s: float) -> None:
+        """Wait while the operator restarts the control once and references, until the tables act."""
         ...
 
     async def switch(self, order: PushOrder, enable: bool, timeout_s: float) -> None:
@@ -163,6 +166,6 @@ class Controller(Device, Protocol):
         """
         ...
 
-    async def finish_push(self, order: PushOrder, state: Literal["committed", "held", "none"]) -> None:
-        """Leave the marker in its last state (none: nothing is left of it) and end the talk about this order."""
+    async def finish_push(self, batch: PushBatch, state: Literal["committed", "held", "none"]) -> None:
+        """Leave the marker in its last state (none: nothing is left of it) and end the talk about this batch."""
         ...

@@ -8,6 +8,7 @@ from typing import Protocol, runtime_checkable
 
 from drivers.checks import CheckLine, ControlFacts, TrustView, Wanted
 from drivers.tablefile import ArchiveMember, TableFile, TableFinding, TableMachine
+from drivers.types.exchange import ErrorSet, ReadAs
 from drivers.types.identity import Identity
 from drivers.types.results import MeasuredSet
 from drivers.types.tables import CompensationTable
@@ -64,6 +65,37 @@ class TableFormat(Protocol):
 
     def findings(self, data: str | bytes, where: str, machine: TableMachine | None = None) -> tuple[TableFinding, ...]:
         """Everything wrong, doubtful or worth knowing in a table file; empty is clean."""
+        ...
+
+
+@runtime_checkable
+class TableExchange(Protocol):
+    """Compensation tables in the format of another control or program; ``forms`` by name, the usual one first."""
+
+    suffix: str
+    forms: tuple[str, ...]
+
+    def text(self, tables: Sequence[CompensationTable], form: str, comments: Sequence[str], /) -> str:
+        """The file of tables of one axis. Raises TableError for what the format cannot hold."""
+        ...
+
+    def read(self, text: str, where: str, known: ReadAs, /) -> tuple[CompensationTable, ...]:
+        """The tables of a file; ``known`` where it does not say so itself. Raises FileFormatError with the line."""
+        ...
+
+
+@runtime_checkable
+class ErrorExchange(Protocol):
+    """Errors of a machine in the format of another control or program."""
+
+    suffix: str
+
+    def text(self, errors: ErrorSet, comments: Sequence[str]) -> str:
+        """The file of all errors."""
+        ...
+
+    def read(self, text: str, where: str) -> ErrorSet:
+        """The errors of a file. Raises FileFormatError with the line."""
         ...
 
 

@@ -34,7 +34,9 @@ class Capabilities:
     the person at the machine agrees. ``grinding``: grinds a test part. ``alarms``: its state names alarms.
     ``acting_tables``: the tables that act can be read; else only what was loaded, and the acting value.
     ``cross_shown``: whether the acting value of cross tables counts as their deviations do, or nobody knows which way.
+    ``off_anyhow``: a table can be switched off while a program is at work or an axis moves, a person confirming.
     ``self_test``: it tries the words of its programs (`drivers.programs.SelfTests`); a push asks for it.
+    ``together``: one start loads all tables of a batch and one switches them; else the person agrees table by table.
     """
 
     stops: bool
@@ -47,6 +49,8 @@ class Capabilities:
     acting_tables: bool = True
     cross_shown: Literal["as-is", "either-way"] = "as-is"
     self_test: bool = False
+    together: bool = False
+    off_anyhow: bool = False
 
     @property
     def switches_now(self) -> bool:

@@ -7,33 +7,25 @@ from typing import Literal
 
 from drivers.terms import TableKind, spoken
 from drivers.types.identity import MachineIdentity
-from drivers.types.tables import CompensationTable
-from drivers.types.values import GONE, Approach, Sense
+from drivers.types.tables import CompensationTable, LiveSet
+from drivers.types.values import GONE, Sense
 from drivers.units import AxisUnit
 
 
 @dataclass(frozen=True, slots=True)
 class TableQuestion:
-    """Which tables act on ``axis``, measured by ``encoder``, and what a program may move to find out.
+    """Which tables act on ``axis`` (``letter`` in programs), measured by ``encoder``.
 
-    Where only a program of ours can read them it visits one stop: ``moved`` (``letter`` in programs) goes to ``place``
-    in its ``unit`` and in direction ``approach``, at ``feed`` in mm/min or deg/min and with ``overrun`` beyond it; a
-    person has ``start_s`` to start it and a move ``stop_s``. Cross tables come as deviations by ``proof``, and as they
-    are stored where that is None.
+    Where only a program of ours can read them it moves nothing; a person has ``start_s`` to start it. Cross tables come
+    as deviations by ``proof``, and as they are stored where that is None.
     """
 
     axis: str
-    moved: str
     letter: str
     unit: AxisUnit
     rotary: bool
-    place: float
-    feed: float
-    overrun: float
-    approach: Approach = 1
     encoder: int = 0
     start_s: float = 600.0
-    stop_s: float = 120.0
     proof: SignProof | None = None
 
 
@@ -65,8 +57,8 @@ class SignProof:
 
     @property
     def reversed(self) -> bool:
-        """Whether an axis table acts against what the control's manual says."""
-        return self.kind == "axis" and self.sign != 1
+        """Whether an axis table or a reversal acts against what the control's manual says."""
+        return self.kind != "cross" and self.sign != 1
 
     @property
     def sense(self) -> Sense:
@@ -76,7 +68,7 @@ class SignProof:
 
 @dataclass(frozen=True, slots=True)
 class PushOrder:
-    """One table to load. ``transaction`` is the number the controller must echo before it enables.
+    """One table to load, alone or in a batch. ``transaction`` is the number the controller must echo before it enables.
 
     ``purpose`` "table" needs a `SignProof` in ``proof``; "sign-proof" and "restore" do not. For "restore"
     ``table`` is the old table and ``enable`` the switch it had.
@@ -103,7 +95,27 @@ class PushOrder:
     @property
     def saved_encoder(self) -> int:
         """Whose own table is saved beside the one that is loaded: an axis table's own, else the one that acts."""
-        return self.table.index if self.table.kind == "axis" else self.encoder
+        return self.encoder if self.table.kind == "cross" else self.table.index
+
+
+PushBatch = tuple[PushOrder, ...]
+"""The tables of one transaction, loaded together and each switched by itself; one table is the batch of one.
+
+All carry the same number, purpose and head, and no table is named twice. Orders with the same input axis have the same
+agreeing position, orders with the same output axis the same measuring system.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class ReadBack:
+    """What the first half made of one order of a batch: what stood before, and what was read back, off.
+
+    ``agreed`` says whether the control, where it compares by itself, found every point and parameter as sent.
+    """
+
+    backup: LiveSet
+    found: LiveSet
+    agreed: bool = True
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from drivers.types.tables import CompensationTable
 from drivers.types.values import Approach
 from drivers.units import AxisUnit
 
@@ -33,7 +34,7 @@ class StopPlan:
     its own side; ``dwell_s`` passes before each hand-shake; ``save_tables`` writes the live tables first.
     ``output_axis`` ("": the axis that moves) is the one whose tables are saved and whose compensation is shown,
     ``encoder`` its measuring system, ``encoder_said`` whether a person named it; ``cross_table`` is the cross table
-    that stops switch (None: its own).
+    that stops switch (None: its own), ``reversal`` the constant reversal that they switch in place of a table.
     """
 
     name: str
@@ -51,6 +52,7 @@ class StopPlan:
     output_axis: str = ""
     cross_table: int | None = None
     encoder_said: bool = True
+    reversal: CompensationTable | None = None
 
     @property
     def compensated_axis(self) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from drivers.terms import TableKind
 from drivers.types.values import Approach, FloatArray, Sense
-from drivers.units import AxisUnit, DeviationUnit, deviation_unit
+from drivers.units import AxisUnit, DeviationUnit, deviation_scale, deviation_unit
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,10 +18,11 @@ class CompensationTable:
 
     ``minimum``, ``maximum``, ``step`` are in the input axis' unit; ``deviations`` has k+1 values for
     k = (maximum-minimum)/step, in the deviation unit of the *output* axis. ``kind`` "axis": an axis' own table (input =
-    output); "cross": of one axis over another. ``index`` is the encoder of an axis table and the number of a cross
-    table. ``direction`` 0 both, +1/-1 one travel direction of the input axis (cross tables only). ``places`` are points
-    at free positions, rising, () where the step is equal; ``reverse`` is the curve of the negative direction of travel,
-    () where ``deviations`` holds for both. A control takes what its `TableAbility` says and refuses the rest.
+    output); "cross": of one axis over another; "reversal": the constant reversal B of an axis, one value, no grid
+    (step 0). ``index`` is the encoder of an axis' own and the number of a cross table. ``direction`` 0 both, +1/-1 one
+    travel direction of the input axis (cross tables only). ``places`` are points at free positions, rising, () where
+    the step is equal; ``reverse`` is the curve of the negative direction of travel, () where ``deviations`` holds for
+    both. A control takes what its `TableAbility` says and refuses the rest.
     """
 
     kind: TableKind
@@ -76,6 +77,22 @@ class CompensationTable:
         return np.interp(wanted, self.positions, values)
 
 
+def reversal_of(axis: str, unit: AxisUnit, value: float, encoder: int = 0) -> CompensationTable:
+    """The constant reversal of an axis that cancels B = ``value``, um or arcsec."""
+    return CompensationTable(
+        "reversal",
+        axis,
+        output_axis=axis,
+        minimum=0.0,
+        maximum=0.0,
+        step=0.0,
+        deviations=(value,),
+        index=encoder,
+        input_unit=unit,
+        output_unit=unit,
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class LiveTable:
     """A table found in the controller with its switch; ``enabled`` is true where every switch of it is on."""
@@ -105,7 +122,8 @@ class TemperatureShift:
 class LiveSet:
     """Everything that compensates one axis right now: tables, switches, backlash; and the text as read.
 
-    ``backlash`` is the constant reversal the control takes up, in the axis unit. ``native`` is the loadable back-up
+    ``backlash`` is the constant reversal the control takes up, in the axis unit, positive for an axis that lags behind
+    its encoder (B < 0); `reversal` is the same as a deviation. ``native`` is the loadable back-up
     exactly as the controller wrote it; ``digest`` is the same as long as the tables are. ``own`` is the axis' own
     table; that of an axis that never had one is all zero and disabled. ``cross`` are the cross tables whose output is
     this axis, ``others`` those of other outputs, as far as they are known. Cross tables are deviations by the proof
@@ -123,3 +141,10 @@ class LiveSet:
     others: tuple[LiveTable, ...] = ()
     sense: Sense = 1
     temperature: TemperatureShift | None = None
+
+    @property
+    def reversal(self) -> LiveTable:
+        """The constant reversal as a table of one value: the deviation B that it cancels; on where it is not 0."""
+        unit, encoder = self.own.table.output_unit, self.own.table.index
+        value = round(-self.backlash * deviation_scale(unit), 9) + 0.0
+        return LiveTable(reversal_of(self.axis, unit, value, encoder), enabled=value != 0.0)

@@ -30,18 +30,16 @@ class UmdSettings(DriverSettings):
     count_size_nm: float = Field(
         default=0.0,
         ge=0,
-        description="one count of a quadrature output that is already scaled to a length, nm; 0: it is not",
+        description="length of one count of a scaled quadrature output, nm; 0: not scaled",
     )
     compensated_for: Literal["", "nothing", "air", "air+material"] = Field(
-        default="", description="what the scaling of count_size_nm already holds; left out without count_size_nm"
+        default="", description="corrections that count_size_nm already contains; left out without count_size_nm"
     )
     axis: int = Field(default=1, ge=1, le=3, description="channel of the counter")
     sample_rate_hz: float = Field(default=0.0, ge=0, description="samples a second; 0: as the counter says")
-    max_speed_mm_s: float = Field(default=4000.0, gt=0, description="a faster step is not believed, mm/s")
-    least_signal: int = Field(
-        default=0, ge=0, description="samples below this signal strength are not believed; 0: all are"
-    )
-    stale_s: float = Field(default=5.0, gt=0, description="longest silence of the counter, s")
+    max_speed_mm_s: float = Field(default=4000.0, gt=0, description="a faster step is rejected, mm/s")
+    least_signal: int = Field(default=0, ge=0, description="samples below this signal strength are rejected; 0: none")
+    stale_s: float = Field(default=5.0, gt=0, description="longest gap in the counter's data, s")
 
     def rules(self) -> tuple[Rule, ...]:
         """The scaling says what it holds, and only it."""

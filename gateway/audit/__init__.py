@@ -6,7 +6,7 @@ only against a head exported earlier to where he cannot reach it.
 
 from __future__ import annotations
 
-from gateway.audit.actor import os_user
+from gateway.audit.actor import acting, os_user, person
 from gateway.audit.chain import AUDIT, append
 from gateway.audit.checking import Health, Problem, check, demand, sound
 from gateway.audit.entries import CORRECTION, TORN, AuditEntry, ChainHead, Happening, head_of, line_of
@@ -25,6 +25,7 @@ from gateway.audit.standing import (
     size,
     standing,
 )
+from gateway.audit.syslog import forward
 
 __all__ = [
     "APPROVED",
@@ -43,16 +44,19 @@ __all__ = [
     "Health",
     "Problem",
     "Standing",
+    "acting",
     "append",
     "check",
     "correct",
     "demand",
     "entries",
+    "forward",
     "head_now",
     "head_of",
     "line_of",
     "note",
     "os_user",
+    "person",
     "record",
     "size",
     "sound",

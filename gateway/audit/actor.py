@@ -1,9 +1,12 @@
-"""Who is at the keyboard, as the operating system knows it; environment variables do not count."""
+"""Who acts: who is signed in at the service, else who is at the keyboard, as the operating system knows it."""
 
 from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 
 if sys.platform == "win32":
 
@@ -20,3 +23,21 @@ else:
             return pwd.getpwuid(os.getuid()).pw_name
         except KeyError:
             return f"uid:{os.getuid()}"
+
+
+_signed_in: ContextVar[str] = ContextVar("signed in", default="")
+
+
+def person() -> str:
+    """In whose name this task works; the operating system's user where nobody signed in for it."""
+    return _signed_in.get() or os_user()
+
+
+@contextmanager
+def acting(name: str) -> Iterator[None]:
+    """What the block does, its tasks among it, is done in this name; "" changes nothing."""
+    before = _signed_in.set(name or _signed_in.get())
+    try:
+        yield
+    finally:
+        _signed_in.reset(before)

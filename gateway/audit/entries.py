@@ -59,7 +59,10 @@ class Happening:
 
 @dataclass(frozen=True, slots=True)
 class AuditEntry:
-    """A record as kept. ``monotonic_s`` counts in the process named by ``process``: it does not jump with the date."""
+    """A record as kept. ``monotonic_s`` counts in the process named by ``process``: it does not jump with the date.
+
+    ``clock`` is what the computer knew of its own clock then (`gateway.audit.timekeeping`); empty in older records.
+    """
 
     seq: int
     utc: str
@@ -69,11 +72,14 @@ class AuditEntry:
     happening: Happening
     prev_hash: str
     hash: str = ""
+    clock: Mapping[str, object] = field(default_factory=dict)
 
     def as_data(self) -> dict[str, Any]:
         """The record as JSON data, as it stands in its line."""
         data: dict[str, Any] = {**asdict(self), **asdict(self.happening)}
         del data["happening"]
+        if not self.clock:
+            del data["clock"]
         data["details"] = {str(key): _plain(value) for key, value in self.happening.details.items()}
         return data
 

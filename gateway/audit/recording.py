@@ -8,9 +8,10 @@ from importlib import metadata
 from pathlib import Path
 
 from drivers.clock import Clock
-from gateway.audit.actor import os_user
+from gateway.audit.actor import person as who_acts
 from gateway.audit.chain import append
 from gateway.audit.entries import CORRECTION, AuditEntry, ChainHead, Happening, Role
+from gateway.audit.timekeeping import clock_now
 from gateway.errors import BusyError, StoreError
 
 
@@ -28,13 +29,13 @@ def record(
     new_hash: str = "",
     details: Mapping[str, object] | None = None,
 ) -> ChainHead:
-    """Keep what was done, durable on return; ``root`` is the store's folder, ``actor`` the OS user if not given.
+    """Keep what was done, durable on return; ``root`` is the store's folder, ``actor`` who acts if not given.
 
     ``clock`` must be usable: the wall's needs a running loop. Blocks for a few ms, as the journal does.
     Raises CorruptRecord (E-AUDIT-BROKEN), BusyError (E-AUDIT-BUSY), StoreError: then nothing may be written to
     a machine.
     """
-    person, told = actor or os_user(), dict(details or {})
+    person, told = actor or who_acts(), dict(details or {})
     happening = Happening(
         action=action,
         actor=person,
@@ -58,6 +59,7 @@ def record(
             software=software,
             happening=happening,
             prev_hash="",
+            clock=clock_now(),
         ),
     )
 

@@ -2,26 +2,33 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from drivers.ports.instruments import Instrument
+from drivers.ports.instruments import Instrument, TypedInstrument
 from drivers.types.sensing import Ambient
 from drivers.types.stops import Stop
 from drivers.types.values import FloatArray
-from drivers.units import deviation_scale, deviation_unit, wrap_deg
+from drivers.units import DeviationUnit, deviation_scale, deviation_unit, wrap_deg
 from gateway.capture.diagnosis import UnexpectedValue
-from gateway.capture.readings import History, StopReading
+from gateway.capture.readings import History, Readings, StopReading
+from gateway.capture.rig import Rig
 from gateway.capture.surroundings import check
 from gateway.capture.targets import expected_travel, jog_start
 from gateway.config import AxisSection
 from gateway.domain.equipment import SenseProof
+from gateway.live import onlooker
 
 MATCH = 0.1
 # A quarter of the way is enough to know that the axis moved, and far above what it may wander while it stands.
 MOVED_PART = 0.25
 PROOF_PART = 0.01
+READ = ("values", "times", "sigmas")  # what is kept of each reading
+# So near is the target that a person named, mm or deg.
+NEAR = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,12 +55,10 @@ class Collection:
     ) -> None:
         shape = (len(targets), axis.measure.repetitions, 2)
         self._axis = axis
-        self._targets = targets
         self._combine = combine
-        self.checks = checks
         # The channel that a lost beam sets back to zero; a calibrator's own encoder keeps counting.
         self._counting = channels.index("laser_deg") if "laser_deg" in channels else 0
-        self._tolerance = _tolerance(axis, np.delete(targets, list(checks)))
+        self.place(targets, checks)
         self._last_value = _standing(axis, proof, combine, len(channels))
         self._last_stop: Stop | None = None
         self._offset = np.zeros(len(channels))
@@ -65,10 +70,45 @@ class Collection:
         self.ambient_times: list[float] = []
         self.notes: list[str] = []
         self.datum: FirstReading | None = None
+        # How often to read at rest, where the datum was taken.
+        self.stands = 0
+        self.standing: tuple[float, ...] = ()
+
+    def place(self, targets: FloatArray, checks: tuple[int, ...]) -> None:
+        """Where is measured, (m,) ascending, and which of these are check stops; nothing is read or forgotten."""
+        self.targets, self.checks = targets, checks
+        self._tolerance = _tolerance(self._axis, np.delete(targets, list(checks)))
+
+    def with_targets(self, more: FloatArray) -> tuple[Collection, NDArray[np.int64]]:
+        """The same with ``more`` places (k,) that nothing was read at yet, and their indices."""
+        places = np.concatenate([self.targets, more])
+        order = np.argsort(places, kind="stable")
+        wide = copy(self)
+        wide.place(places[order], tuple(int(np.flatnonzero(order == check)[0]) for check in self.checks))
+        for name in READ:
+            mine = getattr(self, name)
+            setattr(wide, name, np.concatenate([mine, np.full((more.size, *mine.shape[1:]), np.nan)])[order])
+        return wide, np.flatnonzero(order >= self.targets.size)
+
+    def without(self, rows: NDArray[np.int64]) -> Collection:
+        """The same without some of its places, none of them a check stop."""
+        kept = np.setdiff1d(np.arange(self.targets.size), rows)
+        less = copy(self)
+        less.place(self.targets[kept], tuple(int(np.searchsorted(kept, check)) for check in self.checks))
+        for name in READ:
+            setattr(less, name, getattr(self, name)[kept].copy())
+        return less
 
     def combined(self, values: FloatArray) -> float:
         """The one quantity of the axis from channel values (c,)."""
         return float(self._combine(values[None, :])[0])
+
+    async def stand(self, stop: Stop, readings: Readings, rig: Rig) -> None:
+        """Once, where the datum was taken: read at rest. Nobody is asked to type the same reading again."""
+        count, self.stands = self.stands, 0
+        if count and not isinstance(rig.instrument, TypedInstrument):
+            seen = await readings.at_rest(rig.window, count, expect=self.expectation(stop))
+            self.standing = tuple(self.combined(one.values) for one in seen)
 
     def expectation(self, stop: Stop) -> tuple[float, float] | None:
         """(value, tolerance) the instrument should show at a stop in its present count.
@@ -97,7 +137,7 @@ class Collection:
     def doubt(self, read: float, wanted: float) -> UnexpectedValue | None:
         """A reading that is not the wanted one, with what it might be instead; None where it says nothing yet."""
         datum = wanted if self.datum is None else self.combined(self.datum.values - self._offset)
-        stops = {} if self.datum is None else {float(t): datum + float(t) - self.datum.target for t in self._targets}
+        stops = {} if self.datum is None else {float(t): datum + float(t) - self.datum.target for t in self.targets}
         return UnexpectedValue(
             read=read,
             wanted=wanted,
@@ -113,7 +153,7 @@ class Collection:
         The ``first`` stop of a program is always approached from its overrun.
         """
         if self._last_stop is None:
-            travel = _approach_travel(self._axis, self._targets)
+            travel = _approach_travel(self._axis, self.targets)
         else:
             overrun = self._axis.measure.overrun
             travel = max(self._least_way(self._last_stop, stop), overrun if first else 0.0)
@@ -134,6 +174,7 @@ class Collection:
         self.counts.append(reading.count)
         if self.datum is None:
             self.datum = FirstReading(values, self.combined(values), stop.target)
+        onlooker().taken(self._axis.name, (stop.target, stop.repetition + 1, stop.approach), *self.shown(stop))
         self._stands(stop, reading)
 
     def set_anew(self, stop: Stop, reading: StopReading) -> None:
@@ -150,19 +191,39 @@ class Collection:
     def stop(self, cell: tuple[int, int, int]) -> Stop:
         """The stop whose reading stands in a cell (target, repetition, approach index)."""
         index, repetition, approach = cell
-        return Stop(float(self._targets[index]), 1 if approach == 0 else -1, repetition, index)
+        return Stop(float(self.targets[index]), 1 if approach == 0 else -1, repetition, index)
 
     def told(self, cell: tuple[int, int, int]) -> str:
         """A cell in words."""
         index, repetition, approach = cell
-        return f"{self._targets[index]:g}{'+-'[approach]} repetition {repetition + 1}"
+        return f"{self.targets[index]:g}{'+-'[approach]} repetition {repetition + 1}"
 
     def deviations(self) -> FloatArray:
         """What was read less its target, (m, n, 2) in the axis unit, but for a constant: to compare repetitions by."""
         read = self._combine(self.values.reshape(-1, self.values.shape[-1])).reshape(self.times.shape)
         zero = 0.0 if self.datum is None else self.datum.combined - self.datum.target
-        off = read - self._targets[:, None, None] - zero
+        off = read - self.targets[:, None, None] - zero
         return np.asarray(wrap_deg(off) if self._axis.modulo else off)
+
+    def deviation(self, stop: Stop) -> float:
+        """One of `deviations`: that of the reading at a stop."""
+        cell = stop.label, stop.repetition, 0 if stop.approach == 1 else 1
+        zero = 0.0 if self.datum is None else self.datum.combined - self.datum.target
+        off = self.combined(self.values[cell]) - stop.target - zero
+        return float(wrap_deg(off)) if self._axis.modulo else off
+
+    def shown(self, stop: Stop) -> tuple[float, DeviationUnit]:
+        """`deviation` for people: um or arcsec, and which of them."""
+        return self.deviation(stop) * deviation_scale(self._axis.unit), deviation_unit(self._axis.unit)
+
+    def asked(self) -> list[tuple[int, int, int]]:
+        """Where the readings stand that a person wants again: a place within a thousandth of what was said."""
+        found = []
+        for target, repetition, approach in onlooker().asked_again(self._axis.name):
+            for i in np.flatnonzero(np.abs(self.targets - target) < NEAR):
+                every = range(self.times.shape[1]) if repetition == 0 else (repetition - 1,)
+                found += [(int(i), j, 0 if approach == 1 else 1) for j in every if j < self.times.shape[1]]
+        return found
 
     def size(self, change: float) -> str:
         """A change of `deviations` in words."""

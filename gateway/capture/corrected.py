@@ -9,7 +9,7 @@ from drivers.types.sensing import Ambient
 from drivers.types.tables import LiveSet
 from drivers.types.values import CompensatedFor, FloatArray
 from drivers.units import deviation_scale, deviation_unit
-from gateway.capture.live import RawCapture
+from gateway.capture.gathered.raw import RawCapture
 from gateway.capture.surroundings import check_all
 from gateway.capture.targets import CHECK_REPETITIONS
 from gateway.capture.warmth import warmth_said
@@ -39,7 +39,8 @@ def from_live(axis: AxisSection, raw: RawCapture, proof: SenseProof, already: Co
     sigma = raw.window_sigma * deviation_scale(axis.unit)
     reading_u = float(np.sqrt(np.nanmean(sigma**2) / max(raw.window_count, 1)))
     targets, deviations, times, between = _parted(raw, deviations)
-    steady = steadiness(times, deviations, deviation_unit(axis.unit))
+    first = ~np.isin(targets, raw.targets[list(raw.added)])
+    steady = steadiness(times[first], deviations[first], deviation_unit(axis.unit))
     lost = (f"{raw.lost_samples} samples lost by the instrument",) if raw.lost_samples else ()
     return Capture(
         axis=axis.name,
@@ -65,6 +66,8 @@ def from_live(axis: AxisSection, raw: RawCapture, proof: SenseProof, already: Co
         between=between,
         unsteady_u=steady.u,
         drift_per_h=steady.per_h,
+        rest_u=float(np.std(raw.standing, ddof=1)) * deviation_scale(axis.unit) if len(raw.standing) > 1 else 0.0,
+        rest_count=len(raw.standing),
     )
 
 

@@ -20,16 +20,18 @@ from drivers.types.values import FloatArray
 from drivers.units import ARCSEC_PER_DEG, UM_PER_MM, DeviationUnit
 from gateway.capture.collecting import Collection
 from gateway.capture.diagnosis import UnexpectedValue
-from gateway.capture.live import RawCapture, Visits, raw_capture, targets_of
+from gateway.capture.gathered.raw import RawCapture, raw_capture
+from gateway.capture.live import Visits
 from gateway.capture.readings import History, Readings, StopReading, Window
 from gateway.capture.rig import SETTLE_TIMEOUT_S, Rig
-from gateway.capture.targets import measuring_plan
+from gateway.capture.targets import measuring_plan, targets_of
 from gateway.capture.warmth import warmth_said
 from gateway.domain.captures import Capture
 from gateway.domain.equipment import SenseProof
 from gateway.errors import CaptureError, Unstable
 from gateway.evaluate.behaviour.repetitions import robust_means
 from gateway.evaluate.optics import corrections
+from gateway.live import onlooker
 
 UNITS: dict[DeviationUnit, dict[str, float]] = {
     "um": {"_um": 1.0, "_mm": UM_PER_MM},
@@ -154,6 +156,11 @@ class ErrorCollection(Collection):
         """What was read, (m, n, 2): it hardly follows the axis."""
         return np.asarray(self._combine(self.values.reshape(-1, self.values.shape[-1])).reshape(self.times.shape))
 
+    def shown(self, stop: Stop) -> tuple[float, DeviationUnit]:
+        """What was read at a stop."""
+        cell = stop.label, stop.repetition, 0 if stop.approach == 1 else 1
+        return self.combined(self.values[cell]), self._unit
+
     def size(self, change: float) -> str:
         """A change of `deviations` in words."""
         return f"{change:+.3g} {self._unit}"
@@ -187,7 +194,8 @@ async def capture_error(rig: ErrorRig) -> RawCapture:
     async with ErrorReadings(rig) as readings:
         plan = measuring_plan(axis, targets, "", name=f"TFMEAS{axis.letter}")
         await Visits(rig, found, readings).all(plan, len(targets))
-        found.ambients.append(await rig.instrument.ambient())
+        found.ambients.append(air := await rig.instrument.ambient())
+        onlooker().ambient(rig.instrument.name, air)
         found.ambient_times.append(readings.latest_s)
         lost = readings.lost
         found.notes.extend(f"the instrument said: {event}" for event in dict.fromkeys(readings.events))

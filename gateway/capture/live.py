@@ -1,35 +1,35 @@
 """Captures one axis live: every target, repetition and approach once, as raw averages with their times.
 
 A reading that does not settle is left out and taken again at the end, and so is one that is out of line with its
-repetitions; a lost beam ends the program, and the next one begins at the datum, which is set anew there, before it goes
-on where the first one stopped.
+repetitions; a lost beam ends the program, and the next one sets the datum anew and goes on where the first stopped.
 """
 
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from drivers.errors import BeamObstructed, TrueflankError
 from drivers.ports.instruments import Instrument, Recounting, RotaryCalibrator, TypedInstrument
 from drivers.types.machine import ChannelStatus
-from drivers.types.sensing import Ambient
 from drivers.types.stops import Stop, StopPlan, StopReached
-from drivers.types.tables import LiveSet
 from drivers.types.values import FloatArray
 from gateway.capture.applied import check_applied
 from gateway.capture.collecting import Collection
 from gateway.capture.diagnosis import FROZEN_TARGETS, cause
+from gateway.capture.gathered.raw import RawCapture, raw_capture
+from gateway.capture.gathered.widening import Widening
 from gateway.capture.readings import NOT_MOVED, History, Readings
 from gateway.capture.retaking import Retake
 from gateway.capture.rig import Rig
 from gateway.capture.sense import first_channel
-from gateway.capture.targets import measuring_plan, positions
+from gateway.capture.targets import measuring_plan, targets_of, with_checks
 from gateway.config import AxisSection
 from gateway.domain.equipment import SenseProof
 from gateway.errors import CaptureError, Unstable
+from gateway.live import onlooker
 from gateway.walk import walk
 
 # A set-up that does not settle at so many stops one after the other does not settle at all.
@@ -37,32 +37,6 @@ MOST_UNSETTLED = 3
 DATUM_REPETITION = 9999
 POLL_S = 0.5
 AtStop = Callable[[int, Stop, StopReached], Awaitable[None]]
-
-
-@dataclass(frozen=True, slots=True)
-class RawCapture:
-    """Averages as the instrument gave them, sense not yet applied.
-
-    ``values`` shape (m, n, 2, channels): target, repetition, approach + then -; ``time_s`` (m, n, 2) in
-    instrument time; ``window_sigma`` (m, n, 2) of the combined quantity in the axis unit.
-    ``ambient`` is the environment at the start of each one-way pass and after the last. ``notes`` tell what
-    was taken again. ``checks`` are indices of targets that are check stops only.
-    """
-
-    targets: FloatArray
-    channels: tuple[str, ...]
-    values: FloatArray
-    time_s: FloatArray
-    window_sigma: FloatArray
-    window_count: int
-    ambient: tuple[Ambient, ...]
-    ambient_time_s: FloatArray
-    live: LiveSet
-    started_utc: str
-    ended_utc: str
-    lost_samples: int
-    notes: tuple[str, ...] = ()
-    checks: tuple[int, ...] = ()
 
 
 def combined(axis: AxisSection, instrument: Instrument, sense: int) -> History:
@@ -73,8 +47,16 @@ def combined(axis: AxisSection, instrument: Instrument, sense: int) -> History:
     return lambda values: sense * values[:, laser] - values[:, device]
 
 
-async def capture_axis(rig: Rig, proof: SenseProof, between: FloatArray | None = None) -> RawCapture:
+More = Callable[[RawCapture], FloatArray]
+"""Which places (k,) shall be targets too, from what is captured so far; none: it is enough."""
+
+
+async def capture_axis(
+    rig: Rig, proof: SenseProof, between: FloatArray | None = None, more: More | None = None
+) -> RawCapture:
     """Measure an axis with a proven instrument, at its targets and at check stops ``between`` (k,) them.
+
+    As long as ``more`` names places, these are measured before the set-up is left.
 
     Raises what `walk` and `Readings` raise: BeamObstructed once every allowed recovery is used up, Unstable
     when a stop does not settle in any round either; CaptureError (E-CAP-APPLIED).
@@ -85,64 +67,39 @@ async def capture_axis(rig: Rig, proof: SenseProof, between: FloatArray | None =
     found = Collection(
         axis=axis, targets=targets, channels=rig.instrument.channels, combine=combine, proof=proof, checks=checks
     )
+    found.stands = axis.measure.standstill
     started = clock.utc().isoformat(timespec="seconds")
     async with Readings(rig.instrument, clock, combine) as readings:
         plan = measuring_plan(axis, targets, "", name=f"TFMEAS{axis.letter}", checks=checks)
         visits = Visits(rig, found, readings)
         await visits.all(plan, len(targets))
-        found.ambients.append(await rig.instrument.ambient())
-        found.ambient_times.append(readings.latest_s)
-        lost = readings.lost
-        found.notes.extend(f"the instrument said: {event}" for event in dict.fromkeys(readings.events))
-    live = await rig.controller.saved_tables(axis.name)
+        while True:
+            raw = await _so_far(rig, found, readings, started, visits)
+            places = np.empty(0) if more is None else more(raw)
+            if not places.size:
+                return raw
+            found = await visits.widened(Widening.of(found, axis, places))
+
+
+async def _so_far(rig: Rig, found: Collection, readings: Readings, started: str, visits: Visits) -> RawCapture:
+    """What is captured by now, and the tables it was captured under."""
+    found.ambients.append(air := await rig.instrument.ambient())
+    onlooker().ambient(rig.instrument.name, air)
+    found.ambient_times.append(readings.latest_s)
+    live = await rig.controller.saved_tables(rig.axis.name)
     check_applied(live, visits.shown)
-    ended = clock.utc().isoformat(timespec="seconds")
-    return replace(
-        raw_capture(found, targets, channels=rig.instrument.channels, live=live, times=(started, ended), lost=lost),
-        checks=checks,
-    )
-
-
-def with_checks(targets: FloatArray, between: FloatArray | None) -> tuple[FloatArray, tuple[int, ...]]:
-    """All places (m + k,) ascending, and which of them are check stops."""
-    if between is None or not between.size:
-        return targets, ()
-    places = np.concatenate([targets, between])
-    order = np.argsort(places)
-    return places[order], tuple(int(i) for i in np.flatnonzero(order >= targets.size))
-
-
-def targets_of(axis: AxisSection) -> FloatArray:
-    """Where an axis stops to be measured, (m,); empty without targets."""
-    wanted = axis.measure.targets
-    return np.empty(0) if wanted is None else positions(wanted, axis.reference, rotary=axis.kind == "rotary")
-
-
-def raw_capture(
-    found: Collection,
-    targets: FloatArray,
-    channels: tuple[str, ...],
-    live: LiveSet,
-    times: tuple[str, str],
-    lost: int,
-) -> RawCapture:
-    """What was collected as a record; ``times`` are start and end in UTC."""
-    started, ended = times
-    return RawCapture(
-        targets=targets,
-        channels=channels,
-        values=found.values,
-        time_s=found.times,
-        window_sigma=found.sigmas,
-        window_count=int(np.median(found.counts)),
-        ambient=tuple(found.ambients),
-        ambient_time_s=np.asarray(found.ambient_times),
+    ended = rig.clock.utc().isoformat(timespec="seconds")
+    events = tuple(f"the instrument said: {event}" for event in dict.fromkeys(readings.events))
+    raw = raw_capture(
+        found,
+        found.targets,
+        channels=rig.instrument.channels,
         live=live,
-        started_utc=started,
-        ended_utc=ended,
-        lost_samples=lost,
-        notes=tuple(found.notes),
+        times=(started, ended),
+        lost=readings.lost,
     )
+    added = tuple(int(i) for i in np.flatnonzero(~np.isin(found.targets, visits.first)))
+    return replace(raw, notes=(*raw.notes, *events), checks=found.checks, added=added)
 
 
 class Visits:
@@ -158,6 +115,7 @@ class Visits:
         self._in_a_row = 0
         self._still = 0
         self.shown: list[tuple[float, float]] = []
+        self.first = found.targets
 
     async def all(self, plan: StopPlan, per_pass: int) -> None:
         """Every stop read; raises BeamObstructed or Unstable when what is allowed did not suffice.
@@ -166,8 +124,24 @@ class Visits:
         """
         self._per_pass = max(per_pass, 1)
         await self._all_read(plan)
+        await self._out_of_line_again(plan)
+
+    async def widened(self, wide: Widening) -> Collection:
+        """The collection with more targets, visited now; as it was where that does not succeed."""
+        self._found, self._taken, self._per_pass = wide.found, 0, wide.added.size + wide.anchors.size
+        try:
+            await self._through(wide.plan, last_round=False)
+        except (Unstable, BeamObstructed):
+            await self._program_ended()
+        self._found, told = wide.end()
+        self._found.notes.append(told)
+        await self._out_of_line_again(wide.plan)
+        return self._found
+
+    async def _out_of_line_again(self, plan: StopPlan) -> None:
+        again: Retake | None = None
         for number in range(1, self._rig.axis.measure.retakes + 1):
-            again = Retake.of(self._found)
+            again = Retake.of(self._found, again)
             if again is None:
                 return
             self._rig.say("P-CAP-OUT-OF-LINE", axis=plan.axis, count=len(again.cells), round=number)
@@ -190,7 +164,7 @@ class Visits:
             if not missing:
                 return
             self._rig.say("P-CAP-RETAKE", axis=plan.axis, count=len(missing), round=number)
-            self._found.notes.append(f"{len(missing)} reading(s) that had not settled were taken again")
+            self._found.notes.append(f"{len(missing)} unsettled reading(s) were measured again")
             await self._through(replace(again, stops=missing), last_round=number == rounds)
 
     async def _through(self, plan: StopPlan, *, last_round: bool) -> None:
@@ -232,6 +206,7 @@ class Visits:
                 self._readings.datum()
             try:
                 await self._take(stop, first=index == 0)
+                await self._found.stand(stop, self._readings, self._rig)
             except Unstable as error:
                 self._explain(stop, error)
                 if last_round or self._found.datum is None:
@@ -271,6 +246,8 @@ class Visits:
     async def _take(self, stop: Stop, *, first: bool) -> None:
         found = self._found
         air = await self._rig.instrument.ambient() if self._taken % self._per_pass == 0 else None
+        if air is not None:
+            onlooker().ambient(self._rig.instrument.name, air)
         if air is not None and found.datum is None:
             found.admit(air, self._rig.instrument)
         expected = found.expectation(stop)
@@ -294,4 +271,4 @@ class Visits:
             await self._rig.instrument.set_datum()
         self._readings.datum()
         self._found.set_anew(stop, await self._readings.settled(self._rig.window))
-        self._found.notes.append(f"the beam was lost after {self._taken} readings and the datum set anew")
+        self._found.notes.append(f"the beam was lost after {self._taken} readings, and a new datum was set")

@@ -15,6 +15,7 @@ from drivers.errors import BeamObstructed, DeadlineExceeded, TrueflankError
 from drivers.ports.instruments import Instrument
 from drivers.types.sensing import SampleBlock
 from drivers.types.values import FloatArray
+from gateway import live
 from gateway.errors import Unstable
 
 # Which condition is missing, in words that others compare.
@@ -101,6 +102,7 @@ class Readings:
     def _take(self, block: SampleBlock) -> None:
         if not len(block):
             return
+        live.onlooker().samples(self._instrument.name, block)
         self.lost += block.lost
         self.events.extend(block.events[: MOST_EVENTS - len(self.events)])
         block = self._monotonic(block)
@@ -186,10 +188,25 @@ class Readings:
                     return reading
                 begin = max(begin + window.average_s, self.latest_s - window.average_s)
             else:
+                done_s, needed_s = self.latest_s - begin + window.settle_s, window.settle_s + window.average_s
+                live.onlooker().waiting(self._instrument.name, missing, done_s, needed_s)
                 await self._next_block(window.timeout_s)
         read, wanted = self._read or (None, None)
         where, limit_s = self._instrument.name, window.timeout_s
         raise Unstable("E-CAP-UNSTABLE", where, missing=missing, timeout_s=limit_s, read=read, wanted=wanted)
+
+    async def at_rest(
+        self, window: Window, count: int, *, expect: tuple[float, float] | None = None
+    ) -> tuple[StopReading, ...]:
+        """``count`` readings one after the other of what does not move; none where it does not settle.
+
+        What scatters in them is the instrument's own: ISO 230-2 sees instrument and axis together, and a reading's own
+        window shows only noise faster than itself. Raises BeamObstructed, or the wire's own error.
+        """
+        try:
+            return tuple([await self.settled(window, expect=expect) for _ in range(count)])
+        except Unstable:
+            return ()
 
     def _judge(
         self, begin: float, window: Window, expect: tuple[float, float] | None, left_at: float | None

@@ -2,6 +2,9 @@
 
 A stop in doubt is visited again together with its nearest neighbours that are in line. They say how far the zero has
 moved since then, so that the new reading stands in its own pass and at its own time.
+
+A reading that is out of line again has not been wrong by itself: its repetitions disagree with it, and two of three may
+agree on what is wrong. Then all repetitions of that stop are taken again.
 """
 
 from __future__ import annotations
@@ -44,10 +47,15 @@ class Retake:
     sigmas: FloatArray
 
     @classmethod
-    def of(cls, found: Collection) -> Retake | None:
-        """What a collection leaves in doubt; None where nothing is, or so much that the set-up itself is at fault."""
+    def of(cls, found: Collection, before: Retake | None = None) -> Retake | None:
+        """What a collection leaves in doubt; None where nothing is, or so much that the set-up itself is at fault.
+
+        ``before`` is what the round before has taken again. What an onlooker asks for is taken again beside it.
+        """
         seen = found.deviations()
-        doubted, level = _doubted(seen, found.checks)
+        doubted, level = _doubted(seen, found.checks, () if before is None else before.cells)
+        for cell in found.asked():
+            doubted[cell] = np.isfinite(seen[cell])
         cells = tuple((int(i), int(j), int(a)) for i, j, a in np.argwhere(doubted))
         if not cells or len(cells) > max(ALWAYS, MAX_SUSPECT_SHARE * np.isfinite(seen).sum()):
             return None
@@ -83,7 +91,7 @@ class Retake:
             done.append(f"{found.told(cell)} ({found.size(before - found.deviations()[cell])} off)")
         more = f" and {len(done) - NAMED} more" if len(done) > NAMED else ""
         what = ", ".join(done[:NAMED]) + more if done else "none of them settled"
-        return f"{len(self.cells)} reading(s) out of line with their repetitions were taken again: {what}"
+        return f"{len(self.cells)} outlier(s) among the repetitions were measured again: {what}"
 
     def _beside(self) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
         """Where the neighbours on the way are, (m, n, 2)."""
@@ -94,7 +102,7 @@ class Retake:
 
 
 def _doubted(
-    seen: FloatArray, checks: tuple[int, ...]
+    seen: FloatArray, checks: tuple[int, ...], taken: tuple[Cell, ...]
 ) -> tuple[np.ndarray[tuple[int, ...], np.dtype[np.bool_]], FloatArray]:
     """Which readings (m, n, 2) are in doubt, and where each would lie by its repetitions and its pass."""
     kept = np.setdiff1d(np.arange(len(seen)), checks)
@@ -104,6 +112,9 @@ def _doubted(
     for rows in (kept, np.asarray(checks, dtype=np.int64)):
         if rows.size:
             doubted[rows] = in_doubt(level[rows])
+    for index, repetition, approach in taken:
+        if doubted[index, repetition, approach]:
+            doubted[index, :, approach] = np.isfinite(seen[index, :, approach])
     good = np.where(doubted, np.nan, level)
     n = np.isfinite(good).sum(axis=1)
     centre = np.divide(np.nansum(good, axis=1), n, out=np.full(n.shape, np.nan), where=n > 0)

@@ -64,6 +64,21 @@ def between_places(targets: FloatArray, count: int, seed: int) -> FloatArray:
     return np.unique(np.round(targets[left] + share * gap, DECIMALS))
 
 
+def with_checks(targets: FloatArray, between: FloatArray | None) -> tuple[FloatArray, tuple[int, ...]]:
+    """All places (m + k,) ascending, and which of them are check stops."""
+    if between is None or not between.size:
+        return targets, ()
+    places = np.concatenate([targets, between])
+    order = np.argsort(places)
+    return places[order], tuple(int(i) for i in np.flatnonzero(order >= targets.size))
+
+
+def targets_of(axis: AxisSection) -> FloatArray:
+    """Where an axis stops to be measured, (m,); empty without targets."""
+    wanted = axis.measure.targets
+    return np.empty(0) if wanted is None else positions(wanted, axis.reference, rotary=axis.kind == "rotary")
+
+
 def _of_window(window: WorkingWindow) -> FloatArray:
     count = int(np.floor((window.last - window.first) / window.step + 1e-9)) + 1
     return np.asarray(np.round(window.first + window.step * np.arange(count), DECIMALS))

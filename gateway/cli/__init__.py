@@ -3,36 +3,45 @@
 from __future__ import annotations
 
 import sys
+from typing import Annotated
 
-from gateway.cli.begin import checking, initialising
-from gateway.cli.commands import app
-from gateway.cli.control import auditing, connecting, consenting, switching
-from gateway.cli.files import explaining, importing, listing, replaying, watching
-from gateway.cli.machine import correcting, dynamic, grinding, inspecting, measuring, programs, whole_loop
-from gateway.cli.show import show_error
+import typer
 
-initialising.add_to(app)
-checking.add_to(app)
-auditing.add_to(app)
-consenting.add_to(app)
-switching.add_to(app)
-connecting.add_to(app)
-replaying.add_to(app)
-importing.add_to(app)
-listing.add_to(app)
-explaining.add_to(app)
-watching.add_to(app)
-dynamic.add_to(app)
-measuring.add_to(app)
-correcting.add_to(app)
-grinding.add_to(app)
-programs.add_to(app)
-inspecting.add_to(app)
-whole_loop.add_to(app)
+from gateway.cli.lazily import WIDTH, CommandList
+from gateway.cli.show import echo, show_error
+from gateway.cli.voice import Voice, use
+
+app = typer.Typer(
+    cls=CommandList,
+    name="trueflank",
+    help="Measure a gear grinder's axes, correct them through its controller, and prove the result.",
+    context_settings=WIDTH,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        from importlib import metadata
+
+        echo(f"trueflank {metadata.version('trueflank')}")
+        raise typer.Exit
+
+
+@app.callback()
+def first(
+    _version_wanted: Annotated[
+        bool, typer.Option("--version", help="Print the version.", callback=_version, is_eager=True, expose_value=False)
+    ] = False,
+) -> None:
+    """Begin every command with the plain voice."""
+    use(Voice.PLAIN)
 
 
 def main() -> None:
-    """Entry point of the `trueflank` command; exit codes follow the exception tree."""
+    """Entry point of the `trueflank` command; exit codes follow the exception tree (docs/exit-codes.md)."""
     from drivers.errors import TrueflankError
 
     try:

@@ -10,6 +10,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -21,22 +22,39 @@ from gateway.cli.machine.whole_loop import close_site_command
 from gateway.cli.show import echo
 
 GRACE_S = 10.0
+STARTER = (sys.executable, "-m", "simulators.cell")
 EXPECT = {False: "all of the loop takes about three minutes", True: "the axes alone take about a minute and a half"}
 
 
-@contextmanager
-def cell_process(
-    cell: str, site: Path, speed: float, seed: int | None, *, plan: bool = False
-) -> Iterator[subprocess.Popen[str]]:
-    """A cell in a process of its own, ready and with its site file written; ended when the block ends.
+@dataclass(frozen=True, slots=True)
+class CellAsked:
+    """A simulated cell as it was asked for: a shipped name or a file, its speed, and what its site file says."""
 
-    With ``plan`` the site file names every set-up and the work.
-    """
-    site.parent.mkdir(parents=True, exist_ok=True)
-    command = [sys.executable, "-m", "simulators.cell", cell, "--site", str(site), "--speed", str(speed)]
-    command += ["--plan"] if plan else []
-    if seed is not None:
-        command += ["--seed", str(seed)]
+    cell: str
+    site: Path
+    speed: float
+    seed: int | None = None
+    plan: bool = False
+    filed: bool = False
+    road: str = ""
+    name: str = ""
+
+    def command(self) -> list[str]:
+        """What starts it."""
+        given = ["--site", str(self.site), "--speed", str(self.speed)]
+        given += ["--plan"] if self.plan else []
+        given += ["--filed"] if self.filed else []
+        for option in ("seed", "road", "name"):
+            value = getattr(self, option)
+            given += [f"--{option}", str(value)] if value not in ("", None) else []
+        return [*STARTER, self.cell, *given]
+
+
+@contextmanager
+def cell_process(asked: CellAsked) -> Iterator[subprocess.Popen[str]]:
+    """A cell in a process of its own, ready and with its site file written; ended when the block ends."""
+    asked.site.parent.mkdir(parents=True, exist_ok=True)
+    cell, command = asked.cell, asked.command()
     # The cell ends by itself when its standard input closes, so no orphan outlives us on any system.
     # Ctrl-C in the terminal is ours: the machine must still be there while a run leaves it in order.
     pipe = subprocess.PIPE
@@ -75,11 +93,11 @@ def run_demo(folder: Path, cell: str, speed: float, seed: int | None, *, axes: b
     """The whole loop on a simulated machine, or with ``axes`` that of the axes alone; prints figures and paths."""
     site = folder / "site.toml"
     clock = LoopClock()
-    with cell_process(cell, site, speed, seed, plan=not axes):
+    with cell_process(CellAsked(cell, site, speed, seed, plan=not axes)):
         if not as_json:
             echo(f"a simulated grinder runs at {speed:g} x machine time; {EXPECT[axes]}")
         started = clock.utc()
-        self_tested(site, quiet=as_json, clock=clock)
+        self_tested(site, quiet=as_json, clock=clock, own_operator=True)
         if axes:
             run_site_command(site, True, "", as_json=as_json, typed_by_demo=True, clock=clock)
         else:
@@ -89,12 +107,23 @@ def run_demo(folder: Path, cell: str, speed: float, seed: int | None, *, axes: b
         echo(f"(all of it took {seconds:.0f} s)")
 
 
-def run_cell(cell: str, site: Path, speed: float, seed: int | None) -> None:
+def list_cells() -> None:
+    """The cells that come with trueflank, as their files describe them."""
+    done = subprocess.run([*STARTER, "--list", "-"], capture_output=True, text=True, check=False)  # noqa: S603
+    try:
+        cells = dict(json.loads(done.stdout))
+    except ValueError as error:
+        raise ConfigError("E-CLI-CELL", "--list", why=done.stderr.strip()) from error
+    for name, words_of_it in cells.items():
+        echo(f"{name:<8} {words_of_it}")
+
+
+def run_cell(asked: CellAsked) -> None:
     """Run a cell until Ctrl-C."""
-    with cell_process(cell, site, speed, seed) as child:
-        echo(f"cell {cell} runs at {speed:g} x wall time; site file: {site}")
-        echo(f"try: trueflank check {site} --connect   or   trueflank run {site}")
-        echo("type a key of its panel and Enter: reset, nc start, nck reset; or auto off, auto on: its operator")
+    with cell_process(asked) as child:
+        echo(f"cell {asked.cell} runs at {asked.speed:g} x wall time; site file: {asked.site}")
+        echo(f"try: trueflank check {asked.site} --connect   or   trueflank run {asked.site}")
+        echo(f"its operator works by himself; stand there yourself: trueflank cell {asked.site}, or type here (help)")
         threading.Thread(target=_hand_on, args=(child.stdin,), daemon=True, name="keys").start()
         threading.Thread(target=_show, args=(child.stdout,), daemon=True, name="answers").start()
         try:

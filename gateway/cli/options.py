@@ -18,6 +18,20 @@ RunArgument = Annotated[
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 ApplyOption = Annotated[bool, typer.Option("--apply", help="Write to the controller (else: propose only).")]
 MachineOption = Annotated[str, typer.Option(help="The machine's name, typed to confirm --apply.")]
+AxesOption = Annotated[
+    list[str] | None, typer.Option("--axis", help="Only this machine axis; may be repeated.", show_default=False)
+]
+TablesOption = Annotated[
+    list[str] | None,
+    typer.Option("--axis", help="Only this axis or table, as the proposal names it; may be repeated."),
+]
+SpeedOption = Annotated[
+    float, typer.Option(min=1, max=500, help="Machine seconds in one second of yours; deadlines keep to yours.")
+]
+ROADS = ("", "opcua", "modbus", "both")
+TakeOption = Annotated[
+    str, typer.Option(help="Why the devices are taken from a service that hangs.", show_default=False)
+]
 StoreOption = Annotated[Path, typer.Option(help="Folder that holds the runs.")]
 
 
@@ -29,6 +43,13 @@ def named(text: str) -> str:
 
 
 PartOption = Annotated[str, typer.Option(help="What the part is called in its run.", callback=named)]
+
+
+def road_of(text: str) -> str:
+    """A way into a simulated control. Raises typer.BadParameter."""
+    if text not in ROADS:
+        raise typer.BadParameter(f"{text!r} is none of {', '.join(ROADS[1:])}")
+    return text
 
 
 def load_site(path: Path) -> Any:

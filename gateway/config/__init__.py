@@ -18,6 +18,7 @@ from gateway.config.sections import (
     SiteFile,
     TableSection,
 )
+from gateway.config.service import MqttSection
 from gateway.siteplan import AssumedSection, GuardSection, SetupSection, Targets, WorkingWindow, WorkSection
 
 __all__ = [
@@ -28,6 +29,7 @@ __all__ = [
     "GuardSection",
     "InstrumentSection",
     "MeasureSection",
+    "MqttSection",
     "OperatorTimes",
     "SetupSection",
     "Site",

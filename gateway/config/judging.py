@@ -10,6 +10,8 @@ from drivers.errors import words
 from gateway.config.axisfaults import axis_faults
 from gateway.config.faults import Fault
 from gateway.config.keyfaults import broken
+from gateway.config.movesfaults import moves_faults
+from gateway.config.paper.faults import paper_faults
 from gateway.config.places import Path
 from gateway.config.reaching import reach_faults
 from gateway.config.sections import SiteFile
@@ -51,5 +53,5 @@ def _twice(tree: Mapping[str, Any], sections: Iterable[Any], key: str, code: str
 
 
 Rule = Callable[[Mapping[str, Any], Any], Iterable[Fault]]
-_NOW: tuple[Rule, ...] = (_names, axis_faults, setup_faults)
+_NOW: tuple[Rule, ...] = (_names, axis_faults, setup_faults, moves_faults, paper_faults)
 _LATER: tuple[Rule, ...] = (reach_faults, work_faults)

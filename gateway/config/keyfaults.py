@@ -97,7 +97,7 @@ def _in_tree(loc: tuple[Any, ...]) -> Path:
     for part in loc:
         model = model_at(path)
         if part == "[key]" or (
-            model is None and isinstance(part, str) and path and path[-1] not in ("settings", "park")
+            model is None and isinstance(part, str) and path and path[-1] not in ("settings", "park", "safe")
         ):
             break
         path += (part,)

@@ -10,6 +10,7 @@ from pydantic.fields import FieldInfo
 
 from drivers import registry
 from drivers.settings import DriverSettings
+from drivers.terms import shown
 from gateway.config.keyfaults import is_list, section_of
 from gateway.config.reaching import INSTRUMENTS
 from gateway.config.sections import SiteFile
@@ -74,7 +75,7 @@ def page() -> str:
                 f"`{kind}://`" if kind else "a serial port" for kind in model.addresses if kind != "memory"
             )
             lines += [f"## {name} ({role})", "", f"{_first(model)} Its `url` is {kinds}.", "", *_table(model), ""]
-    return "\n".join(lines).rstrip() + "\n"
+    return shown("\n".join(lines)).rstrip() + "\n"
 
 
 def _section(place: str, model: type[BaseModel]) -> Iterator[str]:

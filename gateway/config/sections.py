@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import inf
 from pathlib import Path
 from typing import Any, Literal
 
@@ -9,7 +10,10 @@ from pydantic import Field, field_validator, model_validator
 
 from drivers.errors import words
 from drivers.local.scrub import has_user, secrets_in
+from drivers.types.moves import FEED_DEG, FEED_MM, SafePlaces
 from gateway.axes import AxisRecord
+from gateway.config.paper import sections as paper
+from gateway.config.service import ServiceSection
 from gateway.siteplan import (
     MOST_POINTS,
     MOST_REPETITIONS,
@@ -33,24 +37,31 @@ MOST_AXES, MOST_INSTRUMENTS, MOST_SETUPS = 31, 64, 500
 class Site(Section):
     """Whose machine this is and where runs are kept."""
 
-    name: Name = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", description="what --machine must say; no blanks")
-    store: Path = Field(default=Path("runs"), description="run folders, relative to the site file")
-    trace: Flag = Field(default=False, description="keep what passes on every instrument's wire in the run folder")
-    verify_each_day: Flag = Field(
-        default=False, description="`serve` compares the live tables with what was pushed once a day, or says it is due"
+    name: Name = Field(
+        pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$", description="machine name that --machine must give; no blanks"
     )
-    verify_hour: Whole = Field(default=6, ge=0, le=23, description="hour (UTC) from which on that comparison is due")
+    store: Path = Field(default=Path("runs"), description="folder of the runs, relative to the site file")
+    simulated: Flag = Field(
+        default=False, description="a double stands in for the machine: every report and picture says SIMULATED"
+    )
+    trace: Flag = Field(default=False, description="record the traffic of every instrument in the run folder")
+    verify_each_day: Flag = Field(
+        default=False,
+        description="`serve` compares the live tables with the pushed ones once a day, or reports that this is due",
+    )
+    verify_hour: Whole = Field(default=6, ge=0, le=23, description="hour (UTC) at which that comparison is due")
     approvals: Literal[1, 2] | None = Field(
-        default=None, description="people who must agree to a push; left out: one, and two when anything warns"
+        default=None, description="people who must approve a push; left out: one, or two if there is a warning"
     )
 
 
 class _Reached(Section):
     """What is reached by an address with settings of its own: neither may hold a secret."""
 
-    url: str = Field(min_length=1, description="address, of a kind that the driver opens")
+    url: str = Field(min_length=1, description="address, of a type that the driver supports")
     settings: dict[str, Any] = Field(
-        default_factory=dict, description="driver's own keys; secrets as KEY_file or KEY_env, never in the site file"
+        default_factory=dict,
+        description="settings of the driver; secrets as KEY_file or KEY_env, never in the site file",
     )
 
     @field_validator("url")
@@ -71,18 +82,20 @@ class _Reached(Section):
 class ControllerSection(_Reached):
     """How to reach the control."""
 
-    driver: str = Field(default="sinumerik-opcua", description="road to the control, a driver by its name")
-    serial: str = Field(min_length=1, description="serial number this machine must answer with")
+    driver: str = Field(default="sinumerik-opcua", description="name of the driver that connects to the control")
+    serial: str = Field(min_length=1, description="serial number of the machine's control")
     timeout_s: Number = Field(default=5.0, gt=0, le=600.0, description="longest wait for one answer, s")
-    access_level: Whole = Field(default=3, ge=0, le=7, description="largest at which the tables' switches are writable")
+    access_level: Whole = Field(
+        default=3, ge=0, le=7, description="highest access level number at which the table switches are writable"
+    )
 
 
 class InstrumentSection(_Reached):
-    """One instrument and its wire."""
+    """One instrument and its connection."""
 
-    name: Name = Field(description="by which axes and set-ups call it")
-    driver: str = Field(description="a driver by its name")
-    serial: str = Field(default="", description="serial number it must answer with; empty accepts any")
+    name: Name = Field(description="name that axes and set-ups use")
+    driver: str = Field(description="name of the driver")
+    serial: str = Field(default="", description="serial number of the instrument; empty accepts any")
     timeout_s: Number = Field(default=5.0, gt=0, le=600.0, description="longest wait for one answer, s")
 
 
@@ -94,41 +107,62 @@ class MeasureSection(Section):
     """
 
     instrument: MaybeName = Field(default="", description="one of the instruments; left out with file")
-    component: Name = Field(description="error that is measured: of axis X it is EXX")
+    component: Name = Field(description="measured error motion: EXX for axis X")
     targets: Targets | None = Field(default=None, description="where the axis stops; left out with file")
     repetitions: Whole = Field(
-        default=5, ge=1, le=MOST_REPETITIONS, description="times each target is visited from each side"
+        default=5, ge=1, le=MOST_REPETITIONS, description="measurements per target and direction"
     )
     cycle: Literal["standard", "pendulum", "pilgrim"] = Field(
-        default="standard", description="only standard is ISO 230-2"
+        default="standard", description="measuring cycle; only standard conforms to ISO 230-2"
     )
     between: Whole = Field(
-        default=6, ge=0, le=24, description="check stops between the targets, one for four of these at most"
+        default=6, ge=0, le=24, description="check positions between the targets, at most one per four targets"
     )
-    retakes: Whole = Field(
-        default=2, ge=0, le=5, description="rounds over stops that did not settle, and over readings out of line"
+    extra_hours: Number = Field(
+        default=0.5,
+        ge=0,
+        le=48.0,
+        description="time limit for additional targets where check positions show structure, h",
     )
+    retakes: Whole = Field(default=2, ge=0, le=5, description="rounds that repeat unsettled readings and outliers")
     beam_recoveries: Whole = Field(
-        default=2, ge=0, le=20, description="times a lost beam may be restored and the datum set anew"
+        default=2, ge=0, le=20, description="how often a lost beam may be restored with a new datum"
     )
     overrun: Number = Field(
-        default=5.0, gt=0, le=1000.0, description="beyond the last target before the axis turns, mm or deg"
+        default=5.0, gt=0, le=1000.0, description="overrun beyond the last target before the axis reverses, mm or deg"
     )
-    feed: Number = Field(gt=0, le=1e6, description="between targets, mm/min or deg/min")
-    dwell_s: Number = Field(default=1.0, gt=0, le=600.0, description="standstill before each hand-shake, s")
-    settle_s: Number = Field(default=1.0, ge=0, le=600.0, description="instrument time after arrival, s")
-    average_s: Number = Field(default=1.0, gt=0, le=600.0, description="instrument time averaged, s")
-    stable: Number = Field(gt=0, le=1000.0, description="largest allowed sigma in the window, um or arcsec")
+    feed: Number = Field(gt=0, le=1e6, description="feed between targets, mm/min or deg/min")
+    dwell_s: Number = Field(default=1.0, gt=0, le=600.0, description="dwell before each handshake, s")
+    settle_s: Number = Field(
+        default=1.0, ge=0, le=600.0, description="settling time after arrival, in instrument time, s"
+    )
+    average_s: Number = Field(default=1.0, gt=0, le=600.0, description="averaging time, in instrument time, s")
+    standstill: Whole = Field(
+        default=6,
+        ge=0,
+        le=50,
+        description="readings at rest, once a capture: the instrument's own scatter; 0: none",
+    )
+    stable: Number = Field(
+        gt=0, le=1000.0, description="largest allowed standard deviation while averaging, um or arcsec"
+    )
     dead_path_mm: Number = Field(
         default=0.0, ge=0, le=1e5, description="beam from interferometer to reflector with the axis at the datum, mm"
     )
     beam: Literal[1, -1] = Field(default=1, description="+1: plus direction leads away from the interferometer")
-    expansion_ppm_per_k: Number = Field(default=11.5, ge=-5.0, le=100.0, description="of the scale, to 20 degC, 1e-6/K")
-    jog: Number = Field(default=10.0, gt=0, le=1000.0, description="sense proof move in mm; rotary 0.1 deg")
-    file: Path | None = Field(default=None, description=".rtl/.rta/.csv in place of a live capture")
-    file_datum: Number | None = Field(default=None, description="machine coordinate of the file's zero")
-    file_axis_sense: Literal[1, -1] = Field(default=1, description="file direction against the axis")
-    file_unit: Literal["", "mrad", "urad", "arcsec"] = Field(default="", description=".rta only, confirmed")
+    expansion_ppm_per_k: Number = Field(
+        default=11.5, ge=-5.0, le=100.0, description="expansion coefficient of the scale, for 20 degC, 1e-6/K"
+    )
+    jog: Number = Field(
+        default=10.0,
+        gt=0,
+        le=1000.0,
+        description="length of the jog that proves the direction sense, mm; rotary 0.1 deg",
+    )
+    file: Path | None = Field(default=None, description="result file (.rtl, .rta, .csv) instead of a live capture")
+    file_datum: Number | None = Field(default=None, description="machine position of the file's zero")
+    file_axis_sense: Literal[1, -1] = Field(default=1, description="direction of the file relative to the axis")
+    file_unit: Literal["", "mrad", "urad", "arcsec"] = Field(default="", description="confirmed unit of an .rta file")
 
     @model_validator(mode="after")
     def _one_source(self) -> MeasureSection:
@@ -145,7 +179,7 @@ class TableSection(Section):
 
     minimum: Number = Field(description="first point, machine coordinate, mm or deg")
     maximum: Number = Field(description="last point, machine coordinate, mm or deg")
-    step: Number = Field(gt=0, description="distance of the points, mm or deg; divides the range")
+    step: Number = Field(gt=0, description="spacing of the points, mm or deg; divides the range exactly")
 
     @model_validator(mode="after")
     def _divides(self) -> TableSection:
@@ -161,12 +195,14 @@ class AxisSection(Section):
     """One machine axis: ``name`` as the control has it (X1), ``letter`` its ISO 230-1 and program name (X)."""
 
     name: Name = Field(description="machine axis name, as the control has it")
-    letter: str = Field(pattern=r"^[A-Z]$", description="of ISO 230-1, and in programs")
-    kind: Literal["linear", "rotary"] = Field(description="linear counts in mm, rotary in deg")
+    letter: str = Field(pattern=r"^[A-Z]$", description="axis letter of ISO 230-1, also used in programs")
+    kind: Literal["linear", "rotary"] = Field(description="linear (mm) or rotary (deg)")
     travel: tuple[Number, Number] = Field(description="[low, high] of the soft limits, mm or deg")
     reference: Number = Field(default=0.0, description="where the tables of this axis must be zero, mm or deg")
-    modulo: Flag = Field(default=False, description="rotary axis that turns endlessly, 0 to 360 deg")
-    encoder: Whole = Field(default=0, ge=0, le=1, description="measuring system that acts: 0 the first, 1 the second")
+    modulo: Flag = Field(default=False, description="modulo rotary axis, 0 to 360 deg")
+    encoder: Whole = Field(
+        default=0, ge=0, le=1, description="active measuring system: 0 for measuring system 1, 1 for measuring system 2"
+    )
     measure: MeasureSection = Field(description="how it is measured")
     table: TableSection = Field(description="the control's grid")
 
@@ -205,11 +241,30 @@ class AxisSection(Section):
         )
 
 
+class MovesSection(Section):
+    """What programs that push, prove or take back a table may move, and where every other axis stands meanwhile."""
+
+    safe: dict[Name, tuple[Number, Number] | Literal["any"]] = Field(
+        default_factory=dict,
+        max_length=MOST_AXES,
+        description="[low, high] by machine axis, mm or deg, for every axis of the control; needed for --apply. "
+        '"any": its place does not matter (a spindle)',
+    )
+    feed_mm: Number = Field(default=FEED_MM, gt=0, le=10000.0, description="feed of these moves, mm/min")
+    feed_deg: Number = Field(default=FEED_DEG, gt=0, le=36000.0, description="feed of these moves, deg/min")
+
+    @property
+    def places(self) -> SafePlaces:
+        """As the controller is told."""
+        ranges = {name: (-inf, inf) if place == "any" else place for name, place in self.safe.items()}
+        return SafePlaces(ranges, self.feed_mm, self.feed_deg)
+
+
 class OperatorTimes(Section):
     """How long the run waits for people, in seconds of the gateway's clock."""
 
     start_timeout_s: Number = Field(
-        default=600.0, gt=0, le=604800.0, description="longest wait for START at the machine, s"
+        default=600.0, gt=0, le=604800.0, description="longest wait for the operator's start, s"
     )
     stop_timeout_s: Number = Field(
         default=120.0, gt=0, le=604800.0, description="longest wait for the axis at its next stop, s"
@@ -226,9 +281,20 @@ class SiteFile(Section):
     )
     axes: tuple[AxisSection, ...] = Field(min_length=1, max_length=MOST_AXES, description="what is measured")
     operator: OperatorTimes = Field(default=OperatorTimes(), description="how long people are waited for")
+    moves: MovesSection = Field(default=MovesSection(), description="where axes may stand while tables are pushed")
     setups: tuple[SetupSection, ...] = Field(
         default=(), max_length=MOST_SETUPS, description="errors beyond the positioning of the axes"
     )
     assumed: AssumedSection = Field(default=AssumedSection(), description="errors that nobody measured")
     work: WorkSection | None = Field(default=None, description="the gear that this machine grinds")
     guard: GuardSection = Field(default=GuardSection(), description="the drift guard")
+    machine: paper.MachineSection = Field(
+        default=paper.MachineSection(), description="the machine as its owner names it"
+    )
+    equipment: tuple[paper.EquipmentSection, ...] = Field(
+        default=(), max_length=100, description="register of equipment"
+    )
+    tolerances: tuple[paper.ToleranceSection, ...] = Field(default=(), max_length=100, description="limits of the axes")
+    gear_tolerance: paper.GearToleranceSection | None = Field(default=None, description="limits of the gear's figures")
+    report: paper.ReportSection = Field(default=paper.ReportSection(), description="the calibration report")
+    service: ServiceSection = Field(default=ServiceSection(), description="the service: pages and people")

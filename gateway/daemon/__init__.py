@@ -1,10 +1,11 @@
-"""The gateway as a service: devices opened and watched, the page served, one run at a time on command."""
+"""The gateway as a service: devices opened and watched, pages and stream served, one command at a time a site."""
 
 from __future__ import annotations
 
 from gateway.daemon.daily import Daily
-from gateway.daemon.desk import Devices, RunStarter
-from gateway.daemon.serving import serve
-from gateway.daemon.token import token_path
+from gateway.daemon.desk import Devices
+from gateway.daemon.jobs import RunStarter
+from gateway.daemon.served import ServedPlace, Serving
+from gateway.daemon.serving import serve, service_of
 
-__all__ = ["Daily", "Devices", "RunStarter", "serve", "token_path"]
+__all__ = ["Daily", "Devices", "RunStarter", "ServedPlace", "Serving", "serve", "service_of"]

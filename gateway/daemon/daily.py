@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 
 from drivers.clock import Clock
 from drivers.errors import TrueflankError, words
-from gateway.daemon.desk import Desk, RunStarter
+from gateway.daemon.desk import Desk
+from gateway.daemon.jobs import RunStarter
 
 LOOK_EVERY_S = 60.0
 TRY_AGAIN_S = 3600.0

@@ -5,21 +5,27 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-from collections.abc import Awaitable, Callable, Coroutine, Mapping, Sequence
+from collections.abc import Callable, Coroutine, Mapping, Sequence
 from dataclasses import replace
-from pathlib import PurePath
 from typing import Any, Protocol
 
 from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded, TrueflankError, words
 from drivers.leftover import NOTHING, LeftOver
+from gateway import audit
+from gateway.audience import Audience, kind_of
+from gateway.broker.borrowing import held_here
+from gateway.daemon.hub import plain_fields
+from gateway.daemon.jobs import Job, Jobs, RunStarter
 from gateway.errors import BusyError
-from gateway.say import Say
-from gateway.stopping import LONGEST_S, current
-from gateway.views import DeviceView, RunView, SeenDevice, device_views
+from gateway.live import Nobody, Onlooker, looked_on_by
+from gateway.stopping import LONGEST_S, TERMINATED, current, obey
+from gateway.views import DeviceView, JobView, RunView, SeenDevice, device_views
 
-RunStarter = Callable[[Say], Awaitable[object]]
 LOOK_S = 0.1
+PATIENCE_S = 0.8
+MOST_STEPS = 200
+Hear = Callable[[str, Mapping[str, object]], None]
 _LOG = logging.getLogger("trueflank.daemon")
 
 
@@ -49,20 +55,33 @@ class Devices(Protocol):
 
 
 class Desk:
-    """One run at a time. A run opens the devices itself, so the watch lets go of them for as long.
+    """One command at a time. A command opens the devices itself, so the watch lets go of them for as long.
 
-    ``starter`` is awaited with a `Say`; it says P-RUN with its folder first, P-STOP with axis, program,
-    done and total on the way. It must only propose: nobody at a desk can consent to a write.
+    Its work is awaited with a `Say`; it says P-RUN with its folder first, P-STOP with axis, program, done and total on
+    the way. ``starter`` is the work of a start without any: it must only propose, since nobody consents to a write.
+    ``hear`` gets every word of it, ``onlooker`` what it reads, ``after`` how it ended.
     """
 
-    def __init__(self, devices: Devices, starter: RunStarter | None, clock: Clock) -> None:
+    def __init__(
+        self,
+        devices: Devices,
+        starter: RunStarter | None,
+        clock: Clock,
+        *,
+        hear: Hear = lambda _code, _fields: None,
+        onlooker: Onlooker | None = None,
+        after: Callable[[JobView], None] = lambda _job: None,
+    ) -> None:
         self._devices = devices
         self._starter = starter
-        self._job = starter
         self._clock = clock
+        self._hear = hear
+        self._onlooker = onlooker or Nobody()
+        self._after = after
         self._wanted = asyncio.Event()
-        self._begun: asyncio.Future[str] | None = None
+        self._job: Job | None = None
         self._stopping = False
+        self.jobs = Jobs(clock)
         self.run: RunView | None = None
         self.failure: Mapping[str, object] | None = None
         self._trouble: Mapping[str, object] | None = None
@@ -81,30 +100,43 @@ class Desk:
         """All devices as they are now."""
         return device_views(self._devices.picture(), lent=self.run is not None)
 
-    async def start(self, job: RunStarter | None = None) -> str:
-        """Ask for a run, or for another ``job`` of the same kind, and return its id as soon as it has one.
-
-        Raises BusyError (E-WEB-BUSY, E-WEB-STOPPING), and whatever kept the run from beginning.
-        """
+    def begin(self, work: RunStarter, *, kind: str = "run", who: str = "") -> Job:
+        """Ask for a command; it gets the devices once they are free. Raises BusyError (E-WEB-BUSY, E-WEB-STOPPING)."""
         if self._stopping:
             raise BusyError("E-WEB-STOPPING", "daemon")
-        if self._wanted.is_set():
-            raise BusyError("E-WEB-BUSY", "daemon", run=self.run.run_id if self.run else "being prepared")
-        self._job = job or self._starter
-        self._begun = asyncio.get_running_loop().create_future()
+        if self._job is not None:
+            at_work = self._job.view
+            raise BusyError(
+                "E-WEB-BUSY", "daemon", run=at_work.run_id or at_work.kind, who=at_work.who or "the service"
+            )
+        self._job = self.jobs.new(kind, work, who, current())
         self._wanted.set()
-        return await asyncio.shield(self._begun)
+        return self._job
+
+    async def start(self, work: RunStarter | None = None) -> str:
+        """Ask for a run, or for other ``work``, and return its id as soon as it has one.
+
+        Raises what `begin` raises, and whatever kept the run from beginning.
+        """
+        chosen = work or self._starter
+        if chosen is None:
+            raise BusyError("E-WEB-WATCHING", "daemon")
+        return await asyncio.shield(self.begin(chosen).begun)
+
+    def stop_job(self, by: str) -> bool:
+        """Ask the command at work to end in order; false where there is none."""
+        return self._job is not None and self._job.ask_to_stop(by)
 
     async def work(self, stop: asyncio.Event) -> None:
-        """Open and watch the devices until `stop`; in between, do the runs asked for."""
+        """Open and watch the devices until `stop`; in between, do the commands asked for."""
         try:
             while not stop.is_set():
                 await self._watch(stop)
                 if self._wanted.is_set() and not stop.is_set():
-                    await self._do_run(stop)
+                    await self._do_job(stop)
         finally:
             self._stopping = True
-            self._refuse(BusyError("E-WEB-STOPPING", "daemon"))
+            self._over()
 
     async def _watch(self, stop: asyncio.Event) -> None:
         try:
@@ -122,67 +154,91 @@ class Desk:
             # A device that did not open is in the picture, and the watch tries it again.
             self._trouble = error.as_record()
 
-    async def _do_run(self, stop: asyncio.Event) -> None:
-        self.failure = None
-        self.run = RunView(
-            run_id="",
-            stage="",
-            axis="",
-            done=0,
-            total=0,
-            words="",
-            started_utc=self._clock.utc().isoformat(timespec="seconds"),
-        )
-        try:
-            await unless(self._run(), self._clock, stop)
-        finally:
-            self.run = None
-            self._refuse(BusyError("E-WEB-STOPPING", "daemon"))
-            self._wanted.clear()
-
-    async def _run(self) -> None:
-        if self._job is None:
+    async def _do_job(self, stop: asyncio.Event) -> None:
+        job = self._job
+        if job is None:
             return
+        self.failure = None
+        self.run = _fresh(job.view)
+        work, ended = asyncio.create_task(self._done(job)), asyncio.create_task(stop.wait())
         try:
-            await self._job(self._say)
-            self._begin("")
+            await asyncio.wait((work, ended), return_when=asyncio.FIRST_COMPLETED)
+            if not work.done() and job.stop.ask(current().by or "the end of the service", TERMINATED):
+                await _wait(work, self._clock, PATIENCE_S)
+                await left_in_order(work, self._clock)
+        finally:
+            await interrupt(work, self._clock)
+            await interrupt(ended, self._clock)
+            self.run = None
+            self._after(job.view)
+            self._over()
+
+    def _over(self) -> None:
+        if self._job is not None:
+            self._job.refuse(BusyError("E-WEB-STOPPING", "daemon"))
+            self._job.ended.set()
+        self._job = None
+        self._wanted.clear()
+
+    async def _done(self, job: Job) -> None:
+        try:
+            with audit.acting(job.view.who), held_here(), looked_on_by(self._onlooker):
+                job.done(await obey(self._work_of(job), job.stop, self._clock), self._clock)
         except TrueflankError as error:
-            self._failed(error)
+            self._failed(job, error)
         except Exception as error:  # noqa: BLE001 - the daemon's top: it goes on watching and says what happened
             _LOG.exception("a run ended by a fault")
-            self._failed(TrueflankError("E-WEB-FAULT", "run", why=f"{type(error).__name__}: {error}"))
+            self._failed(job, TrueflankError("E-WEB-FAULT", "run", why=f"{type(error).__name__}: {error}"))
 
-    def _failed(self, error: TrueflankError) -> None:
+    async def _work_of(self, job: Job) -> object:
+        def say(code: str, /, **fields: object) -> None:
+            job.heard(code, fields)
+            if self.run is not None:
+                self.run = replace(_told(self.run, code, fields), run_id=job.view.run_id)
+            self._hear(code, fields)
+
+        return await job.work(say)
+
+    def _failed(self, job: Job, error: TrueflankError) -> None:
         self.failure = error.as_record()
-        self._refuse(error)
+        job.failed(error, self._clock)
 
-    def _refuse(self, error: TrueflankError) -> None:
-        if self._begun is not None and not self._begun.done():
-            self._begun.set_exception(error)
-            # The caller may have gone away; then nobody asks for this exception.
-            self._begun.exception()
 
-    def _say(self, code: str, /, **fields: object) -> None:
-        if self.run is None:
-            return
-        if code == "P-RUN":
-            self._begin(PurePath(str(fields.get("folder", ""))).name)
-        self.run = _told(self.run, code, fields)
-
-    def _begin(self, run_id: str) -> None:
-        if self.run is not None and run_id:
-            self.run = replace(self.run, run_id=run_id)
-        if self._begun is not None and not self._begun.done():
-            self._begun.set_result(run_id)
+def _fresh(job: JobView) -> RunView:
+    """The picture of a command that has not said anything yet."""
+    return RunView(
+        run_id="",
+        stage="",
+        axis="",
+        done=0,
+        total=0,
+        words="",
+        started_utc=job.started_utc,
+        kind=job.kind,
+        who=job.who,
+    )
 
 
 def _told(run: RunView, code: str, fields: Mapping[str, object]) -> RunView:
     """The picture of a run after one more word of it; fields it does not name stay as they were."""
-    said = replace(run, words=words(code, **fields), axis=str(fields.get("axis", run.axis)))
+    said = replace(
+        run, words=words(code, **fields), axis=str(fields.get("axis", run.axis)), ask=_asked(run, code, fields)
+    )
+    if code == "P-PUSH-STEP":
+        steps = (*run.steps, (str(fields.get("axis", "")), str(fields.get("step", ""))))
+        said = replace(said, steps=steps[-MOST_STEPS:])
     if code != "P-STOP":
         return replace(said, stage=str(fields.get("program", run.stage)), done=0, total=0)
     done, total = (_count(fields.get(name)) for name in ("done", "total"))
     return replace(said, stage=str(fields.get("program", run.stage)), done=done, total=total)
+
+
+def _asked(run: RunView, code: str, fields: Mapping[str, object]) -> Mapping[str, object] | None:
+    """What a person must do now: details leave it standing, whatever else is said means that it was done."""
+    kind = kind_of(code)
+    if kind is Audience.ASK:
+        return {"code": code, "fields": plain_fields(fields), "words": words(code, **fields)}
+    return run.ask if kind is Audience.DETAIL else None
 
 
 def _count(value: object) -> int:

@@ -1,113 +1,157 @@
-"""Serves a site until told to stop: lock, token, page and desk, started and ended together."""
+"""Serves sites until told to stop: locks, broker, pages, and each site's devices, runs and folders, ended together."""
 
 from __future__ import annotations
 
 import asyncio
-import os
 import socket
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
-from functools import partial
-from importlib import metadata
-from ipaddress import ip_address
-
-import uvicorn
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from pathlib import Path
 
 from drivers.clock import Clock
 from drivers.errors import ConfigError, DeadlineExceeded
-from gateway.config import SiteFile
-from gateway.daemon.daily import Daily, each_day
-from gateway.daemon.desk import Desk, Devices, RunStarter, interrupt, left_in_order
-from gateway.daemon.lock import locked
-from gateway.daemon.stored import last_result, newest_runs, pushes_held, stored_report
-from gateway.daemon.token import token_of
-from gateway.store import Store
-from gateway.views import StatusView
-from gateway.web import create_app
+from gateway import audit
+from gateway.broker import Broker, Lease, locked, token_of
+from gateway.daemon.daily import each_day
+from gateway.daemon.desk import interrupt, left_in_order
+from gateway.daemon.listening import GRACE_S, PageServer, listener_on, more_files, server_of, url_of
+from gateway.daemon.logs import logged_into
+from gateway.daemon.notify import Notifier, keep_telling
+from gateway.daemon.served import ServedPlace, Serving, software
+from gateway.store.logbook import LogBook
+from gateway.users import Sessions, Tries, UserAccounts
+from gateway.web import Doorkeeping, Service, create_app
 
-GRACE_S = 2
-
-
-class _Server(uvicorn.Server):
-    """A uvicorn that leaves signals to us and says when it listens."""
-
-    def __init__(self, config: uvicorn.Config) -> None:
-        super().__init__(config)
-        self.listening = asyncio.Event()
-
-    def capture_signals(self) -> nullcontext[None]:  # type: ignore[override]
-        """Signals are the business of whoever started the daemon."""
-        return nullcontext()
-
-    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Start as usual, then say so."""
-        await super().startup(sockets)
-        self.listening.set()
+SECRET_TRIES, SECRET_WITHIN_S = 5, 60.0
+REQUESTS, REQUESTS_WITHIN_S = 600, 10.0
 
 
 async def serve(
-    site: SiteFile,
-    supervisor_factory: Callable[[], Devices],
-    run_starter: RunStarter | None,
+    sites: Sequence[Serving],
     *,
-    store: Store,
     clock: Clock,
     stop: asyncio.Event,
     host: str = "127.0.0.1",
     port: int = 8617,
     ready: Callable[[str], None] = lambda _url: None,
-    daily: Daily | None = None,
-    alarms: Callable[[], tuple[str, ...]] = tuple,
+    accounts: UserAccounts | None = None,
 ) -> None:
-    """Open and watch the devices and serve the page until `stop` is set; ends within 3 s of it.
+    """Open and watch the devices of all sites and serve their pages until `stop` is set; ends within 3 s of it.
 
     A run at work leaves its machine in order first, which is bounded by `gateway.stopping.LONGEST_S`.
-
-    ``run_starter`` does a whole run that only proposes (see `Desk`); None makes a gateway that only watches.
-    ``ready`` gets the page's url once it answers. ``daily`` is what is compared each day; ``alarms`` tells the live
-    tables that are not as they were pushed. The lock and the token live in the store's folder.
-    Raises ConfigError (E-WEB-BIND, E-WEB-PORT), BusyError (E-WEB-LOCKED), StoreError (E-WEB-STATE).
+    ``ready`` gets the page's url once it answers. Accounts, certificate and host names are those of the first site.
+    Raises ConfigError (E-WEB-BIND, E-WEB-PORT, E-WEB-FILES, E-WEB-NAMES), BusyError (E-WEB-LOCKED), StoreError.
     """
-    with locked(store.root), _listener(host, port) as listener:
-        desk = Desk(supervisor_factory(), run_starter, clock)
-        picture = partial(status, site, desk, store, clock, alarms, daily)
-        starter = desk.start if run_starter is not None else None
-        app = create_app(picture, starter, token_of(store.root), partial(stored_report, store))
-        await _together(_server(app), listener, desk, clock, stop, ready, daily)
+    more_files()
+    roots = tuple(dict.fromkeys(one.store.root for one in sites))
+    with ExitStack() as held:
+        for root in roots:
+            held.enter_context(locked(root))
+        first = sites[0]
+        held.enter_context(logged_into(LogBook(first.store.root, clock.utc)))
+        certificate, key = _tls(first)
+        secure = certificate is not None
+        listener = held.enter_context(listener_on(host, port, secure=secure))
+        places = _places(sites, clock)
+        service = service_of(places, clock, accounts or UserAccounts(first.store.root), secure=secure)
+        server = server_of(create_app(service), certificate, key)
+        broker = Broker(Lending(places), clock)
+        async with broker.open(roots):
+            url = url_of(listener, secure=secure)
+            await _together(server, listener, places, clock=clock, stop=stop, ready=lambda: ready(url))
+
+
+def _places(sites: Sequence[Serving], clock: Clock) -> dict[str, ServedPlace]:
+    found: dict[str, ServedPlace] = {}
+    for one in sites:
+        if one.site.site.name in found:
+            raise ConfigError("E-WEB-NAMES", str(one.path), name=one.site.site.name)
+        found[one.site.site.name] = ServedPlace(one, clock)
+    return found
+
+
+def _tls(first: Serving) -> tuple[Path | None, Path | None]:
+    wanted = first.site.service
+    if wanted.certificate is None or wanted.key is None:
+        return None, None
+    return first.path.parent / wanted.certificate, first.path.parent / wanted.key
+
+
+def service_of(places: dict[str, ServedPlace], clock: Clock, accounts: UserAccounts, *, secure: bool) -> Service:
+    """What the pages serve, and who may come in. Raises StoreError."""
+    first = next(iter(places.values()))
+    wanted, root = first.site.service, first.store.root
+    doors = Doorkeeping(
+        accounts=accounts,
+        sessions=Sessions(clock.now, wanted.signout_min * 60.0),
+        terminal=token_of(root),
+        tries=Tries(clock.now, SECRET_TRIES, SECRET_WITHIN_S),
+        asks=Tries(clock.now, REQUESTS, REQUESTS_WITHIN_S),
+        hosts=wanted.hosts,
+        secure=secure,
+    )
+    doors.accounts.first_token()
+
+    def note(action: str, *, actor: str = "", details: dict[str, object] | None = None) -> str:
+        return audit.note(root, action, clock=clock, actor=actor, role="service", details=details)
+
+    def health() -> dict[str, object]:
+        alarms = [alarm for place in places.values() for alarm in place.alarms]
+        return {"status": "alarm", "alarms": alarms} if alarms else {"status": "ok"}
+
+    return Service(places, doors=doors, clock=clock, health=health, note=note, software=software())
+
+
+class Lending:
+    """Finds the site that a command at a terminal means: by the folder of its store."""
+
+    def __init__(self, places: dict[str, ServedPlace]) -> None:
+        self._places = places
+
+    async def __call__(self, lease: Lease) -> None:
+        """Let go of that site's devices. Raises ConfigError (E-BROKER-SITE), BusyError."""
+        for place in self._places.values():
+            if str(place.store.root) == lease.root:
+                await place.lend(lease)
+                return
+        raise ConfigError("E-BROKER-SITE", "broker", root=lease.root)
 
 
 async def _together(
-    server: _Server,
+    server: PageServer,
     listener: socket.socket,
-    desk: Desk,
+    places: dict[str, ServedPlace],
+    *,
     clock: Clock,
     stop: asyncio.Event,
-    ready: Callable[[str], None],
-    daily: Daily | None,
+    ready: Callable[[], None],
 ) -> None:
-    over = asyncio.Event()
+    over, notifier = asyncio.Event(), Notifier()
+
+    async def announced() -> None:
+        await server.listening.wait()
+        notifier.ready(", ".join(places))
+        ready()
+
+    works = [asyncio.create_task(place.work(over), name=name) for name, place in places.items()]
     page = asyncio.create_task(server.serve(sockets=[listener]), name="page")
-    work = asyncio.create_task(desk.work(over), name="desk")
-    ended = asyncio.create_task(stop.wait(), name="stop")
-    listening = asyncio.create_task(_announce(server, listener, ready), name="ready")
-    days = asyncio.create_task(each_day(desk, daily, clock), name="daily") if daily is not None else None
+    logs = {(place.store.root, place.site.service.syslog) for place in places.values() if place.site.service.syslog}
+    days = [each_day(place.desk, place.daily, clock) for place in places.values() if place.daily is not None]
+    others = [asyncio.create_task(one) for one in (stop.wait(), announced(), keep_telling(notifier, clock), *days)]
+    others += [asyncio.create_task(audit.forward(root, server, clock)) for root, server in sorted(logs)]
     try:
-        await asyncio.wait((page, work, ended), return_when=asyncio.FIRST_COMPLETED)
+        await asyncio.wait((page, *works, others[0]), return_when=asyncio.FIRST_COMPLETED)
     finally:
+        notifier.stopping()
         over.set()
+        for place in places.values():
+            place.hub.end()
         server.should_exit = True
-        await asyncio.gather(_ended(work, clock), _ended(page, clock))
-        others = [task for task in (ended, listening, days) if task is not None]
+        await asyncio.gather(*(_ended(task, clock) for task in (*works, page)))
         await asyncio.gather(*(interrupt(task, clock) for task in others))
-    for task in (work, page):
+    for task in (*works, page):
         if task.done() and not task.cancelled():
             task.result()
-
-
-async def _announce(server: _Server, listener: socket.socket, ready: Callable[[str], None]) -> None:
-    await server.listening.wait()
-    host, port = listener.getsockname()[:2]
-    ready(f"http://{f'[{host}]' if ':' in host else host}:{port}/")
 
 
 async def _ended(task: asyncio.Task[None], clock: Clock) -> None:
@@ -118,72 +162,3 @@ async def _ended(task: asyncio.Task[None], clock: Clock) -> None:
     except DeadlineExceeded:
         await left_in_order(task, clock)
         await interrupt(task, clock, 0.1)
-
-
-def _server(app: object) -> _Server:
-    config = uvicorn.Config(
-        app,  # type: ignore[arg-type]
-        loop="asyncio",
-        http="h11",
-        ws="none",
-        lifespan="off",
-        log_config=None,
-        access_log=False,
-        proxy_headers=False,
-        server_header=False,
-        limit_concurrency=64,
-        timeout_graceful_shutdown=GRACE_S,
-    )
-    return _Server(config)
-
-
-@contextmanager
-def _listener(host: str, port: int) -> Iterator[socket.socket]:
-    """A bound socket on a loopback address. Raises ConfigError (E-WEB-BIND, E-WEB-PORT)."""
-    address = "127.0.0.1" if host == "localhost" else host
-    with socket.socket(_family(address), socket.SOCK_STREAM) as listener:
-        if os.name == "posix":
-            # Elsewhere this option would let two programs share the port.
-            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            listener.bind((address, port))
-            listener.listen(64)
-        except OSError as error:
-            raise ConfigError("E-WEB-PORT", "web", port=port, why=error.strerror or str(error)) from error
-        yield listener
-
-
-def _family(address: str) -> socket.AddressFamily:
-    try:
-        known = ip_address(address)
-    except ValueError as error:
-        raise ConfigError("E-WEB-BIND", "web", host=address) from error
-    if not known.is_loopback:
-        raise ConfigError("E-WEB-BIND", "web", host=address)
-    return socket.AF_INET6 if known.version == 6 else socket.AF_INET
-
-
-def status(
-    site: SiteFile,
-    desk: Desk,
-    store: Store,
-    clock: Clock,
-    alarms: Callable[[], tuple[str, ...]] = tuple,
-    daily: Daily | None = None,
-) -> StatusView:
-    """The whole picture as it is now; reads the newest runs from the store."""
-    return StatusView(
-        site=site.site.name,
-        software=f"trueflank {metadata.version('trueflank')}",
-        now_utc=clock.utc().isoformat(timespec="seconds"),
-        devices=desk.devices(),
-        run=desk.run,
-        last_runs=newest_runs(store),
-        failure=desk.failure,
-        result=last_result(store),
-        trouble=desk.trouble,
-        alarms=alarms(),
-        due=daily.words if daily is not None else "",
-        left=() if desk.left.clear else (desk.left.said.as_record(),),
-        held=pushes_held(store),
-    )

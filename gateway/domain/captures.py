@@ -51,6 +51,23 @@ class Between:
 
 
 @dataclass(frozen=True, slots=True)
+class Conditions:
+    """Under which conditions a capture was made, as far as they are known.
+
+    ``feed`` in mm/min or deg/min, ``overrun`` in mm or deg. ``stated`` are uncertainties from certificates (k = 2) by
+    key: um_per_m, arcsec, kelvin. ``compensation`` names the tables that acted, "-" for none, "" where unknown.
+    """
+
+    feed: float | None = None
+    overrun: float | None = None
+    dwell_s: float | None = None
+    warm_up: str = ""
+    operator: str = ""
+    compensation: str = ""
+    stated: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
 class Capture:
     """Deviations of one axis as captured, corrected, in um or arcsec.
 
@@ -61,6 +78,7 @@ class Capture:
     drift and jumps leave in the targets' means; ``drift_per_h`` how fast the zero wandered, 0 where that is not clear.
     ``line_mm`` is where the reflector stood beside the line that counts, its lever taken off; None: they hold for the
     line that was measured. ``lever_u`` is the standard uncertainty that unknown angles leave at each place.
+    ``rest_u`` is the standard deviation of ``rest_count`` readings with the axis at rest: the instrument's own.
     """
 
     axis: str
@@ -85,6 +103,9 @@ class Capture:
     line_mm: tuple[float, float, float] | None = None
     lever_u: float = 0.0
     drift_per_h: float = 0.0
+    rest_u: float = 0.0
+    rest_count: int = 0
+    conditions: Conditions | None = None
 
     @property
     def unit(self) -> DeviationUnit:

@@ -13,7 +13,8 @@ from gateway.domain.values import FloatArray, component_unit
 class Evaluation:
     """ISO 230-2 results of one axis; None where the data do not allow a parameter.
 
-    Arrays have shape (m,) with NaN for what does not exist; scalars in the capture's deviation unit.
+    Arrays have shape (m,) with NaN for what does not exist; scalars in the capture's deviation unit. ``M_travel`` is
+    the range to be expected over the whole travel, where M is that of the targets.
     """
 
     standard: str
@@ -41,14 +42,16 @@ class Evaluation:
     flags: tuple[str, ...] = ()
     edition: str = ""
     certainty: str = ""
+    M_travel: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Component:
     """A fitted error motion, e.g. ECC over C: basis, coefficients and their covariance.
 
-    ``basis`` is "polynomial", "fourier", "bspline", "piecewise"; ``domain`` the fitted range (lo, hi) in
-    the axis unit. Values come from `gateway.model.components.value` and `standard_uncertainty`.
+    ``basis`` is "polynomial", "fourier", "bspline", "piecewise", or "waved": a smooth one with waves of some lengths;
+    ``domain`` the fitted range (lo, hi) in the axis unit. Values come from `gateway.model.components.value` and
+    `standard_uncertainty`.
     """
 
     name: str

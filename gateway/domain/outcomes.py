@@ -8,6 +8,7 @@ from typing import Literal
 from drivers.types.orders import SignProof
 from drivers.units import DeviationUnit
 from gateway.domain.figures import Evaluation
+from gateway.domain.values import FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +59,30 @@ class AxisVerdict:
     within_prediction: bool
     words: str
     worse: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class ActingCheck:
+    """A short capture of an axis while every table acts, cross tables too, against what was predicted; um or arcsec.
+
+    ``predicted`` and ``measured`` (m,) are means of both directions at ``targets``, their common offset taken out of
+    ``measured``; ``U`` (m,) the expanded uncertainty (k = 2) of their difference. ``M`` and ``M_predicted`` are the
+    ranges over these targets, ``M_U`` and ``M_predicted_U`` theirs. ``held`` is None where the tables that acted were
+    not those that were pushed.
+    """
+
+    axis: str
+    unit: DeviationUnit
+    targets: FloatArray
+    predicted: FloatArray
+    measured: FloatArray
+    U: FloatArray
+    M: float
+    M_U: float
+    M_predicted: float
+    M_predicted_U: float
+    held: bool | None
+    words: str
 
 
 @dataclass(frozen=True, slots=True)

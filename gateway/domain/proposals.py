@@ -38,13 +38,14 @@ class TableChange:
 
     @property
     def layer(self) -> Literal["axis", "cross"]:
-        """Which layer of correction the table belongs to."""
-        return self.new.kind
+        """Which layer of correction it belongs to; a pair for two directions over its own axis is its reversal."""
+        own_pair = self.new.input_axis == self.new.output_axis and self.new.direction != 0
+        return "axis" if self.new.kind != "cross" or own_pair else "cross"
 
     @property
     def name(self) -> str:
         """The table among all of a proposal, as people name it: "X1", and for a cross table its number too."""
-        return spoken().name(self.layer, self.axis, self.new.index)
+        return spoken().name(self.new.kind, self.axis, self.new.index)
 
 
 @dataclass(frozen=True, slots=True)

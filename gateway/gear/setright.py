@@ -1,4 +1,9 @@
-"""A flank as it would be with the set-up values right: constants of the infeed and of the dressing taken off; pure."""
+"""A flank as it would be with the set-up values right: constants of the infeed and of the dressing taken off; pure.
+
+A shift d of the profile leaves d_n along the normal and, where the profile bends, -kappa d_t^2 / 2 + kappa' d_t^3 / 6
+beside it (kappa + where convex). A part ground 100 um off its zero has 1 um of that, which no straight shift takes off
+again; ground anew with the set-up values right it has none, nor what that shift made together with other errors.
+"""
 
 from __future__ import annotations
 
@@ -6,19 +11,84 @@ from dataclasses import replace
 
 import numpy as np
 
-from gateway.gear.cycloid import CycloidGear
+from drivers.types.values import FloatArray
+from drivers.units import arcsec_to_rad, mm_to_um, um_to_mm
+from gateway.gear.cycloid import CycloidGear, ProfileSection
 from gateway.tooth import FlankMap
+
+ROUNDS = 3
+STEP = 1e-5  # rad
 
 
 def set_right(flank: FlankMap, gear: CycloidGear) -> FlankMap:
     """The flank less what one move of the infeed, one of the dresser and one rotation can take, by least squares.
 
     A move of the infeed shows as n_x, one of the dressed profile as n_y, a rotation as h, alike in every space and at
-    every height. What is left no set-up value can cure.
+    every height. The curvature that a large shift has left is still in it: see `reground`.
     """
-    section = gear.section(flank.theta_rad)
-    shape = flank.deviation_um.shape
-    columns = [np.broadcast_to(one[None, :, None], shape).ravel() for one in (section.nx, section.ny, section.h)]
-    design = np.stack(columns, axis=1)
-    taken = design @ np.linalg.lstsq(design, flank.deviation_um.ravel(), rcond=None)[0]
-    return replace(flank, deviation_um=flank.deviation_um - taken.reshape(shape))
+    shape = _Shapes.of(flank, gear)
+    return replace(flank, deviation_um=flank.deviation_um - shape.straight(shape.constant(flank.deviation_um)))
+
+
+def reground(flank: FlankMap, gear: CycloidGear, turned_arcsec: float = 0.0) -> FlankMap:
+    """The flank of a part ground anew with its set-up values right: without the curvature of their shift either.
+
+    ``flank`` is one that bends as parts do (`with_curvature`), ``turned_arcsec`` the rotation that was removed from it.
+    """
+    shape = _Shapes.of(flank, gear)
+    whole = flank.deviation_um + shape.straight(np.array([[[0.0, 0.0, mm_to_um(arcsec_to_rad(turned_arcsec))]]]))
+    terms = shape.terms(whole)
+    bent = shape.bent(terms)
+    moved = terms - shape.constant(whole - bent)
+    return set_right(replace(flank, deviation_um=whole - bent + shape.bent(moved)), gear)
+
+
+def with_curvature(flank: FlankMap, gear: CycloidGear) -> FlankMap:
+    """A map of straight shifts and turns, fitted to points that bend, as the flank that these points lie on.
+
+    No rotation may have been removed: a rotation shifts the points along the profile as much as the dresser does.
+    """
+    shape = _Shapes.of(flank, gear)
+    terms = shape.terms(flank.deviation_um)
+    return replace(flank, deviation_um=shape.straight(terms) + shape.bent(terms))
+
+
+class _Shapes:
+    """What shifts A, B (um) and turns G (um/mm) of the profile do at the angles of a map; terms are (K, Z, 3)."""
+
+    def __init__(self, section: ProfileSection, growth: FloatArray) -> None:
+        self._section, self._growth = section, growth
+        self._design = np.stack([section.nx, section.ny, section.h], axis=1)
+        self._along = np.stack([-section.ny, section.nx, section.x * section.nx + section.y * section.ny], axis=1)
+        self._inverse = np.linalg.pinv(self._design)
+
+    @classmethod
+    def of(cls, flank: FlankMap, gear: CycloidGear) -> _Shapes:
+        """At the map's profile angles; the curvature's growth along the arc by central difference."""
+        theta = flank.theta_rad
+        section = gear.section(theta)
+        above, below = (gear.section(theta + step).curvature for step in (STEP, -STEP))
+        return cls(section, (above - below) / (2.0 * STEP * section.speed))
+
+    def straight(self, terms: FloatArray) -> FloatArray:
+        """Along the normal at first order (K, T, Z)."""
+        return np.asarray(np.moveaxis(terms @ self._design.T, -1, -2))
+
+    def bent(self, terms: FloatArray) -> FloatArray:
+        """What the curvature makes of it (K, T, Z)."""
+        along = np.moveaxis(terms @ self._along.T, -1, -2)
+        um = um_to_mm(1.0)
+        square, cube = self._section.curvature[:, None] * along**2, self._growth[:, None] * along**3
+        return np.asarray(-um * square / 2.0 + um**2 * cube / 6.0)
+
+    def terms(self, deviation: FloatArray) -> FloatArray:
+        """The shifts and turns of each place whose flank, with its curvature, fits deviations (K, T, Z) best."""
+        seen = np.moveaxis(deviation, 1, 2) @ self._inverse.T
+        found = seen
+        for _ in range(ROUNDS):
+            found = seen - np.moveaxis(self.bent(found), 1, 2) @ self._inverse.T
+        return np.asarray(found)
+
+    def constant(self, deviation: FloatArray) -> FloatArray:
+        """The one shift and turn (1, 1, 3) common to all places, by least squares."""
+        return np.asarray(self._inverse @ deviation.mean(axis=(0, 2)))[None, None, :]

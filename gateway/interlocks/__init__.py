@@ -10,7 +10,7 @@ from gateway.interlocks.approval import APPROVED, needed, warnings
 from gateway.interlocks.cross import CROSS, CROSS_RELEASE
 from gateway.interlocks.facts import MAX_JUMP, PushFacts, Refusal, Rule, value_at
 from gateway.interlocks.machine import CONSENT, MACHINE, NAMED, RELEASE
-from gateway.interlocks.measured import MEASURED, MEASURED_CROSS, aged, crowded, not_worth_it
+from gateway.interlocks.measured import MEASURED, MEASURED_CROSS, MEASURED_REVERSAL, aged, crowded, not_worth_it
 from gateway.interlocks.table import FITS, TABLE
 
 __all__ = [
@@ -40,5 +40,5 @@ def rules_for(facts: PushFacts) -> tuple[Rule, ...]:
         return (*MACHINE, *NAMED, *FITS, *CROSS_RELEASE)
     if facts.purpose == "sign-proof":
         return (*MACHINE, *CONSENT, *TABLE, *CROSS)
-    measured = MEASURED_CROSS if facts.is_cross else MEASURED
+    measured = {"axis": MEASURED, "cross": MEASURED_CROSS, "reversal": MEASURED_REVERSAL}[facts.table.kind]
     return (*MACHINE, *CONSENT, *TABLE, *CROSS, *measured, *APPROVED)

@@ -15,6 +15,7 @@ from drivers.programs import SelfTested
 from drivers.types.abilities import Capabilities, Marker, TableLimits
 from drivers.types.identity import MachineIdentity
 from drivers.types.machine import AxisState, MachineState
+from drivers.types.moves import SafePlaces
 from drivers.types.orders import SignProof
 from drivers.types.sensing import Ambient
 from drivers.types.tables import CompensationTable, LiveSet, LiveTable
@@ -137,7 +138,7 @@ class PushFacts:
     are the live tables themselves, cross tables as deviations. ``unfinished`` names journals left open, ``marker`` is
     what the controller remembers and ``mark`` what that says of this store. ``plan`` is `gateway.push.plan_hash` of the
     change, ``key_taken`` names another plan under the same transaction key, ``missing`` are transactions begun here
-    whose journals are gone.
+    whose journals are gone. ``places`` are the safe places that the control's programs are held to.
     """
 
     change: TableChange
@@ -158,6 +159,7 @@ class PushFacts:
     plan: str = ""
     key_taken: str = ""
     missing: tuple[int, ...] = ()
+    places: SafePlaces = field(default_factory=SafePlaces)
 
     @property
     def modes(self) -> tuple[str, ...]:
@@ -217,7 +219,7 @@ def value_at(table: CompensationTable, position: float) -> float:
 
 def rest_of(live: LiveSet, table: CompensationTable) -> tuple[LiveTable, ...]:
     """The cross tables of the set's axis but for ``table``."""
-    return tuple(one for one in live.cross if table.kind == "axis" or one.table.index != table.index)
+    return tuple(one for one in live.cross if table.kind != "cross" or one.table.index != table.index)
 
 
 def others_now(facts: PushFacts) -> float:

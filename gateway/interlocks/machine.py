@@ -82,6 +82,27 @@ def _jump(facts: PushFacts) -> Iterator[Refusal]:
         yield from no("E-INT-JUMP", jump=round(jump, 3), unit=facts.table.deviation_unit, **fields)
 
 
+def _placed(facts: PushFacts) -> Iterator[Refusal]:
+    """Nobody moves an axis of a machine of which nobody said where its axes may stand meanwhile."""
+    for name in sorted(set(facts.state.axes) - set(facts.places.ranges)):
+        yield from no("E-INT-NO-PLACE", axis=name)
+
+
+def _within(facts: PushFacts) -> Iterator[Refusal]:
+    """Every axis stands in its safe place now, and the one that moves finds its place to go to in there."""
+    for name, axis in sorted(facts.state.axes.items()):
+        if name in facts.places.ranges and not facts.places.holds(name, axis.position):
+            yield from _outside(facts, name, axis.position)
+    moved, place = facts.table.input_axis, facts.agreeing_position
+    if place is not None and moved in facts.places.ranges and not facts.places.holds(moved, place):
+        yield from _outside(facts, moved, place)
+
+
+def _outside(facts: PushFacts, axis: str, position: float) -> Iterator[Refusal]:
+    low, high = facts.places.ranges[axis]
+    yield from no("E-INT-OUTSIDE", axis=axis, position=round(position, 3), low=low, high=high)
+
+
 def _name(facts: PushFacts) -> Iterator[Refusal]:
     if facts.request.typed_name != facts.request.site_name:
         typed = facts.request.typed_name or "nothing"
@@ -193,10 +214,10 @@ def _sound(proof: SignProof) -> bool:
     return clear and proof.agrees
 
 
-MACHINE: tuple[Rule, ...] = (_machine, _units, _channel, _mode, _alarms, _axis, _axis_units, _access)
+MACHINE: tuple[Rule, ...] = (_machine, _units, _channel, _mode, _alarms, _axis, _axis_units, _access, _placed)
 CONSENT: tuple[Rule, ...] = (
     *(_name, _unfinished, _marker, _behind, _missing, _key, _skipped, _nothing, _base),
-    *(_temperature, _self_test, _proof),
+    *(_temperature, _self_test, _proof, _within),
 )
-RELEASE: tuple[Rule, ...] = (*MACHINE, _jump)
+RELEASE: tuple[Rule, ...] = (*MACHINE, _jump, _within)
 NAMED: tuple[Rule, ...] = (_name,)

@@ -14,13 +14,17 @@ from gateway.domain.proposals import TableChange
 from gateway.evaluate.behaviour.repetitions import good_readings
 from gateway.interlocks.facts import ROUNDING, PushFacts, Refusal, Rule, no
 from gateway.interlocks.limits import (
+    CROSS_DRIFT_K,
+    EXPANSION_DOUBT,
+    LEAST_DRIFT_K,
     MAX_AGE,
     MAX_AHEAD,
-    MAX_DRIFT_K,
     MAX_REMAINING,
     MAX_REPEATABILITY,
     MAX_SUSPECT_SHARE,
     MIN_REPETITIONS,
+    MOST_DRIFT_K,
+    SPOILT_SHARE,
 )
 from gateway.interlocks.table import largest_change
 
@@ -50,9 +54,28 @@ def _warmth(facts: PushFacts) -> Iterator[Refusal]:
     if facts.request.capture is None or facts.request.ambient_now is None:
         return
     then, now = _degc(facts.request.capture.ambient_end), _degc(facts.request.ambient_now)
-    if then is not None and now is not None and abs(now - then) > MAX_DRIFT_K:
-        fields = {"then": round(then, 2), "now": round(now, 2), "limit": MAX_DRIFT_K}
-        yield from no("E-INT-WARMTH", axis=facts.request.capture.axis, **fields)
+    limit = allowed_drift_k(facts.change)
+    if then is not None and now is not None and abs(now - then) > limit:
+        fields = {"then": round(then, 1), "now": round(now, 1), "limit": round(limit, 1)}
+        worth = {"change": round(largest_change(facts.change), 1), "unit": facts.table.deviation_unit}
+        share = round(100.0 * SPOILT_SHARE)
+        yield from no("E-INT-WARMTH", axis=facts.request.capture.axis, share=share, **fields, **worth)
+
+
+def allowed_drift_k(change: TableChange) -> float:
+    """By how many K the machine may be warmer or colder than it was measured, for this table, in K.
+
+    A linear axis grows by its length: what that may spoil is held against what the table corrects. Angles of a
+    uniformly warm machine do not grow. A linear cross table holds what bends, not what grows.
+    """
+    table = change.new
+    if table.output_unit == "deg":
+        return MOST_DRIFT_K
+    if table.kind != "axis":
+        return CROSS_DRIFT_K
+    um_per_k = EXPANSION_DOUBT * 1e-3 * abs(table.maximum - table.minimum)
+    matters = SPOILT_SHARE * largest_change(change) / um_per_k if um_per_k > 0.0 else LEAST_DRIFT_K
+    return float(np.clip(matters, LEAST_DRIFT_K, MOST_DRIFT_K))
 
 
 def _degc(ambient: Ambient) -> float | None:
@@ -125,14 +148,14 @@ def _worth(facts: PushFacts) -> Iterator[Refusal]:
 def not_worth_it(capture: Capture, change: TableChange) -> tuple[Refusal, ...]:
     """Why this change of an axis' own table gains too little for what was measured; empty: it is worth writing.
 
-    Twice the pooled standard deviation of one reading must be a third of the largest correction at most, and what is
-    predicted to remain half of what was measured.
+    Twice the pooled standard deviation of one reading, those out of line left out, must be a third of the largest
+    correction at most, and what is predicted to remain half of what was measured.
     """
     return (*_scattered(capture, change), *_remaining(capture, change))
 
 
 def _scattered(capture: Capture, change: TableChange) -> Iterator[Refusal]:
-    scatter, largest = 2.0 * _pooled(capture.deviations), largest_change(change)
+    scatter, largest = 2.0 * _pooled(_in_line(capture)), largest_change(change)
     if largest > 0.0 and scatter > MAX_REPEATABILITY * largest:
         fields = {"scatter": round(scatter, 3), "largest": round(largest, 3), "unit": change.new.deviation_unit}
         yield from no("E-INT-REPEAT", axis=change.axis, **fields)
@@ -145,6 +168,14 @@ def _remaining(capture: Capture, change: TableChange) -> Iterator[Refusal]:
     if not predicted <= measured * (MAX_REMAINING + 1e-9):
         fields = {"predicted": round(predicted, 3), "measured": round(measured, 3), "limit": 100.0 * MAX_REMAINING}
         yield from no("E-INT-GAIN", axis=change.axis, unit=change.new.deviation_unit, **fields)
+
+
+def _in_line(capture: Capture) -> FloatArray:
+    """The deviations (m, n, 2) without readings out of line: the table was not fitted to these either."""
+    deviations = np.array(capture.deviations, dtype=np.float64)
+    for target, repetition, approach in capture.suspects:
+        deviations[target, repetition, approach] = np.nan
+    return deviations
 
 
 def _pooled(deviations: FloatArray) -> float:
@@ -171,4 +202,5 @@ def _spread(values: FloatArray) -> float:
 
 
 MEASURED: tuple[Rule, ...] = (_measured_axis, _age, _warmth, _coverage, _complete, _worth)
+MEASURED_REVERSAL: tuple[Rule, ...] = (_measured_axis, _age, _warmth, _complete)
 MEASURED_CROSS: tuple[Rule, ...] = (_age, _warmth, _complete)

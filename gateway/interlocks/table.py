@@ -38,6 +38,8 @@ def _resolution(facts: PushFacts) -> Iterator[Refusal]:
 
 def _grid(facts: PushFacts) -> Iterator[Refusal]:
     table = facts.table
+    if table.kind == "reversal":
+        return
     grid = (table.minimum, table.maximum, table.step)
     intervals = len(table.deviations) - 1
     whole = bool(np.all(np.isfinite(grid))) and table.step > 0 and intervals >= 1
@@ -61,8 +63,9 @@ def _values(facts: PushFacts) -> Iterator[Refusal]:
         yield from no("E-INT-FINITE", table=table.name)
         return
     largest, bounds = float(np.max(np.abs(values))), facts.bounds
-    if largest > bounds.value + ROUNDING:
-        yield from no("E-INT-VALUE", table=table.name, value=largest, limit=bounds.value, unit=unit)
+    limit = bounds.reversal if table.kind == "reversal" else bounds.value
+    if largest > limit + ROUNDING:
+        yield from no("E-INT-VALUE", table=table.name, value=largest, limit=limit, unit=unit)
     slope = steepest(table)
     if slope > bounds.slope + ROUNDING:
         limit, per = bounds.slope, table.input_unit
@@ -96,6 +99,8 @@ def _reference(facts: PushFacts) -> Iterator[Refusal]:
 def largest_change(change: TableChange) -> float:
     """Largest difference to what acts now, at the new table's points."""
     old = change.old if change.old_enabled else None
+    if change.new.kind == "reversal":
+        return abs(change.new.deviations[0] - (old.deviations[0] if old is not None else 0.0))
     places = np.asarray(change.new.positions)
     before = np.array([value_at(old, place) for place in places]) if old is not None else np.zeros(places.shape)
     changes = np.abs(np.asarray(change.new.deviations, dtype=np.float64) - before)

@@ -14,6 +14,8 @@ from gateway.domain.figures import Component
 from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
 
+LONGEST_WAVE = 12
+"""Orders of a turn above this are waves of worm or scale, not the axis' shape."""
 Parameters = Mapping[str, Any]
 
 
@@ -45,15 +47,36 @@ def at_datum(component: Component, reference: float) -> Component:
     The offset of a positioning deviation is the machine zero and no error motion.
     """
     g = _design_at(component, np.asarray([reference]))[0]
-    # Hats and splines add up to one everywhere; the other bases carry their constant in the first term.
-    spread = component.basis in ("piecewise", "bspline")
-    ones = np.ones(g.size) if spread else np.eye(g.size)[0]
+    ones = _one_everywhere(component, g.size)
     shift = np.eye(g.size) - np.outer(ones, g)
     return replace(
         component,
         coefficients=shift @ component.coefficients,
         covariance=shift @ component.covariance @ shift.T,
     )
+
+
+def _one_everywhere(component: Component, size: int) -> FloatArray:
+    """Hats and splines add up to one everywhere; the other bases carry their constant in the first term."""
+    waves = 2 * len(component.parameters.get("lengths", ()))  # type: ignore[arg-type]
+    if component.parameters.get("smooth", component.basis) in ("piecewise", "bspline"):
+        return np.append(np.ones(size - waves), np.zeros(waves))
+    return np.asarray(np.eye(size)[0])
+
+
+def without_waves(component: Component) -> Component:
+    """The component without its short waves; itself where it has none."""
+    turns = component.basis == "fourier"
+    orders = component.parameters.get("orders", ()) if turns else ()
+    short = [n > LONGEST_WAVE for n in orders]  # type: ignore[attr-defined]
+    if not any(short) and component.basis != "waved":
+        return component
+    kept = component.coefficients.copy()
+    if turns:
+        kept[1:][np.repeat(short, 2)] = 0.0
+    else:
+        kept[-2 * len(component.parameters["lengths"]) :] = 0.0  # type: ignore[arg-type]
+    return replace(component, coefficients=kept)
 
 
 def is_periodic(component: Component) -> bool:
@@ -104,12 +127,20 @@ def _piecewise(parameters: Parameters, positions: FloatArray) -> FloatArray:
     return hats(nodes, positions) if period is None else periodic_hats(nodes, float(period), positions)
 
 
+def _waved(parameters: Parameters, positions: FloatArray) -> FloatArray:
+    """A smooth basis, then cosine and sine of each wave."""
+    phases = [2.0 * np.pi * positions / length for length in parameters["lengths"]]
+    waves = [one for phase in phases for one in (np.cos(phase), np.sin(phase))]
+    return np.column_stack([_BASES[parameters["smooth"]](parameters, positions), *waves])
+
+
 _BASES: Mapping[str, Callable[[Parameters, FloatArray], FloatArray]] = {
     "constant": _constant,
     "polynomial": _polynomial,
     "fourier": _fourier,
     "bspline": _bspline,
     "piecewise": _piecewise,
+    "waved": _waved,
 }
 
 

@@ -14,7 +14,7 @@ from drivers.units import AxisUnit
 from gateway.domain.figures import Component
 from gateway.domain.values import FloatArray
 from gateway.errors import ModelError, NotIdentifiable
-from gateway.model.components import at_datum, design, value
+from gateway.model.components import at_datum, design
 from gateway.model.regression import Regression, weighted
 
 HIGHEST_DEGREE = 9
@@ -24,8 +24,6 @@ WIDEST_MODULO_GAP_DEG = 180.0
 SIMPLER_WITHIN = 1.1
 FAR_ABOVE_NOISE = 5.0
 TURN_DEG = 360.0
-LEAVES, FAR_ABOVE = 0.15, 4.0
-"""What a smooth fit may leave at a target: um or arcsec, and times the standard uncertainty of a mean."""
 SMALLEST_U = 1e-3
 """Weights assume at least this, um or arcsec: readings that agree to the last digit are not exact."""
 
@@ -91,31 +89,6 @@ def fit_positioning(
     best = choose(candidates(data), data.noise)
     fitted = _component(best, data, name, axis, axis_unit)
     return fitted if reference is None else at_datum(fitted, reference)
-
-
-def fit_means(
-    targets: ArrayLike,
-    means: ArrayLike,
-    u: ArrayLike,
-    *,
-    name: str,
-    axis: str,
-    axis_unit: AxisUnit,
-    kind: Literal["linear", "rotary"],
-    modulo: bool = False,
-) -> Component:
-    """The one curve of a measured axis, for its table and for the error model; arguments as `fit_positioning`.
-
-    Straight lines between the means where a smooth curve leaves far more than the scatter at a target of a linear axis.
-    """
-    at, mean, own = (np.asarray(one, dtype=np.float64) for one in (targets, means, u))
-    named: dict[str, Any] = {"name": name, "axis": axis, "axis_unit": axis_unit}
-    smooth = fit_positioning(at, mean, own, kind=kind, modulo=modulo, **named)
-    known = np.isfinite(mean)
-    left = float(np.max(np.abs(mean - value(smooth, at))[known]))
-    if kind == "rotary" or left <= max(LEAVES, FAR_ABOVE * float(np.max(own[known]))):
-        return smooth
-    return fit_polygon(at[known], mean[known], own[known], **named)
 
 
 def fit_polygon(

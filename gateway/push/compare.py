@@ -46,7 +46,8 @@ def same_rest(one: LiveSet, two: LiveSet, table: CompensationTable, allowed: flo
     """Whether everything but ``table`` is the same. A cross table's push switches all tables of its output: those
     switches are then left out."""
     cross = table.kind == "cross"
-    if abs(one.backlash - two.backlash) > GRID_TOLERANCE or (cross and not same_table(one.own, two.own, allowed)):
+    turned = table.kind != "reversal" and abs(one.backlash - two.backlash) > GRID_TOLERANCE
+    if turned or (table.kind != "axis" and not same_table(one.own, two.own, allowed)):
         return False
     kept, found = _filled(rest_of(one, table)), _filled(rest_of(two, table))
     if cross:
@@ -67,13 +68,13 @@ def _all_off(tables: tuple[LiveTable, ...]) -> tuple[LiveTable, ...]:
 
 def _not_this(live: LiveSet, table: CompensationTable) -> tuple[LiveTable, ...]:
     """Tables of other outputs, without what an order to ``table``'s number takes over from them."""
-    return _filled(tuple(one for one in live.others if table.kind == "axis" or one.table.index != table.index))
+    return _filled(tuple(one for one in live.others if table.kind != "cross" or one.table.index != table.index))
 
 
 def table_in(live: LiveSet, wanted: CompensationTable) -> LiveTable:
     """What the controller holds in the place of ``wanted``; all zero and disabled where there is nothing."""
-    if wanted.kind == "axis":
-        return live.own
+    if wanted.kind != "cross":
+        return live.own if wanted.kind == "axis" else live.reversal
     for one in live.cross:
         if one.table.index == wanted.index:
             return one
@@ -88,6 +89,9 @@ def with_table(live: LiveSet, table: CompensationTable) -> LiveSet:
     now = LiveTable(table, enabled=True)
     if table.kind == "axis":
         return dataclasses.replace(live, own=now, digest="")
+    if table.kind == "reversal":
+        backlash = -table.deviations[0] / deviation_scale(table.output_unit)
+        return dataclasses.replace(live, backlash=backlash, digest="")
     cross = tuple(one for one in live.cross if one.table.index != table.index)
     return dataclasses.replace(live, cross=tuple(sorted((*cross, now), key=lambda one: one.table.index)), digest="")
 
@@ -119,6 +123,8 @@ def agreeing_position(
     nothing, so each must be near zero there. The reference position if it will do, else the nearest
     interpolation point inside the travel; None when there is none.
     """
+    if new.kind == "reversal":  # it acts at every place alike
+        return float(np.clip(reference, *travel))
     places = [reference, *sorted(_inside(new, travel), key=lambda place: abs(place - reference))]
     for place in places:
         before = value_at(old.table, place) if old.enabled else 0.0

@@ -10,11 +10,12 @@ from drivers.types.abilities import TableLimits
 from drivers.types.machine import ChannelStatus
 from drivers.types.orders import PushOrder
 from drivers.types.stops import Stop, StopPlan, StopReached
-from drivers.types.tables import LiveSet
+from drivers.types.tables import CompensationTable, LiveSet
 from drivers.types.values import Approach
 from gateway.domain.proposals import TableChange
 from gateway.errors import VerifyError
 from gateway.interlocks import PushFacts
+from gateway.moving import places_of
 from gateway.push.byhand import visit_by_hand
 from gateway.push.context import PushContext
 from gateway.push.plan import plan_hash
@@ -65,25 +66,31 @@ async def facts_at_start(
         plan=plan_hash(change, context.machine),
         key_taken=key_taken,
         missing=missing_journals(context),
+        places=places_of(controller),
     )
 
 
-async def read_live(context: PushContext, position: float) -> LiveSet:
-    """The live tables of the output axis, cross tables as deviations; compensation stays as it is.
+async def read_live(context: PushContext) -> LiveSet:
+    """The live tables of the output axis, cross tables as deviations; compensation stays as it is, nothing moves.
 
-    Where the control must run a program for it the input axis goes to ``position``. Raises what the port raises:
-    DeadlineExceeded when nobody starts it, DeviceRefused on an alarm.
+    Raises what the port raises: DeadlineExceeded when nobody starts the program, DeviceRefused on an alarm.
     """
     patience = Patience(context.start_timeout_s, context.stop_timeout_s)
-    asked = question(context.axis, context.moved, position, patience, proof=context.proof)
+    asked = question(context.axis, patience, context.proof)
     return await context.controller.live_tables(asked, context.say)
 
 
 def plan_of(
-    context: PushContext, name: str, stops: tuple[Stop, ...], setup: str = "", cross_table: int | None = None
+    context: PushContext,
+    name: str,
+    stops: tuple[Stop, ...],
+    setup: str = "",
+    cross_table: int | None = None,
+    reversal: CompensationTable | None = None,
 ) -> StopPlan:
     """A motion program of the table's input axis that shows and saves what acts on the output axis."""
     axis = context.moved
+    feed = min(axis.feed, places_of(context.controller).feed(axis.unit))
     return StopPlan(
         name=f"{name}{axis.letter}",
         axis=axis.name,
@@ -91,7 +98,7 @@ def plan_of(
         unit=axis.unit,
         rotary=axis.rotary,
         stops=stops,
-        feed=axis.feed,
+        feed=feed,
         overrun=axis.overrun,
         dwell_s=axis.dwell_s,
         setup=setup,
@@ -100,6 +107,7 @@ def plan_of(
         encoder_said=context.axis.encoder_said,
         output_axis="" if context.input is None else context.axis.name,
         cross_table=cross_table,
+        reversal=reversal,
     )
 
 
@@ -146,6 +154,12 @@ async def connect_again(context: PushContext) -> None:
             await context.clock.sleep(CONNECT_PAUSE_S)
         else:
             return
+
+
+def ask_release(context: PushContext) -> None:
+    """Where a panel gives consent: say that its release is needed now, anew for each transaction."""
+    if context.controller.capabilities.consent == "panel":
+        context.say("P-PUSH-PANEL", axis=context.axis.name)
 
 
 async def reach(context: PushContext) -> None:

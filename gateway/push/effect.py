@@ -44,6 +44,10 @@ async def prove_effect(work: Work, positions: tuple[float, ...], base: LiveSet) 
     Raises VerifyError (E-PUSH-EFFECT, E-PUSH-OVERWRITTEN, E-PUSH-COUPLED) and what the port raises.
     """
     context, table = work.context, work.change.new
+    if table.kind == "reversal":  # no control shows what it takes up: the value is read anew, its effect is measured
+        _still_there(work, await conversation.read_live(context), base)
+        await work.same_machine()
+        return
     shown: list[_Shown] = []
 
     async def at_stop(_stop: Stop, reached: StopReached) -> None:

@@ -6,14 +6,17 @@ from dataclasses import replace
 
 from drivers.errors import PointsDiffer, TableActs, TrueflankError
 from drivers.terms import spoken
+from drivers.types.moves import movement_of
 from drivers.types.orders import PushOrder
-from drivers.types.tables import LiveSet
+from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from gateway.errors import VerifyError, WriteRefused
 from gateway.interlocks import PushFacts, refusals
-from gateway.interlocks.facts import rest_of
+from gateway.interlocks.facts import rest_of, value_at
+from gateway.moving import places_of, shown, standing_words, tell_motion
 from gateway.push import conversation
 from gateway.push.byhand import room_of, stand_at
 from gateway.push.compare import same_rest, same_set, same_table, table_facts, table_in
+from gateway.push.context import PushContext
 from gateway.push.work import Work
 from gateway.table.comparison import differences
 
@@ -26,13 +29,17 @@ async def load(work: Work, order: PushOrder, base: LiveSet | None) -> None:
     raises.
     """
     context = work.context
+    await within_places(context)
     await _stand(work, order)
     await _alone(work)
     work.note("DISABLE", order=order.transaction, purpose=order.purpose, **_stood(work))
     work.marked, work.cut_short = order, True
     work.sent.add(order.transaction)
-    await context.controller.stage(order)
+    conversation.ask_release(context)
+    await context.controller.stage((order,))
     await _check_marker(work, order)
+    await tell_motion(context.controller, context.say)
+    await _say_switch(work, order, base)
     context.say("P-PUSH-LOAD", axis=work.axis, transaction=order.transaction)
     kept = await _kept_before(work, order, base)
     work.begun = True
@@ -52,7 +59,7 @@ async def _kept_before(work: Work, order: PushOrder, base: LiveSet | None) -> Li
     controller = work.context.controller
     if controller.capabilities.stops:
         return None
-    backup = await controller.backup_of(order)
+    (backup,) = await controller.backup_of((order,))
     keep_backup(work, order, backup)
     try:
         _compare(work, base, backup)
@@ -71,6 +78,60 @@ async def _alone(work: Work) -> None:
     await work.only_ours()
 
 
+async def _say_switch(work: Work, order: PushOrder, base: LiveSet | None) -> None:
+    """By how much switching off will move the output axis where the input axis stands then."""
+    if order.table.kind == "reversal":
+        amount = work.restore_to.table.deviations[0] if base is not None else work.change.new.deviations[0]
+    elif base is not None:
+        amount = await _worth(work, order.table, table_in(base, order.table))
+    else:
+        axis = (await work.context.controller.state()).axes[work.axis]
+        amount = axis.cross_compensation if order.table.kind == "cross" else axis.encoder_compensation
+    _say_moves("P-MOVE-SWITCH-OFF", work, order, amount)
+
+
+async def _worth(work: Work, table: CompensationTable, switched: LiveTable) -> float:
+    """What a table, and those of its output that are switched with it, add up to at the agreeing position."""
+    if table.kind == "reversal":
+        return switched.table.deviations[0] if switched.enabled else 0.0
+    own = value_at(switched.table, work.agreeing_position) if switched.enabled else 0.0
+    others = [one.table for one in rest_of(work.base, table) if one.enabled] if work.base and work.coupled else []
+    if not others or table.kind != "cross":
+        return own
+    places = {name: axis.position for name, axis in (await work.context.controller.state()).axes.items()}
+    places[table.input_axis] = work.agreeing_position
+    return own + sum(value_at(one, places.get(one.input_axis, one.minimum)) for one in others)
+
+
+def _say_moves(code: str, work: Work, order: PushOrder, amount: float) -> None:
+    told = {"amount": round(abs(amount), 2), "deviation_unit": order.table.deviation_unit}
+    place = {"input": order.table.input_axis, "place": shown(work.agreeing_position), "unit": order.table.input_unit}
+    work.context.say(code, axis=work.axis, table=order.table.name, **told, **place)
+
+
+async def within_places(context: PushContext) -> None:
+    """Wait until every axis stands in its safe place: a person brings back what does not.
+
+    Raises DeadlineExceeded after a person's patience, WriteRefused (E-INT-NO-PLACE) where an axis has no safe place,
+    and what the port raises.
+    """
+    places = places_of(context.controller)
+    async with context.clock.deadline(context.start_timeout_s, context.axis.name):
+        told = False
+        while True:
+            stands = movement_of((), await context.controller.state(), places).stands
+            unknown = next((one for one in stands if one.place is None), None)
+            if unknown is not None:
+                raise WriteRefused("E-INT-NO-PLACE", context.axis.name, axis=unknown.axis)
+            outside = [one for one in stands if not one.safe]
+            if not outside:
+                return
+            if not told:
+                context.say("P-MOVE-BRING", axes="; ".join(standing_words(one) for one in outside))
+            told = True
+            await context.clock.sleep(conversation.POLL_S)
+
+
 def _stood(work: Work) -> dict[str, object]:
     """The marker from before the first order, for whoever recovers this."""
     before = work.before
@@ -80,13 +141,13 @@ def _stood(work: Work) -> dict[str, object]:
 async def _loaded(work: Work, order: PushOrder) -> tuple[LiveSet, LiveSet]:
     """What stood before and what stands now, once every point has been written, or was found to differ after that."""
     try:
-        found = await work.context.controller.read_back(order, work.context.start_timeout_s)
+        (found,) = await work.context.controller.read_back((order,), work.context.start_timeout_s)
     except TrueflankError as error:
         work.cut_short = not isinstance(error, PointsDiffer)
         work.protected = work.protected or isinstance(error, TableActs)
         raise
     work.cut_short = False
-    return found
+    return found.backup, found.found
 
 
 async def _stand(work: Work, order: PushOrder) -> None:
@@ -113,7 +174,7 @@ def keep_backup(work: Work, order: PushOrder, backup: LiveSet) -> None:
     The transaction's own back-up confirms what to go back to where it agrees with what was live before.
     """
     name = f"backup-{work.axis}-{order.transaction:06d}{spoken().program_suffix}"
-    path = str(work.context.folder.write_text(name, backup.native))
+    path = work.kept(name, backup.native)
     if order.transaction != work.number:
         work.note("FAILED_TABLE", path=path, digest=backup.digest)
         return
@@ -140,7 +201,8 @@ def _compare(work: Work, base: LiveSet | None, backup: LiveSet) -> None:
 
 def _judge(work: Work, order: PushOrder, backup: LiveSet, readback: LiveSet) -> None:
     axis, found = work.axis, table_in(readback, order.table)
-    different = list(differences(order.table, found.table, work.allowed))
+    waits = order.table.kind == "reversal"  # one value, written only when it is released
+    different = [] if waits else list(differences(order.table, found.table, work.allowed))
     if found.enabled:
         different.append("the compensation is still enabled")
     if different:
@@ -158,15 +220,18 @@ async def release(work: Work, order: PushOrder) -> None:
     await _stand(work, order)
     await _ask_again(work, order)
     work.note("ENABLE", order=order.transaction, enable=order.enable)
-    await context.controller.activate(order)
+    await context.controller.activate((order,), (order,))
+    await tell_motion(context.controller, context.say)
+    if order.enable:
+        _say_moves("P-MOVE-SWITCH-ON", work, order, await _worth(work, order.table, LiveTable(order.table, True)))
     context.say("P-PUSH-RELEASE", axis=work.axis, transaction=order.transaction)
-    enabled = await context.controller.confirm(order, context.start_timeout_s)
+    (enabled,) = await context.controller.confirm((order,), context.start_timeout_s)
     if enabled != order.enable:
         raise VerifyError("E-PUSH-SWITCH", work.axis, wanted=order.enable, found=enabled)
     work.note("ENABLED" if enabled else "LEFT_DISABLED", order=order.transaction)
-    if enabled:
+    if enabled and order.table.kind != "reversal":  # that one acts from the program's own activation on
         context.say("P-PUSH-ACTIVATE", axis=work.axis)
-        await context.controller.restarted(order, context.start_timeout_s)
+        await context.controller.restarted((order,), context.start_timeout_s)
         work.note("ACTIVATED", order=order.transaction)
 
 
@@ -192,4 +257,4 @@ def _at_release(facts: PushFacts) -> PushFacts:
 
 def is_coupled(live: LiveSet, work: Work) -> bool:
     """Whether other cross tables of the output axis are on; never for an axis table, which leaves them alone."""
-    return work.change.layer == "cross" and any(one.enabled for one in rest_of(live, work.change.new))
+    return work.change.new.kind == "cross" and any(one.enabled for one in rest_of(live, work.change.new))

@@ -12,11 +12,12 @@ from __future__ import annotations
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, replace
 from math import ceil, floor
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from drivers.errors import TableError, TrueflankError, UnsupportedDevice
+from drivers.terms import TableKind
 from drivers.types.abilities import Marker, TableLimits
 from drivers.types.orders import PushOrder, SignProof
 from drivers.types.stops import Stop, StopReached
@@ -25,7 +26,7 @@ from drivers.units import deviation_unit
 from gateway.axes import AxisRecord
 from gateway.domain.proposals import TableChange
 from gateway.errors import RollbackFailed, StillOn, VerifyError, WriteRefused
-from gateway.push import conversation
+from gateway.push import conversation, reversalproof
 from gateway.push.compare import table_in
 from gateway.push.context import PushContext
 from gateway.push.loading import load, release
@@ -57,7 +58,7 @@ def triangle(
     minimum: float,
     maximum: float,
     step: float,
-    kind: Literal["axis", "cross"] = "axis",
+    kind: TableKind = "axis",
     index: int = 0,
 ) -> tuple[CompensationTable, float]:
     """The proof's table on the input axis' grid, and where its peak is; ``index`` is the cross table's number.
@@ -74,15 +75,17 @@ def triangle_of(
     minimum: float,
     maximum: float,
     step: float,
-    kind: Literal["axis", "cross"] = "axis",
+    kind: TableKind = "axis",
     index: int = 0,
 ) -> tuple[CompensationTable, float]:
     """As `triangle`, for an input ``axis`` and an ``output`` axis without a machine to push to."""
+    if kind == "reversal":
+        return reversalproof.trial_of(output, PEAK)
     count = round((maximum - minimum) / step) + 1
     at = min(max((axis.reference - minimum) / step, 0.0), float(count - 1))
     below, above = (0, floor(at + 1e-9)), (ceil(at - 1e-9), count - 1)
     first, last = max(below, above, key=lambda side: side[1] - side[0])
-    peak = _peak(axis.travel, minimum, step=step, first=first, last=last)
+    peak = _peak(axis.room, minimum, step=step, first=first, last=last)
     if not first < peak < last:
         grid: dict[str, Any] = {"minimum": minimum, "maximum": maximum, "step": step}
         raise TableError("E-PUSH-TRIANGLE", axis.name, axis=axis.name, **grid)
@@ -117,7 +120,7 @@ async def prove_sign(
     step: float,
     read_stop: ReadStop,
     setup: str = "",
-    kind: Literal["axis", "cross"] = "axis",
+    kind: TableKind = "axis",
     index: int = 0,
 ) -> SignProof:
     """Prove the sign of one kind of table on one output axis, on the grid of the input axis; the caller keeps it.
@@ -137,7 +140,7 @@ async def prove_sign(
     folder = journal.machine_folder(raw.journals, raw.machine.serial)
     with machine_lock(folder):
         await _allowed(raw, _change(table, None), None)
-        live = await conversation.read_live(raw, raw.moved.reference)
+        live = await conversation.read_live(raw)
         change = _change(table, live)
         asked = await _allowed(raw, change, live)
         with begun(
@@ -211,21 +214,33 @@ async def _proved(work: Work, live: LiveSet, peak: float, read_stop: ReadStop, s
 async def _measured(work: Work, order: PushOrder, peak: float, read_stop: ReadStop, setup: str) -> Steps:
     """Off and on three times while the input axis stands at the peak."""
     context = work.context
-    approach = conversation.approach_to(context, peak)
-    stops = tuple(
-        Stop(peak, approach, repetition=number // 2, label=number, switch=bool(number % 2))
-        for number in range(2 * TIMES)
-    )
+    trial = order.table if order.table.kind == "reversal" else None
+    stops = reversalproof.stops_at(peak, TIMES) if trial is not None else _stops(context, peak)
     readings: list[tuple[float, float]] = []
 
     async def read(stop: Stop, _reached: StopReached) -> None:
-        readings.append(await read_stop(stop))
+        if trial is None or stop.switch is None:
+            readings.append(await read_stop(stop))
 
     context.say("P-PUSH-SIGN", axis=context.axis.name, position=peak)
     switched = order.table.index if order.table.kind == "cross" else None
-    plan = conversation.plan_of(context, "TFSIGN", stops=stops, setup=setup, cross_table=switched)
+    _say_switching(context, order)
+    plan = conversation.plan_of(context, "TFSIGN", stops=stops, setup=setup, cross_table=switched, reversal=trial)
     await conversation.visit(context, plan, read, order)
-    return steps_of(readings)
+    return steps_of(reversalproof.reversals(readings) if trial is not None else readings)
+
+
+def _stops(context: PushContext, peak: float) -> tuple[Stop, ...]:
+    approach = conversation.approach_to(context, peak)
+    return tuple(
+        Stop(peak, approach, repetition=number // 2, label=number, switch=bool(number % 2))
+        for number in range(2 * TIMES)
+    )
+
+
+def _say_switching(context: PushContext, order: PushOrder) -> None:
+    told = {"count": TIMES, "amount": PEAK, "deviation_unit": order.table.deviation_unit}
+    context.say("P-MOVE-SWITCHED", axis=context.axis.name, table=order.table.name, **told)
 
 
 def steps_of(readings: list[tuple[float, float]]) -> Steps:
@@ -237,13 +252,13 @@ def steps_of(readings: list[tuple[float, float]]) -> Steps:
     return Steps(float(np.mean(each)), max(stated, scatter), tuple(float(value) for value in each))
 
 
-def _judged(context: PushContext, steps: Steps, kind: Literal["axis", "cross"]) -> SignProof:
+def _judged(context: PushContext, steps: Steps, kind: TableKind) -> SignProof:
     axis = context.axis
-    size_right = abs(abs(steps.mean) - PEAK) <= WITHIN * PEAK
+    size_right = abs(abs(steps.mean) - PEAK) <= max(WITHIN * PEAK, 2.0 * steps.u if kind == "reversal" else 0.0)
     if not size_right or not abs(steps.mean) > TIMES_U * steps.u:
         told: dict[str, Any] = {"mean": round(steps.mean, 3), "u": round(steps.u, 3), "peak": PEAK}
         raise VerifyError("E-PUSH-NO-PROOF", axis.name, axis=axis.name, unit=deviation_unit(axis.unit), **told)
-    if kind == "axis" and steps.mean > 0:
+    if kind != "cross" and steps.mean > 0:
         told = {"mean": round(steps.mean, 3), "unit": deviation_unit(axis.unit)}
         raise VerifyError("E-PUSH-SIGN", axis.name, axis=axis.name, **told)
     moment = context.clock.utc().isoformat(timespec="seconds")

@@ -141,7 +141,7 @@ def _asked(facts: PushFacts, limits: TableLimits, place: float | None) -> Asked:
 
 def place_for(old: LiveTable, change: TableChange, context: PushContext) -> float | None:
     """Where the input axis must stand for the switching of old and new."""
-    return agreeing_position(old, change.new, context.moved.reference, context.moved.travel)
+    return agreeing_position(old, change.new, context.moved.reference, context.moved.room)
 
 
 def _key_taken(change: TableChange, context: PushContext) -> str:
@@ -202,13 +202,13 @@ async def _write(work: Work, base: LiveSet) -> None:
     await release(work, order)
     axis = work.context.moved
     old = table_in(base, work.change.new)
-    await prove_effect(work, effect_positions(work.change.new, old, axis.travel, axis.overrun), base)
+    await prove_effect(work, effect_positions(work.change.new, old, axis.room, axis.overrun), base)
     work.note("EFFECT", shown=[list(place) for place in work.effect])
 
 
 async def snapshot(work: Work) -> LiveSet:
     """The live tables, kept as read, before anything is disabled."""
-    live = await conversation.read_live(work.context, work.agreeing_position)
+    live = await conversation.read_live(work.context)
     keep(work, live)
     if work.context.on_live is not None:
         work.context = replace(work.context, alarms=work.context.on_live(live))
@@ -218,7 +218,7 @@ async def snapshot(work: Work) -> LiveSet:
 def keep(work: Work, live: LiveSet) -> None:
     """Keep the live tables' text, then note where; from here on the work knows what hangs together."""
     name = f"live-{work.axis}-{work.number:06d}{spoken().program_suffix}"
-    work.backup_path = str(work.context.folder.write_text(name, live.native))
+    work.backup_path = work.kept(name, live.native)
     work.base, work.coupled = live, is_coupled(live, work)
     work.restore_to = table_in(live, work.change.new)
     old = {"old": table_facts(work.restore_to.table), "old_enabled": work.restore_to.enabled}

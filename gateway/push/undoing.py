@@ -160,10 +160,10 @@ async def _put_back(work: Work, done: Committed, base: LiveSet) -> None:
     await release(work, order)
     if old.enabled:
         axis = work.context.moved
-        await prove_effect(work, effect_positions(old.table, work.restore_to, axis.travel, axis.overrun), base)
+        await prove_effect(work, effect_positions(old.table, work.restore_to, axis.room, axis.overrun), base)
         work.note("EFFECT", shown=[list(place) for place in work.effect])
         return
-    found = table_in(await conversation.read_live(work.context, work.agreeing_position), old.table)
+    found = table_in(await conversation.read_live(work.context), old.table)
     if not _there(old, found, work.allowed):
         different = differences(old.table, found.table, work.allowed) or (words("W-LIVE-SWITCH"),)
         raise VerifyError("E-PUSH-NOT-RESTORED", work.axis, axis=work.axis, first=different[0])
@@ -184,5 +184,5 @@ async def compare_now(done: Committed, context: PushContext) -> ThreeWay:
     """Read the live table and compare it; changes no compensation. Raises what the port raises."""
     table = done.new.table
     limits = await context.controller.table_limits(done.axis, table.kind, table.index)
-    seen = await conversation.read_live(context, context.moved.reference)
+    seen = await conversation.read_live(context)
     return compare_live(table_in(seen, table), done, tolerance(limits, table))

@@ -21,6 +21,7 @@ from gateway.push.compare import table_facts, tolerance
 from gateway.push.context import PushContext
 from gateway.push.plan import plan_hash
 from gateway.push.records import journal, numbering
+from gateway.push.records.steps import step_words
 from gateway.push.unexpected import foreseen
 from gateway.stopping import current
 
@@ -85,8 +86,8 @@ class Work:
         self.journal.append(kind, utc=self._utc(), **facts)
         self.last = kind
         told = ", ".join(f"{key} {value}" for key, value in facts.items() if isinstance(value, (str, int)))
-        self.steps.append(f"{self._utc()} {kind}" + (f": {told}" if told else ""))
-        self.context.say("P-PUSH-STEP", axis=self.axis, step=kind)
+        self.steps.append(f"{self._utc()} {step_words(kind)}" + (f": {told}" if told else ""))
+        self.context.say("P-PUSH-STEP", axis=self.axis, step=kind, said=step_words(kind))
 
     def stopped(self) -> None:
         """Somebody ended us from outside: where it stands, on the disk before anything else is done."""
@@ -100,14 +101,15 @@ class Work:
             self.note("STOPPED", why=why, after=last)
         except StoreError as error:
             stop.tell(str(error))
-        self.context.say("P-STOPPED-PUSH", axis=self.axis, transaction=self.number, last=last)
-        stop.tell(words("P-STOPPED-PUSH", axis=self.axis, transaction=self.number, last=last))
+        told = {"axis": self.axis, "transaction": self.number, "last": step_words(last)}
+        self.context.say("P-STOPPED-PUSH", **told)
+        stop.tell(words("P-STOPPED-PUSH", **told))
 
     def order(self, table: CompensationTable, enable: bool, purpose: Purpose, number: int) -> PushOrder:
         """The order for the controller to load one table."""
         moved, place = self.context.moved, self.agreeing_position
         proof = self.context.proof
-        if purpose == "sign-proof" or (purpose == "restore" and table.kind == "axis"):
+        if purpose == "sign-proof" or (purpose == "restore" and table.kind != "cross"):
             proof = None
         head = self.context.log.head() if self.context.log is not None else 0
         return PushOrder(
@@ -161,9 +163,14 @@ class Work:
             with foreseen(self.axis):
                 await self.same_machine()
                 await self.only_ours()
-                await self.context.controller.finish_push(order, state)
+                await self.context.controller.finish_push((order,), state)
         except TrueflankError as error:
             self.steps.append(f"{self._utc()} the marker could not be written: {error}")
+
+    def kept(self, name: str, text: str) -> str:
+        """Keep a text for good; returns its run folder and name: a record holds no path of this computer."""
+        path = self.context.folder.write_text(name, text)
+        return f"{path.parent.name}/{path.name}"
 
     def record(self, outcome: Outcome) -> PushRecord:
         """What happened, for the run folder."""

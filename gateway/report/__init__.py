@@ -19,6 +19,7 @@ from gateway.report.material import (
 from gateway.report.parameters import ParameterRow, parameter_rows
 
 __all__ = [
+    "TOOTH_PICTURES",
     "AxisMaterial",
     "FileUsed",
     "InstrumentNote",
@@ -35,6 +36,10 @@ __all__ = [
 ]
 
 
+TOOTH_PICTURES = ("flank-maps", "flank-charts", "tooth-before-after", "ranking", "errors")
+"""Names of the pictures that `tooth_pictures` may draw, in their order."""
+
+
 def render(material: ReportMaterial) -> str:
     """The report as one HTML document without any foreign request; plots are inline SVG."""
     from gateway.report import page
@@ -49,11 +54,11 @@ def as_json(material: ReportMaterial) -> dict[str, object]:
     return data.as_json(material)
 
 
-def tooth_pictures(material: ToothMaterial, folder: Path) -> tuple[Path, ...]:
+def tooth_pictures(material: ToothMaterial, folder: Path, *, simulated: bool = False) -> tuple[Path, ...]:
     """Draw flank maps, charts, ranking and errors, those there are, into a folder. Raises StoreError."""
-    from gateway.report.drawings import tooth
+    from gateway.report.drawings import plots, tooth
 
-    return tooth.pictures(material, folder)
+    return tooth.pictures(material, folder, plots.SIMULATED if simulated else "")
 
 
 def before_after_png(material: ReportMaterial, path: Path) -> None:

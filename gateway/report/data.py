@@ -58,6 +58,8 @@ def plain(value: object) -> object:
 def _scalar(value: object) -> object:
     if isinstance(value, float):
         return value if isfinite(value) else None
+    if isinstance(value, bytes):
+        return f"{len(value)} bytes"
     if value is None or isinstance(value, bool | int | str):
         return value
     if isinstance(value, Enum):

@@ -22,7 +22,8 @@ def tooth_lines(report: ReportMaterial) -> tuple[str, ...]:
         return ()
     if tooth.kind == "errors":
         return tuple(line for line in (known(error_rows(tooth.errors)) if tooth.errors else "", tooth.advice) if line)
-    axes = (f"{axis.axis}: {axis.verdict.words}" for axis in report.axes if axis.verdict is not None)
+    axes = [f"{axis.axis}: {axis.verdict.words}" for axis in report.axes if axis.verdict is not None]
+    axes += [axis.acting.words for axis in report.axes if axis.acting is not None]
     verdict = (tooth.verdict.words,) if tooth.verdict is not None else ()
     return (*axes, *_tables(tooth), *_setup(tooth), *_incurable(tooth), *missing(report), *verdict, figure(tooth))
 

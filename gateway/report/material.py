@@ -8,15 +8,20 @@ from typing import Literal
 
 from drivers.types.identity import Identity, MachineIdentity
 from drivers.types.orders import SignProof
+from drivers.types.sensing import Ambient
+from drivers.types.values import FloatArray
 from drivers.units import AxisUnit, DeviationUnit, deviation_unit
 from gateway.correct.outlook.next_setup import OpenDoubt
 from gateway.domain.captures import Capture
 from gateway.domain.equipment import SenseProof
 from gateway.domain.figures import Component, Evaluation
-from gateway.domain.outcomes import AxisVerdict, PushRecord
+from gateway.domain.outcomes import ActingCheck, AxisVerdict, PushRecord
 from gateway.domain.proposals import TableChange
+from gateway.evaluate.standards.decision import Decision
+from gateway.evaluate.uncertainty.budget import Budget
 from gateway.gear.cycloid import CycloidGear
 from gateway.model.known import ErrorModel
+from gateway.report.particulars import Particulars
 from gateway.tooth import GearProposal, GroundPart, InspectedFlank, ToothProposal, ToothVerdict
 
 Outcome = Literal["better", "unchanged", "worse", "not-pushed", "pushed", "measured", "inspected"]
@@ -42,11 +47,20 @@ class FileUsed:
 
 
 @dataclass(frozen=True, slots=True)
+class AmbientCourse:
+    """Air and material over one capture: ``ambients`` at ``time_s`` (k,), seconds of the instrument."""
+
+    time_s: FloatArray
+    ambients: tuple[Ambient, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class AxisMaterial:
     """One axis of the run. Whatever the run did not reach is None or empty.
 
     ``axis`` is the controller's name (X1), ``letter`` the axis letter (X), ``unit`` mm or deg; deviations
-    are in um or arcsec. ``findings`` are what was found but not corrected, in words.
+    are in um or arcsec. ``findings`` are what was found but not corrected, in words; ``acting`` is the short check with
+    every table acting. ``budget`` is what U rests on.
     """
 
     axis: str
@@ -63,6 +77,10 @@ class AxisMaterial:
     sense_proof: SenseProof | None = None
     verdict: AxisVerdict | None = None
     findings: tuple[str, ...] = ()
+    acting: ActingCheck | None = None
+    budget: Budget | None = None
+    course_before: AmbientCourse | None = None
+    course_after: AmbientCourse | None = None
 
     @property
     def deviation_unit(self) -> DeviationUnit:
@@ -81,6 +99,16 @@ class AxisMaterial:
             if capture is not None:
                 return capture.component
         return self.components[0].name if self.components else ""
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """A limit that was decided: of which axis or part, by which standard and edition, as found or as left."""
+
+    of: str
+    standard: str
+    as_left: bool
+    decision: Decision
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +167,10 @@ class ToothMaterial:
 
 @dataclass(frozen=True, slots=True)
 class ReportMaterial:
-    """A whole run as the report shows it; dates are ISO 8601, ``hashes`` name -> sha256 of a record."""
+    """A whole run as the report shows it; dates are ISO 8601, ``hashes`` name -> sha256 of a record.
+
+    ``simulated``: a double was in the loop, by its own word or the site file's.
+    """
 
     site: str
     machine: MachineIdentity
@@ -155,3 +186,6 @@ class ReportMaterial:
     hashes: Mapping[str, str] = field(default_factory=dict)
     findings: tuple[str, ...] = ()
     tooth: ToothMaterial | None = None
+    particulars: Particulars = field(default_factory=Particulars)
+    simulated: bool = False
+    judged: tuple[Judged, ...] = ()

@@ -41,7 +41,7 @@ def _proposed(tooth: ToothMaterial) -> Iterator[str]:
         yield "Nothing was proposed for the tooth: no prediction, no cures, no ranking."
         return
     if not tooth.proposal.cures:
-        yield "What cures which error was not worked out."
+        yield "Which correction acts on which error was not calculated."
     if not tooth.proposal.ranking:
         yield "The errors were not ranked."
 

@@ -156,6 +156,7 @@ def _notes(axis: AxisMaterial) -> tuple[str, ...]:
         found += [f"{side}: {flag}" for flag in item.flags] if item is not None else []
     for name, capture in _captures(axis):
         found += (*sentences.suspects(name, capture), *capture.notes)
+    found += [axis.acting.words] if axis.acting is not None else []
     if axis.change is not None:
         found += (*([axis.change.skipped] if axis.change.skipped else []), *axis.change.findings)
     return tuple(dict.fromkeys((*found, *axis.findings)))

@@ -1,4 +1,4 @@
-"""The five ISO 230-2 figures of an axis as rows: before, after, uncertainty and change."""
+"""The five ISO 230-2 figures of an axis, and M over the whole travel, as rows: before, after, U and change."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import Literal
 from drivers.units import DeviationUnit
 from gateway.domain.figures import Evaluation
 
-Parameter = Literal["E", "R", "B", "A", "M"]
-PARAMETERS: tuple[Parameter, ...] = ("E", "R", "B", "A", "M")
+Parameter = Literal["E", "R", "B", "A", "M", "M_travel"]
+PARAMETERS: tuple[Parameter, ...] = ("E", "R", "B", "A", "M", "M_travel")
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class ParameterRow:
 
 
 def parameter_rows(axis: str, before: Evaluation | None, after: Evaluation | None) -> tuple[ParameterRow, ...]:
-    """Rows E, R, B, A, M of one axis; no rows when there is neither evaluation."""
+    """Rows E, R, B, A, M, M_travel of one axis; no rows when there is neither evaluation."""
     known = before or after
     if known is None:
         return ()

@@ -24,7 +24,7 @@ OUTCOME: dict[Outcome, tuple[str, str, str]] = {
     "unchanged": ("=", "Unchanged", "The machine was measured again: no change beyond the uncertainty."),
     "worse": ("✖", "Worse", "The machine was measured again: at least one axis became worse."),
     "not-pushed": ("○", "Not pushed", "Nothing was written to the controller by this run."),
-    "pushed": ("○", "Pushed", "Tables were written to the controller; what they did is not judged yet."),
+    "pushed": ("○", "Pushed", "Tables were written to the controller; their effect has not been judged yet."),
     "measured": ("○", "Measured", "The errors of the machine were measured. Nothing was written to the controller."),
     "inspected": ("○", "Inspected", "A part was inspected. Nothing was written to the controller."),
 }
@@ -32,9 +32,9 @@ OUTCOME: dict[Outcome, tuple[str, str, str]] = {
 PUSH = {
     "committed": "written, read back equal, enabled, effect proved",
     "already-applied": "the controller already held this table; nothing was written",
-    "rolled-back": "the new table did not pass its checks; the old table was restored",
-    "held": "stopped half way; the table was read back as off and the back-up is ready to be restored",
-    "held-on": "HELD, STILL ON: stopped half way, and what compensates the axis is not proved; do not machine parts",
+    "rolled-back": "the new table failed its checks; the old table was restored",
+    "held": "stopped before its end; the table reads back as off, and the backup is ready to be restored",
+    "held-on": "held, still on: stopped before its end, and it is not verified which table acts; do not machine parts",
     "refused": "refused before anything was written",
     "skipped": "nothing to write",
 }
@@ -44,7 +44,8 @@ GLOSSARY = (
     ("R", "bidirectional repeatability"),
     ("B", "reversal"),
     ("A", "bidirectional accuracy"),
-    ("M", "range of the mean deviation"),
+    ("M", "range of the mean deviation at the targets"),
+    ("M_travel", "the same over the whole travel: expected, with structure between the targets in its U"),
 )
 
 
@@ -104,7 +105,7 @@ def still_on(report: ReportMaterial) -> tuple[str, ...]:
     tables = report.tooth.tables if report.tooth is not None else ()
     pushes = [(axis.axis, axis.push) for axis in report.axes] + [(one.change.name, one.push) for one in tables]
     left = {name: push for name, push in pushes if push is not None and push.outcome == "held-on"}
-    return tuple(f"{name}: {PUSH['held-on']} (back-up: {push.backup_path or 'none'})" for name, push in left.items())
+    return tuple(f"{name}: {PUSH['held-on']} (backup: {push.backup_path or 'none'})" for name, push in left.items())
 
 
 def axis_state(axis: AxisMaterial) -> tuple[str, str, str]:
@@ -140,7 +141,7 @@ def value_sense(table: CompensationTable, proof: SignProof | None) -> str:
     """What a positive stored value does on the machine, and how that is known."""
     rule = spoken().own_rule if table.kind == "axis" else spoken().cross_rule
     if proof is None:
-        return f"{rule}. No sign proof of this machine is on record for this table."
+        return f"{rule}. This machine has no recorded sign proof for this table."
     return (
         f"{rule}. Proved on this machine {when(proof.date_utc)}: measured step / commanded step = "
         f"{signed(proof.slope, 3)} ± {number(2 * proof.slope_u, 3)} (k = 2)."
@@ -159,5 +160,5 @@ def _suspect(capture: Capture, target: int, repetition: int, approach: int) -> s
     value = signed(float(capture.deviations[target, repetition, approach]), 2)
     return (
         f"target {target + 1} ({where}), repetition {repetition + 1}, approach {'−' if approach else '+'}: "
-        f"{value} {UNIT[capture.unit]} stands out of line and is marked as suspect."
+        f"{value} {UNIT[capture.unit]} is an outlier and is marked as suspect."
     )

@@ -17,8 +17,8 @@ from drivers.local.ownfiles import is_link
 from drivers.terms import in_todays_words
 from drivers.types.identity import MachineIdentity
 from gateway.errors import CorruptRecord, StoreError
-from gateway.store import records, seal
-from gateway.store.disk import checked_name, read_whole, write_whole
+from gateway.store import layout, records, seal
+from gateway.store.disk import checked_name, make_folder, read_whole, write_whole
 
 R = TypeVar("R")
 RUN_FILE = "run.json"
@@ -103,9 +103,9 @@ class RunFolder:
         if known is not None and known["sha256"] == digest:
             return digest
         if known is not None:
-            facts.setdefault(BESIDE, {})[known["file"]] = known["sha256"]
-        name = self._free_name(stage, ".json")
-        write_whole(self.path / name, data)
+            facts.setdefault(BESIDE, {})[layout.place(known["file"], facts)] = known["sha256"]
+        name = self._free_name(stage, facts)
+        self._write(name, data, facts)
         entry = {"file": name, "sha256": digest, "parents": list(parents), "type": type(record).__name__}
         entry["replaces"] = [*known["replaces"], known["file"]] if known else []
         facts["stages"][stage] = entry
@@ -134,6 +134,15 @@ class RunFolder:
         kept = records.open_envelope(read_whole(path), str(path))["schema"]
         return "" if kept >= records.RENAMED else str(self._facts()["software"])
 
+    def envelope(self, stage: str) -> dict[str, Any]:
+        """A stage as it is stored, its hash checked: schema, type, parents and record as JSON data. Raises as `get`."""
+        entry = self._entry(stage)
+        path = self._place(entry["file"])
+        data = read_whole(path)
+        if records.sha256(data) != entry["sha256"]:
+            raise CorruptRecord("E-STORE-HASH", str(path), stage=stage)
+        return records.open_envelope(data, str(path))
+
     def has(self, stage: str) -> bool:
         """Whether a stage is stored."""
         return stage in self._facts()["stages"]
@@ -146,11 +155,15 @@ class RunFolder:
         """The hashes a stage was made from."""
         return tuple(self._entry(stage)["parents"])
 
+    @property
+    def files(self) -> tuple[str, ...]:
+        """Names of the files beside the stages, in the order they were first kept."""
+        return tuple(self._facts()["files"])
+
     def write_bytes(self, name: str, data: bytes) -> Path:
         """Store a file beside the stages under this name, durable, its hash in `run.json`."""
-        path = self.path / checked_name(name)
-        write_whole(path, data)
         facts = self._facts()
+        path = self._write(checked_name(name), data, facts)
         facts["files"][name] = records.sha256(data)
         self._write_facts(facts)
         return path
@@ -239,12 +252,19 @@ class RunFolder:
         """Where a file lies that `run.json` names: in this folder. Raises CorruptRecord (E-STORE-PLACE)."""
         if not isinstance(name, str) or not is_file_name(name):
             raise CorruptRecord("E-STORE-PLACE", str(self.path), name=shown(name))
-        return self.path / name
+        return self.path / layout.place(name, self._facts())
 
-    def _free_name(self, stem: str, suffix: str) -> str:
-        name, number = f"{stem}{suffix}", 2
-        while (self.path / name).exists():
-            name, number = f"{stem}.{number}{suffix}", number + 1
+    def _write(self, name: str, data: bytes, facts: Mapping[str, Any]) -> Path:
+        path = self.path / layout.place(name, facts)
+        if path.parent != self.path:
+            make_folder(path.parent)
+        write_whole(path, data)
+        return path
+
+    def _free_name(self, stem: str, facts: Mapping[str, Any]) -> str:
+        name, number = f"{stem}.json", 2
+        while (self.path / layout.place(name, facts)).exists():
+            name, number = f"{stem}.{number}.json", number + 1
         return name
 
     def _facts(self) -> dict[str, Any]:

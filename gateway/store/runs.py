@@ -12,7 +12,7 @@ from pathlib import Path
 from drivers.local.names import is_file_name, shown
 from drivers.local.ownfiles import new_folder
 from gateway.errors import StoreError
-from gateway.store import records
+from gateway.store import layout, records
 from gateway.store.disk import disk_errors, write_whole
 from gateway.store.folder import BESIDE, RUN_FILE, RunFolder, RunSummary, sealed
 
@@ -52,6 +52,7 @@ class Store:
             "stages": {},
             "files": {},
             BESIDE: {},
+            layout.KEY: layout.TODAY,
             "errors": [],
         }
         with disk_errors(path):

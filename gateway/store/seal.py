@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 from drivers.local.ownfiles import opened
 from gateway.store.disk import disk_errors
+from gateway.store.layout import place
 
 BESIDE = "beside"
 # Two people write approvals at the same time: they stand beside the seal, and the audit log knows each by its hash.
@@ -37,8 +38,9 @@ def digest_of(path: Path) -> str:
 
 def sealed(facts: Mapping[str, Any]) -> dict[str, str]:
     """Hashes by name of every file that a run's facts name."""
-    stages = {entry["file"]: entry["sha256"] for entry in facts["stages"].values()}
-    return {**facts.get(BESIDE, {}), **facts["files"], **stages}
+    stages = {place(entry["file"], facts): entry["sha256"] for entry in facts["stages"].values()}
+    files = {place(name, facts): digest for name, digest in facts["files"].items()}
+    return {**facts.get(BESIDE, {}), **files, **stages}
 
 
 def compare(folder: Path, facts: Mapping[str, Any]) -> tuple[Difference, ...]:

@@ -109,7 +109,13 @@ def ranking(figure: Figure, study: Study, output: str = "rms") -> None:
         panel.set_xlabel(f"µ* of the {output.upper()} normal deviation  µm   (95 % interval)")
     handles = [Patch(color=colour, label=meaning()[name]) for name, colour in TAGS.items()]
     figure.legend(handles=handles, loc="upper right", ncols=6, frameon=False, fontsize=7.5)
-    figure.text(0.07, 0.965, "colour: what cures it in this machine; bracket: not told apart", fontsize=8, color=QUIET)
+    figure.text(
+        0.07,
+        0.965,
+        "colour: what corrects it here; bracket: ranks not separable",
+        fontsize=8,
+        color=QUIET,
+    )
 
 
 def pitch(figure: Figure, study: Study) -> None:

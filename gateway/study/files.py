@@ -167,10 +167,15 @@ def _load(path: Path, kind: type[Tree]) -> Tree:
         raise ConfigError("E-STUDY-READ", str(path), why=str(error)) from error
     except ValueError as error:
         raise ConfigError("E-STUDY-TOML", str(path), why=str(error)) from error
+    return validated(data, kind, str(path))
+
+
+def validated(data: Any, kind: type[Tree], where: str) -> Tree:
+    """Data of a gear or error file as its tree. Raises ConfigError (E-STUDY-VALUE) with key and why."""
     try:
         return kind.model_validate(data)
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"]) or "(file)"
         more = error.error_count() - 1
-        raise ConfigError("E-STUDY-VALUE", str(path), key=shown(key), why=first["msg"], more=more) from error
+        raise ConfigError("E-STUDY-VALUE", where, key=shown(key), why=first["msg"], more=more) from error

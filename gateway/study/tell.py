@@ -13,6 +13,7 @@ from drivers.units import DeviationUnit, mm_to_um, rad_to_arcsec
 from gateway.correct.flank.compensability import Cure
 from gateway.correct.plan.layers import LayeredCorrection
 from gateway.gear.flank import FlankFigure
+from gateway.gear.grinding import Grinding
 from gateway.model.axis import MOTIONS
 from gateway.model.chain import LETTERS, Chain
 from gateway.sensitivity.outputs import OUTPUTS
@@ -100,7 +101,12 @@ def error_rows(study: Study) -> Sequence[Row]:
 
 def setup_rows(study: Study) -> list[tuple[str, float, DeviationUnit]]:
     """Each set-up value by name, and how to move the work where it sits wrong, with units."""
-    found, moved = study.correction.setup, study.correction.moved
+    return setup_values(study.correction, study.grinding)
+
+
+def setup_values(correction: LayeredCorrection, grinding: Grinding) -> list[tuple[str, float, DeviationUnit]]:
+    """Each set-up value of a correction by name, with units."""
+    found, moved = correction.setup, correction.moved
     (x, y), (a, b) = moved.eccentricity_um, moved.tilt_arcsec
     work: list[tuple[str, float, DeviationUnit]] = [
         ("work eccentricity x", x, "um"),
@@ -109,8 +115,8 @@ def setup_rows(study: Study) -> list[tuple[str, float, DeviationUnit]]:
         ("work tilt b", b, "arcsec"),
     ]
     return [
-        (f"{study.grinding.infeed} zero", found.x_um, "um"),
-        (f"{study.grinding.index} zero", found.c_arcsec, "arcsec"),
+        (f"{grinding.infeed} zero", found.x_um, "um"),
+        (f"{grinding.index} zero", found.c_arcsec, "arcsec"),
         ("dressing offset", found.dressing_um, "um"),
         *(row for row in work if row[1] != 0.0),
     ]
@@ -170,7 +176,7 @@ def as_data(study: Study) -> dict[str, Any]:
         "truncation_um": mm_to_um(study.truncation),
         "one_at_a_time": {one.name: _alone(study, i) for i, one in enumerate(study.alone)},
         "ranking": {
-            kind: {name: [_ranked(one) for one in screening.rankings[name]] for name in OUTPUTS}
+            kind: {name: [ranked(one) for one in screening.rankings[name]] for name in OUTPUTS}
             for kind, screening in (("equal_steps", study.equal), ("measured_spans", study.measured))
         },
         "cures": {name: _cure(study, cure) for name, cure in study.cures.items()},
@@ -186,7 +192,7 @@ def as_data(study: Study) -> dict[str, Any]:
             for name, state in (("before", study.before), ("with_own", study.with_own), ("after", study.after))
         },
         "flank": _figures(correction),
-        "tables": [_table(one) for one in (*correction.own, *correction.cross)],
+        "tables": [table_data(one) for one in (*correction.own, *correction.cross)],
         "setup": {name: round(value, 6) for name, value, _ in setup_rows(study)},
         "products": [
             {"name": one.product.name, "before_um": mm_to_um(one.before), "after_um": mm_to_um(one.after)}
@@ -213,7 +219,8 @@ def _alone(study: Study, i: int) -> dict[str, float]:
     }
 
 
-def _ranked(one: Ranked) -> dict[str, object]:
+def ranked(one: Ranked) -> dict[str, Any]:
+    """One row of a ranking, um."""
     return {
         "name": one.name,
         "rank": one.rank,
@@ -277,6 +284,6 @@ def _figure(figure: FlankFigure) -> dict[str, float]:
     }
 
 
-def _table(table: CompensationTable) -> dict[str, object]:
+def table_data(table: CompensationTable) -> dict[str, object]:
     keys: Sequence[str] = ("kind", "index", "minimum", "maximum", "step", "modulo", "input_unit", "deviation_unit")
     return {"name": table.name, **{key: getattr(table, key) for key in keys}, "deviations": list(table.deviations)}

@@ -89,14 +89,9 @@ def study(
     seed: int = 1,
 ) -> Study:
     """Work out all studies of a gear on a machine. Raises ModelError of the rooms it calls."""
-    grinding = grinding_of(gear_file, error_file)
-    grid = grid_of(gear_file, grinding.gear)
-    names = error_names(grinding.chain)
-    plan = plan_of(error_file, grinding)
-    doubts = doubt_columns(grinding.chain, names, error_file.uncertainty or Doubt(), plan)
-    noise = noise_patterns(grinding, grid, doubts)
-    used = replace(plan, noise=noise) if error_file.uncertainty is not None else plan
-    correction = correct(grinding, grid, used)
+    ready = _prepared(gear_file, error_file)
+    grinding, grid, names, plan = ready.grinding, ready.grid, ready.names, ready.plan
+    correction = correct(grinding, grid, ready.used)
     spans = (equal_spans(names), measured_spans(grinding, names, travels(plan, grinding.chain)))
     equal, measured = (
         screen(FlankOutputs(grinding, grid, one, order), names, OUTPUTS, r=r, seed=seed, executor=executor)
@@ -121,9 +116,39 @@ def study(
         before=_state(grid, first.second),
         with_own=_state(grid, _second(correction.machine_with_own, grid)),
         after=_state(grid, _second(correction.machine, grid)),
-        next=_next(grinding, grid, plan, [parameter.name for parameter, _ in doubts], noise),
+        next=_next(grinding, grid, plan, [parameter.name for parameter, _ in ready.doubts], ready.noise),
         truncation=float(np.max(np.abs(first.second - first.deviation))),
     )
+
+
+@dataclass(frozen=True)
+class _Prepared:
+    """What every study begins with; ``used`` is the plan with the doubt that the error file states."""
+
+    grinding: Grinding
+    grid: FlankGrid
+    names: tuple[str, ...]
+    plan: Plan
+    used: Plan
+    doubts: list[tuple[ErrorParameter, float]]
+    noise: FitNoise
+
+
+def _prepared(gear_file: GearFile, error_file: ErrorFile) -> _Prepared:
+    grinding = grinding_of(gear_file, error_file)
+    grid = grid_of(gear_file, grinding.gear)
+    names = error_names(grinding.chain)
+    plan = plan_of(error_file, grinding)
+    doubts = doubt_columns(grinding.chain, names, error_file.uncertainty or Doubt(), plan)
+    noise = noise_patterns(grinding, grid, doubts)
+    used = replace(plan, noise=noise) if error_file.uncertainty is not None else plan
+    return _Prepared(grinding=grinding, grid=grid, names=names, plan=plan, used=used, doubts=doubts, noise=noise)
+
+
+def corrected(gear_file: GearFile, error_file: ErrorFile) -> tuple[Grinding, LayeredCorrection]:
+    """The correction of a study alone, with the gear on its machine."""
+    ready = _prepared(gear_file, error_file)
+    return ready.grinding, correct(ready.grinding, ready.grid, ready.used)
 
 
 def doubt_columns(chain: Chain, names: tuple[str, ...], doubt: Doubt, plan: Plan) -> list[tuple[ErrorParameter, float]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -85,6 +85,15 @@ def diff(old: CompensationTable, new: CompensationTable) -> TableDifference:
     """Old and new at the new table's points; `old` is what acts now (see `effective`)."""
     at = new.positions
     return TableDifference(at, acting(old, at), np.asarray(new.deviations, dtype=np.float64))
+
+
+def taken_by_cross(tables: Iterable[CompensationTable], axis: str, at: FloatArray) -> FloatArray:
+    """What cross tables of an axis take off the mean of both directions at its own positions (m,), others standing.
+
+    Only those over the axis itself, half of one that acts in one direction only; one that is a factor counts nothing.
+    """
+    own = [one for one in tables if one.input_axis == axis and not one.multiply_by]
+    return np.sum([acting(one, at) * (0.5 if one.direction else 1.0) for one in own], axis=0) + np.zeros_like(at)
 
 
 def acting(table: CompensationTable, positions: FloatArray) -> FloatArray:

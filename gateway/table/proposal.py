@@ -18,9 +18,11 @@ from gateway.domain.proposals import TableChange
 from gateway.domain.values import COVERAGE, FloatArray
 from gateway.model.components import is_periodic, standard_uncertainty, value
 from gateway.table import reasons
+from gateway.table.chances import Chance, Possible, chance_of
 from gateway.table.comparison import acting, effective
 from gateway.table.limits import check, check_points, told
-from gateway.table.projection import Grid, project, quantised, zeroed
+from gateway.table.merging import left_over, merged, travelled
+from gateway.table.projection import Grid
 
 BAND_RISK = 0.01
 WIDEST_BRIDGE_DEG = 60.0
@@ -33,6 +35,8 @@ class MeasuredMeans:
 
     ``rest`` is the RMS of what one reading differs from the mean by: half the reversal and scatter, no table's matter.
     ``unseen`` is the best estimate of what lies between the targets (RMS); None takes the fit's ``residual_rms``.
+    ``possible`` are axes that explain what was measured, where something unseen was found; None: none are known.
+    ``place`` is then the target furthest out of the line of its neighbours, and how far.
     """
 
     targets: FloatArray
@@ -40,6 +44,8 @@ class MeasuredMeans:
     u: FloatArray
     rest: float = 0.0
     unseen: float | None = None
+    possible: Possible | None = None
+    place: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +85,8 @@ def propose(
 
     Nothing is proposed (``skipped`` says why) when the whole fitted curve lies within its uncertainty:
     |d - mean d| <= U everywhere (see `_significance`), when the means would not get a smaller range, when what lies
-    unseen between the targets is more than half of what the table takes away, when reversal and scatter leave no gain
+    unseen between the targets is more than half of what the table takes away and the axes that may be behind it do not
+    make a gain likely (`Chance.worth`), when reversal and scatter leave no gain
     beyond the uncertainty (see `reasons`), or while a cross table acted on the axis by its own position.
     The decision is for the whole curve: leaving out single points would put jumps of their uncertainty
     into the table. ``predicted`` is zero on the fitted curve at the reference; compare a later measurement
@@ -91,15 +98,14 @@ def propose(
     _check_turn(axis, component, grid)
     known = instrument or InstrumentU.usual(deviation_unit(axis.unit))
     acts = effective(live.own)
-    new = _merged(axis, component, live.own.table, acts, grid, resolution)
+    limit = limits or Limits.of(axis.unit)
+    new = merged(axis, component, live.own.table, acts, grid=grid, resolution=resolution, limit=limit)
     skipped = reasons.other_layer(axis.name, live) or _why_not(axis, component, measured, known, acts, new)
     findings: tuple[str, ...] = ()
     if skipped:
         new = live.own.table
     else:
-        limit = limits or Limits.of(axis.unit)
-        hidden, taken = _unseen(component, measured), _taken(component, acts, new)
-        doubtful = reasons.doubtful(axis.name, deviation_unit(axis.unit), hidden, taken)
+        doubtful = _doubtful(axis, component, measured, known, acts, new)
         findings = (*_coverage(axis, component, grid), *doubtful, *check(new, acts, limit, axis.name))
     return TableChange(
         axis=axis.name,
@@ -112,28 +118,6 @@ def propose(
         predicted_U=_predicted_U(axis, component, measured, known),
         findings=findings,
         skipped=skipped,
-    )
-
-
-def _merged(
-    axis: AxisRecord,
-    component: Component,
-    old: CompensationTable,
-    acts: CompensationTable,
-    grid: Grid,
-    resolution: float,
-) -> CompensationTable:
-    values = project(lambda at: acting(acts, at) + value(component, at), grid, modulo=axis.modulo)
-    values = zeroed(values, grid, axis.reference, modulo=axis.modulo)
-    return replace(
-        old,
-        minimum=grid.minimum,
-        maximum=grid.maximum,
-        step=grid.step,
-        deviations=quantised(values, resolution),
-        modulo=axis.modulo,
-        input_unit=axis.unit,
-        output_unit=axis.unit,
     )
 
 
@@ -160,14 +144,49 @@ def _why_not(
     if largest <= 1.0 and hidden <= max(instrument.constant, COVERAGE * float(np.nanmax(measured.u))):
         return told("S-COMP-WITHIN-U", axis.name, bound=f"{bound:.2g}", unit=unit)
     if largest <= 1.0 or reasons.may_harm(hidden, taken):
-        return reasons.unseen(axis.name, unit, hidden, taken)
+        chance = _chance(measured, instrument, acts, new)
+        if chance is None or not chance.worth:
+            return reasons.unseen(axis.name, unit, hidden, taken, chance=chance)
     before = float(np.nanmax(measured.means) - np.nanmin(measured.means))
     after = _predicted(axis, component, measured, acts, new)
     left = float(np.nanmax(after) - np.nanmin(after))
+    if left < before:
+        # What a grid does to short waves between the targets counts as well.
+        before, left = left_over(component, acts, acts), left_over(component, new, acts)
     if left >= before:
         return told("S-COMP-NO-GAIN", axis.name, before=f"{before:.3g}", after=f"{left:.3g}", unit=unit)
     U = _predicted_U(axis, component, measured, instrument)
     return reasons.outweighed(axis.name, unit, means=measured.means, after=after, rest=measured.rest, U=U)
+
+
+def _doubtful(
+    axis: AxisRecord,
+    component: Component,
+    measured: MeasuredMeans,
+    instrument: InstrumentU,
+    acts: CompensationTable,
+    new: CompensationTable,
+) -> tuple[str, ...]:
+    """Warnings of a table that is proposed although something stays unseen between the targets."""
+    hidden, taken = _unseen(component, measured), _taken(component, acts, new)
+    chance = _chance(measured, instrument, acts, new)
+    if chance is not None and (reasons.may_harm(hidden, taken) or _significance(axis, component, instrument)[0] <= 1.0):
+        return (reasons.by_chance(axis.name, deviation_unit(axis.unit), hidden, chance),)
+    said = reasons.doubtful(axis.name, deviation_unit(axis.unit), hidden, taken)
+    if said or measured.place is None:
+        return said
+    return reasons.one_place(axis.name, deviation_unit(axis.unit), axis.unit, place=measured.place, taken=taken)
+
+
+def _chance(
+    measured: MeasuredMeans, instrument: InstrumentU, acts: CompensationTable, new: CompensationTable
+) -> Chance | None:
+    """What the new table does to the axes that may be; the instrument may be off by its own share."""
+    if measured.possible is None:
+        return None
+    at = measured.possible.lattice
+    found = chance_of(measured.possible.curves, acting(new, at) - acting(acts, at))
+    return replace(found, u=float(np.hypot(found.u, instrument.constant / COVERAGE)))
 
 
 def _unseen(component: Component, measured: MeasuredMeans) -> float:
@@ -176,7 +195,7 @@ def _unseen(component: Component, measured: MeasuredMeans) -> float:
 
 def _taken(component: Component, acts: CompensationTable, new: CompensationTable) -> float:
     """RMS of what the new table takes away from the measured range beyond what acts now, its mean left out."""
-    at = _over(component)
+    at = travelled(component)
     return float(np.std(acting(new, at) - acting(acts, at)))
 
 
@@ -186,7 +205,7 @@ def _significance(axis: AxisRecord, component: Component, instrument: Instrument
     U joins the Scheffe band of the fit, which holds for all positions at once with 99 %, what lies unseen
     between the targets, and the instrument.
     """
-    at = _over(component)
+    at = travelled(component)
     d = value(component, at)
     freedom = max(component.coefficients.size - 1, 1)
     band = np.sqrt(chdtri(freedom, BAND_RISK)) * standard_uncertainty(component, at)
@@ -195,11 +214,6 @@ def _significance(axis: AxisRecord, component: Component, instrument: Instrument
     ratio = np.abs(d - d.mean()) / U
     worst = int(np.argmax(ratio))
     return float(ratio[worst]), float(U[worst])
-
-
-def _over(component: Component) -> FloatArray:
-    low, high = component.domain
-    return np.linspace(low, low + TURN_DEG if is_periodic(component) else high, 721)
 
 
 def _predicted(

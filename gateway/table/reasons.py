@@ -7,6 +7,7 @@ import numpy as np
 from drivers.types.tables import LiveSet
 from drivers.units import DeviationUnit
 from gateway.domain.values import FloatArray
+from gateway.table.chances import Chance
 from gateway.table.limits import told
 
 MOST_UNSEEN = 0.5
@@ -24,9 +25,22 @@ def other_layer(axis: str, live: LiveSet) -> str:
     return told("S-COMP-CROSS-ON", axis, tables=", ".join(acted)) if acted else ""
 
 
-def unseen(axis: str, unit: DeviationUnit, hidden: float, taken: float) -> str:
-    """Why ``hidden`` structure (RMS) forbids a table that takes ``taken`` (RMS) away."""
-    return told("S-COMP-HIDDEN", axis, hidden=f"{hidden:.2g}", gain=f"{taken:.2g}", unit=unit)
+def unseen(axis: str, unit: DeviationUnit, hidden: float, taken: float, chance: Chance | None = None) -> str:
+    """Why ``hidden`` structure (RMS) forbids a table that takes ``taken`` (RMS) away, and what its chances would be."""
+    why = told("S-COMP-HIDDEN", axis, hidden=f"{hidden:.2g}", gain=f"{taken:.2g}", unit=unit)
+    if chance is None:
+        return why
+    chances = told("S-COMP-CHANCE", axis, unit=unit, **_figures(chance))
+    return f"{why}; {chances}"
+
+
+def by_chance(axis: str, unit: DeviationUnit, hidden: float, chance: Chance) -> str:
+    """The label of a table that is proposed although ``hidden`` structure (RMS) stays: a second person is asked for."""
+    return told("W-COMP-CHANCE", axis, hidden=f"{hidden:.2g}", unit=unit, **_figures(chance))
+
+
+def _figures(chance: Chance) -> dict[str, str]:
+    return {"gain": f"{chance.gain:.2g}", "u": f"{chance.u:.2g}", "worse": f"{100.0 * chance.worse:.0f}"}
 
 
 def may_harm(hidden: float, taken: float) -> bool:
@@ -43,6 +57,17 @@ def doubtful(axis: str, unit: DeviationUnit, hidden: float, taken: float) -> tup
     if hidden <= WORTH_SAYING * taken:
         return ()
     return (told("W-COMP-HIDDEN", axis, hidden=f"{hidden:.2g}", gain=f"{taken:.2g}", unit=unit),)
+
+
+def one_place(axis: str, unit: DeviationUnit, per: str, place: tuple[float, float], taken: float) -> tuple[str, ...]:
+    """A warning of the target furthest out of the line of its neighbours, however smooth the axis is elsewhere.
+
+    One place is little of an RMS over the travel, and still all that a table may do wrong there.
+    """
+    at, off = place
+    if off <= WORTH_SAYING * taken:
+        return ()
+    return (told("W-COMP-PLACE", axis, at=f"{at:.4g}", per=per, off=f"{off:.2g}", unit=unit),)
 
 
 def outweighed(axis: str, unit: DeviationUnit, means: FloatArray, after: FloatArray, rest: float, U: FloatArray) -> str:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from drivers.errors import ConfigError, FileFormatError
+from drivers.errors import ConfigError, FileUnreadable
 
 CHUNK = 1 << 20
 
@@ -37,7 +37,7 @@ class FolderListing(Protocol):
         ...
 
     def digest(self, seen: SeenFile) -> str:
-        """sha256 of a file that is still as seen, "" when it is not. Raises FileFormatError (E-FILE-READ)."""
+        """sha256 of a file that is still as seen, "" when it is not. Raises FileUnreadable (E-FILE-READ)."""
         ...
 
     def path(self, name: str) -> Path:
@@ -84,7 +84,7 @@ class Folder:
                     digest.update(piece)
                 after = os.fstat(descriptor)
         except OSError as error:
-            raise FileFormatError("E-FILE-READ", str(path), why=error.strerror or str(error)) from error
+            raise FileUnreadable("E-FILE-READ", str(path), why=error.strerror or str(error)) from error
         return digest.hexdigest() if (after.st_size, after.st_mtime_ns) == seen.stamp else ""
 
 

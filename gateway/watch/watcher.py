@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from drivers.clock import Clock
-from drivers.errors import ConfigError, FileFormatError, TrueflankError
+from drivers.errors import ConfigError, FileFormatError, FileUnreadable, TrueflankError
 from gateway.errors import StoreError
 from gateway.say import Say, silence
 from gateway.watch.journal import WatchJournal
@@ -109,11 +109,11 @@ class Watcher:
             if self._known(seen, state, digest):
                 return 0
             run = self._take(self._listing.path(seen.name), digest)
-        except FileFormatError as error:
-            self._failed(seen, state, error, digest if error.code != "E-FILE-READ" else "", now_s)
-            return 0
-        except (ConfigError, StoreError) as error:
+        except (FileUnreadable, ConfigError, StoreError) as error:
             self._failed(seen, state, error, "", now_s)
+            return 0
+        except FileFormatError as error:
+            self._failed(seen, state, error, digest, now_s)
             return 0
         self._journal.note(digest, run, seen.name)
         state.done = True

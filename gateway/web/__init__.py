@@ -1,7 +1,8 @@
-"""The read-only status page and its few routes; the one thing it can start is a run that only proposes."""
+"""The service's routes: who may, what is read, what is commanded, the live stream, and a plain status page."""
 
 from __future__ import annotations
 
-from gateway.web.app import create_app
+from gateway.web.app import API_VERSION, create_app
+from gateway.web.ports import Doorkeeping, ServedSite, Service, Work
 
-__all__ = ["create_app"]
+__all__ = ["API_VERSION", "Doorkeeping", "ServedSite", "Service", "Work", "create_app"]

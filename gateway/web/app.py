@@ -1,102 +1,125 @@
-"""The routes: health, status page and data, stored reports, and the start of a run on command."""
+"""The application: health, sign-in and static files for all, everything else for who may; errors as records."""
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
 from functools import cache
 from importlib import resources
-from typing import Any
+from typing import Annotated, Any
 
-from fastapi import FastAPI, Request
+from fastapi import Depends, FastAPI, Request
+from fastapi.exceptions import RequestValidationError
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from starlette.exceptions import HTTPException
 from starlette.responses import HTMLResponse, JSONResponse, Response
 
-from drivers.errors import TrueflankError
-from drivers.local.names import is_file_name, shown
-from gateway.errors import BusyError
+from drivers.errors import DeadlineExceeded, TrueflankError
+from gateway.errors import BusyError, SignInRefused, WriteRefused
 from gateway.report.sentences import visible, when
-from gateway.views import StatusView, as_data
-from gateway.web.gate import REPORT_POLICY, Gate, is_same_origin, is_token
+from gateway.users import Person
+from gateway.views import StatusView
+from gateway.web import commanding, finding, metrics, reading, showing, signing
+from gateway.web.doors import needs, service_of, site_of
+from gateway.web.gate import Gate
+from gateway.web.ports import Service
 
-STATIC = {"status.css": "text/css", "status.js": "text/javascript", "icon.svg": "image/svg+xml"}
+API_VERSION = "1.0.0"
+STATIC = {
+    "status.css": "text/css",
+    "status.js": "text/javascript",
+    "icon.svg": "image/svg+xml",
+}
 STATUS = {
     "E-WEB-PATH": 404,
+    "E-WEB-SITE": 404,
+    "E-WEB-RUN": 404,
+    "E-WEB-JOB": 404,
     "E-WEB-REPORT": 404,
+    "E-STORE-STAGE": 404,
+    "E-STORE-FILE": 404,
+    "E-USER-NONE": 404,
     "E-WEB-METHOD": 405,
+    "E-RUN-NO-SITE": 409,
+    "E-WEB-BODY": 422,
+    "E-USER-NAME": 422,
+    "E-USER-ROLE": 422,
+    "E-USER-PASSWORD": 422,
+    "E-USER-PIN": 422,
+    "E-USER-LAST": 409,
     "E-WEB-TOKEN": 401,
-    "E-WEB-ORIGIN": 403,
-    "E-WEB-WATCHING": 409,
+    "E-WEB-LOGIN": 401,
+    "E-USER-SECRET": 401,
+    "E-USER-FIRST": 401,
+    "E-USER-WAIT": 429,
 }
-
-Picture = Callable[[], StatusView]
-StartRun = Callable[[], Awaitable[str]]
-Report = Callable[[str], str | None]
+Viewer = Annotated[Person, Depends(needs("viewer"))]
 
 
-def create_app(picture: Picture, start_run: StartRun | None, token: str, report: Report | None = None) -> FastAPI:
-    """The application. ``start_run`` starts a run that only proposes and returns its id; None refuses.
-
-    ``token`` is what a caller must bear to start a run; ``report`` gives a stored report's HTML by run id,
-    None when there is none. Answers that are not what was asked carry an error record as JSON.
-    """
-    app = FastAPI(title="trueflank", docs_url=None, redoc_url=None, openapi_url=None)
+def create_app(service: Service) -> FastAPI:
+    """The application of a service. Answers that are not what was asked carry an error record as JSON."""
+    app = routed()
+    app.state.service = service
     app.add_middleware(Gate)
     app.add_exception_handler(TrueflankError, _ours)
+    app.add_exception_handler(RequestValidationError, _unfit)
     app.add_exception_handler(HTTPException, _theirs)
-    _add_pages(app, picture, report)
-    _add_start(app, start_run, token)
+    app.add_exception_handler(Exception, _fault)
     return app
 
 
-def _add_pages(app: FastAPI, picture: Picture, report: Report | None) -> None:
-    @app.get("/healthz")
-    async def healthz() -> dict[str, object]:
-        alarms = picture().alarms
-        return {"status": "alarm", "alarms": list(alarms)} if alarms else {"status": "ok"}
+def routed() -> FastAPI:
+    """Every route without a service behind it: enough to describe them."""
+    app = FastAPI(
+        title="trueflank", version=API_VERSION, docs_url=None, redoc_url=None, openapi_url=None, redirect_slashes=False
+    )
+    for router in (
+        signing.open_routes,
+        signing.routes,
+        showing.open_routes,
+        showing.routes,
+        reading.routes,
+        finding.routes,
+        metrics.routes,
+        commanding.routes,
+    ):
+        app.include_router(router)
+    _add_open(app)
+    _add_pages(app)
+    return app
 
-    @app.get("/")
-    async def page() -> Response:
-        return HTMLResponse(_page().render(status=picture()))
 
-    @app.get("/api/status")
-    async def data() -> Response:
-        return JSONResponse(as_data(picture()))
+def _add_open(app: FastAPI) -> None:
+    @app.get("/healthz", tags=["health"])
+    async def healthz(request: Request) -> dict[str, Any]:
+        """Whether the service works; an alarm is a live table that is not as it was pushed."""
+        return service_of(request).health()
 
-    # A plain function runs in a thread: a report is a large file.
-
-    @app.get("/runs/{run_id}/report")
-    def stored(run_id: str) -> Response:
-        return _report(run_id, report)
-
-    @app.get("/static/{name}")
+    @app.get("/static/{name}", include_in_schema=False)
     async def static(name: str) -> Response:
         if name not in STATIC:
             raise TrueflankError("E-WEB-PATH", "web", path=f"/static/{name}")
         return Response(_static(name), media_type=STATIC[name])
 
-
-def _add_start(app: FastAPI, start_run: StartRun | None, token: str) -> None:
-    @app.post("/api/runs", status_code=202)
-    async def start(request: Request) -> dict[str, str]:
-        if not is_token(request.headers.get("authorization", ""), token):
-            raise TrueflankError("E-WEB-TOKEN", "web")
-        if not is_same_origin(request.headers):
-            raise TrueflankError("E-WEB-ORIGIN", "web", origin=request.headers.get("origin", "another site"))
-        if start_run is None:
-            raise TrueflankError("E-WEB-WATCHING", "web")
-        return {"run_id": await start_run()}
+    @app.get("/status", include_in_schema=False)
+    async def plain(request: Request, _person: Viewer, site: str = "") -> Response:
+        """The plain status page, which needs no script."""
+        return HTMLResponse(_page("status.html.j2").render(status=_picture(request, site)))
 
 
-def _report(run_id: str, report: Report | None) -> Response:
-    document = report(run_id) if is_file_name(run_id) and report is not None else None
-    if document is None:
-        raise TrueflankError("E-WEB-REPORT", "web", run=shown(run_id))
-    return HTMLResponse(document, headers={"content-security-policy": REPORT_POLICY})
+def _picture(request: Request, site: str) -> StatusView:
+    sites = service_of(request).sites
+    return site_of(request, site or next(iter(sites))).picture()
+
+
+def _add_pages(app: FastAPI) -> None:
+    @app.get("/api/v1/openapi.json", tags=["reading"])
+    async def document(request: Request, _person: Viewer) -> dict[str, Any]:
+        """This description of all routes."""
+        described: dict[str, Any] = request.app.openapi()
+        return described
 
 
 @cache
-def _page() -> Any:
+def _page(name: str) -> Any:
     environment = Environment(
         loader=PackageLoader("gateway.web", ""),
         autoescape=True,
@@ -106,7 +129,7 @@ def _page() -> Any:
         lstrip_blocks=True,
     )
     environment.filters["when"] = when
-    return environment.get_template("status.html.j2")
+    return environment.get_template(name)
 
 
 @cache
@@ -114,12 +137,34 @@ def _static(name: str) -> bytes:
     return resources.files("gateway.web").joinpath(name).read_bytes()
 
 
+def _status(error: TrueflankError) -> int:
+    if error.code in STATUS:
+        return STATUS[error.code]
+    if isinstance(error, SignInRefused):
+        return 403
+    return 409 if isinstance(error, (BusyError, WriteRefused)) else 503
+
+
 async def _ours(_request: Request, error: Exception) -> Response:
     if not isinstance(error, TrueflankError):
         raise error
-    code = 409 if isinstance(error, BusyError) else STATUS.get(error.code, 503)
+    if isinstance(error, DeadlineExceeded) and error.where == "web":
+        raise error  # the gate answers a body that does not come
+    code = _status(error)
     headers = {"www-authenticate": "Bearer"} if code == 401 else {}
     return JSONResponse(error.as_record(), code, headers)
+
+
+async def _fault(_request: Request, error: Exception) -> Response:
+    """What nobody foresaw: its kind and nothing else leaves the house; the log has the rest."""
+    return JSONResponse(TrueflankError("E-WEB-FAULT", "web", why=type(error).__name__).as_record(), 500)
+
+
+async def _unfit(_request: Request, error: Exception) -> Response:
+    """A body or query that is not what the route takes: where and why, never the value, which may be a secret."""
+    found = error.errors() if isinstance(error, RequestValidationError) else []
+    why = "; ".join(f"{'.'.join(map(str, one['loc']))}: {one['msg']}" for one in found[:5])
+    return JSONResponse(TrueflankError("E-WEB-BODY", "web", why=why[:500]).as_record(), 422)
 
 
 async def _theirs(request: Request, error: Exception) -> Response:
@@ -129,5 +174,7 @@ async def _theirs(request: Request, error: Exception) -> Response:
         ours = TrueflankError("E-WEB-METHOD", "web", method=request.method, path=request.url.path)
         allowed = dict(error.headers or {}) if isinstance(error, HTTPException) else {}
         return JSONResponse(ours.as_record(), 405, allowed)
+    if status == 400:
+        return JSONResponse(TrueflankError("E-WEB-BODY", "web", why="no JSON").as_record(), 422)
     ours = TrueflankError("E-WEB-PATH", "web", path=request.url.path)
     return JSONResponse(ours.as_record(), status)

@@ -2,7 +2,7 @@
 "use strict";
 
 async function renew() {
-  const answer = await fetch("/", { cache: "no-store" });
+  const answer = await fetch("/status", { cache: "no-store" });
   if (!answer.ok) throw new Error(String(answer.status));
   const fresh = new DOMParser().parseFromString(await answer.text(), "text/html");
   document.getElementById("status").replaceWith(fresh.getElementById("status"));

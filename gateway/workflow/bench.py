@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Collection
-from contextlib import asynccontextmanager
-from dataclasses import dataclass
+from collections.abc import AsyncIterator, Collection, Iterator, Mapping
+from contextlib import asynccontextmanager, contextmanager
+from dataclasses import dataclass, replace
 from importlib import metadata
 from pathlib import Path
+from shutil import copytree
+from tempfile import TemporaryDirectory
 
 from drivers.clock import Clock
 from drivers.errors import ConfigError, TrueflankError
+from drivers.local.names import shown
 from drivers.local.scrub import without_secrets_text
-from drivers.programs import Origin, ProgramText, SendsPrograms
+from drivers.programs import Origin, ProgramText, SaysMotion, SendsPrograms
 from drivers.types.identity import MachineIdentity
 from gateway import stopping
+from gateway.axes import AxisRecord
+from gateway.broker import borrowed
 from gateway.capture.rig import Rig
 from gateway.config import AxisSection, SiteFile, load_site
-from gateway.errors import WriteRefused
+from gateway.errors import StoreError, WriteRefused
 from gateway.push.records.journal import JOURNALS
 from gateway.push.records.sent import SentBook
 from gateway.say import Say
@@ -25,6 +30,8 @@ from gateway.store import Proofs, RunFolder, Store
 from gateway.supervisor import Supervisor
 from gateway.walk import Patience
 from gateway.workflow.leaving import leave
+
+KEPT = "site.toml"
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +74,10 @@ class Bench:
         known = ", ".join(axis.name for axis in self.site.axes)
         raise ConfigError("E-RUN-AXIS", str(self.site_path), axis=name, known=known)
 
+    def facts(self, axis: AxisSection) -> AxisRecord:
+        """What a push must know of an axis, with its safe place where the site file names one."""
+        return replace(axis.facts, safe=self.site.moves.places.ranges.get(axis.name))
+
     @property
     def moved(self) -> frozenset[str]:
         """Machine names of the axes that are moved and measured; every other stands still."""
@@ -78,17 +89,71 @@ def store_of(site: SiteFile, site_path: Path) -> Store:
     return Store((site_path.parent / site.site.store).resolve())
 
 
-def new_run(site: SiteFile, site_path: Path) -> RunFolder:
-    """A run folder that remembers the site file: its path and its text as it was, without any secret."""
-    folder = store_of(site, site_path).create(site.site.name, {"site_file": str(site_path.resolve())})
-    folder.write_text("site.toml", without_secrets_text(site_path.read_text(encoding="utf-8")))
+def new_run(site: SiteFile, site_path: Path, store: Store | None = None) -> RunFolder:
+    """A run folder that remembers the site file: its path and its text as it was, without any secret.
+
+    In the site's store, or in another one.
+    """
+    store = store or store_of(site, site_path)
+    folder = store.create(site.site.name, {"site_file": str(site_path.resolve())})
+    folder.write_text(KEPT, without_secrets_text(site_path.read_text(encoding="utf-8")))
     return folder
+
+
+@contextmanager
+def run_or_look(site: SiteFile, site_path: Path, state: str, *, look: bool) -> Iterator[RunFolder]:
+    """The folder of a run that begins with ``state``; of a ``look``, which changes nothing, one that goes with it.
+
+    What stays of a look is its line in the audit log (`gateway.workflow.consents.looked`).
+    """
+    with TemporaryDirectory(prefix="trueflank-look-") as short_lived:
+        folder = new_run(site, site_path, Store(Path(short_lived)) if look else None)
+        folder.set_state(state)
+        try:
+            yield folder
+        except TrueflankError as error:
+            folder.set_state("failed", error=error.as_record())
+            raise
+
+
+def kept_in(at: Bench) -> str:
+    """The folder of a look that found something worth keeping, copied into the site's store. Raises StoreError."""
+    try:
+        return str(copytree(at.folder.path, at.store.root / at.folder.run_id))
+    except OSError as error:
+        raise StoreError("E-STORE-DISK", str(at.store.root), why=error.strerror or str(error)) from error
 
 
 def site_of(folder: RunFolder) -> tuple[SiteFile, Path]:
     """The site a stored run was made at, read afresh. Raises ConfigError when its file is gone or wrong."""
-    path = Path(str(folder.plan["site_file"]))
+    plan = folder.plan
+    if not isinstance(plan, Mapping) or not plan.get("site_file"):
+        raise ConfigError("E-RUN-NO-SITE", str(folder.path))
+    path = Path(str(plan["site_file"]))
     return load_site(path), path
+
+
+def site_recorded(folder: RunFolder) -> tuple[SiteFile, Path]:
+    """The site as the run itself kept it, with the path it had: a report needs nothing beside its run.
+
+    A copy that today's rules refuse gives way to the file it was made from. Raises as `site_of`.
+    """
+    plan = folder.plan
+    path = Path(str(plan["site_file"])) if isinstance(plan, Mapping) and plan.get("site_file") else None
+    try:
+        return load_site(folder.path / KEPT), path or folder.path / KEPT
+    except ConfigError:
+        return site_of(folder)
+
+
+def with_axes(site: SiteFile, names: Collection[str]) -> SiteFile:
+    """The site with these axes alone, in its own order; all where none is named. Raises ConfigError (E-RUN-AXIS)."""
+    known = [axis.name for axis in site.axes]
+    for name in names:
+        if name not in known:
+            raise ConfigError("E-RUN-AXIS", site.site.name, axis=shown(name), known=", ".join(known))
+    chosen = tuple(axis for axis in site.axes if axis.name in names)
+    return site.model_copy(update={"axes": chosen}) if chosen else site
 
 
 def check_name(site: SiteFile, apply: bool, machine_name: str) -> None:
@@ -108,10 +173,28 @@ async def bench(
 ) -> AsyncIterator[Bench]:
     """Open the controller and the instruments (all failures at once), hand out the bench, close everything at the end.
 
+    While a gateway serves this site its devices are asked for first: raises what `gateway.broker.borrowed` raises.
     A failure or a stop leaves the machine in order first: what was sent is asked to end, and what is left is told.
 
     Without ``instruments`` those that measure the site's axes; others may stand in the site file unplugged.
     """
+    root = store_of(site, site_path).root
+    async with (
+        borrowed(root, folder.run_id, clock, say) as told,
+        _opened(site, site_path, folder=folder, clock=clock, say=told, instruments=instruments) as at,
+    ):
+        yield at
+
+
+@asynccontextmanager
+async def _opened(
+    site: SiteFile,
+    site_path: Path,
+    folder: RunFolder,
+    clock: Clock,
+    say: Say,
+    instruments: Collection[str] | None,
+) -> AsyncIterator[Bench]:
     used = {axis.measure.instrument for axis in site.axes} if instruments is None else set(instruments)
     store = store_of(site, site_path)
     supervisor = Supervisor(site, clock, only=used, book=SentBook(store.root / JOURNALS, site.controller.serial))
@@ -121,6 +204,8 @@ async def bench(
         folder.set_state("opened", machine=machine)
         if isinstance(supervisor.controller, SendsPrograms):
             supervisor.controller.attend(origin_of(site, folder.run_id), _Kept(folder).keep)
+        if isinstance(supervisor.controller, SaysMotion):
+            supervisor.controller.keep_to(site.moves.places)
         say("P-OPEN", site=site.site.name, serial=machine.serial, count=len(supervisor.picture()))
         if not supervisor.left.clear:
             say("P-LEFT", words=supervisor.left.words)
@@ -157,7 +242,7 @@ class _Kept:
 
     def __init__(self, folder: RunFolder) -> None:
         self._folder = folder
-        self._count = sum(1 for _ in folder.path.glob(f"{SENT}*"))
+        self._count = sum(1 for name in folder.files if name.startswith(SENT))
 
     def keep(self, program: ProgramText) -> None:
         """Raises StoreError."""

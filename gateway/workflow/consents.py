@@ -35,7 +35,7 @@ def consented(at: Bench, change: TableChange, context: PushContext, taken: Taken
     digests = {approval: Approvals.digest(approval) for approval in approvals}
     return replace(
         context,
-        actor=audit.os_user(),
+        actor=audit.person(),
         approvals=approvals,
         audit_broken=audit_problem(at),
         log=log,
@@ -108,7 +108,7 @@ def take_up(at: Bench, proposal: Proposal) -> dict[str, Taken]:
     for change in proposal.changes:
         fresh = () if change.skipped else _unused(at, change)
         approvals = tuple(one for one in fresh if Approvals.digest(one) not in known.used)
-        Approvals(at.folder.path).use(approvals, f"push of {change.name} by {audit.os_user()} at {now.isoformat()}")
+        Approvals(at.folder.path).use(approvals, f"push of {change.name} by {audit.person()} at {now.isoformat()}")
         for approval in approvals:
             _used(at, change, approval)
         held[change.name] = Taken(approvals, now)
@@ -153,7 +153,7 @@ def refused(at: Bench, reasons: tuple[str, ...]) -> str:
 def failed(at: Bench, change: TableChange, error: BaseException) -> str:
     """Keep that a push ended without a record; the log's problem in words ("": none).
 
-    "push-failed": with an error and nothing written; "push-unknown": stopped from outside, or its journal refused an
+    "push-failed": with an error and nothing written; "push-unknown": stopped on request, or its journal refused an
     entry, so that only `recover` can say what stands in the control.
     """
     told = {"table": change.name, "run": at.folder.run_id, "why": why_of(error)}
@@ -169,7 +169,7 @@ def word_of(error: BaseException) -> str:
 
 def why_of(error: BaseException) -> str:
     """An error's words, those of a stop from outside as well."""
-    return str(error) if isinstance(error, TrueflankError) else "stopped from outside"
+    return str(error) if isinstance(error, TrueflankError) else "stopped on request"
 
 
 def ended(at: Bench, change: TableChange, record: PushRecord) -> str:
@@ -215,6 +215,11 @@ def _proposed(at: Bench, change: TableChange, told: dict[str, object]) -> str:
         new_hash=table_hash(change),
         details={**told, "table": change.name},
     )
+
+
+def looked(at: Bench, action: str, **told: object) -> None:
+    """Keep that somebody looked and nothing was changed: the line is all that stays of it."""
+    tell(at, audit.note(at.store.root, f"{action}-looked", clock=at.clock, serial=at.machine.serial, details=told))
 
 
 def tell(at: Bench, problem: str) -> None:

@@ -6,10 +6,10 @@ for, and no tables of others. Numbers of runs and transactions are none that was
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from drivers import registry
 from drivers.errors import ConfigError
@@ -19,8 +19,7 @@ from drivers.types.identity import MachineIdentity
 from drivers.types.orders import DisableOrder, PushOrder, SignProof
 from drivers.types.stops import Stop, StopPlan
 from drivers.types.tables import CompensationTable
-from gateway.capture.live import targets_of, with_checks
-from gateway.capture.targets import jog_plan, jog_start, measuring_plan, plan_of
+from gateway.capture.targets import jog_plan, jog_start, measuring_plan, plan_of, targets_of, with_checks
 from gateway.config import AxisSection, SiteFile
 from gateway.domain.proposals import Proposal
 from gateway.push.signproof import TIMES, triangle_of
@@ -28,11 +27,14 @@ from gateway.tooth import SetupValues
 from gateway.walk import Patience, question
 from gateway.workflow.axes.measure import check_stops
 from gateway.workflow.bench import origin_of
+from gateway.workflow.dwelling import DwellWish, dwell_plans
 from gateway.workflow.errors21.setups import Planned, planned
 from gateway.workflow.part.grinding import gear_of_site, grind_plan
 
-What = Literal["self-test", "measure", "load", "proof", "backup", "grind", "off"]
+What = Literal["self-test", "measure", "load", "proof", "backup", "grind", "off", "dwell"]
 EVERY: tuple[What, ...] = ("self-test", "measure", "load", "proof", "backup", "grind", "off")
+KNOWN: tuple[What, ...] = (*EVERY, "dwell")
+"""All kinds; "dwell" is for capture programs of others, and no run of ours sends it."""
 NUMBER = 999_999
 
 
@@ -46,35 +48,37 @@ class Written:
 
 
 def programs(
-    site: SiteFile, site_path: Path, wanted: tuple[What, ...] = EVERY, proposal: Proposal | None = None
+    site: SiteFile,
+    site_path: Path,
+    wanted: tuple[What, ...] = EVERY,
+    proposal: Proposal | None = None,
+    *,
+    dwell: DwellWish | None = None,
 ) -> tuple[Written, ...]:
     """Programs of these kinds in the order in which a run sends them; ``load`` from ``proposal`` or an example table.
 
     Raises ConfigError (E-PROGRAM-NO-ROAD) for a road that runs no programs, and what writing and judging raise.
     """
-    role = f"{site.controller.driver}-paper"
-    if role not in registry.known("paper"):
-        raise ConfigError("E-PROGRAM-NO-ROAD", site.site.name, driver=site.controller.driver)
-    write = registry.load(role, "paper")
+    write, settings = _writer(site, wanted)
     tables = _loaded(site, proposal)
     machine, origin = _machine(site, tables), origin_of(site)
     found = []
     for what in wanted:
-        for name, order in _orders(site, site_path, what, tables):
-            made = write(order, site.controller.settings, machine=machine, origin=origin, where=str(site_path))
+        for name, order in _orders(site, site_path, what, tables) if what != "dwell" else _dwelling(site, dwell):
+            made = write(order, settings, machine=machine, origin=origin, where=str(site_path))
             found += [Written(what, f"{what}-{name}-{one.file_name}", one) for one in made]
     return tuple(found)
 
 
-def kept(written: tuple[Written, ...], folder: Path, *, force: bool = False) -> None:
-    """Write them as files. Raises ConfigError (E-PROGRAM-THERE), before the first is written, unless ``force``."""
-    there = [one.name for one in written if (folder / one.name).exists()]
+def kept(files: Mapping[str, str], folder: Path, *, force: bool = False) -> None:
+    """Write texts by name. Raises ConfigError (E-PROGRAM-THERE), before the first is written, unless ``force``."""
+    there = [name for name in files if (folder / name).exists()]
     if there and not force:
         raise ConfigError("E-PROGRAM-THERE", str(folder), name=there[0], count=len(there))
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for one in written:
-            (folder / one.name).write_text(one.program.text, encoding="ascii", newline="\n")
+        for name, text in files.items():
+            (folder / name).write_text(text, encoding="ascii", newline="\n")
     except OSError as error:
         raise ConfigError("E-PROGRAM-FOLDER", str(folder), why=str(error)) from error
 
@@ -98,7 +102,8 @@ def _machine(site: SiteFile, tables: tuple[CompensationTable, ...]) -> PaperMach
     modulo = frozenset(axis.name for axis in site.axes if axis.modulo)
     points = tuple(cross.get(number, 0) for number in range(max(cross, default=-1) + 1))
     names = tuple(axis.name for axis in site.axes)
-    return PaperMachine(names, modulo, {name: max(own[name], asked.get(name, 0)) for name in names}, points)
+    held = {name: max(own[name], asked.get(name, 0)) for name in names}
+    return PaperMachine(names, modulo, held, points, places=site.moves.places)
 
 
 def _orders(
@@ -117,6 +122,25 @@ def _orders(
             yield from (order for one in planned(site) for order in _of_setup(site, one))
 
 
+def _writer(site: SiteFile, wanted: tuple[What, ...]) -> tuple[Any, Mapping[str, Any]]:
+    """What writes programs for this road, with the driver's settings.
+
+    A program for a capture program of somebody else is carried by a person, so another road of the same maker will do.
+    """
+    driver, known = site.controller.driver, registry.known("paper")
+    if f"{driver}-paper" in known:
+        return registry.load(f"{driver}-paper", "paper"), site.controller.settings
+    maker = driver.partition("-")[0]
+    others = [name for name in known if name.startswith(f"{maker}-")]
+    if set(wanted) != {"dwell"} or not others:
+        raise ConfigError("E-PROGRAM-NO-ROAD", site.site.name, driver=driver)
+    return registry.load(others[0], "paper"), {}
+
+
+def _dwelling(site: SiteFile, wish: DwellWish | None) -> Iterator[tuple[str, Order]]:
+    return ((axis.letter, plan) for axis, plan in dwell_plans(site, wish or DwellWish()))
+
+
 def _of_axis(axis: AxisSection, what: What) -> Iterator[tuple[str, Order]]:
     if what == "measure":
         if axis.measure.file is None:
@@ -124,7 +148,7 @@ def _of_axis(axis: AxisSection, what: What) -> Iterator[tuple[str, Order]]:
         else:
             yield from _of_axis(axis, "backup")
     elif what == "backup":
-        yield axis.letter, question(axis.facts, axis.facts, axis.reference, Patience(0.0, 0.0))
+        yield axis.letter, question(axis.facts, Patience(0.0, 0.0))
     elif what == "self-test":
         yield axis.letter, SelfTest(axis.name, axis.encoder, axis.encoder_said)
     elif what == "proof":
@@ -158,7 +182,7 @@ def _load(site: SiteFile, table: CompensationTable) -> tuple[str, Order]:
     proof = SignProof(identity, table.kind, output_axis=table.output_axis, slope=1.0, slope_u=0.01, sign=1, date_utc="")
     order = _order(moved, table, "table", proof)
     key = spoken().cross_key if table.kind == "cross" else spoken().own_key
-    return f"{key}-{table.output_axis}-{table.input_axis}", order
+    return f"{key}-{table.output_axis}-{table.input_axis}", (order,)
 
 
 def _order(
@@ -183,7 +207,7 @@ def _proof(axis: AxisSection) -> Iterator[tuple[str, Order]]:
     """The triangle table, the stops that switch it, and the old table back."""
     table, peak = _triangle(axis)
     order = _order(axis, table, "sign-proof")
-    yield f"{axis.letter}-triangle", order
+    yield f"{axis.letter}-triangle", (order,)
     stops = tuple(
         Stop(peak, 1, repetition=number // 2, label=number, switch=bool(number % 2)) for number in range(2 * TIMES)
     )
@@ -191,4 +215,4 @@ def _proof(axis: AxisSection) -> Iterator[tuple[str, Order]]:
     switching: StopPlan = plan_of(axis, stops, setup, name=f"TFSIGN{axis.letter}", dwell_s=axis.measure.dwell_s)
     yield f"{axis.letter}-switching", switching
     nothing = replace(table, deviations=tuple(0.0 for _ in table.deviations))
-    yield f"{axis.letter}-restore", replace(order, table=nothing, enable=False, purpose="restore")
+    yield f"{axis.letter}-restore", (replace(order, table=nothing, enable=False, purpose="restore"),)

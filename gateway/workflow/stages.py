@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
-Phase = Literal["before", "after"]
+Phase = Literal["before", "after", "acting"]
+"""Before and after an axis' own table, and with every table acting."""
 
 EQUIPMENT = "equipment"
 PROPOSAL = "proposal"
@@ -29,6 +30,11 @@ def capture(axis: str, phase: Phase) -> str:
 def evaluation(axis: str, phase: Phase) -> str:
     """ISO 230-2 results."""
     return f"evaluation-{axis}-{phase}"
+
+
+def acting(axis: str) -> str:
+    """What a short capture said of an axis with every table acting."""
+    return f"acting-{axis}"
 
 
 def component(axis: str) -> str:

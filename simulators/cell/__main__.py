@@ -1,7 +1,7 @@
 """`python -m simulators.cell CELL`: runs a cell until its stdin closes, a stop file appears or Ctrl-C.
 
-A line on stdin is a key of the machine's panel (RESET, NC START, NCK RESET, in any letters), a question or an order to
-the judge as JSON, or "auto off" and "auto on": whether the operator does by himself what the control's message says.
+A line on stdin, or on the judge's loopback port, is what a person does at the machine (`simulators.cell.console`), or a
+question or an order to the judge as JSON.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ import asyncio
 import contextlib
 import json
 import os
-import selectors
 import sys
 import tempfile
 import threading
@@ -23,12 +22,15 @@ from drivers.clock import LoopClock
 from drivers.errors import TransportError, TrueflankError
 from drivers.transport import ByteTransport, serve
 from simulators.cell import Cell
+from simulators.cell.console import WORDS, order_of
 from simulators.cell.filed import write_filed_site
 from simulators.cell.judge import Judge
-from simulators.cellfile import load_cell, with_plan
-from simulators.operator import KEYS
+from simulators.cell.pace import PacedLoop
+from simulators.cellfile import listed, load_cell, with_site
 
 BLOCK_WALL_S = 0.002
+# The wires are loopback and the PC may be busy: a lost answer is a closed socket, never a late one.
+PATIENCE_S = 60.0
 LOOK_S = 0.2
 LINE_BYTES = 1 << 20
 
@@ -37,6 +39,8 @@ def arguments(given: list[str] | None = None) -> argparse.Namespace:
     """The command line."""
     parser = argparse.ArgumentParser(prog="python -m simulators.cell", description=__doc__)
     parser.add_argument("cell", help="a cell that comes with trueflank (demo, zero) or the path of a cell file")
+    parser.add_argument("--list", action="store_true", help="print the cells that come with trueflank and end")
+    parser.add_argument("--name", default="", help="what the machine is called in the site file")
     parser.add_argument("--site", type=Path, help="where to write the site file (default: a new folder)")
     parser.add_argument("--speed", type=float, default=1.0, help="machine seconds in one second")
     parser.add_argument("--seed", type=int, help="draw another machine of the same kind")
@@ -66,8 +70,10 @@ async def run(options: argparse.Namespace) -> None:
     """Run the cell; one JSON line on stdout when it is ready, then one for each question on stdin."""
     site = (options.site or Path(tempfile.mkdtemp(prefix="trueflank-cell-")) / "site.toml").resolve()
     clock = LoopClock(options.speed)
+    asked = {"plan": True} if options.plan else {}
+    asked |= {"name": options.name} if options.name else {}
     cell = Cell(
-        with_plan(load_cell(options.cell)) if options.plan else options.cell,
+        with_site(load_cell(options.cell), patience_s=PATIENCE_S, **asked),
         site.parent,
         clock,
         seed=options.seed,
@@ -136,16 +142,19 @@ async def _answer_all(lines: asyncio.Queue[bytes | None], judge: Judge) -> None:
 
 async def answered(judge: Judge, line: bytes) -> dict[str, Any]:
     """What a line says: a key, an order, or a question; {"error": ...} when it is none of them."""
-    typed = " ".join(line.decode("utf-8", "replace").upper().split())
-    if typed in KEYS:
-        return {**await judge.answer({"set": "press", "key": typed}), "pressed": typed}
-    if typed in ("AUTO ON", "AUTO OFF"):
-        return await judge.answer({"set": "operator", "options": {"auto": typed == "AUTO ON"}})
+    typed = line.decode("utf-8", "replace").strip()
+    order = order_of(typed)
+    if order is not None:
+        pressed = {"pressed": order["key"]} if order.get("set") == "press" else {}
+        return {**await judge.answer(order), **pressed}
+    if not typed.startswith("{"):
+        unknown = {} if typed.lower() == "help" else {"error": f"{typed[:40]!r} is none of: {', '.join(WORDS)}"}
+        return unknown or dict(WORDS)
     try:
         question = json.loads(line)
     except ValueError as error:
         return {"error": f"not JSON: {error}"}
-    return await judge.answer(question) if isinstance(question, dict) else {"error": "not an object"}
+    return await judge.answer(question)
 
 
 def _listen_stdin(loop: asyncio.AbstractEventLoop, put: Callable[[bytes | None], None]) -> None:
@@ -175,16 +184,15 @@ async def _visit(judge: Judge, wire: ByteTransport) -> None:
             await wire.write(json.dumps(await answered(judge, line)).encode() + b"\n")
 
 
-def _finely_timed() -> asyncio.AbstractEventLoop:
-    """epoll rounds every wait up to a millisecond, which is 0.3 s of a machine at 300 times; select does not."""
-    return asyncio.SelectorEventLoop(selectors.SelectSelector())
-
-
 def main() -> int:
     """Entry point: 0 when told to end, the error's own exit code otherwise."""
+    options = arguments()
+    if options.list:
+        _tell(listed())
+        return 0
     try:
-        with asyncio.Runner(loop_factory=_finely_timed) as runner:
-            runner.run(run(arguments()))
+        with asyncio.Runner(loop_factory=PacedLoop) as runner:
+            runner.run(run(options))
     except KeyboardInterrupt:
         return 0
     except TrueflankError as error:

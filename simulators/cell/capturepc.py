@@ -16,7 +16,7 @@ from simulators.optics import OpticsBench
 from simulators.optics.readings import component_of, reading
 from simulators.optics.sensor import watched
 from simulators.optics.stops import Stops
-from simulators.truth import AxisMotion, generator
+from simulators.truth import AxisMotion, Scatter, generator
 from simulators.truth.drift import drifted_s
 from simulators.truth.terms import curve
 
@@ -66,9 +66,11 @@ class SetupPc:
         if not isinstance(spec, Sensor):
             return self._positioning(repetitions)
         found = np.full((len(self.targets), repetitions, 2), np.nan)
+        size, name = self.axis.scatter, f"file scatter {self.setup.component} {self.axis.name}"
+        scatter = Scatter(size, self.bench.truth.seed, name).drawn((2 * repetitions, len(self.targets)))
         for passed, offsets in enumerate(self._offsets(spec, repetitions)):
             repetition, way = divmod(passed, 2)
-            found[:, repetition, way] = self._pass(spec, 1 - 2 * way, self._at(passed)) + offsets
+            found[:, repetition, way] = self._pass(spec, 1 - 2 * way, self._at(passed), scatter[passed]) + offsets
         found[np.abs(found) > spec.range] = np.nan
         absolute = component_of(self.setup)[1] == "0" and self.setup.optics == "ball"
         return found if absolute else found - found[0, 0, 0]
@@ -104,13 +106,13 @@ class SetupPc:
         """The zero of a mounting is anybody's; where a gauge sets it, its error is the set-up's own."""
         return 0.0 if component_of(self.setup)[1] == "0" and self.setup.optics == "ball" else drawn
 
-    def _pass(self, spec: Sensor, direction: int, t: float) -> FloatArray:
+    def _pass(self, spec: Sensor, direction: int, t: float, scatter: FloatArray) -> FloatArray:
         """One way along the targets, without noise, (m,)."""
         axis, truth = self.axis, self.bench.truth
         motions = {letter: self._standing(letter) for letter in watched(self.setup) if self._known(letter)}
         encoder = np.asarray(self.nck.compensated_encoder(axis.name, self.targets, direction))
         sense = np.full_like(encoder, float(direction))
-        motions[axis.letter] = AxisMotion(encoder, sense, sense)
+        motions[axis.letter] = AxisMotion(encoder, sense, sense, scatter)
         shown = reading(self.setup, truth.frames(motions, t), motions)
         rotary = axis.kind == "rotary"
         own = curve(

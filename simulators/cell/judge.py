@@ -36,7 +36,7 @@ class Judge:
             "senses": self._senses,
             "plc": self._plc,
             "motion": self._motion,
-            "location": lambda q: {"value": self._cell.truth.location(str(q["name"]))},
+            "location": lambda q: {"value": self._cell.truth.location(str(q["name"]), q.get("t"))},
             "part": self._part,
             "flank": self._flank,
         }
@@ -59,6 +59,7 @@ class Judge:
             "mode": lambda q: self._cell.panel.set_mode(str(q["value"])),
             "acknowledge": lambda _q: self._cell.nck.acknowledge_alarms(),
             "mount": self._mount,
+            "weather": self._weather,
             "override": lambda q: self._cell.nck.set_feed_override(float(q["value"])),
             "drop_connections": lambda _q: self._cell.roads.drop_connections(),
             "jog": lambda q: self._cell.operator.jog(str(q["axis"]), float(q["value"])),
@@ -167,7 +168,7 @@ class Judge:
         return {
             "session": plc.session,
             "waiting": plc.waiting,
-            "released": plc.released,
+            "released": plc.release.counts,
             "half": sorted(plc.memory.half),
             "marker": list(plc.memory.marker),
             "marker_state": plc.memory.marker_state,
@@ -176,7 +177,7 @@ class Judge:
 
     def _release(self, question: Mapping[str, Any]) -> None:
         """The local release switch at the panel."""
-        self._mailbox().plc.local_release = bool(question.get("value", True))
+        self._mailbox().plc.release.set(bool(question.get("value", True)))
 
     def _change_plc(self, question: Mapping[str, Any]) -> None:
         """{"options": {...}}: keys of [machine.modbus], from now on."""
@@ -201,6 +202,11 @@ class Judge:
         if setup is None:
             raise ValueError("the cell has no such set-up")
         self._cell.bench.mount(setup, question.get("optics"))
+
+    def _weather(self, question: Mapping[str, Any]) -> None:
+        """{"air_degc", "material_degc", "pressure_hpa", "humidity_pct"}: these, from now on, with their drifts."""
+        wanted = {key: float(value) for key, value in question.items() if key != "set"}
+        self._cell.truth.climate.change(self._cell.clock.now(), **wanted)
 
     def _result_file(self, question: Mapping[str, Any]) -> dict[str, Any]:
         path = Path(str(question["path"]))

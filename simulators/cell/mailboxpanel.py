@@ -23,14 +23,17 @@ class MailboxPanel:
 
     @property
     def release_wanted(self) -> bool | None:
-        """True: a session is open and nothing releases it; False: the local release stayed on after it; else None."""
+        """True: a session is open and no release counts in it; False: the release stayed on after it; else None."""
         if self._plc.session:
-            return None if self._plc.released else True
-        return False if self._plc.local_release else None
+            return None if self._plc.release.counts else True
+        return False if self._plc.release.on else None
 
     def set_release(self, *, given: bool) -> None:
-        """The local release switch."""
-        self._plc.local_release = given
+        """The release switch, off and on again where it was left on."""
+        if given:
+            self._plc.release.give()
+        else:
+            self._plc.release.set(False)
 
     @property
     def tables_loaded(self) -> int:

@@ -16,7 +16,7 @@ from simulators.optics import OpticsBench
 from simulators.optics.air import refractive_index
 from simulators.optics.mountings import linear_length_mm
 from simulators.optics.stops import Stops
-from simulators.truth import AxisMotion, Weather
+from simulators.truth import AxisMotion, Scatter, Weather
 
 FloatArray = NDArray[np.float64]
 STOP_S = 5.0
@@ -62,27 +62,29 @@ class CapturePc:
         count = len(self.targets)
         noise = self._noise()
         stops = Stops(noise, 2 * count * repetitions, self.bench.truth.seed, f"file {self.axis.name}")
+        scatter = Scatter(self.axis.scatter, self.bench.truth.seed, f"file scatter {self.axis.name}")
         found = np.full((count, repetitions, 2), np.nan)
         for passed in range(2 * repetitions):
             repetition, approach = divmod(passed, 2)
             offsets = np.asarray([stops.offset(passed * count + stop) for stop in range(count)])
             t = self.start_s + passed * count * STOP_S
-            found[:, repetition, approach] = self._pass(1 - 2 * approach, t) + offsets
+            found[:, repetition, approach] = self._pass(1 - 2 * approach, t, scatter.drawn((count,))) + offsets
         return found - found[0, 0, 0]
 
-    def _pass(self, direction: int, t: float) -> FloatArray:
+    def _pass(self, direction: int, t: float, scatter: FloatArray) -> FloatArray:
         targets = self.targets
         encoder = np.asarray(self.nck.compensated_encoder(self.axis.name, targets, direction))
         setup = self.bench.setup_for(str((self.axis.measure or {}).get("component")), self.axis.letter)
         truth = self.bench.truth
         if self.axis.kind == "rotary" or setup is None:
             scale = 3600.0 if self.axis.kind == "rotary" else UM_PER_MM
-            return (encoder - targets) * scale + truth.deviation(self.axis.name, encoder, direction, t)
+            return (encoder - targets) * scale + truth.deviation(self.axis.name, encoder, direction, t) + scatter
         sense = np.full_like(encoder, float(direction))
-        frames = truth.frames({self.axis.letter: AxisMotion(encoder, sense, sense)}, t)
+        frames = truth.frames({self.axis.letter: AxisMotion(encoder, sense, sense, scatter)}, t)
         warm = 1.0 + self._alpha * PPM * (truth.climate.sensed(t).material_degc - 20.0)
         length = setup.away * linear_length_mm(setup, frames)
-        return ((length - length[0]) / warm - (targets - targets[0])) * UM_PER_MM + self._start(direction, t)
+        first = self._start(direction, t) + scatter[0]
+        return np.asarray(((length - length[0]) / warm - (targets - targets[0])) * UM_PER_MM + first)
 
     def _start(self, direction: int, t: float) -> float:
         """The first target's own deviation in this pass, which a length from it does not hold."""

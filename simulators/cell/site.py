@@ -19,11 +19,17 @@ def site_text(
     parts = [
         f"# Written by the simulated cell {cell.name!r}; valid while it runs.",
         # Nobody else works at a simulated machine.
-        section("site", {"name": site.name, "store": site.store, "approvals": 1}),
-        section("controller", {"driver": "sinumerik-opcua", "serial": serial, **site.controller, **controller}),
+        section("site", {"name": site.name, "store": site.store, "approvals": 1, "simulated": True}),
+        section(
+            "controller",
+            {"driver": "sinumerik-opcua", "serial": serial, **_patience(cell), **site.controller, **controller},
+        ),
     ]
     if site.operator:
         parts.append(section("operator", site.operator))
+    # Nothing stands in the way of a simulated wheel: every axis may be anywhere in its travel.
+    safe = {axis.name: [0.0, 360.0] if axis.modulo else list(axis.travel) for axis in cell.axes}
+    parts.append(section("moves", {"safe": safe, **site.moves}))
     parts += [_instrument(cell, name, url) for name, url in urls.items()]
     axes = [axis for axis in cell.axes if axis.measure is not None and axis.table is not None]
     parts += [_axis(cell, axis) for axis in axes]
@@ -32,12 +38,22 @@ def site_text(
     return "\n".join(parts)
 
 
+def _patience(cell: CellFile) -> dict[str, Any]:
+    return {"timeout_s": cell.site.patience_s} if cell.site.patience_s else {}
+
+
+def _quiet(cell: CellFile, driver: str) -> dict[str, Any]:
+    """How long a stream may be silent."""
+    return {"stale_s": cell.site.patience_s} if cell.site.patience_s and driver != "bridge-gear" else {}
+
+
 def _instrument(cell: CellFile, name: str, url: str) -> str:
     spec = next(found for found in cell.instruments if found.name == name)
     driver = {"umd": "umd", "gear": "bridge-gear"}.get(spec.kind, "bridge")
     serial = spec.serial if driver != "umd" else ""  # a uMD counter has no serial number of its own
-    keys: dict[str, Any] = {"name": name, "driver": driver, "url": url, "serial": serial}
-    return section("[instruments]", keys | ({"settings": spec.settings} if spec.settings else {}))
+    keys: dict[str, Any] = {"name": name, "driver": driver, "url": url, "serial": serial, **_patience(cell)}
+    settings = {**_quiet(cell, driver), **spec.settings}
+    return section("[instruments]", keys | ({"settings": settings} if settings else {}))
 
 
 def _axis(cell: CellFile, axis: CellAxis) -> str:

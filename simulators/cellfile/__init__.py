@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from importlib import resources
+from itertools import takewhile
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -15,7 +16,7 @@ from drivers.local.tomlfile import parse_toml, read_toml
 from simulators.cellfile.instruments import Calibrator, Instrument, Laser, Noise, Outliers, Sensor, Setup
 from simulators.cellfile.likeness import changed
 from simulators.cellfile.part import InspectionMachine, Part, Wheel
-from simulators.cellfile.terms import CellSection, LoadedAxis, LoadedCross, Name, Terms
+from simulators.cellfile.terms import CellSection, DriftSection, LoadedAxis, LoadedCross, Name, Terms
 
 __all__ = [
     "Calibrator",
@@ -24,6 +25,7 @@ __all__ = [
     "CellMachine",
     "ClimateSection",
     "Course",
+    "DriftSection",
     "HysteresisSection",
     "InspectionMachine",
     "Instrument",
@@ -59,8 +61,10 @@ class CellAxis(CellSection):
     """One machine axis. ``measure`` and ``table`` go into the site file as they stand.
 
     ``reversal`` is B = mean up - mean down in um or arcsec, a curve over the axis; ``drift_per_h`` moves
-    the whole axis. ``thermal_origin`` is the position of the scale's fixed point. ``encoder`` is the measuring system
-    (0, 1) that acts, ``loaded`` what its table holds; ``number`` of the machine axis, 0 for the next one.
+    the whole axis, and so does ``drift``, which may bend. ``scatter`` is the standard deviation of where the axis
+    comes to stand, drawn anew for every stop. ``thermal_origin`` is the position of the scale's fixed point.
+    ``encoder`` is the measuring system (0, 1) that acts, ``loaded`` what its table holds; ``number`` of the machine
+    axis, 0 for the next one.
     """
 
     name: Name = Field(pattern=r"^[A-Z][A-Z0-9]*$")
@@ -79,18 +83,37 @@ class CellAxis(CellSection):
     backlash: float = 0.0
     reversal: Terms = ()
     hysteresis: HysteresisSection | None = None
+    scatter: float = Field(default=0.0, ge=0)
     drift_per_h: float = 0.0
+    drift: DriftSection = DriftSection()
     expansion_ppm_per_k: float = 0.0
     thermal_origin: float = 0.0
     measure: dict[str, Any] | None = None
     table: dict[str, Any] | None = None
 
 
-class TruthSection(CellSection):
-    """The machine's error motions (EXX, EYX, ... ECC) and location errors (B0Z, A0C, X0C, ...)."""
+Motion = Annotated[str, Field(pattern=r"^E[XYZABC][XYZC]$")]
+Location = Annotated[str, Field(pattern=r"^(?:[ABC]0[XZ]|[XYZABC]0C)$")]
 
-    motions: dict[Annotated[str, Field(pattern=r"^E[XYZABC][XYZC]$")], Terms] = Field(default_factory=dict)
-    locations: dict[Annotated[str, Field(pattern=r"^(?:[ABC]0[XZ]|[XYZABC]0C)$")], float] = Field(default_factory=dict)
+
+class TruthSection(CellSection):
+    """The machine's error motions (EXX, EYX, ... ECC) and location errors (B0Z, A0C, X0C, ...).
+
+    ``reversals`` are what a motion has more on the way up than on the way down (straightness, tilt, ...; the axis' own
+    deviation has ``reversal`` of its axis for that); ``moving`` is how locations move with time and temperature.
+    """
+
+    motions: dict[Motion, Terms] = Field(default_factory=dict)
+    reversals: dict[Motion, Terms] = Field(default_factory=dict)
+    locations: dict[Location, float] = Field(default_factory=dict)
+    moving: dict[Location, DriftSection] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _not_its_own(self) -> TruthSection:
+        own = [name for name in self.reversals if name[1] == name[2]]
+        if own:
+            raise ValueError(f"{own[0]}: the way of travel of an axis' own deviation is 'reversal' of that axis")
+        return self
 
 
 class Course(CellSection):
@@ -164,6 +187,11 @@ class SitePart(CellSection):
     controller_settings: dict[str, Any] = Field(default_factory=dict)
     modbus_settings: dict[str, Any] = Field(default_factory=dict)
     operator: dict[str, Any] = Field(default_factory=dict)
+    patience_s: float = Field(
+        default=0.0, ge=0, le=600, description="timeout_s and stale_s of devices; 0: a gateway's own"
+    )
+    # Nobody stands beside a simulated wheel, and simulated minutes cost real ones: moves at the speed of measuring.
+    moves: dict[str, Any] = Field(default={"feed_mm": 6000.0, "feed_deg": 3600.0}, description="feeds of [moves]")
 
 
 class CellFile(CellSection):
@@ -222,7 +250,24 @@ def with_roads(cell: CellFile, road: str, modbus: Mapping[str, Any]) -> CellFile
 
 def with_plan(cell: CellFile) -> CellFile:
     """The cell with a site file that names every set-up and the work."""
-    return cell.model_copy(update={"site": cell.site.model_copy(update={"plan": True})})
+    return with_site(cell, plan=True)
+
+
+def with_site(cell: CellFile, **asked: Any) -> CellFile:
+    """The cell with these keys of what its site file says."""
+    return cell.model_copy(update={"site": cell.site.model_copy(update=asked)})
+
+
+def listed() -> dict[str, str]:
+    """Every cell that comes with us, and the first sentence of its file."""
+    folder = resources.files("simulators").joinpath("cells")
+    texts = {name: folder.joinpath(f"{name}.toml").read_text(encoding="utf-8") for name in packaged()}
+    return {name: _first_sentence(text) for name, text in texts.items()}
+
+
+def _first_sentence(text: str) -> str:
+    lines = takewhile(lambda line: line.startswith("#"), text.splitlines())
+    return " ".join(line.lstrip("# ") for line in lines).partition(". ")[0].rstrip(".")
 
 
 def packaged() -> tuple[str, ...]:

@@ -71,12 +71,16 @@ class Wheel(CellSection):
 
     The dressed profile sits along the wheel's axis where the dresser stands, plus ``offset_um`` of its own in
     X, Y, Z; ``tilt_arcsec`` leans the wheel's axis about X and Z; ``radius_um`` is what it is too large.
+    From space to space it loses ``wear_um`` of its radius, and its profile moves along its axis by ``wear_side_um``
+    where it wears on one side more than on the other. It is dressed anew for each blank.
     """
 
     dresser: Literal["Y", ""] = "Y"
     offset_um: tuple[float, float, float] = (0.0, 0.0, 0.0)
     tilt_arcsec: tuple[float, float] = (0.0, 0.0)
     radius_um: float = 0.0
+    wear_um: float = 0.0
+    wear_side_um: float = 0.0
 
 
 class InspectionMachine(CellSection):

@@ -82,6 +82,49 @@ class Step(CellSection):
     height: float
 
 
+class Screw(CellSection):
+    """What a ball screw repeats with its pitch (mm): ``amplitudes`` of one, two, ... waves a turn of the screw.
+
+    ``phase_deg`` is the screw's own angle where the axis stands at 0: sum of a_k cos(k (360 q / pitch + phase)).
+    """
+
+    kind: Literal["screw"]
+    pitch: float = Field(gt=0)
+    amplitudes: tuple[float, ...] = Field(min_length=1, max_length=20)
+    phase_deg: float = 0.0
+
+
+class Worm(CellSection):
+    """What a worm drive repeats with each turn of its worm: ``teeth`` of the wheel, ``starts`` of the worm.
+
+    The worm turns teeth / starts times a turn of the table; ``amplitudes`` and ``phase_deg`` as of a screw.
+    """
+
+    kind: Literal["worm"]
+    teeth: int = Field(gt=0)
+    starts: int = Field(default=1, gt=0)
+    amplitudes: tuple[float, ...] = Field(min_length=1, max_length=20)
+    phase_deg: float = 0.0
+
+    @model_validator(mode="after")
+    def _closing(self) -> Worm:
+        if self.teeth % self.starts:
+            raise ValueError("teeth must be a multiple of starts, so that the error closes after a turn of the table")
+        return self
+
+
+class Wear(CellSection):
+    """A guide worn at one place: a smooth hollow ``depth`` deep at its middle ``at`` and ``length`` long (mm).
+
+    -depth (1 + cos(2 pi (q - at) / length)) / 2 within it, nothing outside.
+    """
+
+    kind: Literal["wear"]
+    at: float
+    length: float = Field(gt=0)
+    depth: float
+
+
 class SeededCurve(CellSection):
     """A random smooth curve of this greatest size; ``waves`` is how many go into the travel or turn."""
 
@@ -90,8 +133,27 @@ class SeededCurve(CellSection):
     waves: float = Field(default=3.0, gt=0)
 
 
-Term = Annotated[Constant | PolynomialTerm | Harmonic | TableTerm | Step | SeededCurve, Field(discriminator="kind")]
+Term = Annotated[
+    Constant | PolynomialTerm | Harmonic | TableTerm | Step | Screw | Worm | Wear | SeededCurve,
+    Field(discriminator="kind"),
+]
 Terms = tuple[Term, ...]
+
+
+class DriftSection(CellSection):
+    """How a zero or a location moves, in um or arcsec: by the hour, by temperature, while it warms up, and in waves.
+
+    per_h h + per_k (material - 20 degC) + warm_up (1 - exp(-h / warm_up_h)) + wave sin(2 pi h / wave_h), h the hours
+    of the cell's clock; ``per_h`` turns back after half a day, as every steady drift of a cell does.
+    """
+
+    per_h: float = 0.0
+    per_k: float = 0.0
+    warm_up: float = 0.0
+    warm_up_h: float = Field(default=1.0, gt=0)
+    wave: float = 0.0
+    wave_h: float = Field(default=1.0, gt=0)
+
 
 PointNumber = Annotated[int, Field(ge=0, le=4999)]
 

@@ -8,7 +8,7 @@ them e is smooth in time, so the least value is the vertex of a parabola through
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,10 @@ class Poses:
     def part(self, which: slice | NDArray[np.bool_]) -> Poses:
         """Some of them."""
         return Poses(self.times[which], self.rotation[which], self.origin[which], self.shift[which])
+
+    def moved(self, along_mm: float) -> Poses:
+        """The same with the dressed profile moved along the wheel's axis."""
+        return replace(self, shift=self.shift + along_mm) if along_mm else self
 
 
 def deepest(body: WheelBody, poses: Poses, rays: Rays) -> FloatArray:

@@ -23,7 +23,7 @@ from simulators.truth.chain import Pose, still
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
-LONGEST_LOOK_S = 20.0
+LONGEST_LOOK_S = 6.0  # what drifts is taken to stand still so long
 BEYOND_MM = 0.1
 
 
@@ -37,6 +37,7 @@ class Grinder:
         self._lobes = Lobes(part.gear)
         distance = part.grinding.centre_distance_mm
         self._body = WheelBody(self._lobes, distance, wheel.radius_um * UM)
+        self._worn = [self._body]
         tilt = (wheel.tilt_arcsec[0] * ARCSEC, 0.0, wheel.tilt_arcsec[1] * ARCSEC)
         self._seat = still((wheel.offset_um[0] * UM, wheel.offset_um[1] * UM, wheel.offset_um[2] * UM), tilt)
         self._watcher = AxisWatcher(bench)
@@ -132,7 +133,19 @@ class Grinder:
         spaces = np.mod(np.rint(towards / pitch), work.spec.gear.zc).astype(int)
         swell = work.spec.expansion_ppm_per_k * 1e-6 * (truth.climate.true(t).material_degc - 20.0)
         for stretch in passes(times, poses.origin[:, 2], spaces):
-            work.cut(Pass(int(spaces[stretch.start]), self._body, poses.part(stretch), swell))
+            space = int(spaces[stretch.start])
+            place = work.place_of(space)
+            cut = poses.part(stretch).moved(self._wheel.wear_side_um * UM * place)
+            work.cut(Pass(space, self._worn_body(place), cut, swell))
+
+    def _worn_body(self, place: int) -> WheelBody:
+        """The wheel after so many spaces since it was dressed."""
+        if not self._wheel.wear_um:
+            return self._body
+        while len(self._worn) <= place:
+            left = self._wheel.radius_um - self._wheel.wear_um * len(self._worn)
+            self._worn.append(WheelBody(self._lobes, self._part.grinding.centre_distance_mm, left * UM))
+        return self._worn[place]
 
     def _relative(self, work: WorkPiece, frames: dict[str, Pose], times: FloatArray) -> Poses:
         """The wheel in the work's frame."""
@@ -153,5 +166,5 @@ class Grinder:
 
 
 def _picked(motion: AxisMotion, which: BoolArray) -> AxisMotion:
-    parts = (motion.position, motion.direction, motion.windup)
+    parts = (motion.position, motion.direction, motion.windup, motion.scatter)
     return AxisMotion(*(part if len(part) == 1 else part[which] for part in parts))

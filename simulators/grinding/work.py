@@ -54,6 +54,11 @@ class WorkPiece:
         """Spaces the wheel has been in."""
         return tuple(sorted(self._passes))
 
+    def place_of(self, space: int) -> int:
+        """How many other spaces were ground before this one."""
+        known = list(self._passes)
+        return known.index(space) if space in self._passes else len(known)
+
     @property
     def passes(self) -> int:
         """How many times the wheel went through a space so far."""

@@ -4,19 +4,28 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from simulators.modbus.registers import DINT_HIGH, DINT_LOW
+from simulators.modbus.target import (
+    BACKLASH_KIND,
+    CEC,
+    EEC,
+    INEXPRESSIBLE,
+    NCK_REFUSED,
+    PROTECTED,
+    RANGE,
+    TEMPERATURE,
+    TIME_OVER,
+    TOO_MANY,
+    UNKNOWN,
+    Parameters,
+    PlcFault,
+    Target,
+)
 from simulators.nck.control import Nck, NckRefusal
 from simulators.nck.spec import AxisSpec
-
-EEC, CEC, BACKLASH_KIND, TEMPERATURE = 1, 2, 3, 4
-NO_CRC, OUT_OF_ORDER, LENGTH, RANGE, NOT_RELEASED, NOT_IN_RESET, PROTECTED, TOO_MANY, UNKNOWN = range(1, 10)
-DIFFERS, NCK_REFUSED, TIME_OVER, NO_SESSION, TAKEN = range(10, 15)
-
-INEXPRESSIBLE = 1 << 15
 
 _POSITION = {False: 1e4, True: 1e6}  # 0.1 um, 1e-6 deg
 _VALUE = {False: 1e6, True: 1e7}  # nm, 1e-7 deg
@@ -24,43 +33,6 @@ _SLOPE = 1e9
 _MOST_TABLES = 62
 _TEMPERATURE_NAMES = ("$SA_TEMP_COMP_ABS_VALUE", "$SA_TEMP_COMP_SLOPE", "$SA_TEMP_COMP_REF_POSITION")
 _ALARM_ERRORS = {17070: PROTECTED, 17180: PROTECTED, 17030: TOO_MANY}
-
-
-class PlcFault(Exception):
-    """A command ends with this error code and detail."""
-
-    def __init__(self, code: int, detail: int = 0) -> None:
-        super().__init__(code, detail)
-        self.code = code
-        self.detail = detail
-
-
-@dataclass(frozen=True, slots=True)
-class Target:
-    """One table or set of data: kind, axis number or table t, encoder, and the axis it is looked at by."""
-
-    kind: int
-    index: int
-    encoder: int
-    axis: int
-
-    @property
-    def table(self) -> tuple[int, int, int]:
-        """What identifies the table itself."""
-        return (self.kind, self.index, self.encoder if self.kind != CEC else 0)
-
-
-@dataclass(frozen=True, slots=True)
-class Parameters:
-    """A table's parameters in mailbox units; ``flags`` as register 356, axes by number (0: none yet)."""
-
-    flags: int
-    minimum: int
-    step: int
-    maximum: int
-    input_axis: int
-    output_axis: int
-    factor: int
 
 
 @contextlib.contextmanager
@@ -242,31 +214,46 @@ class NckAccess:
     # -- switches ----------------------------------------------------------------------------------
 
     def switches(self, target: Target) -> int:
-        """b0 EEC of axis and encoder, b1 CEC of the axis, b2 the CEC table."""
+        """b0 EEC of axis and encoder, b1 CEC of the axis, b2 the CEC table, b3 a backlash that is not 0."""
         name = self._name(target)
         eec = bool(self._nck.get(f"$MA_ENC_COMP_ENABLE[{target.encoder},{name}]"))
         cec = bool(self._nck.get(f"$MA_CEC_ENABLE[{name}]"))
         table = target.kind == CEC and bool(self._nck.get(f"$SN_CEC_TABLE_ENABLE[{target.index}]"))
-        return eec | cec << 1 | table << 2
+        return eec | cec << 1 | table << 2 | bool(self.backlash(target)) << 3
 
     def is_off(self, target: Target) -> bool:
         """Whether the table may be written: no switch of it is on, for CEC neither its own nor an output axis's."""
         if target.kind == EEC:
             return not self.switches(target) & 1
+        if target.kind == BACKLASH_KIND:
+            return not self.backlash(target)
         axes = {target.axis, self._axis_number(target, "OUTPUT_AXIS")} - {0}
         table = bool(self._nck.get(f"$SN_CEC_TABLE_ENABLE[{target.index}]"))
         return not table and not any(self._nck.get(f"$MA_CEC_ENABLE[{self.axis(number).name}]") for number in axes)
 
-    def switch(self, target: Target, *, on: bool, axis_alone: bool = False) -> None:
-        """Switch a table and let it act (NEWCONF). Raises PlcFault (11)."""
+    def switch(self, target: Target, *, on: bool, axis_alone: bool = False, table_alone: bool = False) -> None:
+        """Switch a table; it acts with `let_act`. Raises PlcFault (11)."""
         name = self._name(target)
         with _talking():
             if target.kind == EEC:
                 self._write(f"$MA_ENC_COMP_ENABLE[{target.encoder},{name}]", on)
-            else:
-                if not axis_alone:
-                    self._switch_table(target.index, on)
+                return
+            if not axis_alone:
+                self._switch_table(target.index, on)
+            if not table_alone:
                 self._write(f"$MA_CEC_ENABLE[{name}]", on)
+
+    def set_backlash(self, target: Target, value: int) -> None:
+        """MD32450 of an axis and measuring system, in value units. Raises PlcFault (11)."""
+        self.put_point(target, 0, value)
+
+    def backlash(self, target: Target) -> int:
+        """MD32450 of an axis and measuring system, in value units."""
+        return self.value(f"$MA_BACKLASH[{target.encoder},", target.axis)
+
+    def let_act(self) -> None:
+        """NEWCONF. Raises PlcFault (11)."""
+        with _talking():
             self._nck.core.newconf()
 
     def _switch_table(self, table: int, on: bool) -> None:
@@ -281,6 +268,18 @@ class NckAccess:
         spec = self.axis(axis)
         plain = float(self._nck.get(f"{name}{spec.name}]"))
         return min(max(round(plain * (_POSITION if position else _VALUE)[spec.rotary]), DINT_LOW), DINT_HIGH)
+
+    def encoders(self, axis: int) -> int:
+        """MD30200: how many measuring systems the axis has."""
+        return self._number(f"$MA_NUM_ENCS[{self.axis(axis).name}]")
+
+    def acts_by(self, axis: int, encoder: int) -> bool:
+        """Whether the axis is controlled by this measuring system now."""
+        return self._nck.core.axis(self.axis(axis).name).active_encoder == encoder
+
+    def backlash_factor(self, axis: int) -> int:
+        """MD32452 of the first parameter set, times 1 000 000."""
+        return round(float(self._nck.get(f"$MA_BACKLASH_FACTOR[0,{self.axis(axis).name}]")) * 1e6)
 
     def weight(self, target: Target) -> int:
         """SD41310 of a CEC table times 1 000 000, 0 for other kinds."""

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 from simulators.modbus import registers as r
-from simulators.modbus.access import (
+from simulators.modbus.access import NckAccess
+from simulators.modbus.plcstate import Load, PlcDesk
+from simulators.modbus.registers import PlcCommand
+from simulators.modbus.target import (
+    BACKLASH_KIND,
     CEC,
     EEC,
     NOT_IN_RESET,
@@ -12,12 +16,9 @@ from simulators.modbus.access import (
     PROTECTED,
     RANGE,
     UNKNOWN,
-    NckAccess,
     PlcFault,
     Target,
 )
-from simulators.modbus.plcstate import Load, PlcDesk
-from simulators.modbus.registers import PlcCommand
 
 
 class Checks:
@@ -38,9 +39,13 @@ class Checks:
 
     def check_machine(self, *, no_alarm: bool = False) -> None:
         """Released, in reset, standing. Raises PlcFault (5, 6)."""
-        access = self._access
-        if not self._desk.released:
+        if not self._desk.release.counts:
             raise PlcFault(NOT_RELEASED)
+        self.check_rest(no_alarm=no_alarm)
+
+    def check_rest(self, *, no_alarm: bool = False) -> None:
+        """In reset, standing. Raises PlcFault (6)."""
+        access = self._access
         alarm = access.first_alarm
         if not access.in_reset or not access.standstill or (no_alarm and alarm):
             raise PlcFault(NOT_IN_RESET, alarm)
@@ -56,6 +61,9 @@ class Checks:
             self._access.axis(command[r.INPUT])
         flags = command[r.FLAGS]
         cross = target.kind == CEC
+        if target.kind == BACKLASH_KIND:
+            _check_backlash(command)
+            return
         zero = () if cross else (r.INPUT, r.OUTPUT, r.FACTOR)
         bad_flags = flags >> 1 & 3 == 3 or flags >> 4 if cross else flags >> 1
         factor = command[r.FACTOR] > self._access.tables
@@ -63,7 +71,7 @@ class Checks:
         problems = (
             (bool(bad_flags), r.FLAGS),
             (command.step <= 0, r.STEP),
-            (span != command.step * (command[r.TOTAL] - 1), r.MAXIMUM),
+            (not 0 <= span - command.step * (command[r.TOTAL] - 1) < command.step, r.MAXIMUM),
             (command[r.TOTAL] < 2, r.TOTAL),
             *((command[address] != 0, address) for address in zero),
             (factor, r.FACTOR),
@@ -72,7 +80,7 @@ class Checks:
             if wrong:
                 raise PlcFault(RANGE, address)
 
-    def check_load(self, command: PlcCommand, kinds: tuple[int, ...] = (EEC, CEC)) -> Load:
+    def check_load(self, command: PlcCommand, kinds: tuple[int, ...] = (EEC, CEC, BACKLASH_KIND)) -> Load:
         """The load that chunk and verify go on with, other parameters refused (4)."""
         load = self._desk.load
         if load is None:
@@ -82,3 +90,12 @@ class Checks:
         if other is not None:
             raise PlcFault(RANGE, other)
         return load
+
+
+def _check_backlash(command: PlcCommand) -> None:
+    """One value without a grid. Raises PlcFault (4 with the register's address)."""
+    zero = (r.FLAGS, r.MINIMUM, r.STEP, r.MAXIMUM, r.TOTAL, r.INPUT, r.OUTPUT, r.FACTOR)
+    found = (command[r.FLAGS], command.minimum, command.step, command.maximum, command[r.TOTAL] - 1)
+    for address, value in zip(zero, (*found, *(command[place] for place in zero[5:])), strict=True):
+        if value:
+            raise PlcFault(RANGE, address)

@@ -5,7 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from simulators.modbus import registers as r
-from simulators.modbus.access import (
+from simulators.modbus.access import NckAccess
+from simulators.modbus.checks import Checks
+from simulators.modbus.loading import Loading
+from simulators.modbus.plcstate import PlcDesk, Work
+from simulators.modbus.registers import PlcCommand
+from simulators.modbus.switching import LOOK_S, PlcSwitching
+from simulators.modbus.target import (
     BACKLASH_KIND,
     CEC,
     EEC,
@@ -13,22 +19,19 @@ from simulators.modbus.access import (
     NO_CRC,
     NO_SESSION,
     NOT_IN_RESET,
+    NOT_RELEASED,
     OUT_OF_ORDER,
     RANGE,
     TAKEN,
     TEMPERATURE,
     UNKNOWN,
-    NckAccess,
     PlcFault,
+    Target,
 )
-from simulators.modbus.checks import Checks
-from simulators.modbus.loading import Loading
-from simulators.modbus.plcstate import PlcDesk, Work
-from simulators.modbus.registers import PlcCommand
-from simulators.modbus.switching import LOOK_S, PlcSwitching
 
 OPEN, BEGIN, CHUNK, VERIFY, ACTIVATE, DISABLE, READ_BACK, ABORT, CLOSE, SET_MARKER, SELECT = range(1, 12)
-SELECTING = frozenset({BEGIN, CHUNK, VERIFY, ACTIVATE, DISABLE, READ_BACK, SELECT})
+SELECTING = frozenset({BEGIN, CHUNK, VERIFY, READ_BACK, SELECT})
+WITH_DATA = frozenset({CHUNK, ACTIVATE, DISABLE, SET_MARKER})
 _WITHOUT_SESSION = frozenset({OPEN, SELECT})
 _ALARM = 700016  # a user alarm of the PLC
 
@@ -40,7 +43,8 @@ class PlcCommands:
         self._desk = desk
         self._access = access
         self.checks = Checks(desk, access)
-        loading, switching = Loading(desk, access, self.checks), PlcSwitching(desk, access, self.checks)
+        loading = Loading(desk, access, self.checks)
+        self._switching = switching = PlcSwitching(desk, access, self.checks)
         self._works: dict[int, Callable[[PlcCommand], Work]] = {
             OPEN: self._open,
             BEGIN: loading.begin,
@@ -70,9 +74,16 @@ class PlcCommands:
         yield from self._troubled(code)
         yield from self._works[code](command)
 
+    def selected_by(self, command: PlcCommand) -> Target | None:
+        """What a command that was done selects: the table that it named, the last one of several, or nothing."""
+        code = command[r.COMMAND]
+        if code in (ACTIVATE, DISABLE):
+            return self._switching.entries(command)[-1].target
+        return self.checks.target(command, (command[r.KIND],)) if code in SELECTING else None
+
     def _covered(self, command: PlcCommand) -> tuple[int, ...]:
         code = command[r.COMMAND]
-        if code in (CHUNK, SET_MARKER):
+        if code in WITH_DATA:
             return command.head + command.data
         load = self._desk.load
         return command.head + tuple(load.words) if code == VERIFY and load is not None else command.head
@@ -117,8 +128,11 @@ class PlcCommands:
         state = command.data[8]
         if state > 3:
             raise PlcFault(RANGE, r.DATA + 8)
+        if not self._desk.release.was_given:
+            raise PlcFault(NOT_RELEASED)
         self._desk.memory.marker = command.data[:8]
         self._desk.memory.marker_state = state
+        self._desk.memory.marker_head = command.data[9:13]
         yield from ()
 
     def _select(self, command: PlcCommand) -> Work:

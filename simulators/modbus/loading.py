@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 from simulators.modbus import registers as r
-from simulators.modbus.access import (
+from simulators.modbus.access import NckAccess
+from simulators.modbus.checks import Checks
+from simulators.modbus.plcstate import Load, PlcDesk, PlcPowerCut, Work
+from simulators.modbus.registers import PlcCommand
+from simulators.modbus.target import (
     BACKLASH_KIND,
     CEC,
     DIFFERS,
@@ -12,14 +16,10 @@ from simulators.modbus.access import (
     NOT_IN_RESET,
     TEMPERATURE,
     TOO_MANY,
-    NckAccess,
     Parameters,
     PlcFault,
     Target,
 )
-from simulators.modbus.checks import Checks
-from simulators.modbus.plcstate import Load, PlcDesk, PlcPowerCut, Work
-from simulators.modbus.registers import PlcCommand
 
 PARAMETERS_DIFFER = 65535
 
@@ -34,7 +34,7 @@ class Loading:
 
     def begin(self, command: PlcCommand) -> Work:
         """Command 2."""
-        target = self._checks.target(command, (EEC, CEC))
+        target = self._checks.target(command, (EEC, CEC, BACKLASH_KIND))
         self._checks.check_parameters(command, target)
         self._checks.check_machine()
         self._checks.check_off(target)
@@ -42,6 +42,7 @@ class Loading:
         if command[r.TOTAL] > reserved:
             raise PlcFault(TOO_MANY, reserved)
         self._desk.memory.half.add(target.table)
+        self._desk.backlash.pop(target.table, None)
         self._desk.load = Load(command, target)
         yield from ()
 
@@ -74,6 +75,10 @@ class Loading:
             raise PlcFault(LENGTH, stored)
         self._checks.check_machine()
         self._checks.check_off(load.target)
+        if load.target.kind == BACKLASH_KIND:
+            self._desk.backlash[load.target.table] = load.values[0]  # written when it is switched on
+            self._loaded(load)
+            return
         wanted = _parameters_of(command, load.target)
         first = self._desk.settings.parameters_first
         if first:
@@ -84,6 +89,9 @@ class Loading:
         yield self._desk.settings.scan_s
         if not self._desk.settings.careless:
             yield from self._compare(load, wanted)
+        self._loaded(load)
+
+    def _loaded(self, load: Load) -> None:
         self._desk.memory.half.discard(load.target.table)
         self._desk.load = None
         self._desk.loads_done += 1

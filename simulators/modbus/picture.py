@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from simulators.modbus import registers as r
-from simulators.modbus.access import CEC, EEC, NckAccess, Target
+from simulators.modbus.access import NckAccess
+from simulators.modbus.target import BACKLASH_KIND, CEC, EEC, Target
 
 READY, BUSY, DONE, FAILED, IN_RESET, STANDSTILL, REFERENCED, RELEASED = (1 << bit for bit in range(8))
-ALARM, EEC_ON, CEC_ON, MAY_WRITE, WAITING = (1 << bit for bit in range(8, 13))
-RELEASED_LEVEL = 4  # key switch position 3
+ALARM, EEC_ON, CEC_ON, MAY_WRITE, WAITING, STALE = (1 << bit for bit in range(8, 14))
 _MODES = {"JOG": 0, "MDA": 1, "AUTO": 2}
 _NEEDED = READY | IN_RESET | STANDSTILL | RELEASED
 
@@ -43,7 +43,7 @@ class PlcPicture:
         found = EEC_ON if switches & 1 else 0
         if target.kind == CEC and switches & 2 and switches & 4:
             found |= CEC_ON
-        may = target.kind in (EEC, CEC) and bits & _NEEDED == _NEEDED and self._is_off(target)
+        may = target.kind in (EEC, CEC, BACKLASH_KIND) and bits & _NEEDED == _NEEDED and self._is_off(target)
         return found | (MAY_WRITE if may else 0)
 
     def show_machine(self, image: r.Image) -> None:
@@ -56,10 +56,16 @@ class PlcPicture:
         image.put(r.AXES, (max(access.axes), access.tables))
         image.put_dint(r.ALARM, access.first_alarm)
         image.words[r.MODE] = _MODES.get(nck.mode, 255)
+        image.put_dint(r.AXIS_MAP, sum(1 << (number - 1) for number in access.axes))
 
     def show_selection(self, image: r.Image, target: Target | None) -> None:
         """Registers of the selected axis and table; all 0 while nothing is selected."""
-        for first, behind in ((r.POSITION, r.UNITS), (r.AXIS_NAME, r.MARKER), (r.SELECTED, r.ALARM)):
+        for first, behind in (
+            (r.POSITION, r.UNITS),
+            (r.AXIS_NAME, r.MARKER),
+            (r.SELECTED, r.ALARM),
+            (r.ENCODERS, r.SIZE),
+        ):
             image.put(first, [0] * (behind - first))
         if target is None:
             return
@@ -77,12 +83,15 @@ class PlcPicture:
         image.put(r.AXIS_NAME, r.text_words(spec.name, 8))
         image.put(r.SELECTED, (target.kind, target.index, target.encoder, axis))
         referenced = access.referenced_by(axis, target.encoder)
-        facts = (spec.rotary, spec.modulo, referenced, view.aa_stat == 4, access.stands(axis))
+        acting = (access.acts_by(axis, encoder) for encoder in (0, 1))
+        facts = (spec.rotary, spec.modulo, referenced, view.aa_stat == 4, access.stands(axis), *acting)
         image.words[r.AXIS_BITS] = sum(1 << bit for bit, holds in enumerate(facts) if holds)
         image.words[r.SWITCHES] = self._switches(target)
         image.put_dint(r.EEC_ACTING, eec)
         image.put_dint(r.CEC_ACTING, cec)
-        image.put_dint(r.BACKLASH, access.value(f"$MA_BACKLASH[{target.encoder},", axis))
+        image.put_dint(r.BACKLASH, access.backlash(target))
+        image.words[r.ENCODERS] = access.encoders(axis)
+        image.put_dint(r.BACKLASH_FACTOR, access.backlash_factor(axis))
 
     def _show_table(self, image: r.Image, target: Target) -> None:
         found = self._access.parameters(target)

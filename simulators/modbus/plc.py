@@ -9,13 +9,15 @@ from typing import Any
 
 from drivers.clock import Clock
 from simulators.modbus import registers as r
-from simulators.modbus.access import CEC, NO_SESSION, NckAccess, PlcFault, Target
-from simulators.modbus.commands import SELECT, SELECTING, PlcCommands
+from simulators.modbus.access import NckAccess
+from simulators.modbus.commands import SELECT, PlcCommands
 from simulators.modbus.pdu import DEVICE_FAILURE, ILLEGAL_ADDRESS, PduRefused, Unanswered
-from simulators.modbus.picture import BUSY, DONE, FAILED, RELEASED_LEVEL, WAITING, PlcPicture
+from simulators.modbus.picture import BUSY, DONE, FAILED, STALE, WAITING, PlcPicture
 from simulators.modbus.plcstate import Load, PlcPowerCut, Retentive, Work
 from simulators.modbus.registers import Image, PlcCommand
+from simulators.modbus.release import PlcRelease
 from simulators.modbus.switches import PlcSettings
+from simulators.modbus.target import CEC, EEC, NO_SESSION, PlcFault, Target
 from simulators.nck.control import Nck
 from simulators.nck.whims import Forgotten
 
@@ -29,8 +31,9 @@ class Plc:
     def __init__(self, nck: Nck, clock: Clock, settings: PlcSettings) -> None:
         self.settings = settings
         self.memory = Retentive()
-        self.local_release = False
+        self.release = PlcRelease(clock)
         self.on_power_cut: Callable[[], None] = lambda: None
+        self.on_session: Callable[[], None] = lambda: None
         self._clock = clock
         self.nck = nck
         self._access = NckAccess(nck, settings.write_level)
@@ -50,13 +53,13 @@ class Plc:
         self.load: Load | None = None
         self.waiting = self.confirmed = False
         self.lied: set[tuple[int, int, int]] = set()
+        self.backlash: dict[tuple[int, int, int], int] = {}
+        self.release.begin(0)
         self._selected: Target | None = None
         self._state = self._taken = 0
         self._job: tuple[asyncio.Task[None], Work] | None = None
         self._evaluating = False
         self._started_s = self._beat_s = now_s
-
-    # -- life --------------------------------------------------------------------------------------
 
     def power_on(self) -> None:
         """Start the program; what is retentive is there again."""
@@ -81,7 +84,7 @@ class Plc:
 
     def change(self, **options: Any) -> None:
         """Another set-up or another fault from now on; names as in the cell file. Raises ConfigError."""
-        self.settings = PlcSettings.of({**_plain(self.settings), **options})
+        self.settings = self.settings.changed(options)
         self.image.low_first = self.settings.low_first
 
     def _spawn(self, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
@@ -98,11 +101,6 @@ class Plc:
 
     # -- the panel and the key ---------------------------------------------------------------------
 
-    @property
-    def released(self) -> bool:
-        """Key switch at 3 (or a password above it), or the local release at the panel."""
-        return self.nck.access_level <= RELEASED_LEVEL or self.local_release
-
     def confirm(self) -> bool:
         """The button at the panel, pressed now; False when nothing waits for it."""
         if not self.waiting or self.settings.confirm_dead:
@@ -111,9 +109,8 @@ class Plc:
         return True
 
     def turn_key_back(self) -> None:
-        """The key goes to 0 and the local release with it."""
-        self.nck.set_access_level(7)
-        self.local_release = False
+        """The person takes the release back."""
+        self.release.set(False)
 
     # -- what the commands ask ---------------------------------------------------------------------
 
@@ -124,7 +121,7 @@ class Plc:
     def switches(self, target: Target) -> int:
         """The switch bits as the PLC shows them."""
         bits = self._access.switches(target)
-        return bits & ~(6 if target.kind == CEC else 1) if target.table in self.lied else bits
+        return bits & ~{EEC: 1, CEC: 6}.get(target.kind, 8) if target.table in self.lied else bits
 
     def is_off(self, target: Target) -> bool:
         """Whether the PLC takes the table for off."""
@@ -148,16 +145,20 @@ class Plc:
         if not self.nck.booting:
             self.nck.core.whim("enable")
             self._access.switch(target, on=True)
+            self._access.let_act()
 
     def open_session(self, number: int) -> None:
         """A session begins, and the watch over register 15 with it."""
         self.session = number
         self._beat_s = self.now()
+        self.release.begin(number)
         self._spawn(self._watch(number))
+        self.on_session()
 
     def close_session(self) -> None:
         """The session ends; nothing is switched."""
         self.session = 0
+        self.release.begin(0)
         self.load = None
 
     async def _watch(self, number: int) -> None:
@@ -251,8 +252,7 @@ class Plc:
             self.settings = dataclasses.replace(self.settings, power_cut_after=0)
             self.on_power_cut()
         else:
-            if command[r.COMMAND] in SELECTING:
-                self._selected = self._commands.checks.target(command, (command[r.KIND],))
+            self._selected = self._commands.selected_by(command) or self._selected
             self._set_result(DONE, 0, 0)
 
     def _end_job(self) -> None:
@@ -281,8 +281,9 @@ class Plc:
     def _show_head(self) -> None:
         image, settings = self.image, self.settings
         since_s = 0.0 if settings.stale_heartbeat else self.now() - self._started_s
-        bits = self._picture.machine_bits(self.released)
+        bits = self._picture.machine_bits(self.release.counts)
         bits |= self._picture.table_bits(self._selected, bits) | self._state | (WAITING if self.waiting else 0)
+        bits |= STALE if self.release.on and not self.release.counts else 0
         image.put(r.MAGIC, (r.MAGIC_WORD, settings.map_version))
         image.put_dint(r.ORDER_TEST, r.ORDER_WORD)
         image.put(r.HEARTBEAT, (int(since_s) & 0xFFFF, bits, self._taken))
@@ -294,7 +295,5 @@ class Plc:
         self._picture.show_machine(self.image)
         self._picture.show_selection(self.image, self._selected)
         self.image.put(r.MARKER, (*self.memory.marker, self.memory.marker_state))
-
-
-def _plain(settings: PlcSettings) -> dict[str, Any]:
-    return {entry.name: getattr(settings, entry.name) for entry in dataclasses.fields(settings)}
+        self.image.put(r.MARKER_HEAD, self.memory.marker_head)
+        self.image.words[r.RELEASE_LEFT] = self.release.left_s

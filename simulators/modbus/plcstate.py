@@ -6,9 +6,10 @@ from collections.abc import Generator
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from simulators.modbus.access import Target
 from simulators.modbus.registers import Image, PlcCommand
+from simulators.modbus.release import PlcRelease
 from simulators.modbus.switches import PlcSettings
+from simulators.modbus.target import Target
 from simulators.nck.whims import Forgotten
 
 # A command gives the seconds until it is called again, and ends by returning or by PlcFault.
@@ -36,6 +37,7 @@ class Retentive:
 
     marker: tuple[int, ...] = (0,) * 8
     marker_state: int = 0
+    marker_head: tuple[int, ...] = (0,) * 4
     half: set[tuple[int, int, int]] = field(default_factory=set)
 
 
@@ -52,17 +54,15 @@ class PlcDesk(Protocol):
     lied: set[tuple[int, int, int]]
     loads_done: int
 
-    @property
-    def released(self) -> bool:
-        """Key switch or local release."""
-        ...
+    backlash: dict[tuple[int, int, int], int]
+    release: PlcRelease
 
     def now(self) -> float:
         """Seconds of the PLC's clock."""
         ...
 
     def turn_key_back(self) -> None:
-        """The key goes to 0 and the local release with it."""
+        """The person takes the release back."""
         ...
 
     def open_session(self, number: int) -> None:

@@ -7,7 +7,7 @@ import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-SIZE = 378
+SIZE = 388
 MAGIC, VERSION, ORDER_TEST, HEARTBEAT, STATUS, TAKEN, ERROR, DETAIL = 0, 1, 2, 4, 5, 6, 7, 8
 RESERVED, STORED, COMMAND_CRC, SESSION, PC_HEARTBEAT = 10, 11, 12, 14, 15
 COMMAND, NUMBER, KIND, INDEX, ENCODER, FLAGS, MINIMUM, STEP, MAXIMUM = 16, 17, 18, 19, 20, 21, 22, 24, 26
@@ -16,10 +16,12 @@ DATA_END, READ_BACK, READ_BACK_CRC = 136, 200, 300
 LIVE, POSITION, ACTING, UNITS, LEVEL, SERIAL, NCK_VERSION, AXIS_NAME = 302, 302, 304, 306, 307, 308, 324, 332
 MARKER, MARKER_STATE, AXES, TABLES, SELECTED, AXIS_BITS = 340, 348, 349, 350, 351, 355
 TABLE_FLAGS, SWITCHES, WEIGHT, EEC_ACTING, CEC_ACTING, BACKLASH, ALARM, MODE = 356, 366, 367, 369, 371, 373, 375, 377
+AXIS_MAP, MARKER_HEAD, RELEASE_LEFT, ENCODERS, BACKLASH_FACTOR = 378, 380, 384, 385, 386
 WRITABLE = range(PC_HEARTBEAT, DATA_END)
 
 MAGIC_WORD, ORDER_WORD = 0x4743, 0x12345678
 MOST_POINTS = 50
+ENTRY, MOST_ENTRIES = 5, 20
 DINT_LOW, DINT_HIGH = -(1 << 31), (1 << 31) - 1
 
 
@@ -48,7 +50,7 @@ def crc_of(words: Sequence[int]) -> int:
 
 
 class Image:
-    """The process image: 378 words; everything the PLC program reads or sets goes through here."""
+    """The process image: 388 words; everything the PLC program reads or sets goes through here."""
 
     def __init__(self, low_first: bool) -> None:
         self.low_first = low_first

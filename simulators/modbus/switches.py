@@ -26,8 +26,8 @@ class PlcSettings:
     ``lies_about_disable`` says off and leaves it on; ``float32_values`` and ``quantum_points`` (nm or 1e-7 deg)
     coarsen points on their way to the NCK, unnoticed; ``accepts_wrong_length``: error 3 does not exist;
     ``lose_points`` the last so many of each chunk keep what the NCK held before; ``careless``: command 4 does not
-    compare; ``busy_forever`` that command never ends; ``key_back`` the key is turned to 0 between the panel's
-    confirm and the switching; ``alarm_during`` raises an alarm while that command is under way;
+    compare; ``busy_forever`` that command never ends; ``key_back`` the release is taken back between the
+    panel's confirm and the switching; ``alarm_during`` raises an alarm while that command is under way;
     ``power_cut_after`` points have gone into the NCK in command 4: the mains fail, once; ``overwrites`` pairs of
     register and value that the PLC program sets in every cycle; ``second_master`` after so many commands, once,
     another PC puts one of its own; ``nck_refuses`` that command ends with error 11 and ``nck_result``;
@@ -53,7 +53,7 @@ class PlcSettings:
     parameters_first: bool = False
     swap_words: bool = False
     swap_data_words: bool = False
-    map_version: int = 2
+    map_version: int = 3
     stale_heartbeat: bool = False
     wrong_read_back_crc: bool = False
     late_command: int = 0
@@ -89,6 +89,10 @@ class PlcSettings:
             _check(key, value, kinds[key].default)
         pairs = {"overwrites": tuple((int(a), int(b)) for a, b in given["overwrites"])} if "overwrites" in given else {}
         return cls(**(dict(given) | pairs))
+
+    def changed(self, options: Mapping[str, Any]) -> PlcSettings:
+        """The same with other values for some. Raises as `of`."""
+        return PlcSettings.of({**{entry.name: getattr(self, entry.name) for entry in fields(self)}, **options})
 
     @property
     def low_first(self) -> bool:

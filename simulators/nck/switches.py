@@ -24,6 +24,8 @@ OPEN: dict[str, tuple[Choice, ...]] = {
     "fetch_while_waiting": (True, False),
     "r_writable": (True, False),
     "backlash_reacts_to_cec": (True, False),
+    "backlash_sign": (1, -1),
+    "backlash_activation": ("newconf", "nck_reset"),
     "shortened_max_is_stored": (False, True),
     "enable_cleared_at_boot": (False, True),
     "encoder_lead_shared": (True, False),
@@ -55,6 +57,8 @@ class Switches:
         axis of the plane.
         ``judges_programs``: what the printed rules of the language refuse is not run (alarm 12080); False only
         where the interpreter behind that gate is tried by itself.
+        ``backlash_sign`` -1: MD32450 acts the other way than its text says. ``backlash_activation`` "nck_reset": a new
+        value acts only from the next start on, whatever its class says.
         ``backlash_reacts_to_cec``: False: as if MD32454 bit 1 were always set.
         ``shortened_max_is_stored``: where memory ends before MAX, _MAX reads back shortened once it acts.
         ``enable_cleared_at_boot``: MD32700 and MD32710 are 0 after an NCK reset or power on.
@@ -108,6 +112,8 @@ class Switches:
     zero_offset_mm: float = 0.0
     tool_length_mm: float = 0.0
     backlash_reacts_to_cec: bool = True
+    backlash_sign: int = 1
+    backlash_activation: str = "newconf"
     shortened_max_is_stored: bool = False
     enable_cleared_at_boot: bool = False
     encoder_lead_shared: bool = True

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simulators.cellfile import CellFile, Setup
-from simulators.truth import AxisMotion, Hysteresis, Truth
+from simulators.truth import AxisMotion, Hysteresis, Scatter, Truth
 from simulators.truth.chain import Pose
 
 FloatArray = NDArray[np.float64]
@@ -43,6 +43,7 @@ class OpticsBench:
         self.broken: set[str] = set()
         self._mounted: dict[str, Mounting] = {}
         self._count = 0
+        self._watchers = 0
 
     @property
     def cell(self) -> CellFile:
@@ -64,6 +65,11 @@ class OpticsBench:
         """What this instrument is mounted for now."""
         return self._mounted.get(instrument)
 
+    def watcher(self) -> str:
+        """A name of its own for who follows the machine's axes from now on."""
+        self._watchers += 1
+        return f"watcher {self._watchers}"
+
     def stops_of_run(self, letter: str) -> int:
         """How many stops a run of this axis has, from its own measuring section: two outliers in each."""
         measure = self.cell.axis(letter).measure or {}
@@ -73,10 +79,12 @@ class OpticsBench:
 
 
 class AxisWatcher:
-    """Follows the machine's axes for one instrument and keeps their hysteresis and turns."""
+    """Follows the machine's axes for one instrument and keeps their hysteresis, turns and scatter."""
 
     def __init__(self, bench: OpticsBench) -> None:
         self._bench = bench
+        self._name = bench.watcher()
+        self._scatter: dict[str, Scatter] = {}
         self._hysteresis: dict[str, Hysteresis] = {}
         self._turns: dict[str, float] = {}
 
@@ -93,9 +101,18 @@ class AxisWatcher:
         if axis.kind == "rotary":
             position = self._unwrapped(letter, position)
         windup = self._windup(letter, position, direction)
-        if _constant(position) and _constant(direction) and _constant(windup):
-            return AxisMotion(position[:1], direction[:1], windup[:1])
-        return AxisMotion(position, direction, windup)
+        scatter = self._scattered(letter, position)
+        if all(_constant(part) for part in (position, direction, windup, scatter)):
+            return AxisMotion(position[:1], direction[:1], windup[:1], scatter[:1])
+        return AxisMotion(position, direction, windup, scatter)
+
+    def _scattered(self, letter: str, position: FloatArray) -> FloatArray:
+        size = self._bench.cell.axis(letter).scatter
+        if not size:
+            return np.zeros(1)
+        if letter not in self._scatter:
+            self._scatter[letter] = Scatter(size, self._bench.truth.seed, f"scatter {letter}", self._name)
+        return self._scatter[letter].follow(position)
 
     def _unwrapped(self, letter: str, position: FloatArray) -> FloatArray:
         last = self._turns.get(letter, float(position[0]))

@@ -143,7 +143,8 @@ def _same(before: dict[str, AxisMotion], now: dict[str, AxisMotion]) -> bool:
 def _stands(before: AxisMotion, now: AxisMotion) -> bool:
     if len(now.position) > 1 or abs(now.position[0] - before.position[0]) > SETTLED:
         return False
-    return bool(now.direction[0] == before.direction[0] and now.windup[0] == before.windup[0])
+    names = ("direction", "windup", "scatter")
+    return all(bool(getattr(now, name)[0] == getattr(before, name)[0]) for name in names)
 
 
 def watched(setup: Setup) -> str:

@@ -3,35 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
-from simulators.cellfile import CellAxis, CellFile
+from simulators.cellfile import CellAxis, CellFile, DriftSection
 from simulators.cellfile.terms import Terms
 from simulators.truth.chain import BED, FloatArray, Pose, rotation, slide, still, table
 from simulators.truth.climate import Climate, Weather
-from simulators.truth.drift import drifted_s
+from simulators.truth.drift import drifted, drifted_s
+from simulators.truth.motion import AxisMotion, Hysteresis, Scatter
 from simulators.truth.terms import Curve, curve, generator
 
-__all__ = ["AxisMotion", "Climate", "Hysteresis", "Truth", "Weather", "generator"]
+__all__ = ["AxisMotion", "Climate", "Hysteresis", "Scatter", "Truth", "Weather", "generator"]
 
 ARCSEC = np.pi / 180.0 / 3600.0
 UM = 1e-3
 DIRECTIONS = "XYZABC"
-
-
-@dataclass(frozen=True, slots=True)
-class AxisMotion:
-    """An axis over some samples: encoder position (n,) in mm or deg, its travel sense and its wind-up.
-
-    ``direction`` is +1 or -1, the last travel; ``windup`` runs from -1 to +1 as hysteresis builds up.
-    Arrays of length 1 stand for "all the time".
-    """
-
-    position: FloatArray
-    direction: FloatArray
-    windup: FloatArray
 
 
 class Truth:
@@ -45,11 +32,8 @@ class Truth:
         self.seed = cell.seed if seed is None else seed
         self.sign = -1.0 if flip else 1.0
         self._redraw = seed is not None and seed != cell.seed
-        self._curves = {
-            name: self._curve(terms, cell.axis(name[2]), name)
-            for name, terms in cell.truth.motions.items()
-            if any(axis.letter == name[2] for axis in cell.axes)
-        }
+        self._curves = self._named(cell.truth.motions, "")
+        self._ways = self._named(cell.truth.reversals, "reversal ")
         self._reversal: dict[str, Curve] = {
             a.letter: self._curve(a.reversal, a, f"reversal {a.letter}") for a in cell.axes
         }
@@ -59,6 +43,14 @@ class Truth:
 
     def _curve(self, terms: Terms, axis: CellAxis, name: str) -> Curve:
         return curve(terms, axis.travel, rotary=axis.kind == "rotary", seed=self.seed, name=name, redraw=self._redraw)
+
+    def _named(self, wanted: Mapping[str, Terms], kind: str) -> dict[str, Curve]:
+        letters = {axis.letter for axis in self.cell.axes}
+        return {
+            name: self._curve(terms, self.cell.axis(name[2]), f"{kind}{name}")
+            for name, terms in wanted.items()
+            if name[2] in letters
+        }
 
     def _located(self, name: str, value: float) -> float:
         drawn = float(generator(self.seed, name).uniform(-1.1, 1.1)) if self._redraw else 1.0
@@ -82,9 +74,21 @@ class Truth:
     def _turned(self, letter: str, position: FloatArray) -> FloatArray:
         return np.mod(position, 360.0) if self.cell.axis(letter).kind == "rotary" else position
 
-    def location(self, name: str) -> float:
-        """A location error such as B0Z, um or arcsec."""
-        return self._location.get(name, 0.0)
+    def way(self, name: str, motion: AxisMotion) -> FloatArray:
+        """What a motion such as EYX has of its way of travel: half the difference on + approach, minus half on -."""
+        found = self._ways.get(name)
+        if found is None:
+            return np.zeros(1)
+        return np.asarray(0.5 * self.sign * motion.direction * found(self._turned(name[2], motion.position)))
+
+    def location(self, name: str, t: float | None = None) -> float:
+        """A location error such as B0Z, um or arcsec: as the cell file has it, or as it is at time t (s)."""
+        moving = self.cell.truth.moving.get(name)
+        moved = 0.0 if moving is None or t is None else self.sign * self._drifted(moving, t)
+        return self._location.get(name, 0.0) + moved
+
+    def _drifted(self, drift: DriftSection, t: float) -> float:
+        return drifted(drift, t, self.climate.true(t).material_degc)
 
     def reversal(self, letter: str, motion: AxisMotion) -> FloatArray:
         """Half of B with the sense of travel, um or arcsec: + approach B/2, - approach -B/2."""
@@ -108,11 +112,13 @@ class Truth:
     def along(self, letter: str, motion: AxisMotion, t: float) -> FloatArray:
         """The axis' own deviation (EXX, EZZ, ECC, ...) with reversal and drift, um or arcsec."""
         axis = self.cell.axis(letter)
-        drift = self.sign * axis.drift_per_h * drifted_s(t) / 3600.0
-        return self.motion(f"E{letter}{letter}", motion.position) + self.reversal(letter, motion) + drift
+        drift = axis.drift_per_h * drifted_s(t) / 3600.0 + self._drifted(axis.drift, t)
+        own = self.motion(f"E{letter}{letter}", motion.position) + self.reversal(letter, motion)
+        return own + self.sign * drift + motion.scatter
 
     def _six(self, letter: str, motion: AxisMotion, t: float) -> tuple[FloatArray, FloatArray]:
-        rows = [self.motion(f"E{to}{letter}", motion.position) for to in DIRECTIONS]
+        names = [f"E{to}{letter}" for to in DIRECTIONS]
+        rows = [self.motion(name, motion.position) + self.way(name, motion) for name in names]
         rows[DIRECTIONS.index(letter)] = self.along(letter, motion, t)
         size = np.broadcast_shapes(*(row.shape for row in rows))
         six = np.stack([np.broadcast_to(row, size) for row in rows])
@@ -123,8 +129,8 @@ class Truth:
         warm = axis.expansion_ppm_per_k * 1e-6 * (self.climate.true(t).material_degc - 20.0)
         return position + (position - axis.thermal_origin) * warm
 
-    def _direction(self, letter: str, ideal: tuple[float, float, float]) -> FloatArray:
-        angles = np.asarray([[self.location(f"{about}0{letter}") * ARCSEC] for about in "ABC"])
+    def _direction(self, letter: str, ideal: tuple[float, float, float], t: float) -> FloatArray:
+        angles = np.asarray([[self.location(f"{about}0{letter}", t) * ARCSEC] for about in "ABC"])
         return np.asarray(rotation(angles)[0] @ np.asarray(ideal))
 
     def frames(self, motions: Mapping[str, AxisMotion], t: float) -> dict[str, Pose]:
@@ -134,41 +140,14 @@ class Truth:
             if letter in motions:
                 shift, tilt = self._six(letter, motions[letter], t)
                 q = self._expanded(letter, motions[letter].position, t)
-                frames[letter] = slide(q, self._direction(letter, ideal), shift, tilt)
+                frames[letter] = slide(q, self._direction(letter, ideal, t), shift, tilt)
         if "C" in motions:
             shift, tilt = self._six("C", motions["C"], t)
             turned = np.deg2rad(motions["C"].position)
-            frames["C"] = table(turned, frames["X"].then(self._seat()), shift, tilt)
+            frames["C"] = table(turned, frames["X"].then(self._seat(t)), shift, tilt)
         return frames
 
-    def _seat(self) -> Pose:
-        shift = tuple(self.location(f"{name}0C") * UM for name in "XYZ")
-        tilt = tuple(self.location(f"{name}0C") * ARCSEC for name in "ABC")
+    def _seat(self, t: float) -> Pose:
+        shift = tuple(self.location(f"{name}0C", t) * UM for name in "XYZ")
+        tilt = tuple(self.location(f"{name}0C", t) * ARCSEC for name in "ABC")
         return still((shift[0], shift[1], shift[2]), (tilt[0], tilt[1], tilt[2]))
-
-
-class Hysteresis:
-    """Follows one axis and says how far its reversal has built up: -1 to +1 over the given distance.
-
-    The stop operator of Prandtl and Ishlinskii: the state follows travel, and saturates.
-    """
-
-    def __init__(self, distance: float) -> None:
-        self._distance = distance
-        self._last: float | None = None
-        self._state = -1.0
-
-    def follow(self, position: FloatArray) -> FloatArray:
-        """The state at each of these successive positions (n,)."""
-        start = position[0] if self._last is None else self._last
-        self._last = float(position[-1])
-        travel = np.diff(position, prepend=start) / self._distance
-        if not travel.any():
-            return np.full(len(position), self._state)
-        states = np.empty(len(position))
-        state = self._state
-        for index, moved in enumerate(travel.tolist()):
-            state = min(1.0, max(-1.0, state + moved))
-            states[index] = state
-        self._state = state
-        return states

@@ -21,6 +21,9 @@ class Weather:
     material_degc: float
 
 
+QUANTITIES = ("air_degc", "pressure_hpa", "humidity_pct", "material_degc")
+
+
 class Climate:
     """The surroundings over the cell's clock; a drift turns back after half a day, so they stay within bounds."""
 
@@ -36,10 +39,21 @@ class Climate:
         """What the sensors report: the truth and each sensor's own error."""
         return self.frozen_sensors or self._at(t, 1.0)
 
+    def change(self, t: float, **wanted: float) -> None:
+        """These quantities are this at clock time t (s), and drift on from there. Raises KeyError for another name."""
+        known = {name: getattr(self._spec, name) for name in QUANTITIES}
+        courses = {name: _from(known[name], value, t) for name, value in wanted.items()}
+        self._spec = self._spec.model_copy(update=courses)
+
     def _at(self, t: float, sensor: float) -> Weather:
         spec = self._spec
         courses = (spec.air_degc, spec.pressure_hpa, spec.humidity_pct, spec.material_degc)
         return Weather(*(_value(course, t) + sensor * course.sensor_error for course in courses))
+
+
+def _from(course: Course, value: float, t: float) -> Course:
+    """The same drift and wave, at ``value`` now."""
+    return course.model_copy(update={"start": course.start + value - _value(course, t)})
 
 
 def _value(course: Course, t: float) -> float:

@@ -1,4 +1,4 @@
-"""How long something has drifted: half a day one way, then back, so that a cell left running for days stays a cell."""
+"""How far something has drifted: half a day one way, then back, so that a cell left running for days stays a cell."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+
+from simulators.cellfile.terms import DriftSection
 
 TURN_S = 12.0 * 3600.0
 
@@ -18,3 +20,11 @@ def drifted_s(t: Seconds) -> Seconds:
     turned = np.where(phase < 2.0 * TURN_S, phase - TURN_S, 3.0 * TURN_S - phase)
     found = np.where(np.abs(t) <= TURN_S, t, turned)
     return found if isinstance(t, np.ndarray) else float(found)
+
+
+def drifted(drift: DriftSection, t: float, material_degc: float) -> float:
+    """How far this drift has come at cell time ``t`` (s) and this temperature, um or arcsec."""
+    hours = t / 3600.0
+    steady = drift.per_h * drifted_s(t) / 3600.0 + drift.per_k * (material_degc - 20.0)
+    bent = -drift.warm_up * float(np.expm1(-hours / drift.warm_up_h))
+    return float(steady + bent + drift.wave * np.sin(2.0 * np.pi * hours / drift.wave_h))

@@ -8,7 +8,19 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
-from simulators.cellfile.terms import Constant, Harmonic, PolynomialTerm, SeededCurve, Step, TableTerm, Term, Terms
+from simulators.cellfile.terms import (
+    Constant,
+    Harmonic,
+    PolynomialTerm,
+    Screw,
+    SeededCurve,
+    Step,
+    TableTerm,
+    Term,
+    Terms,
+    Wear,
+    Worm,
+)
 
 FloatArray = NDArray[np.float64]
 Curve = Callable[[FloatArray], FloatArray]
@@ -47,11 +59,20 @@ def _redrawn(term: Term, travel: tuple[float, float], rng: np.random.Generator) 
         case TableTerm():
             return term.model_copy(update={"values": tuple(size * value for value in term.values)})
         case Step():
-            span = travel[1] - travel[0]
-            place = float(rng.uniform(travel[0] + 0.2 * span, travel[1] - 0.2 * span))
-            return term.model_copy(update={"height": size * term.height, "at": place})
+            return term.model_copy(update={"height": size * term.height, "at": _place(travel, rng)})
+        case Screw() | Worm():
+            phase = float(rng.uniform(0.0, 360.0))
+            amplitudes = tuple(size * amplitude for amplitude in term.amplitudes)
+            return term.model_copy(update={"amplitudes": amplitudes, "phase_deg": phase})
+        case Wear():  # a guide wears where it is used and never grows: only its place and depth are drawn
+            return term.model_copy(update={"depth": abs(size) * term.depth, "at": _place(travel, rng)})
         case SeededCurve():
             return term
+
+
+def _place(travel: tuple[float, float], rng: np.random.Generator) -> float:
+    span = travel[1] - travel[0]
+    return float(rng.uniform(travel[0] + 0.2 * span, travel[1] - 0.2 * span))
 
 
 def _single(term: Term, travel: tuple[float, float], rotary: bool, rng: np.random.Generator) -> Curve:
@@ -67,6 +88,12 @@ def _single(term: Term, travel: tuple[float, float], rotary: bool, rng: np.rando
             return lambda q: np.interp(q, points, values)
         case Step(at=at, height=height):
             return lambda q: np.where(q >= at, height, 0.0)
+        case Screw(pitch=pitch):
+            return _turning(term.amplitudes, pitch, term.phase_deg)
+        case Worm():
+            return _turning(term.amplitudes, 360.0 * term.starts / term.teeth, term.phase_deg)
+        case Wear():
+            return _worn(term)
         case SeededCurve():
             return _random(term, travel, rotary, rng)
 
@@ -80,6 +107,25 @@ def _harmonic(term: Harmonic) -> Curve:
     period = term.period if term.period is not None else 360.0 / (term.order or 1)
     phase = np.deg2rad(term.phase_deg)
     return lambda q: term.amplitude * np.cos(2.0 * np.pi * q / period + phase)
+
+
+def _turning(amplitudes: tuple[float, ...], pitch: float, phase_deg: float) -> Curve:
+    """Waves of a driving shaft that turns once in ``pitch``."""
+    orders, heights = np.arange(1, len(amplitudes) + 1), np.asarray(amplitudes)
+
+    def turning(q: FloatArray) -> FloatArray:
+        shaft = 2.0 * np.pi * np.asarray(q, dtype=np.float64) / pitch + np.deg2rad(phase_deg)
+        return np.asarray(np.cos(np.multiply.outer(shaft, orders)) @ heights)
+
+    return turning
+
+
+def _worn(term: Wear) -> Curve:
+    def worn(q: FloatArray) -> FloatArray:
+        along = np.clip((q - term.at) / term.length, -0.5, 0.5)
+        return np.asarray(-0.5 * term.depth * (1.0 + np.cos(2.0 * np.pi * along)))
+
+    return worn
 
 
 def _random(term: SeededCurve, travel: tuple[float, float], rotary: bool, rng: np.random.Generator) -> Curve:

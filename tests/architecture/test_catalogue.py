@@ -10,6 +10,7 @@ from pathlib import Path
 
 from drivers.errors import TrueflankError, catalogue
 from drivers.terms import PREFIX, Terms, filled
+from tests.architecture.sources import parsed
 
 ROOT = Path(__file__).parents[2]
 CODE = re.compile(r"^[EPW]-[A-Z0-9]+(-[A-Z0-9]+)+$")
@@ -18,9 +19,9 @@ OWN_ARGUMENTS = {"retryable", "where"}
 
 def _uses() -> list[tuple[str, str, set[str], bool]]:
     found = []
-    for package in ("gateway", "drivers", "simulators"):
+    for package in ("gateway", "drivers", "simulators", "trueflank"):
         for path in sorted((ROOT / package).rglob("*.py")):
-            tree = ast.parse(path.read_text(encoding="utf-8"))
+            tree = parsed(path)
             for node in ast.walk(tree):
                 if not isinstance(node, ast.Call) or not node.args or _callee(node).startswith("_"):
                     continue  # a private function passes the code on with its own fields
@@ -58,7 +59,7 @@ def test_every_code_in_the_source_has_a_text_whose_fields_are_given() -> None:
 def test_every_text_is_used_and_says_what_to_do() -> None:
     source = "\n".join(
         path.read_text(encoding="utf-8")
-        for package in ("gateway", "drivers", "simulators")
+        for package in ("gateway", "drivers", "simulators", "trueflank")
         for path in (ROOT / package).rglob("*.py")
     )
     unused = [code for code in catalogue() if f'"{code}"' not in source]
@@ -109,7 +110,7 @@ def test_the_gateway_names_no_code_of_a_concrete_driver() -> None:
     found = [
         f"{path.relative_to(ROOT)}:{node.lineno} {node.value}"
         for path in sorted((ROOT / "gateway").rglob("*.py"))
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        for node in ast.walk(parsed(path))
         if isinstance(node, ast.Constant) and node.value in codes
     ]
     assert found == []

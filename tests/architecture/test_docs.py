@@ -103,12 +103,6 @@ def test_every_command_and_option_that_is_shown_exists() -> None:
     assert len(calls) > 60
 
 
-def test_the_readme_lists_every_command() -> None:
-    shown = {_called(call)[0] for call in _calls(ROOT / "README.md")}
-    commands = {words for words, command in _commands().items() if words and not hasattr(command, "commands")}
-    assert sorted(commands - shown) == []
-
-
 def test_every_target_of_make_that_is_shown_exists() -> None:
     makefile = _text(ROOT / "Makefile")
     targets = set(re.findall(r"^([a-z]+):", makefile, flags=re.MULTILINE))

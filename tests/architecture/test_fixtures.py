@@ -6,13 +6,23 @@ import ast
 from collections import Counter
 from pathlib import Path
 
+from tests.architecture.sources import parsed
+
 TESTS = Path(__file__).parents[1]
 JUDGED = "test_what_tables_and_set_up_values_can_cure_leaves_nothing"
 WHOLLY_LONG = {
     (
+        "test_more_targets.py",
+        "test_a_run_measures_more_where_its_axis_hides_something",
+    ): "tests/unit/table/test_more_targets.py",
+    (
         "test_components.py",
         "test_the_guard_says_whether_an_approved_curve_still_holds",
     ): "tests/unit/guard",
+    (
+        "test_acting.py",
+        "test_c_deviates_on_purpose_as_predicted_and_a_wrong_prediction_is_seen",
+    ): "tests/unit/tooth/test_acting.py",
     (
         "test_inspecting.py",
         "test_a_part_is_inspected_and_guards_its_machine",
@@ -29,6 +39,26 @@ WHOLLY_LONG = {
         "test_hostile.py",
         "test_measured_without_check_stops_it_is_found_after_the_push",
     ): "test_a_wave_that_looks_like_the_first_harmonic_is_refused_before_anything_is_written",
+    (
+        "test_families.py",
+        "test_a_short_run_on_a_machine_of_a_family",
+    ): "test_what_is_proposed_to_a_machine_of_a_family_makes_it_better",
+    (
+        "test_faults.py",
+        "test_the_machine_exchanged_between_capture_and_push",
+    ): "tests/unit/interlocks/test_interlocks.py",
+    (
+        "test_faults.py",
+        "test_too_few_points_reserved_names_the_machine_data_and_the_number",
+    ): "tests/unit/table/test_table.py",
+    (
+        "test_faults.py",
+        "test_a_table_changed_after_the_capture_is_not_overwritten",
+    ): "tests/push/test_refusals_on_the_wire.py",
+    (
+        "test_faults.py",
+        "test_apply_without_the_machines_name_opens_nothing",
+    ): "test_a_proposal_is_shown_then_pushed",
     ("test_judge.py", "test_a_table_as_steep_as_it_may_be_holds_the_floor_up"): JUDGED,
     ("test_judge.py", "test_no_part_corrected_by_chance_is_better"): JUDGED,
     ("test_judge.py", "test_of_a_tangential_error_38_percent_stay_on_the_disc_of_eleven"): JUDGED,
@@ -39,6 +69,26 @@ WHOLLY_LONG = {
         "test_scales.py",
         "test_a_table_of_the_builder_is_merged_replaced_and_rolled_back_point_by_point",
     ): "test_the_old_table_can_be_put_back_from_its_back_up",
+    (
+        "test_reversal_opcua.py",
+        "test_a_reversal_acts_as_documented_and_is_taken_back",
+    ): "test_the_factor_of_the_control_is_no_part_of_the_reversal",
+    (
+        "test_reversal_opcua.py",
+        "test_a_reversal_that_is_locked_is_told_and_changes_nothing",
+    ): "test_the_factor_of_the_control_is_no_part_of_the_reversal",
+    (
+        "test_reversal_opcua.py",
+        "test_the_sign_of_a_reversal_is_measured_from_both_sides",
+    ): "test_a_control_that_does_not_do_as_its_manual_says_gets_no_reversal",
+    (
+        "test_main_job.py",
+        "test_a_result_file_takes_the_place_of_a_live_capture",
+    ): "test_a_mailbox_site_pushes_what_a_result_file_tells",
+    (
+        "test_short.py",
+        "test_a_short_plan_ends_at_the_floor_of_its_machine",
+    ): "test_a_plan_from_files_ends_with_a_proposal_for_the_tooth",
     ("test_wire.py", "test_the_gateway_killed_between_the_two_halves"): "test_killed_in_a_fresh_process",
 }
 """Tests that leave `make test` whole, and the smaller one of the same code that stays.
@@ -48,7 +98,7 @@ The judge judges closing runs, most of them long themselves.
 
 
 def _fixtures(path: Path) -> list[str]:
-    found = [node for node in ast.parse(path.read_text(encoding="utf-8")).body if isinstance(node, ast.FunctionDef)]
+    found = [node for node in parsed(path).body if isinstance(node, ast.FunctionDef)]
     return [ast.unparse(node) for node in found if any("fixture" in ast.unparse(one) for one in node.decorator_list)]
 
 
@@ -61,7 +111,7 @@ def test_the_marks_of_a_file_are_given_once() -> None:
     """A second assignment would take back the first one without a word."""
     twice = []
     for path in TESTS.rglob("*.py"):
-        nodes = [node for node in ast.parse(path.read_text(encoding="utf-8")).body if isinstance(node, ast.Assign)]
+        nodes = [node for node in parsed(path).body if isinstance(node, ast.Assign)]
         if sum(ast.unparse(node.targets[0]) == "pytestmark" for node in nodes) > 1:
             twice.append(str(path))
     assert twice == []
@@ -72,7 +122,7 @@ def test_what_is_long_keeps_a_sample_in_the_default_run() -> None:
     marked = [
         (path.name, node)
         for path in TESTS.rglob("test_*.py")
-        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        for node in parsed(path).body
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
         and any(ast.unparse(one) == "pytest.mark.long" for one in node.decorator_list)
     ]

@@ -10,7 +10,7 @@ from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
-TOPS = ("gateway", "drivers", "simulators")
+TOPS = ("gateway", "drivers", "simulators", "trueflank")
 ENTRIES = (
     "gateway.cli.__main__",
     "gateway.daemon",
@@ -18,13 +18,10 @@ ENTRIES = (
     "simulators.pytest_plugin",
     "drivers.registry",
     "drivers.contract",
+    "trueflank",
 )
 PURE = ("evaluate", "correct", "model", "gear", "sensitivity", "guard")
 AWAITED = {
-    "gateway.evaluate.geometry.angular": "pitch, yaw and roll as evaluations of their own",
-    "gateway.evaluate.geometry.harmonics": "spectrum of a rotary axis",
-    "gateway.evaluate.geometry.rotary_motion": "error motions of a turning table",
-    "gateway.evaluate.standards.flank_tolerances": "flank classes in the report",
     "gateway.correct.plan.reversal": "advice on curves for each direction",
     "drivers.envelope": "a long stream on the web page",
 }
@@ -62,6 +59,7 @@ def _sources() -> dict[str, str]:
             parts = path.relative_to(ROOT).with_suffix("").parts
             name = ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
             found[name] = DOCSTRING.sub('""', path.read_text(encoding="utf-8"))
+    found["gateway.cli.lazily"] += (ROOT / "gateway" / "cli" / "order.toml").read_text(encoding="utf-8")
     return found
 
 

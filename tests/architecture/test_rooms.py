@@ -9,8 +9,12 @@ import sys
 import tomllib
 from pathlib import Path
 
+from tests.architecture.sources import parsed
+
 ROOT = Path(__file__).parents[2]
-MODULES = sorted(path for package in ("gateway", "drivers", "simulators") for path in (ROOT / package).rglob("*.py"))
+MODULES = sorted(
+    path for package in ("gateway", "drivers", "simulators", "trueflank") for path in (ROOT / package).rglob("*.py")
+)
 FORBIDDEN_NAMES = {"manager", "helper", "helpers", "util", "utils", "common", "misc", "base"}
 
 
@@ -31,7 +35,7 @@ def test_rooms_say_their_responsibility_and_document_what_is_public() -> None:
 
 def _unsaid(path: Path) -> list[str]:
     """What a module leaves unsaid about itself, in words."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
+    tree = parsed(path)
     found = [f"no room is called {path.stem}"] if path.stem in FORBIDDEN_NAMES else []
     found += [] if ast.get_docstring(tree) else ["says not what it is for"]
     public = [node for node in _public(tree) if (node.end_lineno or 0) - node.lineno > 3]

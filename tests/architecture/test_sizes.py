@@ -9,30 +9,39 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
+from tests.architecture.sources import parsed
+
 ROOT = Path(__file__).parents[2]
-TOPS = ("gateway", "drivers", "simulators")
+TOPS = ("gateway", "drivers", "simulators", "trueflank")
 LARGEST_FOLDER, LONGEST_FILE = 18, 300
-LOADED_BY_NAME = {"drivers/registry.py"}
+LOADED_BY_NAME = {"drivers/registry.py", "gateway/cli/lazily.py"}
 STILL_BY_NAME: set[str] = set()
 """Files that load modules by a text and will not: this list only shrinks."""
 DOORS = {
     "SALib": 1,
+    "aiomqtt": 1,
+    "alembic": 3,
+    "argon2": 1,
     "asyncua": 9,
     "cryptography": 5,
     "distributed": 1,
-    "fastapi": 1,
-    "jinja2": 2,
+    "fastapi": 8,
+    "jinja2": 3,
     "lark": 1,
-    "markupsafe": 2,
-    "matplotlib": 8,
-    "pydantic": 18,
+    "markupsafe": 3,
+    "matplotlib": 13,
+    "pandas": 1,
+    "prometheus_client": 1,
+    "pydantic": 22,
     "pymodbus": 1,
     "pytest": 1,
-    "rich": 1,
-    "scipy": 14,
+    "rich": 2,
+    "scipy": 15,
     "serial": 1,
-    "starlette": 2,
-    "typer": 26,
+    "sqlalchemy": 4,
+    "starlette": 8,
+    "typer": 37,
+    "typst": 1,
     "uvicorn": 1,
 }
 """In how many files each foreign library is imported; numpy is the language of the maths and may be anywhere."""
@@ -42,7 +51,7 @@ ANYWHERE = {"numpy"}
 @cache
 def _trees() -> dict[Path, ast.Module]:
     paths = [path for top in TOPS for path in sorted((ROOT / top).rglob("*.py"))]
-    return {path.relative_to(ROOT): ast.parse(path.read_text(encoding="utf-8")) for path in paths}
+    return {path.relative_to(ROOT): parsed(path) for path in paths}
 
 
 def test_files_are_short() -> None:

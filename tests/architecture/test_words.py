@@ -12,6 +12,7 @@ import pytest
 from drivers import registry
 from drivers.errors import catalogue
 from drivers.terms import Terms
+from tests.architecture.sources import parsed
 
 ROOT = Path(__file__).parents[2]
 MAKERS = {
@@ -51,7 +52,7 @@ def _raised() -> dict[str, set[str]]:
     known, found = catalogue(), defaultdict(set)
     for top in ("gateway", "drivers"):
         for path in (ROOT / top).rglob("*.py"):
-            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            for node in ast.walk(parsed(path)):
                 if isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value in known:
                     found[node.value].add(str(path.relative_to(ROOT)))
     return found
@@ -68,3 +69,16 @@ def test_texts_of_codes_that_neutral_code_raises_have_no_word_of_one_maker() -> 
 def test_the_patterns_find_what_they_are_for() -> None:
     texts = ("the EEC table", "MD38000", "$AN_CEC_TYPE", "press NC START", "an 840D, or x.mpf", "nck_version")
     assert all(pattern.search(text) for pattern, text in zip(MAKERS.values(), texts, strict=True))
+
+
+IDIOMS = re.compile(
+    r"speaks against|nobody on record|must clear|\blent\b|met by turning|as it must|what stands there|whatever is done"
+    r"|put right|free part program memory|index 0\b|STILL ON|HELD,"
+)
+
+
+def test_texts_for_people_have_no_idiom_of_our_own_and_no_state_in_capitals() -> None:
+    shown = {
+        code: f"{entry['what']} {entry['do']}" for code, entry in catalogue().items() if not code.startswith("P-INIT")
+    }
+    assert [f"{code}: {text}" for code, text in shown.items() if IDIOMS.search(text)] == []

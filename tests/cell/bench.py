@@ -45,7 +45,7 @@ def main_job(
     `heard` (cell, code, fields) sees every progress code as it is said.
     """
 
-    options.setdefault("block_s", 0.5)  # half the stream's blocks, and half the real time
+    options.setdefault("block_s", 1.0)  # a quarter of the stream's blocks, and less real time
 
     async def job() -> Judged:
         clock = LoopClock()
@@ -83,7 +83,7 @@ def short(
         for axis in kept:
             axis["measure"]["targets"] = {**axis["measure"]["targets"], "count": count}
             axis["measure"] |= {"repetitions": repetitions, **measure}
-        parts = [section(name, site[name]) for name in ("site", "controller", "operator") if name in site]
+        parts = [section(name, site[name]) for name in ("site", "controller", "operator", "moves") if name in site]
         parts += [section("[instruments]", item) for item in site["instruments"]]
         for axis in kept:
             below = [section(f"axes.{name}", axis.pop(name)) for name in ("measure", "table")]

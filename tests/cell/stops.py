@@ -22,7 +22,6 @@ from drivers.sinumerik.opcua.session.client import UaSession
 from drivers.types.orders import SignProof
 from gateway.config import SiteFile, load_site
 from gateway.daemon.desk import Desk
-from gateway.daemon.stored import pushes_held
 from gateway.errors import StoreError
 from gateway.push import unfinished
 from gateway.push.records import journal, lock
@@ -32,6 +31,7 @@ from gateway.say import Say
 from gateway.stopping import StopAsked, Stopped, current, obey
 from gateway.store import Proofs
 from gateway.supervisor import Supervisor
+from gateway.views.stored import pushes_held
 from gateway.workflow.bench import store_of
 from gateway.workflow.control.recovering import recover_site
 from gateway.workflow.loop.run import run_site

@@ -44,7 +44,7 @@ def only(keys: tuple[str, ...], axes: tuple[str, ...], count: int, repetitions: 
         site = tomllib.loads(text)
         setups = [one for one in site["setups"] if one["component"] in keys and one["axis"] in axes]
         used = {one["instrument"] for one in setups}
-        parts = [section(name, site[name]) for name in ("site", "controller", "operator") if name in site]
+        parts = [section(name, site[name]) for name in ("site", "controller", "operator", "moves") if name in site]
         parts += [section("[instruments]", item) for item in site["instruments"] if item["name"] in used]
         for axis in (axis for axis in site["axes"] if axis["name"] in axes):
             targets = {**axis["measure"]["targets"], "count": count}
@@ -72,7 +72,7 @@ def on_cell(
     async def job() -> Any:
         clock = LoopClock()
         plan = with_plan(load_cell("demo"))
-        async with cell_running(plan, folder / "cell", clock, wires="memory", block_s=0.5) as cell:
+        async with cell_running(plan, folder / "cell", clock, wires="memory", block_s=1.0) as cell:
             cell.site_path.write_text(edit(cell.site_path.read_text(encoding="utf-8")), encoding="utf-8")
             return await story(cell, load_site(cell.site_path), clock)
 
@@ -168,7 +168,9 @@ def few(count: int, repetitions: int, drop: tuple[str, ...] = ()) -> Callable[[s
     def edit(text: str) -> str:
         site = tomllib.loads(text)
         setups = [one for one in site["setups"] if one["component"] not in drop]
-        parts = [section(name, site[name]) for name in ("site", "controller", "operator", "work") if name in site]
+        parts = [
+            section(name, site[name]) for name in ("site", "controller", "operator", "moves", "work") if name in site
+        ]
         parts += [section("[instruments]", item) for item in site["instruments"]]
         for axis in site["axes"]:
             targets = {**axis["measure"]["targets"], "count": count + 4 * (axis["kind"] == "rotary")}

@@ -51,7 +51,7 @@ def test_cross_tables_are_proved_pushed_and_act(tmp_path: Path, sign: int) -> No
     async def job() -> dict[str, Any]:
         clock = LoopClock()
         async with cell_running(
-            "demo", tmp_path / "cell", clock, wires="memory", block_s=0.5, seed=SEEDS[sign]
+            "demo", tmp_path / "cell", clock, wires="memory", block_s=1.0, seed=SEEDS[sign]
         ) as cell:
             path = cell.site_path
             path.write_text(short(("X1", "Z1", "C1"), 9, 3)(path.read_text(encoding="utf-8")), encoding="utf-8")

@@ -31,7 +31,7 @@ def on_cell(folder: Path, story: Callable[[Cell, SiteFile, LoopClock], Awaitable
     async def job() -> None:
         clock = LoopClock()
         async with cell_running(
-            with_plan(load_cell("demo")), folder / "cell", clock, wires="memory", block_s=0.5
+            with_plan(load_cell("demo")), folder / "cell", clock, wires="memory", block_s=1.0
         ) as cell:
             await story(cell, load_site(cell.site_path), clock)
 

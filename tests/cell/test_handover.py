@@ -65,6 +65,10 @@ class Story:
             assert consents.ended(at, change, record) == ""
         return record.outcome
 
+    def runs(self) -> set[str]:
+        """The run folders of the store."""
+        return {run.run_id for run in Store(self.root).runs()}
+
     async def compare(self) -> Outcome:
         return await verify_table(self.site, self.path, table="C1", run=None, **self.asked)
 
@@ -94,6 +98,7 @@ class Story:
         for order in orders:
             assert await Judge(self.cell).answer(order) == {"done": True}, order
             await self.clock.sleep(120.0 if order["set"] == "nck_reset" else 0.0)
+        await self.clock.sleep(60.0)  # no NC START is taken before every axis is referenced
 
     async def tables(self) -> Any:
         return await Judge(self.cell).answer({"ask": "tables"})
@@ -102,7 +107,7 @@ class Story:
 def told(tmp_path: Path, story: Callable[[Story], Any]) -> Any:
     async def job() -> Any:
         clock = LoopClock()
-        async with cell_running("demo", tmp_path / "cell", clock, wires="memory", seed=3) as cell:
+        async with cell_running("demo", tmp_path / "cell", clock, wires="memory", block_s=1.0, seed=3) as cell:
             return await story(Story(cell, clock))
 
     return run_virtual(job)
@@ -110,8 +115,9 @@ def told(tmp_path: Path, story: Callable[[Story], Any]) -> Any:
 
 async def switched_off(at: Story) -> None:
     """Shown, refused without the name, done, and said again when it is off already; every value stays."""
-    before = (await at.tables())["tables"]["C1"]
+    before, runs = (await at.tables())["tables"]["C1"], at.runs()
     looked = await at.switch_off(apply=False)
+    assert (at.runs(), looked.run_folder) == (runs, "")
     assert (looked.data["enabled"], looked.data["off"], looked.data["refusals"]) == (True, False, [])
     assert (await at.tables())["tables"]["C1"] == before
     with pytest.raises(WriteRefused) as caught:
@@ -123,7 +129,8 @@ async def switched_off(at: Story) -> None:
     assert (await at.compare()).data["kind"] == "switched-off"
     assert (await at.switch_off(apply=True)).data["outcome"] == "already-off"
     actions = [entry["action"] for entry in audit.entries(at.root)]
-    assert actions[-5:] == ["disable-start", "disable-off", "table-differs", "disable-start", "disable-already-off"]
+    done = ["disable-start", "disable-off", "table-differs", "verify-table-looked"]
+    assert actions[-6:] == [*done, "disable-start", "disable-already-off"]
 
 
 def test_approved_pushed_compared_taken_back(tmp_path: Path) -> None:
@@ -131,7 +138,8 @@ def test_approved_pushed_compared_taken_back(tmp_path: Path) -> None:
         await at.propose()
         untouched = await at.tables()
         shown = await show_plan(at.folder, **at.asked)
-        assert any("360.000" in line for line in shown.lines)
+        assert any("360.000" in line for line in shown.points)
+        assert [row[0] for row in shown.rows] == ["C1"]
         with pytest.raises(WriteRefused):
             await approve_plan(at.folder, table="C1", typed_name="another", clock=at.clock, actor="ann")
         given = await approve_plan(at.folder, table="", typed_name=at.site.site.name, clock=at.clock, actor="ann")
@@ -140,16 +148,19 @@ def test_approved_pushed_compared_taken_back(tmp_path: Path) -> None:
         assert await at.push("bob") == "committed"
         assert Approvals(at.folder.path).unused() == ()
 
+        runs = at.runs()
         live = await at.compare()
-        assert (live.exit_code, live.data["kind"]) == (0, "as-approved")
+        assert (live.exit_code, live.data["kind"], live.run_folder) == (0, "as-approved", "")
         assert (await at.take_back(apply=False)).data["refusals"] == []
+        assert at.runs() == runs
         await switched_off(at)
         await at.foreign_edit(7)
         live = await at.compare()
         assert (live.exit_code, live.data["kind"]) == (9, "differs")
+        assert any(name.startswith("live-tables") for name in Store(at.root).open(live.run_folder).files)
         assert "at 1 of " in live.lines[1]
         (alarm,) = audit.standing(at.root, at.site.controller.serial).alarms.values()
-        assert "neither the approved one" in alarm
+        assert "neither the approved nor" in alarm
         edited = await at.tables()
         with pytest.raises(WriteRefused) as caught:
             await at.take_back(apply=True)
@@ -168,14 +179,14 @@ def test_approved_pushed_compared_taken_back(tmp_path: Path) -> None:
             await at.take_back(apply=True)
         assert caught.value.code == "E-ROLLBACK-NOTHING"
 
-        done = [entry["action"] for entry in audit.entries(at.root)]
+        look, done = "verify-table-looked", [entry["action"] for entry in audit.entries(at.root)]
         assert done == [
             *("propose", "approve", "approval-used", "push-start", "push-begun", "push-ending", "push-committed"),
-            "table-as-pushed",
-            *("disable-start", "disable-off", "table-differs", "disable-start", "disable-already-off"),
-            *("table-differs",),
-            *("rollback-start", "push-begun", "rollback-refused", "table-as-pushed"),
-            *("rollback-start", "push-begun", "push-ending", "rollback-committed", "table-as-pushed"),
+            *("table-as-pushed", look, "rollback-looked"),
+            *("disable-looked", "disable-start", "disable-off", "table-differs", look, "disable-start"),
+            *("disable-already-off", "table-differs", look),
+            *("rollback-start", "push-begun", "rollback-refused", "table-as-pushed", look),
+            *("rollback-start", "push-begun", "push-ending", "rollback-committed", "table-as-pushed", look),
         ]
         given_by, used, start = list(audit.entries(at.root))[1:4]
         assert used["details"]["approval"] == given_by["details"]["approval"]

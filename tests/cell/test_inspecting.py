@@ -37,7 +37,9 @@ Story = Callable[[Cell, SiteFile, LoopClock], Awaitable[None]]
 def on_cell(folder: Path, story: Story, plan: CellFile | None = None) -> None:
     async def job() -> None:
         clock = LoopClock()
-        async with cell_running(plan or with_plan(load_cell("demo")), folder / "cell", clock, wires="memory") as cell:
+        async with cell_running(
+            plan or with_plan(load_cell("demo")), folder / "cell", clock, wires="memory", block_s=1.0
+        ) as cell:
             cell.site_path.write_text(few(9, 2)(cell.site_path.read_text(encoding="utf-8")), encoding="utf-8")
             site = load_site(cell.site_path)
             quick = site.operator.model_copy(update={"start_timeout_s": 60.0})
@@ -115,7 +117,7 @@ def test_a_part_is_inspected_and_guards_its_machine(tmp_path: Path, monkeypatch:
         assert found.u_um == pytest.approx(0.2, rel=0.1)
         assert (found.source, found.serial, run.state) == ("gear", "GMM-0031", "inspected")
         assert hands.said[-1] == "P-INSPECTED"
-        assert any("clamped off centre" in line for line in found.said)
+        assert any("clamping eccentricity" in line for line in found.said)
         assert found.figures["F_p"] > found.figures["f_p"] > 0.2
         assert run.get("inspected-after", InspectedFlank).fitted.rms_um == found.fitted.rms_um
         raw = run.get("inspected-after-raw", inspecting.RawInspection)

@@ -10,7 +10,7 @@ from gateway.errors import WriteRefused
 from simulators.cell import Cell
 from simulators.cell.judge import Judge
 from tests.cell.bench import Judged, main_job, short
-from tests.sizes import few, long
+from tests.sizes import long
 
 
 def _never_worse(judged: Judged) -> None:
@@ -32,7 +32,7 @@ def _linear_as_promised(judged: Judged, axis: str) -> None:
 
 
 def test_the_demo_machines_rotary_axis_gets_better_as_promised(tmp_path: Path) -> None:
-    judged = main_job(tmp_path, edit=short(("C1",), 24, 5))
+    judged = main_job(tmp_path, edit=short(("C1",), 18, 3))
     _rotary_as_promised(judged)
     assert judged.outcome.data["outcome"] == "better"
     assert judged.outcome.exit_code == 0
@@ -41,7 +41,7 @@ def test_the_demo_machines_rotary_axis_gets_better_as_promised(tmp_path: Path) -
     kept = sorted(tmp_path.rglob("sent-*.MPF"))
     assert {"TFMEAS_C1.MPF", "TFPUSH_C1.MPF"} == {path.name[9:] for path in kept}
     heads = [path.read_text(encoding="ascii").splitlines()[1] for path in kept if "TF" in path.name]
-    run = kept[0].parent.name
+    run = kept[0].parent.parent.name
     assert [head for head in heads if f"run {run}," not in head] == [], "what was sent says whose it is"
 
 
@@ -69,7 +69,7 @@ def test_other_machines_are_never_made_worse(
 
 
 def test_a_machine_without_errors_gets_no_table(tmp_path: Path) -> None:
-    judged = main_job(tmp_path, "zero", edit=short(("X1", "C1"), 9, 3))
+    judged = main_job(tmp_path, "zero", edit=short(("X1",), 6, 3))
     assert judged.outcome.data["outcome"] == "not-pushed"
     assert set(judged.outcome.data["not_corrected"]) == set(judged.before)
 
@@ -96,14 +96,13 @@ def test_the_whole_demo(tmp_path: Path) -> None:
     _linear_as_promised(judged, "Z1")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("axis", "ending", "keys"),
-    few(
-        [
-            ("C1", "rta", {"file_datum": 0.0, "file_unit": "mrad"}),
-            ("X1", "rtl", {"file_datum": -400.0}),
-        ]
-    ),
+    [
+        ("C1", "rta", {"file_datum": 0.0, "file_unit": "mrad"}),
+        ("X1", "rtl", {"file_datum": -400.0}),
+    ],
 )
 def test_a_result_file_takes_the_place_of_a_live_capture(
     tmp_path: Path, axis: str, ending: str, keys: dict[str, object]

@@ -58,7 +58,7 @@ def test_the_site_file_leads_to_the_mailbox(
         assert not cell.server.url, "OPC UA was not asked for"
         wire = await open_transport(found["url"].replace("socket", "tcp"), LoopClock(), 5.0)
         master = Master(wire, settings["framer"] == "rtu", settings["unit"])
-        assert (await master.read(0, 2)) == [0x4743, 2]
+        assert (await master.read(0, 2)) == [0x4743, 3]
         serial = b"".join(word.to_bytes(2, "big") for word in await master.read(308, 16))
         assert serial.rstrip(b"\0").decode() == cell.file.machine.serial
         await wire.close()
@@ -105,12 +105,13 @@ def test_a_table_that_acts_at_once_needs_no_restart(trueflank_cell: CellStarter)
         assert controller(cell.site_path)["settings"]["needs_reference"] is False
         master = await master_at(cell)
         await master.open()
+        await _until(cell, lambda: "RELEASE ON" in cell.operator.log, master)
         assert await master.load(X1, [0, 3000, 0], minimum=-1_000_000, step=500_000) == (0, 0)
         number = (await master.read(6, 1))[0] + 1
         await master.put(master.header(5, number, X1))
-        await _until(cell, lambda: cell.operator.log == ["CONFIRM"], master)
+        await _until(cell, lambda: cell.operator.log == ["RELEASE ON", "CONFIRM"], master)
         await cell.clock.sleep(30.0)
-        assert cell.operator.log == ["CONFIRM"]
+        assert cell.operator.log == ["RELEASE ON", "CONFIRM", "RELEASE OFF"]
         await master.wire.close()
 
     file = load_cell("zero")
@@ -123,12 +124,13 @@ def test_an_operator_may_refuse(trueflank_cell: CellStarter) -> None:
         cell.operator.change(confirms=False)
         master = await master_at(cell)
         await master.open()
+        await _until(cell, lambda: "RELEASE ON" in cell.operator.log, master)
         await master.put(master.header(5, 2, X1))
         for _ in range(62):
             await cell.clock.sleep(1.0)
             await master.beat()
         assert await master.result(2) == (12, 0)
-        assert cell.operator.log == []
+        assert cell.operator.log == ["RELEASE ON"]
         await master.wire.close()
 
     trueflank_cell.in_memory(main, "zero", road="modbus")

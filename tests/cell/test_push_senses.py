@@ -78,7 +78,7 @@ def test_the_machine_moves_as_the_tables_say_whichever_way_both_count(tmp_path: 
     async def job() -> dict[str, Any]:
         clock = LoopClock()
         file = machine(laser, cec)
-        async with cell_running(file, tmp_path / "cell", clock, wires="memory", block_s=0.5, seed=1) as cell:
+        async with cell_running(file, tmp_path / "cell", clock, wires="memory", block_s=1.0, seed=1) as cell:
             path = cell.site_path
             path.write_text(short(("X1", "Z1"), 9, 3)(path.read_text(encoding="utf-8")), encoding="utf-8")
             site = load_site(path)

@@ -102,7 +102,7 @@ def test_a_measured_run_proposes_both_layers_and_the_flank_they_make(tmp_path: P
     async def job() -> tuple[ToothOutcome, Proposal, list[str], Truth]:
         clock = LoopClock()
         plan = with_plan(load_cell("demo"))
-        async with cell_running(plan, tmp_path / "cell", clock, wires="memory", block_s=0.5) as cell:
+        async with cell_running(plan, tmp_path / "cell", clock, wires="memory", block_s=1.0) as cell:
             folder = await measured(cell, clock)
             site = load_site(cell.site_path)
             found = await correct_site(site, cell.site_path, folder, clock=clock, say=silence)

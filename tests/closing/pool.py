@@ -10,25 +10,29 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from simulators.cellfile import CellFile, load_cell, with_plan
+from tests.closing.families import relative
 from tests.closing.machines import machine
 from tests.closing.record import MachineResult
 
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """One machine: a packaged cell by name, or a seeded machine by its number."""
+    """One machine: a packaged cell by name, or a seeded machine by its number, of a family or of the class."""
 
     seed: int
     packaged: str = ""
+    family: str = ""
 
     @property
     def name(self) -> str:
         """What it is called in the table."""
-        return self.packaged or f"machine-{self.seed}"
+        return self.packaged or f"{self.family or 'machine'}-{self.seed}"
 
     def cell(self) -> CellFile:
         """Its cell file with the whole measuring plan."""
-        return with_plan(load_cell(self.packaged)) if self.packaged else machine(self.seed)
+        if self.packaged:
+            return with_plan(load_cell(self.packaged))
+        return relative(self.family, self.seed) if self.family else machine(self.seed)
 
 
 def jobs(count: int) -> list[Job]:

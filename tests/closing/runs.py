@@ -32,7 +32,7 @@ from tests.closing.record import MachineResult, Normalised
 from tests.closing.tables import Grid
 from tests.selftested import cell_running
 
-BLOCK_S = 0.5
+BLOCK_S = 1.0
 # How often a run may do what it must not repeat when it goes on after a stop.
 ONCE = {"P-SETUP": 28, "P-PROPOSED": 7, "P-PUSH-ACTIVATE": 12, "P-GRIND-DONE": 3, "P-EVALUATED": 3}
 Edit = Callable[[Cell, str], str]
@@ -158,6 +158,7 @@ async def close_machine(
     edit: Edit | None = None,
     absent_at: str = "",
     remedy: Remedy | None = None,
+    least: bool = True,
 ) -> MachineResult:
     """The whole run on one machine, judged; an error of ours that ended it is its result. On a virtual loop."""
     clock, began = LoopClock(), perf_counter()
@@ -165,14 +166,14 @@ async def close_machine(
     blank = MachineResult(file.name, seed, file.part.name, file.part.gear.zc, short, clock.utc().isoformat())
     async with cell_running(file, folder, clock, wires="memory", block_s=BLOCK_S) as cell:
         try:
-            result = judged(await closed(cell, clock, edit, absent_at, remedy), blank)
+            result = judged(await closed(cell, clock, edit, absent_at, remedy), blank, least=least)
         except TrueflankError as error:
             result = replace(blank, failed=f"{error.code} {error.where}")
         return replace(result, virtual_s=clock.now(), wall_s=perf_counter() - began)
 
 
-def judged(done: Closed, blank: MachineResult) -> MachineResult:
-    """What the truth says of a finished run, and what the run said of itself."""
+def judged(done: Closed, blank: MachineResult, *, least: bool = True) -> MachineResult:
+    """What the truth says of a finished run, and what the run said of itself; ``least_um`` only where asked for."""
     folder, parts = done.folder, done.watched.parts
     tooth = folder.get(stages.TOOTH, ToothProposal)
     verdict = folder.get(stages.TOOTH_VERDICT, ToothVerdict)
@@ -189,7 +190,7 @@ def judged(done: Closed, blank: MachineResult) -> MachineResult:
         set_right_um=rms(at.set_right(first)),
         after_um=rms(at.flank(after.work)),
         floor_um=kept_floor(machine, grids, cross).rms_um,
-        least_um=floor(machine, grids, cross=cross).rms_um,
+        least_um=floor(machine, grids, cross=cross).rms_um if least else 0.0,
         u_um=said.u_um,
         predicted_um=said.rms_um,
         rms_u_um=said.rms_u_um,

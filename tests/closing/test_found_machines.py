@@ -51,4 +51,4 @@ def test_a_control_without_cross_tables_gets_axis_tables_and_is_told_what_stays(
     assert found.outcome in ("better", "unchanged")
     assert found.after_um < found.set_right_um
     (said,) = list(tmp_path.rglob("tooth.json"))
-    assert "stay on the flank; with cross tables" in said.read_text(encoding="utf-8")
+    assert "remain on the flank; with cross tables" in said.read_text(encoding="utf-8")

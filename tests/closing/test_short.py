@@ -1,4 +1,4 @@
-"""Four closing runs with a short plan: positioning live, everything else from files; the truth is the judge."""
+"""Closing runs with a short plan: positioning live, everything else from files; the truth is the judge."""
 
 from __future__ import annotations
 
@@ -6,13 +6,21 @@ from pathlib import Path
 
 import pytest
 
+from drivers.clock import LoopClock
+from gateway.config import load_site
+from gateway.say import silence
+from gateway.store import RunFolder
+from gateway.tooth import ToothProposal
+from gateway.workflow import stages
+from gateway.workflow.loop.tooth_loop import close_site
 from simulators.cell import Cell
 from simulators.cell.filed import write_filed_site
+from simulators.cell.judge import Judge
 from simulators.cellfile import CellFile, load_cell, with_plan
 from tests.closing.machines import machine
 from tests.closing.record import MachineResult
-from tests.closing.runs import run_machine
-from tests.sizes import few
+from tests.closing.runs import BLOCK_S, run_machine
+from tests.selftested import cell_running
 
 LIVE = {"EXX", "EZZ", "ECC"}
 
@@ -38,14 +46,31 @@ def kept(one: MachineResult) -> list[str]:
     return said
 
 
+@pytest.mark.long
 @pytest.mark.timeout(1800)
-@pytest.mark.parametrize(("name", "absent_at"), few([("demo", ""), ("eleven", "trial"), ("2", ""), ("4", "")]))
+@pytest.mark.parametrize(("name", "absent_at"), [("demo", ""), ("eleven", "trial"), ("2", ""), ("4", "")])
 def test_a_short_plan_ends_at_the_floor_of_its_machine(tmp_path: Path, name: str, absent_at: str) -> None:
     """On one of them nobody loads the trial part: the run stops, goes on later, and does nothing twice."""
     file: CellFile = machine(int(name)) if name.isdecimal() else with_plan(load_cell(name))
-    found = run_machine(file, file.seed, tmp_path, short=True, edit=short, absent_at=absent_at)
+    found = run_machine(file, file.seed, tmp_path, short=True, edit=short, absent_at=absent_at, least=False)
     print(found)
     assert kept(found) == []
     assert found.done_twice == ()
     assert found.after_um < 0.5 * found.set_right_um
     assert found.outcome == "better"
+
+
+async def test_a_plan_from_files_ends_with_a_proposal_for_the_tooth(tmp_path: Path) -> None:
+    """The smaller one of the same loop: nothing is mounted, ground or written without `apply`."""
+    clock = LoopClock()
+    async with cell_running(with_plan(load_cell("demo")), tmp_path, clock, wires="memory", block_s=BLOCK_S) as cell:
+        path = write_filed_site(cell, cell.site_path)
+        tables = await Judge(cell).answer({"ask": "tables"})
+        done = await close_site(load_site(path), path, apply=False, machine_name="", clock=clock, say=silence)
+        folder = RunFolder(Path(done.run_folder))
+        tooth = folder.get(stages.TOOTH, ToothProposal)
+        assert tooth.prediction.after.rms_um < 0.5 * tooth.prediction.before.rms_um
+        assert stages.PROPOSAL in folder.stages
+        assert await Judge(cell).answer({"ask": "tables"}) == tables
+        assert not [line for line in cell.operator.log if line.startswith(("mounted", "clamped"))]
+        assert cell.shop.ground is None

@@ -19,7 +19,7 @@ from drivers.terms import TableKind
 from drivers.types.abilities import Capabilities, Marker, TableAbility, TableLimits
 from drivers.types.identity import Identity, MachineIdentity
 from drivers.types.machine import AxisState, ChannelStatus, MachineState
-from drivers.types.orders import DisableOrder, PushOrder, SignProof, SwitchReading, TableQuestion
+from drivers.types.orders import DisableOrder, PushBatch, PushOrder, ReadBack, SignProof, SwitchReading, TableQuestion
 from drivers.types.stops import StopPlan, StopReached
 from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from drivers.types.values import Sense
@@ -87,7 +87,7 @@ class FileRoad:
     def __init__(self, machine: Machine, clock: LoopClock) -> None:
         self.machine = machine
         self.clock = clock
-        self._before: dict[int, str | None] = {}
+        self._before: dict[tuple[int, str], str | None] = {}
         self._started = 0
 
     @property
@@ -149,27 +149,41 @@ class FileRoad:
 
     # ---- a table in -------------------------------------------------------------------------------
 
-    async def stage(self, order: PushOrder) -> None:
-        joint = order.table.output_axis
-        text_of(order.table)
-        self._before[order.transaction] = self.machine.files.get(joint)
+    async def stage(self, batch: PushBatch) -> None:
+        for order in batch:
+            text_of(order.table)
+        for order in batch:
+            joint = order.table.output_axis
+            self._before[order.transaction, joint] = self.machine.files.get(joint)
 
-    async def read_back(self, order: PushOrder, timeout_s: float) -> tuple[LiveSet, LiveSet]:
+    async def read_back(self, batch: PushBatch, timeout_s: float) -> tuple[ReadBack, ...]:
         del timeout_s
+        backups = await self.backup_of(batch)
+        return tuple(ReadBack(old, self._load(order)) for old, order in zip(backups, batch, strict=True))
+
+    def _load(self, order: PushOrder) -> LiveSet:
         joint = order.table.output_axis
         empty = order.purpose == "restore" and not any((*order.table.deviations, *order.table.reverse))
         self.machine.files[f"{joint}.new"] = "" if empty else text_of(order.table)
-        loaded = self._set(joint, self.machine.files[f"{joint}.new"], enabled=False)
-        return await self.backup_of(order), loaded
+        return self._set(joint, self.machine.files[f"{joint}.new"], enabled=False)
 
-    async def backup_of(self, order: PushOrder) -> LiveSet:
-        if order.transaction not in self._before:
+    async def backup_of(self, batch: PushBatch) -> tuple[LiveSet, ...]:
+        return tuple(self._backup_of(order) for order in batch)
+
+    def _backup_of(self, order: PushOrder) -> LiveSet:
+        joint = order.table.output_axis
+        if (order.transaction, joint) not in self._before:
             raise DeviceRefused("E-MBX-TABLE", self.name)
-        before = self._before[order.transaction]
-        return self._set(order.table.output_axis, before, enabled=before is not None)
+        before = self._before[order.transaction, joint]
+        return self._set(joint, before, enabled=before is not None)
 
-    async def activate(self, order: PushOrder) -> None:
-        """The new file takes the old one's place; the control has not read it yet."""
+    async def activate(self, batch: PushBatch, passed: PushBatch) -> None:
+        """The new files take the old ones' place; the control has not read them yet."""
+        del batch
+        for order in passed:
+            self._take_over(order)
+
+    def _take_over(self, order: PushOrder) -> None:
         joint = order.table.output_axis
         text = self.machine.files.pop(f"{joint}.new")
         if order.enable and text:
@@ -178,14 +192,18 @@ class FileRoad:
             self.machine.files.pop(joint, None)
         self._started = self.machine.starts
 
-    async def confirm(self, order: PushOrder, timeout_s: float) -> bool:
+    async def confirm(self, passed: PushBatch, timeout_s: float) -> tuple[bool, ...]:
         """An order that leaves the table off needs the restart too: until then the old one acts."""
-        if not order.enable:
-            await self.restarted(order, timeout_s)
-        return order.enable
+        if not all(order.enable for order in passed):
+            await self.restarted(passed, timeout_s)
+        return tuple(order.enable for order in passed)
 
-    async def restarted(self, order: PushOrder, timeout_s: float) -> None:
-        """The control was started, and the acting value is that of the file. Raises DeadlineExceeded."""
+    async def restarted(self, passed: PushBatch, timeout_s: float) -> None:
+        """The control was started, and the acting values are those of the files. Raises DeadlineExceeded."""
+        for order in passed:
+            await self._restarted(order, timeout_s)
+
+    async def _restarted(self, order: PushOrder, timeout_s: float) -> None:
         joint, end = order.table.output_axis, self.clock.now() + timeout_s
         while self.machine.starts == self._started:
             if self.clock.now() >= end:
@@ -196,9 +214,10 @@ class FileRoad:
         if abs(self.machine.acting_um(joint) - wanted) > 1e-6:
             raise DeviceRefused("E-MBX-TABLE", self.name)
 
-    async def finish_push(self, order: PushOrder, state: Literal["committed", "held", "none"]) -> None:
+    async def finish_push(self, batch: PushBatch, state: Literal["committed", "held", "none"]) -> None:
         del state
-        self._before.pop(order.transaction, None)
+        for order in batch:
+            self._before.pop((order.transaction, order.table.output_axis), None)
 
     async def prepare_disable(self, order: DisableOrder) -> None:
         self._started = self.machine.starts

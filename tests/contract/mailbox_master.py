@@ -15,6 +15,7 @@ from simulators.modbus import PlcStation, serving
 from tests.unit.nck.bench import Bench
 
 BUSY, DONE, FAILED = 2, 4, 8
+SWITCHING = (5, 6)
 
 
 def crc16(data: bytes) -> bytes:
@@ -120,6 +121,9 @@ class Master:
 
     async def put(self, head: list[int], data: Sequence[int] | None = None, crc: int | None = None) -> None:
         """Write a command, its data first; ``crc`` None: the right one over what this command covers."""
+        if data is None and head[0] in SWITCHING:
+            fields, data = entry_of(dict(enumerate(head, start=16)))
+            head = self.header(head[0], head[1], fields)
         if data is not None:
             data = [*data, *[0] * (100 - len(data))]
             await self.write(36, data)
@@ -192,6 +196,13 @@ class Master:
         return [int(struct.unpack(">i", struct.pack(">HH", high, low))[0]) for high, low in ordered]
 
 
+def entry_of(fields: dict[int, int]) -> tuple[dict[int, int], list[int]]:
+    """Header and data of commands 5 and 6 for the one table that the fields of another command name; flags in 21."""
+    kind, index = fields.get(18, 0), fields.get(19, 0)
+    axis = fields.get(32, 0) if kind == 2 else index
+    return {30: 1}, [kind, index, fields.get(20, 0), axis, fields.get(21, 0) & 0x30]
+
+
 def many(address: int, values: Sequence[int]) -> bytes:
     """PDU of FC16."""
     return struct.pack(">BHHB", 16, address, len(values), 2 * len(values)) + struct.pack(f">{len(values)}H", *values)
@@ -235,6 +246,7 @@ async def at_desk(
     try:
         await bench.warm_up()
         async with serving(bench.nck, bench.clock, settings, url) as station:
+            station.plc.on_session = station.plc.release.give
             wire = await open_transport(station.url, LoopClock(), 5.0)
             low_first = settings.get("word_order") == "low-first"
             master = Master(wire, settings.get("framer") == "rtu", settings.get("unit", 1), low_first)

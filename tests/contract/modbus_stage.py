@@ -15,6 +15,7 @@ from drivers.types.orders import PushOrder, SignProof
 from drivers.types.tables import CompensationTable, LiveSet
 from simulators.modbus import PlcStation, serving
 from simulators.nck.control import AxisSpec
+from tests.batches import sets_of
 from tests.unit.nck.bench import Bench
 
 AXES = (
@@ -60,13 +61,13 @@ class Stage:
     async def push(self, order: PushOrder) -> tuple[LiveSet, LiveSet]:
         """A whole push with a willing person at the panel."""
         device = self.device
-        await device.stage(order)
-        sets = await device.read_back(order, 200.0)
-        await device.activate(order)
-        assert await self.pressed(device.confirm(order, 100.0)) is order.enable
+        await device.stage((order,))
+        sets = sets_of(await device.read_back((order,), 200.0))
+        await device.activate((order,), (order,))
+        assert await self.pressed(device.confirm((order,), 100.0)) == (order.enable,)
         if order.enable:
-            await device.restarted(order, 100.0)
-        await device.finish_push(order, "committed")
+            await device.restarted((order,), 100.0)
+        await device.finish_push((order,), "committed")
         return sets
 
 
@@ -123,6 +124,7 @@ async def on_stage(
         await bench.warm_up()
         async with serving(bench.nck, bench.clock, plc, url) as station:
             stage = Stage(bench, station, None)  # type: ignore[arg-type]
+            station.plc.on_session = station.plc.release.give
             stage.device = stage.other(**(driver or {}))
             try:
                 if opened:

@@ -17,6 +17,7 @@ from drivers.types.tables import CompensationTable, LiveSet
 from simulators.nck.control import Nck
 from simulators.nck.spec import AxisSpec, NckSpec
 from simulators.opcua import SinumerikServer
+from tests.batches import sets_of
 
 AXES = (
     AxisSpec("X1", "X", travel=(-250.0, 250.0), eec_points=(81, 81)),
@@ -114,17 +115,17 @@ class Stage:
 
     async def loaded(self, order: PushOrder) -> tuple[LiveSet, LiveSet]:
         """First half."""
-        await self.device.stage(order)
+        await self.device.stage((order,))
         self.press()
-        return await self.device.read_back(order, 120.0)
+        return sets_of(await self.device.read_back((order,), 120.0))
 
     async def push(self, order: PushOrder) -> bool:
         """Both halves and the activation."""
         await self.loaded(order)
-        await self.device.activate(order)
-        enabled = await self.device.confirm(order, 120.0)
+        await self.device.activate((order,), (order,))
+        (enabled,) = await self.device.confirm((order,), 120.0)
         if enabled:
-            await self.device.restarted(order, 120.0)
+            await self.device.restarted((order,), 120.0)
         return enabled
 
     def memory(self, axis: str = "C1") -> tuple[Any, ...]:

@@ -29,6 +29,7 @@ from drivers.types.abilities import Capabilities, Marker
 from drivers.types.machine import ChannelStatus
 from drivers.types.stops import StopPlan
 from drivers.workpiece import GrindAxis, GrindPlan
+from tests.batches import sets_of
 from tests.contract.modbus_stage import Stage, cross, on_stage, order_for, table
 from tests.sizes import few
 
@@ -77,7 +78,9 @@ async def test_it_is_a_controller_and_says_what_it_can() -> None:
     async with on_stage() as stage:
         device = stage.device
         assert isinstance(device, Controller)
-        assert device.capabilities == Capabilities(False, HELD, "by-itself", True, "panel", cross_shown="either-way")
+        assert device.capabilities == Capabilities(
+            False, HELD, "by-itself", True, "panel", cross_shown="either-way", off_anyhow=True
+        )
         machine = await device.identify()
         assert (machine.serial, machine.version) == ("ST-DOUBLE-0001", "4.8.6")
         assert (machine.axis_names, machine.unit_system) == (("X1", "C1"), "metric")
@@ -150,7 +153,7 @@ async def test_a_cross_table_without_proof_is_refused_with_nothing_written() -> 
     async with on_stage() as stage:
         order = await order_for(stage.device, cross())
         with pytest.raises(TableError) as caught:
-            await stage.device.stage(replace(order, proof=None))
+            await stage.device.stage((replace(order, proof=None),))
         assert caught.value.code == "E-TABLE-NO-PROOF"
         assert stage.plc.image.words[16] == 11
 
@@ -181,7 +184,7 @@ async def test_other_cross_tables_are_neither_woken_nor_silenced_unseen() -> Non
         await stage.push(await order_for(stage.device, cross(0)))
         second = await order_for(stage.device, cross(1), 18)
         with pytest.raises(DeviceRefused) as caught:
-            await stage.device.stage(second)
+            await stage.device.stage((second,))
         assert caught.value.code == "E-MBX-COUPLED"
         off = replace(second, coupled=True, enable=False, purpose="restore")
         await stage.push(off)
@@ -206,25 +209,25 @@ async def test_a_table_is_switched_off_and_on_by_itself_with_the_panel() -> None
             await stage.device.switch(order, True, 90.0)  # nobody presses
         assert caught.value.code == "E-MBX-TIME"
         assert stage.get("$MA_ENC_COMP_ENABLE[0,X1]") is False
-        await stage.device.finish_push(order, "held")
+        await stage.device.finish_push((order,), "held")
         assert await stage.device.marker() == Marker(17, "held")
 
 
 async def test_activation_waits_for_reset_and_reference_where_the_control_needs_them() -> None:
     async with on_stage(spec={"strict_activation": True}, driver={"needs_reference": True}) as stage:
         order = await order_for(stage.device, replace(table(), deviations=tuple([0.8] * 111)))
-        await stage.device.stage(order)
-        await stage.device.read_back(order, 100.0)
-        await stage.device.activate(order)
-        assert await stage.pressed(stage.device.confirm(order, 100.0))
+        await stage.device.stage((order,))
+        await stage.device.read_back((order,), 100.0)
+        await stage.device.activate((order,), (order,))
+        assert await stage.pressed(stage.device.confirm((order,), 100.0)) == (True,)
         with pytest.raises(DeadlineExceeded) as caught:
-            await stage.device.restarted(order, 20.0)
+            await stage.device.restarted((order,), 20.0)
         assert caught.value.code == "E-NC-NO-ACTIVATION"
-        waiting = asyncio.ensure_future(stage.device.restarted(order, 600.0))
+        waiting = asyncio.ensure_future(stage.device.restarted((order,), 600.0))
         await stage.bench.reset_and_reference()
         await waiting
         assert (await stage.device.state()).axes["X1"].encoder_compensation == pytest.approx(0.8)
-        await stage.device.finish_push(order, "committed")
+        await stage.device.finish_push((order,), "committed")
 
 
 # ---- refusals before anything is written ---------------------------------------------------------------------
@@ -234,7 +237,7 @@ async def refused(stage: Stage, order: Any, code: str, kind: type[TrueflankError
     """Prepared, it is refused with this code; no session, marker, switch or value has changed then."""
     values, on = stage.values(111), stage.get("$MA_ENC_COMP_ENABLE[0,X1]")
     with pytest.raises(kind) as caught:
-        await stage.device.stage(order)
+        await stage.device.stage((order,))
     assert caught.value.code == code
     assert str(caught.value).count("->") == 1
     assert stage.plc.session == 0
@@ -245,8 +248,10 @@ async def refused(stage: Stage, order: Any, code: str, kind: type[TrueflankError
 async def test_a_machine_that_is_not_released_is_not_written() -> None:
     async with on_stage() as stage:
         order = await order_for(stage.device, table())
-        stage.plc.turn_key_back()
-        await refused(stage, order, "E-MBX-NOT-RELEASED")
+        stage.plc.on_session = lambda: None
+        await refused(stage, order, "E-MBX-NO-RELEASE")
+        stage.plc.release.give()
+        await refused(stage, order, "E-MBX-RELEASE-STALE")
 
 
 async def test_an_alarm_is_told_by_its_number() -> None:
@@ -283,13 +288,13 @@ async def test_a_step_that_cannot_be_said_is_refused(step: float) -> None:
 async def test_a_live_table_that_could_not_be_put_back_is_refused_before_anything_is_disabled() -> None:
     async with on_stage() as stage:
         nck = stage.bench.nck
-        for part, value in (("STEP", 30.0), ("MIN", -50.0), ("MAX", 60.0)):  # 30 does not divide 110: k = 3
+        for part, value in (("STEP", 30.00004), ("MIN", -50.0), ("MAX", 60.0)):  # no whole number of 0.1 um
             nck.set(f"$AA_ENC_COMP_{part}[0,X1]", value, 2)
         for point in range(4):
             nck.set(f"$AA_ENC_COMP[0,{point},X1]", 0.0005, 2)
         nck.set("$MA_ENC_COMP_ENABLE[0,X1]", True, 2)
         order = await order_for(stage.device, table())
-        await refused(stage, order, "E-MBX-PUT-BACK", TableError)
+        await refused(stage, order, "E-MBX-GRID")
         assert stage.get("$MA_ENC_COMP_ENABLE[0,X1]")
         assert stage.values(4) == [0.0005] * 4
         assert stage.plc.session == 0
@@ -313,8 +318,8 @@ async def test_a_table_that_stands_finer_in_the_control_than_the_mailbox_can_say
     ("plc", "code"),
     [
         ({"swap_words": True}, "E-MBX-WORD-ORDER"),
-        ({"map_version": 1}, "E-MBX-VERSION"),
-        ({"map_version": 3}, "E-MBX-VERSION"),
+        ({"map_version": 2}, "E-MBX-OLD-MAP"),
+        ({"map_version": 4}, "E-MBX-VERSION"),
     ],
 )
 async def test_another_map_is_refused_at_once(plc: dict[str, Any], code: str) -> None:
@@ -398,9 +403,9 @@ async def test_a_plc_that_lies_about_disable_is_found_out_by_what_acts() -> None
         stage.plc.change(lies_about_disable=True)
         before = stage.values(120)
         second = await order_for(stage.device, table(), 18)
-        await stage.device.stage(second)
+        await stage.device.stage((second,))
         with pytest.raises(DeviceRefused) as caught:
-            await stage.device.read_back(second, 200.0)
+            await stage.device.read_back((second,), 200.0)
         assert caught.value.code == "E-MBX-STILL-ACTING"
         assert stage.values(120) == before
 
@@ -408,36 +413,36 @@ async def test_a_plc_that_lies_about_disable_is_found_out_by_what_acts() -> None
 async def test_nobody_at_the_panel_leaves_it_off_and_says_so() -> None:
     async with on_stage() as stage:
         order = await order_for(stage.device, table())
-        await stage.device.stage(order)
-        await stage.device.read_back(order, 100.0)
-        await stage.device.activate(order)
-        assert await stage.device.confirm(order, 200.0) is False
+        await stage.device.stage((order,))
+        await stage.device.read_back((order,), 100.0)
+        await stage.device.activate((order,), (order,))
+        assert await stage.device.confirm((order,), 200.0) == (False,)
         assert stage.get("$MA_ENC_COMP_ENABLE[0,X1]") is False
         assert await stage.device.marker() == Marker(17, "in-progress")
-        await stage.device.activate(order)
-        assert await stage.device.confirm(order, 5.0) is False
+        await stage.device.activate((order,), (order,))
+        assert await stage.device.confirm((order,), 5.0) == (False,)
         assert not stage.plc.waiting
-        await stage.device.finish_push(order, "held")
+        await stage.device.finish_push((order,), "held")
 
 
 async def test_looking_while_the_panel_is_waited_for_disturbs_nothing() -> None:
     async with on_stage() as stage:
         order = await order_for(stage.device, table())
-        await stage.device.stage(order)
-        await stage.device.read_back(order, 100.0)
-        await stage.device.activate(order)
+        await stage.device.stage((order,))
+        await stage.device.read_back((order,), 100.0)
+        await stage.device.activate((order,), (order,))
         assert stage.plc.waiting
         state = await stage.device.state()
         assert set(state.axes) == {"X1", "C1"}
         assert stage.plc.waiting
-        waiting = asyncio.ensure_future(stage.device.confirm(order, 100.0))
+        waiting = asyncio.ensure_future(stage.device.confirm((order,), 100.0))
         for _ in range(10):
             await stage.device.state()
             await stage.bench.sleep(0.5)
         assert stage.plc.waiting
         stage.plc.confirm()
         assert await waiting
-        await stage.device.finish_push(order, "committed")
+        await stage.device.finish_push((order,), "committed")
 
 
 async def test_a_lost_pc_leaves_the_table_off_and_the_marker_in_progress() -> None:
@@ -445,8 +450,8 @@ async def test_a_lost_pc_leaves_the_table_off_and_the_marker_in_progress() -> No
         order = await order_for(stage.device, table())
         await stage.push(order)
         second = replace(order, transaction=18, table=table(41))
-        await stage.device.stage(second)
-        task = asyncio.ensure_future(stage.device.read_back(second, 100.0))
+        await stage.device.stage((second,))
+        task = asyncio.ensure_future(stage.device.read_back((second,), 100.0))
         await stage.bench.sleep(0.25)
         await stage.station.pull()
         with pytest.raises(TransportError):
@@ -466,7 +471,7 @@ async def test_a_lost_pc_leaves_the_table_off_and_the_marker_in_progress() -> No
 async def test_a_second_pc_is_told_that_the_mailbox_is_taken() -> None:
     async with on_stage() as stage:
         order = await order_for(stage.device, table())
-        await stage.device.stage(order)
+        await stage.device.stage((order,))
         other = stage.other()
         await other.open(5.0)
         with pytest.raises(DeviceRefused) as caught:
@@ -478,19 +483,19 @@ async def test_a_second_pc_is_told_that_the_mailbox_is_taken() -> None:
 async def test_a_reopened_driver_goes_on_in_its_session() -> None:
     async with on_stage() as stage:
         order = await order_for(stage.device, table())
-        await stage.device.stage(order)
+        await stage.device.stage((order,))
         session = stage.plc.session
         await stage.station.pull()
         with pytest.raises(TransportError):
-            await stage.device.read_back(order, 100.0)
+            await stage.device.read_back((order,), 100.0)
         await stage.station.plug("memory://plc")
         await stage.device.open(5.0)
         assert stage.plc.session == session
         await stage.bench.sleep(10.0)
         assert stage.plc.session == session, "the heartbeat did not go on"
-        _, new = await stage.device.read_back(order, 100.0)
+        _, new = sets_of(await stage.device.read_back((order,), 100.0))
         assert new.own.table == order.table
-        await stage.device.finish_push(order, "none")
+        await stage.device.finish_push((order,), "none")
         assert await stage.device.marker() == Marker(0, "none")
 
 
@@ -501,9 +506,9 @@ async def test_a_power_cut_while_loading_leaves_the_table_off(after: int) -> Non
         await stage.push(first)
         stage.plc.change(power_cut_after=after)
         second = replace(first, transaction=18, table=table(101))
-        await stage.device.stage(second)
+        await stage.device.stage((second,))
         with pytest.raises(TrueflankError):
-            await stage.device.read_back(second, 100.0)
+            await stage.device.read_back((second,), 100.0)
         while not stage.plc.powered or stage.bench.nck.booting:
             await stage.bench.sleep(0.5)
         await stage.bench.warm_up()
@@ -593,4 +598,4 @@ async def test_a_table_is_switched_where_it_moves_the_axis() -> None:
             axis = (await stage.device.state()).axes["X1"]
             assert axis.encoder_compensation == pytest.approx(expected, abs=0.05)
             assert axis.in_position
-        await stage.device.finish_push(order, "committed")
+        await stage.device.finish_push((order,), "committed")

@@ -229,7 +229,7 @@ async def test_nothing_is_sent_while_a_program_runs(keys: Path) -> None:
         await on.clock.sleep(1.0)
         text = on.nck.files.read("/_N_MPF_DIR/_N_TFMEAS_C1_MPF")
         await refused(on.device.prepare_stops(plan(STOPS[:1])), "E-NC-NOT-RESET")
-        await refused(on.device.stage(ORDER), "E-NC-NOT-RESET")
+        await refused(on.device.stage((ORDER,)), "E-NC-NOT-RESET")
         assert on.nck.files.read("/_N_MPF_DIR/_N_TFMEAS_C1_MPF") == text
 
 
@@ -256,9 +256,9 @@ async def test_a_push_loads_proves_enables_and_acts(keys: Path) -> None:
         assert backup.own.table.deviations == (0.0,)
         assert readback.own.table == TABLE_C_STORED
         assert not readback.own.enabled
-        await on.device.activate(ORDER)
-        assert await on.device.confirm(ORDER, 60.0)
-        await on.device.restarted(ORDER, 120.0)
+        await on.device.activate((ORDER,), (ORDER,))
+        assert await on.device.confirm((ORDER,), 60.0) == (True,)
+        await on.device.restarted((ORDER,), 120.0)
         assert on.pressed == ["release", "activate"]
         assert on.enabled
         seen = await on.walk(plan((Stop(17.5, 1), Stop(200.0, -1), Stop(355.0, 1))))
@@ -285,7 +285,7 @@ async def test_without_release_a_second_start_ends_disabled(keys: Path) -> None:
     async with on_stage(folder=keys) as on:
         await on.loaded(ORDER)
         on.press()
-        assert await on.device.confirm(ORDER, 60.0) is False
+        assert await on.device.confirm((ORDER,), 60.0) == (False,)
         assert not on.enabled
         assert on.nck.channel_status == 0
 
@@ -296,9 +296,9 @@ async def test_a_reset_between_the_halves_ends_disabled(keys: Path, released: bo
         on.releases = False
         await on.loaded(ORDER)
         if released:
-            await on.device.activate(ORDER)
+            await on.device.activate((ORDER,), (ORDER,))
         on.nck.channel_reset()
-        assert await on.device.confirm(ORDER, 60.0) is False
+        assert await on.device.confirm((ORDER,), 60.0) == (False,)
         assert not on.enabled
 
 
@@ -308,9 +308,9 @@ async def test_a_table_changed_between_the_halves_stays_disabled(keys: Path, nam
         on.releases = False
         await on.loaded(ORDER)
         on.nck.set(name, float(on.nck.get(name)) + 0.0001, 0)
-        await on.device.activate(ORDER)
+        await on.device.activate((ORDER,), (ORDER,))
         on.press()
-        assert await on.device.confirm(ORDER, 60.0) is False
+        assert await on.device.confirm((ORDER,), 60.0) == (False,)
         assert not on.enabled
 
 
@@ -319,7 +319,7 @@ async def test_words_changed_between_the_halves_stay_disabled(keys: Path, number
     async with on_stage(folder=keys) as on:
         on.releases = False
         await on.loaded(ORDER)
-        await on.device.activate(ORDER)
+        await on.device.activate((ORDER,), (ORDER,))
         on.nck.set(f"R[{number}]", float(on.nck.get(f"R[{number}]")) + 1.0, 7)
         on.press()
         await on.clock.sleep(10.0)
@@ -391,9 +391,11 @@ async def test_a_cross_table_that_may_not_be_switched_off_is_left_on_with_every_
 async def test_a_table_that_does_not_fit_is_never_sent(keys: Path) -> None:
     async with on_stage(folder=keys) as on:
         long = CompensationTable("axis", "Z1", "Z1", 0.0, 100.0, 10.0, (0.0,) * 11)
-        error = await refused(on.device.stage(replace(ORDER, table=long, letter="Z", rotary=False)), "E-TABLE-POINTS")
+        error = await refused(
+            on.device.stage((replace(ORDER, table=long, letter="Z", rotary=False),)), "E-TABLE-POINTS"
+        )
         assert isinstance(error, TableError)
-        await refused(on.device.stage(replace(ORDER, purpose="table")), "E-TABLE-NO-PROOF")
+        await refused(on.device.stage((replace(ORDER, purpose="table"),)), "E-TABLE-NO-PROOF")
         assert on.nck.files.list("/_N_MPF_DIR") == []
         assert on.nck.selected == ""
 
@@ -426,7 +428,7 @@ async def test_closing_between_the_halves_ends_disabled_whatever_the_operator_do
     async with on_stage(folder=keys) as on:
         on.releases = False
         await on.loaded(ORDER)
-        await on.device.activate(ORDER)
+        await on.device.activate((ORDER,), (ORDER,))
         await on.device.close()
         on.press()
         await on.clock.sleep(10.0)
@@ -446,10 +448,10 @@ async def test_two_programs_where_files_cannot_be_fetched_meanwhile(keys: Path) 
         _, readback = await on.loaded(ORDER)
         assert readback.own.table == TABLE_C_STORED
         assert on.nck.channel_status == 0
-        await on.device.activate(ORDER)
+        await on.device.activate((ORDER,), (ORDER,))
         on.press()
-        assert await on.device.confirm(ORDER, 60.0)
-        await on.device.restarted(ORDER, 120.0)
+        assert await on.device.confirm((ORDER,), 60.0) == (True,)
+        await on.device.restarted((ORDER,), 120.0)
         assert on.enabled
 
     async with on_stage(spec, folder=keys) as on:

@@ -116,12 +116,14 @@ async def test_its_needs_and_what_is_no_need_of_it() -> None:
     async with modbus_stage.on_stage() as stage:
         device, nck = stage.device, stage.bench.nck
         await stage.push(await order_for(device, table()))
-        stage.plc.turn_key_back()
-        for work in (device.prepare_disable(X1), device.wait_disabled(X1, 30.0)):
+        stage.plc.on_session = lambda: None
+        for work in (device.prepare_disable, lambda order: device.wait_disabled(order, 300.0)):
             with pytest.raises(DeviceRefused) as refused:
-                await work
-            assert refused.value.code == "E-MBX-NOT-RELEASED"
+                await work(X1)
+            assert refused.value.code == "E-MBX-RELEASE-STALE"
+            assert stage.plc.session == 0
         assert stage.get("$MA_ENC_COMP_ENABLE[0,X1]") is True
+        stage.plc.on_session = stage.plc.release.give
         nck.set_access_level(2)
         nck.drive_alarm(300504, "drive fault")  # an alarm keeps tables from being switched on, not off
         assert (await device.wait_disabled(X1, 30.0)).off

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from drivers.bridge import records
-from drivers.bridge.codec import Notification
+from drivers.bridge.codec import BridgeRefusal, Notification
 from drivers.bridge.device import BridgeInstrument
 from drivers.bridge.records import BridgeIdentity, BridgeSamples, CalibratorStatus, Event, read_environment
 from drivers.bridge.stream import BridgeStream
@@ -147,8 +147,8 @@ def test_fault_06_breaks_and_parity_errors_are_dropped_and_counted(foreign: byte
         assert valid.all()
 
 
-def test_fault_09_a_slow_drip_is_no_work_and_no_half_reading() -> None:
-    async def main(at: Bench) -> None:
+async def test_fault_09_a_slow_drip_is_no_work_and_no_half_reading() -> None:
+    async with bench("umd", URLS[0]) as at:
         await at.device.open(OPEN_S)
         async with aclosing(at.device.blocks()) as stream:
             last = await anext(stream)
@@ -164,8 +164,6 @@ def test_fault_09_a_slow_drip_is_no_work_and_no_half_reading() -> None:
             with pytest.raises(TransportError, match="E-LINK-STALE"):
                 await drain(stream, last)
             assert process_time() - used < 0.5
-
-    bench("umd", URLS[0], main)
 
 
 @asynccontextmanager
@@ -231,15 +229,13 @@ def test_fault_12_and_13_another_counter_on_the_port_is_refused(tmp_path: Path) 
     with_ports(main)
 
 
-def test_fault_13_another_instrument_behind_the_bridge_is_refused() -> None:
-    async def main(at: Bench) -> None:
+async def test_fault_13_another_instrument_behind_the_bridge_is_refused() -> None:
+    async with bench("bridge", URLS[0]) as at:
         await at.device.open(OPEN_S)
         at.script.kind = "laser"
         with pytest.raises(UnsupportedDevice) as caught:
             await at.device.open(OPEN_S)
         assert caught.value.code == "E-BRIDGE-OTHER"
-
-    bench("bridge", URLS[0], main)
 
 
 HOLDER = "import serial, sys; port = serial.Serial(sys.argv[1], exclusive=True); print(1, flush=True); sys.stdin.read()"
@@ -326,16 +322,14 @@ def test_fault_17_and_18_a_typed_reading_is_never_guessed(number: str) -> None:
 
 
 @pytest.mark.parametrize("number", ["NaN", "Infinity", "1e999", "1,5", "+5", "01", '"5"', "9" * 400])
-def test_fault_17_and_18_no_number_but_a_finite_one_comes_over_the_bridge(number: str) -> None:
-    async def main(at: Bench) -> None:
+async def test_fault_17_and_18_no_number_but_a_finite_one_comes_over_the_bridge(number: str) -> None:
+    async with bench("bridge", URLS[0]) as at:
         await at.device.open(OPEN_S)
         async with aclosing(at.device.blocks()) as stream:
             await anext(stream)
             at.script.bend = lambda data: data.replace(b'"device_deg":[-', b'"device_deg":[' + number.encode() + b",")
             with pytest.raises(RemoteProtocolError):
                 await drain(stream)
-
-    bench("bridge", URLS[0], main)
 
 
 def echoing(at: Bench) -> None:
@@ -352,25 +346,21 @@ def echoing(at: Bench) -> None:
     at.script.bend = lambda data: (sent.pop() if sent else b"") + data
 
 
-def test_fault_20_an_echo_is_taken_out_where_the_site_file_says_so() -> None:
-    async def main(at: Bench) -> None:
+async def test_fault_20_an_echo_is_taken_out_where_the_site_file_says_so() -> None:
+    async with bench("bridge", URLS[0], echo=True) as at:
         echoing(at)
         await at.device.open(OPEN_S)
         await at.device.hold()
         assert len(await take(at.device, 20))
 
-    bench("bridge", URLS[0], main, echo=True)
 
-
-def test_fault_20_an_echo_nobody_spoke_of_is_an_error() -> None:
-    async def main(at: Bench) -> None:
+async def test_fault_20_an_echo_nobody_spoke_of_is_an_error() -> None:
+    async with bench("bridge", URLS[0]) as at:
         await at.device.open(OPEN_S)
         echoing(at)
         await at.device.hold()
         with pytest.raises(LinkBroken, match="E-BRIDGE-LINE"):
             await at.device.track()
-
-    bench("bridge", URLS[0], main)
 
 
 def test_fault_22_samples_at_low_signal_are_flagged() -> None:
@@ -386,16 +376,12 @@ def test_fault_22_samples_at_low_signal_are_flagged() -> None:
     assert reader.counting.low_speed.signal_strength == 60
 
 
-def test_fault_24_an_unstable_laser_does_not_start_and_is_told_in_between() -> None:
-    async def main(at: Bench) -> None:
-        from drivers.bridge.codec import BridgeRefusal
-
+async def test_fault_24_an_unstable_laser_does_not_start_and_is_told_in_between() -> None:
+    async with bench("bridge", URLS[0]) as at:
         at.script.refusals[records.START] = BridgeRefusal(None, records.UNSTABLE, "warming up")
         await at.device.open(OPEN_S)
         with pytest.raises(DeviceRefused, match="warming up"):
             await take(at.device, 1)
-
-    bench("bridge", URLS[0], main)
     stream = BridgeStream(("a_mm",), "x")
     samples = BridgeSamples(0, 0.0, 0.1, {"a_mm": np.zeros(2)}, np.ones(2, bool), events=(Event("unstable", 0.1),))
     block = stream.take(samples)
@@ -436,8 +422,8 @@ def told(at: Bench, event: str) -> None:
     at.script._samples = with_event
 
 
-def test_fault_39_a_battery_that_runs_empty_ends_the_stream_cleanly() -> None:
-    async def main(at: Bench) -> None:
+async def test_fault_39_a_battery_that_runs_empty_ends_the_stream_cleanly() -> None:
+    async with bench("bridge in frames", URLS[0]) as at:
         await at.device.open(OPEN_S)
         async with aclosing(at.device.blocks()) as stream:
             await anext(stream)
@@ -447,11 +433,9 @@ def test_fault_39_a_battery_that_runs_empty_ends_the_stream_cleanly() -> None:
         assert caught.value.code == "E-BRIDGE-EMPTY"
         assert not at.script.streaming
 
-    bench("bridge in frames", URLS[0], main)
 
-
-def test_fault_40_a_dropped_calibrator_must_be_referenced_again() -> None:
-    async def main(at: Bench) -> None:
+async def test_fault_40_a_dropped_calibrator_must_be_referenced_again() -> None:
+    async with bench("bridge", URLS[0]) as at:
         await at.device.open(OPEN_S)
         async with aclosing(at.device.blocks()) as stream:
             await anext(stream)
@@ -463,19 +447,15 @@ def test_fault_40_a_dropped_calibrator_must_be_referenced_again() -> None:
         with pytest.raises(NotReferenced):
             await take(at.device, 1)
 
-    bench("bridge", URLS[0], main)
 
-
-def test_fault_41_a_lost_reference_ends_the_stream() -> None:
-    async def main(at: Bench) -> None:
+async def test_fault_41_a_lost_reference_ends_the_stream() -> None:
+    async with bench("bridge", URLS[0]) as at:
         await at.device.open(OPEN_S)
         async with aclosing(at.device.blocks()) as stream:
             await anext(stream)
             told(at, "reference_lost")
             with pytest.raises(NotReferenced, match="reference lost"):
                 await drain(stream)
-
-    bench("bridge", URLS[0], main)
 
 
 def test_fault_42_turns_go_on_over_360_and_differences_take_the_shorter_way() -> None:
@@ -519,10 +499,10 @@ def test_fault_44_device_and_laser_have_one_time_or_no_sample() -> None:
 
 
 @pytest.mark.parametrize("driver", ["bridge", "bridge in frames"])
-def test_fault_45_the_driver_turns_no_sign_around(driver: str) -> None:
+async def test_fault_45_the_driver_turns_no_sign_around(driver: str) -> None:
     """The axis turns at +1 deg/s and the device against it: laser - device must say +1 deg/s."""
 
-    async def main(at: Bench) -> None:
+    async with bench(driver, URLS[0]) as at:
         await at.device.open(OPEN_S)
         blocks = await take(at.device, 100)
         time_s = np.concatenate([block.time_s for block in blocks])
@@ -530,8 +510,6 @@ def test_fault_45_the_driver_turns_no_sign_around(driver: str) -> None:
         names = at.device.channels
         axis = values[:, names.index("laser_deg")] - values[:, names.index("device_deg")]
         assert np.polyfit(time_s, axis, 1)[0] == pytest.approx(1.0)
-
-    bench(driver, URLS[0], main)
 
 
 def test_a_bridge_of_any_kind_is_an_instrument() -> None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,6 @@ from drivers.errors import DeviceRefused, RemoteProtocolError, TransportError, T
 from drivers.ports.instruments import AmbientSensor, GearInspector
 from drivers.transport import ByteTransport, serve
 from drivers.types.gears import GearPlan
-from tests.unit.drivers.loops import run_clean
 
 PLAN = GearPlan(9, (0, 4), ("left", "right"), 5, 12.0, 4, (2.0, 20.0), pitch=True, runout_ball_mm=3.0)
 CHUNK = 3
@@ -99,26 +99,24 @@ class ScriptedMachine:
         await wire.write(codec.send(Notification(gearrecords.DONE, ending)))
 
 
-def bench(main: Callable[[ScriptedMachine, Any], Awaitable[None]], **settings: Any) -> None:
-    async def wrapped() -> None:
-        clock, machine = LoopClock(), ScriptedMachine()
-        listener = await serve("memory://gear", machine.converse, clock)
-        device = registry.load("bridge-gear", "gear-inspector")("inspector", listener.url, settings, clock)
-        try:
-            await main(machine, device)
-        finally:
-            await device.close()
-            await listener.close()
-
-    run_clean(wrapped, virtual=True)
+@asynccontextmanager
+async def bench(**settings: Any) -> AsyncIterator[tuple[ScriptedMachine, Any]]:
+    clock, machine = LoopClock(), ScriptedMachine()
+    listener = await serve("memory://gear", machine.converse, clock)
+    device = registry.load("bridge-gear", "gear-inspector")("inspector", listener.url, settings, clock)
+    try:
+        yield machine, device
+    finally:
+        await device.close()
+        await listener.close()
 
 
 def quiet(_trace: str, _done: int, _total: int) -> None:
     return None
 
 
-def test_every_point_comes_once_with_its_space_flank_and_line() -> None:
-    async def main(machine: ScriptedMachine, device: Any) -> None:
+async def test_every_point_comes_once_with_its_space_flank_and_line() -> None:
+    async with bench() as (machine, device):
         assert isinstance(device, GearInspector)
         assert isinstance(device, AmbientSensor)
         assert (await device.open(5.0)).serial == "G7"
@@ -139,34 +137,28 @@ def test_every_point_comes_once_with_its_space_flank_and_line() -> None:
         assert (await device.ambient()).air_degc is None
         assert machine.asked[2] == (gearrecords.MEASURE, gearrecords.plan_as_object(PLAN))
 
-    bench(main)
 
-
-def test_deviations_come_beside_their_nominal_points() -> None:
-    async def main(machine: ScriptedMachine, device: Any) -> None:
+async def test_deviations_come_beside_their_nominal_points() -> None:
+    async with bench() as (machine, device):
         machine.deviations = True
         await device.open(5.0)
         found = (await device.inspect(PLAN, quiet)).inspection
         assert found.deviation_um is not None
         assert np.array_equal(found.deviation_um, np.full(54, -2.0))
 
-    bench(main)
 
-
-def test_without_a_part_nothing_starts() -> None:
-    async def main(machine: ScriptedMachine, device: Any) -> None:
+async def test_without_a_part_nothing_starts() -> None:
+    async with bench() as (machine, device):
         machine.clamped = False
         await device.open(5.0)
         with pytest.raises(DeviceRefused, match="E-GEAR-CLAMP"):
             await device.inspect(PLAN, quiet)
         assert machine.plans == 0
 
-    bench(main)
-
 
 @pytest.mark.parametrize("outcome", ["aborted", "failed"])
-def test_a_plan_that_was_stopped_gives_no_points(outcome: str) -> None:
-    async def main(machine: ScriptedMachine, device: Any) -> None:
+async def test_a_plan_that_was_stopped_gives_no_points(outcome: str) -> None:
+    async with bench() as (machine, device):
         machine.outcome = outcome
         await device.open(5.0)
         with pytest.raises(DeviceRefused, match="door opened") as caught:
@@ -174,8 +166,6 @@ def test_a_plan_that_was_stopped_gives_no_points(outcome: str) -> None:
         assert caught.value.code == "E-GEAR-ENDED"
         machine.outcome = "complete"
         assert len((await device.inspect(PLAN, quiet)).inspection) == 54
-
-    bench(main)
 
 
 def changed(**members: Any) -> Callable[[dict[str, Any]], dict[str, Any] | None]:
@@ -197,19 +187,17 @@ def changed(**members: Any) -> Callable[[dict[str, Any]], dict[str, Any] | None]
         (changed(x_mm=[], y_mm=[], z_mm=[]), "x_mm"),
     ],
 )
-def test_points_that_are_missing_or_wrong_end_the_plan_at_the_machine(bend: Any, field: str) -> None:
-    async def main(machine: ScriptedMachine, device: Any) -> None:
+async def test_points_that_are_missing_or_wrong_end_the_plan_at_the_machine(bend: Any, field: str) -> None:
+    async with bench() as (machine, device):
         machine.bend = bend
         await device.open(5.0)
         with pytest.raises(RemoteProtocolError) as caught:
             await device.inspect(PLAN, quiet)
         assert caught.value.fields["field"] == field
 
-    bench(main)
 
-
-def test_who_gives_up_stops_the_machine() -> None:
-    async def main(machine: ScriptedMachine, device: Any) -> None:
+async def test_who_gives_up_stops_the_machine() -> None:
+    async with bench() as (machine, device):
         machine.stop_after = 12
         await device.open(5.0)
         measuring = asyncio.create_task(device.inspect(PLAN, quiet))
@@ -219,11 +207,9 @@ def test_who_gives_up_stops_the_machine() -> None:
             await measuring
         assert machine.asked[-1][0] == gearrecords.ABORT
 
-    bench(main)
 
-
-def test_a_machine_that_falls_silent_is_not_waited_for() -> None:
-    async def main(machine: ScriptedMachine, device: Any) -> None:
+async def test_a_machine_that_falls_silent_is_not_waited_for() -> None:
+    async with bench(gear_quiet_s=30.0) as (machine, device):
         machine.stop_after = 12
         await device.open(5.0)
         with pytest.raises(TransportError, match="E-LINK-STALE"):
@@ -232,16 +218,12 @@ def test_a_machine_that_falls_silent_is_not_waited_for() -> None:
         machine.stop_after = 10**9
         assert len((await device.inspect(PLAN, quiet)).inspection) == 54
 
-    bench(main, gear_quiet_s=30.0)
 
-
-def test_another_kind_is_refused() -> None:
-    async def main(machine: ScriptedMachine, device: Any) -> None:
+async def test_another_kind_is_refused() -> None:
+    async with bench() as (machine, device):
         machine.kind = "environment"
         with pytest.raises(UnsupportedDevice, match="E-BRIDGE-KIND"):
             await device.open(5.0)
-
-    bench(main)
 
 
 def test_a_chunk_that_names_nothing_is_refused() -> None:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
-from contextlib import aclosing
+from collections.abc import AsyncIterator, Callable
+from contextlib import aclosing, asynccontextmanager
 from itertools import pairwise
 from typing import Any
 
@@ -33,7 +33,6 @@ from drivers.transport import Listener, serve
 from drivers.types.sensing import SampleBlock
 from drivers.umd.device import UmdCounter
 from tests.contract.servers import ScriptedBridge, ScriptedFrames, ScriptedInstrument, ScriptedUmd
-from tests.unit.drivers.loops import run_clean
 
 SCRIPTS: dict[str, Callable[[LoopClock], Any]] = {
     "umd": ScriptedUmd,
@@ -44,7 +43,9 @@ SCRIPTS: dict[str, Callable[[LoopClock], Any]] = {
 OPEN_S = 60.0
 URLS = ["memory://instrument", "tcp://127.0.0.1:0", "socket://127.0.0.1:0"]
 each_driver = pytest.mark.parametrize("driver", sorted(SCRIPTS))
-each_wire = pytest.mark.parametrize("url", URLS)
+each_wire = pytest.mark.parametrize(
+    "url", [URLS[0], *(pytest.param(url, marks=pytest.mark.wall_time) for url in URLS[1:])]
+)
 
 
 class Bench:
@@ -54,22 +55,18 @@ class Bench:
         self.script, self.device, self.listener, self.clock = script, device, listener, clock
 
 
-def bench(driver: str, url: str, main: Callable[[Bench], Awaitable[None]], **settings: Any) -> None:
-    """Run a test on a loop of its own; nothing may be left behind. On sockets time runs ten times as fast."""
-    virtual = url.startswith("memory")
-
-    async def wrapped() -> None:
-        clock = LoopClock() if virtual else LoopClock(speed=10.0)
-        script: ScriptedInstrument = SCRIPTS[driver](clock)
-        listener = await serve(url, script.converse, LoopClock())
-        device = registry.load(driver.split(maxsplit=1)[0], "instrument")("instrument", listener.url, settings, clock)
-        try:
-            await main(Bench(script, device, listener, clock))
-        finally:
-            await device.close()
-            await listener.close()
-
-    run_clean(wrapped, virtual=virtual)
+@asynccontextmanager
+async def bench(driver: str, url: str, **settings: Any) -> AsyncIterator[Bench]:
+    """One instrument and its driver. On sockets time is real (`wall_time`) and runs ten times as fast."""
+    clock = LoopClock() if url.startswith("memory") else LoopClock(speed=10.0)
+    script: ScriptedInstrument = SCRIPTS[driver](clock)
+    listener = await serve(url, script.converse, LoopClock())
+    device = registry.load(driver.split(maxsplit=1)[0], "instrument")("instrument", listener.url, settings, clock)
+    try:
+        yield Bench(script, device, listener, clock)
+    finally:
+        await device.close()
+        await listener.close()
 
 
 async def take(device: Instrument, count: int) -> list[SampleBlock]:
@@ -92,8 +89,8 @@ async def drain(stream: Any, last: SampleBlock | None = None) -> None:
 
 @each_driver
 @each_wire
-def test_it_opens_says_who_it_is_and_streams_true_values_in_instrument_time(driver: str, url: str) -> None:
-    async def main(at: Bench) -> None:
+async def test_it_opens_says_who_it_is_and_streams_true_values_in_instrument_time(driver: str, url: str) -> None:
+    async with bench(driver, url) as at:
         identity = await at.device.open(OPEN_S)
         assert isinstance(at.device, Instrument)
         assert identity.driver == driver.split(maxsplit=1)[0]
@@ -107,13 +104,11 @@ def test_it_opens_says_who_it_is_and_streams_true_values_in_instrument_time(driv
         assert values == pytest.approx(at.script.expected(time_s), abs=1e-9)
         assert all(block.valid.all() and not block.lost and not block.events for block in blocks)
 
-    bench(driver, url, main)
-
 
 @each_driver
 @each_wire
-def test_streams_can_follow_one_another_and_begin_now(driver: str, url: str) -> None:
-    async def main(at: Bench) -> None:
+async def test_streams_can_follow_one_another_and_begin_now(driver: str, url: str) -> None:
+    async with bench(driver, url) as at:
         await at.device.open(OPEN_S)
         ends = []
         for _ in range(3):
@@ -122,13 +117,11 @@ def test_streams_can_follow_one_another_and_begin_now(driver: str, url: str) -> 
             await at.clock.sleep(0.5)
         assert all(later[0] - earlier[1] > 0.02 for earlier, later in pairwise(ends))
 
-    bench(driver, url, main)
-
 
 @each_driver
 @each_wire
-def test_fault_11_and_40_a_pulled_line_ends_the_stream_and_a_new_open_works(driver: str, url: str) -> None:
-    async def main(at: Bench) -> None:
+async def test_fault_11_and_40_a_pulled_line_ends_the_stream_and_a_new_open_works(driver: str, url: str) -> None:
+    async with bench(driver, url) as at:
         await at.device.open(OPEN_S)
         async with aclosing(at.device.blocks()) as stream:
             await anext(stream)
@@ -144,13 +137,11 @@ def test_fault_11_and_40_a_pulled_line_ends_the_stream_and_a_new_open_works(driv
         await at.device.open(OPEN_S)
         await take(at.device, 20)
 
-    bench(driver, url, main)
-
 
 @each_driver
 @each_wire
-def test_a_silent_device_is_told_within_the_limit(driver: str, url: str) -> None:
-    async def main(at: Bench) -> None:
+async def test_a_silent_device_is_told_within_the_limit(driver: str, url: str) -> None:
+    async with bench(driver, url) as at:
         at.script.silent = True
         before = at.clock.now()
         with pytest.raises(TransportError) as caught:
@@ -160,26 +151,22 @@ def test_a_silent_device_is_told_within_the_limit(driver: str, url: str) -> None
         at.script.silent = False
         await at.device.open(OPEN_S)
 
-    bench(driver, url, main)
-
 
 @each_driver
 @each_wire
-def test_nobody_there(driver: str, url: str) -> None:
-    async def main(at: Bench) -> None:
+async def test_nobody_there(driver: str, url: str) -> None:
+    async with bench(driver, url) as at:
         await at.listener.close()
         with pytest.raises(TransportError) as caught:
             await at.device.open(OPEN_S)
         assert caught.value.code == "E-LINK-CONNECT"
         await at.device.close()
 
-    bench(driver, url, main)
-
 
 @each_driver
 @each_wire
-def test_fault_10_a_stream_that_stops_is_stale_and_not_repeated(driver: str, url: str) -> None:
-    async def main(at: Bench) -> None:
+async def test_fault_10_a_stream_that_stops_is_stale_and_not_repeated(driver: str, url: str) -> None:
+    async with bench(driver, url, stale_s=2.0) as at:
         await at.device.open(8.0)
         async with aclosing(at.device.blocks()) as stream:
             last = await anext(stream)
@@ -187,13 +174,11 @@ def test_fault_10_a_stream_that_stops_is_stale_and_not_repeated(driver: str, url
             with pytest.raises(TransportError, match="E-LINK-STALE"):
                 await drain(stream, last)
 
-    bench(driver, url, main, stale_s=2.0)
-
 
 @each_driver
 @each_wire
-def test_fault_16_skipped_samples_are_counted(driver: str, url: str) -> None:
-    async def main(at: Bench) -> None:
+async def test_fault_16_skipped_samples_are_counted(driver: str, url: str) -> None:
+    async with bench(driver, url) as at:
         await at.device.open(OPEN_S)
         async with aclosing(at.device.blocks()) as stream:
             await anext(stream)
@@ -206,12 +191,10 @@ def test_fault_16_skipped_samples_are_counted(driver: str, url: str) -> None:
         assert lost == 17
         assert block.values == pytest.approx(at.script.expected(block.time_s), abs=1e-9)
 
-    bench(driver, url, main)
-
 
 @each_driver
 @each_wire
-def test_pieces_of_any_size_make_the_same_samples(driver: str, url: str) -> None:
+async def test_pieces_of_any_size_make_the_same_samples(driver: str, url: str) -> None:
     """The wire is cut into single bytes on the way in."""
 
     async def main(at: Bench) -> None:
@@ -220,7 +203,7 @@ def test_pieces_of_any_size_make_the_same_samples(driver: str, url: str) -> None
         time_s = np.concatenate([block.time_s for block in blocks])
         assert np.diff(time_s) == pytest.approx(0.001)
 
-    async def drip(at: Bench) -> None:
+    async with bench(driver, url) as at:
         plain = at.script._put
 
         async def put(wire: Any, data: bytes) -> None:
@@ -229,8 +212,6 @@ def test_pieces_of_any_size_make_the_same_samples(driver: str, url: str) -> None
 
         at.script._put = put
         await main(at)
-
-    bench(driver, url, drip)
 
 
 @each_driver
@@ -245,20 +226,18 @@ def test_unknown_settings_are_refused_before_anything_is_opened(driver: str) -> 
 
 @each_driver
 @each_wire
-def test_closing_twice_and_before_opening_is_quiet(driver: str, url: str) -> None:
-    async def main(at: Bench) -> None:
+async def test_closing_twice_and_before_opening_is_quiet(driver: str, url: str) -> None:
+    async with bench(driver, url) as at:
         await at.device.close()
         await at.device.open(OPEN_S)
         await at.device.close()
         await at.device.close()
 
-    bench(driver, url, main)
-
 
 @each_driver
 @each_wire
-def test_a_cancelled_opening_leaves_nothing_behind(driver: str, url: str) -> None:
-    async def main(at: Bench) -> None:
+async def test_a_cancelled_opening_leaves_nothing_behind(driver: str, url: str) -> None:
+    async with bench(driver, url) as at:
         at.script.silent = True
         opening = asyncio.create_task(at.device.open(50.0))
         await at.clock.sleep(1.0)
@@ -266,13 +245,11 @@ def test_a_cancelled_opening_leaves_nothing_behind(driver: str, url: str) -> Non
         with pytest.raises(asyncio.CancelledError):
             await opening
 
-    bench(driver, url, main)
-
 
 @each_driver
 @each_wire
-def test_the_wire_trace_sees_every_byte(driver: str, url: str) -> None:
-    async def main(at: Bench) -> None:
+async def test_the_wire_trace_sees_every_byte(driver: str, url: str) -> None:
+    async with bench(driver, url) as at:
         traced: list[tuple[str, bytes]] = []
         at.device.trace = lambda direction, data: traced.append((direction, data))
         await at.device.open(OPEN_S)
@@ -280,26 +257,22 @@ def test_the_wire_trace_sees_every_byte(driver: str, url: str) -> None:
         assert any(direction == "<" and data for direction, data in traced)
         assert any(direction == ">" for direction, _data in traced) is (driver != "umd")
 
-    bench(driver, url, main)
-
 
 @each_driver
 @each_wire
-def test_fault_07_garbage_alone_is_no_reading(driver: str, url: str) -> None:
-    async def main(at: Bench) -> None:
+async def test_fault_07_garbage_alone_is_no_reading(driver: str, url: str) -> None:
+    async with bench(driver, url) as at:
         at.script.garbage = True
         with pytest.raises(TrueflankError) as caught:
             await at.device.open(6.0)
         assert caught.value.code == ("E-UMD-BAUD" if driver == "umd" else "E-LINK-DEADLINE")
         assert at.clock.now() < (5.5 if driver == "umd" and url.startswith("memory") else 60.0)
 
-    bench(driver, url, main)
-
 
 @each_driver
 @each_wire
-def test_ambient_is_what_the_instrument_measures_and_nothing_else(driver: str, url: str) -> None:
-    async def main(at: Bench) -> None:
+async def test_ambient_is_what_the_instrument_measures_and_nothing_else(driver: str, url: str) -> None:
+    async with bench(driver, url) as at:
         await at.device.open(OPEN_S)
         await take(at.device, 64)
         ambient = await at.device.ambient()
@@ -309,42 +282,34 @@ def test_ambient_is_what_the_instrument_measures_and_nothing_else(driver: str, u
         assert ambient.material_degc == (20.2,)
         assert 0 <= ambient.age_s <= 1.0
 
-    bench(driver, url, main)
 
-
-def test_a_counter_says_what_it_cannot_see() -> None:
-    async def main(at: Bench) -> None:
+async def test_a_counter_says_what_it_cannot_see() -> None:
+    async with bench("umd", URLS[0]) as at:
         identity = await at.device.open(OPEN_S)
         assert identity.firmware == "1.26"
         assert any("broken beam" in notice for notice in at.device.notices)
         assert identity.notes == at.device.notices
         assert (await at.device.optics()).kind == "unknown"
 
-    bench("umd", URLS[0], main)
 
-
-def test_a_counter_without_its_codes_is_named() -> None:
-    async def main(at: Bench) -> None:
+async def test_a_counter_without_its_codes_is_named() -> None:
+    async with bench("umd", URLS[0]) as at:
         at.script.facts = ()
         with pytest.raises(UnsupportedDevice) as caught:
             await at.device.open(3.0)
         assert caught.value.code == "E-UMD-CODES"
         assert caught.value.fields["codes"] == "8, 20"
 
-    bench("umd", URLS[0], main)
 
-
-def test_a_counter_without_its_codes_opens_on_settings() -> None:
-    async def main(at: Bench) -> None:
+async def test_a_counter_without_its_codes_opens_on_settings() -> None:
+    async with bench("umd", URLS[0], sample_rate_hz=1000.0, counts_per_cycle=4) as at:
         at.script.facts = ()
         assert (await at.device.open(3.0)).firmware == ""
         assert len(await take(at.device, 20))
 
-    bench("umd", URLS[0], main, sample_rate_hz=1000.0, counts_per_cycle=4)
 
-
-def test_a_baud_rate_that_goes_wrong_in_between_is_named() -> None:
-    async def main(at: Bench) -> None:
+async def test_a_baud_rate_that_goes_wrong_in_between_is_named() -> None:
+    async with bench("umd", URLS[0]) as at:
         await at.device.open(OPEN_S)
         async with aclosing(at.device.blocks()) as stream:
             await anext(stream)
@@ -352,16 +317,15 @@ def test_a_baud_rate_that_goes_wrong_in_between_is_named() -> None:
             with pytest.raises(UnsupportedDevice, match="E-UMD-BAUD"):
                 await drain(stream)
 
-    bench("umd", URLS[0], main)
-
 
 def test_the_scaled_output_says_what_it_holds() -> None:
     device = UmdCounter("laser", "COM3", {"count_size_nm": 10.0, "compensated_for": "air"}, LoopClock())
     assert device.compensated_for == "air"
 
 
-def test_a_calibrator_does_what_it_is_told() -> None:
-    async def main(at: Bench) -> None:
+@pytest.mark.wall_time
+async def test_a_calibrator_does_what_it_is_told() -> None:
+    async with bench("bridge", URLS[1]) as at:
         await at.device.open(OPEN_S)
         assert isinstance(at.device, RotaryCalibrator)
         await at.device.hold()
@@ -370,11 +334,9 @@ def test_a_calibrator_does_what_it_is_told() -> None:
         assert (await at.device.optics()).kind == "rotary"
         assert at.script.asked[1:4] == [(records.HOLD, {}), (records.TURN, {"by_deg": -0.1}), (records.TRACK, {})]
 
-    bench("bridge", URLS[1], main)
 
-
-def test_the_stream_runs_only_while_somebody_reads() -> None:
-    async def main(at: Bench) -> None:
+async def test_the_stream_runs_only_while_somebody_reads() -> None:
+    async with bench("bridge", URLS[0]) as at:
         await at.device.open(OPEN_S)
         assert not at.script.streaming
         await take(at.device, 20)
@@ -382,8 +344,6 @@ def test_the_stream_runs_only_while_somebody_reads() -> None:
         assert [method for method, _params in at.script.asked] == [
             records.IDENTIFY, records.STATUS, records.START, records.STOP,
         ]  # fmt: skip
-
-    bench("bridge", URLS[0], main)
 
 
 @pytest.mark.parametrize(
@@ -393,10 +353,10 @@ def test_the_stream_runs_only_while_somebody_reads() -> None:
         (CalibratorStatus(True, False, 9.0), DeviceRefused, "E-BRIDGE-BATTERY"),
     ],
 )
-def test_fault_39_and_41_a_calibrator_that_is_not_fit_does_not_start(
+async def test_fault_39_and_41_a_calibrator_that_is_not_fit_does_not_start(
     status: CalibratorStatus, error: type[TrueflankError], code: str
 ) -> None:
-    async def main(at: Bench) -> None:
+    async with bench("bridge", URLS[0]) as at:
         at.script.status = status
         await at.device.open(OPEN_S)
         with pytest.raises(error) as caught:
@@ -404,17 +364,13 @@ def test_fault_39_and_41_a_calibrator_that_is_not_fit_does_not_start(
         assert caught.value.code == code
         assert not at.script.streaming
 
-    bench("bridge", URLS[0], main)
 
-
-def test_fault_39_a_low_battery_is_a_notice() -> None:
-    async def main(at: Bench) -> None:
+async def test_fault_39_a_low_battery_is_a_notice() -> None:
+    async with bench("bridge", URLS[0]) as at:
         at.script.status = CalibratorStatus(True, False, 15.0)
         await at.device.open(OPEN_S)
         await take(at.device, 1)
         assert any("battery" in notice for notice in at.device.notices)
-
-    bench("bridge", URLS[0], main)
 
 
 @pytest.mark.parametrize(
@@ -431,8 +387,10 @@ def test_fault_39_a_low_battery_is_a_notice() -> None:
         (7, DeviceRefused, "E-BRIDGE-REFUSED"),
     ],
 )
-def test_refusals_say_who_must_act_and_the_line_goes_on(number: int, error: type[TrueflankError], code: str) -> None:
-    async def main(at: Bench) -> None:
+async def test_refusals_say_who_must_act_and_the_line_goes_on(
+    number: int, error: type[TrueflankError], code: str
+) -> None:
+    async with bench("bridge", URLS[0]) as at:
         await at.device.open(OPEN_S)
         at.script.refusals[records.TURN] = BridgeRefusal(None, number, "Kein Licht")
         with pytest.raises(error) as caught:
@@ -441,42 +399,34 @@ def test_refusals_say_who_must_act_and_the_line_goes_on(number: int, error: type
         assert "Kein Licht" in str(caught.value)
         await at.device.hold()
 
-    bench("bridge", URLS[0], main)
 
-
-def test_an_instrument_without_sensors_has_no_ambient() -> None:
-    async def main(at: Bench) -> None:
+async def test_an_instrument_without_sensors_has_no_ambient() -> None:
+    async with bench("bridge", URLS[0]) as at:
         at.script.refusals[records.ENVIRONMENT] = BridgeRefusal(None, records.METHOD_NOT_FOUND, "no")
         at.script.refusals[records.OPTICS] = BridgeRefusal(None, records.UNSUPPORTED, "no")
         await at.device.open(OPEN_S)
         assert (await at.device.ambient()).air_degc is None
         assert (await at.device.optics()).kind == "unknown"
 
-    bench("bridge", URLS[0], main)
 
-
-def test_an_instrument_that_cannot_turn_says_so() -> None:
-    async def main(at: Bench) -> None:
+async def test_an_instrument_that_cannot_turn_says_so() -> None:
+    async with bench("bridge", URLS[0]) as at:
         at.script.kind = "laser"
         await at.device.open(OPEN_S)
         assert at.device.channels == ("displacement_mm",)
         with pytest.raises(DeviceRefused, match="it is a laser"):
             await at.device.hold()
 
-    bench("bridge", URLS[0], main)
 
-
-def test_another_version_of_the_bridge_is_refused() -> None:
-    async def main(at: Bench) -> None:
+async def test_another_version_of_the_bridge_is_refused() -> None:
+    async with bench("bridge", URLS[0]) as at:
         at.script.protocol = 2
         with pytest.raises(UnsupportedDevice, match="E-BRIDGE-VERSION"):
             await at.device.open(OPEN_S)
 
-    bench("bridge", URLS[0], main)
 
-
-def test_an_answer_with_another_id_breaks_the_line() -> None:
-    async def main(at: Bench) -> None:
+async def test_an_answer_with_another_id_breaks_the_line() -> None:
+    async with bench("bridge", URLS[0]) as at:
         await at.device.open(OPEN_S)
         at.script.id_shift = 1
         with pytest.raises(RemoteProtocolError, match="E-LINK-STRAY"):
@@ -484,12 +434,10 @@ def test_an_answer_with_another_id_breaks_the_line() -> None:
         with pytest.raises(LinkBroken):
             await at.device.track()
 
-    bench("bridge", URLS[0], main)
-
 
 @pytest.mark.parametrize("cancelled", [False, True])
-def test_an_interrupted_request_breaks_the_line_for_good(cancelled: bool) -> None:
-    async def main(at: Bench) -> None:
+async def test_an_interrupted_request_breaks_the_line_for_good(cancelled: bool) -> None:
+    async with bench("bridge", URLS[0], turn_timeout_s=2.0) as at:
         await at.device.open(OPEN_S)
         at.script.silent = True
         asking = asyncio.create_task(at.device.turn(1.0))
@@ -506,14 +454,12 @@ def test_an_interrupted_request_breaks_the_line_for_good(cancelled: bool) -> Non
         await at.device.open(OPEN_S)
         await at.device.turn(1.0)
 
-    bench("bridge", URLS[0], main, turn_timeout_s=2.0)
-
 
 @pytest.mark.parametrize(
     "line", [b"rubbish\n", b'{"jsonrpc":"2.0","id":1}\n', b'{"jsonrpc":"2.0","id":9,"method":"x"}\n']
 )
-def test_an_unreadable_line_ends_the_stream_with_its_bytes(line: bytes) -> None:
-    async def main(at: Bench) -> None:
+async def test_an_unreadable_line_ends_the_stream_with_its_bytes(line: bytes) -> None:
+    async with bench("bridge", URLS[0]) as at:
         await at.device.open(OPEN_S)
         async with aclosing(at.device.blocks()) as stream:
             await anext(stream)
@@ -523,22 +469,18 @@ def test_an_unreadable_line_ends_the_stream_with_its_bytes(line: bytes) -> None:
         assert caught.value.code == "E-BRIDGE-LINE"
         assert line[:7].decode() in str(caught.value)
 
-    bench("bridge", URLS[0], main)
 
-
-def test_what_stood_on_the_line_before_the_opening_is_thrown_away() -> None:
-    async def main(at: Bench) -> None:
+async def test_what_stood_on_the_line_before_the_opening_is_thrown_away() -> None:
+    async with bench("bridge", URLS[0]) as at:
         late = b'es":{"device_deg":[0.0]}}}\n{"jsonrpc":"2.0","method":"stream.samples","params":{"sequence":1}}\n'
         at.script.bend = lambda data: late + data
         await at.device.open(OPEN_S)
         at.script.bend = lambda data: data
         await take(at.device, 20)
 
-    bench("bridge", URLS[0], main)
 
-
-def test_samples_with_a_wrong_member_end_the_stream_and_name_it() -> None:
-    async def main(at: Bench) -> None:
+async def test_samples_with_a_wrong_member_end_the_stream_and_name_it() -> None:
+    async with bench("bridge", URLS[0]) as at:
         await at.device.open(OPEN_S)
         async with aclosing(at.device.blocks()) as stream:
             await anext(stream)
@@ -546,16 +488,14 @@ def test_samples_with_a_wrong_member_end_the_stream_and_name_it() -> None:
             with pytest.raises(RemoteProtocolError, match="values"):
                 await drain(stream)
 
-    bench("bridge", URLS[0], main)
-
 
 def test_the_ports_are_met() -> None:
     assert isinstance(UmdCounter("a", "COM1", {}, LoopClock()), Instrument)
     assert isinstance(BridgeInstrument("a", "COM1", {}, LoopClock()), RotaryCalibrator)
 
 
-def test_a_bridge_is_told_to_count_afresh_after_a_lost_beam() -> None:
-    async def main(at: Bench) -> None:
+async def test_a_bridge_is_told_to_count_afresh_after_a_lost_beam() -> None:
+    async with bench("bridge", URLS[0]) as at:
         await at.device.open(OPEN_S)
         await at.device.set_datum()
         assert at.script.asked[-1][0] == records.DATUM
@@ -564,5 +504,3 @@ def test_a_bridge_is_told_to_count_afresh_after_a_lost_beam() -> None:
             await at.device.set_datum()
         at.script.refusals[records.DATUM] = BridgeRefusal(None, records.UNSUPPORTED, "cannot")
         await at.device.set_datum()
-
-    bench("bridge", URLS[0], main)

@@ -22,8 +22,8 @@ TABLE = CompensationTable(
 async def test_only_the_acting_measuring_system_is_written() -> None:
     async with on_stage(spec=SCALES, server={"null_strings": True}) as on:
         with pytest.raises(UnsupportedDevice, match="E-NC-ENCODER") as caught:
-            await on.device.stage(ORDER)
-        assert "lets index 1 act" in caught.value.what
+            await on.device.stage((ORDER,))
+        assert "the control uses index 1" in caught.value.what
         with pytest.raises(UnsupportedDevice, match="E-NC-ENCODER"):
             await on.device.prepare_stops(plan((Stop(10.0, 1),)))
         order = replace(ORDER, table=TABLE)

@@ -39,6 +39,8 @@ def lines_of(
             station.plc.write = lambda _address, values: writes.append(values)  # type: ignore[method-assign]
             if prepare == "pulled":
                 await station.pull()
+            if prepare == "release":
+                station.plc.release.give()
             if prepare == "session":
                 station.plc.open_session(77)
             doctor = ModbusDoctor("840D", station.home, settings or {}, clock)
@@ -70,7 +72,7 @@ def test_a_mailbox_in_order(url: str) -> None:
         "axes",
         "units",
         "temperature",
-        "key switch",
+        "release",
     ]
     road = ["name", "port"] if url.startswith("tcp") else []
     assert [line.check for line in lines] == [*road, *checks, "session", "state"]
@@ -81,12 +83,12 @@ def test_a_mailbox_in_order(url: str) -> None:
     [
         ({"plc": {"swap_words": True}}, ("word order", "wrong", "E-MBX-WORD-ORDER")),
         ({"settings": {"word_order": "low-first"}}, ("word order", "wrong", "E-MBX-WORD-ORDER")),
-        ({"plc": {"map_version": 1}}, ("map version", "wrong", "E-MBX-VERSION")),
+        ({"plc": {"map_version": 2}}, ("map version", "wrong", "E-MBX-OLD-MAP")),
         ({"plc": {"stale_heartbeat": True}}, ("heartbeat", "wrong", "E-MBX-STALLED")),
         ({"wanted": Wanted("other", ())}, ("serial number", "wrong", "E-DOC-SERIAL")),
         ({"wanted": replace(WANTED, axes=WANTED.axes * 2)}, ("axes", "wrong", "E-DOC-COUNTS")),
         ({"spec": replace(SPEC, unit_system="inch")}, ("units", "wrong", "E-DOC-INCH")),
-        ({"spec": replace(SPEC, access_level=7)}, ("key switch", "wrong", "E-DOC-RELEASE")),
+        ({"prepare": "release"}, ("release", "unknown", "E-DOC-RELEASE")),
         ({"prepare": "session"}, ("session", "unknown", "W-DOC-SESSION")),
         ({"prepare": "pulled"}, ("port", "wrong", "E-DOC-PORT")),
         ({"settings": {"unit": 9}}, ("answer", "wrong", "E-MODBUS-GATEWAY")),

@@ -44,12 +44,15 @@ async def test_the_worked_exchange_passes_as_printed() -> None:
 
     async with at_desk(spec={"axes": axes, "cec_points": ()}) as desk:
         desk.plc._taken = 41
+        desk.plc.on_session = lambda: None
         for place, (way, address, values) in enumerate(worked_exchange()):
             if way == "write":
                 await desk.master.write(address, values)
                 await desk.bench.sleep(1.5)
                 await desk.master.beat()
                 continue
+            if address == 0 and (values[5], values[6]) == (0x00F5, 42):
+                desk.plc.release.give()
             found = await desk.master.read(address, len(values))
             if address == 0:
                 # the heart-beat is the hour's; command 41, its check sum and its end were before our time
@@ -70,6 +73,7 @@ def frames_of(mark: str) -> bytes:
 async def test_the_whole_frames_of_the_document(framer: str) -> None:
     async with at_desk(framer=framer) as desk:
         desk.plc._taken = 41
+        desk.plc.on_session = lambda: None
         await desk.master.wire.write(frames_of(f"{framer} >"))
         assert await desk.master.wire.read(100) == frames_of(f"{framer} <")
         await desk.bench.sleep(0.1)
@@ -115,9 +119,9 @@ async def test_the_wire_listens_on_loopback_only() -> None:
 @pytest.mark.parametrize(
     ("pdu", "answer"),
     [
-        ("03 00 00 00 02", "03 04 47 43 00 02"),
+        ("03 00 00 00 02", "03 04 47 43 00 03"),
         ("03 01 79 00 01", "03 02 00 02"),  # register 377: AUTO
-        ("03 01 79 00 02", "83 02"),  # 378
+        ("03 01 83 00 02", "83 02"),  # 388
         ("03 00 00 00 7E", "83 03"),
         ("06 00 0F 00 05", "06 00 0F 00 05"),
         ("06 00 0E 00 05", "86 02"),
@@ -165,16 +169,17 @@ async def test_foreign_units_get_no_register() -> None:
 async def test_the_head_and_the_machine_as_the_map_has_them() -> None:
     async with at_desk() as desk:
         head = await desk.master.read(0, 15)
-        assert head[:4] == [0x4743, 2, 0x1234, 0x5678]
-        assert head[5:] == [0b1111_0001, *[0] * 9]
+        assert head[:4] == [0x4743, 3, 0x1234, 0x5678]
+        assert head[5:] == [0b0111_0001, *[0] * 9]
         await desk.bench.sleep(3.0)
         assert (await desk.master.read(4, 1))[0] == head[4] + 3
-        live = await desk.master.read(302, 76)
+        live = await desk.master.read(302, 86)
         text = b"".join(word.to_bytes(2, "big") for word in live[6:30]).split(b"\0")
         assert [part.decode() for part in text if part] == ["ST-DOUBLE-0001", "4.8.6"]
         assert (live[4], live[5], live[47], live[48], live[75]) == (1, 2, 4, 4, 2)
         assert live[49:73] == [0] * 24
         assert live[30:47] == [0] * 17
+        assert live[76:] == [0, 0b1111, *[0] * 8]
 
 
 async def test_a_selected_axis_and_table_as_the_control_holds_them() -> None:
@@ -193,9 +198,11 @@ async def test_a_selected_axis_and_table_as_the_control_holds_them() -> None:
         assert await master.command(11, {18: 2, 19: 2, 32: 4}) == (0, 0)
         assert (await master.read(332, 8))[:2] == [0x4331, 0]
         assert await master.read(351, 4) == [2, 2, 0, 4]
-        assert await master.read(355, 2) == [0b11111, 0b0100]
+        assert await master.read(355, 2) == [0b111111, 0b0100]
         assert [await master.dint(address) for address in (357, 359, 361)] == [-500_000, 125_000, 1_875_000]
-        assert await master.read(363, 4) == [3, 4, 4, 0b100]
+        assert await master.read(363, 4) == [3, 4, 4, 0b1100]
+        assert await master.read(385, 1) == [2]
+        assert await master.dint(386) == 1_000_000
         assert await master.dint(367) == -250_000
         assert await master.dint(373) == 21_000
         assert (await master.read(10, 1)) == [20]
@@ -231,7 +238,10 @@ async def test_status_bits_follow_the_machine() -> None:
 
         desk.nck.set_access_level(5)
         assert await bits() == 0b0111_0001
-        desk.plc.local_release = True
+        desk.plc.release.set(True)
+        assert await bits() == 0b10_0000_0111_0001, "it counts only in a session"
+        desk.plc.release.set(False)
+        desk.plc.open_session(5)
         assert await bits() == 0b1111_0001
         desk.nck.lose_reference("Z1")
         assert await bits() == 0b1011_0001
@@ -243,7 +253,7 @@ async def test_status_bits_follow_the_machine() -> None:
         await desk.bench.sleep(30.0)
         desk.bench.press_start("G1 X1=200 F600\nM30")
         await desk.bench.sleep(1.0)
-        assert await bits() == 0b1100_0001
+        assert await bits() == 0b10_0000_0100_1001, "the session ended without its heart-beat, and the release with it"
         desk.nck.nck_reset()
         assert await bits() & 0b1_0001 == 0
 
@@ -284,7 +294,7 @@ async def test_a_torn_transfer_is_never_acted_on() -> None:
         await master.write(36, [7] * 100)
         await master.write(18, [1, 1])
         await desk.bench.sleep(5.0)
-        assert (await master.read(5, 3)) == [0b1111_0001, 0, 0]
+        assert (await master.read(5, 3)) == [0b0111_0001, 0, 0]
 
 
 async def test_the_session_lives_by_its_heartbeat() -> None:
@@ -346,7 +356,9 @@ CEC = {18: 2, 19: 1, 28: 3, 31: 3, 32: 1}
     ("fields", "places", "expected"),
     [
         ({**BEGIN, 18: 0}, SOUND, (9, 0)),
-        ({**BEGIN, 18: 3}, SOUND, (9, 0)),
+        ({**BEGIN, 18: 3}, SOUND, (4, 24)),
+        ({**X1, 18: 3, 28: 2}, {}, (4, 28)),
+        ({**X1, 18: 3, 28: 1, 33: 1}, {}, (4, 33)),
         ({**BEGIN, 18: 4}, SOUND, (9, 0)),
         ({**BEGIN, 18: 5}, SOUND, (9, 0)),
         ({**BEGIN, 19: 0}, SOUND, (9, 0)),
@@ -364,7 +376,9 @@ CEC = {18: 2, 19: 1, 28: 3, 31: 3, 32: 1}
         ({**BEGIN, 33: 1}, SOUND, (4, 33)),
         (BEGIN, {"step": 0, "maximum": 0}, (4, 24)),
         (BEGIN, {"step": -10, "maximum": -20}, (4, 24)),
-        (BEGIN, {"step": 10, "maximum": 21}, (4, 26)),
+        (BEGIN, {"step": 10, "maximum": 30}, (4, 26)),
+        (BEGIN, {"step": 10, "maximum": 29}, (0, 0)),
+        (BEGIN, {"step": 10, "maximum": 19}, (4, 26)),
         ({**BEGIN, 28: 1}, {"step": 10, "maximum": 0}, (4, 28)),
         ({**BEGIN, 28: 901}, {"step": 10, "maximum": 9000}, (8, 900)),
         ({**BEGIN, 19: 2}, SOUND, (8, 0)),
@@ -377,21 +391,21 @@ async def test_begin_refuses_what_is_not_sound(
     async with at_desk() as desk:
         await desk.master.open()
         assert await desk.master.command(2, fields, **places) == expected
-        assert (await desk.master.read(351, 1)) == [0], "a refused command selects nothing"
-        assert not desk.plc.memory.half
+        assert (await desk.master.read(351, 1)) == [int(expected == (0, 0))], "a refused command selects nothing"
+        assert bool(desk.plc.memory.half) is (expected == (0, 0))
 
 
 async def test_refusals_by_the_state_of_the_machine() -> None:
     async with at_desk() as desk:
         master, nck = desk.master, desk.nck
         await master.open()
-        nck.set_access_level(5)
+        desk.plc.release.set(False)
         for code in (2, 6):
             assert await master.command(code, BEGIN, **SOUND) == (5, 0)
         assert await master.command(5, X1) == (5, 0)
         assert await master.command(11, X1) == (0, 0)
         assert await master.read_back(X1, 0, 2) == [0, 0]
-        nck.set_access_level(4)
+        desk.plc.release.set(True)
         desk.bench.press_start("G1 X1=300 F6000\nM0\nM30")
         await master.beat()
         for code in (2, 5, 6):
@@ -434,13 +448,13 @@ async def test_refusals_while_loading() -> None:
         master.points = data[:-1]
         assert await master.command(4, fields, **places) == (1, 0)
         assert desk.nck.get("$AA_ENC_COMP[0,1,X1]") == 0.0, "nothing goes into the NCK before verify"
-        assert await master.command(5, X1) == (10, 0)
+        assert await master.command(5, X1) == (10, 1)
         assert await master.command(8) == (0, 0)
         assert (await master.read(11, 1)) == [0]
         assert await master.command(4, fields, **places) == (1, 0)
         master.points = []
         assert await master.command(4, fields, **places) == (2, 19)
-        assert await master.command(5, X1) == (10, 0)
+        assert await master.command(5, X1) == (10, 1)
         assert await master.command(77) == (9, 0)
         assert await master.command(7, {**X1, 29: 899, 30: 2}) == (8, 900)
         assert await master.command(7, {**X1, 30: 51}) == (3, 0)
@@ -506,7 +520,7 @@ async def test_a_cross_table_goes_in_and_is_switched_as_the_map_says() -> None:
         assert await master.read(366, 1) == [0]
         assert await desk.confirmed(5, {18: 2, 19: 1, 21: 1 << 4, 32: 1}) == (0, 0)
         assert await master.read(366, 1) == [0b010]
-        assert await master.command(5, {**X1, 21: 1 << 4}) == (4, 21)
+        assert await master.command(5, {**X1, 21: 1 << 4}) == (4, 40)
 
 
 async def test_a_rotary_table_has_its_own_units() -> None:
@@ -519,7 +533,7 @@ async def test_a_rotary_table_has_its_own_units() -> None:
         assert desk.nck.get("$AA_ENC_COMP_IS_MODULO[0,C1]") is True
 
 
-async def test_backlash_and_temperature_are_read_only() -> None:
+async def test_backlash_and_temperature_are_read_and_temperature_only_read() -> None:
     async with at_desk() as desk:
         master, nck = desk.master, desk.nck
         await master.open()
@@ -531,7 +545,7 @@ async def test_backlash_and_temperature_are_read_only() -> None:
         assert (await master.read(10, 1)) == [1]
         assert await master.read_back({18: 4, 19: 1}, 0, 3) == [4000, 12_500, -1_205_000]
         for code in (2, 5, 6):
-            assert await master.command(code, {18: 3, 19: 1}) == (9, 0)
+            assert await master.command(code, {18: 4, 19: 1}) == (9, int(code > 2))
 
 
 async def test_left_over_points_above_the_table_are_zeroed() -> None:
@@ -551,12 +565,12 @@ async def test_what_outlives_a_power_cut() -> None:
         assert await master.command(2, BEGIN, **SOUND) == (0, 0)
         await desk.station.power_cycle()
         await desk.reconnect()
-        assert (await master.read(5, 11)) == [0b1011_0001, *[0] * 10]
+        assert (await master.read(5, 11)) == [0b10_0000_0011_0001, *[0] * 10]
         assert (await master.read(15, 121)) == [0] * 121
         assert (await master.read(340, 9)) == [0x3939, *[0] * 7, 1]
         await desk.bench.warm_up()
         await master.open()
-        assert await master.command(5, X1) == (10, 0)
+        assert await master.command(5, X1) == (10, 1)
         assert await master.load(X1, [0, 1, 2]) == (0, 0)
         assert await desk.confirmed(5, X1) == (0, 0)
 

@@ -26,7 +26,7 @@ CHECKS = (
         "own certificate",
         "login",
         "clock",
-        "name space",
+        "namespace",
         "option",
         "methods",
     ),

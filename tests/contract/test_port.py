@@ -18,7 +18,7 @@ from drivers.contract.loading import loads_and_acts, restores, switches_as_decla
 from drivers.contract.reading import says_what_it_can, shows_what_acts
 from drivers.contract.subject import ContractBroken, Moment, Subject
 from drivers.ports.controller import Controller
-from drivers.types.orders import PushOrder, SignProof
+from drivers.types.orders import PushBatch, PushOrder, ReadBack, SignProof
 from drivers.types.tables import LiveSet, LiveTable
 from tests.contract import modbus_stage, opcua_stage
 from tests.contract.fileroad import CAPABILITIES, FileRoad, Machine, curve
@@ -118,21 +118,23 @@ class TwoHomes(_Liar):
 
 
 class LosesAPoint(_Liar):
-    async def read_back(self, order: PushOrder, timeout_s: float) -> tuple[LiveSet, LiveSet]:
-        backup, loaded = await super().read_back(order, timeout_s)
-        values = (*loaded.own.table.deviations[:-1], 9.0)
-        return backup, replace(loaded, own=LiveTable(replace(loaded.own.table, deviations=values), False))
+    async def read_back(self, batch: PushBatch, timeout_s: float) -> tuple[ReadBack, ...]:
+        (one,) = await super().read_back(batch, timeout_s)
+        table = one.found.own.table
+        own = LiveTable(replace(table, deviations=(*table.deviations[:-1], 9.0)), False)
+        return (replace(one, found=replace(one.found, own=own)),)
 
 
 class OnAtOnce(_Liar):
-    async def read_back(self, order: PushOrder, timeout_s: float) -> tuple[LiveSet, LiveSet]:
-        backup, loaded = await super().read_back(order, timeout_s)
-        return backup, replace(loaded, own=replace(loaded.own, enabled=True))
+    async def read_back(self, batch: PushBatch, timeout_s: float) -> tuple[ReadBack, ...]:
+        (one,) = await super().read_back(batch, timeout_s)
+        return (replace(one, found=replace(one.found, own=replace(one.found.own, enabled=True))),)
 
 
 class OneCurve(_Liar):
-    async def activate(self, order: PushOrder) -> None:
-        await super().activate(replace(order, table=replace(order.table, reverse=())))
+    async def activate(self, batch: PushBatch, passed: PushBatch) -> None:
+        (order,) = passed
+        await super().activate(batch, (replace(order, table=replace(order.table, reverse=())),))
         self.machine.files["X"] = "\n".join(
             f"{place} {value} {value}" for place, value in zip(order.table.places, order.table.deviations, strict=True)
         )
@@ -149,16 +151,16 @@ class NoDigest(_Liar):
 
 
 class KeepsTheNew(_Liar):
-    async def activate(self, order: PushOrder) -> None:
-        if order.purpose == "restore":
+    async def activate(self, batch: PushBatch, passed: PushBatch) -> None:
+        if batch[0].purpose == "restore":
             self.machine.files.pop("X.new")
             self._started = self.machine.starts
         else:
-            await super().activate(order)
+            await super().activate(batch, passed)
 
-    async def restarted(self, order: PushOrder, timeout_s: float) -> None:
-        if order.purpose != "restore":
-            await super().restarted(order, timeout_s)
+    async def restarted(self, passed: PushBatch, timeout_s: float) -> None:
+        if passed[0].purpose != "restore":
+            await super().restarted(passed, timeout_s)
 
 
 class SwitchesAfterAll(_Liar):

@@ -21,6 +21,7 @@ from gateway.domain.proposals import TableChange
 from gateway.push import PushContext, prove_sign, push_table
 from gateway.push.compare import table_in
 from tests.contract.modbus_stage import Stage, cross, on_stage, table
+from tests.placed import PLACES
 from tests.signed import signed
 from tests.sizes import few
 
@@ -58,6 +59,7 @@ async def people(
                 await on.bench.clock.sleep(_jog(on, axis, position) + 0.5)
 
     task = asyncio.get_running_loop().create_task(work())
+    on.device.keep_to(PLACES)
     try:
         yield PushContext(
             on.device, on.bench.clock, Folder(root), root / "journal", X_AXIS, await on.device.identify(), "mill",

@@ -19,9 +19,9 @@ async def test_a_step_that_does_not_divide_goes_out_and_back_by_programs() -> No
         old, _ = await on.loaded(ORDER)
         assert len(old.own.table.deviations) == 4  # k = 3: assumed, floor(360 / 100)
         assert (old.own.table.step, old.own.table.maximum) == (100.0, 360.0)
-        await on.device.activate(ORDER)
-        assert await on.device.confirm(ORDER, 120.0)
-        await on.device.restarted(ORDER, 120.0)
+        await on.device.activate((ORDER,), (ORDER,))
+        assert await on.device.confirm((ORDER,), 120.0) == (True,)
+        await on.device.restarted((ORDER,), 120.0)
         assert on.memory() != before
         back = replace(ORDER, transaction=4712, table=old.own.table, purpose="restore", enable=False)
         await on.loaded(back)

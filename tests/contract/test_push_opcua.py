@@ -24,6 +24,7 @@ from gateway.push import PushContext, look, prove_sign, push_table, recover, unf
 from gateway.push.compare import table_in
 from simulators.nck.spec import NckSpec
 from tests.contract.opcua_stage import AXES, Stage, on_stage, plan
+from tests.placed import PLACES, placed
 from tests.selftested import passed
 from tests.signed import signed
 from tests.sizes import few
@@ -56,6 +57,7 @@ async def context_for(
     """A push of X1, with an operator who presses NC START for whatever is selected."""
     controller = on.device
     machine = await controller.identify()
+    controller.keep_to(PLACES)
     return PushContext(
         controller, on.clock, Folder(root), root / "journal", X_AXIS, machine, "mill", "mill",
         proof, start_timeout_s=200.0, input=moved, self_test=passed(machine),
@@ -224,7 +226,7 @@ async def test_the_marker_outlives_session_and_programs_until_it_is_recovered(ke
         await on.device.close()
         elsewhere = tmp_path / "another-pc"
         elsewhere.mkdir()
-        other = on.driver()
+        other = placed(on.driver())
         await other.open(5.0)
         marker = await other.marker()
         assert marker is not None
@@ -255,7 +257,7 @@ async def test_limits_of_a_cross_table_come_from_its_own_machine_data(keys: Path
         assert on.device.capabilities.stops
         order = PushOrder(1, WAVE, "Z", False, True, 0.0, "table", proof(on, 1))
         for head in (0, 1, 0xFEDC_BA98_7654_3210, 2**64 - 1):
-            await on.device.finish_push(replace(order, transaction=987_600_001, head=head), "committed")
+            await on.device.finish_push((replace(order, transaction=987_600_001, head=head),), "committed")
             marker = await on.device.marker()
             assert marker == Marker(987_600_001, "committed")
             assert marker.head == head

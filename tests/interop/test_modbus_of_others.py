@@ -16,6 +16,7 @@ from drivers.errors import TrueflankError
 from drivers.sinumerik.mailbox.device import SinumerikModbus
 from simulators.modbus import Plc, PlcSettings, PlcStation
 from simulators.nck.control import Nck
+from tests.batches import sets_of
 from tests.contract.opcua_stage import ORDER, SPEC
 from tests.interop.modbus_peers import LibmodbusServer, Line, libmodbus_server, mbpoll
 
@@ -26,7 +27,7 @@ DRIVER = {"needs_reference": False}
 
 @dataclass
 class Desk:
-    """A control, its PLC, and a person who confirms at the panel."""
+    """A control, its PLC, and a person at the panel who gives each session its release and confirms."""
 
     nck: Nck
     plc: Plc
@@ -34,6 +35,8 @@ class Desk:
     async def confirm(self) -> None:
         while True:
             await LoopClock().sleep(0.02)
+            if self.plc.session and not self.plc.release.was_given:
+                self.plc.release.give()
             self.plc.confirm()
 
 
@@ -76,13 +79,13 @@ async def push(on: Desk, url: str, **settings: Any) -> None:
         assert (identity.serial, identity.firmware) == (SPEC.serial, SPEC.nck_version)
         assert (await driver.table_limits("C1")).reserved_points == 80
         assert (await driver.state()).axes["C1"].referenced
-        await driver.stage(ORDER)
-        backup, readback = await driver.read_back(ORDER, 30.0)
+        await driver.stage((ORDER,))
+        backup, readback = sets_of(await driver.read_back((ORDER,), 30.0))
         assert not backup.own.enabled
         assert readback.own.table.deviations == pytest.approx(ORDER.table.deviations, abs=2e-4)
-        await driver.activate(ORDER)
-        assert await driver.confirm(ORDER, 30.0)
-        await driver.finish_push(ORDER, "committed")
+        await driver.activate((ORDER,), (ORDER,))
+        assert await driver.confirm((ORDER,), 30.0) == (True,)
+        await driver.finish_push((ORDER,), "committed")
         marker = await driver.marker()
         assert marker is not None
         assert (marker.transaction, marker.state) == (ORDER.transaction, "committed")
@@ -117,7 +120,7 @@ def test_a_push_over_a_serial_line_through_libmodbus() -> None:
     [
         ({"swap_words": True}, {}, "E-MBX-WORD-ORDER"),
         ({}, {"word_order": "low-first"}, "E-MBX-WORD-ORDER"),
-        ({"map_version": 1}, {}, "E-MBX-VERSION"),
+        ({"map_version": 1}, {}, "E-MBX-OLD-MAP"),
         ({}, {"shift": 1}, "E-MBX-MAGIC"),
     ],
 )
@@ -148,7 +151,7 @@ def registers(text: str) -> dict[int, int]:
 async def polled(where: list[str]) -> None:
     code, said = await mbpoll(*where[:-1], "-r", "0", "-c", "4", where[-1])
     assert code == 0, said
-    assert registers(said) == {0: 0x4743, 1: 2, 2: 0x1234, 3: 0x5678}
+    assert registers(said) == {0: 0x4743, 1: 3, 2: 0x1234, 3: 0x5678}
     code, said = await mbpoll(*where[:-1], "-r", "15", where[-1], "7")
     assert "Written 1 references" in said
     code, said = await mbpoll(*where[:-1], "-r", "15", "-c", "1", where[-1])

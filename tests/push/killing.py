@@ -29,6 +29,7 @@ from drivers.types.tables import LiveSet
 from gateway import audit
 from gateway.push import PushContext, look, push_table, recover, unfinished
 from gateway.push.records import journal
+from tests.placed import placed
 from tests.push.world import URL, Scene, World, change_of, context_for, driver_settings
 
 _TURNS = 60
@@ -176,7 +177,7 @@ async def _gateway(pipe: Connection, reaper: Reaper, world: World, root: Path, b
             pipe.recv()
 
     scene = world.scene
-    device = SinumerikModbus("grinder", URL, driver_settings(scene), clock)
+    device = placed(SinumerikModbus("grinder", URL, driver_settings(scene), clock))
     try:
         await device.open(5.0)
         machine: MachineIdentity = await device.identify()

@@ -32,7 +32,7 @@ HONEST: dict[str, Any] = {
     "lies_about_disable": False, "float32_values": False, "quantum_points": 0, "accepts_wrong_length": False,
     "lose_points": 0, "key_back": False, "alarm_during": 0, "power_cut_after": 0, "overwrites": (),
     "second_master": 0, "nck_refuses": 0, "confirm_dead": False, "swap_words": False, "swap_data_words": False,
-    "map_version": 2, "stale_heartbeat": False, "enables_itself": 0, "enables_twice_s": 0.0, "forgets": 0,
+    "map_version": 3, "stale_heartbeat": False, "enables_itself": 0, "enables_twice_s": 0.0, "forgets": 0,
 }  # fmt: skip
 
 
@@ -149,7 +149,7 @@ def _plc(made: Schedule) -> None:
             {"confirm_dead": True},
             {"swap_words": True},
             {"swap_data_words": True},
-            {"map_version": 3},
+            {"map_version": 2},
             {"stale_heartbeat": True},
         )
     )

@@ -27,7 +27,7 @@ from tests.sizes import few
 pytestmark = pytest.mark.attack
 
 SPEED = 80.0
-SHARDS, EACH = 10, 3
+SHARDS, EACH = 30, 1
 OLDS = {"old on": LiveTable(OLD, True), "never loaded": never_loaded()}
 
 
@@ -235,7 +235,7 @@ def test_the_mains_cut_at_every_block_that_leaves_half_a_table(
     assert len(halves[0]) >= 5
 
 
-@pytest.mark.parametrize("count", few([2, 5]))
+@pytest.mark.parametrize("count", few([1, 5]))
 @pytest.mark.parametrize("killed", [False, True], ids=["gateway lives", "gateway dies too"])
 @pytest.mark.parametrize("name", few(OLDS))
 def test_the_mains_cut_at_blocks_of_the_program(

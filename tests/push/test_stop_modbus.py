@@ -13,7 +13,7 @@ from gateway.stopping import StopAsked, Stopped, obey
 from tests.push.world import Scene, change_of, context_for, world
 
 
-@pytest.mark.parametrize("after_s", [2.0, 12.0])
+@pytest.mark.parametrize("after_s", [2.2, 12.0])
 async def test_a_stop_ends_the_session_and_the_panels_button_does_nothing(tmp_path: Path, after_s: float) -> None:
     clock, scene, stop = LoopClock(), Scene(), StopAsked()
     async with world(scene, clock) as at:

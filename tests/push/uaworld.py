@@ -24,6 +24,7 @@ from simulators.nck.control import Nck
 from simulators.nck.machine.data_table import CEC_ENABLE, ENC_ENABLE
 from simulators.nck.spec import AxisSpec, NckSpec
 from simulators.opcua import SinumerikServer
+from tests.placed import PLACES, placed
 from tests.push.oracle import Oracle, content_of
 from tests.push.world import NAME, NEW, NOTHING, OLD, POINTS, Folder, Scene
 from tests.selftested import passed
@@ -129,7 +130,7 @@ class UaWorld:
 
     def driver(self, **settings: Any) -> SinumerikOpcUa:
         """A driver at this server."""
-        return SinumerikOpcUa("840D", self.server.url, {**SETTINGS, **settings}, self.clock)
+        return placed(SinumerikOpcUa("840D", self.server.url, {**SETTINGS, **settings}, self.clock))
 
     async def base(self, device: SinumerikOpcUa) -> LiveSet:
         """The live tables, saved by a program as a measurement does."""
@@ -188,6 +189,7 @@ def ua_context(controller: Any, clock: Clock, root: Path, machine: MachineIdenti
     """What a push or a recovery at this machine works with."""
     function: Any = "cross" if more.get("input") else "axis"
     proof = SignProof(machine, function, "X1", -1.0, 0.01, 1, "2026-01-01T00:00:00+00:00")
+    controller.keep_to(PLACES)
     given: dict[str, Any] = {"self_test": passed(machine)}
     given |= {"proof": proof, "start_timeout_s": 60.0, "approvals_needed": 1, "actor": "anna", **more}
     return PushContext(controller, clock, Folder(root), root / "journal", X_AXIS, machine, NAME, NAME, **given)

@@ -27,6 +27,7 @@ from simulators.instrument_wire import Around
 from simulators.modbus import PlcStation, station_of
 from simulators.nck.control import AxisSpec, Nck, NckSpec
 from simulators.nck.machine.data_table import CEC_ENABLE, ENC_ENABLE
+from tests.placed import PLACES, placed
 from tests.push.oracle import Oracle, content_of
 from tests.signed import signed
 
@@ -164,7 +165,7 @@ class World:
 
     def driver(self, **settings: Any) -> SinumerikModbus:
         """A driver at this PLC."""
-        return SinumerikModbus("grinder", URL, {**driver_settings(self.scene), **settings}, self.clock)
+        return placed(SinumerikModbus("grinder", URL, {**driver_settings(self.scene), **settings}, self.clock))
 
     async def __aenter__(self) -> World:
         await self.ready()
@@ -196,6 +197,7 @@ async def world(scene: Scene, clock: Clock | None = None, around: Around | None 
     try:
         station = station_of(nck, clock, {"scan_s": 0.01, **scene.plc}, around)
         try:
+            station.plc.on_session = station.plc.release.give
             await station.start(URL)
             async with World(scene, nck, station, clock) as made:
                 yield made
@@ -266,6 +268,7 @@ def context_for(
         "actor": "anna",
     }
     folder = Folder(root)
+    device.keep_to(PLACES)
     return PushContext(device, clock, folder, root / "journal", X_AXIS, machine, NAME, NAME, **{**given, **more})
 
 

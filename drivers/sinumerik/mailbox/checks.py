@@ -13,11 +13,11 @@ from drivers.sinumerik.mailbox.codec.grids import Stored
 from drivers.sinumerik.mailbox.codec.readings import Picture, Status
 from drivers.sinumerik.mailbox.codec.registers import Kind, StatusBit, SwitchBit
 from drivers.sinumerik.mailbox.reader import AxisReading
-from drivers.types.orders import PushOrder
+from drivers.types.orders import PushBatch, PushOrder
 from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 
 JUMP = Limits.of("mm").jump + 1e-6  # um or arcsec: what an axis may jump when a table is switched
-_SAFE = (StatusBit.READY, StatusBit.IN_RESET, StatusBit.STANDSTILL, StatusBit.RELEASED)
+_REST = (StatusBit.READY, StatusBit.IN_RESET, StatusBit.STANDSTILL)
 _GRID = ("flags", "minimum", "step", "maximum", "multiply_by")
 
 
@@ -28,17 +28,25 @@ def guard(status: Status, where: str, alarm: int = 0) -> None:
     """
     if not status.has(StatusBit.RELEASED):
         raise DeviceRefused("E-MBX-NOT-RELEASED", where, command="push", detail=0)
-    if not status.has(*_SAFE):
+    at_rest(status, where, alarm)
+
+
+def at_rest(status: Status, where: str, alarm: int = 0) -> None:
+    """Ready, in reset, standing, no alarm. Raises DeviceRefused (E-MBX-NOT-IN-RESET, E-MBX-ALARM)."""
+    if not status.has(*_REST):
         raise DeviceRefused("E-MBX-NOT-IN-RESET", where, command="push", detail=0)
     if status.has(StatusBit.ALARM):
         raise DeviceRefused("E-MBX-ALARM", where, number=alarm or "in the panel's list")
 
 
-def switchable(status: Status, where: str) -> None:
-    """What command 6 needs; an alarm does not keep a table on. Raises DeviceRefused as `guard`."""
-    if not status.has(StatusBit.RELEASED):
+def switchable(status: Status, where: str, *, released: bool, anyhow: bool = False) -> None:
+    """What command 6 needs; an alarm does not keep a table on, and ``anyhow`` no program and no motion either.
+
+    Raises DeviceRefused as `guard`.
+    """
+    if not released:
         raise DeviceRefused("E-MBX-NOT-RELEASED", where, command="DISABLE", detail=0)
-    if not status.has(*_SAFE):
+    if not status.has(StatusBit.READY) or not (anyhow or status.has(*_REST)):
         raise DeviceRefused("E-MBX-NOT-IN-RESET", where, command="DISABLE", detail=0)
 
 
@@ -58,17 +66,18 @@ def is_off(order: Order, status: Status, picture: Picture) -> bool:
     return not picture.switches & either and not status.has(StatusBit.CEC_ENABLED)
 
 
-def coupled(order: PushOrder, backup: AxisReading, where: str) -> None:
+def coupled(order: PushOrder, backup: AxisReading, batch: PushBatch, where: str) -> None:
     """A CEC axis switch serves all tables of its axis: no other one may wake up, or join a sign proof, unseen.
 
     ``order.coupled`` says that others were at work and shall be again. Raises DeviceRefused (E-MBX-COUPLED).
     """
     if order.table.kind != "cross":
         return
+    ours = {one.table.index for one in batch if one.table.kind == "cross"}
     others = [
         table.picture.selection.index
         for table in backup.stored[1:]
-        if SwitchBit.CEC_TABLE in table.picture.switches and table.picture.selection.index != order.table.index
+        if SwitchBit.CEC_TABLE in table.picture.switches and table.picture.selection.index not in ours
     ]
     asleep = not (order.coupled and axis_switch(backup))
     if others and (asleep or order.purpose == "sign-proof"):
@@ -95,13 +104,16 @@ def place(order: PushOrder, backup: LiveSet, position: float, where: str) -> Non
         raise DeviceRefused("E-MBX-PLACE", where, jump=jump, wanted=order.agreeing_position, **told)
 
 
-def same(order: PushOrder, begin: Order, values: tuple[int, ...], reading: AxisReading, where: str) -> None:
-    """Numbers read back against numbers sent, points above them against zero. Raises DeviceRefused (E-MBX-READBACK)."""
+def different(
+    order: PushOrder, begin: Order, values: tuple[int, ...], reading: AxisReading, where: str
+) -> DeviceRefused | None:
+    """Numbers read back against numbers sent, points above them against zero: E-MBX-READBACK, None where all agree."""
     stored = _stored_of(order, reading)
-    different = ["the table"] if stored is None else list(_differences(begin, values, stored))
-    if different:
-        told: dict[str, Any] = {"count": len(different), "first": different[0]}
-        raise DeviceRefused("E-MBX-READBACK", where, table=order.table.name, **told)
+    found = ["the table"] if stored is None else list(_differences(begin, values, stored))
+    if not found:
+        return None
+    told: dict[str, Any] = {"count": len(found), "first": found[0]}
+    return DeviceRefused("E-MBX-READBACK", where, table=order.table.name, **told)
 
 
 def _differences(begin: Order, values: tuple[int, ...], stored: Stored) -> list[str]:

@@ -23,23 +23,30 @@ from drivers.sinumerik.mailbox.reader import MailboxReader
 from drivers.sinumerik.mailbox.settings import ModbusSettings
 from drivers.sinumerik.mailbox.switching import Switching
 from drivers.sinumerik.mailbox.wire import ModbusWire
+from drivers.sinumerik.standing import KeepsPlaces
 from drivers.sinumerik.tablefile import tables
 from drivers.sinumerik.tablefile.held import HELD
 from drivers.types.abilities import Capabilities, Marker, TableLimits
 from drivers.types.identity import Identity, MachineIdentity
 from drivers.types.machine import MachineState
-from drivers.types.orders import DisableOrder, PushOrder, SignProof, SwitchReading, TableQuestion
+from drivers.types.orders import DisableOrder, PushBatch, PushOrder, ReadBack, SignProof, SwitchReading, TableQuestion
 from drivers.types.stops import StopPlan, StopReached
 from drivers.types.tables import CompensationTable, LiveSet
 from drivers.types.values import Sense
 from drivers.workpiece import GrindPlan
 
 CAPABILITIES = Capabilities(
-    stops=False, tables=HELD, switched="by-itself", marker=True, consent="panel", cross_shown="either-way"
+    stops=False,
+    tables=HELD,
+    switched="by-itself",
+    marker=True,
+    consent="panel",
+    cross_shown="either-way",
+    off_anyhow=True,
 )
 
 
-class SinumerikModbus:
+class SinumerikModbus(KeepsPlaces):
     """Driver "sinumerik-modbus": settings in `drivers.sinumerik.mailbox.settings.ModbusSettings`."""
 
     def __init__(self, name: str, url: str, settings: Mapping[str, Any], clock: Clock) -> None:
@@ -52,7 +59,12 @@ class SinumerikModbus:
             talk=self._talk, reader=self._reader, pushing=self._pushing, settings=found, clock=clock, where=name
         )
         self._disabling = MailboxDisabling(
-            talk=self._talk, reader=self._reader, settings=found, clock=clock, where=name
+            talk=self._talk,
+            reader=self._reader,
+            consent=self._pushing.consent,
+            settings=found,
+            clock=clock,
+            where=name,
         )
         self._encoder = found.encoder
         self.book: SentPrograms | None = None
@@ -182,32 +194,39 @@ class SinumerikModbus:
                 if not ours:
                     await self._talk.leave()
 
-    async def stage(self, order: PushOrder) -> None:
-        """Open a session, check, back up, set the marker. Raises as its `prepare`; nothing acts differently yet."""
+    async def stage(self, batch: PushBatch) -> None:
+        """Open a session, wait for its release at the panel, check, back up, set the marker.
+
+        Raises as `Consent.enter` and `MailboxPushing.prepare`; nothing acts differently yet.
+        """
+        self._pushing.planned(batch)
+        await self._talk.alive()
+        await self._pushing.consent.enter()
         async with self._talk.turn:
-            await self._pushing.prepare(order)
+            await self._pushing.prepare(batch)
 
-    async def read_back(self, order: PushOrder, timeout_s: float) -> tuple[LiveSet, LiveSet]:
-        """Disable, load, read back twice afresh: (old, new). Raises as `MailboxPushing.loaded`."""
+    async def read_back(self, batch: PushBatch, timeout_s: float) -> tuple[ReadBack, ...]:
+        """Disable, load, read back twice afresh: old and new. Raises as `MailboxPushing.loaded`."""
         async with self._talk.turn:
-            return await self._pushing.loaded(order, timeout_s)
+            return await self._pushing.loaded(batch, timeout_s)
 
-    async def backup_of(self, order: PushOrder) -> LiveSet:
-        """What `stage` read for this very order. Raises DeviceRefused (E-MBX-NOT-PREPARED)."""
-        return self._pushing.backup_of(order)
+    async def backup_of(self, batch: PushBatch) -> tuple[LiveSet, ...]:
+        """What `stage` read for this very batch. Raises DeviceRefused (E-MBX-NOT-PREPARED)."""
+        return tuple(self._pushing.backup_of(order) for order in batch)
 
-    async def activate(self, order: PushOrder) -> None:
-        """Ask the PLC to activate; it waits for the panel. Raises as `Switching.release`."""
+    async def activate(self, batch: PushBatch, passed: PushBatch) -> None:
+        """Ask the PLC to activate the first; it waits for the panel. Raises as `Switching.release`."""
         async with self._talk.turn:
-            await self._switching.release(order)
+            await self._switching.release(batch, passed)
 
-    async def confirm(self, order: PushOrder, timeout_s: float) -> bool:
-        """True when a person confirmed and the switches read on, false when it was left off."""
-        return await self._switching.enabled(order, timeout_s)
+    async def confirm(self, passed: PushBatch, timeout_s: float) -> tuple[bool, ...]:
+        """Table by table: true when a person confirmed and the switches read on, false when it was left off."""
+        return await self._switching.enabled(passed, timeout_s)
 
-    async def restarted(self, order: PushOrder, timeout_s: float) -> None:
+    async def restarted(self, passed: PushBatch, timeout_s: float) -> None:
         """Wait through NCK reset and reference run. Raises DeadlineExceeded (E-NC-NO-ACTIVATION)."""
-        await self._switching.activated(order, timeout_s)
+        for order in passed:
+            await self._switching.activated(order, timeout_s)
 
     async def switch(self, order: PushOrder, enable: bool, timeout_s: float) -> None:
         """Switch the order's table and wait until it acts or is gone. Raises as `Switching.switch`."""
@@ -220,16 +239,21 @@ class SinumerikModbus:
             return await self._disabling.reading(order)
 
     async def prepare_disable(self, order: DisableOrder) -> None:
-        """Whether command 6 would be taken now; the release is a person's consent. Raises as its `check`."""
+        """Wait for the release, a person's consent, and see whether command 6 would be taken now.
+
+        Raises as `MailboxDisabling.enter` and its `check`.
+        """
+        await self._disabling.enter()
         async with self._talk.turn:
             await self._disabling.check(order)
 
     async def wait_disabled(self, order: DisableOrder, timeout_s: float) -> SwitchReading:
-        """Command 6, and what is read back. Raises as `MailboxDisabling.disabled`."""
+        """Command 6, and what is read back. Raises as `MailboxDisabling.enter` and its `disabled`."""
+        await self._disabling.enter()
         async with self._talk.turn:
             return await self._disabling.disabled(order, timeout_s)
 
-    async def finish_push(self, order: PushOrder, state: Literal["committed", "held", "none"]) -> None:
+    async def finish_push(self, batch: PushBatch, state: Literal["committed", "held", "none"]) -> None:
         """Leave the marker in its last state and end the session. Raises DeviceRefused (E-MBX-MARKER)."""
         async with self._talk.turn:
-            await self._switching.finish(order, state)
+            await self._switching.finish(batch, state)

@@ -17,7 +17,12 @@ from drivers.sinumerik.mailbox.wire import ModbusWire
 from drivers.sinumerik.reach import host_and_port, reach
 
 DEFAULT_PORT = 502
-NEEDED_LEVEL = 3
+_CHECKS = {
+    "E-MBX-WORD-ORDER": "word order",
+    "E-MBX-VERSION": "map version",
+    "E-MBX-OLD-MAP": "map version",
+    "E-MBX-MAGIC": "mailbox",
+}
 
 
 class ModbusDoctor:
@@ -56,8 +61,7 @@ class ModbusDoctor:
         try:
             status = await self._talk.begin(timeout_s)
         except TrueflankError as error:
-            check = {"E-MBX-WORD-ORDER": "word order", "E-MBX-VERSION": "map version", "E-MBX-MAGIC": "mailbox"}
-            return [failed(error, check.get(error.code, "answer")), unknown("W-DOC-NOT-REACHED", "rest")]
+            return [failed(error, _CHECKS.get(error.code, "answer")), unknown("W-DOC-NOT-REACHED", "rest")]
         lines = [
             fine("W-DOC-MAILBOX", "mailbox"),
             fine("W-DOC-MAP", "map version", version=MAP_VERSION),
@@ -91,11 +95,8 @@ def _machine(picture: Picture, status: Status) -> list[CheckLine]:
     scaling = {"basic": "in register 306", "scaling": int(picture.metric)}
     lines = [fine("W-DOC-UNITS", "units") if picture.metric else wrong("E-DOC-INCH", "units", **scaling)]
     lines.append(fine("W-DOC-WARMTH-ELSEWHERE", "temperature"))
-    level = {"level": picture.access_level, "needed": NEEDED_LEVEL}
-    released = status.has(StatusBit.RELEASED)
-    lines.append(
-        fine("W-DOC-RELEASED", "key switch", **level) if released else wrong("E-DOC-RELEASE", "key switch", **level)
-    )
+    stale = status.has(StatusBit.RELEASE_STALE)
+    lines.append(unknown("E-DOC-RELEASE", "release") if stale else fine("W-DOC-RELEASED", "release"))
     if status.session:
         lines.append(unknown("W-DOC-SESSION", "session", session=status.session))
     else:

@@ -14,10 +14,11 @@ from drivers.clock import Clock
 from drivers.errors import DeviceRefused, TableError, TooManyPoints, TrueflankError, ValueOutOfRange
 from drivers.sinumerik.mailbox import checks
 from drivers.sinumerik.mailbox.codec import grids
-from drivers.sinumerik.mailbox.codec.commands import Order, chunks, marker_data
+from drivers.sinumerik.mailbox.codec.commands import Order, chunks, marker_data, switching
 from drivers.sinumerik.mailbox.codec.packing import dints
 from drivers.sinumerik.mailbox.codec.readings import Picture, Status
 from drivers.sinumerik.mailbox.codec.registers import AxisBit, Command, Kind, StatusBit
+from drivers.sinumerik.mailbox.consent import Consent
 from drivers.sinumerik.mailbox.conversation import Talk
 from drivers.sinumerik.mailbox.reader import (
     MARKER_STATES,
@@ -33,7 +34,7 @@ from drivers.sinumerik.mailbox.settings import ModbusSettings
 from drivers.sinumerik.tablefile import tables
 from drivers.sinumerik.tablefile.tables import sense_for
 from drivers.types.identity import MachineIdentity
-from drivers.types.orders import PushOrder
+from drivers.types.orders import DisableOrder, PushBatch, PushOrder, ReadBack
 from drivers.types.tables import LiveSet
 from drivers.types.values import GONE
 
@@ -54,51 +55,58 @@ class MailboxPushing:
     def __init__(self, talk: Talk, reader: MailboxReader, settings: ModbusSettings, clock: Clock, where: str) -> None:
         self._talk = talk
         self._reader = reader
+        self.consent = Consent(talk=talk, settings=settings, clock=clock, where=where)
         self._settings = settings
         self._clock = clock
         self._where = where
         self._machine: MachineIdentity | None = None
-        self._plan: tuple[PushOrder, MailboxPlan] | None = None
-        self.backup: LiveSet | None = None
-        self._backup_of = 0
+        self._plans: dict[int, tuple[PushOrder, MailboxPlan]] = {}
+        self.backups: dict[DisableOrder, LiveSet] = {}
         self.connect_s = 10.0
 
-    async def prepare(self, order: PushOrder) -> None:
-        """Open a session, check, back up and mark; nothing that moves an axis changes.
+    def planned(self, batch: PushBatch) -> None:
+        """Every order as numbers, before a session is opened for them. Raises as `plan`."""
+        self._plans = {}
+        for order in batch:
+            self.plan(order)
+
+    async def prepare(self, batch: PushBatch) -> None:
+        """Check every order, back up and mark in the session that is open; nothing that moves an axis changes.
 
         Raises TableError (E-TABLE-NO-PROOF, E-MBX-FRACTION, ...) before anything is written, DeviceRefused
         (E-MBX-NOT-RELEASED, E-MBX-PLACE, E-MBX-COUPLED, ...) or TableError (E-MBX-PUT-BACK); the session is closed
         again then.
         """
-        self._plan = None
-        plan = self.plan(order)
-        await self._talk.alive()
-        await self._talk.enter()
+        backups: dict[DisableOrder, LiveSet] = {}
         try:
             self._machine = await self._reader.identity()
-            await self._check(order, plan)
-            reading = await self._tables(order)
-            checks.coupled(order, reading, self._where)
-            backup = reading.live("BACK", order.transaction, sense_for(order))
-            self._check_way_back(order, backup)
-            await self.check_place(order, backup)
-            await self.mark(order.transaction, "in-progress")
+            for order in batch:
+                await self._check(order, self.plan(order))
+                reading = await self._tables(order)
+                checks.coupled(order, reading, batch, self._where)
+                backup = reading.live("BACK", order.transaction, sense_for(order))
+                self._check_way_back(order, backup)
+                await self.check_place(order, backup)
+                backups[place_of(order)] = backup
+            await self.mark(batch[0].transaction, "in-progress", batch[0].head)
         except TrueflankError:
             await self._talk.leave()
             raise
-        self.backup, self._backup_of = backup, order.transaction
+        self.backups = backups
 
     def backup_of(self, order: PushOrder) -> LiveSet:
         """What `prepare` read for this very order. Raises DeviceRefused (E-MBX-NOT-PREPARED)."""
-        if self.backup is None or self._backup_of != order.transaction:
+        found = self.backups.get(place_of(order))
+        if found is None:
             raise DeviceRefused("E-MBX-NOT-PREPARED", self._where, table=order.table.name)
-        return self.backup
+        return found
 
     def plan(self, order: PushOrder) -> MailboxPlan:
         """The order as numbers. Raises TableError and ValueOutOfRange for what cannot or must not be said."""
-        if self._plan is None or self._plan[0] is not order:
-            self._plan = order, self._planned(order)
-        return self._plan[1]
+        known = self._plans.get(id(order))
+        if known is None or known[0] is not order:
+            known = self._plans[id(order)] = order, self._planned(order)
+        return known[1]
 
     def _planned(self, order: PushOrder) -> MailboxPlan:
         order = replace(order, table=grids.sayable(order.table))
@@ -114,6 +122,10 @@ class MailboxPushing:
         checks.guard(await self._talk.recent(), self._where, picture.alarm)
         if AxisBit.REFERENCED not in picture.axis:
             raise DeviceRefused("E-MBX-NOT-REFERENCED", self._where, axis=order.table.output_axis)
+        acting = AxisBit.SECOND_ACTS if order.saved_encoder else AxisBit.FIRST_ACTS
+        if order.purpose != "restore" and acting not in picture.axis:
+            named: dict[str, Any] = {"axis": order.table.output_axis, "encoder": order.saved_encoder + 1}
+            raise DeviceRefused("E-MBX-ENCODER", self._where, **named)
         if self._talk.reserved < len(plan.values):
             told: dict[str, Any] = {"points": len(plan.values), "reserved": self._talk.reserved}
             raise TooManyPoints("E-TABLE-POINTS", self._where, table=order.table.name, **told)
@@ -142,40 +154,51 @@ class MailboxPushing:
         position = position_of(await self._talk.select(Order(Command.SELECT, Kind.EEC, source.number)))
         checks.place(order, backup, position, self._where)
 
-    async def mark(self, transaction: int, state: MarkerState) -> None:
+    async def mark(self, transaction: int, state: MarkerState, head: int) -> None:
         """Set the marker and read it back. Raises DeviceRefused (E-MBX-MARKER)."""
         number = "" if state == "none" else str(transaction)
         wanted = f"{number} {state}".strip()
         if len(number) > MARKER_DIGITS:
             raise DeviceRefused("E-MBX-MARKER", self._where, wanted=wanted, found="nothing: it is too long")
-        await self._talk.do(Order(Command.MARKER), marker_data(number, MARKER_STATES.index(state)))
+        await self._talk.do(Order(Command.MARKER), marker_data(number, MARKER_STATES.index(state), head))
         found = marker_of(await self._talk.picture(), self._where)
-        if (found.transaction, found.state) != (int(number or 0), state):
+        if (found.transaction, found.state, found.head) != (int(number or 0), state, head):
             told = f"{found.transaction} {found.state}"
             raise DeviceRefused("E-MBX-MARKER", self._where, wanted=wanted, found=told)
 
-    async def loaded(self, order: PushOrder, timeout_s: float) -> tuple[LiveSet, LiveSet]:
-        """Disable, load, verify, and read back twice over a new connection: (back-up of the old, what stands now).
+    async def loaded(self, batch: PushBatch, timeout_s: float) -> tuple[ReadBack, ...]:
+        """Disable all, load and verify each, and read back twice over a new connection: what stood, what stands now.
 
-        Raises DeviceRefused (E-MBX-STILL-ON, E-MBX-STILL-ACTING, E-MBX-READBACK, E-MBX-UNSTEADY...), LinkBroken.
+        Raises DeviceRefused (E-MBX-STILL-ON, E-MBX-STILL-ACTING, E-MBX-READBACK where no table reads as sent,
+        E-MBX-UNSTEADY...), LinkBroken.
         """
-        backup = self.backup_of(order)
-        plan = self.plan(order)
+        backups = [self.backup_of(order) for order in batch]
+        plans = [self.plan(order) for order in batch]
+        found: list[ReadBack] = []
+        wrong: list[DeviceRefused] = []
         async with self._clock.deadline(timeout_s, self._where):
-            await self.disable(plan.begin)
-            await self._load(plan)
+            for plan in plans:
+                await self.disable(plan.begin)
+            for plan in plans:
+                await self._load(plan)
             await self._talk.renew(self.connect_s)
-            found = await self._read_again(order)
-        checks.same(order, plan.begin, values=plan.values, reading=found, where=self._where)
-        return backup, found.live("READ", order.transaction, sense_for(order))
+            for order, plan, old in zip(batch, plans, backups, strict=True):
+                reading = await self._read_again(order)
+                why = checks.different(order, plan.begin, values=plan.values, reading=reading, where=self._where)
+                wrong += [why] if why is not None else []
+                found.append(ReadBack(old, reading.live("READ", order.transaction, sense_for(order)), why is None))
+        if len(wrong) == len(batch):
+            raise wrong[0]
+        return tuple(found)
 
     async def disable(self, begin: Order) -> None:
         """Off by its switch and by what acts: a switch that reads off proves nothing.
 
         Raises DeviceRefused (E-MBX-STILL-ON, E-MBX-STILL-ACTING).
         """
-        checks.guard(await self._talk.recent(), self._where)
-        await self._talk.do(begin.as_command(Command.DISABLE))
+        status = await self._talk.recent()
+        checks.switchable(status, self._where, released=self.consent.permits_off(status))
+        await self._talk.do(*switching(Command.DISABLE, [begin.as_command(Command.DISABLE)]))
         end = self._clock.now() + self._settings.command_s
         while True:
             # What the table held the axis away by is travelled now: it may move until it has come to rest.
@@ -184,10 +207,10 @@ class MailboxPushing:
                 raise DeviceRefused("E-MBX-STILL-ON", self._where, kind=begin.kind.name, index=begin.index)
             gone = abs(acting_of(picture)) <= GONE
             if gone and status.has(StatusBit.STANDSTILL):
-                checks.guard(status, self._where, picture.alarm)
+                checks.at_rest(status, self._where, picture.alarm)
                 return
             if self._clock.now() >= end:
-                checks.guard(status, self._where, picture.alarm)
+                checks.at_rest(status, self._where, picture.alarm)
                 raise DeviceRefused("E-MBX-STILL-ACTING", self._where, acting=acting_of(picture), kind=begin.kind.name)
             await self._clock.sleep(self._settings.poll_s)
 
@@ -215,6 +238,11 @@ class MailboxPushing:
             if different or seen.axis_name != order.table.output_axis:
                 raise DeviceRefused("E-MBX-OTHER", self._where, differ=", ".join(different) or "axis name")
         return reading
+
+
+def place_of(order: PushOrder) -> DisableOrder:
+    """Which table of which transaction an order is about."""
+    return DisableOrder(order.transaction, order.table.kind, order.table.output_axis, order.table.index)
 
 
 def acting_of(picture: Picture) -> float:

@@ -50,7 +50,12 @@ class AxisReading:
     def live(self, section: Section, number: int, cec_sign: Sense = 1) -> LiveSet:
         """The same as a record, by way of the text that a program of ours would have written under ``number``."""
         saving = Saving(
-            section=section, number=number, axis=self.axis.name, encoder=self.encoder, memory=memory_of(self.stored)
+            section=section,
+            number=number,
+            axis=self.axis.name,
+            encoder=self.encoder,
+            memory=memory_of(self.stored),
+            factor=False,
         )
         text = saved_text(self.stored, {one.number: one for one in self.axes}, saving)
         units: Mapping[str, AxisUnit] = {one.name: one.unit for one in self.axes}
@@ -73,37 +78,19 @@ class MailboxReader:
         return self.axes[name]
 
     async def identity(self) -> MachineIdentity:
-        """Select each axis for its name, read the fingerprint. Raises UnsupportedDevice (E-MBX-SILENT, E-MBX-GAPS)."""
+        """Select each axis for its name, read the fingerprint. Raises UnsupportedDevice (E-MBX-SILENT)."""
         first = await self._talk.picture()
-        if not first.serial or not first.axes:
-            what = "serial number" if first.axes else "number of axes"
+        if not first.serial or not first.numbers:
+            what = "serial number" if first.numbers else "map of axes"
             raise UnsupportedDevice("E-MBX-SILENT", self._where, what=what)
-        found = await self._every_axis(first.axes)
-        facts = [_facts(number, picture) for number, picture in enumerate(found, start=1)]
+        found = [await self._talk.select(_axis_order(number)) for number in first.numbers]
+        facts = [_facts(number, picture) for number, picture in zip(first.numbers, found, strict=True)]
         names = tuple(axis.name for axis in facts)
-        if len(set(names)) < len(names):
+        if len(set(names)) < len(names) or "" in names:
             raise UnsupportedDevice("E-MBX-SILENT", self._where, what=f"axis names ({', '.join(names)})")
         self.axes = {axis.name: axis for axis in facts}
         self._states = {axis.name: _axis_state(axis, picture) for axis, picture in zip(facts, found, strict=True)}
         return machine_of(first, names)
-
-    async def _every_axis(self, count: int) -> list[Picture]:
-        """The picture of each number; this map version cannot tell which number an axis after a gap has."""
-        found = [(number, await self._named(number)) for number in range(1, count + 1)]
-        gaps = [str(number) for number, picture in found if picture is None]
-        if gaps:
-            raise UnsupportedDevice("E-MBX-GAPS", self._where, numbers=", ".join(gaps), count=count)
-        return [picture for _, picture in found if picture is not None]
-
-    async def _named(self, number: int) -> Picture | None:
-        """An axis' picture, None where the PLC knows no axis of that number or no name for it."""
-        try:
-            picture = await self._talk.select(_axis_order(number))
-        except UnsupportedDevice as error:
-            if error.code != "E-MBX-UNKNOWN":
-                raise
-            return None
-        return picture if picture.axis_name else None
 
     async def state(self) -> MachineState:
         """Status and every axis. While a command waits for the panel, or the NCK restarts, only the selected one."""
@@ -142,7 +129,7 @@ class MailboxReader:
             order = table_order(facts, Kind.CEC, table)
             grid = (await self._talk.select(order)).grid
             if grid.output_axis == facts.number and (grid.step or not grid.expressible):
-                if not 1 <= grid.input_axis <= len(self.axes):
+                if grid.input_axis not in (axis.number for axis in self.axes.values()):
                     register = ADDRESS["LIVE_INPUT_AXIS"]
                     raise RemoteProtocolError("E-MBX-REGISTER", self._where, register=register, value=grid.input_axis)
                 found.append(await self._stored(order))
@@ -202,7 +189,7 @@ def marker_of(picture: Picture, where: str) -> Marker:
     """The marker from a picture. Raises RemoteProtocolError (E-MBX-REGISTER) when its number has no digits only."""
     if picture.marker and not picture.marker.isdecimal():
         raise RemoteProtocolError("E-MBX-REGISTER", where, register="340-347", value=picture.marker)
-    return Marker(int(picture.marker or 0), MARKER_STATES[picture.marker_state])
+    return Marker(int(picture.marker or 0), MARKER_STATES[picture.marker_state], picture.head)
 
 
 def position_of(picture: Picture) -> float:

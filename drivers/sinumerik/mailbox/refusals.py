@@ -69,12 +69,13 @@ def check_map(registers: Sequence[int], order: WordOrder, where: str) -> None:
     """Magic, version and word order, before anything else is believed.
 
     Raises UnsupportedDevice: E-MBX-WORD-ORDER says which setting would be right; E-MBX-MAGIC (no mailbox, bytes
-    swapped, addresses shifted), E-MBX-VERSION. Nothing is adapted silently.
+    swapped, addresses shifted), E-MBX-OLD-MAP, E-MBX-VERSION. Nothing is adapted silently.
     """
     found = order_of(registers)
     if found not in ("high-first", "low-first"):
         raise UnsupportedDevice("E-MBX-MAGIC", where, found=f"{registers[0]:04X}", wanted=f"{MAGIC:04X}", why=found)
     if registers[1] != MAP_VERSION:
-        raise UnsupportedDevice("E-MBX-VERSION", where, found=registers[1], wanted=MAP_VERSION)
+        code = "E-MBX-OLD-MAP" if registers[1] < MAP_VERSION else "E-MBX-VERSION"
+        raise UnsupportedDevice(code, where, found=registers[1], wanted=MAP_VERSION)
     if found != order:
         raise UnsupportedDevice("E-MBX-WORD-ORDER", where, found=found, setting=order)

@@ -18,7 +18,7 @@ class ModbusSettings(DriverSettings):
     """Keys under ``[controller.settings]``; the same list stands in docs/plc-mailbox.md."""
 
     addresses: ClassVar[tuple[str, ...]] = WIRES
-    unit: int = Field(default=1, ge=1, le=247, description="unit number of the PLC; 0 would reach every device")
+    unit: int = Field(default=1, ge=1, le=247, description="unit number of the PLC; 0 is not allowed (broadcast)")
     framer: Literal["", "tcp", "rtu"] = Field(
         default="", description="tcp or rtu; left out: RTU for serial ports and socket://, TCP else"
     )
@@ -36,9 +36,13 @@ class ModbusSettings(DriverSettings):
         le=600.0,
         description="longest wait for a command to be done, s (its 60 s at the panel apart)",
     )
+    release_s: float = Field(
+        default=120.0, ge=1.0, le=900.0, description="longest wait for a person to give the release at the panel, s"
+    )
     encoder: int = Field(default=0, ge=0, le=1, description="measuring system whose tables are read")
     needs_reference: bool = Field(
-        default=True, description="a new table acts only after NCK reset and reference, so people are waited for"
+        default=True,
+        description="a new table acts only after NCK reset and reference run; the push then waits for the operator",
     )
 
     def rules(self) -> tuple[Rule, ...]:

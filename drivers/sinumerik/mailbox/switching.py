@@ -9,14 +9,14 @@ from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded, DeviceRefused
 from drivers.sinumerik.mailbox import checks
 from drivers.sinumerik.mailbox.codec import grids
-from drivers.sinumerik.mailbox.codec.commands import Order
+from drivers.sinumerik.mailbox.codec.commands import Order, switching
 from drivers.sinumerik.mailbox.codec.readings import Picture
 from drivers.sinumerik.mailbox.codec.registers import AxisBit, Command, Kind, StatusBit, TableFlag
 from drivers.sinumerik.mailbox.conversation import Talk
 from drivers.sinumerik.mailbox.pushing import MailboxPushing, acting_of
 from drivers.sinumerik.mailbox.reader import MailboxReader, MarkerState, marker_of, position_of
 from drivers.sinumerik.mailbox.settings import ModbusSettings
-from drivers.types.orders import PushOrder
+from drivers.types.orders import PushBatch, PushOrder
 from drivers.types.values import GONE
 
 GRACE_S = 3.0
@@ -42,24 +42,32 @@ class Switching:
         self._clock = clock
         self._where = where
 
-    async def release(self, order: PushOrder) -> None:
-        """Ask the PLC to activate; it waits for the person at the panel. Nothing is asked when it shall stay off.
+    async def release(self, batch: PushBatch, passed: PushBatch) -> None:
+        """Check all and ask the PLC to activate the first; it waits for the person at the panel.
 
-        Raises DeviceRefused (E-MBX-NOT-PREPARED, E-MBX-MARKER, E-MBX-STILL-ON, E-MBX-PLACE...) before it asks.
+        Nothing is asked for a table that shall stay off. Raises DeviceRefused (E-MBX-NOT-PREPARED, E-MBX-MARKER,
+        E-MBX-STILL-ON, E-MBX-PLACE...) before it asks.
         """
-        backup = self._pushing.backup_of(order)
-        await self._pushing.check_place(order, backup)
-        named = self._naming(order)
-        picture = await self._talk.select(named)
-        status = await self._talk.status()
-        checks.guard(status, self._where, picture.alarm)
-        self._check_marker(order, picture)
-        if not checks.is_off(named, status, picture):
-            raise DeviceRefused("E-MBX-STILL-ON", self._where, kind=named.kind.name, index=named.index)
+        for order in batch:
+            await self._pushing.check_place(order, self._pushing.backup_of(order))
+        for order in batch:
+            named = self._naming(order)
+            picture = await self._talk.select(named)
+            status = await self._talk.status()
+            checks.guard(status, self._where, picture.alarm)
+            self._check_marker(order, picture)
+            if not checks.is_off(named, status, picture):
+                raise DeviceRefused("E-MBX-STILL-ON", self._where, kind=named.kind.name, index=named.index)
+        await self._ask(passed[0], named_already=passed[0] is batch[-1])
+
+    async def _ask(self, order: PushOrder, *, named_already: bool = False) -> None:
         activate = self._activation(order)
         if activate is not None:
-            await self._talk.start(activate)
-            await self._talk.ended(activate, self._settings.command_s, or_waiting=True)
+            if not named_already:
+                await self._talk.select(self._naming(order))
+            told, data = switching(Command.ACTIVATE, [activate])
+            await self._talk.start(told, data)
+            await self._talk.ended(told, self._settings.command_s, or_waiting=True)
 
     def _check_marker(self, order: PushOrder, picture: Picture) -> None:
         found = marker_of(picture, self._where)
@@ -78,11 +86,23 @@ class Switching:
         others = named.kind is Kind.CEC and order.coupled
         return replace(named, flags=int(TableFlag.AXIS_ONLY)) if others else None
 
-    async def enabled(self, order: PushOrder, timeout_s: float) -> bool:
-        """Wait for the panel; true when the switches then read on. False: nobody confirmed, the table is off.
+    async def enabled(self, passed: PushBatch, timeout_s: float) -> tuple[bool, ...]:
+        """Wait for the panel, table by table; true when the switches then read on, false for all after a refusal.
 
+        False: nobody confirmed, the table is off.
         Raises DeviceRefused (E-MBX-NOT-RELEASED, E-MBX-NOT-IN-RESET...: the PLC's reason not to), nothing is on then.
         """
+        found: list[bool] = []
+        for place, order in enumerate(passed):
+            if place:
+                async with self._talk.turn:
+                    await self._ask(order)
+            found.append(await self._enabled(order, timeout_s))
+            if order.enable and not found[-1]:
+                break
+        return (*found, *(False for _ in passed[len(found) :]))
+
+    async def _enabled(self, order: PushOrder, timeout_s: float) -> bool:
         activate = self._activation(order)
         if activate is not None and not await self._confirmed(activate, timeout_s):
             return False
@@ -153,16 +173,16 @@ class Switching:
 
         Raises DeadlineExceeded (E-MBX-NOT-ACTING), DeviceRefused (E-MBX-TIME: nobody confirmed).
         """
-        await self._talk.enter()
+        await self._pushing.consent.enter()
         named = self._naming(order)
         async with self._clock.deadline(timeout_s, self._where):
             if not enable:
                 await self._talk.select(named)
                 await self._pushing.disable(named)
                 return
-            activate = named.as_command(Command.ACTIVATE)
+            activate, data = switching(Command.ACTIVATE, [named])
             checks.guard(await self._talk.status(), self._where)
-            await self._talk.start(activate)
+            await self._talk.start(activate, data)
             await self._talk.ended(activate, CONFIRM_S)
             await self._until_acting(order, named)
 
@@ -181,9 +201,17 @@ class Switching:
                 raise DeadlineExceeded("E-MBX-NOT-ACTING", self._where, table=order.table.name, **told)
             await self._clock.sleep(self._settings.poll_s)
 
-    async def finish(self, order: PushOrder, state: MarkerState) -> None:
-        """The marker's last state, read back, then the end of the session. Raises DeviceRefused (E-MBX-MARKER)."""
-        await self._talk.enter()
-        await self._pushing.mark(order.transaction, state)
-        self._pushing.backup = None
+    async def finish(self, batch: PushBatch, state: MarkerState) -> None:
+        """The marker's last state, read back, then the end of the session. A release of this session is needed for it.
+
+        Where nothing is to be taken back, because no marker is in progress, nothing is written.
+        Raises DeviceRefused (E-MBX-MARKER, E-MBX-NO-RELEASE).
+        """
+        stands = marker_of(await self._talk.picture(), self._where)
+        if state != "none" or stands.state == "in-progress":
+            await self._talk.enter()
+            if not self._pushing.consent.given:
+                await self._pushing.consent.enter()
+            await self._pushing.mark(batch[0].transaction, state, batch[0].head)
+        self._pushing.backups = {}
         await self._talk.leave()

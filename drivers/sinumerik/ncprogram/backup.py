@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from drivers.errors import DeviceRefused
+from drivers.sinumerik.ncprogram import reversing
 from drivers.sinumerik.ncprogram.words import file_path
 
 Section = Literal["LIVE", "BACK", "READ"]
@@ -38,13 +39,17 @@ class Memory:
 
 @dataclass(frozen=True, slots=True)
 class Saving:
-    """One file of ours: which run wrote it, and of what. ``number`` is the program's transaction number or token."""
+    """One file of ours: which run wrote it, and of what. ``number`` is the program's transaction number or token.
+
+    ``factor``: MD32452 stands in it; a road that cannot read that factor writes no line for it.
+    """
 
     section: Section
     number: int
     axis: str
     encoder: int
     memory: Memory
+    factor: bool = True
 
     @property
     def path(self) -> str:
@@ -113,10 +118,11 @@ def cross_switches(table: int) -> tuple[str, ...]:
 
 
 def axis_settings(saving: Saving) -> tuple[str, ...]:
-    """Backlash and EEC switch of the axis, its CEC switch, and that of every other axis: tables may act on those."""
+    """Backlash with its factor, EEC and CEC switch of the axis, the CEC switch of every other: tables may act there."""
     own = f"[{saving.encoder},{saving.axis}]"
     switches = (f"$MA_CEC_ENABLE[{axis}]" for axis in switched_axes(saving))
-    return f"$MA_BACKLASH{own}", f"$MA_ENC_COMP_ENABLE{own}", *switches
+    factor = (reversing.factor(saving.axis),) if saving.factor else ()
+    return f"$MA_BACKLASH{own}", *factor, f"$MA_ENC_COMP_ENABLE{own}", *switches
 
 
 def switched_axes(saving: Saving) -> tuple[str, ...]:

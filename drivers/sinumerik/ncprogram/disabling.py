@@ -6,11 +6,12 @@ its switches read so and nothing acts any more; M30 ends it either way, and noth
 
 from __future__ import annotations
 
+from drivers.sinumerik.ncprogram import reversing
 from drivers.sinumerik.ncprogram.heads import Head, headed, section
 from drivers.sinumerik.ncprogram.measuring import PREPARE, Setting, check_names, phase_block, text_of, unless_aborted
 from drivers.sinumerik.ncprogram.motion import number
-from drivers.sinumerik.ncprogram.pushing import NOTHING
-from drivers.sinumerik.ncprogram.words import Phase, Word, program_path
+from drivers.sinumerik.ncprogram.switching import NOTHING
+from drivers.sinumerik.ncprogram.words import FAMILY, Phase, Word, program_path
 from drivers.sinumerik.tablefile.grammar import value_text
 from drivers.types.orders import DisableOrder
 
@@ -37,7 +38,8 @@ def disabling(order: DisableOrder, setting: Setting) -> str:
     ]
     out += ["NEWCONF", f"G4 F{number(SETTLE_S)}", "STOPRE"]
     out += [f"IF {switch}<>0 GOTOF {_ON}" for switch in switches(order)]
-    out += [f"IF ABS({acting(order)})>{value_text(NOTHING)} GOTOF {_ON}"]
+    if order.kind != "reversal":  # no public variable shows what is taken up
+        out += [f"IF ABS({acting(order)})>{value_text(NOTHING)} GOTOF {_ON}"]
     out += [section("ways out")]
     for label, phase in (("", Phase.SWITCHED_OFF), (_ON, Phase.STILL_ON), (_LEFT, Phase.LEFT)):
         out += [f"{label}:"] if label else []
@@ -52,6 +54,8 @@ def disabling(order: DisableOrder, setting: Setting) -> str:
 
 def switches(order: DisableOrder) -> tuple[str, ...]:
     """The variables that put the table to work, in the order of switching off."""
+    if order.kind == "reversal":
+        return (reversing.datum(order.index, order.axis),)
     if order.kind == "axis":
         return (f"$MA_ENC_COMP_ENABLE[{order.index},{order.axis}]",)
     return (f"$SN_CEC_TABLE_ENABLE[{order.index}]", f"$MA_CEC_ENABLE[{order.axis}]")
@@ -67,10 +71,9 @@ def acting(order: DisableOrder) -> str:
 
 
 def _identity(order: DisableOrder, setting: Setting) -> dict[Word, int]:
-    kind = 1000 if order.kind == "axis" else 2000
     return {
         Word.TRANSACTION: order.transaction,
-        Word.TABLE: kind + order.index,
+        Word.TABLE: FAMILY[order.kind] + order.index,
         Word.AXIS: setting.axis_number,
         Word.POINTS: 0,
     }

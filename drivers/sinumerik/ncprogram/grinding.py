@@ -15,6 +15,7 @@ from drivers.errors import LocalProtocolError
 from drivers.programs import NOBODY, Origin
 from drivers.sinumerik.ncprogram import backup
 from drivers.sinumerik.ncprogram.backup import Memory, Saving
+from drivers.sinumerik.ncprogram.guarding import Guard, away, guarded
 from drivers.sinumerik.ncprogram.heads import Head, headed, section
 from drivers.sinumerik.ncprogram.measuring import (
     PREPARE,
@@ -52,6 +53,7 @@ class GrindSetting:
     memory: Mapping[str, Memory]
     modulo: bool = True
     origin: Origin = NOBODY
+    guards: tuple[Guard, ...] = ()
 
 
 def preview(plan: GrindPlan, words: Words) -> str:
@@ -95,7 +97,8 @@ def _text(plan: GrindPlan, token: int, setting: GrindSetting, *, saves: bool) ->
             out += backup.blocks(
                 Saving(section="LIVE", number=token, axis=axis.name, encoder=axis.encoder, memory=memory), _FAILED
             )
-    out += [section("wheel clear, blank"), "STOPRE", phase_block(words, Phase.GRINDING), *_clear(plan)]
+    out += [section("wheel clear, blank"), "STOPRE", phase_block(words, Phase.GRINDING)]
+    out += [*guarded(words, setting.guards), *_clear(plan)]
     out += [*_person(f"TRUEFLANK LOAD BLANK {plan.part}"), unless_aborted(words, _LEFT)]
     out += [
         section("space by space"),
@@ -110,7 +113,7 @@ def _text(plan: GrindPlan, token: int, setting: GrindSetting, *, saves: bool) ->
         "M30",
     ]
     out += [section("ways out"), f"{_LEFT}:", "STOPRE", *_stopped(plan), phase_block(words, Phase.LEFT), "M30"]
-    out += file_failed(words, _FAILED)
+    out += [*away(words, setting.guards), *file_failed(words, _FAILED)]
     out += [f"{_REFUSED}:", "STOPRE", phase_block(words, Phase.SETUP_REFUSED), "M30"]
     out += [f"{_STALE}:", "M30"]
     return text_of(headed(_head(plan, token, setting, saves=saves), out))
@@ -123,6 +126,11 @@ def _head(plan: GrindPlan, token: int, setting: GrindSetting, *, saves: bool) ->
     return Head(
         program_path("GRIND", plan.index.name), what, number=token, stops=_STOPS, origin=setting.origin, also=also
     )
+
+
+def placed(plan: GrindPlan) -> dict[str, float]:
+    """What the program's own variables hold with this plan's set-up values; not where C turns."""
+    return {"UXSET": plan.x_mm, "UYSET": plan.dressing_mm}
 
 
 def _taken(words: Words) -> list[str]:

@@ -12,11 +12,13 @@ from itertools import groupby
 
 from drivers.errors import LocalProtocolError
 from drivers.programs import NOBODY, Origin
-from drivers.sinumerik.ncprogram import backup
+from drivers.sinumerik.ncprogram import backup, reversing
 from drivers.sinumerik.ncprogram.backup import Memory, Saving
+from drivers.sinumerik.ncprogram.guarding import Guard, away, guarded
 from drivers.sinumerik.ncprogram.heads import Head, headed, section
 from drivers.sinumerik.ncprogram.motion import Motion, number
 from drivers.sinumerik.ncprogram.words import Phase, Word, Words, file_path, program_path
+from drivers.types.moves import FEED_MM
 from drivers.types.stops import Stop, StopPlan
 
 POLL_S = 0.25
@@ -34,18 +36,20 @@ _ROUND, _WAITED = "UROUND", "UWAITED"
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """What the generator must know of a machine: R words, memory, modulo axis, feed between places.
+    """What the generator must know of a machine: R words, memory, modulo axis, feed of a push's own moves.
 
-    ``wait_limit_s`` (NC seconds) ends a program whose gateway is gone; ``axis_number`` is 1-based.
+    ``wait_limit_s`` (NC seconds) ends a program whose gateway is gone; ``axis_number`` is 1-based. ``guards`` are the
+    axes that must stand in their places when the program begins to move.
     """
 
     words: Words
     memory: Memory
     modulo: bool
     axis_number: int = 1
-    approach_feed: float = 2000.0
+    approach_feed: float = FEED_MM
     wait_limit_s: float = 14400.0
     origin: Origin = NOBODY
+    guards: tuple[Guard, ...] = ()
 
 
 def measuring(plan: StopPlan, token: int, setting: Setting) -> str:
@@ -56,7 +60,7 @@ def measuring(plan: StopPlan, token: int, setting: Setting) -> str:
     check_names(plan.axis, plan.letter, plan.compensated_axis)
     if not _MESSAGE.fullmatch(plan.setup):
         raise LocalProtocolError("E-PROGRAM-MESSAGE", plan.name, text=plan.setup)
-    if not plan.stops:
+    if not plan.stops and not plan.save_tables:
         raise LocalProtocolError("E-PROGRAM-EMPTY", plan.name)
     words = setting.words
     out = [f"DEF INT {backup.VARIABLES}, {_ROUND}, {_WAITED}", section("modal states, R words"), *PREPARE]
@@ -71,21 +75,22 @@ def measuring(plan: StopPlan, token: int, setting: Setting) -> str:
     out += [section("measuring"), "STOPRE", phase_block(words, Phase.MEASURING)]
     if plan.setup:
         out += [f'MSG("{plan.setup}")', "M0", 'MSG("")', "STOPRE", unless_aborted(words, _LEFT)]
-    out += _stops(plan, setting)
+    out += [*guarded(words, setting.guards), *_stops(plan, setting)] if plan.stops else []
     out += ["STOPRE", phase_block(words, Phase.FINISHED), "M30", section("ways out")]
     out += [f"{_LEFT}:", "STOPRE", phase_block(words, Phase.LEFT), "M30"]
-    out += file_failed(words, _FAILED)
+    out += [*(away(words, setting.guards) if plan.stops else []), *file_failed(words, _FAILED)]
     return text_of(headed(_head(plan, token, setting), out))
 
 
 def _head(plan: StopPlan, token: int, setting: Setting) -> Head:
     switched = any(stop.switch is not None for stop in plan.stops)
-    what = f"{plan.name}, {len(plan.stops)} stops of {plan.axis}" + (", one table switched" if switched else "")
+    stops = f"{len(plan.stops)} stops of {plan.axis}" if plan.stops else "the live tables are saved"
+    what = f"{plan.name}, {stops}" + (", one table switched" if switched else "")
     saved = f"Saves what acts on {plan.compensated_axis} in {file_path('LIVE', plan.compensated_axis)}."
     also = ("Switching a table moves its axis by the table's value. " if switched else "") + saved * plan.save_tables
-    stops = SWITCHED if switched else STANDING
+    told = SWITCHED if switched else STANDING
     return Head(
-        program_path("MEAS", plan.compensated_axis), what, number=token, stops=stops, origin=setting.origin, also=also
+        program_path("MEAS", plan.compensated_axis), what, number=token, stops=told, origin=setting.origin, also=also
     )
 
 
@@ -119,6 +124,8 @@ def _sequence(plan: StopPlan, motion: Motion, stops: tuple[Stop, ...], counter: 
 def _switch(plan: StopPlan, stop: Stop) -> list[str]:
     if stop.switch is None:
         return []
+    if plan.reversal is not None:
+        return reversing.tried(plan.reversal, stop.switch)
     if plan.cross_table is not None:
         return ["STOPRE", f"$SN_CEC_TABLE_ENABLE[{plan.cross_table}]={int(stop.switch)}", "NEWCONF", "STOPRE"]
     enable = f"$MA_ENC_COMP_ENABLE[{plan.encoder},{plan.compensated_axis}]={int(stop.switch)}"

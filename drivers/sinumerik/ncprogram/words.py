@@ -10,7 +10,11 @@ COUNT = 20
 
 
 class Word(IntEnum):
-    """Place of each word, counted from the site's first R parameter."""
+    """Place of each word, counted from the site's first R parameter.
+
+    A push uses two of a measuring run's words for its tables, bit by bit from the first: which are as sent (the
+    program's word), which are released (the gateway's).
+    """
 
     COUNTER = 0
     REPETITION = 1
@@ -32,6 +36,8 @@ class Word(IntEnum):
     MARKER_STATE = 17
     HEAD_HIGH = 18
     HEAD_LOW = 19
+    GOOD = 2
+    PASSED = 5
 
 
 # The marker outlives programs and sessions; odd numbers, so that no other use of these R parameters reads as one.
@@ -45,12 +51,16 @@ MARKER_STATES: dict[int, Literal["none", "in-progress", "committed", "held"]] = 
     8404: "none",
 }
 
+FAMILY = {"axis": 1000, "cross": 2000, "reversal": 3000}
+"""What the word of the table counts from, by its kind."""
+
 
 class Phase(IntEnum):
     """How far a program is.
 
     1 to 5 and 9 are a push; 1 and 6 to 8 a measuring run; 1, 7, 8, 13 and 14 a test part; 8, 15 and 16 a
-    disable-only order. Of a push 8 and 11 changed nothing; nor did 14.
+    disable-only order. 17 ends any that moves: an axis had left its safe place, before the first move.
+    Of a push 8 and 11 changed nothing; nor did 14.
     """
 
     NONE = 0
@@ -69,6 +79,7 @@ class Phase(IntEnum):
     SETUP_REFUSED = 14
     SWITCHED_OFF = 15
     STILL_ON = 16
+    AWAY = 17
 
 
 class SetupWord(IntEnum):

@@ -16,7 +16,7 @@ from decimal import Decimal
 from typing import Any
 
 from drivers.errors import FileFormatError
-from drivers.sinumerik.ncprogram import backup
+from drivers.sinumerik.ncprogram import backup, reversing
 from drivers.sinumerik.ncprogram.backup import END_WORD, Saving
 from drivers.sinumerik.tablefile.archive import Listing
 from drivers.sinumerik.tablefile.grammar import Assignment, assignment
@@ -174,7 +174,7 @@ def _live_set(
         own=LiveTable(table, bool(switches[f"$MA_ENC_COMP_ENABLE[{encoder},{axis}]"])),
         cross=tuple(one for one in tables if one.table.output_axis == axis),
         others=tuple(one for one in tables if one.table.output_axis != axis),
-        backlash=float(switches[f"$MA_BACKLASH[{encoder},{axis}]"]),
+        backlash=float(switches[reversing.datum(encoder, axis)] * switches.get(reversing.factor(axis), Decimal(1))),
         native=text,
         digest=digest,
         sense=cec_sign,

@@ -21,10 +21,10 @@ from drivers.programs import NOBODY, Origin, ProgramText, SelfTest, SelfTested
 from drivers.sinumerik.ncprogram.measuring import Setting
 from drivers.sinumerik.ncprogram.words import Word
 from drivers.sinumerik.opcua import encoders
-from drivers.sinumerik.opcua.activation import activation
 from drivers.sinumerik.opcua.dialogue import Dialogue
 from drivers.sinumerik.opcua.disabling import Disabling
 from drivers.sinumerik.opcua.grinding import PartGrinding
+from drivers.sinumerik.opcua.guarded import GuardsPrograms
 from drivers.sinumerik.opcua.leaving import Leaver, Leaving
 from drivers.sinumerik.opcua.machine import Configuration, MachineReader
 from drivers.sinumerik.opcua.measuring import Measuring
@@ -36,11 +36,12 @@ from drivers.sinumerik.opcua.session.secrets import secrets_of
 from drivers.sinumerik.opcua.settings import UaSettings
 from drivers.sinumerik.opcua.transfer import Transfer
 from drivers.sinumerik.tablefile import tables
-from drivers.sinumerik.tablefile.held import HELD
+from drivers.sinumerik.tablefile.held import HELD, REVERSAL
+from drivers.terms import TableKind
 from drivers.types.abilities import Capabilities, Marker, TableLimits
 from drivers.types.identity import Identity, MachineIdentity
 from drivers.types.machine import MachineState
-from drivers.types.orders import DisableOrder, PushOrder, SignProof, SwitchReading, TableQuestion
+from drivers.types.orders import DisableOrder, PushBatch, PushOrder, ReadBack, SignProof, SwitchReading, TableQuestion
 from drivers.types.stops import StopPlan, StopReached
 from drivers.types.tables import CompensationTable, LiveSet
 from drivers.types.values import Sense
@@ -49,17 +50,18 @@ from drivers.workpiece import GrindPlan
 GIVE_BACK_S = 3.0
 CAPABILITIES = Capabilities(
     stops=True,
-    tables=HELD,
+    tables=(*HELD, REVERSAL),
     switched="at-stop",
     marker=True,
     consent="start",
     grinding=True,
     cross_shown="either-way",
     self_test=True,
+    together=True,
 )
 
 
-class SinumerikOpcUa(Leaver):
+class SinumerikOpcUa(Leaver, GuardsPrograms):
     """Driver "sinumerik-opcua": settings in `drivers.sinumerik.opcua.settings.UaSettings`."""
 
     def __init__(self, name: str, url: str, settings: Mapping[str, Any], clock: Clock) -> None:
@@ -118,6 +120,7 @@ class SinumerikOpcUa(Leaver):
     async def identify(self) -> MachineIdentity:
         """Serial number, NCK version, axis names and unit system, read afresh."""
         self._configuration = await self._reader.configuration()
+        self._dialogue.names = self._configuration.places
         return await self._reader.identity(self._configuration.names)
 
     async def state(self) -> MachineState:
@@ -129,12 +132,12 @@ class SinumerikOpcUa(Leaver):
         """Programs of ours run; tables are switched at a stop of theirs; the marker stands in four R parameters."""
         return CAPABILITIES
 
-    async def table_limits(self, axis: str, kind: Literal["axis", "cross"] = "axis", index: int = 0) -> TableLimits:
+    async def table_limits(self, axis: str, kind: TableKind = "axis", index: int = 0) -> TableLimits:
         """MD38000 of an encoder or MD18342 of a table, six decimals of a mm or degree, our value limit, MD32720."""
-        memory = await self._reader.memory(self._configuration, axis, index if kind == "axis" else 0)
+        memory = await self._reader.memory(self._configuration, axis, 0 if kind == "cross" else index)
         unit = self._configuration.units[axis]
-        if kind == "axis":
-            return TableLimits(memory.eec_points, VALUE_RESOLUTION, largest_value(unit))
+        if kind != "cross":
+            return TableLimits(memory.eec_points if kind == "axis" else 1, VALUE_RESOLUTION, largest_value(unit))
         reserved = memory.cec_points[index] if 0 <= index < len(memory.cec_points) else 0
         largest = await self._reader.figure(f"$MA_CEC_MAX_SUM[{axis}]", self._configuration)
         return TableLimits(reserved, VALUE_RESOLUTION, largest_value(unit), largest)
@@ -149,8 +152,9 @@ class SinumerikOpcUa(Leaver):
         """Send, read back and select a plan's program. Raises UnsupportedDevice (E-NC-ENCODER...), as `Measuring`."""
         setting = await self._setting(plan.axis, plan.compensated_axis, plan.encoder, rotary=plan.rotary)
         await self._check_encoder(plan.compensated_axis, plan.encoder, said=plan.encoder_said)
-        await self._measuring.prepare(plan, setting)
+        await self._measuring.prepare(plan, replace(setting, guards=await self._guards(plan.axis)))
         self._grinding.plan = None
+        self._goes({plan.letter: (plan.axis, plan.unit)})
 
     async def _setting(self, axis: str, compensated: str, encoder: int, *, rotary: bool) -> Setting:
         """What the programs must know: ``axis`` is the one that moves."""
@@ -161,7 +165,7 @@ class SinumerikOpcUa(Leaver):
             memory=await self._reader.memory(configuration, compensated, encoder),
             modulo=configuration.is_modulo(axis, rotary=rotary),
             axis_number=number,
-            approach_feed=self._settings.approach_feed,
+            approach_feed=self.places.feed(configuration.units[axis]),
             wait_limit_s=self._settings.wait_limit_s,
             origin=self._origin,
         )
@@ -206,8 +210,6 @@ class SinumerikOpcUa(Leaver):
         live = tables.tables_by(await saved.saved_tables(axis, self._configuration), proof)
         return replace(live, temperature=await self._reader.temperature(self._configuration, axis))
 
-    # ---- the self-test ------------------------------------------------------------------------------
-
     async def prepare_self_test(self, order: SelfTest) -> None:
         """Send, read back and select the program. Raises as `prepare_stops`."""
         setting = await self._setting(order.axis, order.axis, order.encoder, rotary=False)
@@ -223,14 +225,15 @@ class SinumerikOpcUa(Leaver):
     def _other_program(self) -> None:
         """What is sent next neither measures nor grinds: tables saved before are no answer any more."""
         self._measuring.forget()
-        self._grinding.plan = None
-
-    # ---- the test part ------------------------------------------------------------------------------
+        self._grinding.plan, self.going = None, ()
 
     async def prepare_grinding(self, plan: GrindPlan) -> str:
         """Place the set-up values, send, read back and select the program. Raises as its `prepare`."""
         self._measuring.forget()
-        return await self._grinding.prepare(plan, self._configuration)
+        self._grinding.guards = await self._guards(*(axis.name for axis in plan.axes))
+        text = await self._grinding.prepare(plan, self._configuration)
+        self._grinds(plan, self._configuration.units)
+        return text
 
     async def wait_ground(self, after: int, timeout_s: float) -> int | None:
         """Spaces done so far, None when the program has ended. Raises as `PartGrinding.ground`."""
@@ -238,39 +241,38 @@ class SinumerikOpcUa(Leaver):
 
     # ---- pushing ------------------------------------------------------------------------------------
 
-    async def stage(self, order: PushOrder) -> None:
-        """Send, read back and select the two-half measuring_program. Raises as `Pushing.prepare`."""
-        table = order.table
-        encoder = order.saved_encoder
-        setting = await self._setting(table.input_axis, table.output_axis, encoder, rotary=order.rotary)
-        if order.purpose != "restore":
-            await self._check_encoder(table.output_axis, encoder, said=order.encoder_said)
+    async def stage(self, batch: PushBatch) -> None:
+        """Send, read back and select one program of two halves for all tables. Raises as `Pushing.prepare`."""
+        loads: list[tuple[PushOrder, Setting]] = []
+        for order in batch:
+            table, encoder = order.table, order.saved_encoder
+            setting = await self._setting(table.input_axis, table.output_axis, encoder, rotary=order.rotary)
+            if order.purpose != "restore":
+                await self._check_encoder(table.output_axis, encoder, said=order.encoder_said)
+            loads.append((order, replace(setting, guards=self._all_guards())))
         self._other_program()
-        await self._pushing.prepare(order, setting)
+        await self._pushing.prepare(loads)
+        self._goes({order.letter: (order.table.input_axis, order.table.input_unit) for order in batch})
 
-    async def read_back(self, order: PushOrder, timeout_s: float) -> tuple[LiveSet, LiveSet]:
-        """(Back-up of the old, read-back of the new) at the end of the first half. Raises as `Pushing.loaded`."""
-        return await self._pushing.loaded(order, timeout_s, self._configuration)
+    async def read_back(self, batch: PushBatch, timeout_s: float) -> tuple[ReadBack, ...]:
+        """Back-up of the old and read-back of the new at the end of the first half. Raises as `Pushing.loaded`."""
+        return await self._pushing.loaded(batch, timeout_s, self._configuration)
 
-    async def backup_of(self, order: PushOrder) -> LiveSet:
-        """What stood before the order, from the file that its own program wrote. Raises as `Pushing.backup`."""
-        return await self._pushing.backup(order, self._configuration)
+    async def backup_of(self, batch: PushBatch) -> tuple[LiveSet, ...]:
+        """What stood before the batch, from the files that its own program wrote. Raises as `Pushing.backup`."""
+        return await self._pushing.backup(batch, self._configuration)
 
-    async def activate(self, order: PushOrder) -> None:
+    async def activate(self, batch: PushBatch, passed: PushBatch) -> None:
         """Set the release word to the transaction number; never retried. Two programs: select the second."""
-        await self._pushing.release(order)
+        await self._pushing.release(batch, passed)
 
-    async def confirm(self, order: PushOrder, timeout_s: float) -> bool:
-        """True when the second half switched the table on, false when it, or a reset, left it off."""
-        return await self._pushing.enabled(order, timeout_s, self._configuration)
+    async def confirm(self, passed: PushBatch, timeout_s: float) -> tuple[bool, ...]:
+        """True where the second half switched a table on, false when it, or a reset, left it off."""
+        return await self._pushing.enabled(passed, timeout_s, self._configuration)
 
-    async def restarted(self, order: PushOrder, timeout_s: float) -> None:
+    async def restarted(self, passed: PushBatch, timeout_s: float) -> None:
         """Wait through NCK reset and reference run. Raises DeadlineExceeded (E-NC-NO-ACTIVATION)."""
-        look_s = 0.4 * self._settings.poll_s
-        axis, shown = order.table.output_axis, order.enable
-        await activation(
-            self._dialogue, self._clock, axis=axis, timeout_s=timeout_s, look_s=look_s, where=self.name, shown=shown
-        )
+        await self._pushing.restarted(passed, timeout_s)
 
     async def switch(self, order: PushOrder, enable: bool, timeout_s: float) -> None:
         """Not on this road: stops switch. Raises UnsupportedDevice (E-NC-NO-SWITCHING)."""
@@ -284,7 +286,7 @@ class SinumerikOpcUa(Leaver):
 
     async def prepare_disable(self, order: DisableOrder) -> None:
         """Send, read back and select the program that switches off. Raises as `Disabling.prepare`."""
-        encoder = order.index if order.kind == "axis" else 0
+        encoder = 0 if order.kind == "cross" else order.index
         setting = await self._setting(order.axis, order.axis, encoder, rotary=False)
         self._other_program()
         await self._disabling.prepare(order, setting)
@@ -293,6 +295,6 @@ class SinumerikOpcUa(Leaver):
         """Wait for that program's end and read back. Raises as `Disabling.disabled`."""
         return await self._disabling.disabled(order, timeout_s, self._configuration)
 
-    async def finish_push(self, order: PushOrder, state: Literal["committed", "held", "none"]) -> None:
+    async def finish_push(self, batch: PushBatch, state: Literal["committed", "held", "none"]) -> None:
         """Leave the marker in its last state. Never retried."""
-        await self._pushing.mark(order, state)
+        await self._pushing.mark(batch, state)

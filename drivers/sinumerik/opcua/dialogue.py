@@ -76,22 +76,25 @@ class Dialogue:
         self._settings = settings
         self._clock = clock
         self._where = where
-        self._axis_number = 1
+        self._axes: tuple[int, ...] = (1,)
         self._before: frozenset[int] = frozenset()
         self._original: tuple[float, ...] | None = None
         self._others: dict[int, float] = {}
         self._mine: set[float] = set()
         self.book: SentPrograms | None = None
         self.sent: Sent | None = None
+        self.names: tuple[str, ...] = ()
         self.pace = Pace(settings.fast_poll_s, settings.poll_s)
 
-    async def begin(self, axis_number: int, number: int, program: str) -> None:
+    async def begin(self, axis_number: int, number: int, program: str, others: tuple[int, ...] = ()) -> None:
         """Clear all words for a new program, noted by its number first; remember the alarms that were there before it.
+
+        ``others`` are axes that it moves too: a glance calls the axis referenced when all are.
 
         Raises DeviceRefused (E-NC-NOT-RESET) when the channel is not in reset, and what the book raises when the
         program cannot be noted: nothing is written then.
         """
-        self._axis_number = axis_number
+        self._axes = (axis_number, *others)
         seen = await self.look()
         if seen.channel is not ChannelStatus.RESET:
             raise DeviceRefused("E-NC-NOT-RESET", self._where, status=seen.channel.name)
@@ -153,18 +156,18 @@ class Dialogue:
             nodes.in_channel("chanStatus", channel),
             nodes.r_block(settings.r_first, COUNT, channel),
             nodes.in_channel("msg", channel, "ProgramInfo"),
-            nodes.of_axis("aaStat", self._axis_number, channel),
-            nodes.of_axis("aaRef", self._axis_number, channel),
+            nodes.of_axis("aaStat", self._axes[0], channel),
             nodes.ALARM_COUNT,
+            *(nodes.of_axis("aaRef", number, channel) for number in self._axes),
         ]
-        status, words, message, exact_stop, referenced, alarms = await self._reader.values(paths)
+        status, words, message, exact_stop, alarms, *referenced = await self._reader.values(paths)
         return Glance(
             channel=channel_status(status, self._where),
             message=message,
             words=tuple(words),
             alarms=await self._alarm_numbers(alarms) if alarms else (),
             in_position=exact_stop == 4,
-            referenced=bool(referenced),
+            referenced=all(referenced),
         )
 
     async def look_through_restart(self) -> Glance | None:
@@ -199,6 +202,14 @@ class Dialogue:
             except TrueflankError:
                 text = ""
             raise DeviceRefused("E-NC-ALARM", self._where, number=new[0], text=text or "no text", phase=seen.phase)
+
+    def check_places(self, seen: Glance) -> None:
+        """Raise DeviceRefused (E-NC-AWAY) when a program ended because an axis had left its safe place."""
+        if seen.phase == Phase.AWAY:
+            raise DeviceRefused("E-NC-AWAY", self._where, axis=self._name(round(seen.word(Word.MISMATCHES))))
+
+    def _name(self, number: int) -> str:
+        return self.names[number - 1] if 0 < number <= len(self.names) else f"number {number}"
 
     async def write(self, words: dict[Word, float]) -> None:
         """Write words, typed, by one request, never retried; their old values are kept first."""

@@ -62,5 +62,5 @@ class Disabling:
         """Every switch of the table, as far as this user may read it, and what acts; one request each."""
         found = {await self._reader.switch(name, configuration) for name in disabling_program.switches(order)}
         axis = (await self._reader.state(configuration)).axes[order.axis]
-        acting = axis.encoder_compensation if order.kind == "axis" else axis.cross_compensation
-        return SwitchReading(found.pop() if len(found) == 1 else None, acting)
+        acts = {"axis": axis.encoder_compensation, "cross": axis.cross_compensation, "reversal": 0.0}
+        return SwitchReading(found.pop() if len(found) == 1 else None, acts[order.kind])

@@ -112,7 +112,7 @@ class UaDoctor:
         if offer.certificate != pinned:
             return [wrong("E-UA-TRUST", "certificate", found=shown.sha256, pinned=view(pinned).sha256)]
         accepted = last_record(place)
-        who = f"{accepted['who']} at {accepted['utc']}" if accepted else "nobody on record"
+        who = f"{accepted['who']} at {accepted['utc']}" if accepted else "a person not recorded"
         line = fine("W-DOC-CERTIFICATE", "certificate", thumbprint=shown.sha256, until=shown.valid_until, who=who)
         return [_valid(line, now, shown.valid_from, shown.valid_until)]
 
@@ -158,7 +158,7 @@ def _is_open(pair: KeyPair) -> bool:
 
 def _part_of_login(error: TrueflankError) -> str:
     if error.code == "E-UA-NAMESPACE":
-        return "name space"
+        return "namespace"
     if isinstance(error, DeviceRefused) and error.code in ("E-UA-TRUST", "E-UA-POLICY", "E-UA-EXPIRED"):
         return "certificate"
     return "own certificate" if error.code in ("E-UA-TRUST-US", "E-UA-OWN-EXPIRED") else "login"

@@ -12,6 +12,7 @@ from drivers.programs import NOBODY
 from drivers.sinumerik.ncprogram import grinding as grinding_program
 from drivers.sinumerik.ncprogram.backup import Memory, Saving
 from drivers.sinumerik.ncprogram.grinding import GrindSetting
+from drivers.sinumerik.ncprogram.guarding import Guard
 from drivers.sinumerik.ncprogram.legal import legal
 from drivers.sinumerik.ncprogram.words import Phase, SetupWord, Word, program_path
 from drivers.sinumerik.opcua.dialogue import Dialogue, Glance, file_refused
@@ -58,6 +59,7 @@ class PartGrinding:
         self._placed: dict[int, float] = {}
         self.plan: GrindPlan | None = None
         self.origin = NOBODY
+        self.guards: tuple[Guard, ...] = ()
 
     async def prepare(self, plan: GrindPlan, configuration: Configuration) -> str:
         """Place the set-up values, send the program, read both back and select it; returns its text.
@@ -87,7 +89,7 @@ class PartGrinding:
             axis.name: await self._reader.memory(configuration, axis.name, axis.encoder) for axis in plan.compensated
         }
         modulo = configuration.is_modulo(plan.index.name, rotary=True)
-        return GrindSetting(self._settings.words, memory, modulo, self.origin)
+        return GrindSetting(self._settings.words, memory, modulo, origin=self.origin, guards=self.guards)
 
     async def ground(self, after: int, timeout_s: float) -> int | None:
         """Spaces done, once they are more than ``after`` (-1: once the program has begun); None when it has ended.
@@ -114,6 +116,7 @@ class PartGrinding:
         return None
 
     def _note(self, seen: Glance) -> int:
+        self._dialogue.check_places(seen)
         if seen.phase == Phase.FILE_FAILED:
             names = ", ".join(axis.name for axis in self.plan.compensated) if self.plan else ""
             raise file_refused(seen, self._where, names)

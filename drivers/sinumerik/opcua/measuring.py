@@ -88,6 +88,7 @@ class Measuring:
         return None
 
     def _note_progress(self, seen: Glance) -> None:
+        self._dialogue.check_places(seen)
         if seen.phase == Phase.FILE_FAILED:
             raise file_refused(seen, self._where, self._plan.compensated_axis if self._plan else "")
         self._saved = self._saved or seen.phase in _SAVED

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
-from drivers.programs import Order, Origin, PaperMachine, ProgramText, SelfTest
-from drivers.sinumerik.ncprogram import disabling, grinding, measuring, pushing, selftest
+from drivers.programs import DwellPlan, Order, Origin, PaperMachine, ProgramText, SelfTest
+from drivers.sinumerik.ncprogram import disabling, dwell, grinding, measuring, pushing, selftest
 from drivers.sinumerik.ncprogram.backup import Memory
 from drivers.sinumerik.ncprogram.grinding import NEVER_GIVEN, GrindSetting
+from drivers.sinumerik.ncprogram.guarding import Guard, guards_of
 from drivers.sinumerik.ncprogram.legal import legal
 from drivers.sinumerik.ncprogram.measuring import Setting
 from drivers.sinumerik.ncprogram.words import program_path
 from drivers.sinumerik.opcua.reading import plan_of
 from drivers.sinumerik.opcua.settings import UaSettings
-from drivers.types.orders import DisableOrder, PushOrder, TableQuestion
+from drivers.types.orders import DisableOrder, PushBatch, PushOrder, TableQuestion
 from drivers.types.stops import StopPlan
+from drivers.workpiece import GrindPlan
+
+HandShaken = StopPlan | TableQuestion | PushBatch | DisableOrder | GrindPlan | SelfTest
 
 
 def on_paper(
@@ -25,18 +30,22 @@ def on_paper(
 
     Raises ConfigError as `UaSettings.read`, and what writing and judging such a program raise.
     """
-    found = UaSettings.read(settings, where)
-    texts = _texts(order, found, machine, origin)
+    if isinstance(order, DwellPlan):  # it shakes no hands, so it asks for no setting of the road
+        axis = order.stops.axis
+        texts = {program_path("DWEL", axis): dwell.dwelling(order, axis in machine.modulo, origin)}
+    else:
+        texts = _texts(order, UaSettings.read(settings, where), machine, origin)
     return tuple(legal(path, text, machine.axes).program for path, text in texts.items())
 
 
-def _texts(order: Order, settings: UaSettings, machine: PaperMachine, origin: Origin) -> dict[str, str]:
+def _texts(order: HandShaken, settings: UaSettings, machine: PaperMachine, origin: Origin) -> dict[str, str]:
     if isinstance(order, TableQuestion):
         order = plan_of(order)
     if isinstance(order, StopPlan):
         setting = _setting(order.axis, order.compensated_axis, settings, machine, origin)
+        setting = replace(setting, guards=_guards(machine, order.axis))
         return {program_path("MEAS", order.compensated_axis): measuring.measuring(order, NEVER_GIVEN, setting)}
-    if isinstance(order, PushOrder):
+    if isinstance(order, tuple):
         return _push(order, settings, machine, origin)
     if isinstance(order, DisableOrder):
         setting = _setting(order.axis, order.axis, settings, machine, origin)
@@ -46,17 +55,22 @@ def _texts(order: Order, settings: UaSettings, machine: PaperMachine, origin: Or
         text = selftest.self_test(order.axis, order.encoder, NEVER_GIVEN, setting)
         return {program_path("SELF", order.axis): text}
     memory = {axis.name: _memory(axis.name, machine) for axis in order.compensated}
-    given = GrindSetting(settings.words, memory, order.index.name in machine.modulo, origin)
+    guards = _guards(machine, *(axis.name for axis in order.axes))
+    given = GrindSetting(settings.words, memory, order.index.name in machine.modulo, origin=origin, guards=guards)
     return {program_path("GRIND", order.index.name): grinding.grinding(order, NEVER_GIVEN, given)}
 
 
-def _push(order: PushOrder, settings: UaSettings, machine: PaperMachine, origin: Origin) -> dict[str, str]:
-    axis = order.table.output_axis
-    setting = _setting(order.table.input_axis, axis, settings, machine, origin)
+def _push(batch: PushBatch, settings: UaSettings, machine: PaperMachine, origin: Origin) -> dict[str, str]:
+    loads: list[tuple[PushOrder, Setting]] = []
+    for order in batch:
+        setting = _setting(order.table.input_axis, order.table.output_axis, settings, machine, origin)
+        feed, guards = machine.places.feed(order.table.input_unit), _guards(machine)
+        loads.append((order, replace(setting, approach_feed=feed, guards=guards)))
     writers = (
         {"LOAD": pushing.loading, "ENAB": pushing.enabling} if settings.two_programs else {"PUSH": pushing.pushing}
     )
-    return {program_path(purpose, axis): write(order, setting) for purpose, write in writers.items()}
+    axis = batch[0].table.output_axis
+    return {program_path(purpose, axis): write(loads) for purpose, write in writers.items()}
 
 
 def _setting(moved: str, compensated: str, settings: UaSettings, machine: PaperMachine, origin: Origin) -> Setting:
@@ -65,10 +79,14 @@ def _setting(moved: str, compensated: str, settings: UaSettings, machine: PaperM
         memory=_memory(compensated, machine),
         modulo=moved in machine.modulo,
         axis_number=machine.axes.index(moved) + 1,
-        approach_feed=settings.approach_feed,
         wait_limit_s=settings.wait_limit_s,
         origin=origin,
     )
+
+
+def _guards(machine: PaperMachine, *moved: str) -> tuple[Guard, ...]:
+    """Every axis with a safe place but those that are ``moved``; at the machine only those that stand in it."""
+    return guards_of(machine.places, machine.axes, set(machine.axes) - set(moved))
 
 
 def _memory(axis: str, machine: PaperMachine) -> Memory:

@@ -10,7 +10,7 @@ from drivers.errors import DeadlineExceeded, DeviceRefused, PointsDiffer
 from drivers.sinumerik.ncprogram import pushing as pushing_program
 from drivers.sinumerik.ncprogram.backup import Memory, Saving, Section
 from drivers.sinumerik.ncprogram.legal import legal
-from drivers.sinumerik.ncprogram.measuring import Setting
+from drivers.sinumerik.ncprogram.switching import switches
 from drivers.sinumerik.ncprogram.words import HALF, MARKER_STATES, Phase, Word, program_path
 from drivers.sinumerik.ncprogram.written import read_written
 from drivers.sinumerik.opcua.dialogue import Dialogue, Glance, file_refused
@@ -20,11 +20,12 @@ from drivers.sinumerik.opcua.transfer import Transfer
 from drivers.sinumerik.tablefile.tables import sense_for
 from drivers.types.abilities import Marker
 from drivers.types.machine import ChannelStatus
-from drivers.types.orders import PushOrder
+from drivers.types.orders import PushBatch, PushOrder, ReadBack
 from drivers.types.tables import LiveSet
 from drivers.types.values import Sense
 
 T = TypeVar("T")
+GRACE_S = 3.0
 
 
 async def live_tables(transfer: Transfer, saving: Saving, configuration: Configuration, cec_sign: Sense = 1) -> LiveSet:
@@ -51,32 +52,36 @@ class Pushing:
         self._settings = settings
         self._clock = clock
         self._where = where
-        self._memory = Memory(0)
+        self._memories: dict[str, Memory] = {}
 
-    async def prepare(self, order: PushOrder, setting: Setting) -> None:
+    async def prepare(self, loads: pushing_program.Loads) -> None:
         """Send, read back and select the two-half program; nothing in the control changes until NC START.
 
         Raises TableError (E-TABLE-NO-PROOF, E-TABLE-POINTS, E-TABLE-FINITE...), and as `legal`, before all writing.
         """
-        axis, self._memory = order.table.output_axis, setting.memory
+        (first, setting), batch = loads[0], tuple(order for order, _ in loads)
+        axis = first.table.output_axis
+        self._memories = {order.table.output_axis: own.memory for order, own in loads}
         if self._settings.two_programs:
-            texts = {"LOAD": pushing_program.loading(order, setting), "ENAB": pushing_program.enabling(order, setting)}
+            texts = {"LOAD": pushing_program.loading(loads), "ENAB": pushing_program.enabling(loads)}
         else:
-            texts = {"PUSH": pushing_program.pushing(order, setting)}
+            texts = {"PUSH": pushing_program.pushing(loads)}
         passed = [legal(program_path(purpose, axis), text, setting.memory.axes) for purpose, text in texts.items()]
-        first = passed[0].program.path
-        await self._dialogue.begin(setting.axis_number, order.transaction, first)
-        await self.mark(order, "in-progress")
+        path = passed[0].program.path
+        others = tuple({own.axis_number for _, own in loads} - {setting.axis_number})
+        await self._dialogue.begin(setting.axis_number, first.transaction, path, others)
+        await self.mark(batch, "in-progress")
         for program in passed:
             await self._transfer.send(program)
-        await self._transfer.select(first)
+        await self._transfer.select(path)
 
-    async def mark(self, order: PushOrder, state: str) -> None:
-        """Write the marker with the order's number and head, by one request, never retried."""
+    async def mark(self, batch: PushBatch, state: str) -> None:
+        """Write the marker with the batch's number and head, by one request, never retried."""
         code = next(code for code, name in MARKER_STATES.items() if name == state)
-        high, low = divmod(order.head, HALF)
+        high, low = divmod(batch[0].head, HALF)
         head = {Word.HEAD_HIGH: float(high), Word.HEAD_LOW: float(low)}
-        await self._dialogue.write({Word.MARKER: float(order.transaction), Word.MARKER_STATE: float(code), **head})
+        number = float(batch[0].transaction)
+        await self._dialogue.write({Word.MARKER: number, Word.MARKER_STATE: float(code), **head})
 
     async def marker(self) -> Marker:
         """The marker as it stands; anything that is not one of ours is none."""
@@ -89,31 +94,33 @@ class Pushing:
         whole = all(half.is_integer() and 0 <= half < HALF for half in (high, low))
         return Marker(int(number), state, int(high) * HALF + int(low) if whole else 0)
 
-    async def loaded(self, order: PushOrder, timeout_s: float, configuration: Configuration) -> tuple[LiveSet, LiveSet]:
-        """Wait for the end of the first half: (back-up of the old, read-back of the new), both as written there.
+    async def loaded(self, batch: PushBatch, timeout_s: float, configuration: Configuration) -> tuple[ReadBack, ...]:
+        """Wait for the end of the first half: back-up of the old and read-back of the new, both as written there.
 
-        Raises PointsDiffer (E-NC-MISMATCH, count) when the program found differences, DeviceRefused: E-NC-LEVEL when
-        the compensation could not be switched off, E-NC-FILE, E-NC-ALARM, E-NC-STOPPED; DeadlineExceeded;
-        FileFormatError as `written.read_written` for a file that is not the whole one of this very order.
+        Raises PointsDiffer (E-NC-MISMATCH, count) when the program found differences in every table, DeviceRefused:
+        E-NC-LEVEL when the compensation could not be switched off, E-NC-FILE, E-NC-ALARM, E-NC-STOPPED;
+        DeadlineExceeded; FileFormatError as `written.read_written` for a file that is not the whole one of this batch.
         """
-        await self._until(order, timeout_s, self._is_loaded)
+        good = await self.until(
+            batch[0].transaction, timeout_s, lambda before, seen: self._is_loaded(batch, before, seen)
+        )
+        found: list[ReadBack] = []
         sections: tuple[Section, Section] = ("BACK", "READ")
-        files = [pushing_program.saving(section, order, self._memory) for section in sections]
-        backup, readback = [await live_tables(self._transfer, one, configuration, sense_for(order)) for one in files]
-        return backup, readback
+        for place, order in enumerate(batch):
+            memory = self._memories[order.table.output_axis]
+            files = [pushing_program.saving(section, order, memory) for section in sections]
+            old, new = [await live_tables(self._transfer, one, configuration, sense_for(order)) for one in files]
+            found.append(ReadBack(old, new, bool(good >> place & 1)))
+        return tuple(found)
 
-    async def backup(self, order: PushOrder, configuration: Configuration) -> LiveSet:
-        """What stood before the order, from the file that its own first half wrote; raises as `live_tables`."""
-        table = order.table
-        memory = await self._reader.memory(configuration, table.output_axis, order.saved_encoder)
-        saving = pushing_program.saving("BACK", order, memory)
-        return await live_tables(self._transfer, saving, configuration, sense_for(order))
-
-    async def _until(
-        self, order: PushOrder, timeout_s: float, reached: Callable[[PushOrder, Glance | None, Glance], T | None]
-    ) -> T:
-        """As `until`, for a push's order."""
-        return await self.until(order.transaction, timeout_s, lambda before, seen: reached(order, before, seen))
+    async def backup(self, batch: PushBatch, configuration: Configuration) -> tuple[LiveSet, ...]:
+        """What stood before the batch, from the files that its own first half wrote; raises as `live_tables`."""
+        found: list[LiveSet] = []
+        for order in batch:
+            memory = await self._reader.memory(configuration, order.table.output_axis, order.saved_encoder)
+            saving = pushing_program.saving("BACK", order, memory)
+            found.append(await live_tables(self._transfer, saving, configuration, sense_for(order)))
+        return tuple(found)
 
     async def until(
         self, transaction: int, timeout_s: float, reached: Callable[[Glance | None, Glance], T | None]
@@ -136,44 +143,55 @@ class Pushing:
                 raise DeadlineExceeded("E-NC-NO-START", self._where, timeout_s=timeout_s, phase=phase)
             await self._dialogue.wait()
 
-    def _is_loaded(self, order: PushOrder, before: Glance | None, seen: Glance) -> bool | None:
+    def _is_loaded(self, batch: PushBatch, before: Glance | None, seen: Glance) -> int | None:
+        """Which tables the program found as sent, bit by bit, once it waits."""
+        self._dialogue.check_places(seen)
         mismatches = round(seen.word(Word.MISMATCHES))
+        names, axes = _named(batch), ", ".join(dict.fromkeys(order.table.output_axis for order in batch))
         at_rest = seen.channel is not ChannelStatus.ACTIVE
         if seen.phase == Phase.WAITING and at_rest:
-            return True
+            return round(seen.word(Word.GOOD))
         if seen.phase == Phase.ENDED_DISABLED and mismatches:
-            raise PointsDiffer("E-NC-MISMATCH", self._where, count=mismatches, table=order.table.name)
+            raise PointsDiffer("E-NC-MISMATCH", self._where, count=mismatches, table=names)
         if seen.phase == Phase.LEFT and not seen.word(Word.ABORT):
-            raise DeviceRefused("E-NC-LEVEL", self._where, table=order.table.name)
+            raise DeviceRefused("E-NC-LEVEL", self._where, table=names)
         if seen.phase == Phase.FILE_FAILED:
-            raise file_refused(seen, self._where, order.table.output_axis)
+            raise file_refused(seen, self._where, axes)
         if seen.phase == Phase.WOULD_WAKE:
-            raise DeviceRefused("E-NC-WAKES", self._where, table=order.table.name, axis=order.table.output_axis)
+            raise DeviceRefused("E-NC-WAKES", self._where, table=names, axis=axes)
         stopped = before is not None and before.channel is seen.channel is ChannelStatus.RESET
         if seen.phase in (Phase.ENDED_DISABLED, Phase.LEFT) or stopped:
-            raise DeviceRefused("E-NC-STOPPED", self._where, phase=seen.phase, table=order.table.name)
+            raise DeviceRefused("E-NC-STOPPED", self._where, phase=seen.phase, table=names)
         return None
 
-    async def release(self, order: PushOrder) -> None:
-        """Set the release word to the transaction number; never retried. Two programs: select the second."""
-        await self._dialogue.write({Word.RELEASE: float(order.transaction)})
+    async def release(self, batch: PushBatch, passed: PushBatch) -> None:
+        """Set the release word to the transaction number, and which tables it holds for; never retried.
+
+        Two programs: select the second.
+        """
+        bits = sum(1 << place for place, order in enumerate(batch) if order in passed)
+        await self._dialogue.write({Word.PASSED: float(bits), Word.RELEASE: float(batch[0].transaction)})
         if self._settings.two_programs:
-            second = program_path("ENAB", order.table.output_axis)
+            second = program_path("ENAB", batch[0].table.output_axis)
             self._dialogue.follow(second)
             await self._transfer.select(second)
         self._dialogue.pace.again()
 
-    async def enabled(self, order: PushOrder, timeout_s: float, configuration: Configuration) -> bool:
-        """True when the second half switched the table on, false when it, or a reset, left it off.
+    async def enabled(self, passed: PushBatch, timeout_s: float, configuration: Configuration) -> tuple[bool, ...]:
+        """True where the second half switched a table on, false when it, or a reset, left it off.
 
         The switch itself (MD32700, or SD41300) is read too where this user may; both must say so.
         """
-        if not await self._until(order, timeout_s, self._is_decided):
-            return False
-        names = pushing_program.switches(order.table)
+        if not await self.until(passed[0].transaction, timeout_s, self._is_decided):
+            return (False,) * len(passed)
+        return tuple([order.enable and await self._switched(order, configuration) for order in passed])
+
+    async def _switched(self, order: PushOrder, configuration: Configuration) -> bool:
+        names = switches(order.table)
         return all([await self._reader.switch(name, configuration) is not False for name in names])
 
-    def _is_decided(self, _order: PushOrder, before: Glance | None, seen: Glance) -> bool | None:
+    def _is_decided(self, before: Glance | None, seen: Glance) -> bool | None:
+        self._dialogue.check_places(seen)
         if seen.phase == Phase.ENABLED:
             return True
         if seen.phase in (Phase.ENDED_DISABLED, Phase.LEFT):
@@ -181,3 +199,48 @@ class Pushing:
         waits_for_second = self._settings.two_programs and seen.phase == Phase.WAITING
         stopped = before is not None and before.channel is seen.channel is ChannelStatus.RESET
         return False if stopped and not waits_for_second else None
+
+    async def restarted(self, passed: PushBatch, timeout_s: float) -> None:
+        """Wait through one NCK reset and the reference run of every input axis. Raises as `activation`."""
+        shown, axes = any(order.enable for order in passed), ", ".join(order.table.output_axis for order in passed)
+        look_s, where = 0.4 * self._settings.poll_s, self._where
+        await activation(
+            self._dialogue, self._clock, axis=axes, timeout_s=timeout_s, look_s=look_s, where=where, shown=shown
+        )
+
+
+def _named(batch: PushBatch) -> str:
+    return ", ".join(order.table.name for order in batch)
+
+
+async def activation(
+    dialogue: Dialogue, clock: Clock, axis: str, timeout_s: float, look_s: float, where: str, *, shown: bool = True
+) -> None:
+    """Return when the axis is referenced and the channel in reset, after the reference was seen to be lost.
+
+    A look is taken every ``look_s``. The restart may still pass between two looks, so a state that stays as
+    wanted for `GRACE_S` counts as well: whether the table acts is proved by its live values, not here. Where nothing
+    will act, not ``shown``, only a restart that was seen counts.
+    Raises DeadlineExceeded (E-NC-NO-ACTIVATION) and what the session raises.
+    """
+    end = clock.now() + timeout_s
+    seen_down, settled_since = False, None
+    dialogue.pace.again()
+    while True:
+        seen = await dialogue.look_through_restart()
+        now = clock.now()
+        seen_down = seen_down or seen is None or not seen.referenced
+        if seen is None or not _is_back(seen):
+            settled_since = None
+        else:
+            settled_since = now if settled_since is None else settled_since
+            if seen_down or (shown and now - settled_since >= GRACE_S):
+                return
+        if now >= end:
+            raise DeadlineExceeded("E-NC-NO-ACTIVATION", where, axis=axis, timeout_s=timeout_s)
+        await dialogue.wait(look_s)
+
+
+def _is_back(seen: Glance) -> bool:
+    asks = seen.message.startswith(pushing_program.ACTIVATE)
+    return seen.referenced and seen.channel is ChannelStatus.RESET and not asks

@@ -1,4 +1,4 @@
-"""The live tables of an axis where only a program can save them: one stop, and the words for who starts it."""
+"""The live tables of an axis where only a program can save them: it moves nothing; and the words for who starts it."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Protocol
 from drivers.errors import DeviceRefused, TrueflankError
 from drivers.ports.devices import Tell
 from drivers.types.orders import SignProof, TableQuestion
-from drivers.types.stops import Stop, StopPlan, StopReached
+from drivers.types.stops import StopPlan, StopReached
 from drivers.types.tables import LiveSet
 
-# The axis need not settle: nothing is measured at this stop.
-DWELL_S = 0.1
+# Nothing is measured and nothing moves: feed, overrun and dwell of the plan are never used.
+UNUSED = 1.0
 
 
 class RunsStops(Protocol):
@@ -29,10 +29,6 @@ class RunsStops(Protocol):
         """As `Controller.wait_stop`."""
         ...
 
-    async def release_stop(self, counter: int) -> None:
-        """As `Controller.release_stop`."""
-        ...
-
     async def abort_program(self) -> None:
         """As `Controller.abort_program`."""
         ...
@@ -43,44 +39,36 @@ class RunsStops(Protocol):
 
 
 def plan_of(question: TableQuestion) -> StopPlan:
-    """The program that saves the tables: one stop, as short as may be."""
+    """The program that saves the tables: no stop, so that no axis moves."""
     return StopPlan(
         name=f"TFREAD{question.letter}",
-        axis=question.moved,
+        axis=question.axis,
         letter=question.letter,
         unit=question.unit,
         rotary=question.rotary,
-        stops=(Stop(question.place, question.approach),),
-        feed=question.feed,
-        overrun=question.overrun,
-        dwell_s=DWELL_S,
+        stops=(),
+        feed=UNUSED,
+        overrun=0.0,
+        dwell_s=UNUSED,
         encoder=question.encoder,
-        output_axis="" if question.axis == question.moved else question.axis,
     )
 
 
 async def read_live(device: RunsStops, question: TableQuestion, tell: Tell) -> LiveSet:
     """Select that program, let a person start it, and read what it saved; a program that waits is asked to end.
 
-    Raises DeviceRefused (E-NC-READ-STOP) for a program that ends early or is not this one, and what the calls raise.
+    Raises DeviceRefused (E-NC-READ-STOP) for a program that is not this one, (E-NC-NOT-SAVED) for one that ended
+    early, and what the calls raise.
     """
     await device.prepare_stops(plan_of(question))
     tell("P-NC-READ", axis=question.axis)
     try:
         reached = await device.wait_stop(0, question.start_s)
-        if reached is None or reached.counter != 1:
-            raise _astray(device, question, reached)
-        await device.release_stop(reached.counter)
-        beyond = await device.wait_stop(reached.counter, question.stop_s)
-        if beyond is not None:
-            raise _astray(device, question, beyond)
+        if reached is not None:
+            told = f"stop {reached.counter} at {reached.target}"
+            raise DeviceRefused("E-NC-READ-STOP", device.name, axis=question.axis, found=told)
     except (TrueflankError, asyncio.CancelledError):
         with contextlib.suppress(TrueflankError):
             await device.abort_program()
         raise
     return await device.saved_tables(question.axis, question.proof)
-
-
-def _astray(device: RunsStops, question: TableQuestion, found: StopReached | None) -> DeviceRefused:
-    told = "its end before the stop" if found is None else f"stop {found.counter} at {found.target}"
-    return DeviceRefused("E-NC-READ-STOP", device.name, axis=question.axis, found=told)

@@ -34,10 +34,10 @@ class UaSettings(DriverSettings):
         description="best: the better policy that the server offers; each but None signs and encrypts",
     )
     server_certificate: CertificatePathText = Field(
-        default="", description="where the control's certificate is kept once `trueflank trust accept` took it"
+        default="", description="file of the control's certificate, written by `trueflank trust accept`"
     )
     client_folder: FolderPathText = Field(
-        default="", description="folder of our own certificate; left out: beside server_certificate"
+        default="", description="folder of the gateway's own certificate; left out: beside server_certificate"
     )
     r_first: int = Field(
         default=80, ge=0, le=nodes.R_LAST - COUNT, description=f"first of {COUNT} R parameters that are ours alone"
@@ -48,18 +48,17 @@ class UaSettings(DriverSettings):
         le=nodes.R_LAST - 2,
         description="first of three R parameters for a test part; -1: the three before r_first, or behind its 20",
     )
-    channel: int = Field(default=1, ge=1, le=10, description="channel of the control")
-    two_programs: bool = Field(default=False, description="for controls that give no file out while a program waits")
+    channel: int = Field(default=1, ge=1, le=10, description="channel number of the control")
+    two_programs: bool = Field(
+        default=False, description="for controls that do not transfer files while a program waits"
+    )
     poll_s: float = Field(default=0.05, ge=0.02, le=5.0, description="time between questions while waiting, s")
     fast_poll_s: float = Field(
         default=0.002, ge=0.001, le=5.0, description="time between the first questions after a step, s; poll_s at most"
     )
-    approach_feed: float = Field(default=2000.0, gt=0, le=1e5, description="feed of approaches, mm/min or deg/min")
-    wait_limit_s: float = Field(
-        default=14400.0, ge=60.0, description="NC time after which a program left alone ends, s"
-    )
+    wait_limit_s: float = Field(default=14400.0, ge=60.0, description="time after which an abandoned program ends, s")
     stale_s: float = Field(
-        default=1.0, ge=0.0, description="oldest machine state that counts by the server's own time, s; 0: any"
+        default=1.0, ge=0.0, description="maximum age of the machine state by the server's time, s; 0: any"
     )
     serial_node: str = Field(default=nodes.SERIAL_NUMBER, description="node of the serial number")
     version_node: str = Field(default=nodes.NCK_VERSION, description="node of the NCK version")

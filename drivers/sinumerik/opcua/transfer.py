@@ -24,7 +24,10 @@ _NOT_GIVEN = _NOT_COPIED | {"BadResponseTooLarge", "BadEncodingLimitsExceeded"}
 
 
 class Transfer:
-    """Moves text files; ``timeout_s`` bounds each call. ``keep`` is called with each program before it is sent."""
+    """Moves text files; ``timeout_s`` bounds each call. ``keep`` is called with each program before it is sent.
+
+    ``text`` is the last one.
+    """
 
     def __init__(self, session: UaSession, channel: int, where: str, timeout_s: float = 5.0) -> None:
         self._session = session
@@ -32,6 +35,7 @@ class Transfer:
         self._channel = channel
         self._where = where
         self.timeout_s = timeout_s
+        self.text = ""
         self.keep: Callable[[ProgramText], None] = _nowhere
 
     async def send(self, passed: LegalProgram) -> None:
@@ -41,6 +45,7 @@ class Transfer:
         if len(content) > LARGEST:
             raise LocalProtocolError("E-PROGRAM-SIZE", self._where, size=len(content), limit=LARGEST)
         self.keep(passed.program)
+        self.text = text
         await self._put(_server_path(path), content)
         if _lines(await self.fetch(path)) != _lines(text):
             raise DeviceRefused("E-NC-PROGRAM-CHANGED", self._where, path=path)

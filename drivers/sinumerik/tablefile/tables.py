@@ -53,7 +53,7 @@ def sense_for(order: PushOrder) -> Sense:
 
 def table_by(table: CompensationTable, sense: Sense, proof: SignProof | None) -> CompensationTable:
     """A table that was read or kept in ``sense`` as a deviation by ``proof``; an axis table as it is."""
-    if table.kind == "axis" or sense == sense_of(proof):
+    if table.kind != "cross" or sense == sense_of(proof):
         return table
     return replace(table, deviations=_minus(table.deviations), reverse=_minus(table.reverse))
 
@@ -102,7 +102,9 @@ def _stored(table: CompensationTable, sign: Sense) -> tuple[Decimal, ...]:
     if not table.is_plain:
         raise TableError("E-TABLE-PLAIN", table.name, table=table.name)
     scale, places = SCALE[table.output_unit], Decimal(1).scaleb(-DECIMALS)
-    values, largest = [], float(LARGEST * scale)
+    if table.kind == "reversal":  # MD32450 is positive where the encoder leads, which is B < 0
+        scale = -scale
+    values, largest = [], float(LARGEST * abs(scale))
     for number, deviation in enumerate(table.deviations):
         if not isfinite(deviation) or abs(deviation) > largest:
             raise ValueOutOfRange("E-TABLE-FINITE", table.name, point=number, value=deviation)
@@ -113,7 +115,7 @@ def _stored(table: CompensationTable, sign: Sense) -> tuple[Decimal, ...]:
 
 def quantised(table: CompensationTable, resolution: float = VALUE_RESOLUTION) -> CompensationTable:
     """The table with every value at the nearest multiple of ``resolution`` (mm or deg). Idempotent."""
-    unit, scale = Decimal(repr(resolution)), SCALE[table.output_unit]
+    unit, scale = Decimal(repr(resolution)), SCALE[table.output_unit] * (-1 if table.kind == "reversal" else 1)
     steps = ((value / unit).to_integral_value(ROUND_HALF_EVEN) * unit for value in as_stored(table))
     return replace(table, deviations=tuple(float(value * scale) + 0.0 for value in steps))
 
@@ -134,7 +136,9 @@ def values_of(order: PushOrder) -> tuple[Decimal, ...]:
 
 
 def point_lines(table: CompensationTable, values: Iterable[Decimal]) -> list[str]:
-    """One assignment for each interpolation point."""
+    """One assignment for each interpolation point; a reversal has none."""
+    if table.kind == "reversal":
+        return []
     return [f"{point_name(table, number)}={value_text(value)}" for number, value in enumerate(values)]
 
 
@@ -153,6 +157,8 @@ def parameters(table: CompensationTable) -> dict[str, str]:
         "MAX": _position(table.maximum),
         "IS_MODULO": str(int(table.modulo)),
     }
+    if table.kind == "reversal":
+        return {}
     if table.kind == "axis":
         tail = f"[{table.index},{table.output_axis}]"
         return {f"$AA_ENC_COMP_{name}{tail}": value for name, value in grid.items()}

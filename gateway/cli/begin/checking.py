@@ -20,11 +20,6 @@ WRONG_FILE = ConfigError.exit_code
 DEVICE_KEYS = ("device", "model", "serial", "firmware")
 
 
-def add_to(app: typer.Typer) -> None:
-    """Give the command line this command."""
-    app.command("check")(check_command)
-
-
 @dataclass(frozen=True, slots=True)
 class CheckedSite:
     """What was found: ``faults`` refuse the file, ``doubts`` do not; ``site`` is None where it cannot be used."""

@@ -18,11 +18,6 @@ AnswerOption = Annotated[
 ]
 
 
-def add_to(app: typer.Typer) -> None:
-    """Give the command line this command."""
-    app.command("init")(init_command)
-
-
 def init_command(
     file: FileArgument = Path("site.toml"),
     from_cell: Annotated[

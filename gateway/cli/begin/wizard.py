@@ -12,6 +12,7 @@ from drivers.clock import LoopClock
 from drivers.errors import TrueflankError, words
 from drivers.local.names import is_name, shown
 from drivers.local.ownfiles import opened
+from drivers.types.moves import FEED_DEG, FEED_MM
 from gateway.cli.begin.questions import Asker
 from gateway.cli.begin.siteparts import ROTARY, TURN, axis_tree, letter_of, planned, used_letters
 from gateway.cli.begin.surveying import surveyed
@@ -44,6 +45,7 @@ def wizard_text(file: Path, asker: Asker) -> str:
     plans = used_letters([planned(axis, travel, pair) for axis, travel in axes])
     tree: dict[str, Any] = {"site": {"name": name, "store": STORE}, "controller": control, "instruments": instruments}
     tree["axes"] = [axis_tree(plan) for plan in plans]
+    tree["moves"] = {"safe": {}, "feed_mm": FEED_MM, "feed_deg": FEED_DEG}
     version = facts.version if facts else words("P-INIT-UNREAD")
     return site_text(tree, words("P-INIT-HEAD", name=name, version=version, road=road), notes)
 

@@ -11,13 +11,10 @@ import typer
 from gateway.cli.options import JsonOption
 from gateway.cli.show import echo, show_json
 
-audit_app = typer.Typer(name="audit", help="The log of who did what to which machine.", no_args_is_help=True)
-
 PlaceArgument = Annotated[Path, typer.Argument(metavar="STORE", help="Store folder, or site file.", show_default=False)]
 ACTED = ("utc", "actor", "role", "action", "serial", "transaction")
 
 
-@audit_app.command("verify")
 def verify_command(
     store: PlaceArgument,
     head: Annotated[list[str] | None, typer.Option(help="A head exported earlier; may be repeated.")] = None,
@@ -48,7 +45,6 @@ def verify_command(
         raise typer.Exit(11)
 
 
-@audit_app.command("head")
 def head_command(store: PlaceArgument) -> None:
     """Print the head (number:hash); keep it where nobody who can write the store can change it."""
     from gateway import audit
@@ -56,7 +52,6 @@ def head_command(store: PlaceArgument) -> None:
     echo(str(audit.demand(store_root(store)).head))
 
 
-@audit_app.command("show")
 def show_command(
     store: PlaceArgument,
     last: Annotated[int, typer.Option(min=1, help="How many records, the newest.")] = 20,
@@ -75,7 +70,6 @@ def show_command(
         echo(_line(entry))
 
 
-@audit_app.command("correct")
 def correct_command(
     store: PlaceArgument,
     number: Annotated[int, typer.Argument(min=1, help="The record that is wrong.", show_default=False)],
@@ -95,11 +89,6 @@ def correct_command(
         return audit.correct(root, number, why, clock=LoopClock())
 
     echo(f"record {asyncio.run(main()).seq} corrects record {number}")
-
-
-def add_to(app: typer.Typer) -> None:
-    """Put the commands of this file into the program."""
-    app.add_typer(audit_app)
 
 
 def store_root(place: Path) -> Path:

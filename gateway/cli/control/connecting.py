@@ -13,31 +13,23 @@ from drivers.checks import CertificateView, CheckLine, TrustView, Wanted, Wanted
 from drivers.clock import Clock, LoopClock
 from drivers.errors import TrueflankError, words
 from drivers.leftover import Sent
-from gateway.cli.options import JsonOption, SiteArgument
+from gateway.cli.onward import next_step
+from gateway.cli.options import JsonOption, SiteArgument, TakeOption
 from gateway.cli.show import echo, show_json
 from gateway.cli.stopping import run_to_end
 
 NOT_ALL_WELL = 5
 MARKS = {"ok": "ok", "wrong": "WRONG", "unknown": "could not tell"}
 
-trust_app = typer.Typer(name="trust", help="The control's certificate: show it, accept it.", no_args_is_help=True)
 ThumbprintOption = Annotated[
     str, typer.Option(help="Typed from the control's own dialog: SHA-256 or SHA-1, whole.", show_default=False)
 ]
 
 
-def add_to(app: typer.Typer) -> None:
-    """Give the command line these commands."""
-    app.command("doctor")(doctor_command)
-    app.add_typer(trust_app)
-
-
-def doctor_command(site: SiteArgument, as_json: JsonOption = False) -> None:
+def doctor_command(site: SiteArgument, take: TakeOption = "", as_json: JsonOption = False) -> None:
     """Look at the road to the control, line by line, and change nothing; exit code 0 only if all is well."""
     tree = load(site)
-    sought = wanted(tree, sent_before(tree, site))
-    lines = run_to_end(port(tree, "doctor", LoopClock()).examine(sought, tree.controller.timeout_s))
-    lines = (*lines, *kept_tests(tree, site, lines), *unended(tree, site))
+    lines = run_to_end(_borrowing(tree, site, take))
     well = all(line.outcome == "ok" for line in lines)
     if as_json:
         show_json({"site": tree.site.name, "ok": well, "lines": [line.as_record() for line in lines]})
@@ -47,11 +39,29 @@ def doctor_command(site: SiteArgument, as_json: JsonOption = False) -> None:
             echo(f"{MARKS[line.outcome]:<14} {line.check}: {line.what}", colour=colour)
             if line.fix:
                 echo(f"{'':<14} -> {line.fix}")
+        next_step(f"self-test {site}" if well else f"doctor {site}")
     if not well:
         raise typer.Exit(NOT_ALL_WELL)
 
 
-@trust_app.command("show")
+async def _borrowing(tree: Any, site: Path, take: str) -> tuple[CheckLine, ...]:
+    """The lines, with the devices borrowed from a gateway that serves this site, or taken from one that hangs."""
+    from gateway.broker import borrowed, taking
+    from gateway.workflow.bench import store_of
+
+    clock = LoopClock()
+    with taking(take):
+        async with borrowed(store_of(tree, site).root, "doctor", clock):
+            return await examined(tree, site, clock)
+
+
+async def examined(tree: Any, site: Path, clock: Clock) -> tuple[CheckLine, ...]:
+    """Every line: the road to the control, the self-tests kept, pushes that did not end. Writes nothing."""
+    sought = wanted(tree, sent_before(tree, site))
+    lines = await port(tree, "doctor", clock).examine(sought, tree.controller.timeout_s)
+    return (*lines, *kept_tests(tree, site, lines), *unended(tree, site), *report_font(tree.report.language))
+
+
 def show_command(site: SiteArgument, as_json: JsonOption = False) -> None:
     """What the server shows now, what is pinned, and whether they are equal; exit code 5 when they are not."""
     tree = load(site)
@@ -61,7 +71,6 @@ def show_command(site: SiteArgument, as_json: JsonOption = False) -> None:
         raise typer.Exit(NOT_ALL_WELL)
 
 
-@trust_app.command("accept")
 def accept_command(site: SiteArgument, thumbprint: ThumbprintOption, as_json: JsonOption = False) -> None:
     """Pin the certificate that the server shows now, if its thumbprint is the one you read at the control."""
     from gateway import audit
@@ -72,7 +81,7 @@ def accept_command(site: SiteArgument, thumbprint: ThumbprintOption, as_json: Js
     audit.demand(root)
 
     async def main() -> TrustView:
-        view: TrustView = await trust.accept(thumbprint, audit.os_user(), tree.controller.timeout_s)
+        view: TrustView = await trust.accept(thumbprint, audit.person(), tree.controller.timeout_s)
         told = {"url": view.url, "sha256": view.shown.sha256, "subject": view.shown.subject}
         audit.record(root, "trust-accept", clock=clock, role="service", details=told)
         return view
@@ -129,6 +138,20 @@ def kept_tests(tree: Any, site: Path, seen: Sequence[CheckLine]) -> tuple[CheckL
     return tuple(told(axis.name, last.get((axis.name, axis.encoder)), now) for axis in tree.axes)
 
 
+def report_font(language: str) -> tuple[CheckLine, ...]:
+    """Which font of this computer writes Chinese in a report; a fault only where the site's reports need it."""
+    try:
+        from gateway.report.document.pdf import CJK_FONTS, NEED_CJK, cjk_font
+    except ModuleNotFoundError:
+        return ()  # the extra that makes reports is not installed here
+    found = cjk_font()
+    if found:
+        return (fine("W-DOC-FONT", "report font", font=found),)
+    if language in NEED_CJK:
+        return (wrong("E-DOC-FONT", "report font", language=language, fonts=", ".join(CJK_FONTS)),)
+    return (fine("W-DOC-FONT-NONE", "report font"),)
+
+
 def told(axis: str, test: Any, now: str) -> CheckLine:
     """A kept self-test (None: never made) as a line: passed, not passed, of another version."""
     if test is None:
@@ -170,7 +193,7 @@ def tell(view: TrustView, *, as_json: bool) -> None:
             echo(f"{title}: {one.subject}, valid {one.valid_from:%Y-%m-%d} to {one.valid_until:%Y-%m-%d}")
             echo(f"  SHA-256 {one.sha256}\n  SHA-1   {one.sha1}")
     code = "W-TRUST-EQUAL" if view.equal else "W-TRUST-CHANGED" if view.pinned else "W-TRUST-NONE"
-    who = f"{view.accepted_by}, {view.accepted_utc}" if view.accepted_by else "nobody on record"
+    who = f"{view.accepted_by}, {view.accepted_utc}" if view.accepted_by else "a person not recorded"
     echo(words(code, file=view.place, who=who))
     if not view.equal:
         echo(f"  -> {TrueflankError(code, file=view.place, who=who).hint}")

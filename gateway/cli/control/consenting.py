@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from drivers.terms import spoken
+from gateway.cli.onward import after_dry, next_step
 from gateway.cli.options import ApplyOption, JsonOption, MachineOption, RunArgument, SiteArgument, StoreOption
 from gateway.cli.stopping import run_to_end
 
@@ -21,12 +22,13 @@ def approve(
 ) -> None:
     """Show a stored proposal as `push` does, ask for the machine's name, and approve it for ten minutes."""
     from gateway.cli.machine.running import show_outcome
-    from gateway.cli.show import echo, progress, show_json
+    from gateway.cli.screen.telling import progress
+    from gateway.cli.show import echo, show_json
     from gateway.store import Store
     from gateway.workflow.control.approving import approve_plan, show_plan
 
     folder = Store(store).open(run_folder)
-    with progress(quiet=as_json) as say:
+    with progress(quiet=as_json, folder=folder) as say:
         outcome = run_to_end(_main(lambda clock: show_plan(folder, clock=clock, say=say)))
     if not as_json:
         show_outcome(outcome, as_json=False)
@@ -38,6 +40,7 @@ def approve(
         return
     for one in made:
         echo(f"approved by {one.actor} until {one.expires_utc}: plan {one.plan_hash[:12]}")
+    next_step(f"push {run_folder} --store {store} --apply --machine {typed}")
 
 
 def rollback(
@@ -50,14 +53,15 @@ def rollback(
 ) -> None:
     """Say what the last committed push of an axis replaced; with --apply put that table back."""
     from gateway.cli.machine.running import show_outcome
-    from gateway.cli.show import progress
+    from gateway.cli.screen.telling import progress
     from gateway.workflow.control.rolling_back import roll_back_site
 
     site, path = _site(place, store)
-    with progress(quiet=as_json) as say:
+    with progress(quiet=as_json, at=(site, path)) as say:
         asked: dict[str, Any] = {"table": axis, "apply": apply, "machine_name": machine, "say": say}
         outcome = run_to_end(_main(lambda clock: roll_back_site(site, path, clock=clock, **asked)))
-    show_outcome(outcome, as_json=as_json)
+    dry = after_dry("rollback", place, axis, site.site.name)
+    show_outcome(outcome, as_json=as_json, onward=f"verify-table {path}" if apply else dry)
 
 
 def verify_table_command(
@@ -68,24 +72,18 @@ def verify_table_command(
 ) -> None:
     """Compare the live tables (all that pushes left, or one) with the last committed push; exit code 9: one differs."""
     from gateway.cli.machine.running import show_outcome
-    from gateway.cli.show import progress
+    from gateway.cli.screen.telling import progress
     from gateway.config import load_site
     from gateway.workflow.bench import store_of
     from gateway.workflow.control.verifying import verify_table
 
     tree = load_site(site)
     folder = store_of(tree, site).open(run) if run else None
-    with progress(quiet=as_json) as say:
+    with progress(quiet=as_json, at=(tree, site)) as say:
         asked: dict[str, Any] = {"table": axis, "run": folder, "say": say}
         outcome = run_to_end(_main(lambda clock: verify_table(tree, site, clock=clock, **asked)))
-    show_outcome(outcome, as_json=as_json)
-
-
-def add_to(app: typer.Typer) -> None:
-    """Put the commands of this file into the program."""
-    app.command("approve")(approve)
-    app.command("rollback")(rollback)
-    app.command("verify-table")(verify_table_command)
+    onward = f"rollback {site} --axis {axis or 'AXIS'}" if outcome.exit_code else f"audit verify {site}"
+    show_outcome(outcome, as_json=as_json, onward=onward)
 
 
 async def _main(work: Any) -> Any:

@@ -7,7 +7,8 @@ from typing import Annotated, Any
 import typer
 
 from drivers.terms import spoken
-from gateway.cli.options import ApplyOption, JsonOption, MachineOption, SiteArgument
+from gateway.cli.onward import after_dry
+from gateway.cli.options import ApplyOption, JsonOption, MachineOption, SiteArgument, TakeOption
 
 
 def disable(
@@ -18,27 +19,26 @@ def disable(
     ] = "",
     apply: ApplyOption = False,
     machine: MachineOption = "",
+    take: TakeOption = "",
     as_json: JsonOption = False,
 ) -> None:
     """Say what a table does to its axis now; with --apply switch it off and read that back. Writes no value."""
     from drivers.clock import LoopClock
+    from gateway.broker import taking
     from gateway.cli.machine.running import show_outcome
-    from gateway.cli.show import progress
+    from gateway.cli.screen.telling import progress
     from gateway.cli.stopping import run_to_end
     from gateway.config import load_site
     from gateway.workflow.control.disabling import disable_site
 
     tree = load_site(site)
     asked: dict[str, Any] = {"axis": axis, "table": table, "apply": apply, "machine_name": machine}
-    with progress(quiet=as_json) as say:
+    with progress(quiet=as_json, at=(tree, site)) as say:
 
         async def main() -> Any:
-            return await disable_site(tree, site, clock=LoopClock(), say=say, **asked)
+            with taking(take):
+                return await disable_site(tree, site, clock=LoopClock(), say=say, **asked)
 
         outcome = run_to_end(main())
-    show_outcome(outcome, as_json=as_json)
-
-
-def add_to(app: typer.Typer) -> None:
-    """Put the command of this file into the program."""
-    app.command("disable")(disable)
+    dry = after_dry("disable", str(site), axis, tree.site.name)
+    show_outcome(outcome, as_json=as_json, onward=f"recover {site}" if apply else dry)

@@ -8,11 +8,14 @@ from typing import Any
 
 import typer
 
+from drivers import registry
 from drivers.errors import ConfigError
 from drivers.tablefile import TableMachine
 from drivers.terms import TableKind, spoken
+from drivers.units import AxisUnit
 from gateway.cli.files.evaluating import reader
-from gateway.cli.files.tables import number, show_findings, table_format
+from gateway.cli.files.exchanging import TABLES, ExchangeOptions, exchange, is_exchange, known_formats
+from gateway.cli.files.tables import number, show_findings, table_format, write_text
 from gateway.cli.show import echo, show_json
 
 FORMS = {".ini": "ini", ".arc": "archive"}
@@ -36,12 +39,20 @@ class ConversionOptions:
     form: str
     output: Path
     force: bool
+    origin: str = ""
+    store: Path = Path("runs")
 
 
 def convert_file(wish: ConversionOptions, *, as_json: bool) -> None:
     """Write the table file and say what its reader must know; nothing is written unless all is known and right."""
     from gateway.table.conversion import convert
 
+    if is_exchange(wish.to) or wish.origin:
+        _exchange(wish, as_json=as_json)
+        return
+    _layer(wish.to)
+    if not wish.axis:
+        raise ConfigError("E-CLI-AXIS", str(wish.result))
     measured = reader(wish.result, wish.unit).read(wish.result)
     request = _request(wish, _complete(wish, measured))
     made = convert(measured, request)
@@ -50,7 +61,7 @@ def convert_file(wish: ConversionOptions, *, as_json: bool) -> None:
     findings = table_format().findings(text, str(wish.output), known)
     wrong = any(one.severity == "wrong" for one in findings)
     if not wrong:
-        _write(wish.output, text, force=wish.force)
+        write_text(wish.output, text, force=wish.force, encoding="ascii")
     told = [*measured.warnings, *made.findings]
     if as_json:
         records = [{"severity": one.severity, **one.error.as_record()} for one in findings]
@@ -60,6 +71,36 @@ def convert_file(wish: ConversionOptions, *, as_json: bool) -> None:
         show_findings(wish.output, findings, as_json=False)
     if wrong:
         raise typer.Exit(7)
+
+
+def _exchange(wish: ConversionOptions, *, as_json: bool) -> None:
+    """A measured file, a table file, a file of another control or a run into a format of another control."""
+    unit: AxisUnit = "deg" if wish.axis.strip().upper()[:1] in ("A", "B", "C") else "mm"
+    asked = ExchangeOptions(
+        source=wish.result,
+        origin=wish.origin,
+        to=wish.to,
+        axis=wish.axis.strip().upper(),
+        unit=unit,
+        form=wish.form,
+        output=wish.output,
+        force=wish.force,
+        store=wish.store,
+    )
+    from_file = not wish.origin and wish.to in registry.known(TABLES)
+    exchange(asked, _measured(wish) if from_file else None, as_json=as_json)
+
+
+def _measured(wish: ConversionOptions) -> Any:
+    """The table of a measured file, at its own targets and with a curve for each direction."""
+    from gateway.table.conversion import datum_of
+    from gateway.table.free import as_measured
+
+    if not wish.axis:
+        raise ConfigError("E-CLI-AXIS", str(wish.result))
+    measured = reader(wish.result, wish.unit).read(wish.result)
+    reference = _complete(wish, measured)
+    return as_measured(measured, wish.axis.strip().upper(), reference, datum_of([_pair(word) for word in wish.datum]))
 
 
 def _request(wish: ConversionOptions, reference: float) -> Any:
@@ -99,7 +140,7 @@ def _complete(wish: ConversionOptions, measured: Any) -> float:
 def _layer(to: str) -> TableKind:
     kinds: dict[str, TableKind] = {spoken().own_key: "axis", spoken().cross_key: "cross"}
     if to.lower() not in kinds:
-        raise ConfigError("E-CLI-LAYER", "--to", to=to, known=", ".join(kinds))
+        raise ConfigError("E-CLI-LAYER", "--to", to=to, known=", ".join((*kinds, known_formats())))
     return kinds[to.lower()]
 
 
@@ -120,23 +161,12 @@ def _comments(wish: ConversionOptions) -> list[str]:
     lines = [
         f"made by trueflank from {wish.result.name}",
         f"datum (file=machine) {datum}; zero at machine position {wish.reference:g}",
-        "replaces another table, is not added to one",
+        "replaces the live table, is not added to it",
     ]
     if wish.to.lower() == spoken().cross_key:
         lines += [spoken().sign_doubt]
-        lines += ["prove the sign on this machine before these tables are switched on"]
+        lines += ["prove the sign on this machine before you switch these tables on"]
     return ["".join(char if " " <= char <= "~" else "?" for char in line)[:180] for line in lines]
-
-
-def _write(output: Path, text: str, *, force: bool) -> None:
-    """Raises ConfigError (E-CLI-EXISTS, E-CLI-WRITE)."""
-    try:
-        with output.open("w" if force else "x", encoding="ascii", newline="\n") as file:
-            file.write(text)
-    except FileExistsError as error:
-        raise ConfigError("E-CLI-EXISTS", str(output)) from error
-    except OSError as error:
-        raise ConfigError("E-CLI-WRITE", str(output), why=str(error)) from error
 
 
 def _say(made: Any, told: list[str]) -> None:

@@ -12,12 +12,16 @@ import typer
 
 from drivers import registry
 from drivers.errors import ConfigError, TrueflankError
+from gateway.cli.exits import of_verdicts
 from gateway.cli.show import echo, show_error, show_json, show_table
 
 
 @dataclass(frozen=True, slots=True)
 class EvaluationOptions:
-    """How files are to be evaluated: None and "" leave things as the file has them."""
+    """How files are to be evaluated: None and "" leave things as the file has them.
+
+    ``tolerances`` are a site's limits by axis name and letter, for the standard that is asked for.
+    """
 
     standard: str = "2014"
     unit: str = ""
@@ -29,6 +33,7 @@ class EvaluationOptions:
     store: Path = Path("runs")
     axis: str = ""
     phase: str = ""
+    tolerances: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     @property
     def recompensates(self) -> bool:
@@ -45,6 +50,23 @@ def limits_of(texts: Sequence[str]) -> dict[str, float]:
             found[name.strip()] = float(number)
         except ValueError:
             raise ConfigError("E-CLI-LIMIT", "--limit", text=text) from None
+    return found
+
+
+def tolerances_of(site: Path | None, asked: str) -> dict[str, dict[str, float]]:
+    """A site's limits by the standard asked for, by axis name and by letter. Raises ConfigError."""
+    if site is None:
+        return {}
+    from gateway.config import load_site
+    from gateway.evaluate.standards.registry import standard
+
+    tree = load_site(site)
+    letters = {axis.name: axis.letter for axis in tree.axes}
+    found: dict[str, dict[str, float]] = {}
+    for one in tree.tolerances:
+        if standard(one.standard) == standard(asked):
+            for key in (one.axis, letters[one.axis]):
+                found.setdefault(key, {}).update(one.limits)
     return found
 
 
@@ -88,8 +110,10 @@ def evaluate_files(files: list[Path], asked: EvaluationOptions, *, as_json: bool
                 _show(result)
         for failure in failures:
             show_error(failure, as_json=False)
-    if failures:
-        raise typer.Exit(failures[0].exit_code)
+    said = [one["verdict"] for result in results for one in result.get("verdicts", ())]
+    code = failures[0].exit_code if failures else of_verdicts(said)
+    if code:
+        raise typer.Exit(code)
 
 
 def _refuse_unknown(name: str) -> None:
@@ -137,12 +161,18 @@ def _evaluate(item: Any, asked: EvaluationOptions) -> dict[str, Any]:
         **found.values,
         "U": dict(found.U),
         "monte_carlo": {name: _outcome(outcome) for name, outcome in found.trials.items()},
-        "verdicts": [_verdict(item) for item in found.decided(asked.limits)],
+        "verdicts": [_verdict(item) for item in found.decided(_limits(measured, asked))],
         "corrected": list(corrections.told(record)),
         "corrections": [_step(item) for item in record.chain],
         "flags": [*found.flags, *measured.warnings, *item.notes],
         "supposed": list(supposed),
     }
+
+
+def _limits(measured: Any, asked: EvaluationOptions) -> dict[str, float]:
+    """What was typed stands before the site's limits of this axis."""
+    own = asked.tolerances.get(asked.axis or measured.header.get("Axis", "").strip(), {})
+    return {**own, **asked.limits}
 
 
 def _deviations(measured: Any, asked: EvaluationOptions, path: Path) -> tuple[Any, Any]:

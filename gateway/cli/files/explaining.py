@@ -15,11 +15,6 @@ CodeArgument = Annotated[str, typer.Argument(help="A code as it is printed, such
 PARTS = {"what": "it says", "do": "what to do", "how": "how it comes about", "out": "how to get out of it"}
 
 
-def add_to(app: typer.Typer) -> None:
-    """Give the command line this command."""
-    app.command("explain")(explain_command)
-
-
 def explain_command(code: CodeArgument, as_json: JsonOption = False) -> None:
     """Say what a code means, how it comes about and how to get out of it."""
     found = explanation(code.strip().upper())

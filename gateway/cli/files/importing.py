@@ -15,12 +15,6 @@ WORDS: dict[str, str | bool] = {"tab": "\t", "semicolon": ";", "comma": ",", "bl
 WORDS |= {"yes": True, "true": True, "no": False, "false": False}
 
 
-def add_to(app: typer.Typer) -> None:
-    """Give the command line these commands."""
-    app.command("import")(import_command)
-    app.command("export")(export_command)
-
-
 def import_command(
     files: Annotated[list[Path], typer.Argument(help="Result files of others.", show_default=False)],
     store: StoreOption = Path("runs"),

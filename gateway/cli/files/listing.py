@@ -1,24 +1,18 @@
-"""The commands `runs list` and `runs show`: what a store holds, so that a run can be named."""
+"""The commands below `runs`: what a store holds, so that a run can be named, and one that is taken away."""
 
 from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
+from typing import Annotated
 
 import typer
 
+from gateway.cli.onward import next_step
 from gateway.cli.options import JsonOption, RunArgument, StoreOption
 from gateway.cli.show import echo, show_json, show_table
 
-runs_app = typer.Typer(name="runs", help="The runs of a store: list them, show one.", no_args_is_help=True)
 
-
-def add_to(app: typer.Typer) -> None:
-    """Give the command line these commands."""
-    app.add_typer(runs_app)
-
-
-@runs_app.command("list")
 def list_command(store: StoreOption = Path("runs"), as_json: JsonOption = False) -> None:
     """List the runs of a store, oldest first."""
     from gateway.store import Store
@@ -32,10 +26,10 @@ def list_command(store: StoreOption = Path("runs"), as_json: JsonOption = False)
         return
     rows = [(one.run_id, one.machine, one.problem or one.state, str(len(one.stages))) for one in found]
     show_table(f"{len(rows)} run(s) in {store}", ("run", "machine", "state", "records"), rows)
-    echo("next: trueflank runs show RUN; a unique beginning of its id is enough, or latest")
+    echo("a run is named by its id, a unique beginning of it, or latest")
+    next_step(f"runs show latest --store {store}")
 
 
-@runs_app.command("show")
 def show_command(run: RunArgument, store: StoreOption = Path("runs"), as_json: JsonOption = False) -> None:
     """Show a run: its machine, its state, what it holds and what ended it."""
     from gateway.store import Store
@@ -50,3 +44,26 @@ def show_command(run: RunArgument, store: StoreOption = Path("runs"), as_json: J
     echo(f"{'holds':12} {', '.join(summary.stages) or 'nothing yet'}")
     for error in folder.errors:
         echo(f"{'ended by':12} {error.get('code', '')}: {error.get('what', '')}")
+    next_step(f"logs --run {folder.run_id} --store {store}" if folder.errors else f"report {folder.path}")
+
+
+def remove_command(
+    run: RunArgument,
+    store: StoreOption = Path("runs"),
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
+) -> None:
+    """Remove a run's folder. What pushed a table stays: rollback, verify-table and the audit log rest on it."""
+    from drivers.clock import LoopClock
+    from gateway.cli.stopping import run_to_end
+    from gateway.store import Store
+    from gateway.workflow.removing import remove_run
+
+    folder = Store(store).open(run)
+    if not yes:
+        typer.confirm(f"remove {folder.path} ({folder.state})?", abort=True, err=True)
+
+    async def main() -> None:
+        remove_run(folder, clock=LoopClock())
+
+    run_to_end(main())
+    echo(f"removed: {folder.run_id}")

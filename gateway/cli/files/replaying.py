@@ -24,11 +24,6 @@ SessionOption = Annotated[int, typer.Option(min=1, help="Which opening of the de
 CsvOption = Annotated[Path | None, typer.Option("--csv", help="Also write every sample here.", show_default=False)]
 
 
-def add_to(app: typer.Typer) -> None:
-    """Give the command line this command."""
-    app.command("replay")(replay_command)
-
-
 def replay_command(
     trace: TraceArgument,
     driver: DriverOption = "",

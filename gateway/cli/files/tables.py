@@ -34,6 +34,17 @@ def table_data(file: Path) -> bytes:
         raise ConfigError("E-CLI-READ", str(file), why=str(error)) from error
 
 
+def write_text(output: Path, text: str, *, force: bool, encoding: str = "utf-8") -> None:
+    """Write a new file; an old one only with ``force``. Raises ConfigError (E-CLI-EXISTS, E-CLI-WRITE)."""
+    try:
+        with output.open("w" if force else "x", encoding=encoding, newline="\n") as file:
+            file.write(text)
+    except FileExistsError as error:
+        raise ConfigError("E-CLI-EXISTS", str(output)) from error
+    except OSError as error:
+        raise ConfigError("E-CLI-WRITE", str(output), why=str(error)) from error
+
+
 def positions(words: Sequence[str], option: str) -> dict[str, float]:
     """AXIS=POSITION or POSITION alone (for every axis, key ""). Raises ConfigError (E-CLI-POSITION)."""
     found: dict[str, float] = {}

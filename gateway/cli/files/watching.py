@@ -9,15 +9,10 @@ from typing import Annotated, Any
 import typer
 
 from gateway.cli.options import SiteArgument
-from gateway.cli.show import progress
+from gateway.cli.screen.telling import progress
 from gateway.cli.stopping import run_to_end
 
 POLL_S = 2.0
-
-
-def add_to(app: typer.Typer) -> None:
-    """Give the command line this command."""
-    app.command("watch")(watch_command)
 
 
 def watch_command(
@@ -44,5 +39,5 @@ def watch_command(
                 return
             await clock.sleep(min(max(settle, 0.01), POLL_S))
 
-    with progress(quiet=False) as say:
+    with progress(quiet=False, at=(tree, site)) as say:
         run_to_end(main(say))

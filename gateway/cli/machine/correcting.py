@@ -8,14 +8,11 @@ from typing import Annotated, Any
 import typer
 
 from gateway.cli.machine.inspecting import HeightsOption, correct_gear
+from gateway.cli.onward import next_step
 from gateway.cli.options import JsonOption, SiteArgument, named
-from gateway.cli.show import echo, progress, show_json, show_table
+from gateway.cli.screen.telling import progress
+from gateway.cli.show import echo, show_json, show_table
 from gateway.cli.stopping import run_to_end
-
-
-def add_to(app: typer.Typer) -> None:
-    """Give the command line this command."""
-    app.command("correct")(correct_command)
 
 
 def correct_command(
@@ -52,7 +49,7 @@ def _from_run(site: Path, run: str, *, as_json: bool) -> None:
     async def main(say: Any) -> Any:
         return await correct_site(tree, site, folder, clock=LoopClock(), say=say)
 
-    with progress(quiet=as_json) as say:
+    with progress(quiet=as_json, at=(tree, site)) as say:
         found = run_to_end(main(say))
     if as_json:
         show_json(found.as_data())
@@ -83,7 +80,7 @@ def _tell(found: Any) -> None:
     for line in tooth.said:
         echo(line)
     echo(f"run folder: {found.run_folder}")
-    echo(f"next: trueflank push {found.run_folder}")
+    next_step(f"push {found.run_folder}")
 
 
 def _ranked(one: Any) -> tuple[str, str]:

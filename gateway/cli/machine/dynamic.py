@@ -10,15 +10,11 @@ import typer
 
 from drivers.errors import ConfigError
 from gateway.cli.options import JsonOption, StoreOption
-from gateway.cli.show import echo, progress, show_json, show_table
+from gateway.cli.screen.telling import progress
+from gateway.cli.show import echo, show_json, show_table
 from gateway.cli.stopping import run_to_end
 
 KINDS = ("none", "value", "level", "external")
-
-
-def add_to(app: typer.Typer) -> None:
-    """Give the command line this command."""
-    app.command("dynamic")(dynamic_command)
 
 
 def dynamic_command(
@@ -76,7 +72,7 @@ def _captured(site: Path, wish: Any, *, as_json: bool) -> Any:
     from gateway.workflow.axes.dynamic import capture_dynamic
 
     tree = load_site(site)
-    with progress(quiet=as_json) as say:
+    with progress(quiet=as_json, at=(tree, site)) as say:
         return run_to_end(capture_dynamic(tree, site, wish, clock=LoopClock(), say=say))
 
 

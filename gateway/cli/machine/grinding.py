@@ -8,14 +8,11 @@ from typing import Annotated, Any
 
 import typer
 
+from gateway.cli.onward import next_step
 from gateway.cli.options import JsonOption, PartOption, SiteArgument
-from gateway.cli.show import echo, progress, show_json, show_table
+from gateway.cli.screen.telling import progress
+from gateway.cli.show import echo, show_json, show_table
 from gateway.cli.stopping import run_to_end
-
-
-def add_to(app: typer.Typer) -> None:
-    """Give the command line this command."""
-    app.command("grind")(grind_command)
 
 
 def grind_command(
@@ -36,7 +33,7 @@ def grind_command(
     ] = "",
     as_json: JsonOption = False,
 ) -> None:
-    """Grind a test part with these set-up values; without --machine show the program and its places only."""
+    """Grind a test part with these set-up values; without --machine show its places and values only."""
     from gateway.config import load_site
     from gateway.store import SetupBook
     from gateway.tooth import SetupValues
@@ -62,18 +59,20 @@ def _grind(tree: Any, site: Path, part: str, setup: Any, machine: str, folder: A
         asked = {"part": part, "setup": setup, "machine_name": machine, "run": folder}
         return await grind_site(tree, site, clock=LoopClock(), say=say, **asked)
 
-    with progress(quiet=as_json) as say:
+    with progress(quiet=as_json, at=(tree, site)) as say:
         made, used = run_to_end(main(say))
     if as_json:
         show_json({**asdict(made), "run_folder": str(used.path)})
         return
     echo(f"{made.part}: {made.spaces} spaces ground, {made.started_utc} to {made.ended_utc}")
     echo(f"run folder: {used.path}")
+    next_step(f"inspect {site} --part {part} --run {used.path}")
 
 
 def _show(tree: Any, site: Path, part: str, setup: Any, *, as_json: bool) -> None:
-    """The program as it would be sent, but for the blocks that save the tables; nothing is opened."""
+    """Where each axis goes, and what is set; the program itself with --json. Nothing is opened."""
     from drivers import registry
+    from gateway.workflow.part.entering import entered
     from gateway.workflow.part.grinding import gear_of_site, grind_plan
 
     plan = grind_plan(tree, gear_of_site(tree, site), setup, part)
@@ -86,10 +85,14 @@ def _show(tree: Any, site: Path, part: str, setup: Any, *, as_json: bool) -> Non
         values = asdict(setup)
         show_json({"setup": values, "places": places, "seconds": round(plan.seconds), "program": text, "able": able})
         return
-    if text:
-        echo(text)
     show_table("outermost places (mm, deg; machine coordinates)", ("axis", "place"), rows)
     echo(f"set-up values: x {setup.x_um:+.1f} um, C {setup.c_arcsec:+.1f} arcsec, dressing {setup.dressing_um:+.1f} um")
+    echo(entered(tree.work, setup))
+    if able:
+        echo("the NC program: trueflank program --what grind, or --json here")
     echo(f"{plan.spaces} spaces, about {plan.seconds / 60.0:.0f} min; nothing was sent (--machine NAME grinds)")
-    if not able:
+    if able:
+        next_step(f"grind {site} --part {part} --machine {tree.site.name}")
+    else:
         echo(f"driver {tree.controller.driver} runs no programs: this part cannot be ground over it")
+        next_step(f"inspect {site} --part {part}")

@@ -10,7 +10,8 @@ import typer
 
 from gateway.cli.files.importing import columns_of
 from gateway.cli.options import JsonOption, PartOption, SiteArgument
-from gateway.cli.show import echo, progress, show_json, show_table
+from gateway.cli.screen.telling import progress
+from gateway.cli.show import echo, show_json, show_table
 from gateway.cli.stopping import run_to_end
 
 Heights = Literal["lower-face", "middle"]
@@ -21,11 +22,6 @@ FileOption = Annotated[
 ]
 HeightsOption = Annotated[str, typer.Option(help="What a file's heights count from: lower-face or middle.")]
 RunOption = Annotated[str, typer.Option(help="Put it into this run: folder or id.", show_default=False)]
-
-
-def add_to(app: typer.Typer) -> None:
-    """Give the command line this command."""
-    app.command("inspect")(inspect_command)
 
 
 def inspect_command(
@@ -53,7 +49,7 @@ def inspect_command(
     def work(say: Any) -> Any:
         return inspect_site(tree, site, part=part, clock=LoopClock(), say=say, run=folder, file=points)
 
-    found, used = _run(work, as_json=as_json)
+    found, used = _run(work, (tree, site), as_json=as_json)
     picture = draw_flank(found, used.path)
     if as_json:
         show_json(_data(found, str(used.path), str(picture)))
@@ -84,7 +80,7 @@ def guard_gear(
     def work(say: Any) -> Any:
         return guard_gear_site(tree, site, folder, clock=LoopClock(), say=say, **asked)
 
-    show_lines(_run(work, as_json=as_json), as_json=as_json)
+    show_lines(_run(work, (tree, site), as_json=as_json), as_json=as_json)
 
 
 def correct_gear(site: Path, gear: str, part: str, heights: str, *, as_json: bool) -> None:
@@ -100,7 +96,7 @@ def correct_gear(site: Path, gear: str, part: str, heights: str, *, as_json: boo
     def work(say: Any) -> Any:
         return propose_from_gear(tree, site, source, clock=LoopClock(), say=say, part=part)
 
-    show_lines(_run(work, as_json=as_json), as_json=as_json)
+    show_lines(_run(work, (tree, site), as_json=as_json), as_json=as_json)
 
 
 def flank_file(path: Path | None, heights: str, columns: Any = None) -> Any:
@@ -123,8 +119,8 @@ def show_lines(outcome: Any, *, as_json: bool) -> None:
         raise typer.Exit(outcome.exit_code)
 
 
-def _run(work: Callable[[Any], Any], *, as_json: bool) -> Any:
-    with progress(quiet=as_json) as say:
+def _run(work: Callable[[Any], Any], at: tuple[Any, Path], *, as_json: bool) -> Any:
+    with progress(quiet=as_json, at=at) as say:
         return run_to_end(work(say))
 
 

@@ -8,15 +8,11 @@ from typing import Annotated, Any
 import typer
 
 from gateway.cli.machine.inspecting import FileOption, HeightsOption, guard_gear, show_lines
+from gateway.cli.onward import next_step
 from gateway.cli.options import JsonOption, SiteArgument, named
-from gateway.cli.show import echo, progress, show_json, show_table
+from gateway.cli.screen.telling import progress
+from gateway.cli.show import echo, show_json, show_table
 from gateway.cli.stopping import run_to_end
-
-
-def add_to(app: typer.Typer) -> None:
-    """Give the command line these commands."""
-    app.command("measure")(measure_command)
-    app.command("guard")(guard_command)
 
 
 def measure_command(
@@ -47,7 +43,7 @@ def measure_command(
         asked = {"wanted": tuple(setups or ()), "resume": folder, "tooth": tooth}
         return await measure_site(tree, site, clock=LoopClock(), say=say, **asked)
 
-    with progress(quiet=as_json) as say:
+    with progress(quiet=as_json, at=(tree, site)) as say:
         outcome = run_to_end(main(say))
     paths = write_report(RunFolder(Path(outcome.run_folder)))
     if as_json:
@@ -55,6 +51,7 @@ def measure_command(
     else:
         _tell(outcome)
         echo(f"report: {paths.html}")
+        next_step(f"correct {site} --run {outcome.run_folder}")
 
 
 def guard_command(
@@ -93,7 +90,7 @@ def _guard_axis(site: Path, run: str, axis: str, limit: float | None, *, as_json
     async def main(say: Any) -> Any:
         return await guard_site(tree, site, folder, axis, clock=LoopClock(), say=say, limit=limit)
 
-    with progress(quiet=as_json) as say:
+    with progress(quiet=as_json, at=(tree, site)) as say:
         outcome = run_to_end(main(say))
     show_lines(outcome, as_json=as_json)
 

@@ -12,36 +12,51 @@ from gateway.cli.options import JsonOption, SiteArgument, StoreOption
 from gateway.cli.show import echo, show_json, show_table
 
 
-def add_to(app: typer.Typer) -> None:
-    """Give the command line these commands."""
-    app.command("program")(program_command)
-    app.command("self-test")(self_test_command)
-
-
 def program_command(
     site: SiteArgument,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder for the programs.", show_default=False)],
-    what: Annotated[str, typer.Option(help="self-test, measure, load, proof, backup, grind, off or all.")] = "all",
+    what: Annotated[
+        str,
+        typer.Option(
+            help="self-test, measure, load, proof, backup, grind, off or all; dwell for other capture programs."
+        ),
+    ] = "all",
     run: Annotated[str, typer.Option(help="Tables to load are this run's proposal.", show_default=False)] = "",
     store: StoreOption = Path("runs"),
     force: Annotated[bool, typer.Option("--force", help="Write over files that are there.")] = False,
+    dwell: Annotated[float, typer.Option(min=0.1, max=600, help="Of dwell: standstill at each target, s.")] = 6.0,
+    settling: Annotated[
+        float, typer.Option(min=0, max=600, help="Of dwell: what the capture program settles, s.")
+    ] = 2.0,
+    calibrator_feed: Annotated[
+        float, typer.Option(min=1, help="Of dwell: fastest feed of a rotary calibrator.")
+    ] = 720.0,
     as_json: JsonOption = False,
 ) -> None:
     """Write every program that this site would send, without a control; each is judged by the language's rules."""
     from drivers.errors import ConfigError
     from gateway.config import load_site
-    from gateway.workflow.programs import EVERY, kept, programs
+    from gateway.workflow.dwelling import DwellWish, dwell_plans, said, target_lists
+    from gateway.workflow.programs import EVERY, KNOWN, kept, programs
 
-    chosen = tuple(one for one in EVERY if what in ("all", one))
+    chosen = tuple(one for one in KNOWN if what == one or (what == "all" and one in EVERY))
     if not chosen:
-        raise ConfigError("E-PROGRAM-WHAT", "--what", given=what, known=", ".join((*EVERY, "all")))
-    tree = load_site(site)
-    written = programs(tree, site, chosen, _proposal(run, store) if run else None)
-    kept(written, output, force=force)
+        raise ConfigError("E-PROGRAM-WHAT", "--what", given=what, known=", ".join((*KNOWN, "all")))
+    tree, wish = load_site(site), DwellWish(dwell, settling, calibrator_feed)
+    written = programs(tree, site, chosen, _proposal(run, store) if run else None, dwell=wish)
+    lists: dict[str, str] = {}
+    told: list[str] = []
+    for axis, plan in dwell_plans(tree, wish) if what == "dwell" else ():
+        lists |= target_lists(axis, plan)
+        told.append(said(axis, plan))
+    kept({one.name: one.program.text for one in written} | lists, output, force=force)
     if as_json:
-        show_json({"folder": str(output), "programs": [one.name for one in written]})
+        show_json({"folder": str(output), "programs": [one.name for one in written], "lists": list(lists)})
         return
-    show_table("programs", ("what", "file"), [(one.what, one.name) for one in written])
+    rows = [(one.what, one.name) for one in written] + [("list", name) for name in lists]
+    show_table("programs", ("what", "file"), rows)
+    for line in told:
+        echo(line)
     echo(f"{len(written)} programs in {output}; nothing was sent")
 
 
@@ -61,18 +76,20 @@ def self_test_command(
     """Let the control try every word of our programs: you start it, nothing moves, the outcome is kept."""
     from gateway.cli.machine.running import show_outcome
 
-    show_outcome(self_tested(site, axis, quiet=as_json), as_json=as_json)
+    show_outcome(self_tested(site, axis, quiet=as_json), as_json=as_json, onward=f"run {site}")
 
 
-def self_tested(site: Path, axis: str = "", *, quiet: bool, clock: Clock | None = None) -> Any:
+def self_tested(
+    site: Path, axis: str = "", *, quiet: bool, clock: Clock | None = None, own_operator: bool = False
+) -> Any:
     """Test a site's control, and what came of it; the demo does this first, as anybody must."""
-    from gateway.cli.show import progress
+    from gateway.cli.screen.telling import progress
     from gateway.cli.stopping import run_to_end
     from gateway.config import load_site
     from gateway.workflow.control.selftesting import self_test_site
 
     tree, used = load_site(site), clock or LoopClock()
-    with progress(quiet=quiet) as say:
+    with progress(quiet=quiet, at=(tree, site), own_operator=own_operator) as say:
 
         async def main() -> Any:
             return await self_test_site(tree, site, axis=axis, clock=used, say=say)

@@ -1,15 +1,18 @@
-"""Commands that meet devices or stored runs: run, push, recover, serve, report."""
+"""Commands that meet devices or stored runs: run, push, recover, report."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import typer
 
 from drivers.clock import Clock, LoopClock
+from gateway.cli.onward import after_look, after_run, next_step
 from gateway.cli.options import load_site
-from gateway.cli.show import echo, progress, show_json, show_table
+from gateway.cli.screen.telling import progress
+from gateway.cli.show import echo, show_json, show_table
 from gateway.cli.stopping import run_to_end
 from gateway.errors import StillOn
 from gateway.say import Say
@@ -21,6 +24,7 @@ def run_site_command(
     machine: str,
     *,
     as_json: bool,
+    axes: tuple[str, ...] = (),
     typed_by_demo: bool = False,
     clock: Clock | None = None,
 ) -> None:
@@ -32,14 +36,25 @@ def run_site_command(
     used = clock or LoopClock()
 
     async def main(say: Say) -> Any:
-        return await run_site(tree, site, apply=apply, machine_name=name, clock=used, say=say)
+        return await run_site(tree, site, apply=apply, machine_name=name, clock=used, say=say, axes=axes)
 
-    with progress(quiet=as_json) as say:
+    with progress(quiet=as_json, at=(tree, site), own_operator=typed_by_demo) as say:
         outcome = run_to_end(main(say))
-    show_outcome(outcome, as_json=as_json)
+    onward = after_run(outcome.state, outcome.run_folder, str(site), tree.site.name)
+    show_outcome(outcome, as_json=as_json, onward="" if typed_by_demo else onward)
 
 
-def push_run_command(run_folder: str, store: Path, apply: bool, machine: str, *, as_json: bool) -> None:
+@dataclass(frozen=True, slots=True)
+class PushAsked:
+    """What `push` was asked for: only these tables, with consent or to look, every point."""
+
+    tables: tuple[str, ...] = ()
+    apply: bool = False
+    machine: str = ""
+    points: bool = False
+
+
+def push_run_command(run_folder: str, store: Path, asked: PushAsked, *, as_json: bool) -> None:
     """Show a stored proposal against the live machine, or apply it."""
     from gateway.store import Store
     from gateway.workflow.control.pushing import push_run
@@ -47,23 +62,31 @@ def push_run_command(run_folder: str, store: Path, apply: bool, machine: str, *,
     folder = Store(store).open(run_folder)
 
     async def main(say: Say) -> Any:
-        return await push_run(folder, apply=apply, machine_name=machine, clock=LoopClock(), say=say)
+        wanted: dict[str, Any] = {"apply": asked.apply, "machine_name": asked.machine, "tables": asked.tables}
+        return await push_run(folder, clock=LoopClock(), say=say, **wanted)
 
-    with progress(quiet=as_json) as say:
+    with progress(quiet=as_json, folder=folder) as say:
         outcome = run_to_end(main(say))
-    show_outcome(outcome, as_json=as_json)
+    machine = asked.machine or str(folder.facts["site"])
+    if asked.apply:
+        onward = after_run(outcome.state, outcome.run_folder, str(folder.plan["site_file"]), machine)
+    else:
+        onward = after_look(bool(outcome.data["refused"]), outcome.run_folder, machine)
+    show_outcome(outcome, as_json=as_json, points=asked.points, onward=onward)
 
 
-def recover_command(site: Path, apply: bool, machine: str, *, as_json: bool) -> None:
+def recover_command(site: Path, apply: bool, machine: str, *, take: str = "", as_json: bool) -> None:
     """Say what an interrupted push left; with apply put the old table back."""
+    from gateway.broker import taking
     from gateway.workflow.control.recovering import recover_site
 
     tree = load_site(site)
 
     async def main(say: Say) -> Any:
-        return await recover_site(tree, site, apply=apply, machine_name=machine, clock=LoopClock(), say=say)
+        with taking(take):
+            return await recover_site(tree, site, apply=apply, machine_name=machine, clock=LoopClock(), say=say)
 
-    with progress(quiet=as_json) as say:
+    with progress(quiet=as_json, at=(tree, site)) as say:
         findings = run_to_end(main(say))
     if as_json:
         show_json([finding.as_data() for finding in findings])
@@ -73,89 +96,23 @@ def recover_command(site: Path, apply: bool, machine: str, *, as_json: bool) -> 
         raise typer.Exit(StillOn.exit_code)
     if not findings and not as_json:
         echo(f"{tree.site.name}: no push was left unfinished, and nothing of ours is left in the control")
+    if not as_json:
+        undone = bool(findings) and not apply
+        next_step(f"recover {site} --apply --machine {tree.site.name}" if undone else f"verify-table {site}")
 
 
-def serve_command(site: Path, host: str, port: int) -> None:
-    """Serve a site until it is stopped; raises Stopped when that cut a run short."""
-    from gateway.daemon import Daily, serve, token_path
-    from gateway.push.records.journal import JOURNALS
-    from gateway.push.records.sent import SentBook
-    from gateway.stopping import StopAsked
-    from gateway.supervisor import Supervisor
-    from gateway.workflow.aftercare import StandingAlarms, due
-    from gateway.workflow.bench import store_of
-    from gateway.workflow.control.verifying import verify_table
-    from gateway.workflow.loop.run import run_site
-
-    tree, clock = load_site(site), LoopClock()
-    store, serial, hour = store_of(tree, site), tree.controller.serial, tree.site.verify_hour
-
-    async def compare(say: Say) -> object:
-        return await verify_table(tree, site, table="", run=None, clock=clock, say=say)
-
-    def daily(devices: Supervisor) -> Daily | None:
-        if not tree.site.verify_each_day:
-            return None
-        # With programs every reading is a start by the operator: it is told as due, and nothing starts by itself.
-        job = None if devices.controller.capabilities.stops else compare
-        return Daily(hour, lambda: due(store, serial, clock.utc(), hour), job)
-
-    async def starter(say: Say) -> object:
-        # Nobody at a desk can consent to a write: a run from the page only proposes.
-        return await run_site(tree, site, apply=False, machine_name="", clock=clock, say=say)
-
-    stopped = StopAsked()
-
-    def ready(url: str) -> None:
-        echo(f"{tree.site.name}: {url}   (token for starting runs: {token_path(store.root)}; Ctrl-C ends)")
-
-    async def main() -> None:
-        devices = Supervisor(tree, clock, book=SentBook(store.root / JOURNALS, tree.controller.serial))
-        stop = stopped.asked
-        await serve(
-            tree,
-            lambda: devices,
-            starter,
-            store=store,
-            clock=clock,
-            stop=stop,
-            host=host,
-            port=port,
-            ready=ready,
-            daily=daily(devices),
-            alarms=StandingAlarms(store, serial),
-        )
-
-    run_to_end(main(), stop=stopped, ends_itself=True)
-    if stopped.told:
-        raise stopped.error()
-
-
-def report_command(run_folder: str, store: Path, *, as_json: bool) -> None:
-    """Render a stored run again."""
-    from gateway.store import Store
-    from gateway.workflow.results.ending import closing_lines
-    from gateway.workflow.results.reporting import summary_of, write_report
-
-    folder = Store(store).open(run_folder)
-    paths = write_report(folder)
-    if as_json:
-        show_json({**paths.as_data(), "summary": summary_of(paths)})
-        return
-    for line in closing_lines(folder):
-        echo(line)
-    echo(f"report: {paths.html}")
-
-
-def show_outcome(outcome: Any, *, as_json: bool) -> None:
-    """Print what a workflow handed back, and end with its exit code."""
+def show_outcome(outcome: Any, *, as_json: bool, points: bool = False, onward: str = "") -> None:
+    """Print what a workflow handed back, and the command to go on with; end with its exit code."""
     if as_json:
         show_json(outcome.as_data())
     else:
         if outcome.rows:
-            headings = ("axis", "parameter", "before", "after", "unit", "change")
-            show_table("before and after (ISO 230-2:2014)", headings, outcome.rows)
+            show_table(outcome.title, outcome.headings, outcome.rows)
+        for line in outcome.points if points else ():
+            echo(line)
         for line in outcome.lines:
             echo(line)
+        if onward:
+            next_step(onward)
     if outcome.exit_code:
         raise typer.Exit(outcome.exit_code)

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from drivers.clock import Clock, LoopClock
 from gateway.cli.machine.running import show_outcome
+from gateway.cli.onward import after_run
 from gateway.cli.options import ApplyOption, JsonOption, MachineOption, SiteArgument
-from gateway.cli.show import progress
+from gateway.cli.screen.telling import progress
 from gateway.cli.stopping import run_to_end
 from gateway.say import Say
-
-
-def add_to(app: typer.Typer) -> None:
-    """Give the command line this command."""
-    app.command("close")(close_command)
 
 
 def close_command(
@@ -50,9 +46,10 @@ def close_site_command(
     folder = store_of(tree, site).open(resume) if resume else None
     name = tree.site.name if typed_by_demo else machine
 
-    async def main(say: Say) -> object:
+    async def main(say: Say) -> Any:
         return await close_site(tree, site, apply=apply, machine_name=name, clock=used, say=say, resume=folder)
 
-    with progress(quiet=as_json) as say:
+    with progress(quiet=as_json, at=(tree, site), own_operator=typed_by_demo) as say:
         outcome = run_to_end(main(say))
-    show_outcome(outcome, as_json=as_json)
+    onward = after_run(outcome.state, outcome.run_folder, str(site), tree.site.name)
+    show_outcome(outcome, as_json=as_json, onward="" if typed_by_demo else onward)

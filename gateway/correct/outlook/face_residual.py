@@ -18,23 +18,42 @@ LONG = -0.5  # cosine of a wave's phase from target to target: three distances
 SLOPE, BOW = 0.227, 0.109
 
 
-def slope_and_bow(one: Component, face_mm: float) -> tuple[float, float]:
+def slope_and_bow(one: Component, face_mm: float, middle: float | None = None) -> tuple[float, float]:
     """RMS over a face of the slope and of the bow that an error of a linear axis may have beside its fit, um or arcsec.
 
-    A smooth fit leaves what its targets scatter about it (``residual_rms``), of any length: half of it each.
+    A smooth fit leaves what its targets scatter about it (``residual_rms``), of any length: half of it each. Where a
+    working window lies around the face's ``middle`` (in the axis' unit), its targets tell and no others.
     """
-    nodes = np.asarray(one.parameters.get("nodes", ()), dtype=np.float64)
-    if one.basis != "piecewise" or nodes.size < FEWEST:
+    here = near(one, face_mm, middle)
+    if here is None:
         return one.residual_rms / 2.0**0.5, one.residual_rms / 2.0**0.5
-    long, short = _long_and_short(one, nodes)
+    nodes = nodes_of(one)[here]
+    long, short = long_and_short(one, here)
     share, half = min(1.0, face_mm / float(np.mean(np.diff(nodes)))), short / 2.0**0.5
     return float(np.hypot(SLOPE * share * long, half)), float(np.hypot(BOW * share**2 * long, half))
 
 
-def _long_and_short(one: Component, nodes: FloatArray) -> tuple[float, float]:
+def nodes_of(one: Component) -> FloatArray:
+    """Corners of a polygon; none of a smooth fit."""
+    return np.asarray(one.parameters.get("nodes", ()) if one.basis == "piecewise" else (), dtype=np.float64)
+
+
+def near(one: Component, face_mm: float, middle: float | None) -> slice | None:
+    """The corners that tell of a face: those over it and one beside it where they are enough, else all; None if few."""
+    nodes = nodes_of(one)
+    if nodes.size < FEWEST:
+        return None
+    if middle is None:
+        return slice(0, nodes.size)
+    first = max(int(np.searchsorted(nodes, middle - face_mm / 2.0)) - 1, 0)
+    last = min(int(np.searchsorted(nodes, middle + face_mm / 2.0, side="right")) + 1, nodes.size)
+    return slice(first, last) if last - first >= FEWEST else slice(0, nodes.size)
+
+
+def long_and_short(one: Component, here: slice) -> tuple[float, float]:
     """RMS of what the inner targets miss by long waves, and RMS of structure too short for them."""
-    rows = _skipping(nodes)
-    missed, doubt = rows @ one.coefficients, rows @ one.covariance @ rows.T
+    rows = _skipping(nodes_of(one)[here])
+    missed, doubt = rows @ one.coefficients[here], rows @ one.covariance[here, here] @ rows.T
     square = max(float(np.mean(missed**2) - np.mean(np.diag(doubt))), 0.0)
     along = float(np.mean(missed[1:] * missed[:-1]) - np.mean(np.diag(doubt, 1)))
     # Independent values of variance w miss by 1.5 w, neighbours by -w together; the longest of the others by LONG.

@@ -79,7 +79,7 @@ def lasting(grinding: Grinding, grid: FlankGrid, plan: Plan, model: ErrorModel, 
         found = found.plus(FlankDoubts(found.places, names, noise))
     for one in model.motions:
         if one.residual_rms > 0.0:
-            found = found.plus(_unseen(grinding, grid, one))
+            found = found.plus(between_targets(grinding, grid, one))
     return found.plus(_growth(grinding, grid, shop))
 
 
@@ -133,7 +133,8 @@ def _growth(grinding: Grinding, grid: FlankGrid, shop: Shop) -> FlankDoubts:
     return FlankDoubts(places, (DRIFT, DRIFT), np.stack(patterns, axis=-1))
 
 
-def _unseen(grinding: Grinding, grid: FlankGrid, one: Component) -> FlankDoubts:
+def between_targets(grinding: Grinding, grid: FlankGrid, one: Component) -> FlankDoubts:
+    """What one error's targets do not show of it, on the flank."""
     places = places_of_grid(grid)
     terms = np.moveaxis(linear_flank(grinding, grid, [one.name]).terms, 1, 2).reshape(places.k.size, 3)
     shapes = _shapes(grinding, grid, places, one) * in_mm_rad(component_unit(one.name, "mm"), 1.0)
@@ -150,4 +151,5 @@ def _shapes(grinding: Grinding, grid: FlankGrid, places: Places, one: Component)
         return np.full((places.k.size, 1), one.residual_rms)
     x = 2.0 * places.z / grid.gear.b
     shapes = np.stack([np.sqrt(3.0) * x, np.sqrt(5.0) * 0.5 * (3.0 * x**2 - 1.0)], axis=-1)
-    return np.asarray(shapes * slope_and_bow(one, grid.gear.b))
+    middle = float(grinding.stroke_command(np.zeros(())))
+    return np.asarray(shapes * slope_and_bow(one, grid.gear.b, middle))

@@ -97,7 +97,12 @@ def rank_errors(
     found = screen(model_rms, names, ("rms",), r=r, seed=seed).rankings["rms"]
     return tuple(
         RankRecord(
-            error=one.name, mu_star_um=one.mu_star, low_um=one.low, high_um=one.high, rank=(one.rank_low, one.rank_high)
+            error=one.name,
+            mu_star_um=one.mu_star,
+            low_um=one.low,
+            high_um=one.high,
+            rank=(one.rank_low, one.rank_high),
+            sigma_um=one.sigma,
         )
         for one in found
     )

@@ -20,6 +20,7 @@ from gateway.domain.values import COVERAGE
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import FlankGrid, flank_figure, flank_grid
 from gateway.gear.inspection import TraceValues, inspect, trace_values
+from gateway.gear.setright import with_curvature
 from gateway.gear.touched import Heights, touched
 from gateway.tooth import FlankMap, InspectedFlank
 
@@ -77,6 +78,7 @@ def inspected_flank(gear: CycloidGear, found: GearInspection, about: About) -> I
         figures=_figures(grid, flank, told),
         said=(*about.said, *_said(told, seen.shift, about, probe), *found.warnings),
         measured_utc=about.measured_utc,
+        turned_arcsec=rad_to_arcsec(flank.rotation),
     )
 
 
@@ -108,6 +110,8 @@ class _Fitted:
             deviation[index] = form @ (weights @ told.fit.abg[here]).T
             shared = np.einsum("zh,hij->zij", weights**2, spread[here])
             variance[index] = np.einsum("ti,zij,tj->tz", form, shared, form)
+        straight = FlankMap(grid.thetas, grid.zs, deviation * UM_PER_MM)
+        deviation = with_curvature(straight, grid.gear).deviation_um / UM_PER_MM
         turned = flank_figure(deviation, grid.section.h).rotation
         return _Fitted(deviation - turned * grid.section.h, variance, turned)
 

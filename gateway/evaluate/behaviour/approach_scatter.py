@@ -10,7 +10,9 @@ from gateway.domain.captures import Capture
 from gateway.domain.values import FloatArray
 from gateway.evaluate.behaviour.repetitions import MAD_TO_SIGMA, SUSPECT_FACTOR, robust_means
 from gateway.evaluate.standards import readings
+from gateway.evaluate.uncertainty.budget import variance_limit
 
+SURE, MANY = 0.95, 1000  # of an F test, and the windows' degrees of freedom
 ENOUGH = 3  # repetitions that show by themselves which reading is out of line
 
 
@@ -29,9 +31,9 @@ class Approach:
 def approach_of(capture: Capture) -> Approach:
     """What a positioning capture tells, robustly: passes levelled against drift, readings out of line left out.
 
-    What the instrument scatters within one reading (``reading_u``, as seen in the reading's own window) is none of
-    the axis' and taken off in squares; what it adds from reading to reading cannot be told from the axis and stays.
-    Raises ModelError as `robust_means`.
+    What the instrument scatters is none of the axis' and taken off in squares (`instrument_noise`). What it adds from
+    reading to reading and no standstill test has shown cannot be told from the axis and stays. Raises ModelError as
+    `robust_means`.
     """
     means = robust_means(capture.targets, capture.deviations)
     level = capture.deviations - means.pass_offsets[None, :, :]
@@ -40,7 +42,19 @@ def approach_of(capture: Capture) -> Approach:
     shown = _scatter(level, means.s)
     half = (means.mean_up - means.mean_down) / 2.0
     spread = _without_outliers(half - np.nanmedian(half)) if np.isfinite(half).any() else 0.0
-    return Approach(_less(shown, capture.reading_u), _less(spread, _of_half(shown, level)))
+    return Approach(_less(shown, instrument_noise(capture)), _less(spread, _of_half(shown, level)))
+
+
+def instrument_noise(capture: Capture) -> float:
+    """Standard deviation that the instrument gives one reading: as its window shows, or more as it scatters at rest.
+
+    Few readings at rest scatter themselves: they count where an F test says that they show more than the windows do.
+    """
+    within = capture.reading_u if np.isfinite(capture.reading_u) else 0.0
+    if capture.rest_count < ENOUGH:
+        return within
+    limit = variance_limit(SURE, capture.rest_count - 1, MANY)
+    return capture.rest_u if capture.rest_u**2 > limit * within**2 else within
 
 
 def _scatter(level: FloatArray, pooled: float) -> float:

@@ -73,7 +73,7 @@ def hidden_structure(
     if not np.isfinite(means.s) or at.size <= FEWEST or (curve is not None and not stops):
         return _nothing(at, unit)
     if curve is None:
-        curve, left = _fitted(at, means, period)
+        curve, left = usual_curve(at, means, period)
         if not stops:
             return _by_fit(at, means, left, unit)
     return _nothing(at, unit) if between is None else _by_stops(at, x, means, between, curve, unit)
@@ -109,12 +109,17 @@ def lonely(targets: ArrayLike, means: ArrayLike, u: ArrayLike) -> float | None:
     at, y, known_u = at[good], y[good], np.asarray(u, dtype=np.float64)[good]
     if at.size < LONELY_FEWEST:
         return None
-    share = (at[1:-1] - at[:-2]) / (at[2:] - at[:-2])
-    off = np.abs(y[1:-1] - (1.0 - share) * y[:-2] - share * y[2:])
+    off = out_of_line(at, y)
     worst = int(np.argmax(off))
     others = np.delete(off, np.arange(max(worst - 1, 0), min(worst + 2, off.size)))
     usual = max(float(np.sqrt(np.mean(others**2))), float(np.mean(known_u)), FLOOR)
     return float(at[worst + 1]) if off[worst] > LONELY * usual else None
+
+
+def out_of_line(at: FloatArray, means: FloatArray) -> FloatArray:
+    """How far each inner target's mean (m,) lies off the straight line between its neighbours' (m - 2,)."""
+    share = (at[1:-1] - at[:-2]) / (at[2:] - at[:-2])
+    return np.asarray(np.abs(means[1:-1] - (1.0 - share) * means[:-2] - share * means[2:]))
 
 
 def _reversal(at: FloatArray, means: RobustMeans, places: FloatArray) -> FloatArray:
@@ -137,7 +142,7 @@ def _nothing(at: FloatArray, unit: DeviationUnit) -> Hidden:
     )
 
 
-def _fitted(at: FloatArray, means: RobustMeans, period: float | None) -> tuple[Curve, float]:
+def usual_curve(at: FloatArray, means: RobustMeans, period: float | None) -> tuple[Curve, float]:
     """The usual curve through the means, and the RMS of what it leaves beyond scatter."""
     turns = period is not None
     fit = fit_positioning(

@@ -4,6 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from math import floor, hypot, sqrt
+from typing import Final
+
+STANDARD: Final = "ISO 1328-1:2013"
+FIGURES: Final[Mapping[str, str]] = {
+    "f_p": "fp",
+    "F_p": "Fp",
+    "f_Halpha": "fHa",
+    "f_falpha": "ffa",
+    "F_alpha": "Fa",
+    "f_Hbeta": "fHb",
+    "f_fbeta": "ffb",
+    "F_beta": "Fb",
+    "F_r": "",
+}
+"""Figures of an inspection by the standard's symbols; it has no class for runout."""
+
+
+def class_limits(diameter_mm: float, module_mm: float, width_mm: float, grade: int) -> Mapping[str, float]:
+    """Limits in um of every figure that has a class, as printed."""
+    found = flank_tolerances(diameter_mm, module_mm, width_mm, grade)
+    return {name: rounded(found[symbol]) for name, symbol in FIGURES.items() if symbol}
 
 
 def flank_tolerances(diameter_mm: float, module_mm: float, width_mm: float, grade: int) -> Mapping[str, float]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from math import ceil, inf
+from functools import partial
+from math import ceil, hypot, inf
 from typing import Literal
 
 import numpy as np
@@ -16,6 +17,7 @@ from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
 from gateway.evaluate.standards import parameters, readings
 from gateway.evaluate.standards.certainty import SECONDARY
+from gateway.evaluate.uncertainty import turning
 from gateway.evaluate.uncertainty.budget import Budget, expanded
 
 SIGMAS: Mapping[str, float] = {"1988": 3.0, "1997": 2.0, "2006": 2.0, "2014": 2.0}
@@ -58,7 +60,7 @@ def evaluate(
         B_i=mean[:, 0] - mean[:, 1],
         R_i=parameters.repeatability(mean, s, k),
         **values,
-        U=_uncertainties(s, values, n, budget or Budget()),
+        U=_turned(at, (mean, s), k=k, budget=budget or Budget(), U=_uncertainties(s, values, n, budget or Budget())),
         flags=readings.gaps(n, STANDARD_RUNS, "s, R, A"),
         edition=edition,
         certainty=SECONDARY,
@@ -113,8 +115,23 @@ def told_incurable(evaluation: Evaluation) -> tuple[str, ...]:
     if found is None or found[1] <= MOST_INCURABLE:
         return ()
     left, share = found
-    fields = {"A": f"{evaluation.A:.3g}", "left": f"{left:.3g}", "percent": f"{100.0 * share:.0f}"}
+    s = np.stack([evaluation.s_up, evaluation.s_down], axis=-1)
+    scatter = float(parameters.of_table(np.where(np.isfinite(s), 0.0, np.nan), s, sigmas(evaluation.edition))["A"])
+    fields = {"scatter": f"{scatter:.3g}"}
+    fields |= {"A": f"{evaluation.A:.3g}", "left": f"{left:.3g}", "percent": f"{100.0 * share:.0f}"}
     return (words("W-INCURABLE", **fields, unit=evaluation.unit),)
+
+
+def _turned(
+    at: FloatArray, table: tuple[FloatArray, FloatArray], *, k: float, budget: Budget, U: Mapping[str, float]
+) -> dict[str, float]:
+    """Uncertainties with what a rotary calibrator's shape does to the ranges among them."""
+    if not budget.turning:
+        return dict(U)
+    mean, s = table
+    figures = partial(parameters.ranges, s=s, k=k)
+    wide = turning.of_ranges(at, mean, budget.turning, figures)
+    return {name: hypot(value, wide.get(name, 0.0)) for name, value in U.items()}
 
 
 def _uncertainties(

@@ -25,20 +25,27 @@ def of_table(mean: FloatArray, s: FloatArray, k: float) -> Mapping[str, FloatArr
     (NaN) are R, A where nothing is repeated; E, A, B, M, R of one direction only (ISO 230-2:2014, clause 3; gaps by our
     own policy).
     """
-    both = np.isfinite(mean).any(axis=-2).all(axis=-1)
-    spread, repeated = s, np.isfinite(s).any(axis=-2).all(axis=-1)
-    high, low = mean + k * spread, mean - k * spread
     reversal = mean[..., 0] - mean[..., 1]
     return {
         "B": top(np.abs(reversal)),
         "B_mean": average(reversal),
+        "R": top(repeatability(mean, s, k)),
+        "R_up": top(2.0 * k * s[..., 0]),
+        "R_down": top(2.0 * k * s[..., 1]),
+        **ranges(mean, s, k),
+    }
+
+
+def ranges(mean: FloatArray, s: FloatArray, k: float) -> Mapping[str, FloatArray]:
+    """Those of `of_table` that are ranges over the travel: what is wrong by another amount elsewhere is in them."""
+    both = np.isfinite(mean).any(axis=-2).all(axis=-1)
+    repeated = np.isfinite(s).any(axis=-2).all(axis=-1)
+    high, low = mean + k * s, mean - k * s
+    return {
         "M": span(centres := mean.mean(axis=-1), centres),
         "E": np.where(both, whole_span(mean, mean), np.nan),
         "E_up": span(mean[..., 0], mean[..., 0]),
         "E_down": span(mean[..., 1], mean[..., 1]),
-        "R": top(repeatability(mean, spread, k)),
-        "R_up": top(2.0 * k * spread[..., 0]),
-        "R_down": top(2.0 * k * spread[..., 1]),
         "A": np.where(both & repeated, whole_span(high, low), np.nan),
         "A_up": span(high[..., 0], low[..., 0]),
         "A_down": span(high[..., 1], low[..., 1]),

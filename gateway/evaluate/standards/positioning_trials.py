@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from drivers.units import DeviationUnit, deg_to_rad
 from gateway.domain.values import COVERED, FloatArray
 from gateway.evaluate.standards import readings
-from gateway.evaluate.uncertainty import montecarlo
+from gateway.evaluate.uncertainty import montecarlo, turning
 from gateway.evaluate.uncertainty.budget import Budget
 from gateway.evaluate.uncertainty.distributions import Distribution, Normal, Rectangular
 from gateway.evaluate.uncertainty.montecarlo import TrialOutcome
@@ -38,7 +38,8 @@ def scatter_of_test(
 
     Each trial makes the test again: the means of deviations (m, n, 2), NaN where missing, each reading with its
     target's own s (at least eve / 2 where a drift test is given), and the systematic terms as errors common to
-    all readings: over a linear axis a slope, over a rotary axis one wave a turn of any phase. Parameters that
+    all readings: over a linear axis a slope, over a rotary axis one wave a turn of any phase, and a calibrator's own
+    error by its shape (`turning`). Parameters that
     are ranges come out larger on average than on the means, as in a real test; so read the interval, too.
     """
     at, x = readings.checked(targets, deviations)
@@ -77,7 +78,8 @@ def _common(at: FloatArray, unit: DeviationUnit, budget: Budget) -> Callable[[Ge
     def wave(rng: Generator, count: int) -> FloatArray:
         size = np.sum([part.draw(rng, count) for part in parts], axis=0)
         phase = rng.uniform(0.0, 2.0 * np.pi, count)
-        return np.asarray(size[:, None] / 2.0 * np.cos(deg_to_rad(at)[None, :] - phase[:, None]))
+        once = size[:, None] / 2.0 * np.cos(deg_to_rad(at)[None, :] - phase[:, None])
+        return np.asarray(once + turning.drawn_errors(at, budget.turning, rng, count))
 
     return slope if unit == "um" else wave
 

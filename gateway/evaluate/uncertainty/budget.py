@@ -6,12 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import hypot, sqrt
 
-from scipy.special import stdtrit
+from scipy.special import fdtri, stdtrit
 
 from drivers.units import DeviationUnit
 from gateway.errors import ModelError
 
 LABEL = "U (k = 2): GUM, own coefficients"
+DEVICE_UM_PER_M, TEMPERATURE_RANGE_K = 0.5, 0.2
+"""What is assumed of a laser system (U, k = 2) and of the range of temperatures where no certificate states more."""
 RECTANGULAR = 0.6  # ISO/TR 230-9: U = 2 R / (2 sqrt 3) = 0.577 R, printed as 0.6 R
 
 
@@ -21,6 +23,8 @@ class Budget:
 
     ``eve`` comes from a drift test of the machine at rest (0.6 E_VE); None takes the scatter of the
     readings themselves, 2 s pooled. The other four are systematic: they act on E, M and A, not on B and R.
+    ``turning`` is a rotary calibrator's at a single position: what it makes of a range follows from its shape
+    (`turning.of_range`) and is not in ``systematic``.
     """
 
     device: float = 0.0
@@ -28,6 +32,7 @@ class Budget:
     temperature: float = 0.0
     expansion: float = 0.0
     eve: float | None = None
+    turning: float = 0.0
 
     @property
     def systematic(self) -> float:
@@ -65,9 +70,9 @@ def linear_budget(
     *,
     expansion_ppm_per_k: float,
     off_20_k: float,
-    calibration_um_per_m: float = 0.5,
+    calibration_um_per_m: float = DEVICE_UM_PER_M,
     lateral_range_mm: float = 1.0,
-    temperature_range_k: float = 0.2,
+    temperature_range_k: float = TEMPERATURE_RANGE_K,
     expansion_range_ppm_per_k: float = 2.0,
     eve_um: float | None = None,
 ) -> Budget:
@@ -98,7 +103,7 @@ def file_budget(
     ``travel`` in mm or deg. The material's temperature is never taken to be 20 degC: unknown is a wide range.
     """
     if unit == "arcsec":
-        return Budget(device=ROTARY_DEVICE_ARCSEC, eve=eve), ("U supposes a rotary calibrator of 1 arcsec (k = 2)",)
+        return Budget(turning=ROTARY_DEVICE_ARCSEC, eve=eve), ("U supposes a rotary calibrator of 1 arcsec (k = 2)",)
     off = UNKNOWN_OFF_20_K if material_degc is None else material_degc - 20.0
     notes = ["U supposes a laser of 0.5 um/m (k = 2) aligned to 1 mm/m, and expansion known within 2 ppm/K"]
     if material_degc is None:
@@ -145,3 +150,8 @@ def coverage_factor(confidence: float, degrees_of_freedom: float) -> float:
         key, value = "degrees_of_freedom", degrees_of_freedom
         raise ModelError("E-EVAL-NUMBER", "coverage", key=key, value=value, must="above 0")
     return float(stdtrit(degrees_of_freedom, 0.5 + confidence / 2.0))
+
+
+def variance_limit(confidence: float, numerator: int, denominator: int) -> float:
+    """The quotient of two variances that chance stays below with this confidence (Fisher's F); degrees of freedom."""
+    return float(fdtri(numerator, denominator, confidence))

@@ -16,6 +16,7 @@ from drivers.types.tables import CompensationTable
 from gateway.domain.outcomes import SwitchRecord
 from gateway.interlocks import Refusal
 from gateway.interlocks.switching import switching_refusals
+from gateway.moving import tell_motion
 from gateway.push import conversation
 from gateway.push.context import PushContext
 from gateway.push.records import journal, numbering
@@ -90,8 +91,11 @@ async def _carried_out(context: PushContext, order: DisableOrder) -> tuple[Switc
         return None, str(error)
     try:
         with foreseen(context.axis.name):
-            await conversation.leave_program(context)
+            if not context.controller.capabilities.off_anyhow:
+                await conversation.leave_program(context)
+            conversation.ask_release(context)
             await context.controller.prepare_disable(order)
+            await tell_motion(context.controller, context.say)
             if context.controller.capabilities.stops:
                 context.say("P-PUSH-DISABLE", axis=context.axis.name, table=order.name)
             found = await context.controller.wait_disabled(order, context.start_timeout_s)
@@ -117,7 +121,7 @@ async def ask_disable(order: DisableOrder, context: PushContext) -> Switch:
     """What `disable` would do, and every reason against it; reads only."""
     controller = context.controller
     found, state = await controller.identify(), await controller.state()
-    in_reset = state.channel is ChannelStatus.RESET
+    in_reset = state.channel is ChannelStatus.RESET or controller.capabilities.off_anyhow
     reasons = switching_refusals(context.machine, found, order.axis, tuple(state.axes), in_reset=in_reset)
     reading = None if reasons and order.axis not in state.axes else await controller.switch_reading(order)
     return Switch(order, _unit(context), reading, reasons)

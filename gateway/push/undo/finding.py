@@ -17,6 +17,7 @@ from gateway.push.records import journal
 from gateway.push.records.history import Meant, as_kept, tables_of
 from gateway.push.records.holding import standing
 from gateway.push.records.journal import JournalRead
+from gateway.push.records.steps import step_words
 from gateway.table.comparison import differences
 
 Action = Literal["close", "restore", "disable", "none"]
@@ -44,7 +45,8 @@ class PushFinding:
     @property
     def words(self) -> str:
         """The finding as people read it."""
-        told = {"axis": self.axis, "transaction": self.transaction, "last": self.last, "backup": self.backup}
+        last = step_words(self.last)
+        told = {"axis": self.axis, "transaction": self.transaction, "last": last, "backup": self.backup}
         text = f"{self.code}: {words(self.code, **told, count=MOST_TRIES)}"
         return f"{text}: {'; '.join(self.difference)}" if self.difference else text
 

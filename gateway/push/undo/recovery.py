@@ -82,7 +82,7 @@ async def _see(found: JournalRead, context: PushContext) -> tuple[Seen | None, f
         return None, 0.0
     _old, new = tables_of(found, context.meant)
     limits = await context.controller.table_limits(context.axis.name, new.kind, new.index)
-    live = await conversation.read_live(context, _place(found, context))
+    live = await conversation.read_live(context)
     marker = await context.controller.marker() if context.controller.capabilities.marker else None
     ours = marker is None or marker.transaction in journal.orders_of(found) or _known(context, marker)
     return Seen(table_in(live, new), _neighbours_on(live, new), marker, ours), tolerance(limits, new)
@@ -100,7 +100,7 @@ def _neighbours_on(live: LiveSet, table: CompensationTable) -> bool:
 def _place(found: JournalRead, context: PushContext) -> float:
     old, new = tables_of(found, context.meant)
     axis = context.moved
-    place = agreeing_position(old, new, axis.reference, axis.travel)
+    place = agreeing_position(old, new, axis.reference, axis.room)
     return axis.reference if place is None else place
 
 
@@ -197,8 +197,8 @@ async def _carry_out(work: Work, finding: PushFinding, action: str) -> PushRecor
     if action != "finish":
         return work.record(await roll_back(work, finding.code))
     axis = work.context.moved
-    base = await conversation.read_live(work.context, work.agreeing_position)
-    positions = effect_positions(work.change.new, work.restore_to, axis.travel, axis.overrun)
+    base = await conversation.read_live(work.context)
+    positions = effect_positions(work.change.new, work.restore_to, axis.room, axis.overrun)
     try:
         await prove_effect(work, positions, base)
     except VerifyError as error:

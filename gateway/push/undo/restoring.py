@@ -29,8 +29,12 @@ async def roll_back(work: Work, why: str) -> Outcome:
     """
     try:
         with foreseen(work.axis):
+            proved = work.last == "MEASURED"
             work.note("ROLLING_BACK", why=why)
-            work.context.say("P-PUSH-RESTORE", axis=work.axis, why=why)
+            if proved:
+                work.context.say("P-PUSH-PROOF-OFF", axis=work.axis)
+            else:
+                work.context.say("P-PUSH-RESTORE", axis=work.axis, why=why)
             await _restore(work)
             await work.finish("none")
             work.note("ROLLED_BACK")
@@ -111,7 +115,7 @@ async def _is_whole(work: Work) -> bool:
     if not work.context.controller.capabilities.stops:
         try:
             with foreseen(work.axis):
-                live = await conversation.read_live(work.context, work.agreeing_position)
+                live = await conversation.read_live(work.context)
         except TrueflankError:
             return False
         found = table_in(live, work.change.new)
@@ -133,7 +137,7 @@ async def _restore(work: Work) -> None:
     await work.context.clock.sleep(SETTLE_S)
     await work.only_ours()
     await _asked(work)
-    live = await conversation.read_live(work.context, work.agreeing_position)
+    live = await conversation.read_live(work.context)
     found = work.seen = table_in(live, work.change.new)
     before = as_before(work, live)
     if before and not _doubted(work):
@@ -157,7 +161,7 @@ async def confirm(work: Work, found: LiveTable) -> None:
         return
     order = work.order(work.change.new, False, "restore", work.number)
     try:
-        backup = await work.context.controller.backup_of(order)
+        (backup,) = await work.context.controller.backup_of((order,))
     except TrueflankError as error:
         raise VerifyError("E-PUSH-UNCONFIRMED", work.axis, axis=work.axis, why=str(error)) from error
     keep_backup(work, order, backup)
@@ -186,7 +190,7 @@ def _doubted(work: Work) -> bool:
 def as_before(work: Work, live: LiveSet) -> bool:
     """Whether the table, its switch and the switches that hang together with it are as they were."""
     same = same_table(work.restore_to, table_in(live, work.change.new), work.allowed)
-    return same and (work.change.layer == "axis" or is_coupled(live, work) == work.coupled)
+    return same and (work.change.new.kind != "cross" or is_coupled(live, work) == work.coupled)
 
 
 async def _asked(work: Work) -> None:
@@ -214,7 +218,7 @@ async def play_back(work: Work) -> None:
     work.seen = None
     await load(work, order, None)
     await release(work, order)
-    live = await conversation.read_live(work.context, work.agreeing_position)
+    live = await conversation.read_live(work.context)
     work.seen = table_in(live, work.change.new)
     if not as_before(work, live):
         found = table_in(live, old.table).table
@@ -232,6 +236,6 @@ async def _restart_with_old(work: Work) -> None:
     await load(work, order, None)
     await release(work, order)
     work.context.say("P-PUSH-RESTART", axis=work.axis)
-    await work.context.controller.restarted(order, work.context.start_timeout_s)
+    await work.context.controller.restarted((order,), work.context.start_timeout_s)
     work.note("RESTARTED", torn=False)
     work.torn = False

@@ -85,8 +85,8 @@ def limits(parts: list[FloatArray]) -> tuple[float, float]:
 
 
 def plain_name(text: str) -> str:
-    """A controller's name as the drawing's font can show it: printable ASCII."""
-    return "".join(letter if " " <= letter <= "~" else "?" for letter in text)
+    """A controller's name as the drawing's font can show it: printable ASCII, and the signs of units."""
+    return "".join(letter if " " <= letter <= "~" or letter in "µ°" else "?" for letter in text)
 
 
 def calm(panel: Axes, *, zero: bool = True) -> None:
@@ -96,7 +96,7 @@ def calm(panel: Axes, *, zero: bool = True) -> None:
     if zero:
         panel.axhline(0.0, color=RULE, lw=0.8, zorder=1)
     panel.spines[["top", "right"]].set_visible(False)
-    panel.tick_params(length=2.5, width=0.6, pad=2, labelsize=7)
+    panel.tick_params(length=2.5, width=0.6, pad=2, labelsize=8)
     panel.margins(x=0.02)
 
 
@@ -104,7 +104,7 @@ def _legend() -> dict[str, Any]:
     return {
         "loc": "upper right",
         "frameon": False,
-        "fontsize": 7,
+        "fontsize": 8,
         "handlelength": 2.2,
         "columnspacing": 1.4,
         "borderaxespad": 0.0,
@@ -184,7 +184,7 @@ def polar(figure: FigureBase, axis: AxisMaterial) -> None:
         angle, radius = _closed(evaluation.targets, values)
         panel.plot(np.radians(angle), radius, color=colour, lw=1.2, marker="o", ms=2.2, mew=0, label=name)
     panel.legend(**_legend(), bbox_to_anchor=(1.16, 1.12))
-    figure.text(0.02, 0.02, SIGN[axis.deviation_unit], color=QUIET, fontsize=7)
+    figure.text(0.02, 0.02, SIGN[axis.deviation_unit], color=QUIET, fontsize=8)
 
 
 def _polar_scale(panel: Axes, curves: list[FloatArray]) -> None:
@@ -200,7 +200,7 @@ def _polar_scale(panel: Axes, curves: list[FloatArray]) -> None:
     panel.plot(turn, np.zeros_like(turn), color=QUIET, lw=0.7, ls=(0, (4, 3)))
     panel.grid(True, color=FAINT, lw=0.6)
     panel.spines["polar"].set_color(RULE)
-    panel.tick_params(labelsize=6.5, pad=1)
+    panel.tick_params(labelsize=8, pad=1)
 
 
 def _closed(targets: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
+from drivers.terms import shown
 from drivers.types.values import FloatArray
 from gateway.domain.figures import Component
 from gateway.domain.proposals import TableChange
@@ -24,6 +26,7 @@ from gateway.report.tooth.why import Tag, meaning
 
 POINTS = 121
 COLUMNS = 6
+Bar = tuple[str, float, float | None, float | None]
 TAGS: dict[Tag, str] = {
     "axis": "#5f86ab",
     "set-up": "#8a9299",
@@ -33,6 +36,7 @@ TAGS: dict[Tag, str] = {
     "mech": "#a8453a",
     "none": "#c9ced2",
 }
+NAMED = 0.02  # of the largest: smaller ones would write over each other
 SMALL = 5e-4  # of the largest: shorter bars are not drawn
 
 
@@ -42,7 +46,7 @@ def motions(figure: Figure, model: ErrorModel) -> None:
     panels = figure.subplots(-(-len(names) // COLUMNS), COLUMNS, squeeze=False)
     height = float(figure.get_size_inches()[1])
     figure.subplots_adjust(
-        left=0.04, right=0.995, top=1.0 - 0.17 / height, bottom=0.29 / height, hspace=0.62, wspace=0.3
+        left=0.04, right=0.995, top=1.0 - 0.17 / height, bottom=0.29 / height, hspace=0.66, wspace=0.44
     )
     for panel, name in zip(panels.flat, names, strict=False):
         one = model.motion(name)
@@ -62,8 +66,8 @@ def motion_names(model: ErrorModel) -> list[str]:
 
 def _small(panel: Axes, title: str) -> None:
     calm(panel)
-    panel.set_title(plain_name(title).replace(" um", " µm"), loc="left", fontsize=7, color=INK, pad=3)
-    panel.tick_params(labelsize=6, length=2)
+    panel.set_title(shown(plain_name(title)), loc="left", fontsize=8, color=INK, pad=3)
+    panel.tick_params(labelsize=8, length=2)
     panel.xaxis.set_major_locator(MaxNLocator(3))
     panel.yaxis.set_major_locator(MaxNLocator(3))
 
@@ -77,7 +81,7 @@ def _motion(panel: Axes, one: Component, systematic: float) -> None:
     panel.fill_between(at, values - U, values + U, color=NEW, alpha=0.18, lw=0)
     panel.plot(at, values, color=NEW, lw=1.1)
     panel.set_ylim(*limits([values - U, values + U]))
-    panel.set_xlabel(one.axis_unit, fontsize=6, labelpad=1, color=QUIET)
+    panel.set_xlabel(one.axis_unit, fontsize=8, labelpad=1, color=QUIET)
 
 
 def _gap(panel: Axes, gap: Unknown) -> None:
@@ -86,7 +90,7 @@ def _gap(panel: Axes, gap: Unknown) -> None:
     text = f"assumed ±{gap.span:g}"
     panel.axhspan(-gap.span, gap.span, color=FAINT, lw=0)
     panel.set_ylim(-1.3 * gap.span, 1.3 * gap.span)
-    panel.text(0.5, 0.5, text, transform=panel.transAxes, ha="center", va="center", fontsize=6.5, color=QUIET)
+    panel.text(0.5, 0.5, text, transform=panel.transAxes, ha="center", va="center", fontsize=8, color=QUIET)
 
 
 def ranking(figure: Figure, rows: Sequence[CureRow]) -> None:
@@ -105,18 +109,39 @@ def ranking(figure: Figure, rows: Sequence[CureRow]) -> None:
     seen = size > SMALL * float(np.max(size, initial=0.0))
     panel.barh(y, size, color=[TAGS[one.tag] for one in rows], height=0.68)
     panel.hlines(y[seen], low[seen], high[seen], color=INK, lw=1.0)
-    panel.set_yticks(y, [plain_name(one.error) for one in rows], fontsize=7)
+    panel.set_yticks(y, [plain_name(one.error) for one in rows], fontsize=8)
     panel.set_ylim(len(rows) - 0.4, -0.6)
     edge = float(np.max(high, initial=0.0)) or 1.0
     panel.set_xlim(0.0, 1.19 * edge)
     for place, one in enumerate(rows):
         end = max(high[place], size[place]) + 0.012 * edge
-        panel.text(end, place, f"{size[place]:.3f} µm, rank {one.rank_text}", va="center", fontsize=6.5, color=QUIET)
+        panel.text(end, place, f"{size[place]:.3f} µm, rank {one.rank_text}", va="center", fontsize=8, color=QUIET)
     panel.set_xlabel("µ* of the flank's RMS  µm   (line: 95 % interval)", labelpad=2)
     used = [one for one in TAGS if any(row.tag == one for row in rows)]
     handles = [Patch(color=TAGS[one], label=meaning()[one]) for one in used]
-    look = {"frameon": False, "fontsize": 7, "labelcolor": INK, "handlelength": 0.9, "columnspacing": 1.1}
+    look = {"frameon": False, "fontsize": 8, "labelcolor": INK, "handlelength": 0.9, "columnspacing": 1.1}
     figure.legend(handles=handles, loc="upper right", ncols=len(handles), borderaxespad=0.0, **look)
+
+
+def plane(figure: Figure, rows: Sequence[CureRow]) -> None:
+    """mu* along, sigma up, a point an error with its name where it is not small; dashed: sigma as large as mu*."""
+    known = [(one, one.mu_star_um, one.sigma_um) for one in rows if one.mu_star_um is not None]
+    points = [(one, along, up) for one, along, up in known if up is not None]
+    panel = figure.subplots(1, 1)
+    figure.subplots_adjust(left=0.1, right=0.98, top=0.96, bottom=0.2)
+    calm(panel, zero=False)
+    edge = max((along for _, along, _ in points), default=0.0) or 1.0
+    top = max((up for *_, up in points), default=0.0)
+    panel.plot([0.0, max(edge, top)], [0.0, max(edge, top)], "--", color=RULE, lw=0.8)
+    for one, along, up in points:
+        panel.plot([along], [up], "o", color=TAGS[one.tag], ms=5, mew=0)
+        if along > NAMED * edge:
+            look: dict[str, Any] = {"fontsize": 8, "color": INK}
+            panel.annotate(plain_name(one.error), (along, up), xytext=(4, 3), textcoords="offset points", **look)
+    panel.set_xlim(0.0, 1.1 * edge)
+    panel.set_ylim(0.0, 1.2 * top or 1.0)
+    panel.set_xlabel("µ*  µm", labelpad=2)
+    panel.set_ylabel("σ  µm", labelpad=2)
 
 
 def tables(figure: Figure, changes: Sequence[tuple[str, TableChange]]) -> None:
@@ -133,29 +158,33 @@ def tables(figure: Figure, changes: Sequence[tuple[str, TableChange]]) -> None:
         if change.old_enabled and change.old.deviations:
             panel.plot(change.old.positions, _array(change.old.deviations), color=OLD, lw=1.0)
         panel.plot(new.positions, _array(new.deviations), color=NEW, lw=1.2, marker="o", ms=1.8, mew=0)
-        panel.set_xlabel(f"{plain_name(new.input_axis)}  {new.input_unit}", fontsize=6.5, labelpad=1, color=QUIET)
+        panel.set_xlabel(f"{plain_name(new.input_axis)}  {new.input_unit}", fontsize=8, labelpad=1, color=QUIET)
     for panel in panels.flat[len(changes) :]:
         panel.set_visible(False)
 
 
-def shares(figure: Figure, rows: Sequence[tuple[str, float, float | None]]) -> None:
-    """Bars of what each cure takes and what it leaves, percent of the flank's mean square before, with the figures."""
+def shares(figure: Figure, rows: Sequence[Bar]) -> None:
+    """Bars of what each cure takes and what it leaves, percent of the flank's mean square before, with the figures.
+
+    The last figure is what it takes of the flank with its set-up values right.
+    """
     panel = figure.subplots(1, 1)
     height = float(figure.get_size_inches()[1])
     figure.subplots_adjust(left=0.19, right=0.985, top=1.0 - 0.06 / height, bottom=0.4 / height)
     calm(panel, zero=False)
     panel.grid(False, axis="y")
     y = np.arange(len(rows))
-    panel.barh(y - 0.17, [taken for _, taken, _ in rows], height=0.36, color=NEW)
-    panel.barh(y + 0.21, [left or 0.0 for _, _, left in rows], height=0.28, color=OLD)
-    ends = [max(taken, left or 0.0, 0.0) for _, taken, left in rows]
-    start, edge = min(0.0, *(taken for _, taken, _ in rows)), max(ends)
-    panel.set_xlim(1.05 * start, edge + 0.34 * ((edge - start) or 1.0))
-    for place, (end, (_, taken, left)) in enumerate(zip(ends, rows, strict=True)):
+    panel.barh(y - 0.17, [taken for _, taken, _, _ in rows], height=0.36, color=NEW)
+    panel.barh(y + 0.21, [left or 0.0 for _, _, left, _ in rows], height=0.28, color=OLD)
+    ends = [max(taken, left or 0.0, 0.0) for _, taken, left, _ in rows]
+    start, edge = min(0.0, *(taken for _, taken, _, _ in rows)), max(ends)
+    panel.set_xlim(1.05 * start, edge + 0.5 * ((edge - start) or 1.0))
+    for place, (end, (_, taken, left, right)) in enumerate(zip(ends, rows, strict=True)):
         text = f"takes {signed(taken, 1)} %" + ("" if left is None else f", leaves {number(left, 1)} %")
-        panel.text(end + 0.012 * edge, place, text, va="center", fontsize=6.5, color=QUIET)
+        text += "" if right is None else f"; set right: {signed(right, 1)} %"
+        panel.text(end + 0.012 * edge, place, text, va="center", fontsize=8, color=QUIET)
     panel.axvline(0.0, color=RULE, lw=0.8)
-    panel.set_yticks(y, [plain_name(name) for name, _, _ in rows], fontsize=7)
+    panel.set_yticks(y, [plain_name(name) for name, *_ in rows], fontsize=8)
     panel.invert_yaxis()
     panel.set_xlabel("% of the flank's mean square before: blue what it takes, grey what it leaves", labelpad=2)
 

@@ -15,6 +15,7 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from drivers.terms import shown
 from drivers.types.values import FloatArray
 from gateway.report.drawings.curves import INK, NEW, OLD, QUIET, RULE, calm, limits, plain_name
 from gateway.report.tooth.flank import FlankState, Traces, top_of, traces
@@ -34,7 +35,7 @@ def flank_maps(figure: Figure, found: Sequence[FlankState]) -> None:
     for panel, one in zip(panels, found, strict=True):
         unrolled(panel, one.map, top)
         panel.set_title(_caption(one, top), loc="left", color=INK, fontsize=8.5, pad=3)
-        panel.set_ylabel("z  mm", fontsize=7, labelpad=2)
+        panel.set_ylabel("z  mm", fontsize=8, labelpad=2)
     panels[-1].set_xlabel("space number; in each the right flank, the bottom, the left flank, in equal arc length")
     _scale(figure, panels[-1].get_position().y0, panels[0].get_position().y1, top)
 
@@ -42,8 +43,10 @@ def flank_maps(figure: Figure, found: Sequence[FlankState]) -> None:
 def _caption(one: FlankState, top: float) -> str:
     largest = float(np.max(np.abs(one.map.deviation_um)))
     beyond = ", beyond the scale" if largest > top else ""
-    text = plain_name(f"{one.text}:  RMS {one.map.rms_um:.2f} um,  largest {largest:.2f} um{beyond}")
-    return text.replace(" um", " µm")
+    # What is to be expected of a predicted flank is more than its map's RMS: that figure stands with its U elsewhere.
+    rms = "" if one.key == "predicted" else f"RMS {one.map.rms_um:.2f} um,  "
+    text = plain_name(f"{one.text}:  {rms}largest {largest:.2f} um{beyond}")
+    return shown(text)
 
 
 def unrolled(panel: Axes, flank: FlankMap, top: float) -> None:
@@ -56,7 +59,7 @@ def unrolled(panel: Axes, flank: FlankMap, top: float) -> None:
     panel.set_xlim(-0.5, K - 0.5)
     panel.xaxis.set_major_locator(MaxNLocator(MOST_TICKS, integer=True))
     panel.yaxis.set_major_locator(MaxNLocator(3))
-    panel.tick_params(labelsize=7, length=2.5, width=0.6, pad=2)
+    panel.tick_params(labelsize=8, length=2.5, width=0.6, pad=2)
     for spine in panel.spines.values():
         spine.set_color(RULE)
     for k in range(1, K):
@@ -80,8 +83,8 @@ def _scale(figure: Figure, low: float, high: float, top: float) -> None:
     place = figure.add_axes((0.937, low, 0.014, high - low))
     bar = figure.colorbar(ScalarMappable(norm(top), MAP), cax=place, ticks=[-top, -top / 2, 0.0, top / 2, top])
     bar.ax.set_yticklabels([f"{value:+g}" if value else "0" for value in (-top, -top / 2, 0.0, top / 2, top)])
-    bar.ax.tick_params(labelsize=7, length=2, pad=2)
-    bar.ax.set_title("µm", fontsize=7.5, color=QUIET, pad=3)
+    bar.ax.tick_params(labelsize=8, length=2, pad=2)
+    bar.ax.set_title("µm", fontsize=8.5, color=QUIET, pad=3)
     bar.outline.set_edgecolor(RULE)
     if bar.solids is not None:
         bar.solids.set_rasterized(True)
@@ -107,7 +110,7 @@ def charts(figure: Figure, states: Sequence[FlankState]) -> None:
         panel.xaxis.set_major_locator(MaxNLocator(6, integer=True))
     _one_scale(panels, [traces(one.map) for one in states])
     handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="upper right", ncols=4, frameon=False, fontsize=7, labelcolor=INK)
+    figure.legend(handles, labels, loc="upper right", ncols=4, frameon=False, fontsize=8, labelcolor=INK)
 
 
 STYLE = {

@@ -34,6 +34,15 @@ _STYLE: dict[Any, Any] = {
     "ytick.labelcolor": curves.INK,
     "path.simplify": True,
 }
+_STAMP: dict[str, Any] = {
+    "fontsize": 44,
+    "weight": "bold",
+    "color": "#a62b23",
+    "alpha": 0.2,
+    "rotation": 14,
+    "zorder": 99,
+}
+SIMULATED = "SIMULATED"
 _MM = 1.0 / 25.4
 RASTER_DPI = 220
 
@@ -75,20 +84,36 @@ def before_after_png(material: ReportMaterial, path: Path) -> None:
         for part, axis in zip(figure.subfigures(rows, 1, squeeze=False)[:, 0], material.axes, strict=False):
             curves.before_after(part, axis, heading=True)
 
-    png((9.0, 2.35 * rows), paint, path)
+    png((9.0, 2.35 * rows), paint, path, SIMULATED if material.simulated else "")
 
 
-def png(size_inch: tuple[float, float], paint: Callable[[Figure], None], path: Path) -> None:
-    """One drawing as a PNG file. Raises StoreError (E-REPORT-WRITE)."""
+def png(size_inch: tuple[float, float], paint: Callable[[Figure], None], path: Path, stamp: str = "") -> None:
+    """One drawing as a PNG file, a stamp across its middle. Raises StoreError (E-REPORT-WRITE)."""
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=size_inch, dpi=160, facecolor="white")
         FigureCanvasAgg(figure)
         paint(figure)
+        if stamp:
+            figure.text(0.5, 0.5, stamp, ha="center", va="center", **_STAMP)
         picture = io.BytesIO()
         figure.savefig(picture, format="png", metadata={"Software": None})
+    _write(path, picture.getvalue())
+
+
+def svg_file(size_mm: tuple[float, float], paint: Callable[[Figure], None], path: Path) -> None:
+    """One drawing as an SVG file of its own. Raises StoreError (E-REPORT-WRITE)."""
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(size_mm[0] * _MM, size_mm[1] * _MM), facecolor="white")
+        paint(figure)
+        picture = io.BytesIO()
+        figure.savefig(picture, format="svg", metadata={"Date": None})
+    _write(path, picture.getvalue())
+
+
+def _write(path: Path, content: bytes) -> None:
     try:
         with opened(path, "wb") as file:
-            file.write(picture.getvalue())
+            file.write(content)
     except OSError as error:
         raise StoreError("E-REPORT-WRITE", str(path), why=error.strerror or str(error)) from error
 

@@ -23,11 +23,15 @@ SAME = 1e-9  # rad: how symmetric the profile's points must lie
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """One cure: part of the flank's mean square that it takes, in percent (negative: it adds), and what is left."""
+    """One cure: part of the flank's mean square that it takes, in percent (negative: it adds), and what is left.
+
+    ``of_right_pct`` is what it takes of the flank with its set-up values right: they take none of that themselves.
+    """
 
     by: str
     taken_pct: float
     left_pct: float | None = None
+    of_right_pct: float | None = None
 
 
 def shares(prediction: FlankPrediction) -> tuple[Share, ...]:
@@ -50,11 +54,17 @@ def shares(prediction: FlankPrediction) -> tuple[Share, ...]:
         )
     start, middle, end = (patterns(one) for one in (prediction.before.deviation_um, left, after))
     moved = sum(start[name] - middle[name] for name in start if name not in CONSTANT)
-    found = [Share(own_layer(), 100.0 * moved / whole)]
+    right = whole - sum(start[name] for name in CONSTANT)
+    found = [Share(own_layer(), 100.0 * moved / whole, of_right_pct=_percent(moved, right))]
     for name in start:
         first = start[name] if name in CONSTANT else middle[name]
-        found.append(Share(name, 100.0 * (first - end[name]) / whole, 100.0 * end[name] / whole))
+        of_right = None if name in CONSTANT else _percent(first - end[name], right)
+        found.append(Share(name, 100.0 * (first - end[name]) / whole, 100.0 * end[name] / whole, of_right))
     return tuple(found)
+
+
+def _percent(part: float, whole: float) -> float | None:
+    return 100.0 * part / whole if whole > 0.0 else None
 
 
 def own_layer() -> str:

@@ -53,10 +53,10 @@ def states(tooth: ToothMaterial) -> tuple[FlankState, ...]:
     if before is not None:
         found.append(_inspected("before", "before, as ground", before))
         U = COVERAGE * before.rms_u_um
-        found += _right(tooth, "before-set-right", "before, set-up values put right", before.fitted, U)
+        found += _right(tooth, "before-set-right", "before, set-up values corrected", before.fitted, U)
     elif prediction is not None:
         found.append(_state("model-before", "as it is now", "by the model", prediction.before))
-        found += _right(tooth, "model-set-right", "as it is now, set-up values put right", prediction.before, None)
+        found += _right(tooth, "model-set-right", "present state, set-up values corrected", prediction.before, None)
         found.append(_state("model-own", f"with {spoken().own} alone", "by the model", prediction.with_own))
     found += _predicted(prediction) if prediction is not None else []
     found += [_inspected("part", one.part, one.flank) for one in tooth.parts if one.flank and one.part not in ENDS]

@@ -118,7 +118,7 @@ def senses(tooth: ToothMaterial) -> tuple[tuple[str, str], ...]:
     found: dict[str, str] = {}
     for one in tooth.tables:
         if not one.change.skipped:
-            key = f"{spoken().kind(one.change.layer)} on {one.change.axis}"
+            key = f"{spoken().kind(one.change.new.kind)} on {one.change.axis}"
             found.setdefault(key, value_sense(one.change.new, one.proof))
     return tuple(found.items())
 

@@ -67,6 +67,7 @@ class CureRow:
     mu_low_um: float | None = None
     mu_high_um: float | None = None
     rank: tuple[int, int] | None = None
+    sigma_um: float | None = None
 
     @property
     def rank_text(self) -> str:
@@ -92,7 +93,8 @@ def _cure(cure: CureRecord, ranked: RankRecord | None) -> CureRow:
     if ranked is None:
         return row
     low, high = ranked.low_um, ranked.high_um
-    return replace(row, mu_star_um=ranked.mu_star_um, mu_low_um=low, mu_high_um=high, rank=ranked.rank)
+    spread = ranked.sigma_um
+    return replace(row, mu_star_um=ranked.mu_star_um, mu_low_um=low, mu_high_um=high, rank=ranked.rank, sigma_um=spread)
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +133,7 @@ def _table(one: TableMaterial, letters: Mapping[str, str]) -> TableRow:
     return TableRow(
         name=one.change.name,
         table=table_name(one, letters),
-        layer=spoken().kind(one.change.layer),
+        layer=spoken().kind(one.change.new.kind),
         points=len(new.deviations),
         minimum=new.minimum,
         maximum=new.maximum,

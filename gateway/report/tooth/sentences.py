@@ -39,11 +39,11 @@ TITLE = {
 }
 FIGURE = (
     "Flank figure: RMS of the normal deviation over all spaces, both flanks, 95 % of the profile in equal arc length "
-    "and the full face width, after one rotation about the gear's axis is taken out, nothing else. Normal deviation: "
+    "and the full face width, after one rotation about the gear's axis is removed, nothing else. Normal deviation: "
     "+ = surplus material, µm."
 )
 SET_RIGHT = (
-    "“Set-up values put right”: one move of the infeed and one of the dressing are taken off the flank. They "
+    "“Set-up values corrected”: one move of the infeed and one of the dresser are removed from the flank. They "
     "need no table, so the tables are judged against this flank."
 )
 TRACES = (
@@ -52,29 +52,31 @@ TRACES = (
     "both flanks likewise."
 )
 _CURED = (
-    "Shares of the mean square of the flank before, from the model's maps. A move of X shows alike on both flanks of a "
-    "space, a turn of C oppositely; what depends on the height belongs to a table over Z, on the space to one over C. "
-    "Moving the work on its table counts with the tables over C, constants with the set-up values. Where {own} takes a "
-    "negative share, it makes the axes right and the tooth worse; {cross} then makes the tooth right."
+    "Shares of the mean square of the flank before, from the model's maps. A move of X has the same effect on both "
+    "flanks of a space, a turn of C the opposite. A part that depends on the height belongs to a table over Z, on the "
+    "space to one over C. Moving the work on its table counts with the tables over C, constants with the set-up "
+    "values. A negative share of {own} means that it corrects the axes but spoils the tooth; {cross} then corrects "
+    "the tooth. “Set right”: the share of the flank after its set-up values are corrected, which is what the tables "
+    "are for."
 )
 _LAYERS = (
-    "{own} tables make each axis right by itself and were judged with {cross} off. {cross} tables carry what the tooth "
-    "needs beyond that; with them on, an axis may measure worse by itself, as predicted."
+    "{own} tables correct each axis by itself and were judged with {cross} off. {cross} tables hold what the tooth "
+    "needs in addition; with them on, a single axis may measure worse, as predicted."
 )
 RANKING = (
-    "Morris screening of the flank's RMS with its set-up values right, each error from nothing to what it is, an "
-    "assumed one over its span: µ* with its 95 % interval; beside it the rank, or the ranks that cannot be told apart. "
-    "Colour: what cures it in this machine."
+    "Morris screening of the flank's RMS with correct set-up values: each error from zero to its measured size, an "
+    "assumed one over its span. µ* with its 95 % interval; beside it the rank, or the ranks that cannot be separated. "
+    "Colour: what corrects it on this machine."
 )
 SETUP = (
-    "Set-up values are work offsets and the dressing offset; they are set in the grinding program, enter no table and "
-    "hold for this clamping and wheel."
+    "Set-up values are work offsets and the dressing offset. They are set in the grinding program, are not part of any "
+    "table, and are valid for this clamping and wheel."
 )
 ALONE = (
-    "Each error alone as measured, set-up values as they are; “left at best” is what all tables and set-up values "
-    "together leave of it."
+    "Each error alone as measured, with the present set-up values; “left at best” is what remains of it with all "
+    "tables and set-up values."
 )
-UNSEEN = "What the measurements could not see"
+UNSEEN = "What the measurements do not show"
 
 
 def cured() -> str:
@@ -98,7 +100,7 @@ def sentence(report: ReportMaterial) -> str:
     if verdict is None:
         said = OUTCOME[report.outcome][2]
         judged = report.outcome in ("better", "unchanged", "worse")
-        return f"{said} Of the tooth nothing is proved." if report.tooth is not None and judged else said
+        return f"{said} Nothing is proved about the tooth." if report.tooth is not None and judged else said
     said = TOOTH_OUTCOME[verdict.outcome]
     return said if report.outcome == verdict.outcome else f"{said} {OUTCOME[report.outcome][2]}"
 
@@ -118,7 +120,7 @@ def boxes(tooth: ToothMaterial) -> tuple[Box, ...]:
     ground, fair, after = before_after(tooth)
     start = fair if fair is not None else ground
     model = ", by the model" if tooth.part("before").flank is None and tooth.verdict is None else " before"
-    right = ", set-up values put right" if fair is not None else ""
+    right = ", set-up values corrected" if fair is not None else ""
     found = [Box(f"Flank RMS{model}{right}", number(start), "µm")] if start is not None else []
     if after is not None:
         found.append(Box("Flank RMS after", number(after), "µm", "new"))
@@ -137,8 +139,8 @@ def apart(tooth: ToothMaterial) -> str:
     if ground is None or fair is None:
         return ""
     return (
-        f"As it is with its set-up values: {number(ground)} µm; they alone account for the difference to "
-        f"{number(fair)} µm and are not counted for the tables."
+        f"With the set-up values as ground: {number(ground)} µm. The difference to {number(fair)} µm comes from the "
+        "set-up values alone and is not counted for the tables."
     )
 
 
@@ -148,16 +150,16 @@ def doubt(tooth: ToothMaterial) -> str:
         return ""
     found = tooth.proposal.prediction
     said = (
-        f"By the model the flank may lie {number(found.u_um)} µm (RMS, standard uncertainty) from the predicted one, "
-        f"and tables and set-up values leave {number(found.floor_um)} µm at best."
+        f"The standard uncertainty of the predicted flank is {number(found.u_um)} µm (RMS); tables and set-up values "
+        f"leave {number(found.floor_um)} µm at best."
     )
     if tooth.proposal.b_left:
         share = number(100.0 * tooth.proposal.b_left, 0)
-        said += f" Of a shift along the wheel's axis {share} % stays on this gear whatever is done."
+        said += f" Of a displacement along the wheel's axis, {share} % cannot be corrected on this gear."
     if tooth.verdict is None:
         return said
     held = "within" if tooth.verdict.within_prediction else "outside"
-    return f"{said} The flank after lies {held} the prediction's uncertainty (k = 2)."
+    return f"{said} The flank after is {held} the uncertainty of the prediction (k = 2)."
 
 
 def known(rows: Sequence[ErrorRow]) -> str:

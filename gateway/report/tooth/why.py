@@ -26,22 +26,22 @@ def meaning() -> dict[Tag, str]:
 MECHANICAL, NONE_NEEDED, IN_PART = "mechanical only", "none needed", " in part"
 
 _ALONG = (
-    "It moves the wheel along its own axis (Y) as the parts of the flank pass by. No axis of the control moves that "
-    "way: the dressing offset takes its constant, turning C follows it in part, the rest changes the profile."
+    "It moves the wheel along its own axis (Y) while the flank is ground. No axis of the control moves in this "
+    "direction: the dressing offset corrects its constant part, C corrects another part, the rest changes the profile."
 )
 _LEAN = (
-    "It leans wheel and work against each other about X, so the profile shifts along the wheel's axis with the height. "
-    "C(Z) follows that in part; the rest changes the profile along the face."
+    "It tilts wheel and work against each other about X, so the profile shifts along the wheel's axis with the height. "
+    "C(Z) corrects a part of this; the rest changes the profile along the face."
 )
 _SWIVEL = (
-    "It turns wheel and work against each other about Z at the lever of the centre distance: beside the turn, which C "
-    "takes, the profile shifts along the wheel's axis, which no axis takes."
+    "It turns wheel and work against each other about Z, with the centre distance as lever. C corrects the turn; the "
+    "profile also shifts along the wheel's axis, which no axis corrects."
 )
 _WOBBLE = (
     "The table's wobble shifts the profile with the height and with the turn at once. A table depends on one axis; "
-    "only a product of two tables varies with both, and what shifts along the wheel's axis not even that takes."
+    "only a product of two tables varies with both, and even that does not correct a shift along the wheel's axis."
 )
-_ANY = "No axis of the control moves the wheel against the work the way this error does."
+_ANY = "No axis of the control moves the wheel against the work in the way this error does."
 _PRODUCT = (
     "It varies with the height and with the turn at once. A table depends on one axis; only a product of two tables "
     "varies with both, and how tables multiply must be proved on this machine first."

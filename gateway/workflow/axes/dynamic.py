@@ -10,7 +10,7 @@ from typing import Any, cast
 
 from drivers import registry
 from drivers.clock import Clock
-from drivers.errors import ConfigError, DeadlineExceeded, TrueflankError, UnsupportedDevice
+from drivers.errors import ConfigError, LimitPassed, TrueflankError, UnsupportedDevice
 from drivers.ports.instruments import Instrument
 from drivers.recordings import Recording
 from gateway.capture.dynamic import DynamicCapture
@@ -202,8 +202,8 @@ async def _follow(instrument: Instrument, wish: RecordingOptions, clock: Clock, 
     try:
         async with clock.deadline(wish.wait_s + wish.seconds, instrument.name):
             return await made.follow(stream)
-    except DeadlineExceeded as error:
-        if error.code == "E-LINK-DEADLINE" and maker.path is None:
+    except LimitPassed as error:
+        if maker.path is None:
             raise CaptureError("E-CAP-TRIGGER", instrument.name, timeout_s=wish.wait_s + wish.seconds) from error
         raise
     finally:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from drivers.clock import Clock
 from drivers.errors import ConfigError, TrueflankError, words
-from drivers.types.tables import LiveSet
+from drivers.types.tables import CompensationTable, LiveSet
 from drivers.types.values import FloatArray
 from drivers.units import DeviationUnit, deviation_unit
 from gateway.capture.corrected import from_live
@@ -19,6 +20,8 @@ from gateway.capture.sense import prove_sense
 from gateway.config import AxisSection, GuardSection, SiteFile, Targets
 from gateway.domain.captures import Capture
 from gateway.domain.equipment import Equipment
+from gateway.domain.outcomes import PushRecord
+from gateway.domain.proposals import Proposal
 from gateway.domain.values import COVERAGE
 from gateway.errors import CaptureError, IllegalTransition
 from gateway.evaluate.behaviour.repetitions import robust_means
@@ -26,10 +29,13 @@ from gateway.guard import Approved, Check, GuardVerdict, guard_axis
 from gateway.model.fit import fit_positioning
 from gateway.say import Say
 from gateway.store import RunFolder
+from gateway.table.comparison import differences, taken_by_cross
 from gateway.table.proposal import InstrumentU
 from gateway.workflow import stages
+from gateway.workflow.aftercare import Look, compare_with, expected_of
 from gateway.workflow.axes.line import on_its_line
 from gateway.workflow.axes.measure import store_equipment
+from gateway.workflow.axes.verdict import PUSHED
 from gateway.workflow.bench import Bench, bench, new_run
 
 EXIT = {"still valid": 0, "re-measure this axis": 20, "cannot tell": 21}
@@ -66,12 +72,17 @@ class GuardOutcome:
 
 @dataclass(frozen=True, slots=True)
 class Standard:
-    """What the check is compared with: the curve, under which tables, by which instrument, and its lever taken off."""
+    """What the check is compared with: the curve, under which tables, by which instrument, and its lever taken off.
+
+    ``pushed`` are the axis' tables by name where the run pushed cross tables after it had measured the axis: the curve
+    is then the measured one less what they take off it.
+    """
 
     approved: Approved
-    tables: str
+    live: LiveSet
     serial: str
     on_line: bool = False
+    pushed: Mapping[str, CompensationTable] = field(default_factory=dict)
 
 
 async def guard_site(
@@ -122,9 +133,9 @@ async def _checked(at: Bench, axis: AxisSection, run: RunFolder, known: Standard
     store_equipment(at)
     rig = at.rig(axis)
     proof = await prove_sense(rig)
-    _same_tables(await rig.controller.saved_tables(axis.name), known, run)
+    await _same_tables(at, await rig.controller.saved_tables(axis.name), known, run)
     raw = await capture_axis(rig, proof)
-    _same_tables(raw.live, known, run)
+    await _same_tables(at, raw.live, known, run)
     digest = at.folder.put(stages.raw(axis.name, "after"), raw)
     capture = from_live(axis, raw, proof, rig.instrument.compensated_for)
     if known.on_line:
@@ -139,9 +150,20 @@ async def _checked(at: Bench, axis: AxisSection, run: RunFolder, known: Standard
     return verdict
 
 
-def _same_tables(live: LiveSet, known: Standard, run: RunFolder) -> None:
-    if live.digest != known.tables:
+async def _same_tables(at: Bench, live: LiveSet, known: Standard, run: RunFolder) -> None:
+    same = live.digest == known.live.digest
+    if known.pushed:
+        looks = compare_with(await expected_of(at, live.axis), live)
+        kept = [one.name for one in looks if one.found.kind == "as-approved" and _as_here(one, known.pushed)]
+        same = sorted(kept) == sorted(known.pushed) and live.backlash == known.live.backlash
+    if not same:
         raise CaptureError("E-GUARD-TABLES", live.axis, run=run.run_id)
+
+
+def _as_here(look: Look, pushed: Mapping[str, CompensationTable]) -> bool:
+    """Whether the last push of that table left what this run proposed."""
+    here, last = pushed.get(look.name), look.expected
+    return here is not None and not differences(here, last.table, last.allowed)
 
 
 def standard_of(run: RunFolder, axis: AxisSection) -> Standard:
@@ -157,9 +179,12 @@ def standard_of(run: RunFolder, axis: AxisSection) -> Standard:
     if capture is None or capture.live is None or (pushed and stored != names[0]):
         raise IllegalTransition("E-GUARD-NOTHING", run.run_id, axis=axis.name)
     means = robust_means(capture.targets, capture.deviations)
+    tables = _pushed(run, axis.name)
+    cross = [one for one in tables.values() if one.kind == "cross"]
+    mean = means.mean - taken_by_cross(cross, axis.name, capture.targets)
     curve = fit_positioning(
         capture.targets,
-        means.mean,
+        mean,
         means.u,
         name=axis.measure.component,
         axis=axis.name,
@@ -170,12 +195,19 @@ def standard_of(run: RunFolder, axis: AxisSection) -> Standard:
     approved = Approved(
         curve=curve,
         targets=capture.targets,
-        means=means.mean,
+        means=mean,
         u=means.u,
         freedom=_freedom(capture, len(means.suspects)),
     )
     serial, on_line = _serial(run, axis.measure.instrument), capture.line_mm is not None
-    return Standard(approved, capture.live.digest, serial, on_line)
+    return Standard(approved, capture.live, serial, on_line, pushed=tables if cross else {})
+
+
+def _pushed(run: RunFolder, axis: str) -> dict[str, CompensationTable]:
+    """The axis' tables that the run pushed, by name, cross tables among them."""
+    changes = run.get(stages.PROPOSAL, Proposal).changes if run.has(stages.PROPOSAL) else ()
+    mine = [one for one in changes if one.axis == axis and run.has(stages.push(one.name))]
+    return {one.name: one.new for one in mine if run.get(stages.push(one.name), PushRecord).outcome in PUSHED}
 
 
 def _freedom(capture: Capture, suspects: int) -> float:
@@ -190,10 +222,10 @@ def _serial(folder: RunFolder, instrument: str) -> str:
     return next((item.identity.serial for item in items if item.name == instrument), "")
 
 
-def short_check(axis: AxisSection, targets: FloatArray, guard: GuardSection) -> AxisSection:
-    """The axis measured at few of the approved targets, both ends among them, few times."""
+def short_check(axis: AxisSection, targets: FloatArray, guard: GuardSection, also: tuple[int, ...] = ()) -> AxisSection:
+    """The axis measured at few of the targets, few times: both ends, and those that ``also`` counts from 0."""
     count = min(guard.targets, len(targets))
-    few = np.unique(np.round(np.linspace(0, len(targets) - 1, count)).astype(int))
+    few = np.unique([*np.round(np.linspace(0, len(targets) - 1, count)).astype(int), *also])
     chosen = Targets(positions=tuple(float(targets[index]) for index in few))
     changes = {"targets": chosen, "repetitions": guard.repetitions, "file": None, "cycle": "standard"}
     return axis.model_copy(update={"measure": axis.measure.model_copy(update=changes)})

@@ -6,31 +6,44 @@ from dataclasses import dataclass, replace
 from math import hypot, sqrt
 from pathlib import Path
 
+import numpy as np
+
 from drivers import registry
 from drivers.errors import ConfigError, UnsupportedDevice
 from drivers.terms import spoken
 from drivers.types.results import MeasuredSet
 from drivers.types.tables import LiveSet
-from drivers.types.values import FloatArray
+from drivers.types.values import CompensatedFor, FloatArray
 from drivers.units import deviation_unit
 from gateway.capture.corrected import from_file, from_live
-from gateway.capture.live import capture_axis, targets_of
+from gateway.capture.live import capture_axis
 from gateway.capture.retaking import demand_complete
 from gateway.capture.sense import prove_sense
-from gateway.capture.targets import between_places
+from gateway.capture.targets import between_places, targets_of
 from gateway.config import AxisSection, Targets
 from gateway.domain.captures import Capture
-from gateway.domain.equipment import Equipment, Item
+from gateway.domain.equipment import Equipment, Item, SenseProof
 from gateway.domain.figures import Evaluation
 from gateway.domain.values import COVERAGE
+from gateway.evaluate.behaviour.whole_travel import over_travel
 from gateway.evaluate.standards.iso230_2 import evaluate, told_incurable
-from gateway.evaluate.uncertainty.budget import UNKNOWN_OFF_20_K, Budget, linear_budget
+from gateway.evaluate.uncertainty.budget import (
+    DEVICE_UM_PER_M,
+    RECTANGULAR,
+    TEMPERATURE_RANGE_K,
+    UNKNOWN_OFF_20_K,
+    Budget,
+    linear_budget,
+)
 from gateway.store import Maps, RunFolder
 from gateway.table.proposal import InstrumentU
 from gateway.walk import question
 from gateway.workflow import stages
 from gateway.workflow.aftercare import look_at
+from gateway.workflow.axes.conditions import tell_overdue, with_conditions
 from gateway.workflow.axes.line import on_its_line, told
+from gateway.workflow.axes.more import MoreTargets
+from gateway.workflow.axes.toothplaces import tooth_places
 from gateway.workflow.bench import Bench
 from gateway.workflow.files.importing import How, read_file
 
@@ -48,7 +61,8 @@ class MeasuredAxis:
 
 
 def store_equipment(at: Bench) -> None:
-    """Store who every device said it was."""
+    """Store who every device said it was; a calibration that is overdue is told. Raises as `tell_overdue`."""
+    tell_overdue(at.site, at.clock.utc().date(), at.say)
     items = tuple(
         Item(seen.name, seen.identity, _notices(at, seen.name))
         for seen in at.supervisor.picture()
@@ -70,12 +84,13 @@ async def measure_axis(at: Bench, axis: AxisSection, phase: stages.Phase) -> Mea
         capture, parents = await _from_file(at, axis)
     else:
         capture, parents = await _live(at, axis, phase)
-    capture = on_its_line(capture, axis, at.site, at.folder)
+    capture = with_conditions(on_its_line(capture, axis, at.site, at.folder), axis, at.site)
     measured = evaluated(at.folder, axis, phase=phase, capture=capture, parents=parents)
     if phase == "before":
         await look_at(at, capture.live)
     result = measured.evaluation
-    at.say("P-EVALUATED", axis=axis.name, M=_figure(result.M), B=_figure(result.B), unit=result.unit)
+    figures = {"M": _figure(result.M), "B": _figure(result.B), "travel": _figure(result.M_travel)}
+    at.say("P-EVALUATED", axis=axis.name, **figures, unit=result.unit)
     return measured
 
 
@@ -85,6 +100,7 @@ def evaluated(
     """A capture of an axis, stored and evaluated."""
     digest = folder.put(stages.capture(axis.name, phase), capture, parents)
     result = evaluate(capture.targets, capture.deviations, deviation_unit(axis.unit), budget=budget_of(capture))
+    result = over_travel(result, capture)
     if capture.cycle != "standard":
         result = replace(result, flags=(*result.flags, f"{capture.cycle} cycle: not for acceptance to ISO 230-2"))
     line = (told(capture),) if axis.kind == "linear" else ()
@@ -98,13 +114,19 @@ async def _live(at: Bench, axis: AxisSection, phase: stages.Phase) -> tuple[Capt
         raise UnsupportedDevice("E-RUN-NO-PROGRAMS", axis.name)
     rig = at.rig(axis)
     proof = await prove_sense(rig)
-    raw = await capture_axis(rig, proof, check_stops(axis, phase))
+    more = more_targets(at, axis, proof, rig.instrument.compensated_for) if phase == "before" else None
+    raw = await capture_axis(rig, proof, check_stops(axis, phase), more)
     digest = at.folder.put(stages.raw(axis.name, phase), raw)
     at.folder.write_text(f"tables-{axis.name}-{phase}{spoken().tables_suffix}", raw.live.native)
     capture = from_live(axis, raw, proof, rig.instrument.compensated_for)
     if phase == "before":  # afterwards the table is in the control, and what was measured of it is judged as it is
         demand_complete(capture)
     return capture, (digest,)
+
+
+def more_targets(at: Bench, axis: AxisSection, proof: SenseProof, already: CompensatedFor) -> MoreTargets:
+    """What names more targets for an axis of the site while its capture stands. Raises as `tooth_places`."""
+    return MoreTargets(axis, proof, already, at.say, tooth=tooth_places(at.site, at.site_path, axis))
 
 
 def check_stops(axis: AxisSection, phase: stages.Phase) -> FloatArray:
@@ -137,21 +159,21 @@ def read_result(path: Path, unit: str, at: Bench) -> MeasuredSet:
 
 
 def live_again(axis: AxisSection, targets: FloatArray) -> AxisSection | None:
-    """How an axis can be measured again: as it was, or live at the targets of its file; None without instrument."""
-    if axis.measure.file is None:
-        return axis
-    if not axis.measure.instrument:
+    """How an axis can be measured again, live at these targets; None without instrument.
+
+    They are those of its file, or more than the site names, where the run measured more of them.
+    """
+    if axis.measure.file is not None and not axis.measure.instrument:
         return None
+    if axis.measure.file is None and np.array_equal(targets_of(axis), targets):
+        return axis
     same = Targets(positions=tuple(float(target) for target in targets))
     return axis.model_copy(update={"measure": axis.measure.model_copy(update={"file": None, "targets": same})})
 
 
 async def fetch_tables(at: Bench, axis: AxisSection) -> LiveSet:
-    """Read what compensates an axis now; writes no table.
-
-    Where the control must run a program for it the axis goes to its reference.
-    """
-    asked = question(axis.facts, axis.facts, axis.reference, at.patience)
+    """Read what compensates an axis now; writes no table and moves nothing."""
+    asked = question(axis.facts, at.patience)
     return await at.supervisor.controller.live_tables(asked, at.say)
 
 
@@ -160,15 +182,23 @@ def budget_of(capture: Capture) -> Budget:
 
     Laser system 0.5 um/m; temperature measured within 0.2 K, an unknown one never taken to be 20 degC; expansion
     coefficient within 2 ppm/K. A rotary
-    calibrator as `InstrumentU.usual` has it: what is proposed and what is reported rest on the same figure.
+    calibrator as `InstrumentU.usual` has it: what is proposed and what is reported rest on the same figure. What a
+    certificate states stands in place of these assumptions.
     """
+    stated = capture.conditions.stated if capture.conditions is not None else {}
     if capture.axis_unit == "deg":
-        return Budget(device=InstrumentU.usual("arcsec").constant)
+        return Budget(turning=stated.get("arcsec", InstrumentU.usual("arcsec").constant))
     material = capture.ambient_start.material_degc
     off = float(material[0]) - 20.0 if material else UNKNOWN_OFF_20_K
     length_mm = float(capture.targets[-1] - capture.targets[0])
     expansion = capture.corrections.details.get("expansion.ppm_per_k", 11.5)
-    budget = linear_budget(length_mm, expansion_ppm_per_k=expansion, off_20_k=off)
+    budget = linear_budget(
+        length_mm,
+        expansion_ppm_per_k=expansion,
+        off_20_k=off,
+        calibration_um_per_m=stated.get("um_per_m", DEVICE_UM_PER_M),
+        temperature_range_k=stated["kelvin"] / RECTANGULAR if "kelvin" in stated else TEMPERATURE_RANGE_K,
+    )
     # A range has two ends, and an angle nobody measured is another at each.
     lever = COVERAGE * sqrt(2.0) * capture.lever_u
     return replace(budget, misalignment=hypot(budget.misalignment, lever))

@@ -10,19 +10,27 @@ from drivers.types.values import FloatArray
 from gateway.domain.figures import Evaluation
 from gateway.domain.outcomes import AxisVerdict, PushRecord, Verdict
 from gateway.domain.proposals import TableChange
-from gateway.workflow.axes.explaining import WIDEN, Checked, explain
+from gateway.evaluate.behaviour.spread_change import SpreadChange, spread_change
+from gateway.workflow.axes.explaining import WIDEN, Checked, check_between, explain
+from gateway.workflow.axes.measure import MeasuredAxis
 
 PUSHED = ("committed", "already-applied")
 _SIZES = {1: "W-VERDICT-BETTER", 0: "W-VERDICT-SAME", -1: "W-VERDICT-WORSE"}
 
 
 def judge_axis(
-    axis: str, before: Evaluation, after: Evaluation, change: TableChange, checked: Checked | None = None
+    axis: str,
+    before: Evaluation,
+    after: Evaluation,
+    change: TableChange,
+    *,
+    checked: Checked | None = None,
+    spread: SpreadChange | None = None,
 ) -> AxisVerdict:
     """A pushed axis measured again: is M smaller by more than its uncertainty, and did the prediction hold?
 
     ``checked`` is what places say that no table was fitted to: an axis that looks better at the targets is worse where
-    these are worse, or miss the prediction by more than a table may leave unseen.
+    these are worse, or miss the prediction by more than a table may leave unseen. ``spread`` explains a larger R.
     """
     held = _prediction_holds(after, change)
     size = _smaller(before, after)
@@ -31,6 +39,8 @@ def judge_axis(
     said = words(_SIZES[size]) + " " + words("W-VERDICT-HELD" if held else "W-VERDICT-MISSED")
     said += " " + explain(change, mean_of_both(before), mean_of_both(after), _U_of_change(before, after)).words
     said += f" {checked.words}" if checked is not None else ""
+    said += _over_travel(after)
+    said += f" {spread.words}" if spread is not None and spread.words else ""
     said += " " + words("W-VERDICT-RESTORE", axis=axis) if size < 0 else ""
     return AxisVerdict(
         axis=axis,
@@ -41,6 +51,19 @@ def judge_axis(
         within_prediction=held,
         words=said,
         worse=size < 0,
+    )
+
+
+def judge_measured(change: TableChange, before: MeasuredAxis, after: MeasuredAxis) -> AxisVerdict:
+    """`judge_axis` of two measurements, with what their check stops and their scatter say."""
+    old, new = before.evaluation, after.evaluation
+    return judge_axis(
+        change.axis,
+        old,
+        after=new,
+        change=change,
+        checked=check_between(change, after.capture),
+        spread=spread_change(before.capture, after.capture, (old.R, new.R)),
     )
 
 
@@ -64,6 +87,14 @@ def mean_of_both(evaluation: Evaluation) -> FloatArray:
     """Mean of both approaches at each target, shape (m,); the one that exists where only one does."""
     both = np.stack([evaluation.mean_up, evaluation.mean_down])
     return np.asarray(np.nanmean(both, axis=0), dtype=np.float64)
+
+
+def _over_travel(after: Evaluation) -> str:
+    """What is to be expected between the targets too, where something tells."""
+    if after.M_travel is None:
+        return ""
+    sizes = {"M": f"{after.M_travel:.2g}", "U": f"{after.U['M_travel']:.2g}", "unit": after.unit}
+    return " " + words("W-VERDICT-TRAVEL", **sizes)
 
 
 def _smaller(before: Evaluation, after: Evaluation) -> int:

@@ -26,13 +26,13 @@ async def show_plan(folder: RunFolder, *, clock: Clock, say: Say) -> Outcome:
 async def approve_plan(
     folder: RunFolder, *, table: str, typed_name: str, clock: Clock, actor: str = ""
 ) -> tuple[Approval, ...]:
-    """Approve the proposed tables of a run, or the one named by its name, as ``actor`` (the OS user).
+    """Approve the proposed tables of a run, or the one named by its name, as ``actor`` (who acts).
 
     Each approval holds ten minutes, for this plan on this machine, for one push. Raises WriteRefused (E-APPROVE-...)
     with nothing approved, ConfigError (E-RUN-AXIS), CorruptRecord (E-AUDIT-BROKEN), StoreError.
     """
     site, path = site_of(folder)
-    root, person = store_of(site, path).root, actor or audit.os_user()
+    root, person = store_of(site, path).root, actor or audit.person()
     proposal = folder.get(stages.PROPOSAL, Proposal)
     demand_todays(folder)
     kept = Approvals(folder.path)

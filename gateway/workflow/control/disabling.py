@@ -21,8 +21,8 @@ from gateway.push.records.journal import JOURNALS, JournalRead
 from gateway.push.undo.disabling import Switch, ask_disable, disable, order_of
 from gateway.push.undo.recovery import unfinished
 from gateway.say import Say
-from gateway.workflow.bench import Bench, bench, check_name, new_run
-from gateway.workflow.consents import tell, why_of, word_of
+from gateway.workflow.bench import Bench, bench, check_name, run_or_look
+from gateway.workflow.consents import looked, tell, why_of, word_of
 from gateway.workflow.control.pushing import push_context
 from gateway.workflow.outcome import Outcome
 
@@ -36,20 +36,15 @@ async def disable_site(
     (E-RUN-NAME, E-PUSH-REFUSED), ConfigError (E-RUN-AXIS, E-DISABLE-TABLE), StillOn (E-DISABLE-STILL-ON), BusyError.
     """
     check_name(site, apply, machine_name)
-    folder = new_run(site, site_path)
-    folder.set_state("disabling")
-    try:
+    with run_or_look(site, site_path, "disabling", look=not apply) as folder:
         async with bench(site, site_path, folder=folder, clock=clock, say=say, instruments=()) as at:
             name, _, cross = axis.partition("-")
             section = at.axis(name)
             order = order_named(section, table or cross)
-            context = replace(push_context(at, section, None), actor=audit.os_user())
+            context = replace(push_context(at, section, None), actor=audit.person())
             if not apply:
                 return _shown(at, await ask_disable(order, context))
             return _told(at, await _applied(at, order, context))
-    except TrueflankError as error:
-        folder.set_state("failed", error=error.as_record())
-        raise
 
 
 def order_named(axis: AxisSection, table: str) -> DisableOrder:
@@ -97,14 +92,14 @@ def _left_by(at: Bench, order: DisableOrder) -> JournalRead | None:
 
 
 def _shown(at: Bench, asked: Switch) -> Outcome:
-    at.folder.set_state("looked")
+    looked(at, "disable", table=asked.order.name)
     lines = [_line(asked), *(f"  {reason.words}" for reason in asked.refusals), words("W-DISABLE-DRY")]
     reading, reasons = asked.reading, [reason.words for reason in asked.refusals]
     data: dict[str, Any] = {"table": asked.order.name, "unit": asked.unit, "applied": False, "refusals": reasons}
     data |= {"enabled": None, "acting": None, "off": None}
     if reading is not None:
         data |= {"enabled": reading.enabled, "acting": reading.acting, "off": reading.off}
-    return Outcome(state="looked", run_folder=str(at.folder.path), rows=(), lines=tuple(lines), data=data)
+    return Outcome(state="looked", run_folder="", rows=(), lines=tuple(lines), data=data)
 
 
 def _line(asked: Switch) -> str:

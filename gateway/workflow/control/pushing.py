@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Mapping
+from collections.abc import Awaitable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
@@ -19,7 +19,6 @@ from gateway.capture.readings import Readings
 from gateway.capture.sense import prove_sense
 from gateway.config import AxisSection
 from gateway.domain.captures import Capture
-from gateway.domain.figures import Evaluation
 from gateway.domain.outcomes import AxisVerdict, PushRecord, Verdict
 from gateway.domain.proposals import Proposal, TableChange
 from gateway.errors import StoreError, WriteRefused
@@ -30,9 +29,9 @@ from gateway.say import Say
 from gateway.store import RunFolder
 from gateway.workflow import stages
 from gateway.workflow.aftercare import in_push, standing_alarms
-from gateway.workflow.axes.explaining import check_between
+from gateway.workflow.axes.acting import check_acting
 from gateway.workflow.axes.measure import MeasuredAxis, live_again, measure_axis
-from gateway.workflow.axes.verdict import PUSHED, judge, judge_axis, unmeasured
+from gateway.workflow.axes.verdict import PUSHED, judge, judge_measured, unmeasured
 from gateway.workflow.bench import Bench, bench, check_name, site_of
 from gateway.workflow.consents import (
     Taken,
@@ -46,9 +45,11 @@ from gateway.workflow.consents import (
     take_up,
     tell,
 )
-from gateway.workflow.outcome import Outcome, alarmed, shown
+from gateway.workflow.control.stored import stored_axes
+from gateway.workflow.outcome import Outcome, alarmed
 from gateway.workflow.results.ending import finish
 from gateway.workflow.selftests import last_of
+from gateway.workflow.showing import narrowed, once, shown
 from gateway.workflow.witness import Witness
 
 Done = TypeVar("Done")
@@ -134,15 +135,16 @@ async def _kept(at: Bench, change: TableChange, work: Awaitable[Done]) -> Done:
 
 async def _nothing_against(at: Bench, proposal: Proposal, measured: Mapping[str, MeasuredAxis]) -> None:
     """Ask about every table before the first is touched. Raises WriteRefused (E-PUSH-REFUSED) with every reason."""
-    reasons = []
+    told: dict[str, list[str]] = {}
     for change in proposal.changes:
         refusals = () if change.skipped else (await _asked(at, change, measured)).refusals
         for refusal in refusals:
             if refusal.code != "E-INT-NOTHING" and not _proved_first(at, refusal, at.axis(change.axis)):
                 at.say("P-PUSH-REFUSED", axis=change.name, reason=refusal.words)
-                reasons.append(f"{change.name}: {refusal.words}")
-    if reasons:
-        tell(at, refused(at, tuple(reasons)))
+                told.setdefault(change.name, []).append(refusal.words)
+    if told:
+        reasons = tuple(f"{names}: {reason}" for names, reason in once(told.items()))
+        tell(at, refused(at, reasons))
         name = at.site.site.name
         raise WriteRefused("E-PUSH-REFUSED", name, count=len(reasons), reasons="; ".join(reasons))
 
@@ -162,7 +164,7 @@ async def _ambient(at: Bench, change: TableChange) -> Ambient | None:
 def table_context(at: Bench, table: CompensationTable, capture: Capture | None) -> PushContext:
     """What a push of this very table works with: its axes, and the proof of its kind if there is one."""
     context = push_context(at, at.axis(table.output_axis), capture)
-    other = at.axis(table.input_axis).facts if table.input_axis != table.output_axis else None
+    other = at.facts(at.axis(table.input_axis)) if table.input_axis != table.output_axis else None
     return replace(context, input=other, proof=at.proofs.find(at.machine, table.kind, table.output_axis))
 
 
@@ -174,7 +176,7 @@ def push_context(at: Bench, axis: AxisSection, capture: Capture | None) -> PushC
         clock=at.clock,
         folder=at.folder,
         journals=at.store.root / JOURNALS,
-        axis=axis.facts,
+        axis=at.facts(axis),
         machine=at.machine,
         typed_name=name,
         site_name=name,
@@ -237,47 +239,32 @@ async def _verify(at: Bench, change: TableChange, before: MeasuredAxis, push: Pu
     if again is None:
         return unmeasured(change.axis, before.evaluation, change, push)
     after = await measure_axis(at, again, "after")
-    return judge_axis(
-        change.axis,
-        before.evaluation,
-        after=after.evaluation,
-        change=change,
-        checked=check_between(change, after.capture),
-    )
+    return judge_measured(change, before, after)
 
 
-async def push_run(folder: RunFolder, *, apply: bool, machine_name: str, clock: Clock, say: Say) -> Outcome:
+async def push_run(
+    folder: RunFolder, *, apply: bool, machine_name: str, clock: Clock, say: Say, tables: Collection[str] = ()
+) -> Outcome:
     """A stored run's proposal against the live machine: difference and refusals; with `apply` the push itself.
 
-    Without `apply` nothing is written. Raises what `run_site` raises.
+    ``tables`` by their names are the only ones; none named: all. Without `apply` nothing is written. Raises what
+    `run_site` raises, ConfigError (E-RUN-AXIS).
     """
     site, path = site_of(folder)
     check_name(site, apply, machine_name)
-    proposal = folder.get(stages.PROPOSAL, Proposal)
+    proposal = narrowed(folder.get(stages.PROPOSAL, Proposal), tables)
     demand_todays(folder)
-    measured = _stored_axes(folder, proposal)
+    measured = stored_axes(folder, proposal)
     try:
         async with bench(site, path, folder=folder, clock=clock, say=say) as at:
             if not apply:
                 return await _show(at, proposal, measured)
             verdict = await apply_proposal(at, proposal, measured)
+            await check_acting(at)
             return alarmed(finish(folder, measured, proposal, verdict), standing_alarms(at))
     except TrueflankError as error:
         folder.set_state("failed", error=error.as_record())
         raise
-
-
-def _stored_axes(folder: RunFolder, proposal: Proposal) -> dict[str, MeasuredAxis]:
-    """Measurements by axis; the output axis of a cross table need not have been measured itself."""
-    names = dict.fromkeys(change.axis for change in proposal.changes)
-    own = {change.axis for change in proposal.changes if change.layer == "axis"}
-    return {name: _stored(folder, name) for name in names if name in own or folder.has(stages.capture(name, "before"))}
-
-
-def _stored(folder: RunFolder, axis: str) -> MeasuredAxis:
-    capture = folder.get(stages.capture(axis, "before"), Capture)
-    evaluation = folder.get(stages.evaluation(axis, "before"), Evaluation)
-    return MeasuredAxis(capture, evaluation, folder.digest(stages.capture(axis, "before")))
 
 
 def _proved_first(at: Bench, refusal: Refusal, axis: AxisSection) -> bool:
@@ -287,6 +274,7 @@ def _proved_first(at: Bench, refusal: Refusal, axis: AxisSection) -> bool:
 
 async def _show(at: Bench, proposal: Proposal, measured: Mapping[str, MeasuredAxis]) -> Outcome:
     refusals: dict[str, list[str]] = {}
+    against = False
     for change in proposal.changes:
         axis = at.axis(change.axis)
         if change.skipped:
@@ -294,7 +282,8 @@ async def _show(at: Bench, proposal: Proposal, measured: Mapping[str, MeasuredAx
             continue
         asked = await _asked(at, change, measured)
         first = words("W-RUN-PROOF-FIRST", axis=axis.name)
+        against = against or any(not _proved_first(at, refusal, axis) for refusal in asked.refusals)
         told = [first if _proved_first(at, refusal, axis) else refusal.words for refusal in asked.refusals]
         refusals[change.name] = [*told, *(warning.words for warning in asked.warnings)]
     at.folder.set_state("proposed")
-    return shown(at.folder, proposal, refusals)
+    return shown(at.folder, proposal, refusals, refused=against)

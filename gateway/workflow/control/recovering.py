@@ -19,8 +19,8 @@ from gateway.push.records.journal import JOURNALS, JournalRead, machine_folder, 
 from gateway.push.undo.finding import PushFinding, verdict
 from gateway.push.undo.recovery import look, recover, unfinished
 from gateway.say import Say
-from gateway.workflow.bench import Bench, bench, check_name, new_run
-from gateway.workflow.consents import not_recovered, recovered, tell
+from gateway.workflow.bench import Bench, bench, check_name, run_or_look
+from gateway.workflow.consents import looked, not_recovered, recovered, tell
 from gateway.workflow.control.pushing import push_context, table_context
 from gateway.workflow.leaving import LeftFinding, clear
 from gateway.workflow.witness import Witness
@@ -38,29 +38,36 @@ async def recover_site(
     (E-PUSH-HELD-ON) when what was carried out left something on.
     """
     check_name(site, apply, machine_name)
-    folder = new_run(site, site_path)
-    folder.set_state("recovering")
-    findings: list[PushFinding | LeftFinding] = []
-    left_on: list[PushRecord] = []
-    async with bench(site, site_path, folder=folder, clock=clock, say=say, instruments=()) as at:
-        left, may_write = at.supervisor.left, apply
-        if not left.clear:
-            findings.append(told := await _left(at, left, apply=apply))
-            may_write = apply and told.after is not None and told.after.clear
-        begun = Witness(at).begun
-        for ended in tidy(machine_folder(at.store.root / JOURNALS, at.machine.serial), begun):
-            if ended.entries:
-                say("P-RECOVER", words=verdict(ended, None, 0.0).words)
-        for found in unfinished(at.store.root / JOURNALS, at.machine.serial, begun):
-            finding, record = await _one(at, found, apply=may_write)
-            findings.append(finding)
-            left_on += [record] if record is not None and record.outcome == "held-on" else []
-    folder.set_state(("held-on" if left_on else "recovered") if apply else "looked")
+    with run_or_look(site, site_path, "recovering", look=not apply) as folder:
+        async with bench(site, site_path, folder=folder, clock=clock, say=say, instruments=()) as at:
+            findings, left_on = await _all(at, apply=apply)
+            if not apply:
+                looked(at, "recover", found=len(findings))
+        folder.set_state("held-on" if left_on else "recovered")
     for record in left_on:
         failure = outcome_error(record)
         if failure is not None:
             raise failure
     return tuple(sorted(findings, key=lambda finding: not finding.still_on))
+
+
+async def _all(at: Bench, *, apply: bool) -> tuple[list[PushFinding | LeftFinding], list[PushRecord]]:
+    """What is found, and what of it is still on after it was carried out."""
+    findings: list[PushFinding | LeftFinding] = []
+    left_on: list[PushRecord] = []
+    left, may_write = at.supervisor.left, apply
+    if not left.clear:
+        findings.append(told := await _left(at, left, apply=apply))
+        may_write = apply and told.after is not None and told.after.clear
+    begun = Witness(at).begun
+    for ended in tidy(machine_folder(at.store.root / JOURNALS, at.machine.serial), begun):
+        if ended.entries:
+            at.say("P-RECOVER", words=verdict(ended, None, 0.0).words)
+    for found in unfinished(at.store.root / JOURNALS, at.machine.serial, begun):
+        finding, record = await _one(at, found, apply=may_write)
+        findings.append(finding)
+        left_on += [record] if record is not None and record.outcome == "held-on" else []
+    return findings, left_on
 
 
 async def _left(at: Bench, found: LeftOver, *, apply: bool) -> LeftFinding:

@@ -20,8 +20,8 @@ from gateway.push.records.journal import JOURNALS
 from gateway.push.undoing import ask_undo, undo
 from gateway.say import Say
 from gateway.table.comparison import acting, effective
-from gateway.workflow.bench import Bench, bench, check_name, new_run
-from gateway.workflow.consents import audit_problem, tell, why_of, word_of
+from gateway.workflow.bench import Bench, bench, check_name, run_or_look
+from gateway.workflow.consents import audit_problem, looked, tell, why_of, word_of
 from gateway.workflow.control.pushing import table_context
 from gateway.workflow.outcome import Outcome
 from gateway.workflow.witness import Witness
@@ -36,18 +36,13 @@ async def roll_back_site(
     rollback failed and the newer table is live again), RollbackFailed (held), CorruptRecord (E-AUDIT-BROKEN).
     """
     check_name(site, apply, machine_name)
-    folder = new_run(site, site_path)
-    folder.set_state("rolling-back")
-    try:
+    with run_or_look(site, site_path, "rolling-back", look=not apply) as folder:
         async with bench(site, site_path, folder=folder, clock=clock, say=say) as at:
             done = to_undo(history(at, table))
             if done is None:
                 raise WriteRefused("E-ROLLBACK-NOTHING", table, table=table, serial=at.machine.serial)
             context = context_of(at, done.new.table)
             return await (_applied(at, done, context) if apply else _shown(at, done, context))
-    except TrueflankError as error:
-        folder.set_state("failed", error=error.as_record())
-        raise
 
 
 def history(at: Bench, table: str) -> tuple[Committed, ...]:
@@ -67,7 +62,7 @@ def history(at: Bench, table: str) -> tuple[Committed, ...]:
 def context_of(at: Bench, table: CompensationTable) -> PushContext:
     """What a transaction without a capture works with, with who asks for it and the state of the audit."""
     broken = audit_problem(at)
-    return replace(table_context(at, table, None), actor=audit.os_user(), audit_broken=broken, log=Witness(at))
+    return replace(table_context(at, table, None), actor=audit.person(), audit_broken=broken, log=Witness(at))
 
 
 async def _shown(at: Bench, done: Committed, context: PushContext) -> Outcome:
@@ -76,9 +71,9 @@ async def _shown(at: Bench, done: Committed, context: PushContext) -> Outcome:
     lines = [words("W-ROLLBACK-PLAN", table=done.table, transaction=done.transaction, utc=done.utc), *_difference(done)]
     lines += [f"  {reason}" for reason in reasons] or ["  " + words("W-ROLLBACK-FREE")]
     lines.append(words("W-ROLLBACK-DRY"))
-    at.folder.set_state("looked")
+    looked(at, "rollback", table=done.table, undoes=done.transaction)
     data = {"transaction": done.transaction, "table": done.table, "refusals": reasons, "applied": False}
-    return Outcome(state="looked", run_folder=str(at.folder.path), rows=(), lines=tuple(lines), data=data)
+    return Outcome(state="looked", run_folder="", rows=(), lines=tuple(lines), data=data)
 
 
 def _difference(done: Committed) -> list[str]:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from drivers.clock import Clock
-from drivers.errors import ConfigError, TrueflankError, words
+from drivers.errors import ConfigError, words
 from drivers.terms import spoken
 from drivers.types.tables import LiveSet, LiveTable
 from gateway.config import SiteFile
@@ -19,7 +20,8 @@ from gateway.store import RunFolder
 from gateway.table.threeway import compare
 from gateway.workflow import stages
 from gateway.workflow.aftercare import Look, compare_with, expected_of, keep_looks
-from gateway.workflow.bench import Bench, bench, new_run
+from gateway.workflow.bench import Bench, bench, kept_in, run_or_look
+from gateway.workflow.consents import looked
 from gateway.workflow.control.pushing import push_context
 from gateway.workflow.control.rolling_back import context_of
 from gateway.workflow.outcome import Outcome
@@ -32,21 +34,16 @@ async def verify_table(
 ) -> Outcome:
     """The live table by its name against the last committed push, or against what a run proposed.
 
-    Changes no compensation; where the road runs programs the operator starts one for each axis, which saves its
-    tables. Without ``table`` every table that a committed push left. What is not as pushed is an alarm, and the
-    outcome's exit code is 9. Raises ConfigError (E-RUN-AXIS), StoreError (E-VERIFY-NOTHING), and what the port raises.
+    Changes no compensation, and leaves a run folder only where something differs. Where the road runs programs the
+    operator starts one for each axis, which saves its tables. Without ``table`` every table that a committed push left.
+    What is not as pushed is an alarm, and the outcome's exit code is 9. Raises ConfigError (E-RUN-AXIS),
+    StoreError (E-VERIFY-NOTHING), and what the port raises.
     """
-    folder = new_run(site, site_path)
-    folder.set_state("verifying-table")
-    say("P-RUN", folder=str(folder.path))
-    try:
+    with run_or_look(site, site_path, "verifying-table", look=True) as folder:
         async with bench(site, site_path, folder=folder, clock=clock, say=say, instruments=()) as at:
-            if run is not None:
-                return await _against_run(at, table, run)
-            return await _against_pushes(at, table)
-    except TrueflankError as error:
-        folder.set_state("failed", error=error.as_record())
-        raise
+            outcome = await (_against_pushes(at, table) if run is None else _against_run(at, table, run))
+            looked(at, "verify-table", table=table or "all", found=outcome.state)
+            return replace(outcome, run_folder=kept_in(at) if outcome.exit_code else "")
 
 
 async def _against_pushes(at: Bench, table: str) -> Outcome:
@@ -86,14 +83,14 @@ def _outcome(at: Bench, table: str, looks: list[Look]) -> Outcome:
 async def read_axis(at: Bench, axis: str) -> LiveSet:
     """The live tables of an axis as stored; with programs the operator starts one that saves them."""
     section = at.axis(axis)
-    return await conversation.read_live(push_context(at, section, None), section.reference)
+    return await conversation.read_live(push_context(at, section, None))
 
 
 async def _against_run(at: Bench, table: str, run: RunFolder) -> Outcome:
     approved, before, said = _proposed(run, table)
     shape, context = approved.table, context_of(at, approved.table)
     limits = await context.controller.table_limits(shape.output_axis, shape.kind, shape.index)
-    live = await conversation.read_live(context, context.moved.reference)
+    live = await conversation.read_live(context)
     found = compare(table_in(live, shape), approved, before, tolerance(limits, shape))
     at.folder.write_text(f"live-tables{spoken().program_suffix}", live.native)
     at.folder.set_state(f"table-{found.kind}")

@@ -7,6 +7,7 @@ from gateway.config import SiteFile
 from gateway.domain.captures import Capture
 from gateway.store import RunFolder
 from gateway.workflow import stages
+from gateway.workflow.axes.conditions import with_conditions
 from gateway.workflow.axes.line import on_its_line
 from gateway.workflow.axes.measure import MeasuredAxis, evaluated
 from gateway.workflow.errors21.setups import planned
@@ -22,6 +23,7 @@ def axes_measured(folder: RunFolder, site: SiteFile) -> dict[str, MeasuredAxis]:
     for one in planned(site):
         if one.positioning and folder.has(stages.setup(one.key)):
             capture = on_its_line(folder.get(stages.setup(one.key), Capture), one.axis, site, folder)
+            capture = with_conditions(capture, one.axis, site)
             parents = (folder.digest(stages.setup(one.key)),)
             found[one.axis.name] = evaluated(folder, one.axis, phase="before", capture=capture, parents=parents)
     if not found:

@@ -23,7 +23,7 @@ from gateway.domain.captures import Capture
 from gateway.errors import CaptureError
 from gateway.walk import walk
 from gateway.workflow import stages
-from gateway.workflow.axes.measure import check_stops, fetch_tables, read_result
+from gateway.workflow.axes.measure import check_stops, fetch_tables, more_targets, read_result
 from gateway.workflow.bench import Bench
 from gateway.workflow.errors21.setups import Planned
 
@@ -95,7 +95,8 @@ async def _positioning(at: Bench, one: Planned) -> tuple[Capture, tuple[str, ...
     rig = at.rig(one.axis)
     proof = await prove_sense(rig)
     without_cross(await rig.controller.saved_tables(one.axis.name), at.moved)
-    raw = await capture_axis(rig, proof, check_stops(one.axis, "before"))
+    more = more_targets(at, one.axis, proof, rig.instrument.compensated_for)
+    raw = await capture_axis(rig, proof, check_stops(one.axis, "before"), more)
     digest = at.folder.put(stages.setup_raw(one.key), raw)
     at.folder.write_text(f"tables-{one.key}{spoken().tables_suffix}", raw.live.native)
     return from_live(one.axis, raw, proof, rig.instrument.compensated_for), (digest,)

@@ -140,16 +140,16 @@ def _export_recording(content: Recording, form: str, output: Path, unit: str, *,
         raise ConfigError("E-CLI-WRITE", str(output), why=error.strerror or str(error)) from error
     finally:
         temporary.unlink(missing_ok=True)
-    return (f"samples are in {chosen}: the file does not say so, its reader must know",)
+    return (f"samples are in {chosen}: the file does not hold the unit, so tell its reader",)
 
 
 def _lost(content: MeasuredSet, form: str, unit: str) -> Iterator[str]:
     if form == "rta":
-        yield f"deviations are in {unit or 'mrad'}: the file does not say so, its reader must know"
+        yield f"deviations are in {unit or 'mrad'}: the file does not hold the unit, so tell its reader"
     if form == "csv":
         yield "air and material readings are not in the table"
     if form in ("rtl", "rta") and content.compensated_for != "air+material":
-        yield f"such files are read as brought to 20 degC; this one is compensated for: {content.compensated_for}"
+        yield f"readers take such files as corrected to 20 degC; this one is corrected for: {content.compensated_for}"
 
 
 def _refuse_existing(output: Path, *, force: bool) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers import registry
-from drivers.errors import ConfigError, FileFormatError
+from drivers.errors import ConfigError, FileFormatError, FileUnreadable
 from drivers.recordings import Recording
 from drivers.types.gears import GearInspection
 from drivers.types.results import MeasuredSet
@@ -146,7 +146,7 @@ class _Asker:
             found = self._maps.find("unit", key) if self._maps else None
             if found is not None:
                 unit = str(found.said.get("unit", ""))
-                return unit, [f"unit {unit}, as said on {found.utc} for {key}"]
+                return unit, [f"unit {unit}, as declared on {found.utc} for {key}"]
         return "", []
 
     def with_columns(self, name: str, factory: Any) -> Read:
@@ -180,7 +180,7 @@ class _Asker:
             found = self._maps.find("columns", key) if self._maps else None
             if found is not None:
                 words = ", ".join(f"{name}={value}" for name, value in found.said.items())
-                return found.said, [f"columns as said on {found.utc}: {words}"]
+                return found.said, [f"columns as declared on {found.utc}: {words}"]
         return None, []
 
     def _keep(self, kind: str, key: str, said: Mapping[str, Value]) -> list[str]:
@@ -197,14 +197,14 @@ class _Asker:
 
 
 def content_hash(path: Path) -> str:
-    """sha256 of a file's bytes. Raises FileFormatError (E-FILE-READ)."""
+    """sha256 of a file's bytes. Raises FileUnreadable (E-FILE-READ)."""
     digest = hashlib.sha256()
     try:
         with path.open("rb") as file:
             while piece := file.read(CHUNK):
                 digest.update(piece)
     except OSError as error:
-        raise FileFormatError("E-FILE-READ", str(path), why=error.strerror or str(error)) from error
+        raise FileUnreadable("E-FILE-READ", str(path), why=error.strerror or str(error)) from error
     return digest.hexdigest()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 
 from drivers.clock import Clock
@@ -12,21 +13,30 @@ from gateway.workflow import selftests
 from gateway.workflow.aftercare import standing_alarms
 from gateway.workflow.axes.measure import measure_axis, store_equipment
 from gateway.workflow.axes.propose import propose
-from gateway.workflow.bench import Bench, bench, check_name, new_run
+from gateway.workflow.bench import Bench, bench, check_name, new_run, with_axes
 from gateway.workflow.control.pushing import apply_proposal
 from gateway.workflow.outcome import Outcome, alarmed
 from gateway.workflow.results.ending import finish
 
 
 async def run_site(
-    site: SiteFile, site_path: Path, *, apply: bool, machine_name: str, clock: Clock, say: Say
+    site: SiteFile,
+    site_path: Path,
+    *,
+    apply: bool,
+    machine_name: str,
+    clock: Clock,
+    say: Say,
+    axes: Collection[str] = (),
 ) -> Outcome:
     """Do a whole run. Without `apply` it ends with a stored proposal and nothing is written.
 
-    `machine_name` must be the site's name when `apply` is set (WriteRefused E-RUN-NAME before anything is
-    opened). Any failure is noted in the run folder and raised again.
+    ``axes`` are the only ones to be measured; none named: all. `machine_name` must be the site's name when `apply` is
+    set (WriteRefused E-RUN-NAME), and the site must have the axes (ConfigError E-RUN-AXIS), before anything is opened.
+    Any failure is noted in the run folder and raised again.
     """
     check_name(site, apply, machine_name)
+    site = with_axes(site, axes)
     folder = new_run(site, site_path)
     say("P-RUN", folder=str(folder.path))
     try:

@@ -18,6 +18,7 @@ from gateway.store import RunFolder, SetupBook
 from gateway.tooth import InspectedFlank, SetupValues, ToothProposal
 from gateway.workflow import selftests, stages
 from gateway.workflow.aftercare import standing_alarms
+from gateway.workflow.axes.acting import check_acting
 from gateway.workflow.axes.measure import MeasuredAxis
 from gateway.workflow.bench import Bench, bench, check_name
 from gateway.workflow.control.pushing import apply_proposal
@@ -25,7 +26,8 @@ from gateway.workflow.errors21.components import measure_site
 from gateway.workflow.errors21.fromsetups import axes_measured
 from gateway.workflow.loop.verdict import closed
 from gateway.workflow.outcome import Outcome, alarmed
-from gateway.workflow.part.grinding import grind_part, same_machine
+from gateway.workflow.part.entering import entered
+from gateway.workflow.part.grinding import grind_part, same_machine, work_section
 from gateway.workflow.part.inspecting import inspect_part, inspector_name
 from gateway.workflow.tooth.proposal import ToothWork, propose_tooth, work_of
 from gateway.workflow.tooth.verdict import judge_tooth
@@ -95,13 +97,15 @@ class _Loop:
             at.say("P-CLOSE-NOTHING", x=lacks.x_um, c=lacks.c_arcsec, dressing=lacks.dressing_um)
             folder.set_state(verdict.outcome)
             return
+        await check_acting(self.at)
         first = now.plus(self._expected(before, tooth))
         trial = await self._part(TRIAL, first)
         setup = first.plus(setup_from_part(trial, self.work.gear).setup)
         after = await self._part(AFTER, setup)
-        judged = judge_tooth(before, after, tooth.prediction, self.work.gear)
+        judged = judge_tooth(before, after, tooth.prediction, gear=self.work.gear, trial=trial)
         if judged.outcome != "worse":
             book.save(at.machine, self.work.name, setup, run=folder.run_id, clock=at.clock)
+            at.say("P-SETUP-ENTER", words=entered(work_section(at.site), setup))
         folder.put(stages.TOOTH_VERDICT, judged, (folder.digest(stages.inspected(AFTER)),))
         folder.set_state("worse" if "worse" in (judged.outcome, verdict.outcome) else judged.outcome)
 

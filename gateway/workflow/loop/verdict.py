@@ -56,8 +56,7 @@ def _details(paths: ReportPaths, tooth: ToothProposal) -> dict[str, Any]:
 def _tooth(judged: ToothVerdict | None) -> dict[str, Any]:
     if judged is None:
         return {"tooth": None}
-    names = ("before_um", "before_set_right_um", "after_um", "predicted_um", "u_um", "within_prediction", "outcome")
-    return {"tooth": {name: getattr(judged, name) for name in names}}
+    return {"tooth": {key: value for key, value in asdict(judged).items() if key != "words"}}
 
 
 def _get(folder: RunFolder, stage: str, kind: type[R]) -> R | None:

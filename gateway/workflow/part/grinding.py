@@ -15,6 +15,7 @@ from drivers.workpiece import GrindAxis, GrindPlan, check_plan
 from gateway.config import AxisSection, SiteFile, WorkSection
 from gateway.domain.equipment import Equipment
 from gateway.errors import IllegalTransition, WriteRefused
+from gateway.moving import tell_motion
 from gateway.say import Say
 from gateway.store import RunFolder
 from gateway.store.disk import checked_name
@@ -163,6 +164,7 @@ async def grind_part(at: Bench, part: str, setup: SetupValues) -> GroundPart:
     at.folder.write_text(f"grind-{part}{spoken().program_suffix}", text)
     values = {"x_um": setup.x_um, "c_arcsec": setup.c_arcsec, "dressing_um": setup.dressing_um}
     at.say("P-GRIND-SETUP", part=part, **values)
+    await tell_motion(controller, at.say)
     at.say("P-GRIND-PREPARED", part=part, program=plan.name)
     try:
         started = await _followed(at, plan, part)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 
@@ -31,6 +31,7 @@ from gateway.workflow.axes.measure import store_equipment
 from gateway.workflow.bench import Bench, bench, new_run, store_of
 from gateway.workflow.files.importing import How, read_file
 from gateway.workflow.part.grinding import gear_of_site, work_section
+from gateway.workflow.part.running import running_words
 
 INSPECTED = "inspected"
 LEVELS = (-0.45, -0.225, 0.0, 0.225, 0.45)  # of the face width, from its middle
@@ -288,6 +289,8 @@ def _kept(folder: RunFolder, raw: RawInspection, gear: CycloidGear, about: About
     if folder.has(stages.ground(about.part)):
         parents.append(folder.digest(stages.ground(about.part)))
     found = inspected_flank(gear, raw.whole, about)
+    if folder.has(stages.ground(about.part)):  # of parts made elsewhere nobody knows in which order
+        found = replace(found, said=(*found.said, *running_words(found.fitted, gear)))
     folder.put(stages.inspected(about.part), found, tuple(parents))
     told = {"rms": f"{found.fitted.rms_um:.2f}", "u": f"{found.rms_u_um:.2f}", "points": found.k.size}
     say("P-INSPECTED", part=about.part, **told)

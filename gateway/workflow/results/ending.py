@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from gateway.domain.figures import Evaluation
-from gateway.domain.outcomes import Verdict
+from gateway.domain.outcomes import ActingCheck, Verdict
 from gateway.domain.proposals import Proposal
-from gateway.report import parameter_rows
+from gateway.report import ReportMaterial, parameter_rows
 from gateway.report.lines import tooth_lines
 from gateway.report.parameters import PARAMETERS
 from gateway.report.sentences import number, percent, still_on
@@ -31,14 +32,24 @@ def finish(
         if folder.has(stages.evaluation(name, "after")):
             after[name] = folder.get(stages.evaluation(name, "after"), Evaluation)
     pairs = {name: (item.evaluation, after[name]) for name, item in measured.items()}
-    return outcome_of(
+    done = outcome_of(
         folder.state, str(folder.path), evaluations=pairs, proposal=proposal, verdict=verdict, paths=paths
     )
+    return replace(done, lines=(*_acting(folder, measured), *done.lines))
+
+
+def _acting(folder: RunFolder, axes: Iterable[str]) -> tuple[str, ...]:
+    """What short checks with every table acting said."""
+    return tuple(folder.get(stages.acting(one), ActingCheck).words for one in axes if folder.has(stages.acting(one)))
 
 
 def closing_lines(folder: RunFolder) -> tuple[str, ...]:
     """What a run did for axes and tooth, from what its folder holds; the last line is the tooth's figure."""
-    material = material_of(folder)
+    return lines_of(material_of(folder))
+
+
+def lines_of(material: ReportMaterial) -> tuple[str, ...]:
+    """What a run did for axes and tooth; the last line is the tooth's figure."""
     return (*still_on(material), *tooth_lines(material))
 
 

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from drivers.types.identity import MachineIdentity
 from drivers.types.orders import SignProof
-from gateway.config import AxisSection
+from gateway.capture.gathered.raw import RawCapture
+from gateway.config import AxisSection, SiteFile
 from gateway.domain.captures import Capture
 from gateway.domain.equipment import Equipment
 from gateway.domain.figures import Component, Evaluation
-from gateway.domain.outcomes import AxisVerdict, PushRecord, Verdict
+from gateway.domain.outcomes import ActingCheck, AxisVerdict, PushRecord, Verdict
 from gateway.domain.proposals import Proposal, TableChange
+from gateway.errors import StoreError
 from gateway.report import (
+    TOOTH_PICTURES,
     AxisMaterial,
     FileUsed,
     InstrumentNote,
@@ -26,12 +29,22 @@ from gateway.report import (
     render,
     tooth_pictures,
 )
-from gateway.report.material import Outcome
+from gateway.report.material import AmbientCourse, Outcome
 from gateway.report.missing import PUSHED
 from gateway.store import RunFolder
 from gateway.workflow import stages
-from gateway.workflow.bench import site_of
+from gateway.workflow.axes.measure import budget_of
+from gateway.workflow.bench import site_recorded
+from gateway.workflow.errors21.setups import planned
+from gateway.workflow.results.conformity import judged
+from gateway.workflow.results.overview import index_html, results_csv
+from gateway.workflow.results.particulars import particulars_of, was_simulated
 from gateway.workflow.results.tooth import found, tooth_of
+
+WRITTEN = ("report.", "calibration-report.", "results.csv", "index.html")
+
+BEFORE_AFTER = "before-after"
+PICTURES = (BEFORE_AFTER, *TOOTH_PICTURES)
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,14 +62,17 @@ class ReportPaths:
         return {**paths, "pictures": [str(path) for path in self.pictures]}
 
 
-def write_report(folder: RunFolder) -> ReportPaths:
-    """Render report.html, report.json and the pictures into the run folder, of whatever the run holds.
+def write_report(folder: RunFolder, known: ReportMaterial | None = None) -> ReportPaths:
+    """Render report.html, report.json, results.csv, index.html and the pictures into the run folder, of what it holds.
 
-    before-after.png shows the axes; a run without any axis has its first picture in that place. Raises StoreError.
+    before-after.png shows the axes; a run without any axis has its first picture in that place. ``known`` is what
+    `material_of` told already. Raises StoreError.
     """
-    material = material_of(folder)
-    drawn = tooth_pictures(material.tooth, folder.path) if material.tooth is not None else ()
-    picture = folder.path / "before-after.png"
+    material = known if known is not None else material_of(folder)
+    drawn = (
+        tooth_pictures(material.tooth, folder.path, simulated=material.simulated) if material.tooth is not None else ()
+    )
+    picture = folder.path / f"{BEFORE_AFTER}.png"
     if material.axes or not drawn:
         before_after_png(material, picture)
     else:
@@ -64,7 +80,27 @@ def write_report(folder: RunFolder) -> ReportPaths:
     folder.adopt(picture, *drawn)
     html = folder.write_text("report.html", render(material))
     data = folder.write_text("report.json", json.dumps(as_json(material), indent=1))
+    folder.write_text("results.csv", results_csv(material.axes, simulated=material.simulated))
+    folder.write_text("index.html", index_html(folder.facts, simulated=material.simulated))
     return ReportPaths(html, data, picture, drawn)
+
+
+def standing_report(folder: RunFolder, material: ReportMaterial) -> ReportPaths | None:
+    """The report that lies there, if it was made of the same records by the same software; None else."""
+    if not {"report.html", "report.json"} <= set(folder.files):
+        return None
+    try:
+        told = json.loads(folder.read_text("report.json"))
+    except StoreError:
+        return None
+    same = {"hashes": dict(material.hashes), "software": material.software, "simulated": material.simulated}
+    if any(told.get(key) != value for key, value in same.items()):
+        return None
+    drawn = tuple(path for name in PICTURES if (path := folder.path / f"{name}.png").is_file())
+    if not drawn:
+        return None
+    others = tuple(path for path in drawn if path.stem != BEFORE_AFTER)
+    return ReportPaths(folder.path / "report.html", folder.path / "report.json", drawn[0], others)
 
 
 def summary_of(paths: ReportPaths) -> object:
@@ -74,23 +110,23 @@ def summary_of(paths: ReportPaths) -> object:
 
 def material_of(folder: RunFolder) -> ReportMaterial:
     """Everything the report shows, read from the folder with every hash checked."""
-    site, path = site_of(folder)
+    site, path = site_recorded(folder)
     equipment = found(folder, stages.EQUIPMENT, Equipment)
     proposal = found(folder, stages.PROPOSAL, Proposal)
     verdict = found(folder, stages.VERDICT, Verdict)
     tooth = tooth_of(folder, site, path)
     facts = folder.facts
-    axes = tuple(_axis(folder, axis, proposal, verdict) for axis in site.axes)
-    if tooth is not None:
-        axes = tuple(axis for axis in axes if axis.before is not None or axis.after is not None)
+    axes = tuple(_axis(folder, axis, proposal, verdict, site=site) for axis in site.axes)
+    measured = tuple(axis for axis in axes if axis.before is not None or axis.after is not None)
+    axes = measured if measured or tooth is not None else axes
     items = equipment.items if equipment is not None else ()
     instruments = tuple(InstrumentNote(item.name, item.identity, item.notices) for item in items)
     files = tuple(
         FileUsed(name, digest, "stored with the run")
         for name, digest in facts["files"].items()
-        if not name.startswith("report.")
+        if not name.startswith(WRITTEN)
     )
-    return ReportMaterial(
+    material = ReportMaterial(
         site=site.site.name,
         machine=equipment.machine if equipment is not None else _machine(facts["machine"]),
         run_id=folder.run_id,
@@ -104,7 +140,10 @@ def material_of(folder: RunFolder) -> ReportMaterial:
         hashes={stage: folder.digest(stage) for stage in folder.stages},
         findings=tuple(str(error.get("what", "")) for error in folder.errors),
         tooth=tooth,
+        particulars=particulars_of(site, path, facts["created_utc"]),
+        simulated=was_simulated(site, instruments),
     )
+    return replace(material, judged=judged(site, material))
 
 
 def outcome_of(verdict: Verdict | None, tooth: ToothMaterial | None) -> Outcome:
@@ -128,7 +167,9 @@ def _machine(known: Mapping[str, str]) -> MachineIdentity:
     return MachineIdentity(known.get("serial", ""), known.get("version", ""), ())
 
 
-def _axis(folder: RunFolder, axis: AxisSection, proposal: Proposal | None, verdict: Verdict | None) -> AxisMaterial:
+def _axis(
+    folder: RunFolder, axis: AxisSection, proposal: Proposal | None, verdict: Verdict | None, *, site: SiteFile
+) -> AxisMaterial:
     name = axis.name
     before = found(folder, stages.capture(name, "before"), Capture)
     change = _change(proposal, name)
@@ -149,7 +190,24 @@ def _axis(folder: RunFolder, axis: AxisSection, proposal: Proposal | None, verdi
         sense_proof=before.sense if before is not None else None,
         verdict=_axis_verdict(verdict, name),
         findings=findings,
+        acting=found(folder, stages.acting(name), ActingCheck),
+        budget=budget_of(before) if before is not None else None,
+        course_before=_course(folder, stages.raw(name, "before"), _setup_raw(site, axis)),
+        course_after=_course(folder, stages.raw(name, "after")),
     )
+
+
+def _course(folder: RunFolder, *of: str) -> AmbientCourse | None:
+    """Air and material over a capture, by the first of these stages that is there."""
+    stage = next((one for one in of if folder.has(one)), "")
+    raw = folder.get(stage, RawCapture) if stage else None
+    return AmbientCourse(raw.ambient_time_s, raw.ambient) if raw is not None else None
+
+
+def _setup_raw(site: SiteFile, axis: AxisSection) -> str:
+    """The stage of an axis' positioning where a plan of set-ups measured it."""
+    own = (one.key for one in planned(site) if one.positioning and one.axis.name == axis.name) if site.setups else ()
+    return stages.setup_raw(next(iter(own), ""))
 
 
 def _change(proposal: Proposal | None, axis: str) -> TableChange | None:

@@ -93,7 +93,7 @@ def _tables(folder: RunFolder) -> tuple[TableMaterial, ...]:
 
 def proof_of(proofs: tuple[SignProof, ...], change: TableChange) -> SignProof | None:
     """The proof of the layer and axis a change belongs to."""
-    same = (one for one in proofs if (one.kind, one.output_axis) == (change.layer, change.axis))
+    same = (one for one in proofs if (one.kind, one.output_axis) == (change.new.kind, change.axis))
     return next(same, None)
 
 

@@ -38,7 +38,7 @@ class ToothOutcome:
     def tables(self) -> tuple[tuple[str, str, str], ...]:
         """Each table's name in the proposal, what it is, and its size or why it is none."""
         return tuple(
-            (change.name, f"{spoken().kind(change.layer)} {change.new.name}", change.skipped or size_of(change))
+            (change.name, f"{spoken().kind(change.new.kind)} {change.new.name}", change.skipped or size_of(change))
             for change in self.proposal.changes
         )
 
@@ -66,6 +66,19 @@ class ToothOutcome:
             "b_left": tooth.b_left,
             "eccentricity_um": list(tooth.eccentricity_um),
             "tilt_arcsec": list(tooth.tilt_arcsec),
+            "axes": [
+                {
+                    "axis": one.axis,
+                    "M": one.M,
+                    "U": one.M_U,
+                    "M_alone": one.M_alone,
+                    "unit": one.unit,
+                    "targets": one.targets.tolist(),
+                    "deviation": one.deviation.tolist(),
+                    "moved_by": dict(one.moved_by),
+                }
+                for one in tooth.axes
+            ],
             "said": list(tooth.said),
         }
 
@@ -74,7 +87,7 @@ def _table(change: TableChange) -> dict[str, Any]:
     new = change.new
     return {
         "name": change.name,
-        "layer": spoken().kind(change.layer),
+        "layer": spoken().kind(change.new.kind),
         "table": new.name,
         "index": new.index,
         "points": len(new.deviations),

@@ -19,13 +19,14 @@ from gateway.correct.outlook.flank_uncertainty import Shop
 from gateway.correct.outlook.next_setup import Tooth, doubts
 from gateway.correct.outlook.prediction import Outlook, predict
 from gateway.correct.outlook.ranking import cure_errors, rank_errors
+from gateway.correct.outlook.too_coarse import dominant
 from gateway.correct.plan.layers import LayeredCorrection, correct
 from gateway.correct.plan.plan import CROSS, Plan, cross_specs
 from gateway.correct.plan.records import record
 from gateway.domain.captures import Capture
 from gateway.domain.proposals import Proposal, TableChange
 from gateway.domain.values import COVERAGE
-from gateway.evaluate.behaviour.approach_scatter import approach_of
+from gateway.evaluate.behaviour.approach_scatter import approach_of, instrument_noise
 from gateway.evaluate.behaviour.fine_structure import Hidden
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.flank import FlankGrid, flank_grid
@@ -40,7 +41,8 @@ from gateway.workflow.axes.propose import axis_changes, keep
 from gateway.workflow.bench import Bench
 from gateway.workflow.errors21.components import grids
 from gateway.workflow.tooth.crosstables import acting_cross, cross_changes, places_of
-from gateway.workflow.tooth.sentences import told
+from gateway.workflow.tooth.everything import outlooks, told_of
+from gateway.workflow.tooth.sentences import measure_better, told
 
 PROFILE, WIDTH = 11, 5
 
@@ -108,7 +110,10 @@ async def propose_tooth(
     )
     left = (*nowhere, *(task.alone(plan, outlook) if nowhere else ()), *_left_alone(own))
     tooth = replace(tooth, said=told(tooth, model, found=found, gains=gains, left_alone=left))
-    tooth = replace(tooth, said=(*tooth.said, *_drifting(task.shop, at.site.work)))
+    worst = dominant(task.grinding, task.grid, model, outlook.flank)
+    axes = outlooks(own, cross)
+    said = (*tooth.said, *_drifting(task.shop, at.site.work), *_noisy(measured), *measure_better(worst))
+    tooth = replace(tooth, axes=axes, said=(*said, *told_of(axes)))
     at.folder.put(stages.TOOTH, tooth, (at.folder.digest(stages.PROPOSAL), *parents))
     return proposal, tooth
 
@@ -244,6 +249,22 @@ def _drifting(shop: Shop, work: WorkSection | None) -> tuple[str, ...]:
         words("S-TOOTH-DRIFT", what=what, seen=f"{seen:.1f}", said=f"{told:g}", unit=unit)
         for what, seen, told, unit in pairs
         if seen > told
+    )
+
+
+def _noisy(measured: Mapping[str, MeasuredAxis]) -> tuple[str, ...]:
+    """Where the instrument at rest scatters more than its readings' own windows show, in words."""
+    captures = {name: item.capture for name, item in measured.items() if item.capture.rest_count}
+    return tuple(
+        words(
+            "S-TOOTH-NOISE",
+            axis=name,
+            noise=f"{one.rest_u:.2g}",
+            axis_own=f"{approach_of(one).scatter:.2g}",
+            unit=one.unit,
+        )
+        for name, one in captures.items()
+        if instrument_noise(one) > one.reading_u
     )
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from drivers.errors import words
 from gateway.correct.outlook.next_setup import THRESHOLD_UM
 from gateway.correct.outlook.prediction import Outlook
+from gateway.correct.outlook.too_coarse import Dominant
 from gateway.correct.plan.layers import LayeredCorrection
 from gateway.domain.values import COVERAGE
 from gateway.model.known import ErrorModel
@@ -18,6 +19,18 @@ def told(
 ) -> tuple[str, ...]:
     """In words; ``gains`` is the outlook of the cross tables, proposed or not, ``left_alone`` what was said before."""
     return (*left_alone, *_gain(found, gains), *found.said, *_mechanical(tooth), *_unknown(tooth, model), *_work(tooth))
+
+
+def measure_better(worst: Dominant | None) -> tuple[str, ...]:
+    """Which measured error makes most of the doubt, and where to measure it at which step; nothing where none does."""
+    if worst is None:
+        return ()
+    sizes = {"name": worst.name, "part": f"{worst.part_um:.2f}", "u": f"{worst.u_um:.2f}"}
+    if worst.window is None:
+        return (words("S-TOOTH-DOMINANT", **sizes),)
+    at = worst.window
+    places = {"first": f"{at.first:.1f}", "last": f"{at.last:.1f}", "step": f"{at.step:.3g}", "unit": at.unit}
+    return (words("S-TOOTH-COARSE", **sizes, **places, left=f"{at.left_um:.2f}"),)
 
 
 def _gain(found: LayeredCorrection, gains: Outlook) -> Iterator[str]:

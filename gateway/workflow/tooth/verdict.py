@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 
 from drivers.errors import words
 from gateway.domain.values import COVERAGE
 from gateway.gear.cycloid import CycloidGear
-from gateway.gear.setright import set_right
-from gateway.tooth import FlankMap, FlankPrediction, FloatArray, InspectedFlank, ToothVerdict
+from gateway.gear.setright import reground, set_right
+from gateway.tooth import FlankPrediction, InspectedFlank, ToothVerdict
+from gateway.workflow.tooth.change import LEAST_UM, FlankChange, FlankSize, Outcome, eccentric_share
 
-LEAST_UM = 0.05  # a smaller change of the RMS is nobody's business, whatever the uncertainty
-Outcome = Literal["better", "unchanged", "worse"]
 _SAID: dict[Outcome, str] = {
     "better": "W-TOOTH-BETTER",
     "unchanged": "W-TOOTH-UNCHANGED",
@@ -21,45 +18,22 @@ _SAID: dict[Outcome, str] = {
 }
 
 
-def _clamped(flank: FlankMap, gear: CycloidGear) -> FloatArray:
-    """What one um of eccentricity along x and along y of the gear does to its flanks, (2, K, T, 1)."""
-    section, phi = gear.section(flank.theta_rad), gear.space_angle(np.arange(gear.zc))[:, None, None]
-    nx, ny = section.nx[None, :, None], section.ny[None, :, None]
-    return np.stack([nx * np.cos(phi) - ny * np.sin(phi), nx * np.sin(phi) + ny * np.cos(phi)])
-
-
-def eccentric_share(flank: FlankMap, gear: CycloidGear) -> tuple[float, float]:
-    """RMS of what an eccentricity of part or clamping takes of a flank by least squares, and of what it leaves, um."""
-    ways = np.stack([np.broadcast_to(one, flank.deviation_um.shape).ravel() for one in _clamped(flank, gear)], axis=1)
-    seen = flank.deviation_um.ravel()
-    taken = ways @ np.linalg.lstsq(ways, seen, rcond=None)[0]
-    return float(np.sqrt(np.mean(taken**2))), float(np.sqrt(np.mean((seen - taken) ** 2)))
-
-
-def _of_rms(flank: FlankMap, inspected: InspectedFlank, gear: CycloidGear) -> float:
-    """Standard uncertainty of a flank's RMS: how far an eccentric clamping lies along that very flank, um.
-
-    What the inspection may be off is nearly all its clamping, which has any direction: it adds to the RMS only by its
-    share of the flank's own shape.
-    """
-    clamped = _clamped(flank, gear)
-    size = inspected.rms_u_um / float(np.sqrt(np.mean(np.sum(clamped**2, axis=0))))
-    shape = flank.deviation_um / max(flank.rms_um, np.finfo(float).tiny)
-    return size * float(np.hypot(*(np.mean(one * shape) for one in clamped)))
-
-
 def judge_tooth(
-    before: InspectedFlank, after: InspectedFlank, prediction: FlankPrediction, gear: CycloidGear
+    before: InspectedFlank,
+    after: InspectedFlank,
+    prediction: FlankPrediction,
+    gear: CycloidGear,
+    trial: InspectedFlank | None = None,
 ) -> ToothVerdict:
-    """Better or worse than before with its set-up values put right, beyond the uncertainty of both inspections (k = 2).
+    """Better or worse than before with its set-up values put right, beyond the uncertainty of the change (k = 2).
 
-    Set-up values alone are no merit of the tables, so the flank before is judged without what they would take.
+    Set-up values alone are no merit of the tables, so the flank before is judged as it would be ground anew with them
+    right (`reground`). ``trial`` is the part between, which explains where the last part is no better than it.
     """
-    right = set_right(before.fitted, gear)
-    fair = right.rms_um
-    doubt = max(LEAST_UM, COVERAGE * float(np.hypot(_of_rms(right, before, gear), _of_rms(after.fitted, after, gear))))
-    gain = fair - after.fitted.rms_um
-    outcome: Outcome = "unchanged" if abs(gain) <= doubt else "better" if gain > 0.0 else "worse"
+    fair = set_right(before.fitted, gear).rms_um
+    anew = reground(before.fitted, gear, before.turned_arcsec)
+    first, last = FlankSize.of(anew, before, gear), FlankSize.of(after.fitted, after, gear)
+    change = FlankChange.of(first, last)
     missed = float(np.sqrt(np.mean((after.fitted.deviation_um - prediction.after.deviation_um) ** 2)))
     held = missed <= COVERAGE * float(np.hypot(prediction.u_um, after.rms_u_um))
     figures = {
@@ -69,9 +43,12 @@ def judge_tooth(
         "predicted": f"{prediction.rms_um:.2f}",
         "u": f"{prediction.u_um:.2f}",
     }
+    said = words(_SAID[change.outcome], **figures) + " " + words("W-TOOTH-HELD" if held else "W-TOOTH-MISSED")
+    said += _curved(fair, first) + _changed(first, last, change)
     off, rest = eccentric_share(after.fitted, gear)
-    said = words(_SAID[outcome], **figures) + " " + words("W-TOOTH-HELD" if held else "W-TOOTH-MISSED")
     said += " " + words("W-TOOTH-ECCENTRIC", off=f"{off:.2f}", rest=f"{rest:.2f}")
+    tried = FlankSize.of(trial.fitted, trial, gear) if trial is not None else None
+    said += _tried(tried, last) if tried is not None else ""
     return ToothVerdict(
         before_um=before.fitted.rms_um,
         before_set_right_um=fair,
@@ -79,6 +56,39 @@ def judge_tooth(
         predicted_um=prediction.rms_um,
         u_um=prediction.u_um,
         within_prediction=held,
-        outcome=outcome,
+        outcome=change.outcome,
         words=said,
+        before_anew_um=first.rms,
+        change_um=change.whole,
+        change_U_um=change.whole_U,
+        before_clear_um=first.clear,
+        after_clear_um=last.clear,
+        clear_U_um=change.clear_U,
+        trial_um=tried.rms if tried is not None else None,
+        trial_clear_um=tried.clear if tried is not None else None,
     )
+
+
+def _curved(fair: float, first: FlankSize) -> str:
+    """Where the part before stood so far off its zero that the profile's curvature shows."""
+    if fair - first.rms <= LEAST_UM:
+        return ""
+    return " " + words("W-TOOTH-CURVED", fair=f"{fair:.2f}", anew=f"{first.rms:.2f}")
+
+
+def _changed(first: FlankSize, last: FlankSize, change: FlankChange) -> str:
+    whole = {"change": f"{change.whole:+.2f}", "U": f"{change.whole_U:.2f}"}
+    clear = {"first": f"{first.clear:.2f}", "last": f"{last.clear:.2f}", "clear_U": f"{change.clear_U:.2f}"}
+    return " " + words("W-TOOTH-CHANGE", **whole, **clear)
+
+
+def _tried(trial: FlankSize, last: FlankSize) -> str:
+    """Why the last part is not as good as the trial part before it; nothing where it is."""
+    if last.rms <= trial.rms:
+        return ""
+    change = FlankChange.of(trial, last)
+    code = "W-TOOTH-TRIAL-SAME" if change.outcome == "unchanged" else "W-TOOTH-TRIAL-WORSE"
+    if change.outcome == "worse" and change.clear <= change.clear_U:
+        code = "W-TOOTH-TRIAL-CLAMPED"
+    sizes = {"trial": f"{trial.rms:.2f}", "after": f"{last.rms:.2f}", "U": f"{change.whole_U:.2f}"}
+    return " " + words(code, **sizes, first=f"{trial.clear:.2f}", last=f"{last.clear:.2f}")

@@ -46,6 +46,7 @@ def _setting(shape: str, kind: Literal["bool", "real"], default: float = 0.0) ->
     return DataSpec(shape, kind, "now", default, level=7)
 
 
+BACKLASH = "$MA_BACKLASH"
 ENC_ENABLE = "$MA_ENC_COMP_ENABLE"
 CEC_ENABLE = "$MA_CEC_ENABLE"
 EEC_POINTS = "$MA_MM_ENC_COMP_MAX_POINTS"
@@ -61,7 +62,7 @@ SCALING = (IS_METRIC, "$MN_CONVERT_SCALING_SYSTEM")
 DATA: dict[str, DataSpec] = {
     ENC_ENABLE: DataSpec("na", "bool", "newconf", False, count=2),
     CEC_ENABLE: DataSpec("a", "bool", "newconf", False),
-    "$MA_BACKLASH": _length("na"),
+    BACKLASH: _length("na"),
     "$MA_BACKLASH_FACTOR": DataSpec("na", "real", "newconf", 1.0, low=0.01, high=100.0, count=6),
     "$MA_BACKLASH_MODE": DataSpec("a", "int", "newconf", 0, low=0, high=3),
     "$MA_BACKLASH_DYN": _length("na"),

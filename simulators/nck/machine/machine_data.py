@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from simulators.nck.machine.data_table import (
+    BACKLASH,
     CEC_POINTS,
     DATA,
     EEC_POINTS,
@@ -48,6 +49,7 @@ class MachineData:
     def __init__(self, spec: NckSpec) -> None:
         self._axes = len(spec.axes)
         self._rotary = [axis.rotary for axis in spec.axes]
+        self._late = BACKLASH if spec.backlash_activation == "nck_reset" else ""
         self._counts = {name: datum.count for name, datum in DATA.items()}
         tables = len(spec.cec_points)
         for name in (CEC_POINTS, *(name for name in DATA if name.startswith("$SN_CEC"))):
@@ -129,7 +131,7 @@ class MachineData:
     def activate(self, *effects: Effect, keep: frozenset[Key] = frozenset()) -> None:
         """Make stored values of these classes effective, but those in ``keep``."""
         for key, value in self._stored.items():
-            if DATA[key[0]].effect in effects and key not in keep:
+            if DATA[key[0]].effect in effects and key not in keep and key[0] != self._late:
                 self._effective[key] = value
 
     def memory_changed(self) -> bool:

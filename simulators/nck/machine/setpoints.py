@@ -47,6 +47,7 @@ class Setpoints:
             return TakeUp()
         encoder = axis.active_encoder
         lead = data.effective("$MA_BACKLASH", encoder, index) * data.effective("$MA_BACKLASH_FACTOR", 0, index)
+        lead *= self._spec.backlash_sign
         plus, minus = (lead / 2.0, -lead / 2.0) if self._spec.encoder_lead_shared else (0.0, -lead)
         step = data.effective("$MA_ENC_CHANGE_TOL", index)
         dynamic = data.effective("$MA_BACKLASH_DYN", encoder, index) / 2.0 if axis.backlash.dynamic_on else 0.0

@@ -229,13 +229,13 @@ def marked(shop: Shop) -> None:
     machine, controller = shop.double.machine, shop.double.controller
     prepare, finish = controller.stage, controller.finish_push
 
-    async def prepared(order: Any) -> None:
-        await prepare(order)
-        machine.marker = replace(machine.marker, head=order.head)
+    async def prepared(batch: Any) -> None:
+        await prepare(batch)
+        machine.marker = replace(machine.marker, head=batch[0].head)
 
-    async def finished(order: Any, state: Any) -> None:
-        await finish(order, state)
-        machine.marker = Marker(order.transaction, state, order.head)
+    async def finished(batch: Any, state: Any) -> None:
+        await finish(batch, state)
+        machine.marker = Marker(batch[0].transaction, state, batch[0].head)
 
     controller.stage, controller.finish_push = prepared, finished  # type: ignore[method-assign]
 
@@ -251,7 +251,7 @@ def test_a_log_cut_behind_the_last_push_is_behind_the_controls_mark(shop: Shop) 
     (shop.store.root / AUDIT / "head").write_text(f"{ending}:{digest}\n")
     assert audit.check(shop.store.root).sound
     shop.double.machine.writes.clear()
-    assert "the control's mark" in shop.refused("E-INT-AUDIT-BEHIND")
+    assert "the marker in the control" in shop.refused("E-INT-AUDIT-BEHIND")
 
 
 def test_a_control_that_lost_its_memory_warns_and_refuses_nothing(shop: Shop) -> None:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Awaitable, Callable
-from contextlib import aclosing
+from collections.abc import AsyncIterator
+from contextlib import aclosing, asynccontextmanager
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,6 @@ from drivers.errors import ConfigError, TransportError, TrueflankError
 from drivers.ports.instruments import Instrument
 from drivers.transport import ByteTransport, serve
 from drivers.types.sensing import Ambient, SampleBlock
-from tests.unit.drivers.loops import run_clean
 
 # A request and an answer as public clients of the device print them.
 ASKED = b'{"jsonrpc":"2.0","method":"com.attocube.ids.displacement.getAxesDisplacement","params":[],"id":1,"api":2}\r\n'
@@ -91,19 +90,17 @@ class ScriptedIds:
         return json.dumps({"jsonrpc": "2.0", "id": asked["id"], **body}).encode() + b"\r\n"
 
 
-def bench(main: Callable[[ScriptedIds, Any], Awaitable[None]], url: str = "memory://ids", **settings: Any) -> None:
-    async def wrapped() -> None:
-        clock = LoopClock()
-        script = ScriptedIds(clock)
-        listener = await serve(url, script.converse, clock)
-        device = registry.load("attocube-ids", "instrument")("ids", listener.url, {"axis": 2, **settings}, clock)
-        try:
-            await main(script, device)
-        finally:
-            await device.close()
-            await listener.close()
-
-    run_clean(wrapped, virtual=url.startswith("memory"))
+@asynccontextmanager
+async def bench(url: str = "memory://ids", **settings: Any) -> AsyncIterator[tuple[ScriptedIds, Any]]:
+    clock = LoopClock()
+    script = ScriptedIds(clock)
+    listener = await serve(url, script.converse, clock)
+    device = registry.load("attocube-ids", "instrument")("ids", listener.url, {"axis": 2, **settings}, clock)
+    try:
+        yield script, device
+    finally:
+        await device.close()
+        await listener.close()
 
 
 async def take(device: Instrument, count: int) -> list[SampleBlock]:
@@ -116,9 +113,9 @@ async def take(device: Instrument, count: int) -> list[SampleBlock]:
     return found
 
 
-@pytest.mark.parametrize("url", ["memory://ids", "tcp://127.0.0.1:0"])
-def test_it_says_who_it_is_and_gives_the_optical_path_in_vacuum(url: str) -> None:
-    async def main(_script: ScriptedIds, device: Any) -> None:
+@pytest.mark.parametrize("url", ["memory://ids", pytest.param("tcp://127.0.0.1:0", marks=pytest.mark.wall_time)])
+async def test_it_says_who_it_is_and_gives_the_optical_path_in_vacuum(url: str) -> None:
+    async with bench(url) as (_script, device):
         assert isinstance(device, Instrument)
         who = await device.open(5.0)
         assert (who.serial, who.firmware) == ("L010 1234", "1.9.2")
@@ -131,19 +128,15 @@ def test_it_says_who_it_is_and_gives_the_optical_path_in_vacuum(url: str) -> Non
         assert path[:, 0] == pytest.approx(time_s * INDEX, abs=1e-9 if url.startswith("memory") else 0.05)
         assert all(block.valid.all() for block in blocks)
 
-    bench(main, url)
 
-
-def test_a_warning_makes_samples_invalid_and_is_told_once() -> None:
-    async def main(script: ScriptedIds, device: Any) -> None:
+async def test_a_warning_makes_samples_invalid_and_is_told_once() -> None:
+    async with bench() as (script, device):
         await device.open(5.0)
         script.warning = 3
         first, second = await take(device, 2)
         assert not first.valid.any()
         assert first.events == ("warning 3 of the device",)
         assert second.events == ()
-
-    bench(main)
 
 
 @pytest.mark.parametrize(
@@ -157,39 +150,33 @@ def test_a_warning_makes_samples_invalid_and_is_told_once() -> None:
         ("com.attocube.system.getSerialNumber", None, "E-IDS-ERROR"),
     ],
 )
-def test_what_it_cannot_work_with_is_refused_at_opening(method: str, answer: Any, code: str) -> None:
-    async def main(script: ScriptedIds, device: Any) -> None:
+async def test_what_it_cannot_work_with_is_refused_at_opening(method: str, answer: Any, code: str) -> None:
+    async with bench() as (script, device):
         script.answers[method] = answer
         with pytest.raises(TrueflankError) as caught:
             await device.open(5.0)
         assert caught.value.code == code
         assert caught.value.what
 
-    bench(main)
 
-
-def test_an_index_of_the_site_file_is_used_without_asking() -> None:
-    async def main(script: ScriptedIds, device: Any) -> None:
+async def test_an_index_of_the_site_file_is_used_without_asking() -> None:
+    async with bench(refractive_index=1.0003) as (script, device):
         script.answers["com.attocube.ecu.getRefractiveIndexForCompensation"] = None
         await device.open(5.0)
         (block,) = await take(device, 1)
         assert block.values[:, 0] == pytest.approx(block.time_s * 1.0003, abs=1e-9)
 
-    bench(main, refractive_index=1.0003)
 
-
-def test_without_an_environment_unit_nothing_is_claimed() -> None:
-    async def main(script: ScriptedIds, device: Any) -> None:
+async def test_without_an_environment_unit_nothing_is_claimed() -> None:
+    async with bench() as (script, device):
         script.answers["com.attocube.ecu.getConnected"] = [0, False]
         await device.open(5.0)
         assert await device.ambient() == Ambient()
 
-    bench(main)
-
 
 @pytest.mark.parametrize("raw", [b"HTTP/1.1 400 Bad Request\r\n", b'{"id":99,"result":[0,1]}\r\n', b"\xff\r\n"])
-def test_nonsense_breaks_the_line_and_is_told(raw: bytes) -> None:
-    async def main(script: ScriptedIds, device: Any) -> None:
+async def test_nonsense_breaks_the_line_and_is_told(raw: bytes) -> None:
+    async with bench() as (script, device):
         await device.open(5.0)
         script.raw = raw
         with pytest.raises(TrueflankError) as caught:
@@ -202,11 +189,9 @@ def test_nonsense_breaks_the_line_and_is_told(raw: bytes) -> None:
         await device.open(5.0)
         await take(device, 1)
 
-    bench(main)
 
-
-def test_a_pulled_line_ends_the_stream_and_a_new_open_works() -> None:
-    async def main(script: ScriptedIds, device: Any) -> None:
+async def test_a_pulled_line_ends_the_stream_and_a_new_open_works() -> None:
+    async with bench() as (script, device):
         await device.open(5.0)
         script.cut = True
         with pytest.raises(TransportError):
@@ -214,8 +199,6 @@ def test_a_pulled_line_ends_the_stream_and_a_new_open_works() -> None:
         script.cut = False
         await device.open(5.0)
         await take(device, 1)
-
-    bench(main)
 
 
 @pytest.mark.parametrize(

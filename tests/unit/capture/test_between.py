@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gateway.capture.live import with_checks
-from gateway.capture.targets import OFF_TARGET, between_places, measuring_plan
+from gateway.capture.targets import OFF_TARGET, between_places, measuring_plan, with_checks
 from tests.unit.capture.test_live import AXIS
 
 

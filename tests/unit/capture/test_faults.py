@@ -243,7 +243,7 @@ def test_fault_31_the_wrong_way_is_called_so() -> None:
     found = cause(doubt, "X1", 40.0)
     assert found is not None
     assert found.code == "E-CAP-SIGN"
-    assert "wrong way" in str(found)
+    assert "direction is reversed" in str(found)
 
 
 @given(st.floats(-500, 500), st.floats(-500, 500))

@@ -104,7 +104,7 @@ def test_a_wrong_unit_is_refused() -> None:
         machine = LittleMachine(clock, lambda position, _times: position / 25.4 * 10)
         await prove_sense(Rig(AXIS, machine, machine, clock, PATIENCE))
 
-    with pytest.raises(UnsupportedDevice, match="not within 1 %"):
+    with pytest.raises(UnsupportedDevice, match="the limit is 1 %"):
         run_virtual(main)
 
 
@@ -117,3 +117,28 @@ def test_a_reading_that_never_settles_says_which_condition_is_missing() -> None:
 
     with pytest.raises(Unstable, match="sigma"):
         run_virtual(main)
+
+
+def test_an_axis_at_rest_shows_what_the_instrument_scatters_slower_than_a_reading() -> None:
+    """Air that drifts to and fro within seconds: no window of a second shows it, readings at rest do."""
+
+    async def main() -> RawCapture:
+        clock = LoopClock()
+        clock.now()
+        steady = _laser(1, np.random.default_rng(3))
+        slow = np.random.default_rng(5).normal(0.0, 3e-4, 4000)
+
+        def reads(position: np.ndarray, times: np.ndarray) -> np.ndarray:
+            return steady(position, times) + slow[(times // 2.0).astype(int)]
+
+        axis = AXIS.model_copy(update={"measure": AXIS.measure.model_copy(update={"standstill": 20})})
+        machine = LittleMachine(clock, steady)
+        rig = Rig(axis, machine, machine, clock, PATIENCE)
+        proof = await prove_sense(rig)
+        machine.reads = reads
+        return await capture_axis(rig, proof)
+
+    raw = run_virtual(main)
+    assert len(raw.standing) == 20
+    assert np.std(raw.standing, ddof=1) == pytest.approx(3e-4, rel=0.4)
+    assert np.nanmean(raw.window_sigma) < 1e-4

@@ -22,9 +22,11 @@ from gateway.capture.retaking import demand_complete
 from gateway.capture.rig import Rig
 from gateway.capture.sense import prove_sense
 from gateway.config import AxisSection, SiteFile
+from gateway.daemon.looking import Looking
 from gateway.domain.captures import Capture
 from gateway.domain.equipment import SenseProof
 from gateway.errors import CaptureError, Incomplete
+from gateway.live import looked_on_by
 from gateway.say import silence
 from gateway.store import Store
 from gateway.workflow import stages
@@ -130,7 +132,7 @@ def judged(found: Capture, within_um: float = 0.4) -> None:
 def test_one_reading_out_of_line_in_any_pass_is_taken_again(bad: int) -> None:
     found = positioned((bad,))
     judged(found)
-    assert any("out of line" in note for note in found.notes)
+    assert any("outlier" in note for note in found.notes)
 
 
 def test_nothing_is_taken_again_where_nothing_is_out_of_line() -> None:
@@ -240,15 +242,29 @@ def test_a_resume_measures_anew_what_no_table_could_be_pushed_from(tmp_path: Pat
     assert resumed(tmp_path / "pushed", bad, pushed=True) == []
 
 
-@pytest.mark.parametrize(("asked", "word"), [(2, "no table"), (3, "as many as"), (5, "")])
+@pytest.mark.parametrize(("asked", "word"), [(2, "a push needs"), (3, "as many as"), (5, "")])
 def test_a_site_that_asks_for_no_more_than_the_least_is_told(asked: int, word: str) -> None:
     data = site_data()
     for one in data["axes"]:
         one["measure"]["repetitions"] = asked
     told = remarks(SiteFile.model_validate(data))
     assert len(told) == (3 if word else 0)
-    assert all(word in line and "ask for 5 or more" in line for line in told)
+    assert all(word in line and "to 5 or more" in line for line in told)
 
 
 def test_a_site_that_asks_for_two_repetitions_is_whole_with_two() -> None:
     demand_complete(positioned((), repetitions=2))
+
+
+def test_what_an_onlooker_asks_for_is_taken_again_though_nothing_is_wrong_and_every_reading_is_told() -> None:
+    told: list[dict[str, Any]] = []
+    looking = Looking(lambda kind, data: told.append(dict(data)) if kind == "taken" else None, LoopClock())
+    target = float(positioned(()).targets[2])
+    assert looking.ask_again("X1", (target, 2, 1))
+    with looked_on_by(looking):
+        capture = positioned(())
+    assert any("measured again" in note and f"{target:g}+ repetition 2" in note for note in capture.notes)
+    places = [(one["target"], one["repetition"], one["approach"]) for one in told]
+    assert places.count((target, 2, 1)) == 2
+    assert len(set(places)) == TARGETS * 3 * 2
+    assert looking.asked_again("X1") == ()

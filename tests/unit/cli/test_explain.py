@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from drivers.errors import ConfigError, catalogue, explained
-from gateway.cli.commands import app
+from gateway.cli import app
 from gateway.cli.files.explaining import explanation
 
 MET = 60

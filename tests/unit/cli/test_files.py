@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from drivers.errors import ConfigError, TrueflankError
-from gateway.cli.commands import app
+from gateway.cli import app
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "files"
 RUNNER = CliRunner()

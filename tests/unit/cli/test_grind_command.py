@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from drivers.clock import LoopClock
 from drivers.errors import TrueflankError
 from drivers.types.identity import MachineIdentity
-from gateway.cli.commands import app
+from gateway.cli import app
 from gateway.config import load_site
 from gateway.store import SetupBook
 from gateway.tooth import SetupValues
@@ -57,9 +57,11 @@ def test_what_is_kept_for_the_gear_is_shown_unless_told_otherwise(site: Path) ->
     assert "FOR USPACE=0 TO 38" in data["program"]
     assert 180 < data["seconds"] < 480
     text = shown(site)
-    assert "x +2.5 um, C -7.2 arcsec, dressing +4.0 um" in text
+    assert "x +2.5 µm, C -7.2 arcsec, dressing +4.0 µm" in text
     assert "nothing was sent" in text
-    assert "TRUEFLANK LOAD BLANK RV-40E-LIKE PART" in text
+    assert "TRUEFLANK LOAD BLANK" not in text
+    assert "-170.0000" in text
+    assert "enter: x zero +2.5 µm" in " ".join(text.split())
 
 
 @pytest.mark.parametrize(

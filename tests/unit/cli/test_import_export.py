@@ -76,7 +76,7 @@ def test_the_unit_of_an_rta_is_asked_once_and_then_remembered_for_its_machine(tm
     other.parent.mkdir()
     other.write_text(path.read_text(encoding="utf-8").replace("0.010", "0.011"), encoding="utf-8")
     second = told("import", str(other))[0]
-    assert "unit mrad, as said on" in second["notes"][0]
+    assert "unit mrad, as declared on" in second["notes"][0]
     assert told("evaluate", str(other))[0]["unit"] == "arcsec"
     again = told("import", str(path), str(other), "--unit", "urad", "--forget")
     assert [one["new"] for one in again] == [False, False]
@@ -103,7 +103,7 @@ def test_columns_are_said_once_for_a_heading_shown_and_forgotten_on_request(tmp_
     words = [word for column in COLUMNS for word in ("--column", column)]
     told("import", str(first), *words)
     notes = told("import", str(second))[0]["notes"]
-    assert "columns as said on" in notes[0]
+    assert "columns as declared on" in notes[0]
     assert "target=2" in notes[0]
     result = told("evaluate", str(second))[0]
     assert (result["targets"], result["unit"]) == (2, "um")
@@ -258,7 +258,7 @@ class Laser:
             name,
             ("displacement_mm",),
             "air",
-            ("cannot see",),
+            ("cannot detect",),
         )
         self.clock = clock
 
@@ -298,7 +298,7 @@ def test_dynamic_records_a_stream_from_its_trigger_and_shows_how_it_settles(tmp_
     folder = Store(tmp_path / "runs").open(Path(data["place"]).parent)
     assert folder.state == "captured"
     assert (folder.path / "dynamic.png").exists()
-    assert "cannot see" in json.loads(folder.read_text("dynamic.json"))["notes"]
+    assert "cannot detect" in json.loads(folder.read_text("dynamic.json"))["notes"]
     again = told("dynamic", data["place"], "--band", "1")
     assert again["settling"] == data["settling"]
 

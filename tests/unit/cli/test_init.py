@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import tomllib
 from pathlib import Path
 
@@ -32,7 +33,8 @@ def test_an_owner_of_files_gets_a_checked_file_from_three_answers(tmp_path: Path
     assert done.output.count("  road") == 1
     assert "valid" in done.output
     found = checked(tmp_path / "site.toml")
-    assert (found.faults, found.doubts) == ((), ())
+    assert found.faults == ()
+    assert [one.path for one in found.doubts] == [("moves", "safe")], "no program asks where axes may stand"
     assert found.site.site.name == "old-1"
     assert [axis.name for axis in found.site.axes] == ["X1", "Z1", "C1"]
 
@@ -41,7 +43,7 @@ def test_every_question_says_why_it_is_asked_and_a_wrong_answer_is_asked_again(t
     done = ran(tmp_path, typed="opc\nfiles\nmy grinder\nm1\nS7\nX1 X1\nY B\nX 0 1\nY -100 200, B -20 120\n")
     assert done.exit_code == 0, done.output
     assert "must be opcua, mailbox, files" in done.output
-    assert "Nothing is written to a machine with another one" in done.output
+    assert "Nothing is written to a machine with another serial number" in done.output
     site = load_site(tmp_path / "site.toml")
     assert [(axis.name, axis.kind, axis.travel) for axis in site.axes] == [
         ("Y", "linear", (-100.0, 200.0)),
@@ -108,7 +110,8 @@ def test_five_axes_fit_into_travel_and_room(tmp_path: Path) -> None:
     path = tmp_path / "site.toml"
     path.write_text(site_text(tree, "five"), encoding="utf-8")
     found = checked(path)
-    assert (found.faults, found.doubts) == ((), ())
+    assert found.faults == ()
+    assert [one.path for one in found.doubts] == [("moves", "safe")]
     assert list(against_control(found.site, ControlFacts("S", "V", "metric", FIVE))) == []
     assert [grid(plan)[2] for plan in plans] == [20.0, 1.0, 25.0, 5.0, 10.0]
 
@@ -178,3 +181,18 @@ def test_the_schema_holds_the_settings_of_every_driver() -> None:
         for name, model in settings_models(role).items():
             assert set(whole["$defs"][f"Settings-{name}"]["properties"]) == set(model.model_fields)
     assert len(whole["$defs"]["InstrumentSection"]["allOf"]) >= 5
+
+
+def test_an_owner_of_a_mailbox_gets_a_checked_file_though_no_plc_answers_yet(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as closed:
+        port = closed.getsockname()[1]
+    url = f"tcp://127.0.0.1:{port}"
+    done = ran(tmp_path, "--yes", "--answer", "road=mailbox", "--answer", f"url={url}", "--answer", "serial=YK-1")
+    assert done.exit_code == 0, done.output
+    assert "cannot be read now" in done.output
+    found = checked(tmp_path / "site.toml")
+    assert found.faults == ()
+    assert [one.path for one in found.doubts] == [("moves", "safe")]  # only who knows the machine can say the places
+    control = found.site.controller
+    assert (control.driver, control.url, control.serial) == ("sinumerik-modbus", url, "YK-1")
+    assert control.settings["word_order"] == "high-first"

@@ -8,7 +8,10 @@ from pathlib import Path
 
 from typer.testing import CliRunner
 
-from gateway.cli.commands import app
+from drivers.types.sensing import Ambient
+from gateway import audit
+from gateway.cli import app
+from gateway.errors import StoreError
 from gateway.store import Store
 from gateway.workflow.results.reporting import material_of
 from tests.unit.programs.sites import site_file
@@ -56,3 +59,19 @@ def test_what_ended_a_run_stands_in_its_report(tmp_path: Path) -> None:
     run = Store(tmp_path).create("hall-3", {"site_file": str(site_file(tmp_path, "demo", plan=False))})
     run.set_state("failed", error={"code": "E-CAP-BEAM", "what": "the beam was lost"})
     assert material_of(run).findings == ("the beam was lost",)
+
+
+def test_a_run_is_removed_unless_a_push_rests_on_it(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    gone, kept = store.create("one"), store.create("two")
+    kept.put("push-X1", Ambient(1.0))
+    assert CliRunner().invoke(app, ["runs", "rm", gone.run_id, "--store", str(tmp_path)], input="n\n").exit_code == 1
+    assert gone.path.exists()
+    done = CliRunner().invoke(app, ["runs", "rm", gone.run_id, "--yes", "--store", str(tmp_path)])
+    assert done.exit_code == 0, done.output
+    assert not gone.path.exists()
+    told = CliRunner().invoke(app, ["runs", "rm", kept.run_id, "--yes", "--store", str(tmp_path)])
+    assert isinstance(told.exception, StoreError)
+    assert told.exception.code == "E-STORE-RESTS"
+    assert kept.path.exists()
+    assert any(entry["action"] == "remove-run" for entry in audit.entries(tmp_path))

@@ -10,7 +10,7 @@ from click.testing import Result
 from typer.testing import CliRunner
 
 from drivers.errors import ConfigError, TrueflankError
-from gateway.cli.commands import app
+from gateway.cli import app
 
 GOLDEN = Path(__file__).parents[2] / "golden"
 RUNNER = CliRunner()
@@ -103,7 +103,7 @@ class TestDiff:
         different = typed("diff", first, other)
         assert different.exit_code == 1
         assert "EEC X1 encoder 0 X1(X1): 1 of 3 points differ" in different.output
-        assert "largest: EEC X1 encoder 0 X1(X1) at 50: +2.5000 um" in different.output
+        assert "largest: EEC X1 encoder 0 X1(X1) at 50: +2.5000 µm" in different.output
         for trouble in (broken, gap, tmp_path / "none.ini"):
             assert typed("diff", first, trouble).exit_code == 2
         assert "line 8" in typed("diff", first, broken).output

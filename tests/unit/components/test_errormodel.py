@@ -77,7 +77,7 @@ def test_locations_are_those_of_the_bed_frame_that_x_and_z_make(seed: int) -> No
         assert found[name].value == pytest.approx(value_arcsec, abs=0.3), name
         assert abs(found[name].value - value_arcsec) < 4.0 * found[name].u + 0.02
         assert 0.0 < found[name].u < 0.2
-    assert "own angle is +0.8" in found["B0Z"].how
+    assert "angle error of the square is +0.8" in found["B0Z"].how
 
 
 def test_uncertainty_covers_what_is_left_and_is_blind_to_slopes() -> None:
@@ -131,7 +131,7 @@ def test_one_direction_alone_loses_all_that_comes_once_a_turn() -> None:
     at = PLACES["C"]
     values = value(model.motions[0], at)
     assert abs(np.mean(values * np.exp(1j * np.deg2rad(at)))) < 0.05
-    assert any("cannot be told from" in line for line in model.said)
+    assert any("cannot be separated from" in line for line in model.said)
 
 
 def test_half_a_square_or_bar_is_no_location_and_stays_unknown() -> None:

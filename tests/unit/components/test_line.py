@@ -12,7 +12,6 @@ import pytest
 from drivers.types.sensing import Ambient
 from gateway.config import SiteFile
 from gateway.domain.captures import Between, Capture
-from gateway.evaluate.behaviour.repetitions import robust_means
 from gateway.evaluate.geometry.lever import arms
 from gateway.evaluate.geometry.measurement import Measurement, means_of
 from gateway.evaluate.optics.corrections import begin
@@ -21,7 +20,7 @@ from gateway.store import RunFolder, Store
 from gateway.workflow import stages
 from gateway.workflow.axes.line import on_its_line
 from gateway.workflow.axes.measure import MeasuredAxis
-from gateway.workflow.axes.propose import _fit
+from gateway.workflow.axes.structure import structure_of
 from gateway.workflow.errors21.components import conclude
 from gateway.workflow.errors21.fromsetups import axes_measured
 from tests.unit.components.machine import Machine, X
@@ -79,7 +78,7 @@ def test_the_range_is_that_of_the_line_that_counts(tmp_path: Path, seed: int) ->
     found = of(tmp_path, machine, site_of())
     assert pytest.approx(true_range(machine), abs=0.2) == found.evaluation.M
     assert found.capture.line_mm == OFFSET
-    assert any("on the line of EXX" in flag and "Y +60, Z +120" in flag for flag in found.evaluation.flags)
+    assert any("on the functional line of EXX" in flag and "Y +60, Z +120" in flag for flag in found.evaluation.flags)
 
 
 @pytest.mark.parametrize("seed", [1, 5, 9, 18])
@@ -91,7 +90,7 @@ def test_the_table_is_made_from_the_curve_that_the_model_has(seed: int) -> None:
     one = Measurement("EZZ", "Z", "mm", at, rough[:, None, None] + rng.normal(0.0, 0.05, (at.size, 5, 2)))
     model = means_of(one).fitted()
     axis = next(axis for axis in site_of().axes if axis.name == "Z1")
-    table = _fit(axis, MeasuredAxis(captured(one), None, ""), robust_means(at, one.deviations))  # type: ignore[arg-type]
+    table = structure_of(axis, captured(one)).component
     np.testing.assert_allclose(value(table, at), value(model, at), atol=1e-6)
     assert np.ptp(value(table, at) - rough) < 0.3
 

@@ -51,15 +51,15 @@ def test_uncertainties_of_instruments_are_given_or_usual() -> None:
 
 
 WRONG: list[tuple[dict[str, Any], str]] = [
-    (setup("EYZ", "X1"), "one of axis Z, not X"),
-    (setup("EYX", "X9"), "no axis is called so (known: C1, X1, Z1"),
-    (setup("EYX", "X1", "nothing"), "no instrument is called so"),
+    (setup("EYZ", "X1"), "belongs to axis Z, not X"),
+    (setup("EYX", "X9"), "there is no axis of that name (known: C1, X1, Z1"),
+    (setup("EYX", "X1", "nothing"), "no instrument of that name"),
     (setup("EYX", "X1", ""), "needs an instrument"),
     (setup("EYX", "X1", source="file"), "needs path and datum"),
     (setup("EYX", "X1", "", source="none"), "needs assumed"),
     (setup("A0C", "X1"), "measured as"),
     (setup("C0X", "X1"), "measured as"),
-    (setup("A0C", "Z1", park={"Q": 0.0}), "park names other axes"),
+    (setup("A0C", "Z1", park={"Q": 0.0}), "park must name other axes"),
     (setup("A0C", "Z1", park={"Z1": 0.0}), "cannot be parked"),
     (setup("EXC", "C1", offset_mm=[1.0, 0.0, 0.0]), "along the axis"),
     (setup("straight", "X1"), "must be an error motion"),

@@ -127,7 +127,7 @@ def test_an_eccentric_clamping_stays_within_what_it_is_said_to_be() -> None:
     moved = rms(far.fitted.deviation_um - plain.fitted.deviation_um)
     assert 0.1 < moved < plain.rms_u_um
     assert plain.rms_u_um > 2.0 * far.rms_u_um
-    assert any("off centre (within 0.5 um" in line for line in plain.said)
+    assert any("(within 0.5 µm" in line for line in plain.said)
 
 
 def test_glitches_and_points_that_tell_nothing_are_left_out_and_counted() -> None:
@@ -148,9 +148,9 @@ def test_glitches_and_points_that_tell_nothing_are_left_out_and_counted() -> Non
     found = inspected_flank(RV40E, both, ABOUT)
     plain = inspected_flank(RV40E, given, ABOUT)
     assert found.k.size == plain.k.size - wild.size
-    assert any(line.startswith("4 reading(s)") for line in found.said)
+    assert any(line.startswith("4 outlier(s)") for line in found.said)
     assert any(line.startswith("8 point(s)") for line in found.said)
-    assert any("nobody said how well the probe touches" in line for line in found.said)
+    assert any("the probing uncertainty is not stated" in line for line in found.said)
     assert np.max(np.abs(found.fitted.deviation_um - plain.fitted.deviation_um)) < 0.3
     assert found.u_um == pytest.approx(NOISE_UM, rel=0.05)
     noisy = given.points_mm.copy()
@@ -237,4 +237,4 @@ def test_gears_alone_guard_the_machine() -> None:
     for other in (measured(7, HEIGHTS, 11), measured(7, (-4.5, 0.3, 4.2)), measured(7, (-4.5, -1.7, 0.9, 4.2))):
         verdict = guard_flanks(approved, inspected_flank(RV40E, other, ABOUT), RV40E, 2.0)
         assert verdict.answer == "cannot tell"
-        assert any("same places" in line for line in verdict.said)
+        assert any("same points" in line for line in verdict.said)

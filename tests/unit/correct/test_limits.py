@@ -177,7 +177,7 @@ def test_doubts_of_fitted_components_come_from_their_covariance() -> None:
 
 
 def test_a_controller_with_too_few_points_is_told() -> None:
-    with pytest.raises(TooManyPoints, match="reserved 12"):
+    with pytest.raises(TooManyPoints, match="12 reserved"):
         correct(machine(1)[0], GRID, replace(PLAN, reserved={"X(C)": 12}))
 
 

@@ -78,8 +78,8 @@ def test_it_asks_again_until_it_is_a_number_and_says_why() -> None:
         said = questions(desk)
         assert [text.count("\n") for text in said] == [0, 1, 1, 1]
         assert "X 100 mm" in said[0]
-        assert "no plain number" in said[1]
-        assert "other decimal mark" in said[2]
+        assert "not a plain number" in said[1]
+        assert "wrong decimal mark" in said[2]
         assert device.typed[0].value == 7.5
         assert device.typed[0].label == "X 100 mm"
 

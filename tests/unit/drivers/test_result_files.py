@@ -106,7 +106,7 @@ def test_utf16_with_its_mark(tmp_path: Path) -> None:
     ("1    2    1.250", "0    2    1.250", "E-FILE-LINE", "run 0"),
     ("1    2    1.250", "1.5  2    1.250", "E-FILE-LINE", "row"),
     ("0.000000  50", "0.0.0  50", "E-FILE-LINE", "0.0.0"),
-    ("Target-count: 3", "Target-count: 4", "E-FILE-COUNT", "4 are stated but 3 found"),
+    ("Target-count: 3", "Target-count: 4", "E-FILE-COUNT", "declares 4 but holds 3"),
     ("Run-count:2", "Run-count:1", "E-FILE-COUNT", "run 2"),
     ("Run-count:2", "Run-count:many", "E-FILE-COUNT", "many"),
     ("-50.000000  0.000000", "-50.000000  60.000000", "E-FILE-TARGETS", "rise nor fall"),

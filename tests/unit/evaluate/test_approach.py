@@ -78,3 +78,22 @@ def test_one_side_alone_tells_its_scatter_where_it_repeats_and_no_reversal(repet
         found.append(approach_of(capture(one_way)))
     assert rms([one.scatter for one in found]) == pytest.approx(scatter, rel=0.08)
     assert [one.reversal for one in found] == [0.0] * 30
+
+
+def test_a_standstill_test_takes_the_instruments_noise_off_the_axis() -> None:
+    """Noise slower than a reading's window: the windows see none of it, readings at rest see it all."""
+    rng, kept, blind = np.random.default_rng(9), [], []
+    for seed in range(30):
+        noisy = read(seed, 5, 0.1) + rng.normal(0.0, 0.3, (TARGETS.size, 5, 2))
+        rest = float(np.std(rng.normal(0.0, 0.3, 12), ddof=1))
+        one = replace(capture(noisy, 0.02), rest_u=rest, rest_count=12)
+        kept.append(approach_of(one).scatter)
+        blind.append(approach_of(replace(one, rest_count=0)).scatter)
+    assert rms(blind) > 0.28
+    assert rms(kept) == pytest.approx(0.1, abs=0.07)
+
+
+def test_readings_at_rest_that_show_no_more_than_their_windows_change_nothing() -> None:
+    rng, one = np.random.default_rng(3), capture(read(1, 5, 0.1), 0.05)
+    found = [replace(one, rest_u=float(np.std(rng.normal(0.0, 0.05, 6), ddof=1)), rest_count=6) for _ in range(100)]
+    assert sum(approach_of(rested).scatter != approach_of(one).scatter for rested in found) <= 10

@@ -9,7 +9,8 @@ import pytest
 from typer.testing import CliRunner
 
 from drivers.errors import TrueflankError
-from gateway.cli.commands import app
+from gateway.cli import app
+from gateway.cli.exits import LIMIT_EXCEEDED
 from tests.unit.evaluate.real_sets import SETS, table
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "files"
@@ -29,9 +30,9 @@ def csv_of(tmp_path: Path, name: str) -> str:
     return str(path)
 
 
-def told(*words: str) -> dict:
+def told(*words: str, code: int = 0) -> dict:
     result = RUNNER.invoke(app, ["evaluate", *words, "--json"])
-    assert result.exit_code == 0, result.output
+    assert result.exit_code == code, result.output
     return json.loads(result.stdout)[0]
 
 
@@ -51,11 +52,12 @@ def test_a_real_file_by_several_standards_with_all_its_labels(tmp_path: Path) ->
 def test_verdicts_are_pass_fail_and_not_decidable_with_the_rule(tmp_path: Path) -> None:
     path = csv_of(tmp_path, "ess_target_b02_x")
     limits = ("--limit", "A=200", "--limit", "E=50", "--limit", "R=56")
-    found = told(path, *limits)["verdicts"]
+    found = told(path, *limits, code=LIMIT_EXCEEDED)["verdicts"]
+    assert told(path, "--limit", "A=200")["verdicts"][0]["verdict"] == "pass"
     assert [item["verdict"] for item in found] == ["pass", "fail", "not decidable"]
     assert all("ISO 14253-1" in item["rule"] for item in found)
     text = RUNNER.invoke(app, ["evaluate", path, *limits]).output
-    for words in ("A <= 200 um: PASS", "E <= 50 um: FAIL", "R <= 56 um: NOT DECIDABLE", "rule: ISO 14253-1"):
+    for words in ("A <= 200 µm: PASS", "E <= 50 µm: FAIL", "R <= 56 µm: NOT DECIDABLE", "rule: ISO 14253-1"):
         assert words in text
 
 

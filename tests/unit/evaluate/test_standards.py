@@ -217,4 +217,4 @@ def test_a_budget_from_a_file_never_takes_20_degrees_for_granted() -> None:
     assert known.expansion == pytest.approx(0.6)
     assert "5 to 35 degC" in " ".join(notes)
     assert file_budget("um", 0.0, None)[0].systematic == 0.0
-    assert file_budget("arcsec", 360.0, None)[0].systematic == 1.0
+    assert file_budget("arcsec", 360.0, None)[0].turning == 1.0

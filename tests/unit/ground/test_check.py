@@ -81,27 +81,33 @@ axis = "X1"
 component = "EYX"
 instrument = "laser"
 park = { C1 = 0.0 }
+
+[moves]
+safe = { X1 = [-400.0, 0.0], C1 = [0.0, 360.0], S1 = "any" }
 """
 
 # (old, new, line, column, words that must be told)
 MISTAKES = [
     ('driver = "umd"', 'driver = "udm"', 16, 10, "known: attocube-ids, bridge, bridge-gear, manual, umd"),
     ('driver = "sinumerik-opcua"', 'driver = "sinumerik-opc"', 5, 10, "did you mean sinumerik-opcua?"),
-    ('name = "C1"', 'name = "x1"', 43, 8, "taken by number 1"),
-    ('letter = "C"', 'letter = "X"', 44, 10, "letter is taken by axis number 1"),
-    ('name = "ring"', 'name = "laser"', 20, 8, "taken by number 1"),
-    ('name = "ring"', 'name = "controller"', 20, 8, "another one"),
+    ('name = "C1"', 'name = "x1"', 43, 8, "number 1 already has this name"),
+    ('letter = "C"', 'letter = "X"', 44, 10, "axis number 1 already has this letter"),
+    ('name = "ring"', 'name = "laser"', 20, 8, "number 1 already has this name"),
+    ('name = "ring"', 'name = "controller"', 20, 8, "another name"),
     ('"EXX"', '"EXQ"', 32, 13, "EXX"),
     ('"EXX"', '"EZZ"', 32, 13, "axis X1: measure.component"),
     ('"EYX"', '"EQX"', 64, 13, "must be an error motion"),
     ('"EYX"', '"EYZ"', 64, 13, "did you mean EYX?"),
     ('"EYX"', '"B0C"', 64, 13, "B0C on Z"),
+    ("X1 = [-400.0, 0.0]", "X1 = [0.0, -400.0]", 69, 15, "the lower limit first"),
+    ("X1 = [-400.0, 0.0]", "X1 = [100.0, 400.0]", 69, 15, "travel"),
+    ("X1 = [-400.0, 0.0]", "X1 = 3", 69, 15, "moves.safe.X1"),
     ("minimum = -400.0", "minimum = -500.0", 38, 11, "travel -420 to 20"),
-    ("minimum = -400.0\nmaximum = 0.0", "minimum = 0.0\nmaximum = -400.0", 40, 8, "minimum must lie below maximum"),
+    ("minimum = -400.0\nmaximum = 0.0", "minimum = 0.0\nmaximum = -400.0", 40, 8, "minimum must be below maximum"),
     ("step = 20.0", "step = 19.0", 40, 8, "step must divide"),
-    ("first = -400.0", "first = -500.0", 33, 21, "must lie in the travel"),
+    ("first = -400.0", "first = -500.0", 33, 21, "must be within the travel"),
     ("first = -400.0, last = 0.0", "first = 0.0, last = 0.0", 33, 33, "must differ from first"),
-    ("count = 21, off", "count = 9, window = { first = 1.0, last = 90.0, step = 1.0 }, off", 33, 83, "must lie in"),
+    ("count = 21, off", "count = 9, window = { first = 1.0, last = 90.0, step = 1.0 }, off", 33, 83, "must be within"),
     ("count = 24", "count = 1", 52, 48, "count must be 2 or more"),
     ("count = 24", 'count = "iso"', 52, 48, '"iso230-2"'),
     ("first = 0.0, last = 345.0, count = 24", "positions = [0.0, 90.0, 90.0]", 52, 37, "twice"),
@@ -138,7 +144,7 @@ MISTAKES = [
     ("park = { C1 = 0.0 }", "park = { X1 = 0.0 }", 66, 15, "cannot be parked"),
     ('axis = "X1"', 'axis = "X2"', 63, 8, "did you mean X1?"),
     ('name = "grinder-7"', 'name = "../grinder"', 2, 8, "without blanks"),
-    ('name = "laser"', 'name = "CON"', 15, 8, "no device name"),
+    ('name = "laser"', 'name = "CON"', 15, 8, "a device name"),
     ("[controller]", "[controler]", 4, 1, "did you mean controller?"),
     ("[controller]", "[[controller]]", 4, 1, "single brackets"),
     ('[[axes]]\nname = "C1"', '[[axis]]\nname = "C1"', 42, 1, "did you mean axes?"),
@@ -148,8 +154,8 @@ BROKEN = [
     ("stable = 0.5", "stable = 0,5", 35, "decimal point"),
     ('url = "COM5"', r'url = "C:\Users\ann"', 17, "single quotes"),
     ('url = "COM5"', r'url = "\\.\COM12"', 17, "single quotes"),
-    ("stable = 0.5", "stable = 0.5\nstable = 0.6", 36, "before"),
-    ("modulo = true", "modulo = True", 46, "small letters"),
+    ("stable = 0.5", "stable = 0.5\nstable = 0.6", 36, "occurs earlier"),
+    ("modulo = true", "modulo = True", 46, "lower case"),
     ('letter = "X"', "letter = X", 26, "double quotes"),
     ("[site]", "[site", 1, ""),
     ("[axes.table]", "[site]", 37, "twice"),
@@ -243,7 +249,7 @@ def test_what_is_no_file_or_too_large_is_refused_at_once(folder: Path) -> None:
     written(folder, WHOLE)
     for name, told in (
         ("large.toml", "1048576"),
-        ("pipe", "no plain file"),
+        ("pipe", "not a regular file"),
         ("", "folder"),
         ("sit.toml", "site.toml?"),
     ):
@@ -254,7 +260,7 @@ def test_what_is_no_file_or_too_large_is_refused_at_once(folder: Path) -> None:
 
 def test_files_that_are_named_and_missing_are_told(folder: Path) -> None:
     (folder / "password.txt").unlink()
-    (folder / "control.der").write_text("no certificate")
+    (folder / "control.der").write_text("not a certificate")
     (folder / "runs").write_text("a file")
     text = changed("stable = 0.5", 'stable = 0.5\nfile = "x1.rtl"\nfile_datum = 0.0') + '[work]\ngear = "gear.toml"\n'
     (folder / "gear.toml").write_text("[gear]\n")
@@ -269,7 +275,7 @@ def test_files_that_are_named_and_missing_are_told(folder: Path) -> None:
 def test_an_overrun_beyond_the_travel_is_a_doubt_and_no_fault(folder: Path) -> None:
     found = checked(written(folder, changed("[-420.0, 20.0]", "[-402.0, 20.0]")))
     assert found.faults == ()
-    assert "turns at -405" in found.doubts[0].error("f").what
+    assert "reverses at -405" in found.doubts[0].error("f").what
 
 
 def test_the_command_tells_people_and_programs(folder: Path) -> None:

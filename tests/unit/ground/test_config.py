@@ -66,7 +66,7 @@ def test_a_good_site_file_is_read_with_its_defaults(tmp_path: Path) -> None:
         (
             'instrument = "laser"',
             'instrument = "lazer"',
-            "is called so (known: laser; did you mean laser?)",
+            "of that name (known: laser; did you mean laser?)",
         ),
         ("feed = 6000.0", "feed = 6000.0\nsign = -1", "axis X1: measure.sign"),
         ("feed = 6000.0", "", "axis X1: measure.feed: is missing"),
@@ -93,7 +93,7 @@ def test_a_missing_file_is_told_so(tmp_path: Path) -> None:
 
 def test_two_instruments_of_one_name_are_refused(tmp_path: Path) -> None:
     twice = GOOD.replace("[[axes]]", '[[instruments]]\nname = "laser"\ndriver = "umd"\nurl = "tcp://x:1"\n\n[[axes]]')
-    with pytest.raises(ConfigError, match="taken by number 1"):
+    with pytest.raises(ConfigError, match="number 1 already has this name"):
         load_site(_site(tmp_path, twice))
 
 

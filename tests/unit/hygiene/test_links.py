@@ -18,15 +18,15 @@ from drivers.types.orders import SignProof
 from drivers.types.sensing import Ambient
 from gateway import audit
 from gateway.approve import Approvals
-from gateway.daemon.lock import LOCK_FILE, locked
-from gateway.daemon.stored import newest_runs, stored_report
-from gateway.daemon.token import TOKEN_FILE, token_of, token_path
+from gateway.broker.lock import LOCK_FILE, locked
+from gateway.broker.token import TOKEN_FILE, token_of, token_path
 from gateway.domain.proposals import Approval
 from gateway.errors import StoreError
 from gateway.push.records import journal, numbering
 from gateway.push.records.lock import held
 from gateway.store import Proofs, Store
 from gateway.store.rawstream import RawRecorder, StreamFacts
+from gateway.views.stored import newest_runs, stored_report
 from gateway.watch.journal import WatchJournal as Watched
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="links and rights are told so on POSIX only")
@@ -125,7 +125,7 @@ def test_a_pipe_in_a_files_place_keeps_nobody_waiting(tmp_path: Path) -> None:
     with pytest.raises(StoreError), held(tmp_path):
         pytest.fail("a pipe was locked")
     os.mkfifo(tmp_path / "pipe")
-    with pytest.raises(OSError, match="plain file"):
+    with pytest.raises(OSError, match="regular file"):
         ownfiles.read_own(tmp_path / "pipe")
 
 

@@ -22,11 +22,12 @@ from gateway.errors import CorruptRecord, StoreError
 from gateway.push.records.journal import machine_folder
 from gateway.store import Store, records
 from gateway.study.files import load_gear
-from gateway.web.app import create_app
+from gateway.web import reading
 from simulators.cellfile import load_cell
 from tests.unit.ground.test_config import GOOD
 from tests.unit.web.client import Client
-from tests.unit.web.pictures import status
+from tests.unit.web.services import TOKEN, offered
+from tests.unit.web.test_daemon import SITE
 
 EVIL = "../../../../../evil"
 BAD = [EVIL, "a/b", "a\\b", ".hidden", "", " a", "a ", "a.", "CON", "nul.txt", "Com1", "LPT9.trace", "-x", "a\x1b[2J"]
@@ -156,18 +157,19 @@ def test_a_run_by_a_name_that_leaves_the_store_is_none(tmp_path: Path) -> None:
         assert "\x1b" not in str(caught.value)
 
 
-def test_the_page_asks_for_reports_of_runs_only() -> None:
+def test_the_page_asks_for_reports_of_runs_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[str] = []
 
-    def report(run_id: str) -> str | None:
+    def report(_store: Store, run_id: str) -> str | None:
         asked.append(run_id)
         return "<p>r</p>"
 
-    client = Client(create_app(status, None, "t" * 43, report))
+    monkeypatch.setattr(reading, "stored_report", report)
+    client = Client(offered(tmp_path, SITE).app, headers={"Authorization": f"Bearer {TOKEN}"})
     for name in ("%2e%2e", "a%5cb", "CON", "a%1b", ".x", "x" * 121):
-        assert client.get(f"/runs/{name}/report").status_code == 404
+        assert client.get(f"/api/v1/sites/hall-3/runs/{name}/report").status_code == 404
     assert asked == []
-    assert client.get("/runs/20261121T-a.b/report").status_code == 200
+    assert client.get("/api/v1/sites/hall-3/runs/20261121T-a.b/report").status_code == 200
 
 
 def test_a_record_that_names_a_file_elsewhere_is_not_believed(tmp_path: Path) -> None:

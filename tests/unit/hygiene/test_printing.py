@@ -11,7 +11,8 @@ from jinja2 import Environment
 
 from drivers.errors import TrueflankError
 from drivers.local.names import visible
-from gateway.cli.show import echo, progress, show_error, show_json, show_table
+from gateway.cli.screen.telling import progress
+from gateway.cli.show import echo, show_error, show_json, show_table
 from gateway.report import page
 from gateway.web import app as web
 
@@ -61,7 +62,7 @@ def test_one_place_prints() -> None:
 
 
 def test_every_page_escapes() -> None:
-    made: list[Environment] = [web._page().environment, page._template().environment]
+    made: list[Environment] = [web._page("status.html.j2").environment, page._template().environment]
     for environment in made:
         assert environment.autoescape is True
         said = environment.from_string("{{ name }}").render(name="<script>\x1b\u202e&")

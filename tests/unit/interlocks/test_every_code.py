@@ -19,6 +19,7 @@ from drivers.types.sensing import Ambient
 from drivers.types.tables import LiveSet, LiveTable, TemperatureShift
 from gateway.domain.proposals import Approval
 from gateway.interlocks import PushFacts, needed, refusals, warnings
+from gateway.interlocks.measured import allowed_drift_k
 from gateway.push import conversation, plan_hash, push_table
 from tests.selftested import passed
 from tests.unit.interlocks.asked import replace
@@ -299,6 +300,20 @@ def test_each_warning_asks_for_a_second_person(code: str, facts: PushFacts) -> N
 def test_warmth_is_judged_by_what_is_read_now() -> None:
     assert codes(replace(GOOD, ambient_now=None)) == set()
     assert codes(replace(GOOD, ambient_now=Ambient(material_degc=(23.1,)))) == {"E-INT-WARMTH"}
+
+
+def test_degrees_count_by_what_they_spoil_of_the_table() -> None:
+    def allowed(scale: float, **values: object) -> float:
+        table = replace(NEW, deviations=tuple(scale * one for one in NEW.deviations), **values)
+        return allowed_drift_k(replace(CHANGE, new=table, old_enabled=False))
+
+    assert allowed(0.1) == allowed(0.0) == 2.0
+    assert allowed(2.0) == pytest.approx(0.25 * 31.0 / (3.5e-3 * 400.0))
+    assert allowed(2.0, maximum=800.0, step=100.0) == pytest.approx(allowed(2.0) / 2.0)
+    assert allowed(50.0) == 8.0
+    assert allowed(0.1, output_unit="deg") == 8.0
+    assert allowed(2.0, kind="cross", index=1) == 4.0
+    assert allowed(2.0, kind="cross", index=1, output_unit="deg") == 8.0
 
 
 def test_the_plan_hash_is_of_what_is_written_and_nothing_else() -> None:

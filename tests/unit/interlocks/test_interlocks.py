@@ -14,6 +14,7 @@ from drivers.errors import catalogue
 from drivers.types.abilities import TableLimits
 from drivers.types.identity import MachineIdentity
 from drivers.types.machine import AxisState, ChannelStatus, MachineState
+from drivers.types.moves import SafePlaces
 from drivers.types.orders import SignProof
 from drivers.types.sensing import Ambient
 from drivers.types.tables import CompensationTable, LiveSet, LiveTable
@@ -22,6 +23,7 @@ from gateway.domain.captures import Capture, Corrections
 from gateway.domain.equipment import SenseProof
 from gateway.domain.proposals import TableChange
 from gateway.interlocks import PushFacts, refusals, value_at
+from tests.placed import PLACES
 from tests.unit.interlocks.asked import CAN, Asked, replace
 
 NOW = datetime(2026, 11, 21, 12, tzinfo=UTC)
@@ -43,7 +45,7 @@ CHANGE = TableChange("X1", OLD, NEW, True, "digest", TARGETS, np.full(9, 0.1), n
 GOOD = PushFacts(
     CHANGE, "table", "start",
     Asked(MACHINE, AXIS, proof=PROOF, capture=CAPTURE, ambient_now=Ambient(20.0, material_degc=(20.0,))),
-    CAN, MACHINE, STATE, TableLimits(100, 1e-6, 1.0), 0.0, NOW, True,
+    CAN, MACHINE, STATE, TableLimits(100, 1e-6, 1.0), 0.0, NOW, True, places=PLACES,
 )  # fmt: skip
 
 
@@ -106,6 +108,8 @@ RULES: list[tuple[str, PushFacts]] = [
     ("E-INT-REFERENCE", replace(GOOD, state=axis(referenced=False))),
     ("E-INT-MOVING", replace(GOOD, state=axis(in_position=False))),
     ("E-INT-ACCESS", replace(GOOD, state=replace(STATE, access_level=4), access_level_needed=3)),
+    ("E-INT-NO-PLACE", replace(GOOD, places=SafePlaces())),
+    ("E-INT-OUTSIDE", replace(GOOD, places=SafePlaces({"X1": (5.0, 400.0)}))),
     ("E-INT-NAME", replace(GOOD, typed_name="")),
     ("E-INT-NAME", replace(GOOD, typed_name="Mill")),
     ("E-INT-UNFINISHED", replace(GOOD, unfinished=("tx-000001.jnl",))),
@@ -280,3 +284,12 @@ def test_any_table_gives_reasons_never_a_crash(
             assert np.all(np.isfinite(values))
             assert abs(value_at(table, 0.0)) <= 0.1 + 1e-6
             assert np.max(np.abs(values)) <= 200.0 + 1e-6
+
+
+def test_a_reading_out_of_line_that_no_table_was_fitted_to_is_no_scatter() -> None:
+    """A file brings its outliers with it, and nothing can be taken again."""
+    deviations = DEVIATIONS.copy()
+    far = (2, 1, 0)
+    deviations[far] += 40.0
+    assert "E-INT-REPEAT" in codes(captured(deviations=deviations))
+    assert "E-INT-REPEAT" not in codes(captured(deviations=deviations, suspects=(far,)))

@@ -32,7 +32,7 @@ _PART = GrindPlan(
 GENERATED = (
     measuring(_PLAN, 123456, SETTING),
     pushing(
-        PushOrder(7, _TABLE, "Z", False, True, 0.0, "sign-proof"), Setting(Words(), Memory(0, (0, 3)), modulo=False)
+        [(PushOrder(7, _TABLE, "Z", False, True, 0.0, "sign-proof"), Setting(Words(), Memory(0, (0, 3)), modulo=False))]
     ),
     disabling(DisableOrder(7, "axis", "X1", 0), SETTING),
     grinding(_PART, 123456, GrindSetting(Words(), {})),

@@ -51,8 +51,8 @@ def test_single_letters_are_no_variables_and_are_told_once() -> None:
     text = "DEF INT UERR, N, K\nFOR N=0 TO 3\nK=N+1\nR1=K*N\nENDFOR\nM30\n"
     found = check(text)
     assert [(item.line, item.code) for item in found] == [(1, "E-LEGAL-NAME")] * 2
-    assert found[1].words.startswith("line 1: N is no name for a variable")
-    assert "begins with U" in found[1].words
+    assert found[1].words.startswith("line 1: N is not a valid name for a variable")
+    assert "beginning with U" in found[1].words
 
 
 def test_an_axis_of_the_machine_and_a_known_sub_program_are_no_unknown_words() -> None:

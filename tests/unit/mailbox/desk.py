@@ -9,6 +9,7 @@ from typing import Any
 from drivers.sinumerik.mailbox.device import SinumerikModbus
 from drivers.types.orders import PushOrder, SignProof
 from drivers.types.tables import CompensationTable, LiveSet
+from tests.batches import sets_of
 from tests.unit.mailbox.rogue import Rogue, serving
 
 VALUES = tuple(float(value) for value in (0, 3, -1.5, 2.001, 0, *range(-27, 28), 1, 0))
@@ -41,11 +42,11 @@ async def order_for(device: SinumerikModbus, wanted: CompensationTable | None = 
 
 async def push(device: SinumerikModbus, order: PushOrder) -> tuple[LiveSet, LiveSet]:
     """The whole push."""
-    await device.stage(order)
-    sets = await device.read_back(order, 100.0)
-    await device.activate(order)
-    assert await device.confirm(order, 100.0)
-    await device.finish_push(order, "committed")
+    await device.stage((order,))
+    sets = sets_of(await device.read_back((order,), 100.0))
+    await device.activate((order,), (order,))
+    assert await device.confirm((order,), 100.0) == (True,)
+    await device.finish_push((order,), "committed")
     return sets
 
 

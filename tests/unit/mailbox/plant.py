@@ -19,7 +19,6 @@ SCAN_MS = 20
 AXES_EVERY = 5  # cycles between two looks at the axes
 BLOCK = "TF_Mailbox"
 _EEC, _CEC, _BACKLASH, _TEMPERATURE = 1, 2, 3, 4
-_KEY_AT_3 = 4
 _LEVEL = 0  # the plant's PLC writes with all rights
 _TEMPERATURES = ("$SA_TEMP_COMP_ABS_VALUE", "$SA_TEMP_COMP_SLOPE", "$SA_TEMP_COMP_REF_POSITION")
 _LIMIT = (1 << 31) - 1
@@ -45,7 +44,7 @@ class Plant:
 
     def __init__(self, nck: Nck) -> None:
         self.nck = nck
-        self.local_release = False
+        self.release = False
         self.button = False
         self._cycles = 0
         self._names = {number: axis.name for number, axis in zip(nck.spec.numbers, nck.spec.axes, strict=True)}
@@ -82,7 +81,7 @@ class Plant:
         self._cycles += 1
         answer.Ready = not nck.booting
         answer.InReset = answer.Ready and nck.channel_status == 0
-        answer.Released = nck.access_level <= _KEY_AT_3 or self.local_release
+        answer.Release = self.release
         answer.AlarmActive = bool(nck.alarms)
         answer.FirstAlarm = nck.alarms[0].number if nck.alarms else 0
         answer.Confirm = self.button
@@ -90,6 +89,7 @@ class Plant:
         answer.AccessLevel = nck.access_level
         answer.Mode = {"JOG": 0, "MDA": 1, "AUTO": 2}[nck.mode]
         answer.AxisCount, answer.TableCount = max(self._names), len(nck.spec.cec_points)
+        answer.AxisMap = sum(1 << (number - 1) for number in self._names)
         answer.Serial, answer.NckVersion = text(nck.spec.serial, 16), text(nck.spec.nck_version, 8)
 
     # ---- jobs -------------------------------------------------------------------------------------
@@ -162,21 +162,22 @@ class Plant:
         axis = self._names[job.Axis]
         if job.TableKind == _EEC:
             self.nck.set(f"$MA_ENC_COMP_ENABLE[{job.Encoder},{axis}]", on, _LEVEL)
+        elif job.TableKind == _BACKLASH:
+            self.nck.set(f"$MA_BACKLASH[{job.Encoder},{axis}]", job.Points[0] / self._value_unit(job.Axis), _LEVEL)
         else:
-            alone = on and job.AxisOnly
-            if on and not alone:
+            if on and not job.AxisOnly:
                 self.nck.set(f"$SN_CEC_TABLE_WEIGHT[{job.Index}]", 1.0, _LEVEL)
-            if not alone:
+            if not job.AxisOnly:
                 self.nck.set(f"$SN_CEC_TABLE_ENABLE[{job.Index}]", on, _LEVEL)
-            self.nck.set(f"$MA_CEC_ENABLE[{axis}]", on, _LEVEL)
+            if not job.TableOnly:
+                self.nck.set(f"$MA_CEC_ENABLE[{axis}]", on, _LEVEL)
+
+    def _let_act(self, _job: Any, _answer: Any) -> None:
         self.nck.core.newconf()
 
     # ---- the picture of a selection ---------------------------------------------------------------
 
     def _refresh(self, job: Any, answer: Any) -> None:
-        if job.Axis not in self._names:  # MD10000 is empty
-            answer.AxisName = [0] * 8
-            return
         axis = self._names[job.Axis]
         state = self.nck.axis_state(axis)
         value, cross = self._value_unit(job.Axis), job.TableKind == _CEC
@@ -188,6 +189,8 @@ class Plant:
             referenced,
             state.aa_stat == 4,
             state.aa_stat in (3, 4),
+            self.nck.core.axis(axis).active_encoder == 0,
+            self.nck.core.axis(axis).active_encoder == 1,
         )
         answer.AxisFlags = sum(1 << bit for bit, holds in enumerate(facts) if holds)
         eec, cec = self._switch_names(job.Encoder, axis)
@@ -199,6 +202,8 @@ class Plant:
         answer.Backlash = self._shown(self._real(f"$MA_BACKLASH[{job.Encoder},{axis}]") * value)
         weight = self._real(f"$SN_CEC_TABLE_WEIGHT[{job.Index}]") if cross else 0.0
         answer.Weight = self._shown(weight * 1e6)
+        answer.BacklashFactor = self._shown(self._real(f"$MA_BACKLASH_FACTOR[0,{axis}]") * 1e6)
+        answer.Encoders = round(self._real(f"$MA_NUM_ENCS[{axis}]"))
         answer.Reserved = self._reserved(job)
         self._table(job, answer)
 

@@ -18,7 +18,8 @@ from drivers.transport import ByteTransport, serve
 Lie = Callable[["Asked", bytes], "Iterable[bytes | float] | None"]
 
 STATUS, TAKEN, CRC, SESSION = 5, 6, 12, 14
-AT_REST = 0x00F1  # ready, in reset, standing, referenced, released
+AT_REST = 0x0071  # ready, in reset, standing, referenced
+RELEASED = 0x80
 
 
 def words(text: str, count: int) -> list[int]:
@@ -57,7 +58,7 @@ class Rogue:
     reserved: int = 70
     low_first: bool = False
     lie: Lie = lambda asked, reply: None
-    registers: list[int] = field(default_factory=lambda: [0] * 378)
+    registers: list[int] = field(default_factory=lambda: [0] * 388)
     tables: dict[int, list[int]] = field(default_factory=dict)
     grids: dict[int, list[int]] = field(default_factory=dict)
     enabled: set[int] = field(default_factory=set)
@@ -72,12 +73,13 @@ class Rogue:
         self.tables = {1: [0] * self.reserved, 2: [0] * self.reserved}
         self.grids = {1: [0] * 8, 2: [0] * 8}
         registers = self.registers
-        registers[0:4] = [0x4743, 2, *self._pair(0x12345678)]
+        registers[0:4] = [0x4743, 3, *self._pair(0x12345678)]
         registers[STATUS] = AT_REST
         registers[306:308] = [1, 2]
         registers[308:324], registers[324:332] = words("ROGUE-1", 16), words("4.8.6", 8)
         registers[349:351] = [2, 0]
         registers[377] = 2
+        registers[378:380] = self._pair(0b11)
 
     def _pair(self, value: int) -> list[int]:
         pair = [value >> 16 & 0xFFFF, value & 0xFFFF]
@@ -101,7 +103,7 @@ class Rogue:
             return
         head = registers[16:34]
         whole = self.received if head[0] == 4 else ()
-        covered = (head, registers[36:136]) if head[0] in (3, 10) else (head, whole)
+        covered = (head, registers[36:136]) if head[0] in (3, 5, 6, 10) else (head, whole)
         sound = self._crc(*covered) == registers[34:36]
         registers[TAKEN], registers[CRC : CRC + 2] = head[1], registers[34:36]
         error = self._do(head) if sound else 1
@@ -113,10 +115,17 @@ class Rogue:
         registers, command = self.registers, head[0]
         if command == 1:
             registers[SESSION] = head[3]
+            registers[STATUS] |= RELEASED  # somebody stands at the panel
+            registers[384] = 900
         elif command == 9:
             registers[SESSION] = 0
+            registers[STATUS] &= ~RELEASED
+            registers[384] = 0
         elif command == 10:
             registers[340:349] = registers[36:45]
+            registers[380:384] = registers[45:49]
+        if command in (5, 6):
+            head = [command, head[1], *registers[36:39], *[0] * 13]  # the first entry
         if command in (2, 3, 4, 5, 6, 7, 11):
             if head[3] not in self.tables:
                 return 9
@@ -127,7 +136,7 @@ class Rogue:
 
     def _select(self, kind: int, axis: int, encoder: int) -> None:
         registers = self.registers
-        registers[351:356] = [kind, axis, encoder, axis, 0b11101 if axis == 1 else 0b11111]
+        registers[351:356] = [kind, axis, encoder, axis, 0b111101 if axis == 1 else 0b111111]
         registers[332:340] = words({1: "X1", 2: "C1"}[axis], 8)
         registers[10] = self.reserved
         self._show()
@@ -139,7 +148,7 @@ class Rogue:
             registers[356:364] = [self.grids[axis][0], *self.grids[axis][1:7], axis]
             registers[364] = axis
             registers[366] = int(axis in self.enabled)
-            registers[355] = 0b11100 if axis == 1 else 0b11111
+            registers[355] = 0b111100 if axis == 1 else 0b111111
             registers[STATUS] = registers[STATUS] & ~0x200 | (0x200 if axis in self.enabled else 0)
 
     def _begin(self, head: list[int]) -> int:

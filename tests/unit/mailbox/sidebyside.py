@@ -27,11 +27,11 @@ SPEC: dict[str, Any] = {"axes": AXES, "cec_points": (12, 55, 4), "strict_activat
 OPEN, BEGIN, CHUNK, VERIFY, ACTIVATE, DISABLE, READ, ABORT, CLOSE, MARKER, SELECT = range(1, 12)
 BUSY, DONE, FAILED, WAITING = 2, 4, 8, 0x1000
 HEAD = (5, 6, 7, 8, 9, 10, 11, 12, 13, 14)
-AREAS = ((200, 102), (302, 76))
+AREAS = ((200, 102), (302, 86))
 ALARM = 700016
 ODD = (0, 1, 2, 3, 4, 5, 6, 9, 0x10, 0x11, 50, 51, 61, 0x7FFF, 0x8000, 0xFFFF)
 TOO_LONG = 4000
-RESTLESS = {5, *range(302, 306), 355, *range(369, 373)}  # what follows an axis, refreshed twice a second
+RESTLESS = {5, *range(302, 306), 355, 366, *range(369, 375)}  # what follows the machine, refreshed twice a second
 LOOK = 7
 
 
@@ -115,7 +115,8 @@ class Pair:
         found: dict[int, int] = dict(zip(range(15), self.double.read(0, 15), strict=True))
         for first, count in AREAS:
             found |= dict(zip(range(first, first + count), self.double.read(first, count), strict=True))
-        found.pop(4)  # the heart-beat counts each one's own seconds
+        for seconds in (4, 384):  # each counts its own
+            found.pop(seconds)
         return found, {register: self.text.registers[register] for register in found}
 
     def difference(self) -> dict[int, tuple[int, int]]:
@@ -145,7 +146,7 @@ class Pair:
 
     def named(self, code: int) -> list[int]:
         """A head that names a table: 18-20 and, for a cross table, 32."""
-        kind = self.chance.choice((1, 1, 1, 2, 2, 2, 3, 4) if code in (READ, SELECT) else (1, 1, 1, 2, 2))
+        kind = self.chance.choice((1, 1, 1, 2, 2, 2, 3, 4) if code in (READ, SELECT) else (1, 1, 1, 2, 2, 3))
         index = self.chance.randrange(3) if kind == 2 else self.chance.choice((1, 1, 2, 3, 3))
         head = [code, 0, kind, index, self.chance.randrange(2), *[0] * 13]
         if kind == 2:
@@ -155,13 +156,17 @@ class Pair:
     def sound_begin(self) -> list[int]:
         """Command 2 as a PC would send it."""
         head = self.named(BEGIN)
+        if head[2] == 3:
+            head[12] = self.chance.choice((1, 1, 1, 1, 2))
+            return head
         most = (30, 8, 0, 0, 70, 5)[2 * (head[3] - 1) + head[4]] if head[2] == 1 else (12, 55, 4)[head[3]]
         total = self.chance.randrange(2, max(most, 2) + 1)
         if self.chance.random() < 0.08:
             total = self.chance.choice((0, 1, most + 1, 5001, 0x8000, 0xFFFF))
         low, step = self.chance.randrange(-100_000, 100_000), self.chance.randrange(1, 30_000)
+        over = self.chance.choice((0, 0, step - 1, self.chance.randrange(-1, step + 1)))
         head[5] = self.chance.choice((0, 1, 2, 4, 8) if head[2] == 2 else (0, 0, 1))
-        head[6:12] = [*self.dint(low), *self.dint(step), *self.dint(low + step * (total - 1))]
+        head[6:12] = [*self.dint(low), *self.dint(step), *self.dint(low + step * (total - 1) + over)]
         head[12] = total
         if head[2] == 2:
             head[15], head[17] = self.chance.choice((1, 2, 3)), self.chance.choice((0, 0, 1, 3))
@@ -186,20 +191,40 @@ class Pair:
                 return self.next_chunk(load)
             return [VERIFY, *load.head[1:]], []
         if load is not None and chance.random() < 0.3:
-            return [chance.choice((ACTIVATE, READ)), *load.head[1:5], *[0] * 11, load.head[16], 0], []
+            if chance.random() < 0.5:
+                return self.switching(ACTIVATE, [self.entry_of(load.head)])
+            return [READ, *load.head[1:5], *[0] * 11, load.head[16], 0], []
         code = chance.choices(
             (OPEN, BEGIN, CHUNK, VERIFY, ACTIVATE, DISABLE, READ, ABORT, CLOSE, MARKER, SELECT),
             (2, 24, 2, 2, 16, 16, 14, 3, 3, 5, 12),
         )[0]
         if code == BEGIN:
             return self.sound_begin(), []
+        if code in (ACTIVATE, DISABLE):
+            return self.switching(
+                code, [self.entry_of(self.named(BEGIN)) for _ in range(chance.choice((1, 1, 2, 3, 7)))]
+            )
         head = self.named(code)
         if code == READ:
             head[13], head[14] = chance.choice((0, 0, 1, 3)), chance.choice((1, 2, 3, 5, 12, 50))
-        if code == ACTIVATE and head[2] == 2:
-            head[5] = chance.choice((0, 0x10))
         words = [chance.randrange(0x3030, 0x3939) for _ in range(8)] + [chance.choice((0, 1, 2, 3, 3, 4))]
+        words += [chance.randrange(0x10000) for _ in range(4)]
         return head, words if code == MARKER else [0] * 2 if code == CHUNK else []
+
+    def entry_of(self, head: list[int]) -> list[int]:
+        """A table as an entry of commands 5 and 6."""
+        if head[2] == 2:
+            return [2, head[3], head[4], head[16], self.chance.choice((0, 0, 0x10, 0x20))]
+        return [head[2], head[3], head[4], head[3], 0]
+
+    def switching(self, code: int, entries: list[list[int]]) -> tuple[list[int], list[int]]:
+        """Command 5 or 6; now and then an entry is anything."""
+        if self.chance.random() < 0.08:
+            self.chance.choice(entries)[self.chance.randrange(5)] = self.chance.choice(ODD)
+        flags = self.chance.choice((0, 0, 0, 0x40)) if code == DISABLE else self.chance.choice((0,) * 9 + (0x10,))
+        head = [code, 0, 0, 0, 0, flags, *[0] * 12]
+        head[14] = len(entries)
+        return head, [word for entry in entries for word in entry]
 
     def spoiled(self, head: list[int]) -> None:
         """One or two registers are anything."""
@@ -209,6 +234,8 @@ class Pair:
     async def command(self) -> None:
         """One command from its writing to its end on both."""
         chance = self.chance
+        if self.text.registers[14] and not self.double.release.counts and chance.random() < 0.6:
+            await self.released()
         head, data = self.chosen()
         if chance.random() < 0.12:
             self.spoiled(head)
@@ -218,7 +245,7 @@ class Pair:
         head[1] = taken % 0xFFFF + 1
         if chance.random() < 0.03:
             head[1] = chance.choice((taken, head[1] % 0xFFFF + 1, 0, 0xFFFF))
-        full = [*data, *[0] * (100 - len(data))] if head[0] in (CHUNK, MARKER) else []
+        full = [*data, *[0] * (100 - len(data))] if head[0] in (CHUNK, MARKER, ACTIVATE, DISABLE) else []
         words = self.load.words if self.load else []
         check = crc([*head, *(words if head[0] == VERIFY else full)]) ^ (chance.random() < 0.02)
         self.write(head, full, check)
@@ -245,6 +272,8 @@ class Pair:
             else:
                 if fate == "disturb":
                     self.happening()
+                    self.double.write(36, [0] * 100)  # what was asked for stands, whatever comes after it
+                    self.text.registers[36:136] = [0] * 100
                     await self.pass_time(2)
                 self.double.confirm()
                 self.text.plant.button = True
@@ -282,16 +311,28 @@ class Pair:
             level = self.chance.choice((4, 4, 7))
             self.each(lambda nck: nck.set_access_level(level))
         elif what == "release":
-            self.double.local_release = self.text.plant.local_release = self.chance.random() < 0.5
+            self.release(self.chance.random() < 0.5)
         elif what == "alarm":
             self.each(lambda nck: nck.drive_alarm(ALARM, "coolant"))
         else:
             self.each(_moving)
 
+    def release(self, on: bool) -> None:
+        """The switch at the panel."""
+        self.double.release.set(on)
+        self.text.plant.release = on
+
+    async def released(self) -> None:
+        """Somebody gives the release anew."""
+        self.release(False)
+        await self.pass_time(3)
+        self.release(True)
+        await self.pass_time(3)
+
     def calmed(self) -> None:
-        """The machine is as before."""
+        """The machine is as before, the release taken back."""
         self.each(_calm)
-        self.double.local_release = self.text.plant.local_release = False
+        self.release(False)
 
     def hand_at_the_tables(self) -> None:
         """Somebody at the control writes what the mailbox cannot tell."""

@@ -83,7 +83,7 @@ def test_a_command_survives_and_every_flipped_bit_is_noticed(
     found = commands.decode(frame.header, word_order, frame.data, covered)
     assert (found.order, found.count, found.sound) == (order, count, True)
     assert len(frame.header) == 20
-    assert len(frame.data) == (100 if order.command in (Command.CHUNK, Command.MARKER) else 0)
+    assert len(frame.data) == (100 if order.command in commands.WITH_DATA else 0)
     place = count % (18 + len(frame.data))
     bent = [*frame.header, *frame.data]
     at = place if place < 18 else place + 2
@@ -143,9 +143,11 @@ def test_a_step_the_map_cannot_say_is_refused_never_rounded(step: float) -> None
     assert caught.value.code == "E-MBX-FRACTION"
 
 
-def test_a_grid_whose_step_does_not_divide_it_is_refused() -> None:
-    with pytest.raises(Gap):
-        grids.begin_order(table(maximum=25.0), 3, AXES)
+def test_a_step_that_does_not_divide_the_range_counts_as_the_control_counts() -> None:
+    assert grids.begin_order(table(maximum=25.0), 3, AXES).maximum == 250_000
+    for maximum in (30.0, 19.0):
+        with pytest.raises(Gap):
+            grids.begin_order(table(maximum=maximum), 3, AXES)
 
 
 @pytest.mark.parametrize("value", ["0.0000005", "2147.5", "-2148"])
@@ -187,7 +189,7 @@ def test_a_status_as_the_document_shows_it() -> None:
     ("register", "value"), [("SELECTED_KIND", 5), ("MARKER_STATE", 4), ("LIVE_FLAGS", 6), ("AXIS_COUNT", 32)]
 )
 def test_a_register_the_map_does_not_allow_is_refused(register: str, value: int) -> None:
-    registers = [0] * 76
+    registers = [0] * 86
     readings.picture_of(registers, "high-first")
     registers[ADDRESS[register] - 302] = value
     with pytest.raises(RemoteProtocolError) as caught:
@@ -198,16 +200,17 @@ def test_a_register_the_map_does_not_allow_is_refused(register: str, value: int)
 @pytest.mark.parametrize(
     ("registers", "order", "code", "hint"),
     [
-        ((0x4743, 2, 0x5678, 0x1234), "high-first", "E-MBX-WORD-ORDER", 'word_order = "low-first"'),
-        ((0x4743, 2, 0x1234, 0x5678), "low-first", "E-MBX-WORD-ORDER", 'word_order = "high-first"'),
-        ((0x4347, 0x0200, 0x3412, 0x7856), "high-first", "E-MBX-MAGIC", "bytes swapped"),
-        ((0x4347, 0x0200, 0x7856, 0x3412), "high-first", "E-MBX-MAGIC", "bytes swapped"),
+        ((0x4743, 3, 0x5678, 0x1234), "high-first", "E-MBX-WORD-ORDER", 'word_order = "low-first"'),
+        ((0x4743, 3, 0x1234, 0x5678), "low-first", "E-MBX-WORD-ORDER", 'word_order = "high-first"'),
+        ((0x4347, 0x0200, 0x3412, 0x7856), "high-first", "E-MBX-MAGIC", "bytes are swapped"),
+        ((0x4347, 0x0200, 0x7856, 0x3412), "high-first", "E-MBX-MAGIC", "bytes are swapped"),
         ((2, 0x1234, 0x5678, 0), "high-first", "E-MBX-MAGIC", "shifted by one register"),
         ((0, 0x4743, 2, 0x1234), "high-first", "E-MBX-MAGIC", "shifted by one register"),
         ((0x4743, 2, 0, 0), "high-first", "E-MBX-MAGIC", "no mailbox"),
         ((0, 0, 0, 0), "high-first", "E-MBX-MAGIC", "no mailbox"),
-        ((0x4743, 1, 0x1234, 0x5678), "high-first", "E-MBX-VERSION", "map version 1"),
-        ((0x4743, 3, 0x1234, 0x5678), "high-first", "E-MBX-VERSION", "map version 3"),
+        ((0x4743, 1, 0x1234, 0x5678), "high-first", "E-MBX-OLD-MAP", "map version 1"),
+        ((0x4743, 2, 0x1234, 0x5678), "high-first", "E-MBX-OLD-MAP", "can be replayed"),
+        ((0x4743, 4, 0x1234, 0x5678), "high-first", "E-MBX-VERSION", "map version 4"),
     ],
 )
 def test_a_wrong_map_is_refused_and_says_what_would_be_right(
@@ -248,13 +251,13 @@ def _sent() -> list[tuple[str, int, tuple[int, ...]]]:
     orders: list[tuple[Order, tuple[int, ...], tuple[int, ...]]] = [
         (Order(Command.OPEN, index=0x2A17), (), ()),
         (x1, (), ()),
-        (Order(Command.MARKER), commands.marker_data("17", 1), ()),
-        (x1.as_command(Command.DISABLE), (), ()),
+        (Order(Command.MARKER), commands.marker_data("17", 1, 0x3A7BD3E2360A3D29), ()),
+        (*commands.switching(Command.DISABLE, [x1]), ()),
         (begin, (), ()),
         (begin.as_command(Command.CHUNK, 0, 3), values, ()),
         (begin.as_command(Command.VERIFY), (), values),
         (x1.as_command(Command.READ_BACK, 0, 50), (), ()),
-        (x1.as_command(Command.ACTIVATE), (), ()),
+        (*commands.switching(Command.ACTIVATE, [x1]), ()),
         (Order(Command.CLOSE), (), ()),
     ]
     out: list[tuple[str, int, tuple[int, ...]]] = []

@@ -172,11 +172,11 @@ async def test_fault_72_other_exceptions(operation: str, code: int, kind: type[T
 
 async def _push_and_wait(device: SinumerikModbus, order: PushOrder) -> None:
     """A push with time between: a heartbeat that failed shows at the next exchange."""
-    await device.stage(order)
-    await device.read_back(order, 100.0)
+    await device.stage((order,))
+    await device.read_back((order,), 100.0)
     await device._talk._clock.sleep(3.0)
-    await device.activate(order)
-    await device.confirm(order, 100.0)
+    await device.activate((order,), (order,))
+    await device.confirm((order,), 100.0)
 
 
 # ---- no answer, late answer, twice ---------------------------------------------------------------------
@@ -250,14 +250,14 @@ async def test_fault_75_a_duplicate_without_transaction_numbers_breaks_the_link(
 
 
 @pytest.mark.parametrize("operation", ["status", "picture", "open", "data", "begin", "read back", "activate"])
-@pytest.mark.parametrize("change", ["next", "zero", "before", "bytes swapped"])
+@pytest.mark.parametrize("change", ["next", "zero", "before", "bytes are swapped"])
 async def test_fault_76_another_transaction_is_rejected(operation: str, change: str) -> None:
     def other(asked: Asked, reply: bytes) -> Iterable[bytes]:
         number = {
             "next": asked.transaction + 1,
             "zero": 0,
             "before": asked.transaction - 1,
-            "bytes swapped": asked.transaction << 8 & 0xFFFF | asked.transaction >> 8,
+            "bytes are swapped": asked.transaction << 8 & 0xFFFF | asked.transaction >> 8,
         }[change]
         return [struct.pack(">H", number) + reply[2:]]
 
@@ -437,7 +437,7 @@ async def test_fault_84_what_does_not_fit_is_refused_with_nothing_written(change
     async def body(device: SinumerikModbus) -> None:
         order = await order_for(device, table((0.0, 1.0, 2.0, 1.0, 0.0), **changes))
         with pytest.raises(ValueOutOfRange):
-            await device.stage(order)
+            await device.stage((order,))
 
     async with at_rogue(rogue) as on:
         await body(on)

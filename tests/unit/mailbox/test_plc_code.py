@@ -54,7 +54,10 @@ def test_the_fixed_words_are_those_of_the_codec() -> None:
     assert CONSTANTS["VERSION_WORD"] == registers.MAP_VERSION
     assert CONSTANTS["ORDER_DWORD"] == registers.ORDER_TEST
     assert CONSTANTS["CHUNK_POINTS"] == registers.CHUNK_POINTS
-    assert CONSTANTS["LAST_REGISTER"] == registers.ADDRESS["MODE"]
+    assert CONSTANTS["LAST_REGISTER"] == registers.ADDRESS["BACKLASH_FACTOR"] + 1 == sum(registers.PICTURE_SPAN) - 1
+    assert CONSTANTS["ENTRY_WORDS"] == registers.ENTRY_REGISTERS
+    assert CONSTANTS["MOST_ENTRIES"] == registers.MOST_ENTRIES
+    assert CONSTANTS["RELEASE_SECONDS"] == registers.MOST_RELEASE_S
 
 
 def test_every_name_that_is_used_is_declared() -> None:
@@ -73,6 +76,7 @@ def test_every_address_command_and_code_has_its_place_in_the_program() -> None:
         "AXIS_FLAGS",
         "AXIS_NAME",
         "AXIS_COUNT",
+        "AXIS_MAP",
     }
     numbers = {"CMD_DISABLE", "CMD_CHUNK", "KIND_BACKLASH"}
     unused = [name for name in CONSTANTS if not re.search(rf"\bTF_{name}\b", program)]

@@ -10,14 +10,15 @@ from typing import Any
 import pytest
 
 from simulators.modbus import registers as r
-from simulators.modbus.access import CEC, EEC, RANGE, UNKNOWN, PlcFault, Target
 from simulators.modbus.checks import Checks
 from simulators.modbus.registers import Image, PlcCommand
+from simulators.modbus.target import BACKLASH_KIND, CEC, EEC, RANGE, UNKNOWN, PlcFault, Target
 from tests.unit.mailbox.plant import library
 
 PLC = library()
 COUNT = 1000
-AXES, TABLES = 3, 4
+AXES, TABLES = (1, 2, 4), 4
+AXIS_MAP = 0b1011
 
 
 @dataclass
@@ -28,13 +29,13 @@ class Plant:
 
     def axis(self, number: int) -> None:
         """Raises PlcFault (9)."""
-        if not 1 <= number <= AXES:
+        if number not in AXES:
             raise PlcFault(UNKNOWN)
 
     def check(self, target: Target) -> None:
         """Raises PlcFault (9)."""
         self.axis(target.axis)
-        known = range(self.tables) if target.kind == CEC else range(1, AXES + 1)
+        known = range(self.tables) if target.kind == CEC else AXES
         if target.index not in known or target.encoder not in (0, 1):
             raise PlcFault(UNKNOWN)
 
@@ -42,7 +43,7 @@ class Plant:
 @pytest.mark.parametrize("low_first", [False, True])
 def test_double_words_and_crc(low_first: bool) -> None:
     chance = random.Random(3)
-    words = [chance.randrange(0x10000) for _ in range(378)]
+    words = [chance.randrange(0x10000) for _ in range(388)]
     assert PLC.call("TF_Crc32", {"Seed": 0, "First": 16, "Count": 18, "R": words}) == r.crc_of(words[16:34])
     begun = PLC.call("TF_Crc32", {"Seed": 0, "First": 16, "Count": 18, "R": words})
     assert PLC.call("TF_Crc32", {"Seed": begun, "First": 36, "Count": 100, "R": words}) == r.crc_of(
@@ -60,14 +61,17 @@ def test_double_words_and_crc(low_first: bool) -> None:
 
 def command_of(chance: random.Random, low_first: bool) -> tuple[list[int], PlcCommand]:
     """PlcCommand 2 with sound parameters, of which one or two are then anything."""
-    image, kind = Image(low_first), chance.choice((EEC, CEC))
+    image, kind = Image(low_first), chance.choice((EEC, CEC, BACKLASH_KIND))
     low, step, total = chance.randrange(-5_000_000, 5_000_000), chance.randrange(1, 200_000), chance.randrange(2, 60)
     cross = kind == CEC
-    index = chance.randrange(TABLES) if cross else chance.randrange(1, AXES + 1)
+    index = chance.randrange(TABLES) if cross else chance.choice(AXES)
     words = [2, 1, kind, index, chance.randrange(2), chance.choice((0, 1, 3, 5, 9) if cross else (0, 1))]
-    for value in (low, step, low + step * (total - 1)):
+    over = chance.choice((0, 0, step - 1, step, -1, chance.randrange(step)))
+    if kind == BACKLASH_KIND:
+        low, step, total, over, words[5] = 0, 0, 1, 0, 0
+    for value in (low, step, low + step * (total - 1) + over):
         words += r.dint_words(value, low_first)
-    words += [total, 0, 0, *((1, chance.randrange(1, AXES + 1), chance.randrange(TABLES + 1)) if cross else (0, 0, 0))]
+    words += [total, 0, 0, *((1, chance.choice(AXES), chance.randrange(TABLES + 1)) if cross else (0, 0, 0))]
     for _ in range(chance.randrange(3)):
         place = chance.choice((3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 15, 16, 17))
         words[place] = chance.choice((0, 1, 2, 3, 5, 6, 0x10, 0x7FFF, 0x8000, 0xFFFF))
@@ -79,19 +83,25 @@ def by_the_double(command: PlcCommand) -> tuple[int, int]:
     """The error code and detail that the double gives for these parameters."""
     checks = Checks(None, Plant())  # type: ignore[arg-type]
     try:
-        checks.check_parameters(command, checks.target(command, (EEC, CEC)))
+        checks.check_parameters(command, checks.target(command, (EEC, CEC, BACKLASH_KIND)))
     except PlcFault as fault:
         return int(fault.code), fault.detail
     return 0, 0
 
 
+def _signed(word: int) -> int:
+    """What WORD_TO_INT makes of a word."""
+    return word - 0x10000 if word > 0x7FFF else word
+
+
 def by_the_text(words: list[int], low_first: bool) -> tuple[int, int]:
     """The same by the structured text, as step 1 of the mailbox asks."""
-    given: dict[str, Any] = {"Taken": words, "Axes": AXES, "Tables": TABLES}
-    error = int(PLC.call("TF_TableExists", given))
-    if error:
-        return error, 0
-    fault = PLC.call("TF_ParametersFault", {**given, "LowFirst": low_first})
+    known: dict[str, Any] = {"AxisMap": AXIS_MAP, "Tables": TABLES}
+    axis = words[16] if words[2] == CEC else words[3]
+    named = {"Kind": words[2], "Index": _signed(words[3]), "Encoder": words[4], "Axis": _signed(axis)}
+    if not PLC.call("TF_TableExists", {**named, **known}):
+        return UNKNOWN, 0
+    fault = PLC.call("TF_ParametersFault", {**known, "Taken": words, "LowFirst": low_first})
     return (UNKNOWN, 0) if fault == -1 else (RANGE if fault else 0, fault)
 
 

@@ -50,7 +50,7 @@ def test_any_head_of_registers_is_refused_or_read(registers: list[int]) -> None:
     assert found.heartbeat == registers[4]
 
 
-@given(st.lists(st.one_of(st.integers(0, 3), WORDS), min_size=76, max_size=76))
+@given(st.lists(st.one_of(st.integers(0, 3), WORDS), min_size=86, max_size=86))
 def test_any_picture_is_refused_or_read(registers: list[int]) -> None:
     with contextlib.suppress(RemoteProtocolError):
         picture = readings.picture_of(registers, "high-first", "grinder")

@@ -222,6 +222,14 @@ async def test_encoder_lead_shared(shared: bool, ahead: float, behind: float) ->
         assert bench.nck.core.standing(0, np.array([5.0]), -1)[0] == pytest.approx(5.0 + behind, abs=1e-9)
 
 
+@pytest.mark.parametrize("activation", ["newconf", "nck_reset"])
+async def test_backlash_sign_and_activation(activation: str) -> None:
+    async with on_bench(backlash_sign=-1, backlash_activation=activation) as bench:
+        await bench.run("$MA_BACKLASH[0,X1]=0.004\nNEWCONF\nG0 X10\nG4 F1\nM30")
+        lead = -0.002 if activation == "newconf" else 0.0
+        assert encoder(bench, "X1") == pytest.approx(10.0 + lead, abs=1e-9)
+
+
 # preprocess_ahead= and system_reads_stop= have their tests in test_preprocess.py.
 
 

@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from drivers.errors import ConfigError
-from gateway.cli.commands import app
+from gateway.cli import app
 from tests.unit.programs.sites import site_file
 
 
@@ -27,11 +27,11 @@ def test_every_program_says_what_it_is_and_moves_and_what_to_do_when_it_stops(tm
     head = text[: text.index("DEF INT")]
     assert all(line.startswith("; ") for line in head.splitlines())
     said = " ".join(line.lstrip("; ") for line in head.splitlines())
-    assert "_N_TFPUSH_X1_MPF: load and, after the release, enable X1(X1), 41 points (table)" in said
+    assert "_N_TFPUSH_X1_MPF: load and, after the release, enable X1(X1) (41 points) (table)" in said
     assert "machine YK7350B-0042" in said
-    assert "Moves: X to 0.0, F 2000. Switching the table off or on moves X1 by the table's value." in said
+    assert "Moves: X to 0.0, F 6000. Switching a table off or on moves its axis (X1) by the table's value." in said
     assert "$AA_ENC_COMP" in said
-    assert "R parameters: R80, R86 to R90, R93 to R95." in said
+    assert "R parameters: R80, R82, R85 to R90, R93 to R95." in said
     assert "If it stops: press RESET and grind nothing" in said
     assert "; ---- new table" in text
 

@@ -107,6 +107,7 @@ class Machine:
             if self.nck.channel_status == 2:
                 self.stood.append(self.places())
                 self.nck.set("R[89]", 4711.0, 0)
+                self.nck.set("R[85]", 1.0, 0)
                 assert self.nck.nc_start()
             elif float(self.nck.get("R[80]")) > counted:
                 counted = float(self.nck.get("R[80]"))
@@ -148,7 +149,7 @@ def test_measuring_stops_where_it_should(left: str, letter: str) -> None:
 def test_a_table_is_proved_and_pushed_at_the_agreeing_position(left: str, table: CompensationTable) -> None:
     letter = table.input_axis[0]
     order = PushOrder(4711, table, letter, False, True, 15.0, "sign-proof")
-    machine = on_machine(left, pushing.pushing(order, SETTING))
+    machine = on_machine(left, pushing.pushing([(order, SETTING)]))
     assert [stop["XZ".index(letter)] for stop in machine.stood] == [15.0, 15.0]
     name = "$AA_ENC_COMP[0,1,X1]" if table is TABLE else "$AN_CEC[0,1]"
     assert machine.found[name] == pytest.approx(0.003)

@@ -63,7 +63,7 @@ def test_cross_tables_of_every_kind_are_legal(purpose: str, two: bool, coupled: 
     settings = {"security": "None", "two_programs": two}
     for enable in (True, False):
         given = replace(order, enable=enable, purpose="restore" if purpose == "table" else purpose)
-        assert on_paper(given, settings, machine, NOBODY, "here")
+        assert on_paper((given,), settings, machine, NOBODY, "here")
     assert on_paper(DisableOrder(4711, "cross", "X1", 1), settings, machine, NOBODY, "here")
 
 
@@ -76,8 +76,8 @@ def test_files_that_programs_write_are_legal() -> None:
 def test_the_two_halves_jump_to_their_own_labels_alone() -> None:
     table = CompensationTable("axis", "X1", "X1", 0.0, 100.0, 50.0, (0.0, -3.0, 0.0))
     order = PushOrder(4711, table, "X", False, True, 0.0, "sign-proof")
-    assert "TF_COMPARE_2" not in pushing.loading(order, SETTING)
-    assert "TF_COMPARE_1" not in pushing.enabling(order, SETTING)
+    assert "TF_COMPARE_2" not in pushing.loading([(order, SETTING)])
+    assert "TF_COMPARE_1" not in pushing.enabling([(order, SETTING)])
 
 
 @pytest.mark.parametrize(

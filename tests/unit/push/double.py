@@ -16,12 +16,13 @@ from drivers.clock import LoopClock
 from drivers.errors import DeadlineExceeded, DeviceRefused, UnsupportedDevice
 from drivers.ports.devices import Tell
 from drivers.sinumerik.opcua.reading import read_live
+from drivers.sinumerik.standing import KeepsPlaces
 from drivers.sinumerik.tablefile import tables
 from drivers.sinumerik.tablefile.held import HELD
 from drivers.types.abilities import Capabilities, Marker, TableLimits
 from drivers.types.identity import Identity, MachineIdentity
 from drivers.types.machine import AxisState, ChannelStatus, MachineState
-from drivers.types.orders import DisableOrder, PushOrder, SignProof, SwitchReading, TableQuestion
+from drivers.types.orders import DisableOrder, PushBatch, PushOrder, ReadBack, SignProof, SwitchReading, TableQuestion
 from drivers.types.stops import StopPlan, StopReached
 from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from drivers.types.values import Sense
@@ -30,6 +31,7 @@ from gateway.domain.proposals import TableChange
 from gateway.interlocks import value_at
 from gateway.push import PushContext
 from gateway.push.records import journal
+from tests.placed import PLACES
 from tests.signed import signed
 
 MACHINE = MachineIdentity("SN-1", "V4.8", ("X1", "Z1"))
@@ -89,7 +91,8 @@ class Machine:
     z_position: float = 0.0
     reserved: int = 100
     plan: StopPlan | None = None
-    order: PushOrder | None = None
+    orders: PushBatch = ()
+    passed: PushBatch = ()
     phase: int = 0
     release: int = 0
     operator: bool = True
@@ -171,26 +174,31 @@ class Machine:
 
     def start_push(self, *, moves: bool = True) -> None:
         """First half, after NC START."""
-        order = self.order
-        if order is None or self.phase:
+        if not self.orders or self.phase:
             return
-        self.keep_backup(order)
-        if moves:
-            self.go(order.table.input_axis, order.agreeing_position)
+        self.keep_backup(self.orders)
+        for order in self.orders:
+            if moves:
+                self.go(order.table.input_axis, order.agreeing_position)
+            self.put(self.held(order.table), enabled=False)
+        for order in self.orders:
+            self._load(order)
+        self.readback, self.phase = self.live(_sign(self.orders[0])), 4
+        self.channel = ChannelStatus.INTERRUPTED
+
+    def _load(self, order: PushOrder) -> None:
         old, new = self.held(order.table), self._stored(order)
         if new.step <= 0 and self.keeps_grids:  # a road that cannot take a grid back writes zeros on it
             new = replace(old, deviations=(0.0,) * len(old.deviations))
-        self.put(old, enabled=False)
         half = new.deviations[: len(new.deviations) // 2]
         rest = old.deviations[len(half) : len(new.deviations)]
         self.put(replace(new, deviations=half + rest), enabled=False)
         self.writes.append(order.purpose)
         self.put(new, enabled=False)
-        self.readback, self.phase, self.channel = self.live(_sign(order)), 4, ChannelStatus.INTERRUPTED
 
-    def keep_backup(self, order: PushOrder) -> None:
-        """Under the order's number; CEC as deviations by its proof."""
-        self.backup, self.backup_number = self.live(_sign(order)), order.transaction
+    def keep_backup(self, batch: PushBatch) -> None:
+        """Under the batch's number; CEC as deviations by its proof."""
+        self.backup, self.backup_number = self.live(_sign(batch[0])), batch[0].transaction
 
     def _stored(self, order: PushOrder) -> CompensationTable:
         wanted = order.table
@@ -202,21 +210,22 @@ class Machine:
 
     def go_on(self) -> None:
         """Second half, after the second NC START."""
-        if self.order is None or self.phase != 4:
+        if not self.orders or self.phase != 4:
             return
-        released = self.release == self.order.transaction and not self.ignore_release
-        table = self.held(self.order.table)
-        if released and self.order.enable:
-            self.put(table, enabled=True, axis_on=True)
-            self.phase, self.channel = 5, ChannelStatus.INTERRUPTED
-            return
-        if released and table.kind == "cross" and self.order.coupled:
-            self.put(table, enabled=False, axis_on=True)
-        self.end()
+        released = self.release == self.orders[0].transaction and not self.ignore_release
+        for order in self.passed if released else ():
+            table = self.held(order.table)
+            if order.enable:
+                self.put(table, enabled=True, axis_on=True)
+                self.phase, self.channel = 5, ChannelStatus.INTERRUPTED
+            elif table.kind == "cross" and order.coupled:
+                self.put(table, enabled=False, axis_on=True)
+        if self.phase != 5:
+            self.end()
 
     def end(self) -> None:
         """RESET or the program's other end: nothing is enabled by it."""
-        self.channel, self.phase, self.order, self.plan = ChannelStatus.RESET, 9, None, None
+        self.channel, self.phase, self.orders, self.plan = ChannelStatus.RESET, 9, (), None
 
     def reading(self, order: DisableOrder) -> SwitchReading:
         if order.kind == "axis":
@@ -249,7 +258,7 @@ def _sign(order: PushOrder) -> int:
 Fault = Callable[[Machine], None]
 
 
-class Controller:
+class Controller(KeepsPlaces):
     """The port, over a `Machine`. ``faults`` maps (call, nth from 1, "before" or "after") to what happens.
 
     With ``by_hand`` it is a road without programs: the operator's hand moves the axes, a panel switches.
@@ -336,7 +345,7 @@ class Controller:
             raise UnsupportedDevice("E-TEST-PROGRAMS", "double")
         self._in_reset()
         m = self.machine
-        m.plan, m.order, m.phase, m.saved = plan, None, 0, None
+        m.plan, m.orders, m.phase, m.saved = plan, (), 0, None
         self._end("prepare_stops", number)
 
     def _in_reset(self) -> None:
@@ -421,25 +430,25 @@ class Controller:
             raise DeviceRefused("E-TEST-FILE", "double")
         return tables.tables_by(saved, proof)
 
-    async def stage(self, order: PushOrder) -> None:
+    async def stage(self, batch: PushBatch) -> None:
         number = await self._begin("stage")
         self._in_reset()
         m = self.machine
-        m.order, m.plan, m.phase, m.release = order, None, 0, 0
+        m.orders, m.plan, m.phase, m.release = batch, None, 0, 0
         if not m.forgets_marker:
-            m.marker = Marker(order.transaction, "in-progress")
+            m.marker = Marker(batch[0].transaction, "in-progress")
         self._end("stage", number)
 
-    async def backup_of(self, order: PushOrder) -> LiveSet:
+    async def backup_of(self, batch: PushBatch) -> tuple[LiveSet, ...]:
         number = await self._begin("backup_of")
-        if self.by_hand and self.machine.order is order:
-            self.machine.keep_backup(order)
+        if self.by_hand and self.machine.orders == batch:
+            self.machine.keep_backup(batch)
         self._end("backup_of", number)
-        if self.machine.backup is None or self.machine.backup_number != order.transaction:
+        if self.machine.backup is None or self.machine.backup_number != batch[0].transaction:
             raise DeviceRefused("E-TEST-FILE", "double")
-        return self.machine.backup
+        return (self.machine.backup,) * len(batch)
 
-    async def read_back(self, order: PushOrder, timeout_s: float) -> tuple[LiveSet, LiveSet]:
+    async def read_back(self, batch: PushBatch, timeout_s: float) -> tuple[ReadBack, ...]:
         number = await self._begin("read_back")
         await self._operator(timeout_s)
         self.machine.start_push(moves=not self.by_hand)
@@ -447,21 +456,21 @@ class Controller:
         backup, readback = self.machine.backup, self.machine.readback
         if backup is None or readback is None:
             raise DeviceRefused("E-TEST-FILE", "double")
-        return backup, readback
+        return (ReadBack(backup, readback),) * len(batch)
 
-    async def activate(self, order: PushOrder) -> None:
+    async def activate(self, batch: PushBatch, passed: PushBatch) -> None:
         number = await self._begin("activate")
-        self.machine.release = order.transaction
+        self.machine.release, self.machine.passed = batch[0].transaction, passed
         self._end("activate", number)
 
-    async def confirm(self, order: PushOrder, timeout_s: float) -> bool:
+    async def confirm(self, passed: PushBatch, timeout_s: float) -> tuple[bool, ...]:
         number = await self._begin("confirm")
         await self._operator(timeout_s)
         self.machine.go_on()
         self._end("confirm", number)
-        return self.machine.phase == 5
+        return tuple(order.enable and self.machine.phase == 5 for order in passed)
 
-    async def restarted(self, order: PushOrder, timeout_s: float) -> None:
+    async def restarted(self, passed: PushBatch, timeout_s: float) -> None:
         number = await self._begin("restarted")
         await self._operator(timeout_s)
         self.machine.nck_reset()
@@ -484,9 +493,9 @@ class Controller:
         self._end("wait_disabled", number)
         return self.machine.reading(order)
 
-    async def finish_push(self, order: PushOrder, state: Literal["committed", "held", "none"]) -> None:
+    async def finish_push(self, batch: PushBatch, state: Literal["committed", "held", "none"]) -> None:
         number = await self._begin("finish_push")
-        self.machine.marker = Marker(order.transaction, state) if state != "none" else Marker(0, "none")
+        self.machine.marker = Marker(batch[0].transaction, state) if state != "none" else Marker(0, "none")
         self._end("finish_push", number)
 
 
@@ -526,6 +535,7 @@ def bench(
     clock = LoopClock(started_utc=datetime(2026, 11, 21, 10, tzinfo=UTC))
     machine = machine or Machine(old or LiveTable(OLD, enabled=True))
     controller = Controller(machine, clock, reaper, by_hand=by_hand)
+    controller.keep_to(PLACES)
     told: list[tuple[str, dict[str, object]]] = []
 
     def say(code: str, /, **fields: object) -> None:

@@ -161,7 +161,7 @@ def test_the_fourth_try_is_not_offered(tmp_path: Path) -> None:
     tried = replace(found, entries=(*found.entries, *(journal.Entry("RECOVERING", {}) for _ in range(3))))
     finding = verdict(tried, LiveTable(NEW, False), 1e-6)
     assert (finding.code, finding.action) == ("R-PUSH-TRIES", "none")
-    assert "3 times" in finding.words
+    assert "3 attempts" in finding.words
 
 
 def test_committed_but_not_put_away_is_only_put_away(tmp_path: Path) -> None:

@@ -97,7 +97,7 @@ def test_a_foreign_edit_is_left_alone_and_told_three_ways(tmp_path: Path) -> Non
     error = outcome_error(record)
     assert error is not None
     assert "E-PUSH-UNDO-FOREIGN" in str(error)
-    assert "at 1 of 9 points, at 1 of them it is as before; first at 150" in str(error)
+    assert "at 1 of 9 points; at 1 of them it has the previous value. First at 150" in str(error)
     assert at.machine.own.table == foreign
     assert at.machine.writes == writes
     assert "stage" not in at.controller.calls

@@ -109,9 +109,19 @@ def errors() -> ErrorModel:
     return ErrorModel(
         tuple(motion(name, i) for i, name in enumerate(known)),
         (
-            LocationError("B0Z", 6.2, 0.4, "arcsec", "both slopes against one square, and again with it turned over"),
-            LocationError("A0C", -3.1, 0.5, "arcsec", "lean of Z against a bar at two places half a turn apart"),
-            LocationError("B0C", 2.2, 0.5, "arcsec", "lean of Z against a bar at two places half a turn apart"),
+            LocationError(
+                "B0Z",
+                6.2,
+                0.4,
+                "arcsec",
+                "both slopes were measured against one square, and again with the square reversed",
+            ),
+            LocationError(
+                "A0C", -3.1, 0.5, "arcsec", "tilt of Z measured against a bar at two positions half a turn apart"
+            ),
+            LocationError(
+                "B0C", 2.2, 0.5, "arcsec", "tilt of Z measured against a bar at two positions half a turn apart"
+            ),
         ),
         (Unknown("EAZ", 5.0, "arcsec"),),
         dict.fromkeys(known, 0.15),

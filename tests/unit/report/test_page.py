@@ -168,7 +168,7 @@ def test_a_run_that_only_proposed_says_so() -> None:
     assert "proposed only" in text
     assert "not measured" in text
     assert "as predicted after the correction" in text
-    assert "No sign proof of this machine is on record" in text
+    assert "This machine has no recorded sign proof for this table" in text
 
 
 def test_an_axis_inside_its_uncertainty_says_why_it_was_left_alone() -> None:

@@ -28,7 +28,7 @@ def test_rows_hold_before_after_uncertainty_and_change() -> None:
     before = replace(axis.before, E=20.0, M=None, B=0.0, U={"E": 3.0})
     after = replace(axis.after, E=5.0, B=1.0, R=math.nan, U={"E": 4.0})
     rows = {row.parameter: row for row in parameter_rows("X1", before, after)}
-    assert list(rows) == ["E", "R", "B", "A", "M"]
+    assert list(rows) == ["E", "R", "B", "A", "M", "M_travel"]
     assert (rows["E"].before, rows["E"].after, rows["E"].change_pct) == (20.0, 5.0, -75.0)
     assert rows["E"].significant is True
     assert rows["M"].before is None
@@ -50,7 +50,7 @@ def test_no_evaluation_no_rows_and_one_is_enough() -> None:
     axis = synthetic.axis_material("C1", "deg")
     assert parameter_rows("C1", None, None) == ()
     only = parameter_rows("C1", None, axis.after)
-    assert [row.before for row in only] == [None] * 5
+    assert [row.before for row in only] == [None] * 6
     assert only[0].unit == "arcsec"
 
 
@@ -113,7 +113,7 @@ def test_state_of_an_axis_follows_verdict_push_and_proposal() -> None:
     loud = replace(axis, push=replace(axis.push, outcome="held-on"))
     assert sentences.axis_state(loud) == ("worse", "✖", "held, still on")
     (line,) = sentences.still_on(replace(synthetic.material(), axes=(loud, axis)))
-    assert line.startswith("X1: HELD, STILL ON")
+    assert line.startswith("X1: held, still on")
     page = render(replace(synthetic.material(), axes=(loud, axis)))
     assert page.index(line.split(" (")[0]) < page.index("Better")
     assert sentences.still_on(synthetic.material()) == ()

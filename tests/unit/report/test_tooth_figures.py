@@ -122,6 +122,18 @@ def test_what_one_kind_of_correction_takes_is_counted_there_alone(by: str) -> No
     assert found[by].left_pct == pytest.approx(0.0, abs=1e-12)
 
 
+def test_shares_of_the_flank_set_right_count_without_the_set_up_values() -> None:
+    made = closing.proposal().prediction
+    found = shares(made)
+    right = made.before.deviation_um - np.mean(made.before.deviation_um, axis=(0, 2), keepdims=True)
+    end = made.after.deviation_um - np.mean(made.after.deviation_um, axis=(0, 2), keepdims=True)
+    lost = 100.0 * (1.0 - float(np.mean(end**2) / np.mean(right**2)))
+    told = [one.of_right_pct for one in found if one.of_right_pct is not None]
+    assert sum(told) == pytest.approx(lost, rel=1e-9)
+    assert [one.by for one in found if one.of_right_pct is None] == [by for by in CASES if by.startswith("set-up")]
+    assert abs(sum(told)) > abs(sum(one.taken_pct for one in found if one.of_right_pct is not None))
+
+
 def _prediction(before: FlankMap, eec: FlankMap, after: FlankMap) -> FlankPrediction:
     return FlankPrediction(before, eec, after, 0.0, 0.1, np.zeros_like(before.deviation_um), 0.1, 0.01)
 
@@ -242,10 +254,14 @@ def test_the_last_line_is_the_tooths_figure(material: ReportMaterial) -> None:
     assert tooth is not None
     verdict = tooth.verdict
     assert verdict is not None
-    figures = f"flank RMS {verdict.before_set_right_um:.2f} um -> {verdict.after_um:.2f} um"
-    assert tooth_lines(material)[-1] == f"tooth: {figures} (predicted 0.21 +- 0.08 um, k = 2), set-up values apart"
+    figures = f"flank RMS {verdict.before_set_right_um:.2f} µm -> {verdict.after_um:.2f} µm"
+    assert (
+        tooth_lines(material)[-1] == f"tooth: {figures} (predicted 0.21 +/- 0.08 µm, k = 2), set-up values not counted"
+    )
     proposed = ToothMaterial(errors=tooth.errors, proposal=tooth.proposal, gear=tooth.gear)
-    assert tooth_lines(replace(material, tooth=proposed))[-1].endswith("set-up values apart; not proved on a part yet")
+    assert tooth_lines(replace(material, tooth=proposed))[-1].endswith(
+        "set-up values not counted; not yet proved on a part"
+    )
     assert tooth_lines(closing.part_alone())[-1].startswith("tooth: part customer 7, flank RMS ")
     assert tooth_lines(closing.measured())[0].startswith("20 of 21 errors were measured.")
     assert tooth_lines(replace(material, tooth=None)) == ()

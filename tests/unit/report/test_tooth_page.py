@@ -72,7 +72,7 @@ def test_the_verdict_and_the_tooths_figure_come_first(document: str, material: R
         "one scale for all maps",
         "Profile, lead, pitch and runout",
         "Set-up values are work offsets",
-        "What was cured by what",
+        "Which correction acted on what",
         "The errors of the machine",
         "Ranking",
         "What cannot be compensated, and why",
@@ -215,7 +215,7 @@ def test_a_measure_run_alone_shows_its_errors_and_what_next() -> None:
     wanted = (
         "Error measurement report", "Measured", "20 of 21 errors were measured.", "Only assumed within a span: EAZ.",
         "What next", "EAZ may change the proposal by 0.31 µm", "not measured: anywhere within this span",
-        "both slopes against one square", "Error motions over each axis",
+        "both slopes were measured against one square", "Error motions over each axis",
     )  # fmt: skip
     assert [item for item in wanted if item not in text] == []
     assert "Flank RMS" not in text

@@ -104,12 +104,13 @@ def test_a_whole_closing_run_comes_out_of_its_folder_as_it_went_in(run: RunFolde
     # The axis' own table is its EEC table, also where cross tables of the same axis come first.
     assert [axis["change"]["new"]["kind"] for axis in data["axes"]] == ["axis", "axis", "axis"]
     assert data["ended_utc"] == "2026-03-02T14:38:00+00:00"
-    assert [path.name for path in paths.pictures] == ["flank-maps.png", "flank-charts.png", "ranking.png", "errors.png"]
+    named = ["flank-maps.png", "flank-charts.png", "tooth-before-after.png", "ranking.png", "errors.png"]
+    assert [path.name for path in paths.pictures] == named
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in (paths.picture, *paths.pictures))
     assert tooth.verdict.words.replace(" um", " µm") in paths.html.read_text()
-    figure = f"{tooth.verdict.before_set_right_um:.2f} um -> {tooth.verdict.after_um:.2f} um"
+    figure = f"{tooth.verdict.before_set_right_um:.2f} µm -> {tooth.verdict.after_um:.2f} µm"
     assert closing_lines(run)[-1] == (
-        f"tooth: flank RMS {figure} (predicted 0.21 +- 0.08 um, k = 2), set-up values apart"
+        f"tooth: flank RMS {figure} (predicted 0.21 +/- 0.08 µm, k = 2), set-up values not counted"
     )
 
 

@@ -182,7 +182,7 @@ def test_the_panel_has_a_reset_key(trueflank_cell: CellStarter) -> None:
         assert cell.operator.log[-2:] == ["NC START", "RESET"]
         assert await answered(judge, b"auto on") == {"done": True}
         assert cell.operator.spec.auto
-        assert "not JSON" in (await answered(judge, b"emergency stop"))["error"]
+        assert "is none of: reset" in (await answered(judge, b"emergency stop"))["error"]
 
     trueflank_cell.in_memory(main)
 

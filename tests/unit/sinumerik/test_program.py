@@ -159,7 +159,7 @@ def test_tables_are_saved_before_the_first_move_and_the_set_up() -> None:
         ({"axis": 'X1"'}, "E-PROGRAM-NAME"),
         ({"letter": "X\nM30"}, "E-PROGRAM-NAME"),
         ({"setup": 'a")\nM30'}, "E-PROGRAM-MESSAGE"),
-        ({"stops": ()}, "E-PROGRAM-EMPTY"),
+        ({"stops": (), "save_tables": False}, "E-PROGRAM-EMPTY"),
     ],
 )
 def test_nothing_can_break_out_of_a_block(change: dict[str, object], code: str) -> None:
@@ -169,7 +169,8 @@ def test_nothing_can_break_out_of_a_block(change: dict[str, object], code: str) 
 
 def texts_of(order: PushOrder, setting: Setting = SETTING) -> list[str]:
     return [
-        make(order, setting) for make in (pushing_program.pushing, pushing_program.loading, pushing_program.enabling)
+        make([(order, setting)])
+        for make in (pushing_program.pushing, pushing_program.loading, pushing_program.enabling)
     ]
 
 
@@ -182,20 +183,20 @@ def test_push_programs_are_readable_and_never_write_the_memory_data() -> None:
 
 
 def test_order_of_the_first_half() -> None:
-    text = pushing_program.pushing(ORDER, SETTING)
+    text = pushing_program.pushing([(ORDER, SETTING)])
     marks = [
         'DELETE(UERR,"/_N_SPF_DIR/_N_TFBACK_X1_SPF")',
-        "SUPA G1 X=0.0 F=2000.0",
+        "IF ABS($AA_IM[X1]-0.0)>0.001\nSUPA G1 X=0.0 F=500.0\nENDIF",
         "$MA_ENC_COMP_ENABLE[0,X1]=0\nNEWCONF",
         "IF $MA_ENC_COMP_ENABLE[0,X1]<>0 GOTOF TF_LEFT",
         "$AA_ENC_COMP_STEP[0,X1]=50.0",
         "$AA_ENC_COMP[0,1,X1]=-0.003000",
         "FOR UPOINT=3 TO 79\n$AA_ENC_COMP[0,UPOINT,X1]=0\nENDFOR",
         'DELETE(UERR,"/_N_SPF_DIR/_N_TFREAD_X1_SPF")',
-        "IF R88<>0 GOTOF TF_HELD",
+        "IF R82==0 GOTOF TF_HELD",
         'MSG("TRUEFLANK LOADED X1(X1) NC START WHEN R89=4711")\nM0',
         "IF R89<>4711 GOTOF TF_HELD",
-        "$MA_ENC_COMP_ENABLE[0,X1]=1\nNEWCONF",
+        "$MA_ENC_COMP_ENABLE[0,X1]=1\nENDIF\nNEWCONF\nSTOPRE",
         'MSG("TRUEFLANK ACTIVATE NCK RESET AND REFERENCE X1")\nM0',
     ]
     places = [text.index(mark) for mark in marks]
@@ -203,26 +204,27 @@ def test_order_of_the_first_half() -> None:
 
 
 def test_the_switch_goes_on_at_one_place_only_and_not_at_all_unless_ordered() -> None:
-    assert pushing_program.pushing(ORDER, SETTING).count("ENABLE[0,X1]=1") == 1
-    assert pushing_program.loading(ORDER, SETTING).count("ENABLE[0,X1]=1") == 0
+    assert pushing_program.pushing([(ORDER, SETTING)]).count("ENABLE[0,X1]=1") == 1
+    assert pushing_program.loading([(ORDER, SETTING)]).count("ENABLE[0,X1]=1") == 0
     for text in texts_of(replace(ORDER, enable=False)):
         assert "ENABLE[0,X1]=1" not in text
 
 
 def test_a_table_that_does_not_fit_or_has_no_proof_makes_no_program() -> None:
     with pytest.raises(TableError, match="E-TABLE-POINTS"):
-        pushing_program.pushing(ORDER, replace(SETTING, memory=Memory(2)))
+        pushing_program.pushing([(ORDER, replace(SETTING, memory=Memory(2)))])
     with pytest.raises(TableError, match="E-TABLE-NO-PROOF"):
-        pushing_program.pushing(replace(ORDER, proof=None), SETTING)
+        pushing_program.pushing([(replace(ORDER, proof=None), SETTING)])
+    bad = replace(TABLE, deviations=(0.0, float("nan"), 0.0))
     with pytest.raises(TableError, match="E-TABLE-FINITE"):
-        pushing_program.pushing(replace(ORDER, table=replace(TABLE, deviations=(0.0, float("nan"), 0.0))), SETTING)
-    exact = pushing_program.pushing(ORDER, replace(SETTING, memory=Memory(3)))
+        pushing_program.pushing([(replace(ORDER, table=bad), SETTING)])
+    exact = pushing_program.pushing([(ORDER, replace(SETTING, memory=Memory(3)))])
     assert "FOR UPOINT=3" not in exact
 
 
 def test_new_tables_are_rounded_once_and_restored_ones_are_not() -> None:
     fine = replace(TABLE, deviations=(0.0, 1.23456789, 0.0))
-    assert "$AA_ENC_COMP[0,1,X1]=0.001235\n" in pushing_program.pushing(replace(ORDER, table=fine), SETTING)
-    restored = pushing_program.pushing(replace(ORDER, table=fine, purpose="restore", proof=None), SETTING)
+    assert "$AA_ENC_COMP[0,1,X1]=0.001235\n" in pushing_program.pushing([(replace(ORDER, table=fine), SETTING)])
+    restored = pushing_program.pushing([(replace(ORDER, table=fine, purpose="restore", proof=None), SETTING)])
     assert "$AA_ENC_COMP[0,1,X1]=0.0012345679\n" in restored
     assert "IF ABS($AA_ENC_COMP[0,1,X1]-0.0012345679)>0.000000001\n" in restored

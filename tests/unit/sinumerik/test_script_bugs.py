@@ -59,8 +59,8 @@ class TestFixedEncoderNoEqualsNothingChecked:
         text = self.text("=").replace(",1,X1]", ",0,X1]").replace(",2,X1]", ",1,X1]").replace(",3,X1]", ",2,X1]")
         words = found(text)
         assert "measuring system 2" in words["W-TABLE-ENCODER"]
-        assert "5 mm at most looks like um written as mm" in words["W-TABLE-LARGE-UNIT"]
-        assert "instead of zero" in words["E-TABLE-REFERENCE"]
+        assert "5 mm, looks like µm written as mm" in words["W-TABLE-LARGE-UNIT"]
+        assert "it must be zero" in words["E-TABLE-REFERENCE"]
         assert "the limit is 0.2 mm" in words["E-TABLE-VALUE"]
 
     def test_ours_has_none_of_it(self) -> None:
@@ -111,11 +111,11 @@ class TestGridPrintedWithoutDecimals:
         return "\n".join([*lines, *(f"$AN_CEC[0,{n}]=0.0001" for n in range(points)), "M0", "M17"])
 
     def test_half_a_degree_becomes_nothing(self) -> None:
-        assert "step 0.0 and range 0.0 .. 2.0 make no grid" in found(self.text(0.5, 5))["E-TABLE-GRID"]
+        assert "step 0.0 and range 0.0 .. 2.0 do not define a grid" in found(self.text(0.5, 5))["E-TABLE-GRID"]
 
     def test_seven_and_a_half_becomes_eight(self) -> None:
         words = found(self.text(7.5, 49))  # 8 divides 360, so the points are what does not fit
-        assert "point 46 lies beyond the last point 45" in words["E-TABLE-BEYOND"]
+        assert "point 46 is beyond point 45" in words["E-TABLE-BEYOND"]
         assert "does not divide" in found(self.text(7.5, 6))["W-TABLE-STEP"]
 
     def test_modulo_minus_one(self) -> None:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import random
-import time
 from collections import Counter
+from time import process_time
 
 import pytest
 
@@ -104,9 +104,9 @@ def fuzz(name: str, seed: int, count: int) -> Counter[str]:
     slowest, files = 0.0, TableFiles()
     for number in range(count):
         text = mutated(texts[number % len(texts)], chance)
-        start = time.perf_counter()
+        start = process_time()  # our own work alone: what else the machine does must not count
         found = outcome(text)
-        slowest = max(slowest, time.perf_counter() - start)
+        slowest = max(slowest, process_time() - start)
         if isinstance(found, TableFile):
             counts["accepted"] += 1
             form = KINDS[int(chance.random() * len(KINDS))]
@@ -119,7 +119,7 @@ def fuzz(name: str, seed: int, count: int) -> Counter[str]:
             check_refusal(found, text)
         if number % 20 == 0:
             assert all(str(one.error) for one in files.findings(text, "mutated")), text
-    assert slowest < 1.0, f"one text took {slowest:.2f} s"
+    assert slowest < 1.0, f"one text took {slowest:.2f} s of the processor"
     print(f"{name}, seed {seed}: {counts['accepted']} of {count} mutated texts accepted; {dict(counts)}")
     return counts
 

@@ -119,15 +119,15 @@ def test_any_pair_of_lines_exchanged_is_refused(name: str) -> None:
 
 def test_a_line_left_out_is_refused_though_the_count_was_made_to_fit() -> None:
     for place in range(1, len(LINES) - 2):
-        shorter = [*LINES[:place], *LINES[place + 1 : -2], ";TRUEFLANK END BACK 4711 LINES 29", "M17"]
+        shorter = [*LINES[:place], *LINES[place + 1 : -2], ";TRUEFLANK END BACK 4711 LINES 30", "M17"]
         error = refusal(shorter)
         assert (error.code, error.fields["line"]) == ("E-SAVED-LINE", place + 1)
 
 
 def test_the_reason_names_the_line_and_what_must_stand_there() -> None:
-    error = refusal([*LINES[:26], *LINES[27:-2], ";TRUEFLANK END BACK 4711 LINES 29", "M17"])
-    assert error.fields == {"line": 27, "text": "$MA_CEC_ENABLE[C1]=FALSE", "wanted": "$MA_ENC_COMP_ENABLE[0,C1]"}
-    assert "let the program write it again" in str(error)
+    error = refusal([*LINES[:27], *LINES[28:-2], ";TRUEFLANK END BACK 4711 LINES 30", "M17"])
+    assert error.fields == {"line": 28, "text": "$MA_CEC_ENABLE[C1]=FALSE", "wanted": "$MA_ENC_COMP_ENABLE[0,C1]"}
+    assert "run the program again" in str(error)
 
 
 def _files() -> Iterator[tuple[str, Callable[[list[str]], list[str]], str]]:
@@ -141,7 +141,7 @@ def _files() -> Iterator[tuple[str, Callable[[list[str]], list[str]], str]]:
     yield "other axis", lambda lines: [lines[0].replace("C1", "X1"), *lines[1:]], "E-SAVED-OTHER"
     yield "other encoder", lambda lines: [lines[0].replace("R 0", "R 1"), *lines[1:]], "E-SAVED-OTHER"
     yield "older end", lambda lines: [*lines[:-2], lines[-2].replace("4711", "4710"), "M17"], "E-SAVED-OTHER"
-    yield "other count", lambda lines: [*lines[:-2], lines[-2].replace("30", "31"), "M17"], "E-SAVED-COUNT"
+    yield "other count", lambda lines: [*lines[:-2], lines[-2].replace("31", "32"), "M17"], "E-SAVED-COUNT"
     yield "two runs", lambda lines: [*section("BACK", 4710)[0], *lines], "E-SAVED-OTHER"
     yield "appended", lambda lines: [*lines, *lines], "E-SAVED-COUNT"
 
@@ -186,10 +186,10 @@ def test_what_the_control_has_reserved_must_all_be_there_and_no_more(memory: Mem
 
 def test_an_axis_without_table_memory_still_says_its_switches() -> None:
     saving = Saving("LIVE", 1, "X1", 0, Memory(0))
-    text = text_of(saving, dict.fromkeys(backup.axis_settings(saving), "0"))
+    text = text_of(saving, {**dict.fromkeys(backup.axis_settings(saving), "0"), "$MA_BACKLASH_FACTOR[0,X1]": "1"})
     live = read_written(text, "live", saving)
     assert (live.own.table.deviations, live.own.table.step, live.own.enabled) == ((0.0,), 0.0, False)
-    for place in range(6):
+    for place in range(7):
         refusal([line for at, line in enumerate(text.splitlines()) if at != place], saving)
 
 
@@ -228,7 +228,7 @@ async def _saved_by_the_control(clock: LoopClock, *, never: bool) -> tuple[str, 
                 nck.set(f"$AN_CEC_{name}[2]", value, 0)
             nck.set("$AN_CEC[2,1]", -0.0015, 0)
         setting = Setting(WORDS, Memory(4, (2, 0, 3), ("X1", "Z1")), modulo=False)
-        nck.files.write("/_N_MPF_DIR/_N_TFPUSH_X1_MPF", pushing.loading(ORDER, setting).encode())
+        nck.files.write("/_N_MPF_DIR/_N_TFPUSH_X1_MPF", pushing.loading([(ORDER, setting)]).encode())
         nck.set_mode("AUTO")
         assert nck.select("/_N_MPF_DIR/_N_TFPUSH_X1_MPF") == 0
         assert nck.nc_start()

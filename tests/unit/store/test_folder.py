@@ -13,7 +13,8 @@ import pytest
 from drivers.types.identity import MachineIdentity
 from drivers.types.sensing import Ambient
 from gateway.errors import CorruptRecord, FutureSchema, StoreError
-from gateway.store import Store, disk, records
+from gateway.store import Store, disk, layout, records
+from gateway.store.folder import sealed
 
 MACHINE = MachineIdentity("SN-1", "V4.8", ("X1", "C1"))
 
@@ -32,8 +33,8 @@ def test_a_run_keeps_what_it_is_given(tmp_path: Path) -> None:
     assert folder.parents("evaluation-X1-before") == (first,)
     assert folder.stages == ("capture-X1-before", "evaluation-X1-before")
     assert folder.plan == {"axes": ["X1"], "apply": False}
-    assert (folder.path / "capture-X1-before.json").is_file()
-    assert records.sha256((folder.path / "capture-X1-before.json").read_bytes()) == first
+    kept = folder.path / "captures" / "capture-X1-before.json"
+    assert records.sha256(kept.read_bytes()) == first
 
 
 def test_run_ids_sort_by_time_and_name_the_site(tmp_path: Path) -> None:
@@ -205,3 +206,42 @@ def test_killed_between_file_and_run_json(tmp_path: Path, monkeypatch: pytest.Mo
     assert again.get("capture", Ambient) == Ambient(1.0)
     again.put("capture", Ambient(3.0))
     assert again.get("capture", Ambient) == Ambient(3.0)
+
+
+def test_a_run_from_before_the_sub_folders_is_read_and_goes_on_as_it_was(tmp_path: Path) -> None:
+    folder = _store(tmp_path).create("s")
+    folder.put("capture-X1-before", Ambient(1.0))
+    folder.write_text("sent-001-A.MPF", "N10")
+    for path in [path for path in folder.path.rglob("*") if path.is_file()]:
+        path.rename(folder.path / path.name)
+    facts = {key: value for key, value in folder.facts.items() if key != layout.KEY}
+    (folder.path / "run.json").write_bytes(sealed(facts))
+    assert folder.get("capture-X1-before", Ambient) == Ambient(1.0)
+    assert folder.read_text("sent-001-A.MPF") == "N10"
+    folder.put("capture-X1-before", Ambient(2.0))
+    folder.write_array("raw-X1", np.zeros(2))
+    assert (folder.path / "capture-X1-before.2.json").is_file()
+    assert (folder.path / "raw-X1.npy").is_file()
+    assert [one.name for one in folder.differences() if one.kind != "added"] == []
+
+
+def test_every_file_of_a_run_lies_where_its_name_says(tmp_path: Path) -> None:
+    folder = _store(tmp_path).create("s")
+    folder.put("setup-EYX-X1", Ambient(1.0))
+    folder.put("setup-EYX-X1", Ambient(2.0))
+    for name in ("live-X1-000001.mpf", "sent-001-A.MPF", "site.toml", "index.html"):
+        folder.write_text(name, "x")
+    folder.write_array("raw-X1-before", np.zeros(2))
+    found = {path.relative_to(folder.path).as_posix() for path in folder.path.rglob("*") if path.is_file()}
+    assert found == {
+        "run.json",
+        "site.toml",
+        "index.html",
+        "setups/setup-EYX-X1.json",
+        "setups/setup-EYX-X1.2.json",
+        "tables/live-X1-000001.mpf",
+        "protocol/sent-001-A.MPF",
+        "raw/raw-X1-before.npy",
+    }
+    assert folder.differences() == ()
+    assert folder.read_text("live-X1-000001.mpf") == "x"

@@ -114,8 +114,8 @@ def test_an_older_proposal_is_refused_by_its_version_and_not_as_tampered(tmp_pat
     with pytest.raises(WriteRefused) as caught:
         demand_todays(RunFolder(folder.path))
     assert caught.value.code == "E-PROPOSAL-OLDER"
-    assert "made by version 0.0.9" in caught.value.what
-    assert "propose again" in caught.value.hint
+    assert "made with version 0.0.9" in caught.value.what
+    assert "make the proposal again" in caught.value.hint
 
 
 def _file(folder: RunFolder) -> str:

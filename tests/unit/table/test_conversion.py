@@ -35,7 +35,7 @@ def test_eec_is_the_mean_of_both_directions_zero_at_the_reference() -> None:
     assert (table.kind, table.minimum, table.maximum, table.step) == ("axis", 50.0, 350.0, 100.0)
     assert table.deviations == (-1.5, 0.0, 2.0, 2.0)
     assert "W-COMP-REVERSAL" in found(conversion)
-    assert "(1.250 um)" in found(conversion)
+    assert "(1.250 µm)" in found(conversion)
     assert "W-COMP-REPLACES" in found(conversion)
 
 
@@ -46,7 +46,7 @@ def test_cec_is_a_pair_with_its_sign_said_to_be_unproven() -> None:
     assert (minus.direction, minus.index, minus.deviations) == (-1, 5, (-1.0, 0.0, 2.0, 3.0))
     assert {plus.input_axis, plus.output_axis, minus.output_axis} == {"X1"}
     assert "W-COMP-CROSS-SIGN" in found(conversion)
-    assert "the reversal at the reference 100 (2.000 um)" in found(conversion)
+    assert "the reversal at the reference 100 (2.000 µm)" in found(conversion)
 
 
 def test_a_file_that_counts_against_the_machine() -> None:

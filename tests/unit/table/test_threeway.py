@@ -21,10 +21,10 @@ ALLOWED = 0.001
 @pytest.mark.parametrize(
     ("live", "kind", "said"),
     [
-        (ON, "as-approved", "as approved, switched on"),
+        (ON, "as-approved", "the approved one, switched on"),
         (LiveTable(APPROVED, enabled=False), "switched-off", "switched off"),
-        (LiveTable(BEFORE, enabled=True), "before", "one from before, switched on"),
-        (LiveTable(BEFORE, enabled=False), "before", "one from before, switched off"),
+        (LiveTable(BEFORE, enabled=True), "before", "the previous one, switched on"),
+        (LiveTable(BEFORE, enabled=False), "before", "the previous one, switched off"),
         (LiveTable(NEVER, enabled=False), "differs", "neither"),
         (LiveTable(replace(APPROVED, step=45.0), enabled=True), "differs", "step: 90.0, live 45.0"),
         (LiveTable(replace(APPROVED, modulo=False), enabled=True), "differs", "modulo: True, live False"),
@@ -43,7 +43,7 @@ def test_the_first_difference_is_told_with_all_three_values() -> None:
     found = compare(live, ON, LiveTable(BEFORE, enabled=True), ALLOWED)
     assert found.kind == "differs"
     assert (len(found.places), found.as_before) == (2, 1)
-    assert "at 2 of 5 points, at 1 of them it is as before; first at 180" in found.words
+    assert "at 2 of 5 points; at 1 of them it has the previous value. First at 180" in found.words
     assert "before +2.000, approved +6.000, live +2.000 arcsec" in found.words
     unknown = compare(live, ON, None, ALLOWED)
     assert "before ?" in unknown.words

@@ -51,7 +51,7 @@ def test_the_larger_of_the_site_file_and_what_was_seen_counts_and_is_said() -> N
     assert (fast.drift_um_per_h, fast.drift_arcsec_per_h) == (2.0, 0.5)
     assert slow.drift_um_per_h == 0.3
     (told,) = _drifting(fast, WORK)
-    assert "infeed wandered by 2.0 um in an hour" in told
+    assert "infeed drifted by 2.0 µm per hour" in told
     assert _drifting(slow, WORK) == ()
 
 

@@ -42,7 +42,7 @@ def verdict(machine: Truth) -> AxisVerdict:
     known = [evaluate(one.targets, one.deviations, "arcsec") for one in (before, after)]
     left = machine(TARGETS) - new.at(TARGETS) + OLD.at(TARGETS)
     change = replace(CHANGE, predicted=left, predicted_U=np.full(24, 1.0))
-    return judge_axis("C1", known[0], known[1], change, check_between(change, after))
+    return judge_axis("C1", known[0], known[1], change=change, checked=check_between(change, after))
 
 
 def as_the_table(q: np.ndarray) -> np.ndarray:
@@ -57,21 +57,21 @@ def comb(size: float) -> Truth:
 def test_a_good_table_is_confirmed_between_the_targets() -> None:
     good = verdict(as_the_table)
     assert (good.improved, good.worse, good.within_prediction) == (True, False, True)
-    assert "6 places between the targets, not measured before, confirm it" in good.words
+    assert "6 positions between the targets, not measured before, confirm it" in good.words
     assert judge((good,), (PUSH,), ()).outcome == "better"
 
 
 def test_a_little_more_than_stated_between_them_is_said() -> None:
     little = verdict(comb(3.0))
     assert (little.improved, little.worse, little.within_prediction) == (True, False, False)
-    assert "Between the targets the prediction did not hold" in little.words
+    assert "The prediction did not hold between the targets" in little.words
 
 
 @pytest.mark.parametrize("machine", [comb(14.0), lambda q: as_the_table(q) * np.cos(np.pi * q / 15.0) ** 2])
 def test_a_table_that_only_the_targets_agree_with_makes_the_axis_worse(machine: Truth) -> None:
     bad = verdict(machine)
     assert (bad.improved, bad.worse) == (False, True)
-    assert "The axis got worse" in bad.words
+    assert "The axis became worse" in bad.words
     assert "trueflank rollback SITE --axis C1" in bad.words
     assert judge((bad,), (PUSH,), ()).outcome == "worse"
 

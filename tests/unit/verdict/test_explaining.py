@@ -20,7 +20,7 @@ CHANGE = TableChange("C1", OLD, NEW, True, "base", TARGETS, np.zeros(24), np.ful
 
 @pytest.mark.parametrize(
     ("slope", "said"),
-    [(-1.0, "as predicted"), (0.0, "not active"), (1.0, "wrong sign"), (-2.0, "on top of itself"), (-0.5, "Only 50 %")],
+    [(-1.0, "as predicted"), (0.0, "not active"), (1.0, "wrong sign"), (-2.0, "acts twice"), (-0.5, "Only 50 %")],
 )
 def test_what_the_new_table_did_over_the_old(slope: float, said: str) -> None:
     before = SHAPE + np.random.default_rng(5).normal(scale=0.2, size=24)

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from drivers.clock import LoopClock, run_virtual
-from drivers.errors import ConfigError, FileFormatError
+from drivers.errors import ConfigError, FileFormatError, FileUnreadable
 from gateway.cli import app
 from gateway.errors import CorruptRecord, StoreError
 from gateway.store import Store
@@ -54,7 +54,7 @@ class Imagined:
 
     def digest(self, seen: SeenFile) -> str:
         if seen.name in self.denied:
-            raise FileFormatError("E-FILE-READ", seen.name, why="permission denied")
+            raise FileUnreadable("E-FILE-READ", seen.name, why="permission denied")
         if seen.name in self.growing:
             return ""
         return hashlib.sha256(self.files[seen.name]).hexdigest()
@@ -349,7 +349,7 @@ def test_a_file_swapped_for_a_link_after_it_was_listed_is_not_read(tmp_path: Pat
     seen = Folder(folder).entries()[0]
     (folder / "a.rtl").rename(tmp_path / "moved.rtl")
     (folder / "a.rtl").symlink_to(tmp_path / "moved.rtl")
-    with pytest.raises(FileFormatError, match="E-FILE-READ"):
+    with pytest.raises(FileUnreadable, match="E-FILE-READ"):
         Folder(folder).digest(seen)
 
 

@@ -12,9 +12,12 @@ from fastapi import FastAPI
 class Client:
     """Each request on a loop of its own; redirects are not followed."""
 
-    def __init__(self, app: FastAPI, base_url: str = "http://127.0.0.1:8617") -> None:
+    def __init__(
+        self, app: FastAPI, base_url: str = "http://127.0.0.1:8617", headers: dict[str, str] | None = None
+    ) -> None:
         self._app = app
         self._base_url = base_url
+        self._headers = headers or {}
 
     def request(self, method: str, path: str, **more: Any) -> httpx.Response:
         return asyncio.run(self._ask(method, path, **more))
@@ -27,5 +30,5 @@ class Client:
 
     async def _ask(self, method: str, path: str, **more: Any) -> httpx.Response:
         transport = httpx.ASGITransport(app=self._app)
-        async with httpx.AsyncClient(transport=transport, base_url=self._base_url) as client:
+        async with httpx.AsyncClient(transport=transport, base_url=self._base_url, headers=self._headers) as client:
             return await client.request(method, path, **more)

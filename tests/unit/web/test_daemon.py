@@ -3,32 +3,50 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import os
 import socket
+import ssl
 import stat
+import subprocess
+import sys
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+from ipaddress import ip_address
 from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.x509.oid import NameOID
 
 from drivers.clock import LoopClock, run_virtual
 from drivers.errors import ConfigError, TransportError, TrueflankError
 from drivers.leftover import NOTHING, LeftOver
+from gateway import audit
+from gateway.broker import Broker, BrokerNotice, Lease, borrowed, borrowing, notice_of, taking, token_path
+from gateway.broker.lines import heard, line
+from gateway.broker.lock import LOCK_FILE, locked
+from gateway.broker.notice import noticed
+from gateway.broker.token import token_of
 from gateway.config import SiteFile
-from gateway.daemon import RunStarter, serve, token_path
+from gateway.config.sections import ServiceSection
+from gateway.daemon import RunStarter, Serving, listening, serve
 from gateway.daemon.desk import Desk, interrupt, unless
-from gateway.daemon.lock import LOCK_FILE, locked
-from gateway.daemon.stored import last_result, newest_runs, pushes_held, stored_report
-from gateway.daemon.token import token_of
 from gateway.domain.outcomes import AxisVerdict, Verdict
 from gateway.errors import BusyError, StoreError
 from gateway.push.records import journal
 from gateway.say import Say
-from gateway.stopping import current
+from gateway.stopping import StopAsked, Stopped, current, obey
 from gateway.store import Store
+from gateway.users import UserAccounts, first_token_path
+from gateway.users.passwords import Hasher
+from gateway.views.stored import last_result, newest_runs, pushes_held, stored_report
+from gateway.web import works
 from tests.unit.report.synthetic import axis_material
 from tests.unit.web.pictures import Seen
 
@@ -149,7 +167,7 @@ def test_a_run_borrows_the_devices_and_gives_them_back() -> None:
         assert desk.run is not None
         assert (desk.run.axis, desk.run.stage, desk.run.progress) == ("X1", "bidirectional", 0.25)
         assert desk.run.run_id == "20260302T080000000Z-hall-3-ab12"
-        assert [view.state for view in desk.devices()] == ["lent"]
+        assert [view.state for view in desk.devices()] == ["in use"]
         runs.go_on.set()
         await devices.watching.wait()
         assert desk.run is None
@@ -324,10 +342,17 @@ async def test_work_that_ends_by_itself_passes_its_error_on() -> None:
 # -- whole daemon on a loopback socket ---------------------------------------------------------------------
 
 
+async def nothing_wrong(_say: Say) -> object:
+    return None
+
+
+def serving(folder: Path, devices: Callable[[], Devices] = Devices) -> Serving:
+    return Serving(SITE, folder / "site.toml", Store(folder), devices, nothing_wrong)
+
+
 def served(
     folder: Path,
     body: Callable[[httpx.AsyncClient, asyncio.Event], Awaitable[None]],
-    starter: RunStarter | None = None,
     devices: Devices | None = None,
 ) -> float:
     """Serve on a free port, do `body`, stop; returns how long the stop took in seconds."""
@@ -335,16 +360,13 @@ def served(
     async def main() -> float:
         loop = asyncio.get_running_loop()
         stop, url = asyncio.Event(), loop.create_future()
-        daemon = asyncio.create_task(
-            serve(
-                SITE, lambda: devices or Devices(), starter, store=Store(folder), clock=LoopClock(),
-                stop=stop, port=0, ready=url.set_result,
-            )
-        )  # fmt: skip
+        one = serving(folder, lambda: devices or Devices())
+        daemon = asyncio.create_task(serve([one], clock=LoopClock(), stop=stop, port=0, ready=url.set_result))
         await asyncio.wait((daemon, url), return_when=asyncio.FIRST_COMPLETED)
         if daemon.done():
             await daemon
-        async with httpx.AsyncClient(base_url=url.result(), trust_env=False) as client:
+        bearer = {"Authorization": f"Bearer {token_path(folder).read_text(encoding='ascii').strip()}"}
+        async with httpx.AsyncClient(base_url=url.result(), trust_env=False, headers=bearer) as client:
             await body(client, stop)
             begun = loop.time()
             stop.set()
@@ -361,8 +383,8 @@ def test_serves_the_page_and_stops_in_time(tmp_path: Path) -> None:
 
     async def body(client: httpx.AsyncClient, _stop: asyncio.Event) -> None:
         seen["health"] = (await client.get("/healthz")).json()
-        seen["page"] = (await client.get("/")).text
-        seen["data"] = (await client.get("/api/status")).json()
+        seen["page"] = (await client.get("/status")).text
+        seen["data"] = (await client.get("/api/v1/sites/hall-3/status")).json()
         seen["foreign"] = (await client.get("/healthz", headers={"Host": "attack.example"})).status_code
         seen["headers"] = (await client.get("/healthz")).headers
 
@@ -374,63 +396,109 @@ def test_serves_the_page_and_stops_in_time(tmp_path: Path) -> None:
     assert "server" not in seen["headers"]
 
 
-def test_a_run_is_started_with_the_token_from_the_file_and_stops_with_the_daemon(tmp_path: Path) -> None:
+RUN = "/api/v1/sites/hall-3/commands/run"
+
+
+def test_a_run_is_started_with_the_token_from_the_file_and_stops_with_the_daemon(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     runs, codes = Runs(), list[int]()
+    monkeypatch.setattr(works, "run", lambda _at, _clock: runs)
 
     async def body(client: httpx.AsyncClient, _stop: asyncio.Event) -> None:
-        bearer = {"Authorization": f"Bearer {token_path(tmp_path).read_text(encoding='ascii').strip()}"}
-        codes.append((await client.post("/api/runs")).status_code)
-        answer = await client.post("/api/runs", headers=bearer)
-        codes.append(answer.status_code)
-        assert answer.json() == {"run_id": "20260302T080000000Z-hall-3-ab12"}
-        codes.append((await client.post("/api/runs", headers=bearer)).status_code)
-        data = (await client.get("/api/status")).json()
-        assert (data["state"], data["run"]["axis"], data["run"]["done"]) == ("running", "X1", 3)
-        assert data["devices"][0]["state"] == "lent"
+        codes.append((await client.post(RUN, json={}, headers={"Authorization": "Bearer x"})).status_code)
+        answers = await asyncio.gather(
+            *(client.post(RUN, json={}, headers={"Idempotency-Key": "k-1"}) for _again in range(20))
+        )
+        assert {(one.status_code, one.json()["job"]) for one in answers} == {(202, 1)}
+        codes.append((await client.post(RUN, json={})).status_code)
+        while (data := (await client.get("/api/v1/sites/hall-3/status")).json())["state"] != "running":
+            pass
+        while (data := (await client.get("/api/v1/sites/hall-3/status")).json())["run"]["done"] != 3:
+            pass
+        assert (data["run"]["axis"], data["devices"][0]["state"]) == ("X1", "in use")
 
-    assert served(tmp_path, body, runs) < 3.0
-    assert codes == [401, 202, 409]
+    assert served(tmp_path, body) < 3.0
+    assert codes == [401, 409]
     assert runs.cancelled
 
 
-def test_requests_that_never_end_do_not_hold_the_daemon(tmp_path: Path) -> None:
-    with socket.socket() as half_body, socket.socket() as half_line:
+def test_a_run_is_stopped_at_the_page_and_its_end_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    runs = Runs()
+    monkeypatch.setattr(works, "run", lambda _at, _clock: runs)
 
-        async def body(client: httpx.AsyncClient, _stop: asyncio.Event) -> None:
-            where = (client.base_url.host, client.base_url.port)
-            for slow, text in (
-                (half_body, b"POST /api/runs HTTP/1.1\r\nContent-Length: 9\r\n"),
-                (half_line, b"GET /he"),
-            ):
-                slow.connect(where)
-                slow.sendall(text)
-            assert (await client.get("/healthz")).status_code == 200
+    async def body(client: httpx.AsyncClient, _stop: asyncio.Event) -> None:
+        at = "/api/v1/sites/hall-3"
+        assert (await client.post(f"{at}/stop", json={})).json() == {"asked": False}
+        await client.post(RUN, json={})
+        while (await client.get(f"{at}/jobs/1")).json()["run_id"] == "":
+            pass
+        assert (await client.post(f"{at}/stop", json={})).json() == {"asked": True}
+        while (job := (await client.get(f"{at}/jobs/1")).json())["state"] == "running":
+            pass
+        assert (job["state"], job["error"]["code"]) == ("stopped", "E-STOPPED")
+        assert "at the page" in job["error"]["what"]
 
-        assert served(tmp_path, body) < 3.0
+    served(tmp_path, body)
+    assert runs.cancelled
 
 
-def test_a_caller_who_waits_for_a_run_is_told_that_the_daemon_stops(tmp_path: Path) -> None:
-    async def silent(_say: Say) -> None:
-        await asyncio.Event().wait()
+def test_eight_streams_get_the_picture_first_then_every_word_and_end_with_the_daemon(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    runs, heard = Runs(), list[list[str]]()
+    monkeypatch.setattr(works, "run", lambda _at, _clock: runs)
 
-    answers: list[asyncio.Task[httpx.Response]] = []
+    async def listen(client: httpx.AsyncClient, joined: asyncio.Semaphore) -> None:
+        kinds: list[str] = []
+        heard.append(kinds)
+        async with client.stream("GET", "/api/v1/sites/hall-3/stream", timeout=None) as answer:
+            async for text in answer.aiter_lines():
+                if text.startswith("event: "):
+                    kinds.append(text.removeprefix("event: "))
+                    if len(kinds) == 1:
+                        joined.release()
 
     async def body(client: httpx.AsyncClient, stop: asyncio.Event) -> None:
-        bearer = {"Authorization": f"Bearer {token_of(tmp_path)}"}
-        answers.append(asyncio.create_task(client.post("/api/runs", headers=bearer)))
-        while (await client.get("/api/status")).json()["run"] is None:
-            pass
+        joined = asyncio.Semaphore(0)
+        pages = [asyncio.create_task(listen(client, joined)) for _page in range(8)]
+        for _page in range(8):
+            await joined.acquire()
+        await client.post(RUN, json={})
+        while any(kinds.count("said") < 2 for kinds in heard):
+            await LoopClock().sleep(0)
         stop.set()
-        answer = await answers[0]
-        assert (answer.status_code, answer.json()["code"]) == (409, "E-WEB-STOPPING")
+        await asyncio.gather(*pages)
 
-    assert served(tmp_path, body, silent) < 3.0
+    assert served(tmp_path, body) < 5.0
+    assert {kinds[0] for kinds in heard} == {"picture"}
+
+
+def test_a_head_that_does_not_come_is_closed_and_health_answers_meanwhile(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(listening, "HEAD_S", 0.5)
+
+    async def body(client: httpx.AsyncClient, _stop: asyncio.Event) -> None:
+        where = (client.base_url.host, client.base_url.port)
+        halves = [await asyncio.open_connection(*where) for _one in range(100)]
+        for number, (_reader, writer) in enumerate(halves):
+            writer.write(b"GET /he" if number % 2 else b"POST /api/v1/login HTTP/1.1\r\nContent-Length: 9\r\n")
+        assert (await client.get("/healthz")).status_code == 200
+        answers = await asyncio.gather(*(client.get("/healthz") for _one in range(50)))
+        assert {one.status_code for one in answers} == {200}
+        for reader, writer in halves:
+            with contextlib.suppress(ConnectionError):
+                assert await reader.read() == b""
+            writer.close()
+
+    assert served(tmp_path, body) < 3.0
 
 
 def test_a_second_daemon_on_the_same_store_is_refused_with_the_pid(tmp_path: Path) -> None:
     async def body(_client: httpx.AsyncClient, stop: asyncio.Event) -> None:
         with pytest.raises(BusyError) as caught:
-            await serve(SITE, Devices, None, store=Store(tmp_path), clock=LoopClock(), stop=stop, port=0)
+            await serve([serving(tmp_path)], clock=LoopClock(), stop=stop, port=0)
         assert caught.value.code == "E-WEB-LOCKED"
         assert caught.value.fields["pid"] == str(os.getpid())
 
@@ -438,14 +506,74 @@ def test_a_second_daemon_on_the_same_store_is_refused_with_the_pid(tmp_path: Pat
     served(tmp_path, body)
 
 
-@pytest.mark.parametrize("host", ["0.0.0.0", "192.0.2.1", "example.com", "::", ""])  # noqa: S104
-def test_it_is_served_to_this_computer_only(tmp_path: Path, host: str) -> None:
+def certificate(folder: Path) -> ssl.SSLContext:
+    """A certificate of 127.0.0.1 and its key in a folder; who trusts it alone."""
+    key = ec.generate_private_key(ec.SECP256R1())
+    name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "gateway")])
+    now = datetime.now(UTC)
+    made = (
+        x509.CertificateBuilder(name, name, key.public_key(), x509.random_serial_number(), now, now + timedelta(days=1))
+        .add_extension(x509.SubjectAlternativeName([x509.IPAddress(ip_address("127.0.0.1"))]), critical=False)
+        .sign(key, hashes.SHA256())
+    )
+    plain = serialization.NoEncryption()
+    form = serialization.PrivateFormat.PKCS8
+    (folder / "key.pem").write_bytes(key.private_bytes(serialization.Encoding.PEM, form, plain))
+    (folder / "gateway.pem").write_bytes(made.public_bytes(serialization.Encoding.PEM))
+    return ssl.create_default_context(cafile=str(folder / "gateway.pem"))
+
+
+def test_with_a_certificate_it_is_served_over_tls_alone_and_its_cookie_is_secure(tmp_path: Path) -> None:
+    trust = certificate(tmp_path)
+    secure = SITE.model_copy(
+        update={
+            "service": ServiceSection(certificate=Path("gateway.pem"), key=Path("key.pem"), hosts=("gateway.hall",))
+        }
+    )
+
+    async def main() -> None:
+        loop = asyncio.get_running_loop()
+        stop, url = asyncio.Event(), loop.create_future()
+        one = Serving(secure, tmp_path / "site.toml", Store(tmp_path), Devices, nothing_wrong)
+        told = {"clock": LoopClock(), "stop": stop, "port": 0, "ready": url.set_result}
+        told |= {"host": "0.0.0.0", "accounts": UserAccounts(tmp_path, Hasher(1, 8))}  # noqa: S104
+        daemon = asyncio.create_task(serve([one], **told))  # type: ignore[arg-type]
+        await asyncio.wait((daemon, url), return_when=asyncio.FIRST_COMPLETED)
+        port = url.result().rpartition(":")[2].rstrip("/")
+        async with httpx.AsyncClient(base_url=f"https://127.0.0.1:{port}", trust_env=False, verify=trust) as client:
+            body = {
+                "token": first_token_path(tmp_path).read_text().strip(),
+                "name": "anna",
+                "password": "a long sentence",
+            }
+            answer = await client.post("/api/v1/first-start", json=body)
+            assert answer.status_code == 200
+            assert "Secure" in answer.headers["set-cookie"]
+            assert "strict-transport-security" in answer.headers
+            assert (await client.get("/healthz", headers={"Host": "gateway.hall"})).status_code == 200
+            with pytest.raises(httpx.HTTPError):
+                await client.get(f"http://127.0.0.1:{port}/healthz")
+        stop.set()
+        await daemon
+
+    asyncio.run(main())
+
+
+async def test_a_certificate_that_cannot_be_used_is_a_message(tmp_path: Path) -> None:
+    (tmp_path / "gateway.pem").write_text("none", encoding="ascii")
+    secure = SITE.model_copy(
+        update={"service": ServiceSection(certificate=Path("gateway.pem"), key=Path("gateway.pem"))}
+    )
+    one = Serving(secure, tmp_path / "site.toml", Store(tmp_path), Devices, nothing_wrong)
     with pytest.raises(ConfigError) as caught:
-        asyncio.run(
-            serve(
-                SITE, Devices, None, store=Store(tmp_path), clock=LoopClock(), stop=asyncio.Event(), host=host, port=0
-            )
-        )  # fmt: skip
+        await serve([one], clock=LoopClock(), stop=asyncio.Event(), port=0)
+    assert caught.value.code == "E-WEB-FILES"
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "192.0.2.1", "example.com", "::", ""])  # noqa: S104
+def test_without_a_certificate_it_is_served_to_this_computer_only(tmp_path: Path, host: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        asyncio.run(serve([serving(tmp_path)], clock=LoopClock(), stop=asyncio.Event(), host=host, port=0))
     assert caught.value.code == "E-WEB-BIND"
 
 
@@ -455,9 +583,7 @@ def test_a_taken_port_is_a_message(tmp_path: Path) -> None:
         other.listen()
         port = other.getsockname()[1]
         with pytest.raises(ConfigError) as caught:
-            asyncio.run(
-                serve(SITE, Devices, None, store=Store(tmp_path), clock=LoopClock(), stop=asyncio.Event(), port=port)
-            )
+            asyncio.run(serve([serving(tmp_path)], clock=LoopClock(), stop=asyncio.Event(), port=port))
     assert (caught.value.code, caught.value.fields["port"]) == ("E-WEB-PORT", port)
 
 
@@ -467,7 +593,145 @@ def test_a_watch_that_breaks_ends_the_daemon_with_its_error(tmp_path: Path) -> N
             raise RuntimeError("watch broke")
 
     with pytest.raises(RuntimeError, match="watch broke"):
-        asyncio.run(serve(SITE, Broken, None, store=Store(tmp_path), clock=LoopClock(), stop=asyncio.Event(), port=0))
+        asyncio.run(serve([serving(tmp_path, Broken)], clock=LoopClock(), stop=asyncio.Event(), port=0))
+
+
+# -- devices lent to commands at a terminal ----------------------------------------------------------------
+
+
+def test_a_command_borrows_the_devices_is_heard_and_gives_them_back(tmp_path: Path) -> None:
+    devices = Devices()
+
+    async def body(client: httpx.AsyncClient, _stop: asyncio.Event) -> None:
+        await devices.watching.wait()
+        said: list[str] = []
+        async with borrowed(tmp_path, "r-7", LoopClock(), lambda code, **_f: said.append(code)) as say:
+            assert devices.state == "closed"
+            say("P-STOP", axis="X1", program="bidirectional", done=5, total=12)
+            while (run := (await client.get("/api/v1/sites/hall-3/status")).json()["run"])["done"] != 5:
+                pass
+            assert (run["run_id"], run["kind"]) == ("r-7", "terminal")
+            with pytest.raises(BusyError) as caught:
+                async with borrowed(tmp_path, "r-8", LoopClock()):
+                    pytest.fail("two have the devices")
+            assert caught.value.code == "E-BROKER-BUSY"
+            assert "r-7" in str(caught.value.fields["why"])
+            assert (await client.post(RUN, json={})).status_code == 409
+        await devices.watching.wait()
+        assert said == ["P-STOP"]
+        assert (await client.get("/api/v1/sites/hall-3/jobs/1")).json()["state"] == "ended"
+
+    served(tmp_path, body, devices)
+    assert devices.calls == ["open", "watch", "close", "open", "watch", "close"]
+
+
+def test_a_borrower_that_dies_gives_the_devices_back(tmp_path: Path) -> None:
+    devices = Devices()
+
+    async def body(_client: httpx.AsyncClient, _stop: asyncio.Event) -> None:
+        await devices.watching.wait()
+        notice = notice_of(tmp_path)
+        assert notice is not None
+        reader, writer = await asyncio.open_connection("127.0.0.1", notice.port)
+        writer.write(line({"token": notice.token, "root": str(tmp_path), "run": "r", "who": "w"}))
+        assert await heard(reader) == {"granted": True}
+        assert devices.state == "closed"
+        writer.transport.abort()
+        await devices.watching.wait()
+
+    served(tmp_path, body, devices)
+
+
+@pytest.mark.parametrize("asked", [b"", b"nonsense\n", b'{"token": "x", "root": "r"}\n', b"[1]\n", b'{"a":' * 9000])
+def test_nobody_borrows_without_the_token(tmp_path: Path, asked: bytes) -> None:
+    devices = Devices()
+
+    async def body(_client: httpx.AsyncClient, _stop: asyncio.Event) -> None:
+        notice = notice_of(tmp_path)
+        assert notice is not None
+        reader, writer = await asyncio.open_connection("127.0.0.1", notice.port)
+        writer.write(asked)
+        writer.write_eof()
+        with contextlib.suppress(ConnectionError):
+            assert await reader.read() == b""
+        writer.close()
+
+    served(tmp_path, body, devices)
+    assert devices.calls.count("open") <= 1
+
+
+def test_a_stop_at_the_page_reaches_the_terminal(tmp_path: Path) -> None:
+    async def body(client: httpx.AsyncClient, _stop: asyncio.Event) -> None:
+        asked = StopAsked()
+
+        async def work() -> None:
+            async with borrowed(tmp_path, "r-9", LoopClock()):
+                await client.post("/api/v1/sites/hall-3/stop", json={})
+                await asyncio.Event().wait()
+
+        with pytest.raises(Stopped) as caught:
+            await obey(work(), asked, LoopClock())
+        assert "at the page" in str(caught.value)
+
+    served(tmp_path, body)
+
+
+async def test_a_notice_that_a_dead_daemon_left_holds_nobody_up(tmp_path: Path) -> None:
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    with noticed(tmp_path, BrokerNotice(1, port, "t")):
+        if os.name == "posix":
+            assert stat.S_IMODE((tmp_path / "broker.json").stat().st_mode) == 0o600
+        async with borrowed(tmp_path, "r", LoopClock()):
+            pass
+    assert notice_of(tmp_path) is None
+
+
+async def test_devices_are_not_taken_from_a_daemon_that_answers(tmp_path: Path) -> None:
+    async def lend(_lease: Lease) -> None:
+        pytest.fail("nobody asked for them")
+
+    async with Broker(lend, LoopClock()).open((tmp_path,)):
+        with taking("it hangs"), pytest.raises(BusyError) as caught:
+            async with borrowed(tmp_path, "r", LoopClock()):
+                pytest.fail("taken")
+    assert caught.value.code == "E-BROKER-ANSWERS"
+
+
+HANGING = """
+import os, socket, sys, time
+from pathlib import Path
+from gateway.broker.lock import locked
+from gateway.broker.notice import BrokerNotice, noticed
+root = Path(sys.argv[1])
+with socket.create_server(("127.0.0.1", 0)) as server, locked(root):
+    with noticed(root, BrokerNotice(os.getpid(), server.getsockname()[1], "t")):
+        print("hangs", flush=True)
+        time.sleep(600)
+"""
+
+
+@pytest.mark.wall_time
+async def test_devices_of_a_daemon_that_hangs_are_taken_with_a_reason_and_its_lock_is_held(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(borrowing, "ANSWER_S", 0.3)
+    monkeypatch.setattr(borrowing, "ALIVE_S", 0.3)
+    with subprocess.Popen([sys.executable, "-c", HANGING, str(tmp_path)], stdout=subprocess.PIPE, text=True) as hung:  # noqa: ASYNC220
+        assert hung.stdout is not None
+        assert hung.stdout.readline() == "hangs\n"
+        with pytest.raises(TransportError) as caught:
+            async with borrowed(tmp_path, "r", LoopClock()):
+                pytest.fail("it does not answer")
+        assert (caught.value.code, caught.value.fields["pid"]) == ("E-BROKER-SILENT", hung.pid)
+        with taking("the page does not answer"):
+            async with borrowed(tmp_path, "r", LoopClock()):
+                assert hung.wait() != 0
+                with pytest.raises(BusyError), locked(tmp_path):
+                    pytest.fail("a new daemon came between")
+    (entry,) = audit.entries(tmp_path)
+    assert (entry["action"], entry["details"]["why"]) == ("devices-taken", "the page does not answer")
 
 
 # -- lock and token ----------------------------------------------------------------------------------------
@@ -535,7 +799,7 @@ def test_stored_runs_newest_first_with_result_and_report(tmp_path: Path) -> None
     assert seen[first.run_id].report is True
     assert seen[second.run_id].report is False
     assert seen[broken.run_id].state == "unreadable"
-    assert [row.parameter for row in last_result(store)] == ["E", "R", "B", "A", "M"]
+    assert [row.parameter for row in last_result(store)] == ["E", "R", "B", "A", "M", "M_travel"]
     assert stored_report(store, first.run_id) == "<p>r</p>"
     assert stored_report(store, second.run_id) is None
     assert stored_report(store, "gone") is None

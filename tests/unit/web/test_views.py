@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 from drivers.errors import TransportError
 from drivers.leftover import LeftOver
 from gateway.domain.outcomes import AxisVerdict, Verdict
 from gateway.views import RunView, as_data, axis_table, device_views
-from gateway.web import create_app
 from tests.unit.report.synthetic import axis_material
 from tests.unit.web.client import Client
 from tests.unit.web.pictures import Seen, status
+from tests.unit.web.services import TOKEN, offered
+from tests.unit.web.test_daemon import SITE
 
 
 def test_a_closed_device_is_lent_only_while_a_run_has_it() -> None:
     seen = [Seen("laser", "umd", "closed"), Seen("controller", "sinumerik-opcua", "failed")]
-    assert [view.state for view in device_views(seen, lent=True)] == ["lent", "failed"]
+    assert [view.state for view in device_views(seen, lent=True)] == ["in use", "failed"]
     assert [view.state for view in device_views(seen, lent=False)] == ["closed", "failed"]
 
 
@@ -52,7 +54,7 @@ def test_table_has_five_lines_an_axis_and_dashes_for_nothing() -> None:
     before, after = replace(axis.before, E=20.0, M=None), replace(axis.after, E=5.0)
     verdict = Verdict((AxisVerdict("X1", "um", before, after, True, True, "better"),), "better")
     rows = axis_table(verdict)
-    assert [row.parameter for row in rows] == ["E", "R", "B", "A", "M"]
+    assert [row.parameter for row in rows] == ["E", "R", "B", "A", "M", "M_travel"]
     assert (rows[0].axis, rows[0].before, rows[0].after, rows[0].unit, rows[0].change) == (
         "X1", "20.00", "5.00", "um", "−75 %",
     )  # fmt: skip
@@ -70,12 +72,14 @@ def test_data_are_json_with_state_and_progress() -> None:
     assert as_data(status(run=None))["run"] is None
 
 
-def test_something_of_ours_in_the_control_is_never_ready() -> None:
+def test_something_of_ours_in_the_control_is_never_ready(tmp_path: Path) -> None:
     left = LeftOver("stopped", 123456, "TFPUSH_X1", "TRUEFLANK LOADED").said.as_record()
     clean = status(run=None, devices=())
     assert clean.state == "ready"
     assert status(run=None, devices=(), left=(left,)).state == "attention"
-    shown = Client(create_app(lambda: status(run=None, devices=(), left=(left,)), None, "x" * 43)).get("/").text
+    offer = offered(tmp_path, SITE)
+    offer.at.shown = lambda: status(run=None, devices=(), left=(left,))
+    shown = Client(offer.app, headers={"Authorization": f"Bearer {TOKEN}"}).get("/status").text
     assert "W-LEFT-STOPPED" in shown
     assert "press RESET at the machine, not NC START" in shown
     assert "Needs attention" in shown

@@ -9,13 +9,16 @@ from drivers.sinumerik.mailbox.codec.packing import WordOrder, crc32, dint, dint
 from drivers.sinumerik.mailbox.codec.registers import (
     CHUNK_POINTS,
     DATA_SPAN,
+    HEAD_REGISTERS,
     LAST_NUMBER,
     NAME_REGISTERS,
     Command,
     Kind,
+    TableFlag,
 )
 
-_WITH_DATA = (Command.CHUNK, Command.MARKER)
+_ALONE = int(TableFlag.AXIS_ONLY | TableFlag.TABLE_ONLY)
+WITH_DATA = (Command.CHUNK, Command.MARKER, Command.ACTIVATE, Command.DISABLE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,12 +67,12 @@ def encode(
 ) -> CommandFrame:
     """Registers of a command under the number ``count``.
 
-    ``data`` are the data registers of commands 3 and 10, ``whole`` all value registers of the table for command 4.
+    ``data`` are the data registers of commands 3, 5, 6 and 10, ``whole`` all value registers of a table for command 4.
     Raises OverflowError for a number that does not fit its register.
     """
     body = _body(order, count, word_order)
     block: tuple[int, ...] = ()
-    if order.command in _WITH_DATA:
+    if order.command in WITH_DATA:
         block = tuple(data) + (0,) * (DATA_SPAN[1] - len(data))
     crc = crc32(body, block, whole)
     return CommandFrame((*body, *unsigned_pair(crc, word_order)), block, crc)
@@ -115,7 +118,7 @@ def decode(
     grid = (number(body[at : at + 2], word_order) for at in (6, 8, 10))
     values = dict(zip(_NUMBERS, (*body[3:6], *grid, *body[12:18]), strict=True))
     order = Order(Command(body[0]), Kind(body[2]), **values)
-    block = tuple(data) if order.command in _WITH_DATA else ()
+    block = tuple(data) if order.command in WITH_DATA else ()
     sound = unsigned(header[18:20], word_order) == crc32(body, block, whole)
     return Received(order, body[1], sound)
 
@@ -129,6 +132,23 @@ def chunks(values: Sequence[int], word_order: WordOrder) -> list[tuple[int, int,
     ]
 
 
-def marker_data(transaction: str, state: int) -> tuple[int, ...]:
-    """Data registers of command 10: the number in digits, then the state."""
-    return (*text(transaction, NAME_REGISTERS), state)
+def marker_data(transaction: str, state: int, head: int = 0) -> tuple[int, ...]:
+    """Data registers of command 10: the number in digits, the state, and 64 bits of the audit log's head."""
+    parts = (head >> shift & 0xFFFF for shift in range(16 * (HEAD_REGISTERS - 1), -1, -16))
+    return (*text(transaction, NAME_REGISTERS), state, *parts)
+
+
+def switching(command: Command, tables: Sequence[Order], flags: int = 0) -> tuple[Order, tuple[int, ...]]:
+    """Commands 5 and 6 for several tables, and their data registers: an entry for each, in this order.
+
+    Of a table's flags its entry takes those of the switches; ``flags`` are the command's own (register 21).
+    """
+    data: list[int] = []
+    for one in tables:
+        data += (int(one.kind), one.index, one.encoder, axis_of(one), one.flags & _ALONE)
+    return Order(command, flags=flags, count=len(tables)), tuple(data)
+
+
+def axis_of(order: Order) -> int:
+    """The axis that a table is looked at by: the output axis of a cross table, else the index."""
+    return order.output_axis if order.kind is Kind.CEC else order.index

@@ -69,7 +69,8 @@ def begin_order(table: CompensationTable, points: int, axes: Mapping[str, Mailbo
         whole(Decimal(repr(float(value))), unit, table, what)
         for what, value in (("MIN", table.minimum), ("STEP", table.step), ("MAX", table.maximum))
     )
-    if step <= 0 or high - low != step * (points - 1):
+    # The control counts k = floor((MAX - MIN) / STEP); points above k have no effect.
+    if step <= 0 or not 0 <= high - low - step * (points - 1) < step:
         grid: dict[str, Any] = {"step": table.step, "low": table.minimum, "high": table.maximum}
         raise Gap("E-TABLE-STEP", table.name, table=table.name, **grid)
     named = naming(table, axes)

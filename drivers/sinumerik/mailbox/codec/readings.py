@@ -1,4 +1,4 @@
-"""What the PLC shows <-> records: the status (registers 0-14), the picture (302-377) and a read-back (200-301)."""
+"""What the PLC shows <-> records: the status (registers 0-14), the picture (302-387) and a read-back (200-301)."""
 
 from __future__ import annotations
 
@@ -6,10 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from drivers.errors import RemoteProtocolError
-from drivers.sinumerik.mailbox.codec.packing import WordOrder, crc32, number, numbers, unsigned, words
+from drivers.sinumerik.mailbox.codec.packing import WordOrder, as_bytes, crc32, number, numbers, unsigned, words
 from drivers.sinumerik.mailbox.codec.registers import (
     ADDRESS,
+    HEAD_REGISTERS,
     MOST_AXES,
+    MOST_RELEASE_S,
     MOST_TABLES,
     NAME_REGISTERS,
     NOT_EXPRESSIBLE,
@@ -83,7 +85,7 @@ class MailboxGrid:
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """Registers 302-377. Positions in 0.1 um or 1e-6 deg; compensation and backlash in nm or 1e-7 deg."""
+    """Registers 302-387. Positions in 0.1 um or 1e-6 deg; compensation and backlash in nm or 1e-7 deg."""
 
     position: int
     acting: int
@@ -106,6 +108,16 @@ class Picture:
     backlash: int
     alarm: int
     mode: int
+    axis_map: int
+    head: int
+    release_left_s: int
+    encoders: int
+    backlash_factor: int
+
+    @property
+    def numbers(self) -> tuple[int, ...]:
+        """The numbers of the machine axes that there are; a machine may leave some out."""
+        return tuple(number for number in range(1, self.axes + 1) if self.axis_map >> (number - 1) & 1)
 
     @property
     def rotary(self) -> bool:
@@ -114,7 +126,7 @@ class Picture:
 
 
 class _Registers:
-    """Registers 302-377 by name."""
+    """Registers 302-387 by name."""
 
     def __init__(self, registers: Sequence[int], order: WordOrder, where: str) -> None:
         self._registers = registers
@@ -134,6 +146,10 @@ class _Registers:
         at = ADDRESS[name] - PICTURE_SPAN[0]
         return number(self._registers[at : at + 2], self._order)
 
+    def joined(self, name: str, count: int) -> int:
+        at = ADDRESS[name] - PICTURE_SPAN[0]
+        return int.from_bytes(as_bytes(self._registers[at : at + count]), "big")
+
     def text(self, name: str, count: int) -> str:
         at = ADDRESS[name] - PICTURE_SPAN[0]
         found = words(self._registers[at : at + count])
@@ -143,7 +159,7 @@ class _Registers:
 
 
 def picture_of(registers: Sequence[int], order: WordOrder, where: str = "") -> Picture:
-    """Registers 302-377 as a record. Raises RemoteProtocolError (E-MBX-REGISTER) for what the map does not allow."""
+    """Registers 302-387 as a record. Raises RemoteProtocolError (E-MBX-REGISTER) for what the map does not allow."""
     seen = _Registers(registers, order, where)
     selection = Selection(
         Kind(seen.one("SELECTED_KIND", max(Kind))),
@@ -164,15 +180,20 @@ def picture_of(registers: Sequence[int], order: WordOrder, where: str = "") -> P
         axes=seen.one("AXIS_COUNT", MOST_AXES),
         tables=seen.one("TABLE_COUNT", MOST_TABLES),
         selection=selection,
-        axis=AxisBit(seen.one("AXIS_FLAGS", 31)),
+        axis=AxisBit(seen.one("AXIS_FLAGS", 127)),
         grid=_grid_of(seen),
-        switches=SwitchBit(seen.one("SWITCHES", 7)),
+        switches=SwitchBit(seen.one("SWITCHES", 15)),
         weight=seen.two("WEIGHT"),
         acting_eec=seen.two("ACTING_EEC"),
         acting_cec=seen.two("ACTING_CEC"),
         backlash=seen.two("BACKLASH"),
         alarm=seen.two("ALARM"),
         mode=seen.one("MODE", 255),
+        axis_map=seen.two("AXIS_MAP") & 0xFFFFFFFF,
+        head=seen.joined("MARKER_HEAD", HEAD_REGISTERS),
+        release_left_s=seen.one("RELEASE_LEFT", MOST_RELEASE_S),
+        encoders=seen.one("ENCODER_COUNT", 2),
+        backlash_factor=seen.two("BACKLASH_FACTOR"),
     )
 
 

@@ -1,4 +1,4 @@
-"""The register map, version 2: addresses, bits and codes exactly as docs/plc-mailbox.md lists them."""
+"""The register map, version 3: addresses, bits and codes exactly as docs/plc-mailbox.md lists them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from enum import IntEnum, IntFlag
 from typing import Final
 
 MAGIC: Final = 0x4743
-MAP_VERSION: Final = 2
+MAP_VERSION: Final = 3
 ORDER_TEST: Final = 0x12345678
 
 # Every address under the name that the structured text uses as well.
@@ -74,18 +74,27 @@ ADDRESS: Final = {
     "BACKLASH": 373,
     "ALARM": 375,
     "MODE": 377,
+    "AXIS_MAP": 378,
+    "MARKER_HEAD": 380,
+    "RELEASE_LEFT": 384,
+    "ENCODER_COUNT": 385,
+    "BACKLASH_FACTOR": 386,
 }
 
 STATUS_SPAN: Final = (0, 15)
 HEADER_SPAN: Final = (16, 18)
 DATA_SPAN: Final = (36, 100)
 READ_BACK_SPAN: Final = (200, 102)
-PICTURE_SPAN: Final = (302, 76)
+PICTURE_SPAN: Final = (302, 86)
 SERIAL_REGISTERS: Final = 16
 NAME_REGISTERS: Final = 8
+HEAD_REGISTERS: Final = 4
 CHUNK_POINTS: Final = 50
+ENTRY_REGISTERS: Final = 5
+MOST_ENTRIES: Final = 20
 MOST_AXES: Final = 31
 MOST_TABLES: Final = 62
+MOST_RELEASE_S: Final = 900
 LAST_NUMBER: Final = 65535
 NOT_EXPRESSIBLE: Final = 1 << 15
 
@@ -135,6 +144,7 @@ class StatusBit(IntFlag):
     CEC_ENABLED = 1 << 10
     WRITABLE = 1 << 11
     AWAITS_CONFIRM = 1 << 12
+    RELEASE_STALE = 1 << 13
 
 
 class AxisBit(IntFlag):
@@ -145,6 +155,8 @@ class AxisBit(IntFlag):
     REFERENCED = 1 << 2
     IN_POSITION = 1 << 3
     STANDSTILL = 1 << 4
+    FIRST_ACTS = 1 << 5
+    SECOND_ACTS = 1 << 6
 
 
 class SwitchBit(IntFlag):
@@ -153,16 +165,20 @@ class SwitchBit(IntFlag):
     EEC = 1 << 0
     CEC_AXIS = 1 << 1
     CEC_TABLE = 1 << 2
+    BACKLASH = 1 << 3
 
 
 class TableFlag(IntFlag):
-    """Registers 21 and 356: modulo, direction as a number in bits 1-2, cylinder error, axis switch alone."""
+    """Registers 21 and 356, and the flags of an entry: modulo, direction as a number in bits 1-2, cylinder error; axis
+    switch alone, table switch alone (entries of commands 5 and 6); whatever moves (register 21 of command 6)."""
 
     MODULO = 1 << 0
     POSITIVE = 1 << 1
     NEGATIVE = 2 << 1
     CYLINDER = 1 << 3
     AXIS_ONLY = 1 << 4
+    TABLE_ONLY = 1 << 5
+    ANYHOW = 1 << 6
 
 
 class RefusalCode(IntEnum):

@@ -27,7 +27,7 @@ async def at_the_bed(bed: Bedside) -> list[CheckLine]:
 
 _QUESTIONS: tuple[tuple[str, Callable[[Bedside], Awaitable[list[CheckLine]]]], ...] = (
     ("clock", server.clock),
-    ("name space", server.name_space),
+    ("namespace", server.name_space),
     ("option", server.option),
     ("methods", server.methods),
     ("rights", server.rights),

@@ -32,7 +32,7 @@ async def clock(bed: Bedside) -> list[CheckLine]:
 
 async def name_space(bed: Bedside) -> list[CheckLine]:
     """Where the control's variables live."""
-    return [fine("W-DOC-NAMESPACE", "name space", uri=nodes.NAMESPACE_URI, index=bed.session.name_space)]
+    return [fine("W-DOC-NAMESPACE", "namespace", uri=nodes.NAMESPACE_URI, index=bed.session.name_space)]
 
 
 async def option(bed: Bedside) -> list[CheckLine]:

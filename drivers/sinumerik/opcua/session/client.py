@@ -61,7 +61,7 @@ class UaSession(UaConnection):
         async with self._clock.deadline(timeout_s, self._where), self._lock:
             policies = await login.check_trust(secrets, self._asked, self._clock.utc(), self._where)
             client, opened_at = await self._logged_in(secrets, policies)
-            await self._translated("read", "the name space", self._look_around(client, opened_at))
+            await self._translated("read", "the namespace", self._look_around(client, opened_at))
         self._alive = asyncio.get_running_loop().create_task(self._keep_alive(), name=f"keep-alive of {self._where}")
 
     async def beside(self, timeout_s: float) -> UaSession:

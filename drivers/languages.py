@@ -1,0 +1,17 @@
+"""The languages people are spoken to in: every text for people stands in `drivers/messages`, one folder for each."""
+
+from __future__ import annotations
+
+import functools
+import tomllib
+from importlib import resources
+
+LANGUAGES = {"en": "English", "zh": "中文", "de": "Deutsch"}
+
+
+@functools.cache
+def page_texts(language: str) -> dict[str, str]:
+    """The sentences of the operator's page by their keys, e.g. "push.arm"; `language` is one of `LANGUAGES`."""
+    file = resources.files("drivers").joinpath("messages", "page", f"{language}.toml")
+    found = tomllib.loads(file.read_text(encoding="utf-8"))
+    return {f"{room}.{key}": text for room, texts in found.items() for key, text in texts.items()}

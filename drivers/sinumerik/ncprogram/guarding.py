@@ -1,0 +1,119 @@
+"""What a program does about places: it ends before its first move when a guarded axis has left its safe place.
+
+And what a program moves, read back from its own blocks, so that what people are told cannot differ from what is sent.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from math import isfinite
+
+from drivers.sinumerik.ncprogram.motion import number
+from drivers.sinumerik.ncprogram.words import Phase, Word, Words
+from drivers.types.moves import NEAR, Going, SafePlaces
+from drivers.units import AxisUnit
+
+AWAY = "TF_AWAY"
+_MOVE = re.compile(r"SUPA G1 ([A-Z]\w*)=(.+) F=([\d.]+)")
+_PLACE = re.compile(r"(?:(DC|ACP|ACN|IC)\()?([^()]+)\)?")
+_TERM = re.compile(r"([+-]?)([A-Z_]\w*|[\d.]+)")
+
+
+@dataclass(frozen=True, slots=True)
+class Guard:
+    """One axis that must stand within (low, high), mm or deg; ``number`` is its machine axis number, from 1."""
+
+    axis: str
+    number: int
+    low: float
+    high: float
+
+
+def guarded(words: Words, guards: Iterable[Guard]) -> list[str]:
+    """Blocks before the first move; they jump to `AWAY`, the axis' number in the mismatch word, unless all is well.
+
+    $AA_IM is the set position in the machine's coordinates; STOPRE before, because blocks are read ahead of the axes.
+    """
+    shown = words.name(Word.MISMATCHES)
+    out: list[str] = []
+    for guard in guards:
+        place = f"$AA_IM[{guard.axis}]"
+        bounds = ((f"{place}<", guard.low - NEAR), (f"{place}>", guard.high + NEAR))
+        tests = [f"IF {left}{number(bound)} GOTOF {AWAY}" for left, bound in bounds if isfinite(bound)]
+        out += [f"{shown}={guard.number}", *tests] if tests else []
+    return ["STOPRE", *out, f"{shown}=0"] if out else []
+
+
+def away(words: Words, guards: Iterable[Guard]) -> list[str]:
+    """The way out of a program whose axes do not stand where they may; nothing is moved, written or switched by it."""
+    if not guarded(words, guards):
+        return []
+    return [f"{AWAY}:", "STOPRE", f"{words.name(Word.PHASE)}={int(Phase.AWAY)}", "M30"]
+
+
+def unless_there(axis: str, place: float, block: str, *, modulo: bool) -> list[str]:
+    """A move that is left out where the axis stands right already."""
+    off = f"ABS($AA_IM[{axis}]{'+' if place < 0 else '-'}{number(abs(place))})"
+    test = f"IF {off}>{number(NEAR)}"
+    if modulo:
+        test = f"IF ({off}>{number(NEAR)}) AND (ABS({off}-360.0)>{number(NEAR)})"
+    return ["STOPRE", test, block, "ENDIF"]
+
+
+def going(
+    text: str, axes: Mapping[str, tuple[str, AxisUnit]], values: Mapping[str, float] | None = None
+) -> tuple[Going, ...]:
+    """What a program moves, axis by axis in the order of their first moves.
+
+    ``axes`` gives name and unit by the letter in the program, ``values`` what variables in places hold (a place in
+    any other variable counts as a turn). Raises KeyError for a letter that is not in ``axes``.
+    """
+    lines = text.splitlines()
+    moves = [(match.groups(), lines[place - 1]) for place, line in enumerate(lines) if (match := _MOVE.fullmatch(line))]
+    letters = dict.fromkeys(found[0] for found, _ in moves)
+    return tuple(
+        _going(*axes[letter], [(one[1], one[2], before) for one, before in moves if one[0] == letter], values or {})
+        for letter in letters
+    )
+
+
+def _going(axis: str, unit: AxisUnit, moves: list[tuple[str, str, str]], values: Mapping[str, float]) -> Going:
+    read = [_place(text, values) for text, _, _ in moves]
+    known = [place for place in read if place is not None] or [0.0]
+    feeds = [float(feed) for _, feed, _ in moves]
+    return Going(
+        axis,
+        unit,
+        first=known[0],
+        last=known[-1],
+        low=min(known),
+        high=max(known),
+        feeds=(min(feeds), max(feeds)),
+        turns=None in read,
+        goes_if_elsewhere=all(before.startswith("IF ") and "$AA_IM[" in before for _, _, before in moves),
+    )
+
+
+def _place(text: str, values: Mapping[str, float]) -> float | None:
+    """Where a block leads to; None for a step, and for what only the running program knows."""
+    match = _PLACE.fullmatch(text)
+    if match is None or match[1] == "IC":
+        return None
+    total = 0.0
+    for sign, term in _TERM.findall(match[2]):
+        if term[0].isalpha() and term not in values:
+            return None
+        value = values[term] if term[0].isalpha() else float(term)
+        total += -value if sign == "-" else value
+    return total
+
+
+def guards_of(places: SafePlaces, axes: Sequence[str], only: Collection[str]) -> tuple[Guard, ...]:
+    """Guards of those axes that have a safe place; ``axes`` are machine axis names by their numbers, from 1."""
+    return tuple(
+        Guard(name, number, *places.ranges[name])
+        for number, name in enumerate(axes, start=1)
+        if name in only and name in places.ranges
+    )

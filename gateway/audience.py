@@ -1,0 +1,91 @@
+"""What each code of progress is to a person: to be heard, to be done, a beginning, a result, or a detail; pure."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+from drivers.errors import catalogue
+
+
+class Audience(Enum):
+    """From what must never be left out to what the log alone needs."""
+
+    LOUD = "loud"
+    ASK = "ask"
+    RESULT = "result"
+    STEP = "step"
+    MOVE = "move"
+    COUNT = "count"
+    DETAIL = "detail"
+
+
+LOUD = (
+    "P-AUDIT",
+    "P-CAP-BEAM",
+    "P-CAP-OVERDUE",
+    "P-CLOSE-NOTHING",
+    "P-LEFT",
+    "P-PUSH-DISABLE-MOVES",
+    "P-PUSH-HELD",
+    "P-PUSH-HELD-ON",
+    "P-PUSH-RESTORE",
+    "P-SELF-TEST-FAILED",
+    "P-STOPPED-PUSH",
+    "P-STOPPING",
+    "P-STOPPING-STILL",
+    "P-TABLE-ALARM",
+    "P-VERIFY-UNPROVED",
+    "P-WATCH-FAILED",
+    "P-WATCH-FOLDER",
+    "P-WATCH-LINK",
+)
+ASK = (
+    "P-GRIND-BEGUN",
+    "P-GRIND-DONE",
+    "P-GRIND-PREPARED",
+    "P-INSPECT-CLAMP",
+    "P-JOG-SETUP",
+    "P-JOG-STOP",
+    "P-PUSH-ACTIVATE",
+    "P-PUSH-DISABLE",
+    "P-PUSH-EFFECT",
+    "P-PUSH-JOG",
+    "P-PUSH-LOAD",
+    "P-PUSH-RELEASE",
+    "P-PUSH-RESET",
+    "P-PUSH-RESTART",
+    "P-PUSH-SIGN",
+    "P-SELF-TEST",
+    "P-START",
+    "P-START-SETUP",
+)
+STEP = ("P-ACTING", "P-MEASURE", "P-OPEN", "P-PART", "P-RUN", "P-SETUP", "P-SETUP-ANEW", "P-SETUP-PLAN", "P-SIGN")
+COUNT = ("P-GRIND-SPACE", "P-INSPECT", "P-STOP")
+DETAIL = (
+    "P-CAP-DYNAMIC",
+    "P-CAP-OUT-OF-LINE",
+    "P-CAP-RETAKE",
+    "P-CAP-UNSETTLED",
+    "P-GRIND-SETUP",
+    "P-GRIND-TABLES",
+    "P-HIDDEN",
+    "P-PUSH-PROOF-OFF",
+    "P-PUSH-REFUSED",
+    "P-PUSH-STEP",
+    "P-WATCH-SAME",
+)
+KINDS = {
+    **dict.fromkeys(LOUD, Audience.LOUD),
+    **dict.fromkeys(ASK, Audience.ASK),
+    **dict.fromkeys(STEP, Audience.STEP),
+    **dict.fromkeys(COUNT, Audience.COUNT),
+    **dict.fromkeys(DETAIL, Audience.DETAIL),
+}
+
+
+def kind_of(code: str) -> Audience:
+    """What a code is; one of a driver that asks for the start is an `ASK`, whatever else nobody named a result."""
+    asks = "{term_start}" in catalogue().get(code, {}).get("what", "")
+    if code.startswith("P-MOVE-"):
+        return Audience.MOVE
+    return KINDS.get(code, Audience.ASK if asks else Audience.RESULT)

@@ -1,0 +1,80 @@
+"""The command `evaluate`: figures of measured files and runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gateway.cli.options import JsonOption, StoreOption
+
+
+def evaluate(
+    files: Annotated[list[Path] | None, typer.Argument(help="Result files, or runs.", show_default=False)] = None,
+    standard: Annotated[str, typer.Option(help="Standard by name, or an edition of ISO 230-2; list: all.")] = "2014",
+    unit: Annotated[str, typer.Option(help="Unit of an .rta's deviations: mrad, urad or arcsec.")] = "",
+    limit: Annotated[list[str] | None, typer.Option(help="Judge a parameter: A=10. May be repeated.")] = None,
+    air: Annotated[str, typer.Option(help="Re-compensate: edlen, ciddor or edlen-1966.")] = "",
+    expansion: Annotated[float | None, typer.Option(min=-5, max=100, help="Re-compensate: ppm/K.")] = None,
+    material_degc: Annotated[float | None, typer.Option(help="Material, degC: for U, and to re-compensate.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the Monte Carlo.")] = 1,
+    axis: Annotated[str, typer.Option(help="Of a run: this axis only; of a kind: the machine axis.")] = "",
+    phase: Annotated[str, typer.Option(help="Of a run: before or after only.")] = "",
+    kind: Annotated[
+        str,
+        typer.Option(
+            help="positioning, straightness, angular, squareness, parallelism, reversal, axis-location, rotary-motion, "
+            "harmonics."
+        ),
+    ] = "positioning",
+    angle: Annotated[
+        str, typer.Option(help="Of angular: pitch, yaw, roll; of Z: tilt about X, tilt about Y, roll.")
+    ] = "",
+    plane: Annotated[str, typer.Option(help="Of squareness: XY, XZ or YZ.")] = "XY",
+    artefact: Annotated[float, typer.Option(help="Of squareness: the square's angle less 90 deg, arcsec.")] = 0.0,
+    motion: Annotated[str, typer.Option(help="Of rotary-motion: radial, axial, rotating or tilt.")] = "radial",
+    distance: Annotated[float, typer.Option(min=0, help="Of a tilt: between the two sensors, mm.")] = 0.0,
+    order: Annotated[list[int] | None, typer.Option(help="Of harmonics: this order. May be repeated.")] = None,
+    site: Annotated[
+        Path | None, typer.Option(help="Site file whose tolerances are decided too.", show_default=False)
+    ] = None,
+    plot: Annotated[Path | None, typer.Option(help="Picture (.png or .svg).", show_default=False)] = None,
+    store: StoreOption = Path("runs"),
+    as_json: JsonOption = False,
+) -> None:
+    """Evaluate result files or runs: positioning to ISO 230-2 or another standard, or another --kind of geometry."""
+    from gateway.cli.files.evaluating import EvaluationOptions, evaluate_files, limits_of, list_standards, tolerances_of
+
+    if standard == "list":
+        list_standards(as_json=as_json)
+        return
+    if kind != "positioning" or plot is not None:
+        from gateway.cli.files.geometry import KindOptions, evaluate_kinds
+        from gateway.workflow.files.kindrecords import KindQuestion
+
+        question = KindQuestion(
+            axis=axis.strip().upper(),
+            angle=angle,
+            plane=plane.upper(),
+            orders=tuple(order or ()),
+            artefact_arcsec=artefact,
+            distance_mm=distance,
+            motion=motion,
+        )
+        evaluate_kinds(files or [], KindOptions(kind, question, unit, plot, store=store), as_json=as_json)
+        return
+    asked = EvaluationOptions(
+        standard=standard,
+        unit=unit,
+        limits=limits_of(limit or ()),
+        air=air,
+        expansion_ppm_per_k=expansion,
+        material_degc=material_degc,
+        seed=seed,
+        store=store,
+        axis=axis,
+        phase=phase,
+        tolerances=tolerances_of(site, standard),
+    )
+    evaluate_files(files or [], asked, as_json=as_json)

@@ -1,0 +1,158 @@
+"""The part of `convert` that speaks to other controls and programs: tables and errors in their formats, both ways."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from drivers import registry
+from drivers.errors import ConfigError, TableError
+from drivers.types.exchange import ErrorSet, ReadAs
+from drivers.types.tables import CompensationTable
+from drivers.units import AxisUnit
+from gateway.cli.files.tables import table_data, table_format, write_text
+from gateway.cli.show import echo, show_json
+
+TABLES, ERRORS, OWN = "table-exchange", "error-exchange", "tables"
+WORDS = {TABLES: "compensation tables", ERRORS: "errors of a machine"}
+
+
+@dataclass(frozen=True, slots=True)
+class ExchangeOptions:
+    """What was typed: source and its format ("" a measured file or a run), target format, axis, form, output."""
+
+    source: Path
+    origin: str
+    to: str
+    axis: str
+    unit: AxisUnit
+    form: str
+    output: Path
+    force: bool
+    store: Path
+
+
+def is_exchange(name: str) -> bool:
+    """Whether --to or --from names a format of another control or program."""
+    return name in registry.known(TABLES) or name in registry.known(ERRORS)
+
+
+def known_formats() -> str:
+    """Names of all formats, for help and errors."""
+    return ", ".join([*registry.known(TABLES), *registry.known(ERRORS)])
+
+
+def exchange(wish: ExchangeOptions, measured: CompensationTable | None, *, as_json: bool) -> None:
+    """Write the file, read it back and say what differs; ``measured`` where the source is a result file.
+
+    Raises ConfigError (E-EXCHANGE-NAME, E-EXCHANGE-KIND, E-CLI-EXISTS ...), FileFormatError, TableError.
+    """
+    role = _role(wish.to)
+    content = (measured,) if measured is not None else _content(wish)
+    found = ERRORS if isinstance(content, ErrorSet) else TABLES
+    if found != role:
+        raise ConfigError(
+            "E-EXCHANGE-KIND", str(wish.source), source=wish.source.name, found=WORDS[found], to=wish.to,
+            wanted=WORDS[role],
+        )  # fmt: skip
+    text, rows, largest = _errors(wish, content) if isinstance(content, ErrorSet) else _tables(wish, content)
+    write_text(wish.output, text, force=wish.force)
+    if as_json:
+        show_json({"file": str(wish.output), "format": wish.to, "rows": rows, "rounding": largest})
+        return
+    unit = (
+        "µm or arcsec" if isinstance(content, ErrorSet) else {"um": "µm", "arcsec": "arcsec"}[content[0].deviation_unit]
+    )
+    echo(f"{wish.output}: {wish.to}, {rows} points; read back, the largest difference is {largest:.4f} {unit}")
+    echo("the comments of the file say unit and sign; next: prove the sign on the machine before you use the file")
+
+
+def _role(name: str) -> str:
+    for role in (TABLES, ERRORS):
+        if name in registry.known(role):
+            return role
+    raise ConfigError("E-EXCHANGE-NAME", "--to", name=name, known=known_formats())
+
+
+def _content(wish: ExchangeOptions) -> tuple[CompensationTable, ...] | ErrorSet:
+    """What the source holds: a file of --from, or the errors of a run."""
+    if wish.origin == OWN:
+        return _of_axis(table_format().read(table_data(wish.source), str(wish.source)).tables, wish)
+    if wish.origin:
+        role = _role(wish.origin)
+        driver = registry.load(wish.origin, role)()
+        text = _text(wish.source)
+        if role == ERRORS:
+            errors: ErrorSet = driver.read(text, str(wish.source))
+            return errors
+        return _of_axis(_read(driver, text, wish), wish)
+    from gateway.store import Store
+    from gateway.workflow.files.errorset import errors_of_run
+
+    return errors_of_run(Store(wish.store).open(wish.source))
+
+
+def _read(driver: Any, text: str, wish: ExchangeOptions) -> tuple[CompensationTable, ...]:
+    form = wish.form if wish.form in driver.forms else driver.forms[0]
+    found: tuple[CompensationTable, ...] = driver.read(text, str(wish.source), ReadAs(wish.axis, wish.unit, form))
+    return found
+
+
+def _text(path: Path) -> str:
+    """Raises ConfigError (E-CLI-READ)."""
+    try:
+        return table_data(path).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ConfigError("E-CLI-READ", str(path), why="it is no text in UTF-8") from error
+
+
+def _of_axis(tables: Sequence[CompensationTable], wish: ExchangeOptions) -> tuple[CompensationTable, ...]:
+    found = tuple(table for table in tables if table.output_axis == wish.axis)
+    if not found:
+        names = sorted({table.output_axis for table in tables})
+        raise ConfigError("E-EXCHANGE-AXIS", str(wish.source), axis=wish.axis, known=", ".join(names) or "none")
+    return found
+
+
+def _comments(wish: ExchangeOptions) -> list[str]:
+    return [f"made by trueflank from {wish.source.name}"]
+
+
+def _tables(wish: ExchangeOptions, tables: Sequence[CompensationTable]) -> tuple[str, int, float]:
+    """Text, count of points and the largest difference after reading back, um or arcsec."""
+    driver = registry.load(wish.to, TABLES)()
+    form = wish.form or driver.forms[0]
+    if form not in driver.forms:
+        known = ", ".join(driver.forms)
+        raise ConfigError("E-EXCHANGE-FORM", "--form", name=wish.to, form=form, known=known)
+    text = driver.text(tables, form, _comments(wish))
+    back = driver.read(text, str(wish.output), ReadAs(tables[0].output_axis, tables[0].output_unit, form))
+    pairs = list(zip(_ordered(tables), _ordered(back), strict=True))
+    if any(_shape(one) != _shape(other) for one, other in pairs):
+        raise TableError("E-EXCHANGE-COUNT", wish.to, rows=len(back), least=len(tables), most=len(tables))
+    apart = (abs(a - b) for one, other in pairs for a, b in zip(_values(one), _values(other), strict=True))
+    return text, sum(len(table.deviations) for table in tables), max(apart)
+
+
+def _ordered(tables: Sequence[CompensationTable]) -> list[CompensationTable]:
+    return sorted(tables, key=lambda table: table.kind)
+
+
+def _shape(table: CompensationTable) -> tuple[str, int]:
+    return table.kind, len(table.deviations)
+
+
+def _values(table: CompensationTable) -> tuple[float, ...]:
+    return table.deviations + (table.reverse or table.deviations)
+
+
+def _errors(wish: ExchangeOptions, errors: ErrorSet) -> tuple[str, int, float]:
+    driver = registry.load(wish.to, ERRORS)()
+    text = driver.text(errors, [*_comments(wish), *errors.notes])
+    back: ErrorSet = driver.read(text, str(wish.output))
+    again = {curve.name: curve for curve in back.curves}
+    apart = [float(abs(again[one.name].values - one.values).max()) for one in errors.curves]
+    apart += [abs(back.locations[name] - value) for name, value in errors.locations.items()]
+    return text, sum(curve.values.size for curve in errors.curves) + len(errors.locations), max(apart, default=0.0)

@@ -1,0 +1,96 @@
+"""The command `report`: a calibration report of a run or of result files, at any later time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from drivers.errors import ConfigError, words
+from gateway.cli.exits import of_verdicts
+from gateway.cli.onward import next_step
+from gateway.cli.options import JsonOption, StoreOption, load_site
+from gateway.cli.show import echo, show_json
+
+
+def report(
+    what: Annotated[
+        list[str] | None,
+        typer.Argument(help="A run (folder, id, its beginning, latest), or result files.", show_default=False),
+    ] = None,
+    store: StoreOption = Path("runs"),
+    language: Annotated[str, typer.Option(help="en, de or zh; left out: as the site file says.")] = "",
+    site: Annotated[
+        Path | None, typer.Option(help="Site file whose letterhead and tolerances count.", show_default=False)
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder to write to; left out: the run's own, or here.", show_default=False)
+    ] = None,
+    unit: Annotated[str, typer.Option(help="Unit of an .rta's deviations: mrad, urad or arcsec.")] = "",
+    as_json: JsonOption = False,
+) -> None:
+    """Write the calibration report of a run, or of result files: PDF, HTML and data; 13 where a limit is exceeded."""
+    try:
+        from gateway.workflow.results.documenting import Told
+    except ModuleNotFoundError as error:
+        raise ConfigError("E-REPORT-EXTRA", "report", library=error.name) from error
+    if not what:
+        raise ConfigError("E-CLI-NO-FILES", "report")
+    told = Told(language=language, site=(load_site(site), site) if site is not None else None)
+    made, lines, data = _of_files(what, store, unit, told, out) if _files(what) else _of_run(what, store, told, out)
+    if as_json:
+        show_json(data)
+    else:
+        for line in lines:
+            echo(line)
+        echo(f"calibration report {made.number}: {made.pdf}")
+        next_step(f"report {what[0]} --language de" if not language else f"runs show {what[0]} --store {store}")
+    raise typer.Exit(of_verdicts(made.verdicts))
+
+
+def _files(what: list[str]) -> bool:
+    return len(what) > 1 or (Path(what[0]).is_file() or bool(Path(what[0]).suffix and not Path(what[0]).is_dir()))
+
+
+def _of_run(what: list[str], store: Path, told: Any, out: Path | None) -> tuple[Any, tuple[str, ...], dict[str, Any]]:
+    from drivers.clock import LoopClock
+    from gateway.store import Store
+    from gateway.workflow.results.documenting import with_told, write_document
+    from gateway.workflow.results.ending import lines_of
+    from gateway.workflow.results.fromfiles import imported, material_of_import
+    from gateway.workflow.results.reporting import material_of, standing_report, summary_of, write_report
+
+    folder = Store(store).open(what[0])
+    if imported(folder):
+        material = with_told(material_of_import(folder), told)
+        made = write_document(material, out or folder.path, LoopClock().utc())
+        return made, (), made.as_data()
+    material = material_of(folder)
+    paths = standing_report(folder, material) or write_report(folder, material)
+    made = write_document(with_told(material, told), out or folder.path, LoopClock().utc())
+    if out is None:
+        folder.adopt(*made.files)
+    data = {**paths.as_data(), **made.as_data(), "html": str(paths.html), "document": str(made.html)}
+    lines = (*lines_of(material), f"report: {paths.html}", *_logo(material, told))
+    return made, lines, {**data, "summary": summary_of(paths)}
+
+
+def _logo(material: Any, told: Any) -> tuple[str, ...]:
+    """A word where the site file names a logo that could not be read."""
+    asked = told.site[0].report.logo if told.site is not None else None
+    return (words("W-REPORT-LOGO", logo=asked),) if asked and not material.particulars.maker.logo else ()
+
+
+def _of_files(
+    what: list[str], store: Path, unit: str, told: Any, out: Path | None
+) -> tuple[Any, tuple[str, ...], dict[str, Any]]:
+    from drivers.clock import LoopClock
+    from gateway.store import Store
+    from gateway.workflow.files.importing import How
+    from gateway.workflow.results.documenting import with_told, write_document
+    from gateway.workflow.results.fromfiles import material_of_files
+
+    material = with_told(material_of_files([Path(one) for one in what], How(unit), Store(store)), told)
+    made = write_document(material, out or Path(), LoopClock().utc())
+    return made, tuple(material.findings), made.as_data()

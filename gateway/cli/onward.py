@@ -1,0 +1,33 @@
+"""What to type next: the last line of every result."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from gateway.cli.show import echo
+
+PUSHED = ("better", "same", "committed", "pushed")
+
+
+def next_step(command: str) -> None:
+    """Say the next command."""
+    echo(f"next: trueflank {command}")
+
+
+def after_run(state: str, folder: str, site: str, machine: str) -> str:
+    """After a run or a push: consent to what was proposed, take back what got worse, look after what is live."""
+    if state == "proposed":
+        return f"push {folder} --apply --machine {machine}"
+    if state == "worse":
+        return f"rollback {site} --axis AXIS"
+    return f"verify-table {site}" if state in PUSHED else f"runs show {Path(folder).name} --store {Path(folder).parent}"
+
+
+def after_look(refused: bool, folder: str, machine: str) -> str:
+    """After a look at a proposal: the push itself, or the same look once the reasons are gone."""
+    return f"push {folder}" if refused else f"push {folder} --apply --machine {machine}"
+
+
+def after_dry(command: str, place: str, axis: str, machine: str) -> str:
+    """After saying what a command would do: the same with consent."""
+    return f"{command} {place} --axis {axis} --apply --machine {machine}"

@@ -1,0 +1,77 @@
+"""The live panel of a terminal: redrawn in place, the lines that stay above it."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Any
+
+from rich.console import Console, Group
+from rich.live import Live
+from rich.panel import Panel
+from rich.progress_bar import ProgressBar
+from rich.table import Table
+from rich.text import Text
+
+from drivers.local.names import visible
+from gateway.cli.screen.scene import Count, Scene, clock_text
+
+A_SECOND = 4
+BAR = 28
+
+
+class LivePanel:
+    """A `Scene` on the terminal; it is drawn from a thread of its own, so its clocks run while a command waits."""
+
+    def __init__(self, title: str, scene: Scene, now: Callable[[], float], console: Console | None = None) -> None:
+        self._title, self._scene, self._now = title, scene, now
+        self._lock = threading.Lock()
+        self._console = console or Console(stderr=True, highlight=False)
+        self._live = Live(console=self._console, get_renderable=self.drawn, refresh_per_second=A_SECOND, transient=True)
+
+    def __enter__(self) -> LivePanel:
+        self._live.__enter__()
+        return self
+
+    def __exit__(self, *left: Any) -> None:
+        self._live.__exit__(*left)
+
+    def keep(self, line: str, *, loud: bool = False) -> None:
+        """A line that stays above the panel."""
+        self._console.print(Text(visible(line), style="bold red" if loud else ""))
+
+    def told(self, code: str, fields: dict[str, object]) -> None:
+        """Take one piece of progress."""
+        with self._lock:
+            self._scene.told(code, fields, self._now())
+
+    def drawn(self) -> Panel:
+        """The panel as it is now."""
+        with self._lock:
+            rows = self._rows(self._scene, self._now())
+            title = f"{self._title}  {clock_text(self._now() - self._scene.began)}"
+        return Panel(Group(*rows), title=Text(visible(title)), title_align="left", border_style="dim")
+
+    def _rows(self, scene: Scene, now: float) -> list[Any]:
+        rows: list[Any] = [_bar(count, now) for count in scene.counts.values()]
+        rows += [Text(visible(text)) for text in (scene.step,) if text]
+        rows += [Text(f"  {visible(move)}") for move in scene.moves]
+        if scene.ask:
+            waited = clock_text(now - scene.asked)
+            rows.append(Text(f"> {visible(scene.ask)}", style="bold yellow"))
+            rows.append(Text(f"  waiting for this {waited}", style="yellow"))
+        elif scene.within:
+            rows.append(Text(visible(scene.within), style="dim"))
+        return rows or [Text("working")]
+
+
+def _bar(count: Count, now: float) -> Table:
+    left = count.left_s(now)
+    row = Table.grid(padding=(0, 1))
+    row.add_row(
+        ProgressBar(total=count.total, completed=count.done, width=BAR),
+        Text(f"{count.done} of {count.total}"),
+        Text("" if left is None else f"about {clock_text(left)} to go"),
+        Text(visible(count.name), overflow="ellipsis", no_wrap=True),
+    )
+    return row

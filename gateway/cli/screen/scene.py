@@ -1,0 +1,95 @@
+"""What a person should see now: what happens, what to do and since when, how far it is and how long it takes; pure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from drivers.errors import words
+from gateway.audience import Audience, kind_of
+
+FIRST_GUESS_S = 3.0
+COUNTED = ("done", "total"), ("number", "total")
+
+
+@dataclass(slots=True)
+class Count:
+    """How far something is; ``since`` and ``first`` are time (s) and number when it began."""
+
+    name: str
+    done: int
+    total: int
+    since: float
+    first: int
+
+    def left_s(self, now: float) -> float | None:
+        """Seconds to go as the pace so far tells; None while it tells nothing."""
+        made, took = self.done - self.first, now - self.since
+        return None if made <= 0 or took < FIRST_GUESS_S else (self.total - self.done) * took / made
+
+
+@dataclass(slots=True)
+class Scene:
+    """The panel's state; `told` takes what is said, in s of any steady clock."""
+
+    began: float
+    step: str = ""
+    within: str = ""
+    ask: str = ""
+    asked: float = 0.0
+    moves: tuple[str, ...] = ()
+    counts: dict[str, Count] = field(default_factory=dict)
+
+    def told(self, code: str, fields: Mapping[str, object], now: float) -> None:
+        """Take one piece of progress."""
+        kind = kind_of(code)
+        if kind is Audience.ASK:
+            self.ask, self.asked = words(code, **fields), now
+        elif kind is Audience.MOVE:
+            # What is said after an ask belongs to the next one.
+            self.moves, self.ask = (*(() if self.ask else self.moves), words(code, **fields)), ""
+        elif kind is Audience.COUNT:
+            self._counted(code, fields, now)
+        elif kind is Audience.STEP:
+            self._begun(code, fields, now)
+        elif kind is Audience.DETAIL:
+            self.within = words(code, **fields)
+        else:
+            self._answered()
+
+    def _answered(self) -> None:
+        self.ask = self.within = ""
+        self.moves = ()
+
+    def _begun(self, code: str, fields: Mapping[str, object], now: float) -> None:
+        """A step of so many stands above what happens in it."""
+        self._answered()
+        self.counts.pop("inner", None)
+        if "number" not in fields:
+            self.step = words(code, **fields)
+            return
+        done, total = int(str(fields["number"])) - 1, int(str(fields["total"]))
+        outer = self.counts.get("outer")
+        if outer is None or outer.total != total or done <= outer.done:
+            outer = self.counts["outer"] = Count(name="", done=done, total=total, since=now, first=done)
+        outer.done, outer.name = done, words(code, **fields)
+
+    def _counted(self, code: str, fields: Mapping[str, object], now: float) -> None:
+        """Something counts, so whoever was asked has done it."""
+        self._answered()
+        name = f"{fields.get('axis', '')}{fields.get('part', '')} {fields.get('program', '')}".strip()
+        done, total = (int(str(fields[key])) for key in (COUNTED[0] if "done" in fields else COUNTED[1]))
+        inner = self.counts.get("inner")
+        if inner is None or inner.name != name or done < inner.done:
+            inner = self.counts["inner"] = Count(name=name, done=done, total=total, since=now, first=done)
+        inner.done, inner.total = done, total
+        self.within = words(code, **fields)
+        if done >= total:
+            self.counts.pop("inner")
+
+
+def clock_text(seconds: float) -> str:
+    """Minutes and seconds, hours before them where there are any."""
+    minutes, rest = divmod(int(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"

@@ -1,0 +1,118 @@
+"""Progress to whoever looks: the panel of a terminal or the plain lines of a pipe, and always to the log."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from drivers.clock import Clock, LoopClock
+from drivers.errors import TrueflankError, words
+from gateway.audience import Audience, kind_of
+from gateway.cli import voice
+from gateway.cli.screen.scene import Scene
+from gateway.cli.show import echo
+from gateway.cli.voice import Voice
+from gateway.say import Say
+
+SPOKEN = {
+    Voice.QUIET: {Audience.LOUD, Audience.ASK, Audience.MOVE},
+    Voice.PLAIN: {Audience.LOUD, Audience.ASK, Audience.MOVE, Audience.RESULT, Audience.STEP},
+    Voice.VERBOSE: set(Audience),
+}
+LEVELS = {Audience.LOUD: "WARNING", Audience.DETAIL: "DEBUG", Audience.COUNT: "DEBUG"}
+# What a terminal shows in its panel stays there; what the operator of a shipped cell does by himself asks nobody.
+OPERATORS = {Audience.ASK, Audience.STEP, Audience.MOVE}
+IN_PANEL = {*OPERATORS, Audience.COUNT}
+
+
+@contextmanager
+def progress(
+    *, quiet: bool, at: tuple[Any, Path] | None = None, folder: Any = None, own_operator: bool = False
+) -> Iterator[Say]:
+    """Show progress while the block lasts; with ``quiet`` (data was asked for) the log alone hears it.
+
+    ``at`` is a site and its file, ``folder`` a run's: their store keeps the log. With ``own_operator`` nobody here is
+    asked to press anything. An error that leaves the block is kept in the log.
+    """
+    clock = LoopClock()
+    title, run = _title(at, folder), "" if folder is None else str(folder.run_id)
+    log = _log(at, folder, clock)
+    kinds = set() if quiet else SPOKEN[voice.now()] - (OPERATORS if _brief(own_operator) else set())
+
+    def kept(code: str, fields: dict[str, object]) -> None:
+        nonlocal run
+        if code == "P-RUN":
+            run = Path(str(fields["folder"])).name
+        if log is not None:
+            log.add(LEVELS.get(kind_of(code), "INFO"), code, fields, run=run)
+
+    try:
+        with _shown(title, clock, kinds, quiet=quiet) as show:
+
+            def say(code: str, /, **fields: object) -> None:
+                kept(code, fields)
+                show(code, fields)
+
+            yield say
+    except TrueflankError as error:
+        if log is not None:
+            log.add("ERROR", error.code, error.fields, run=run, where=error.where)
+        raise
+    finally:
+        if log is not None and log.problem:
+            echo(words("W-LOG-NOT-KEPT", file=str(log.path), why=log.problem), err=True)
+
+
+def _title(at: tuple[Any, Path] | None, folder: Any) -> str:
+    if at is not None:
+        return f"trueflank: {at[0].site.name}"
+    return "trueflank" if folder is None else f"trueflank: {folder.facts['site']}"
+
+
+def _log(at: tuple[Any, Path] | None, folder: Any, clock: Clock) -> Any:
+    """The log of their store; what keeps it is loaded when it is needed."""
+    from gateway.store.logbook import LogBook
+
+    if folder is not None:
+        return LogBook(folder.path.parent, clock.utc)
+    if at is None:
+        return None
+    from gateway.workflow.bench import store_of
+
+    return LogBook(store_of(*at).root, clock.utc)
+
+
+def _brief(own_operator: bool) -> bool:
+    return own_operator and voice.now() is not Voice.VERBOSE
+
+
+@contextmanager
+def _shown(
+    title: str, clock: Clock, kinds: set[Audience], *, quiet: bool
+) -> Iterator[Callable[[str, dict[str, object]], None]]:
+    if quiet or not sys.stderr.isatty():
+        yield lambda code, fields: _line(code, fields, kinds)
+        return
+    from gateway.cli.screen.panel import LivePanel
+
+    def now() -> float:
+        """The panel is drawn outside the loop, so it goes by the wall's clock."""
+        return clock.utc().timestamp()
+
+    with LivePanel(title, Scene(now()), now) as panel:
+
+        def show(code: str, fields: dict[str, object]) -> None:
+            kind = kind_of(code)
+            panel.told(code, fields)
+            if kind in kinds - IN_PANEL:
+                panel.keep(words(code, **fields), loud=kind is Audience.LOUD)
+
+        yield show
+
+
+def _line(code: str, fields: dict[str, object], kinds: set[Audience]) -> None:
+    if kind_of(code) in kinds:
+        echo(words(code, **fields), err=True)

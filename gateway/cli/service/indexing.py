@@ -1,0 +1,52 @@
+"""The commands `reindex`, the index made anew from the run folders, and `compare`, one error across machines."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from gateway.cli.options import JsonOption, SiteArgument, load_site
+from gateway.cli.show import echo, show_json
+
+
+def reindex_command(site: SiteArgument, as_json: JsonOption = False) -> None:
+    """Make the index of a site's runs anew; the run folders are the truth and are only read."""
+    from gateway.index import index_of, rebuilt
+    from gateway.workflow.bench import store_of
+
+    tree = load_site(site)
+    store = store_of(tree, site)
+    count = rebuilt(index_of(tree, site, store), store)
+    if as_json:
+        show_json({"runs": count})
+        return
+    echo(f"{store.root}: {count} runs")
+
+
+def compare_command(
+    site: SiteArgument,
+    parameter: Annotated[str, typer.Argument(help="E, R, B, A or M of an axis, rms of the flank.")],
+    subject: Annotated[str, typer.Option("--axis", help="The axis; flank for the tooth.")],
+    before: Annotated[bool, typer.Option("--before", help="As found, not as left.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Compare one error across the machines that the site's index knows: the newest figure of each, largest first."""
+    from drivers.terms import shown
+    from gateway.index import caught_up, compared, index_of
+    from gateway.workflow.bench import store_of
+
+    tree = load_site(site)
+    store = store_of(tree, site)
+    index = index_of(tree, site, store)
+    caught_up(index, store)
+    found = compared(index, parameter, subject=subject, phase="before" if before else "after")
+    if as_json:
+        show_json({"machines": found})
+        return
+    for one in found:
+        sure = "" if one["expanded"] is None else f" +/- {one['expanded']:.3g}"
+        figure = f"{one['value']:.3g}{sure} {shown(one['unit'])}"
+        echo(f"{one['serial']:<20} {one['site']:<20} {figure:<22} {one['phase']:<7} {one['created_utc'][:10]}")
+    if not found:
+        echo(f"no machine has {parameter} of {subject}")

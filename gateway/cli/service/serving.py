@@ -1,0 +1,106 @@
+"""The command `serve`: sites served until they are stopped."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from drivers.clock import LoopClock
+from gateway.cli.options import load_site
+from gateway.cli.show import echo
+from gateway.cli.stopping import run_to_end
+from gateway.say import Say
+
+
+def serve_command(
+    sites: Annotated[list[Path], typer.Argument(metavar="SITE...", help="Site files (TOML).", show_default=False)],
+    host: Annotated[str, typer.Option(help="Address to listen on; beyond this computer only with TLS.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=0, max=65535, help="0 takes a free one.")] = 8617,
+) -> None:
+    """Open and watch the devices of these sites, serve their pages, and lend the devices to commands."""
+    from gateway.daemon import serve
+    from gateway.daemon.logs import JournalForm
+    from gateway.stopping import StopAsked
+    from gateway.users import first_token_path
+
+    journal = logging.StreamHandler()
+    journal.setFormatter(JournalForm())
+    logging.basicConfig(level=logging.WARNING, handlers=[journal])
+    clock, stopped = LoopClock(), StopAsked()
+    serving = [_serving(load_site(path), path, clock) for path in sites]
+    first = first_token_path(serving[0].store.root)
+
+    def ready(url: str) -> None:
+        names = ", ".join(one.site.site.name for one in serving)
+        more = f"first start: make an account there with the token in {first}; " if first.exists() else ""
+        echo(f"{names}: {url}   ({more}Ctrl-C ends)")
+
+    run_to_end(
+        serve(serving, clock=clock, stop=stopped.asked, host=host, port=port, ready=ready),
+        stop=stopped,
+        ends_itself=True,
+    )
+    if stopped.told:
+        raise stopped.error()
+
+
+def _serving(tree: Any, path: Path, clock: LoopClock) -> Any:
+    """A site with everything that the daemon does for it."""
+    from gateway.daemon import Serving
+    from gateway.push.records.journal import JOURNALS
+    from gateway.push.records.sent import SentBook
+    from gateway.supervisor import Supervisor
+    from gateway.workflow.aftercare import StandingAlarms
+    from gateway.workflow.bench import store_of
+    from gateway.workflow.files.importing import watcher_of
+
+    store, serial, folder = store_of(tree, path), tree.controller.serial, tree.service.watch
+    devices = Supervisor(tree, clock, book=SentBook(store.root / JOURNALS, serial))
+
+    async def doctor(say: Say) -> object:
+        return await _examined(tree, path, clock, say)
+
+    watched = None if folder is None else lambda say: watcher_of(tree, path, path.parent / folder, say=say)
+    return Serving(
+        site=tree,
+        path=path,
+        store=store,
+        devices=lambda: devices,
+        doctor=doctor,
+        daily=_daily(tree, path, store, devices, clock),
+        alarms=StandingAlarms(store, serial),
+        watcher=watched,
+    )
+
+
+def _daily(tree: Any, path: Path, store: Any, devices: Any, clock: LoopClock) -> Any:
+    """What is compared each day; None where the site does not want it."""
+    from gateway.daemon import Daily
+    from gateway.workflow.aftercare import due
+    from gateway.workflow.control.verifying import verify_table
+
+    serial, hour = tree.controller.serial, tree.site.verify_hour
+    if not tree.site.verify_each_day:
+        return None
+
+    async def compare(say: Say) -> object:
+        return await verify_table(tree, path, table="", run=None, clock=clock, say=say)
+
+    # With programs every reading is a start by the operator: it is told as due, and nothing starts by itself.
+    job = None if devices.controller.capabilities.stops else compare
+    return Daily(hour, lambda: due(store, serial, clock.utc(), hour), job)
+
+
+async def _examined(tree: Any, path: Path, clock: LoopClock, _say: Say) -> object:
+    """The doctor's lines as an outcome."""
+    from gateway.cli.control.connecting import examined
+    from gateway.workflow.outcome import Outcome
+
+    lines = await examined(tree, path, clock)
+    told = tuple(f"{one.outcome}: {one.check}: {one.what}" + (f" -> {one.fix}" if one.fix else "") for one in lines)
+    well = all(line.outcome == "ok" for line in lines)
+    data = {"ok": well, "lines": [line.as_record() for line in lines]}
+    return Outcome("examined", "", rows=(), lines=told, data=data, exit_code=0 if well else 5)

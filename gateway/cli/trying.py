@@ -1,0 +1,59 @@
+"""The commands for who has no machine at hand: demo, simulate, cell."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from gateway.cli.options import JsonOption, SpeedOption, named, road_of
+
+
+def demo(
+    folder: Annotated[Path, typer.Option(help="Where the demo keeps its site file and runs.")] = Path("demo"),
+    speed: SpeedOption = 150.0,
+    seed: Annotated[int | None, typer.Option(help="Draw another machine.", show_default=False)] = None,
+    cell: Annotated[str, typer.Option(help="Cell file, or the name of a shipped cell.")] = "demo",
+    axes: Annotated[bool, typer.Option("--axes", help="The axes alone: no other error, no part.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Start a simulated grinder and close the whole loop on it, over its wires: 21 errors, both layers, the part."""
+    from gateway.cli.demonstration import run_demo
+
+    run_demo(folder, cell, speed, seed, axes=axes, as_json=as_json)
+
+
+def simulate(
+    cell: Annotated[str, typer.Argument(help="Cell file, or the name of a shipped cell.", show_default=True)] = "demo",
+    site: Annotated[Path, typer.Option(help="Where to write the site file.")] = Path("cell/site.toml"),
+    speed: SpeedOption = 10.0,
+    seed: Annotated[int | None, typer.Option(help="Draw another machine.", show_default=False)] = None,
+    plan: Annotated[bool, typer.Option("--plan", help="Name every set-up and the work in the site file.")] = False,
+    filed: Annotated[bool, typer.Option("--filed", help="All set-ups come from tables; with --plan.")] = False,
+    road: Annotated[
+        str, typer.Option(help="Ways into the control: opcua, modbus or both; else the cell file's.", callback=road_of)
+    ] = "",
+    name: Annotated[str, typer.Option(help="What the machine is called in the site file.", callback=named)] = "",
+    listed: Annotated[bool, typer.Option("--list", help="List the shipped cells and end.")] = False,
+) -> None:
+    """Start a simulated cell on free loopback ports and print its site file; Ctrl-C ends it."""
+    from gateway.cli.demonstration import CellAsked, list_cells, run_cell
+
+    if listed:
+        list_cells()
+        return
+    run_cell(CellAsked(cell, site, speed, seed, plan=plan or filed, filed=filed, road=road, name=name))
+
+
+def cell(
+    site: Annotated[Path, typer.Argument(help="Site file of a running cell.", show_default=False)],
+    keys: Annotated[
+        list[str] | None, typer.Argument(help="What to do, in order; without any you type it.", show_default=False)
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Stand at a simulated cell: press its keys, mount, break the beam, take the part, change the weather."""
+    from gateway.cli.console import stand_at
+
+    stand_at(site, tuple(keys or ()), as_json=as_json)

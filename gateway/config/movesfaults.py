@@ -1,0 +1,33 @@
+"""What a site file says wrong of safe places, and which axes still need one before anything is pushed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from drivers.errors import words
+from gateway.config.faults import Fault
+from gateway.config.keyfaults import broken
+from gateway.config.rules import bounds, is_pair
+
+_SAFE = ("moves", "safe")
+
+
+def moves_faults(tree: Mapping[str, Any], site: Any) -> Iterator[Fault]:
+    """Places that are no range or beyond the travel, and one doubt that names every axis without a place."""
+    given = site.moves.safe if isinstance(site.moves.safe, Mapping) else {}
+    axes = {axis.name: axis for axis in site.axes if isinstance(axis.name, str)}
+    for name, place in given.items():
+        if not is_pair(place):
+            continue
+        if place[0] >= place[1]:
+            yield broken(tree, (*_SAFE, name), words("W-CFG-TRAVEL"))
+        elif name in axes:
+            low, high = bounds(axes[name])
+            if place[1] <= low or place[0] >= high:
+                yield broken(tree, (*_SAFE, name), words("W-CFG-OUTSIDE", low=low, high=high))
+    dresser = getattr(site.work, "dresser", None)
+    known = [*axes, *([dresser] if isinstance(dresser, str) and dresser else [])]
+    missing = [name for name in known if name not in given]
+    if missing:
+        yield broken(tree, _SAFE, words("W-CFG-NO-PLACE", axes=", ".join(missing), first=missing[0]), doubt=True)

@@ -1,0 +1,58 @@
+"""What the register of equipment and the tolerances say wrong of axes, instruments, standards and figures."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from drivers.errors import words
+from gateway.config.faults import Fault
+from gateway.config.keyfaults import broken
+from gateway.config.rules import no_such
+from gateway.errors import ModelError
+from gateway.evaluate.standards.flank_tolerances import FIGURES
+from gateway.evaluate.standards.registry import standard
+
+OF_CLASS = ("module_mm", "diameter_mm", "width_mm")
+
+
+def paper_faults(tree: Mapping[str, Any], site: Any) -> Iterator[Fault]:
+    """Names of nothing, standards that nobody knows, figures that a standard has not, dates in the wrong order."""
+    instruments = [one.name for one in site.instruments if isinstance(one.name, str)]
+    for one in site.equipment:
+        if isinstance(one.instrument, str) and one.instrument and one.instrument not in instruments:
+            yield no_such(tree, (*one.place, "instrument"), "instrument", instruments)
+        if one.calibrated and one.due and str(one.due) <= str(one.calibrated):
+            yield broken(tree, (*one.place, "due"), words("W-CFG-DUE", calibrated=one.calibrated))
+    axes = [one.name for one in site.axes if isinstance(one.name, str)]
+    for one in site.tolerances:
+        if isinstance(one.axis, str) and one.axis not in axes:
+            yield no_such(tree, (*one.place, "axis"), "axis", axes)
+        yield from _figures(tree, one)
+    yield from _gear(tree, site.gear_tolerance)
+
+
+def _figures(tree: Mapping[str, Any], one: Any) -> Iterator[Fault]:
+    if not isinstance(one.standard, str):
+        return
+    try:
+        known = standard(one.standard).parameters
+    except ModelError as error:
+        yield broken(tree, (*one.place, "standard"), words("W-CFG-STANDARD", known=error.fields["known"]))
+        return
+    for name in one.limits if isinstance(one.limits, Mapping) else ():
+        if name not in known:
+            yield no_such(tree, (*one.place, "limits", name), "figure", known)
+
+
+def _gear(tree: Mapping[str, Any], one: Any) -> Iterator[Fault]:
+    if not hasattr(one, "place"):
+        return
+    for name in one.limits if isinstance(one.limits, Mapping) else ():
+        if name not in FIGURES:
+            yield no_such(tree, (*one.place, "limits", name), "figure", FIGURES)
+    missing = [key for key in OF_CLASS if getattr(one, key) is None]
+    if one.grade is not None and missing:
+        yield broken(tree, (*one.place, "grade"), words("W-CFG-CLASS", missing=", ".join(missing)))
+    if one.grade is None and not one.limits:
+        yield broken(tree, one.place, words("W-CFG-NO-LIMIT"))

@@ -1,0 +1,135 @@
+"""The live stream: what happens now, to every page that listens; a slow page loses frames, is told so, slows nobody."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections import deque
+from collections.abc import AsyncIterator, Callable, Mapping
+
+from drivers.clock import Clock
+from drivers.errors import DeadlineExceeded, words
+from gateway.audience import kind_of
+from gateway.errors import BusyError
+
+MOST_LISTENERS = 32
+LONGEST_QUEUE = 256
+BEAT_S = 10.0
+Tell = Callable[[str, Mapping[str, object]], None]
+
+
+class StreamListener:
+    """One page: a bounded queue of frames; when it is full the oldest goes and is counted."""
+
+    def __init__(self, most: int = LONGEST_QUEUE) -> None:
+        self._frames: deque[str] = deque()
+        self._most = most
+        self._news = asyncio.Event()
+        self.lost = 0
+        self.over = False
+
+    def put(self, frame: str) -> None:
+        """One more frame; never waits."""
+        if len(self._frames) >= self._most:
+            self._frames.popleft()
+            self.lost += 1
+        self._frames.append(frame)
+        self._news.set()
+
+    def end(self) -> None:
+        """Nothing more comes."""
+        self.over = True
+        self._news.set()
+
+    async def next(self, clock: Clock) -> str:
+        """What there is to send now: what was lost is told first; "" ends. A beat where nothing comes."""
+        if not self._frames and not self.over:
+            self._news.clear()
+            try:
+                async with clock.deadline(BEAT_S, "stream"):
+                    await self._news.wait()
+            except DeadlineExceeded:
+                return ": beat\n\n"
+        told = [frame_of("lost", {"frames": self.lost})] if self.lost else []
+        self.lost = 0
+        found = "".join((*told, *self._frames))
+        self._frames.clear()
+        return found
+
+
+def frame_of(kind: str, data: Mapping[str, object], number: int = 0) -> str:
+    """A server-sent event: its number, kind and data as one line of JSON."""
+    head = f"id: {number}\n" if number else ""
+    return f"{head}event: {kind}\ndata: {json.dumps(data, default=str)}\n\n"
+
+
+class Hub:
+    """Everybody who listens to one site."""
+
+    def __init__(self, clock: Clock, picture: Callable[[], Mapping[str, object]], also: Tell | None = None) -> None:
+        """``picture`` is what a page gets first: everything as it is now; ``also`` hears every event, pages or not."""
+        self._clock = clock
+        self._picture = picture
+        self._also = also
+        self._listeners: set[StreamListener] = set()
+        self._number = 0
+        self._over = False
+        self.dropped = 0
+
+    def tell(self, kind: str, data: Mapping[str, object]) -> None:
+        """An event for all; returns at once. It carries the next number and the moment in UTC."""
+        self._number += 1
+        if self._also is not None:
+            self._also(kind, data)
+        if not self._listeners:
+            return
+        utc = self._clock.utc().isoformat(timespec="milliseconds")
+        frame = frame_of(kind, {"utc": utc, **data}, self._number)
+        for listener in self._listeners:
+            before = listener.lost
+            listener.put(frame)
+            self.dropped += listener.lost - before
+
+    def hear(self, code: str, fields: Mapping[str, object]) -> None:
+        """A word of the run at work, for all."""
+        told = {"code": code, "fields": plain_fields(fields), "words": words(code, **fields)}
+        self.tell("said", {**told, "kind": kind_of(code).value})
+
+    @property
+    def listening(self) -> int:
+        """How many pages listen."""
+        return len(self._listeners)
+
+    def end(self) -> None:
+        """Every stream ends; later ones end at once."""
+        self._over = True
+        for listener in self._listeners:
+            listener.end()
+
+    def join(self) -> StreamListener:
+        """A new listener. Raises BusyError (E-WEB-STREAMS) where too many listen already."""
+        if len(self._listeners) >= MOST_LISTENERS:
+            raise BusyError("E-WEB-STREAMS", "stream", most=MOST_LISTENERS)
+        listener = StreamListener()
+        self._listeners.add(listener)
+        listener.put(frame_of("picture", self._picture(), self._number))
+        if self._over:
+            listener.end()
+        return listener
+
+    async def stream(self, listener: StreamListener) -> AsyncIterator[str]:
+        """What a listener is sent, until it leaves or the gateway ends."""
+        try:
+            while frame := await listener.next(self._clock):
+                yield frame
+        finally:
+            self._listeners.discard(listener)
+
+
+def plain_fields(fields: Mapping[str, object]) -> dict[str, object]:
+    """Fields of a word as JSON takes them; what is no number or text is written as text."""
+    return {key: _plain(value) for key, value in fields.items()}
+
+
+def _plain(value: object) -> object:
+    return value if isinstance(value, (str, int, float, bool)) or value is None else str(value)

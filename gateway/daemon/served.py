@@ -1,0 +1,261 @@
+"""One site as the daemon serves it: its desk, its stream, its picture, and the lending of its devices."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+
+from drivers.clock import Clock
+from drivers.errors import TrueflankError
+from gateway.audience import Audience, kind_of
+from gateway.broker import Lease
+from gateway.config import SiteFile
+from gateway.daemon.daily import Daily
+from gateway.daemon.desk import Desk, Devices
+from gateway.daemon.hub import Hub
+from gateway.daemon.jobs import RunStarter
+from gateway.daemon.looking import Looking
+from gateway.daemon.telling import figures_told, publisher_of
+from gateway.index import RunIndex, caught_up, index_of
+from gateway.live import Asked
+from gateway.mqtt import Outgoing
+from gateway.say import Say
+from gateway.store import Store
+from gateway.store.logbook import LogBook
+from gateway.views import JobView, StatusView, as_data
+from gateway.views.stored import last_acting, last_result, newest_runs, pushes_held
+from gateway.watch.watcher import Watcher
+
+STATE_S = 1.0
+WATCH_AGAIN_S = 60.0
+INDEX_EVERY_S = 20.0
+_LOG = logging.getLogger("trueflank.daemon")
+
+
+@dataclass(frozen=True, slots=True)
+class Serving:
+    """What a daemon needs to serve one site.
+
+    ``devices`` makes its supervisor; ``daily`` is what is compared each day, ``alarms`` the live tables that are not as
+    they were pushed; ``doctor`` looks at the road to the control; ``watcher`` notices new result files.
+    """
+
+    site: SiteFile
+    path: Path
+    store: Store
+    devices: Callable[[], Devices]
+    doctor: Callable[[Say], Awaitable[object]]
+    daily: Daily | None = None
+    alarms: Callable[[], tuple[str, ...]] = tuple
+    watcher: Callable[[Say], Watcher] | None = None
+
+
+class ServedPlace:
+    """One site at work in the daemon: a `gateway.web.ServedSite`."""
+
+    def __init__(self, what: Serving, clock: Clock) -> None:
+        self._what = what
+        self._clock = clock
+        self._outgoing = publisher_of(what.site, what.path, what.store, clock)
+        self.hub = Hub(clock, lambda: as_data(self.picture()), self._told)
+        self._book = LogBook(what.store.root, clock.utc)
+        self._index = index_of(what.site, what.path, what.store)
+        self._looking = Looking(self.hub.tell, clock)
+        self.desk = Desk(what.devices(), None, clock, hear=self._said, onlooker=self._looking, after=self._ended)
+
+    @property
+    def site(self) -> SiteFile:
+        """The site file."""
+        return self._what.site
+
+    @property
+    def path(self) -> Path:
+        """Where the site file stands."""
+        return self._what.path
+
+    @property
+    def store(self) -> Store:
+        """Its runs."""
+        return self._what.store
+
+    @property
+    def index(self) -> RunIndex:
+        """The index of its runs."""
+        return self._index
+
+    @property
+    def daily(self) -> Daily | None:
+        """What is compared each day."""
+        return self._what.daily
+
+    @property
+    def alarms(self) -> tuple[str, ...]:
+        """Live tables that are not as they were pushed."""
+        return self._what.alarms()
+
+    def picture(self) -> StatusView:
+        """The whole picture as it is now; reads the newest runs from the store."""
+        desk, store, daily = self.desk, self.store, self.daily
+        return StatusView(
+            site=self.site.site.name,
+            software=software(),
+            now_utc=self._clock.utc().isoformat(timespec="seconds"),
+            devices=desk.devices(),
+            run=desk.run,
+            last_runs=newest_runs(store),
+            failure=desk.failure,
+            result=last_result(store),
+            acting=last_acting(store),
+            trouble=desk.trouble,
+            alarms=self.alarms,
+            due=daily.words if daily is not None else "",
+            left=() if desk.left.clear else (desk.left.said.as_record(),),
+            held=pushes_held(store),
+            simulated=self.path.with_suffix(".cell.json").exists(),
+        )
+
+    def jobs(self) -> tuple[JobView, ...]:
+        """The newest commands."""
+        return self.desk.jobs.views
+
+    def begin(self, work: RunStarter, *, kind: str, who: str) -> JobView:
+        """Give a command. Raises BusyError."""
+        job = self.desk.begin(work, kind=kind, who=who).view
+        self._looking.begin()
+        return job
+
+    def stop_job(self, by: str) -> bool:
+        """Ask the command at work to end in order."""
+        return self.desk.stop_job(by)
+
+    def ask_again(self, axis: str, stop: Asked) -> bool:
+        """Have a reading taken again."""
+        return self._looking.ask_again(axis, stop)
+
+    def taken(self) -> tuple[Mapping[str, object], ...]:
+        """The readings of the plot so far."""
+        return tuple(self._looking.kept)
+
+    def stream(self) -> AsyncIterator[str]:
+        """The live stream. Raises BusyError (E-WEB-STREAMS)."""
+        return self.hub.stream(self.hub.join())
+
+    def stream_counts(self) -> tuple[int, int]:
+        """Pages that listen, frames that slow ones lost."""
+        return self.hub.listening, self.hub.dropped
+
+    def outgoing(self) -> Outgoing | None:
+        """How the messages to other systems stand."""
+        return None if self._outgoing is None else self._outgoing.standing
+
+    def _told(self, kind: str, data: Mapping[str, object]) -> None:
+        if self._outgoing is not None:
+            self._outgoing.take("status" if kind == "state" else kind, data)
+
+    def _said(self, code: str, fields: Mapping[str, object]) -> None:
+        if kind_of(code) is Audience.STEP:
+            self._looking.part += 1
+        self.hub.hear(code, fields)
+        now = self.desk.run
+        if now is not None and now.kind != "terminal":  # a terminal keeps its own words
+            self._book.add("INFO", code, fields, run=now.run_id)
+
+    def _ended(self, job: JobView) -> None:
+        if job.error is not None and job.kind != "terminal":
+            code, fields, where = (job.error.get(key) for key in ("code", "fields", "where"))
+            told = fields if isinstance(fields, Mapping) else {}
+            self._book.add("ERROR", str(code), told, run=job.run_id, where=str(where or ""))
+        told = {name: getattr(job, name) for name in ("job", "kind", "who", "run_id", "state", "exit_code", "words")}
+        self.hub.tell("ended", told)
+        if job.run_id and self._outgoing is not None:
+            self._outgoing.take("figures", lambda: figures_told(self._what.store, job.run_id))
+
+    async def doctor(self, say: Say) -> object:
+        """Look at the road to the control."""
+        return await self._what.doctor(say)
+
+    async def lend(self, lease: Lease) -> None:
+        """Give the devices to a command at a terminal, until it gives them back. Raises BusyError."""
+        free = asyncio.Event()
+
+        async def work(say: Say) -> object:
+            lease.say = say
+            say("P-LEASE", who=lease.who, run=lease.run)
+            free.set()
+            await lease.over()
+            return None
+
+        job = self.desk.begin(work, kind="terminal", who=lease.who)
+        self._looking.begin()
+        job.begin(lease.run)
+        job.stop_at = lease.stop
+        await _either(free, job.ended)
+
+    async def work(self, stop: asyncio.Event) -> None:
+        """Devices, commands and the watch folder until ``stop``."""
+        others = [self._tell_states(), self._watch_folder(stop), self._keep_index()]
+        if self._outgoing is not None:
+            others.append(self._outgoing.work())
+        beside = [asyncio.create_task(one) for one in others]
+        try:
+            await self.desk.work(stop)
+        finally:
+            self.hub.end()
+            for task in beside:
+                task.cancel()
+            await asyncio.gather(*beside, return_exceptions=True)
+
+    async def _watch_folder(self, stop: asyncio.Event) -> None:
+        """New result files become runs; a store that refuses them is told, and tried again a minute later."""
+        while self._what.watcher is not None and not stop.is_set():
+            try:
+                await self._what.watcher(self._heard).watch(self._clock, stop)
+            except TrueflankError as error:
+                _LOG.warning("the watch folder: %s", error)
+                self.hub.tell("failure", error.as_record())
+                await self._clock.sleep(WATCH_AGAIN_S)
+
+    async def _keep_index(self) -> None:
+        """The index follows the run folders, in a thread; a database that is away is caught up with later."""
+        told = ""
+        while True:
+            await self._clock.sleep(INDEX_EVERY_S)
+            try:
+                await asyncio.to_thread(caught_up, self._index, self.store)
+                told = ""
+            except TrueflankError as error:
+                if str(error) != told:
+                    _LOG.warning("the index: %s", error)
+                told = str(error)
+
+    def _heard(self, code: str, /, **fields: object) -> None:
+        self.hub.hear(code, fields)
+
+    async def _tell_states(self) -> None:
+        """Tell every page when a device, the command at work or a trouble changes."""
+        before: object = None
+        while True:
+            seen = {"devices": self.desk.devices(), "run": self.desk.run, "failure": self.desk.failure}
+            if seen != before:
+                before = seen
+                self.hub.tell("state", as_data(self.picture()))
+            await self._clock.sleep(STATE_S)
+
+
+async def _either(*events: asyncio.Event) -> None:
+    waits = [asyncio.create_task(event.wait()) for event in events]
+    try:
+        await asyncio.wait(waits, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for wait in waits:
+            wait.cancel()
+        await asyncio.gather(*waits, return_exceptions=True)
+
+
+def software() -> str:
+    """Name and version."""
+    return f"trueflank {metadata.version('trueflank')}"

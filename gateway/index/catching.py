@@ -1,0 +1,85 @@
+"""The index made to say what the run folders say: everything anew, or only what has changed since."""
+
+from __future__ import annotations
+
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy.exc import SQLAlchemyError
+
+from drivers.errors import ConfigError
+from gateway.config import SiteFile
+from gateway.errors import StoreError
+from gateway.index.keeping import RunIndex
+from gateway.index.rows import figures_of, row_of, seal_of
+from gateway.store import RunFolder, RunSummary, Store
+
+
+def rebuilt(index: RunIndex, store: Store) -> int:
+    """Everything anew; returns how many runs there are. Raises StoreError (E-INDEX, E-STORE-DISK)."""
+    index.open()
+    index.clear()
+    return caught_up(index, store)
+
+
+def caught_up(index: RunIndex, store: Store) -> int:
+    """What has changed since the last time; returns how many runs were read. Raises StoreError."""
+    index.open()
+    known, runs = index.seals(), store.runs()
+    changed = 0
+    for run in runs:
+        seal = seal_of(run)
+        if known.get(run.run_id) != seal:
+            _put(index, run, seal)
+            changed += 1
+    gone = sorted(set(known) - {run.run_id for run in runs})
+    if gone:
+        index.drop(gone)
+    return changed
+
+
+def _put(index: RunIndex, run: RunSummary, seal: str) -> None:
+    row = row_of(index.gateway, run, seal)
+    try:
+        figures = tuple(figures_of(index.gateway, RunFolder(run.path))) if not run.problem else ()
+    except StoreError:
+        figures = ()  # it changed while it was read: the next time finds it
+    index.put(row, figures)
+
+
+def index_of(site: SiteFile, path: Path, store: Store) -> RunIndex:
+    """The index that a site file names. Raises ConfigError (E-INDEX-FILE)."""
+    file = site.service.index_url_file
+    if file is None:
+        return RunIndex(store.root)
+    try:
+        url = (path.parent / file).read_text(encoding="utf-8").strip()
+        return RunIndex(store.root, url)
+    except (OSError, ValueError, SQLAlchemyError) as error:
+        # Never with the address itself: a password may stand in it.
+        raise ConfigError("E-INDEX-FILE", str(file), why=type(error).__name__) from error
+
+
+def due_of(index: RunIndex, days: int, now: datetime) -> list[dict[str, Any]]:
+    """When each axis and the flank were measured last, until when that holds, and whether it is over."""
+    found = index.last_measured()
+    for one in found:
+        until = datetime.fromisoformat(str(one["utc"])) + timedelta(days=days)
+        one |= {"due_utc": until.isoformat(timespec="seconds"), "due": until <= now}
+    return found
+
+
+def compared(index: RunIndex, parameter: str, *, subject: str, phase: str = "after") -> list[dict[str, Any]]:
+    """The newest figure of each machine and site that has it, the largest first: one error across machines.
+
+    ``phase`` "before" or "after" a correction; a machine that was only measured has none after, and its newest before
+    stands in the row, which says so. Raises StoreError (E-INDEX).
+    """
+    newest: dict[tuple[str, str], dict[str, Any]] = {}
+    for wanted in ("before",) if phase == "before" else ("before", phase):
+        for point in index.trend(parameter, subject=subject, phase=wanted):
+            key = (str(point["serial"]), str(point["site"]))
+            if key not in newest or str(point["created_utc"]) >= str(newest[key]["created_utc"]):
+                newest[key] = point
+    return sorted(newest.values(), key=lambda point: -abs(float(point["value"])))

@@ -1,0 +1,194 @@
+"""The index in its database: opened, brought to today's tables, written, asked."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import platform
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from alembic import command
+from alembic.config import Config
+from sqlalchemy import Connection, Engine, create_engine, delete, event, func, insert, or_, select
+from sqlalchemy.exc import DBAPIError, SQLAlchemyError
+from sqlalchemy.pool import NullPool
+
+from drivers.local.ownfiles import made_parents, no_link
+from gateway.errors import StoreError
+from gateway.index.rows import IndexedFigure, IndexedRun
+from gateway.index.schema import FIGURES, RUNS
+
+INDEX_FILE = "index.db"
+STEPS = ("gateway.index.migrations.env", "gateway.index.migrations.versions.v0001_runs_and_figures")
+"""Modules that alembic loads by their files."""
+MOST_ROWS = 10_000
+
+
+def index_url(root: Path) -> str:
+    """The address of the index that stands beside the runs."""
+    return f"sqlite:///{root / INDEX_FILE}"
+
+
+def gateway_name(root: Path) -> str:
+    """What tells this store's runs from those of other gateways in one database."""
+    return f"{platform.node()}:{root.resolve()}"[-200:]
+
+
+class RunIndex:
+    """The index of one store, or of many stores in one database.
+
+    Holds no connection open between two calls. Every call raises StoreError (E-INDEX) where the database does not
+    answer: then the run folders are still whole.
+    """
+
+    def __init__(self, root: Path, url: str = "") -> None:
+        self.root = root
+        self.gateway = gateway_name(root)
+        self._own = not url
+        self._is_open = False
+        self._engine = _engine(url or index_url(root))
+
+    def open(self) -> None:
+        """Bring the tables to today's form; a damaged file of our own is moved aside and begun anew."""
+        if self._is_open:
+            return
+        if self._own:
+            self._make_place()
+        try:
+            self._upgrade()
+            self._is_open = True
+        except (SQLAlchemyError, OSError) as error:
+            if not self._own or not isinstance(error, DBAPIError) or not _is_damaged(error):
+                raise _refused(error, self.root) from error
+            self._move_aside()
+            with _ours(self.root):
+                self._upgrade()
+            self._is_open = True
+
+    def _upgrade(self) -> None:
+        config = Config()
+        config.set_main_option("script_location", str(Path(__file__).parent / "migrations"))
+        with self._engine.begin() as connection:
+            if connection.dialect.name == "postgresql":
+                # Two gateways that begin together: one makes the tables, the other finds them.
+                connection.execute(select(func.pg_advisory_xact_lock(0x7472756566)))
+            config.attributes["connection"] = connection
+            command.upgrade(config, "head")
+
+    def _make_place(self) -> None:
+        path = self.root / INDEX_FILE
+        with _ours(self.root):
+            made_parents(path)
+            no_link(path)
+            if not path.exists():
+                os.close(os.open(path, os.O_CREAT | os.O_WRONLY, 0o600))
+
+    def _move_aside(self) -> None:
+        path, number = self.root / INDEX_FILE, 1
+        while (aside := path.with_name(f"{INDEX_FILE}.damaged-{number}")).exists():
+            number += 1
+        with _ours(self.root):
+            os.replace(path, aside)
+            for more in ("-wal", "-shm"):
+                path.with_name(f"{INDEX_FILE}{more}").unlink(missing_ok=True)
+        self._make_place()
+
+    @contextlib.contextmanager
+    def _at(self) -> Iterator[Connection]:
+        with _ours(self.root), self._engine.begin() as connection:
+            yield connection
+
+    def seals(self) -> dict[str, str]:
+        """The seal of each run of this store that the index knows."""
+        with self._at() as at:
+            rows = at.execute(select(RUNS.c.run_id, RUNS.c.seal).where(RUNS.c.gateway == self.gateway))
+            return {str(run): str(seal) for run, seal in rows}
+
+    def put(self, run: IndexedRun, figures: Iterable[IndexedFigure]) -> None:
+        """A run anew, whole or not at all."""
+        rows = [asdict(one) for one in figures]
+        with self._at() as at:
+            self._drop(at, [run.run_id])
+            at.execute(insert(RUNS), asdict(run))
+            if rows:
+                at.execute(insert(FIGURES), rows)
+
+    def drop(self, runs: Sequence[str]) -> None:
+        """Forget runs whose folders are gone."""
+        with self._at() as at:
+            self._drop(at, runs)
+
+    def _drop(self, at: Connection, runs: Sequence[str]) -> None:
+        for table in (FIGURES, RUNS):
+            at.execute(delete(table).where(table.c.gateway == self.gateway, table.c.run_id.in_(list(runs))))
+
+    def clear(self) -> None:
+        """Forget every run of this store."""
+        with self._at() as at:
+            for table in (FIGURES, RUNS):
+                at.execute(delete(table).where(table.c.gateway == self.gateway))
+
+    def search(self, text: str = "", *, serial: str = "", most: int = 100) -> list[dict[str, Any]]:
+        """Runs of every gateway, newest first, whose id, site, machine or state holds a text."""
+        wanted = select(RUNS).order_by(RUNS.c.created_utc.desc(), RUNS.c.run_id.desc()).limit(min(most, MOST_ROWS))
+        if serial:
+            wanted = wanted.where(RUNS.c.serial == serial)
+        if text:
+            places = (RUNS.c.run_id, RUNS.c.site, RUNS.c.serial, RUNS.c.state)
+            wanted = wanted.where(or_(*(place.icontains(text, autoescape=True) for place in places)))
+        with self._at() as at:
+            return [dict(row._mapping) for row in at.execute(wanted)]  # noqa: SLF001 - the library's public name
+
+    def trend(self, parameter: str, *, serial: str = "", subject: str = "", phase: str = "") -> list[dict[str, Any]]:
+        """One parameter over time, oldest first: of one machine and axis, or of all to compare them."""
+        joined = FIGURES.join(RUNS, (FIGURES.c.gateway == RUNS.c.gateway) & (FIGURES.c.run_id == RUNS.c.run_id))
+        shown = (RUNS.c.created_utc, RUNS.c.serial, RUNS.c.site, FIGURES)
+        wanted = select(*shown).select_from(joined).where(FIGURES.c.parameter == parameter)
+        for column, value in ((RUNS.c.serial, serial), (FIGURES.c.subject, subject), (FIGURES.c.phase, phase)):
+            wanted = wanted.where(column == value) if value else wanted
+        ordered = wanted.order_by(RUNS.c.created_utc, FIGURES.c.subject, FIGURES.c.phase.desc()).limit(MOST_ROWS)
+        with self._at() as at:
+            return [dict(row._mapping) for row in at.execute(ordered)]  # noqa: SLF001 - the library's public name
+
+    def last_measured(self) -> list[dict[str, Any]]:
+        """When each machine's axes and flank were measured last."""
+        joined = FIGURES.join(RUNS, (FIGURES.c.gateway == RUNS.c.gateway) & (FIGURES.c.run_id == RUNS.c.run_id))
+        newest = func.max(RUNS.c.created_utc).label("utc")
+        keys = (RUNS.c.serial, RUNS.c.site, FIGURES.c.subject)
+        wanted = select(*keys, newest).select_from(joined).group_by(*keys).order_by(*keys)
+        with self._at() as at:
+            return [dict(row._mapping) for row in at.execute(wanted)]  # noqa: SLF001 - the library's public name
+
+
+def _engine(url: str) -> Engine:
+    engine = create_engine(url, poolclass=NullPool)
+    if engine.dialect.name == "sqlite":
+        event.listen(engine, "connect", _durable)
+    return engine
+
+
+def _durable(connection: Any, _record: Any) -> None:
+    """A write-ahead log, every commit on disk, keys between tables kept."""
+    for pragma in ("journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON", "busy_timeout=5000"):
+        connection.execute(f"PRAGMA {pragma}").close()
+
+
+def _is_damaged(error: DBAPIError) -> bool:
+    return any(word in str(error.orig) for word in ("malformed", "not a database"))
+
+
+def _refused(error: Exception, root: Path) -> StoreError:
+    """Never with the address: a password may stand in it."""
+    why = str(getattr(error, "orig", None) or type(error).__name__).splitlines()[0][:200]
+    return StoreError("E-INDEX", str(root), why=why)
+
+
+@contextlib.contextmanager
+def _ours(root: Path) -> Iterator[None]:
+    try:
+        yield
+    except (SQLAlchemyError, OSError) as error:
+        raise _refused(error, root) from error

@@ -1,0 +1,33 @@
+"""The tables of the index as today's program knows them; `migrations` brings older ones here."""
+
+from __future__ import annotations
+
+from sqlalchemy import Column, Float, ForeignKeyConstraint, Index, MetaData, String, Table, Text
+
+METADATA = MetaData()
+_RUN = (
+    Column("gateway", String(200), primary_key=True),
+    Column("run_id", String(120), primary_key=True),
+    Column("site", String(120), nullable=False),
+    Column("serial", String(200), nullable=False),
+    Column("created_utc", String(40), nullable=False),
+    Column("state", String(80), nullable=False),
+    Column("software", String(40), nullable=False),
+    Column("problem", Text, nullable=False),
+    Column("seal", String(64), nullable=False),
+    Index("run_by_machine", "serial", "created_utc"),
+)
+_FIGURE = (
+    Column("gateway", String(200), primary_key=True),
+    Column("run_id", String(120), primary_key=True),
+    Column("subject", String(40), primary_key=True),
+    Column("phase", String(20), primary_key=True),
+    Column("parameter", String(20), primary_key=True),
+    Column("value", Float, nullable=False),
+    Column("expanded", Float, nullable=True),
+    Column("unit", String(20), nullable=False),
+    ForeignKeyConstraint(["gateway", "run_id"], ["run.gateway", "run.run_id"], ondelete="CASCADE"),
+    Index("figure_by_subject", "subject", "parameter", "phase"),
+)
+RUNS = Table("run", METADATA, *_RUN)
+FIGURES = Table("figure", METADATA, *_FIGURE)

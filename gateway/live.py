@@ -1,0 +1,80 @@
+"""What goes on at this moment, for whoever looks on: samples, stops, what is waited for; and what an onlooker asks.
+
+The work tells it to the onlooker of its task, if there is one. Onlookers return at once, raise nothing and slow nobody.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from typing import Protocol
+
+from drivers.types.sensing import Ambient, SampleBlock
+from drivers.units import DeviationUnit
+
+Asked = tuple[float, int, int]
+"""A reading that a person wants taken again: target, repetition, approach (+1, -1); repetition 0 means all of them."""
+
+
+class Onlooker(Protocol):
+    """Looks on at one run."""
+
+    def samples(self, instrument: str, block: SampleBlock) -> None:
+        """What an instrument has just sent."""
+        ...
+
+    def waiting(self, instrument: str, missing: str, done_s: float, needed_s: float) -> None:
+        """Which condition a reading waits for, and how much of its time has passed, in instrument time."""
+        ...
+
+    def ambient(self, instrument: str, air: Ambient) -> None:
+        """Air and material as the run has just read them."""
+        ...
+
+    def taken(self, axis: str, stop: Asked, deviation: float, unit: DeviationUnit) -> None:
+        """A reading was taken; ``deviation`` is measured - target in ``unit``, but for a constant."""
+        ...
+
+    def asked_again(self, axis: str) -> tuple[Asked, ...]:
+        """Readings to be taken again, each told once."""
+        ...
+
+
+class Nobody:
+    """An onlooker that is not there."""
+
+    def samples(self, instrument: str, block: SampleBlock) -> None:
+        """Nothing."""
+
+    def waiting(self, instrument: str, missing: str, done_s: float, needed_s: float) -> None:
+        """Nothing."""
+
+    def ambient(self, instrument: str, air: Ambient) -> None:
+        """Nothing."""
+
+    def taken(self, axis: str, stop: Asked, deviation: float, unit: DeviationUnit) -> None:
+        """Nothing."""
+
+    def asked_again(self, axis: str) -> tuple[Asked, ...]:  # noqa: ARG002 - the protocol's
+        """Nothing."""
+        return ()
+
+
+_NOBODY: Onlooker = Nobody()
+_onlooker: ContextVar[Onlooker] = ContextVar("onlooker", default=_NOBODY)
+
+
+def onlooker() -> Onlooker:
+    """Who looks on at the run that this task belongs to."""
+    return _onlooker.get()
+
+
+@contextmanager
+def looked_on_by(one: Onlooker) -> Iterator[None]:
+    """What the block does, its tasks among it, has this onlooker."""
+    before = _onlooker.set(one)
+    try:
+        yield
+    finally:
+        _onlooker.reset(before)

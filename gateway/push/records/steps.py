@@ -1,0 +1,43 @@
+"""What people read for each step of a journal: its kinds in capitals stay on the disk."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from drivers.errors import words
+
+SAID: Mapping[str, str] = {
+    "LEASED": "W-STEP-LEASED",
+    "AUDITED": "W-STEP-AUDITED",
+    "UNDOES": "W-STEP-UNDOES",
+    "SNAPSHOT": "W-STEP-SNAPSHOT",
+    "BACKUP": "W-STEP-BACKUP",
+    "DISABLE": "W-STEP-DISABLE",
+    "LOADED": "W-STEP-LOADED",
+    "FAILED_TABLE": "W-STEP-FAILED-TABLE",
+    "ENABLE": "W-STEP-ENABLE",
+    "ENABLED": "W-STEP-ENABLED",
+    "LEFT_DISABLED": "W-STEP-LEFT-DISABLED",
+    "ACTIVATED": "W-STEP-ACTIVATED",
+    "EFFECT": "W-STEP-EFFECT",
+    "MEASURED": "W-STEP-MEASURED",
+    "SWITCH_OFF": "W-STEP-SWITCH-OFF",
+    "OFF": "W-STEP-OFF",
+    "STILL_ON": "W-STEP-STILL-ON",
+    "STOPPED": "W-STEP-STOPPED",
+    "RECOVERING": "W-STEP-RECOVERING",
+    "ROLLING_BACK": "W-STEP-ROLLING-BACK",
+    "TORN": "W-STEP-TORN",
+    "RESTARTED": "W-STEP-RESTARTED",
+    "COMMITTED": "W-STEP-COMMITTED",
+    "ROLLED_BACK": "W-STEP-ROLLED-BACK",
+    "ABORTED": "W-STEP-ABORTED",
+    "CLOSED": "W-STEP-CLOSED",
+    "HELD": "W-STEP-HELD",
+}
+
+
+def step_words(kind: str) -> str:
+    """The step of a journal entry in words, e.g. "old table backed up" of BACKUP; an unknown kind in plain letters."""
+    code = SAID.get(kind)
+    return words(code) if code else kind.lower().replace("_", " ")

@@ -1,0 +1,215 @@
+"""The first page: who, what machine, the answer, the statement of conformity, equipment and conditions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from drivers.types.sensing import Ambient
+from gateway.domain.captures import Capture, Conditions
+from gateway.report.document.content import Band, Block, FactsBlock, Heading, Paragraph, State, TableBlock
+from gateway.report.document.words import Tongue
+from gateway.report.material import AxisMaterial, Outcome, ReportMaterial
+from gateway.report.parameters import parameter_rows
+from gateway.report.sentences import ABSENT, UNIT, number, percent, when
+from gateway.report.tooth.flank import before_after
+
+STATES: dict[Outcome, State] = {"better": "good", "worse": "bad", "not-pushed": "open"}
+SIGNS = {"pass": "✔", "fail": "✖", "not decidable": "?"}
+
+
+def parties(report: ReportMaterial, t: Tongue) -> tuple[Block, ...]:
+    """For whom and at which machine; a party that nobody named is said to be not stated."""
+    said, own = report.particulars.parties, report.particulars.machine
+    rows = (
+        (t("customer"), "\n".join((said.customer, *said.customer_address)).strip() or t("not_stated")),
+        (t("machine"), " ".join(part for part in (own.maker, own.type) if part) or report.site),
+        (t("order"), said.order or t("not_stated")),
+        (t("machine_number"), own.number or t("not_stated")),
+        (t("place"), said.place or t("not_stated")),
+        (t("year"), str(own.year) if own.year is not None else ""),
+        (t("operator"), said.operator or report.operator or t("not_stated")),
+        (t("control"), _joined(report.machine.serial, report.machine.version)),
+        (t("measured_on"), _span(report)),
+        (t("run"), report.run_id),
+        (t("accreditation"), report.particulars.maker.accreditation),
+    )
+    return (FactsBlock(rows, 2),)
+
+
+def _joined(*parts: str) -> str:
+    return ", ".join(part for part in parts if part) or ABSENT
+
+
+def _span(report: ReportMaterial) -> str:
+    first, last = when(report.started_utc), when(report.ended_utc)
+    if first == last:
+        return first
+    return f"{first.removesuffix(' UTC')} – {last[11:] if first[:10] == last[:10] else last}"
+
+
+def answer(report: ReportMaterial, t: Tongue) -> tuple[Block, ...]:
+    """The band and, line by line, what each axis and the tooth were and are."""
+    word, said = t(f"outcome_{report.outcome}"), t(f"outcome_{report.outcome}_said")
+    lines = (said, *_tooth_line(report, t))
+    found: list[Block] = [Heading(t("result")), Band(STATES.get(report.outcome, "plain"), word, lines)]
+    rows = tuple(row for axis in report.axes for row in _axis_rows(axis, t))
+    if rows:
+        head = (t("axis"), t("figure"), t("as_found"), "U", t("as_left"), "U", t("change"), t("unit"))
+        found.append(TableBlock(head, rows, "llrrrrrl", wide=(0, 6)))
+        found.append(Paragraph(t("figures_said"), "small"))
+    return tuple(found)
+
+
+def _tooth_line(report: ReportMaterial, t: Tongue) -> Iterator[str]:
+    if report.tooth is None:
+        return
+    ground, fair, after = before_after(report.tooth)
+    start = fair if fair is not None else ground
+    verdict = report.tooth.verdict
+    if verdict is not None and verdict.before_anew_um is not None and verdict.change_U_um is not None:
+        yield t(
+            "tooth_change",
+            before=number(verdict.before_anew_um),
+            after=number(verdict.after_um),
+            change=number(verdict.change_um),
+            U=number(verdict.change_U_um),
+        )
+    elif start is not None and after is not None:
+        yield t("tooth_after", before=number(start), after=number(after))
+    elif start is not None:
+        yield t("tooth_before", before=number(start))
+
+
+def _axis_rows(axis: AxisMaterial, t: Tongue) -> Iterator[tuple[str, ...]]:
+    """A and M of an axis: what an acceptance asks for, and what a table can change."""
+    rows = {row.parameter: row for row in parameter_rows(axis.axis, axis.before, axis.after)}
+    for place, name in enumerate(("A", "M")):
+        if name in rows:
+            row = rows[name]
+            told = (
+                percent(row.change_pct)
+                if row.significant is not False
+                else t("inside_u", change=percent(row.change_pct))
+            )
+            yield (
+                f"{axis.axis}  {axis.component}" if place == 0 else "",
+                name,
+                number(row.before),
+                number(row.before_u),
+                number(row.after),
+                number(row.after_u),
+                told,
+                UNIT[row.unit],
+            )
+
+
+def conformity(report: ReportMaterial, t: Tongue) -> tuple[Block, ...]:
+    """The statement of conformity with its rule; without a tolerance none is made, and that is said."""
+    if not report.judged:
+        return (Heading(t("conformity"), 2), Paragraph(t("no_tolerance")))
+    names = {axis.axis for axis in report.axes}
+    rows = tuple(
+        (
+            one.of if one.of in names else t("tooth_part", part=t.known(f"part_{one.of}", one.of)),
+            one.standard,
+            t.known(f"gear_{one.decision.parameter}", one.decision.parameter),
+            t("as_left" if one.as_left else "as_found"),
+            number(one.decision.value),
+            number(one.decision.U),
+            f"{one.decision.limit:g}",
+            f"{SIGNS[one.decision.verdict]} {t('verdict_' + one.decision.verdict.replace(' ', '_'))}",
+        )
+        for one in report.judged
+    )
+    head = (t("axis"), t("standard"), t("figure"), t("state"), t("value"), "U", t("limit"), t("verdict"))
+    verdicts = {one.decision.verdict for one in report.judged}
+    last = "fail" if "fail" in verdicts else "not_decidable" if "not decidable" in verdicts else "pass"
+    return (
+        Heading(t("conformity"), 2),
+        Paragraph(t(f"conforms_{last}"), "strong"),
+        TableBlock(head, rows, "llllrrrl", dense=True, wide=(0, 7)),
+        Paragraph(t("rule"), "small"),
+    )
+
+
+def conditions(report: ReportMaterial, t: Tongue) -> tuple[Block, ...]:
+    """Air, material and state of each axis' captures."""
+    rows = tuple(row for axis in report.axes for row in _condition_rows(axis, t))
+    if not rows:
+        return ()
+    head = (t("axis"), t("state"), t("when"), t("air"), t("pressure"), t("humidity"), t("material"), t("readings"))
+    return (
+        Heading(t("conditions")),
+        TableBlock(head, rows, "llllllll", dense=True, wide=(2, 6)),
+        Paragraph(t("conditions_said"), "small"),
+        *_capturing(report, t),
+    )
+
+
+def _capturing(report: ReportMaterial, t: Tongue) -> tuple[Block, ...]:
+    """How the readings were taken: feed, overrun, dwell, cycle, and which tables acted."""
+    rows = tuple(
+        _taken(axis, t(key), capture)
+        for axis in report.axes
+        for key, capture in (("as_found", axis.capture_before), ("as_left", axis.capture_after))
+        if capture is not None and capture.conditions is not None
+    )
+    if not rows:
+        return ()
+    head = (t("axis"), t("state"), t("feed"), t("overrun"), t("dwell"), t("cycle"), t("acting_tables"))
+    said = next(one for axis in report.axes for one in _conditions(axis) if one is not None)
+    warm = (Paragraph(t("warm_up", said=said.warm_up), "small"),) if said.warm_up else ()
+    return (TableBlock(head, rows, "llrrrll", dense=True, wide=(6,)), *warm)
+
+
+def _conditions(axis: AxisMaterial) -> tuple[Conditions | None, ...]:
+    captures = (axis.capture_before, axis.capture_after)
+    return tuple(one.conditions for one in captures if one is not None)
+
+
+def _taken(axis: AxisMaterial, state: str, capture: Capture) -> tuple[str, ...]:
+    said = capture.conditions or Conditions()
+    unit = UNIT[axis.unit]
+    return (
+        axis.axis,
+        state,
+        _in(said.feed, f"{unit}/min"),
+        _in(said.overrun, unit),
+        _in(said.dwell_s, "s"),
+        capture.cycle,
+        said.compensation or ABSENT,
+    )
+
+
+def _in(value: float | None, unit: str) -> str:
+    return ABSENT if value is None else f"{value:g} {unit}"
+
+
+def _condition_rows(axis: AxisMaterial, t: Tongue) -> Iterator[tuple[str, ...]]:
+    for key, capture in (("as_found", axis.capture_before), ("as_left", axis.capture_after)):
+        if capture is not None:
+            yield axis.axis, t(key), when(capture.started_utc), *_air(capture), _count(capture)
+
+
+def _count(capture: Capture) -> str:
+    return f"{capture.deviations.shape[0]} × {capture.deviations.shape[1]} × 2"
+
+
+def _air(capture: Capture) -> tuple[str, str, str, str]:
+    first, last = capture.ambient_start, capture.ambient_end
+    return (
+        _from_to(first.air_degc, last.air_degc, 2),
+        _from_to(first.pressure_hpa, last.pressure_hpa, 1),
+        _from_to(first.humidity_pct, last.humidity_pct, 0),
+        _material(first, last),
+    )
+
+
+def _material(first: Ambient, last: Ambient) -> str:
+    ends = [sum(one.material_degc) / len(one.material_degc) if one.material_degc else None for one in (first, last)]
+    return _from_to(ends[0], ends[1], 2)
+
+
+def _from_to(first: float | None, last: float | None, decimals: int) -> str:
+    known = [number(one, decimals) for one in (first, last) if one is not None]
+    return " – ".join(dict.fromkeys(known)) or ABSENT

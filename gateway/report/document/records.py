@@ -1,0 +1,150 @@
+"""The annex' second half: the machine's errors, the ranking, the flank maps, the tables, the protocol, the hashes."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterator
+from itertools import zip_longest
+
+from gateway.report.document.content import Block, Bullets, Heading, Paragraph, PictureBlock, TableBlock, Whole
+from gateway.report.document.words import Tongue
+from gateway.report.drawings import plots
+from gateway.report.drawings import tooth as drawings
+from gateway.report.material import AxisMaterial, ReportMaterial, TableMaterial, ToothMaterial
+from gateway.report.sentences import UNIT, number, shortest, signed
+from gateway.report.tooth.errors import error_rows
+from gateway.report.tooth.rows import cure_rows, table_rows
+
+STEP = re.compile(r"^\d{4}-\d\d-\d\dT(\d\d:\d\d:\d\d)[^ ]* (.*)$", re.DOTALL)
+
+
+def records(report: ReportMaterial, t: Tongue) -> tuple[Block, ...]:
+    """Everything else that was recorded; hashes last and short, whole in the JSON file."""
+    tooth = report.tooth
+    found: list[Block] = []
+    if tooth is not None:
+        found += [*_errors(tooth, t), *_ranking(tooth, t), *_maps(tooth, t), *_tables(tooth, t)]
+    found += [*_pushes(report, t), *_remarks(report, t), *_hashes(report, t)]
+    return tuple(found)
+
+
+def _errors(tooth: ToothMaterial, t: Tongue) -> Iterator[Block]:
+    if tooth.errors is None:
+        return
+    rows = tuple(
+        (one.name, signed(one.low), signed(one.high), number(one.U), UNIT[one.unit], t(one.state))
+        for one in error_rows(tooth.errors)
+    )
+    half = -(-len(rows) // 2)
+    yield Heading(t("errors"))
+    yield PictureBlock(drawings.motions(tooth), drawings.WIDE, t("motions_said"))
+    yield Paragraph(t("errors_said"), "small")
+    lines = tuple((*rows[i], "", *(rows[half + i] if half + i < len(rows) else ("",) * 6)) for i in range(half))
+    head = (t("error"), t("low"), t("high"), "U", "", t("state"))
+    yield TableBlock((*head, "", *head), lines, "lrrrll" + "l" + "lrrrll", dense=True, wide=(6,))
+
+
+def _ranking(tooth: ToothMaterial, t: Tongue) -> Iterator[Block]:
+    if any(one.mu_star_um is not None for one in cure_rows(tooth)):
+        yield Whole((Heading(t("ranking")), PictureBlock(drawings.ranking(tooth), drawings.WIDE, t("ranking_said"))))
+    plane = drawings.plane(tooth)
+    if plane:
+        yield PictureBlock(plane, 120.0, t("plane_said"))
+
+
+def _maps(tooth: ToothMaterial, t: Tongue) -> Iterator[Block]:
+    for svg, said in ((drawings.maps(tooth), "maps_said"), (drawings.charts(tooth), "charts_said")):
+        if svg:
+            heading = (Heading(t("maps")),) if said == "maps_said" else ()
+            yield Whole((*heading, PictureBlock(svg, drawings.WIDE, t(said))))
+
+
+def _tables(tooth: ToothMaterial, t: Tongue) -> Iterator[Block]:
+    rows = table_rows(tooth.tables, tooth.letters)
+    if not rows:
+        return
+    told = tuple(
+        (
+            one.name,
+            one.table,
+            str(one.points),
+            f"{shortest(one.minimum)} … {shortest(one.maximum)} / {shortest(one.step)} {UNIT[one.input_unit]}",
+            f"{signed(one.low)} … {signed(one.high)} {UNIT[one.unit]}",
+            t(f"push_{one.outcome}") if one.outcome else t("push_none"),
+        )
+        for one in rows
+    )
+    yield Heading(t("tables"))
+    yield TableBlock(
+        (t("table"), t("table_of"), t("points"), t("grid"), t("values"), t("pushed")),
+        told,
+        "llrlll",
+        dense=True,
+        wide=(3, 5),
+    )
+    svg = drawings.tables(tooth)
+    if svg:
+        yield PictureBlock(svg, drawings.WIDE, t("tables_said"))
+
+
+def _pushes(report: ReportMaterial, t: Tongue) -> Iterator[Block]:
+    own = [axis for axis in report.axes if axis.change is not None and not axis.change.skipped]
+    for axis in own:
+        yield from _axis_table(axis, t)
+    pushed = [(one.change.name, one.push) for one in _all_tables(report) if one.push is not None and one.push.steps]
+    if not pushed:
+        return
+    yield Heading(t("protocol"))
+    yield Paragraph(t("protocol_said"), "small")
+    for name, push in pushed:
+        transaction = t("transaction", number=push.transaction)
+        yield Heading(f"{name}: {t('push_' + push.outcome)} ({transaction})", 2)
+        yield _steps(push.steps)
+
+
+def _steps(steps: tuple[str, ...]) -> TableBlock:
+    """When and what, in two columns of lines; the details of each step stay in the record."""
+    told = [found.groups() if (found := STEP.match(step)) else ("", step) for step in steps]
+    rows = [(when, what.partition(":")[0]) for when, what in told]
+    half = -(-len(rows) // 2)
+    pairs = zip_longest(rows[:half], rows[half:], fillvalue=("", ""))
+    return TableBlock((), tuple((*left, *right) for left, right in pairs), "llll", dense=True, wide=(1, 3))
+
+
+def _all_tables(report: ReportMaterial) -> tuple[TableMaterial, ...]:
+    if report.tooth is not None and report.tooth.tables:
+        return report.tooth.tables
+    return tuple(TableMaterial(one.change, one.push) for one in report.axes if one.change is not None)
+
+
+def _axis_table(axis: AxisMaterial, t: Tongue) -> Iterator[Block]:
+    svg = plots.table_change(axis)
+    if svg:
+        yield Whole((Heading(t("axis_table", axis=axis.axis), 2), PictureBlock(svg, drawings.WIDE)))
+
+
+def _remarks(report: ReportMaterial, t: Tongue) -> Iterator[Block]:
+    """What the run itself noted, in the words it was recorded in."""
+    said = [*report.findings]
+    for axis in report.axes:
+        said += [f"{axis.axis}: {text}" for text in axis.findings]
+        for item in (axis.before, axis.after):
+            said += [f"{axis.axis}: {text}" for text in item.flags] if item is not None else []
+    if report.tooth is not None:
+        said += report.tooth.errors.said if report.tooth.errors is not None else ()
+        said += report.tooth.proposal.said if report.tooth.proposal is not None else ()
+    if said:
+        yield Heading(t("remarks"))
+        yield Paragraph(t("remarks_said"), "small")
+        yield Bullets(tuple(dict.fromkeys(said)))
+
+
+def _hashes(report: ReportMaterial, t: Tongue) -> Iterator[Block]:
+    """One hash over all records and files: each of them stands whole in the JSON file."""
+    told = [f"{name} {digest}" for name, digest in report.hashes.items()]
+    told += [f"{one.path} {one.sha256}" for one in report.files]
+    if told:
+        digest = hashlib.sha256("\n".join(sorted(told)).encode()).hexdigest()
+        yield Heading(t("hashes"))
+        yield Paragraph(t("hashes_said", count=len(report.hashes), files=len(report.files), digest=digest), "small")

@@ -1,0 +1,85 @@
+"""A run's material as one document: its parts in order, its number, the word SIMULATED where a double took part."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import replace
+
+from gateway.report.document.annex import axis_annex
+from gateway.report.document.charts import axes
+from gateway.report.document.content import (
+    Block,
+    Document,
+    Heading,
+    Letterhead,
+    PageBreak,
+    Paragraph,
+    Signatures,
+    Whole,
+)
+from gateway.report.document.equipment import equipment, methods
+from gateway.report.document.first import answer, conditions, conformity, parties
+from gateway.report.document.plain import as_plain
+from gateway.report.document.records import records
+from gateway.report.document.teeth import incurable, tooth
+from gateway.report.document.words import Tongue
+from gateway.report.material import ReportMaterial
+from gateway.report.sentences import still_on
+
+DIGITS = 6
+
+
+def document(material: ReportMaterial) -> Document:
+    """The calibration report of a run or of files. Same material, same document: the number follows from it.
+
+    Raises ConfigError (E-REPORT-LANGUAGE).
+    """
+    t = Tongue(material.particulars.language)
+    blocks = (*_main(material, t), *_annex(material, t))
+    said = material.particulars
+    head = Letterhead(said.maker.laboratory, said.maker.address, said.maker.logo, said.maker.logo_ending)
+    found = Document(
+        title=said.title or t("title"),
+        number="",
+        language=said.language,
+        letterhead=head,
+        blocks=blocks,
+        page_of=t("page_of", n="{n}", m="{m}"),
+        number_word=t("number_word"),
+        foot=t("foot", site=material.site, software=material.software),
+        simulated=t("simulated") if material.simulated else "",
+        simulated_said=t("simulated_said") if material.simulated else "",
+    )
+    return _numbered(found, material)
+
+
+def _main(material: ReportMaterial, t: Tongue) -> tuple[Block, ...]:
+    warned = tuple(Paragraph(line, "strong") for line in still_on(material))
+    first = (*warned, *parties(material, t), *answer(material, t), *conformity(material, t))
+    middle = (*equipment(material, t), *axes(material, t), *tooth(material, t), *incurable(material, t))
+    told = (*first, *middle, *conditions(material, t), *methods(material, t))
+    return (*told, Whole((Heading(t("release")), Paragraph(t("release_said"), "small"), _signatures(material, t))))
+
+
+def _signatures(material: ReportMaterial, t: Tongue) -> Signatures:
+    who = material.particulars.signatures or (t("calibrated_by"), t("checked_by"))
+    return Signatures(who, t("place_and_date"))
+
+
+def _annex(material: ReportMaterial, t: Tongue) -> tuple[Block, ...]:
+    found = (*axis_annex(material, t), *records(material, t))
+    return (PageBreak(), Heading(t("annex")), *found) if found else ()
+
+
+def _numbered(found: Document, material: ReportMaterial) -> Document:
+    """Prefix, the run's day and end, first digits of what the document says: another content, another number."""
+    plain = as_plain(found, ())
+    digest = hashlib.sha256(json.dumps(plain.data, sort_keys=True).encode())
+    for name, data in sorted(plain.files.items()):
+        digest.update(name.encode() + data)
+    day, end = material.run_id[:8], material.run_id.rpartition("-")[2]
+    number = "-".join(
+        part for part in (material.particulars.number_prefix, day, end, digest.hexdigest()[:DIGITS]) if part
+    )
+    return replace(found, number=number)

@@ -1,0 +1,161 @@
+"""The accounts of a service: one private file in the state folder, and the token that lets the first one be made."""
+
+from __future__ import annotations
+
+import json
+import os
+import secrets
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+from drivers.local.names import allowed, is_name, shown
+from drivers.local.ownfiles import made_folder, opened, read_own
+from gateway.errors import CorruptRecord, SignInRefused, StoreError
+from gateway.store.disk import disk_errors, sync_folder
+from gateway.store.disk import replace as moved
+from gateway.users.passwords import Hasher, token_digest
+from gateway.users.records import FEWEST_DIGITS, FEWEST_LETTERS, ROLES, Person, UserAccount, UserRole
+
+FOLDER, USERS, FIRST = "service", "users.json", "first-start.token"
+SCHEMA = 1
+
+
+def first_token_path(root: Path) -> Path:
+    """Where the token of the first start stands until the first account is made."""
+    return root / FOLDER / FIRST
+
+
+class UserAccounts:
+    """All accounts below a state folder, read afresh each time: two processes may change them."""
+
+    def __init__(self, root: Path, hasher: Hasher | None = None) -> None:
+        self._path = root / FOLDER / USERS
+        self._first = first_token_path(root)
+        self._hasher = hasher or Hasher()
+
+    def all(self) -> tuple[UserAccount, ...]:
+        """Every account by name. Raises CorruptRecord (E-USER-FILE), StoreError (E-STORE-DISK)."""
+        with disk_errors(self._path):
+            data = read_own(self._path) if self._path.exists() else b""
+        if not data:
+            return ()
+        try:
+            kept = json.loads(data)
+            return tuple(UserAccount(**{**one, "roles": tuple(one["roles"])}) for one in kept["users"])
+        except (ValueError, TypeError, KeyError) as error:
+            raise CorruptRecord("E-USER-FILE", str(self._path), why=str(error)) from error
+
+    def find(self, name: str) -> UserAccount | None:
+        """An account by its name."""
+        return next((one for one in self.all() if one.name == name), None)
+
+    def put(
+        self,
+        name: str,
+        roles: tuple[UserRole, ...],
+        *,
+        password: str = "",
+        pin: str = "",
+        known: UserAccount | None = None,
+    ) -> UserAccount:
+        """Make an account, or change one: what is left empty of a known one stays.
+
+        Raises StoreError (E-USER-NAME, E-USER-ROLE, E-USER-PASSWORD, E-USER-PIN, E-STORE-DISK).
+        """
+        _check(name, roles, password, pin, new=known is None)
+        account = UserAccount(
+            name=name,
+            roles=tuple(sorted(set(roles))),
+            password=self._hasher.hashed(password) if password else known.password if known else "",
+            pin=self._hasher.hashed(pin) if pin else known.pin if known else "",
+            token=known.token if known else "",
+        )
+        self._write([one for one in self.all() if one.name != name] + [account])
+        self._forget_first()
+        return account
+
+    def remove(self, name: str) -> bool:
+        """Take an account away; false where there is none. The last one with the role service stays.
+
+        Raises StoreError (E-USER-LAST).
+        """
+        every = self.all()
+        left = [one for one in every if one.name != name]
+        if len(left) == len(every):
+            return False
+        if not any("service" in one.roles for one in left):
+            raise StoreError("E-USER-LAST", str(self._path), name=shown(name))
+        self._write(left)
+        return True
+
+    def give_token(self, name: str) -> str:
+        """A new token for a program that acts as this account, shown once and kept as a hash. Raises StoreError."""
+        known = self.find(name)
+        if known is None:
+            raise StoreError("E-USER-NONE", str(self._path), name=shown(name))
+        token = secrets.token_urlsafe(32)
+        self._write([replace(one, token=token_digest(token)) if one.name == name else one for one in self.all()])
+        return token
+
+    def by_secret(self, name: str, *, password: str = "", pin: str = "") -> Person:
+        """Who signs in with a password or a PIN; slow on purpose. Raises SignInRefused (E-USER-SECRET)."""
+        known = self.find(name) or UserAccount(name, (), "")
+        kept, given = (known.pin, pin) if pin and not password else (known.password, password)
+        if not self._hasher.is_right(kept, given):
+            raise SignInRefused("E-USER-SECRET", "sign-in")
+        return known.person()
+
+    def by_token(self, token: str) -> Person | None:
+        """Whose program bears this token; None where nobody's."""
+        digest = token_digest(token)
+        found = (one for one in self.all() if one.token and secrets.compare_digest(one.token, digest))
+        return next((one.person("token") for one in found), None)
+
+    def first_token(self) -> str:
+        """The token of the first start, made where there is no account yet; "" where there is one."""
+        if self.all():
+            self._forget_first()
+            return ""
+        with disk_errors(self._first):
+            if self._first.exists():
+                return read_own(self._first).decode("ascii", "replace").strip()
+            token = secrets.token_urlsafe(24)
+            made_folder(self._first.parent)
+            _written(self._first, f"{token}\n".encode("ascii"))
+        return token
+
+    def _forget_first(self) -> None:
+        with disk_errors(self._first):
+            self._first.unlink(missing_ok=True)
+
+    def _write(self, accounts: list[UserAccount]) -> None:
+        users: list[dict[str, Any]] = [asdict(one) for one in sorted(accounts, key=lambda one: one.name)]
+        data = json.dumps({"schema": SCHEMA, "users": users}, indent=1).encode("ascii")
+        temporary = self._path.with_name(f".{USERS}.{secrets.token_hex(4)}.tmp")
+        with disk_errors(self._path):
+            made_folder(self._path.parent)
+            try:
+                _written(temporary, data)
+                moved(temporary, self._path)
+            finally:
+                temporary.unlink(missing_ok=True)
+            sync_folder(self._path.parent)
+
+
+def _written(path: Path, data: bytes) -> None:
+    with opened(path, "xb", secret=True) as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def _check(name: str, roles: tuple[UserRole, ...], password: str, pin: str, *, new: bool) -> None:
+    if not is_name(name):
+        raise StoreError("E-USER-NAME", "users", name=shown(name), allowed=allowed())
+    if not roles or any(role not in ROLES for role in roles):
+        raise StoreError("E-USER-ROLE", "users", roles=shown(", ".join(roles)), known=", ".join(ROLES))
+    if (new or password) and len(password) < FEWEST_LETTERS:
+        raise StoreError("E-USER-PASSWORD", "users", fewest=FEWEST_LETTERS)
+    if pin and not (pin.isascii() and pin.isdigit() and FEWEST_DIGITS <= len(pin) <= 12):
+        raise StoreError("E-USER-PIN", "users", fewest=FEWEST_DIGITS)

@@ -1,0 +1,47 @@
+"""What would be measured at a site, as data: its axes, and the set-ups in the order with the fewest remountings."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from gateway.capture.targets import targets_of
+from gateway.config import AxisSection, SiteFile
+from gateway.workflow.errors21.setups import Planned, planned, remountings
+
+
+def plan_of(site: SiteFile) -> dict[str, Any]:
+    """Axes with their targets, set-ups in their order; positions in the axis' own unit (mm or deg)."""
+    setups = planned(site) if site.setups else ()
+    return {
+        "axes": [_axis(axis) for axis in site.axes],
+        "setups": [_setup(one) for one in setups],
+        "remountings": remountings(setups) if setups else 0,
+    }
+
+
+def _axis(axis: AxisSection) -> dict[str, Any]:
+    measure = axis.measure
+    return {
+        "axis": axis.name,
+        "letter": axis.letter,
+        "unit": axis.unit,
+        "component": measure.component,
+        "instrument": measure.instrument,
+        "targets": targets_of(axis).tolist(),
+        "repetitions": measure.repetitions,
+        "travel": list(axis.travel),
+    }
+
+
+def _setup(one: Planned) -> dict[str, Any]:
+    setup = one.setup
+    return {
+        "setup": one.key,
+        "component": setup.component,
+        "axis": one.axis.name,
+        "instrument": setup.instrument,
+        "source": setup.source,
+        "unit": one.unit,
+        "targets": targets_of(one.axis).tolist(),
+        "park": dict(setup.park),
+    }

@@ -1,0 +1,146 @@
+"""What callers may send: small, closed records; what is unknown or of another kind is refused unread."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from gateway.users import UserRole
+
+Text = Annotated[str, Field(max_length=200)]
+Secret = Annotated[str, Field(max_length=200, json_schema_extra={"format": "password"})]
+
+
+class Body(BaseModel):
+    """Nothing unknown, nothing infinite, no long text."""
+
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, allow_inf_nan=False, strict=True, str_max_length=2000, hide_input_in_errors=True
+    )
+
+
+class SignIn(Body):
+    """Who signs in, with a password or a PIN."""
+
+    name: Text
+    password: Secret = ""
+    pin: Secret = ""
+
+
+class FirstStart(Body):
+    """The first account, made with the token that the service wrote into its state folder."""
+
+    token: Secret
+    name: Text
+    password: Secret
+
+
+class UserBody(Body):
+    """An account: secrets that are left empty stay as they are."""
+
+    roles: Annotated[list[UserRole], Field(min_length=1, max_length=4)]
+    password: Secret = ""
+    pin: Secret = ""
+
+
+class Plain(Body):
+    """A command that takes nothing."""
+
+
+class Measure(Body):
+    """Which set-ups or components (empty: all of the plan), and which run to go on with ("": a new one)."""
+
+    setups: Annotated[list[Text], Field(max_length=500)] = []
+    resume: Text = ""
+
+
+class Close(Body):
+    """The whole loop; it only proposes unless ``apply`` is set and ``machine`` is the machine's name, typed."""
+
+    apply: bool = False
+    machine: Text = ""
+    resume: Text = ""
+
+
+class OfRun(Body):
+    """A stored run by its id."""
+
+    run: Text
+
+
+class Push(OfRun):
+    """A run's proposal into the control; ``machine`` is the machine's name, typed. Without ``apply`` it is shown."""
+
+    apply: bool = False
+    machine: Text = ""
+
+
+class Disable(Body):
+    """One table off: ``table`` "" is the axis' own."""
+
+    axis: Text
+    table: Text = ""
+    apply: bool = False
+    machine: Text = ""
+
+
+class RollBack(Body):
+    """The last committed push of a table taken back."""
+
+    table: Text
+    apply: bool = False
+    machine: Text = ""
+
+
+class Recover(Body):
+    """What an interrupted push left; with ``apply`` it is put right."""
+
+    apply: bool = False
+    machine: Text = ""
+
+
+class Verify(Body):
+    """The live tables, or one, against what was pushed, or against a run's proposal."""
+
+    table: Text = ""
+    run: Text = ""
+
+
+class SelfTestAsked(Body):
+    """The self-test of all axes, or of one."""
+
+    axis: Text = ""
+
+
+class Approve(Body):
+    """Consent to a run's tables, or to one of them; ``machine`` is the machine's name, typed.
+
+    ``by`` is the person who agrees, where it is not the one who is signed in; their session is not touched.
+    """
+
+    machine: Text
+    table: Text = ""
+    by: SignIn | None = None
+
+
+class Note(Body):
+    """A word for those who come after, kept for good."""
+
+    text: Annotated[str, Field(min_length=1, max_length=2000)]
+
+
+class MountingConfirmed(Body):
+    """A set-up is mounted as its drawing shows; ``text`` may say what was odd."""
+
+    setup: Text
+    text: Text = ""
+
+
+class RetakeAsked(Body):
+    """A reading of the run at work to be taken again; ``repetition`` counts from 1, 0 means all of them."""
+
+    axis: Text
+    target: float
+    approach: Literal[1, -1]
+    repetition: Annotated[int, Field(ge=0, le=50)] = 0

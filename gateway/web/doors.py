@@ -1,0 +1,108 @@
+"""Who asks, and whether they may: every route but health, the sign-in and its files begins here."""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Awaitable, Callable
+
+from fastapi import Request
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import HTTPConnection
+
+from drivers.errors import TrueflankError
+from gateway.audit import os_user
+from gateway.errors import SignInRefused
+from gateway.users import ROLES, Person, Session, UserRole
+from gateway.web.gate import is_same_origin, is_token
+from gateway.web.ports import ServedSite, Service
+
+COOKIE = "trueflank-session"
+CSRF = "x-csrf-token"
+HARMLESS = frozenset({"GET", "HEAD"})
+
+
+def service_of(request: HTTPConnection) -> Service:
+    """What this application serves."""
+    found: Service = request.app.state.service
+    return found
+
+
+def session_of(request: HTTPConnection, *, touch: bool = True) -> Session | None:
+    """The session that a request's cookie opens; None where there is none."""
+    key = request.cookies.get(COOKIE, "")
+    return service_of(request).doors.sessions.find(key, touch=touch) if key else None
+
+
+def site_of(request: Request, site: str) -> ServedSite:
+    """A served site by its name. Raises TrueflankError (E-WEB-SITE)."""
+    known = service_of(request).sites
+    if site not in known:
+        raise TrueflankError("E-WEB-SITE", "web", site=site[:80], known=", ".join(known))
+    return known[site]
+
+
+def person_of(request: Request) -> Person:
+    """Who asks: by a bearer's token, else by the session's cookie.
+
+    What changes something must come from our own page, and with a cookie bear the session's own key as well. Raises
+    SignInRefused (E-WEB-TOKEN, E-WEB-LOGIN, E-WEB-ORIGIN, E-WEB-CSRF).
+    """
+    harmless = request.method in HARMLESS
+    header = request.headers.get("authorization", "")
+    person = _bearer(request, header) if header else _signed_in(request, harmless=harmless)
+    if not harmless and not is_same_origin(request.headers, secure=service_of(request).doors.secure):
+        raise SignInRefused("E-WEB-ORIGIN", "web", origin=request.headers.get("origin", "another site")[:80])
+    return person
+
+
+def _bearer(request: Request, header: str) -> Person:
+    doors = service_of(request).doors
+    if is_token(header, doors.terminal):
+        # Who can read the state folder is at this computer and may do there what its command line does.
+        return Person(os_user(), frozenset(ROLES) - {"approver"}, "terminal")
+    scheme, _, token = header.partition(" ")
+    person = doors.accounts.by_token(token.strip()) if scheme.lower() == "bearer" and token.strip() else None
+    if person is None:
+        raise SignInRefused("E-WEB-TOKEN", "web")
+    return person
+
+
+def _signed_in(request: Request, *, harmless: bool) -> Person:
+    session = session_of(request)
+    if session is None:
+        raise SignInRefused("E-WEB-LOGIN", "web")
+    given = request.headers.get(CSRF, "").encode("utf-8", "replace")
+    if not harmless and not secrets.compare_digest(given, session.csrf.encode("ascii")):
+        raise SignInRefused("E-WEB-CSRF", "web")
+    return session.person
+
+
+def needs(*roles: UserRole) -> Callable[[Request], Awaitable[Person]]:
+    """A dependency: who asks has one of these roles. Raises SignInRefused (E-WEB-ROLE and what `person_of` raises)."""
+
+    async def door(request: Request) -> Person:
+        person = person_of(request)
+        if not any(person.may(role) for role in roles):
+            raise SignInRefused("E-WEB-ROLE", "web", name=person.name, roles=" or ".join(roles))
+        return person
+
+    door.roles = roles  # type: ignore[attr-defined]
+    return door
+
+
+async def proved(request: Request, name: str, *, password: str = "", pin: str = "") -> Person:
+    """Who a name and a secret prove to be; bounded by name and address, and never on the event loop.
+
+    Raises SignInRefused (E-USER-WAIT, E-USER-SECRET).
+    """
+    doors = service_of(request).doors
+    address = request.client.host if request.client is not None else ""
+    for key in (f"name {name}", f"address {address}"):
+        if (wait := doors.tries.wait_s(key)) > 0.0:
+            raise SignInRefused("E-USER-WAIT", "sign-in", seconds=f"{wait:.0f}")
+        doors.tries.count(key)
+    async with doors.secrets_at_once:
+        person = await run_in_threadpool(doors.accounts.by_secret, name, password=password, pin=pin)
+    doors.tries.forget(f"name {name}")
+    doors.tries.forget(f"address {address}")
+    return person

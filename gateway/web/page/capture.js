@@ -1,0 +1,132 @@
+// Measuring: the reading, what it waits for, the targets, the plot as it grows, and the mounting.
+import { get, post } from "./api.js";
+import { plotOf } from "./captureplot.js";
+import { targetList } from "./capturetargets.js";
+import { confirmed, shown, textAsked } from "./dialogs.js";
+import { h, show, write } from "./dom.js";
+import { clock, number, signed, unit } from "./figures.js";
+import { mounting } from "./drawing.js";
+import { base, may, on, state } from "./state.js";
+import { t, told } from "./words.js";
+
+export const capture = { open };
+
+function open(root) {
+  const parts = { plot: h("div", { class: "panel live" }), air: h("div", { class: "panel air" }), read: h("div", { class: "panel read" }),
+    wait: h("div", { class: "panel wait" }), list: h("div", { class: "panel targets" }), keys: h("div", { class: "panel commands" }) };
+  show(root, h("div", { class: "left" }, parts.plot, parts.air), h("div", { class: "right" }, parts.read, parts.wait, parts.list, parts.keys));
+  const reading = readout(parts.read);
+  const draws = { plot: () => plotOf(parts.plot), air: () => air(parts.air), wait: () => waiting(parts.wait), list: () => targetList(parts.list), keys: () => commands(parts.keys) };
+  const ends = [on("reading", reading), on("ambient", draws.air), on("waiting", draws.wait), on("taken", () => { draws.plot(); draws.list(); draws.wait(); }), on("frame", () => { draws.keys(); draws.wait(); }), on("status", () => { draws.plot(); draws.list(); })];
+  for (const draw of [reading, ...Object.values(draws)]) draw();
+  const timer = setInterval(() => { reading(); draws.air(); draws.wait(); }, 1000);
+  return () => { clearInterval(timer); for (const end of ends) end(); };
+}
+
+// The unit of a channel stands at the end of its name.
+export function channelUnit(name) {
+  const found = /_(mm|um|deg|arcsec|mrad|urad)$/.exec(name ?? "");
+  return found ? found[1] : "";
+}
+
+const DIGITS = { mm: 4, um: 2, deg: 5, arcsec: 2 };
+
+function readout(box) {
+  const big = h("output", { class: "digits", id: "reading" });
+  const small = h("span", { class: "unit" });
+  const which = h("span", { class: "which" });
+  const beam = h("strong", { class: "beam" });
+  const bar = h("meter", { min: 0, max: 1, low: 0.5, high: 0.9, optimum: 1, "aria-label": t("capture.signal") });
+  const deviation = h("span", { class: "last" });
+  const seen = h("small", { class: "sequence", id: "sequence" });
+  show(box, h("div", { class: "row" }, which, beam, bar), h("div", { class: "row big" }, big, small), h("div", { class: "row" }, deviation, seen));
+  return () => {
+    const data = state.readings[state.active];
+    const axis = state.plan.axes.find((one) => one.axis === state.status.run?.axis);
+    const fresh = data && Date.now() - data.at < 2000;
+    const name = data?.channels[0];
+    const kind = channelUnit(name);
+    write(big, fresh ? signed(data.last[0], DIGITS[kind] ?? 3) : "– – –");
+    write(small, fresh ? unit(kind) : "");
+    write(which, data ? `${data.instrument}${axis ? ` · ${axis.axis}` : ""}` : t("capture.no_reading"));
+    const lost = fresh && data.signal < 0.5;
+    write(beam, !data ? "" : !fresh ? `○ ${t("capture.silent")}` : lost ? `✖ ${t("capture.beam_lost")}` : `✔ ${t("capture.beam_ok")}`);
+    beam.className = `beam ${lost ? "bad" : ""}`;
+    bar.value = fresh ? data.signal : 0;
+    const last = state.taken[state.taken.length - 1];
+    write(deviation, last ? `${t("capture.last")}: ${last.axis} ${number(last.target, 3)} ${last.approach > 0 ? "▷" : "◁"} ${signed(devOf(last), 2)} ${unit(unitOf(last.axis))}` : "");
+    write(seen, data ? `#${data.sequence}` : "");
+  };
+}
+
+export const axisOf = (name) => state.plan.axes.find((one) => one.axis === name);
+export const unitOf = (name) => part(name)[0]?.unit ?? (axisOf(name)?.unit === "deg" ? "arcsec" : "um");
+
+// The readings of an axis that belong together: those of the newest part of the command.
+export function part(name) {
+  const own = state.taken.filter((one) => one.axis === name);
+  const newest = own[own.length - 1]?.part;
+  return own.filter((one) => one.part === newest);
+}
+
+// A reading of the plot against the first one of its axis: what it is but for a constant.
+export function devOf(one) {
+  return one.deviation - state.taken.find((other) => other.axis === one.axis && other.part === one.part).deviation;
+}
+
+function air(box) {
+  const data = state.ambient;
+  const value = (label, text) => h("div", { class: "cell" }, h("small", {}, label), h("b", {}, text));
+  const age = data.at ? t("capture.age", { seconds: Math.round((data.age_s ?? 0) + (Date.now() - data.at) / 1000) }) : t("capture.no_air");
+  const key = JSON.stringify([data, age, document.documentElement.lang]);
+  if (box.dataset.key === key) return;
+  box.dataset.key = key;
+  const material = data.material_degc?.length ? data.material_degc.map((one) => number(one, 2)).join(" · ") : null;
+  show(box, value(t("capture.air"), `${number(data.air_degc, 2)} °C`), value(t("capture.pressure"), `${number(data.pressure_hpa, 1)} hPa`),
+    value(t("capture.humidity"), `${number(data.humidity_pct, 0)} %`), value(t("capture.material"), `${material ?? "–"} °C`), value(t("capture.read"), age));
+}
+
+function waiting(box) {
+  const now = state.waiting;
+  const run = state.status.run;
+  const line = !run ? t("capture.idle") : now ? t("capture.waits", { what: now.missing }) : t("capture.goes_on");
+  show(box, h("div", { class: "row" }, h("strong", {}, line), now && h("span", { class: "num" }, `${number(now.done_s, 1)} / ${number(now.needed_s, 1)} s`)),
+    now ? h("progress", { max: now.needed_s || 1, value: now.done_s, "aria-label": line }) : h("progress", { max: 1, value: 0, "aria-label": line }),
+    h("div", { class: "row togo" }, ...togo(run)));
+}
+
+const pace = { key: "", first: 0, at: 0, day: null };
+
+function togo(run) {
+  if (!run?.total) return [h("span", {}, "")];
+  const key = `${run.started_utc} ${run.axis} ${run.stage} ${run.total}`;
+  if (pace.key !== key) Object.assign(pace, { key, first: run.done, at: Date.now() });
+  const made = run.done - pace.first;
+  const left = made > 0 ? ((run.total - run.done) * (Date.now() - pace.at)) / 1000 / made : null;
+  const setup = state.said.filter((one) => one.fields.number && one.kind === "step").slice(-1)[0];
+  return [h("span", {}, `${t("capture.setup_left")}: ${left === null ? "–" : clock(left)}`),
+    setup && h("span", {}, t("capture.setup_of", { number: setup.fields.number, total: setup.fields.total }))];
+}
+
+function commands(box) {
+  const run = state.status.run;
+  const key = JSON.stringify([run?.kind, run?.run_id, document.documentElement.lang]);
+  if (box.dataset.key === key) return;
+  box.dataset.key = key;
+  const allowed = may("operator");
+  const give = (path, body, title, what) => async () => {
+    if (await confirmed(title, what)) post(`${base()}/commands/${path}`, body).catch((error) => shown(title, [h("p", { class: "fault" }, told(error))]));
+  };
+  const key_ = (id, path, body) => h("button", { id, class: id === "measure-axes" ? "primary" : null, disabled: Boolean(run) || !allowed, onclick: give(path, body, t(`capture.${id.replace("-", "_")}`), t(`capture.${id.replace("-", "_")}_what`)) }, t(`capture.${id.replace("-", "_")}`));
+  show(box, key_("self-test", "self-test", { axis: "" }), key_("measure-axes", "run", {}), state.plan.setups.length > 0 && key_("measure-errors", "measure", { setups: [], resume: "" }),
+    h("button", { id: "mounting", onclick: () => shown(t("capture.mounting"), [mounting()]) }, t("capture.mounting")),
+    h("button", { id: "note", disabled: !may("operator", "approver"), onclick: note }, t("capture.note")));
+}
+
+async function note() {
+  const run = state.status.run?.run_id || state.status.last_runs[0]?.run_id;
+  const text = run && (await textAsked(t("capture.note"), t("capture.note_what")));
+  if (text) post(`${base()}/runs/${encodeURIComponent(run)}/notes`, { text }).catch((error) => shown(t("capture.note"), [h("p", { class: "fault" }, told(error))]));
+}
+
+export const runFile = (run, name) => get(`${base()}/runs/${encodeURIComponent(run)}/${name}`);

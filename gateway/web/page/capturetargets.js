@@ -1,0 +1,38 @@
+// The targets of the axis at work: what was taken of each; the last one stays in the middle; a touch takes it again.
+import { post } from "./api.js";
+import { axisOf, devOf, part } from "./capture.js";
+import { shownAxis } from "./captureplot.js";
+import { confirmed, shown } from "./dialogs.js";
+import { h, show } from "./dom.js";
+import { number, signed, unit } from "./figures.js";
+import { base, may, state } from "./state.js";
+import { t, told } from "./words.js";
+
+export function targetList(box) {
+  const axis = axisOf(shownAxis()) ?? state.plan.axes[0];
+  const found = part(axis.axis);
+  const targets = [...new Set([...axis.targets, ...found.map((one) => one.target)])].sort((a, b) => a - b);
+  const last = found[found.length - 1];
+  const rows = targets.map((target, at) => row(axis, found.filter((one) => one.target === target), { target, at, last }));
+  const body = h("tbody", {}, rows);
+  show(box, h("table", {}, h("thead", {}, h("tr", {}, h("th", {}, t("capture.number")), h("th", {}, `${t("chart.target")} [${unit(axis.unit)}]`), h("th", {}, "▷"), h("th", {}, "◁"), h("th", {}, t("capture.mean")), h("th", {}, h("span", { class: "hidden" }, t("capture.again"))))), body));
+  const current = body.querySelector(".current");
+  if (current) box.scrollTop = current.offsetTop - box.clientHeight / 2;
+}
+
+function row(axis, found, { target, at, last }) {
+  const mean = found.length ? found.reduce((sum, one) => sum + devOf(one), 0) / found.length : null;
+  const count = (way) => found.filter((one) => one.approach === way).length;
+  const dots = (way) => "●".repeat(Math.min(count(way), 9)) || "○";
+  return h("tr", { class: last?.target === target ? "current" : null }, h("td", { class: "num" }, at + 1), h("td", { class: "num" }, number(target, 3)),
+    h("td", { class: "dots" }, dots(1)), h("td", { class: "dots" }, dots(-1)), h("td", { class: "num" }, mean === null ? "–" : signed(mean, 2)),
+    h("td", {}, h("button", { class: "again", disabled: !found.length || !state.status.run || !may("operator"), "aria-label": t("capture.again_at", { target: number(target, 3) }), onclick: () => again(axis, target) }, "↻")));
+}
+
+async function again(axis, target) {
+  const where = t("capture.again_at", { target: number(target, 3) });
+  if (!(await confirmed(where, t("capture.again_what")))) return;
+  for (const approach of [1, -1]) {
+    await post(`${base()}/retake`, { axis: axis.axis, target, approach, repetition: 0 }).catch((error) => shown(where, [h("p", { class: "fault" }, told(error))]));
+  }
+}

@@ -1,0 +1,44 @@
+// The devices, and the doctor's lines about the road to the control, each with its fix.
+import { post } from "./api.js";
+import { shown } from "./dialogs.js";
+import { h, show } from "./dom.js";
+import { when } from "./figures.js";
+import { accounts } from "./people.js";
+import { base, may, on, state } from "./state.js";
+import { t, told } from "./words.js";
+
+export const connect = { open };
+const MARK = { open: "✔", "in use": "▶", lost: "▲", failed: "✖", closed: "○", ok: "✔", failed_check: "✖" };
+
+function open(root) {
+  const parts = { devices: h("div", { class: "panel" }), doctor: h("div", { class: "panel" }), people: h("div", { class: "panel" }) };
+  show(root, h("div", { class: "two" }, h("div", { class: "stack" }, parts.devices, may("service") ? parts.people : null), parts.doctor));
+  const draw = () => { devices(parts.devices); doctor(parts.doctor); };
+  draw();
+  if (may("service")) accounts(parts.people);
+  const ends = [on("frame", draw), on("jobs", draw)];
+  return () => { for (const end of ends) end(); };
+}
+
+function devices(box) {
+  const key = JSON.stringify([state.status.devices, document.documentElement.lang]);
+  if (box.dataset.key === key) return;
+  box.dataset.key = key;
+  show(box, h("h2", {}, t("connect.devices")), h("table", {}, h("thead", {}, h("tr", {}, [t("connect.state"), t("signin.name"), t("connect.driver"), t("push.since")].map((one) => h("th", {}, one)))),
+    h("tbody", {}, state.status.devices.map((one) => [h("tr", {}, h("td", { class: `state ${one.state.replace(" ", "-")}` }, `${MARK[one.state]} ${t(`device.${one.state.replace(" ", "_")}`)}`), h("td", {}, h("b", {}, one.name)), h("td", {}, one.driver), h("td", {}, when(one.since_utc))),
+      one.error && h("tr", {}, h("td", { colspan: 4, class: "fault" }, told(one.error)))]))));
+}
+
+function doctor(box) {
+  const job = state.jobs.find((one) => one.kind === "doctor");
+  const busy = Boolean(state.status.run);
+  const key = JSON.stringify([job?.job, job?.state, busy, document.documentElement.lang]);
+  if (box.dataset.key === key) return;
+  box.dataset.key = key;
+  const lines = job?.data?.lines ?? [];
+  const bad = lines.filter((one) => one.outcome !== "ok");
+  const examine = () => post(`${base()}/commands/doctor`).catch((error) => shown(t("connect.examine"), [h("p", { class: "fault" }, told(error))]));
+  show(box, h("h2", {}, t("connect.doctor")), h("button", { id: "doctor", class: "primary", disabled: busy || !may("operator", "service"), onclick: examine }, t("connect.examine")),
+    job?.error && h("p", { class: "fault", role: "alert" }, told(job.error)), lines.length > 0 && h("p", {}, bad.length ? `▲ ${t("connect.bad", { count: bad.length })}` : `✔ ${t("connect.well", { count: lines.length })}`),
+    h("ul", { class: "checks" }, [...bad, ...lines.filter((one) => one.outcome === "ok")].map((one) => h("li", { class: one.outcome === "ok" ? "ok" : "bad" }, h("span", { class: "mark", "aria-hidden": "true" }, one.outcome === "ok" ? "✔" : "✖"), h("div", {}, h("b", {}, one.check), ` ${one.what}`, one.fix && h("p", { class: "fix" }, `→ ${one.fix}`))))));
+}

@@ -1,0 +1,93 @@
+// Old and new tables as the control interpolates them, their difference, what was found, and what the axis will show.
+import { get } from "./api.js";
+import { band, level, limits, line, plot } from "./charts.js";
+import { h, show } from "./dom.js";
+import { array, number, unit, when } from "./figures.js";
+import { record } from "./evaluate.js";
+import { base, on, state } from "./state.js";
+import { t, told } from "./words.js";
+
+export const correct = { open };
+const asked = { run: "", change: 0 };
+
+export async function proposals() {
+  const { runs } = await get(`${base()}/runs?most=50`);
+  return runs.filter((one) => !one.problem && one.stages.includes("proposal"));
+}
+
+export const nameOf = (change) => (change.new.kind === "axis" ? change.axis : `${change.axis}(${change.new.input_axis}) ${change.new.index}`);
+
+// Where a table has its points; between them the control goes straight, beyond them it keeps the last value.
+export function grid(table) {
+  if (table.places?.length) return table.places;
+  return table.deviations.map((_one, at) => table.minimum + at * table.step);
+}
+
+export function valueAt(table, position) {
+  const places = grid(table);
+  if (places.length < 2) return table.deviations[0] ?? 0;
+  if (position <= places[0]) return table.deviations[0];
+  const behind = places.findIndex((one) => one >= position);
+  if (behind < 0) return table.deviations[places.length - 1];
+  const part = (position - places[behind - 1]) / (places[behind] - places[behind - 1]);
+  return table.deviations[behind - 1] + part * (table.deviations[behind] - table.deviations[behind - 1]);
+}
+
+function open(root) {
+  const [head, body] = [h("div", { class: "panel choose" }), h("div", { class: "two" })];
+  show(root, head, body);
+  const draw = () => drawAll(head, body).catch((error) => show(body, h("p", { class: "fault", role: "alert" }, told(error))));
+  draw();
+  return on("status", draw);
+}
+
+async function drawAll(head, body) {
+  const runs = await proposals();
+  if (!runs.length) return show(body, h("p", { class: "empty" }, t("correct.none")));
+  const run = runs.find((one) => one.run_id === asked.run) ?? runs[0];
+  asked.run = run.run_id;
+  const proposal = await record(run.run_id, "proposal");
+  asked.change = Math.min(asked.change, proposal.changes.length - 1);
+  const again = () => drawAll(head, body);
+  show(head, h("label", { class: "inline" }, t("evaluate.run"), h("select", { id: "pick-run", onchange: (event) => { asked.run = event.target.value; again(); } }, runs.map((one) => h("option", { value: one.run_id, selected: one === run }, `${when(one.created_utc)} · ${one.state}`)))),
+    h("div", { class: "tabs", role: "group", "aria-label": t("correct.tables") }, proposal.changes.map((one, at) => h("button", { "aria-pressed": String(at === asked.change), onclick: () => { asked.change = at; again(); } }, nameOf(one)))));
+  const change = proposal.changes[asked.change];
+  const axis = state.plan.axes.find((one) => one.axis === change.new.input_axis) ?? state.plan.axes[0];
+  if (!change.new.deviations.length || change.skipped) return show(body, h("div", { class: "panel" }, h("p", { class: "empty" }, change.skipped || t("correct.none"))));
+  show(body, h("div", { class: "panel stack" }, tables(change, axis), predicted(change, axis)), h("div", { class: "panel" }, facts(change, axis, proposal)));
+}
+
+function tables(change, axis) {
+  const xs = grid(change.new);
+  const fresh = change.new.deviations;
+  const old = xs.map((one) => (change.old_enabled ? valueAt(change.old, one) : 0));
+  const difference = fresh.map((one, at) => one - old[at]);
+  const u = deviationUnit(change);
+  const nodes = (place) => [level(0, place, "zero"), line(xs, old, place, "old"), line(xs, fresh, place, "new"), line(xs, difference, place, "difference")];
+  return [h("div", { class: "row head" }, h("h2", {}, t("correct.table", { name: nameOf(change) })), h("span", { class: "legend" }, h("i", { class: "old" }, "┄"), t("correct.old"), h("i", { class: "new" }, "━"), t("correct.new"), h("i", { class: "difference" }, "·"), t("correct.difference"))),
+    plot({ x: limits(xs, 0.02), y: limits([...fresh, ...old, ...difference, 0]), height: 330, label: t("correct.table", { name: nameOf(change) }), xName: `${change.new.input_axis} [${unit(axis.unit)}]`, yName: `[${u}]`, nodes })];
+}
+
+const deviationUnit = (change) => unit(change.new.output_unit === "deg" ? "arcsec" : "um");
+
+function predicted(change, axis) {
+  const [xs, means, half] = [array(change.targets), array(change.predicted), array(change.predicted_U)];
+  if (!xs.length) return null;
+  const [low, high] = [means.map((one, at) => one - half[at]), means.map((one, at) => one + half[at])];
+  const nodes = (place) => [level(0, place, "zero"), band(xs, low, high, place, "new"), line(xs, means, place, "new")];
+  return [h("h2", {}, t("correct.predicted", { axis: change.axis })), plot({ x: limits(xs, 0.02), y: limits([...low, ...high, 0]), height: 240, label: t("correct.predicted", { axis: change.axis }), xName: `${change.new.input_axis} [${unit(axis.unit)}]`, yName: `[${deviationUnit(change)}]`, nodes })];
+}
+
+function facts(change, axis, proposal) {
+  const table = change.new;
+  const slopes = table.deviations.slice(1).map((one, at) => Math.abs(one - table.deviations[at]) / table.step);
+  const u = deviationUnit(change);
+  const most = Math.max(...table.deviations.map((one, at) => Math.abs(one - (change.old_enabled ? valueAt(change.old, grid(table)[at]) : 0))));
+  const rows = [[t("correct.points"), `${table.deviations.length}`], [t("correct.range"), `${number(table.minimum, 3)} … ${number(table.maximum, 3)} ${unit(axis.unit)}, ${t("correct.step")} ${number(table.step, 3)}`],
+    [t("correct.size"), `${number(Math.min(...table.deviations))} … ${number(Math.max(...table.deviations))} ${u}`], [t("correct.slope"), `${number(Math.max(...slopes, 0), 3)} ${u}/${unit(axis.unit)}`],
+    [t("correct.most"), `${number(most)} ${u}`], [t("correct.before"), t(change.old_enabled ? "correct.was_on" : "correct.was_off")], [t("correct.made"), when(proposal.created_utc)]];
+  const findings = [...change.findings, ...proposal.warnings];
+  return [h("h2", {}, t("correct.facts")), h("dl", { class: "facts" }, rows.map(([name, text]) => h("div", {}, h("dt", {}, name), h("dd", {}, text)))),
+    h("h2", {}, t("correct.findings")), findings.length ? h("ul", { class: "findings" }, findings.map((one) => h("li", {}, `▲ ${one}`))) : h("p", {}, `✔ ${t("correct.clean")}`),
+    h("p", { class: "muted" }, t("correct.setup_apart"))];
+}

@@ -1,0 +1,120 @@
+// A run's figures: curves with mean and band, figures with U against limits, and what stands behind a number.
+import { get } from "./api.js";
+import { band, level, limits, line, mark, plot } from "./charts.js";
+import { shown } from "./dialogs.js";
+import { h, show } from "./dom.js";
+import { array, number, signed, unit, when } from "./figures.js";
+import { base, on, state } from "./state.js";
+import { t, told } from "./words.js";
+
+export const evaluate = { open };
+const asked = { run: "", axis: "", phase: "", standard: "" };
+const at = (path) => get(`${base()}/runs/${encodeURIComponent(asked.run)}/${path}`);
+const kept = new Map();
+
+// Records never change, so each is asked for once.
+export async function record(run, stage) {
+  const key = `${state.site} ${run} ${stage}`;
+  if (!kept.has(key)) kept.set(key, (await get(`${base()}/runs/${encodeURIComponent(run)}/stages/${stage}`)).record);
+  return kept.get(key);
+}
+
+export async function measuredRuns() {
+  const { runs } = await get(`${base()}/runs?most=50`);
+  return runs.filter((one) => !one.problem && one.stages.some((stage) => stage.startsWith("evaluation-")));
+}
+
+function open(root) {
+  const head = h("div", { class: "panel choose" });
+  const body = h("div", { class: "two" });
+  show(root, head, body);
+  const draw = () => drawAll(head, body).catch((error) => show(body, h("p", { class: "fault", role: "alert" }, told(error))));
+  draw();
+  return on("status", draw);
+}
+
+async function drawAll(head, body) {
+  const runs = await measuredRuns();
+  if (!runs.length) return show(body, h("p", { class: "empty" }, t("evaluate.none")));
+  const run = runs.find((one) => one.run_id === asked.run) ?? runs[0];
+  const sets = run.stages.filter((stage) => stage.startsWith("evaluation-")).map((stage) => stage.slice(11).match(/^(.*)-([^-]+)$/)).filter(Boolean);
+  asked.run = run.run_id;
+  const set = sets.find(([, axis, phase]) => axis === asked.axis && phase === asked.phase) ?? sets[0];
+  [, asked.axis, asked.phase] = set;
+  const standards = await get("/api/v1/standards");
+  const again = () => drawAll(head, body);
+  const pick = (name, options, value) => h("label", { class: "inline" }, t(`evaluate.${name}`), h("select", { id: `pick-${name}`, onchange: (event) => { choose(name, event.target.value); again(); } },
+    options.map(([key, text]) => h("option", { value: key, selected: key === value }, text))));
+  show(head, pick("run", runs.map((one) => [one.run_id, `${when(one.created_utc)} · ${one.state}`]), asked.run),
+    pick("axis", sets.map(([, axis, phase]) => [`${axis} ${phase}`, `${axis} · ${t(`phase.${phase}`)}`]), `${asked.axis} ${asked.phase}`),
+    pick("standard", [["", t("evaluate.stored")], ...standards.map((one) => [one.name, one.name])], asked.standard));
+  const evaluation = await record(asked.run, `evaluation-${asked.axis}-${asked.phase}`);
+  const capture = await record(asked.run, `capture-${asked.axis}-${asked.phase}`);
+  const figures = await at(`figures/${encodeURIComponent(asked.axis)}?${new URLSearchParams({ phase: asked.phase, standard: asked.standard, limits: limitText() })}`);
+  show(body, h("div", { class: "panel" }, curve(evaluation, capture)), h("div", { class: "panel figures" }, table(figures, { evaluation, capture, again })));
+}
+
+function choose(name, value) {
+  if (name === "axis") [asked.axis, asked.phase] = value.split(" ");
+  else asked[name] = value;
+}
+
+const limitKey = () => `limits ${asked.axis} ${asked.standard}`;
+const limitsKept = () => JSON.parse(localStorage.getItem(limitKey()) ?? "{}");
+const limitText = () => Object.entries(limitsKept()).map(([name, value]) => `${name}:${value}`).join(",");
+
+export function curve(evaluation, capture, height = 460) {
+  const [x, up, down] = [array(evaluation.targets), array(evaluation.mean_up), array(evaluation.mean_down)];
+  const [su, sd] = [array(evaluation.s_up), array(evaluation.s_down)];
+  const add = (means, spreads, times) => means.map((one, i) => one + times * spreads[i]);
+  const bands = [add(up, su, -2), add(up, su, 2), add(down, sd, -2), add(down, sd, 2)];
+  const readings = capture ? array(capture.deviations) : [];
+  const xs = capture ? array(capture.targets) : [];
+  const u = unit(evaluation.unit);
+  const half = Number(localStorage.getItem(`tolerance ${capture?.axis}`) ?? 0);
+  const nodes = (place) => [half ? band(limits(x, 0.02), [-half, -half], [half, half], place, "tolerance") : null, level(0, place, "zero"),
+    band(x, bands[0], bands[1], place, "up"), band(x, bands[2], bands[3], place, "down"),
+    ...readings.flatMap((one, i) => one.flatMap((pair, j) => pair.map((value, way) => Number.isFinite(value) ? mark(xs[i], value, way === 0 ? 1 : -1, place, `faint ${way === 0 ? "up" : "down"} r${j + 1}`, 3) : null))),
+    line(x, up, place, "up"), line(x, down, place, "down")];
+  const axis = capture?.axis_unit === "deg" ? "°" : "mm";
+  return [h("div", { class: "row head" }, h("h2", {}, `${capture?.component ?? ""} · ${capture?.axis ?? ""}`), h("span", { class: "legend" }, h("i", { class: "up" }, "▷"), t("chart.up"), h("i", { class: "down" }, "◁"), t("chart.down"), h("span", {}, `· ${t("chart.band")}`))),
+    plot({ x: limits(x, 0.02), y: limits([...bands.flat(), ...readings.flat(2), ...(half ? [half, -half] : [])]), height, label: t("evaluate.curve"), xName: `${t("chart.target")} [${axis}]`, yName: `${t("chart.deviation")} [${u}]`, nodes })];
+}
+
+const VERDICT = { pass: ["✔", "pass"], fail: ["✖", "fail"], "not decidable": ["?", "open"] };
+
+function table(figures, { evaluation, capture, again }) {
+  const u = unit(figures.unit);
+  const limit = (row) => h("input", { type: "number", min: 0, step: 0.1, inputmode: "decimal", id: `limit-${row.parameter}`, "aria-label": t("evaluate.limit_of", { name: row.parameter }), value: row.limit ?? "", onchange: (event) => {
+    const found = limitsKept();
+    if (Number(event.target.value) > 0) found[row.parameter] = Number(event.target.value);
+    else delete found[row.parameter];
+    localStorage.setItem(limitKey(), JSON.stringify(found));
+    again();
+  } });
+  const verdict = (row) => {
+    if (!row.verdict) return h("span", { class: "muted" }, "–");
+    const [symbol, look] = VERDICT[row.verdict];
+    return h("span", { class: `verdict ${look}` }, `${symbol} ${t(`verdict.${look}`)}`);
+  };
+  return [h("h2", {}, figures.standard), h("table", {}, h("thead", {}, h("tr", {}, h("th", {}, t("evaluate.figure")), h("th", {}, `[${u}]`), h("th", {}, "U (k=2)"), h("th", {}, t("evaluate.limit")), h("th", {}, t("evaluate.verdict")))),
+    h("tbody", {}, figures.rows.map((row) => h("tr", {}, h("th", { scope: "row" }, row.parameter), h("td", { class: "num" }, h("button", { class: "number", "data-figure": row.parameter, "aria-label": t("evaluate.behind", { name: row.parameter }), onclick: () => behind(row, { evaluation, capture, u, figures }) }, number(row.value))), h("td", { class: "num" }, number(row.U)), h("td", {}, limit(row)), h("td", {}, verdict(row)))))),
+  figures.flags.length > 0 && h("details", {}, h("summary", {}, t("evaluate.notes", { count: figures.flags.length })), h("ul", {}, figures.flags.map((one) => h("li", {}, one)))), h("p", { class: "muted" }, figures.rule)];
+}
+
+const FORMULA = {
+  E: "E = max(x̄ᵢ↑, x̄ᵢ↓) − min(x̄ᵢ↑, x̄ᵢ↓)", E_up: "E↑ = max(x̄ᵢ↑) − min(x̄ᵢ↑)", E_down: "E↓ = max(x̄ᵢ↓) − min(x̄ᵢ↓)", M: "M = max(x̄ᵢ) − min(x̄ᵢ),  x̄ᵢ = (x̄ᵢ↑ + x̄ᵢ↓) / 2",
+  B: "B = max |Bᵢ|,  Bᵢ = x̄ᵢ↑ − x̄ᵢ↓", B_mean: "B̄ = Σ Bᵢ / m", R: "R = max(2 sᵢ↑ + 2 sᵢ↓ + |Bᵢ|, 4 sᵢ↑, 4 sᵢ↓)", R_up: "R↑ = max(4 sᵢ↑)", R_down: "R↓ = max(4 sᵢ↓)",
+  A: "A = max(x̄ᵢ + 2 sᵢ) − min(x̄ᵢ − 2 sᵢ),  ↑ ↓", A_up: "A↑ = max(x̄ᵢ↑ + 2 sᵢ↑) − min(x̄ᵢ↑ − 2 sᵢ↑)", A_down: "A↓ = max(x̄ᵢ↓ + 2 sᵢ↓) − min(x̄ᵢ↓ − 2 sᵢ↓)",
+};
+
+// The formula and the readings it was made of.
+function behind(row, { evaluation, capture, u, figures }) {
+  const [x, up, down, su, sd, b] = ["targets", "mean_up", "mean_down", "s_up", "s_down", "B_i"].map((name) => array(evaluation[name]));
+  const own = figures.standard === evaluation.standard;
+  const cells = (values, digits = 2) => values.map((one) => h("td", { class: "num" }, signed(one, digits)));
+  const rows = x.map((one, i) => h("tr", {}, h("td", { class: "num" }, number(one, 3)), cells([up[i], down[i], su[i], sd[i], b[i]])));
+  shown(`${row.parameter} = ${number(row.value, 3)} ${u}`, [own && FORMULA[row.parameter] ? h("p", { class: "formula" }, FORMULA[row.parameter]) : h("p", {}, figures.standard),
+    h("p", {}, t("evaluate.readings", { count: array(capture.deviations).length, repetitions: array(capture.deviations)[0]?.length ?? 0 })),
+    h("div", { class: "scroll", tabindex: "0" }, h("table", {}, h("thead", {}, h("tr", {}, [t("chart.target"), "x̄↑", "x̄↓", "s↑", "s↓", "B"].map((one) => h("th", {}, one)))), h("tbody", {}, rows)))]);
+}

@@ -1,0 +1,146 @@
+// What is always visible: machine, control, tables, consent, who; the one sentence; the screens; the stop key.
+import { post } from "./api.js";
+import { confirmed } from "./dialogs.js";
+import { h, show } from "./dom.js";
+import { clock } from "./figures.js";
+import { languages } from "./signin.js";
+import { screens } from "./screens.js";
+import { hush, quiet } from "./sounds.js";
+import { base, changed, may, on, state } from "./state.js";
+import { sentence } from "./sentence.js";
+import { t, told } from "./words.js";
+
+export function build({ again, load }) {
+  const top = h("header", { class: "top" });
+  const now = h("section", { class: "now", "aria-live": "polite", id: "now" });
+  const rail = h("nav", { class: "rail", "aria-label": t("frame.steps") });
+  const body = h("main", { class: "screen", id: "screen", tabindex: "-1" });
+  const low = h("footer", { class: "low" });
+  const redraw = () => { drawRail(rail, go); open(body); drawLow(low); drawTop(top, { again, load, redraw }); drawNow(now); };
+  const go = (name) => { state.screen = name; location.hash = name; redraw(); body.focus({ preventScroll: true }); };
+  state.go = go;
+  const wanted = location.hash.slice(1);
+  if (wanted in screens) state.screen = wanted;
+  on("frame", () => { drawTop(top, { again, load, redraw }); drawNow(now); drawLow(low); drawRail(rail, go); });
+  setInterval(() => tick(top), 1000);
+  redraw();
+  return [top, now, rail, body, low];
+}
+
+let close = () => {};
+
+function open(body) {
+  close();
+  body.className = `screen ${state.screen}`;
+  close = screens[state.screen].open(body) ?? (() => {});
+}
+
+function drawRail(rail, go) {
+  const key = JSON.stringify([state.screen, state.status?.state, document.documentElement.lang]);
+  if (rail.dataset.key === key) return;
+  rail.dataset.key = key;
+  show(rail, Object.entries(screens).map(([name, one], at) =>
+    h("button", { class: "step", id: `go-${name}`, "aria-current": state.screen === name ? "page" : null, onclick: () => go(name) },
+      h("span", { class: "number", "aria-hidden": "true" }, at + 1), h("span", {}, t(`frame.${name}`)), one.mark?.() ?? null)));
+}
+
+const MARK = { running: "▶", ready: "✔", attention: "▲", "still-on": "✖", open: "✔", "in use": "▶", lost: "▲", failed: "✖", closed: "○" };
+export const mark = (name) => h("span", { "aria-hidden": "true", class: "mark" }, MARK[name] ?? "?");
+
+function drawTop(top, more) {
+  const status = state.status;
+  const key = JSON.stringify([status?.state, status?.devices, status?.held, status?.alarms, state.tables?.tables?.map((one) => one.id), state.armed, state.offline, document.documentElement.lang]);
+  if (top.dataset.key === key) return;
+  top.dataset.key = key;
+  const control = status.devices.find((one) => one.name === "controller") ?? status.devices[0];
+  show(top,
+    h("div", { class: "machine" }, machine(more), h("small", {}, state.tables?.serial ?? "")),
+    status.simulated && h("strong", { class: "chip simulated" }, t("frame.simulated")),
+    state.offline && h("strong", { class: "chip bad", role: "alert" }, `▲ ${t("frame.offline")}`),
+    h("span", { class: `chip state ${status.state}` }, mark(status.state), ` ${t(`state.${status.state}`)}`),
+    control && h("span", { class: `chip state ${control.state.replace(" ", "-")}`, title: control.driver }, mark(control.state), ` ${t("frame.control")}: ${t(`device.${control.state.replace(" ", "_")}`)}`),
+    status.left.length > 0 && h("span", { class: "chip attention" }, `▲ ${t("frame.left")}`),
+    tables(), held(), h("span", { class: "gap" }), consent(),
+    h("span", { class: "chip who", id: "who" }, `${state.me.name}`),
+    languages(() => { changed("frame"); more.redraw(); }),
+    menu(more));
+}
+
+function machine({ load, again }) {
+  if (state.sites.length < 2) return h("strong", { id: "machine" }, state.site);
+  const choose = async (event) => { state.site = event.target.value; await load(); again(); };
+  return h("select", { id: "machine", "aria-label": t("frame.machine"), onchange: choose },
+    state.sites.map((one) => h("option", { value: one.site, selected: one.site === state.site }, one.site)));
+}
+
+function tables() {
+  const known = state.tables?.tables ?? [];
+  if (!known.length) return h("span", { class: "chip" }, t("frame.no_tables"));
+  const differs = Object.keys(state.tables.alarms ?? {});
+  return h("span", { class: `chip tables ${differs.length ? "bad" : ""}`, title: known.map((one) => `${one.table} ${one.id} ${one.utc}`).join("\n") },
+    known.slice(0, 3).map((one) => h("span", { class: "table" }, h("span", {}, h("b", {}, one.table), ` ${one.id.slice(0, 4)}`), h("small", {}, `${one.utc.slice(0, 10)}${one.enabled ? "" : ` ${t("frame.off")}`}`))),
+    known.length > 3 && h("small", {}, `+${known.length - 3}`), differs.length > 0 && h("b", {}, ` ▲ ${t("frame.differs")}`));
+}
+
+function held() {
+  const loud = state.status.held.some((one) => one.loud);
+  if (!state.status.held.length) return null;
+  return h("strong", { class: `chip ${loud ? "bad" : "attention"}`, role: "alert" }, `✖ ${t(loud ? "frame.held_on" : "frame.held")}`);
+}
+
+function consent() {
+  const left = state.armed ? (state.armed.until - Date.now()) / 1000 : 0;
+  return left > 0
+    ? h("strong", { class: "chip armed", id: "armed" }, `${t("frame.armed")} `, h("span", { class: "countdown" }, clock(left)))
+    : h("strong", { class: "chip", id: "armed" }, t("frame.read_only"));
+}
+
+function tick(top) {
+  const at = top.querySelector(".countdown");
+  if (!at || !state.armed) return;
+  const left = (state.armed.until - Date.now()) / 1000;
+  at.textContent = clock(left);
+  if (left <= 0) { state.armed = null; changed("frame", "status"); }
+}
+
+function menu({ again, redraw }) {
+  const leave = () => post("/api/v1/logout").then(again, again);
+  const look = () => {
+    const next = document.documentElement.dataset.look === "dark" ? "light" : "dark";
+    document.documentElement.dataset.look = next;
+    localStorage.setItem("look", next);
+    redraw();
+  };
+  const sound = (event) => { hush(!quiet()); event.currentTarget.textContent = quiet() ? "♪ ✕" : "♪"; };
+  return [h("button", { class: "small", "aria-label": t("frame.sound"), onclick: sound }, quiet() ? "♪ ✕" : "♪"),
+    h("button", { class: "small", "aria-label": t("frame.look"), onclick: look }, "◐"),
+    h("button", { class: "small wide", id: "leave", onclick: leave }, t("frame.leave"))];
+}
+
+function drawNow(now) {
+  const { loud, head, more } = sentence();
+  const key = JSON.stringify([loud, head, more, document.documentElement.lang]);
+  if (now.dataset.key === key) return;
+  now.dataset.key = key;
+  now.className = `now ${loud}`;
+  show(now, h("h1", {}, head), more && h("p", {}, more));
+}
+
+function drawLow(low) {
+  const run = state.status.run;
+  const key = JSON.stringify([run?.kind, run?.done, run?.total, run?.who, state.stopping, document.documentElement.lang]);
+  if (low.dataset.key === key) return;
+  low.dataset.key = key;
+  const progress = run?.total ? h("progress", { max: run.total, value: run.done, "aria-label": t("frame.progress") }) : null;
+  show(low,
+    h("div", { class: "work" }, run ? `${t(`kind.${run.kind.replace("-", "_")}`)} · ${run.who} · ${run.axis} ${run.stage}` : t("frame.idle"), progress, run?.total ? ` ${run.done} / ${run.total}` : ""),
+    h("div", { class: "stopping" },
+      h("small", { id: "no-emergency" }, t("frame.no_emergency")),
+      h("button", { class: "stop", id: "stop", disabled: !run || !may("operator", "service"), "aria-describedby": "no-emergency", onclick: stop }, `■ ${t("frame.stop")}`)));
+}
+
+async function stop() {
+  if (!(await confirmed(t("frame.stop"), t("frame.stop_what")))) return;
+  post(`${base()}/stop`).catch((error) => alert(told(error)));
+}
+

@@ -1,0 +1,19 @@
+// The nine steps of a push as lamps: what its journal has written, in its order.
+import { h } from "./dom.js";
+import { t } from "./words.js";
+
+export const STEPS = ["SNAPSHOT", "BACKUP", "DISABLE", "LOADED", "ENABLE", "ENABLED", "ACTIVATED", "EFFECT", "COMMITTED"];
+const WRONG = ["HELD", "STILL_ON", "STOPPED", "TORN", "ABORTED", "FAILED_TABLE", "ROLLING_BACK"];
+
+export function lamps(axis, kinds, running) {
+  // A sign proof is a small push before the great one: its steps are over when the live table is read again.
+  const begun = kinds.lastIndexOf("SNAPSHOT");
+  const own = begun >= 0 ? kinds.slice(begun) : kinds;
+  const wrong = own.find((one) => WRONG.includes(one));
+  const done = STEPS.filter((one) => own.includes(one));
+  const next = STEPS.find((one) => !own.includes(one));
+  const look = (step) => (own.includes(step) ? "done" : wrong && step === next ? "wrong" : running && done.length && step === next ? "next" : "open");
+  const symbol = { done: "✔", wrong: "✖", next: "▶", open: "○" };
+  return h("div", { class: "lamps" }, axis && h("b", { class: "axis" }, axis), h("ol", {}, STEPS.map((step, at) =>
+    h("li", { class: look(step) }, h("span", { "aria-hidden": "true" }, symbol[look(step)]), ` ${at + 1} ${t(`lamp.${step.toLowerCase()}`)}`))), wrong && h("strong", { class: "fault", role: "alert" }, t(`lamp.${wrong.toLowerCase()}`)));
+}

@@ -1,0 +1,46 @@
+// Begins: language, who is signed in, then the frame with its screens.
+import { get, setKey } from "./api.js";
+import { h, show } from "./dom.js";
+import { build } from "./frame.js";
+import { deaf, listen, refresh } from "./live.js";
+import { signIn } from "./signin.js";
+import { state } from "./state.js";
+import { language, speak } from "./words.js";
+
+const root = document.getElementById("page");
+
+function look() {
+  document.documentElement.dataset.look = localStorage.getItem("look") ?? "";
+}
+
+export async function enter() {
+  let me;
+  try {
+    me = await get("/api/v1/me");
+  } catch {
+    deaf();
+    return show(root, signIn(enter));
+  }
+  setKey(me.csrf ?? "");
+  state.me = me;
+  state.sites = await get("/api/v1/sites");
+  const wanted = localStorage.getItem("site");
+  state.site = (state.sites.find((one) => one.site === wanted) ?? state.sites[0]).site;
+  await load();
+  show(root, ...build({ again: enter, load }));
+  listen(enter);
+  document.title = `${state.site} – trueflank`;
+}
+
+async function load() {
+  const at = `/api/v1/sites/${encodeURIComponent(state.site)}`;
+  localStorage.setItem("site", state.site);
+  [state.status, state.plan, state.file] = await Promise.all([get(`${at}/status`), get(`${at}/plan`), get(`${at}/site-file`)]);
+  state.ask = state.status.run?.ask ?? null;
+  state.steps = state.status.run?.steps ?? [];
+  state.taken = await get(`${at}/taken`);
+  await refresh();
+}
+
+look();
+speak(language()).then(enter).catch((error) => show(root, h("p", { class: "fault", role: "alert" }, String(error.what ?? error))));

@@ -1,0 +1,117 @@
+// Into the control: what will move, who agrees, the nine steps, and the ways back, always in reach.
+import { post } from "./api.js";
+import { machineTyped, secondPerson, shown } from "./dialogs.js";
+import { nameOf, proposals } from "./correct.js";
+import { record } from "./evaluate.js";
+import { h, show } from "./dom.js";
+import { when } from "./figures.js";
+import { lamps } from "./lamps.js";
+import { refresh } from "./live.js";
+import { base, changed, may, on, state } from "./state.js";
+import { say, t, told } from "./words.js";
+
+export const push = { open };
+const asked = { run: "" };
+
+function open(root) {
+  const parts = { plan: h("div", { class: "panel" }), steps: h("div", { class: "panel" }), back: h("div", { class: "panel back" }), answer: h("div", { class: "panel answer", "aria-live": "polite" }) };
+  show(root, h("div", { class: "two" }, h("div", { class: "stack" }, parts.plan, parts.steps), h("div", { class: "stack" }, parts.back, parts.answer)));
+  const drawPlan = () => plan(parts.plan).catch((error) => show(parts.plan, h("p", { class: "fault", role: "alert" }, told(error))));
+  const draw = () => { steps(parts.steps); back(parts.back); answer(parts.answer); };
+  drawPlan();
+  draw();
+  const ends = [on("frame", draw), on("jobs", () => { drawPlan(); draw(); }), on("said", draw)];
+  return () => { for (const end of ends) end(); };
+}
+
+async function plan(box) {
+  const runs = await proposals();
+  if (!runs.length) return show(box, h("p", { class: "empty" }, t("correct.none")));
+  const run = runs.find((one) => one.run_id === asked.run) ?? runs[0];
+  asked.run = run.run_id;
+  const proposal = await record(run.run_id, "proposal");
+  const busy = Boolean(state.status.run);
+  const needed = state.file.site.approvals;
+  show(box, h("h2", {}, t("push.plan")), h("label", { class: "inline" }, t("evaluate.run"), h("select", { id: "pick-run", onchange: (event) => { asked.run = event.target.value; plan(box); } }, runs.map((one) => h("option", { value: one.run_id, selected: one === run }, `${when(one.created_utc)} · ${one.state}`)))),
+    h("ul", { class: "moves" }, proposal.changes.map((one) => h("li", {}, h("b", {}, nameOf(one)), ` ${one.skipped || t("push.replaces", { points: one.new.deviations.length, old: t(one.old_enabled ? "correct.was_on" : "correct.was_off") })}`))),
+    h("p", {}, t(needed > 1 ? "push.two" : "push.one")),
+    h("p", { id: "approved" }, state.armed && state.proposal === run.run_id ? `✔ ${t("push.approved_by", { names: state.armed.by.join(", ") })}` : `○ ${t("push.not_approved")}`),
+    h("div", { class: "keys start" },
+      h("button", { id: "show-plan", disabled: busy || !may("operator"), onclick: () => give("push", { run: run.run_id }) }, `1 · ${t("push.show")}`),
+      h("button", { id: "approve", disabled: busy, onclick: () => approve(run.run_id) }, `2 · ${t("push.approve")}`),
+      h("button", { id: "write", class: "primary", disabled: busy || !may("operator"), onclick: () => write(run.run_id) }, `3 · ${t("push.write")}`)));
+}
+
+async function give(path, body) {
+  try {
+    await post(`${base()}/commands/${path}`, body);
+  } catch (error) {
+    shown(t("push.refused"), [h("p", { class: "fault" }, told(error))]);
+  }
+}
+
+// A second person signs beside the first; whoever is signed in and may approve can do so with the own name.
+async function approve(run) {
+  const made = await secondPerson(t("push.approve"), [h("p", {}, t("push.approve_what"))], async (by) => {
+    const machine = state.site;
+    return post(`${base()}/runs/${encodeURIComponent(run)}/approve`, { machine, by });
+  });
+  if (made) await refresh();
+  changed("jobs");
+}
+
+async function write(run) {
+  const moves = newestPlan(run);
+  const machine = await machineTyped(t("push.write"), [h("p", {}, t("push.write_what")), moves.length > 0 && h("ul", { class: "moves" }, moves.map((one) => h("li", {}, one)))], state.site);
+  if (machine) give("push", { run, apply: true, machine });
+}
+
+// What the last look at this plan told: which way things will move, and what is against it.
+function newestPlan(run) {
+  const job = state.jobs.find((one) => one.kind === "push" && one.run_id === run);
+  return job ? job.lines : [];
+}
+
+function steps(box) {
+  const run = state.status.run;
+  const axes = [...new Set(state.steps.map(([axis]) => axis))];
+  show(box, h("h2", {}, t("push.steps")), axes.length ? axes.map((axis) => lamps(axis, state.steps.filter(([one]) => one === axis).map(([, kind]) => kind), Boolean(run))) : lamps("", [], false));
+}
+
+function back(box) {
+  const tables = state.tables?.tables ?? [];
+  const held = state.status.held;
+  const busy = Boolean(state.status.run);
+  const key = JSON.stringify([tables, held, busy, document.documentElement.lang]);
+  if (box.dataset.key === key) return;
+  box.dataset.key = key;
+  show(box, h("h2", {}, t("push.ways_back")),
+    held.map((one) => h("p", { class: one.loud ? "fault" : "warn", role: "alert" }, `${one.loud ? "✖" : "▲"} ${one.words}`)),
+    h("div", { class: "keys start" }, h("button", { id: "recover", class: held.length ? "primary" : null, disabled: busy || !may("operator", "service"), onclick: () => give("recover", {}) }, t("push.recover")),
+      held.length > 0 && h("button", { id: "recover-apply", class: "danger", disabled: busy || !may("operator", "service"), onclick: () => applied("recover", {}, t("push.recover_apply")) }, t("push.recover_apply"))),
+    tables.length ? h("table", {}, h("thead", {}, h("tr", {}, [t("push.table"), t("push.id"), t("push.since"), t("push.state"), ""].map((one) => h("th", {}, one)))),
+      h("tbody", {}, tables.map((one) => h("tr", {}, h("td", {}, h("b", {}, one.table)), h("td", {}, one.id.slice(0, 6)), h("td", {}, h("small", {}, when(one.utc))), h("td", {}, one.enabled ? `● ${t("push.on")}` : `○ ${t("frame.off")}`),
+        h("td", { class: "keys" }, h("button", { class: "off", "data-table": one.table, disabled: busy || !may("operator", "service"), onclick: () => disable(one) }, t("push.disable")), h("button", { class: "back", "data-table": one.table, disabled: busy || !may("operator"), onclick: () => applied("roll-back", { table: one.table }, t("push.roll_back")) }, t("push.roll_back"))))))) : h("p", { class: "empty" }, t("frame.no_tables")));
+}
+
+const disable = (one) => applied("disable", { axis: one.axis, table: one.kind === "axis" ? "" : one.table.split("-").slice(1).join("-") }, `${t("push.disable")}: ${one.table}`);
+
+// First what it will do, then the machine's name.
+async function applied(path, body, title) {
+  const machine = await machineTyped(title, [h("p", {}, t("push.back_what"))], state.site);
+  if (machine) give(path, { ...body, apply: true, machine });
+}
+
+const OWN = ["push", "disable", "roll-back", "recover", "verify-table"];
+
+function answer(box) {
+  const job = state.jobs.find((one) => OWN.includes(one.kind));
+  const run = state.status.run;
+  const lines = run ? state.said.filter((one) => !["count", "detail"].includes(one.kind)).slice(-12).map((one) => say(one.code, one.fields, 0, one.words)) : (job?.lines ?? []);
+  const error = run ? null : job?.error;
+  const key = JSON.stringify([lines, error, job?.job, Boolean(run), document.documentElement.lang]);
+  if (box.dataset.key === key) return;
+  box.dataset.key = key;
+  const head = run ? t("push.at_work") : job ? `${t(`kind.${job.kind.replace("-", "_")}`)}: ${t(`job.${job.state}`)}` : t("push.no_answer");
+  show(box, h("h2", {}, head), error && h("p", { class: "fault", id: "refused", role: "alert" }, told(error)), h("ul", { class: "lines" }, lines.map((one) => h("li", {}, one))));
+}

@@ -1,0 +1,92 @@
+// Before and after of each axis with what was proved, the report, exports, runs compared.
+import { get, post } from "./api.js";
+import { shown } from "./dialogs.js";
+import { curve, measuredRuns, record } from "./evaluate.js";
+import { h, show } from "./dom.js";
+import { array, number, unit, when } from "./figures.js";
+import { limits, level, line, plot } from "./charts.js";
+import { base, may, on, state } from "./state.js";
+import { t, told } from "./words.js";
+
+export const report = { open };
+const asked = { run: "", axis: "" };
+
+function open(root) {
+  const [head, body] = [h("div", { class: "panel choose" }), h("div", { class: "two" })];
+  show(root, head, body);
+  const draw = () => drawAll(head, body).catch((error) => show(body, h("p", { class: "fault", role: "alert" }, told(error))));
+  draw();
+  return on("jobs", draw);
+}
+
+async function drawAll(head, body) {
+  const runs = await measuredRuns();
+  if (!runs.length) return show(body, h("p", { class: "empty" }, t("evaluate.none")));
+  const run = runs.find((one) => one.run_id === asked.run) ?? runs.find((one) => one.stages.includes("verdict")) ?? runs[0];
+  asked.run = run.run_id;
+  const axes = [...new Set(run.stages.filter((one) => one.startsWith("evaluation-")).map((one) => one.slice(11).replace(/-[^-]+$/, "")))];
+  if (!axes.includes(asked.axis)) [asked.axis] = axes;
+  const again = () => drawAll(head, body);
+  const busy = state.status.run?.run_id === run.run_id;
+  const link = (name, text) => h("a", { class: "key", href: `${base()}/runs/${encodeURIComponent(run.run_id)}/${name}`, target: "_blank", rel: "noopener" }, text);
+  show(head, h("label", { class: "inline" }, t("evaluate.run"), h("select", { id: "pick-run", onchange: (event) => { asked.run = event.target.value; again(); } }, runs.map((one) => h("option", { value: one.run_id, selected: one === run }, `${when(one.created_utc)} · ${one.state}`)))),
+    h("div", { class: "tabs", role: "group", "aria-label": t("evaluate.axis") }, axes.map((one) => h("button", { "aria-pressed": String(one === asked.axis), onclick: () => { asked.axis = one; again(); } }, one))),
+    h("span", { class: "gap" }), h("button", { id: "make-report", disabled: busy || !may("operator"), onclick: () => made(run.run_id) }, t("report.make")), link("report", t("report.open")), link("files/report.json", "JSON"), link("files/results.csv", "CSV"));
+  const [before, after] = [await kept(run, "before"), await kept(run, "after")];
+  const verdict = run.stages.includes("verdict") ? await record(run.run_id, "verdict") : null;
+  const own = verdict?.axes.find((one) => one.axis === asked.axis);
+  show(body, h("div", { class: "panel stack" }, verdict && band(verdict), compared(before, after)), h("div", { class: "panel" }, figures(before, after), own && h("p", { class: "verdict-words" }, own.words), h("h2", {}, t("report.other")), await other(run, runs, before)));
+}
+
+async function kept(run, phase) {
+  const stage = `evaluation-${asked.axis}-${phase}`;
+  return run.stages.includes(stage) ? { evaluation: await record(run.run_id, stage), capture: await record(run.run_id, stage.replace("evaluation", "capture")) } : null;
+}
+
+async function made(run) {
+  try {
+    await post(`${base()}/runs/${encodeURIComponent(run)}/report`);
+    window.open(`${base()}/runs/${encodeURIComponent(run)}/report`, "_blank", "noopener");
+  } catch (error) {
+    shown(t("report.make"), [h("p", { class: "fault" }, told(error))]);
+  }
+}
+
+const LOOK = { better: "✔", unchanged: "=", worse: "✖", "not-pushed": "○" };
+
+const band = (verdict) => h("p", { class: `outcome ${verdict.outcome}`, id: "outcome" }, `${LOOK[verdict.outcome]} ${t(`outcome.${verdict.outcome.replace("-", "_")}`)}`);
+
+function compared(before, after) {
+  if (!after) return before ? curve(before.evaluation, before.capture) : h("p", { class: "empty" }, t("evaluate.none"));
+  return overlay([["old", t("phase.before"), before.evaluation], ["new", t("phase.after"), after.evaluation]], before.capture);
+}
+
+function overlay(sets, capture) {
+  const u = unit(sets[0][2].unit);
+  const means = sets.map(([look, name, one]) => ({ look, name, x: array(one.targets), up: array(one.mean_up), down: array(one.mean_down) }));
+  const nodes = (place) => [level(0, place, "zero"), ...means.flatMap((one) => [line(one.x, one.up, place, one.look), line(one.x, one.down, place, `${one.look} dashed`)])];
+  return [h("div", { class: "row head" }, h("h2", {}, `${capture.component} · ${capture.axis}`), h("span", { class: "legend" }, means.map((one) => [h("i", { class: one.look }, "━"), h("span", {}, one.name)]), h("span", {}, `· ${t("report.dashed")}`))),
+    plot({ x: limits(means.flatMap((one) => one.x), 0.02), y: limits([...means.flatMap((one) => [...one.up, ...one.down]), 0]), height: 460, label: `${capture.component} ${capture.axis}`, xName: `${t("chart.target")} [${unit(capture.axis_unit)}]`, yName: `${t("chart.deviation")} [${u}]`, nodes })];
+}
+
+function figures(before, after) {
+  if (!before) return null;
+  const u = unit(before.evaluation.unit);
+  const names = ["E", "R", "B", "A", "M"];
+  const cell = (set, name, phase) => h("td", { class: "num", "data-figure": `${name} ${phase}` }, set ? number(set.evaluation[name]) : "–");
+  return [h("h2", {}, `${before.evaluation.standard} [${u}]`), h("table", {}, h("thead", {}, h("tr", {}, ["", t("phase.before"), "U", t("phase.after"), "U"].map((one) => h("th", {}, one)))),
+    h("tbody", {}, names.map((name) => h("tr", {}, h("th", { scope: "row" }, name), cell(before, name, "before"), h("td", { class: "num muted" }, number(before.evaluation.U[name])), cell(after, name, "after"), h("td", { class: "num muted" }, after ? number(after.evaluation.U[name]) : "–")))))];
+}
+
+// The same axis of another run over this one.
+async function other(run, runs, before) {
+  const rest = runs.filter((one) => one !== run && one.stages.includes(`evaluation-${asked.axis}-before`));
+  if (!rest.length || !before) return h("p", { class: "empty" }, t("report.no_other"));
+  const place = h("div", {});
+  const pick = async (event) => {
+    if (!event.target.value) return show(place);
+    const stage = `evaluation-${asked.axis}-before`;
+    show(place, overlay([["old", when(run.created_utc), before.evaluation], ["new", event.target.value.slice(0, 15), await record(event.target.value, stage)]], before.capture));
+  };
+  return h("div", {}, h("label", { class: "inline" }, t("report.with"), h("select", { id: "pick-other", onchange: pick }, h("option", { value: "" }, "–"), rest.map((one) => h("option", { value: one.run_id }, `${when(one.created_utc)} · ${one.state}`)))), place);
+}

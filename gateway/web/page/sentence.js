@@ -1,0 +1,41 @@
+// The one large sentence: what to do now, and what more there is to know about it.
+import { state } from "./state.js";
+import { say, t, told } from "./words.js";
+
+export function sentence() {
+  const { status, ask } = state;
+  const held = status.held.find((one) => one.loud);
+  if (held) return { loud: "bad", head: t("now.held_on"), more: held.words };
+  if (status.run && ask) return { loud: "ask", head: capital(say(ask.code, ask.fields, 0, ask.words)), more: moving(ask) };
+  if (status.run) return { loud: "", head: t("now.wait"), more: newest() };
+  if (status.left.length) return { loud: "attention", head: told(status.left[0]), more: t("now.left") };
+  if (status.trouble) return { loud: "attention", head: told(status.trouble), more: "" };
+  const away = status.devices.find((one) => !["open", "in use"].includes(one.state));
+  if (away) return { loud: "attention", head: t("now.device", { name: away.name }), more: told(away.error) };
+  if (status.held.length) return { loud: "attention", head: t("now.held"), more: status.held[0].words };
+  if (status.alarms.length) return { loud: "attention", head: status.alarms[0], more: status.due };
+  if (status.failure) return { loud: "attention", head: told(status.failure), more: "" };
+  return { loud: "", head: next(), more: status.due };
+}
+
+function next() {
+  const states = state.status.last_runs.filter((one) => !one.problem).map((one) => one.state);
+  if (!states.includes("self-tested") && !states.some((one) => one !== "self-tested")) return t("now.self_test");
+  const newest = state.status.last_runs.find((one) => !one.problem && one.state !== "self-tested");
+  if (!newest) return t("now.measure");
+  if (newest.state === "proposed") return t("now.correct");
+  return t("now.ready");
+}
+
+function newest() {
+  const last = state.said[state.said.length - 1];
+  return last ? capital(say(last.code, last.fields, 0, last.words)) : state.status.run.words;
+}
+
+// What will move from where to where: what was said of it just before the person was asked.
+function moving(ask) {
+  const told = state.said.filter((one) => /-MOVES$|^P-MOVE/.test(one.code) && one.code !== ask.code).slice(-1)[0];
+  return told ? capital(say(told.code, told.fields, 0, told.words)) : "";
+}
+
+const capital = (text) => text.charAt(0).toUpperCase() + text.slice(1);

@@ -1,0 +1,64 @@
+// Sign-in with a password or a PIN, and the first account.
+import { post } from "./api.js";
+import { h, show } from "./dom.js";
+import { LANGUAGES, language, speak, t, told } from "./words.js";
+
+export function signIn(enter) {
+  const box = h("main", { class: "signin" });
+  const draw = () => show(box, h("h1", {}, "trueflank"), languages(draw), usual(enter), first(enter));
+  draw();
+  return box;
+}
+
+export function languages(changed) {
+  const choose = async (event) => { await speak(event.target.value); changed(); };
+  const options = Object.entries(LANGUAGES).map(([code, name]) => h("option", { value: code, selected: code === language() }, name));
+  return h("label", { class: "language" }, h("span", { class: "hidden" }, t("frame.language")), h("select", { id: "language", onchange: choose }, options));
+}
+
+function usual(enter) {
+  const said = h("p", { class: "fault", role: "alert" });
+  const send = (event) => {
+    event.preventDefault();
+    const given = Object.fromEntries(new FormData(event.target));
+    const pin = /^\d{6,12}$/.test(given.secret);
+    const body = { name: given.name, [pin ? "pin" : "password"]: given.secret };
+    post("/api/v1/login", body).catch((error) => {
+      if (!pin || error.status !== 401) throw error;
+      return post("/api/v1/login", { name: given.name, password: given.secret });
+    }).then(enter, (error) => { said.textContent = told(error); });
+  };
+  const secret = h("input", { id: "secret", name: "secret", type: "password", autocomplete: "current-password", required: true });
+  return h("form", { class: "card", onsubmit: send }, h("h2", {}, t("signin.title")),
+    field(t("signin.name"), h("input", { id: "name", name: "name", autocomplete: "username", required: true })),
+    field(t("signin.secret"), secret), keypad(secret), said, h("button", { class: "primary" }, t("signin.go")));
+}
+
+export function field(label, input) {
+  return h("label", { class: "field" }, h("span", {}, label), input);
+}
+
+// For gloves: digits into a field.
+export function keypad(input) {
+  const press = (digit) => () => {
+    input.value = digit === "⌫" ? input.value.slice(0, -1) : input.value + digit;
+    input.dispatchEvent(new Event("input", { bubbles: true }));
+  };
+  const keys = [..."123456789", "⌫", "0"].map((digit) =>
+    h("button", { type: "button", class: "digit", onclick: press(digit), "aria-label": digit === "⌫" ? t("signin.back") : digit }, digit));
+  return h("div", { class: "keypad", role: "group", "aria-label": t("signin.keypad") }, keys);
+}
+
+function first(enter) {
+  const said = h("p", { class: "fault", role: "alert" });
+  const send = (event) => {
+    event.preventDefault();
+    post("/api/v1/first-start", Object.fromEntries(new FormData(event.target))).then(enter, (error) => { said.textContent = told(error); });
+  };
+  return h("details", { class: "card" }, h("summary", {}, t("signin.first")),
+    h("form", { id: "first", onsubmit: send }, h("p", {}, t("signin.token_where")),
+      field(t("signin.token"), h("input", { name: "token", autocomplete: "off", required: true })),
+      field(t("signin.name"), h("input", { name: "name", autocomplete: "username", required: true })),
+      field(t("signin.new_password"), h("input", { name: "password", type: "password", autocomplete: "new-password", minlength: 10, required: true })),
+      said, h("button", { class: "primary" }, t("signin.make"))));
+}

@@ -1,0 +1,29 @@
+// What the page knows now; whoever draws is told once for each change, at most once a frame.
+export const state = {
+  me: null, site: "", sites: [], status: null, plan: null, file: null, tables: null, jobs: [], screen: "capture",
+  ask: null, said: [], steps: [], readings: {}, ambient: {}, waiting: null, taken: [], lost: 0, offline: false, armed: null,
+  proposal: null, limits: {}, at: performance.now(),
+};
+const listeners = new Map();
+let due = new Set();
+
+export function on(topic, draw) {
+  if (!listeners.has(topic)) listeners.set(topic, new Set());
+  listeners.get(topic).add(draw);
+  return () => listeners.get(topic).delete(draw);
+}
+
+export function changed(...topics) {
+  if (!due.size) setTimeout(tell, 16);
+  for (const topic of topics) due.add(topic);
+}
+
+function tell() {
+  const topics = due;
+  due = new Set();
+  const draws = new Set([...topics].flatMap((topic) => [...(listeners.get(topic) ?? [])]));
+  for (const draw of draws) draw();
+}
+
+export const base = () => `/api/v1/sites/${encodeURIComponent(state.site)}`;
+export const may = (...roles) => roles.some((role) => state.me?.roles.includes(role));

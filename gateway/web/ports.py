@@ -1,0 +1,108 @@
+"""What the routes need of the daemon: its sites, each with its desk and stream, and the doors' books."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+from drivers.clock import Clock
+from gateway.config import SiteFile
+from gateway.index import RunIndex
+from gateway.live import Asked
+from gateway.mqtt import Outgoing
+from gateway.say import Say
+from gateway.store import Store
+from gateway.users import Sessions, Tries, UserAccounts
+from gateway.views import JobView, StatusView
+
+Work = Callable[[Say], Awaitable[object]]
+
+
+class ServedSite(Protocol):
+    """One site as the daemon serves it."""
+
+    @property
+    def site(self) -> SiteFile: ...
+    @property
+    def path(self) -> Path: ...
+    @property
+    def store(self) -> Store: ...
+
+    def picture(self) -> StatusView:
+        """Everything as it is now."""
+        ...
+
+    def jobs(self) -> tuple[JobView, ...]:
+        """The newest commands, newest first."""
+        ...
+
+    def begin(self, work: Work, *, kind: str, who: str) -> JobView:
+        """Give a command. Raises BusyError."""
+        ...
+
+    def stop_job(self, by: str) -> bool:
+        """Ask the command at work to end; false where there is none."""
+        ...
+
+    def ask_again(self, axis: str, stop: Asked) -> bool:
+        """Have a reading taken again by the run at work; false where too many wait."""
+        ...
+
+    def taken(self) -> tuple[Mapping[str, object], ...]:
+        """The readings that the command at work, or the last one, has taken so far."""
+        ...
+
+    def stream(self) -> AsyncIterator[str]:
+        """The live stream as server-sent events. Raises BusyError (E-WEB-STREAMS)."""
+        ...
+
+    def stream_counts(self) -> tuple[int, int]:
+        """How many pages listen, and how many frames slow ones lost since the start."""
+        ...
+
+    def outgoing(self) -> Outgoing | None:
+        """How messages to other systems stand; None where the site names no server for them."""
+        ...
+
+    @property
+    def index(self) -> RunIndex:
+        """The index of its runs."""
+        ...
+
+    async def doctor(self, say: Say) -> object:
+        """Look at the road to the control."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Doorkeeping:
+    """Everything that decides who may come in.
+
+    ``terminal`` is the token in the state folder: who can read it is at this computer. ``secrets_at_once`` bounds how
+    many passwords are checked together; ``tries`` how often a name, ``asks`` how often an address may.
+    """
+
+    accounts: UserAccounts
+    sessions: Sessions
+    terminal: str
+    tries: Tries
+    asks: Tries
+    hosts: tuple[str, ...] = ()
+    secure: bool = False
+    secrets_at_once: asyncio.Semaphore = field(default_factory=lambda: asyncio.Semaphore(2))
+
+
+@dataclass(frozen=True, slots=True)
+class Service:
+    """What an application serves. ``health`` answers /healthz; ``note`` keeps what people did in the audit log."""
+
+    sites: Mapping[str, ServedSite]
+    doors: Doorkeeping
+    clock: Clock
+    health: Callable[[], dict[str, object]]
+    note: Callable[..., str]
+    software: str
+    keys: dict[str, tuple[str, Any]] = field(default_factory=dict)

@@ -1,0 +1,101 @@
+"""The routes of the operator's page: its files, its words in every language, and pictures that only it asks for."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from importlib import resources
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Depends, Query, Request
+from starlette.responses import HTMLResponse, Response
+
+from drivers.errors import TrueflankError, catalogue
+from drivers.languages import LANGUAGES, page_texts
+from drivers.local.names import is_file_name
+from drivers.terms import spoken_texts
+from gateway.approve import Approvals
+from gateway.audience import kind_of
+from gateway.views.figured import figures_by, known_standards
+from gateway.web.doors import needs, site_of
+from gateway.web.reading import run_of
+
+open_routes = APIRouter(include_in_schema=False)
+routes = APIRouter(prefix="/api/v1", tags=["page"], dependencies=[Depends(needs("viewer"))])
+KINDS = {".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
+Limits = Annotated[str, Query(max_length=400, description="parameter:limit, comma between, e.g. E:12,R:4")]
+Word = Annotated[str, Query(max_length=100)]
+
+
+@open_routes.get("/")
+async def page() -> Response:
+    """The page, which knows nothing before somebody signs in at it."""
+    return HTMLResponse(_file("index.html"))
+
+
+@open_routes.get("/static/page/{name}")
+async def file(name: str) -> Response:
+    """A style or script of the page."""
+    kind = KINDS.get(name[name.rfind(".") :]) if is_file_name(name) else None
+    if kind is None or not resources.files("gateway.web").joinpath("page", name).is_file():
+        raise TrueflankError("E-WEB-PATH", "web", path=f"/static/page/{name[:80]}")
+    return Response(_file(name), media_type=kind)
+
+
+@open_routes.get("/static/words/{language}.json")
+def texts(language: str) -> Response:
+    """Every sentence of the page and every text of the catalogue in one language, English where one is missing."""
+    if language not in LANGUAGES:
+        raise TrueflankError("E-WEB-PATH", "web", path=f"/static/words/{language[:20]}.json")
+    return Response(json.dumps(_words(language), ensure_ascii=False), media_type="application/json")
+
+
+def _words(language: str) -> dict[str, Any]:
+    known = {**catalogue(), **catalogue(language)}
+    return {
+        "page": dict(page_texts(language)),
+        "codes": {code: [one["what"], one["do"], kind_of(code).value] for code, one in known.items()},
+        "terms": spoken_texts(),
+    }
+
+
+@cache
+def _file(name: str) -> bytes:
+    return resources.files("gateway.web").joinpath("page", name).read_bytes()
+
+
+@routes.get("/standards")
+def every_standard(request: Request) -> list[dict[str, str]]:  # noqa: ARG001 - the door's
+    """Standards that figures can be had by, the newest ISO 230-2 first."""
+    return known_standards()
+
+
+@routes.get("/sites/{site}/taken")
+async def taken(request: Request, site: str) -> list[dict[str, Any]]:
+    """The readings of the plot that the command at work, or the last one, has taken so far; as the stream told them."""
+    return [dict(one) for one in site_of(request, site).taken()]
+
+
+@routes.get("/sites/{site}/runs/{run}/approvals")
+def approvals(request: Request, site: str, run: str) -> list[dict[str, str]]:
+    """Approvals of a run's tables that no push has used: who gave each, and until when it holds."""
+    folder = run_of(site_of(request, site), run)
+    found = Approvals(folder.path).unused()
+    return [{"by": one.actor, "plan_hash": one.plan_hash, "expires_utc": one.expires_utc} for one in found]
+
+
+@routes.get("/sites/{site}/runs/{run}/figures/{axis}")
+def figures(
+    request: Request, site: str, run: str, axis: str, phase: Word = "before", standard: Word = "", limits: Limits = ""
+) -> dict[str, Any]:
+    """An axis' figures by a standard ("" is the stored evaluation), with U, judged against limits that are given."""
+    folder = run_of(site_of(request, site), run)
+    return figures_by(folder, axis, phase, name=standard, limits=_limits(limits))
+
+
+def _limits(text: str) -> dict[str, float]:
+    pairs = [part.partition(":") for part in text.split(",") if part]
+    try:
+        return {name: float(value) for name, _, value in pairs}
+    except ValueError as error:
+        raise TrueflankError("E-WEB-BODY", "web", why="limits: NAME:NUMBER,NAME:NUMBER") from error

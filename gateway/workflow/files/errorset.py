@@ -1,0 +1,37 @@
+"""The errors of a measured run as numbers at positions, for files that other programs and controls read."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from drivers.errors import ConfigError
+from drivers.types.exchange import ErrorCurve, ErrorSet
+from gateway.domain.figures import Component
+from gateway.model.components import value
+from gateway.model.known import ErrorModel
+from gateway.store import RunFolder
+from gateway.workflow import stages
+
+POINTS = 51
+
+
+def errors_of_run(folder: RunFolder, points: int = POINTS) -> ErrorSet:
+    """All errors that a run of `measure` or `close` knows. Raises ConfigError (E-EXCHANGE-NO-ERRORS)."""
+    if stages.ERRORS not in folder.stages:
+        raise ConfigError("E-EXCHANGE-NO-ERRORS", str(folder.path))
+    return error_set(folder.get(stages.ERRORS, ErrorModel), points)
+
+
+def error_set(model: ErrorModel, points: int = POINTS) -> ErrorSet:
+    """Each fitted motion at equally spaced positions over its domain, and the location errors."""
+    notes = tuple(model.said)
+    if model.unknown:
+        notes = (*notes, "not measured: " + ", ".join(one.name for one in model.unknown))
+    return ErrorSet(
+        tuple(_curve(one, points) for one in model.motions), {one.name: one.value for one in model.locations}, notes
+    )
+
+
+def _curve(component: Component, points: int) -> ErrorCurve:
+    at = np.round(np.linspace(*component.domain, points), 6)
+    return ErrorCurve(component.name, component.axis_unit, at, np.asarray(value(component, at), dtype=np.float64))

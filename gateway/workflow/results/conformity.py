@@ -1,0 +1,75 @@
+"""The site's tolerances held against what was measured: every limit with its U by ISO 14253-1."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import hypot, sqrt
+
+from gateway.config import SiteFile
+from gateway.config.paper.sections import GearToleranceSection, ToleranceSection
+from gateway.domain.values import COVERAGE
+from gateway.evaluate.standards.decision import Decision, decide
+from gateway.evaluate.standards.flank_tolerances import STANDARD, class_limits
+from gateway.evaluate.standards.registry import evaluate_by, standard
+from gateway.report.material import AxisMaterial, Judged, ReportMaterial, ToothMaterial
+
+RUN_STANDARD = "ISO 230-2:2014"
+
+
+def judged(site: SiteFile, material: ReportMaterial) -> tuple[Judged, ...]:
+    """Each limit of the site on each axis and on the last part, as left where that was measured, else as found.
+
+    Raises ModelError where a standard cannot evaluate an axis.
+    """
+    axes = {one.axis: one for one in material.axes} | {one.letter: one for one in material.axes}
+    found = [one for said in site.tolerances if said.axis in axes for one in _axis(axes[said.axis], said)]
+    if site.gear_tolerance is not None and material.tooth is not None:
+        found += _gear(material.tooth, site.gear_tolerance)
+    return tuple(found)
+
+
+def _axis(axis: AxisMaterial, said: ToleranceSection) -> Iterator[Judged]:
+    as_left = axis.after is not None
+    name = standard(said.standard).name
+    for one in _decisions(axis, name, said):
+        yield Judged(axis.axis, name, as_left, one)
+
+
+def _decisions(axis: AxisMaterial, name: str, said: ToleranceSection) -> tuple[Decision, ...]:
+    """By the run's own evaluation where that is the standard asked for, else by that standard from the readings."""
+    found = axis.after if axis.after is not None else axis.before
+    capture = axis.capture_after if axis.after is not None else axis.capture_before
+    if found is None:
+        return ()
+    if name == RUN_STANDARD:
+        limits = said.limits.items()
+        return tuple(decide(key, getattr(found, key), U=found.U.get(key), limit=limit) for key, limit in limits)
+    if capture is None:
+        return ()
+    unit = axis.deviation_unit
+    result = evaluate_by(name, capture.targets, capture.deviations, unit, budget=axis.budget)
+    return result.decided(said.limits)
+
+
+def _gear(tooth: ToothMaterial, said: GearToleranceSection) -> Iterator[Judged]:
+    """The last inspected part. U of a figure: two touched points, and how far the whole flank may lie."""
+    parts = [one for one in tooth.parts if one.flank is not None]
+    if not parts:
+        return
+    last = parts[-1]
+    if last.flank is None:
+        return
+    U = COVERAGE * hypot(sqrt(2.0) * last.flank.u_um, last.flank.rms_u_um)
+    by_class = f"{STANDARD}, {said.grade}" if said.grade is not None else ""
+    limits = {name: (limit, by_class) for name, limit in _class(said).items()}
+    limits |= {name: (limit, "") for name, limit in said.limits.items()}
+    for name, (limit, by) in limits.items():
+        if name in last.flank.figures or name in said.limits:
+            decision = decide(name, last.flank.figures.get(name), U=U, limit=limit)
+            yield Judged(last.part, by, last.part != "before", decision)
+
+
+def _class(said: GearToleranceSection) -> dict[str, float]:
+    if said.grade is None or said.diameter_mm is None or said.module_mm is None or said.width_mm is None:
+        return {}
+    return dict(class_limits(said.diameter_mm, said.module_mm, said.width_mm, said.grade))

@@ -1,0 +1,133 @@
+"""Result files, or a run that imported one, as a report's material: each file an axis as it was found."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Mapping, Sequence
+from importlib import metadata
+from pathlib import Path
+
+from drivers.errors import ConfigError
+from drivers.types.identity import MachineIdentity
+from drivers.types.results import MeasuredSet
+from drivers.units import deviation_unit
+from gateway.domain.captures import Capture, Corrections
+from gateway.evaluate.optics import corrections
+from gateway.evaluate.standards.iso230_2 import evaluate
+from gateway.evaluate.standards.registry import closure_notes, set_up_notes
+from gateway.evaluate.uncertainty.budget import file_budget
+from gateway.report.material import AxisMaterial, FileUsed, ReportMaterial
+from gateway.store import RunFolder, Store
+from gateway.store.disk import disk_errors
+from gateway.workflow.files.exporting import MeasuredItem, items
+from gateway.workflow.files.importing import MEASURED, STATE, How
+
+EXPANSION_PPM_PER_K = 11.5
+DOUBLE = "simulated"
+
+
+def imported(folder: RunFolder) -> bool:
+    """Whether a run holds an imported result file and was never measured."""
+    return folder.state == STATE and folder.has(MEASURED)
+
+
+def material_of_import(folder: RunFolder) -> ReportMaterial:
+    """A run that imported a result file, as a report shows it. Raises CorruptRecord."""
+    plan = folder.plan
+    said = plan.get("imported", {}) if isinstance(plan, Mapping) else {}
+    name = str(said.get("name", folder.run_id))
+    item = MeasuredItem(name, folder.get(MEASURED, MeasuredSet))
+    file = FileUsed(name, str(said.get("sha256", "")), "imported")
+    return _material((item,), (file,), folder.run_id, str(folder.facts["created_utc"]))
+
+
+def material_of_files(paths: Sequence[Path], how: How, store: Store) -> ReportMaterial:
+    """Result files as a report shows them, each an axis as found.
+
+    Raises ConfigError (E-CLI-KIND) for a file that holds no targets, and what reading a file raises.
+    """
+    found: list[MeasuredItem] = []
+    files: list[FileUsed] = []
+    for path in paths:
+        found += items(path, how, store)
+        with disk_errors(path):
+            files.append(FileUsed(path.name, hashlib.sha256(path.read_bytes()).hexdigest(), "result file"))
+    digest = hashlib.sha256("".join(one.sha256 for one in files).encode()).hexdigest()
+    return _material(found, files, f"files-{digest[:8]}", "")
+
+
+def _material(found: Iterable[MeasuredItem], files: Sequence[FileUsed], run_id: str, created: str) -> ReportMaterial:
+    axes = tuple(_axis(place, item) for place, item in enumerate(found, 1))
+    heads = [item.header for item in (_measured(one) for one in found)]
+    moments = sorted(head["Date"] for head in heads if head.get("Date"))
+    first = moments[0] if moments else created
+    return ReportMaterial(
+        site=_said(heads, "Machine"),
+        machine=MachineIdentity(_said(heads, "Serial No"), "", ()),
+        run_id=run_id,
+        outcome="not-pushed",
+        axes=axes,
+        started_utc=first,
+        ended_utc=moments[-1] if moments else created,
+        software=f"trueflank {metadata.version('trueflank')}",
+        operator=_said(heads, "By"),
+        files=tuple(files),
+        simulated=any(DOUBLE in text.lower() for head in heads for text in head.values()),
+    )
+
+
+def _said(heads: Sequence[Mapping[str, str]], key: str) -> str:
+    return next((head[key].strip() for head in heads if head.get(key, "").strip()), "")
+
+
+def _measured(item: MeasuredItem) -> MeasuredSet:
+    if not isinstance(item.content, MeasuredSet):
+        raise ConfigError("E-CLI-KIND", item.label, kind=type(item.content).__name__)
+    return item.content
+
+
+def _axis(place: int, item: MeasuredItem) -> AxisMaterial:
+    measured = _measured(item)
+    unit = deviation_unit(measured.axis_unit)
+    travel = float(measured.targets.max() - measured.targets.min())
+    sensors = measured.ambient_start.material_degc
+    material = sum(sensors) / len(sensors) if sensors else None
+    alpha = measured.expansion_ppm_per_k if measured.expansion_ppm_per_k is not None else EXPANSION_PPM_PER_K
+    budget, supposed = file_budget(unit, travel, material, alpha)
+    result = evaluate(measured.targets, measured.deviations, unit, budget=budget)
+    letter = measured.header.get("Axis", "").strip() or str(place)
+    done = item.corrections or corrections.begin(measured.compensated_for)
+    notes = (
+        *measured.warnings,
+        *item.notes,
+        *supposed,
+        *set_up_notes(measured.targets, measured.deviations.shape[1], unit),
+        *closure_notes(measured.targets, measured.deviations, unit),
+    )
+    return AxisMaterial(
+        axis=letter,
+        letter=letter,
+        unit=measured.axis_unit,
+        capture_before=_capture(letter, item.label, measured, done),
+        before=result,
+        findings=tuple(dict.fromkeys(notes)),
+        budget=budget,
+    )
+
+
+def _capture(axis: str, label: str, measured: MeasuredSet, done: Corrections) -> Capture:
+    return Capture(
+        axis=axis,
+        component="",
+        axis_unit=measured.axis_unit,
+        targets=measured.targets,
+        deviations=measured.deviations,
+        reading_u=0.0,
+        ambient_start=measured.ambient_start,
+        ambient_end=measured.ambient_end,
+        corrections=done,
+        live=None,
+        sense=None,
+        source=label,
+        started_utc=measured.header.get("Date", ""),
+    )

@@ -1,0 +1,49 @@
+"""How each axis will deviate once every proposed table acts, cross tables too, and the words for it; pure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from drivers.errors import words
+from gateway.domain.proposals import TableChange
+from gateway.table.comparison import taken_by_cross
+from gateway.tooth import AxisOutlook
+
+
+def outlooks(own: Sequence[TableChange], cross: Sequence[TableChange]) -> tuple[AxisOutlook, ...]:
+    """One for each axis table's change, proposed or left alone, with the cross tables that are proposed.
+
+    Measured was while no cross table acted between the site's axes, so what is proposed is all that will.
+    """
+    proposed = [one for one in cross if not one.skipped]
+    return tuple(_outlook(one, [other for other in proposed if other.axis == one.axis]) for one in own)
+
+
+def told_of(found: Sequence[AxisOutlook]) -> Iterator[str]:
+    """What cross tables make of an axis, in words; nothing of an axis that none acts on."""
+    for one in found:
+        fields = {"axis": one.axis, "M": f"{one.M:.2f}", "U": f"{one.M_U:.2f}", "unit": one.unit}
+        if one.M_alone != one.M:
+            yield words("S-TOOTH-AXIS-ACTING", alone=f"{one.M_alone:.2f}", **fields)
+        for name, size in one.moved_by.items():
+            yield words("S-TOOTH-AXIS-MOVED", other=name, size=f"{size:.2f}", **fields)
+
+
+def _outlook(own: TableChange, tables: Sequence[TableChange]) -> AxisOutlook:
+    by_itself = [one.new for one in tables if one.new.input_axis == own.axis and not one.new.multiply_by]
+    deviation = own.predicted - taken_by_cross(by_itself, own.axis, own.targets)
+    known = np.where(np.isfinite(deviation), deviation, np.nanmean(deviation))
+    ends = own.predicted_U[[int(np.argmax(known)), int(np.argmin(known))]]
+    return AxisOutlook(
+        axis=own.axis,
+        unit=own.new.deviation_unit,
+        targets=own.targets,
+        deviation=deviation,
+        U=own.predicted_U,
+        M=float(np.nanmax(deviation) - np.nanmin(deviation)),
+        M_U=float(np.hypot(*ends)),
+        M_alone=float(np.nanmax(own.predicted) - np.nanmin(own.predicted)),
+        moved_by={one.new.input_axis: float(np.ptp(one.new.deviations)) for one in tables if one.new not in by_itself},
+    )

@@ -1,0 +1,99 @@
+"""Clients of a service in a process of their own: half-open connections, streams, crowds; prints what they met as JSON.
+
+`python clients.py PORT TOKEN SITE HALF CROWD STREAMS SECONDS`; nothing of ours is imported, so time is the wall's.
+"""
+# ruff: noqa: TID251
+
+from __future__ import annotations
+
+import asyncio
+import json
+import sys
+import time
+from contextlib import suppress
+
+PORT, TOKEN, SITE = int(sys.argv[1]), sys.argv[2], sys.argv[3]
+HALF, CROWD, STREAMS, SECONDS = (int(word) for word in sys.argv[4:8])
+HEAD = f"Host: 127.0.0.1:{PORT}\r\nAuthorization: Bearer {TOKEN}\r\nConnection: close\r\n\r\n"
+
+
+async def ask(path: str, seconds: float = 60.0) -> tuple[int, float]:
+    """Status (0 where the connection broke) and how long it took, s."""
+    begun = time.perf_counter()
+    status = 0
+    with suppress(OSError, ValueError, IndexError):
+        reader, writer = await asyncio.open_connection("127.0.0.1", PORT)
+        writer.write(f"GET {path} HTTP/1.1\r\n{HEAD}".encode())
+        line = await reader.readline()
+        status = int(line.split()[1])
+        await reader.read()
+        writer.close()
+    return status, time.perf_counter() - begun
+
+
+async def half_open() -> float:
+    """Begins a head and never ends it: how long it was borne, s."""
+    begun = time.perf_counter()
+    with suppress(OSError):
+        reader, writer = await asyncio.open_connection("127.0.0.1", PORT)
+        writer.write(b"GET /healthz HT")
+        await reader.read()
+        writer.close()
+    return time.perf_counter() - begun
+
+
+async def listen(until: float, told: dict[str, float]) -> None:
+    """A page's stream: samples counted, lost frames, and how old a reading is at its arrival, s."""
+    reader, writer = await asyncio.open_connection("127.0.0.1", PORT, limit=1 << 24)
+    writer.write(f"GET /api/v1/sites/{SITE}/stream HTTP/1.1\r\n{HEAD}".encode())
+    kind = ""
+    while time.time() < until:
+        line = (await reader.readline()).decode()
+        if not line:
+            break
+        if line.startswith("event: "):
+            kind = line[7:].strip()
+        elif line.startswith("data: "):
+            data = json.loads(line[6:])
+            if kind == "reading":
+                told["samples"] = max(told["samples"], data["sequence"])
+                told["counted"] += data["count"]
+                told["ages"].append(time.time() - data["last"][1])
+            told["lost"] += data["frames"] if kind == "lost" else 0
+    writer.close()
+
+
+async def main() -> None:
+    """Everything at once."""
+    until = time.time() + SECONDS
+    pages = [{"samples": 0, "counted": 0, "lost": 0, "ages": []} for _page in range(STREAMS)]
+    streams = [asyncio.create_task(listen(until, told)) for told in pages]
+    halves = [asyncio.create_task(half_open()) for _one in range(HALF)]
+    await asyncio.sleep(1.0)
+    crowd = [asyncio.create_task(ask(f"/api/v1/sites/{SITE}/jobs")) for _one in range(CROWD)]
+    probes = []
+    while time.time() < until:
+        probes.append(await ask("/healthz"))
+        await asyncio.sleep(0.1)
+    statuses: dict[int, int] = {}
+    for one in crowd:
+        status, _took = await one
+        statuses[status] = statuses.get(status, 0) + 1
+    borne = [await one for one in halves]
+    await asyncio.gather(*streams, return_exceptions=True)
+    ages = sorted(age for told in pages for age in told.pop("ages"))
+    print(
+        json.dumps(
+            {
+                "health_s": max(took for _status, took in probes) if probes else 0.0,
+                "health": sorted({status for status, _took in probes}),
+                "crowd": statuses,
+                "borne_s": [min(borne), max(borne)] if borne else [],
+                "pages": pages,
+                "age_s": [ages[len(ages) // 2], ages[-1]] if ages else [],
+            }
+        )
+    )
+
+
+asyncio.run(main())

@@ -1,0 +1,148 @@
+"""The service under load: crowds, half-open connections and streams beside a 50 kHz capture; run by `make services`."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import subprocess
+import sys
+from collections.abc import AsyncIterator
+from contextlib import aclosing, asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+
+from benchmarks.streams import BRIDGE
+from drivers.bridge.device import BridgeInstrument
+from drivers.clock import LoopClock
+from gateway.broker.token import token_path
+from gateway.daemon.served import ServedPlace
+from gateway.live import onlooker
+from gateway.say import Say
+from tests.unit.web.test_daemon import SITE, served
+
+pytestmark = pytest.mark.services
+RATE, FRAME = 50_000, 500
+CLIENTS = Path(__file__).with_name("clients.py")
+# A stream in real time: the bridge of the benchmarks pours as fast as it is read.
+PACED = BRIDGE.replace("import json,", "import time, json,").replace(
+    'peer.sendall(b"".join(out))',
+    'peer.sendall(b"".join(out))\n                        begun = begun if number else time.monotonic()\n'
+    "                        time.sleep(max(0.0, begun + (number + 8) * samples / rate - time.monotonic()))",
+)
+
+
+@asynccontextmanager
+async def bridge(seconds: int) -> AsyncIterator[int]:
+    """A laser of 50 kHz in a process of its own; its port."""
+    words = [sys.executable, "-c", PACED, str(RATE), str(FRAME), str(seconds * RATE // FRAME), "1"]
+    child = await asyncio.create_subprocess_exec(*words, stdout=subprocess.PIPE)
+    assert child.stdout is not None
+    try:
+        yield int(await child.stdout.readline())
+    finally:
+        child.kill()
+        await child.wait()
+
+
+async def clients(port: int, token: str, *numbers: int) -> dict[str, Any]:
+    words = [sys.executable, str(CLIENTS), str(port), token, "hall-3", *map(str, numbers)]
+    child = await asyncio.create_subprocess_exec(*words, stdout=subprocess.PIPE)
+    out, _err = await child.communicate()
+    found: dict[str, Any] = json.loads(out)
+    return found
+
+
+async def lag(told: list[float]) -> None:
+    """How much later than asked for the loop comes back, s."""
+    loop = asyncio.get_running_loop()
+    while True:
+        before = loop.time()
+        await LoopClock().sleep(0.005)
+        told.append(loop.time() - before - 0.005)
+
+
+def captured(folder: Path, monkeypatch: pytest.MonkeyPatch, numbers: tuple[int, int, int], seconds: int) -> Any:
+    """What clients met while a capture went on, and what it got: (clients, samples, lost, latest lags)."""
+    met: dict[str, Any] = {"samples": 0, "lost": 0, "lag": []}
+    places: list[ServedPlace] = []
+    whole = ServedPlace.__init__
+
+    def noted(self: ServedPlace, *given: Any) -> None:
+        whole(self, *given)
+        places.append(self)
+
+    monkeypatch.setattr(ServedPlace, "__init__", noted)
+
+    async def body(client: httpx.AsyncClient, _stop: asyncio.Event) -> None:
+        done = asyncio.Event()
+
+        async def work(_say: Say) -> None:
+            async with bridge(seconds) as port:
+                device = BridgeInstrument("laser", f"tcp://127.0.0.1:{port}", {}, LoopClock())
+                await device.open(30.0)
+                async with aclosing(device.blocks()) as stream:  # type: ignore[type-var]
+                    async for block in stream:
+                        met["samples"] += len(block)
+                        met["lost"] += block.lost
+                        # The moment of its arrival goes with it, for whoever measures how old it is at the page.
+                        moment = np.full((len(block), 1), LoopClock().utc().timestamp())
+                        dated = type(block)(
+                            (*block.channels, "moment"), block.time_s, np.hstack((block.values, moment)), block.valid
+                        )
+                        onlooker().samples("laser", dated)
+                        if met["samples"] >= seconds * RATE:
+                            break
+                await device.close()
+            done.set()
+
+        token = token_path(folder).read_text(encoding="ascii").strip()
+        lags = asyncio.create_task(lag(met["lag"]))
+        crowd = asyncio.create_task(clients(client.base_url.port or 0, token, *numbers, seconds - 2))
+        probe = asyncio.create_task(clients(client.base_url.port or 0, token, 0, 0, 0, seconds - 2))
+        places[0].begin(work, kind="run", who="anna")
+        met["clients"] = await crowd
+        met["health_s"] = (await probe)["health_s"]
+        await done.wait()
+        lags.cancel()
+        await asyncio.gather(lags, return_exceptions=True)
+
+    served(folder, body)
+    return met
+
+
+def test_a_crowd_and_half_open_connections_hold_up_neither_health_nor_capture(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    met = captured(tmp_path, monkeypatch, (1000, 2000, 0), 12)
+    print({**met, "lag": max(met["lag"])})
+    found = met["clients"]
+    assert (met["samples"], met["lost"]) == (12 * RATE, 0)
+    assert found["health"] == [200]
+    # Asked is 1 s on an idle computer; held up by the half-open ones it would take their 5 s.
+    assert met["health_s"] < 4.0, "from a program that is not busy with the crowd itself"
+    assert found["borne_s"][1] < 8.0, "a head that is not complete in 5 s is closed"
+    assert sum(found["crowd"].values()) == 2000
+    assert set(found["crowd"]) <= {"200", "429", "503"}
+
+
+def test_eight_pages_on_a_50_khz_capture_lose_no_sample_and_hold_up_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    met = captured(tmp_path, monkeypatch, (0, 0, 8), 12)
+    found = met["clients"]
+    print({**met, "lag": max(met["lag"])})
+    assert (met["samples"], met["lost"]) == (12 * RATE, 0)
+    assert len(found["pages"]) == 8
+    for page in found["pages"]:
+        assert page["lost"] == 0
+        assert page["counted"] > 8 * RATE
+    # Asked are 0.1 s of lag and 0.2 s of age on an idle computer; this one may be busy with anything.
+    assert max(met["lag"]) < 0.5
+    assert found["age_s"][0] < 1.0, "half of the readings come in time"
+
+
+assert SITE.site.name == "hall-3"

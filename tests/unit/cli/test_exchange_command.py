@@ -1,0 +1,105 @@
+"""convert to and from other controls as a user types it: the files, what is said, what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from drivers.errors import TrueflankError
+from drivers.exchange.linuxcnc import LinuxCncScrew
+from drivers.types.exchange import ReadAs
+from gateway.cli import app
+from gateway.domain.figures import Component
+from gateway.model.known import ErrorModel, LocationError, Unknown
+from gateway.workflow.files.errorset import error_set
+
+GOLDEN = Path(__file__).parents[2] / "golden"
+RUNNER = CliRunner()
+MEASURED = (GOLDEN / "files" / "basic.rtl", "--axis", "X", "--datum", "0=100", "--reference", "100")
+
+
+def typed(*words: object) -> str:
+    result = RUNNER.invoke(app, [str(word) for word in words], catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    return result.output
+
+
+def refused(*words: object) -> TrueflankError:
+    result = RUNNER.invoke(app, [str(word) for word in words])
+    assert isinstance(result.exception, TrueflankError), result.output
+    return result.exception
+
+
+def test_a_measured_file_becomes_a_screw_file_with_both_directions(tmp_path: Path) -> None:
+    screw = tmp_path / "x.comp"
+    assert "prove the sign" in typed("convert", *MEASURED, "--to", "linuxcnc", "-o", screw)
+    (table,) = LinuxCncScrew().read(screw.read_text(), "", ReadAs("X", "mm", "trims"))
+    assert table.places == (50.0, 100.0, 150.0)  # the file's own zero stands at machine position 100
+    assert table.deviations[1] + table.reverse[1] == pytest.approx(0.0)  # the mean is zero at the reference
+    assert table.reverse[1] - table.deviations[1] == pytest.approx(0.376, abs=1e-3)  # the reversal stays
+
+
+def test_one_format_becomes_the_other_and_the_rounding_is_said(tmp_path: Path) -> None:
+    screw, listed, sheet = (tmp_path / name for name in ("x.comp", "x.lis", "x.csv"))
+    typed("convert", *MEASURED, "--to", "linuxcnc", "-o", screw)
+    told = typed("convert", screw, "--from", "linuxcnc", "--to", "twincat", "--axis", "X", "-o", listed)
+    assert "largest difference is 0.0380 µm" in told
+    typed("convert", listed, "--from", "twincat", "--to", "table-csv", "--axis", "X", "-o", sheet)
+    assert "axis,X,X,mm,um,0,0,100.0,-0.2,0.2" in sheet.read_text().splitlines()
+
+
+def test_a_file_of_the_control_becomes_a_sheet(tmp_path: Path) -> None:
+    told = typed(
+        "convert", GOLDEN / "tables" / "control_axes.ini", "--from", "tables", "--axis", "AX1", "--to", "table-csv",
+        "-o",
+        tmp_path / "x.csv",
+    )  # fmt: skip
+    assert "0.0000 µm" in told
+
+
+def test_what_cannot_be_is_refused_and_nothing_is_written(tmp_path: Path) -> None:
+    file, out = MEASURED[0], tmp_path / "out"
+    assert refused("convert", *MEASURED, "--to", "linucnc", "-o", out).code == "E-CLI-LAYER"
+    assert refused("convert", file, "--to", "linuxcnc", "-o", out).code == "E-CLI-AXIS"
+    assert refused("convert", file, "--axis", "X", "--to", "linuxcnc", "-o", out).code == "E-CLI-DATUM"
+    assert refused("convert", *MEASURED, "--to", "twincat", "--form", "odd", "-o", out).code == "E-EXCHANGE-FORM"
+    beyond = refused("convert", *MEASURED[:-1], "500", "--to", "linuxcnc", "-o", out)
+    assert beyond.code == "E-COMP-FREE"
+    assert not out.exists()
+    screw = tmp_path / "x.comp"
+    typed("convert", *MEASURED, "--to", "linuxcnc", "-o", screw)
+    kind = refused("convert", screw, "--from", "linuxcnc", "--axis", "X", "--to", "isg-volumetric", "-o", out)
+    assert kind.code == "E-EXCHANGE-KIND"
+    assert (
+        refused("convert", screw, "--from", "odd", "--axis", "X", "--to", "twincat", "-o", out).code
+        == "E-EXCHANGE-NAME"
+    )
+    assert refused("convert", *MEASURED, "--to", "linuxcnc", "-o", screw).code == "E-CLI-EXISTS"
+    table = GOLDEN / "tables" / "control_axes.ini"
+    other = refused("convert", table, "--from", "tables", "--axis", "Q", "--to", "table-csv", "-o", out)
+    assert (other.code, other.fields["known"]) == ("E-EXCHANGE-AXIS", "AX1, AX4")
+    assert not out.exists()
+
+
+def test_fitted_errors_stand_at_their_positions_with_what_is_not_known() -> None:
+    line = Component(
+        "EXX",
+        "X",
+        "mm",
+        "polynomial",
+        (0.0, 100.0),
+        np.array([1.0, 2.0]),
+        np.zeros((2, 2)),
+        {"centre": 50.0, "scale": 50.0, "degree": 1},
+    )
+    model = ErrorModel(
+        (line,), (LocationError("B0Z", 6.5, 0.1, "arcsec"),), (Unknown("EZZ", 5.0, "um"),), said=("said",)
+    )
+    found = error_set(model, points=3)
+    assert list(found.curves[0].positions) == [0.0, 50.0, 100.0]
+    assert list(found.curves[0].values) == [-1.0, 1.0, 3.0]
+    assert found.locations == {"B0Z": 6.5}
+    assert found.notes == ("said", "not measured: EZZ")

@@ -1,0 +1,125 @@
+"""evaluate --kind as a user types it: figures of made files that are known beforehand, pictures, refusals."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from drivers.errors import TrueflankError
+from gateway.cli import app
+
+RUNNER = CliRunner()
+ARCSEC = math.pi / 648_000.0
+PLACES = tuple(range(0, 401, 50))
+ANGLES = tuple(range(0, 360, 15))
+
+
+def table(
+    path: Path, over: str, of: str, places: tuple[int, ...], value: Callable[[float, str, int], float], ways="+-"
+):
+    rows = [f"target_{over},direction,repetition,deviation_{of}"]
+    rows += [f"{at},{way},{turn},{value(at, way, turn):.6f}" for turn in (1, 2, 3) for way in ways for at in places]
+    path.write_text("\n".join(rows) + "\n")
+    return path
+
+
+def answer(*words: object) -> dict[str, float]:
+    result = RUNNER.invoke(app, ["evaluate", *map(str, words), "--json"], catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    found = json.loads(result.output)
+    return {one["name"]: one["value"] for one in found["figures"]}
+
+
+def refused(*words: object) -> str:
+    result = RUNNER.invoke(app, ["evaluate", *map(str, words)])
+    assert isinstance(result.exception, TrueflankError), result.output
+    assert "<" not in result.exception.what
+    return result.exception.code
+
+
+def test_straightness_about_three_lines(tmp_path: Path) -> None:
+    # a tent of 4 um on a slope of 10 um/m: its zone is 4, the end-point line leaves the whole tent
+    tent = table(tmp_path / "y.csv", "mm", "um", PLACES, lambda x, way, turn: 4.0 - abs(x - 200) / 50.0 + 0.01 * x)
+    picture = tmp_path / "y.svg"
+    found = answer(tent, "--kind", "straightness", "--plot", picture)
+    assert found["y.csv minimum-zone"] == pytest.approx(4.0)
+    assert found["y.csv end-point"] == pytest.approx(4.0)
+    assert found["y.csv slope taken off"] == pytest.approx(1e-5 / ARCSEC)
+    assert picture.read_text().startswith("<?xml")
+
+
+def test_squareness_and_its_reversal(tmp_path: Path) -> None:
+    def run(name: str, slope_urad: float) -> Path:
+        return table(tmp_path / name, "mm", "um", PLACES, lambda x, way, turn: slope_urad * 1e-3 * x)
+
+    first, second = run("x.csv", -20.0), run("y.csv", -10.0)
+    assert answer(first, second, "--kind", "squareness")["EC0Y"] == pytest.approx(30e-6 / ARCSEC)
+    assert answer(first, second, "--kind", "squareness", "--plane", "XZ")["EB0Z"] == pytest.approx(-30e-6 / ARCSEC)
+    # the square's own +8 urad shows in the first pair with one sign, turned over with the other
+    reversed_pair = run("xr.csv", -28.0), run("yr.csv", -18.0)
+    both = answer(first, second, *reversed_pair, "--kind", "squareness")
+    assert both["EC0Y"] == pytest.approx(38e-6 / ARCSEC)
+    apart = answer(first, second, "--kind", "parallelism")
+    assert apart["parallelism"] == pytest.approx(-10e-6 / ARCSEC)
+    assert apart["over 400 mm"] == pytest.approx(4.0)
+
+
+def test_angles_over_millimetres(tmp_path: Path) -> None:
+    pitch = table(
+        tmp_path / "p.csv", "mm", "arcsec", PLACES, lambda x, way, turn: x / 100.0 + (0.5 if way == "+" else 0)
+    )
+    found = answer(pitch, "--kind", "angular", "--axis", "x", "--angle", "pitch")
+    assert found["p.csv B"] == pytest.approx(0.5)
+    assert found["p.csv M"] == pytest.approx(4.0)
+    assert refused(pitch, "--kind", "angular", "--axis", "Z", "--angle", "pitch") == "E-EVAL-ANGULAR"
+    assert refused(pitch, "--kind", "straightness") == "E-FILE-LINE"
+
+
+def test_reversal_that_depends_on_the_position(tmp_path: Path) -> None:
+    lag = table(tmp_path / "r.csv", "mm", "um", PLACES, lambda x, way, turn: -2.0 - x / 200.0 if way == "+" else 0.0)
+    found = answer(lag, "--kind", "reversal", "--plot", tmp_path / "r.png")
+    assert found["r.csv B"] == pytest.approx(4.0)
+    assert found["r.csv mean"] == pytest.approx(-3.0)
+    one_way = table(tmp_path / "one.csv", "mm", "um", PLACES, lambda x, way, turn: 1.0, ways="+")
+    assert refused(one_way, "--kind", "reversal") == "E-KIND-ONE-WAY"
+
+
+def test_a_turning_axis(tmp_path: Path) -> None:
+    def radial(angle: float, way: str, turn: int) -> float:
+        return 5.0 * math.cos(math.radians(angle - 30)) + 1.0 * math.cos(math.radians(3 * angle)) + 0.1 * turn
+
+    runout = table(tmp_path / "c.csv", "deg", "um", ANGLES, radial, ways="+")
+    found = answer(runout, "--kind", "rotary-motion", "--plot", tmp_path / "c.png")
+    assert found["once per turn"] == pytest.approx(5.0)
+    assert found["synchronous"] == pytest.approx(2.0)
+    assert found["asynchronous"] == pytest.approx(0.2)
+    assert refused(runout, runout, "--kind", "rotary-motion", "--motion", "tilt") == "E-KIND-DISTANCE"
+    assert refused(runout, "--kind", "rotary-motion", "--motion", "odd") == "E-KIND-MOTION"
+    wave = table(tmp_path / "w.csv", "deg", "arcsec", ANGLES, lambda at, way, turn: 3 * math.sin(math.radians(4 * at)))
+    spectrum = answer(wave, "--kind", "harmonics", "--order", 1, "--order", 4)
+    assert spectrum["order 4 amplitude"] == pytest.approx(3.0, abs=1e-5)
+    assert spectrum["order 1 amplitude"] == pytest.approx(0.0, abs=1e-5)
+    assert spectrum["range that is left"] == pytest.approx(0.0, abs=1e-5)
+
+
+def test_the_lean_of_a_rotary_axis_is_free_of_the_bars_own(tmp_path: Path) -> None:
+    def run(name: str, slope_urad: float) -> Path:
+        return table(tmp_path / name, "mm", "um", PLACES, lambda x, way, turn: slope_urad * 1e-3 * x)
+
+    found = answer(run("a.csv", 30.0), run("b.csv", 10.0), "--kind", "axis-location", "--axis", "C")
+    assert found["EB0C"] == pytest.approx(20e-6 / ARCSEC)
+    assert found["the bar's own lean along X"] == pytest.approx(10e-6 / ARCSEC)
+
+
+def test_what_cannot_be_evaluated_is_said(tmp_path: Path) -> None:
+    plain = table(tmp_path / "x.csv", "mm", "um", PLACES, lambda x, way, turn: 0.01 * x)
+    assert refused(plain, "--kind", "odd") == "E-KIND-NAME"
+    assert refused(plain, "--kind", "squareness") == "E-KIND-FILES"
+    assert refused(plain, "--kind", "harmonics") == "E-KIND-UNIT"
+    assert refused("--kind", "straightness") == "E-CLI-NO-FILES"
+    assert answer(plain, "--plot", tmp_path / "x.png")["x.csv E"] == pytest.approx(4.0)

@@ -1,0 +1,176 @@
+"""What people see while a command works: what must be heard is never left out, and no name of a state reaches them."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+import sys
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from drivers.errors import TrueflankError, catalogue, words
+from gateway.audience import KINDS, Audience, kind_of
+from gateway.cli import voice
+from gateway.cli.screen.panel import LivePanel
+from gateway.cli.screen.scene import Scene, clock_text
+from gateway.cli.screen.telling import progress
+from gateway.cli.voice import Voice
+from gateway.push.records.steps import SAID, step_words
+from gateway.store import Store
+from gateway.store.logbook import lines_of
+
+SOURCE = Path(__file__).parents[3]
+HELD = {"axis": "X1", "why": "no answer", "backup": "b.mpf"}
+
+
+@pytest.fixture
+def plain(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
+    monkeypatch.setattr(voice, "_chosen", {"voice": Voice.PLAIN})
+    return monkeypatch
+
+
+def test_every_step_that_a_push_notes_has_words_without_capitals() -> None:
+    noted = set()
+    for path in (SOURCE / "gateway" / "push").rglob("*.py"):
+        noted |= set(re.findall(r"""(?:note|append)\(\s*"([A-Z_]+)\"""", path.read_text(encoding="utf-8")))
+    assert len(noted) > 20
+    assert noted <= set(SAID)
+    for kind in (*noted, "A_NEW_ONE"):
+        assert not re.search(r"[A-Z]{2}", step_words(kind)), step_words(kind)
+
+
+def test_who_is_asked_to_press_something_is_asked_in_every_voice() -> None:
+    asking = [code for code, entry in catalogue().items() if code.startswith("P-") and "{term_start}" in entry["what"]]
+    assert len(asking) >= 10
+    assert {kind_of(code) for code in asking} == {Audience.ASK}
+    assert set(KINDS) <= set(catalogue())
+    assert {kind_of(code) for code in ("P-PUSH-HELD-ON", "P-PUSH-HELD", "P-PUSH-DISABLE-MOVES")} == {Audience.LOUD}
+
+
+@pytest.mark.parametrize("chosen", list(Voice))
+def test_what_must_be_heard_is_never_left_out(
+    chosen: Voice, plain: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    voice.use(chosen)
+    with progress(quiet=False) as say:
+        say("P-START", axis="X1", program="TFMEASX")
+        say("P-PUSH-STEP", axis="X1", step="LEASED", said=step_words("LEASED"))
+        say("P-PUSH-HELD-ON", **HELD)
+    out, told = capsys.readouterr()
+    assert out == ""
+    assert words("P-START", axis="X1", program="TFMEASX") in told
+    assert words("P-PUSH-HELD-ON", **HELD) in told
+    assert ("reserved" in told) == (chosen is Voice.VERBOSE)
+    assert "\x1b" not in told
+
+
+def test_a_line_of_a_pipe_is_one_line_however_long(
+    plain: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with progress(quiet=False) as say:
+        say("P-PROPOSED", axis="X1", words="word " * 60)
+    assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_where_the_operator_is_simulated_nobody_here_is_asked(
+    plain: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with progress(quiet=False, own_operator=True) as say:
+        say("P-MOVE-STANDS", axis="X1", unit="mm", place="4")
+        say("P-START", axis="X1", program="TFMEASX")
+        say("P-EVALUATED", axis="X1", M="1.0", travel="1.2", B="0.5", unit="um")
+        say("P-PUSH-HELD-ON", **HELD)
+    told = capsys.readouterr().err
+    assert "TFMEASX" not in told
+    assert "stands right" not in told
+    assert "still on" in told
+    assert "M 1.0 µm" in told
+
+
+def test_everything_is_kept_in_the_log_with_run_and_device(
+    tmp_path: Path, plain: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = Store(tmp_path).create("site")
+
+    def work() -> None:
+        with progress(quiet=True, folder=folder) as say:
+            say("P-PUSH-STEP", axis="X1", step="LEASED", said=step_words("LEASED"))
+            say("P-PUSH-HELD", **HELD)
+            raise TrueflankError("E-PUSH-HELD", "X1", axis="X1", backup="b.mpf")
+
+    with pytest.raises(TrueflankError):
+        work()
+    assert capsys.readouterr().err == ""
+    kept = list(lines_of(tmp_path))
+    assert [(line["level"], line["code"], line["device"]) for line in kept] == [
+        ("DEBUG", "P-PUSH-STEP", "X1"),
+        ("WARNING", "P-PUSH-HELD", "X1"),
+        ("ERROR", "E-PUSH-HELD", "X1"),
+    ]
+    assert {line["run"] for line in kept} == {folder.run_id}
+    assert json.dumps(kept).isascii()
+
+
+def test_a_scene_knows_what_to_do_since_when_and_how_long_it_takes() -> None:
+    scene = Scene(began=0.0)
+    scene.told("P-SETUP-PLAN", {"number": 1, "total": 4, "setup": "EXX-X1"}, 0.0)
+    scene.told("P-START", {"axis": "X1", "program": "TFMEASX"}, 10.0)
+    assert "press" in scene.ask
+    assert scene.asked == 10.0
+    for done in (1, 11):
+        scene.told("P-STOP", {"axis": "X1", "program": "TFMEASX", "done": done, "total": 21}, 100.0 + done)
+    assert scene.ask == ""
+    inner, outer = scene.counts["inner"], scene.counts["outer"]
+    assert inner.left_s(111.0) == pytest.approx(10.0)
+    assert outer.left_s(111.0) is None
+    scene.told("P-STOP", {"axis": "X1", "program": "TFMEASX", "done": 21, "total": 21}, 121.0)
+    assert "inner" not in scene.counts
+    scene.told("P-SETUP-PLAN", {"number": 2, "total": 4, "setup": "EYX-X1"}, 120.0)
+    assert scene.counts["outer"].left_s(120.0) == pytest.approx(360.0)
+
+
+def test_what_will_move_stands_with_the_question_until_it_is_answered() -> None:
+    scene = Scene(began=0.0)
+    for place in ("4", "5"):
+        scene.told("P-MOVE-STANDS", {"axis": f"X{place}", "unit": "mm", "place": place}, 1.0)
+    scene.told("P-START", {"axis": "X1", "program": "TFMEASX"}, 2.0)
+    assert [move[:2] for move in scene.moves] == ["X4", "X5"]
+    assert scene.ask
+    scene.told("P-MOVE-STANDS", {"axis": "X6", "unit": "mm", "place": "6"}, 3.0)
+    assert ([move[:2] for move in scene.moves], scene.ask) == (["X6"], "")
+    scene.told("P-STOP", {"axis": "X1", "program": "TFMEASX", "done": 1, "total": 21}, 4.0)
+    assert scene.moves == ()
+
+
+def test_minutes_are_said_as_a_clock() -> None:
+    assert [clock_text(one) for one in (5.4, 65, 3661)] == ["0:05", "1:05", "1:01:01"]
+
+
+@pytest.mark.parametrize("width", [100, 160])
+def test_the_panel_says_what_to_do_and_since_when_in_every_width(width: int) -> None:
+    told, time = io.StringIO(), {"now": 0.0}
+    console = Console(file=told, width=width, force_terminal=True, highlight=False)
+    with LivePanel("trueflank: site", Scene(began=0.0), lambda: time["now"], console) as panel:
+        panel.told("P-SETUP-PLAN", {"number": 3, "total": 28, "setup": "EXX-X1"})
+        panel.told("P-START-SETUP", {"axis": "X1", "program": "TFSENSEX", "setup": "TRUEFLANK SETUP EXX ON X"})
+        panel.keep("X1: sign proved")
+        time["now"] = 42.0
+        drawn = io.StringIO()
+        Console(file=drawn, width=width).print(panel.drawn())
+    text = drawn.getvalue()
+    assert all(len(line) <= width for line in text.splitlines())
+    for part in ("2 of 28", "mount what it asks for", "press", "waiting for this 0:42", "set-up 3 of 28"):
+        assert part in " ".join(text.replace("\u2502", " ").split()), part
+    assert "X1: sign proved" in told.getvalue()
+
+
+def test_a_terminal_gets_the_panel(plain: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    plain.setattr(sys.stderr, "isatty", lambda: True)
+    with progress(quiet=False) as say:
+        say("P-MOVE-STANDS", axis="X1", unit="mm", place="4")
+        say("P-START", axis="X1", program="TFMEASX")
+        say("P-EVALUATED", axis="X1", M="1.0", travel="1.2", B="0.5", unit="um")
+    assert "M 1.0 µm" in capsys.readouterr().err

@@ -1,0 +1,89 @@
+"""The library as a scientist uses it: its page runs, its numbers are the commands' numbers, wrong input is said."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import trueflank as tf
+from gateway.cli import app
+
+ROOT = Path(__file__).parents[3]
+BLOCK = re.compile(r"```python\n(.*?)```", re.DOTALL)
+GEAR = ROOT / "examples" / "gears" / "rv-40e-like.toml"
+ERRORS = ROOT / "examples" / "errors" / "seeded-machine.toml"
+FILE = ROOT / "tests" / "golden" / "files" / "basic.rtl"
+
+
+@pytest.mark.parametrize("block", BLOCK.findall((ROOT / "docs" / "library.md").read_text()))
+def test_every_block_of_the_page_runs(block: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+    exec(compile(block, "docs/library.md", "exec"), {})  # noqa: S102  the page is ours
+
+
+def test_it_is_the_commands_numbers() -> None:
+    told = CliRunner().invoke(app, ["study", str(GEAR), str(ERRORS), "--trajectories", "2", "--json"])
+    shown = json.loads(told.output)
+    machine, gear = tf.Machine.load(ERRORS), tf.Gear.load(GEAR)
+    assert tf.flank(machine, gear).rms == pytest.approx(shown["by_tooth"]["before"]["RMS normal deviation"])
+    best = tf.correct(machine, gear)
+    assert json.loads(json.dumps(best.to_dict()["tables"])) == shown["tables"]
+    assert best.rms_after == pytest.approx(shown["by_tooth"]["after"]["RMS normal deviation"])
+    told = CliRunner().invoke(app, ["evaluate", str(FILE), "--json"])
+    figures = tf.evaluate(tf.read(FILE))
+    assert {name: figures[name] for name in "EBM"} == {name: json.loads(told.output)[0][name] for name in "EBM"}
+
+
+def test_the_three_orders_agree_on_small_errors_and_a_constant_turns_out() -> None:
+    gear = tf.Gear.of(rp=64.0, rrp=3.0, a=1.3, zp=40, zc=39, centre_distance=160.0)
+    bow = tf.Machine({"EYX": ([-250.0, -160.0, -70.0], [0.0, 5.0, 0.0])})
+    first, second, exact = (tf.flank(bow, gear, order=order) for order in ("first", "second", "exact"))
+    np.testing.assert_allclose(first.deviation, exact.deviation, atol=5e-3)
+    np.testing.assert_allclose(second.deviation, exact.deviation, atol=1e-4)
+    assert tf.flank(tf.Machine({"ECC": 30.0}), gear).rms == pytest.approx(0.0, abs=0.02)  # a rotation of the whole gear
+    assert exact.to_pandas()["deviation_um"].abs().max() == pytest.approx(exact.largest)
+
+
+def test_a_fitted_motion_goes_into_a_machine() -> None:
+    motion = tf.fit(tf.read(FILE), "EXX")
+    again = tf.Machine({"EXX": motion}).to_dict()["errors"]["EXX"]
+    np.testing.assert_allclose(np.interp([-20.0, 30.0], again["q"], again["v"]), motion([-20.0, 30.0]), atol=1e-3)
+    assert len(motion.to_pandas()) == 51
+    assert "EXX" in repr(motion)
+    frame = tf.read(FILE).to_pandas()
+    assert list(frame.columns) == ["target_mm", "approach", "repetition", "deviation_um"]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "code"),
+    [
+        (lambda: tf.read("no-such-file.rtl"), "E-FILE-READ"),
+        (lambda: tf.Machine({"EXX": {"type": "odd"}}), "E-STUDY-VALUE"),
+        (lambda: tf.Gear.of(rp=64, rrp=3, a=9.0, zp=40, zc=39, centre_distance=160), "E-GEAR"),
+        (lambda: tf.flank(tf.Machine(seed=1), tf.Gear.load(GEAR), order="odd"), "E-SENS-ORDER"),
+        (lambda: tf.rank(tf.Machine(seed=1), tf.Gear.load(GEAR), output="odd"), "E-SENS-OUTPUT"),
+        (lambda: tf.flank(tf.Machine({"EQX": 1.0}), tf.Gear.load(GEAR)), "E-CHAIN"),
+    ],
+)
+def test_wrong_input_is_said(wrong, code: str) -> None:
+    with pytest.raises(tf.TrueflankError) as refused:
+        wrong()
+    assert refused.value.code.startswith(code)
+
+
+def test_nothing_is_loaded_before_it_is_used() -> None:
+    script = (
+        "import sys, trueflank; print(sorted(set(sys.modules) & {'numpy', 'scipy', 'pydantic', 'pandas', 'gateway'}))"
+    )
+    told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, cwd=ROOT, check=True)
+    assert told.stdout.strip() == "[]"
+    with pytest.raises(AttributeError, match="it has"):
+        _ = tf.odd
+    assert set(tf.__all__) <= set(dir(tf))

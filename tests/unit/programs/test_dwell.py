@@ -1,0 +1,72 @@
+"""Programs for capture programs of others: what they hold, how the double runs them, what is refused."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from drivers.errors import ConfigError
+from gateway.cli import app
+from tests.unit.programs.sites import site_file
+
+RUNNER = CliRunner()
+
+
+def written(site: Path, folder: Path, *words: object) -> str:
+    given = ["program", site, "-o", folder, "--what", "dwell", *words]
+    result = RUNNER.invoke(app, list(map(str, given)), catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+    return result.output
+
+
+def test_each_target_is_stood_at_in_both_directions_and_nothing_is_written(tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    told = written(site_file(tmp_path, "demo"), folder, "--dwell", 4.5, "--settling", 3)
+    text = (folder / "dwell-X-TFDWEL_X1.MPF").read_text()
+    blocks = [line for line in text.splitlines() if not line.startswith(";")]
+    rows = list(csv.DictReader((folder / "dwell-X-stops.csv").read_text().splitlines()))
+    assert blocks.count("G4 F4.5") == len(rows)
+    assert blocks.index("M0") < blocks.index("G4 F4.5")
+    assert {row["direction"] for row in rows} == {"+", "-"}
+    assert not any("=" in block and block.startswith(("R", "$")) for block in blocks)
+    # each dwell follows a move to the target that the list names, from the side that it names
+    at, stood = None, []
+    for block in blocks:
+        if block.startswith("SUPA G1 X="):
+            before, at = at, float(block.split("=")[1].split(" ")[0])
+        elif block.startswith("G4"):
+            stood.append((at, "+" if before < at else "-"))
+    assert [(target, way) for target, way in stood] == [(float(row["target_mm"]), row["direction"]) for row in rows]
+    listed = [float(line) for line in (folder / "dwell-X-targets.txt").read_text().split()]
+    assert listed == sorted({float(row["target_mm"]) for row in rows})
+    assert f"X1: {len(rows)} stops of 4.5 s" in told
+
+
+def test_a_rotary_calibrator_is_not_outrun(tmp_path: Path) -> None:
+    site = site_file(tmp_path, "demo")
+    text = site.read_text()
+    told = written(site, tmp_path / "out", "--calibrator-feed", 100)
+    feeds = {word for word in (tmp_path / "out" / "dwell-C-TFDWEL_C1.MPF").read_text().split() if word.startswith("F=")}
+    assert feeds == {"F=100.0"}
+    assert "feed 100 deg/min instead of" in told
+    assert site.read_text() == text
+
+
+def test_too_short_a_dwell_is_refused_and_nothing_is_written(tmp_path: Path) -> None:
+    folder = tmp_path / "out"
+    with pytest.raises(ConfigError) as refused:
+        written(site_file(tmp_path, "demo"), folder, "--dwell", 2, "--settling", 2)
+    assert refused.value.code == "E-DWELL-SHORT"
+    assert not folder.exists()
+
+
+def test_a_road_without_programs_gets_them_too(tmp_path: Path) -> None:
+    mailbox = Path(__file__).parents[3] / "examples" / "sites" / "mailbox-grinder.toml"
+    written(mailbox, tmp_path / "out")
+    assert (tmp_path / "out" / "dwell-X-TFDWEL_X1.MPF").exists()
+    with pytest.raises(ConfigError) as refused:
+        RUNNER.invoke(app, ["program", str(mailbox), "-o", str(tmp_path), "--what", "off"], catch_exceptions=False)
+    assert refused.value.code == "E-PROGRAM-NO-ROAD"

@@ -1,0 +1,147 @@
+"""The index: it says what the folders say, catches up, is made anew, and never decides anything."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import pytest
+from sqlalchemy import create_engine, inspect
+
+from gateway import audit
+from gateway.errors import StoreError
+from gateway.index import IndexedFigure, IndexedRun, RunIndex, caught_up, compared, due_of, index_url, rebuilt
+from gateway.index.schema import METADATA
+from gateway.store import RunFolder, Store
+from tests.unit.audit.log import Moments
+from tests.unit.report.synthetic import axis_material
+
+
+def measured(store: Store, axis: str, state: str = "proposed") -> str:
+    """A run with one axis evaluated."""
+    run = store.create("hall-3")
+    material = axis_material(axis, "mm")
+    assert material.before is not None
+    run.put(f"evaluation-{axis}-before", material.before)
+    run.set_state(state)
+    return run.run_id
+
+
+def test_an_index_says_what_the_folders_say_and_follows_them(tmp_path: Path) -> None:
+    store, index = Store(tmp_path), RunIndex(tmp_path)
+    first = measured(store, "X1")
+    assert caught_up(index, store) == 1
+    assert caught_up(index, store) == 0
+    second = measured(store, "X1")
+    store.open(first).set_state("pushed")
+    assert caught_up(index, store) == 2
+    assert [(one["run_id"], one["state"]) for one in index.search()] == [(second, "proposed"), (first, "pushed")]
+    assert [one["run_id"] for one in index.search("PUSH")] == [first]
+    assert index.search("100%_") == []
+    shutil.rmtree(tmp_path / second)
+    assert caught_up(index, store) == 0
+    assert [one["run_id"] for one in index.search()] == [first]
+
+
+def test_a_trend_has_each_figure_with_its_u_in_the_order_of_time(tmp_path: Path) -> None:
+    store, index = Store(tmp_path), RunIndex(tmp_path)
+    runs = [measured(store, "X1") for _run in range(3)]
+    caught_up(index, store)
+    material = axis_material("X1", "mm").before
+    assert material is not None
+    points = index.trend("E", subject="X1", phase="before")
+    assert [one["run_id"] for one in points] == runs
+    assert {(one["value"], one["expanded"]) for one in points} == {(material.E, material.U.get("E"))}
+    assert index.trend("E", subject="C1") == []
+    now = datetime.now(UTC)
+    (due,) = due_of(index, 365, now)
+    assert (due["subject"], due["due"]) == ("X1", False)
+    assert due_of(index, 365, now + timedelta(days=366))[0]["due"] is True
+
+
+def test_made_anew_from_damage_and_beside_runs_that_cannot_be_read(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    good, bad = measured(store, "X1"), measured(store, "X1")
+    (tmp_path / bad / "run.json").write_text("{", encoding="ascii")
+    (tmp_path / "index.db").write_bytes(b"no database at all " * 100)
+    assert rebuilt(RunIndex(tmp_path), store) == 2
+    found = {one["run_id"]: one["problem"] for one in RunIndex(tmp_path).search()}
+    assert found[good] == ""
+    assert found[bad]
+    assert (tmp_path / "index.db.damaged-1").exists()
+
+
+def test_the_steps_end_at_the_tables_that_the_program_knows(tmp_path: Path) -> None:
+    RunIndex(tmp_path).open()
+    engine = create_engine(index_url(tmp_path))
+    with engine.connect() as connection:
+        assert connection.exec_driver_sql("PRAGMA journal_mode").scalar() == "wal"
+        seen = inspect(connection)
+        for table in METADATA.sorted_tables:
+            columns = {one["name"]: one["nullable"] for one in seen.get_columns(table.name)}
+            assert columns == {one.name: one.nullable for one in table.columns}
+            assert {one["name"] for one in seen.get_indexes(table.name)} == {one.name for one in table.indexes}
+    engine.dispose()
+
+
+def test_two_stores_in_one_database_are_told_apart_and_compared(tmp_path: Path) -> None:
+    url = index_url(tmp_path)
+    stores = [Store(tmp_path / name) for name in ("a", "b")]
+    for store in stores:
+        measured(store, "X1")
+        caught_up(RunIndex(store.root, url), store)
+    index = RunIndex(stores[0].root, url)
+    assert len(index.trend("E")) == 2
+    index.clear()
+    assert len(index.trend("E")) == 1
+
+
+def test_one_error_is_compared_across_machines_by_the_newest_of_each(tmp_path: Path) -> None:
+    index = RunIndex(tmp_path)
+    index.open()
+    machines = (("SN-1", "a", (4.0, 9.0, 2.0)), ("SN-2", "b", (7.0, 3.0, None)), ("SN-3", "c", (5.0, None, None)))
+    for serial, site, (first, second, after) in machines:
+        for day, value, phase in ((1, first, "before"), (2, second, "before"), (2, after, "after")):
+            if value is None:
+                continue
+            run_id = f"{serial}-{day}"
+            run = IndexedRun("g", f"{run_id}-{phase}", site, serial, f"2026-01-0{day}", "", "", "", "")
+            figure = IndexedFigure("g", run.run_id, "X1", phase, "E", value, 0.5, "um")
+            index.put(run, (figure,))
+    found = [(one["serial"], one["phase"], one["value"]) for one in compared(index, "E", subject="X1")]
+    assert found == [("SN-3", "before", 5.0), ("SN-2", "before", 3.0), ("SN-1", "after", 2.0)]
+    before = [(one["serial"], one["value"]) for one in compared(index, "E", subject="X1", phase="before")]
+    assert before == [("SN-1", 9.0), ("SN-3", 5.0), ("SN-2", 3.0)]
+    assert compared(index, "B", subject="X1") == []
+
+
+def test_a_back_up_put_back_is_whole_and_is_found_again(tmp_path: Path) -> None:
+    store = Store(tmp_path / "runs")
+    for axis in ("X1", "C1"):
+        measured(store, axis)
+        audit.record(store.root, "note", clock=Moments(), actor="ann", details={"axis": axis})
+    caught_up(RunIndex(store.root), store)
+    figures = RunIndex(store.root).trend("E")
+    backup = tmp_path / "backup"
+    shutil.copytree(store.root, backup, ignore=shutil.ignore_patterns("index.db*"))
+    shutil.rmtree(store.root)
+    shutil.copytree(backup, store.root)
+    assert audit.sound(store.root)
+    assert audit.check(store.root).head.seq == 2
+    again = Store(store.root)
+    assert rebuilt(RunIndex(store.root), again) == 2
+    assert RunIndex(store.root).trend("E") == figures
+    for run in again.runs():
+        folder = RunFolder(run.path)
+        assert all(folder.envelope(stage) for stage in folder.stages)
+        assert list(folder.differences()) == []
+
+
+def test_a_database_that_is_away_is_an_error_without_its_address(tmp_path: Path) -> None:
+    index = RunIndex(tmp_path, f"sqlite:///{tmp_path}/gone/secret-word.db")
+    with pytest.raises(StoreError) as caught:
+        index.open()
+    assert caught.value.code == "E-INDEX"
+    assert "secret-word" not in json.dumps(caught.value.as_record())

@@ -1,0 +1,111 @@
+"""The live stream: envelopes ten times a second, a bounded queue for each page, the newest kept and the loss told."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+from drivers.clock import LoopClock
+from drivers.types.sensing import SampleBlock
+from gateway.daemon.hub import LONGEST_QUEUE, MOST_LISTENERS, Hub
+from gateway.daemon.looking import MOST_ASKED, Looking
+from gateway.errors import BusyError
+
+
+def told(frames: str) -> list[tuple[str, dict[str, Any]]]:
+    """Events of a piece of stream."""
+    found = []
+    for frame in frames.strip().split("\n\n"):
+        lines = dict(text.split(": ", 1) for text in frame.split("\n"))
+        found.append((lines["event"], json.loads(lines["data"])))
+    return found
+
+
+async def test_a_page_gets_the_picture_then_what_happens_in_order() -> None:
+    hub = Hub(LoopClock(), lambda: {"state": "ready"})
+    listener = hub.join()
+    hub.hear("P-STOP", {"axis": "X1", "program": "p", "done": 1, "total": 2})
+    hub.tell("state", {"state": "running"})
+    events = told(await listener.next(LoopClock()))
+    assert [kind for kind, _data in events] == ["picture", "said", "state"]
+    assert events[1][1]["fields"]["done"] == 1
+    assert "words" in events[1][1]
+
+
+async def test_a_slow_page_loses_the_oldest_is_told_and_slows_nobody() -> None:
+    hub = Hub(LoopClock(), dict)
+    slow, quick = hub.join(), hub.join()
+    await quick.next(LoopClock())
+    for number in range(LONGEST_QUEUE + 49):
+        hub.tell("reading", {"number": number})
+        assert told(await quick.next(LoopClock()))[-1][1]["number"] == number
+    events = told(await slow.next(LoopClock()))
+    assert events[0] == ("lost", {"frames": 50})
+    assert [data["number"] for _kind, data in events[1:]] == list(range(49, LONGEST_QUEUE + 49))
+    assert (hub.dropped, quick.lost) == (50, 0)
+
+
+async def test_a_stream_beats_while_nothing_happens_and_ends_with_the_gateway() -> None:
+    hub = Hub(LoopClock(), dict)
+    frames = []
+    async for frame in hub.stream(hub.join()):
+        frames.append(frame)
+        if len(frames) == 2:
+            hub.end()
+    assert frames[1] == ": beat\n\n"
+    assert hub.listening == 0
+
+
+async def test_only_so_many_listen() -> None:
+    hub = Hub(LoopClock(), dict)
+    for _page in range(MOST_LISTENERS):
+        hub.join()
+    with pytest.raises(BusyError):
+        hub.join()
+
+
+def block(first: int, count: int, *, bad: int = 0) -> SampleBlock:
+    times = np.arange(first, first + count) / 50_000.0
+    values = np.sin(times * 50.0)[:, None]
+    valid = np.ones(count, dtype=np.bool_)
+    valid[:bad] = False
+    return SampleBlock(("displacement_mm",), times, values, valid, lost=3 if bad else 0)
+
+
+async def test_readings_of_50_khz_go_out_ten_times_a_second_and_hide_no_sample() -> None:
+    frames: list[dict[str, Any]] = []
+    clock = LoopClock()
+    looking = Looking(lambda _kind, data: frames.append(dict(data)), clock)
+    every = [block(number * 500, 500, bad=5 if number == 7 else 0) for number in range(200)]
+    for one in every:
+        looking.samples("laser", one)
+        await clock.sleep(0.01)
+    looking.samples("laser", block(100_000, 1))
+    await clock.sleep(0.1)
+    looking.samples("laser", block(100_001, 1))
+    assert 18 <= len(frames) <= 22
+    assert frames[-1]["sequence"] == sum(one["count"] for one in frames) == 100_002
+    assert min(one["low"][0] for one in frames) == min(float(one.values.min()) for one in every)
+    assert max(one["high"][0] for one in frames) == max(float(one.values.max()) for one in every)
+    assert sum(one["lost"] for one in frames) == 3
+    assert sum(one["signal"] < 1.0 for one in frames) == 1
+
+
+async def test_what_is_waited_for_is_told_seldom_and_finite() -> None:
+    frames: list[dict[str, Any]] = []
+    looking = Looking(lambda _kind, data: frames.append(dict(data)), LoopClock())
+    for _time in range(5):
+        looking.waiting("laser", "no samples", -np.inf, 2.0)
+    assert frames == [{"instrument": "laser", "missing": "no samples", "done_s": 0.0, "needed_s": 2.0}]
+
+
+async def test_a_reading_is_asked_for_again_once_and_not_without_end() -> None:
+    looking = Looking(lambda _kind, _data: None, LoopClock())
+    assert all(looking.ask_again("X1", (float(number), 0, 1)) for number in range(MOST_ASKED))
+    assert not looking.ask_again("X1", (0.0, 0, 1))
+    assert looking.ask_again("C1", (0.0, 0, 1))
+    assert len(looking.asked_again("X1")) == MOST_ASKED
+    assert looking.asked_again("X1") == ()

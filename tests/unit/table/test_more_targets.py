@@ -1,0 +1,79 @@
+"""Structure finer than the targets: more targets within the hours, else by its chances; judged by the truth between."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gateway.capture.targets import targets_of
+from gateway.workflow.axes.measure import live_again
+from tests.sizes import few
+from tests.unit.table.finer import Curve, Judged, machine, sag, wave
+
+SCREWS: list[tuple[Callable[[int], Curve], dict[str, Any], float]] = [
+    (lambda seed: sag(40.0 + 47.0 * seed % 320.0, 30.0, 8.0), {}, 0.35),
+    (lambda _seed: wave(8.0, 4.0), {"even": True}, 2.9),
+    (lambda _seed: wave(10.0, 0.8), {"even": True, "step": 2.0}, 0.6),
+    (lambda _seed: wave(8.0, 4.0), {}, 2.9),
+    (lambda _seed: wave(10.0, 4.0), {"even": True}, 2.9),
+    (lambda _seed: lambda q: wave(8.0, 3.0)(q) + wave(10.0, 2.0)(q), {"even": True}, 2.9),
+]
+WORMS = [(36, 1.0, 0.15), (72, 1.0, 2.9), (90, 5.0, 2.9), (36, 5.0, 1.0), (72, 5.0, 2.9), (90, 1.0, 0.5)]
+
+
+def good(one: Judged, left: float) -> None:
+    """Better, down to what grid and limits can hold, and where it was said to be."""
+    assert not one.change.skipped
+    assert np.std(one.after) <= left
+    assert np.ptp(one.after) < np.ptp(one.before)
+    assert one.off <= 1.0
+    assert all(int(said["minutes"]) <= int(said["left"]) + 1 for said in one.said)
+
+
+@pytest.mark.parametrize(("extra", "keys", "left"), few(SCREWS, 2))
+@pytest.mark.parametrize("seed", few(range(8), 1))
+def test_screw_and_guide_get_as_good_as_their_grid_can_hold(
+    extra: Callable[[int], Curve], keys: dict[str, Any], left: float, seed: int
+) -> None:
+    good(machine(seed, extra(seed), **keys).judged(), left)
+
+
+@pytest.mark.parametrize(("order", "step", "left"), few(WORMS, 2))
+@pytest.mark.parametrize("seed", few(range(8), 1))
+def test_worm_orders_are_told_apart_and_held_where_the_grid_can(
+    order: int, step: float, left: float, seed: int
+) -> None:
+    good(machine(seed, wave(360.0 / order, 4.0), rotary=True, even=True, step=step).judged(), left)
+
+
+@pytest.mark.parametrize("hours", few([0.0, 0.12]))
+@pytest.mark.parametrize("seed", few(range(12), 1))
+@pytest.mark.parametrize("size", few([0.3, 0.05], 1))
+def test_without_the_hours_a_table_is_labelled_or_refused_and_never_worse(hours: float, seed: int, size: float) -> None:
+    shapes = (wave(8.0, 4.0), wave(10.0, 4.0), sag(40.0 + 53.0 * seed % 320.0, 30.0, 8.0))
+    worse, labels = 0, set()
+    for shape in shapes:
+        one = machine(seed, shape, even=bool(seed % 2), hours=hours, size=size).judged()
+        worse += one.worse
+        labels |= {one.change.skipped[:13], *(finding[:13] for finding in one.change.findings)}
+        assert sum(int(said["minutes"]) for said in one.said if said["count"]) <= 60.0 * hours + 1.0
+        assert one.change.skipped or one.gain > 0.0
+    assert worse == 0
+    assert hours or labels & {"S-COMP-HIDDEN", "W-COMP-HIDDEN", "W-COMP-CHANCE", "W-COMP-PLACE "}
+
+
+def test_after_the_push_an_axis_is_measured_where_it_was_measured_before() -> None:
+    axis = machine(3, wave(200.0, 1.0)).axis
+    own = targets_of(axis)
+    assert live_again(axis, own) is axis
+    more = np.sort(np.append(own, [33.3, 44.4]))
+    again = live_again(axis, more)
+    assert again is not None
+    assert np.array_equal(targets_of(again), more)
+
+
+def test_a_good_axis_gets_no_more_targets() -> None:
+    assert [machine(seed, wave(200.0, 1.0), rotary=bool(seed % 2)).judged().said for seed in range(4)] == [[]] * 4
