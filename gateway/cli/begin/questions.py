@@ -57,4 +57,7 @@ def answers(given: list[str]) -> dict[str, str]:
     return {key: value for key, _, value in pairs}
 
 
-KEYS = ("road", "name", "url", "user", "password", "thumbprint", "serial", "axes", "travel", "laser", "calibrator")
+KEYS = (
+    *("road", "name", "url", "user", "password", "thumbprint", "serial"),
+    *("axes", "travel", "laser", "calibrator", "gear", "optics"),
+)

@@ -16,6 +16,23 @@ TURNING = (15.0, 30.0, 45.0, 90.0)
 """Those for rotary axes alone."""
 MOST_POINTS = 101
 TURN = 360.0
+OPTICS = {"straightness": "XYZ", "angular": "ABC"}
+"""What the optics of a linear axis show: displacements across it, or rotations about the two other directions."""
+_ROLL = dict(zip("XYZ", "ABC", strict=True))
+SAMPLE_GEAR = """# Common literature values of a cycloid disc; no maker's data. Put your own gear here, mm.
+name = "RV-40E-like"
+
+[gear]                       # pin circle and pin radius, eccentricity, pins, lobes, face width
+rp = 64.0
+rrp = 3.0
+a = 1.3
+zp = 40
+zc = 39
+b = 10.0
+
+[grinding]
+centre_distance_mm = 160.0   # gear axis to wheel axis
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,3 +121,43 @@ def used_letters(axes: Sequence[AxisToMeasure]) -> tuple[AxisToMeasure, ...]:
             seen.add(axis.letter)
             found.append(axis)
     return tuple(found)
+
+
+def grinds(axes: Sequence[AxisToMeasure]) -> bool:
+    """Whether axes can grind a gear: two linear ones and a rotary one."""
+    return sum(not axis.rotary for axis in axes) >= 2 and any(axis.rotary for axis in axes)
+
+
+def work_tree(
+    axes: Sequence[AxisToMeasure], gear: str, height_mm: float, others: Sequence[ControlAxis]
+) -> dict[str, Any]:
+    """The section of the work; ``height_mm`` in mm; ``others``: the control's axes that are not measured.
+
+    X feeds in, Z strokes and C indexes where the machine has them, else the first axes of their kinds; the first
+    linear axis that is not measured dresses.
+    """
+    linear, rotary = ([axis.letter for axis in axes if axis.rotary is kind] for kind in (False, True))
+    infeed = _first_of("X", linear)
+    roles = {"infeed": infeed, "stroke": _first_of("Z", [one for one in linear if one != infeed])}
+    tree: dict[str, Any] = {"gear": gear, "height_mm": height_mm, **roles, "index": _first_of("C", rotary)}
+    dresser = next((one for one in others if one.unit == "mm"), None)
+    if dresser is None:
+        return tree | {"dresser": ""}
+    tree |= {"dresser": dresser.name, "dresser_letter": letter_of(dresser.name)}
+    return tree | ({"dresser_travel": list(dresser.travel)} if dresser.travel is not None else {})
+
+
+def _first_of(usual: str, letters: Sequence[str]) -> str:
+    return usual if usual in letters else letters[0]
+
+
+def setup_trees(axes: Sequence[AxisToMeasure], optics: Sequence[str]) -> list[dict[str, Any]]:
+    """One set-up for each error that these optics show on a linear axis; no roll, which needs a level."""
+    return [
+        {"axis": axis.name, "component": f"E{direction}{axis.letter}", "instrument": name}
+        for name in optics
+        for axis in axes
+        if not axis.rotary and axis.letter in _ROLL
+        for direction in OPTICS[name]
+        if direction not in (axis.letter, _ROLL[axis.letter])
+    ]

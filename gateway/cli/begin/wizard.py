@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,20 @@ from drivers.local.names import is_name, shown
 from drivers.local.ownfiles import opened
 from drivers.types.moves import FEED_DEG, FEED_MM
 from gateway.cli.begin.questions import Asker
-from gateway.cli.begin.siteparts import ROTARY, TURN, axis_tree, letter_of, planned, used_letters
+from gateway.cli.begin.siteparts import (
+    OPTICS,
+    ROTARY,
+    SAMPLE_GEAR,
+    TURN,
+    AxisToMeasure,
+    axis_tree,
+    grinds,
+    letter_of,
+    planned,
+    setup_trees,
+    used_letters,
+    work_tree,
+)
 from gateway.cli.begin.surveying import surveyed
 from gateway.cli.show import echo
 from gateway.cli.stopping import run_to_end
@@ -26,6 +40,10 @@ PASSWORD, CERTIFICATE, VARIABLE = "password.txt", "control.der", "TRUEFLANK_PASS
 STORE = "runs"
 USUAL_AXES = "X1 Z1 C1"
 USUAL_TRAVEL = (0.0, 500.0)
+NONE, SAMPLE, GEAR = "none", "example", "gear.toml"
+TYPED = ("manual", "terminal://")
+"""What an instrument without a driver is: a person reads it and types."""
+_NUMBER = re.compile(r"[+-]?\d+(?:\.\d+)?")
 _TRAVEL = re.compile(r"(\w+)\s+([+-]?\d+(?:\.\d+)?)\s+([+-]?\d+(?:\.\d+)?)")
 
 
@@ -46,6 +64,8 @@ def wizard_text(file: Path, asker: Asker) -> str:
     tree: dict[str, Any] = {"site": {"name": name, "store": STORE}, "controller": control, "instruments": instruments}
     tree["axes"] = [axis_tree(plan) for plan in plans]
     tree["moves"] = {"safe": {}, "feed_mm": FEED_MM, "feed_deg": FEED_DEG}
+    if grinds(plans):
+        _gear(asker, tree, plans, folder, facts)
     version = facts.version if facts else words("P-INIT-UNREAD")
     return site_text(tree, words("P-INIT-HEAD", name=name, version=version, road=road), notes)
 
@@ -162,6 +182,33 @@ def _instruments(asker: Asker, road: str, units: set[str]) -> list[dict[str, Any
     return [{"name": name, "driver": driver, "url": url} for name, driver, url in split]
 
 
+def _gear(
+    asker: Asker, tree: dict[str, Any], axes: Sequence[AxisToMeasure], folder: Path, facts: ControlFacts | None
+) -> None:
+    """The gear that is ground, and the set-ups of the errors that further optics show; nothing where there is none."""
+    answer = asker.ask("gear", "P-INIT-GEAR", NONE, lambda text: _gear_file(text, folder))
+    if answer == NONE:
+        return
+    asked = asker.ask("optics", "P-INIT-OPTICS", NONE, _optics)
+    found = [] if asked == NONE else [part.split(maxsplit=2) for part in asked.split(",")]
+    tree["instruments"] += [
+        {"name": name, **dict(zip(("driver", "url"), rest or TYPED, strict=True))} for name, *rest in found
+    ]
+    tree["setups"] = setup_trees(axes, [name for name, *_ in found])
+    measured = {axis.name for axis in axes}
+    others = [axis for axis in (facts.axes if facts else ()) if axis.name not in measured]
+    name, height = _with_height(answer)
+    tree["work"] = work_tree(axes, _own_gear(folder) if name == SAMPLE else name, height, others)
+
+
+def _own_gear(folder: Path) -> str:
+    """The sample's file, for a person to change; one that is there is kept."""
+    if not (folder / GEAR).exists():
+        with opened(folder / GEAR, "xb") as file:
+            file.write(SAMPLE_GEAR.encode())
+    return GEAR
+
+
 # ---- what will do as an answer ------------------------------------------------------------------------
 
 
@@ -203,3 +250,32 @@ def _instrument(text: str) -> str:
     parts, known = text.split(maxsplit=1), registry.known("instrument")
     right = len(parts) == 2 and parts[0] in known
     return "" if right else words("W-INIT-INSTRUMENT", known=", ".join(known))
+
+
+def _with_height(text: str) -> tuple[str, float]:
+    """A gear file and the height behind it, mm; 0 where none is given."""
+    name, _, height = text.rpartition(" ")
+    return (name.strip(), float(height)) if name and _NUMBER.fullmatch(height) else (text.strip(), 0.0)
+
+
+def _gear_file(text: str, folder: Path) -> str:
+    from gateway.study.files import load_gear
+
+    name, _ = _with_height(text)
+    if text == NONE or name == SAMPLE:
+        return ""
+    try:
+        load_gear(folder / name)
+    except (TrueflankError, OSError) as error:
+        return words("W-INIT-GEAR", why=str(error))
+    return ""
+
+
+def _optics(text: str) -> str:
+    if text == NONE:
+        return ""
+    parts = [part.split(maxsplit=1) for part in text.split(",")]
+    names = [part[0] for part in parts if part]
+    if len(names) < len(parts) or len(set(names)) < len(names) or not set(names) <= set(OPTICS):
+        return words("W-INIT-OPTICS", known=", ".join(OPTICS))
+    return next(filter(None, (_instrument(part[1]) for part in parts if len(part) > 1)), "")

@@ -13,10 +13,11 @@ from drivers.checks import ControlAxis, ControlFacts
 from drivers.errors import ConfigError
 from gateway.cli import app
 from gateway.cli.begin.checking import against_control, checked
-from gateway.cli.begin.siteparts import axis_tree, grid, letter_of, planned, used_letters
+from gateway.cli.begin.siteparts import axis_tree, grid, letter_of, planned, used_letters, work_tree
 from gateway.config import load_site, schema
 from gateway.config.reference import page, settings_models
 from gateway.config.writing import site_text, written
+from gateway.study.files import load_gear
 
 ROOT = Path(__file__).parents[3]
 EXAMPLES = sorted((ROOT / "examples" / "sites").glob("*.toml"))
@@ -28,7 +29,7 @@ def ran(folder: Path, *options: str, typed: str = "") -> Result:
 
 
 def test_an_owner_of_files_gets_a_checked_file_from_three_answers(tmp_path: Path) -> None:
-    done = ran(tmp_path, typed="files\nold-1\n\n\n\n")
+    done = ran(tmp_path, typed="files\nold-1\n\n\n\n\n")
     assert done.exit_code == 0, done.output
     assert done.output.count("  road") == 1
     assert "valid" in done.output
@@ -61,6 +62,35 @@ def test_nothing_is_overwritten_and_no_end_of_input_hangs(tmp_path: Path) -> Non
     assert (tmp_path / "site.toml").read_text() == "mine"
 
 
+def test_a_grinder_gets_its_gear_and_the_errors_that_its_optics_show(tmp_path: Path) -> None:
+    optics = "optics=straightness bridge tcp://127.0.0.1:7002, angular"
+    done = ran(tmp_path, "--yes", *("--answer", "road=files"), *("--answer", "gear=example 150"), *("--answer", optics))
+    assert done.exit_code == 0, done.output
+    found = checked(tmp_path / "site.toml")
+    assert found.faults == ()
+    site = found.site
+    assert [setup.component for setup in site.setups] == ["EYX", "EZX", "EXZ", "EYZ", "EBX", "ECX", "EAZ", "EBZ"]
+    assert [setup.axis for setup in site.setups] == ["X1", "X1", "Z1", "Z1"] * 2
+    assert [(one.name, one.driver) for one in site.instruments] == [
+        ("typed", "manual"),
+        ("straightness", "bridge"),
+        ("angular", "manual"),
+    ]
+    assert (site.work.infeed, site.work.stroke, site.work.index, site.work.dresser) == ("X", "Z", "C", "")
+    assert site.work.height_mm == 150.0
+    assert load_gear(tmp_path / "gear.toml").gear == load_gear(ROOT / "examples" / "gears" / "rv-40e-like.toml").gear
+
+
+def test_an_own_gear_is_kept_and_the_axis_that_is_not_measured_dresses(tmp_path: Path) -> None:
+    (tmp_path / "gear.toml").write_bytes((ROOT / "examples" / "gears" / "rv-20e-like.toml").read_bytes())
+    kept = (tmp_path / "gear.toml").read_bytes()
+    ran(tmp_path, "--yes", "--answer", "road=files", "--answer", "gear=example")
+    assert (tmp_path / "gear.toml").read_bytes() == kept
+    plans = [planned(axis, axis.travel or (0.0, 360.0), ("a", "b")) for axis in FIVE if axis.name != "Y1"]
+    tree = work_tree(plans, "gear.toml", 20.0, [FIVE[1]])
+    assert (tree["dresser"], tree["dresser_letter"], tree["dresser_travel"]) == ("Y1", "Y", [-3.3, 4.1])
+
+
 @pytest.mark.parametrize(
     ("answer", "code"),
     [
@@ -68,6 +98,8 @@ def test_nothing_is_overwritten_and_no_end_of_input_hangs(tmp_path: Path) -> Non
         ("name=a b", "E-INIT-ANSWER"),
         ("axes=", "E-INIT-ANSWER"),
         ("travel=X1 5 1", "E-INIT-ANSWER"),
+        ("gear=there-is-none.toml 150", "E-INIT-ANSWER"),
+        ("gear=site.toml", "E-INIT-ANSWER"),
         ("colour=red", "E-INIT-OPTION"),
         ("road", "E-INIT-OPTION"),
     ],
@@ -76,6 +108,22 @@ def test_answers_given_beforehand_are_judged(tmp_path: Path, answer: str, code: 
     with pytest.raises(ConfigError, match=code):
         ran(tmp_path, "--yes", "--answer", "road=files", "--answer", answer)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "optics", ["level", "angular, angular", "straightness,", "angular bridge", "angular train tcp://h:1"]
+)
+def test_optics_are_named_once_with_driver_and_address_or_alone(tmp_path: Path, optics: str) -> None:
+    with pytest.raises(ConfigError, match="E-INIT-ANSWER"):
+        ran(
+            tmp_path,
+            "--yes",
+            *("--answer", "road=files"),
+            *("--answer", "gear=example"),
+            "--answer",
+            f"optics={optics}",
+        )
+    assert not (tmp_path / "site.toml").exists()
 
 
 def test_a_control_that_does_not_answer_leaves_a_file_and_the_next_step(tmp_path: Path) -> None:
