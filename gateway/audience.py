@@ -59,7 +59,18 @@ ASK = (
     "P-START",
     "P-START-SETUP",
 )
-STEP = ("P-ACTING", "P-MEASURE", "P-OPEN", "P-PART", "P-RUN", "P-SETUP", "P-SETUP-ANEW", "P-SETUP-PLAN", "P-SIGN")
+STEP = (
+    "P-ACTING",
+    "P-MEASURE",
+    "P-MORE-TARGETS",
+    "P-OPEN",
+    "P-PART",
+    "P-RUN",
+    "P-SETUP",
+    "P-SETUP-ANEW",
+    "P-SETUP-PLAN",
+    "P-SIGN",
+)
 COUNT = ("P-GRIND-SPACE", "P-INSPECT", "P-STOP")
 DETAIL = (
     "P-CAP-DYNAMIC",
@@ -69,6 +80,7 @@ DETAIL = (
     "P-GRIND-SETUP",
     "P-GRIND-TABLES",
     "P-HIDDEN",
+    "P-PART-DONE",
     "P-PUSH-PROOF-OFF",
     "P-PUSH-REFUSED",
     "P-PUSH-STEP",

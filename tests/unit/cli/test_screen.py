@@ -85,7 +85,7 @@ def test_where_the_operator_is_simulated_nobody_here_is_asked(
         say("P-PUSH-HELD-ON", **HELD)
     told = capsys.readouterr().err
     assert "TFMEASX" not in told
-    assert "stands right" not in told
+    assert "is already at" not in told
     assert "still on" in told
     assert "M 1.0 µm" in told
 
