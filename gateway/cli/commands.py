@@ -128,7 +128,10 @@ def study(
     workers: Annotated[
         int | None, typer.Option(min=1, max=256, help="Processes for the ranking.", show_default=False)
     ] = None,
-    order: Annotated[str, typer.Option(help="Flank of the ranking: first, second or exact.")] = "first",
+    order: Annotated[
+        str,
+        typer.Option(help="Flank of the ranking: first, second or exact. With exact, before and after are exact too."),
+    ] = "first",
     trajectories: Annotated[int, typer.Option(min=1, max=10_000, help="Morris trajectories.")] = 20,
     as_json: JsonOption = False,
 ) -> None:

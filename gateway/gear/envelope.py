@@ -8,7 +8,6 @@ stroke height s; the deviation is the least of these, where n . v = 0. Newton in
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,10 +17,10 @@ from gateway.errors import ModelError
 from gateway.gear.cycloid import ProfileSection
 from gateway.gear.first_order import abg, along_normal, local_twist, stroke_slope
 from gateway.gear.grinding import Grinding
+from gateway.gear.passage import passage
 from gateway.gear.ray import LONGEST_STEP, FlankRays, RayState, step
 from gateway.gear.valley import deepest
 from gateway.model.parts import Vector
-from gateway.model.stroke import split
 
 BLOCK = 8192  # points: what fits the processor's caches
 TOLERANCE = 1e-12  # mm, on e
@@ -77,13 +76,11 @@ def prepare(grinding: Grinding, k: FloatArray, theta: FloatArray, z: FloatArray)
 def _enter(
     grinding: Grinding, local: ProfileSection, k: FloatArray, z: FloatArray, shape: tuple[int, ...]
 ) -> FlankRays:
-    """The block's rays, seen from the stroke axis."""
-    stroke = split(grinding.chain, grinding.stroke, grinding.commands(k, 0.0))
+    """The block's rays, entered into the stroke's passage."""
+    past = passage(grinding, k)
     nominal = local.turned(grinding.gear.space_angle(k))
-    point, normal = stroke.enter((nominal.x, nominal.y, z), (nominal.nx, nominal.ny, np.zeros(())))
-    if stroke.outer.ndim > 2:
-        stroke = replace(stroke, outer=np.broadcast_to(stroke.outer, (*shape, 4, 4)).reshape(-1, 4, 4))
-    return FlankRays(grinding, stroke, _flat(point, shape), _flat(normal, shape))
+    point, normal = past.enter((nominal.x, nominal.y, z), (nominal.nx, nominal.ny, np.zeros(())))
+    return FlankRays(grinding, past.spread(shape), _flat(point, shape), _flat(normal, shape))
 
 
 def _start(

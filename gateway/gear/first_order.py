@@ -43,7 +43,7 @@ class FirstOrder:
 
 def local_twist(grinding: Grinding, k: ArrayLike, z: ArrayLike) -> FloatArray:
     """First-order relative twist (..., 6) in the frame of space k with the wheel at height z (mm)."""
-    return to_space(grinding, k, grinding.chain.twist(grinding.commands(k, z)))
+    return to_space(grinding, k, grinding.twist(grinding.commands(k, z)))
 
 
 def to_space(grinding: Grinding, k: ArrayLike, twist: FloatArray) -> FloatArray:
@@ -126,7 +126,7 @@ def _displacement(
 ) -> tuple[tuple[FloatArray, FloatArray, FloatArray], tuple[FloatArray, FloatArray, FloatArray]]:
     """Exact displacement of the points by E_W = T_act inv(T_id) and its rotation vector, in the space's frame."""
     q = grinding.commands(k, z)
-    E = grinding.chain.actual(q) @ se3.inverse(grinding.chain.ideal(q))
+    E = grinding.actual(q) @ se3.inverse(grinding.chain.ideal(q))
     turn = se3.rpy(0.0, 0.0, -grinding.gear.space_angle(k))
     change = turn @ (E[..., :3, :3] - np.eye(3)) @ np.swapaxes(turn, -1, -2)
     shift = se3.apply(turn, E[..., :3, 3])

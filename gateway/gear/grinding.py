@@ -1,4 +1,4 @@
-"""A cycloid disc on a form grinder: commands, wheel section and surface, contact line (mm, rad).
+"""A cycloid disc on a form grinder: commands and tables, wheel section and surface (mm, rad).
 
 The wheel's axis is Y of its frame, its centre stands at (E, 0, z) of the space's own frame. Its dressed axial
 section is the space profile: y_w = y_g(theta), R = E - x_g(theta). Surface r_T = (-R cos beta, y, R sin beta), normal
@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,18 +20,33 @@ from gateway.errors import ModelError
 from gateway.gear.cycloid import CycloidGear
 from gateway.gear.dressing import Dressing
 from gateway.model import se3
-from gateway.model.chain import Chain
-from gateway.model.stroke import StrokePose, Twist, split
+from gateway.model.chain import Chain, Positions, position
 
 ALIGNED = 1e-6  # rad and mm/mm: how exactly the ideal machine must be a form grinder
 PROFILE_SAMPLES = 721
 
 
+class Acting(Protocol):
+    """What a control adds to one axis' command: a table, or a product of two. Plain data, sent to other processes."""
+
+    @property
+    def out(self) -> str:
+        """Name of the axis whose command changes."""
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the axes at whose commands it is read."""
+
+    def added(self, q: Positions) -> FloatArray:
+        """What is added (mm or rad) where the commands are q, of the broadcast shape of its inputs."""
+
+
 @dataclass(frozen=True)
 class Grinding:
-    """One gear on one machine at one centre distance E (mm), with the wheel's dressing.
+    """One gear on one machine at one centre distance E (mm), with the wheel's dressing and the tables that act.
 
     ``infeed``, ``stroke`` and ``index`` name the chain's axes; every other axis stands at ``rest`` (0 if not given).
+    ``tables`` add to the commands; all are read at the commands as they are without them.
     Raises ModelError E-GEAR-GRINDER if the ideal chain cannot bring the wheel to Rz(2 pi k/z_c) trans(E, 0, z),
     E-GEAR-WHEEL if the wheel would not reach or not see the space.
     """
@@ -43,6 +59,7 @@ class Grinding:
     stroke: str = "Z"
     index: str = "C"
     rest: Mapping[str, float] = field(default_factory=dict)
+    tables: tuple[Acting, ...] = ()
 
     def __post_init__(self) -> None:
         tip = self.gear.limits().r_tip
@@ -65,6 +82,26 @@ class Grinding:
     def stroke_command(self, z: FloatArray) -> FloatArray:
         """Commands of the stroke axis that bring the wheel to heights z (mm) of the work."""
         return np.asarray((z - self._map[2]) * self._map[3])
+
+    def corrected(self, q: Positions) -> Positions:
+        """Commands q with what the tables add to them."""
+        found = dict(q)
+        for table in self.tables:
+            found[table.out] = position(found, table.out) + table.added(q)
+        return found
+
+    def actual(self, q: Positions) -> FloatArray:
+        """T_WT at commands q with every error and every table, exact, (..., 4, 4)."""
+        return self.chain.actual(self.corrected(q))
+
+    def twist(self, q: Positions) -> FloatArray:
+        """The same to first order: relative twist (..., 6) in the work, errors and tables added up."""
+        total = self.chain.twist(q)
+        if self.tables:
+            effects = {one.axis.name: one.command() for one in self.chain.influences(q)}
+            for table in self.tables:
+                total = total + effects[table.out] * table.added(q)[..., None]
+        return total
 
     @property
     def stroke_sense(self) -> float:
@@ -112,46 +149,6 @@ def wheel_surface(section: WheelSection, beta: ArrayLike) -> tuple[FloatArray, F
     point = np.stack(np.broadcast_arrays(-section.R * c, section.y, section.R * s), axis=-1)
     normal = np.stack(np.broadcast_arrays(section.nx * c, section.ny, -section.nx * s), axis=-1)
     return point, normal
-
-
-@dataclass(frozen=True, slots=True)
-class ContactLine:
-    """Where wheel and tooth touch at one stroke position: beta (...,), points and normals (..., 3) in the work."""
-
-    beta: FloatArray
-    points: FloatArray
-    normals: FloatArray
-
-
-def contact_line(grinding: Grinding, k: ArrayLike, s: ArrayLike, theta: ArrayLike) -> ContactLine:
-    """Contact points of the actual machine at stroke s (mm): n_W . d r_W/ds = 0, solved in closed form.
-
-    k, s and theta broadcast together. All contact lines of a stroke together are the actual flank.
-    """
-    section = wheel_section(grinding.gear, grinding.E, theta, grinding.dressing)
-    beta = contact_angle(section, stroke_pose(grinding, k, s).twist)
-    point, normal = wheel_surface(section, beta)
-    T = grinding.chain.actual(grinding.commands(k, s))
-    return ContactLine(beta, se3.move(T, point), se3.apply(T[..., :3, :3], normal))
-
-
-def contact_angle(section: WheelSection, twist: Twist) -> FloatArray:
-    """beta of the contact condition n . (v + w x r) = 0, i.e. a cos beta + b sin beta + c = 0, nearest to 0."""
-    v, w = twist.v, twist.w
-    a = section.nx * (v[0] - w[2] * section.y) - section.ny * w[2] * section.R
-    b = -section.nx * (v[2] + w[0] * section.y) - section.ny * w[0] * section.R
-    c = section.ny * v[1]
-    size = np.hypot(a, b)
-    if np.any(size <= np.abs(c)):
-        raise ModelError("E-GEAR-CONTACT", "grinding", count=int(np.count_nonzero(size <= np.abs(c))))
-    sense = np.where(b < 0.0, 1.0, -1.0)
-    return np.asarray(np.arctan2(sense * a, -sense * b) + np.arcsin(sense * c / size))
-
-
-def stroke_pose(grinding: Grinding, k: ArrayLike, s: ArrayLike) -> StrokePose:
-    """The stroke axis at heights s (mm) of spaces k, every other axis where the space needs it."""
-    q = grinding.commands(k, s)
-    return split(grinding.chain, grinding.stroke, q).pose(q[grinding.stroke])
 
 
 def _grinder_map(g: Grinding) -> tuple[float, float, float, float, float, float]:

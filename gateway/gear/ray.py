@@ -10,29 +10,29 @@ from numpy.typing import NDArray
 from drivers.types.values import FloatArray
 from gateway.gear.cycloid import ProfileSection
 from gateway.gear.grinding import Grinding
+from gateway.gear.passage import Passage
 from gateway.model.parts import Vector, add, cross, scale, sub
-from gateway.model.stroke import Stroke
+from gateway.model.stroke import STEP
 
 LONGEST_STEP = 1.0  # mm of stroke in one step
 SURE = 0.01  # mm: nearer than this to the profile point, the slope's sign tells on which side the valley lies
+KINK = 4.0 * STEP  # mm: where the wheel's way has a kink, the difference quotients bend within half of this
 FLATTEST = 0.05  # of the wheel's own curvature along the stroke: less is taken as this much
 
 
 @dataclass(frozen=True, slots=True)
 class FlankRays:
-    """Nominal points and normals entered into the stroke axis' frame, flat arrays (N,)."""
+    """Nominal points and normals entered into the stroke's passage, flat arrays (N,)."""
 
     grinding: Grinding
-    stroke: Stroke
+    passage: Passage
     point: Vector
     normal: Vector
 
     def at(self, which: NDArray[np.bool_]) -> FlankRays:
         """Only the rays marked."""
-        stroke = self.stroke
-        if stroke.outer.ndim > 2:
-            stroke = replace(stroke, outer=stroke.outer[which])
-        return replace(self, stroke=stroke, point=_pick(self.point, which), normal=_pick(self.normal, which))
+        passage = self.passage.at(which)
+        return replace(self, passage=passage, point=_pick(self.point, which), normal=_pick(self.normal, which))
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +101,7 @@ def residual(rays: FlankRays, state: RayState) -> FloatArray:
 
 def _look(rays: FlankRays, state: RayState) -> _Seen:
     grinding, sense = rays.grinding, rays.grinding.stroke_sense
-    pose = rays.stroke.pose(grinding.stroke_command(state.s))
+    pose = rays.passage.pose(grinding.stroke_command(state.s))
     p = pose.point(add(rays.point, scale(state.e, rays.normal)))
     velocity = scale(sense, pose.twist.at(p))
     change = sub(pose.rate.at(p), scale(sense, cross(pose.twist.w, velocity)))
@@ -127,12 +127,13 @@ def _bracket(state: RayState, pull: FloatArray, sure: NDArray[np.bool_]) -> tupl
 
 
 def _inside(s: FloatArray, ds: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
-    """The Newton step, shortened; halving the bracket where the step would leave it."""
+    """The Newton step, shortened; halving the bracket where the step would leave it, and about a kink."""
     ds = np.clip(ds, -LONGEST_STEP, LONGEST_STEP)
-    out = (s + ds < low) | (s + ds > high)
+    out = (s + ds < low) | (s + ds > high) | (high - low < KINK)
     if np.any(out):
-        middle = np.where(np.isfinite(low) & np.isfinite(high), 0.5 * (low + high), np.clip(s + ds, low, high))
-        ds = np.where(out, middle - s, ds)
+        both = np.isfinite(low) & np.isfinite(high)
+        half = 0.5 * np.add(low, high, out=np.zeros_like(s), where=both)
+        ds = np.where(out, np.where(both, half, np.clip(s + ds, low, high)) - s, ds)
     return ds
 
 

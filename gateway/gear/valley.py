@@ -24,7 +24,7 @@ def deepest(grinding: Grinding, local: ProfileSection, k: FloatArray, z: FloatAr
     """
     nodes = np.arange(np.min(z) - REACH, np.max(z) + REACH + SPACING, SPACING)
     wheel = local.nx / (grinding.E - local.x)
-    if _bend(grinding, nodes) < SHARE * float(np.min(wheel)):
+    if _bend(grinding, local, k, nodes) < SHARE * float(np.min(wheel)):
         return None
     twists = local_twist(grinding, k[..., None], nodes)
     reach = min(REACH, float(np.sqrt(2.0 * _span(twists, local, z) / np.min(wheel))))
@@ -32,8 +32,8 @@ def deepest(grinding: Grinding, local: ProfileSection, k: FloatArray, z: FloatAr
     return s, s - 1.5 * SPACING, s + 1.5 * SPACING
 
 
-def _bend(grinding: Grinding, nodes: FloatArray) -> float:
-    """Upper limit of |d2 e1 / ds2| from the stroke axis' own error motions."""
+def _bend(grinding: Grinding, local: ProfileSection, k: FloatArray, nodes: FloatArray) -> float:
+    """Upper limit of |d2 e1 / ds2| from the stroke axis' own error motions and from tables over the stroke."""
     axis = grinding.chain.axis(grinding.stroke)
     lever = abs(grinding.E) + float(np.max(np.abs(nodes)))
     total = 0.0
@@ -43,6 +43,12 @@ def _bend(grinding: Grinding, nodes: FloatArray) -> float:
             second = float(np.max(np.abs(np.diff(values, 2)))) / SPACING**2
             slope = float(np.max(np.abs(np.diff(values)))) / SPACING
             total += lever * second + 2.0 * slope if key in ANGLES else second
+    for table in grinding.tables:
+        if grinding.stroke in table.inputs:
+            values = table.added(grinding.commands(k[..., None], nodes))
+            turning = grinding.chain.axis(table.out).kind == "revolute"
+            arm = float(np.max(np.abs(local.h))) if turning else 1.0
+            total += arm * float(np.max(np.abs(np.diff(values, 2)))) / SPACING**2
     return total
 
 

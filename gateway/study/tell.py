@@ -147,10 +147,12 @@ def product_lines(study: Study) -> list[str]:
     """What product tables would still bring, if their multiplication is proved; else that it is not."""
     if not study.errors.multiplication_proved:
         return [words("S-STUDY-UNPROVED")]
-    return [
+    lines = [
         words("S-STUDY-PRODUCT", name=one.product.name, before=_um(one.before), after=_um(one.after))
         for one in study.products
     ]
+    acting = study.with_products
+    return lines if acting is None else [*lines, words("S-STUDY-WITH-PRODUCTS", rms=_um(acting.figure.rms))]
 
 
 def next_line(study: Study) -> str:
@@ -162,8 +164,9 @@ def next_line(study: Study) -> str:
 
 
 def order_line(study: Study) -> str:
-    """How far the first order may be trusted on this machine."""
-    return words("S-STUDY-ORDER", truncation=f"{mm_to_um(study.truncation):.3f}")
+    """How far the first order may be trusted on this machine, and how before and after were calculated."""
+    code = "S-STUDY-EXACT" if study.order == "exact" else "S-STUDY-ORDER"
+    return words(code, truncation=f"{mm_to_um(study.truncation):.3f}")
 
 
 def as_data(study: Study) -> dict[str, Any]:
@@ -187,10 +190,7 @@ def as_data(study: Study) -> dict[str, Any]:
             "invisible": list(study.visible.invisible),
         },
         "by_axis": [_axis(curve) for curve in correction.axes],
-        "by_tooth": {
-            name: tooth_values(state)
-            for name, state in (("before", study.before), ("with_own", study.with_own), ("after", study.after))
-        },
+        "by_tooth": {name: tooth_values(state) for name, state in _states(study)},
         "flank": _figures(correction),
         "tables": [table_data(one) for one in (*correction.own, *correction.cross)],
         "setup": {name: round(value, 6) for name, value, _ in setup_rows(study)},
@@ -204,6 +204,11 @@ def as_data(study: Study) -> dict[str, Any]:
             for one in study.next
         ],
     }
+
+
+def _states(study: Study) -> list[tuple[str, State]]:
+    states = [("before", study.before), ("with_own", study.with_own), ("after", study.after)]
+    return states if study.with_products is None else [*states, ("with_products", study.with_products)]
 
 
 def _um(value: float) -> str:

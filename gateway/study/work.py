@@ -13,6 +13,7 @@ from drivers.units import arcsec_to_rad, um_to_mm
 from gateway.correct.flank.compensability import Cure, cures
 from gateway.correct.flank.flankmodel import FlankModel, flank_model
 from gateway.correct.flank.noise import FitNoise, noise_patterns
+from gateway.correct.flank.tables import with_tables
 from gateway.correct.flank.travel_shapes import shapes_over
 from gateway.correct.part.fromgear import Visible, visible
 from gateway.correct.plan.layers import LayeredCorrection, correct
@@ -20,6 +21,7 @@ from gateway.correct.plan.plan import Plan, cross_specs, setup_unknowns
 from gateway.correct.plan.products import ProductResult, product_layer
 from gateway.correct.solve.floor import Floor, floor
 from gateway.errors import ModelError
+from gateway.gear.envelope import exact
 from gateway.gear.first_order import judged
 from gateway.gear.flank import FlankFigure, FlankGrid, flank_figure
 from gateway.gear.grinding import Grinding
@@ -56,7 +58,10 @@ class State:
 
 @dataclass(frozen=True)
 class Study:
-    """Everything a study found; mm and rad inside."""
+    """Everything a study found; mm and rad inside.
+
+    The states are flanks to second order, or exact where ``order`` is; ``with_products`` only where products help.
+    """
 
     gear: GearFile
     errors: ErrorFile
@@ -75,6 +80,8 @@ class Study:
     before: State
     with_own: State
     after: State
+    with_products: State | None
+    order: Order
     next: tuple[Next, ...]
     truncation: float
 
@@ -98,6 +105,8 @@ def study(
         for one in spans
     )
     first = judged(grinding, grid.k, grid.theta, grid.z)
+    products = product_layer(correction.machine, grid, plan, proved=True) if error_file.multiplication_proved else ()
+    multiplied = with_tables(correction.machine, [one.product for one in products])
     return Study(
         gear=gear_file,
         errors=error_file,
@@ -112,10 +121,12 @@ def study(
         floor=floor(grinding, grid),
         visible=visible(linear_flank(grinding, grid, names)),
         correction=correction,
-        products=product_layer(correction.machine, grid, plan, proved=True) if error_file.multiplication_proved else (),
-        before=_state(grid, first.second),
-        with_own=_state(grid, _second(correction.machine_with_own, grid)),
-        after=_state(grid, _second(correction.machine, grid)),
+        products=products,
+        before=_state(grid, grinding, order),
+        with_own=_state(grid, correction.machine_with_own, order),
+        after=_state(grid, correction.machine, order),
+        with_products=_state(grid, multiplied, order) if products else None,
+        order=order,
         next=_next(grinding, grid, plan, [parameter.name for parameter, _ in ready.doubts], ready.noise),
         truncation=float(np.max(np.abs(first.second - first.deviation))),
     )
@@ -199,14 +210,15 @@ class _Constant:
         return np.full_like(q, self.value)
 
 
-def _state(grid: FlankGrid, deviation: FloatArray) -> State:
-    e = np.broadcast_to(deviation, grid.shape)
+def _state(grid: FlankGrid, grinding: Grinding, order: Order) -> State:
+    whole = exact if order == "exact" else _second
+    e = np.broadcast_to(whole(grinding, grid.k, grid.theta, grid.z), grid.shape)
     figure = flank_figure(e, grid.section.h)
     return State(e, figure, inspect(grid, e - figure.rotation * grid.section.h))
 
 
-def _second(grinding: Grinding, grid: FlankGrid) -> FloatArray:
-    return judged(grinding, grid.k, grid.theta, grid.z).second
+def _second(grinding: Grinding, k: FloatArray, theta: FloatArray, z: FloatArray) -> FloatArray:
+    return judged(grinding, k, theta, z).second
 
 
 def _next(grinding: Grinding, grid: FlankGrid, plan: Plan, names: list[str], noise: FitNoise) -> tuple[Next, ...]:

@@ -12,12 +12,11 @@ import numpy as np
 
 from drivers.types.values import FloatArray
 from drivers.units import mm_to_um, rad_to_arcsec
-from gateway.correct.flank.acting_tables import Combined
 from gateway.correct.flank.wheel_places import Places
 from gateway.gear.first_order import abg, flank_abg, to_space
 from gateway.gear.grinding import Grinding
 from gateway.model.axis import Motion
-from gateway.model.motion import Fourier
+from gateway.model.motion import Fourier, Sum
 
 UNIT = np.array([[-1.0, 0, 0, 0, 0, 0], [0, -1.0, 0, 0, 0, 0], [0, 0, 0, -1.0, 0, 0], [0, 0, 0, 0, -1.0, 0]])
 KEYS = ("dx", "dy", "ea", "eb")
@@ -98,7 +97,7 @@ def centred(grinding: Grinding, mounting: WorkMounting) -> Grinding:
         if first == 0.0 and second == 0.0:
             continue
         for key, motion in zip(keys, _seen(first, second, axis.err_frame == "moving", sense), strict=True):
-            err[key] = Combined((err.get(key, 0.0), motion))
+            err[key] = Sum((err.get(key, 0.0), motion))
     names = {key: f"E{'XYZABC'[['dx', 'dy', 'dz', 'ea', 'eb', 'ec'].index(key)]}{axis.name}" for key in err}
     return replace(grinding, chain=grinding.chain.with_errors({names[key]: motion for key, motion in err.items()}))
 

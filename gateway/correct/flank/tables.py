@@ -7,13 +7,14 @@ moves the place at which the other is read, below 0.05 um at the limits) is drop
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from drivers.types.values import FloatArray
 from gateway.errors import ModelError
+from gateway.gear.grinding import Grinding
 from gateway.model.components import hats, periodic_hats
 
 CLOSED = 1e-9  # of the period: a grid whose ends are one turn apart
@@ -87,6 +88,22 @@ class Table:
         """The table of values (m,) at the free nodes."""
         return Table(grid, np.append(free, free[0]) if grid.closed else free)
 
+    @property
+    def out(self) -> str:
+        """The axis corrected."""
+        return self.grid.out
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The axis it is read at."""
+        return (self.grid.over,)
+
+    def added(self, q: Mapping[str, ArrayLike]) -> FloatArray:
+        """Correction at axis positions, of the input's shape. Raises ModelError E-CHAIN-AXIS without the input."""
+        if self.grid.over not in q:
+            raise ModelError("E-CHAIN-AXIS", self.grid.name, name=self.grid.over, known=", ".join(q))
+        return self(q[self.grid.over])
+
     def __call__(self, q: ArrayLike) -> FloatArray:
         """Correction at positions of the input axis, same shape: linear between nodes, end values held outside."""
         at = np.asarray(q, dtype=np.float64)
@@ -120,6 +137,15 @@ class Product:
         """Output first: X(Z)*(C)."""
         return f"{self.first.grid.name}*({self.second.grid.over})"
 
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The two axes it is read at."""
+        return self.first.grid.over, self.second.grid.over
+
+    def added(self, q: Mapping[str, ArrayLike]) -> FloatArray:
+        """The product at axis positions, of the inputs' broadcast shape."""
+        return self.first.added(q) * self.second.added(q)
+
 
 Correction = Table | Product
 
@@ -128,15 +154,14 @@ def corrections(tables: Sequence[Correction], q: Mapping[str, ArrayLike]) -> dic
     """What the tables add to each output axis at axis positions, arrays of the positions' broadcast shape."""
     total: dict[str, FloatArray] = {}
     for table in tables:
-        if isinstance(table, Product):
-            out, value = table.out, _at(table.first, q) * _at(table.second, q)
-        else:
-            out, value = table.grid.out, _at(table, q)
-        total[out] = total[out] + value if out in total else value
+        value = table.added(q)
+        total[table.out] = total[table.out] + value if table.out in total else value
     return total
 
 
-def _at(table: Table, q: Mapping[str, ArrayLike]) -> FloatArray:
-    if table.grid.over not in q:
-        raise ModelError("E-CHAIN-AXIS", table.grid.name, name=table.grid.over, known=", ".join(q))
-    return table(q[table.grid.over])
+def with_tables(grinding: Grinding, tables: Sequence[Correction]) -> Grinding:
+    """The same grinding with these tables acting too. Raises ModelError E-CHAIN-AXIS for an axis it does not have."""
+    for table in tables:
+        for name in (table.out, *table.inputs):
+            grinding.chain.axis(name)
+    return replace(grinding, tables=(*grinding.tables, *tables))

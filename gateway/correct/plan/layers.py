@@ -16,10 +16,9 @@ import numpy as np
 from drivers.errors import words
 from drivers.types.tables import CompensationTable
 from drivers.units import mm_to_um
-from gateway.correct.flank.acting_tables import with_tables
 from gateway.correct.flank.flankmodel import setup_tables
 from gateway.correct.flank.mounting import WorkMounting, centred, mounting_of
-from gateway.correct.flank.tables import Table
+from gateway.correct.flank.tables import Table, with_tables
 from gateway.correct.flank.wheel_places import places_of_grid
 from gateway.correct.plan.ownlayer import AxisCurve, axis_curve, own_layer, tooth_table
 from gateway.correct.plan.plan import Plan, cross_specs, live_table, setup_unknowns

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from drivers.types.values import FloatArray
 from gateway.correct.flank.flankmodel import SetupUnknown, flank_model, with_acting
-from gateway.correct.flank.tables import Correction, TableGrid
+from gateway.correct.flank.tables import Correction, Table, TableGrid
 from gateway.correct.plan.plan import AxisGrid, Plan
 from gateway.correct.solve.limits import TableSpec
 from gateway.gear.flank import FlankGrid, flank_grid
 from gateway.gear.grinding import Grinding
+from gateway.model.axis import MOTIONS, Motion
+from gateway.model.chain import LETTERS, Chain, Influence
+from gateway.model.motion import Sum
 from gateway.tooth import SetupValues
 from tests.unit.gear.machines import DISC, RV40E, random_functions
 
@@ -57,3 +63,43 @@ def setup_vector(found: SetupValues) -> list[float]:
 def corrected_flank(grinding: Grinding, grid: FlankGrid, tables: Sequence[Correction]) -> np.ndarray:
     """First-order deviations (K, T, Z) of the machine with tables acting."""
     return with_acting(flank_model(grinding, grid), grinding, tables).start().reshape(grid.shape)
+
+
+@dataclass(frozen=True, slots=True)
+class Equivalent:
+    """One error motion of axis ``over`` that does what a table of another axis does."""
+
+    chain: Chain
+    table: Table
+    motion: int
+    rest: Mapping[str, float]
+
+    def __call__(self, q: FloatArray) -> FloatArray:
+        """Values at q, same shape."""
+        at: dict[str, ArrayLike] = {**self.rest, self.table.grid.over: q}
+        influences = {influence.axis.name: influence for influence in self.chain.influences(at)}
+        return _share(influences, self.table.grid.out, self.table.grid.over, self.motion) * self.table(q)
+
+
+def as_errors(grinding: Grinding) -> Grinding:
+    """The machine as it would be measured: what its tables do, to first order, in the errors of the axes read at."""
+    errors: dict[str, list[Motion]] = {}
+    ideal = grinding.chain.without_errors()
+    rest = {name: float(q) for name, q in grinding.commands(0.0, 0.0).items()}
+    for table in grinding.tables:
+        assert isinstance(table, Table)
+        axis = grinding.chain.axis(table.grid.over)
+        for i, key in enumerate(MOTIONS):
+            parts = errors.setdefault(f"E{LETTERS[i]}{axis.name}", [axis.err.get(key, 0.0)])
+            parts.append(Equivalent(ideal, table, i, rest))
+    chain = grinding.chain.with_errors({name: Sum(tuple(parts)) for name, parts in errors.items()})
+    return replace(grinding, chain=chain, tables=())
+
+
+def _share(influences: Mapping[str, Influence], out: str, over: str, motion: int) -> FloatArray:
+    """Error motion of ``over`` per unit of correction of ``out``."""
+    twist = influences[out].command()
+    matrix = influences[over].motions
+    shape = np.broadcast_shapes(twist.shape[:-1], matrix.shape[:-2])
+    solved = np.linalg.solve(np.broadcast_to(matrix, (*shape, 6, 6)), np.broadcast_to(twist, (*shape, 6))[..., None])
+    return np.asarray(solved[..., motion, 0])

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.correct.flank.acting_tables import Combined
 from gateway.correct.flank.mounting import WorkMounting
 from gateway.correct.flank.noise import FitNoise, noise_patterns
 from gateway.correct.flank.travel_shapes import Shape
@@ -18,7 +17,7 @@ from gateway.gear.first_order import judged
 from gateway.gear.flank import flank_figure
 from gateway.gear.grinding import Grinding
 from gateway.gear.linear import ErrorParameter
-from gateway.model.motion import Fourier, Polynomial
+from gateway.model.motion import Fourier, Polynomial, Sum
 from tests.unit.correct.machines import PLAN, machine
 
 
@@ -38,7 +37,7 @@ def test_a_deviation_that_eec_takes_is_not_in_cec_and_one_it_leaves_is() -> None
     plain, grid = machine(4)
     wave = Fourier(0.0, (2e-5,), (1e-5,))  # a few arcsec once a turn
     chain = plain.chain
-    with_wave = replace(plain, chain=chain.with_errors({"ECC": Combined((chain.axis("C").err.get("ec", 0.0), wave))}))
+    with_wave = replace(plain, chain=chain.with_errors({"ECC": Sum((chain.axis("C").err.get("ec", 0.0), wave))}))
     without = correct(plain, grid, PLAN)
     taken = correct(with_wave, grid, PLAN, own=correct(with_wave, grid, PLAN).own)
     others = tuple(one for one in taken.own if one.name != "C(C)")

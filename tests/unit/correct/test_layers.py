@@ -9,10 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gateway.correct.flank.acting_tables import with_tables
 from gateway.correct.flank.flankmodel import command_effects, setup_tables
 from gateway.correct.flank.mounting import WorkMounting, centred, mounting_of
-from gateway.correct.flank.tables import Product, Table, TableGrid
+from gateway.correct.flank.tables import Table, TableGrid
 from gateway.correct.flank.wheel_places import places_of_grid, places_of_points
 from gateway.correct.part.fromgear import correct_from_gear, fit_places, visible
 from gateway.correct.plan.layers import correct
@@ -20,8 +19,7 @@ from gateway.correct.plan.records import record
 from gateway.correct.plan.reversal import reversal_advice
 from gateway.correct.solve.floor import floor
 from gateway.errors import ModelError
-from gateway.gear.envelope import exact
-from gateway.gear.first_order import first_order, flank_abg, judged
+from gateway.gear.first_order import flank_abg, judged
 from gateway.gear.flank import FlankGrid, flank_figure, flank_grid
 from gateway.gear.grinding import Grinding
 from gateway.gear.linear import linear_flank
@@ -30,7 +28,7 @@ from gateway.model.motion import Fourier
 from gateway.model.preset import TWENTY_ONE, yk7350b
 from gateway.table import Grid
 from tests.sizes import few
-from tests.unit.correct.machines import PLAN, corrected_flank, machine
+from tests.unit.correct.machines import PLAN, as_errors, corrected_flank, machine
 from tests.unit.gear.machines import DISC, RV40E
 
 
@@ -46,29 +44,6 @@ def test_the_corrected_machine_grinds_what_was_predicted(seed: int) -> None:
         assert np.ptp(curve.own_layer) < 0.25 * np.ptp(curve.before)
     assert any("determined from the axis alone" in line for line in found.said)
     assert any("interaction" in line for line in found.said)
-
-
-def test_tables_as_error_motions_do_what_tables_do() -> None:
-    grinding, grid = machine(5)
-    rng = np.random.default_rng(5)
-    z, c = np.linspace(-10.0, 10.0, 5), np.deg2rad(np.arange(0.0, 361.0, 45.0))
-    tables = [
-        Table.of(TableGrid(out, over, nodes, period), rng.normal(0.0, size, nodes.size - (period is not None)))
-        for out, size in (("X", 0.003), ("C", 4e-5))
-        for over, nodes, period in (("Z", z, None), ("C", c, 2.0 * np.pi))
-    ]
-    acting = with_tables(grinding, tables)
-    np.testing.assert_allclose(
-        np.broadcast_to(first_order(acting, grid.k, grid.theta, grid.z), grid.shape),
-        corrected_flank(grinding, grid, tables),
-        atol=1e-12,
-    )
-    # Off the nodes the exact flank agrees with second order.
-    second = judged(acting, grid.k, grid.theta, 1.3).second
-    np.testing.assert_allclose(exact(acting, grid.k, grid.theta, 1.3), second, atol=3e-6)
-    product = Product(tables[0], tables[1])
-    with pytest.raises(ModelError, match="E-CORRECT-APPLY"):
-        with_tables(grinding, [product])
 
 
 def test_another_build_of_machine_gets_its_own_signs() -> None:
@@ -125,7 +100,7 @@ def test_a_counter_rotating_harmonic_is_no_mounting() -> None:
 def test_what_acted_is_continued_in_both_layers() -> None:
     grinding, grid = machine(2)
     first = correct(grinding, grid, PLAN)
-    again = correct(first.machine, grid, PLAN, live=(*first.own, *first.cross))
+    again = correct(as_errors(first.machine), grid, PLAN, live=(*first.own, *first.cross))
     idle = {one.name for one in again.optimum.omitted if one.idle}
     renewed = {(one.kind, one.name): one for one in (*again.own, *again.cross)}
     for old in (*first.own, *first.cross):

@@ -8,11 +8,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gateway.correct.flank.acting_tables import Combined, with_tables
 from gateway.correct.flank.compensability import tangential_cure
 from gateway.correct.flank.mounting import WorkMounting, centred
 from gateway.correct.flank.noise import noise_patterns
-from gateway.correct.flank.tables import Table, TableGrid
+from gateway.correct.flank.tables import Table, TableGrid, with_tables
 from gateway.correct.outlook.flank_uncertainty import CLAMPING, DRIFT, SIZE, Shop
 from gateway.correct.outlook.next_setup import doubts
 from gateway.correct.outlook.prediction import Outlook, flank_map, predict
@@ -29,6 +28,7 @@ from gateway.gear.linear import ErrorParameter
 from gateway.gear.setright import set_right
 from gateway.model.axis import Motion
 from gateway.model.known import ErrorModel, LocationError, Unknown, chain_of_errors
+from gateway.model.motion import Sum
 from gateway.tooth import FlankMap, InspectedFlank
 from tests.unit.gear.machines import DISC, RV40E
 
@@ -93,9 +93,9 @@ def drawn(grinding: Grinding, unknown: tuple[str, ...], rng: np.random.Generator
         axis, key = grinding.chain.error_place(name)
         at = grinding.chain.axis(axis)
         if name.startswith("E"):
-            errors[name] = Combined((at.err.get(key, 0.0), *parts))
+            errors[name] = Sum((at.err.get(key, 0.0), *parts))
         else:
-            errors[name] = float(Combined((at.loc.get(key, 0.0), *parts))(np.zeros(())))
+            errors[name] = float(Sum((at.loc.get(key, 0.0), *parts))(np.zeros(())))
     return replace(grinding, chain=grinding.chain.with_errors(errors))
 
 

@@ -39,7 +39,8 @@ def test_exx_of_plus_5_um_is_x_x_plus_5() -> None:
     assert table.kind == "axis"
     assert table.at(np.array([-160.0]))[0] == pytest.approx(5.0)
     assert np.count_nonzero(table.deviations) == 1
-    assert found.with_own.largest < 1e-7
+    # The axis stands 5 um beside the target now, where the bump is 1.25 nm lower.
+    assert found.with_own.largest < 1.3e-6
 
 
 def test_exz_of_plus_5_um_is_x_z_minus_5() -> None:

@@ -9,7 +9,6 @@ import numpy as np
 from drivers.types.sensing import Ambient
 from drivers.types.tables import CompensationTable
 from drivers.units import mm_to_um, um_to_mm
-from gateway.correct.flank.acting_tables import with_tables
 from gateway.correct.plan.ownlayer import own_deviation
 from gateway.correct.plan.records import table_of
 from gateway.domain.figures import Component, Evaluation
@@ -20,7 +19,6 @@ from gateway.evaluate.optics import air, length, rotary
 from gateway.evaluate.standards import flank_tolerances, iso230_2, other_standards, readings
 from gateway.evaluate.uncertainty import budget
 from gateway.gear.cycloid import CycloidGear
-from gateway.gear.grinding import Grinding
 from gateway.model import components, fit, regression
 from gateway.model.motion import motion_from
 from gateway.model.preset import yk7350b
@@ -138,8 +136,8 @@ def _comp_table(given: Input) -> Input:
     chain = yk7350b({"EXX": motion_from(fitted)})
     table = table_of(chain, stored)
     assert table is not None
-    corrected = with_tables(Grinding(chain, GEAR, 150.0), [table]).chain
-    left = own_deviation(corrected, "X", np.asarray(given["at"], dtype=float))
+    at = np.asarray(given["at"], dtype=float)
+    left = own_deviation(chain, "X", at) + table(at)
     return {"table": mm_to_um(table.values), "residual": mm_to_um(left)}
 
 

@@ -14,9 +14,10 @@ from gateway.gear.cycloid import CycloidGear
 from gateway.gear.envelope import exact
 from gateway.gear.first_order import first_order, flank_abg, judged
 from gateway.gear.flank import FlankGrid
-from gateway.gear.grinding import Grinding, contact_line, grindable, wheel_section
+from gateway.gear.grinding import Grinding, grindable, wheel_section
 from gateway.gear.inspection import runout_values
 from gateway.gear.linear import linear_flank
+from gateway.gear.passage import contact_line
 from gateway.model.layout import chain_of
 from gateway.model.preset import yk7350b
 

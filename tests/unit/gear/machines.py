@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
@@ -46,8 +48,16 @@ def random_functions(rng: np.random.Generator) -> Chain:
     return yk7350b({**errors, **location}, c_frame="fixed" if rng.random() < 0.5 else "moving")
 
 
-def slow_exact(grinding: Grinding, k: float, theta: float, z: float) -> float:
-    """Least over the stroke of the distance at which the normal enters the wheel body, by root and line search."""
+Commands = Mapping[str, FloatArray]
+
+
+def slow_exact(
+    grinding: Grinding, k: float, theta: float, z: float, moved: Callable[[Commands], Commands] = dict
+) -> float:
+    """Least over the stroke of the distance at which the normal enters the wheel body, by root and line search.
+
+    ``moved`` is what a control makes of the commands.
+    """
     gear = grinding.gear
     nominal = gear.space(theta, k)
     r0, n0 = np.array([nominal.x, nominal.y, z]), np.array([nominal.nx, nominal.ny, 0.0])
@@ -62,7 +72,7 @@ def slow_exact(grinding: Grinding, k: float, theta: float, z: float) -> float:
         return grinding.E - float(grinding.dressing.section(gear, np.asarray(t)).x)
 
     def entry(s: float) -> float:
-        back = se3.inverse(grinding.chain.actual(grinding.commands(k, s)))
+        back = se3.inverse(grinding.chain.actual(moved(grinding.commands(k, s))))
 
         def outside(e: float) -> float:
             p = se3.move(back, r0 + e * n0)

@@ -13,7 +13,8 @@ from gateway.gear.dressing import Dressing
 from gateway.gear.envelope import exact
 from gateway.gear.first_order import abg, along_normal, first_order, judged, to_space
 from gateway.gear.flank import FlankGrid, flank_figure, flank_grid
-from gateway.gear.grinding import Grinding, contact_line, wheel_section
+from gateway.gear.grinding import Grinding, wheel_section
+from gateway.gear.passage import contact_line
 from gateway.model import se3
 from gateway.model.axis import Axis
 from gateway.model.chain import Chain

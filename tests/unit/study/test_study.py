@@ -136,6 +136,22 @@ def test_products_are_worked_out_only_behind_a_proof() -> None:
     assert proved.products[-1].after < 0.7 * proved.correction.checked.rms
     assert proved.products[-1].after >= proved.floor.products * 0.999
     assert "X(Z)*(C)" in tell.product_lines(proved)[0]
+    assert proved.with_products is not None
+    # The products are worked out to first order; second order with all of them acting finds the same.
+    assert proved.with_products.figure.rms == pytest.approx(proved.products[-1].after, rel=0.02)
+    assert f"{proved.with_products.figure.rms * 1e3:.3f} µm" in tell.product_lines(proved)[-1]
+
+
+def test_exact_means_before_and_after_too() -> None:
+    gear = load_gear(EXAMPLES / "gears" / "stack-of-three.toml")
+    small = gear.model_copy(update={"flank": gear.flank.model_copy(update={"profile": 2, "width": 3})})
+    errors = load_errors(EXAMPLES / "errors" / "seeded-machine.toml")
+    second, whole = (study(small, errors, order=order, r=1) for order in ("second", "exact"))
+    for name in ("before", "with_own", "after"):
+        one, other = getattr(second, name).deviation, getattr(whole, name).deviation
+        assert 0.0 < np.max(np.abs(one - other)) < 5e-6
+    assert "exactly" in tell.order_line(whole)
+    assert "second order" in tell.order_line(second)
 
 
 def test_one_at_a_time_is_what_the_reference_says(found: Study) -> None:
