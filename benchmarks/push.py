@@ -127,7 +127,7 @@ async def one_push(url: str, size: float, folder: Path) -> tuple[PushRecord, flo
         tested = SelfTested(machine, "X1", 0, "2026-01-01T00:00:00+00:00", "2026-01-01", passed=("READ",), failed=())
         context = PushContext(
             device, clock, Folder(folder), folder / "journal", AXIS, machine, "mill", "mill", proof,
-            approvals_needed=1, self_test=tested,
+            approvals_needed=1, risk_taken=True, self_test=tested,
         )  # fmt: skip
         begun, worked, clock.watched = perf_counter(), process_time(), asyncio.current_task()
         record = await push_table(change, context)

@@ -92,6 +92,11 @@ class DriverSettings(BaseModel):
         """What must hold between several keys; each on the key that is to be corrected."""
         return ()
 
+    def unprotected(self, url: str) -> str:
+        """Why others on the network could read or change what passes on this road, in words; "" where they cannot."""
+        del url
+        return ""
+
     @classmethod
     def _fault(cls, one: Mapping[str, Any]) -> SettingFault:
         key = ".".join(map(str, one["loc"]))

@@ -4,5 +4,6 @@ from __future__ import annotations
 
 from gateway.approve.approval import VALID, consent
 from gateway.approve.keeping import Approvals
+from gateway.approve.risk import UNPROTECTED, risk_taken, risking
 
-__all__ = ["VALID", "Approvals", "consent"]
+__all__ = ["UNPROTECTED", "VALID", "Approvals", "consent", "risk_taken", "risking"]

@@ -13,6 +13,7 @@ from gateway.cli.options import (
     AxesOption,
     JsonOption,
     MachineOption,
+    RiskOption,
     RunArgument,
     SiteArgument,
     StoreOption,
@@ -29,12 +30,15 @@ def run(
     axis: AxesOption = None,
     apply: ApplyOption = False,
     machine: MachineOption = "",
+    risk: RiskOption = "",
     as_json: JsonOption = False,
 ) -> None:
     """Measure every axis, propose tables; with --apply push them, measure again and prove it."""
+    from gateway.approve import risking
     from gateway.cli.machine.running import run_site_command
 
-    run_site_command(site, apply, machine, axes=tuple(axis or ()), as_json=as_json)
+    with risking(risk):
+        run_site_command(site, apply, machine, axes=tuple(axis or ()), as_json=as_json)
 
 
 def push(
@@ -43,14 +47,17 @@ def push(
     points: Annotated[bool, typer.Option("--points", help="Show every interpolation point.")] = False,
     apply: ApplyOption = False,
     machine: MachineOption = "",
+    risk: RiskOption = "",
     store: StoreOption = Path("runs"),
     as_json: JsonOption = False,
 ) -> None:
     """Show a stored proposal's difference and every refusal; with --apply write it and measure again."""
+    from gateway.approve import risking
     from gateway.cli.machine.running import PushAsked, push_run_command
 
     asked = PushAsked(tuple(axis or ()), apply, machine, points)
-    push_run_command(run_folder, store, asked, as_json=as_json)
+    with risking(risk):
+        push_run_command(run_folder, store, asked, as_json=as_json)
 
 
 def recover(

@@ -18,6 +18,9 @@ RunArgument = Annotated[
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 ApplyOption = Annotated[bool, typer.Option("--apply", help="Write to the controller (else: propose only).")]
 MachineOption = Annotated[str, typer.Option(help="The machine's name, typed to confirm --apply.")]
+RiskOption = Annotated[
+    str, typer.Option(help="Type unprotected to push alone on an unprotected connection.", show_default=False)
+]
 AxesOption = Annotated[
     list[str] | None, typer.Option("--axis", help="Only this machine axis; may be repeated.", show_default=False)
 ]

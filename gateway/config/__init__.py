@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from gateway.config.faults import Fault, SiteFaults
 from gateway.config.loading import SiteReading, load_site, read_site
+from gateway.config.reaching import open_road
 from gateway.config.reference import schema
 from gateway.config.sections import (
     AxisSection,
@@ -41,6 +42,7 @@ __all__ = [
     "WorkSection",
     "WorkingWindow",
     "load_site",
+    "open_road",
     "read_site",
     "schema",
 ]

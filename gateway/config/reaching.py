@@ -13,6 +13,7 @@ from drivers.local.names import shown
 from gateway.config.faults import Fault, called
 from gateway.config.keyfaults import broken
 from gateway.config.rules import GEAR_MACHINE
+from gateway.config.sections import SiteFile
 
 INSTRUMENTS = ("instrument", GEAR_MACHINE)
 _PORTLESS = {"opc.tcp"}
@@ -26,6 +27,15 @@ def reach_faults(tree: Mapping[str, Any], site: Any) -> Iterator[Fault]:
         yield from _reached(tree, site.controller, ("controller",))
     for instrument in site.instruments:
         yield from _reached(tree, instrument, INSTRUMENTS)
+
+
+def open_road(site: SiteFile) -> str:
+    """Why others on the network could read or change what passes to the control, in words; "" where they cannot."""
+    spec = registry.known("controller").get(site.controller.driver)
+    model = spec.load_settings() if spec is not None else None
+    if model is None or model.faults(site.controller.settings):
+        return ""
+    return str(model.model_validate(dict(site.controller.settings)).unprotected(site.controller.url))
 
 
 def _reached(tree: Mapping[str, Any], section: Any, roles: tuple[str, ...]) -> Iterator[Fault]:

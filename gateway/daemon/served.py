@@ -13,7 +13,7 @@ from drivers.clock import Clock
 from drivers.errors import TrueflankError
 from gateway.audience import Audience, kind_of
 from gateway.broker import Lease
-from gateway.config import SiteFile
+from gateway.config import SiteFile, open_road
 from gateway.daemon.daily import Daily
 from gateway.daemon.desk import Desk, Devices
 from gateway.daemon.hub import Hub
@@ -61,6 +61,7 @@ class ServedPlace:
         self._what = what
         self._clock = clock
         self._outgoing = publisher_of(what.site, what.path, what.store, clock)
+        self._unprotected = open_road(what.site)
         self.hub = Hub(clock, lambda: as_data(self.picture()), self._told)
         self._book = LogBook(what.store.root, clock.utc)
         self._index = index_of(what.site, what.path, what.store)
@@ -115,6 +116,7 @@ class ServedPlace:
             due=daily.words if daily is not None else "",
             left=() if desk.left.clear else (desk.left.said.as_record(),),
             held=pushes_held(store),
+            unprotected=self._unprotected,
             simulated=self.path.with_suffix(".cell.json").exists(),
         )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from datetime import datetime
 
 from gateway.domain.proposals import Approval
@@ -82,14 +82,19 @@ def _alarmed(facts: PushFacts) -> Iterator[Refusal]:
         yield from no("W-INT-ALARM", axis=facts.change.axis, alarm=alarm)
 
 
-_WARNING: tuple[Rule, ...] = (_steep, _far, _old, _flat, _found, _forgetful, _marked, _alarmed)
+def _open(facts: PushFacts) -> Iterator[Refusal]:
+    if facts.can.unprotected:
+        yield from no("W-INT-UNPROTECTED", road=facts.can.unprotected)
+
+
+_WARNING: tuple[Rule, ...] = (_steep, _far, _old, _flat, _found, _forgetful, _marked, _alarmed, _open)
 _JUDGED_HERE = ("W-COMP-STEEP", "W-COMP-FLAT")
 
 
 def _agreed(facts: PushFacts) -> Iterator[Refusal]:
     wanted = needed(facts)
     problems = {approval: tuple(_problem(facts, approval)) for approval in facts.request.approvals}
-    people = {approval.actor for approval, problem in problems.items() if not problem}
+    people = _people(problems)
     if len(people) + 1 >= wanted:
         return
     found = [one for problem in problems.values() for one in problem]
@@ -97,6 +102,18 @@ def _agreed(facts: PushFacts) -> Iterator[Refusal]:
     if not found:
         why = "; ".join(warning.words for warning in warnings(facts)) or "this site asks for it"
         yield from no("E-INT-APPROVAL-MISSING", table=facts.table.name, needed=wanted, have=len(people) + 1, why=why)
+
+
+def _people(problems: Mapping[Approval, tuple[Refusal, ...]]) -> set[str]:
+    return {approval.actor for approval, problem in problems.items() if not problem}
+
+
+def _risked(facts: PushFacts) -> Iterator[Refusal]:
+    """Where this site lets one person push alone, that person types the risk of a road that lies open."""
+    if not facts.can.unprotected or facts.request.risk_taken or needed(facts) > 1:
+        return
+    if not _people({approval: tuple(_problem(facts, approval)) for approval in facts.request.approvals}):
+        yield from no("E-INT-RISK", road=facts.can.unprotected)
 
 
 def _problem(facts: PushFacts, approval: Approval) -> Iterator[Refusal]:
@@ -150,4 +167,4 @@ def _proposed(facts: PushFacts) -> Iterator[Refusal]:
         yield from no("E-INT-NOT-PROPOSED", table=facts.table.name, plan=facts.plan[:12])
 
 
-APPROVED: tuple[Rule, ...] = (_agreed, _audit, _proposed)
+APPROVED: tuple[Rule, ...] = (_agreed, _risked, _audit, _proposed)

@@ -66,7 +66,7 @@ class PushRequest(Protocol):
     chain cannot be trusted ("": it can). ``proposed`` whether the audit log holds this plan's proposal; ``used`` and
     ``unrecorded`` are approvals that it knows as used or does not know; ``run_id`` the run they must name,
     ``consent_utc`` when they must hold (None: now). ``alarms`` are differences found between this axis' live tables and
-    what was pushed.
+    what was pushed. ``risk_taken``: who pushes has typed the risk of a connection that is not protected.
     """
 
     @property
@@ -109,6 +109,8 @@ class PushRequest(Protocol):
     def run_id(self) -> str: ...
     @property
     def consent_utc(self) -> datetime | None: ...
+    @property
+    def risk_taken(self) -> bool: ...
     @property
     def alarms(self) -> tuple[str, ...]: ...
 

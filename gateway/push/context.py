@@ -81,7 +81,8 @@ class PushContext:
     ``consent_utc`` when this push began, which is when they must hold (None: now). ``on_live`` is told the live tables
     as read before anything is disabled, cross tables as deviations, and answers with the alarms that stand then.
 
-    ``self_test`` is the last one of the output axis (None: this store knows none).
+    ``self_test`` is the last one of the output axis (None: this store knows none). ``risk_taken``: who pushes has typed
+    the risk of a connection that is not protected.
 
     ``journals`` is the folder of all machines' journals; ``machine`` the fingerprint the run was made on;
     ``typed_name`` what the operator gave as the machine's name, ``site_name`` what it must be. Timeouts in s of
@@ -121,6 +122,7 @@ class PushContext:
     on_live: Callable[[LiveSet], tuple[str, ...]] | None = None
     consent_utc: datetime | None = None
     self_test: SelfTested | None = None
+    risk_taken: bool = False
 
     @property
     def moved(self) -> AxisRecord:

@@ -169,7 +169,8 @@ class ToothMaterial:
 class ReportMaterial:
     """A whole run as the report shows it; dates are ISO 8601, ``hashes`` name -> sha256 of a record.
 
-    ``simulated``: a double was in the loop, by its own word or the site file's.
+    ``simulated``: a double was in the loop, by its own word or the site file's. ``unprotected`` says why others on the
+    network could read or change what passed to the control; "" where they could not.
     """
 
     site: str
@@ -188,4 +189,5 @@ class ReportMaterial:
     tooth: ToothMaterial | None = None
     particulars: Particulars = field(default_factory=Particulars)
     simulated: bool = False
+    unprotected: str = ""
     judged: tuple[Judged, ...] = ()

@@ -56,7 +56,7 @@ def render(material: ReportMaterial) -> str:
     editions = sorted({_edition(item) for axis in material.axes for item in _evaluations(axis)})
     headline = (*sentences.OUTCOME[material.outcome][:2], tooth_words.sentence(material))
     tooth = tooth_page(material)
-    loud = sentences.still_on(material)
+    loud = (*sentences.still_on(material), *sentences.open_road(material))
     return _template().render(
         report=material, axes=axes, editions=editions, outcome=headline, tooth=tooth, still_on=loud
     )

@@ -100,6 +100,11 @@ def when(stamp: str) -> str:
     return moment.astimezone(UTC).strftime("%Y-%m-%d %H:%M UTC") if moment.tzinfo else stamp
 
 
+def open_road(report: ReportMaterial) -> tuple[str, ...]:
+    """One line where the connection to the control was not protected."""
+    return (f"The connection to the control was unprotected: {report.unprotected}.",) if report.unprotected else ()
+
+
 def still_on(report: ReportMaterial) -> tuple[str, ...]:
     """One line for each table whose push was held with nothing to prove that it is off: first in every report."""
     tables = report.tooth.tables if report.tooth is not None else ()

@@ -155,6 +155,7 @@ class StatusView:
     the devices together when each of them answers. ``alarms`` are live tables that are not as they were pushed,
     ``due`` says which were not compared when they should have been, ``left`` what an earlier gateway left in the
     control, ``held`` the pushes that did not end, the loud ones first. ``simulated``: a cell wrote the site file.
+    ``unprotected`` says why others could read or change what passes to the control; "" where they cannot.
     """
 
     site: str
@@ -172,6 +173,7 @@ class StatusView:
     held: tuple[HeldView, ...] = ()
     acting: tuple[ActingRow, ...] = ()
     simulated: bool = False
+    unprotected: str = ""
 
     @property
     def state(self) -> str:

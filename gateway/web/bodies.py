@@ -56,10 +56,14 @@ class Measure(Body):
 
 
 class Close(Body):
-    """The whole loop; it only proposes unless ``apply`` is set and ``machine`` is the machine's name, typed."""
+    """The whole loop; it only proposes unless ``apply`` is set and ``machine`` is the machine's name, typed.
+
+    ``risk`` as in a push.
+    """
 
     apply: bool = False
     machine: Text = ""
+    risk: Text = ""
     resume: Text = ""
 
 
@@ -70,10 +74,14 @@ class OfRun(Body):
 
 
 class Push(OfRun):
-    """A run's proposal into the control; ``machine`` is the machine's name, typed. Without ``apply`` it is shown."""
+    """A run's proposal into the control; ``machine`` is the machine's name, typed. Without ``apply`` it is shown.
+
+    ``risk`` "unprotected" is typed by one person alone where the connection to the control is unprotected.
+    """
 
     apply: bool = False
     machine: Text = ""
+    risk: Text = ""
 
 
 class Disable(Body):

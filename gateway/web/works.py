@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.clock import Clock
+from gateway.approve import risking
 from gateway.config import SiteFile
 from gateway.correct.outlook.next_setup import Tooth
 from gateway.domain.proposals import Approval
@@ -63,7 +64,8 @@ def close(at: ServedSite, clock: Clock, body: bodies.Close, resume: RunFolder | 
 
     async def work(say: Say) -> object:
         asked: dict[str, Any] = {"apply": body.apply, "machine_name": body.machine, "resume": resume}
-        return await close_site(at.site, at.path, clock=clock, say=say, **asked)
+        with risking(body.risk):
+            return await close_site(at.site, at.path, clock=clock, say=say, **asked)
 
     return work
 
@@ -72,7 +74,8 @@ def push(folder: RunFolder, clock: Clock, body: bodies.Push) -> Work:
     """A stored proposal shown, or written."""
 
     async def work(say: Say) -> object:
-        return await push_run(folder, apply=body.apply, machine_name=body.machine, clock=clock, say=say)
+        with risking(body.risk):
+            return await push_run(folder, apply=body.apply, machine_name=body.machine, clock=clock, say=say)
 
     return work
 

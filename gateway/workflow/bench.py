@@ -79,6 +79,11 @@ class Bench:
         return replace(axis.facts, safe=self.site.moves.places.ranges.get(axis.name))
 
     @property
+    def open_road(self) -> str:
+        """Why others on the network could read or change what passes to the control; "" where they cannot."""
+        return self.supervisor.controller.capabilities.unprotected
+
+    @property
     def moved(self) -> frozenset[str]:
         """Machine names of the axes that are moved and measured; every other stands still."""
         return frozenset(axis.name for axis in self.site.axes)
@@ -207,6 +212,8 @@ async def _opened(
         if isinstance(supervisor.controller, SaysMotion):
             supervisor.controller.keep_to(site.moves.places)
         say("P-OPEN", site=site.site.name, serial=machine.serial, count=len(supervisor.picture()))
+        if road := supervisor.controller.capabilities.unprotected:
+            say("P-UNPROTECTED", road=road)
         if not supervisor.left.clear:
             say("P-LEFT", words=supervisor.left.words)
         yield Bench(

@@ -136,7 +136,9 @@ def begin(at: Bench, change: TableChange, context: PushContext) -> None:
     Raises CorruptRecord (E-AUDIT-BROKEN), BusyError (E-AUDIT-BUSY), StoreError: then nothing may be sent.
     """
     people = ", ".join(sorted({approval.actor for approval in context.approvals}))
-    _keep(at, change, "push-start", {"approved_by": people} if people else {})
+    told: dict[str, object] = {"approved_by": people} if people else {}
+    typed = context.risk_taken and bool(_open_road(at))
+    _keep(at, change, "push-start", told | ({"risk": "typed"} if typed else {}))
 
 
 def proving(at: Bench, change: TableChange) -> None:
@@ -213,7 +215,7 @@ def _proposed(at: Bench, change: TableChange, told: dict[str, object]) -> str:
         plan_hash=plan_hash(change, at.machine),
         base_hash=change.base_digest,
         new_hash=table_hash(change),
-        details={**told, "table": change.name},
+        details={**told, **_open_road(at), "table": change.name},
     )
 
 
@@ -257,5 +259,10 @@ def _keep(at: Bench, change: TableChange, action: str, told: dict[str, object]) 
         plan_hash=plan_hash(change, at.machine),
         base_hash=change.base_digest,
         new_hash=table_hash(change),
-        details={"table": change.name, "run": at.folder.run_id, **told},
+        details={"table": change.name, "run": at.folder.run_id, **_open_road(at), **told},
     )
+
+
+def _open_road(at: Bench) -> dict[str, object]:
+    """What a record says of the connection: nothing but where it is not protected."""
+    return {"unprotected": at.open_road} if at.open_road else {}

@@ -63,7 +63,7 @@ async def people(
     try:
         yield PushContext(
             on.device, on.bench.clock, Folder(root), root / "journal", X_AXIS, await on.device.identify(), "mill",
-            "mill", proof, start_timeout_s=120.0, say=say, input=moved, approvals_needed=1,
+            "mill", proof, start_timeout_s=120.0, say=say, input=moved, approvals_needed=1, risk_taken=True,
         )  # fmt: skip
     finally:
         task.cancel()

@@ -60,7 +60,7 @@ async def context_for(
     controller.keep_to(PLACES)
     return PushContext(
         controller, on.clock, Folder(root), root / "journal", X_AXIS, machine, "mill", "mill",
-        proof, start_timeout_s=200.0, input=moved, self_test=passed(machine),
+        proof, start_timeout_s=200.0, input=moved, self_test=passed(machine), approvals_needed=1, risk_taken=True,
     )  # fmt: skip
 
 

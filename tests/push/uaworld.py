@@ -191,7 +191,14 @@ def ua_context(controller: Any, clock: Clock, root: Path, machine: MachineIdenti
     proof = SignProof(machine, function, "X1", -1.0, 0.01, 1, "2026-01-01T00:00:00+00:00")
     controller.keep_to(PLACES)
     given: dict[str, Any] = {"self_test": passed(machine)}
-    given |= {"proof": proof, "start_timeout_s": 60.0, "approvals_needed": 1, "actor": "anna", **more}
+    given |= {
+        "proof": proof,
+        "start_timeout_s": 60.0,
+        "approvals_needed": 1,
+        "risk_taken": True,
+        "actor": "anna",
+        **more,
+    }
     return PushContext(controller, clock, Folder(root), root / "journal", X_AXIS, machine, NAME, NAME, **given)
 
 

@@ -263,6 +263,7 @@ def context_for(
         "start_timeout_s": 60.0,
         "stop_timeout_s": 60.0,
         "approvals_needed": 1,
+        "risk_taken": True,
         "modes": ("AUTO", "JOG"),
         "input": Z_AXIS if scene.cross else None,
         "actor": "anna",

@@ -9,6 +9,7 @@ never: after a timeout what the PLC did is unknown, `open` makes a fresh connect
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, Literal
 
 from drivers.clock import Clock
@@ -66,13 +67,14 @@ class SinumerikModbus(KeepsPlaces):
             clock=clock,
             where=name,
         )
+        self._can = replace(CAPABILITIES, unprotected=found.unprotected(url))
         self._encoder = found.encoder
         self.book: SentPrograms | None = None
 
     @property
     def capabilities(self) -> Capabilities:
         """No programs; tables can be switched one by one; the PLC keeps the marker; consent is given at the panel."""
-        return CAPABILITIES
+        return self._can
 
     async def open(self, timeout_s: float) -> Identity:
         """Connect, check map and word order, and read who the machine is.

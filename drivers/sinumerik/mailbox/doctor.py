@@ -51,11 +51,12 @@ class ModbusDoctor:
         scheme = urlsplit(self._url).scheme if "://" in self._url else ""
         if scheme not in ("tcp", "socket"):
             return []
+        protected = [wrong("E-DOC-PLAIN", "protection")] if self._settings.unprotected(self._url) else []
         try:
             host, port = host_and_port(self._url, DEFAULT_PORT)
         except ValueError as error:
             return [wrong("E-DOC-NAME", "name", host=self._url, why=str(error))]
-        return await reach(host, port, self._clock, timeout_s)
+        return [*protected, *await reach(host, port, self._clock, timeout_s)]
 
     async def _mailbox(self, wanted: Wanted, timeout_s: float) -> list[CheckLine]:
         try:

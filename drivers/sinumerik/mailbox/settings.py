@@ -7,10 +7,12 @@ from urllib.parse import urlsplit
 
 from pydantic import Field
 
+from drivers.errors import words
 from drivers.settings import WIRES, DriverSettings, Rule
 from drivers.sinumerik.mailbox.codec.packing import WordOrder
 
 _CHARACTER_BITS = 11.0
+_CABLES = ("", "usb")
 _FAST_BAUD, _FAST_GAP_S = 19200, 0.00175
 
 
@@ -48,6 +50,11 @@ class ModbusSettings(DriverSettings):
     def rules(self) -> tuple[Rule, ...]:
         """A transfer asks no slower than an idle line."""
         return (("fast_poll_s", self.fast_poll_s <= self.poll_s, "must be 0.001 s .. poll_s"),)
+
+    def unprotected(self, url: str) -> str:
+        """Plain Modbus over a network; a serial port of this computer is a cable that nobody else is on."""
+        scheme = urlsplit(url).scheme if "://" in url else ""
+        return words("W-MBX-UNPROTECTED") if scheme not in _CABLES else ""
 
     @property
     def order(self) -> WordOrder:

@@ -130,7 +130,7 @@ class SinumerikOpcUa(Leaver, GuardsPrograms):
     @property
     def capabilities(self) -> Capabilities:
         """Programs of ours run; tables are switched at a stop of theirs; the marker stands in four R parameters."""
-        return CAPABILITIES
+        return replace(CAPABILITIES, unprotected=self._settings.unprotected(""))
 
     async def table_limits(self, axis: str, kind: TableKind = "axis", index: int = 0) -> TableLimits:
         """MD38000 of an encoder or MD18342 of a table, six decimals of a mm or degree, our value limit, MD32720."""

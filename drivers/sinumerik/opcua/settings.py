@@ -7,6 +7,7 @@ from typing import Any, ClassVar, Literal
 
 from pydantic import Field
 
+from drivers.errors import words
 from drivers.settings import CertificatePathText, DriverSettings, FilePathText, FolderPathText, Rule, VariableText
 from drivers.sinumerik.ncprogram.words import COUNT, SetupWord, Words
 from drivers.sinumerik.opcua.session import nodes
@@ -81,6 +82,11 @@ class UaSettings(DriverSettings):
         if any(fault.key != "server_certificate" for fault in cls.faults(settings)):
             return cls.read(settings, where)
         return cls.model_validate(dict(settings))
+
+    def unprotected(self, url: str) -> str:
+        """OPC UA without signature and encryption."""
+        del url
+        return "" if self.secured else words("W-UA-UNPROTECTED")
 
     @property
     def secured(self) -> bool:

@@ -10,7 +10,7 @@ import typer
 from drivers.clock import Clock, LoopClock
 from gateway.cli.machine.running import show_outcome
 from gateway.cli.onward import after_run
-from gateway.cli.options import ApplyOption, JsonOption, MachineOption, SiteArgument
+from gateway.cli.options import ApplyOption, JsonOption, MachineOption, RiskOption, SiteArgument
 from gateway.cli.screen.telling import progress
 from gateway.cli.stopping import run_to_end
 from gateway.say import Say
@@ -20,11 +20,15 @@ def close_command(
     site: SiteArgument,
     apply: ApplyOption = False,
     machine: MachineOption = "",
+    risk: RiskOption = "",
     resume: Annotated[str, typer.Option(help="Go on with this run: folder or id.", show_default=False)] = "",
     as_json: JsonOption = False,
 ) -> None:
     """Measure all errors, propose tables for the tooth; with --apply grind, push, grind again and prove it."""
-    close_site_command(site, apply, machine, resume, as_json=as_json)
+    from gateway.approve import risking
+
+    with risking(risk):
+        close_site_command(site, apply, machine, resume, as_json=as_json)
 
 
 def close_site_command(

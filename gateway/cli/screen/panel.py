@@ -54,6 +54,7 @@ class LivePanel:
 
     def _rows(self, scene: Scene, now: float) -> list[Any]:
         rows: list[Any] = [_bar(count, now) for count in scene.counts.values()]
+        rows += [Text(f"! {visible(text)}", style="bold red") for text in (scene.open_road,) if text]
         rows += [Text(visible(text)) for text in (scene.step,) if text]
         rows += [Text(f"  {visible(move)}") for move in scene.moves]
         if scene.ask:

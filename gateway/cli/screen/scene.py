@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from drivers.errors import words
 from gateway.audience import Audience, kind_of
 
+OPEN_ROAD = "P-UNPROTECTED"
 FIRST_GUESS_S = 3.0
 COUNTED = ("done", "total"), ("number", "total")
 
@@ -30,11 +31,15 @@ class Count:
 
 @dataclass(slots=True)
 class Scene:
-    """The panel's state; `told` takes what is said, in s of any steady clock."""
+    """The panel's state; `told` takes what is said, in s of any steady clock.
+
+    ``open_road`` stays as long as the command works: what passes to the control is not protected.
+    """
 
     began: float
     step: str = ""
     within: str = ""
+    open_road: str = ""
     ask: str = ""
     asked: float = 0.0
     moves: tuple[str, ...] = ()
@@ -43,6 +48,9 @@ class Scene:
     def told(self, code: str, fields: Mapping[str, object], now: float) -> None:
         """Take one piece of progress."""
         kind = kind_of(code)
+        if code == OPEN_ROAD:
+            self.open_road = words(code, **fields)
+            return
         if kind is Audience.ASK:
             self.ask, self.asked = words(code, **fields), now
         elif kind is Audience.MOVE:

@@ -55,7 +55,8 @@ def document(material: ReportMaterial) -> Document:
 
 
 def _main(material: ReportMaterial, t: Tongue) -> tuple[Block, ...]:
-    warned = tuple(Paragraph(line, "strong") for line in still_on(material))
+    said = (t("unprotected"),) if material.unprotected else ()
+    warned = tuple(Paragraph(line, "strong") for line in (*still_on(material), *said))
     first = (*warned, *parties(material, t), *answer(material, t), *conformity(material, t))
     middle = (*equipment(material, t), *axes(material, t), *tooth(material, t), *incurable(material, t))
     told = (*first, *middle, *conditions(material, t), *methods(material, t))

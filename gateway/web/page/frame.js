@@ -56,6 +56,7 @@ function drawTop(top, more) {
   show(top,
     h("div", { class: "machine" }, machine(more), h("small", {}, state.tables?.serial ?? "")),
     status.simulated && h("strong", { class: "chip simulated" }, t("frame.simulated")),
+    status.unprotected && h("strong", { class: "chip bad unprotected", title: status.unprotected }, t("frame.unprotected")),
     state.offline && h("strong", { class: "chip bad", role: "alert" }, `▲ ${t("frame.offline")}`),
     h("span", { class: `chip state ${status.state}` }, mark(status.state), ` ${t(`state.${status.state}`)}`),
     control && h("span", { class: `chip state ${control.state.replace(" ", "-")}`, title: control.driver }, mark(control.state), ` ${t("frame.control")}: ${t(`device.${control.state.replace(" ", "_")}`)}`),

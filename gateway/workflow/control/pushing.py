@@ -14,6 +14,7 @@ from drivers.types.sensing import Ambient
 from drivers.types.stops import Stop
 from drivers.types.tables import CompensationTable
 from drivers.units import deviation_scale
+from gateway.approve import risk_taken
 from gateway.capture.live import combined
 from gateway.capture.readings import Readings
 from gateway.capture.sense import prove_sense
@@ -187,6 +188,7 @@ def push_context(at: Bench, axis: AxisSection, capture: Capture | None) -> PushC
         access_level_needed=at.site.controller.access_level,
         say=at.say,
         self_test=last_of(at, axis),
+        risk_taken=risk_taken(),
     )
 
 

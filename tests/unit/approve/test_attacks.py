@@ -44,6 +44,7 @@ class At:
     folder: RunFolder
     clock: Clock
     machine: MachineIdentity = MACHINE
+    open_road: str = ""
     supervisor: Any = None
     site: Any = None
     proofs: Any = None

@@ -32,6 +32,13 @@ class At:
     folder: Any
     clock: Moments = field(default_factory=Moments)
     machine: MachineIdentity = MACHINE
+    open_road: str = ""
+
+    @classmethod
+    def of(cls, root: Path, **given: Any) -> At:
+        """A bench with a store of its own."""
+        store = Store(root)
+        return cls(store, store.create("mill"), **given)
 
 
 SKIPPED = replace(CHANGE, axis="C1", new=replace(CHANGE.new, output_axis="C1"), skipped="within its uncertainty")
@@ -40,8 +47,7 @@ PROPOSAL = Proposal(MACHINE, (CHANGE, SKIPPED), (), "2026-11-21T10:00:00+00:00")
 
 @pytest.fixture
 def at(tmp_path: Path) -> Any:
-    store = Store(tmp_path)
-    return At(store, store.create("mill"))
+    return At.of(tmp_path)
 
 
 def given(at: At, actor: str, ago: timedelta = timedelta(0)) -> None:

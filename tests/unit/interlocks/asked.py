@@ -49,6 +49,7 @@ class Asked:
     run_id: str = ""
     consent_utc: datetime | None = None
     alarms: tuple[str, ...] = ()
+    risk_taken: bool = False
 
 
 def replace(one: Any, /, **values: Any) -> Any:
@@ -64,6 +65,8 @@ def replace(one: Any, /, **values: Any) -> Any:
         asked["machine"] = values.pop("expected")
     if "marker_kept" in values:
         values["can"] = dataclasses.replace(one.can, marker=values.pop("marker_kept"))
+    if "unprotected" in values:
+        values["can"] = dataclasses.replace(one.can, unprotected=values.pop("unprotected"))
     if "self_tests" in values:
         values["can"] = dataclasses.replace(one.can, self_test=values.pop("self_tests"))
     request: Any = one.request

@@ -158,6 +158,7 @@ MORE: list[tuple[str, PushFacts]] = [
     ("E-INT-GAIN", replace(GOOD, change=replace(CHANGE, predicted=0.6 * np.array(NEW.deviations)))),
     ("E-INT-APPROVAL-MISSING", replace(TWO, approvals=())),
     ("E-INT-APPROVAL-MISSING", replace(GOOD, approvals_needed=2)),
+    ("E-INT-RISK", replace(GOOD, approvals_needed=1, unprotected="plain")),
     ("E-INT-APPROVAL-EXPIRED", approved(expires_utc=NOW.isoformat())),
     ("E-INT-APPROVAL-EXPIRED", approved(given_utc=(NOW + timedelta(hours=1)).isoformat())),
     ("E-INT-APPROVAL-EXPIRED", approved(expires_utc="soon")),
@@ -269,6 +270,19 @@ def test_a_second_person_counts_and_one_is_enough_without_a_warning() -> None:
     assert codes(replace(TWO, approvals_needed=3, approvals=(GIVEN, replace(third, plan_hash=PLAN)))) == set()
 
 
+def test_on_an_open_road_one_person_alone_types_the_risk_where_the_site_lets_one_push() -> None:
+    """A second person, or by the site's own key one; who is alone takes the risk word for word."""
+    plain = replace(GOOD, unprotected="plain", approvals=())
+    assert codes(plain) == codes(replace(plain, risk_taken=True)) == {"E-INT-APPROVAL-MISSING"}
+    alone = replace(plain, approvals_needed=1)
+    assert codes(alone) == {"E-INT-RISK"}
+    assert codes(replace(alone, risk_taken=True)) == set()
+    second = replace(TWO, unprotected="plain", approvals_needed=1)
+    assert codes(second) == set()
+    assert codes(replace(second, approvals=(replace(GIVEN, plan_hash="0"),))) == {"E-INT-RISK"}
+    assert codes(replace(alone, purpose="restore")) == set()
+
+
 @pytest.mark.parametrize(
     ("code", "facts"),
     [
@@ -278,6 +292,7 @@ def test_a_second_person_counts_and_one_is_enough_without_a_warning() -> None:
         ("W-INT-AGE", captured(ended_utc=(NOW - timedelta(hours=5)).isoformat())),
         ("W-INT-FINDING", replace(GOOD, change=replace(CHANGE, findings=("W-COMP-BRIDGE [X1]: wide",)))),
         ("W-INT-NO-MARKER", replace(GOOD, marker_kept=False)),
+        ("W-INT-UNPROTECTED", replace(GOOD, unprotected="plain")),
         ("W-INT-MARK-LOST", replace(GOOD, mark_lost=7)),
         ("W-INT-STRANGER", replace(GOOD, marker=Marker(7, "committed"), stranger=7)),
         ("W-INT-ALARM", replace(GOOD, alarms=("X1: switched off",))),
