@@ -79,16 +79,16 @@ async def main() -> None:
     for one in crowd:
         status, _took = await one
         statuses[status] = statuses.get(status, 0) + 1
-    borne = [await one for one in halves]
+    borne = sorted([await one for one in halves])
     await asyncio.gather(*streams, return_exceptions=True)
     ages = sorted(age for told in pages for age in told.pop("ages"))
     print(
         json.dumps(
             {
-                "health_s": max(took for _status, took in probes) if probes else 0.0,
+                "health_s": [took for _status, took in probes],
                 "health": sorted({status for status, _took in probes}),
                 "crowd": statuses,
-                "borne_s": [min(borne), max(borne)] if borne else [],
+                "borne_s": [borne[0], borne[len(borne) // 2], borne[-1]] if borne else [],
                 "pages": pages,
                 "age_s": [ages[len(ages) // 2], ages[-1]] if ages else [],
             }

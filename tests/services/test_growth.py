@@ -13,7 +13,7 @@ from drivers.clock import LoopClock, run_virtual
 from gateway.push import push_table
 from tests.push.world import Scene, change_of, context_for, world
 
-pytestmark = pytest.mark.services
+pytestmark = [pytest.mark.services, pytest.mark.timeout(1800)]
 RECONNECTS, PUSHES, WARM = 500, 200, 40
 MOST_MB = 5.0
 

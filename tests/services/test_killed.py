@@ -27,12 +27,12 @@ from gateway.store import RunFolder, Store
 from gateway.workflow.bench import store_of
 from tests.cell.stops import INTERRUPTED, Shop, shop, table_of
 
+KILLS = int(os.environ.get("KILLS", "10"))
 pytestmark = [
     pytest.mark.services,
-    pytest.mark.timeout(3000),
-    pytest.mark.skipif(sys.platform == "win32", reason="kill -9"),
+    pytest.mark.timeout(600 + 60 * KILLS),
+    pytest.mark.skipif(sys.platform == "win32", reason="kill -9, and /proc"),
 ]
-KILLS = int(os.environ.get("KILLS", "10"))
 SPEED, SOON_S, WAIT_S = 120.0, 3.0, 90.0
 
 
@@ -45,6 +45,7 @@ class Life:
     at: str
     first: dict[str, Any]
     took_s: float
+    busy_s: float
 
     async def ask(self, path: str) -> Any:
         return (await self.client.get(self.at + path)).json()
@@ -62,6 +63,12 @@ class Life:
             await LoopClock().sleep(0.1)
 
 
+def busy_s(pid: int) -> float:
+    """How long a process has kept processors busy since it began, s: what other programs do stretches it little."""
+    words = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
+    return (int(words[11]) + int(words[12])) / os.sysconf("SC_CLK_TCK")
+
+
 @asynccontextmanager
 async def living(at: Shop) -> AsyncIterator[Life]:
     """A service begun, its first picture, and how long after the start that was; killed -9 at the end."""
@@ -75,10 +82,10 @@ async def living(at: Shop) -> AsyncIterator[Life]:
         line = (await child.stdout.readline()).decode()
         url = next(word for word in line.split() if word.startswith("http"))
         head = {"Authorization": f"Bearer {token_path(root).read_text(encoding='ascii').strip()}"}
-        async with httpx.AsyncClient(base_url=url, headers=head, trust_env=False, timeout=60.0) as client:
+        async with httpx.AsyncClient(base_url=url, headers=head, trust_env=False, timeout=300.0) as client:
             where = f"/api/v1/sites/{at.site.site.name}"
             first = (await client.get(f"{where}/status")).json()
-            yield Life(child, client, where, first, loop.time() - begun)
+            yield Life(child, client, where, first, loop.time() - begun, busy_s(child.pid))
     finally:
         with suppress(ProcessLookupError):
             child.kill()
@@ -93,6 +100,7 @@ class Seen:
     stages: dict[str, set[str]] = field(default_factory=dict)
     audit: int = 0
     starts_s: list[float] = field(default_factory=list)
+    busy_s: list[float] = field(default_factory=list)
     held: int = 0
     pushes: int = 0
     states: list[str] = field(default_factory=list)
@@ -141,6 +149,7 @@ async def one_life(at: Shop, store: Store, seen: Seen, chance: random.Random) ->
     open_pushes = at.journal()
     async with living(at) as life:
         seen.starts_s.append(life.took_s)
+        seen.busy_s.append(life.busy_s)
         if open_pushes:
             seen.held += 1
             assert life.first["held"], "recovery is needed, and not said"
@@ -184,8 +193,8 @@ def test_killed_at_any_moment_nothing_is_lost_and_nothing_is_written(tmp_path: P
             assert {one["run_id"] for one in found} == set(seen.stages)
 
     asyncio.run(main())
-    print(seen.states, sorted(seen.starts_s), seen.held, seen.pushes)
-    # What else this machine does only makes a start longer, the simulated machine beside it among that.
-    # 3 s is what an idle computer is asked for; this one may be busy with anything.
-    assert max(seen.starts_s) < 10 * SOON_S
+    print(seen.states, "starts", sorted(seen.starts_s), "busy", sorted(seen.busy_s), seen.held, seen.pushes)
+    # What else this machine does makes a start longer, the simulated machine beside it among that: so what the start
+    # itself keeps busy is judged. The first one may have sources to compile.
+    assert sorted(seen.busy_s)[len(seen.busy_s) // 2] < SOON_S
     assert KILLS < 20 or seen.held > KILLS // 20, "some kills met a push"

@@ -24,8 +24,12 @@ from gateway.live import onlooker
 from gateway.say import Say
 from tests.unit.web.test_daemon import SITE, served
 
-pytestmark = pytest.mark.services
+pytestmark = [
+    pytest.mark.services,
+    pytest.mark.skipif(not Path("/proc/self/schedstat").exists(), reason="the kernel does not say who waited"),
+]
 RATE, FRAME = 50_000, 500
+MOST_LAG_S, SOON_S = 0.1, 0.2
 CLIENTS = Path(__file__).with_name("clients.py")
 # A stream in real time: the bridge of the benchmarks pours as fast as it is read.
 PACED = BRIDGE.replace("import json,", "import time, json,").replace(
@@ -56,13 +60,19 @@ async def clients(port: int, token: str, *numbers: int) -> dict[str, Any]:
     return found
 
 
+def waited() -> float:
+    """How long this process's threads were ready and got no processor so far, s: what other programs cost it."""
+    parts = (path.read_text(encoding="ascii").split() for path in Path("/proc/self/task").glob("*/schedstat"))
+    return sum(int(part[1]) for part in parts) / 1e9
+
+
 async def lag(told: list[float]) -> None:
-    """How much later than asked for the loop comes back, s."""
+    """How much later than asked for the loop comes back, s, less what other programs cost it."""
     loop = asyncio.get_running_loop()
     while True:
-        before = loop.time()
+        before, other = loop.time(), waited()
         await LoopClock().sleep(0.005)
-        told.append(loop.time() - before - 0.005)
+        told.append(loop.time() - before - 0.005 - (waited() - other))
 
 
 def captured(folder: Path, monkeypatch: pytest.MonkeyPatch, numbers: tuple[int, int, int], seconds: int) -> Any:
@@ -118,13 +128,15 @@ def test_a_crowd_and_half_open_connections_hold_up_neither_health_nor_capture(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     met = captured(tmp_path, monkeypatch, (1000, 2000, 0), 12)
-    print({**met, "lag": max(met["lag"])})
+    print({**met, "lag": max(met["lag"]), "health_s": max(met["health_s"])})
     found = met["clients"]
     assert (met["samples"], met["lost"]) == (12 * RATE, 0)
     assert found["health"] == [200]
-    # Asked is 1 s on an idle computer; held up by the half-open ones it would take their 5 s.
-    assert met["health_s"] < 4.0, "from a program that is not busy with the crowd itself"
-    assert found["borne_s"][1] < 8.0, "a head that is not complete in 5 s is closed"
+    # Held up by half-open connections an answer would take their 5 s; a busy computer makes one of them late, not most.
+    assert sorted(met["health_s"])[len(met["health_s"]) // 2] < 1.0, "from a program not busy with the crowd itself"
+    assert len(met["health_s"]) >= 5
+    assert 4.9 < found["borne_s"][1] < 7.0, "half of the heads that are not complete in 5 s were closed by then"
+    assert found["borne_s"][2] < 30.0, "and each in the end"
     assert sum(found["crowd"].values()) == 2000
     assert set(found["crowd"]) <= {"200", "429", "503"}
 
@@ -134,15 +146,16 @@ def test_eight_pages_on_a_50_khz_capture_lose_no_sample_and_hold_up_nothing(
 ) -> None:
     met = captured(tmp_path, monkeypatch, (0, 0, 8), 12)
     found = met["clients"]
-    print({**met, "lag": max(met["lag"])})
+    print({**met, "lag": max(met["lag"]), "health_s": max(met["health_s"])})
     assert (met["samples"], met["lost"]) == (12 * RATE, 0)
     assert len(found["pages"]) == 8
     for page in found["pages"]:
         assert page["lost"] == 0
         assert page["counted"] > 8 * RATE
-    # Asked are 0.1 s of lag and 0.2 s of age on an idle computer; this one may be busy with anything.
-    assert max(met["lag"]) < 0.5
-    assert found["age_s"][0] < 1.0, "half of the readings come in time"
+    # A loop that is held up is late again and again. Twice may be the kernel's doing.
+    assert len([one for one in met["lag"] if one > MOST_LAG_S]) <= 2
+    assert len(met["lag"]) > 100
+    assert found["age_s"][0] < SOON_S, "half of the readings come in time, on a busy computer too"
 
 
 assert SITE.site.name == "hall-3"

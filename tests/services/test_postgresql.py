@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import pwd
 import shutil
-import socket
 import subprocess
 import threading
 from collections.abc import Iterator
@@ -18,6 +17,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from drivers.errors import TrueflankError
 from gateway.index import RunIndex, caught_up, rebuilt
 from gateway.store import Store
+from tests.services.peers import lasting_port
 from tests.unit.service.test_index import measured
 
 pytestmark = pytest.mark.services
@@ -41,9 +41,7 @@ class Server:
         if self._who is not None:
             owner = pwd.getpwnam(self._who)
             os.chown(folder, owner.pw_uid, owner.pw_gid)
-        with socket.socket() as free:
-            free.bind(("127.0.0.1", 0))
-            self.port = free.getsockname()[1]
+        self.port = lasting_port()
         self._run(program("initdb"), "-D", str(self._data), "-U", "trueflank", "-A", "trust", "--no-sync")
         self._process: subprocess.Popen[bytes] | None = None
 
