@@ -8,7 +8,8 @@ export OPENBLAS_NUM_THREADS := 1
 # Tests start many processes: each would compile the whole source again.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo test tests check rules types long soak families attacks interop services bench clean
+.PHONY: demo test tests check rules types long soak families attacks interop services bench clean \
+	lock package sbom vulnerabilities
 
 demo: $(VENV)/installed
 	$(BIN)/trueflank demo
@@ -65,7 +66,7 @@ interop: $(VENV)/developed
 # route fuzzed.
 services: $(VENV)/developed
 	tests/services/prepare.sh
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[services]"
+	$(BIN)/$(PIP) --require-hashes -r locks/peers.lock
 	$(BIN)/python -m pytest -q -n 0 -m services tests/services
 
 bench: $(VENV)/developed
@@ -77,16 +78,54 @@ bench: $(VENV)/developed
 	$(BIN)/python benchmarks/modbus.py
 	$(BIN)/python benchmarks/push.py
 
-$(VENV)/installed: pyproject.toml constraints.txt
+# What builds, counts and checks what is handed out; it stands apart from what the program needs.
+TOOLS := .tools
+$(TOOLS)/installed: locks/tools.lock
+	$(PYTHON) -m venv $(TOOLS)
+	$(TOOLS)/bin/$(PIP) --require-hashes -r locks/tools.lock
+	touch $@
+
+# Every lock from pyproject.toml: what is pinned stays pinned, unless `make lock UPGRADE=--upgrade`. The largest first: the
+# others take its versions. Hashes of all files of a version, so that another system finds its own.
+UPGRADE ?=
+LOCK := $(TOOLS)/bin/uv pip compile -q --universal --python-version 3.11 --generate-hashes --no-header --no-annotate
+lock: $(TOOLS)/installed
+	$(LOCK) $(UPGRADE) pyproject.toml --all-extras --group build -o locks/peers.lock
+	$(LOCK) -c locks/peers.lock pyproject.toml --extra sim --extra report -o requirements.lock
+	$(LOCK) -c locks/peers.lock pyproject.toml --extra dev --extra cluster --extra report --group build -o locks/dev.lock
+	$(LOCK) -c locks/peers.lock --group build -o locks/build.lock
+	$(LOCK) -c locks/peers.lock $(UPGRADE) --group tools -o locks/tools.lock
+
+# A wheel and a source archive, installed outside this folder; the demo starts from there.
+package: $(VENV)/developed
+	$(BIN)/python -m pytest -q -n 0 -m release tests/release/test_package.py
+
+# What the shop-floor PC gets, as CycloneDX, and its licences as a page.
+sbom: $(TOOLS)/installed
+	$(PYTHON) -m venv --clear --without-pip $(TOOLS)/floor
+	$(TOOLS)/bin/python -m pip --python $(TOOLS)/floor/bin/python install --quiet --require-hashes -r requirements.lock
+	mkdir -p dist
+	$(TOOLS)/bin/cyclonedx-py environment --pyproject pyproject.toml --mc-type application --output-reproducible \
+		--of JSON -o dist/trueflank.cdx.json $(TOOLS)/floor
+	$(PYTHON) -m release.licences dist/trueflank.cdx.json docs/licences.md
+
+# Known weaknesses of what is pinned, as a public data base tells them; that none could be reached is said.
+vulnerabilities: $(TOOLS)/installed
+	$(PYTHON) -m release.vulnerabilities $(TOOLS) requirements.lock
+
+PIP := python -m pip install --quiet --disable-pip-version-check
+$(VENV)/installed: pyproject.toml requirements.lock locks/build.lock
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e .
+	$(BIN)/$(PIP) --require-hashes -r requirements.lock -r locks/build.lock
+	$(BIN)/$(PIP) --no-deps --no-build-isolation -e .
 	touch $@
 
 # What is imported is compiled then; most of what is installed never is.
-$(VENV)/developed: pyproject.toml constraints.txt
+$(VENV)/developed: pyproject.toml locks/dev.lock
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt -e ".[dev,cluster,report]"
+	$(BIN)/$(PIP) --no-compile --require-hashes -r locks/dev.lock
+	$(BIN)/$(PIP) --no-deps --no-build-isolation -e .
 	touch $@ $(VENV)/installed
 
 clean:
-	rm -rf $(VENV) demo .mypy_cache .ruff_cache .pytest_cache
+	rm -rf $(VENV) $(TOOLS) dist demo .mypy_cache .ruff_cache .pytest_cache

@@ -148,7 +148,10 @@ class CellStarter:
 
 @pytest.fixture
 def trueflank_cell(tmp_path: Path) -> Iterator[CellStarter]:
-    """Start simulated cells for one test; all are stopped when it ends."""
+    """Start simulated cells for one test; all are stopped when it ends. Without the extra "sim" the test says so."""
+    from drivers.local.extras import need  # noqa: PLC0415 - pytest loads this file on every run
+
+    need("sim", "trueflank_cell")
     starter = CellStarter(tmp_path)
     yield starter
     starter.stop()

@@ -16,6 +16,7 @@ from typing import Any, TextIO
 
 from drivers.clock import LoopClock
 from drivers.errors import ConfigError
+from drivers.local.extras import need
 from gateway.cli.machine.programs import self_tested
 from gateway.cli.machine.running import run_site_command
 from gateway.cli.machine.whole_loop import close_site_command
@@ -53,6 +54,7 @@ class CellAsked:
 @contextmanager
 def cell_process(asked: CellAsked) -> Iterator[subprocess.Popen[str]]:
     """A cell in a process of its own, ready and with its site file written; ended when the block ends."""
+    need("sim", asked.cell)
     asked.site.parent.mkdir(parents=True, exist_ok=True)
     cell, command = asked.cell, asked.command()
     # The cell ends by itself when its standard input closes, so no orphan outlives us on any system.
@@ -109,6 +111,7 @@ def run_demo(folder: Path, cell: str, speed: float, seed: int | None, *, axes: b
 
 def list_cells() -> None:
     """The cells that come with trueflank, as their files describe them."""
+    need("sim", "--list")
     done = subprocess.run([*STARTER, "--list", "-"], capture_output=True, text=True, check=False)  # noqa: S603
     try:
         cells = dict(json.loads(done.stdout))

@@ -56,7 +56,7 @@ has_parsers() {
 }
 
 if [ -n "${1:-}" ] && ! has_parsers "$1"; then
-    "$1" -m pip install --quiet --disable-pip-version-check -c ../../constraints.txt -e "../..[plc]"
+    "$1" -m pip install --quiet --disable-pip-version-check --require-hashes -r ../../locks/peers.lock
     has_parsers "$1" || absent "the parsers of structured text (pip could not install blark and tree-sitter-iec61131-3-st)"
 fi
 

@@ -1,0 +1,1 @@
+"""What is handed out: built, installed elsewhere and started; run by `make package` and `make bundle`."""
