@@ -1,7 +1,7 @@
 """`python -m release.vulnerabilities TOOLS LOCK`: asks public data bases of known weaknesses for every pinned version.
 
-Ends with 1 where one is known. Where no data base can be reached, or it knows none of the packages, it says NOT CHECKED, and ends
-with 1 only if TRUEFLANK_VULNERABILITIES=all: a PC without a network is no weakness, and an unasked question is no answer.
+Ends with 1 where one is known. Where no data base can be reached, or none knows the packages, it says NOT CHECKED, and
+ends with 1 only if TRUEFLANK_VULNERABILITIES=all: no network is no weakness, and an unasked question is no answer.
 """
 
 from __future__ import annotations
@@ -31,8 +31,19 @@ def told(answer: str) -> tuple[int, int, list[str]]:
 
 def asked(tools: Path, lock: Path, service: str) -> tuple[int, int, list[str]]:
     """Ask one data base; nothing known where it cannot be reached."""
-    program = next((one for one in (tools / "bin" / "pip-audit", tools / "Scripts" / "pip-audit.exe") if one.exists()))
-    command = [program, "--require-hashes", "--disable-pip", "--progress-spinner=off", "-s", service, "-f", "json", "-r", lock]
+    program = next(one for one in (tools / "bin" / "pip-audit", tools / "Scripts" / "pip-audit.exe") if one.exists())
+    command = [
+        program,
+        "--require-hashes",
+        "--disable-pip",
+        "--progress-spinner=off",
+        "-s",
+        service,
+        "-f",
+        "json",
+        "-r",
+        lock,
+    ]
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
         return told(done.stdout)
@@ -49,7 +60,9 @@ def main(arguments: list[str]) -> int:
         if known:
             print(f"vulnerabilities: {len(found)} known in {known} of {count} packages, by {service}")
             return 1 if found or known < count else 0
-    print(f"vulnerabilities: NOT CHECKED: no data base could be reached that knows these packages ({', '.join(SERVICES)})")
+    print(
+        f"vulnerabilities: NOT CHECKED: no data base could be reached that knows these packages ({', '.join(SERVICES)})"
+    )
     return 1 if os.environ.get("TRUEFLANK_VULNERABILITIES") == "all" else 0
 
 

@@ -1,4 +1,4 @@
-"""Which packages of an extra are not installed: pyproject.toml says what belongs to it, the installed metadata repeat it."""
+"""Which packages of an extra are not installed, by what the installed metadata say belongs to it."""
 
 from __future__ import annotations
 

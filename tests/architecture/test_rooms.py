@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import itertools
 import re
 import subprocess
 import sys
@@ -48,14 +49,60 @@ def test_no_unfinished_work_is_left_in_the_source() -> None:
     assert not found
 
 
-def test_every_pinned_package_has_a_version_and_no_index_address_stands_anywhere() -> None:
-    lines = [line for line in (ROOT / "constraints.txt").read_text().splitlines() if line.strip()]
-    assert all(re.fullmatch(r"[A-Za-z0-9_.\-\[\]]+==[^=\s]+", line) for line in lines)
+LOCKED = re.compile(r"([a-z0-9.\-]+(?:\[[a-z]+\])?)==([^\s;]+)(?: ; [^\\]+)?(?: \\)?")
+HASH = re.compile(r"    --hash=sha256:[0-9a-f]{64}(?: \\)?")
+
+
+def _locked(path: Path) -> dict[str, str]:
+    """Name -> version of a lock; every line is a pin or a hash, and every pin has hashes: no address, no local path."""
+    blocks = re.split(r"\n(?=\S)", path.read_text(encoding="utf-8").strip())
+    found = {}
+    for block in blocks:
+        first, *hashes = block.split("\n")
+        pin = LOCKED.fullmatch(first)
+        assert pin, f"{path.name}: {first}"
+        assert hashes, f"{path.name}: {first} has no hash"
+        assert all(HASH.fullmatch(line) for line in hashes), f"{path.name}: {first}"
+        found[pin.group(1).split("[")[0]] = pin.group(2)
+    return found
+
+
+def _named(asked: list[str]) -> set[str]:
+    return {re.split(r"[<>=\[ ]", one)[0].lower().replace("_", "-") for one in asked}
+
+
+def test_every_package_is_pinned_with_hashes_and_every_lock_has_the_same_versions() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())
-    wanted = project["project"]["dependencies"] + project["project"]["optional-dependencies"]["dev"]
-    pinned = {line.split("==")[0].lower().replace("_", "-") for line in lines}
-    names = {re.split(r"[<>=\[ ]", item)[0].lower().replace("_", "-") for item in wanted}
-    assert names <= pinned
+    needed, extras = project["project"]["dependencies"], project["project"]["optional-dependencies"]
+    groups = project["dependency-groups"]
+    wanted = {
+        "requirements.lock": [*needed, *extras["sim"], *extras["report"]],
+        "locks/dev.lock": [
+            *needed,
+            *extras["sim"],
+            *extras["report"],
+            *extras["cluster"],
+            *extras["dev"],
+            *groups["build"],
+        ],
+        "locks/peers.lock": [*needed, *itertools.chain.from_iterable(extras.values()), *groups["build"]],
+        "locks/build.lock": groups["build"],
+        "locks/tools.lock": groups["tools"],
+    }
+    versions: dict[str, str] = {}
+    for name, asked in wanted.items():
+        locked = _locked(ROOT / name)
+        assert _named(asked) <= set(locked), f"{name}: make lock"
+        others = {one: version for one, version in locked.items() if versions.setdefault(one, version) != version}
+        assert others == {}, f"{name}: make lock"
+
+
+def test_the_page_of_licences_has_every_package_of_the_shop_floor() -> None:
+    rows = re.findall(
+        r"^\| ([\w.-]+) \| ([\w.]+) \| (.+) \|$", (ROOT / "docs" / "licences.md").read_text(), re.MULTILINE
+    )
+    told = {re.sub(r"[._-]+", "-", name).lower(): version for name, version, _ in rows if name != "package"}
+    assert told | {"colorama": ""} == _locked(ROOT / "requirements.lock") | {"colorama": ""}, "make sbom"
 
 
 def test_help_does_not_load_what_it_does_not_need() -> None:

@@ -42,7 +42,7 @@ def built(folder: Path, source: Path = ROOT) -> tuple[Path, Path]:
 
 
 def demo_starts(programs: Path, folder: Path, before: tuple[str, ...] = ()) -> None:
-    """Start `trueflank demo` in a folder, wait until the control has tried our programs, and end it as a person does."""
+    """Start `trueflank demo` in a folder, wait until the control has tried our programs, and press Ctrl-C."""
     command = [*before, str(programs / "trueflank"), "demo", "--folder", str(folder / "demo")]
     log = folder / "demo.stderr.txt"
     with (

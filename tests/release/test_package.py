@@ -47,7 +47,14 @@ def test_the_source_archive_builds_the_same_wheel(made: tuple[Path, Path], tmp_p
     with tarfile.open(made[1]) as archive:
         archive.extractall(tmp_path, filter="data")
     (source,) = tmp_path.iterdir()
-    for name in ("CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md", "requirements.lock", "tests/conftest.py", "Makefile"):
+    for name in (
+        "CHANGELOG.md",
+        "CONTRIBUTING.md",
+        "SECURITY.md",
+        "requirements.lock",
+        "tests/conftest.py",
+        "Makefile",
+    ):
         assert (source / name).is_file(), name
     again, _ = built(tmp_path / "again", source)
     first, second = zipfile.ZipFile(made[0]), zipfile.ZipFile(again)
