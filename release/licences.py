@@ -9,14 +9,14 @@ from typing import Any
 
 HEAD = """# Licences of what is installed
 
-For whom: you answer for what runs in your plant. Here is every package that `requirements.lock` installs on a shop-floor
-PC with Linux, with the licence that it names itself. On Windows colorama (BSD-3-Clause) joins. `make sbom` writes this page
-and `dist/trueflank.cdx.json` (CycloneDX) from what it installs.
+For whom: you answer for what runs in your plant. Here is every package that `requirements.lock` installs on a
+shop-floor PC with Linux, with the licence that it names itself. On Windows colorama (BSD-3-Clause) joins. `make
+sbom` writes this page and `dist/trueflank.cdx.json` (CycloneDX) from what it installs.
 
 trueflank's own licence: **the owner has chosen none yet**. Without one nobody else may copy, change or hand it on.
 
-asyncua is LGPL. It is used as a library, unchanged, and can be replaced by another version of it; nothing of it stands in
-this source. Who hands on a bundle hands on the licences with it: each wheel holds its own text.
+asyncua is LGPL. It is used as a library, unchanged, and can be replaced by another version of it; nothing of it
+stands in this source. Who hands on a bundle hands on the licences with it: each wheel holds its own text.
 
 | package | version | licence |
 |---|---|---|
