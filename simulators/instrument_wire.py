@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import ssl
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 
@@ -28,6 +29,7 @@ class Outlet(ABC):
         self._task: asyncio.Task[None] | None = None
         self._listened = asyncio.Event()
         self.silent = False
+        self.tls: ssl.SSLContext | None = None
 
     @property
     def url(self) -> str:
@@ -42,7 +44,7 @@ class Outlet(ABC):
 
     async def plug(self, url: str) -> str:
         """Listen (again) on this url."""
-        self._listener = await serve(url, self._visited, LoopClock())
+        self._listener = await serve(url, self._visited, LoopClock(), self.tls)
         return self._listener.url
 
     async def pull(self) -> None:

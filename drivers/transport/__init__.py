@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ssl
 from urllib.parse import urlsplit
 
 from drivers.clock import Clock
@@ -11,12 +12,14 @@ from drivers.transport.bent import BentTransport
 from drivers.transport.memory import listen_memory, name_of, open_memory
 from drivers.transport.stream import ByteTransport, Handler, Listener
 from drivers.transport.tcp import open_tcp, serve_tcp
+from drivers.transport.tls import TlsFiles
 
 __all__ = [
     "BentTransport",
     "ByteTransport",
     "Handler",
     "Listener",
+    "TlsFiles",
     "hardware_of",
     "listen_memory",
     "open_transport",
@@ -27,16 +30,25 @@ START_S = 10.0
 
 
 async def open_transport(
-    url: str, clock: Clock, timeout_s: float, *, baudrate: int = 115_200, parity: str = "N"
+    url: str,
+    clock: Clock,
+    timeout_s: float,
+    *,
+    baudrate: int = 115_200,
+    parity: str = "N",
+    tls: TlsFiles | None = None,
 ) -> ByteTransport:
     """Open tcp://host:port, memory://name, socket://host:port, usb://SERIAL-NUMBER, COM3 or /dev/ttyUSB0.
 
-    ``baudrate`` and ``parity`` (N, E, O) count for serial ports only. Raises ConfigError (E-LINK-URL), TransportError
-    (E-LINK-CONNECT, E-LINK-TAKEN, E-LINK-ABSENT) or DeadlineExceeded.
+    ``baudrate`` and ``parity`` (N, E, O) count for serial ports only, ``tls`` for tcp://. Raises ConfigError
+    (E-LINK-URL, E-TLS-...), TransportError (E-LINK-CONNECT, E-LINK-TAKEN, E-LINK-ABSENT, E-TLS-NONE) or
+    DeadlineExceeded.
     """
     scheme = urlsplit(url).scheme if "://" in url else ""
     if scheme == "tcp":
-        return await open_tcp(url, clock, timeout_s)
+        return await open_tcp(url, clock, timeout_s, tls)
+    if tls is not None:
+        raise ConfigError("E-LINK-URL", url, why="TLS needs tcp://host:port")
     if scheme == "memory":
         return open_memory(url)
     if scheme not in ("", "socket", "usb") or not url.strip():
@@ -49,8 +61,8 @@ def hardware_of(wire: ByteTransport) -> str:
     return str(getattr(wire, "hardware", ""))
 
 
-async def serve(url: str, handler: Handler, clock: Clock) -> Listener:
-    """Serve tcp://host:port, socket://host:port (plain TCP; port 0 for any) or memory://name.
+async def serve(url: str, handler: Handler, clock: Clock, tls: ssl.SSLContext | None = None) -> Listener:
+    """Serve tcp://host:port (with ``tls`` by TLS), socket://host:port (plain TCP; port 0 for any) or memory://name.
 
     The listener's ``url`` is what a client must open. Raises ConfigError (E-LINK-URL), TransportError
     (E-LINK-LISTEN).
@@ -60,5 +72,5 @@ async def serve(url: str, handler: Handler, clock: Clock) -> Listener:
         return listen_memory(name_of(url), handler)
     if scheme in ("tcp", "socket"):
         async with clock.deadline(START_S, url):
-            return await serve_tcp(url, handler, clock)
+            return await serve_tcp(url, handler, clock, tls)
     raise ConfigError("E-LINK-URL", url, why=f"cannot serve {scheme!r}")

@@ -1,17 +1,19 @@
-"""TCP wires: tcp://host:port as a client, and plain TCP listeners for tcp:// and socket:// clients."""
+"""TCP wires, with TLS where it is wanted: tcp://host:port as a client, and listeners for tcp:// and socket://."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
+import ssl
 from collections import deque
 from collections.abc import Callable
 from urllib.parse import urlsplit
 
 from drivers.clock import Clock
-from drivers.errors import ConfigError, DeadlineExceeded, TransportError
+from drivers.errors import ConfigError, DeadlineExceeded, TransportError, TrueflankError
 from drivers.transport.conversations import Conversations
 from drivers.transport.stream import Handler
+from drivers.transport.tls import TlsFiles, tls_error
 
 QUEUE_BYTES = 1 << 20
 FLUSH_S = 1.0
@@ -27,6 +29,8 @@ class _Pieces(asyncio.Protocol):
         self._waiting = 0
         self._paused = False
         self._ended = ""
+        self._secured = self._heard = False
+        self._alert: ssl.SSLError | None = None
         self._news = asyncio.Event()
         self._room = asyncio.Event()
         self._room.set()
@@ -35,11 +39,13 @@ class _Pieces(asyncio.Protocol):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         if isinstance(transport, asyncio.Transport):
             self._transport = transport
+            self._secured = transport.get_extra_info("sslcontext") is not None
             if self._accept is not None:
                 self._accept(self, transport)
 
     def data_received(self, data: bytes) -> None:
         self._pieces.append(data)
+        self._heard = True
         self._waiting += len(data)
         self._news.set()
         if self._waiting > QUEUE_BYTES and not self._paused and self._transport is not None:
@@ -48,9 +54,10 @@ class _Pieces(asyncio.Protocol):
 
     def eof_received(self) -> bool:
         self._end("the peer closed the connection")
-        return True  # what we still have to say may be said
+        return not self._secured  # what we still have to say may be said; TLS ends in both directions
 
     def connection_lost(self, exc: Exception | None) -> None:
+        self._alert = exc if isinstance(exc, ssl.SSLError) else None
         self._end(str(exc) if exc is not None else "the peer closed the connection")
         self.gone.set()
 
@@ -69,11 +76,20 @@ class _Pieces(asyncio.Protocol):
         """Wait while the peer takes nothing."""
         await self._room.wait()
 
+    def failure(self, where: str) -> TrueflankError:
+        """Why no more comes: an alert of the peer's TLS, or its end."""
+        if self._alert is not None:
+            return tls_error(self._alert, where)
+        if self._secured and not self._heard and self._ended:
+            # TLS 1.3: who does not like our certificate hangs up after the handshake, with an alert or without.
+            return TransportError("E-TLS-REFUSED", where, why=self._ended)
+        return TransportError("E-LINK-CLOSED", where, why=self._ended or "this end is closed")
+
     async def take(self, max_bytes: int, where: str) -> bytes:
         """The oldest piece, or its beginning; TransportError (E-LINK-CLOSED) once all is taken and the peer gone."""
         while not self._pieces:
             if self._ended:
-                raise TransportError("E-LINK-CLOSED", where, why=self._ended)
+                raise self.failure(where)
             self._news.clear()
             await self._news.wait()
         piece = self._pieces.popleft()
@@ -114,11 +130,11 @@ class TcpTransport:
 
     def _check_open(self) -> None:
         if self._transport.is_closing():
-            raise TransportError("E-LINK-CLOSED", self._url, why="this end is closed")
+            raise self._pieces.failure(self._url)
 
     def _check_lost(self) -> None:
         if self._pieces.gone.is_set():
-            raise TransportError("E-LINK-CLOSED", self._url, why="the peer closed the connection")
+            raise self._pieces.failure(self._url)
 
     async def close(self) -> None:
         """Flush for a moment, then let go; a peer that does not read cannot hold us."""
@@ -142,15 +158,38 @@ def host_and_port(url: str) -> tuple[str, int]:
     return parts.hostname, port
 
 
-async def open_tcp(url: str, clock: Clock, timeout_s: float) -> TcpTransport:
-    """Connect to tcp://host:port. Raises TransportError (E-LINK-CONNECT), DeadlineExceeded, ConfigError."""
+async def open_tcp(url: str, clock: Clock, timeout_s: float, tls: TlsFiles | None = None) -> TcpTransport:
+    """Connect to tcp://host:port, with ``tls`` by TLS.
+
+    Raises TransportError (E-LINK-CONNECT, E-TLS-NONE, E-TLS-REFUSED), DeadlineExceeded, ConfigError (E-TLS-...: what
+    is wrong with which certificate).
+    """
     host, port = host_and_port(url)
+    loop = asyncio.get_running_loop()
     async with clock.deadline(timeout_s, url):
         try:
-            transport, pieces = await asyncio.get_running_loop().create_connection(_Pieces, host, port)
+            if tls is None:
+                transport, pieces = await loop.create_connection(_Pieces, host, port)
+            else:
+                transport, pieces = await _secured(tls, url, host=host, port=port)
         except OSError as error:
             raise TransportError("E-LINK-CONNECT", url, why=str(error)) from error
     return TcpTransport(url, pieces, transport, clock)
+
+
+async def _secured(tls: TlsFiles, url: str, *, host: str, port: int) -> tuple[asyncio.Transport, _Pieces]:
+    """A connection under TLS, its peer the one that was pinned. Raises as `open_tcp`, and OSError."""
+    context = await asyncio.to_thread(tls.context, url)
+    loop, name = asyncio.get_running_loop(), tls.server_name or host
+    try:
+        found, pieces = await loop.create_connection(_Pieces, host, port, ssl=context, server_hostname=name)
+    except (ssl.SSLError, ConnectionResetError, ConnectionAbortedError) as error:
+        raise tls_error(error, url) from error
+    shown = found.get_extra_info("ssl_object").getpeercert(binary_form=True)
+    if not tls.server_name and shown != await asyncio.to_thread(tls.pinned, url):
+        found.abort()
+        raise ConfigError("E-TLS-OTHER", url, file=tls.trusted)
+    return found, pieces
 
 
 class TcpListener:
@@ -176,8 +215,8 @@ class TcpListener:
                 await self._server.wait_closed()
 
 
-async def serve_tcp(url: str, handler: Handler, clock: Clock) -> TcpListener:
-    """Listen on scheme://host:port (port 0: any free one) and run `handler` for each peer."""
+async def serve_tcp(url: str, handler: Handler, clock: Clock, tls: ssl.SSLContext | None = None) -> TcpListener:
+    """Listen on scheme://host:port (port 0: any free one) and run `handler` for each peer; with ``tls`` by TLS."""
     host, port = host_and_port(url)
     scheme = urlsplit(url).scheme
     conversations = Conversations(handler, url)
@@ -186,7 +225,7 @@ async def serve_tcp(url: str, handler: Handler, clock: Clock) -> TcpListener:
         conversations.begin(TcpTransport(f"peer of {url}", pieces, transport, clock))
 
     try:
-        server = await asyncio.get_running_loop().create_server(lambda: _Pieces(accept), host, port)
+        server = await asyncio.get_running_loop().create_server(lambda: _Pieces(accept), host, port, ssl=tls)
     except OSError as error:
         raise TransportError("E-LINK-LISTEN", url, why=str(error)) from error
     real = server.sockets[0].getsockname()[1]

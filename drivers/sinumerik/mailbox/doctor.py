@@ -51,7 +51,8 @@ class ModbusDoctor:
         scheme = urlsplit(self._url).scheme if "://" in self._url else ""
         if scheme not in ("tcp", "socket"):
             return []
-        protected = [wrong("E-DOC-PLAIN", "protection")] if self._settings.unprotected(self._url) else []
+        secured = self._settings.secured
+        protected = [fine("W-DOC-TLS", "protection") if secured else wrong("E-DOC-PLAIN", "protection")]
         try:
             host, port = host_and_port(self._url, DEFAULT_PORT)
         except ValueError as error:

@@ -8,10 +8,11 @@ from urllib.parse import urlsplit
 from pydantic import Field
 
 from drivers.errors import words
-from drivers.settings import WIRES, DriverSettings, Rule
+from drivers.settings import WIRES, CertificatePathText, DriverSettings, FilePathText, Rule
 from drivers.sinumerik.mailbox.codec.packing import WordOrder
 
 _CHARACTER_BITS = 11.0
+TLS = "tls"
 _CABLES = ("", "usb")
 _FAST_BAUD, _FAST_GAP_S = 19200, 0.00175
 
@@ -24,6 +25,18 @@ class ModbusSettings(DriverSettings):
     framer: Literal["", "tcp", "rtu"] = Field(
         default="", description="tcp or rtu; left out: RTU for serial ports and socket://, TCP else"
     )
+    security: Literal["None", "tls"] = Field(
+        default="None",
+        description="tls: Modbus/TCP Security, usually on port 802; None: plain Modbus",
+    )
+    server_certificate: CertificatePathText = Field(
+        default="", description="the PLC's own certificate (PEM), or with server_name its authority's"
+    )
+    server_name: str = Field(default="", description="name that a certificate signed by that authority must have")
+    client_certificate: CertificatePathText = Field(
+        default="", description="this gateway's certificate (PEM), with the role that the PLC asks for"
+    )
+    client_key_file: FilePathText = Field(default="", description="its private key (PEM, without password)")
     word_order: WordOrder = Field(default="high-first", description="which half of a 32-bit number comes first")
     baudrate: int = Field(default=115_200, ge=1200, le=4_000_000, description="of a serial line, Bd")
     parity: Literal["N", "E", "O"] = Field(default="N", description="of a serial line")
@@ -48,13 +61,26 @@ class ModbusSettings(DriverSettings):
     )
 
     def rules(self) -> tuple[Rule, ...]:
-        """A transfer asks no slower than an idle line."""
-        return (("fast_poll_s", self.fast_poll_s <= self.poll_s, "must be 0.001 s .. poll_s"),)
+        """A transfer asks no slower than an idle line; TLS has all its certificates, and nothing else has any."""
+        files = {key: getattr(self, key) for key in ("server_certificate", "client_certificate", "client_key_file")}
+        wanted = self.secured
+        why = "must name a file: with security tls both ends prove who they are" if wanted else "needs security tls"
+        return (
+            ("fast_poll_s", self.fast_poll_s <= self.poll_s, "must be 0.001 s .. poll_s"),
+            ("framer", not wanted or self.framer != "rtu", "must be tcp with security tls"),
+            ("server_name", wanted or not self.server_name, "needs security tls"),
+            *((key, bool(path) is wanted, why) for key, path in files.items()),
+        )
+
+    @property
+    def secured(self) -> bool:
+        """Whether both ends prove who they are, and what passes is encrypted."""
+        return self.security == TLS
 
     def unprotected(self, url: str) -> str:
         """Plain Modbus over a network; a serial port of this computer is a cable that nobody else is on."""
         scheme = urlsplit(url).scheme if "://" in url else ""
-        return words("W-MBX-UNPROTECTED") if scheme not in _CABLES else ""
+        return words("W-MBX-UNPROTECTED") if not self.secured and scheme not in _CABLES else ""
 
     @property
     def order(self) -> WordOrder:

@@ -30,6 +30,7 @@ from drivers.errors import (
     UnsupportedDevice,
 )
 from drivers.link import Link
+from drivers.sinumerik.mailbox.protection import certificates
 from drivers.sinumerik.mailbox.refusals import BUSY, exception_refusal
 from drivers.sinumerik.mailbox.settings import ModbusSettings
 from drivers.transport import open_transport
@@ -207,7 +208,7 @@ class ModbusWire:
         async with self._clock.deadline(timeout_s, self._where):
             settings = self._settings
             line: dict[str, Any] = {"baudrate": settings.baudrate, "parity": settings.parity}
-            wire = await open_transport(self._url, self._clock, timeout_s, **line)
+            wire = await open_transport(self._url, self._clock, timeout_s, tls=certificates(settings), **line)
             try:
                 if self._framer == "rtu":
                     await self._drain(wire.read, settings.reply_s if self._unsure else _SILENCE_S)
