@@ -121,7 +121,9 @@ class SetupSection(Section):
         default="live", description="live, file, or none: not measured, only assumed"
     )
     path: Path | None = Field(default=None, description="result file, relative to the site file")
-    unit: Literal["", "um", "arcsec", "urad", "mrad"] = Field(default="", description="unit of the file's deviations")
+    unit: Literal["", "um", "arcsec", "urad", "mrad", "deg"] = Field(
+        default="", description="unit of the file's deviations"
+    )
     datum: Number | None = Field(default=None, description="machine position of the file's zero")
     file_axis_sense: Sense = Field(default=1, description="direction of the file relative to the axis")
     targets: Targets | None = Field(default=None, description="left out: as for the axis")

@@ -16,7 +16,7 @@ from typing import Any, Literal, cast
 
 import numpy as np
 
-from drivers.errors import FileFormatError
+from drivers.errors import ConfigError, FileFormatError
 from drivers.files.declared import declared
 from drivers.files.numbers import decimal, whole
 from drivers.files.size import no_readings
@@ -85,14 +85,25 @@ class ColumnMap:
     decimal_comma: bool = False
 
     @classmethod
-    def read(cls, said: Mapping[str, Any], where: str) -> ColumnMap:
-        """From a user's words. Raises ConfigError (E-FILE-MAP) naming the key and what is allowed."""
-        return declared(cls, said, where)
+    def read(cls, said: Mapping[str, Any], where: str, *, mixed: bool = False) -> ColumnMap:
+        """From a user's words; ``mixed`` lets angles stand over lengths and lengths over angles.
+
+        Raises ConfigError (E-FILE-MAP) naming the key and what is allowed.
+        """
+        found = declared(cls, said, where)
+        if found.apart and (found.measured or not mixed):
+            why = "targets and readings must both be lengths or both angles"
+            raise ConfigError("E-FILE-MAP", where, key="reading_unit", why=why)
+        return found
+
+    @property
+    def apart(self) -> bool:
+        """Whether targets and readings are of different kinds: pitch over mm, run-out over deg."""
+        return TARGET_UNITS[self.target_unit][0] != READING_UNITS[self.reading_unit][0]
 
     def limits(self) -> tuple[tuple[str, bool, str], ...]:
         """See `drivers.files.declared.Declared`."""
         ways = ("column", "runs", "order", "up", "down")
-        kinds = {TARGET_UNITS.get(self.target_unit, ("", 0))[0], READING_UNITS.get(self.reading_unit, ("", 0))[0]}
         return (
             ("target", self.target >= 1, "must be a column from 1"),
             ("deviation", (self.deviation >= 1) != (self.measured >= 1), "give either deviation or measured"),
@@ -101,7 +112,6 @@ class ColumnMap:
             ("run", self.direction != "runs" or self.run >= 1, "must be a column from 1"),
             ("target_unit", self.target_unit in TARGET_UNITS, f"must be one of {', '.join(TARGET_UNITS)}"),
             ("reading_unit", self.reading_unit in READING_UNITS, f"must be one of {', '.join(READING_UNITS)}"),
-            ("reading_unit", len(kinds) == 1, "targets and readings must both be lengths or both angles"),
             ("sense", self.sense in (1, -1), "must be 1 or -1"),
             ("skip", self.skip >= 0, "must be 0 or more"),
             ("separator", len(self.separator) <= 1, "must be one character, or empty for blanks"),

@@ -49,7 +49,7 @@ class CsvFormat:
         self._unit = unit
         self._codepage = codepage
         self._mixed = mixed
-        self._columns = ColumnMap.read(columns, "csv") if columns is not None else None
+        self._columns = ColumnMap.read(columns, "csv", mixed=mixed) if columns is not None else None
 
     def read(self, path: Path) -> MeasuredSet:
         """Read a file, by the declared columns if there are any. Raises FileFormatError with line and reason."""

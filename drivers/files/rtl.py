@@ -17,7 +17,7 @@ from drivers.files.size import no_readings
 from drivers.files.text import decode, read_bytes
 from drivers.types.results import MeasuredSet
 from drivers.types.values import FloatArray
-from drivers.units import AxisUnit, mm_to_um, rad_to_arcsec, typed_unit
+from drivers.units import AxisUnit, deg_to_arcsec, mm_to_um, rad_to_arcsec, typed_unit
 
 Convert = Callable[[FloatArray], FloatArray]
 LENGTH: dict[str, Convert] = {"um": lambda value: value, "mm": mm_to_um}
@@ -25,6 +25,7 @@ ANGLE: dict[str, Convert] = {
     "arcsec": lambda value: value,
     "mrad": lambda value: rad_to_arcsec(value / 1e3),
     "urad": lambda value: rad_to_arcsec(value / 1e6),
+    "deg": deg_to_arcsec,
 }
 # Beyond these a unit is doubted: 5 mrad is 1031 arcsec, and no axis is good to a thousandth of one.
 LARGEST = {"mm": 5000.0, "deg": 1000.0}
@@ -62,6 +63,7 @@ class RtaFormat:
     """File driver "rta": targets deg; the file does not say its deviation unit, so `unit` must be confirmed."""
 
     def __init__(self, unit: str = "", codepage: str = "cp1252") -> None:
+        unit = "urad" if typed_unit(unit) == "um/m" else typed_unit(unit)
         self._unit = unit
         self._codepage = codepage
         if unit:

@@ -169,7 +169,8 @@ def from_file(axis: AxisSection, measured: MeasuredSet, live: LiveSet | None, so
         started_utc=measured.header.get("Date", ""),
         ended_utc="",
         notes=(
-            *(*measured.warnings, "tables taken as live during the file's measurement are those found now"),
+            *measured.warnings,
+            *(("tables taken as live during the file's measurement are those found now",) if live is not None else ()),
             *warmth_said(live, targets),
         ),
     )

@@ -162,7 +162,7 @@ class MeasureSection(Section):
     file: Path | None = Field(default=None, description="result file (.rtl, .rta, .csv) instead of a live capture")
     file_datum: Number | None = Field(default=None, description="machine position of the file's zero")
     file_axis_sense: Literal[1, -1] = Field(default=1, description="direction of the file relative to the axis")
-    file_unit: Literal["", "mrad", "urad", "arcsec"] = Field(default="", description="confirmed unit of an .rta file")
+    file_unit: Literal["", "mrad", "urad", "arcsec", "deg"] = Field(default="", description="unit of an .rta file")
 
     @model_validator(mode="after")
     def _one_source(self) -> MeasureSection:

@@ -11,9 +11,6 @@ from drivers.errors import ConfigError, TrueflankError
 from gateway.cli.options import JsonOption, StoreOption
 from gateway.cli.show import echo, show_error, show_json
 
-WORDS: dict[str, str | bool] = {"tab": "\t", "semicolon": ";", "comma": ",", "blank": ""}
-WORDS |= {"yes": True, "true": True, "no": False, "false": False}
-
 
 def import_command(
     files: Annotated[list[Path], typer.Argument(help="Result files of others.", show_default=False)],
@@ -31,6 +28,7 @@ def import_command(
     from datetime import UTC, datetime
 
     from gateway.store import Store
+    from gateway.workflow.files.columnwords import columns_of
     from gateway.workflow.files.importing import How, import_file
 
     how = How(unit, machine, columns_of(column or []) or None, gear=gear, forget=forget)
@@ -46,20 +44,6 @@ def import_command(
         told.append({"file": str(path), "run": done.run_id, "folder": str(done.folder), "kind": done.kind})
         told[-1] |= {"new": done.new, "sha256": done.sha256, "notes": list(done.notes)}
     _tell(told, failures, as_json=as_json)
-
-
-def columns_of(words: list[str]) -> dict[str, str | int | bool]:
-    """A column map from NAME=VALUE words. Raises ConfigError (E-CLI-COLUMN)."""
-    found: dict[str, str | int | bool] = {}
-    for word in words:
-        name, mark, value = word.partition("=")
-        if not mark or not name.strip():
-            raise ConfigError("E-CLI-COLUMN", "--column", text=word)
-        plain = value.strip().lower()
-        number = plain.lstrip("+-")
-        is_number = number.isascii() and number.isdigit() and len(number) < 9
-        found[name.strip()] = int(plain) if is_number else WORDS.get(plain, value.strip())
-    return found
 
 
 def _tell(told: list[dict[str, Any]], failures: list[TrueflankError], *, as_json: bool) -> None:

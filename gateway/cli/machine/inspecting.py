@@ -8,11 +8,11 @@ from typing import Annotated, Any, Literal, cast
 
 import typer
 
-from gateway.cli.files.importing import columns_of
 from gateway.cli.options import JsonOption, PartOption, SiteArgument
 from gateway.cli.screen.telling import progress
 from gateway.cli.show import echo, show_json, show_table
 from gateway.cli.stopping import run_to_end
+from gateway.workflow.files.columnwords import columns_of
 
 Heights = Literal["lower-face", "middle"]
 HEIGHTS: tuple[str, ...] = ("lower-face", "middle")

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection
-from dataclasses import replace
 from pathlib import Path
 
 from drivers.terms import spoken
-from drivers.types.results import MeasuredSet
 from drivers.types.stops import Stop, StopReached
 from drivers.types.tables import LiveSet
-from drivers.units import rad_to_arcsec
-from gateway.capture.corrected import from_file, from_live
+from gateway.capture.corrected import from_live
 from gateway.capture.errormotion import LARGEST, ErrorRig, capture_error, channel_of, error_capture
 from gateway.capture.live import capture_axis
 from gateway.capture.mounting import prove_mounting
@@ -21,10 +18,12 @@ from gateway.capture.sense import prove_sense
 from gateway.capture.targets import plan_of
 from gateway.domain.captures import Capture
 from gateway.errors import CaptureError
+from gateway.store import Maps
 from gateway.walk import walk
 from gateway.workflow import stages
-from gateway.workflow.axes.measure import check_stops, fetch_tables, more_targets, read_result
+from gateway.workflow.axes.measure import check_stops, fetch_tables, more_targets
 from gateway.workflow.bench import Bench
+from gateway.workflow.errors21.filesetup import capture_of, read_setup
 from gateway.workflow.errors21.setups import Planned
 
 OPTICS = {
@@ -135,25 +134,10 @@ def error_rig(at: Bench, one: Planned) -> ErrorRig:
 
 async def _from_file(at: Bench, one: Planned, tables: dict[str, LiveSet]) -> tuple[Capture, tuple[str, ...]]:
     path = at.site_path.parent / Path(str(one.setup.path))
-    unit = one.setup.unit if one.positioning and one.setup.unit in ("mrad", "urad", "arcsec") else ""
-    measured = read_result(path, unit, at)
+    measured = read_setup(path, one, at.site.site.name, Maps(at.store.root))
     at.folder.write_bytes(f"source-{one.key}{path.suffix}", path.read_bytes())
     if one.axis.name not in tables:
         tables[one.axis.name] = await fetch_tables(at, at.axis(one.axis.name))
     live = tables[one.axis.name]
     without_cross(live, at.moved)
-    if one.positioning:
-        return from_file(one.axis, measured, live, path.name), ()
-    scaled = replace(measured, deviations=one.setup.sense * _factor(one) * measured.deviations)
-    return from_file(one.axis, _across(scaled, one), live, path.name), ()
-
-
-def _factor(one: Planned) -> float:
-    """From the numbers of the file to um or arcsec."""
-    return {"urad": float(rad_to_arcsec(1e-6)), "mrad": float(rad_to_arcsec(1e-3))}.get(one.setup.unit, 1.0)
-
-
-def _across(measured: MeasuredSet, one: Planned) -> MeasuredSet:
-    """Nothing of the air or material acts on it, and a turned axis does not turn what is read across it."""
-    flip = one.axis.measure.file_axis_sense
-    return replace(measured, deviations=flip * measured.deviations, compensated_for="air+material")
+    return capture_of(one, measured, live, path.name), ()

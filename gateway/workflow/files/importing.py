@@ -42,13 +42,15 @@ class How:
     """What is said about a file: "" and None leave it to the file and to what was said before.
 
     ``machine`` is whose file it is, for remembering its unit; ``columns`` a map of columns (or of GDE names);
-    ``gear`` a table of flank points; ``forget`` what was remembered about files like this one.
+    ``gear`` a table of flank points; ``mixed``: angles over mm or lengths over deg are no mistake; ``forget`` what was
+    remembered about files like this one.
     """
 
     unit: str = ""
     machine: str = ""
     columns: Mapping[str, Value] | None = None
     gear: bool = False
+    mixed: bool = False
     forget: bool = False
 
 
@@ -159,15 +161,18 @@ class _Asker:
             said, notes = self._remembered_columns(keys)
         if said is None:
             return Read(self._by_itself(name, factory), name)
-        content = factory(columns=said).read(self._path)
+        content = factory(columns=said, **self._mixed(name)).read(self._path)
         if self._how.columns is not None:
             notes += self._keep("columns", keys[0], said) if keys else ["the table has no heading: nothing remembered"]
         return Read(content, name, tuple(notes))
 
+    def _mixed(self, name: str) -> dict[str, bool]:
+        return {"mixed": True} if name == "csv" and self._how.mixed else {}
+
     def _by_itself(self, name: str, factory: Any) -> Content:
         options = {"unit": self._how.unit} if name == "csv" and self._how.unit else {}
         try:
-            content: Content = factory(**options).read(self._path)
+            content: Content = factory(**options, **self._mixed(name)).read(self._path)
         except FileFormatError as error:
             if error.code != "E-FILE-CSV-HEADER":
                 raise

@@ -1,0 +1,251 @@
+"""The command `day`: a folder of one calibration day to error model, forecast of the tooth and calibration report."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from drivers.errors import ConfigError, catalogue, words
+from gateway.cli.onward import next_step
+from gateway.cli.options import JsonOption, load_site
+from gateway.cli.screen.telling import progress
+from gateway.cli.show import echo, show_json, show_table
+from gateway.cli.stopping import run_to_end
+
+YES, NO = ("yes", "y", "ja", "j", "是"), ("no", "n", "nein", "否")
+NUMBERS = ("datum", "park")
+
+
+def day_command(
+    folder: Annotated[Path, typer.Argument(help="Folder with the files of one calibration day.", show_default=False)],
+    site: Annotated[Path, typer.Option(help="Site file of the machine (TOML).", show_default=False)],
+    answers: Annotated[
+        Path | None, typer.Option(help="What was said of the files; left out: beside the folder.", show_default=False)
+    ] = None,
+    ask: Annotated[bool, typer.Option("--ask/--no-ask", help="Ask for what the files cannot say, or refuse.")] = True,
+    connect: Annotated[bool, typer.Option("--connect", help="Read the control's tables: a proposal to push.")] = False,
+    language: Annotated[str, typer.Option(help="en, de or zh; left out: as the site file says.")] = "",
+    as_json: JsonOption = False,
+) -> None:
+    """Turn the files of a calibration day into set-ups, error model, plan for the tooth and calibration report."""
+    from drivers.clock import LoopClock
+    from gateway.store import Maps
+    from gateway.workflow.bench import store_of
+    from gateway.workflow.day.answers import beside, read_answers
+    from gateway.workflow.day.gathering import Gathering
+
+    tree = load_site(site)
+    said = read_answers(answers or beside(folder))
+    gathering = Gathering(folder, tree.site.name, Maps(store_of(tree, site).root), LoopClock().utc)
+    spoken = language or tree.report.language
+    sorted_day, said = _sorted(gathering, tree.axes, said, spoken if ask and not as_json else "")
+    if not as_json:
+        _tell_files(sorted_day)
+    if not sorted_day.setups:
+        raise ConfigError("E-DAY-NO-RESULTS", str(folder), known=", ".join(axis.name for axis in tree.axes))
+    _make(sorted_day, gathering, said, site=site, connect=connect, language=spoken, as_json=as_json)
+
+
+# ---------------------------------------------------------------------------------------------------- the questions
+
+
+def _sorted(gathering: Any, axes: Any, said: Any, language: str) -> tuple[Any, Any]:
+    """Ask until nothing is open; without a language nobody is asked. Raises ConfigError (E-DAY-OPEN)."""
+    from gateway.workflow.day.answers import keep
+    from gateway.workflow.day.sorting import sort_day
+
+    while True:
+        found = sort_day(gathering.files(said), axes, said)
+        if not found.open:
+            return found, said
+        if not language:
+            raise _refusal(found.open, said)
+        one = found.open[0]
+        value = _answer(one, language, found.open, said)
+        said = said.plus(one.place, one.key, value)
+        keep(said)
+
+
+def _answer(one: Any, language: str, questions: Any, said: Any) -> Any:
+    text = catalogue(language).get(one.code) or catalogue()[one.code]
+    echo(f"\n{text['what'].format_map(one.fields)}", bold=True)
+    echo(f"  {text['do'].format_map(one.fields)}")
+    if one.choices:
+        echo(f"  ({', '.join(one.choices)})")
+    while True:
+        try:
+            typed = str(typer.prompt(f"  {one.key}", default=one.default, show_default=bool(one.default))).strip()
+        except typer.Abort as error:
+            raise _refusal(questions, said) from error
+        value = _value(one, typed)
+        if value is not None:
+            return value
+        echo(f"  {words('W-DAY-AGAIN', typed=typed, known=', '.join(one.choices) or one.key)}", colour="yellow")
+
+
+def _value(one: Any, typed: str) -> Any:
+    """An answer as the file keeps it; None where it will not do."""
+    if one.key == "use":
+        left = typed.lower() in NO
+        return not left if (left or (typed.lower() in YES and "yes" in one.choices)) else None
+    if one.key in NUMBERS:
+        try:
+            return float(typed.replace(",", "."))
+        except ValueError:
+            return None
+    if one.choices:
+        return next((choice for choice in one.choices if choice.lower() == typed.lower()), None)
+    return typed or None
+
+
+def _refusal(questions: Any, said: Any) -> ConfigError:
+    """Every open question as the lines that would answer it."""
+    from gateway.workflow.day.answers import section
+
+    lines: dict[str, list[str]] = {}
+    for one in questions:
+        asked = catalogue()[one.code]["what"].format_map(one.fields).split("\n")[0]
+        able = f" ({', '.join(one.choices)})" if one.choices else ""
+        value = "false" if one.key == "use" else one.default if one.key in NUMBERS else f'"{one.default}"'
+        lines.setdefault(section(one.place), []).append(f"{one.key} = {value or '?'}  # {asked}{able}")
+    text = "\n".join("\n".join((head, *own)) for head, own in lines.items())
+    return ConfigError("E-DAY-OPEN", said.where, count=len(questions), lines=text)
+
+
+# ------------------------------------------------------------------------------------------------------ what is told
+
+
+def _tell_files(found: Any) -> None:
+    rows = [_row(one) for one in found.placed]
+    show_table("files of the day", ("file", "what it is", "told by", "targets", "date, environment"), rows)
+    for one in found.placed:
+        for note in one.file.notes:
+            echo(f"  note: {one.file.name}: {note}")
+
+
+def _row(one: Any) -> tuple[str, ...]:
+    measured = one.file.measured
+    if one.setup and measured is not None:
+        sense = "-" if one.setup.get("file_axis_sense") == -1 else "+"
+        at = "".join(f", {axis} at {place:g}" for axis, place in one.setup.get("park", {}).items())
+        return (one.file.name, f"{one.error} on {one.axis} ({sense}){at}", one.by, *_facts(measured))
+    code, fields = one.why or ("W-DAY-LEFT-OUT", {})
+    return one.file.name, words(code, **fields), "", *(_facts(measured) if measured is not None else ("", ""))
+
+
+def _facts(measured: Any) -> tuple[str, str]:
+    """Targets with the unit of their deviations, date with environment of a measured set."""
+    first, last, count = measured.targets[0], measured.targets[-1], len(measured.targets)
+    ways = 2 if (measured.deviations[:, :, 1] == measured.deviations[:, :, 1]).any() else 1
+    targets = f"{count} x {measured.deviations.shape[1]} x {ways}: {first:g} .. {last:g}"
+    start = measured.ambient_start
+    air = [f"{start.air_degc:g} degC"] if start.air_degc is not None else []
+    sensors = start.material_degc
+    material = [f"material {sum(sensors) / len(sensors):.1f} degC"] if sensors else []
+    date = [measured.header["Date"].strip()] if measured.header.get("Date", "").strip() else []
+    unit = "um" if measured.axis_unit == "mm" else "arcsec"
+    return f"{targets}, {unit}", ", ".join(date + air + material) or "-"
+
+
+def _make(found: Any, gathering: Any, said: Any, *, site: Path, connect: bool, language: str, as_json: bool) -> None:
+    from drivers.clock import LoopClock
+    from gateway.workflow.day.making import at_the_control, from_files, keep_day, keys_of, write_site
+
+    path = write_site(site, gathering.folder, found.setups)
+    tree = load_site(path)
+    keys = keys_of(tree, found.setups)
+    with progress(quiet=as_json, at=(tree, path)) as say:
+        if connect:
+
+            async def main() -> Any:
+                return await at_the_control(tree, path, found.setups, clock=LoopClock(), say=say)
+
+            outcome = run_to_end(main())
+        else:
+            outcome = from_files(tree, path, found.setups, gathering, said, say=say)
+    data = _data(found, outcome)
+    keep_day(outcome, data)
+    report = _report(outcome.run_folder, language)
+    if as_json:
+        show_json({**data, "report": report, "setups": list(keys)})
+        return
+    _tell(outcome, report)
+    _onward(outcome, f"day {gathering.folder} --site {site} --connect")
+
+
+def _report(folder: Path, language: str) -> Mapping[str, object]:
+    """The run's report, and the calibration report where its library is there."""
+    from drivers.clock import LoopClock
+    from gateway.store import RunFolder
+    from gateway.workflow.results.reporting import material_of, write_report
+
+    run = RunFolder(folder)
+    material = material_of(run)
+    told: dict[str, object] = {"html": str(write_report(run, material).html)}
+    try:
+        from gateway.workflow.results.documenting import Told, with_told, write_document
+    except ModuleNotFoundError as error:
+        return {**told, "missing": str(error.name)}
+    made = write_document(with_told(material, Told(language=language)), folder, LoopClock().utc())
+    run.adopt(*made.files)
+    return {**told, "number": made.number, "pdf": str(made.pdf)}
+
+
+def _data(found: Any, outcome: Any) -> dict[str, Any]:
+    """The day for --json and for the run's folder."""
+    files = []
+    for one in found.placed:
+        code, fields = one.why or ("", {})
+        said = words(code, **fields) if code else ""
+        files.append({"file": one.file.name, "sha256": one.file.sha256, "error": one.error, "axis": one.axis})
+        files[-1] |= {"told_by": one.by, "setup": dict(one.setup), "left_out": said, "notes": list(one.file.notes)}
+    data = {"site_file": str(outcome.site_file), "files": files, **outcome.plan.as_data()}
+    data["forecast"] = outcome.forecast.as_data() if outcome.forecast is not None else None
+    return data | ({"proposal": outcome.proposal.as_data()} if outcome.proposal is not None else {})
+
+
+def _tell(outcome: Any, report: Mapping[str, object]) -> None:
+    change = {one.name: one.change_um for one in outcome.plan.open}
+    rows = [
+        (row.name, row.state, f"{row.low:+.2f} .. {row.high:+.2f}", f"{row.U:.2f}", row.unit, _size(change, row.name))
+        for row in outcome.plan.rows
+    ]
+    headings = ("error", "state", "range", "U (k=2)", "unit", "may change on the tooth, um")
+    show_table("errors of the machine", headings, rows)
+    missing = [row.name for row in outcome.plan.rows if row.state != "measured"]
+    echo(words("S-DAY-KNOWN", known=len(rows) - len(missing), all=len(rows), missing=", ".join(missing) or "-"))
+    for line in outcome.plan.model.said:
+        echo(f"  note: {line}")
+    echo(outcome.plan.advice)
+    _tell_tooth(outcome)
+    echo(f"site file with the day's set-ups: {outcome.site_file}")
+    echo(f"run folder: {outcome.run_folder}")
+    echo(f"calibration report: {report.get('pdf', report['html'])}")
+
+
+def _onward(outcome: Any, connected: str) -> None:
+    """What comes next: the push, the set-ups that are missing, or the control's tables."""
+    if outcome.proposal is not None:
+        next_step(f"push {outcome.run_folder}")
+    else:
+        next_step(f"measure {outcome.site_file} --plan" if outcome.plan.remaining else connected)
+
+
+def _size(change: Mapping[str, float], name: str) -> str:
+    return f"{change[name]:.2f}" if name in change else "-"
+
+
+def _tell_tooth(outcome: Any) -> None:
+    if outcome.forecast is not None:
+        one = outcome.forecast
+        figures = {"before": f"{one.before_um:.2f}", "own": f"{one.with_own_um:.2f}", "after": f"{one.after_um:.2f}"}
+        echo(words("S-DAY-FORECAST", **figures, u=f"{one.after_u_um:.2f}"))
+        rows = [(t.name, t.layer, str(t.points), f"{t.low:+.2f} .. {t.high:+.2f}", t.unit) for t in one.tables]
+        show_table("tables that would be proposed", ("table", "layer", "points", "range", "unit"), rows)
+    elif outcome.proposal is not None:
+        show_table("tables", ("table", "what", "points and values"), outcome.proposal.tables)
+    else:
+        echo(words("S-DAY-NO-WORK"))

@@ -1,0 +1,86 @@
+"""What tables could do for the tooth by the errors that a day's files told, before any control was asked; pure."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+from drivers.types.tables import CompensationTable
+from gateway.correct.flank.noise import noise_patterns
+from gateway.correct.outlook.flank_uncertainty import Shop
+from gateway.correct.outlook.next_setup import doubts
+from gateway.correct.outlook.prediction import predict
+from gateway.correct.plan.layers import correct
+from gateway.correct.plan.plan import AxisGrid, Plan
+from gateway.gear.flank import flank_grid
+from gateway.gear.grinding import Grinding
+from gateway.gear.setright import set_right
+from gateway.model.known import ErrorModel, chain_of_errors
+from gateway.workflow.tooth.proposal import ToothWork
+
+PROFILE, WIDTH = 11, 5
+
+
+@dataclass(frozen=True, slots=True)
+class ForecastTable:
+    """A table that would be proposed, by its layer and name, with its lowest and highest value (um or arcsec)."""
+
+    layer: str
+    name: str
+    points: int
+    low: float
+    high: float
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class ToothForecast:
+    """RMS of the flank, um: as it is with its set-up values right, with axis tables, and with everything, with u.
+
+    It supposes that no table acted while the files were measured: only the control can tell.
+    """
+
+    before_um: float
+    with_own_um: float
+    after_um: float
+    after_u_um: float
+    tables: tuple[ForecastTable, ...]
+
+    def as_data(self) -> dict[str, Any]:
+        """For --json."""
+        return asdict(self)
+
+
+def forecast(model: ErrorModel, work: ToothWork, grids: tuple[AxisGrid, ...]) -> ToothForecast:
+    """Both layers of tables worked out for a machine without any. Raises ModelError (E-CORRECT-...)."""
+    chain = chain_of_errors(model, height_mm=work.height_mm)
+    grinding = Grinding(chain, work.gear, work.centre_distance_mm)
+    grid = flank_grid(work.gear, profile=PROFILE, width=WIDTH)
+    plan = Plan(grids, zeros=("X",))
+    plan = replace(plan, noise=noise_patterns(grinding, grid, doubts(model, chain, plan)))
+    found = correct(grinding, grid, plan=plan)
+    outlook = predict(grinding, grid, plan=plan, model=model, found=found, shop=Shop())
+    if found.cross and not outlook.worth:
+        plan = replace(plan, cross=())
+        found = correct(grinding, grid, plan=plan)
+        outlook = predict(grinding, grid, plan=plan, model=model, found=found, shop=Shop())
+    flank = outlook.flank
+    return ToothForecast(
+        before_um=set_right(flank.before, work.gear).rms_um,
+        with_own_um=set_right(flank.with_own, work.gear).rms_um,
+        after_um=flank.rms_um,
+        after_u_um=flank.rms_u_um,
+        tables=tuple(_table(one) for one in (*found.own, *found.cross) if any(one.deviations)),
+    )
+
+
+def _table(one: CompensationTable) -> ForecastTable:
+    values = one.deviations
+    return ForecastTable(
+        layer=one.kind,
+        name=f"{one.output_axis}({one.input_axis})",
+        points=len(values),
+        low=min(values),
+        high=max(values),
+        unit=one.deviation_unit,
+    )

@@ -1,0 +1,260 @@
+"""Files and answers to the set-ups of a day, and to the questions that nobody has answered yet; pure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from drivers.errors import ConfigError
+from drivers.local.names import shown
+from gateway.config import AxisSection
+from gateway.domain.values import component_unit
+from gateway.siteplan import LOCATIONS
+from gateway.workflow.day.answers import Answers
+from gateway.workflow.day.gathering import DayFile, copies
+from gateway.workflow.day.naming import BY_ANSWER, Guessed, choices, guessed
+
+UNITS = ("mrad", "urad", "arcsec", "deg")
+WAYS = ("+", "-")
+YES_NO = ("yes", "no")
+BARS = ("A0C", "B0C")
+TURN_DEG = 360.0
+
+
+@dataclass(frozen=True, slots=True)
+class OpenQuestion:
+    """What only a person knows: ``place`` and ``key`` in the answers' file, ``code`` of the catalogue's words for it.
+
+    ``choices`` are the only answers, where there are any; ``default`` is "" where none can be proposed.
+    """
+
+    place: str
+    key: str
+    code: str
+    default: str = ""
+    choices: tuple[str, ...] = ()
+    fields: Mapping[str, object] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Placed:
+    """A file and what it is: the keys of its set-up ({} where it is none), who told the error, and why it is left out.
+
+    ``why`` is a code with its fields where the file is no set-up: another axis, a copy, said to be left out.
+    """
+
+    file: DayFile
+    error: str = ""
+    axis: str = ""
+    by: str = ""
+    setup: Mapping[str, Any] = field(default_factory=dict)
+    why: tuple[str, Mapping[str, object]] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SortedDay:
+    """Every file in its place, and what is still open; set-ups are whole once nothing is."""
+
+    placed: tuple[Placed, ...]
+    open: tuple[OpenQuestion, ...]
+
+    @property
+    def setups(self) -> tuple[Placed, ...]:
+        """The files that are set-ups."""
+        return tuple(one for one in self.placed if one.setup)
+
+
+def sort_day(files: Sequence[DayFile], axes: Sequence[AxisSection], answers: Answers) -> SortedDay:
+    """Say of each file what it is. Raises ConfigError (E-DAY-ANSWER, E-DAY-NO-FILE, E-DAY-UNIT-OF, E-DAY-TWICE)."""
+    _known_files(files, answers)
+    same = copies(files)
+    work = _Sorter(tuple(axes), answers, files)
+    placed = [work.place(one, same.get(one.name, "")) for one in files]
+    work.twice(placed)
+    return SortedDay(tuple(placed), tuple(work.questions.values()))
+
+
+def _known_files(files: Sequence[DayFile], answers: Answers) -> None:
+    names = {f"files.{one.name}" for one in files}
+    for place in answers.said:
+        if place.startswith("files.") and place not in names:
+            name = shown(place.removeprefix("files."))
+            raise ConfigError("E-DAY-NO-FILE", answers.where, name=name)
+
+
+class _Sorter:
+    """The questions of a day as they come up, each once."""
+
+    def __init__(self, axes: tuple[AxisSection, ...], answers: Answers, files: Sequence[DayFile]) -> None:
+        self._axes = axes
+        self._answers = answers
+        self._files = files
+        self.questions: dict[tuple[str, str], OpenQuestion] = {}
+
+    def place(self, one: DayFile, copy_of: str) -> Placed:
+        use = self._answers.of("use", one.name)
+        if use is False:
+            return Placed(one, why=("W-DAY-LEFT-OUT", {}))
+        if copy_of:
+            return Placed(one, why=("W-DAY-COPY", {"other": copy_of}))
+        if one.kind == "open":
+            self._read_first(one)
+            return Placed(one)
+        if one.kind in ("trouble", "undescribed"):
+            self._unreadable(one)
+            return Placed(one)
+        if one.kind != "results":
+            return Placed(one, why=(f"W-DAY-{one.kind.upper()}", {"name": one.name}))
+        return self._results(one)
+
+    def twice(self, placed: Sequence[Placed]) -> None:
+        """Two files of one thing: a person says which counts. Raises ConfigError (E-DAY-TWICE)."""
+        first: dict[tuple[Any, ...], Placed] = {}
+        for one in placed:
+            if not one.error or one.why is not None:
+                continue
+            park = tuple(sorted(one.setup.get("park", {}).items())) if one.setup else (one.file.name,)
+            key = (one.error, one.axis, park if one.error in BARS else ())
+            other = first.setdefault(key, one)
+            if other is one:
+                continue
+            names: dict[str, Any] = {"name": one.file.name, "other": other.file.name, "error": one.error}
+            if self._answers.of("use", one.file.name) and self._answers.of("use", other.file.name) is not False:
+                raise ConfigError("E-DAY-TWICE", self._answers.where, **names)
+            self._ask(OpenQuestion(f"files.{one.file.name}", "use", "P-DAY-TWICE", "", YES_NO, names))
+
+    def _ask(self, one: OpenQuestion) -> None:
+        self.questions.setdefault((one.place, one.key), one)
+
+    def _read_first(self, one: DayFile) -> None:
+        fields = {"name": one.name, **(one.error.fields if one.error is not None else {})}
+        if one.asks == "unit":
+            self._ask(OpenQuestion("all", "unit", "P-DAY-UNIT", "", UNITS, fields))
+        else:
+            self._ask(OpenQuestion(f"files.{one.name}", "columns", "P-DAY-COLUMNS", fields=fields))
+
+    def _unreadable(self, one: DayFile) -> None:
+        why = one.error.what if one.error is not None else ""
+        code = "P-DAY-UNDESCRIBED" if one.kind == "undescribed" else "P-DAY-BROKEN"
+        head = "\n".join(f"    {line}" for line in one.head)
+        fields = {"name": one.name, "why": why, "head": head}
+        self._ask(OpenQuestion(f"files.{one.name}", "use", code, "", ("no",), fields))
+
+    def _results(self, one: DayFile) -> Placed:
+        told = guessed(one.name, one.driver, one.words, self._axes)
+        error, axis, by = self._error(one, told)
+        if told.foreign and not axis and not error:
+            return Placed(one, why=("W-DAY-FOREIGN", {"axis": told.foreign}))
+        if error and not axis:
+            named = tuple(
+                item.name for item in self._axes if item.letter in LOCATIONS.get(error.removesuffix("-R"), "")
+            )
+            fields: dict[str, object] = {"name": one.name, "error": error}
+            self._ask(OpenQuestion(f"files.{one.name}", "axis", "P-DAY-AXIS", "", named, fields))
+        if not error:
+            able = choices(self._axis(told.axis), self._unit(one), self._axes)
+            fields = {"name": one.name, "axis": told.axis or "?"}
+            self._ask(OpenQuestion(f"files.{one.name}", "error", "P-DAY-ERROR", "", able, fields))
+        moved = self._axis(axis)
+        if moved is None or not error:
+            return Placed(one, error, axis, by)
+        self._fits(one, error, moved)
+        return Placed(one, error, axis, by, self._setup(one, error, moved, told))
+
+    def _error(self, one: DayFile, told: Guessed) -> tuple[str, str, str]:
+        """Error, axis and who told them. Raises ConfigError (E-DAY-ANSWER)."""
+        said, axis = self._answers.of("error", one.name), self._answers.of("axis", one.name)
+        able = choices(None, "", self._axes)
+        place = f"files.{one.name}"
+        if said is not None and said not in able:
+            self._wrong(place, "error", said, ", ".join(able))
+        names = tuple(item.name for item in self._axes)
+        if axis is not None and axis not in names:
+            self._wrong(place, "axis", axis, ", ".join(names))
+        error = str(said or told.error)
+        moving = [item for item in self._axes if item.letter in LOCATIONS.get(error.removesuffix("-R"), error[2:3])]
+        if axis is None and error:
+            own = [item.name for item in moving if item.name == told.axis]
+            axis = (own or [item.name for item in moving if len(moving) == 1] or [""])[0]
+        elif axis is not None and error and axis not in [item.name for item in moving]:
+            self._wrong(place, "axis", axis, ", ".join(item.name for item in moving))
+        if told.error and said is None and error not in able:
+            return "", "", ""
+        return error, axis or "", BY_ANSWER if said else told.by
+
+    def _wrong(self, place: str, key: str, value: object, known: str) -> None:
+        raise ConfigError(
+            "E-DAY-ANSWER", self._answers.where, place=shown(place), key=key, value=shown(str(value)), known=known
+        )
+
+    def _axis(self, name: str) -> AxisSection | None:
+        return next((item for item in self._axes if item.name == name), None)
+
+    def _unit(self, one: DayFile) -> str:
+        """Kind of the file's deviations, um or arcsec."""
+        return "um" if one.measured is not None and one.measured.axis_unit == "mm" else "arcsec"
+
+    def _fits(self, one: DayFile, error: str, moved: AxisSection) -> None:
+        """Raises ConfigError (E-DAY-UNIT-OF) for lengths where the error is an angle and the other way round."""
+        wanted = "um" if error[1] == "0" else component_unit(error, moved.unit)
+        if self._unit(one) != wanted:
+            raise ConfigError("E-DAY-UNIT-OF", one.name, error=error, found=self._unit(one), wanted=wanted)
+
+    def _setup(self, one: DayFile, error: str, moved: AxisSection, told: Guessed) -> Mapping[str, Any]:
+        """The keys of the set-up; {} while something is open."""
+        datum, direction = self._datum(one, moved)
+        positioning = error[1] == error[2] and error[1] != "0"
+        sense = "+" if positioning else self._way(one, "sense", "all", "P-DAY-SENSE", moved=moved)
+        park = self._park(one, error, told)
+        if datum is None or not direction or not sense or park is None:
+            return {}
+        found: dict[str, Any] = {"axis": moved.name, "component": error, "source": "file", "datum": datum}
+        found |= {"unit": str(self._answers.of("unit", one.name) or "")} if one.driver == "rta" else {}
+        found |= {"file_axis_sense": -1} if direction == "-" else {}
+        found |= {"sense": -1} if sense == "-" else {}
+        found |= {"park": park} if park else {}
+        own = {"U": "U", "offset": "offset_mm", "own_angle": "own_angle_arcsec"}
+        more = {to: self._answers.of(key, one.name, moved.name) for key, to in own.items()}
+        return found | {key: value for key, value in more.items() if value is not None}
+
+    def _datum(self, one: DayFile, moved: AxisSection) -> tuple[float | None, str]:
+        """Where the axis stood at the file's zero, and which way the file counts."""
+        direction = self._way(one, "direction", f"axes.{moved.name}", "P-DAY-DIRECTION", moved=moved)
+        said = self._answers.of("datum", one.name, moved.name)
+        if said is None and one.measured is not None:
+            first, last = float(one.measured.targets[0]), float(one.measured.targets[-1])
+            low, high = moved.travel[0], max(moved.travel[1], moved.travel[0] + TURN_DEG * moved.modulo)
+            inside = low - 1e-6 <= first and last <= high + 1e-6
+            fields = {"axis": moved.name, "name": one.name, "first": f"{first:g}", "last": f"{last:g}"}
+            fields |= {"unit": moved.unit, "low": f"{low:g}", "high": f"{high:g}"}
+            zero = "0" if inside else ""
+            self._ask(OpenQuestion(f"axes.{moved.name}", "datum", "P-DAY-DATUM", zero, fields=fields))
+        return (float(said) if said is not None else None), direction
+
+    def _way(self, one: DayFile, key: str, place: str, code: str, *, moved: AxisSection) -> str:
+        """A sign that somebody said, "" while it is open. Raises ConfigError (E-DAY-ANSWER)."""
+        said = self._answers.of(key, one.name, moved.name)
+        if said is None:
+            self._ask(OpenQuestion(place, key, code, "+", WAYS, {"axis": moved.name, "name": one.name}))
+            return ""
+        if said not in WAYS:
+            self._wrong(place, key, said, " ".join(WAYS))
+        return str(said)
+
+    def _park(self, one: DayFile, error: str, told: Guessed) -> dict[str, float] | None:
+        """Where the table, and others that somebody named, stood for a bar, by axis; None while nobody said."""
+        table = next((item.name for item in self._axes if item.kind == "rotary"), "")
+        if error not in BARS or not table:
+            return {}
+        said = self._answers.of("park", one.name)
+        if said is not None:
+            return {name: float(at) for name, at in said.items()} if isinstance(said, dict) else {table: float(said)}
+        if told.park is not None:
+            return {table: told.park}
+        self._ask(
+            OpenQuestion(
+                f"files.{one.name}", "park", "P-DAY-PARK", "", ("0", "180"), {"name": one.name, "table": table}
+            )
+        )
+        return None

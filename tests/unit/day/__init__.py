@@ -1,0 +1,1 @@
+"""A calibration day from its folder of files."""

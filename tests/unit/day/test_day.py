@@ -1,0 +1,178 @@
+"""The command `day`: 25 files become all 21 errors, a forecast and a report; what is missing is asked or refused."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import Result
+from typer.testing import CliRunner
+
+from drivers.errors import TrueflankError
+from gateway.cli import app
+from gateway.model.components import value
+from gateway.model.known import ErrorModel
+from gateway.model.preset import TWENTY_ONE
+from gateway.store import RunFolder
+from gateway.workflow import stages
+from simulators.cell.site import section
+from tests.unit.components.machine import ARCSEC, PLACES, Machine
+from tests.unit.components.site import site_data
+from tests.unit.components.test_errormodel import wanted
+from tests.unit.day.folder import answers, made
+
+GEAR = Path(__file__).parents[3] / "examples" / "gears" / "eleven-lobes.toml"
+
+
+def site(folder: Path) -> Path:
+    """A site with one axis section for each of X, Z and C, and the work."""
+    data = site_data([])
+    shutil.copy(GEAR, folder / "gear.toml")
+    data["work"] = {"gear": "gear.toml", "dresser": ""}
+    parts = [section(name, data[name]) for name in ("site", "controller", "work")]
+    parts += [section("[instruments]", one) for one in data["instruments"]]
+    parts += [section("[axes]", one) for one in data["axes"]]
+    path = folder / "site.toml"
+    path.write_text("\n".join(parts), encoding="utf-8")
+    return path
+
+
+def asked(where: Path, *more: str, typed: str | None = None) -> Result:
+    words = ["day", str(where / "day"), "--site", str(where / "site.toml"), *more]
+    return CliRunner().invoke(app, words, input=typed)
+
+
+def refused(result: Result) -> TrueflankError:
+    assert isinstance(result.exception, TrueflankError), result.output
+    return result.exception
+
+
+def test_25_files_become_all_21_errors_a_forecast_and_a_report(tmp_path: Path) -> None:
+    machine = Machine(3)
+    site(tmp_path)
+    answers(tmp_path / "day.answers.toml", made(tmp_path / "day", machine))
+    told = asked(tmp_path, "--no-ask", "--json")
+    assert told.exit_code == 0, told.output
+    day = json.loads(told.stdout)
+    assert {row["name"] for row in day["errors"] if row["state"] == "measured"} == set(TWENTY_ONE)
+    model = RunFolder(Path(day["run_folder"])).get(stages.ERRORS, ErrorModel)
+    for one in model.motions:
+        at = PLACES[one.name[2]]
+        true = wanted(machine, one.name)
+        assert np.max(np.abs(value(one, at) - true)) < max(0.3, 0.05 * float(np.ptp(true))), one.name
+    located = {one.name: one for one in model.locations}
+    slopes = {
+        name: np.polyfit(PLACES[name[2]], machine.motion(name, PLACES[name[2]]), 1)[0] * 1e-3 / ARCSEC
+        for name in ("EZX", "EXZ", "EYZ")
+    }
+    square, table = machine.B0Z + slopes["EZX"] + slopes["EXZ"], machine.table_lean("B0C") + slopes["EZX"]
+    assert located["B0Z"].value == pytest.approx(square, abs=0.3)
+    assert located["A0C"].value == pytest.approx(machine.table_lean("A0C") + slopes["EYZ"], abs=0.3)
+    assert located["B0C"].value == pytest.approx(table, abs=0.3)
+    assert day["forecast"]["after_um"] < day["forecast"]["with_own_um"] < day["forecast"]["before_um"]
+    assert Path(str(day["report"]["html"])).is_file()
+    files = {row["file"]: row for row in day["files"]}
+    assert "dynamic" in files["spindle.rtx"]["left_out"]
+    assert files["x gieren.rta"]["error"] == "ECX"
+
+
+def small(folder: Path, *names: str) -> Path:
+    """A day of some of the files, and its site."""
+    whole = made(folder / "whole", Machine(3))
+    (folder / "day").mkdir()
+    for name in names:
+        shutil.copy(whole / name, folder / "day" / name)
+    return site(folder)
+
+
+def test_what_is_open_is_refused_with_the_lines_that_would_answer_it(tmp_path: Path) -> None:
+    small(tmp_path, "x_pos.rtl", "x gieren.rta", "z tilt 2.rta")
+    error = refused(asked(tmp_path, "--no-ask"))
+    assert error.code == "E-DAY-OPEN"
+    assert "[all]" in error.what
+    assert "unit = " in error.what
+    assert "[axes.X1]" in error.what
+    assert "datum = 0" in error.what
+    assert not list((tmp_path / "runs").glob("2*"))
+
+
+def test_answers_are_asked_once_and_remembered(tmp_path: Path) -> None:
+    small(tmp_path, "x_pos.rtl", "z tilt 2.rta")
+    told = asked(tmp_path, "--language", "de", typed="+\n0,0\nlight years\nmrad\nEBZ\n+\n0\n+\n")
+    assert told.exit_code == 0, told.output
+    assert "In welcher Einheit" in told.output
+    assert "light years" in told.output
+    kept = (tmp_path / "day.answers.toml").read_text(encoding="utf-8")
+    assert 'unit = "mrad"' in kept
+    assert '[files."z tilt 2.rta"]\nerror = "EBZ"' in kept
+    again = json.loads(asked(tmp_path, "--no-ask", "--json").stdout)
+    assert [row["name"] for row in again["errors"] if row["state"] == "measured"] == ["EXX", "EBZ"]
+    assert {one["name"] for one in again["open"]} >= {"ECC", "EXC", "EXX"}
+
+
+def test_two_files_of_one_thing_a_copy_a_broken_one_and_another_axis_are_each_said(tmp_path: Path) -> None:
+    small(tmp_path, "x_pos.rtl", "EZX.csv")
+    day = tmp_path / "day"
+    text = (day / "x_pos.rtl").read_bytes()
+    (day / "copy.rtl").write_bytes(text)
+    (day / "x again.rtl").write_bytes(text.replace(b"as found", b"as left!"))
+    (day / "y.rtl").write_bytes(text.replace(b"Axis: X", b"Axis: Y"))
+    (day / "cut.rtl").write_bytes(text[: len(text) // 2])
+    (day / "notes.pdf").write_bytes(b"%PDF")
+    answers_of = tmp_path / "day.answers.toml"
+    answers_of.write_text('[all]\nsense = "+"\n[axes.X1]\ndatum = 0\ndirection = "+"\n', encoding="utf-8")
+    error = refused(asked(tmp_path, "--no-ask"))
+    assert "cut.rtl: the file is incomplete" in error.what
+    assert "copy.rtl and x again.rtl both hold EXX. Does x again.rtl count?" in error.what
+    with answers_of.open("a", encoding="utf-8") as file:
+        file.write('[files."cut.rtl"]\nuse = false\n[files."x again.rtl"]\nuse = false\n')
+    told = json.loads(asked(tmp_path, "--no-ask", "--json").stdout)
+    said = {row["file"]: row["left_out"] for row in told["files"]}
+    assert "axis Y is not in the site file" in said["y.rtl"]
+    assert "same bytes as copy.rtl" in said["x_pos.rtl"]
+    assert said["notes.pdf"] == "no result file"
+    assert said["EZX.csv"] == ""
+
+
+def test_a_layout_that_nobody_described_is_refused_with_its_first_lines(tmp_path: Path) -> None:
+    small(tmp_path)
+    (tmp_path / "day" / "x.rts").write_text("".join(f"line {n}\n" for n in range(1, 9)), encoding="cp1252")
+    error = refused(asked(tmp_path, "--no-ask"))
+    assert error.code == "E-DAY-OPEN"
+    told = asked(tmp_path, typed="no\n")
+    assert "line 5" in told.output
+    assert "line 6" not in told.output
+    assert "CSV" in told.output
+    assert refused(told).code == "E-DAY-NO-RESULTS"
+
+
+@pytest.mark.parametrize(
+    ("text", "code"),
+    [
+        ("[all]\nunits = 1\n", "E-DAY-KEY"),
+        ("[all]\nunit = 1\n", "E-DAY-ANSWER"),
+        ('[files."x_pos.rtl"]\nerror = "EQQ"\n', "E-DAY-ANSWER"),
+        ('[files."x_pos.rtl"]\nerror = "EBX"\n[axes.X1]\ndatum=0\n', "E-DAY-UNIT-OF"),
+        ('[files."gone.rtl"]\nuse = false\n', "E-DAY-NO-FILE"),
+        ("[all\n", "E-DAY-ANSWERS"),
+        ("[files.a]\n[other]\n", "E-DAY-ANSWERS"),
+    ],
+)
+def test_wrong_answers_are_named(tmp_path: Path, text: str, code: str) -> None:
+    small(tmp_path, "x_pos.rtl")
+    (tmp_path / "day.answers.toml").write_text(text, encoding="utf-8")
+    assert refused(asked(tmp_path, "--no-ask")).code == code
+
+
+def test_an_empty_folder_no_folder_a_huge_file_and_a_site_file_of_somebody_are_refused(tmp_path: Path) -> None:
+    small(tmp_path)
+    assert refused(asked(tmp_path)).code == "E-DAY-EMPTY"
+    with (tmp_path / "day" / "huge x.rtl").open("wb") as file:
+        file.truncate(200 << 20)
+    error = refused(asked(tmp_path, "--no-ask"))
+    assert "huge x.rtl: the file cannot be read: it is larger than" in error.what
+    (tmp_path / "day").rename(tmp_path / "elsewhere")
+    assert refused(asked(tmp_path)).code == "E-DAY-FOLDER"
