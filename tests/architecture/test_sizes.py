@@ -40,7 +40,7 @@ DOORS = {
     "serial": 1,
     "sqlalchemy": 4,
     "starlette": 8,
-    "typer": 37,
+    "typer": 38,
     "typst": 1,
     "uvicorn": 1,
 }

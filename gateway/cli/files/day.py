@@ -35,11 +35,11 @@ def day_command(
     from gateway.store import Maps
     from gateway.workflow.bench import store_of
     from gateway.workflow.day.answers import beside, read_answers
-    from gateway.workflow.day.gathering import Gathering
+    from gateway.workflow.day.gathering import DayFolder
 
     tree = load_site(site)
     said = read_answers(answers or beside(folder))
-    gathering = Gathering(folder, tree.site.name, Maps(store_of(tree, site).root), LoopClock().utc)
+    gathering = DayFolder(folder, tree.site.name, Maps(store_of(tree, site).root), LoopClock().utc)
     spoken = language or tree.report.language
     sorted_day, said = _sorted(gathering, tree.axes, said, spoken if ask and not as_json else "")
     if not as_json:
@@ -83,7 +83,8 @@ def _answer(one: Any, language: str, questions: Any, said: Any) -> Any:
         value = _value(one, typed)
         if value is not None:
             return value
-        echo(f"  {words('W-DAY-AGAIN', typed=typed, known=', '.join(one.choices) or one.key)}", colour="yellow")
+        again = words("W-DAY-AGAIN", typed=typed, known=", ".join(one.choices) or one.key)
+        echo(f"  {again}", colour="yellow")
 
 
 def _value(one: Any, typed: str) -> Any:
@@ -165,7 +166,7 @@ def _make(found: Any, gathering: Any, said: Any, *, site: Path, connect: bool, l
 
             outcome = run_to_end(main())
         else:
-            outcome = from_files(tree, path, found.setups, gathering, said, say=say)
+            outcome = from_files(tree, path, found.setups, folder=gathering, answers=said, say=say)
     data = _data(found, outcome)
     keep_day(outcome, data)
     report = _report(outcome.run_folder, language)

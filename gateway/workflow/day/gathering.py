@@ -53,7 +53,7 @@ class DayFile:
         return ASKED.get(self.error.code, "") if self.error is not None and self.kind == "open" else ""
 
 
-class Gathering:
+class DayFolder:
     """A folder's files; one that was read is not read again while its answers stay the same."""
 
     def __init__(self, folder: Path, machine: str, maps: Maps | None, utc: Callable[[], datetime]) -> None:
@@ -143,7 +143,9 @@ def _content(name: str, path: Path, how: How, *, maps: Maps | None, utc: Callabl
     if isinstance(read.content, MeasuredSet):
         notes = (*read.content.warnings, *read.notes)
         content, head = read.content, read.content.header
-        return DayFile(name, path, "results", read.driver, content, sha256=_digest(path), notes=notes, words=head)
+        return DayFile(
+            name, path, "results", read.driver, measured=content, sha256=_digest(path), notes=notes, words=head
+        )
     kind: Kind = "gear" if isinstance(read.content, GearInspection) else "dynamic"
     return DayFile(name, path, kind, read.driver, sha256=_digest(path))
 

@@ -21,7 +21,7 @@ from gateway.workflow import stages
 from gateway.workflow.bench import new_run
 from gateway.workflow.day.answers import Answers
 from gateway.workflow.day.forecast import ToothForecast, forecast
-from gateway.workflow.day.gathering import Gathering
+from gateway.workflow.day.gathering import DayFolder
 from gateway.workflow.day.sorting import Placed
 from gateway.workflow.errors21.components import PlanOutcome, conclude, grids, measure_site
 from gateway.workflow.errors21.filesetup import capture_of, read_setup
@@ -91,9 +91,9 @@ def from_files(
     site: SiteFile,
     site_path: Path,
     setups: Sequence[Placed],
-    gathering: Gathering,
-    answers: Answers,
     *,
+    folder: DayFolder,
+    answers: Answers,
     say: Say,
 ) -> DayOutcome:
     """Everything without a control: captures as the files have them, error model, forecast.
@@ -101,32 +101,32 @@ def from_files(
     No table can be pushed from it, for nobody knows what compensated. Raises what reading and evaluating raise; the
     run folder keeps the error.
     """
-    folder = new_run(site, site_path)
-    say("P-RUN", folder=str(folder.path))
+    run = new_run(site, site_path)
+    say("P-RUN", folder=str(run.path))
     work = work_of(site, site_path) if site.work is not None else None
     try:
         mine = {one.file.path.resolve(): one for one in setups}
         for one in planned(site):
             path = (site_path.parent / Path(str(one.setup.path))).resolve()
             if one.key in keys_of(site, setups) and path in mine:
-                _store(folder, one, mine[path], gathering=gathering, answers=answers)
-        plan = conclude(site, folder, work.tooth if work is not None else None)
-        if any(one.positioning and folder.has(stages.setup(one.key)) for one in planned(site)):
-            axes_measured(folder, site)
+                _store(run, one, mine[path], folder=folder, answers=answers)
+        plan = conclude(site, run, work.tooth if work is not None else None)
+        if any(one.positioning and run.has(stages.setup(one.key)) for one in planned(site)):
+            axes_measured(run, site)
     except TrueflankError as error:
-        folder.set_state("failed", error=error.as_record())
+        run.set_state("failed", error=error.as_record())
         raise
     outlook = forecast(plan.model, work, grids(site)) if work is not None else None
-    return DayOutcome(site_path, folder.path, plan, outlook)
+    return DayOutcome(site_path, run.path, plan, outlook)
 
 
-def _store(folder: RunFolder, one: Planned, placed: Placed, *, gathering: Gathering, answers: Answers) -> None:
+def _store(run: RunFolder, one: Planned, placed: Placed, *, folder: DayFolder, answers: Answers) -> None:
     path = placed.file.path
-    measured = read_setup(path, one, gathering.machine, gathering.maps, gathering.how(path, answers))
+    measured = read_setup(path, one, folder.machine, folder.maps, how=folder.how(path, answers))
     capture = capture_of(one, measured, None, placed.file.name)
-    folder.write_bytes(f"source-{one.key}{path.suffix.lower()}", path.read_bytes())
-    folder.write_text(f"setup-{one.key}.json", one.setup.model_dump_json())
-    folder.put(stages.setup(one.key), capture)
+    run.write_bytes(f"source-{one.key}{path.suffix.lower()}", path.read_bytes())
+    run.write_text(f"setup-{one.key}.json", one.setup.model_dump_json())
+    run.put(stages.setup(one.key), capture)
 
 
 async def at_the_control(
@@ -141,7 +141,7 @@ async def at_the_control(
     plan = await measure_site(site, site_path, clock=clock, say=say, wanted=keys, tooth=tooth)
     folder = RunFolder(Path(plan.run_folder))
     found = await correct_site(site, site_path, folder, clock=clock, say=say) if work is not None else None
-    return DayOutcome(site_path, folder.path, plan, None, found)
+    return DayOutcome(site_path, folder.path, plan, None, proposal=found)
 
 
 def keep_day(outcome: DayOutcome, day: dict[str, Any]) -> None:

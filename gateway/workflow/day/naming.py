@@ -47,20 +47,19 @@ def guessed(name: str, driver: str, header: Mapping[str, str], axes: Sequence[Ax
     own = " ".join(header.get(key, "") for key in ("TITLE", "Title", "Location", "Comment")).upper()
     stem = name.rpartition(".")[0].upper()
     said, foreign = _axis(header.get("Axis", "").upper(), axes)
-    if not said:
-        named, other = _axis(stem, axes)
-        said, foreign = named, foreign or ("" if named else other)
+    if said is None and not foreign:
+        said, foreign = _axis(stem, axes)
     park = next((float(found[1]) for found in map(_PLACE.search, (own, stem)) if found), None)
     for text, by in ((own, BY_FILE), (stem, BY_NAME)):
         found = _ERROR.search(text)
         if found is not None:
             axis = _moved(found[1], axes) or (said.name if said else "")
-            return Guessed(axis, found[1], "", by, "" if axis else found[1][2:3], park)
+            return Guessed(axis, found[1], "", by, foreign="" if axis else found[1][2:3], park=park)
     if said is None:
         return Guessed(foreign=foreign, park=park)
     kind, by = _kind(own, stem)
     error = _error(said, kind, f"{own} {stem}", driver)
-    return Guessed(said.name, error, kind, by or (BY_KIND if error else ""), "", park)
+    return Guessed(said.name, error, kind, by or (BY_KIND if error else ""), park=park)
 
 
 def _axis(text: str, axes: Sequence[AxisSection]) -> tuple[AxisSection | None, str]:

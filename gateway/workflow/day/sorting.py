@@ -20,6 +20,7 @@ WAYS = ("+", "-")
 YES_NO = ("yes", "no")
 BARS = ("A0C", "B0C")
 TURN_DEG = 360.0
+NO_SETUP = {"dynamic": "W-DAY-DYNAMIC", "gear": "W-DAY-GEAR", "other": "W-DAY-OTHER"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +106,7 @@ class _Sorter:
             self._unreadable(one)
             return Placed(one)
         if one.kind != "results":
-            return Placed(one, why=(f"W-DAY-{one.kind.upper()}", {"name": one.name}))
+            return Placed(one, why=(NO_SETUP[one.kind], {"name": one.name}))
         return self._results(one)
 
     def twice(self, placed: Sequence[Placed]) -> None:
@@ -122,7 +123,7 @@ class _Sorter:
             names: dict[str, Any] = {"name": one.file.name, "other": other.file.name, "error": one.error}
             if self._answers.of("use", one.file.name) and self._answers.of("use", other.file.name) is not False:
                 raise ConfigError("E-DAY-TWICE", self._answers.where, **names)
-            self._ask(OpenQuestion(f"files.{one.file.name}", "use", "P-DAY-TWICE", "", YES_NO, names))
+            self._ask(OpenQuestion(f"files.{one.file.name}", "use", "P-DAY-TWICE", choices=YES_NO, fields=names))
 
     def _ask(self, one: OpenQuestion) -> None:
         self.questions.setdefault((one.place, one.key), one)
@@ -130,7 +131,7 @@ class _Sorter:
     def _read_first(self, one: DayFile) -> None:
         fields = {"name": one.name, **(one.error.fields if one.error is not None else {})}
         if one.asks == "unit":
-            self._ask(OpenQuestion("all", "unit", "P-DAY-UNIT", "", UNITS, fields))
+            self._ask(OpenQuestion("all", "unit", "P-DAY-UNIT", choices=UNITS, fields=fields))
         else:
             self._ask(OpenQuestion(f"files.{one.name}", "columns", "P-DAY-COLUMNS", fields=fields))
 
@@ -139,7 +140,7 @@ class _Sorter:
         code = "P-DAY-UNDESCRIBED" if one.kind == "undescribed" else "P-DAY-BROKEN"
         head = "\n".join(f"    {line}" for line in one.head)
         fields = {"name": one.name, "why": why, "head": head}
-        self._ask(OpenQuestion(f"files.{one.name}", "use", code, "", ("no",), fields))
+        self._ask(OpenQuestion(f"files.{one.name}", "use", code, choices=("no",), fields=fields))
 
     def _results(self, one: DayFile) -> Placed:
         told = guessed(one.name, one.driver, one.words, self._axes)
@@ -151,16 +152,16 @@ class _Sorter:
                 item.name for item in self._axes if item.letter in LOCATIONS.get(error.removesuffix("-R"), "")
             )
             fields: dict[str, object] = {"name": one.name, "error": error}
-            self._ask(OpenQuestion(f"files.{one.name}", "axis", "P-DAY-AXIS", "", named, fields))
+            self._ask(OpenQuestion(f"files.{one.name}", "axis", "P-DAY-AXIS", choices=named, fields=fields))
         if not error:
             able = choices(self._axis(told.axis), self._unit(one), self._axes)
             fields = {"name": one.name, "axis": told.axis or "?"}
-            self._ask(OpenQuestion(f"files.{one.name}", "error", "P-DAY-ERROR", "", able, fields))
+            self._ask(OpenQuestion(f"files.{one.name}", "error", "P-DAY-ERROR", choices=able, fields=fields))
         moved = self._axis(axis)
         if moved is None or not error:
             return Placed(one, error, axis, by)
         self._fits(one, error, moved)
-        return Placed(one, error, axis, by, self._setup(one, error, moved, told))
+        return Placed(one, error, axis, by, setup=self._setup(one, error, moved, told))
 
     def _error(self, one: DayFile, told: Guessed) -> tuple[str, str, str]:
         """Error, axis and who told them. Raises ConfigError (E-DAY-ANSWER)."""
@@ -229,14 +230,16 @@ class _Sorter:
             fields = {"axis": moved.name, "name": one.name, "first": f"{first:g}", "last": f"{last:g}"}
             fields |= {"unit": moved.unit, "low": f"{low:g}", "high": f"{high:g}"}
             zero = "0" if inside else ""
-            self._ask(OpenQuestion(f"axes.{moved.name}", "datum", "P-DAY-DATUM", zero, fields=fields))
+            self._ask(OpenQuestion(f"axes.{moved.name}", "datum", "P-DAY-DATUM", default=zero, fields=fields))
         return (float(said) if said is not None else None), direction
 
     def _way(self, one: DayFile, key: str, place: str, code: str, *, moved: AxisSection) -> str:
         """A sign that somebody said, "" while it is open. Raises ConfigError (E-DAY-ANSWER)."""
         said = self._answers.of(key, one.name, moved.name)
         if said is None:
-            self._ask(OpenQuestion(place, key, code, "+", WAYS, {"axis": moved.name, "name": one.name}))
+            self._ask(
+                OpenQuestion(place, key, code, default="+", choices=WAYS, fields={"axis": moved.name, "name": one.name})
+            )
             return ""
         if said not in WAYS:
             self._wrong(place, key, said, " ".join(WAYS))
@@ -252,9 +255,6 @@ class _Sorter:
             return {name: float(at) for name, at in said.items()} if isinstance(said, dict) else {table: float(said)}
         if told.park is not None:
             return {table: told.park}
-        self._ask(
-            OpenQuestion(
-                f"files.{one.name}", "park", "P-DAY-PARK", "", ("0", "180"), {"name": one.name, "table": table}
-            )
-        )
+        fields = {"name": one.name, "table": table}
+        self._ask(OpenQuestion(f"files.{one.name}", "park", "P-DAY-PARK", choices=("0", "180"), fields=fields))
         return None

@@ -119,7 +119,7 @@ def test_two_files_of_one_thing_a_copy_a_broken_one_and_another_axis_are_each_sa
     text = (day / "x_pos.rtl").read_bytes()
     (day / "copy.rtl").write_bytes(text)
     (day / "x again.rtl").write_bytes(text.replace(b"as found", b"as left!"))
-    (day / "y.rtl").write_bytes(text.replace(b"Axis: X", b"Axis: Y"))
+    (day / "x of another.rtl").write_bytes(text.replace(b"Axis: X", b"Axis: Y"))
     (day / "cut.rtl").write_bytes(text[: len(text) // 2])
     (day / "notes.pdf").write_bytes(b"%PDF")
     answers_of = tmp_path / "day.answers.toml"
@@ -131,7 +131,7 @@ def test_two_files_of_one_thing_a_copy_a_broken_one_and_another_axis_are_each_sa
         file.write('[files."cut.rtl"]\nuse = false\n[files."x again.rtl"]\nuse = false\n')
     told = json.loads(asked(tmp_path, "--no-ask", "--json").stdout)
     said = {row["file"]: row["left_out"] for row in told["files"]}
-    assert "axis Y is not in the site file" in said["y.rtl"]
+    assert "axis Y is not in the site file" in said["x of another.rtl"]
     assert "same bytes as copy.rtl" in said["x_pos.rtl"]
     assert said["notes.pdf"] == "no result file"
     assert said["EZX.csv"] == ""
