@@ -166,7 +166,7 @@ def test_an_rta_wants_its_unit_confirmed() -> None:
     assert (caught.value.code, caught.value.exit_code) == ("E-FILE-RTA-UNIT", 2)
     assert "0.022" in str(caught.value)
     with pytest.raises(ConfigError, match="E-FILE-UNIT"):
-        RtaFormat(unit="deg")
+        RtaFormat(unit="gon")
     mrad, urad, arcsec = (RtaFormat(unit=unit).read(path).deviations for unit in ("mrad", "urad", "arcsec"))
     assert mrad == pytest.approx(urad * 1000)
     assert mrad == pytest.approx(arcsec * 206.26480625, rel=1e-9)
