@@ -2,15 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from gateway.workflow.outcome import CANNOT_TELL, LIMIT_EXCEEDED, of_verdicts
 
-LIMIT_EXCEEDED = 13
-REMEASURE, CANNOT_TELL = 20, 21
-
-
-def of_verdicts(verdicts: Iterable[str]) -> int:
-    """The code of some verdicts ("pass", "fail", "not decidable"): one that fails stands before one that is open."""
-    said = set(verdicts)
-    if "fail" in said:
-        return LIMIT_EXCEEDED
-    return CANNOT_TELL if "not decidable" in said else 0
+__all__ = ["CANNOT_TELL", "LIMIT_EXCEEDED", "REMEASURE", "of_verdicts"]
+REMEASURE = 20

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
 from drivers.errors import words
 
 WORSE_EXIT = 9
+LIMIT_EXCEEDED, CANNOT_TELL = 13, 21
 BEFORE_AFTER = ("axis", "parameter", "before", "after", "unit", "change")
 
 
@@ -31,6 +33,14 @@ class Outcome:
     def as_data(self) -> dict[str, Any]:
         """The outcome as JSON data."""
         return {"state": self.state, "run_folder": self.run_folder, **self.data}
+
+
+def of_verdicts(verdicts: Iterable[str]) -> int:
+    """The code of some verdicts ("pass", "fail", "not decidable"): one that fails stands before one that is open."""
+    said = set(verdicts)
+    if "fail" in said:
+        return LIMIT_EXCEEDED
+    return CANNOT_TELL if "not decidable" in said else 0
 
 
 def alarmed(outcome: Outcome, alarms: tuple[str, ...]) -> Outcome:

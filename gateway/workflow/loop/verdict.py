@@ -14,15 +14,17 @@ from gateway.store import RunFolder
 from gateway.tooth import ToothProposal, ToothVerdict
 from gateway.workflow import stages
 from gateway.workflow.outcome import WORSE_EXIT, Outcome
-from gateway.workflow.results.ending import closing_lines, outcome_of
-from gateway.workflow.results.reporting import ReportPaths, write_report
+from gateway.workflow.results.conformity import conforming
+from gateway.workflow.results.ending import lines_of, outcome_of
+from gateway.workflow.results.reporting import ReportPaths, material_of, write_report
 
 R = TypeVar("R")
 
 
 def closed(folder: RunFolder, site: SiteFile) -> Outcome:
     """Write the report and gather what the caller shows; exit code 9 when an axis or the tooth got worse."""
-    paths = write_report(folder)
+    material = material_of(folder)
+    paths = write_report(folder, material)
     verdict = _get(folder, stages.VERDICT, Verdict)
     evaluations = {
         axis.name: (
@@ -38,12 +40,13 @@ def closed(folder: RunFolder, site: SiteFile) -> Outcome:
     )
     judged = _get(folder, stages.TOOTH_VERDICT, ToothVerdict)
     tooth = folder.get(stages.TOOTH, ToothProposal)
-    *told, figure = closing_lines(folder)
+    *told, figure = lines_of(material)
     untried = proposal.warnings if verdict is None else ()
     lines = (*tooth.said, *told, *untried, *plain.lines[-2:], figure)
     worse = plain.exit_code or (judged is not None and judged.outcome == "worse")
     data = plain.data | _tooth(judged) | _details(paths, tooth)
-    return replace(plain, lines=lines, data=data, exit_code=WORSE_EXIT if worse else 0)
+    done = replace(plain, lines=lines, data=data, exit_code=WORSE_EXIT if worse else 0)
+    return conforming(done, material.judged)
 
 
 def _details(paths: ReportPaths, tooth: ToothProposal) -> dict[str, Any]:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, replace
 from math import hypot, sqrt
 
+from drivers.errors import words
 from gateway.config import SiteFile
 from gateway.config.paper.sections import GearToleranceSection, ToleranceSection
 from gateway.domain.values import COVERAGE
@@ -12,6 +14,8 @@ from gateway.evaluate.standards.decision import Decision, decide
 from gateway.evaluate.standards.flank_tolerances import STANDARD, class_limits
 from gateway.evaluate.standards.registry import evaluate_by, standard
 from gateway.report.material import AxisMaterial, Judged, ReportMaterial, ToothMaterial
+from gateway.report.sentences import number
+from gateway.workflow.outcome import Outcome, of_verdicts
 
 RUN_STANDARD = "ISO 230-2:2014"
 
@@ -26,6 +30,32 @@ def judged(site: SiteFile, material: ReportMaterial) -> tuple[Judged, ...]:
     if site.gear_tolerance is not None and material.tooth is not None:
         found += _gear(material.tooth, site.gear_tolerance)
     return tuple(found)
+
+
+def conforming(outcome: Outcome, found: Sequence[Judged]) -> Outcome:
+    """The outcome with the verdict on every limit of the site before its last line.
+
+    13 or 21 is its exit code, where nothing worse gave one.
+    """
+    if not found:
+        return outcome
+    *told, last = outcome.lines
+    lines = (*told, *(_line(one) for one in found), last)
+    code = outcome.exit_code or of_verdicts(one.decision.verdict for one in found)
+    decided = [
+        {"of": one.of, "standard": one.standard, "as_left": one.as_left, **asdict(one.decision)} for one in found
+    ]
+    data = {**outcome.data, "conformity": decided}
+    return replace(outcome, lines=lines, data=data, exit_code=code)
+
+
+def _line(one: Judged) -> str:
+    decision = one.decision
+    figures = {"value": number(decision.value), "U": number(decision.U), "limit": f"{decision.limit:g}"}
+    said = {"of": one.of, "parameter": decision.parameter, "verdict": decision.verdict.upper(), **figures}
+    state = "as left" if one.as_left else "as found"
+    why = f" ({decision.why})" if decision.why else ""
+    return words("W-CONFORMITY", standard=one.standard, state=state, why=why, **said)
 
 
 def _axis(axis: AxisMaterial, said: ToleranceSection) -> Iterator[Judged]:

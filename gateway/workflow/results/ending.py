@@ -17,6 +17,7 @@ from gateway.store import RunFolder
 from gateway.workflow import stages
 from gateway.workflow.axes.measure import MeasuredAxis
 from gateway.workflow.outcome import WORSE_EXIT, Outcome
+from gateway.workflow.results.conformity import conforming
 from gateway.workflow.results.reporting import ReportPaths, material_of, write_report
 
 
@@ -26,7 +27,8 @@ def finish(
     """Write the report and gather what the caller shows."""
     if verdict is not None:
         folder.set_state(verdict.outcome)
-    paths = write_report(folder)
+    material = material_of(folder)
+    paths = write_report(folder, material)
     after: dict[str, Evaluation | None] = dict.fromkeys(measured)
     for name in measured:
         if folder.has(stages.evaluation(name, "after")):
@@ -35,17 +37,12 @@ def finish(
     done = outcome_of(
         folder.state, str(folder.path), evaluations=pairs, proposal=proposal, verdict=verdict, paths=paths
     )
-    return replace(done, lines=(*_acting(folder, measured), *done.lines))
+    return conforming(replace(done, lines=(*_acting(folder, measured), *done.lines)), material.judged)
 
 
 def _acting(folder: RunFolder, axes: Iterable[str]) -> tuple[str, ...]:
     """What short checks with every table acting said."""
     return tuple(folder.get(stages.acting(one), ActingCheck).words for one in axes if folder.has(stages.acting(one)))
-
-
-def closing_lines(folder: RunFolder) -> tuple[str, ...]:
-    """What a run did for axes and tooth, from what its folder holds; the last line is the tooth's figure."""
-    return lines_of(material_of(folder))
 
 
 def lines_of(material: ReportMaterial) -> tuple[str, ...]:

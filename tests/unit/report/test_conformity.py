@@ -21,12 +21,13 @@ from gateway.store import RunFolder, Store
 from gateway.workflow import stages
 from gateway.workflow.axes.conditions import stated, tell_overdue
 from gateway.workflow.axes.measure import budget_of
-from gateway.workflow.results.conformity import judged
+from gateway.workflow.loop.verdict import closed
+from gateway.workflow.results.conformity import conforming, judged
 from gateway.workflow.results.particulars import was_simulated
 from gateway.workflow.results.reporting import material_of, standing_report, write_report
 from tests.unit.report import closing, synthetic
 from tests.unit.report.test_document import texts
-from tests.unit.report.test_tooth_run import AXIS, SITE
+from tests.unit.report.test_tooth_run import AXIS, GEAR, SITE, fill
 
 REGISTER = """
 [[equipment]]
@@ -212,3 +213,20 @@ def test_a_report_of_the_same_records_is_not_drawn_again(tmp_path: Path) -> None
     assert later.after is not None
     run.put(stages.evaluation("X1", "after"), later.after)
     assert standing_report(run, material_of(run)) is None
+
+
+@pytest.mark.parametrize(("limit", "code", "word"), [(500.0, 0, "PASS"), (0.01, 13, "FAIL")])
+def test_the_end_of_a_closing_run_says_every_verdict_and_ends_with_its_code(
+    tmp_path: Path, limit: float, code: int, word: str
+) -> None:
+    path = site(tmp_path, tolerance(f"A = {limit}"))
+    (tmp_path / "gear.toml").write_text(GEAR.read_text())
+    run = Store(tmp_path / "runs").create("mill", {"site_file": str(path)})
+    fill(run)
+    done = closed(run, load_site(path))
+    assert done.exit_code == code
+    assert any(line.startswith("X1 A ") and line.endswith(f"as left): {word}") for line in done.lines)
+    assert done.lines[-1].startswith("tooth: ")
+    assert done.data["conformity"][0]["verdict"] == word.lower()
+    worse = conforming(replace(done, exit_code=9), judged(load_site(path), material_of(run)))
+    assert worse.exit_code == 9

@@ -16,7 +16,7 @@ from gateway.model.known import ErrorModel, Unknown
 from gateway.store import RunFolder, Store
 from gateway.tooth import GearProposal, SetupValues
 from gateway.workflow import stages
-from gateway.workflow.results.ending import closing_lines
+from gateway.workflow.results.ending import lines_of
 from gateway.workflow.results.reporting import material_of, outcome_of, write_report
 from gateway.workflow.results.tooth import part_names
 from tests.unit.report import closing, synthetic
@@ -109,7 +109,7 @@ def test_a_whole_closing_run_comes_out_of_its_folder_as_it_went_in(run: RunFolde
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in (paths.picture, *paths.pictures))
     assert tooth.verdict.words.replace(" um", " µm") in paths.html.read_text()
     figure = f"{tooth.verdict.before_set_right_um:.2f} µm -> {tooth.verdict.after_um:.2f} µm"
-    assert closing_lines(run)[-1] == (
+    assert lines_of(material_of(run))[-1] == (
         f"tooth: flank RMS {figure} (predicted 0.21 +/- 0.08 µm, k = 2), set-up values not counted"
     )
 
@@ -143,7 +143,7 @@ def test_a_gear_file_that_is_gone_takes_nothing_else_with_it(run: RunFolder) -> 
     assert (material.outcome, material.tooth.gear) == ("inspected", None)
     assert material.tooth.from_gear is not None
     assert material.tooth.from_gear.setup == asks.setup
-    assert closing_lines(run)[-1].startswith("tooth: part before, flank RMS ")
+    assert lines_of(material_of(run))[-1].startswith("tooth: part before, flank RMS ")
 
 
 def test_one_word_says_how_far_a_run_came() -> None:
