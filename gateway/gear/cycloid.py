@@ -12,8 +12,8 @@ from dataclasses import dataclass, fields
 from math import isfinite, pi, sqrt
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.special import ellipeinc
 
 from drivers.types.values import FloatArray
 from gateway.errors import ModelError
@@ -229,7 +229,7 @@ def _section(t: FloatArray, rp: float, r: float, K: float, a: float, zp: int) ->
 def _arc(t: FloatArray, rp: float, r: float, K: float, zc: int) -> FloatArray:
     """rp Int sqrt(S) dt - r (turning of the normal); the first is an elliptic integral of the second kind."""
     phi = zc * t
-    length = rp * 2.0 * (1.0 - K) / zc * ellipeinc(0.5 * phi, -4.0 * K / (1.0 - K) ** 2)
+    length = rp * 2.0 * (1.0 - K) / zc * scipy.special.ellipeinc(0.5 * phi, -4.0 * K / (1.0 - K) ** 2)
     turning = t + np.arctan2(-K * np.sin(phi), 1.0 - K * np.cos(phi))
     return np.asarray(length - r * turning)
 

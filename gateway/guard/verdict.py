@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
-from scipy.special import stdtrit
+import scipy
 
 from drivers.errors import words
 from drivers.units import DeviationUnit
@@ -64,7 +64,7 @@ def margin_factor(freedom: float) -> float:
     """Four for a known scatter, more for one estimated with few degrees of freedom."""
     if not np.isfinite(freedom):
         return SIGMAS
-    return max(SIGMAS, float(stdtrit(max(freedom, 1.0), 1.0 - RARE / 2.0)))
+    return max(SIGMAS, float(scipy.special.stdtrit(max(freedom, 1.0), 1.0 - RARE / 2.0)))
 
 
 def judged(change: FloatArray, margin: FloatArray, limit: float) -> Answer:

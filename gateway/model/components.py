@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.interpolate import BSpline
 
 from gateway.domain.figures import Component
 from gateway.domain.values import FloatArray
@@ -118,7 +118,7 @@ def _fourier(parameters: Parameters, positions: FloatArray) -> FloatArray:
 
 def _bspline(parameters: Parameters, positions: FloatArray) -> FloatArray:
     knots = np.asarray(parameters["knots"], dtype=np.float64)
-    return np.asarray(BSpline.design_matrix(positions, knots, 3).toarray())
+    return np.asarray(scipy.interpolate.BSpline.design_matrix(positions, knots, 3).toarray())
 
 
 def _piecewise(parameters: Parameters, positions: FloatArray) -> FloatArray:

@@ -8,7 +8,7 @@ from math import log
 from typing import Any
 
 import numpy as np
-from scipy.special import fdtrc
+import scipy
 
 from gateway.domain.values import FloatArray
 from gateway.errors import NotIdentifiable
@@ -104,7 +104,7 @@ def _told(before: WavedFit, after: WavedFit, m: int, tries: int) -> bool:
     taken, left = before.solved.chi_square - after.solved.chi_square, after.solved.chi_square
     freedom = m - after.unknowns
     ratio = (taken / 3.0) / max(left / freedom, 1.0)
-    return float(fdtrc(3, freedom, max(ratio, 0.0))) * tries < FALSE_ALARM
+    return float(scipy.special.fdtrc(3, freedom, max(ratio, 0.0))) * tries < FALSE_ALARM
 
 
 def _alone(before: WavedFit, after: WavedFit, m: int, rival: float) -> bool:

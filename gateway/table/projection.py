@@ -6,8 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csc_matrix
-from scipy.sparse.linalg import spsolve
+import scipy
 
 from drivers.errors import Gap
 from gateway.domain.values import FloatArray
@@ -49,8 +48,10 @@ def project(curve: Curve, grid: Grid, *, modulo: bool) -> FloatArray:
     left = np.clip(np.floor(place).astype(np.int64), 0, k - 1)
     share, unknowns = place - left, k if modulo else k + 1
     rows, columns = np.repeat(np.arange(at.size), 2), np.stack([left, left + 1], axis=1).ravel() % unknowns
-    hats = csc_matrix((np.stack([1.0 - share, share], axis=1).ravel(), (rows, columns)), (at.size, unknowns))
-    found = np.atleast_1d(np.asarray(spsolve((hats.T @ hats).tocsc(), hats.T @ curve(at))))
+    hats = scipy.sparse.csc_matrix(
+        (np.stack([1.0 - share, share], axis=1).ravel(), (rows, columns)), (at.size, unknowns)
+    )
+    found = np.atleast_1d(np.asarray(scipy.sparse.linalg.spsolve((hats.T @ hats).tocsc(), hats.T @ curve(at))))
     return np.append(found, found[0]) if modulo else np.asarray(found)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import chdtri
+import scipy
 
 from drivers.errors import Gap
 from drivers.limits import Limits
@@ -208,7 +208,7 @@ def _significance(axis: AxisRecord, component: Component, instrument: Instrument
     at = travelled(component)
     d = value(component, at)
     freedom = max(component.coefficients.size - 1, 1)
-    band = np.sqrt(chdtri(freedom, BAND_RISK)) * standard_uncertainty(component, at)
+    band = np.sqrt(scipy.special.chdtri(freedom, BAND_RISK)) * standard_uncertainty(component, at)
     common = np.hypot(instrument.standard(at - axis.reference), component.residual_rms)
     U = np.hypot(band, COVERAGE * common)
     ratio = np.abs(d - d.mean()) / U

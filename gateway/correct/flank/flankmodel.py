@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.sparse import csc_matrix, csr_matrix, hstack
 
 from drivers.types.values import FloatArray
 from gateway.correct.flank.tables import Correction, Table, TableGrid, corrections
@@ -88,10 +88,10 @@ class FlankModel:
         return self.places.along_normal(self.base) + self.extra
 
     @cached_property
-    def columns(self) -> csc_matrix:
+    def columns(self) -> scipy.sparse.csc_matrix:
         """M (N, unknowns), sparse."""
         parts = [self._column(block) for block in self.blocks]
-        return csc_matrix(hstack(parts)) if parts else csc_matrix((self.places.points, 0))
+        return scipy.sparse.csc_matrix(scipy.sparse.hstack(parts) if parts else (self.places.points, 0))
 
     def deviation(self, x: FloatArray) -> FloatArray:
         """e (N,) with values x."""
@@ -134,9 +134,9 @@ class FlankModel:
         kept = tuple(block for block in self.blocks if block.name not in names)
         return FlankModel(places=self.places, base=self.base, extra=self.extra, blocks=kept, turning=self.turning)
 
-    def _column(self, block: UnknownsBlock) -> csr_matrix:
+    def _column(self, block: UnknownsBlock) -> scipy.sparse.csr_matrix:
         along = self.places.along_normal(block.effect)
-        return csr_matrix(csr_matrix(block.share)[self.places.of].multiply(along[:, None]))
+        return scipy.sparse.csr_matrix(scipy.sparse.csr_matrix(block.share)[self.places.of].multiply(along[:, None]))
 
     @cached_property
     def _spectrum(self) -> tuple[FloatArray, FloatArray]:

@@ -13,7 +13,7 @@ alike. A solution that keeps the limits already is returned as it is.
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import nnls
+import scipy
 
 from drivers.types.values import FloatArray
 from gateway.errors import ModelError
@@ -57,7 +57,7 @@ def _least_distance(C: FloatArray, d: FloatArray) -> FloatArray:
     f = np.zeros(E.shape[0])
     f[-1] = 1.0
     try:
-        u, rest = nnls(E, f, maxiter=30 * E.shape[1])
+        u, rest = scipy.optimize.nnls(E, f, maxiter=30 * E.shape[1])
     except RuntimeError as error:
         raise ModelError("E-CORRECT-INFEASIBLE", "optimise", limits=C.shape[0]) from error
     r = E @ u - f

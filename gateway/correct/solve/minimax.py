@@ -16,9 +16,8 @@ from __future__ import annotations
 from typing import Any, cast
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import linprog
-from scipy.sparse import csc_matrix, csr_matrix, hstack, vstack
 
 from drivers.types.values import FloatArray
 from gateway.errors import ModelError
@@ -32,7 +31,7 @@ SLACK = 1e-8  # of the optimum, given away to find the calmest of the best solut
 
 
 def smallest_largest(
-    M: csc_matrix,
+    M: scipy.sparse.csc_matrix,
     e0: FloatArray,
     start: FloatArray,
     G: FloatArray,
@@ -47,11 +46,13 @@ def smallest_largest(
     flank. Raises ModelError E-CORRECT-INFEASIBLE.
     """
     e0, start, g = FINE * e0, FINE * start, FINE * g
-    tall = csr_matrix(M if free is None else hstack([M, csc_matrix(free[:, None])]))
+    tall = scipy.sparse.csr_matrix(
+        M if free is None else scipy.sparse.hstack([M, scipy.sparse.csc_matrix(free[:, None])])
+    )
     x0 = start if free is None else np.append(start, -float(free @ (e0 + M @ start)) / float(free @ free))
     if float(np.max(np.abs(e0 + tall @ x0), initial=0.0)) <= CLOSE * float(np.max(np.abs(e0), initial=0.0)):
         return start / FINE
-    limits = csr_matrix(np.pad(G[np.isfinite(g)], ((0, 0), (0, tall.shape[1] - M.shape[1]))))
+    limits = scipy.sparse.csr_matrix(np.pad(G[np.isfinite(g)], ((0, 0), (0, tall.shape[1] - M.shape[1]))))
     problem = _Problem(tall, e0, limits, g[np.isfinite(g)], free, groups)
     rows = problem.worst(x0, np.zeros(e0.size, dtype=np.bool_))
     for _ in range(ROUNDS):
@@ -67,9 +68,9 @@ class _Problem:
 
     def __init__(
         self,
-        M: csr_matrix,
+        M: scipy.sparse.csr_matrix,
         e0: FloatArray,
-        limits: csr_matrix,
+        limits: scipy.sparse.csr_matrix,
         g: FloatArray,
         free: FloatArray | None,
         groups: NDArray[np.intp],
@@ -103,7 +104,7 @@ class _Problem:
         """Of all x within the bound the one nearest to x0 in the sum of absolute differences."""
         n = self.M.shape[1]
         count = int(rows.sum())
-        box = csr_matrix(np.block([[np.eye(n), -np.eye(n)], [-np.eye(n), -np.eye(n)]]))
+        box = scipy.sparse.csr_matrix(np.block([[np.eye(n), -np.eye(n)], [-np.eye(n), -np.eye(n)]]))
         cost = np.append(np.zeros(n), np.ones(n))
         sides = np.append(x0, -x0)
         found = self._run(cost, rows, np.zeros((count, n)), bound, [(None, None)] * n + [(0.0, None)] * n, (box, sides))
@@ -116,22 +117,26 @@ class _Problem:
         tail: FloatArray,
         bound: float,
         bounds: list[tuple[float | None, float | None]],
-        more: tuple[csr_matrix, FloatArray] | None = None,
+        more: tuple[scipy.sparse.csr_matrix, FloatArray] | None = None,
     ) -> FloatArray:
-        M, e0, end = self.M[rows], self.e0[rows], csr_matrix(tail)
-        wide = csr_matrix((self.limits.shape[0], tail.shape[1]))
-        blocks = [hstack([M, end]), hstack([-M, end]), hstack([self.limits, wide])]
+        M, e0, end = self.M[rows], self.e0[rows], scipy.sparse.csr_matrix(tail)
+        wide = scipy.sparse.csr_matrix((self.limits.shape[0], tail.shape[1]))
+        blocks = [
+            scipy.sparse.hstack([M, end]),
+            scipy.sparse.hstack([-M, end]),
+            scipy.sparse.hstack([self.limits, wide]),
+        ]
         sides = [bound - e0, bound + e0, self.g]
         if more is not None:
             blocks.append(more[0])
             sides.append(more[1])
         even = np.zeros((0, cost.size)) if self.turn is None else np.pad(self.turn[0], (0, tail.shape[1]))[None, :]
         share = np.zeros(0) if self.turn is None else np.array([self.turn[1]])
-        answer = linprog(
+        answer = scipy.optimize.linprog(
             cost,
-            A_ub=cast(Any, vstack(blocks).tocsc()),
+            A_ub=cast(Any, scipy.sparse.vstack(blocks).tocsc()),
             b_ub=np.concatenate(sides),
-            A_eq=cast(Any, csr_matrix(even)),
+            A_eq=cast(Any, scipy.sparse.csr_matrix(even)),
             b_eq=share,
             bounds=bounds,
             method="highs",

@@ -20,8 +20,8 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import csc_matrix
 
 from drivers.types.values import FloatArray
 from gateway.correct.flank.flankmodel import FlankModel, SetupUnknown, flank_model, setup_values
@@ -122,7 +122,7 @@ def _continuous(work: SolverWork, norm: Norm) -> FloatArray:
     lever = work.model.places.form[:, 2] if work.model.turning else None
     scaled = {"G": _row_scaled(G), "g": _side_scaled(G, work.g)}
     start = UM * work.model.start()
-    return smallest_largest(csc_matrix(M), start, y, **scaled, groups=work.model.places.of, free=lever)
+    return smallest_largest(scipy.sparse.csc_matrix(M), start, y, **scaled, groups=work.model.places.of, free=lever)
 
 
 def _row_scaled(G: FloatArray) -> FloatArray:
@@ -162,7 +162,7 @@ def _whole(work: SolverWork, y: FloatArray, norm: Norm, steady: float) -> FloatA
         lever = work.model.places.form[:, 2] if work.model.turning else None
         enough = (1.0 + TRADE) * _figure(work.model, work.model.deviation(x)).largest
         e = work.model.deviation(_refilled(work, n, whole, steps, x))
-        per_step = csc_matrix(M[:, np.flatnonzero(whole)].multiply(steps[whole]))
+        per_step = scipy.sparse.csc_matrix(M[:, np.flatnonzero(whole)].multiply(steps[whole]))
         n = lower_largest(per_step, e, n=n, limits=limits, movable=movable, enough=enough, free=lever)
     return _refilled(work, n, whole, steps, x)
 

@@ -14,8 +14,8 @@ share of what the continuous optimum reached: lower would trade the many points 
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.sparse import csc_matrix
 
 from drivers.types.values import FloatArray
 from gateway.errors import ModelError
@@ -126,7 +126,7 @@ def _best_move(
 
 
 def lower_largest(
-    M: csc_matrix,
+    M: scipy.sparse.csc_matrix,
     e: FloatArray,
     n: Whole,
     limits: RoundingLimits,
@@ -156,7 +156,7 @@ def lower_largest(
 class _Columns:
     """Columns of M as they show in the figure, each made dense when first needed."""
 
-    def __init__(self, M: csc_matrix, free: FloatArray | None) -> None:
+    def __init__(self, M: scipy.sparse.csc_matrix, free: FloatArray | None) -> None:
         self._M, self._free, self._known = M, free, dict[int, FloatArray]()
 
     def turned(self, e: FloatArray) -> FloatArray:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import signal
+import scipy
 
 from drivers.recordings import Recording
 from drivers.units import DeviationUnit
@@ -72,7 +72,7 @@ def spectrum(recording: Recording, lines: int = 4096, peaks: int = 8) -> Dynamic
     size = min(wanted, longest)
     if size < FEWEST:
         raise NotIdentifiable("E-EVAL-DYNAMIC-SHORT", "spectrum", samples=longest, needed=FEWEST)
-    window = signal.get_window(WINDOW, size)
+    window = scipy.signal.get_window(WINDOW, size)
     power, averages = _averaged(recording, size, window)
     frequency = np.asarray(np.fft.rfftfreq(size, 1.0 / recording.rate_hz), dtype=np.float64)
     amplitude = 2.0 * np.sqrt(power) / window.sum()
@@ -92,7 +92,7 @@ def _averaged(recording: Recording, size: int, window: FloatArray) -> tuple[Floa
     total, count = np.zeros(size // 2 + 1), 0
     for start, stop in recording.stretches():
         for place in range(start, stop - size + 1, max(size // 2, 1)):
-            piece = signal.detrend(recording.values(place, place + size))
+            piece = scipy.signal.detrend(recording.values(place, place + size))
             total += np.square(np.abs(np.fft.rfft(piece * window)))
             count += 1
     return total / count, count
@@ -100,7 +100,7 @@ def _averaged(recording: Recording, size: int, window: FloatArray) -> tuple[Floa
 
 def _peaks(frequency: FloatArray, amplitude: FloatArray, power: FloatArray, count: int) -> tuple[Peak, ...]:
     """The strongest local maxima, strongest first; the frequency is the centre of mass of the main lobe."""
-    places, _ = signal.find_peaks(amplitude, distance=APART, prominence=0.05 * float(amplitude.max()))
+    places, _ = scipy.signal.find_peaks(amplitude, distance=APART, prominence=0.05 * float(amplitude.max()))
     strongest = sorted(places.tolist(), key=lambda at: -amplitude[at])[:count]
     return tuple(_peak(frequency, power, amplitude, at) for at in strongest)
 

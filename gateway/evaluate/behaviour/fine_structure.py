@@ -8,8 +8,8 @@ from math import sqrt
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.special import fdtri
 
 from drivers.errors import words
 from drivers.units import DeviationUnit
@@ -176,7 +176,7 @@ def _by_stops(
     expected = float(np.mean((u**2 + u_curve**2 + FLOOR**2)[good]))
     seen, count = float(np.mean((stood - values)[good] ** 2)), int(good.sum())
     freedom = max(int(np.isfinite(means.mean_up).sum() + np.isfinite(means.mean_down).sum()), FEWEST)
-    shown = seen / expected > float(fdtri(count, freedom, 1.0 - FALSE_ALARM))
+    shown = seen / expected > float(scipy.special.fdtri(count, freedom, 1.0 - FALSE_ALARM))
     wide = coverage_factor(COVERED, count) / COVERAGE
     size = sqrt(max(seen - expected, 0.0)) if shown else 0.0
     code = "W-HIDDEN-STOPS" if shown else "W-HIDDEN-NONE"

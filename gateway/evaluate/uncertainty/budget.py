@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import hypot, sqrt
 
-from scipy.special import fdtri, stdtrit
+import scipy
 
 from drivers.units import DeviationUnit
 from gateway.errors import ModelError
@@ -149,9 +149,9 @@ def coverage_factor(confidence: float, degrees_of_freedom: float) -> float:
     if not degrees_of_freedom > 0.0:
         key, value = "degrees_of_freedom", degrees_of_freedom
         raise ModelError("E-EVAL-NUMBER", "coverage", key=key, value=value, must="above 0")
-    return float(stdtrit(degrees_of_freedom, 0.5 + confidence / 2.0))
+    return float(scipy.special.stdtrit(degrees_of_freedom, 0.5 + confidence / 2.0))
 
 
 def variance_limit(confidence: float, numerator: int, denominator: int) -> float:
     """The quotient of two variances that chance stays below with this confidence (Fisher's F); degrees of freedom."""
-    return float(fdtri(numerator, denominator, confidence))
+    return float(scipy.special.fdtri(numerator, denominator, confidence))
