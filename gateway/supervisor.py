@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Collection, Iterable
+from contextlib import aclosing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
 from drivers import registry
 from drivers.clock import Clock
-from drivers.errors import ConfigError, TrueflankError, UnsupportedDevice
+from drivers.errors import ConfigError, DeviceError, TrueflankError, UnsupportedDevice
 from drivers.leftover import NOTHING, Leavable, SentPrograms
 from drivers.ports.controller import Controller
 from drivers.ports.devices import Device
-from drivers.ports.instruments import Instrument
+from drivers.ports.instruments import Instrument, TypedInstrument
 from drivers.terms import speak
 from drivers.types.identity import Identity, MachineIdentity
 from gateway.config import InstrumentSection, SiteFile
+from gateway.live import onlooker
 
 # What a site's instruments may be; the first is meant where a driver is not known.
 _ROLES = ("instrument", "gear-inspector")
@@ -202,7 +204,17 @@ class Supervisor:
         """Until `stop`: ask the controller for a sign of life and reopen what was lost, ever more slowly.
 
         An instrument that is away, as most are between two measurements, holds up nobody's look at the controller.
+        What the others send is told to whoever looks on.
         """
+        following = [asyncio.create_task(self._follow(one.name)) for one in self._wanted]
+        try:
+            await self._look_after(stop)
+        finally:
+            for task in following:
+                task.cancel()
+            await asyncio.gather(*following, return_exceptions=True)
+
+    async def _look_after(self, stop: asyncio.Event) -> None:
         pause, again_at = self.WATCH_S, 0.0
         while not stop.is_set():
             await self._wait(stop, self.WATCH_S)
@@ -216,6 +228,23 @@ class Supervisor:
                 failed = any(error is not None for _name, error in results)
                 pause = min(pause * 1.8, self.REOPEN_MAX_S) if failed else self.WATCH_S
                 again_at = self._clock.now() + pause - self.WATCH_S
+
+    async def _follow(self, name: str) -> None:
+        """What an idle instrument sends, for ever. One whose wire breaks is lost; one without a beam is asked again."""
+        device = self._devices[name]
+        # Who asks a person for each reading sends nothing by himself.
+        while isinstance(device, Instrument) and not isinstance(device, TypedInstrument):
+            if self._is_open(name):
+                try:
+                    async with aclosing(device.blocks()) as blocks:  # type: ignore[type-var]
+                        async for block in blocks:
+                            onlooker().samples(name, block)
+                except DeviceError:
+                    pass
+                except TrueflankError as error:
+                    await device.close()
+                    self._pictures[name] = replace(self._pictures[name], state="lost", error=error)
+            await self._clock.sleep(self.WATCH_S)
 
     async def _sign_of_life(self) -> None:
         try:

@@ -142,7 +142,8 @@ class Desk:
         try:
             await self._open(stop)
             if not stop.is_set() and not self._wanted.is_set():
-                await unless(self._devices.watch(stop), self._clock, stop, self._wanted)
+                with looked_on_by(self._onlooker):
+                    await unless(self._devices.watch(stop), self._clock, stop, self._wanted)
         finally:
             await self._devices.close_all()
 

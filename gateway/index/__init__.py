@@ -5,7 +5,7 @@ SQLite beside the runs, or one PostgreSQL for many gateways. Nothing a push deci
 
 from __future__ import annotations
 
-from gateway.index.catching import caught_up, compared, due_of, index_of, rebuilt
+from gateway.index.catching import caught_up, compared, due_of, index_of, known, rebuilt
 from gateway.index.keeping import RunIndex, index_url
 from gateway.index.rows import IndexedFigure, IndexedRun
 
@@ -18,5 +18,6 @@ __all__ = [
     "due_of",
     "index_of",
     "index_url",
+    "known",
     "rebuilt",
 ]

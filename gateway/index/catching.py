@@ -12,7 +12,7 @@ from drivers.errors import ConfigError
 from gateway.config import SiteFile
 from gateway.errors import StoreError
 from gateway.index.keeping import RunIndex
-from gateway.index.rows import figures_of, row_of, seal_of
+from gateway.index.rows import FLANK, FLANK_PARAMETERS, PARAMETERS, figures_of, row_of, seal_of
 from gateway.store import RunFolder, RunSummary, Store
 
 
@@ -70,12 +70,23 @@ def due_of(index: RunIndex, days: int, now: datetime) -> list[dict[str, Any]]:
     return found
 
 
+def known(parameter: str, subject: str = "") -> None:
+    """Refuse a figure that no run ever holds, so that a slip is not taken for a figure that nobody measured yet.
+
+    Raises ConfigError (E-INDEX-FIGURE).
+    """
+    figures = {FLANK: FLANK_PARAMETERS, "": (*PARAMETERS, *FLANK_PARAMETERS)}.get(subject, PARAMETERS)
+    if parameter not in figures:
+        raise ConfigError("E-INDEX-FIGURE", subject or "index", parameter=parameter, known=", ".join(figures))
+
+
 def compared(index: RunIndex, parameter: str, *, subject: str, phase: str = "after") -> list[dict[str, Any]]:
     """The newest figure of each machine and site that has it, the largest first: one error across machines.
 
     ``phase`` "before" or "after" a correction; a machine that was only measured has none after, and its newest before
-    stands in the row, which says so. Raises StoreError (E-INDEX).
+    stands in the row, which says so. Raises ConfigError (E-INDEX-FIGURE), StoreError (E-INDEX).
     """
+    known(parameter, subject)
     newest: dict[tuple[str, str], dict[str, Any]] = {}
     for wanted in ("before",) if phase == "before" else ("before", phase):
         for point in index.trend(parameter, subject=subject, phase=wanted):

@@ -13,7 +13,7 @@ from gateway.tooth import ToothVerdict
 from gateway.workflow import stages
 
 PARAMETERS = ("E", "R", "B", "A", "M")
-FLANK = "flank"
+FLANK, FLANK_PARAMETERS = "flank", ("rms",)
 
 
 @dataclass(frozen=True, slots=True)

@@ -40,6 +40,7 @@ STATUS = {
     "E-WEB-METHOD": 405,
     "E-RUN-NO-SITE": 409,
     "E-WEB-BODY": 422,
+    "E-INDEX-FIGURE": 422,
     "E-USER-NAME": 422,
     "E-USER-ROLE": 422,
     "E-USER-PASSWORD": 422,

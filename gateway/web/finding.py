@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Query, Request
 
-from gateway.index import caught_up, compared, due_of
+from gateway.index import caught_up, compared, due_of, known
 from gateway.web.doors import needs, service_of, site_of
 
 routes = APIRouter(prefix="/api/v1/sites/{site}", tags=["index"], dependencies=[Depends(needs("viewer"))])
@@ -30,6 +30,7 @@ def trend(
 ) -> dict[str, Any]:
     """One parameter over time (E, R, B, A, M of an axis, rms of the flank), each with its U; all machines at once."""
     at = site_of(request, site)
+    known(parameter, subject)
     caught_up(at.index, at.store)
     return {"points": at.index.trend(parameter, serial=serial, subject=subject, phase=phase)}
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from sqlalchemy import create_engine, inspect
 
+from drivers.errors import ConfigError
 from gateway import audit
 from gateway.errors import StoreError
 from gateway.index import IndexedFigure, IndexedRun, RunIndex, caught_up, compared, due_of, index_url, rebuilt
@@ -115,6 +116,9 @@ def test_one_error_is_compared_across_machines_by_the_newest_of_each(tmp_path: P
     before = [(one["serial"], one["value"]) for one in compared(index, "E", subject="X1", phase="before")]
     assert before == [("SN-1", 9.0), ("SN-3", 5.0), ("SN-2", 3.0)]
     assert compared(index, "B", subject="X1") == []
+    for figure, subject in (("Q", "X1"), ("rms", "X1"), ("E", "flank"), ("", "X1"), ("e", "X1")):
+        with pytest.raises(ConfigError, match="E-INDEX-FIGURE"):
+            compared(index, figure, subject=subject)
 
 
 def test_a_back_up_put_back_is_whole_and_is_found_again(tmp_path: Path) -> None:
