@@ -18,7 +18,7 @@ import numpy as np
 
 from drivers.errors import ConfigError, FileFormatError
 from drivers.files.declared import declared
-from drivers.files.numbers import decimal, whole
+from drivers.files.numbers import beyond, decimal, whole
 from drivers.files.size import no_readings
 from drivers.files.text import end_doubts
 from drivers.types.results import MeasuredSet
@@ -231,7 +231,10 @@ def _arranged(rows: list[_Row], ways: list[int], columns: ColumnMap, where: str)
         if (target, repetition, way) in found:
             raise _wrong(where, row.line, f"target {row.target:g} occurs twice in run {row.run} in this direction")
         reading = columns.sense * row.reading
-        found[target, repetition, way] = reading - target * to_reading if columns.measured else reading
+        value = reading - target * to_reading if columns.measured else reading
+        if beyond(target, value * reading_scale):
+            raise _wrong(where, row.line, f"target {row.target:g} with reading {row.reading:g} is no measurement")
+        found[target, repetition, way] = value
     targets = sorted({target for target, _repetition, _way in found})
     place = {target: at for at, target in enumerate(targets)}
     repetitions = 1 + max(repetition for _t, repetition, _w in found)

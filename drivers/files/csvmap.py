@@ -13,7 +13,7 @@ from drivers.errors import ConfigError, FileFormatError
 from drivers.files.columns import TARGET_UNITS, ColumnMap, read_columns
 from drivers.files.csvlayout import COLUMNS, DIRECTIONS, UNITS, Layout, cells, layout
 from drivers.files.csvtext import table_text
-from drivers.files.numbers import decimal, whole
+from drivers.files.numbers import beyond, decimal, whole
 from drivers.files.signature import heading, signature_of
 from drivers.files.size import no_readings
 from drivers.files.text import decode, end_doubts, read_bytes
@@ -88,6 +88,8 @@ def parse_csv(text: str, unit: str, where: str, *, mixed: bool = False) -> Measu
     readings = _readings(lines[1:], found, where)
     targets, deviations = _arranged(readings, where)
     targets, deviations = _converted(targets, deviations, found)
+    if beyond(float(np.max(np.abs(targets))), float(np.nanmax(np.abs(deviations)))):
+        raise _impossible(lines[1:], found, where)
     header = {"Unit": found.unit} if found.reading == "deviation" else {"Unit": found.unit, "Reading": "position"}
     warnings = (*_warnings(deviations, found), *end_doubts(text))
     return MeasuredSet(targets, deviations, found.axis_unit, header=header, warnings=warnings)
@@ -95,6 +97,16 @@ def parse_csv(text: str, unit: str, where: str, *, mixed: bool = False) -> Measu
 
 def _wrong(where: str, line: int, why: str) -> FileFormatError:
     return FileFormatError("E-FILE-LINE", where, line=line, why=why)
+
+
+def _impossible(lines: list[tuple[int, str]], found: Layout, where: str) -> FileFormatError:
+    """The first line whose numbers no measurement can hold."""
+    for at, line in lines:
+        (target, _way, _repetition), value = _reading(line, found, at, where)
+        one, other = _converted(np.array([target]), np.array([[[value]]]), found)
+        if beyond(one.item(), other.item()):
+            return _wrong(where, at, f"target {target:g} with {found.reading} {value:g} is no measurement")
+    return FileFormatError("E-FILE-ROWS", where)
 
 
 def _readings(lines: list[tuple[int, str]], found: Layout, where: str) -> dict[tuple[float, int, int], float]:

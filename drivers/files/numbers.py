@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 
 LONGEST_FIXED = 18
+# Of a target in mm or deg, of a deviation in um or arcsec: a kilometre that the axis is off is no measurement.
+FARTHEST = 1e9
 _DECIMAL = re.compile(r"[+-]?(?:\d{1,18}(?:\.\d{0,30})?|\.\d{1,30})(?:[eE][+-]?\d{1,2})?\Z", re.ASCII)
 _WHOLE = re.compile(r"\d{1,9}\Z", re.ASCII)
 
@@ -19,6 +21,11 @@ def decimal(token: str, *, comma: bool = False) -> float | None:
 def whole(token: str) -> int | None:
     """The whole number from 0, or None."""
     return int(token) if _WHOLE.match(token) else None
+
+
+def beyond(target: float, deviation: float) -> bool:
+    """Whether no measurement can hold this target (mm, deg) or deviation (um, arcsec)."""
+    return not (abs(target) <= FARTHEST and abs(deviation) <= FARTHEST)
 
 
 def uses_comma(tokens: str) -> bool:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from drivers.errors import FileFormatError
 from drivers.files.columns import ColumnMap, read_columns
 from drivers.files.csvmap import parse_csv
 from drivers.files.csvtext import table_text
@@ -177,6 +178,17 @@ def test_a_damaged_file_is_refused_or_means_what_its_rewrite_means(name: str, co
 def test_damaged_files_for_longer(name: str, seed: int) -> None:
     bases, read, check = PARSERS[name]
     told(name, run(bases, read, check, COUNT, seed=1000 + seed), COUNT)
+
+
+@pytest.mark.parametrize("name", ["csv", "csv by columns"])
+def test_a_number_that_no_measurement_holds_is_refused_at_its_line(name: str) -> None:
+    """A position of 101e95 mm was read, and its deviation then too long for a table of deviations."""
+    bases, read, _check = PARSERS[name]
+    huge = bases[-2 if name == "csv" else 0].replace(b"10,25", b"101e95").replace(b"0,0010", b"101e95")
+    with pytest.raises(FileFormatError) as caught:
+        read(huge)
+    assert caught.value.code == "E-FILE-LINE"
+    assert (caught.value.fields["line"], "no measurement" in str(caught.value)) == (3, True)
 
 
 def test_the_same_seed_gives_the_same_damage() -> None:
