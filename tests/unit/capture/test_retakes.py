@@ -119,6 +119,24 @@ def straightened(bad: Collection[int], repetitions: int, *, jogged: bool = False
     return error_capture(rig, raw, 1)
 
 
+class Turning(Disturbed):
+    """A modulo axis takes the shortest way round."""
+
+    async def move(self, target: float) -> None:
+        """The place is counted on over whole turns."""
+        here = float(self.at(np.array([self.clock.now()]))[0])
+        await super().move(here + wrap_deg(target - here))
+
+
+def table_axis(count: int) -> Any:
+    """C1, modulo, with so many targets around."""
+    data = {**AXIS.model_dump(), "name": "C1", "letter": "C", "kind": "rotary", "modulo": True, "travel": (0.0, 360.0)}
+    data["measure"] |= {"component": "ECC", "between": 0, "stable": 5.0, "repetitions": 3, "overrun": 2.0}
+    data["measure"]["targets"] = {"first": 0.0, "last": 360.0 - 360.0 / count, "count": count}
+    data["table"] = {"minimum": 0.0, "maximum": 360.0, "step": 360.0 / count}
+    return AxisSection.model_validate(data)
+
+
 def judged(found: Capture, within_um: float = 0.4) -> None:
     """Nothing is out of line any more, and every reading is the truth's."""
     assert found.suspects == ()
@@ -151,29 +169,9 @@ def test_a_retake_that_is_off_again_is_taken_once_more(again: int) -> None:
     judged(positioned((9, again)))
 
 
-class Turning(Disturbed):
-    """A modulo axis takes the shortest way round."""
-
-    async def move(self, target: float) -> None:
-        """The place is counted on over whole turns."""
-        here = float(self.at(np.array([self.clock.now()]))[0])
-        await super().move(here + wrap_deg(target - here))
-
-
 def test_a_modulo_axis_may_reach_a_retake_the_other_way_round() -> None:
     """From 67.5 to 270 deg through zero: the count then lacks a turn, and that is no switched sign."""
-    axis_data = {
-        **AXIS.model_dump(),
-        "name": "C1",
-        "letter": "C",
-        "kind": "rotary",
-        "modulo": True,
-        "travel": (0.0, 360.0),
-    }
-    axis_data["measure"] |= {"component": "ECC", "between": 0, "stable": 5.0, "repetitions": 3, "overrun": 2.0}
-    axis_data["measure"]["targets"] = {"first": 0.0, "last": 337.5, "count": 16}
-    axis_data["table"] = {"minimum": 0.0, "maximum": 360.0, "step": 22.5}
-    used = AxisSection.model_validate(axis_data)
+    used = table_axis(16)
     nothing = SenseProof(instrument="laser", axis="C1", sense=1, scale=1.0, evidence=(0.0, 0.0))
 
     async def main() -> RawCapture:
