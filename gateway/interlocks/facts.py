@@ -140,7 +140,8 @@ class PushFacts:
     are the live tables themselves, cross tables as deviations. ``unfinished`` names journals left open, ``marker`` is
     what the controller remembers and ``mark`` what that says of this store. ``plan`` is `gateway.push.plan_hash` of the
     change, ``key_taken`` names another plan under the same transaction key, ``missing`` are transactions begun here
-    whose journals are gone. ``places`` are the safe places that the control's programs are held to.
+    whose journals are gone. ``places`` are the safe places that the control's programs are held to. ``brought`` is
+    where other input axes of the same transaction will stand when it switches.
     """
 
     change: TableChange
@@ -162,6 +163,7 @@ class PushFacts:
     key_taken: str = ""
     missing: tuple[int, ...] = ()
     places: SafePlaces = field(default_factory=SafePlaces)
+    brought: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def modes(self) -> tuple[str, ...]:
@@ -234,6 +236,7 @@ def others_now(facts: PushFacts) -> float:
         return 0.0
     places = {name: axis.position for name, axis in facts.state.axes.items()}
     if facts.moment == "start" and facts.agreeing_position is not None:
+        places |= facts.brought
         places[facts.table.input_axis] = facts.agreeing_position
     enabled = [one.table for one in rest_of(facts.live, facts.table) if one.enabled]
     return sum(value_at(table, places.get(table.input_axis, table.minimum)) for table in enabled)

@@ -5,10 +5,12 @@ from __future__ import annotations
 from drivers.errors import TrueflankError
 from gateway.domain.outcomes import PushRecord
 from gateway.errors import RollbackFailed, StillOn, VerifyError, WriteRefused
+from gateway.push.asking import Asked, ask
 from gateway.push.context import PushContext
+from gateway.push.places import together
 from gateway.push.plan import plan_hash
 from gateway.push.signproof import prove_sign
-from gateway.push.transaction import Asked, ask, push_table
+from gateway.push.transaction import Stays, push_table, push_tables
 from gateway.push.undo.finding import PushFinding
 from gateway.push.undo.recovery import look, recover, unfinished
 
@@ -16,13 +18,16 @@ __all__ = [
     "Asked",
     "PushContext",
     "PushFinding",
+    "Stays",
     "ask",
     "look",
     "outcome_error",
     "plan_hash",
     "prove_sign",
     "push_table",
+    "push_tables",
     "recover",
+    "together",
     "unfinished",
 ]
 

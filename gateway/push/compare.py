@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -94,6 +94,23 @@ def with_table(live: LiveSet, table: CompensationTable) -> LiveSet:
         return dataclasses.replace(live, backlash=backlash, digest="")
     cross = tuple(one for one in live.cross if one.table.index != table.index)
     return dataclasses.replace(live, cross=tuple(sorted((*cross, now), key=lambda one: one.table.index)), digest="")
+
+
+def aside(live: LiveSet, tables: Sequence[CompensationTable]) -> LiveSet:
+    """The set without these tables: they are judged by themselves. For comparison only."""
+    if not tables:
+        return live
+    gone = {table.index for table in tables if table.kind == "cross"}
+    kinds = {table.kind for table in tables if table.output_axis == live.axis}
+    off = LiveTable(dataclasses.replace(live.own.table, deviations=(0.0,) * len(live.own.table.deviations)), False)
+    return dataclasses.replace(
+        live,
+        own=off if "axis" in kinds else live.own,
+        cross=tuple(one for one in live.cross if one.table.index not in gone),
+        backlash=0.0 if "reversal" in kinds else live.backlash,
+        others=tuple(one for one in live.others if one.table.index not in gone),
+        digest="",
+    )
 
 
 def three_way(old: CompensationTable, new: CompensationTable, live: CompensationTable, most: int = 8) -> list[str]:

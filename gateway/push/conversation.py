@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
+from types import MappingProxyType
 
 from drivers.errors import TransportError, TrueflankError
 from drivers.types.abilities import TableLimits
@@ -41,6 +42,7 @@ async def facts_at_start(
     unchanged: bool | None = None,
     unfinished: tuple[str, ...] = (),
     key_taken: str = "",
+    brought: Mapping[str, float] = MappingProxyType({}),
 ) -> PushFacts:
     """Fingerprint, state and marker read now, with all else the interlocks want to know before anything is sent."""
     controller = context.controller
@@ -67,6 +69,7 @@ async def facts_at_start(
         key_taken=key_taken,
         missing=missing_journals(context),
         places=places_of(controller),
+        brought=brought,
     )
 
 

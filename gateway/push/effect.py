@@ -20,7 +20,7 @@ from gateway.interlocks import value_at
 from gateway.interlocks.facts import rest_of
 from gateway.interlocks.table import steepest
 from gateway.push import conversation
-from gateway.push.compare import same_rest, same_table, table_in
+from gateway.push.compare import aside, same_rest, same_table, table_in
 from gateway.push.work import Work
 from gateway.table.comparison import differences
 
@@ -57,7 +57,7 @@ async def prove_effect(work: Work, positions: tuple[float, ...], base: LiveSet) 
     places = (*positions, work.agreeing_position) if context.controller.capabilities.stops else positions
     # The input axis of a cross table ends where it disturbs the next table of the same output least.
     stops = conversation.stops_at(context, places if table.kind == "cross" else positions)
-    order = work.order(table, True, "table", work.number)
+    order = work.order(table, True, "table", work.whole.number)
     await conversation.visit(context, conversation.plan_of(context, "TFEFFECT", stops), at_stop, order)
     work.effect = _judged(work, table, shown)
     live = await context.controller.saved_tables(context.axis.name, context.proof)
@@ -69,7 +69,8 @@ async def _look(work: Work, base: LiveSet, reached: StopReached) -> _Shown:
     table = work.change.new
     if table.kind == "axis":
         return _Shown(reached.target, (value_at(table, reached.target),), reached.encoder_compensation)
-    acting = [table, *(one.table for one in rest_of(base, table) if one.enabled)]
+    rest = (one.table for one in rest_of(aside(base, work.beside), table) if one.enabled)
+    acting = [table, *rest, *(one for one in work.acting if one.kind == "cross")]
     places = {table.input_axis: reached.target}
     if len(acting) > 1:
         state = await work.context.controller.state()
@@ -120,6 +121,7 @@ def _still_there(work: Work, live: LiveSet, base: LiveSet) -> None:
     if not same_table(wanted, found, work.allowed):
         different = differences(wanted.table, found.table, work.allowed) or ("the switch is off",)
         raise VerifyError("E-PUSH-OVERWRITTEN", work.axis, axis=work.axis, first=different[0])
+    base, live = aside(base, work.beside), aside(live, work.beside)  # each of those is proved by itself
     switches = [one.enabled for one in rest_of(base, wanted.table)]
     again = [one.enabled for one in rest_of(live, wanted.table)]
     if not same_rest(base, live, wanted.table, work.allowed) or switches != again:

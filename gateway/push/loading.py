@@ -1,85 +1,130 @@
-"""The two halves on the controller: disable, load and compare; then, only if all is right, enable."""
+"""The two halves on the controller: disable all, load all and compare each; then enable those that are right."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from drivers.errors import PointsDiffer, TableActs, TrueflankError
-from drivers.terms import spoken
 from drivers.types.moves import movement_of
-from drivers.types.orders import PushOrder
+from drivers.types.orders import PushBatch, PushOrder, ReadBack
 from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from gateway.errors import VerifyError, WriteRefused
 from gateway.interlocks import PushFacts, refusals
 from gateway.interlocks.facts import rest_of, value_at
 from gateway.moving import places_of, shown, standing_words, tell_motion
 from gateway.push import conversation
+from gateway.push.asking import with_all
 from gateway.push.byhand import room_of, stand_at
-from gateway.push.compare import same_rest, same_set, same_table, table_facts, table_in
+from gateway.push.compare import table_in
 from gateway.push.context import PushContext
+from gateway.push.readback import check_base, fault_of, keep_backup
 from gateway.push.work import Work
-from gateway.table.comparison import differences
 
 
-async def load(work: Work, order: PushOrder, base: LiveSet | None) -> None:
-    """First half. On return the table is in the controller, compared point by point, and disabled.
+@dataclass(frozen=True, slots=True)
+class Load:
+    """One table on its way; ``base`` is what must still be live when it is backed up (None for a restore)."""
 
-    ``base`` is what must still have been live when it was backed up; None for a restore.
-    Raises VerifyError (E-PUSH-MARKER, E-PUSH-READBACK, E-PUSH-COUPLED, E-PUSH-LOST-UPDATE) and what the port
-    raises.
+    work: Work
+    order: PushOrder
+    base: LiveSet | None
+
+
+Loads = tuple[Load, ...]
+Faults = dict[Work, VerifyError]
+
+
+async def load(loads: Loads) -> Faults:
+    """First half. On return every table without a fault is in the controller, compared point by point, and disabled.
+
+    A fault (E-PUSH-READBACK) is of one table alone; where all have one the first is raised. Raises VerifyError
+    (E-PUSH-MARKER, E-PUSH-COUPLED, E-PUSH-LOST-UPDATE) and what the port raises: then nobody knows of any of them.
     """
-    context = work.context
+    first, batch = loads[0].work, _batch(loads)
+    context, whole = first.context, first.whole
     await within_places(context)
-    await _stand(work, order)
-    await _alone(work)
-    work.note("DISABLE", order=order.transaction, purpose=order.purpose, **_stood(work))
-    work.marked, work.cut_short = order, True
-    work.sent.add(order.transaction)
+    await _stand(loads)
+    await _alone(first)
+    stood = _stood(first)
+    for one in loads:
+        told = {"coupled": one.work.coupled} if one.work.of else {}
+        one.work.note("DISABLE", order=one.order.transaction, purpose=one.order.purpose, **told, **stood)
+        one.work.marked, one.work.cut_short = one.order, True
+    whole.sent.add(batch[0].transaction)
+    whole.batch = batch
     conversation.ask_release(context)
-    await context.controller.stage((order,))
-    await _check_marker(work, order)
+    await context.controller.stage(batch)
+    await _check_marker(first, batch[0])
     await tell_motion(context.controller, context.say)
-    await _say_switch(work, order, base)
-    context.say("P-PUSH-LOAD", axis=work.axis, transaction=order.transaction)
-    kept = await _kept_before(work, order, base)
-    work.begun = True
-    backup, readback = await _loaded(work, order)
-    if kept is None:
-        keep_backup(work, order, backup)
-        _compare(work, base, backup)
-    _judge(work, order, backup, readback)
-    work.note("LOADED", order=order.transaction, digest=readback.digest)
+    for one in loads:
+        await _say_switch(one)
+    context.say("P-PUSH-LOAD", axis=_names(loads), transaction=batch[0].transaction)
+    kept = await _kept_before(loads)
+    for one in loads:
+        one.work.begun = True
+    return _compared(loads, await _loaded(loads), kept=kept)
 
 
-async def _kept_before(work: Work, order: PushOrder, base: LiveSet | None) -> LiveSet | None:
-    """Where the driver itself has read what stands there: kept before anything is switched off; None elsewhere.
+def _batch(loads: Loads) -> PushBatch:
+    return tuple(one.order for one in loads)
+
+
+def _names(loads: Loads) -> str:
+    return ", ".join(one.work.name for one in loads)
+
+
+def _compared(loads: Loads, found: tuple[ReadBack, ...], *, kept: bool) -> Faults:
+    """Every back-up first: whatever is found next, what was there is known of all."""
+    faults: Faults = {}
+    if not kept:
+        for one, read in zip(loads, found, strict=True):
+            keep_backup(one.work, one.order, read.backup)
+        for one, read in zip(loads, found, strict=True):
+            check_base(one.work, one.base, read.backup)
+    for one, read in zip(loads, found, strict=True):
+        fault = fault_of(one.work, one.order, read, read.backup)
+        if fault is not None:
+            faults[one.work] = fault
+        else:
+            one.work.note("LOADED", order=one.order.transaction, digest=read.found.digest)
+    if len(faults) == len(loads):
+        raise next(iter(faults.values()))
+    return faults
+
+
+async def _kept_before(loads: Loads) -> bool:
+    """Where the driver itself has read what stands there: kept before anything is switched off; False elsewhere.
 
     Raises VerifyError (E-PUSH-LOST-UPDATE); nothing was changed then, and there is nothing to take back.
     """
-    controller = work.context.controller
+    controller = loads[0].work.context.controller
     if controller.capabilities.stops:
-        return None
-    (backup,) = await controller.backup_of((order,))
-    keep_backup(work, order, backup)
+        return False
+    backups = await controller.backup_of(_batch(loads))
+    for one, backup in zip(loads, backups, strict=True):
+        keep_backup(one.work, one.order, backup)
     try:
-        _compare(work, base, backup)
+        for one, backup in zip(loads, backups, strict=True):
+            check_base(one.work, one.base, backup)
     except VerifyError:
-        await work.finish("none")
-        work.marked = None
+        await loads[0].work.finish("none")
+        for one in loads:
+            one.work.marked = None
         raise
-    return backup
+    return True
 
 
 async def _alone(work: Work) -> None:
     """Nobody else may have come since the marker was last looked at. Raises BusyError (E-PUSH-ANOTHER)."""
-    controller = work.context.controller
-    if work.before is None and not work.sent and controller.capabilities.marker:
-        work.before = await controller.marker()
+    controller, whole = work.context.controller, work.whole
+    if whole.before is None and not whole.sent and controller.capabilities.marker:
+        whole.before = await controller.marker()
     await work.only_ours()
 
 
-async def _say_switch(work: Work, order: PushOrder, base: LiveSet | None) -> None:
+async def _say_switch(one: Load) -> None:
     """By how much switching off will move the output axis where the input axis stands then."""
+    work, order, base = one.work, one.order, one.base
     if order.table.kind == "reversal":
         amount = work.restore_to.table.deviations[0] if base is not None else work.change.new.deviations[0]
     elif base is not None:
@@ -134,26 +179,31 @@ async def within_places(context: PushContext) -> None:
 
 def _stood(work: Work) -> dict[str, object]:
     """The marker from before the first order, for whoever recovers this."""
-    before = work.before
-    return {} if before is None or work.sent else {"before": before.transaction, "before_state": before.state}
+    before = work.whole.before
+    return {} if before is None or work.whole.sent else {"before": before.transaction, "before_state": before.state}
 
 
-async def _loaded(work: Work, order: PushOrder) -> tuple[LiveSet, LiveSet]:
+async def _loaded(loads: Loads) -> tuple[ReadBack, ...]:
     """What stood before and what stands now, once every point has been written, or was found to differ after that."""
+    context = loads[0].work.context
     try:
-        (found,) = await work.context.controller.read_back((order,), work.context.start_timeout_s)
+        found = await context.controller.read_back(_batch(loads), context.start_timeout_s)
     except TrueflankError as error:
-        work.cut_short = not isinstance(error, PointsDiffer)
-        work.protected = work.protected or isinstance(error, TableActs)
+        for one in loads:
+            one.work.cut_short = not isinstance(error, PointsDiffer)
+            one.work.protected = one.work.protected or isinstance(error, TableActs)
         raise
-    work.cut_short = False
-    return found.backup, found.found
+    for one in loads:
+        one.work.cut_short = False
+    return found
 
 
-async def _stand(work: Work, order: PushOrder) -> None:
-    """A program moves the axis where the tables agree; without programs the operator does."""
-    if not work.context.controller.capabilities.stops:
-        await stand_at(work.context, order.agreeing_position, room_of(order.table, work.restore_to.table))
+async def _stand(loads: Loads) -> None:
+    """A program moves the axes where the tables agree; without programs the operator does."""
+    for one in loads:
+        if not one.work.context.controller.capabilities.stops:
+            room = room_of(one.order.table, one.work.restore_to.table)
+            await stand_at(one.work.context, one.order.agreeing_position, room)
 
 
 async def _check_marker(work: Work, order: PushOrder) -> None:
@@ -165,77 +215,49 @@ async def _check_marker(work: Work, order: PushOrder) -> None:
     if marker is None or (marker.transaction, marker.state) != (order.transaction, "in-progress"):
         found = "nothing" if marker is None else f"{marker.transaction} {marker.state}"
         raise VerifyError("E-PUSH-MARKER", work.axis, axis=work.axis, wanted=order.transaction, found=found)
-    work.acknowledged = True
+    work.whole.acknowledged = True
 
 
-def keep_backup(work: Work, order: PushOrder, backup: LiveSet) -> None:
-    """The text as read, durable before anything else; a restore's own back-up shows the table that failed.
-
-    The transaction's own back-up confirms what to go back to where it agrees with what was live before.
-    """
-    name = f"backup-{work.axis}-{order.transaction:06d}{spoken().program_suffix}"
-    path = work.kept(name, backup.native)
-    if order.transaction != work.number:
-        work.note("FAILED_TABLE", path=path, digest=backup.digest)
-        return
-    work.backup_path = path
-    work.confirmed = agrees(work, backup)
-    old = {"old": table_facts(work.restore_to.table), "old_enabled": work.restore_to.enabled}
-    work.note("BACKUP", path=path, digest=backup.digest, confirmed=work.confirmed, **old)
-
-
-def agrees(work: Work, backup: LiveSet) -> bool:
-    """Whether a second reading says the same of what was live before: then, and only then, it may be restored."""
-    if work.base is not None:
-        return same_set(work.base, backup, work.allowed)
-    same = same_table(work.restore_to, table_in(backup, work.change.new), work.allowed)
-    return same and backup.digest == work.base_digest
-
-
-def _compare(work: Work, base: LiveSet | None, backup: LiveSet) -> None:
-    """Raises VerifyError (E-PUSH-LOST-UPDATE)."""
-    if base is not None and not same_set(base, backup, work.allowed):
-        before, found = base.digest[:12], backup.digest[:12]
-        raise VerifyError("E-PUSH-LOST-UPDATE", work.axis, axis=work.axis, base=before, found=found)
-
-
-def _judge(work: Work, order: PushOrder, backup: LiveSet, readback: LiveSet) -> None:
-    axis, found = work.axis, table_in(readback, order.table)
-    waits = order.table.kind == "reversal"  # one value, written only when it is released
-    different = [] if waits else list(differences(order.table, found.table, work.allowed))
-    if found.enabled:
-        different.append("the compensation is still enabled")
-    if different:
-        raise VerifyError("E-PUSH-READBACK", axis, count=len(different), first=different[0])
-    if not same_rest(backup, readback, order.table, work.allowed):
-        raise VerifyError("E-PUSH-COUPLED", axis, axis=axis)
-
-
-async def release(work: Work, order: PushOrder) -> None:
-    """Second half: fingerprint and state once more, the release, consent at the machine, activation.
+async def release(loads: Loads, batch: PushBatch | None = None) -> None:
+    """Second half of those of the ``batch`` that passed: fingerprint and state once more, release, activation.
 
     Raises WriteRefused (E-PUSH-RELEASE) before the release, VerifyError (E-PUSH-SWITCH) after it.
     """
-    context = work.context
-    await _stand(work, order)
-    await _ask_again(work, order)
-    work.note("ENABLE", order=order.transaction, enable=order.enable)
-    await context.controller.activate((order,), (order,))
+    context, passed = loads[0].work.context, _batch(loads)
+    together = batch or passed
+    await _stand(loads)
+    for one in loads:
+        await _ask_again(one)
+    for one in loads:
+        one.work.note("ENABLE", order=one.order.transaction, enable=one.order.enable)
+    await context.controller.activate(together, passed)
     await tell_motion(context.controller, context.say)
-    if order.enable:
-        _say_moves("P-MOVE-SWITCH-ON", work, order, await _worth(work, order.table, LiveTable(order.table, True)))
-    context.say("P-PUSH-RELEASE", axis=work.axis, transaction=order.transaction)
-    (enabled,) = await context.controller.confirm((order,), context.start_timeout_s)
-    if enabled != order.enable:
-        raise VerifyError("E-PUSH-SWITCH", work.axis, wanted=order.enable, found=enabled)
-    work.note("ENABLED" if enabled else "LEFT_DISABLED", order=order.transaction)
-    if enabled and order.table.kind != "reversal":  # that one acts from the program's own activation on
-        context.say("P-PUSH-ACTIVATE", axis=work.axis)
-        await context.controller.restarted((order,), context.start_timeout_s)
-        work.note("ACTIVATED", order=order.transaction)
+    for one in loads:
+        if one.order.enable:
+            amount = await _worth(one.work, one.order.table, LiveTable(one.order.table, True))
+            _say_moves("P-MOVE-SWITCH-ON", one.work, one.order, amount)
+    context.say("P-PUSH-RELEASE", axis=_names(loads), transaction=passed[0].transaction)
+    for one, enabled in zip(loads, await context.controller.confirm(passed, context.start_timeout_s), strict=True):
+        if enabled != one.order.enable:
+            raise VerifyError("E-PUSH-SWITCH", one.work.axis, wanted=one.order.enable, found=enabled)
+        one.work.note("ENABLED" if enabled else "LEFT_DISABLED", order=one.order.transaction)
+    await _activated(loads, together)
 
 
-async def _ask_again(work: Work, order: PushOrder) -> None:
+async def _activated(loads: Loads, together: PushBatch) -> None:
+    """One restart puts all to work; a reversal alone acts from its program's own activation on."""
+    acting = tuple(one for one in loads if one.order.enable)
+    if not acting or all(order.table.kind == "reversal" for order in together):
+        return
+    context = loads[0].work.context
+    context.say("P-PUSH-ACTIVATE", axis=_names(acting))
+    await context.controller.restarted(_batch(acting), context.start_timeout_s)
+    for one in acting:
+        one.work.note("ACTIVATED", order=one.order.transaction)
+
+
+async def _ask_again(one: Load) -> None:
+    work, order = one.work, one.order
     change = replace(work.change, new=order.table, old_enabled=order.enable)
     start = await conversation.facts_at_start(
         work.context,
@@ -243,7 +265,7 @@ async def _ask_again(work: Work, order: PushOrder) -> None:
         purpose=order.purpose,
         limits=work.limits,
         agreeing_position=order.agreeing_position,
-        live=work.base,
+        live=with_all(work.base, work.beside) if work.base is not None and one.base is not None else work.base,
     )
     found = refusals(_at_release(start))
     if found:
@@ -253,8 +275,3 @@ async def _ask_again(work: Work, order: PushOrder) -> None:
 
 def _at_release(facts: PushFacts) -> PushFacts:
     return replace(facts, moment="release")
-
-
-def is_coupled(live: LiveSet, work: Work) -> bool:
-    """Whether other cross tables of the output axis are on; never for an axis table, which leaves them alone."""
-    return work.change.new.kind == "cross" and any(one.enabled for one in rest_of(live, work.change.new))

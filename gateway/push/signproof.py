@@ -27,15 +27,17 @@ from gateway.axes import AxisRecord
 from gateway.domain.proposals import TableChange
 from gateway.errors import RollbackFailed, StillOn, VerifyError, WriteRefused
 from gateway.push import conversation, reversalproof
+from gateway.push.asking import ask
+from gateway.push.beginning import Task, begun
 from gateway.push.compare import table_in
 from gateway.push.context import PushContext
-from gateway.push.loading import load, release
+from gateway.push.loading import Load, load, release
 from gateway.push.records import journal
 from gateway.push.records.lock import machine_lock
-from gateway.push.transaction import ask, keep
+from gateway.push.transaction import keep
 from gateway.push.undo.restoring import roll_back
 from gateway.push.unexpected import foreseen, unheard
-from gateway.push.work import Work, begun
+from gateway.push.work import Work
 
 PEAK = 3.0
 WITHIN = 0.2
@@ -143,10 +145,8 @@ async def prove_sign(
         live = await conversation.read_live(raw)
         change = _change(table, live)
         asked = await _allowed(raw, change, live)
-        with begun(
-            raw, folder, change=change, purpose="sign-proof", limits=asked.limits, agreeing_position=asked.place
-        ) as work:
-            work.before = asked.marker
+        task = Task(change, raw, asked.limits, asked.place, asked.marker)
+        with begun((task,), "sign-proof") as (work,):
             steps = await _proved(work, live, peak=peak, read_stop=read_stop, setup=setup)
     return _judged(raw, steps, kind)
 
@@ -190,9 +190,9 @@ async def _proved(work: Work, live: LiveSet, peak: float, read_stop: ReadStop, s
     failure: TrueflankError | None = None
     try:
         with foreseen(work.axis):
-            order = work.order(work.change.new, True, "sign-proof", work.number)
-            await load(work, order, live)
-            await release(work, order)
+            order = work.order(work.change.new, True, "sign-proof", work.whole.number)
+            await load((Load(work, order, live),))
+            await release((Load(work, order, live),))
             steps = await _measured(work, order, peak=peak, read_stop=read_stop, setup=setup)
             work.note("MEASURED", mean=steps.mean, u=steps.u, each=list(steps.each))
     except TrueflankError as error:

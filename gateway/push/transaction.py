@@ -1,103 +1,128 @@
-"""One table into one controller: old or new is enabled at every instant, whatever fails on the way.
+"""Tables into one controller: of each, old or new is enabled at every instant, whatever fails on the way.
 
 Order: interlocks, then the live tables without changing any, interlocks again, first half, compare, release,
 second half, activation, proof of effect. Nothing is written before the live tables are known to be those the
-change was made on. A failure after the first half was prepared leads back to the old table once, or is held.
+changes were made on. Several tables have one first half, one second half and one restart; each is compared, switched
+and proved by itself. A failure after the first half was prepared leads back to the old tables once, or is held.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from pathlib import Path
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
-from drivers.errors import TrueflankError
+from drivers.errors import TrueflankError, words
 from drivers.terms import spoken
-from drivers.types.abilities import Marker, TableLimits
 from drivers.types.tables import LiveSet, LiveTable
 from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import TableChange
-from gateway.interlocks import PushFacts, Refusal, needed, refusals, warnings
+from gateway.errors import StoreError, VerifyError
+from gateway.interlocks import MAX_JUMP, Refusal
+from gateway.interlocks.facts import no
 from gateway.push import conversation
-from gateway.push.compare import (
-    agreeing_position,
-    effect_positions,
-    same_set,
-    same_table,
-    table_facts,
-    table_in,
-    with_table,
-)
+from gateway.push.asking import NOTHING, Asked, ask, refused, still_allowed, under_key, with_all
+from gateway.push.beginning import Task, abort, begun
+from gateway.push.compare import effect_positions, same_table, table_facts, table_in
 from gateway.push.context import PushContext
 from gateway.push.effect import prove_effect
-from gateway.push.loading import is_coupled, load, release
+from gateway.push.loading import Faults, Load, load, release
+from gateway.push.places import common_places
 from gateway.push.plan import plan_hash
+from gateway.push.readback import is_coupled
 from gateway.push.records import journal
 from gateway.push.records.lock import machine_lock
-from gateway.push.undo.restoring import roll_back
+from gateway.push.undo.restoring import all_back, still_held
 from gateway.push.unexpected import foreseen, unheard
-from gateway.push.work import Outcome, Purpose, Work, begun
+from gateway.push.work import Outcome, Work
 
-_NOTHING = "E-INT-NOTHING"
 _ENDED: dict[str, Outcome] = {"COMMITTED": "committed", "ROLLED_BACK": "rolled-back", "CLOSED": "rolled-back"}
+Wish = tuple[TableChange, PushContext]
+Stays = Callable[[Sequence[TableChange]], bool]
+"""Whether these tables alone are predicted to leave the machine no worse than none of the transaction would."""
 
 
-@dataclass(frozen=True, slots=True)
-class Asked:
-    """The answer of the interlocks before anything is sent; ``warnings`` ask for a second person.
-
-    ``marker`` is the control's as it stood then: while it stands, nobody else has pushed.
-    """
-
-    limits: TableLimits
-    agreeing_position: float | None
-    refusals: tuple[Refusal, ...]
-    warnings: tuple[Refusal, ...] = ()
-    people: int = 1
-    marker: Marker | None = None
+def _alone_is_fine(_changes: Sequence[TableChange]) -> bool:
+    return True
 
 
 async def push_table(change: TableChange, context: PushContext) -> PushRecord:
     """Push one table; the record's outcome says how it ended, its steps how it went.
 
-    Reads and refusals change nothing. The context's key with the same plan again gives the earlier answer.
+    As `push_tables` of this one.
+    """
+    (record,) = await push_tables(((change, context),))
+    return record
+
+
+async def push_tables(wishes: Sequence[Wish], stays: Stays = _alone_is_fine) -> tuple[PushRecord, ...]:
+    """Push tables of one machine in one transaction; a record for each, in order.
+
+    Several are handed over together only where the control takes them so (`Capabilities.together`). When one fails,
+    ``stays`` is asked whether the others may stay; if not, the whole transaction goes back.
+    Reads and refusals change nothing. A context's key with the same plan again gives the earlier answer.
     Raises BusyError (E-PUSH-BUSY) when another push is under way, StoreError when the journal cannot be kept,
     and as long as nothing has been written the port's errors and Unexpected (E-PUSH-UNEXPECTED).
     """
-    if change.skipped:
-        return PushRecord(0, change.axis, outcome="skipped", steps=(change.skipped,), backup_path="")
-    with foreseen(change.axis):
-        return await _pushed(change, unheard(context))
+    found: dict[int, PushRecord] = {}
+    asked = {place: wish for place, wish in enumerate(wishes) if not wish[0].skipped}
+    for place, (change, _) in enumerate(wishes):
+        if change.skipped:
+            found[place] = PushRecord(0, change.axis, outcome="skipped", steps=(change.skipped,), backup_path="")
+    if asked:
+        with foreseen(", ".join(dict.fromkeys(change.axis for change, _ in asked.values()))):
+            quiet = [(change, unheard(context)) for change, context in asked.values()]
+            found |= dict(zip(asked, await _pushed(quiet, stays), strict=True))
+    return tuple(found[place] for place in range(len(wishes)))
 
 
-async def _pushed(change: TableChange, context: PushContext) -> PushRecord:
-    folder = journal.machine_folder(context.journals, context.machine.serial)
-    with machine_lock(folder):
-        earlier = _same_again(change, context, folder)
-        if earlier is not None:
-            return earlier
-        asked = await ask(change, context, "table")
-        reasons = tuple(refusal for refusal in asked.refusals if refusal.code != _NOTHING)
-        if reasons or asked.agreeing_position is None:
-            return refused(context, change.axis, reasons)
-        with begun(
-            context,
-            folder,
-            change=change,
-            purpose="table",
-            limits=asked.limits,
-            agreeing_position=asked.agreeing_position,
-        ) as work:
-            work.before = asked.marker
-            return work.record(await _push(work))
+async def _pushed(wishes: Sequence[Wish], stays: Stays) -> tuple[PushRecord, ...]:
+    context = wishes[0][1]
+    with machine_lock(journal.machine_folder(context.journals, context.machine.serial)):
+        earlier = tuple(_same_again(change, one) for change, one in wishes)
+        known = tuple(record for record in earlier if record is not None)
+        if len(known) == len(wishes):
+            return known
+        places = common_places(wishes)
+        answers = [await _answer(change, one, places[one.moved.name]) for change, one in wishes]
+        if any(_against(asked) for asked in answers):
+            return _all_refused(wishes, answers)
+        tasks = [
+            Task(change, one, asked.limits, asked.agreeing_position or 0.0, asked.marker)
+            for (change, one), asked in zip(wishes, answers, strict=True)
+        ]
+        with begun(tasks, "table") as works:
+            ended = await _push(works, stays)
+            return tuple(work.record(ended[work]) for work in works)
 
 
-def _same_again(change: TableChange, context: PushContext, folder: Path) -> PushRecord | None:
+async def _answer(change: TableChange, context: PushContext, place: float | None) -> Asked:
+    """What speaks against it; no place that suits all tables of the input axis does (E-INT-NOWHERE)."""
+    asked = await ask(change, context, "table", place=place)
+    if place is not None or asked.agreeing_position is None:
+        return asked
+    told = {"axis": change.axis, "limit": MAX_JUMP, "unit": change.new.deviation_unit}
+    return replace(asked, agreeing_position=None, refusals=(*asked.refusals, *no("E-INT-NOWHERE", **told)))
+
+
+def _against(asked: Asked) -> bool:
+    return asked.agreeing_position is None or any(refusal.code != NOTHING for refusal in asked.refusals)
+
+
+def _all_refused(wishes: Sequence[Wish], answers: Sequence[Asked]) -> tuple[PushRecord, ...]:
+    """What speaks against one speaks against all: they would go together."""
+    each = [tuple(one for one in asked.refusals if one.code != NOTHING) for asked in answers]
+    rest = tuple({refusal.words: refusal for reasons in each for refusal in reasons}.values())
+    return tuple(
+        refused(context, change.axis, reasons or rest) for (change, context), reasons in zip(wishes, each, strict=True)
+    )
+
+
+def _same_again(change: TableChange, context: PushContext) -> PushRecord | None:
     """The answer already given under this key to this very plan, if that push ended."""
-    found = journal.by_key(folder, context.key) if context.key else None
-    if found is None or found.latest("plan") != plan_hash(change, context.machine):
-        return None
-    outcome = _ENDED.get(found.kinds[-1])
-    if outcome is None:
+    plan = plan_hash(change, context.machine)
+    found = next((part for part in under_key(context) if part.latest("plan") == plan), None)
+    outcome = _ENDED.get(found.kinds[-1]) if found is not None else None
+    if found is None or outcome is None:
         return None
     steps = tuple(f"{entry.facts.get('utc', '')} {entry.kind}" for entry in found.entries)
     shown = tuple((float(one[0]), float(one[1]), float(one[2])) for one in found.latest("shown") or ())
@@ -111,113 +136,165 @@ def _same_again(change: TableChange, context: PushContext, folder: Path) -> Push
     )
 
 
-async def ask(change: TableChange, context: PushContext, purpose: Purpose, live: LiveSet | None = None) -> Asked:
-    """Every reason not to push now, from the machine as it stands; reads only, for `push` without apply too.
-
-    Whether the live tables are still those of the capture may take a program on the machine, so it is not asked;
-    ``live`` are the live tables where they are known.
-    """
-    table = change.new
-    limits = await context.controller.table_limits(change.axis, table.kind, table.index)
-    place = place_for(LiveTable(change.old, change.old_enabled), change, context)
-    facts = await conversation.facts_at_start(
-        context,
-        change,
-        purpose=purpose,
-        limits=limits,
-        agreeing_position=place,
-        live=live,
-        unfinished=unfinished_names(context),
-        key_taken=_key_taken(change, context),
-    )
-    return _asked(facts, limits, place)
-
-
-def _asked(facts: PushFacts, limits: TableLimits, place: float | None) -> Asked:
-    return Asked(
-        limits, place, refusals=refusals(facts), warnings=warnings(facts), people=needed(facts), marker=facts.marker
-    )
-
-
-def place_for(old: LiveTable, change: TableChange, context: PushContext) -> float | None:
-    """Where the input axis must stand for the switching of old and new."""
-    return agreeing_position(old, change.new, context.moved.reference, context.moved.room)
-
-
-def _key_taken(change: TableChange, context: PushContext) -> str:
-    """The key, when an earlier push under it was another plan."""
-    folder = journal.machine_folder(context.journals, context.machine.serial)
-    found = journal.by_key(folder, context.key) if context.key else None
-    other = found is not None and found.latest("plan") != plan_hash(change, context.machine)
-    return context.key if other else ""
-
-
-def unfinished_names(context: PushContext) -> tuple[str, ...]:
-    """Names of journals of this machine that did not end."""
-    folder = journal.machine_folder(context.journals, context.machine.serial)
-    begun = context.log.begun if context.log is not None else None
-    return tuple(found.path.name for found in journal.left_open(folder, begun))
-
-
-def refused(context: PushContext, axis: str, reasons: tuple[Refusal, ...]) -> PushRecord:
-    """The record of a push that wrote nothing, every reason one step."""
-    for reason in reasons:
-        context.say("P-PUSH-REFUSED", axis=axis, reason=reason.words)
-    return PushRecord(0, axis, outcome="refused", steps=tuple(reason.words for reason in reasons), backup_path="")
-
-
-async def _push(work: Work) -> Outcome:
+async def _push(works: Sequence[Work], stays: Stays) -> dict[Work, Outcome]:
     try:
-        with foreseen(work.axis):
-            base = await snapshot(work)
-            reasons = await _still_allowed(work, base)
+        with foreseen(_names(works)):
+            bases = dict(zip(works, await snapshot(works), strict=True))
+            brought = {work.context.moved.name: work.agreeing_position for work in works}
+            reasons = {work: await still_allowed(work, bases[work], brought) for work in works}
     except TrueflankError as error:
-        work.note("ABORTED", why=str(error))
+        abort(works, str(error))
         raise
-    if already(work, base):
-        work.note("ABORTED", why="the table is already live and enabled")
-        return "already-applied"
-    if reasons:
-        for reason in reasons:
-            work.context.say("P-PUSH-REFUSED", axis=work.axis, reason=reason.words)
-        work.note("ABORTED", why=f"{len(reasons)} reason(s)")
-        work.steps += [reason.words for reason in reasons]
-        return "refused"
+    there: dict[Work, Outcome] = {work: "already-applied" for work in works if already(work, bases[work])}
+    abort(tuple(there), "the table is already live and enabled")
+    left = tuple(work for work in works if work not in there)
+    if not left or any(reasons[work] for work in left):
+        return there | _refuse(left, reasons)
+    _leave_out(left, there, bases)
+    return there | await _exchange(left, bases, stays)
+
+
+def _leave_out(left: Sequence[Work], there: dict[Work, Outcome], bases: dict[Work, LiveSet]) -> None:
+    """A table that is live already is no part of what is sent: it stands beside as any other of its axis does."""
+    gone = [work.change.new for work in there]
+    for work in left:
+        work.beside = tuple(table for table in work.beside if table not in gone)
+        work.coupled = is_coupled(bases[work], work)
+
+
+def _refuse(works: Sequence[Work], reasons: dict[Work, tuple[Refusal, ...]]) -> dict[Work, Outcome]:
+    every = tuple(reason for work in works for reason in reasons[work])
+    for work in works:
+        told = reasons[work] or every
+        for reason in told:
+            work.context.say("P-PUSH-REFUSED", axis=work.name, reason=reason.words)
+        work.note("ABORTED", why=f"{len(told)} reason(s)")
+        work.steps += [reason.words for reason in told]
+    return dict.fromkeys(works, "refused")
+
+
+async def _exchange(works: Sequence[Work], bases: dict[Work, LiveSet], stays: Stays) -> dict[Work, Outcome]:
+    """Write, and commit what is proved; what is not goes back, and with it all where the rest may not stay."""
+    faults: Faults = {}
+    ended: dict[Work, Outcome] = {}
     try:
-        with foreseen(work.axis):
-            await _write(work, base)
-            await work.finish("committed")
-            work.note("COMMITTED")
+        with foreseen(_names(works)):
+            await _write(works, bases, faults, stays)
     except TrueflankError as failure:
-        if work.marked is None:  # nothing was sent: nothing to take back
-            work.note("ABORTED", why=str(failure))
+        if all(work.marked is None for work in works):  # nothing was sent: nothing to take back
+            abort(works, str(failure))
             raise
-        return await roll_back(work, str(failure))
-    return "committed"
+        return await all_back(works, str(failure))
+    good = tuple(work for work in works if work not in faults)
+    for work, fault in faults.items():
+        ended |= await all_back((work,), str(fault))
+    why = await _disturbed(good, ended) if faults else ""
+    return ended | (await all_back(good, why) if why else await _committed(good, ended))
 
 
-async def _write(work: Work, base: LiveSet) -> None:
-    order = work.order(work.change.new, True, "table", work.number)
-    await load(work, order, base)
-    await release(work, order)
+async def _disturbed(good: Sequence[Work], ended: dict[Work, Outcome]) -> str:
+    """Why the tables that were proved cannot be vouched for any more, after others of theirs went back; "" if they can.
+
+    A way back switches an output axis' cross tables off and on again, so these are read once more.
+    """
+    if any(outcome != "rolled-back" for outcome in ended.values()):
+        return words("W-PUSH-REST-HELD")
+    try:
+        with foreseen(_names(good)):
+            for work in good:
+                live = await conversation.read_live(work.context) if work.beside else None
+                if live is not None and not already(work, live):
+                    return words("W-PUSH-REST-LOST", name=work.name)
+    except TrueflankError as error:
+        return str(error)
+    return ""
+
+
+async def _committed(works: Sequence[Work], ended: dict[Work, Outcome]) -> dict[Work, Outcome]:
+    """The marker, then every table's journal. A failure before the first is committed leads back."""
+    try:
+        with foreseen(_names(works)):
+            await works[0].finish("committed")
+            for work in works:
+                work.note("COMMITTED")
+    except TrueflankError as failure:
+        left = tuple(work for work in works if work.last != "COMMITTED")
+        if len(left) < len(works) or isinstance(failure, StoreError):
+            raise
+        return await all_back(left, str(failure))
+    await still_held({**ended, works[0]: "committed"})
+    return dict.fromkeys(works, "committed")
+
+
+def _names(works: Sequence[Work]) -> str:
+    return ", ".join(work.name for work in works)
+
+
+async def _write(works: Sequence[Work], bases: dict[Work, LiveSet], faults: Faults, stays: Stays) -> None:
+    """Both halves and the proof of each. What fails of one table alone joins ``faults``, if the others may stay.
+
+    Raises VerifyError (E-PUSH-LAYER, or the fault itself where it is the only table) when they may not.
+    """
+    loads = tuple(
+        Load(work, work.order(work.change.new, True, "table", work.whole.number), bases[work]) for work in works
+    )
+    faults |= await load(loads)
+    _may_stay(works, faults, stays)
+    passed = tuple(one for one in loads if one.work not in faults)
+    for one in passed:
+        tables = {other.work.change.new for other in passed}
+        one.work.acting = tuple(table for table in one.work.beside if table in tables)
+    await release(passed, tuple(one.order for one in loads))
+    for one in passed:
+        await _proved(one.work, bases[one.work], faults)
+    _may_stay(works, faults, stays)
+
+
+async def _proved(work: Work, base: LiveSet, faults: Faults) -> None:
     axis = work.context.moved
     old = table_in(base, work.change.new)
-    await prove_effect(work, effect_positions(work.change.new, old, axis.room, axis.overrun), base)
+    positions = effect_positions(work.change.new, old, axis.room, axis.overrun)
+    try:
+        await prove_effect(work, positions, with_all(base, work.acting))
+    except VerifyError as fault:
+        if not work.of:
+            raise
+        faults[work] = fault
+        return
     work.note("EFFECT", shown=[list(place) for place in work.effect])
 
 
-async def snapshot(work: Work) -> LiveSet:
-    """The live tables, kept as read, before anything is disabled."""
-    live = await conversation.read_live(work.context)
-    keep(work, live)
-    if work.context.on_live is not None:
-        work.context = replace(work.context, alarms=work.context.on_live(live))
-    return live
+def _may_stay(works: Sequence[Work], faults: Faults, stays: Stays) -> None:
+    if not faults:
+        return
+    good = [work.change for work in works if work not in faults]
+    first = next(iter(faults.values()))
+    if not good:
+        raise first
+    names, failed = ", ".join(change.name for change in good), _names(tuple(faults))
+    if not stays(good):
+        raise VerifyError("E-PUSH-LAYER", failed, failed=failed, names=names, why=str(first))
+    works[0].context.say("P-PUSH-REST-STAYS", names=names, failed=failed, why=str(first))
+
+
+async def snapshot(works: Sequence[Work]) -> tuple[LiveSet, ...]:
+    """The live tables, kept as read, before anything is disabled; of each output axis once."""
+    read: dict[tuple[str, int], LiveSet] = {}
+    out: list[LiveSet] = []
+    for work in works:
+        key = (work.axis, work.context.sense)
+        if key not in read:
+            read[key] = await conversation.read_live(work.context)
+        keep(work, read[key])
+        if work.context.on_live is not None:
+            work.context = replace(work.context, alarms=work.context.on_live(read[key]))
+        out.append(read[key])
+    return tuple(out)
 
 
 def keep(work: Work, live: LiveSet) -> None:
     """Keep the live tables' text, then note where; from here on the work knows what hangs together."""
-    name = f"live-{work.axis}-{work.number:06d}{spoken().program_suffix}"
+    name = f"live-{work.name}-{work.whole.number:06d}{spoken().program_suffix}"
     work.backup_path = work.kept(name, live.native)
     work.base, work.coupled = live, is_coupled(live, work)
     work.restore_to = table_in(live, work.change.new)
@@ -229,37 +306,3 @@ def already(work: Work, live: LiveSet) -> bool:
     """Whether the wanted table is live and enabled."""
     wanted = LiveTable(work.change.new, enabled=True)
     return same_table(wanted, table_in(live, work.change.new), work.allowed)
-
-
-async def _still_allowed(work: Work, live: LiveSet) -> tuple[Refusal, ...]:
-    """The same questions with the live tables in hand: the old table is what is really there."""
-    old = table_in(live, work.change.new)
-    change = replace(work.change, old=old.table, old_enabled=old.enabled)
-    facts = await conversation.facts_at_start(
-        work.context,
-        change,
-        purpose=work.purpose,
-        limits=work.limits,
-        agreeing_position=place_for(old, change, work.context),
-        live=live,
-        unchanged=unchanged(work.context, work.change, live, work.allowed),
-    )
-    if facts.agreeing_position is not None:
-        work.agreeing_position = facts.agreeing_position
-    return tuple(refusal for refusal in refusals(facts) if refusal.code != _NOTHING)
-
-
-def unchanged(context: PushContext, change: TableChange, live: LiveSet, allowed: float) -> bool:
-    """Whether the live tables are those the change was made on, by their text or else by all they hold.
-
-    Tables that this very run has pushed since are part of what is expected.
-    """
-    if live.digest == change.base_digest:
-        return True
-    base = change.base or (context.capture.live if context.capture is not None else None)
-    if base is None or base.digest != change.base_digest or base.axis != live.axis:
-        return False
-    expected = context.controller.tables_by(base, context.proof)
-    for table in context.pushed:
-        expected = with_table(expected, table)
-    return same_set(expected, live, allowed)

@@ -16,17 +16,19 @@ from gateway.errors import VerifyError
 from gateway.interlocks import PushFacts, Refusal, refusals
 from gateway.interlocks.facts import no
 from gateway.push import conversation
+from gateway.push.asking import Asked, place_for, refused, unfinished_names
+from gateway.push.beginning import Task, begun
 from gateway.push.compare import effect_positions, same_table, table_in, tolerance
 from gateway.push.context import PushContext
 from gateway.push.effect import prove_effect
-from gateway.push.loading import load, release
+from gateway.push.loading import Load, load, release
 from gateway.push.records import journal
 from gateway.push.records.history import Committed
 from gateway.push.records.lock import machine_lock
-from gateway.push.transaction import Asked, place_for, refused, snapshot, unfinished_names
+from gateway.push.transaction import snapshot
 from gateway.push.undo.restoring import roll_back
 from gateway.push.unexpected import foreseen, unheard
-from gateway.push.work import Outcome, Work, begun
+from gateway.push.work import Outcome, Work
 from gateway.table.comparison import differences
 from gateway.table.threeway import ThreeWay, compare
 
@@ -95,16 +97,8 @@ async def _undone(done: Committed, context: PushContext) -> PushRecord:
         asked = await ask_undo(done, context)
         if asked.refusals or asked.agreeing_position is None:
             return refused(context, done.axis, asked.refusals)
-        change = undoing(done)
-        with begun(
-            context,
-            folder,
-            change=change,
-            purpose="restore",
-            limits=asked.limits,
-            agreeing_position=asked.agreeing_position,
-        ) as work:
-            work.before = asked.marker
+        task = Task(undoing(done), context, asked.limits, asked.agreeing_position, asked.marker)
+        with begun((task,), "restore") as (work,):
             work.note("UNDOES", undoes=done.transaction)
             return work.record(await _undo(work, done))
 
@@ -112,7 +106,7 @@ async def _undone(done: Committed, context: PushContext) -> PushRecord:
 async def _undo(work: Work, done: Committed) -> Outcome:
     try:
         with foreseen(work.axis):
-            base = await snapshot(work)
+            (base,) = await snapshot((work,))
             live = table_in(base, work.change.new)
             reasons = await _still_allowed(work, base)
     except TrueflankError as error:
@@ -155,9 +149,10 @@ async def _still_allowed(work: Work, base: LiveSet) -> tuple[Refusal, ...]:
 
 async def _put_back(work: Work, done: Committed, base: LiveSet) -> None:
     old = done.old
-    order = work.order(old.table, old.enabled, "restore", work.number)
-    await load(work, order, base)
-    await release(work, order)
+    order = work.order(old.table, old.enabled, "restore", work.whole.number)
+    loads = (Load(work, order, base),)
+    await load(loads)
+    await release(loads)
     if old.enabled:
         axis = work.context.moved
         await prove_effect(work, effect_positions(old.table, work.restore_to, axis.room, axis.overrun), base)

@@ -1,25 +1,20 @@
-"""One transaction on its way: its numbers, its journal and the story it will tell."""
+"""One transaction on its way: what its tables share, and of each table the story it will tell."""
 
 from __future__ import annotations
 
-import asyncio
-import contextlib
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
 
 from drivers.errors import TrueflankError, words
 from drivers.types.abilities import Marker, TableLimits
-from drivers.types.orders import PushOrder
+from drivers.types.orders import PushBatch, PushOrder
 from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import TableChange
 from gateway.errors import BusyError, StoreError, VerifyError
-from gateway.push.compare import table_facts, tolerance
+from gateway.push.compare import tolerance
 from gateway.push.context import PushContext
-from gateway.push.plan import plan_hash
 from gateway.push.records import journal, numbering
 from gateway.push.records.steps import step_words
 from gateway.push.unexpected import foreseen
@@ -30,30 +25,51 @@ Outcome = Literal["committed", "already-applied", "rolled-back", "held", "held-o
 
 
 @dataclass(slots=True)
-class Work:
-    """A push in progress. ``restore_to`` is what must be live again if it fails; ``change`` what is wanted.
+class Transaction:
+    """What all tables of one push share: its number, its journal, and how it stands with the control.
 
+    ``before`` is the marker as it stood before the first order, ``sent`` are the numbers of all orders,
+    ``acknowledged`` says that the marker has carried one of them. ``batch`` are the orders that were sent together.
+    """
+
+    folder: Path
+    journal: journal.Journal
+    number: int
+    purpose: Purpose
+    before: Marker | None = None
+    sent: set[int] = field(default_factory=set)
+    acknowledged: bool = False
+    batch: PushBatch = ()
+
+
+@dataclass(slots=True, eq=False)
+class Work:
+    """One table of a push in progress: ``change`` is wanted, ``restore_to`` must be live again if it fails.
+
+    ``whole`` is its transaction; ``of`` its name among the journal's entries ("": it is the only one), ``beside`` the
+    other tables of the transaction that move the same output axis, ``acting`` those of them that act by now.
     ``base`` is all that was live before, ``base_digest`` what remains of it in a later process.
     ``confirmed`` says that two independent readings agree on ``restore_to``: it goes back to nothing else.
-    ``coupled`` says that other cross tables of the output axis were on before, so that they must be again.
+    ``coupled`` says that other cross tables of the output axis, none of this transaction, were on before, so that they
+    must be again; ``again`` that one beside it is on now, which a way back leaves on.
     ``begun`` says that a load may have written something. ``marked`` is the order whose number the controller's marker
     carries. ``cut_short`` says that a load may have stopped in its middle, ``torn`` that a control which has restarted
-    since may act by half a table once it is on. ``before`` is the marker as it stood before the first order, ``sent``
-    are the numbers of all orders, and ``acknowledged`` says that the marker has carried one of them.
+    since may act by half a table once it is on.
     ``seen`` is the table as it was read last, None once something was announced since; ``protected`` that the control
     refused to write it as one that is on, whatever its switch reads.
     """
 
     context: PushContext
-    folder: Path
-    journal: journal.Journal
-    number: int
+    whole: Transaction
     change: TableChange
-    purpose: Purpose
     limits: TableLimits
     agreeing_position: float
     restore_to: LiveTable
+    of: str = ""
+    beside: tuple[CompensationTable, ...] = ()
+    acting: tuple[CompensationTable, ...] = ()
     coupled: bool = False
+    again: bool = False
     steps: list[str] = field(default_factory=list)
     backup_path: str = ""
     effect: tuple[tuple[float, float, float], ...] = ()
@@ -64,9 +80,6 @@ class Work:
     confirmed: bool = False
     begun: bool = False
     base_digest: str = ""
-    before: Marker | None = None
-    sent: set[int] = field(default_factory=set)
-    acknowledged: bool = False
     last: str = "nothing"
     seen: LiveTable | None = None
     protected: bool = False
@@ -77,17 +90,22 @@ class Work:
         return self.change.axis
 
     @property
+    def name(self) -> str:
+        """What its own files are named after: its axis, or its table where several have one transaction."""
+        return self.of or self.axis
+
+    @property
     def allowed(self) -> float:
         """Largest difference of two values that are the same to the controller, um or arcsec."""
         return tolerance(self.limits, self.change.new)
 
     def note(self, kind: str, **facts: object) -> None:
         """Write the journal first, then tell. Raises StoreError when the journal refuses."""
-        self.journal.append(kind, utc=self._utc(), **facts)
+        self.whole.journal.append(kind, utc=self._utc(), **({"of": self.of} if self.of else {}), **facts)
         self.last = kind
         told = ", ".join(f"{key} {value}" for key, value in facts.items() if isinstance(value, (str, int)))
         self.steps.append(f"{self._utc()} {step_words(kind)}" + (f": {told}" if told else ""))
-        self.context.say("P-PUSH-STEP", axis=self.axis, step=kind, said=step_words(kind))
+        self.context.say("P-PUSH-STEP", axis=self.name, step=kind, said=step_words(kind))
 
     def stopped(self) -> None:
         """Somebody ended us from outside: where it stands, on the disk before anything else is done."""
@@ -97,11 +115,12 @@ class Work:
             if self.marked is None:
                 self.note("ABORTED", why=f"{why} before anything was sent")
                 return
-            stop.transactions.append(self.number)
+            if self.whole.number not in stop.transactions:
+                stop.transactions.append(self.whole.number)
             self.note("STOPPED", why=why, after=last)
         except StoreError as error:
             stop.tell(str(error))
-        told = {"axis": self.axis, "transaction": self.number, "last": step_words(last)}
+        told = {"axis": self.axis, "transaction": self.whole.number, "last": step_words(last)}
         self.context.say("P-STOPPED-PUSH", **told)
         stop.tell(words("P-STOPPED-PUSH", **told))
 
@@ -121,7 +140,7 @@ class Work:
             agreeing_position=place,
             purpose=purpose,
             proof=proof,
-            coupled=self.coupled,
+            coupled=self.coupled or self.again,
             head=head,
             encoder=self.context.axis.encoder,
             encoder_said=self.context.axis.encoder_said,
@@ -129,7 +148,7 @@ class Work:
 
     def fresh_number(self) -> int:
         """Another transaction number of this machine."""
-        return numbering.allocate(self.folder, seed_of(self.context))
+        return numbering.allocate(self.whole.folder, seed_of(self.context))
 
     async def same_machine(self) -> None:
         """The fingerprint once more. Raises VerifyError (E-PUSH-OTHER-MACHINE)."""
@@ -142,9 +161,9 @@ class Work:
         """Raise BusyError (E-PUSH-ANOTHER) when the control's marker is another gateway's: nothing may be touched."""
         controller = self.context.controller
         marker = await controller.marker() if controller.capabilities.marker else None
-        if marker is None or marker.transaction in (0, *self.sent):
+        if marker is None or marker.transaction in (0, *self.whole.sent):
             return
-        if self.acknowledged or marker != self.before:
+        if self.whole.acknowledged or marker != self.whole.before:
             raise BusyError("E-PUSH-ANOTHER", self.axis, number=marker.transaction, state=marker.state)
 
     async def finish(self, state: Literal["committed", "held", "none"]) -> None:
@@ -157,13 +176,14 @@ class Work:
             return
         log = self.context.log
         if log is not None:
-            log.end(self.number, state)
-        order = replace(self.marked, head=log.head() if log is not None else 0)
+            log.end(self.whole.number, state)
+        together = self.whole.batch if self.marked in self.whole.batch else (self.marked,)
+        head = log.head() if log is not None else 0
         try:
             with foreseen(self.axis):
                 await self.same_machine()
                 await self.only_ours()
-                await self.context.controller.finish_push((order,), state)
+                await self.context.controller.finish_push(tuple(replace(one, head=head) for one in together), state)
         except TrueflankError as error:
             self.steps.append(f"{self._utc()} the marker could not be written: {error}")
 
@@ -174,10 +194,10 @@ class Work:
 
     def record(self, outcome: Outcome) -> PushRecord:
         """What happened, for the run folder."""
-        self.context.say("P-PUSH-END", axis=self.axis, outcome=outcome)
+        self.context.say("P-PUSH-END", axis=self.name, outcome=outcome)
         steps = tuple(self.steps)
         return PushRecord(
-            self.number, self.axis, outcome=outcome, steps=steps, backup_path=self.backup_path, effect=self.effect
+            self.whole.number, self.axis, outcome=outcome, steps=steps, backup_path=self.backup_path, effect=self.effect
         )
 
     def _utc(self) -> str:
@@ -187,84 +207,3 @@ class Work:
 def seed_of(context: PushContext) -> int:
     """A number that differs from day to day and second to second."""
     return int(context.clock.utc().timestamp())
-
-
-@contextmanager
-def begun(
-    context: PushContext,
-    folder: Path,
-    change: TableChange,
-    purpose: Purpose,
-    limits: TableLimits,
-    agreeing_position: float,
-) -> Iterator[Work]:
-    """A new transaction: number, journal, its first entry. The journal is set aside once it has ended."""
-    journal.tidy(folder, context.log.begun if context.log is not None else None)
-    number = numbering.allocate(folder, seed_of(context))
-    written = journal.Journal.create(folder, number)
-    old = LiveTable(change.old, change.old_enabled)
-    work = Work(
-        context,
-        folder,
-        journal=written,
-        number=number,
-        change=change,
-        purpose=purpose,
-        limits=limits,
-        agreeing_position=agreeing_position,
-        restore_to=old,
-    )
-    with closed_at_the_end(work):
-        work.note(
-            "LEASED",
-            transaction=number,
-            purpose=purpose,
-            axis=change.axis,
-            serial=context.machine.serial,
-            old=table_facts(change.old),
-            old_enabled=change.old_enabled,
-            new=table_facts(change.new),
-            base_digest=change.base_digest,
-            place=agreeing_position,
-            plan=plan_hash(change, context.machine),
-            key=context.key,
-            actor=context.actor,
-            approved_by=sorted({approval.actor for approval in context.approvals}),
-            sign=context.sense,
-        )
-        _announce(work)
-        yield work
-
-
-def _announce(work: Work) -> None:
-    """The audit log knows the transaction before anything is sent, and the journal names the log's line.
-
-    Raises CorruptRecord, BusyError, StoreError: then nothing is sent.
-    """
-    log = work.context.log
-    if log is None:
-        return
-    try:
-        line = log.begin(work.number, work.change)
-    except TrueflankError as error:
-        work.note("ABORTED", why=str(error))
-        raise
-    work.note("AUDITED", audit=line)
-
-
-@contextmanager
-def closed_at_the_end(work: Work) -> Iterator[Work]:
-    """Let go of the journal's file, and move the journal to `done` when its last entry is final.
-
-    A disk that refuses here changes nothing of how the push ended: the journal is read and moved later.
-    """
-    try:
-        yield work
-    except asyncio.CancelledError:
-        work.stopped()
-        raise
-    finally:
-        work.journal.close()
-    with contextlib.suppress(StoreError):
-        if journal.read(work.journal.path).finished:
-            journal.set_aside(work.journal.path)

@@ -24,7 +24,7 @@ from gateway.push.compare import table_in
 from gateway.say import silence
 from gateway.workflow.axes.measure import fetch_tables
 from gateway.workflow.bench import Bench, bench, new_run
-from gateway.workflow.control import pushing
+from gateway.workflow.control import proving, pushing
 from simulators.cell import Cell
 from simulators.cellfile import load_cell
 from tests.cell.bench import short
@@ -62,7 +62,7 @@ async def pushed(at: Bench, table: CompensationTable, before: tuple[Compensation
     proof = context.proof
     old = table_in(signed(live, proof.sign if proof is not None else 1), table)
     change = TableChange("X1", old.table, table, old.enabled, live.digest, NOTHING, NOTHING, NOTHING, base=live)
-    proof = proof or await pushing._prove(at, change, context)
+    proof = proof or await proving.prove(at, change, context)
     context = pushing.table_context(at, table, None)
     return await push_table(change, replace(context, proof=proof, approvals_needed=1, pushed=before))
 

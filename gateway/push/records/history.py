@@ -52,8 +52,7 @@ def committed(journals: Path, serial: str, table: str, meant: Meant = as_kept) -
     journal cannot be believed: then nobody knows what should be live.
     """
     folder = journal.machine_folder(journals, serial)
-    found = [one for one in (*journal.all_of(folder / "done"), *journal.all_of(folder)) if one.entries or one.broken]
-    every = (_committed(one, meant) for one in found)
+    every = (_committed(one, meant) for one in _parts(folder))
     pushes = [push for push in every if push is not None and push.table == table]
     return tuple(sorted(pushes, key=_age_among(pushes, _last_number(folder, pushes))))
 
@@ -97,8 +96,7 @@ def _last_number(folder: Path, pushes: list[Committed]) -> int:
 def pushed_tables(journals: Path, serial: str) -> tuple[str, ...]:
     """Names of the tables of a machine that committed pushes have left, in order. Raises as `committed`."""
     folder = journal.machine_folder(journals, serial)
-    found = (one for one in (*journal.all_of(folder / "done"), *journal.all_of(folder)) if one.entries or one.broken)
-    pushes = (_committed(one, as_kept) for one in found)
+    pushes = (_committed(one, as_kept) for one in _parts(folder))
     return tuple(sorted({push.table for push in pushes if push is not None}))
 
 
@@ -111,6 +109,12 @@ def to_undo(pushes: tuple[Committed, ...]) -> Committed | None:
         else:
             standing.append(push)
     return standing[-1] if standing else None
+
+
+def _parts(folder: Path) -> list[JournalRead]:
+    """What every journal of a machine tells of each of its tables, ended ones first."""
+    found = [one for one in (*journal.all_of(folder / "done"), *journal.all_of(folder)) if one.entries or one.broken]
+    return [part for one in found for part in one.parts]
 
 
 def _committed(found: JournalRead, meant: Meant) -> Committed | None:

@@ -71,7 +71,8 @@ def held_pushes(journals: Path) -> tuple[HeldPush, ...]:
     """
     folders = sorted(path for path in journals.iterdir() if path.is_dir()) if journals.is_dir() else []
     quiet = [folder for folder in folders if not is_held(folder)]
-    left = [found for folder in quiet for found in journal.all_of(folder) if not found.finished]
+    every = [part for folder in quiet for found in journal.all_of(folder) for part in found.parts]
+    left = [found for found in every if not found.finished]
     return tuple(sorted((held_push(found) for found in left), key=lambda one: not one.loud))
 
 

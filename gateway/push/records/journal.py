@@ -46,7 +46,10 @@ class Entry:
 
 @dataclass(frozen=True, slots=True)
 class JournalRead:
-    """A journal as found. ``broken`` says why it cannot be believed; ``whole_bytes`` is what is sound."""
+    """A journal as found. ``broken`` says why it cannot be believed; ``whole_bytes`` is what is sound.
+
+    Where a transaction holds several tables every entry says ``of`` which; `part` is the view of one of them.
+    """
 
     path: Path
     number: int
@@ -54,6 +57,8 @@ class JournalRead:
     broken: str = ""
     whole_bytes: int = 0
     last_sha: str = _START
+    of: str = ""
+    whole: JournalRead | None = None
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -62,13 +67,27 @@ class JournalRead:
 
     @property
     def finished(self) -> bool:
-        """Whether nothing is left to do: ended, or torn before anything was announced."""
-        return not self.broken and (not self.entries or self.entries[-1].kind in FINAL)
+        """Whether nothing is left to do: every table ended, or torn before anything was announced."""
+        last = {entry.facts.get("of"): entry.kind for entry in self.entries}
+        return not self.broken and all(kind in FINAL for kind in last.values())
 
     @property
     def said_last(self) -> str:
         """Its newest entry; "nothing" where there is none."""
         return self.entries[-1].kind if self.entries else "nothing"
+
+    @property
+    def parts(self) -> tuple[JournalRead, ...]:
+        """What it tells of each table, in order; itself where it tells of one, or cannot be believed."""
+        names = dict.fromkeys(str(entry.facts["of"]) for entry in self.entries if "of" in entry.facts)
+        return tuple(self.part(name) for name in names) if names and not self.broken else (self,)
+
+    def part(self, name: str) -> JournalRead:
+        """What it tells of one table of several; itself for no name."""
+        if not name:
+            return self
+        told = tuple(entry for entry in self.entries if entry.facts.get("of") == name)
+        return replace(self, entries=told, of=name, whole=self)
 
     def latest(self, name: str) -> Any:
         """The newest value of a fact, None where it was never noted."""
@@ -104,7 +123,8 @@ class Journal:
 
     @classmethod
     def reopen(cls, found: JournalRead) -> Journal:
-        """Go on with a journal whose end may be torn; the torn part is cut off."""
+        """Go on with a journal; a torn end is cut off. Its end is read afresh: another table's part may have grown."""
+        found = read(found.path)
         try:
             file = opened(found.path, "r+b")
             file.truncate(found.whole_bytes)
@@ -242,14 +262,8 @@ def sender(folder: Path, number: int) -> int:
 
 def orders_of(found: JournalRead) -> frozenset[int]:
     """Every number this journal sent to the controller, its own among them."""
-    sent = (entry.facts.get("order") for entry in found.entries)
+    sent = (entry.facts.get("order") for entry in (found.whole or found).entries)
     return frozenset((found.number, *(number for number in sent if isinstance(number, int))))
-
-
-def by_key(folder: Path, key: str) -> JournalRead | None:
-    """The newest transaction of a machine with this key of the caller's, ended or not."""
-    found = [one for one in (*all_of(folder / "done"), *all_of(folder)) if one.entries]
-    return next((one for one in reversed(found) if one.entries[0].facts.get("key") == key), None)
 
 
 def tidy(folder: Path, begun: Begun | None = None) -> tuple[JournalRead, ...]:

@@ -153,6 +153,7 @@ async def _in_journal(
     numbered = DisableOrder(numbering.allocate(folder, seed_of(context)), order.kind, order.axis, order.index)
     kept = journal.Journal.reopen(found) if found else journal.Journal.create(folder, numbered.transaction)
     told = {"utc": context.clock.utc().isoformat(timespec="milliseconds"), "order": numbered.transaction}
+    told |= {"of": found.of} if found and found.of else {}
     try:
         if found is None:
             facts = {"purpose": "disable", "axis": order.axis, "kind_of_table": order.kind, "index": order.index}

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from drivers.errors import DeadlineExceeded, TransportError, TrueflankError
-from drivers.types.abilities import Marker
+from drivers.types.abilities import Marker, TableLimits
 from drivers.types.machine import ChannelStatus
 from drivers.types.tables import CompensationTable, LiveSet
 from gateway.domain.outcomes import PushRecord
@@ -21,12 +21,8 @@ from gateway.domain.proposals import TableChange
 from gateway.errors import VerifyError, WriteRefused
 from gateway.interlocks.facts import rest_of
 from gateway.push import conversation
-from gateway.push.compare import (
-    agreeing_position,
-    effect_positions,
-    table_in,
-    tolerance,
-)
+from gateway.push.beginning import closed_at_the_end
+from gateway.push.compare import agreeing_position, aside, effect_positions, table_in, tolerance
 from gateway.push.context import PushContext
 from gateway.push.effect import prove_effect
 from gateway.push.records import journal
@@ -35,14 +31,15 @@ from gateway.push.records.journal import JournalRead
 from gateway.push.records.lock import machine_lock
 from gateway.push.undo import disabling
 from gateway.push.undo.finding import MOST_TRIES, PushFinding, Seen, announced, before, coupled, verdict
-from gateway.push.undo.restoring import held, hold, roll_back
+from gateway.push.undo.restoring import held, hold, roll_back, second_readings
 from gateway.push.unexpected import foreseen, unheard
-from gateway.push.work import Work, closed_at_the_end
+from gateway.push.work import Transaction, Work
 
 
 def unfinished(journals: Path, serial: str, begun: journal.Begun | None = None) -> tuple[JournalRead, ...]:
-    """The journals of a machine that did not end, oldest first; ``begun`` as for `journal.left_open`."""
-    return journal.left_open(journal.machine_folder(journals, serial), begun)
+    """What journals of a machine tell of each table that did not end, oldest first; ``begun`` as in `left_open`."""
+    every = journal.left_open(journal.machine_folder(journals, serial), begun)
+    return tuple(part for found in every for part in found.parts if not part.finished)
 
 
 async def look(found: JournalRead, context: PushContext) -> PushFinding:
@@ -85,7 +82,26 @@ async def _see(found: JournalRead, context: PushContext) -> tuple[Seen | None, f
     live = await conversation.read_live(context)
     marker = await context.controller.marker() if context.controller.capabilities.marker else None
     ours = marker is None or marker.transaction in journal.orders_of(found) or _known(context, marker)
-    return Seen(table_in(live, new), _neighbours_on(live, new), marker, ours), tolerance(limits, new)
+    neighbours = _neighbours_on(aside(live, _beside(found, context)), new)
+    return Seen(table_in(live, new), neighbours, marker, ours), tolerance(limits, new)
+
+
+def _beside(found: JournalRead, context: PushContext) -> tuple[CompensationTable, ...]:
+    """The other tables of the same transaction that move the same output axis."""
+    every = [tables_of(part, context.meant)[1] for part in _others(found)]
+    return tuple(table for table in every if table.output_axis == context.axis.name)
+
+
+def _others(found: JournalRead) -> tuple[JournalRead, ...]:
+    """The parts of those tables; without what was never sent, which is a neighbour like any other."""
+    parts = found.whole.parts if found.whole is not None else ()
+    return tuple(part for part in parts if part.of != found.of and part.said_last != "ABORTED")
+
+
+def _left_on(found: JournalRead, context: PushContext) -> bool:
+    """Whether a table beside it has ended as one that acts: it is to be on again, whatever it reads now."""
+    mine = [part for part in _others(found) if part.finished and part.latest("axis") == context.axis.name]
+    return any(part.said_last == "COMMITTED" or bool(part.latest("old_enabled")) for part in mine)
 
 
 def _known(context: PushContext, marker: Marker) -> bool:
@@ -128,7 +144,12 @@ async def _recovered(found: JournalRead, context: PushContext, action: Literal["
             raise WriteRefused("E-PUSH-NO-OFFER", found.path.name, finding=finding.words)
         if finding.code == "R-DISABLE-LEFT":
             return _closed(found, finding)
-        with closed_at_the_end(await _work(found, context)) as work:
+        limits = await _limits(found, context)
+        work = _work(found, context, _whole(found, context), limits)
+        with closed_at_the_end((work,)):
+            if finding.action == "restore":
+                alike = [_work(part, context, work.whole, limits) for part in _alike(found, context)]
+                await second_readings((work, *alike))
             return await _carry_out(work, finding, action)
 
 
@@ -143,9 +164,28 @@ def _closed(found: JournalRead, finding: PushFinding) -> PushRecord:
     return PushRecord(found.number, finding.axis, outcome="skipped", steps=(finding.words,), backup_path="")
 
 
-async def _work(found: JournalRead, context: PushContext) -> Work:
+def _alike(found: JournalRead, context: PushContext) -> list[JournalRead]:
+    """Other tables of the transaction whose back-up stands in the same file: a way back writes over it."""
+    kind = tables_of(found, context.meant)[1].kind
+    left = [part for part in _others(found) if not part.finished]
+    tables = [(part, tables_of(part, context.meant)[1]) for part in left]
+    return [part for part, table in tables if table.output_axis == context.axis.name and table.kind == kind]
+
+
+def _whole(found: JournalRead, context: PushContext) -> Transaction:
+    folder = journal.machine_folder(context.journals, context.machine.serial)
+    whole = Transaction(folder, journal.Journal.reopen(found), found.number, "table", before(found))
+    whole.sent |= journal.orders_of(found)
+    return whole
+
+
+async def _limits(found: JournalRead, context: PushContext) -> TableLimits:
+    _old, new = tables_of(found, context.meant)
+    return await context.controller.table_limits(context.axis.name, new.kind, new.index)
+
+
+def _work(found: JournalRead, context: PushContext, whole: Transaction, limits: TableLimits) -> Work:
     old, new = tables_of(found, context.meant)
-    limits = await context.controller.table_limits(context.axis.name, new.kind, new.index)
     nothing = np.zeros(0)
     base = str(found.latest("base_digest") or "")
     change = TableChange(
@@ -158,28 +198,24 @@ async def _work(found: JournalRead, context: PushContext) -> Work:
         predicted=nothing,
         predicted_U=nothing,
     )
-    folder = journal.machine_folder(context.journals, context.machine.serial)
-    written = journal.Journal.reopen(found)
     place = _place(found, context)
     work = Work(
         context,
-        folder,
-        journal=written,
-        number=found.number,
+        whole,
         change=change,
-        purpose="table",
         limits=limits,
         agreeing_position=place,
         restore_to=old,
+        of=found.of,
+        beside=_beside(found, context),
         coupled=coupled(found),
+        again=_left_on(found, context),
     )
     work.backup_path = str(found.latest("path") or "")
     work.marked = work.order(new, False, "restore", found.number)
     work.cut_short, work.torn = True, bool(found.latest("torn"))
     work.base_digest = next((str(one.facts["digest"]) for one in found.entries if one.kind == "SNAPSHOT"), "")
     work.confirmed, work.begun = bool(found.latest("confirmed")), True
-    work.sent |= journal.orders_of(found)
-    work.before = before(found)
     return work
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from drivers.errors import TrueflankError, words
@@ -11,7 +13,8 @@ from gateway.errors import BusyError, VerifyError, WriteRefused
 from gateway.interlocks import refusals
 from gateway.push import conversation
 from gateway.push.compare import same_table, table_in
-from gateway.push.loading import is_coupled, keep_backup, load, release
+from gateway.push.loading import Load, load, release
+from gateway.push.readback import is_beside, is_coupled, keep_backup
 from gateway.push.records import journal
 from gateway.push.undo import disabling
 from gateway.push.unexpected import foreseen
@@ -39,7 +42,7 @@ async def roll_back(work: Work, why: str) -> Outcome:
             await work.finish("none")
             work.note("ROLLED_BACK")
     except BusyError as error:
-        if not work.acknowledged:  # nothing of ours ever stood in the control
+        if not work.whole.acknowledged:  # nothing of ours ever stood in the control
             work.note("ABORTED", why=str(error))
             raise
         return await hold(work, str(error))
@@ -124,7 +127,7 @@ async def _is_whole(work: Work) -> bool:
     old = work.restore_to
     if old.enabled and not differences(old.table, found.table, work.allowed):
         return True
-    released = "ENABLE" in journal.read(work.journal.path).kinds
+    released = "ENABLE" in journal.read(work.whole.journal.path).part(work.of).kinds
     return released and not differences(work.change.new, found.table, work.allowed)
 
 
@@ -138,6 +141,7 @@ async def _restore(work: Work) -> None:
     await work.only_ours()
     await _asked(work)
     live = await conversation.read_live(work.context)
+    work.again = work.again or is_beside(live, work)
     found = work.seen = table_in(live, work.change.new)
     before = as_before(work, live)
     if before and not _doubted(work):
@@ -159,7 +163,7 @@ async def confirm(work: Work, found: LiveTable) -> None:
     """
     if work.confirmed or not differences(work.restore_to.table, found.table, work.allowed):
         return
-    order = work.order(work.change.new, False, "restore", work.number)
+    order = work.order(work.change.new, False, "restore", work.whole.number)
     try:
         (backup,) = await work.context.controller.backup_of((order,))
     except TrueflankError as error:
@@ -185,6 +189,57 @@ def _doubted(work: Work) -> bool:
     begun the older picture is the very thing that would hide it.
     """
     return work.begun and not work.context.controller.capabilities.stops
+
+
+async def second_readings(works: Sequence[Work]) -> None:
+    """The back-ups of all tables of a transaction before the first way back replaces the files they stand in.
+
+    What cannot be had is told when that table's turn comes. Raises StoreError alone.
+    """
+    if len(works) < 2 or all(work.confirmed for work in works):
+        return
+    context = works[0].context
+    with contextlib.suppress(TrueflankError), foreseen(context.axis.name):
+        await conversation.reach(context)
+        await works[0].only_ours()
+        await conversation.leave_program(context)
+        await context.clock.sleep(SETTLE_S)
+    for work in works:
+        if not work.confirmed:
+            await _second_reading(work)
+
+
+async def _second_reading(work: Work) -> None:
+    order = work.order(work.change.new, False, "restore", work.whole.number)
+    try:
+        with foreseen(work.axis):
+            (backup,) = await work.context.controller.backup_of((order,))
+    except TrueflankError:
+        return
+    keep_backup(work, order, backup)
+
+
+async def all_back(works: Sequence[Work], why: str) -> dict[Work, Outcome]:
+    """Every one of these tables as it was, one after the other, whatever becomes of another. Raises as `roll_back`."""
+    await second_readings(works)
+    ended: dict[Work, Outcome] = {}
+    for work in works:
+        try:
+            ended[work] = await roll_back(work, why)
+        except BusyError as error:
+            for other in works:
+                if other is not work and other not in ended:
+                    other.note("ABORTED", why=str(error))
+            raise
+    await still_held(ended)
+    return ended
+
+
+async def still_held(ended: Mapping[Work, Outcome]) -> None:
+    """The marker of the whole says "held" where any table is: a later one that went back has written over it."""
+    stuck = [work for work, outcome in ended.items() if outcome in ("held", "held-on")]
+    if stuck and list(ended)[-1] not in stuck:
+        await stuck[0].finish("held")
 
 
 def as_before(work: Work, live: LiveSet) -> bool:
@@ -216,8 +271,8 @@ async def play_back(work: Work) -> None:
         await _restart_with_old(work)
     order = work.order(old.table, old.enabled, "restore", work.fresh_number())
     work.seen = None
-    await load(work, order, None)
-    await release(work, order)
+    await load((Load(work, order, None),))
+    await release((Load(work, order, None),))
     live = await conversation.read_live(work.context)
     work.seen = table_in(live, work.change.new)
     if not as_before(work, live):
@@ -233,8 +288,8 @@ async def _restart_with_old(work: Work) -> None:
     that act. Raises DeadlineExceeded when nobody restarts the control, and what `load` and `release` raise.
     """
     order = work.order(work.restore_to.table, False, "restore", work.fresh_number())
-    await load(work, order, None)
-    await release(work, order)
+    await load((Load(work, order, None),))
+    await release((Load(work, order, None),))
     work.context.say("P-PUSH-RESTART", axis=work.axis)
     await work.context.controller.restarted((order,), work.context.start_timeout_s)
     work.note("RESTARTED", torn=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Collection, Mapping
+from collections.abc import Awaitable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
@@ -11,20 +11,15 @@ from drivers.clock import Clock
 from drivers.errors import TrueflankError, words
 from drivers.types.orders import SignProof
 from drivers.types.sensing import Ambient
-from drivers.types.stops import Stop
 from drivers.types.tables import CompensationTable
-from drivers.units import deviation_scale
 from gateway.approve import risk_taken
-from gateway.capture.live import combined
-from gateway.capture.readings import Readings
-from gateway.capture.sense import prove_sense
 from gateway.config import AxisSection
 from gateway.domain.captures import Capture
 from gateway.domain.outcomes import AxisVerdict, PushRecord, Verdict
 from gateway.domain.proposals import Proposal, TableChange
 from gateway.errors import StoreError, WriteRefused
 from gateway.interlocks import Refusal
-from gateway.push import Asked, PushContext, ask, outcome_error, prove_sign, push_table
+from gateway.push import Asked, PushContext, Stays, ask, outcome_error, push_tables, together
 from gateway.push.records.journal import JOURNALS
 from gateway.say import Say
 from gateway.store import RunFolder
@@ -41,11 +36,11 @@ from gateway.workflow.consents import (
     demand_todays,
     ended,
     failed,
-    proving,
     refused,
     take_up,
     tell,
 )
+from gateway.workflow.control.proving import provable, prove
 from gateway.workflow.control.stored import stored_axes
 from gateway.workflow.outcome import Outcome, alarmed
 from gateway.workflow.results.ending import finish
@@ -55,30 +50,23 @@ from gateway.workflow.witness import Witness
 
 Done = TypeVar("Done")
 
-# Switching a table moves the axis by micrometres: no motion is seen, so the reading waits longer instead.
-SWITCH_SETTLE_S = 8.0
-
 
 async def apply_proposal(at: Bench, proposal: Proposal, measured: Mapping[str, MeasuredAxis]) -> Verdict:
     """Push every change of a proposal, measure the pushed axes again and judge.
 
     Axis tables come first and are judged on the axis before any cross table is pushed: each axis' own deviation is
     judged without what the tooth asks of it. Raises WriteRefused, VerifyError (rolled back) or RollbackFailed
-    (held) at the first table that was not committed, after everything about it is stored; with any reason against
-    any table at the start, nothing at all is written.
+    (held) at the first layer with a table that was not committed, after everything about it is stored; with any reason
+    against any table at the start, nothing at all is written.
     """
     demand_todays(at.folder)
     await _nothing_against(at, proposal, measured)
     done = _Done(take_up(at, proposal))
     own = [change for change in proposal.changes if change.layer == "axis"]
-    for change in own:
-        await _push(at, change, measured[change.axis].capture, done)
+    await _push(at, own, measured, done)
     at.folder.set_state("pushed")
     verdicts = [await _verify(at, change, measured[change.axis], done.records[change.name]) for change in own]
-    for change in proposal.changes:
-        if change.layer == "cross":
-            known = measured.get(change.axis)
-            await _push(at, change, known.capture if known is not None else None, done)
+    await _push(at, [change for change in proposal.changes if change.layer == "cross"], measured, done)
     verdict = judge(tuple(verdicts), tuple(done.records.values()), tuple(done.proofs))
     at.folder.put(stages.VERDICT, verdict, tuple(at.folder.digest(stages.push(name)) for name in done.records))
     return verdict
@@ -97,40 +85,80 @@ class _Done:
     proofs: list[SignProof] = field(default_factory=list)
 
 
-async def _push(at: Bench, change: TableChange, capture: Capture | None, done: _Done) -> None:
-    context = replace(table_context(at, change.new, capture), pushed=tuple(done.tables))
-    if not change.skipped:
-        proof = context.proof
-        if proof is None:
-            proof = await _kept(at, change, _prove(at, change, replace(context, log=Witness(at))))
-        done.proofs.append(proof)
-        context = replace(context, proof=proof, ambient_now=await _ambient(at, change))
-        context = consented(at, change, context, done.approvals[change.name])
-        context = replace(context, on_live=await in_push(at, change.axis))
-        begin(at, change, context)
-    record = await _kept(at, change, push_table(change, context))
-    if not change.skipped:
-        tell(at, ended(at, change, record))
-    done.records[change.name] = record
-    failure = outcome_error(record)
+async def _push(at: Bench, changes: Sequence[TableChange], measured: Mapping[str, MeasuredAxis], done: _Done) -> None:
+    """One layer, in as few transactions as the control allows. Raises for the first table that was not committed."""
+    known = {name: item.capture for name, item in measured.items()}
+    for change in changes:
+        if not change.skipped and table_context(at, change.new, None).proof is None:
+            context = table_context(at, change.new, known.get(change.axis))
+            await _kept(at, (change,), prove(at, change, replace(context, log=Witness(at))))
+    wishes = [(change, table_context(at, change.new, known.get(change.axis))) for change in changes]
+    for wish in wishes:
+        if wish[0].skipped:
+            await _handed_over(at, (wish,), done)
+    for group in together([wish for wish in wishes if not wish[0].skipped]):
+        await _handed_over(at, group, done)
+
+
+async def _handed_over(at: Bench, group: Sequence[tuple[TableChange, PushContext]], done: _Done) -> None:
+    wishes = [(change, await _ready(at, change, context, done)) for change, context in group]
+    changes = [change for change, _ in wishes]
+    records = await _kept(at, changes, _begun(at, wishes))
+    for change, record in zip(changes, records, strict=True):
+        if not change.skipped:
+            tell(at, ended(at, change, record))
+        done.records[change.name] = record
+        if record.outcome in PUSHED:
+            done.tables.append(change.new)
+    failures = [outcome_error(record) for record in records]
+    failure = next((one for one in failures if one is not None), None)
     try:
-        at.folder.put(stages.push(change.name), record, (at.folder.digest(stages.PROPOSAL),))
+        for change, record in zip(changes, records, strict=True):
+            at.folder.put(stages.push(change.name), record, (at.folder.digest(stages.PROPOSAL),))
     except StoreError as error:
         if failure is not None:  # how the push ended is told before all else
             raise failure from error
         raise
     if failure is not None:
         raise failure
-    if record.outcome in PUSHED:
-        done.tables.append(change.new)
 
 
-async def _kept(at: Bench, change: TableChange, work: Awaitable[Done]) -> Done:
+async def _begun(at: Bench, wishes: Sequence[tuple[TableChange, PushContext]]) -> tuple[PushRecord, ...]:
+    for change, context in wishes:
+        if not change.skipped:
+            begin(at, change, context)
+    return await push_tables(wishes, _may_stay(at))
+
+
+async def _ready(at: Bench, change: TableChange, context: PushContext, done: _Done) -> PushContext:
+    """The context with today's consent; a skipped table needs none of it."""
+    context = replace(context, pushed=tuple(done.tables))
+    if change.skipped:
+        return context
+    if context.proof is not None:
+        done.proofs.append(context.proof)
+    context = replace(context, ambient_now=await _ambient(at, change))
+    context = consented(at, change, context, done.approvals[change.name])
+    return replace(context, on_live=await in_push(at, change.axis))
+
+
+def _may_stay(at: Bench) -> Stays:
+    """Whether part of a layer may stay when the rest failed.
+
+    An axis' own table was predicted for that axis alone. What part of the tables does to a tooth was not: they were
+    found together, and where one cures what another brings, part of them may be worse than none.
+    """
+    return lambda _changes: not at.folder.has(stages.TOOTH)
+
+
+async def _kept(at: Bench, changes: Sequence[TableChange], work: Awaitable[Done]) -> Done:
     """Keep in the audit log how a push or sign proof ended that leaves no record, a stop from outside included."""
     try:
         return await work
     except (TrueflankError, asyncio.CancelledError) as error:
-        tell(at, failed(at, change, error))
+        for change in changes:
+            if not change.skipped:
+                tell(at, failed(at, change, error))
         raise
 
 
@@ -190,49 +218,6 @@ def push_context(at: Bench, axis: AxisSection, capture: Capture | None) -> PushC
         self_test=last_of(at, axis),
         risk_taken=risk_taken(),
     )
-
-
-def provable(at: Bench, axis: AxisSection) -> bool:
-    """Whether a push can prove a sign itself: an instrument sees the output axis, and the table can be switched."""
-    can = at.supervisor.controller.capabilities
-    return bool(axis.measure.instrument) and can.switches_now
-
-
-async def _prove(at: Bench, change: TableChange, context: PushContext) -> SignProof:
-    """Mount the output axis' instrument again, prove its sense, then the sign of the table's kind.
-
-    Raises WriteRefused (E-RUN-NO-PROOF) where nothing can see the output axis.
-    """
-    axis, table = at.axis(change.axis), change.new
-    if not provable(at, axis):
-        raise WriteRefused("E-RUN-NO-PROOF", axis.name)
-    at.say("P-SIGN", axis=axis.name)
-    rig = at.rig(axis)
-    sense = await prove_sense(rig)
-    combine = combined(axis, rig.instrument, sense.sense)
-    window = replace(rig.window, settle_s=SWITCH_SETTLE_S)
-    scale = deviation_scale(axis.unit)
-    async with Readings(rig.instrument, at.clock, combine) as readings:
-
-        async def read_stop(_stop: Stop) -> tuple[float, float]:
-            reading = await readings.settled(window)
-            value = float(combine(reading.values[None, :])[0])
-            return value * scale, float(reading.sigma.max()) * scale / reading.count**0.5
-
-        grid = at.axis(table.input_axis).table
-        proving(at, change)
-        proof = await prove_sign(
-            context,
-            grid.minimum,
-            maximum=grid.maximum,
-            step=grid.step,
-            read_stop=read_stop,
-            kind=table.kind,
-            index=table.index,
-        )
-    at.proofs.save(proof)
-    at.say("P-SIGN-PROVED", axis=axis.name, slope=f"{proof.slope:+.3f}")
-    return proof
 
 
 async def _verify(at: Bench, change: TableChange, before: MeasuredAxis, push: PushRecord) -> AxisVerdict:

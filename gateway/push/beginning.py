@@ -1,0 +1,127 @@
+"""A transaction's begin and end on the disk: number, journal, what each table is, and the journal set aside."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+from drivers.errors import TrueflankError
+from drivers.types.abilities import Marker, TableLimits
+from drivers.types.tables import LiveTable
+from gateway.domain.proposals import TableChange
+from gateway.errors import StoreError
+from gateway.push.compare import table_facts
+from gateway.push.context import PushContext
+from gateway.push.plan import plan_hash
+from gateway.push.records import journal, numbering
+from gateway.push.work import Purpose, Transaction, Work, seed_of
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """One table that nothing speaks against: where its input axis must stand, and the control's marker until then."""
+
+    change: TableChange
+    context: PushContext
+    limits: TableLimits
+    agreeing_position: float
+    marker: Marker | None = None
+
+
+@contextmanager
+def begun(tasks: Sequence[Task], purpose: Purpose) -> Iterator[tuple[Work, ...]]:
+    """A new transaction for all these tables of one machine: number, journal, each table's first entry.
+
+    The journal is set aside once every table has ended.
+    """
+    context = tasks[0].context
+    folder = journal.machine_folder(context.journals, context.machine.serial)
+    journal.tidy(folder, context.log.begun if context.log is not None else None)
+    number = numbering.allocate(folder, seed_of(context))
+    whole = Transaction(folder, journal.Journal.create(folder, number), number, purpose, tasks[0].marker)
+    works = tuple(_work(whole, task, tasks) for task in tasks)
+    with closed_at_the_end(works):
+        for work in works:
+            _first(work)
+        _announce(works)
+        yield works
+
+
+def _work(whole: Transaction, task: Task, tasks: Sequence[Task]) -> Work:
+    change = task.change
+    others = (other.change.new for other in tasks if other is not task and other.change.axis == change.axis)
+    return Work(
+        task.context,
+        whole,
+        change=change,
+        limits=task.limits,
+        agreeing_position=task.agreeing_position,
+        restore_to=LiveTable(change.old, change.old_enabled),
+        of=change.name if len(tasks) > 1 else "",
+        beside=tuple(others),
+    )
+
+
+def _first(work: Work) -> None:
+    context, change = work.context, work.change
+    work.note(
+        "LEASED",
+        transaction=work.whole.number,
+        purpose=work.whole.purpose,
+        axis=change.axis,
+        serial=context.machine.serial,
+        old=table_facts(change.old),
+        old_enabled=change.old_enabled,
+        new=table_facts(change.new),
+        base_digest=change.base_digest,
+        place=work.agreeing_position,
+        plan=plan_hash(change, context.machine),
+        key=context.key,
+        actor=context.actor,
+        approved_by=sorted({approval.actor for approval in context.approvals}),
+        sign=context.sense,
+    )
+
+
+def _announce(works: Sequence[Work]) -> None:
+    """The audit log knows of each table before anything is sent, and the journal names the log's line.
+
+    Raises CorruptRecord, BusyError, StoreError: then nothing is sent.
+    """
+    try:
+        for work in works:
+            if work.context.log is not None:
+                work.note("AUDITED", audit=work.context.log.begin(work.whole.number, work.change))
+    except TrueflankError as error:
+        abort(works, str(error))
+        raise
+
+
+def abort(works: Sequence[Work], why: str) -> None:
+    """Nothing was written for these tables, and nothing will be."""
+    for work in works:
+        work.note("ABORTED", why=why)
+
+
+@contextmanager
+def closed_at_the_end(works: Sequence[Work]) -> Iterator[None]:
+    """Let go of the journal's file, and move the journal to `done` when the last entry of each table is final.
+
+    A disk that refuses here changes nothing of how the push ended: the journal is read and moved later.
+    """
+    kept = works[0].whole.journal
+    try:
+        yield
+    except asyncio.CancelledError:
+        for work in works:
+            if work.last not in journal.FINAL:
+                work.stopped()
+        raise
+    finally:
+        kept.close()
+    with contextlib.suppress(StoreError):
+        if journal.read(kept.path).finished:
+            journal.set_aside(kept.path)
