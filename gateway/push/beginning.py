@@ -41,7 +41,8 @@ def begun(tasks: Sequence[Task], purpose: Purpose) -> Iterator[tuple[Work, ...]]
     folder = journal.machine_folder(context.journals, context.machine.serial)
     journal.tidy(folder, context.log.begun if context.log is not None else None)
     number = numbering.allocate(folder, seed_of(context))
-    whole = Transaction(folder, journal.Journal.create(folder, number), number, purpose, tasks[0].marker)
+    kept, before = journal.Journal.create(folder, number), tasks[0].marker
+    whole = Transaction(folder, kept, number, purpose=purpose, before=before)
     works = tuple(_work(whole, task, tasks) for task in tasks)
     with closed_at_the_end(works):
         for work in works:

@@ -31,10 +31,10 @@ from gateway.push.asking import ask
 from gateway.push.beginning import Task, begun
 from gateway.push.compare import table_in
 from gateway.push.context import PushContext
-from gateway.push.loading import Load, load, release
+from gateway.push.loading import Loading, load, release
 from gateway.push.records import journal
 from gateway.push.records.lock import machine_lock
-from gateway.push.transaction import keep
+from gateway.push.snapshot import keep
 from gateway.push.undo.restoring import roll_back
 from gateway.push.unexpected import foreseen, unheard
 from gateway.push.work import Work
@@ -145,7 +145,7 @@ async def prove_sign(
         live = await conversation.read_live(raw)
         change = _change(table, live)
         asked = await _allowed(raw, change, live)
-        task = Task(change, raw, asked.limits, asked.place, asked.marker)
+        task = Task(change, raw, asked.limits, agreeing_position=asked.place, marker=asked.marker)
         with begun((task,), "sign-proof") as (work,):
             steps = await _proved(work, live, peak=peak, read_stop=read_stop, setup=setup)
     return _judged(raw, steps, kind)
@@ -185,14 +185,14 @@ async def _allowed(context: PushContext, change: TableChange, live: LiveSet | No
 
 
 async def _proved(work: Work, live: LiveSet, peak: float, read_stop: ReadStop, setup: str) -> Steps:
-    """Load the triangle, measure, and put the old table back whatever happened."""
+    """Loading the triangle, measure, and put the old table back whatever happened."""
     keep(work, live)
     failure: TrueflankError | None = None
     try:
         with foreseen(work.axis):
             order = work.order(work.change.new, True, "sign-proof", work.whole.number)
-            await load((Load(work, order, live),))
-            await release((Load(work, order, live),))
+            await load((Loading(work, order, live),))
+            await release((Loading(work, order, live),))
             steps = await _measured(work, order, peak=peak, read_stop=read_stop, setup=setup)
             work.note("MEASURED", mean=steps.mean, u=steps.u, each=list(steps.each))
     except TrueflankError as error:

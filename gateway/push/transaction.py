@@ -12,8 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from drivers.errors import TrueflankError, words
-from drivers.terms import spoken
-from drivers.types.tables import LiveSet, LiveTable
+from drivers.types.tables import LiveSet
 from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import TableChange
 from gateway.errors import StoreError, VerifyError
@@ -22,18 +21,19 @@ from gateway.interlocks.facts import no
 from gateway.push import conversation
 from gateway.push.asking import NOTHING, Asked, ask, refused, still_allowed, under_key, with_all
 from gateway.push.beginning import Task, abort, begun
-from gateway.push.compare import effect_positions, same_table, table_facts, table_in
+from gateway.push.compare import effect_positions, table_in
 from gateway.push.context import PushContext
 from gateway.push.effect import prove_effect
-from gateway.push.loading import Faults, Load, load, release
+from gateway.push.loading import Faults, Loading, load, release
 from gateway.push.places import common_places
 from gateway.push.plan import plan_hash
 from gateway.push.readback import is_coupled
 from gateway.push.records import journal
 from gateway.push.records.lock import machine_lock
+from gateway.push.snapshot import already, snapshot
 from gateway.push.undo.restoring import all_back, still_held
 from gateway.push.unexpected import foreseen, unheard
-from gateway.push.work import Outcome, Work
+from gateway.push.work import Outcome, Work, note_all
 
 _ENDED: dict[str, Outcome] = {"COMMITTED": "committed", "ROLLED_BACK": "rolled-back", "CLOSED": "rolled-back"}
 Wish = tuple[TableChange, PushContext]
@@ -87,7 +87,7 @@ async def _pushed(wishes: Sequence[Wish], stays: Stays) -> tuple[PushRecord, ...
         if any(_against(asked) for asked in answers):
             return _all_refused(wishes, answers)
         tasks = [
-            Task(change, one, asked.limits, asked.agreeing_position or 0.0, asked.marker)
+            Task(change, one, asked.limits, agreeing_position=asked.agreeing_position or 0.0, marker=asked.marker)
             for (change, one), asked in zip(wishes, answers, strict=True)
         ]
         with begun(tasks, "table") as works:
@@ -211,17 +211,15 @@ async def _disturbed(good: Sequence[Work], ended: dict[Work, Outcome]) -> str:
 
 
 async def _committed(works: Sequence[Work], ended: dict[Work, Outcome]) -> dict[Work, Outcome]:
-    """The marker, then every table's journal. A failure before the first is committed leads back."""
+    """The marker, then one line of the journal for all. A failure before that leads back; raises StoreError."""
     try:
         with foreseen(_names(works)):
             await works[0].finish("committed")
-            for work in works:
-                work.note("COMMITTED")
+            note_all(works, "COMMITTED")
+    except StoreError:
+        raise
     except TrueflankError as failure:
-        left = tuple(work for work in works if work.last != "COMMITTED")
-        if len(left) < len(works) or isinstance(failure, StoreError):
-            raise
-        return await all_back(left, str(failure))
+        return await all_back(works, str(failure))
     await still_held({**ended, works[0]: "committed"})
     return dict.fromkeys(works, "committed")
 
@@ -236,7 +234,7 @@ async def _write(works: Sequence[Work], bases: dict[Work, LiveSet], faults: Faul
     Raises VerifyError (E-PUSH-LAYER, or the fault itself where it is the only table) when they may not.
     """
     loads = tuple(
-        Load(work, work.order(work.change.new, True, "table", work.whole.number), bases[work]) for work in works
+        Loading(work, work.order(work.change.new, True, "table", work.whole.number), bases[work]) for work in works
     )
     faults |= await load(loads)
     _may_stay(works, faults, stays)
@@ -275,34 +273,3 @@ def _may_stay(works: Sequence[Work], faults: Faults, stays: Stays) -> None:
     if not stays(good):
         raise VerifyError("E-PUSH-LAYER", failed, failed=failed, names=names, why=str(first))
     works[0].context.say("P-PUSH-REST-STAYS", names=names, failed=failed, why=str(first))
-
-
-async def snapshot(works: Sequence[Work]) -> tuple[LiveSet, ...]:
-    """The live tables, kept as read, before anything is disabled; of each output axis once."""
-    read: dict[tuple[str, int], LiveSet] = {}
-    out: list[LiveSet] = []
-    for work in works:
-        key = (work.axis, work.context.sense)
-        if key not in read:
-            read[key] = await conversation.read_live(work.context)
-        keep(work, read[key])
-        if work.context.on_live is not None:
-            work.context = replace(work.context, alarms=work.context.on_live(read[key]))
-        out.append(read[key])
-    return tuple(out)
-
-
-def keep(work: Work, live: LiveSet) -> None:
-    """Keep the live tables' text, then note where; from here on the work knows what hangs together."""
-    name = f"live-{work.name}-{work.whole.number:06d}{spoken().program_suffix}"
-    work.backup_path = work.kept(name, live.native)
-    work.base, work.coupled = live, is_coupled(live, work)
-    work.restore_to = table_in(live, work.change.new)
-    old = {"old": table_facts(work.restore_to.table), "old_enabled": work.restore_to.enabled}
-    work.note("SNAPSHOT", path=work.backup_path, digest=live.digest, coupled=work.coupled, **old)
-
-
-def already(work: Work, live: LiveSet) -> bool:
-    """Whether the wanted table is live and enabled."""
-    wanted = LiveTable(work.change.new, enabled=True)
-    return same_table(wanted, table_in(live, work.change.new), work.allowed)

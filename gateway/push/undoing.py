@@ -21,11 +21,11 @@ from gateway.push.beginning import Task, begun
 from gateway.push.compare import effect_positions, same_table, table_in, tolerance
 from gateway.push.context import PushContext
 from gateway.push.effect import prove_effect
-from gateway.push.loading import Load, load, release
+from gateway.push.loading import Loading, load, release
 from gateway.push.records import journal
 from gateway.push.records.history import Committed
 from gateway.push.records.lock import machine_lock
-from gateway.push.transaction import snapshot
+from gateway.push.snapshot import snapshot
 from gateway.push.undo.restoring import roll_back
 from gateway.push.unexpected import foreseen, unheard
 from gateway.push.work import Outcome, Work
@@ -97,7 +97,9 @@ async def _undone(done: Committed, context: PushContext) -> PushRecord:
         asked = await ask_undo(done, context)
         if asked.refusals or asked.agreeing_position is None:
             return refused(context, done.axis, asked.refusals)
-        task = Task(undoing(done), context, asked.limits, asked.agreeing_position, asked.marker)
+        task = Task(
+            undoing(done), context, asked.limits, agreeing_position=asked.agreeing_position, marker=asked.marker
+        )
         with begun((task,), "restore") as (work,):
             work.note("UNDOES", undoes=done.transaction)
             return work.record(await _undo(work, done))
@@ -150,7 +152,7 @@ async def _still_allowed(work: Work, base: LiveSet) -> tuple[Refusal, ...]:
 async def _put_back(work: Work, done: Committed, base: LiveSet) -> None:
     old = done.old
     order = work.order(old.table, old.enabled, "restore", work.whole.number)
-    loads = (Load(work, order, base),)
+    loads = (Loading(work, order, base),)
     await load(loads)
     await release(loads)
     if old.enabled:

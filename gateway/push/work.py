@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
@@ -102,6 +103,10 @@ class Work:
     def note(self, kind: str, **facts: object) -> None:
         """Write the journal first, then tell. Raises StoreError when the journal refuses."""
         self.whole.journal.append(kind, utc=self._utc(), **({"of": self.of} if self.of else {}), **facts)
+        self.noted(kind, facts)
+
+    def noted(self, kind: str, facts: Mapping[str, object]) -> None:
+        """Tell what the journal holds by now."""
         self.last = kind
         told = ", ".join(f"{key} {value}" for key, value in facts.items() if isinstance(value, (str, int)))
         self.steps.append(f"{self._utc()} {step_words(kind)}" + (f": {told}" if told else ""))
@@ -202,6 +207,18 @@ class Work:
 
     def _utc(self) -> str:
         return self.context.clock.utc().isoformat(timespec="milliseconds")
+
+
+def note_all(works: Sequence[Work], kind: str) -> None:
+    """As `Work.note`, of several tables in one line: it is on the disk for all of them or for none."""
+    first = works[0]
+    if not first.of:
+        first.note(kind)
+        return
+    utc = first.context.clock.utc().isoformat(timespec="milliseconds")
+    first.whole.journal.append(kind, utc=utc, all=[work.of for work in works])
+    for work in works:
+        work.noted(kind, {})
 
 
 def seed_of(context: PushContext) -> int:

@@ -43,6 +43,11 @@ class Entry:
     kind: str
     facts: Mapping[str, Any]
 
+    @property
+    def of(self) -> tuple[str, ...]:
+        """Which tables of its transaction it tells of; "" where there is only one."""
+        return tuple(self.facts.get("all", ())) or (str(self.facts.get("of", "")),)
+
 
 @dataclass(frozen=True, slots=True)
 class JournalRead:
@@ -68,7 +73,7 @@ class JournalRead:
     @property
     def finished(self) -> bool:
         """Whether nothing is left to do: every table ended, or torn before anything was announced."""
-        last = {entry.facts.get("of"): entry.kind for entry in self.entries}
+        last = {name: entry.kind for entry in self.entries for name in entry.of}
         return not self.broken and all(kind in FINAL for kind in last.values())
 
     @property
@@ -79,14 +84,14 @@ class JournalRead:
     @property
     def parts(self) -> tuple[JournalRead, ...]:
         """What it tells of each table, in order; itself where it tells of one, or cannot be believed."""
-        names = dict.fromkeys(str(entry.facts["of"]) for entry in self.entries if "of" in entry.facts)
+        names = dict.fromkeys(name for entry in self.entries for name in entry.of if name)
         return tuple(self.part(name) for name in names) if names and not self.broken else (self,)
 
     def part(self, name: str) -> JournalRead:
         """What it tells of one table of several; itself for no name."""
         if not name:
             return self
-        told = tuple(entry for entry in self.entries if entry.facts.get("of") == name)
+        told = tuple(entry for entry in self.entries if name in entry.of)
         return replace(self, entries=told, of=name, whole=self)
 
     def latest(self, name: str) -> Any:
@@ -149,11 +154,7 @@ class Journal:
         self._sequence, self._previous = self._sequence + 1, sha
 
     def close(self) -> None:
-        """Let go of the file; never raises.
-
-        Every entry that was accepted is on the disk already. What a refused one left in the buffer may be tried once
-        more by the system here, and may fail once more: that was told when it was refused.
-        """
+        """Let go of the file; never raises. What was accepted is on the disk, what was refused has been told."""
         with contextlib.suppress(OSError):
             self._let_go()
 

@@ -136,6 +136,8 @@ async def recover(
 
 async def _recovered(found: JournalRead, context: PushContext, action: Literal["offered", "finish"]) -> PushRecord:
     with machine_lock(journal.machine_folder(context.journals, context.machine.serial)):
+        if found.whole is not None:  # the recovery of another table of the transaction may have told of this one
+            found = journal.read(found.path).part(found.of)
         finding = await look(found, context)
         if finding.code == "R-PUSH-TRIES":
             raise WriteRefused("E-PUSH-TRIES", found.path.name, count=MOST_TRIES, backup=finding.backup)
@@ -174,7 +176,8 @@ def _alike(found: JournalRead, context: PushContext) -> list[JournalRead]:
 
 def _whole(found: JournalRead, context: PushContext) -> Transaction:
     folder = journal.machine_folder(context.journals, context.machine.serial)
-    whole = Transaction(folder, journal.Journal.reopen(found), found.number, "table", before(found))
+    kept = journal.Journal.reopen(found)
+    whole = Transaction(folder, kept, found.number, purpose="table", before=before(found))
     whole.sent |= journal.orders_of(found)
     return whole
 

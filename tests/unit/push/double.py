@@ -101,6 +101,8 @@ class Machine:
     backup_number: int = 0
     readback: LiveSet | None = None
     wrong_point: float = 0.0
+    wrong_index: int | None = None
+    stops_after: int | None = None
     ignore_release: bool = False
     ignore_reset: bool = False
     quantum: float = 0.0
@@ -181,7 +183,11 @@ class Machine:
             if moves:
                 self.go(order.table.input_axis, order.agreeing_position)
             self.put(self.held(order.table), enabled=False)
-        for order in self.orders:
+        for number, order in enumerate(self.orders):
+            if number == self.stops_after:  # RESET at the panel
+                self.stops_after = None
+                self.end()
+                raise DeviceRefused("E-TEST-REFUSED", "double")
             self._load(order)
         self.readback, self.phase = self.live(_sign(self.orders[0])), 4
         self.channel = ChannelStatus.INTERRUPTED
@@ -203,7 +209,8 @@ class Machine:
     def _stored(self, order: PushOrder) -> CompensationTable:
         wanted = order.table
         values = np.array(wanted.deviations) * _sign(order)
-        values[len(values) // 2] += self.wrong_point
+        if self.wrong_index in (None, wanted.index):
+            values[len(values) // 2] += self.wrong_point
         if self.quantum:
             values = np.round(values / self.quantum) * self.quantum
         return replace(wanted, deviations=tuple(float(value) + 0.0 for value in values))
@@ -274,6 +281,7 @@ class Controller(KeepsPlaces):
         self.reaper = reaper or Reaper()
         self.by_hand = by_hand
         self.switching = True
+        self.batches = False
         self.keeps_marker = True
         self.faults: dict[tuple[str, int, str], Fault] = {}
         self.calls: dict[str, int] = {}
@@ -289,6 +297,7 @@ class Controller(KeepsPlaces):
             marker=self.keeps_marker,
             consent=consent,
             cross_shown="either-way",
+            together=self.batches,
         )
 
     async def _begin(self, call: str) -> int:
