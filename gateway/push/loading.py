@@ -22,7 +22,7 @@ from gateway.push.work import Work
 
 
 @dataclass(frozen=True, slots=True)
-class Loading:
+class TableLoad:
     """One table on its way; ``base`` is what must still be live when it is backed up (None for a restore)."""
 
     work: Work
@@ -30,7 +30,7 @@ class Loading:
     base: LiveSet | None
 
 
-Loads = tuple[Loading, ...]
+Loads = tuple[TableLoad, ...]
 Faults = dict[Work, VerifyError]
 
 
@@ -122,7 +122,7 @@ async def _alone(work: Work) -> None:
     await work.only_ours()
 
 
-async def _say_switch(one: Loading) -> None:
+async def _say_switch(one: TableLoad) -> None:
     """By how much switching off will move the output axis where the input axis stands then."""
     work, order, base = one.work, one.order, one.base
     if order.table.kind == "reversal":
@@ -256,7 +256,7 @@ async def _activated(loads: Loads, together: PushBatch) -> None:
         one.work.note("ACTIVATED", order=one.order.transaction)
 
 
-async def _ask_again(one: Loading) -> None:
+async def _ask_again(one: TableLoad) -> None:
     work, order = one.work, one.order
     change = replace(work.change, new=order.table, old_enabled=order.enable)
     start = await conversation.facts_at_start(

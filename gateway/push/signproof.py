@@ -31,7 +31,7 @@ from gateway.push.asking import ask
 from gateway.push.beginning import Task, begun
 from gateway.push.compare import table_in
 from gateway.push.context import PushContext
-from gateway.push.loading import Loading, load, release
+from gateway.push.loading import TableLoad, load, release
 from gateway.push.records import journal
 from gateway.push.records.lock import machine_lock
 from gateway.push.snapshot import keep
@@ -185,14 +185,14 @@ async def _allowed(context: PushContext, change: TableChange, live: LiveSet | No
 
 
 async def _proved(work: Work, live: LiveSet, peak: float, read_stop: ReadStop, setup: str) -> Steps:
-    """Loading the triangle, measure, and put the old table back whatever happened."""
+    """TableLoad the triangle, measure, and put the old table back whatever happened."""
     keep(work, live)
     failure: TrueflankError | None = None
     try:
         with foreseen(work.axis):
             order = work.order(work.change.new, True, "sign-proof", work.whole.number)
-            await load((Loading(work, order, live),))
-            await release((Loading(work, order, live),))
+            await load((TableLoad(work, order, live),))
+            await release((TableLoad(work, order, live),))
             steps = await _measured(work, order, peak=peak, read_stop=read_stop, setup=setup)
             work.note("MEASURED", mean=steps.mean, u=steps.u, each=list(steps.each))
     except TrueflankError as error:

@@ -24,7 +24,7 @@ from gateway.push.beginning import Task, abort, begun
 from gateway.push.compare import effect_positions, table_in
 from gateway.push.context import PushContext
 from gateway.push.effect import prove_effect
-from gateway.push.loading import Faults, Loading, load, release
+from gateway.push.loading import Faults, TableLoad, load, release
 from gateway.push.places import common_places
 from gateway.push.plan import plan_hash
 from gateway.push.readback import is_coupled
@@ -234,7 +234,7 @@ async def _write(works: Sequence[Work], bases: dict[Work, LiveSet], faults: Faul
     Raises VerifyError (E-PUSH-LAYER, or the fault itself where it is the only table) when they may not.
     """
     loads = tuple(
-        Loading(work, work.order(work.change.new, True, "table", work.whole.number), bases[work]) for work in works
+        TableLoad(work, work.order(work.change.new, True, "table", work.whole.number), bases[work]) for work in works
     )
     faults |= await load(loads)
     _may_stay(works, faults, stays)

@@ -21,7 +21,7 @@ from gateway.push.beginning import Task, begun
 from gateway.push.compare import effect_positions, same_table, table_in, tolerance
 from gateway.push.context import PushContext
 from gateway.push.effect import prove_effect
-from gateway.push.loading import Loading, load, release
+from gateway.push.loading import TableLoad, load, release
 from gateway.push.records import journal
 from gateway.push.records.history import Committed
 from gateway.push.records.lock import machine_lock
@@ -152,7 +152,7 @@ async def _still_allowed(work: Work, base: LiveSet) -> tuple[Refusal, ...]:
 async def _put_back(work: Work, done: Committed, base: LiveSet) -> None:
     old = done.old
     order = work.order(old.table, old.enabled, "restore", work.whole.number)
-    loads = (Loading(work, order, base),)
+    loads = (TableLoad(work, order, base),)
     await load(loads)
     await release(loads)
     if old.enabled:

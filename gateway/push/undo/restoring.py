@@ -13,7 +13,7 @@ from gateway.errors import BusyError, VerifyError, WriteRefused
 from gateway.interlocks import refusals
 from gateway.push import conversation
 from gateway.push.compare import same_table, table_in
-from gateway.push.loading import Loading, load, release
+from gateway.push.loading import TableLoad, load, release
 from gateway.push.readback import is_beside, is_coupled, keep_backup
 from gateway.push.records import journal
 from gateway.push.undo import disabling
@@ -262,7 +262,7 @@ async def _asked(work: Work) -> None:
 
 
 async def play_back(work: Work) -> None:
-    """Loading the old table by a restore order, give its switch back, read all again.
+    """TableLoad the old table by a restore order, give its switch back, read all again.
 
     Raises VerifyError (E-PUSH-NOT-RESTORED and those of `load` and `release`) and what the port raises.
     """
@@ -271,8 +271,8 @@ async def play_back(work: Work) -> None:
         await _restart_with_old(work)
     order = work.order(old.table, old.enabled, "restore", work.fresh_number())
     work.seen = None
-    await load((Loading(work, order, None),))
-    await release((Loading(work, order, None),))
+    await load((TableLoad(work, order, None),))
+    await release((TableLoad(work, order, None),))
     live = await conversation.read_live(work.context)
     work.seen = table_in(live, work.change.new)
     if not as_before(work, live):
@@ -288,8 +288,8 @@ async def _restart_with_old(work: Work) -> None:
     that act. Raises DeadlineExceeded when nobody restarts the control, and what `load` and `release` raise.
     """
     order = work.order(work.restore_to.table, False, "restore", work.fresh_number())
-    await load((Loading(work, order, None),))
-    await release((Loading(work, order, None),))
+    await load((TableLoad(work, order, None),))
+    await release((TableLoad(work, order, None),))
     work.context.say("P-PUSH-RESTART", axis=work.axis)
     await work.context.controller.restarted((order,), work.context.start_timeout_s)
     work.note("RESTARTED", torn=False)
