@@ -9,7 +9,7 @@ export OPENBLAS_NUM_THREADS := 1
 export PYTHONDONTWRITEBYTECODE :=
 
 .PHONY: demo test tests check rules types long soak families attacks interop services bench clean \
-	lock package sbom vulnerabilities
+	lock package sbom vulnerabilities bundle docs
 
 demo: $(VENV)/installed
 	$(BIN)/trueflank demo
@@ -108,6 +108,20 @@ sbom: $(TOOLS)/installed
 	$(TOOLS)/bin/cyclonedx-py environment --pyproject pyproject.toml --mc-type application --output-reproducible \
 		--of JSON -o dist/trueflank.cdx.json $(TOOLS)/floor
 	$(PYTHON) -m release.licences dist/trueflank.cdx.json docs/licences.md
+
+# An archive for each system that installs without a network; the one for Linux is tried with the network cut.
+bundle: $(VENV)/developed sbom
+	rm -f dist/trueflank-*
+	$(BIN)/python -m hatchling build -t wheel -d dist
+	$(TOOLS)/bin/python -m release.bundle linux-x86_64 dist dist/trueflank.cdx.json
+	$(TOOLS)/bin/python -m release.bundle windows-amd64 dist dist/trueflank.cdx.json
+	$(BIN)/python -m pytest -q -n 0 -m release tests/release/test_bundle.py
+
+# The handbook into dist/handbook: it opens without a network (only its search wants a server: python3 -m http.server). A
+# broken link or a page that nobody finds ends the build; --quiet would hide it.
+docs: $(VENV)/developed $(TOOLS)/installed
+	NO_MKDOCS_2_WARNING=1 $(TOOLS)/bin/mkdocs build --clean
+	$(BIN)/python -m pytest -q -n 0 -m release tests/release/test_handbook.py
 
 # Known weaknesses of what is pinned, as a public data base tells them; that none could be reached is said.
 vulnerabilities: $(TOOLS)/installed

@@ -22,10 +22,16 @@ ERRORS = ROOT / "examples" / "errors" / "seeded-machine.toml"
 FILE = ROOT / "tests" / "golden" / "files" / "basic.rtl"
 
 
-@pytest.mark.parametrize("block", BLOCK.findall((ROOT / "docs" / "library.md").read_text()))
-def test_every_block_of_the_page_runs(block: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def _blocks() -> list[tuple[str, str]]:
+    """Every Python block of README and handbook, with its page."""
+    pages = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
+    return [(page.name, block) for page in pages for block in BLOCK.findall(page.read_text(encoding="utf-8"))]
+
+
+@pytest.mark.parametrize(("page", "block"), _blocks())
+def test_every_python_block_of_the_handbook_runs(page: str, block: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT)
-    exec(compile(block, "docs/library.md", "exec"), {})  # noqa: S102  the page is ours
+    exec(compile(block, page, "exec"), {})  # noqa: S102  the page is ours
 
 
 def test_it_is_the_commands_numbers() -> None:
