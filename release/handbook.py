@@ -114,3 +114,8 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
 def on_post_page(output: str, **_: Any) -> str:
     """Take out what a page would load from elsewhere: without a network it is not there."""
     return FOREIGN.sub("", output)
+
+
+def on_post_template(output_content: str, **_: Any) -> str:
+    """The same for the page of what is not found."""
+    return FOREIGN.sub("", output_content)

@@ -1,7 +1,8 @@
 #!/bin/sh
 # Installs trueflank from this folder, without a network: sh install.sh [FOLDER]   (default: ~/trueflank)
 # Each version gets a folder of its own, FOLDER/trueflank starts the one installed last. Runs, site files, approvals and
-# the audit trail are never touched. To go back, run the installer of the older bundle again.
+# the audit trail are never touched. To go back, run the installer of the older bundle again: it
+# only chooses what is there. To mend a version, delete its folder first.
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 there=${1:-"$HOME/trueflank"}
@@ -18,13 +19,17 @@ command -v "$python" >/dev/null 2>&1 || python=python3
 }
 mkdir -p "$there/versions"
 new="$there/versions/$version"
-rm -rf "$new.new"
-"$python" -m venv "$new.new"
-"$new.new/bin/python" -m pip install --quiet --disable-pip-version-check --no-index --no-cache-dir \
-    --find-links "$here/wheels" --require-hashes -r "$here/requirements.lock"
-# A version stands whole or not at all: it is made beside, and started by its own Python wherever it lies.
-rm -rf "$new"
-mv "$new.new" "$new"
+# A version stands whole or not at all: it is made beside, and carries its lock when it is whole. One that is there already
+# is only chosen again.
+if ! cmp -s "$here/requirements.lock" "$new/requirements.lock"; then
+    rm -rf "$new.new"
+    "$python" -m venv "$new.new"
+    "$new.new/bin/python" -m pip install --quiet --disable-pip-version-check --no-index --no-cache-dir \
+        --find-links "$here/wheels" --require-hashes -r "$here/requirements.lock"
+    cp "$here/requirements.lock" "$new.new/"
+    rm -rf "$new"
+    mv "$new.new" "$new"
+fi
 printf '#!/bin/sh\nexec "%s/bin/python" -m gateway.cli "$@"\n' "$new" >"$there/trueflank.new"
 chmod +x "$there/trueflank.new"
 mv "$there/trueflank.new" "$there/trueflank"
