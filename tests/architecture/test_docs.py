@@ -103,6 +103,14 @@ def test_every_command_and_option_that_is_shown_exists() -> None:
     assert len(calls) > 60
 
 
+def test_every_page_stands_in_the_handbooks_list_and_every_entry_is_a_page() -> None:
+    listed = re.findall(r": ([\w/-]+\.md)$", _text(ROOT / "mkdocs.yml"), re.MULTILINE)
+    generated = {"codes.md", "records.md", "routes.md"}
+    pages = {page.relative_to(ROOT / "docs").as_posix() for page in (ROOT / "docs").rglob("*.md")}
+    assert set(listed) - generated == pages, "mkdocs.yml, nav"
+    assert len(listed) == len(set(listed))
+
+
 def test_every_target_of_make_that_is_shown_exists() -> None:
     makefile = _text(ROOT / "Makefile")
     targets = set(re.findall(r"^([a-z]+):", makefile, flags=re.MULTILINE))
