@@ -8,7 +8,7 @@ export OPENBLAS_NUM_THREADS := 1
 # Tests start many processes: each would compile the whole source again.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo test tests check rules types long soak families attacks interop services bench clean \
+.PHONY: demo test tests check rules types long soak families attacks interop services browser bench clean \
 	lock package sbom vulnerabilities bundle docs
 
 demo: $(VENV)/installed
@@ -19,7 +19,7 @@ test: rules
 	$(MAKE) --no-print-directory -j2 types tests
 
 tests: $(VENV)/developed
-	$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal -m "not soak and not interop and not long and not services"
+	$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal -m "not soak and not interop and not long and not services and not browser"
 
 # Both at a time: each takes one core. The words of one never stand in those of the other.
 check: $(VENV)/developed
@@ -68,6 +68,13 @@ services: $(VENV)/developed
 	tests/services/prepare.sh
 	$(BIN)/$(PIP) --require-hashes -r locks/peers.lock
 	$(BIN)/python -m pytest -q -n 0 -m services tests/services
+
+# The operator's page in Debian's Chromium, from the first sign-in to the report, on a cell over real wires; its pictures
+# are kept in .browser. Five minutes on two idle cores.
+browser: $(VENV)/developed
+	tests/browser/prepare.sh
+	$(BIN)/$(PIP) --require-hashes -r locks/peers.lock
+	$(BIN)/python -m pytest -q -n 0 -m browser tests/browser
 
 bench: $(VENV)/developed
 	$(BIN)/python benchmarks/flank.py
@@ -142,4 +149,4 @@ $(VENV)/developed: pyproject.toml locks/dev.lock
 	touch $@ $(VENV)/installed
 
 clean:
-	rm -rf $(VENV) $(TOOLS) dist demo .mypy_cache .ruff_cache .pytest_cache
+	rm -rf $(VENV) $(TOOLS) dist demo .browser .mypy_cache .ruff_cache .pytest_cache

@@ -18,6 +18,7 @@ from drivers.ports.devices import Device
 from drivers.ports.instruments import Instrument, TypedInstrument
 from drivers.terms import speak
 from drivers.types.identity import Identity, MachineIdentity
+from drivers.types.machine import MachineState
 from gateway.config import InstrumentSection, SiteFile
 from gateway.live import onlooker
 
@@ -71,6 +72,7 @@ class Supervisor:
         self._site = site
         self._book = book
         self.left = NOTHING
+        self.seen: MachineState | None = None
         self._only = only
         self._clock = clock
         self._say = say
@@ -248,10 +250,10 @@ class Supervisor:
 
     async def _sign_of_life(self) -> None:
         try:
-            await self.controller.state()
+            self.seen = await self.controller.state()
             await self._look_around()
         except TrueflankError as error:
-            seen = self._pictures[self.CONTROLLER]
+            seen, self.seen = self._pictures[self.CONTROLLER], None
             self._pictures[self.CONTROLLER] = replace(seen, state="lost", error=error)
             self._say(str(error))
             await self.controller.close()

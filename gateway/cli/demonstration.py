@@ -8,7 +8,7 @@ import os
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -39,12 +39,14 @@ class CellAsked:
     filed: bool = False
     road: str = ""
     name: str = ""
+    panel: bool = False
 
     def command(self) -> list[str]:
         """What starts it."""
         given = ["--site", str(self.site), "--speed", str(self.speed)]
         given += ["--plan"] if self.plan else []
         given += ["--filed"] if self.filed else []
+        given += ["--panel"] if self.panel else []
         for option in ("seed", "road", "name"):
             value = getattr(self, option)
             given += [f"--{option}", str(value)] if value not in ("", None) else []
@@ -52,8 +54,13 @@ class CellAsked:
 
 
 @contextmanager
-def cell_process(asked: CellAsked) -> Iterator[subprocess.Popen[str]]:
-    """A cell in a process of its own, ready and with its site file written; ended when the block ends."""
+def cell_process(
+    asked: CellAsked, heard: Callable[[dict[str, object]], None] = lambda _told: None
+) -> Iterator[subprocess.Popen[str]]:
+    """A cell in a process of its own, ready and with its site file written; ended when the block ends.
+
+    ``heard`` gets what it says of itself when it is ready.
+    """
     need("sim", asked.cell)
     asked.site.parent.mkdir(parents=True, exist_ok=True)
     cell, command = asked.cell, asked.command()
@@ -64,7 +71,7 @@ def cell_process(asked: CellAsked) -> Iterator[subprocess.Popen[str]]:
         try:
             if child.stdout is None or child.stdin is None:
                 raise ConfigError("E-CLI-CELL", cell, why="it has no pipes")
-            _ready(child, cell)
+            heard(_ready(child, cell))
             yield child
         finally:
             if child.stdin is not None:
@@ -127,12 +134,17 @@ def run_cell(asked: CellAsked) -> None:
         echo(f"cell {asked.cell} runs at {asked.speed:g} x wall time; site file: {asked.site}")
         echo(f"try: trueflank check {asked.site} --connect   or   trueflank run {asked.site}")
         echo(f"its operator works by himself; stand there yourself: trueflank cell {asked.site}, or type here (help)")
-        threading.Thread(target=_hand_on, args=(child.stdin,), daemon=True, name="keys").start()
-        threading.Thread(target=_show, args=(child.stdout,), daemon=True, name="answers").start()
+        converse(child)
         try:
             child.wait()
         except KeyboardInterrupt:
             echo("ending the cell")
+
+
+def converse(child: subprocess.Popen[str]) -> None:
+    """What is typed goes to the cell from now on, and what it answers is shown."""
+    threading.Thread(target=_hand_on, args=(child.stdin,), daemon=True, name="keys").start()
+    threading.Thread(target=_show, args=(child.stdout,), daemon=True, name="answers").start()
 
 
 def _hand_on(keys: TextIO | None) -> None:

@@ -1,4 +1,4 @@
-"""The commands for who has no machine at hand: demo, simulate, cell."""
+"""The commands for who has no machine at hand: demo, teach, simulate, cell."""
 
 from __future__ import annotations
 
@@ -44,6 +44,21 @@ def simulate(
         list_cells()
         return
     run_cell(CellAsked(cell, site, speed, seed, plan=plan or filed, filed=filed, road=road, name=name))
+
+
+def teach(
+    cell: Annotated[str, typer.Argument(help="Cell file, or the name of a shipped cell.", show_default=True)] = "demo",
+    folder: Annotated[Path, typer.Option(help="Where the site file and the runs are kept.")] = Path("teach"),
+    speed: SpeedOption = 20.0,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Of the operator's page; 0 takes a free one.")] = 8617,
+    alone: Annotated[
+        bool, typer.Option("--alone", help="You are the operator: nobody presses a key or mounts but you.")
+    ] = False,
+) -> None:
+    """Train a calibration day: the service on a simulated cell, and the machine's panel as a page; Ctrl-C ends both."""
+    from gateway.cli.teaching import Lesson, teach_at
+
+    teach_at(Lesson(cell, folder, speed, port, alone=alone))
 
 
 def cell(

@@ -12,6 +12,7 @@ from typing import Any, Protocol
 from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded, TrueflankError, words
 from drivers.leftover import NOTHING, LeftOver
+from drivers.types.machine import MachineState
 from gateway import audit
 from gateway.audience import Audience, kind_of
 from gateway.broker.borrowing import held_here
@@ -20,7 +21,7 @@ from gateway.daemon.jobs import Job, Jobs, RunStarter
 from gateway.errors import BusyError
 from gateway.live import Nobody, Onlooker, looked_on_by
 from gateway.stopping import LONGEST_S, TERMINATED, current, obey
-from gateway.views import DeviceView, JobView, RunView, SeenDevice, device_views
+from gateway.views import ControlView, DeviceView, JobView, RunView, SeenDevice, control_view, device_views
 
 LOOK_S = 0.1
 PATIENCE_S = 0.8
@@ -44,6 +45,10 @@ class Devices(Protocol):
     def left(self) -> LeftOver:
         """What an earlier gateway left in the control, as seen last."""
         ...
+
+    @property
+    def seen(self) -> MachineState | None:
+        """The control's state at the last look; None before the first and while it is away."""
 
     async def watch(self, stop: asyncio.Event) -> None:
         """Look after the devices until `stop`."""
@@ -95,6 +100,11 @@ class Desk:
     def left(self) -> LeftOver:
         """What an earlier gateway left in the control; nothing while a run has it."""
         return NOTHING if self.run is not None else self._devices.left
+
+    @property
+    def control(self) -> ControlView | None:
+        """The control as it was seen last; None while a run has it, or it is away."""
+        return None if self.run is not None else control_view(self._devices.seen)
 
     def devices(self) -> tuple[DeviceView, ...]:
         """All devices as they are now."""

@@ -106,6 +106,7 @@ class ServedPlace:
             software=software(),
             now_utc=self._clock.utc().isoformat(timespec="seconds"),
             devices=desk.devices(),
+            control=desk.control,
             run=desk.run,
             last_runs=newest_runs(store),
             failure=desk.failure,
@@ -241,7 +242,12 @@ class ServedPlace:
         """Tell every page when a device, the command at work or a trouble changes."""
         before: object = None
         while True:
-            seen = {"devices": self.desk.devices(), "run": self.desk.run, "failure": self.desk.failure}
+            seen = {
+                "devices": self.desk.devices(),
+                "run": self.desk.run,
+                "failure": self.desk.failure,
+                "control": self.desk.control,
+            }
             if seen != before:
                 before = seen
                 self.hub.tell("state", as_data(self.picture()))

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import Protocol
 
 from drivers.errors import TrueflankError
+from drivers.types.machine import MachineState
 from gateway.domain.outcomes import ActingCheck, Verdict
 from gateway.report.parameters import ParameterRow, parameter_rows
 from gateway.report.sentences import number, percent
@@ -52,6 +53,16 @@ class DeviceView:
     state: str
     since_utc: str
     error: Mapping[str, object] | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ControlView:
+    """The control at the last look: ``channel`` is reset, active or interrupted; the rest as the control has it."""
+
+    channel: str
+    mode: str
+    alarms: tuple[int, ...]
+    message: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,6 +185,7 @@ class StatusView:
     acting: tuple[ActingRow, ...] = ()
     simulated: bool = False
     unprotected: str = ""
+    control: ControlView | None = None
 
     @property
     def state(self) -> str:
@@ -189,6 +201,13 @@ class StatusView:
         open_all = all(device.state == "open" for device in self.devices)
         troubles = (self.trouble is not None, self.alarms, self.due, self.left, self.held)
         return "ready" if open_all and not any(troubles) else "attention"
+
+
+def control_view(seen: MachineState | None) -> ControlView | None:
+    """The control's state for people; None where it was not seen."""
+    if seen is None:
+        return None
+    return ControlView(seen.channel.name.lower(), seen.mode, seen.alarms, seen.message)
 
 
 def device_views(seen: Iterable[SeenDevice], *, lent: bool) -> tuple[DeviceView, ...]:

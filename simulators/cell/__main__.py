@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import asyncio
 import contextlib
+import functools
 import json
 import os
 import sys
@@ -26,6 +27,7 @@ from simulators.cell.console import WORDS, order_of
 from simulators.cell.filed import write_filed_site
 from simulators.cell.judge import Judge
 from simulators.cell.pace import PacedLoop
+from simulators.cell.panelpage import panel_served, url_of
 from simulators.cellfile import listed, load_cell, with_site
 
 BLOCK_WALL_S = 0.002
@@ -51,6 +53,7 @@ def arguments(given: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--framer", choices=("tcp", "rtu"), help="the PLC speaks Modbus TCP or RTU (socket://)")
     parser.add_argument("--plc-port", help="the PLC's TCP port (default: a free one) or serial port (then RTU)")
     parser.add_argument("--plc-client-url", help="what the site file names instead, e.g. the cable's other end")
+    parser.add_argument("--panel", action="store_true", help="serve the machine's panel as a page of this computer")
     parser.add_argument("--stop-file", type=Path, help="end when this file appears")
     parser.add_argument("--ignore-stdin", action="store_true", help="do not end with the parent's pipe")
     return parser.parse_args(given)
@@ -89,12 +92,16 @@ async def run(options: argparse.Namespace) -> None:
         if options.filed:
             write_filed_site(cell, site)
         door = await serve("tcp://127.0.0.1:0", lambda wire: _visit(judge, wire), LoopClock())
+        panel = await panel_served(cell, functools.partial(answered, judge)) if options.panel else None
         try:
-            _tell(_ready(site, door.url, options, site.with_suffix(".cell.json")))
+            more = {"panel": url_of(panel)} if panel else {}
+            _tell(_ready(site, door.url, options, site.with_suffix(".cell.json")) | more)
             await _until_told(options, judge)
         finally:
             _remember(cell, site.with_suffix(".judgement.json"))
             await door.close()
+            if panel is not None:
+                await panel.close()
     finally:
         await cell.stop()
 

@@ -198,7 +198,9 @@ class Judge:
         self._cell.nck.set(str(question["name"]), question["value"], int(question.get("level", 0)))
 
     def _mount(self, question: Mapping[str, Any]) -> None:
-        setup = self._cell.bench.setup_for(str(question["component"]), str(question["axis"]))
+        letters = {axis.name: axis.letter for axis in self._cell.file.axes}
+        axis = str(question["axis"])
+        setup = self._cell.bench.setup_for(str(question["component"]), letters.get(axis, axis))
         if setup is None:
             raise ValueError("the cell has no such set-up")
         self._cell.bench.mount(setup, question.get("optics"))

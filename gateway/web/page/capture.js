@@ -13,7 +13,7 @@ export const capture = { open };
 
 function open(root) {
   const parts = { plot: h("div", { class: "panel live" }), air: h("div", { class: "panel air" }), read: h("div", { class: "panel read" }),
-    wait: h("div", { class: "panel wait" }), list: h("div", { class: "panel targets" }), keys: h("div", { class: "panel commands" }) };
+    wait: h("div", { class: "panel wait" }), list: h("div", { class: "panel targets", tabindex: 0, "aria-label": t("capture.targets"), role: "region" }), keys: h("div", { class: "panel commands" }) };
   show(root, h("div", { class: "left" }, parts.plot, parts.air), h("div", { class: "right" }, parts.read, parts.wait, parts.list, parts.keys));
   const reading = readout(parts.read);
   const draws = { plot: () => plotOf(parts.plot), air: () => air(parts.air), wait: () => waiting(parts.wait), list: () => targetList(parts.list), keys: () => commands(parts.keys) };
@@ -29,7 +29,7 @@ export function channelUnit(name) {
   return found ? found[1] : "";
 }
 
-const DIGITS = { mm: 4, um: 2, deg: 5, arcsec: 2 };
+const DIGITS = { mm: 4, um: 2, deg: 4, arcsec: 2 };
 
 function readout(box) {
   const big = h("output", { class: "digits", id: "reading" });
@@ -52,6 +52,7 @@ function readout(box) {
     const lost = fresh && data.signal < 0.5;
     write(beam, !data ? "" : !fresh ? `○ ${t("capture.silent")}` : lost ? `✖ ${t("capture.beam_lost")}` : `✔ ${t("capture.beam_ok")}`);
     beam.className = `beam ${lost ? "bad" : ""}`;
+    big.className = lost ? "digits stale" : "digits";
     bar.value = fresh ? data.signal : 0;
     const last = state.taken[state.taken.length - 1];
     write(deviation, last ? `${t("capture.last")}: ${last.axis} ${number(last.target, 3)} ${last.approach > 0 ? "▷" : "◁"} ${signed(devOf(last), 2)} ${unit(unitOf(last.axis))}` : "");
@@ -87,8 +88,8 @@ function air(box) {
 }
 
 function waiting(box) {
-  const now = state.waiting;
   const run = state.status.run;
+  const now = run ? state.waiting : null;
   const line = !run ? t("capture.idle") : now ? t("capture.waits", { what: now.missing }) : t("capture.goes_on");
   show(box, h("div", { class: "row" }, h("strong", {}, line), now && h("span", { class: "num" }, `${number(now.done_s, 1)} / ${number(now.needed_s, 1)} s`)),
     now ? h("progress", { max: now.needed_s || 1, value: now.done_s, "aria-label": line }) : h("progress", { max: 1, value: 0, "aria-label": line }),

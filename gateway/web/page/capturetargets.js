@@ -23,7 +23,7 @@ export function targetList(box) {
 function row(axis, found, { target, at, last }) {
   const mean = found.length ? found.reduce((sum, one) => sum + devOf(one), 0) / found.length : null;
   const count = (way) => found.filter((one) => one.approach === way).length;
-  const dots = (way) => "●".repeat(Math.min(count(way), 9)) || "○";
+  const dots = (way) => (count(way) > 3 ? `● ${count(way)}` : "●".repeat(count(way)) || "○");
   return h("tr", { class: last?.target === target ? "current" : null }, h("td", { class: "num" }, at + 1), h("td", { class: "num" }, number(target, 3)),
     h("td", { class: "dots" }, dots(1)), h("td", { class: "dots" }, dots(-1)), h("td", { class: "num" }, mean === null ? "–" : signed(mean, 2)),
     h("td", {}, h("button", { class: "again", disabled: !found.length || !state.status.run || !may("operator"), "aria-label": t("capture.again_at", { target: number(target, 3) }), onclick: () => again(axis, target) }, "↻")));

@@ -98,9 +98,14 @@ function table(figures, { evaluation, capture, again }) {
     return h("span", { class: `verdict ${look}` }, `${symbol} ${t(`verdict.${look}`)}`);
   };
   return [h("h2", {}, figures.standard), h("table", {}, h("thead", {}, h("tr", {}, h("th", {}, t("evaluate.figure")), h("th", {}, `[${u}]`), h("th", {}, "U (k=2)"), h("th", {}, t("evaluate.limit")), h("th", {}, t("evaluate.verdict")))),
-    h("tbody", {}, figures.rows.map((row) => h("tr", {}, h("th", { scope: "row" }, row.parameter), h("td", { class: "num" }, h("button", { class: "number", "data-figure": row.parameter, "aria-label": t("evaluate.behind", { name: row.parameter }), onclick: () => behind(row, { evaluation, capture, u, figures }) }, number(row.value))), h("td", { class: "num" }, number(row.U)), h("td", {}, limit(row)), h("td", {}, verdict(row)))))),
+    h("tbody", {}, [...figures.rows].sort((a, b) => rank(a) - rank(b)).map((row) => h("tr", {}, h("th", { scope: "row" }, symbol(row.parameter)), h("td", { class: "num" }, h("button", { class: "number", "data-figure": row.parameter, "aria-label": t("evaluate.behind", { name: row.parameter }), onclick: () => behind(row, { evaluation, capture, u, figures }) }, number(row.value))), h("td", { class: "num" }, number(row.U)), h("td", {}, limit(row)), h("td", {}, verdict(row)))))),
   figures.flags.length > 0 && h("details", {}, h("summary", {}, t("evaluate.notes", { count: figures.flags.length })), h("ul", {}, figures.flags.map((one) => h("li", {}, one)))), h("p", { class: "muted" }, figures.rule)];
 }
+
+// As the standard writes them, the five of both directions first.
+const FIRST = ["E", "R", "B", "A", "M"];
+const rank = (row) => (FIRST.includes(row.parameter) ? FIRST.indexOf(row.parameter) : FIRST.length);
+const symbol = (name) => name.replace("_up", "↑").replace("_down", "↓").replace("B_mean", "B̄");
 
 const FORMULA = {
   E: "E = max(x̄ᵢ↑, x̄ᵢ↓) − min(x̄ᵢ↑, x̄ᵢ↓)", E_up: "E↑ = max(x̄ᵢ↑) − min(x̄ᵢ↑)", E_down: "E↓ = max(x̄ᵢ↓) − min(x̄ᵢ↓)", M: "M = max(x̄ᵢ) − min(x̄ᵢ),  x̄ᵢ = (x̄ᵢ↑ + x̄ᵢ↓) / 2",

@@ -49,7 +49,7 @@ export const mark = (name) => h("span", { "aria-hidden": "true", class: "mark" }
 
 function drawTop(top, more) {
   const status = state.status;
-  const key = JSON.stringify([status?.state, status?.devices, status?.held, status?.alarms, state.tables?.tables?.map((one) => one.id), state.armed, state.offline, document.documentElement.lang]);
+  const key = JSON.stringify([status?.state, status?.devices, status?.control, status?.held, status?.alarms, state.tables?.tables?.map((one) => one.id), state.armed, state.offline, document.documentElement.lang]);
   if (top.dataset.key === key) return;
   top.dataset.key = key;
   const control = status.devices.find((one) => one.name === "controller") ?? status.devices[0];
@@ -59,13 +59,17 @@ function drawTop(top, more) {
     status.unprotected && h("strong", { class: "chip bad unprotected", title: status.unprotected }, t("frame.unprotected")),
     state.offline && h("strong", { class: "chip bad", role: "alert" }, `▲ ${t("frame.offline")}`),
     h("span", { class: `chip state ${status.state}` }, mark(status.state), ` ${t(`state.${status.state}`)}`),
-    control && h("span", { class: `chip state ${control.state.replace(" ", "-")}`, title: control.driver }, mark(control.state), ` ${t("frame.control")}: ${t(`device.${control.state.replace(" ", "_")}`)}`),
+    control && chip(control.state.replace(" ", "-"), t("frame.control"), [mark(control.state), ` ${standing(control, status.control)}`], control.driver),
+    status.control?.alarms.length > 0 && chip("bad", t("frame.alarms"), [`▲ ${status.control.alarms.slice(0, 3).join(" ")}`]),
     status.left.length > 0 && h("span", { class: "chip attention" }, `▲ ${t("frame.left")}`),
-    tables(), held(), h("span", { class: "gap" }), consent(),
-    h("span", { class: "chip who", id: "who" }, `${state.me.name}`),
-    languages(() => { changed("frame"); more.redraw(); }),
-    menu(more));
+    tables(), held(), h("span", { class: "gap" }), consent(), menu(more));
 }
+
+// How the control stands: channel and mode where it was asked, else whether it answers.
+const standing = (device, seen) => (seen && device.state === "open" ? `${seen.mode} · ${t(`channel.${seen.channel}`)}` : t(`device.${device.state.replace(" ", "_")}`));
+
+// A small name above, what is the case below.
+const chip = (look, name, value, title = null) => h("span", { class: `chip two-lines ${look}`, title }, h("small", {}, name), h("span", {}, value));
 
 function machine({ load, again }) {
   if (state.sites.length < 2) return h("strong", { id: "machine" }, state.site);
@@ -112,10 +116,11 @@ function menu({ again, redraw }) {
     localStorage.setItem("look", next);
     redraw();
   };
-  const sound = (event) => { hush(!quiet()); event.currentTarget.textContent = quiet() ? "♪ ✕" : "♪"; };
-  return [h("button", { class: "small", "aria-label": t("frame.sound"), onclick: sound }, quiet() ? "♪ ✕" : "♪"),
-    h("button", { class: "small", "aria-label": t("frame.look"), onclick: look }, "◐"),
-    h("button", { class: "small wide", id: "leave", onclick: leave }, t("frame.leave"))];
+  const sound = (event) => { hush(!quiet()); event.currentTarget.textContent = told_(); };
+  const told_ = () => `${quiet() ? "♪ ✕" : "♪"} ${t("frame.sound")}`;
+  return h("details", { class: "menu" }, h("summary", { id: "who", class: "key" }, `${state.me.name} ☰`),
+    h("div", { class: "panel" }, languages(() => { changed("frame"); redraw(); }),
+      h("button", { id: "sound", onclick: sound }, told_()), h("button", { id: "look", onclick: look }, `◐ ${t("frame.look")}`), h("button", { id: "leave", onclick: leave }, t("frame.leave"))));
 }
 
 function drawNow(now) {

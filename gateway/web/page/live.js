@@ -40,6 +40,7 @@ function picture(data) {
 function begin() {
   state.said = [];
   state.waiting = null;
+  state.beam = "";
   get(`${base()}/taken`).then((found) => { state.taken = found; changed("taken"); }, () => {});
 }
 
@@ -55,6 +56,12 @@ function said(data) {
 function reading(data, event) {
   state.readings[data.instrument] = { ...data, at: Date.now(), number: Number(event.lastEventId) };
   state.active = data.instrument;
+  const beam = data.signal < 0.5 ? "lost" : "";
+  if (beam !== state.beam) {
+    if (beam) loss();
+    state.beam = beam;
+    changed("frame");
+  }
   changed("reading");
 }
 
@@ -73,10 +80,14 @@ export async function refresh() {
   changed("frame", "status", "jobs");
 }
 
+// Which runs somebody has approved; the newest of them is what the machine is armed for.
 async function arm() {
-  const run = state.status?.last_runs.find((one) => !one.problem && ["proposed", "approved"].includes(one.state));
-  state.proposal = run?.run_id ?? null;
-  const given = run ? await get(`${base()}/runs/${encodeURIComponent(run.run_id)}/approvals`) : [];
-  const valid = given.filter((one) => Date.parse(one.expires_utc) > Date.now());
-  state.armed = valid.length ? { by: [...new Set(valid.map((one) => one.by))], until: Math.min(...valid.map((one) => Date.parse(one.expires_utc))) } : null;
+  const { runs } = await get(`${base()}/runs?most=20`);
+  const able = runs.filter((one) => !one.problem && one.stages.includes("proposal")).slice(0, 5);
+  const given = await Promise.all(able.map((one) => get(`${base()}/runs/${encodeURIComponent(one.run_id)}/approvals`)));
+  const valid = given.map((every) => every.filter((one) => Date.parse(one.expires_utc) > Date.now()));
+  const found = able.map((one, at) => [one.run_id, valid[at]]).filter(([, every]) => every.length).map(([run, every]) =>
+    [run, { by: [...new Set(every.map((one) => one.by))], until: Math.min(...every.map((one) => Date.parse(one.expires_utc))) }]);
+  state.approved = Object.fromEntries(found);
+  state.armed = found[0]?.[1] ?? null;
 }

@@ -35,7 +35,7 @@ async function plan(box) {
   show(box, h("h2", {}, t("push.plan")), h("label", { class: "inline" }, t("evaluate.run"), h("select", { id: "pick-run", onchange: (event) => { asked.run = event.target.value; plan(box); } }, runs.map((one) => h("option", { value: one.run_id, selected: one === run }, `${when(one.created_utc)} · ${one.state}`)))),
     h("ul", { class: "moves" }, proposal.changes.map((one) => h("li", {}, h("b", {}, nameOf(one)), ` ${one.skipped || t("push.replaces", { points: one.new.deviations.length, old: t(one.old_enabled ? "correct.was_on" : "correct.was_off") })}`))),
     h("p", {}, t(needed > 1 ? "push.two" : "push.one")),
-    h("p", { id: "approved" }, state.armed && state.proposal === run.run_id ? `✔ ${t("push.approved_by", { names: state.armed.by.join(", ") })}` : `○ ${t("push.not_approved")}`),
+    h("p", { id: "approved" }, state.approved[run.run_id]?.until > Date.now() ? `✔ ${t("push.approved_by", { names: state.approved[run.run_id].by.join(", ") })}` : `○ ${t("push.not_approved")}`),
     h("div", { class: "keys start" },
       h("button", { id: "show-plan", disabled: busy || !may("operator"), onclick: () => give("push", { run: run.run_id }) }, `1 · ${t("push.show")}`),
       h("button", { id: "approve", disabled: busy, onclick: () => approve(run.run_id) }, `2 · ${t("push.approve")}`),

@@ -3,14 +3,21 @@ import { state } from "./state.js";
 import { say, t, told } from "./words.js";
 
 export function sentence() {
+  const found = chosen();
+  return { ...found, head: capital(found.head) };
+}
+
+function chosen() {
   const { status, ask } = state;
   const held = status.held.find((one) => one.loud);
   if (held) return { loud: "bad", head: t("now.held_on"), more: held.words };
+  if (status.run && state.beam === "lost") return { loud: "bad", head: t("now.beam"), more: ask ? capital(say(ask.code, ask.fields, 0, ask.words)) : newest() };
   if (status.run && ask) return { loud: "ask", head: capital(say(ask.code, ask.fields, 0, ask.words)), more: moving(ask) };
   if (status.run) return { loud: "", head: t("now.wait"), more: newest() };
   if (status.left.length) return { loud: "attention", head: told(status.left[0]), more: t("now.left") };
   if (status.trouble) return { loud: "attention", head: told(status.trouble), more: "" };
-  const away = status.devices.find((one) => !["open", "in use"].includes(one.state));
+  // What is closed is just being opened again, after a command.
+  const away = status.devices.find((one) => ["lost", "failed"].includes(one.state) || (one.state === "closed" && one.error));
   if (away) return { loud: "attention", head: t("now.device", { name: away.name }), more: told(away.error) };
   if (status.held.length) return { loud: "attention", head: t("now.held"), more: status.held[0].words };
   if (status.alarms.length) return { loud: "attention", head: status.alarms[0], more: status.due };

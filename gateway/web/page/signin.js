@@ -30,8 +30,8 @@ function usual(enter) {
   };
   const secret = h("input", { id: "secret", name: "secret", type: "password", autocomplete: "current-password", required: true });
   return h("form", { class: "card", onsubmit: send }, h("h2", {}, t("signin.title")),
-    field(t("signin.name"), h("input", { id: "name", name: "name", autocomplete: "username", required: true })),
-    field(t("signin.secret"), secret), keypad(secret), said, h("button", { class: "primary" }, t("signin.go")));
+    h("div", { class: "pair" }, h("div", {}, field(t("signin.name"), h("input", { id: "name", name: "name", autocomplete: "username", required: true })),
+      field(t("signin.secret"), secret), said, h("button", { class: "primary", id: "sign-in" }, t("signin.go"))), keypad(secret)));
 }
 
 export function field(label, input) {

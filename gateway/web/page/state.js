@@ -2,7 +2,7 @@
 export const state = {
   me: null, site: "", sites: [], status: null, plan: null, file: null, tables: null, jobs: [], screen: "capture",
   ask: null, said: [], steps: [], readings: {}, ambient: {}, waiting: null, taken: [], lost: 0, offline: false, armed: null,
-  proposal: null, limits: {}, at: performance.now(),
+  approved: {}, beam: "", limits: {}, at: performance.now(),
 };
 const listeners = new Map();
 let due = new Set();

@@ -27,6 +27,7 @@ from cryptography.x509.oid import NameOID
 from drivers.clock import LoopClock, run_virtual
 from drivers.errors import ConfigError, TransportError, TrueflankError
 from drivers.leftover import NOTHING, LeftOver
+from drivers.types.machine import MachineState
 from gateway import audit
 from gateway.broker import Broker, BrokerNotice, Lease, borrowed, borrowing, notice_of, taking, token_path
 from gateway.broker.lines import heard, line
@@ -78,6 +79,7 @@ class Devices:
     calls: list[str] = field(default_factory=list)
     state: str = "closed"
     left: LeftOver = NOTHING
+    seen: MachineState | None = None
     watching: asyncio.Event = field(default_factory=asyncio.Event)
 
     async def open_all(self) -> None:

@@ -8,8 +8,9 @@ from pathlib import Path
 
 from drivers.errors import TransportError
 from drivers.leftover import LeftOver
+from drivers.types.machine import ChannelStatus, MachineState
 from gateway.domain.outcomes import AxisVerdict, Verdict
-from gateway.views import RunView, as_data, axis_table, device_views
+from gateway.views import RunView, as_data, axis_table, control_view, device_views
 from tests.unit.report.synthetic import axis_material
 from tests.unit.web.client import Client
 from tests.unit.web.pictures import Seen, status
@@ -83,3 +84,15 @@ def test_something_of_ours_in_the_control_is_never_ready(tmp_path: Path) -> None
     assert "W-LEFT-STOPPED" in shown
     assert "press RESET at the machine, not NC START" in shown
     assert "Needs attention" in shown
+
+
+def test_the_control_is_shown_as_it_was_seen_last_and_not_at_all_where_it_was_not() -> None:
+    seen = MachineState(ChannelStatus.INTERRUPTED, "AUTO", "TRUEFLANK SETUP EXX ON X", (8040,), 2, {})
+    shown = as_data(status(control=control_view(seen)))["control"]
+    assert shown == {
+        "channel": "interrupted",
+        "mode": "AUTO",
+        "alarms": (8040,),
+        "message": "TRUEFLANK SETUP EXX ON X",
+    }
+    assert as_data(status(control=control_view(None)))["control"] is None

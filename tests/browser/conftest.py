@@ -1,0 +1,9 @@
+"""Tests of `make browser`: without the extra `browser` they are not collected; `make browser` installs it."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+
+collect_ignore = (
+    [] if find_spec("playwright") and find_spec("axe_playwright_python") else ["test_day.py", "test_screens.py"]
+)

@@ -1,0 +1,52 @@
+"""The machine's panel as a page: what it shows, what its keys do, and that only its own page may press them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from drivers.clock import LoopClock
+from simulators.cell import cell_running
+from simulators.cell.__main__ import answered
+from simulators.cell.judge import Judge
+from simulators.cell.panelpage import panel_served, url_of
+
+KEY = {"content-type": "text/plain"}
+
+
+@pytest.mark.wall_time
+async def test_keys_of_the_panel_do_what_the_same_words_do_and_nobody_else_presses_them(tmp_path: Path) -> None:
+    async with cell_running("demo", tmp_path, LoopClock(), wires="memory") as cell:
+        judge = Judge(cell)
+
+        async def does(line: bytes) -> dict[str, Any]:
+            return await answered(judge, line)
+
+        panel = await panel_served(cell, does)
+        try:
+            async with httpx.AsyncClient(base_url=url_of(panel), trust_env=False) as person:
+                page = await person.get("/")
+                assert "NC START" in page.text
+                assert "default-src 'self'" in page.headers["content-security-policy"]
+                for file in ("/panel.js", "/panel.css"):
+                    assert (await person.get(file)).status_code == 200
+                now = (await person.get("/machine")).json()
+                assert now["auto"] is True
+                assert "EXX X" in now["mountings"]
+                assert "laser" in now["instruments"]
+                for typed in ("auto off", "mount EXX X1", "mount EYX X", "break laser"):
+                    assert "error" not in (await person.post("/do", content=typed, headers=KEY)).json(), typed
+                assert cell.operator.spec.auto is False
+                assert cell.bench.mounted("straightness") is not None
+                assert "error" in (await person.post("/do", content="open the door", headers=KEY)).json()
+                foreign = await person.post(
+                    "/do", content="reset", headers=KEY | {"origin": "http://elsewhere.example"}
+                )
+                renamed = await person.get("/machine", headers={"host": "elsewhere.example"})
+                assert (foreign.status_code, renamed.status_code) == (403, 403)
+                assert (await person.get("/../panel.py")).status_code == 404
+        finally:
+            await panel.close()
