@@ -33,8 +33,10 @@ function picture(data) {
   state.ask = data.run?.ask ?? null;
   if (data.run) state.steps = data.run.steps;
   if (data.run && data.run.started_utc !== before?.run?.started_utc) begin();
-  if (before?.run && !data.run) refresh();
-  changed("frame", "status");
+  const shown = () => changed("frame", "status");
+  // What a command came to is asked for first: nobody is shown its end with the answer of the one before.
+  if (before?.run && !data.run) refresh().catch(shown);
+  else shown();
 }
 
 function begin() {
