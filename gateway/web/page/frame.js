@@ -58,7 +58,7 @@ function drawTop(top, more) {
     status.simulated && h("strong", { class: "chip simulated" }, t("frame.simulated")),
     status.unprotected && h("strong", { class: "chip bad unprotected", title: status.unprotected }, t("frame.unprotected")),
     state.offline && h("strong", { class: "chip bad", role: "alert" }, `▲ ${t("frame.offline")}`),
-    h("span", { class: `chip state ${status.state}` }, mark(status.state), ` ${t(`state.${status.state}`)}`),
+    !status.held.length && h("span", { class: `chip state ${status.state}` }, mark(status.state), ` ${t(`state.${status.state}`)}`),
     control && chip(control.state.replace(" ", "-"), t("frame.control"), [mark(control.state), ` ${standing(control, status.control)}`], control.driver),
     status.control?.alarms.length > 0 && chip("bad", t("frame.alarms"), [`▲ ${status.control.alarms.slice(0, 3).join(" ")}`]),
     status.left.length > 0 && h("span", { class: "chip attention" }, `▲ ${t("frame.left")}`),
