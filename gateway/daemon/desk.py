@@ -44,7 +44,6 @@ class Devices(Protocol):
     @property
     def left(self) -> LeftOver:
         """What an earlier gateway left in the control, as seen last."""
-        ...
 
     @property
     def seen(self) -> MachineState | None:
