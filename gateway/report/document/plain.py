@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 
 from gateway.report.document.content import Block, Document, Pair, PictureBlock, Whole
+from gateway.report.document.drawn import in_language
 from gateway.report.sentences import visible
 
 MICRO = re.compile(r"(?<=\d )um\b|\bum(?=/m\b)")
@@ -33,20 +34,20 @@ def as_plain(document: Document, fonts: tuple[str, ...]) -> PlainDocument:
     letterhead = {"name": visible(head.name), "lines": [visible(line) for line in head.lines], "logo": logo}
     own = ("letterhead", "blocks")
     said = {one.name: _value(getattr(document, one.name)) for one in fields(document) if one.name not in own}
-    blocks = [_block(one, files) for one in document.blocks]
+    blocks = [_block(one, files, document.language) for one in document.blocks]
     return PlainDocument({**said, "letterhead": letterhead, "blocks": blocks, "fonts": list(fonts)}, files)
 
 
-def _block(block: Block, files: dict[str, bytes]) -> dict[str, object]:
+def _block(block: Block, files: dict[str, bytes], language: str) -> dict[str, object]:
     if isinstance(block, PictureBlock):
         name = f"picture-{len(files) + 1}.svg"
-        files[name] = block.svg.replace("<svg ", NAMESPACES, 1).encode()
+        files[name] = in_language(block.svg.replace("<svg ", NAMESPACES, 1), language).encode()
         return {"kind": block.kind, "file": name, "width_mm": block.width_mm, "caption": _text(block.caption)}
     if isinstance(block, Pair):
-        sides = {side: [_block(one, files) for one in getattr(block, side)] for side in ("left", "right")}
+        sides = {side: [_block(one, files, language) for one in getattr(block, side)] for side in ("left", "right")}
         return {"kind": block.kind, "share": block.share, **sides}
     if isinstance(block, Whole):
-        return {"kind": block.kind, "blocks": [_block(one, files) for one in block.blocks]}
+        return {"kind": block.kind, "blocks": [_block(one, files, language) for one in block.blocks]}
     return {"kind": block.kind, **{one.name: _value(getattr(block, one.name)) for one in fields(block)}}
 
 
