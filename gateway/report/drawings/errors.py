@@ -38,6 +38,8 @@ TAGS: dict[Tag, str] = {
 }
 NAMED = 0.02  # of the largest: smaller ones would write over each other
 SMALL = 5e-4  # of the largest: shorter bars are not drawn
+# More in one line are wider than the picture in any language.
+LEGEND_COLUMNS = 4
 
 
 def motions(figure: Figure, model: ErrorModel) -> None:
@@ -99,7 +101,9 @@ def ranking(figure: Figure, rows: Sequence[CureRow]) -> None:
     rows = sorted(known, key=lambda one: -(one.mu_star_um or 0.0))
     panel = figure.subplots(1, 1)
     height = float(figure.get_size_inches()[1])
-    figure.subplots_adjust(left=0.075, right=0.985, top=1.0 - 0.3 / height, bottom=0.42 / height)
+    used = [one for one in TAGS if any(row.tag == one for row in rows)]
+    head = 0.3 if len(used) <= LEGEND_COLUMNS else 0.48
+    figure.subplots_adjust(left=0.075, right=0.985, top=1.0 - head / height, bottom=0.42 / height)
     calm(panel, zero=False)
     panel.grid(False, axis="y")
     y = np.arange(len(rows))
@@ -112,15 +116,14 @@ def ranking(figure: Figure, rows: Sequence[CureRow]) -> None:
     panel.set_yticks(y, [plain_name(one.error) for one in rows], fontsize=8)
     panel.set_ylim(len(rows) - 0.4, -0.6)
     edge = float(np.max(high, initial=0.0)) or 1.0
-    panel.set_xlim(0.0, 1.19 * edge)
+    panel.set_xlim(0.0, 1.24 * edge)
     for place, one in enumerate(rows):
         end = max(high[place], size[place]) + 0.012 * edge
         panel.text(end, place, f"{size[place]:.3f} µm, rank {one.rank_text}", va="center", fontsize=8, color=QUIET)
     panel.set_xlabel("µ* of the flank's RMS  µm   (line: 95 % interval)", labelpad=2)
-    used = [one for one in TAGS if any(row.tag == one for row in rows)]
     handles = [Patch(color=TAGS[one], label=meaning()[one]) for one in used]
     look = {"frameon": False, "fontsize": 8, "labelcolor": INK, "handlelength": 0.9, "columnspacing": 1.1}
-    figure.legend(handles=handles, loc="upper right", ncols=len(handles), borderaxespad=0.0, **look)
+    figure.legend(handles=handles, loc="upper right", ncols=LEGEND_COLUMNS, borderaxespad=0.0, **look)
 
 
 def plane(figure: Figure, rows: Sequence[CureRow]) -> None:
