@@ -73,6 +73,20 @@ def one_stored_wrongly(on: Stage) -> Iterator[None]:
         yield
 
 
+@contextmanager
+def starts_counted(on: Stage) -> Iterator[list[bool]]:
+    """Every NC START from now on, and whether the control took it."""
+    press, starts = on.nck.nc_start, []
+
+    def counting() -> bool:
+        starts.append(press())
+        return starts[-1]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(on.nck, "nc_start", counting)
+        yield starts
+
+
 @pytest.mark.parametrize("count", few([3, 7], 1))
 async def test_a_layer_goes_by_one_program_and_one_restart(keys: Path, tmp_path: Path, count: int) -> None:
     async with on_stage(MANY, folder=keys) as on:
