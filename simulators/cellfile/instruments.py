@@ -22,6 +22,12 @@ class Noise(CellSection):
     """Noise of an instrument in um or arcsec: per stop (what averaging cannot remove) and per sample."""
 
     stop: float = Field(default=0.0, ge=0)
+    stop_s: float = Field(
+        default=0.0,
+        ge=0,
+        le=86_400.0,
+        description="seconds at rest after which the noise of the stop is another (air that moves); 0: one a stop",
+    )
     sample: float = Field(default=0.0, ge=0)
     drift_per_h: float = 0.0
     outliers: Outliers = Outliers()

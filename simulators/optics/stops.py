@@ -26,7 +26,8 @@ class Stops:
         self._every = noise.outliers.every or max(every, 1)
         self._seed = seed
         self._name = name
-        self._known: dict[int, float] = {}
+        self._known: dict[tuple[int, int], float] = {}
+        self._rest_s = 0.0
         self._anchor: float | None = None
         self._place: float | None = None
         self._stood_s = 0.0
@@ -37,8 +38,16 @@ class Stops:
         if self._place is None:
             self._anchor = self._place = float(position[0])
         if self._anchor is not None and np.all(np.abs(position - self._anchor) < self.LEFT):
-            return np.full(len(position), self.offset(self.index))
+            return self._at_rest(len(position), spacing_s)
         return np.asarray([self.offset(index) for index in self._follow(position, spacing_s)])
+
+    def _at_rest(self, count: int, spacing_s: float) -> FloatArray:
+        """So many samples while the axis stands: air that moves makes another reading of the same stop."""
+        if not self._noise.stop_s:
+            return np.full(count, self.offset(self.index))
+        since = self._rest_s + spacing_s * np.arange(count)
+        self._rest_s += spacing_s * count
+        return np.asarray([self.offset(self.index, int(rest)) for rest in since // self._noise.stop_s])
 
     def _follow(self, position: FloatArray, spacing_s: float) -> list[int]:
         indices = []
@@ -48,18 +57,19 @@ class Stops:
             self._stood_s = self._stood_s + spacing_s if still else 0.0
             if self._anchor is not None and abs(place - self._anchor) > self.LEFT:
                 self.index += 1
-                self._anchor = None
+                self._anchor, self._rest_s = None, 0.0
             elif self._anchor is None and self._stood_s >= self.STOOD_S:
                 self._anchor = place
             indices.append(self.index)
         return indices
 
-    def offset(self, index: int) -> float:
-        """The offset of the stop with this number."""
-        if index not in self._known:
-            ordinary = float(generator(self._seed, self._name, f"stop {index}").normal())
-            self._known[index] = ordinary * self._noise.stop + self.outlier(index)
-        return self._known[index]
+    def offset(self, index: int, rest: int = 0) -> float:
+        """The offset of the stop with this number, in this stretch of its rest."""
+        if (index, rest) not in self._known:
+            name = f"stop {index} rest {rest}" if rest else f"stop {index}"
+            ordinary = float(generator(self._seed, self._name, name).normal())
+            self._known[index, rest] = ordinary * self._noise.stop + self.outlier(index)
+        return self._known[index, rest]
 
     def outlier(self, index: int) -> float:
         """How far the reading of this stop is off beyond noise; 0 for nearly all."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from drivers.errors import ConfigError
+from drivers.errors import ConfigError, FileFormatError
 from drivers.types.results import MeasuredSet
 from drivers.types.tables import LiveSet
 from drivers.units import rad_to_arcsec
@@ -32,12 +32,31 @@ def read_setup(path: Path, one: Planned, machine: str, maps: Maps | None, how: H
     driver, unit = driver_of(path, How()), one.setup.unit
     how = how or How(machine=machine)
     how = replace(how, unit=how.unit or (unit if _tells(driver, unit) else ""), mixed=not one.positioning)
+    content = _set(path, how, maps)
+    if driver in CONVERTING:
+        if driver == "csv" and not how.unit and not _fits(content, one):
+            content = _unstated(path, how, maps, one) or content
+        return _as_error(content, one, path)
+    return replace(content, deviations=_factor(one) * content.deviations)
+
+
+def _set(path: Path, how: How, maps: Maps | None) -> MeasuredSet:
     content = read_file(path, how, maps).content
     if not isinstance(content, MeasuredSet):
         raise ConfigError("E-RUN-FILE", str(path), known=", ".join(KNOWN))
-    if driver in CONVERTING:
-        return _as_error(content, one, path)
-    return replace(content, deviations=_factor(one) * content.deviations)
+    return content
+
+
+def _fits(content: MeasuredSet, one: Planned) -> bool:
+    return ("um" if content.axis_unit == "mm" else "arcsec") == one.unit
+
+
+def _unstated(path: Path, how: How, maps: Maps | None, one: Planned) -> MeasuredSet | None:
+    """Numbers whose heading names no unit are those of the error; None where it names another."""
+    try:
+        return _set(path, replace(how, unit=one.unit), maps)
+    except FileFormatError:
+        return None
 
 
 def _tells(driver: str, unit: str) -> bool:
@@ -46,8 +65,8 @@ def _tells(driver: str, unit: str) -> bool:
 
 def _as_error(content: MeasuredSet, one: Planned, path: Path) -> MeasuredSet:
     """Deviations that say their own kind: it must be the error's; the targets are those of the axis that moved."""
-    found = "um" if content.axis_unit == "mm" else "arcsec"
-    if found != one.unit:
+    if not _fits(content, one):
+        found = "um" if content.axis_unit == "mm" else "arcsec"
         raise CaptureError("E-DAY-UNIT", path.name, error=one.setup.component, found=found, wanted=one.unit)
     return replace(content, axis_unit=one.axis.unit)
 

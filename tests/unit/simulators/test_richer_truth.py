@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from simulators.cellfile import CellFile, DriftSection, Sensor, load_cell
+from simulators.cellfile import CellFile, DriftSection, Noise, Sensor, load_cell
 from simulators.grinding import Lobes
 from simulators.optics import LaserCounter, OpticsBench, RotaryReader, SensorReader
+from simulators.optics.stops import Stops
 from simulators.truth import AxisMotion, Scatter, Truth
 from simulators.truth.drift import drifted
 from tests.unit.simulators.motion import Motion, plain_cell
@@ -218,3 +219,21 @@ def test_the_next_blank_meets_a_dressed_wheel() -> None:
 
 def spec_of_wheel(wear_um: float) -> Any:
     return load_cell("eleven").wheel.model_copy(update={"wear_um": wear_um})
+
+
+def test_air_that_moves_is_seen_by_an_axis_at_rest() -> None:
+    """Another reading every two seconds of the same stop, by the same seed the same; an outlier stays for its stop."""
+    still, spacing_s = np.full(400, 50.0), 0.1
+
+    def read(stop_s: float) -> Stops:
+        return Stops(Noise(stop=0.3, stop_s=stop_s), 100, 7, "laser X1")
+
+    moving, again, calm = read(2.0), read(2.0), read(0.0)
+    seen = np.concatenate([moving.offsets(still[:150], spacing_s), moving.offsets(still[150:], spacing_s)])
+    np.testing.assert_array_equal(seen, again.offsets(still, spacing_s))
+    pieces = seen.reshape(20, 20)
+    assert np.ptp(pieces, axis=1).max() == 0.0
+    assert np.std(pieces[:, 0], ddof=1) == pytest.approx(0.3, rel=0.4)
+    assert set(calm.offsets(still, spacing_s)) == {seen[0]}
+    left = moving.offsets(np.concatenate([np.linspace(50.0, 60.0, 10), np.full(30, 60.0)]), spacing_s)
+    assert left[-1] == moving.offset(1)
