@@ -31,6 +31,7 @@ class PlcSettings:
     ``power_cut_after`` points have gone into the NCK in command 4: the mains fail, once; ``overwrites`` pairs of
     register and value that the PLC program sets in every cycle; ``second_master`` after so many commands, once,
     another PC puts one of its own; ``nck_refuses`` that command ends with error 11 and ``nck_result``;
+    ``other_backlash`` so much (nm or 1e-7 deg) is added to each backlash, unnoticed;
     ``confirm_dead``: the panel's button is not wired; ``enables_itself``: while that command is under way the
     control switches every table that was ever loaded on; ``enables_twice_s``: command 5 is done once more that many
     seconds after it was done; ``forgets``: while that command is under way the PLC and its control forget what
@@ -71,6 +72,7 @@ class PlcSettings:
     power_cut_after: int = 0
     overwrites: tuple[tuple[int, int], ...] = ()
     second_master: int = 0
+    other_backlash: int = 0
     nck_refuses: int = 0
     nck_result: int = 5
     confirm_dead: bool = False

@@ -139,7 +139,7 @@ class PlcSwitching:
         """Each in its turn, then NEWCONF, then each is looked at."""
         for entry in entries:
             if entry.target.kind == BACKLASH_KIND:
-                self._access.set_backlash(entry.target, self._desk.backlash[entry.target.table] if on else 0)
+                self._access.set_backlash(entry.target, self._backlash(entry) if on else 0)
             else:
                 alone, table = bool(entry.flags & AXIS_ALONE), bool(entry.flags & TABLE_ALONE)
                 self._access.switch(entry.target, on=on, axis_alone=alone, table_alone=table)
@@ -150,7 +150,10 @@ class PlcSwitching:
             if not self._stands_so(entry, on):
                 raise PlcFault(NCK_REFUSED)
 
+    def _backlash(self, entry: SwitchEntry) -> int:
+        return self._desk.backlash[entry.target.table] + self._desk.settings.other_backlash
+
     def _stands_so(self, entry: SwitchEntry, on: bool) -> bool:
         if entry.target.kind == BACKLASH_KIND:
-            return self._access.backlash(entry.target) == (self._desk.backlash[entry.target.table] if on else 0)
+            return self._access.backlash(entry.target) == (self._backlash(entry) if on else 0)
         return self._access.switches(entry.target) & entry.bits == (entry.bits if on else 0)

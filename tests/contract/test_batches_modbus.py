@@ -1,4 +1,4 @@
-"""Batches through a mailbox: the same port calls, the tables one after the other, the panel's release for each."""
+"""Batches through a mailbox: the same port calls, all tables in one order with one release and one confirm."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ async def on_now(stage: Stage, batch: PushBatch) -> list[bool | None]:
 
 
 @pytest.mark.parametrize("count", [1, 3, 4])
-async def test_all_tables_of_a_batch_are_loaded_off_and_confirmed_one_by_one(count: int) -> None:
+async def test_all_tables_of_a_batch_are_loaded_off_and_confirmed_once(count: int) -> None:
     async with on_stage() as stage:
         batch = await batch_of(stage, count)
         await stage.device.stage(batch)
@@ -39,7 +39,9 @@ async def test_all_tables_of_a_batch_are_loaded_off_and_confirmed_one_by_one(cou
             assert held.table.deviations == pytest.approx(one.table.deviations, abs=0.002)  # 1e-6 deg are 0.0036 arcsec
         assert await stage.device.backup_of(batch) == tuple(read.backup for read in found)
         await stage.device.activate(batch, batch)
-        assert await stage.pressed(stage.device.confirm(batch, 100.0)) == (True,) * count
+        asked = stage.device.confirm(batch, 100.0)
+        stage.plc.confirm()
+        assert await asked == (True,) * count, "pressed once"
         await stage.device.restarted(batch, 100.0)
         assert await on_now(stage, batch) == [True] * count
         await stage.device.finish_push(batch, "committed")
@@ -65,6 +67,23 @@ async def test_nobody_at_the_panel_leaves_all_off() -> None:
         await stage.device.activate(batch, batch)
         assert await stage.device.confirm(batch, 200.0) == (False,) * 3
         assert await on_now(stage, batch) == [False] * 3
+
+
+async def test_what_the_nck_took_before_it_refused_is_told_table_by_table() -> None:
+    async with on_stage() as stage:
+        batch = await batch_of(stage, 3)
+        await stage.device.stage(batch)
+        await stage.device.read_back(batch, 300.0)
+        await stage.device.activate(batch, batch)
+        switch, left = stage.plc._access.switch, [True]
+
+        def one_alone(*given: object, **how: object) -> None:
+            if left:
+                left.clear()
+                switch(*given, **how)
+
+        stage.plc._access.switch = one_alone
+        assert await stage.pressed(stage.device.confirm(batch, 100.0)) == (True, False, False)
 
 
 async def test_one_order_that_may_not_be_loaded_leaves_all_untouched() -> None:

@@ -24,7 +24,7 @@ from drivers.errors import (
 )
 from drivers.ports.controller import Controller
 from drivers.sinumerik.tablefile import reader
-from drivers.sinumerik.tablefile.held import HELD
+from drivers.sinumerik.tablefile.held import HELD, REVERSAL
 from drivers.types.abilities import Capabilities, Marker
 from drivers.types.machine import ChannelStatus
 from drivers.types.stops import StopPlan
@@ -79,7 +79,15 @@ async def test_it_is_a_controller_and_says_what_it_can() -> None:
         device = stage.device
         assert isinstance(device, Controller)
         assert device.capabilities == Capabilities(
-            False, HELD, "by-itself", True, "panel", cross_shown="either-way", off_anyhow=True
+            False,
+            (*HELD, REVERSAL),
+            "by-itself",
+            True,
+            "panel",
+            cross_shown="either-way",
+            together=True,
+            off_anyhow=True,
+            unprotected=words("W-MBX-UNPROTECTED"),
         )
         machine = await device.identify()
         assert (machine.serial, machine.version) == ("ST-DOUBLE-0001", "4.8.6")

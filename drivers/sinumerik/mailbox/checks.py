@@ -51,7 +51,12 @@ def switchable(status: Status, where: str, *, released: bool, anyhow: bool = Fal
 
 
 def is_on(order: Order, status: Status, picture: Picture) -> bool:
-    """Whether the table that ``order`` names is at work, by its switches; the status word must agree."""
+    """Whether the table that ``order`` names is at work, by its switches; the status word must agree.
+
+    A backlash has no switch: it is on where it is not 0.
+    """
+    if order.kind is Kind.BACKLASH:
+        return SwitchBit.BACKLASH in picture.switches and picture.backlash != 0
     if order.kind is Kind.EEC:
         return SwitchBit.EEC in picture.switches and status.has(StatusBit.EEC_ENABLED)
     both = SwitchBit.CEC_AXIS | SwitchBit.CEC_TABLE
@@ -60,6 +65,8 @@ def is_on(order: Order, status: Status, picture: Picture) -> bool:
 
 def is_off(order: Order, status: Status, picture: Picture) -> bool:
     """Whether it may be written: each of its switches reads off, in the picture and in the status word."""
+    if order.kind is Kind.BACKLASH:
+        return SwitchBit.BACKLASH not in picture.switches and picture.backlash == 0
     if order.kind is Kind.EEC:
         return SwitchBit.EEC not in picture.switches and not status.has(StatusBit.EEC_ENABLED)
     either = SwitchBit.CEC_AXIS | SwitchBit.CEC_TABLE
@@ -107,12 +114,25 @@ def place(order: PushOrder, backup: LiveSet, position: float, where: str) -> Non
 def different(
     order: PushOrder, begin: Order, values: tuple[int, ...], reading: AxisReading, where: str
 ) -> DeviceRefused | None:
-    """Numbers read back against numbers sent, points above them against zero: E-MBX-READBACK, None where all agree."""
+    """Numbers read back against numbers sent, points above them against zero: E-MBX-READBACK, None where all agree.
+
+    Of a backlash nothing stands there yet: it is written when it is switched on, and looked at then (`taken_up`).
+    """
+    if order.table.kind == "reversal":
+        return taken_up(order, 0, reading.stored[0].picture, where)
     stored = _stored_of(order, reading)
     found = ["the table"] if stored is None else list(_differences(begin, values, stored))
     if not found:
         return None
     told: dict[str, Any] = {"count": len(found), "first": found[0]}
+    return DeviceRefused("E-MBX-READBACK", where, table=order.table.name, **told)
+
+
+def taken_up(order: PushOrder, number: int, picture: Picture, where: str) -> DeviceRefused | None:
+    """The backlash that stands in the control against a number: E-MBX-READBACK, None where they are the same."""
+    if picture.backlash == number:
+        return None
+    told: dict[str, Any] = {"count": 1, "first": f"the backlash: {number} is {picture.backlash}"}
     return DeviceRefused("E-MBX-READBACK", where, table=order.table.name, **told)
 
 
@@ -140,8 +160,8 @@ def value_at(table: CompensationTable, position: float) -> float:
 
 def live_of(order: PushOrder, live: LiveSet) -> LiveTable | None:
     """What stands now where an order writes; None where there is nothing."""
-    if order.table.kind == "axis":
-        return live.own
+    if order.table.kind != "cross":
+        return live.own if order.table.kind == "axis" else live.reversal
     return next((one for one in live.cross if one.table.index == order.table.index), None)
 
 

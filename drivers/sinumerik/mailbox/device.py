@@ -26,7 +26,8 @@ from drivers.sinumerik.mailbox.switching import Switching
 from drivers.sinumerik.mailbox.wire import ModbusWire
 from drivers.sinumerik.standing import KeepsPlaces
 from drivers.sinumerik.tablefile import tables
-from drivers.sinumerik.tablefile.held import HELD
+from drivers.sinumerik.tablefile.held import HELD, REVERSAL
+from drivers.terms import TableKind
 from drivers.types.abilities import Capabilities, Marker, TableLimits
 from drivers.types.identity import Identity, MachineIdentity
 from drivers.types.machine import MachineState
@@ -38,11 +39,12 @@ from drivers.workpiece import GrindPlan
 
 CAPABILITIES = Capabilities(
     stops=False,
-    tables=HELD,
+    tables=(*HELD, REVERSAL),
     switched="by-itself",
     marker=True,
     consent="panel",
     cross_shown="either-way",
+    together=True,
     off_anyhow=True,
 )
 
@@ -105,7 +107,7 @@ class SinumerikModbus(KeepsPlaces):
         async with self._talk.turn:
             return await self._reader.state()
 
-    async def table_limits(self, axis: str, kind: Literal["axis", "cross"] = "axis", index: int = 0) -> TableLimits:
+    async def table_limits(self, axis: str, kind: TableKind = "axis", index: int = 0) -> TableLimits:
         """Reserved points (register 10), 1 nm or 1e-7 deg, and the value limit of this product."""
         async with self._talk.turn:
             return await self._reader.limits(axis, KINDS[kind], index)
@@ -217,18 +219,22 @@ class SinumerikModbus(KeepsPlaces):
         return tuple(self._pushing.backup_of(order) for order in batch)
 
     async def activate(self, batch: PushBatch, passed: PushBatch) -> None:
-        """Ask the PLC to activate the first; it waits for the panel. Raises as `Switching.release`."""
+        """Ask the PLC to activate those that passed; it waits for the panel. Raises as `Switching.release`."""
         async with self._talk.turn:
             await self._switching.release(batch, passed)
 
     async def confirm(self, passed: PushBatch, timeout_s: float) -> tuple[bool, ...]:
-        """Table by table: true when a person confirmed and the switches read on, false when it was left off."""
+        """Table by table: true when a person confirmed once and its switches read on, false when it was left off."""
         return await self._switching.enabled(passed, timeout_s)
 
     async def restarted(self, passed: PushBatch, timeout_s: float) -> None:
-        """Wait through NCK reset and reference run. Raises DeadlineExceeded (E-NC-NO-ACTIVATION)."""
+        """Wait through NCK reset and reference run; a backlash acts already.
+
+        Raises DeadlineExceeded (E-NC-NO-ACTIVATION).
+        """
         for order in passed:
-            await self._switching.activated(order, timeout_s)
+            if order.table.kind != "reversal":
+                await self._switching.activated(order, timeout_s)
 
     async def switch(self, order: PushOrder, enable: bool, timeout_s: float) -> None:
         """Switch the order's table and wait until it acts or is gone. Raises as `Switching.switch`."""

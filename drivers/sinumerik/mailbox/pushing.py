@@ -17,7 +17,7 @@ from drivers.sinumerik.mailbox.codec import grids
 from drivers.sinumerik.mailbox.codec.commands import Order, chunks, marker_data, switching
 from drivers.sinumerik.mailbox.codec.packing import dints
 from drivers.sinumerik.mailbox.codec.readings import Picture, Status
-from drivers.sinumerik.mailbox.codec.registers import AxisBit, Command, Kind, StatusBit
+from drivers.sinumerik.mailbox.codec.registers import MOST_ENTRIES, AxisBit, Command, Kind, StatusBit
 from drivers.sinumerik.mailbox.consent import Consent
 from drivers.sinumerik.mailbox.conversation import Talk
 from drivers.sinumerik.mailbox.reader import (
@@ -80,6 +80,7 @@ class MailboxPushing:
         backups: dict[DisableOrder, LiveSet] = {}
         try:
             self._machine = await self._reader.identity()
+            self.planned(batch)  # anew: the axes were read anew, and a reversal goes by the factor of its axis
             for order in batch:
                 await self._check(order, self.plan(order))
                 reading = await self._tables(order)
@@ -114,14 +115,17 @@ class MailboxPushing:
         source, output = self._reader.axis(table.input_axis), self._reader.axis(table.output_axis)
         if (table.input_unit, table.output_unit) != (source.unit, output.unit):
             raise TableError("E-MBX-UNIT", self._where, table=table.name, input=source.unit, output=output.unit)
-        values = grids.numbers_of(table, tables.values_of(order), output.unit)
+        values = grids.numbers_of(table, tables.values_of(order), output)
         return MailboxPlan(grids.begin_order(table, len(values), self._reader.axes), values)
 
     async def _check(self, order: PushOrder, plan: MailboxPlan) -> None:
         picture = await self._talk.select(plan.begin)
         checks.guard(await self._talk.recent(), self._where, picture.alarm)
+        output = self._reader.axis(order.table.output_axis)
         if AxisBit.REFERENCED not in picture.axis:
             raise DeviceRefused("E-MBX-NOT-REFERENCED", self._where, axis=order.table.output_axis)
+        if order.table.kind == "reversal" and picture.backlash_factor * grids.WEIGHT_UNIT != output.factor:
+            raise DeviceRefused("E-MBX-CHANGED", self._where, kind="BACKLASH", index=output.number)
         acting = AxisBit.SECOND_ACTS if order.saved_encoder else AxisBit.FIRST_ACTS
         if order.purpose != "restore" and acting not in picture.axis:
             named: dict[str, Any] = {"axis": order.table.output_axis, "encoder": order.saved_encoder + 1}
@@ -139,7 +143,8 @@ class MailboxPushing:
         Raises TableError (E-MBX-PUT-BACK).
         """
         live = checks.live_of(order, backup)
-        if order.purpose == "restore" or live is None or live.table.step <= 0:
+        empty = live is None or (live.table.kind != "reversal" and live.table.step <= 0)
+        if order.purpose == "restore" or live is None or empty:
             return
         proof = order.proof if order.table.kind == "cross" else None
         back = replace(order, table=live.table, purpose="restore", proof=proof)
@@ -177,8 +182,7 @@ class MailboxPushing:
         found: list[ReadBack] = []
         wrong: list[DeviceRefused] = []
         async with self._clock.deadline(timeout_s, self._where):
-            for plan in plans:
-                await self.disable(plan.begin)
+            await self.disable(*(plan.begin for plan in plans))
             for plan in plans:
                 await self._load(plan)
             await self._talk.renew(self.connect_s)
@@ -191,14 +195,21 @@ class MailboxPushing:
             raise wrong[0]
         return tuple(found)
 
-    async def disable(self, begin: Order) -> None:
-        """Off by its switch and by what acts: a switch that reads off proves nothing.
+    async def disable(self, *named: Order) -> None:
+        """All of them off in one command, each by its switch and by what acts: a switch that reads off proves nothing.
 
         Raises DeviceRefused (E-MBX-STILL-ON, E-MBX-STILL-ACTING).
         """
         status = await self._talk.recent()
         checks.switchable(status, self._where, released=self.consent.permits_off(status))
-        await self._talk.do(*switching(Command.DISABLE, [begin.as_command(Command.DISABLE)]))
+        for entries in batched(named):
+            await self._talk.do(*switching(Command.DISABLE, entries))
+        for begin in reversed(named):
+            if begin is not named[-1]:  # the command itself has selected its last entry
+                await self._talk.select(begin)
+            await self._gone(begin)
+
+    async def _gone(self, begin: Order) -> None:
         end = self._clock.now() + self._settings.command_s
         while True:
             # What the table held the axis away by is travelled now: it may move until it has come to rest.
@@ -238,6 +249,11 @@ class MailboxPushing:
             if different or seen.axis_name != order.table.output_axis:
                 raise DeviceRefused("E-MBX-OTHER", self._where, differ=", ".join(different) or "axis name")
         return reading
+
+
+def batched(orders: Sequence[Order]) -> list[Sequence[Order]]:
+    """As many at a time as commands 5 and 6 take."""
+    return [orders[first : first + MOST_ENTRIES] for first in range(0, len(orders), MOST_ENTRIES)]
 
 
 def place_of(order: PushOrder) -> DisableOrder:

@@ -11,7 +11,15 @@ from typing import Literal
 from drivers.errors import DeviceRefused, RemoteProtocolError, UnsupportedDevice
 from drivers.limits import largest_value
 from drivers.sinumerik.mailbox.codec.commands import Order
-from drivers.sinumerik.mailbox.codec.grids import POSITION_UNIT, VALUE_UNIT, MailboxAxis, Stored, memory_of, saved_text
+from drivers.sinumerik.mailbox.codec.grids import (
+    POSITION_UNIT,
+    VALUE_UNIT,
+    WEIGHT_UNIT,
+    MailboxAxis,
+    Stored,
+    memory_of,
+    saved_text,
+)
 from drivers.sinumerik.mailbox.codec.readings import Picture, Status
 from drivers.sinumerik.mailbox.codec.registers import (
     ADDRESS,
@@ -55,7 +63,7 @@ class AxisReading:
             axis=self.axis.name,
             encoder=self.encoder,
             memory=memory_of(self.stored),
-            factor=False,
+            factor=self.axis.factor_known,
         )
         text = saved_text(self.stored, {one.number: one for one in self.axes}, saving)
         units: Mapping[str, AxisUnit] = {one.name: one.unit for one in self.axes}
@@ -203,8 +211,8 @@ def deviation_of(value: int, unit: AxisUnit) -> float:
 
 
 def table_order(axis: MailboxAxis, kind: Kind, index: int) -> Order:
-    """Select: ``index`` is the encoder of an EEC table or the number of a CEC table."""
-    if kind is Kind.EEC:
+    """Select: ``index`` is the encoder of an EEC table or backlash, or the number of a CEC table."""
+    if kind is not Kind.CEC:
         return Order(Command.SELECT, kind, axis.number, index)
     return Order(Command.SELECT, kind, index, output_axis=axis.number)
 
@@ -215,7 +223,8 @@ def _axis_order(number: int) -> Order:
 
 def _facts(number: int, picture: Picture) -> MailboxAxis:
     unit: AxisUnit = "deg" if picture.rotary else "mm"
-    return MailboxAxis(number, picture.axis_name, unit, AxisBit.MODULO in picture.axis)
+    factor = picture.backlash_factor * WEIGHT_UNIT
+    return MailboxAxis(number, picture.axis_name, unit, AxisBit.MODULO in picture.axis, factor)
 
 
 def _axis_state(axis: MailboxAxis, picture: Picture) -> AxisState:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -11,7 +12,7 @@ from drivers.sinumerik.mailbox import checks
 from drivers.sinumerik.mailbox.codec import grids
 from drivers.sinumerik.mailbox.codec.commands import Order, switching
 from drivers.sinumerik.mailbox.codec.readings import Picture
-from drivers.sinumerik.mailbox.codec.registers import AxisBit, Command, Kind, StatusBit, TableFlag
+from drivers.sinumerik.mailbox.codec.registers import MOST_ENTRIES, AxisBit, Command, Kind, StatusBit, TableFlag
 from drivers.sinumerik.mailbox.conversation import Talk
 from drivers.sinumerik.mailbox.pushing import MailboxPushing, acting_of
 from drivers.sinumerik.mailbox.reader import MailboxReader, MarkerState, marker_of, position_of
@@ -43,7 +44,7 @@ class Switching:
         self._where = where
 
     async def release(self, batch: PushBatch, passed: PushBatch) -> None:
-        """Check all and ask the PLC to activate the first; it waits for the person at the panel.
+        """Check all and ask the PLC to activate those that passed in one command; it waits for the panel once.
 
         Nothing is asked for a table that shall stay off. Raises DeviceRefused (E-MBX-NOT-PREPARED, E-MBX-MARKER,
         E-MBX-STILL-ON, E-MBX-PLACE...) before it asks.
@@ -58,16 +59,16 @@ class Switching:
             self._check_marker(order, picture)
             if not checks.is_off(named, status, picture):
                 raise DeviceRefused("E-MBX-STILL-ON", self._where, kind=named.kind.name, index=named.index)
-        await self._ask(passed[0], named_already=passed[0] is batch[-1])
-
-    async def _ask(self, order: PushOrder, *, named_already: bool = False) -> None:
-        activate = self._activation(order)
-        if activate is not None:
-            if not named_already:
-                await self._talk.select(self._naming(order))
-            told, data = switching(Command.ACTIVATE, [activate])
+        entries = self._entries(passed)
+        if len(entries) > MOST_ENTRIES:
+            raise DeviceRefused("E-MBX-MANY", self._where, count=len(entries), most=MOST_ENTRIES)
+        if entries:
+            told, data = switching(Command.ACTIVATE, entries)
             await self._talk.start(told, data)
             await self._talk.ended(told, self._settings.command_s, or_waiting=True)
+
+    def _entries(self, passed: PushBatch) -> list[Order]:
+        return [one for one in map(self._activation, passed) if one is not None]
 
     def _check_marker(self, order: PushOrder, picture: Picture) -> None:
         found = marker_of(picture, self._where)
@@ -87,37 +88,42 @@ class Switching:
         return replace(named, flags=int(TableFlag.AXIS_ONLY)) if others else None
 
     async def enabled(self, passed: PushBatch, timeout_s: float) -> tuple[bool, ...]:
-        """Wait for the panel, table by table; true when the switches then read on, false for all after a refusal.
+        """Wait for the panel; table by table, true where the switches then read on, false where they do not.
 
-        False: nobody confirmed, the table is off.
-        Raises DeviceRefused (E-MBX-NOT-RELEASED, E-MBX-NOT-IN-RESET...: the PLC's reason not to), nothing is on then.
+        False: nobody confirmed, or the NCK took some of several tables and not this one.
+        Raises DeviceRefused (E-MBX-NOT-RELEASED, E-MBX-NOT-IN-RESET...: the PLC's reason not to, nothing is on then;
+        E-MBX-READBACK: a backlash is on, and another than was sent).
         """
-        found: list[bool] = []
-        for place, order in enumerate(passed):
-            if place:
-                async with self._talk.turn:
-                    await self._ask(order)
-            found.append(await self._enabled(order, timeout_s))
-            if order.enable and not found[-1]:
-                break
-        return (*found, *(False for _ in passed[len(found) :]))
-
-    async def _enabled(self, order: PushOrder, timeout_s: float) -> bool:
-        activate = self._activation(order)
-        if activate is not None and not await self._confirmed(activate, timeout_s):
-            return False
-        named = self._naming(order)
+        entries = self._entries(passed)
+        if entries and not await self._confirmed(entries, timeout_s):
+            return (False,) * len(passed)
         async with self._talk.turn:
-            picture = await self._talk.select(named)
-            return checks.is_on(named, await self._talk.recent(), picture)
+            return tuple([await self._enabled(order) for order in passed])
 
-    async def _confirmed(self, activate: Order, timeout_s: float) -> bool:
-        """False when the PLC says that time was over; a limit of the caller's ends the waiting at the panel."""
+    async def _enabled(self, order: PushOrder) -> bool:
+        named = self._naming(order)
+        picture = await self._talk.select(named)
+        on = checks.is_on(named, await self._talk.recent(), picture)
+        if on and named.kind is Kind.BACKLASH:
+            (number,) = self._pushing.plan(order).values
+            wrong = checks.taken_up(order, number, picture, self._where)
+            if wrong is not None:
+                raise wrong
+        return on
+
+    async def _confirmed(self, entries: Sequence[Order], timeout_s: float) -> bool:
+        """False when the PLC says that time was over; a limit of the caller's ends the waiting at the panel.
+
+        Where the NCK refused one of several, those before it stay as they were switched: each is looked at then.
+        """
+        activate, longer = switching(Command.ACTIVATE, entries)[0], len(entries) - 1.0
         try:
-            await self._talk.ended(activate, min(timeout_s, CONFIRM_S))
+            await self._talk.ended(activate, min(timeout_s, CONFIRM_S + longer))
         except DeviceRefused as error:
             if error.code == "E-MBX-TIME":
                 return False
+            if error.code == "E-MBX-NCK" and len(entries) > 1:
+                return True
             raise
         except DeadlineExceeded as error:
             if error.code != "E-MBX-NO-ANSWER":

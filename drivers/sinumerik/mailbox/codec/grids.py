@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from decimal import Decimal
+from decimal import ROUND_HALF_EVEN, Decimal
 from typing import Any, Literal
 
 from drivers.errors import Gap, TableError, ValueOutOfRange
 from drivers.sinumerik.mailbox.codec.commands import Order
 from drivers.sinumerik.mailbox.codec.packing import HIGHEST, LOWEST
 from drivers.sinumerik.mailbox.codec.readings import Picture
-from drivers.sinumerik.mailbox.codec.registers import Command, Kind, SwitchBit, TableFlag
+from drivers.sinumerik.mailbox.codec.registers import KINDS, Command, Kind, SwitchBit, TableFlag
 from drivers.sinumerik.ncprogram import backup
 from drivers.sinumerik.ncprogram.backup import Memory, Saving
 from drivers.sinumerik.ncprogram.written import text_of
@@ -30,12 +30,18 @@ WEIGHT_UNIT = Decimal("1e-6")
 
 @dataclass(frozen=True, slots=True)
 class MailboxAxis:
-    """One machine axis as the PLC names it; ``number`` counts from 1."""
+    """One machine axis as the PLC names it; ``number`` counts from 1, ``factor`` is MD32452."""
 
     number: int
     name: str
     unit: AxisUnit
     modulo: bool
+    factor: Decimal = Decimal(1)
+
+    @property
+    def factor_known(self) -> bool:
+        """Whether the PLC shows a factor that the control may hold (MD32452: 0.01 .. 100)."""
+        return Decimal("0.01") <= self.factor <= 100
 
 
 def whole(value: Decimal, unit: Decimal, table: CompensationTable, what: str) -> int:
@@ -54,16 +60,20 @@ def whole(value: Decimal, unit: Decimal, table: CompensationTable, what: str) ->
 
 def sayable(table: CompensationTable) -> CompensationTable:
     """A table never loaded as two points of zero: the mailbox can empty a table, but not take its grid away."""
-    if table.step > 0 or any(table.deviations):
+    if table.kind == "reversal" or table.step > 0 or any(table.deviations):
         return table
     return replace(table, minimum=0.0, maximum=1.0, step=1.0, deviations=(0.0, 0.0), modulo=False)
 
 
 def begin_order(table: CompensationTable, points: int, axes: Mapping[str, MailboxAxis]) -> Order:
-    """Command 2 for a table of ``points`` points; registers 18-28 and 31-33 serve commands 3 and 4 as well.
+    """Command 2 for a table of ``points`` points, or of a reversal's one value.
+
+    Registers 18-28 and 31-33 serve commands 3 and 4 as well.
 
     Raises ValueOutOfRange, Gap (E-TABLE-STEP) and TableError (E-MBX-KIND) for what the map cannot say.
     """
+    if table.kind == "reversal":
+        return replace(naming(table, axes, Command.BEGIN), total=1)
     unit = POSITION_UNIT[axes[table.input_axis].unit]
     low, step, high = (
         whole(Decimal(repr(float(value))), unit, table, what)
@@ -95,8 +105,8 @@ def begin_order(table: CompensationTable, points: int, axes: Mapping[str, Mailbo
 def naming(table: CompensationTable, axes: Mapping[str, MailboxAxis], command: Command = Command.SELECT) -> Order:
     """A command that names a table and nothing of what is in it."""
     output = axes[table.output_axis].number
-    if table.kind == "axis":
-        return Order(command, Kind.EEC, output, table.index)
+    if table.kind != "cross":
+        return Order(command, KINDS[table.kind], output, table.index)
     return Order(command, Kind.CEC, table.index, input_axis=axes[table.input_axis].number, output_axis=output)
 
 
@@ -108,8 +118,18 @@ def flags_of(table: CompensationTable) -> int:
     return int((TableFlag.MODULO if table.modulo else 0) | direction | (TableFlag.CYLINDER if table.table_type else 0))
 
 
-def numbers_of(table: CompensationTable, values: Sequence[Decimal], unit: AxisUnit) -> tuple[int, ...]:
-    """Stored values (mm or deg) as nm or 1e-7 deg. Raises as `whole`."""
+def numbers_of(table: CompensationTable, values: Sequence[Decimal], axis: MailboxAxis) -> tuple[int, ...]:
+    """Stored values (mm or deg) of an output ``axis`` as nm or 1e-7 deg. Raises as `whole`.
+
+    Of a reversal MD32450, which the control multiplies with the factor of the axis: the nearest one that there is.
+    Raises TableError (E-MBX-FACTOR) where that factor is none.
+    """
+    unit = axis.unit
+    if table.kind == "reversal":
+        if not axis.factor_known:
+            raise TableError("E-MBX-FACTOR", table.name, axis=axis.name, factor=axis.factor)
+        shared = (value / axis.factor / VALUE_UNIT[unit] for value in values)
+        values = [each.to_integral_value(ROUND_HALF_EVEN) * VALUE_UNIT[unit] for each in shared]
     return tuple(whole(value, VALUE_UNIT[unit], table, f"point {place}") for place, value in enumerate(values))
 
 
@@ -126,8 +146,9 @@ def saved_text(tables: Sequence[Stored], axes: Mapping[int, MailboxAxis], saving
     """Loadable text of tables, switches and backlash of one axis, as a program of ours would have written it."""
     axis = next(one for one in axes.values() if one.name == saving.axis)
     own, unit = tables[0].picture, VALUE_UNIT[axis.unit]
-    backlash, eec_switch, cec_switch = backup.axis_settings(saving)
+    backlash, *factor, eec_switch, cec_switch = backup.axis_settings(saving)
     values = {
+        **dict.fromkeys(factor, value_text(axis.factor)),
         backlash: value_text(own.backlash * unit),
         eec_switch: str(int(SwitchBit.EEC in own.switches)),
         cec_switch: str(int(SwitchBit.CEC_AXIS in own.switches)),

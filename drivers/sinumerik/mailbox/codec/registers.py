@@ -125,7 +125,7 @@ class Kind(IntEnum):
     TEMPERATURE = 4
 
 
-KINDS = {"axis": Kind.EEC, "cross": Kind.CEC}
+KINDS = {"axis": Kind.EEC, "cross": Kind.CEC, "reversal": Kind.BACKLASH}
 
 
 class StatusBit(IntFlag):
