@@ -21,6 +21,7 @@ from drivers.errors import (
     TrueflankError,
     UnsupportedDevice,
     ValueOutOfRange,
+    words,
 )
 from drivers.ports.controller import Controller
 from drivers.sinumerik.tablefile import reader

@@ -14,7 +14,7 @@ from drivers.sinumerik.mailbox.codec.grids import MailboxAxis, numbers_of
 from drivers.types.orders import DisableOrder, PushOrder, SwitchReading
 from drivers.types.tables import reversal_of
 from gateway.domain.outcomes import PushRecord
-from gateway.push import push_table
+from gateway.push import push_table, push_tables, together
 from tests.contract.modbus_stage import Stage, on_stage, order_for, table
 from tests.contract.test_push_modbus import change_of, people, proof_of
 from tests.sizes import few
@@ -153,3 +153,17 @@ async def test_without_its_proof_or_with_one_that_says_the_opposite_nothing_is_l
             with pytest.raises(TableError):
                 await on.device.stage((replace(order, proof=wrong),))
         assert on.get(MD) == 0.0
+
+
+async def test_the_gateway_hands_over_table_and_reversal_in_one_transaction(tmp_path: Path) -> None:
+    async with on_stage() as on:
+        live = await on.device.saved_tables("X1")
+        async with people(on, tmp_path, await proof_of(on, "axis"), None) as context:
+            turned = replace(context, proof=await proof_of(on, "reversal"))
+            asked = [(change_of(live, table()), context), (change_of(live, NEW), turned)]
+            (group,) = together(asked)
+            records = await push_tables(group, lambda _changes: True)
+        assert [one.outcome for one in records] == ["committed", "committed"], records
+        now = await on.device.saved_tables("X1")
+        assert (now.own.enabled, now.own.table.deviations) == (True, table().deviations)
+        assert now.reversal.table.deviations == pytest.approx((-2.4,))

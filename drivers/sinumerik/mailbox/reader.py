@@ -224,7 +224,8 @@ def _axis_order(number: int) -> Order:
 def _facts(number: int, picture: Picture) -> MailboxAxis:
     unit: AxisUnit = "deg" if picture.rotary else "mm"
     factor = picture.backlash_factor * WEIGHT_UNIT
-    return MailboxAxis(number, picture.axis_name, unit, AxisBit.MODULO in picture.axis, factor)
+    modulo = AxisBit.MODULO in picture.axis
+    return MailboxAxis(number, picture.axis_name, unit, modulo=modulo, factor=factor)
 
 
 def _axis_state(axis: MailboxAxis, picture: Picture) -> AxisState:

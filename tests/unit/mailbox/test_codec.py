@@ -132,7 +132,7 @@ def table(**changes: object) -> CompensationTable:
 def test_a_table_becomes_whole_numbers() -> None:
     order = grids.begin_order(table(), 3, AXES)
     assert (order.minimum, order.step, order.maximum, order.total, order.index) == (0, 100_000, 200_000, 3, 1)
-    values = grids.numbers_of(table(), [Decimal("0"), Decimal("0.003"), Decimal("-0.0015")], X_AXIS)
+    values = grids.numbers_of(table(), [Decimal("0"), Decimal("0.003"), Decimal("-0.0015")], AXES["X1"])
     assert values == (0, 3000, -1500)
 
 
@@ -153,7 +153,7 @@ def test_a_step_that_does_not_divide_the_range_counts_as_the_control_counts() ->
 @pytest.mark.parametrize("value", ["0.0000005", "2147.5", "-2148"])
 def test_a_value_the_map_cannot_say_is_refused(value: str) -> None:
     with pytest.raises(ValueOutOfRange):
-        grids.numbers_of(table(), [Decimal(value)], X_AXIS)
+        grids.numbers_of(table(), [Decimal(value)], AXES["X1"])
 
 
 def test_an_eec_table_has_neither_direction_nor_type() -> None:
