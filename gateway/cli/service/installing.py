@@ -28,8 +28,9 @@ def unit_text(sites: list[Path], *, host: str, port: int, user: str) -> str:
     words = [sys.executable, "-m", "gateway.cli", "serve", *map(str, sites), "--host", host, "--port", str(port)]
     command = " ".join(shlex.quote(word).replace("%", "%%").replace("$", "$$") for word in words)
     who = f"User={user}\n" if user else ""
+    names, folder = (text.replace("%", "%%") for text in (", ".join(path.stem for path in sites), str(sites[0].parent)))
     return f"""[Unit]
-Description=trueflank gateway for {", ".join(path.stem for path in sites)}
+Description=trueflank gateway for {names}
 After=network-online.target
 Wants=network-online.target
 StartLimitIntervalSec=0
@@ -37,7 +38,7 @@ StartLimitIntervalSec=0
 [Service]
 Type=notify
 NotifyAccess=main
-{who}WorkingDirectory={sites[0].parent}
+{who}WorkingDirectory={folder}
 ExecStart={command}
 KillMode=mixed
 KillSignal=SIGTERM
@@ -63,7 +64,7 @@ def install_command(
     user: UserOption = False,
     folder: FolderOption = None,
 ) -> None:
-    """Write the unit, let it start with the computer, and start it now."""
+    """Write the unit, let it start with the computer, and start it now; exit code 3 where it does not run then."""
     from gateway.audit import os_user
 
     for site in sites:
@@ -80,8 +81,9 @@ def install_command(
         raise ConfigError("E-SERVICE-WRITE", str(unit), why=error.strerror or str(error)) from error
     echo(f"written: {unit}")
     _manager(("daemon-reload",), user=user)
-    _manager(("enable", "--now", NAME), user=user)
-    _manager(("status", "--no-pager", NAME), user=user)
+    begun = _manager(("enable", "--now", NAME), user=user)
+    if _manager(("status", "--no-pager", NAME), user=user) or begun:
+        raise typer.Exit(3)
 
 
 def status_command(user: UserOption = False, folder: FolderOption = None) -> None:

@@ -21,6 +21,9 @@ def test_the_unit_is_ready_when_the_page_is_watched_and_has_time_to_stop() -> No
     for wanted in ("Type=notify", "WatchdogSec=60", "Restart=on-failure", "KillMode=mixed", "User=grind"):
         assert wanted in text
     assert "serve '/srv/hall 3/50%%.toml' /srv/b.toml --host 127.0.0.1 --port 8617" in text
+    whole = unit_text([Path("/srv/50%/a%.toml")], host="127.0.0.1", port=8617, user="")
+    assert "WorkingDirectory=/srv/50%%\n" in whole, "a lone % is a word of the manager's"
+    assert "for a%%\n" in whole
     stop_s = int(text.partition("TimeoutStopSec=")[2].split("\n")[0])
     assert stop_s > 30
 
@@ -45,6 +48,10 @@ def test_install_status_and_remove(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert (code, "written" in output) == (0, True), output
     assert str(site) in (units / "trueflank.service").read_text(encoding="utf-8")
     assert call("status")[0] == 0
+    good = tool.read_text(encoding="ascii")
+    tool.write_text(good + "exit 1\n", encoding="ascii")
+    assert call("install", str(site))[0] == 3, "written, but it does not run"
+    tool.write_text(good, encoding="ascii")
     assert call("remove")[0] == 0
     assert not (units / "trueflank.service").exists()
     assert site.exists()
