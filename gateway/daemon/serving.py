@@ -8,6 +8,8 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
+import scipy
+
 from drivers.clock import Clock
 from drivers.errors import ConfigError, DeadlineExceeded
 from gateway import audit
@@ -24,6 +26,7 @@ from gateway.web import Doorkeeping, Service, create_app
 
 SECRET_TRIES, SECRET_WITHIN_S = 5, 60.0
 REQUESTS, REQUESTS_WITHIN_S = 600, 10.0
+LATER_S = 3.0
 
 
 async def serve(
@@ -59,6 +62,11 @@ async def serve(
         async with broker.open(roots):
             url = url_of(listener, secure=secure)
             await _together(server, listener, places, clock=clock, stop=stop, ready=lambda: ready(url))
+
+
+def _loaded() -> tuple[object, ...]:
+    """Load in a thread what a start does not wait for: its first use in mid-capture would hold up the loop."""
+    return scipy.special, scipy.interpolate, scipy.optimize
 
 
 def _places(sites: Sequence[Serving], clock: Clock) -> dict[str, ServedPlace]:
@@ -132,6 +140,8 @@ async def _together(
         await server.listening.wait()
         notifier.ready(", ".join(places))
         ready()
+        await clock.sleep(LATER_S)
+        await asyncio.to_thread(_loaded)
 
     works = [asyncio.create_task(place.work(over), name=name) for name, place in places.items()]
     page = asyncio.create_task(server.serve(sockets=[listener]), name="page")

@@ -36,7 +36,7 @@ DOORS = {
     "pymodbus": 1,
     "pytest": 1,
     "rich": 2,
-    "scipy": 15,
+    "scipy": 16,
     "serial": 1,
     "sqlalchemy": 4,
     "starlette": 8,
