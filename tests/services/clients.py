@@ -11,6 +11,7 @@ import json
 import sys
 import time
 from contextlib import suppress
+from pathlib import Path
 
 PORT, TOKEN, SITE = int(sys.argv[1]), sys.argv[2], sys.argv[3]
 HALF, CROWD, STREAMS, SECONDS = (int(word) for word in sys.argv[4:8])
@@ -63,6 +64,11 @@ async def listen(until: float, told: dict[str, float]) -> None:
     writer.close()
 
 
+def waited() -> float:
+    """How long this process was ready and got no processor so far, s."""
+    return int(Path("/proc/self/schedstat").read_text(encoding="ascii").split()[1]) / 1e9
+
+
 async def main() -> None:
     """Everything at once."""
     until = time.time() + SECONDS
@@ -87,6 +93,7 @@ async def main() -> None:
             {
                 "health_s": [took for _status, took in probes],
                 "health": sorted({status for status, _took in probes}),
+                "waited_s": waited(),
                 "crowd": statuses,
                 "borne_s": [borne[0], borne[len(borne) // 2], borne[-1]] if borne else [],
                 "pages": pages,
