@@ -23,8 +23,8 @@ class Terms:
     """What people call the tables of a control, where their memory is set, and how they consent; the plain words here.
 
     ``own`` and ``cross`` are the kinds of tables, ``own_key`` and ``cross_key`` how they are typed and named
-    (X1-cec3), ``reversal`` and ``reversal_key`` the constant reversal of an axis (X1-reversal); ``own_rule`` and
-    ``cross_rule`` say in one sentence which way a stored value acts, ``own_side`` where.
+    (X1-cec3), ``reversal`` and ``reversal_key`` the constant reversal of an axis (X1-reversal); ``own_rule``,
+    ``cross_rule`` and ``reversal_rule`` say in one sentence which way a stored value acts, ``own_side`` where.
     ``own_memory`` and ``cross_memory`` name the setting that reserves points, ``own_reserve`` and ``cross_reserve``
     in short; ``backlash`` that of the reversal; ``product`` how tables multiply; ``units``, ``senses``,
     ``cross_sum``, ``cross_type`` and ``cross_off`` the settings of what they say; ``words`` where programs shake hands.
@@ -41,6 +41,7 @@ class Terms:
     own_rule: str = "a positive value moves the axis in the negative direction"
     own_side: str = "acts on the axis"
     cross_rule: str = "its sense is not taken from a manual but measured"
+    reversal_rule: str = "a positive value is given to an axis that stays behind when it turns"
     sign_doubt: str = "sign unproven: values follow value = +deviation"
     own_memory: str = "memory of axis tables"
     cross_memory: str = "memory of cross tables"
@@ -67,6 +68,10 @@ class Terms:
     def kind(self, kind: TableKind) -> str:
         """What people call a table of this kind."""
         return {"axis": self.own, "cross": self.cross, "reversal": self.reversal}[kind]
+
+    def key(self, kind: TableKind) -> str:
+        """How a table of this kind is typed."""
+        return {"axis": self.own_key, "cross": self.cross_key, "reversal": self.reversal_key}[kind]
 
     def name(self, kind: TableKind, axis: str, index: int) -> str:
         """A table among all of a machine: "X1" for an axis' own, "X1-cec3" for cross table 3 of it, "X1-reversal"."""

@@ -13,6 +13,8 @@ SINUMERIK = Terms(
     own_side="The encoder error compensation (EEC) acts on the actual value: a positive value moves the axis in the "
     "negative direction.",
     cross_rule="CEC acts on the setpoint side; its sense is not taken from a manual but measured",
+    reversal="backlash value (MD32450)",
+    reversal_rule="MD32450 is taken up at every reversal: positive where the encoder leads the machine part (B < 0)",
     sign_doubt="CEC SIGN UNPROVEN: values follow the EEC convention (value = +deviation)",
     own_memory="MD38000 $MA_MM_ENC_COMP_MAX_POINTS",
     cross_memory="MD18342 $MN_MM_CEC_MAX_POINTS",

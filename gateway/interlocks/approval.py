@@ -59,7 +59,7 @@ def _found(facts: PushFacts) -> Iterator[Refusal]:
 
 
 def _flat(facts: PushFacts) -> Iterator[Refusal]:
-    beyond, widest = (0.0, 0.0) if facts.is_cross else unmeasured(facts)
+    beyond, widest = unmeasured(facts) if facts.table.kind == "axis" else (0.0, 0.0)
     if ROUNDING < beyond <= 0.5 * widest + ROUNDING:
         yield from no("W-INT-COVERAGE", table=facts.table.name, beyond=round(beyond + widest, 3), interval=widest)
 

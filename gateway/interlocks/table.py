@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from drivers.terms import spoken
 from drivers.types.tables import CompensationTable
 from drivers.units import deviation_scale
 from gateway.domain.proposals import TableChange
@@ -20,6 +21,13 @@ def _output(facts: PushFacts) -> Iterator[Refusal]:
     own_input = table.kind == "cross" or table.input_axis == table.output_axis
     if table.output_axis != facts.change.axis or not own_input:
         yield from no("E-INT-OTHER-AXIS", table=table.name, axis=facts.change.axis)
+
+
+def _held(facts: PushFacts) -> Iterator[Refusal]:
+    """A road that does not take the constant reversal must not be asked for it."""
+    kind = facts.table.kind
+    if kind == "reversal" and facts.can.table(kind) is None:
+        yield from no("E-INT-KIND", kind=spoken().kind(kind), axis=facts.table.output_axis)
 
 
 def _points(facts: PushFacts) -> Iterator[Refusal]:
@@ -122,6 +130,7 @@ def _agreement(facts: PushFacts) -> Iterator[Refusal]:
 
 TABLE: tuple[Rule, ...] = (
     _output,
+    _held,
     _points,
     _resolution,
     _grid,

@@ -59,8 +59,9 @@ class AxisMaterial:
     """One axis of the run. Whatever the run did not reach is None or empty.
 
     ``axis`` is the controller's name (X1), ``letter`` the axis letter (X), ``unit`` mm or deg; deviations
-    are in um or arcsec. ``findings`` are what was found but not corrected, in words; ``acting`` is the short check with
-    every table acting. ``budget`` is what U rests on.
+    are in um or arcsec. ``change`` is that of its own table, ``beside`` what else is corrected on the axis itself: its
+    reversal. ``findings`` say what was found but not corrected, and what becomes of the reversal, in words; ``acting``
+    is the short check with every table acting. ``budget`` is what U rests on.
     """
 
     axis: str
@@ -73,6 +74,7 @@ class AxisMaterial:
     components: tuple[Component, ...] = ()
     change: TableChange | None = None
     push: PushRecord | None = None
+    beside: tuple[TableMaterial, ...] = ()
     sign_proof: SignProof | None = None
     sense_proof: SenseProof | None = None
     verdict: AxisVerdict | None = None

@@ -108,7 +108,8 @@ def open_road(report: ReportMaterial) -> tuple[str, ...]:
 def still_on(report: ReportMaterial) -> tuple[str, ...]:
     """One line for each table whose push was held with nothing to prove that it is off: first in every report."""
     tables = report.tooth.tables if report.tooth is not None else ()
-    pushes = [(axis.axis, axis.push) for axis in report.axes] + [(one.change.name, one.push) for one in tables]
+    pushes = [(axis.axis, axis.push) for axis in report.axes]
+    pushes += [(one.change.name, one.push) for one in (*(one for axis in report.axes for one in axis.beside), *tables)]
     left = {name: push for name, push in pushes if push is not None and push.outcome == "held-on"}
     return tuple(f"{name}: {PUSH['held-on']} (backup: {push.backup_path or 'none'})" for name, push in left.items())
 
@@ -144,7 +145,8 @@ def axis_kind(axis: AxisMaterial) -> str:
 
 def value_sense(table: CompensationTable, proof: SignProof | None) -> str:
     """What a positive stored value does on the machine, and how that is known."""
-    rule = spoken().own_rule if table.kind == "axis" else spoken().cross_rule
+    terms = spoken()
+    rule = {"axis": terms.own_rule, "cross": terms.cross_rule, "reversal": terms.reversal_rule}[table.kind]
     if proof is None:
         return f"{rule}. This machine has no recorded sign proof for this table."
     return (

@@ -199,18 +199,21 @@ def _taken(component: Component, acts: CompensationTable, new: CompensationTable
     return float(np.std(acting(new, at) - acting(acts, at)))
 
 
+def band(component: Component, at: FloatArray) -> FloatArray:
+    """The Scheffe band of a fit at positions: how far its shape may be off, for all positions at once with 99 %."""
+    freedom = max(component.coefficients.size - 1, 1)
+    return np.asarray(np.sqrt(scipy.special.chdtri(freedom, BAND_RISK)) * standard_uncertainty(component, at))
+
+
 def _significance(axis: AxisRecord, component: Component, instrument: InstrumentU) -> tuple[float, float]:
     """(largest |d - mean d| / U over the measured range, U there).
 
-    U joins the Scheffe band of the fit, which holds for all positions at once with 99 %, what lies unseen
-    between the targets, and the instrument.
+    U joins the band of the fit, what lies unseen between the targets, and the instrument.
     """
     at = travelled(component)
     d = value(component, at)
-    freedom = max(component.coefficients.size - 1, 1)
-    band = np.sqrt(scipy.special.chdtri(freedom, BAND_RISK)) * standard_uncertainty(component, at)
     common = np.hypot(instrument.standard(at - axis.reference), component.residual_rms)
-    U = np.hypot(band, COVERAGE * common)
+    U = np.hypot(band(component, at), COVERAGE * common)
     ratio = np.abs(d - d.mean()) / U
     worst = int(np.argmax(ratio))
     return float(ratio[worst]), float(U[worst])

@@ -47,4 +47,6 @@ def _table(push: Committed) -> dict[str, Any]:
     }
     if table.kind == "axis":
         told |= {"positions": table.positions.tolist(), "deviations": list(map(float, table.deviations))}
+    if table.kind == "reversal":
+        told |= {"value": float(table.deviations[0])}
     return told

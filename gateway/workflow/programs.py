@@ -181,7 +181,7 @@ def _load(site: SiteFile, table: CompensationTable) -> tuple[str, Order]:
     identity = MachineIdentity(site.controller.serial, "", tuple(axis.name for axis in site.axes))
     proof = SignProof(identity, table.kind, output_axis=table.output_axis, slope=1.0, slope_u=0.01, sign=1, date_utc="")
     order = _order(moved, table, "table", proof)
-    key = spoken().cross_key if table.kind == "cross" else spoken().own_key
+    key = spoken().key(table.kind)
     return f"{key}-{table.output_axis}-{table.input_axis}", (order,)
 
 

@@ -32,7 +32,7 @@ def shown(folder: RunFolder, proposal: Proposal, refusals: Mapping[str, list[str
     data: dict[str, Any] = {
         "refused": refused,
         "refusals": dict(refusals),
-        "not_corrected": {c.axis: c.skipped for c in proposal.changes if c.skipped},
+        "not_corrected": {c.name: c.skipped for c in proposal.changes if c.skipped},
     }
     return Outcome(
         state=folder.state,

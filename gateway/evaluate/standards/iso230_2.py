@@ -109,15 +109,21 @@ def incurable(evaluation: Evaluation) -> tuple[float, float] | None:
     return left, min(left / evaluation.A, 1.0)
 
 
+def scatter_alone(evaluation: Evaluation) -> float | None:
+    """A that scatter alone leaves: with both means zero everywhere; None without A."""
+    if not evaluation.A:
+        return None
+    s = np.stack([evaluation.s_up, evaluation.s_down], axis=-1)
+    return float(parameters.of_table(np.where(np.isfinite(s), 0.0, np.nan), s, sigmas(evaluation.edition))["A"])
+
+
 def told_incurable(evaluation: Evaluation) -> tuple[str, ...]:
     """Words where reversal and scatter make more than half of A."""
     found = incurable(evaluation)
     if found is None or found[1] <= MOST_INCURABLE:
         return ()
     left, share = found
-    s = np.stack([evaluation.s_up, evaluation.s_down], axis=-1)
-    scatter = float(parameters.of_table(np.where(np.isfinite(s), 0.0, np.nan), s, sigmas(evaluation.edition))["A"])
-    fields = {"scatter": f"{scatter:.3g}"}
+    fields = {"scatter": f"{scatter_alone(evaluation):.3g}"}
     fields |= {"A": f"{evaluation.A:.3g}", "left": f"{left:.3g}", "percent": f"{100.0 * share:.0f}"}
     return (words("W-INCURABLE", **fields, unit=evaluation.unit),)
 

@@ -115,7 +115,8 @@ def _steps(steps: tuple[str, ...]) -> TableBlock:
 def _all_tables(report: ReportMaterial) -> tuple[TableMaterial, ...]:
     if report.tooth is not None and report.tooth.tables:
         return report.tooth.tables
-    return tuple(TableMaterial(one.change, one.push) for one in report.axes if one.change is not None)
+    own = [TableMaterial(one.change, one.push) for one in report.axes if one.change is not None]
+    return (*own, *(table for axis in report.axes for table in axis.beside))
 
 
 def _axis_table(axis: AxisMaterial, t: Tongue) -> Iterator[Block]:

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from drivers.errors import words
 from drivers.types.abilities import TableLimits
 from drivers.types.tables import LiveSet
 from drivers.units import deviation_scale
@@ -22,6 +23,7 @@ from gateway.table.proposal import InstrumentU
 from gateway.workflow import stages
 from gateway.workflow.axes.coarse import cannot_hold
 from gateway.workflow.axes.measure import MeasuredAxis
+from gateway.workflow.axes.reversing import reversal_change
 from gateway.workflow.axes.structure import Structure, structure_of
 from gateway.workflow.bench import Bench
 from gateway.workflow.consents import proposed, tell
@@ -35,8 +37,8 @@ async def propose(at: Bench, measured: Mapping[str, MeasuredAxis]) -> Proposal:
 
 
 async def axis_changes(at: Bench, measured: Mapping[str, MeasuredAxis]) -> tuple[TableChange, ...]:
-    """The axis table's change of every measured axis, its fit stored. Raises TableError, ModelError."""
-    return tuple([await _change(at, at.axis(name), item) for name, item in measured.items()])
+    """The changes of every measured axis, its table and its reversal, the fit stored. Raises TableError, ModelError."""
+    return tuple([change for name, item in measured.items() for change in await _changes(at, at.axis(name), item)])
 
 
 def keep(at: Bench, changes: tuple[TableChange, ...], parents: tuple[str, ...]) -> Proposal:
@@ -50,7 +52,7 @@ def keep(at: Bench, changes: tuple[TableChange, ...], parents: tuple[str, ...]) 
     return proposal
 
 
-async def _change(at: Bench, axis: AxisSection, item: MeasuredAxis) -> TableChange:
+async def _changes(at: Bench, axis: AxisSection, item: MeasuredAxis) -> tuple[TableChange, ...]:
     capture = item.capture
     if capture.live is None:
         raise CaptureError("E-RUN-LIVE", axis.name)
@@ -59,14 +61,22 @@ async def _change(at: Bench, axis: AxisSection, item: MeasuredAxis) -> TableChan
     at.say("P-HIDDEN", axis=axis.name, words=hidden.words)
     at.folder.put(stages.hidden(axis.name), hidden, (item.digest,))
     at.folder.put(stages.component(axis.name), shown.doubted, (item.digest,))
-    limits = await at.supervisor.controller.table_limits(axis.name, "axis", axis.encoder)
-    change = change_of(axis, shown, capture.live, limits)
+    controller = at.supervisor.controller
+    limits = await controller.table_limits(axis.name, "axis", axis.encoder)
+    turned = reversal_change(axis, shown, capture.live, can=controller.capabilities, resolution=limits.resolution)
+    change = change_of(axis, shown, capture.live, limits, turned=turned)
     against = () if change.skipped else not_worth_it(capture, change)
-    return replace(change, skipped="; ".join(one.words for one in against)) if against else change
+    own = replace(change, skipped="; ".join(one.words for one in against)) if against else change
+    return (own, turned) if turned is not None else (own,)
 
 
-def change_of(axis: AxisSection, shown: Structure, live: LiveSet, limits: TableLimits) -> TableChange:
-    """The axis table's change for what a capture shows, while ``live`` acted. Raises as `gateway.table.propose`."""
+def change_of(
+    axis: AxisSection, shown: Structure, live: LiveSet, limits: TableLimits, turned: TableChange | None = None
+) -> TableChange:
+    """The axis table's change for what a capture shows, while ``live`` acted. Raises as `gateway.table.propose`.
+
+    ``turned`` is the change of the reversal beside it: what that takes, the table need not outweigh.
+    """
     capture, means = shown.capture, shown.means
     return propose_table(
         axis.facts,
@@ -75,7 +85,7 @@ def change_of(axis: AxisSection, shown: Structure, live: LiveSet, limits: TableL
             targets=capture.targets,
             means=means.mean,
             u=means.u,
-            rest=_rest(means),
+            rest=_rest(means, turned),
             unseen=shown.unseen,
             possible=shown.possible() if shown.found else None,
             place=shown.place,
@@ -96,13 +106,26 @@ def _instrument(capture: Capture) -> InstrumentU:
     return InstrumentU.usual(capture.unit)
 
 
-def _rest(means: RobustMeans) -> float:
-    half = (means.mean_up - means.mean_down) / 2.0
+def _rest(means: RobustMeans, turned: TableChange | None) -> float:
+    B = means.mean_up - means.mean_down if turned is None else turned.predicted
+    half = B / 2.0
     reversal = float(np.mean(half[np.isfinite(half)] ** 2)) if np.isfinite(half).any() else 0.0
     return float(np.sqrt(reversal + np.nan_to_num(means.s) ** 2))
 
 
 def size_of(change: TableChange) -> str:
-    """Points and span of the new table, in words."""
+    """Points and span of the new table, in words; of a reversal what acts, what will, and what B is left."""
+    unit = change.new.deviation_unit
+    if change.new.kind == "reversal":
+        was = change.old.deviations[0] if change.old_enabled else 0.0
+        left, U = float(np.nanmax(np.abs(change.predicted))), float(np.nanmax(change.predicted_U))
+        return words(
+            "W-REVERSAL-SIZE",
+            was=f"{was:+.2f}",
+            value=f"{change.new.deviations[0]:+.2f}",
+            left=f"{left:.2f}",
+            U=f"{U:.2f}",
+            unit=unit,
+        )
     low, high = min(change.new.deviations), max(change.new.deviations)
-    return f"{len(change.new.deviations)} points, {low:+.2f} .. {high:+.2f} {change.new.deviation_unit}"
+    return f"{len(change.new.deviations)} points, {low:+.2f} .. {high:+.2f} {unit}"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 
 from drivers.errors import words
@@ -11,6 +13,7 @@ from gateway.domain.figures import Evaluation
 from gateway.domain.outcomes import AxisVerdict, PushRecord, Verdict
 from gateway.domain.proposals import TableChange
 from gateway.evaluate.behaviour.spread_change import SpreadChange, spread_change
+from gateway.evaluate.standards.iso230_2 import scatter_alone
 from gateway.workflow.axes.explaining import WIDEN, Checked, check_between, explain
 from gateway.workflow.axes.measure import MeasuredAxis
 
@@ -26,19 +29,27 @@ def judge_axis(
     *,
     checked: Checked | None = None,
     spread: SpreadChange | None = None,
+    turned: TableChange | None = None,
 ) -> AxisVerdict:
     """A pushed axis measured again: is M smaller by more than its uncertainty, and did the prediction hold?
 
     ``checked`` is what places say that no table was fitted to: an axis that looks better at the targets is worse where
     these are worse, or miss the prediction by more than a table may leave unseen. ``spread`` explains a larger R.
+    ``turned`` is the change of its reversal where that was pushed: then B is judged as M is, against its own
+    prediction, and the axis is worse where either is.
     """
-    held = _prediction_holds(after, change)
-    size = _smaller(before, after)
+    tabled = change.new.kind == "axis" and not change.skipped
+    held = (change.new.kind != "axis" or _prediction_holds(after, change)) and _reversal_holds(after, turned)
+    size = _smaller(before, after, "M") if tabled else 0
     if checked is not None:
         held, size = held and checked.held, -1 if checked.worse else size
+    B = _smaller(before, after, "B") if turned is not None else 0
+    size = -1 if min(size, B) < 0 else max(size, B)
     said = words(_SIZES[size]) + " " + words("W-VERDICT-HELD" if held else "W-VERDICT-MISSED")
-    said += " " + explain(change, mean_of_both(before), mean_of_both(after), _U_of_change(before, after)).words
+    if tabled:
+        said += " " + explain(change, mean_of_both(before), mean_of_both(after), _U_of_change(before, after)).words
     said += f" {checked.words}" if checked is not None else ""
+    said += f" {_reversal(before, after, worse=B < 0)}" if turned is not None else ""
     said += _over_travel(after)
     said += f" {spread.words}" if spread is not None and spread.words else ""
     said += " " + words("W-VERDICT-RESTORE", axis=axis) if size < 0 else ""
@@ -54,22 +65,25 @@ def judge_axis(
     )
 
 
-def judge_measured(change: TableChange, before: MeasuredAxis, after: MeasuredAxis) -> AxisVerdict:
+def judge_measured(
+    change: TableChange, before: MeasuredAxis, after: MeasuredAxis, *, turned: TableChange | None = None
+) -> AxisVerdict:
     """`judge_axis` of two measurements, with what their check stops and their scatter say."""
     old, new = before.evaluation, after.evaluation
+    tabled = change.new.kind == "axis" and not change.skipped
     return judge_axis(
         change.axis,
         old,
         after=new,
         change=change,
-        checked=check_between(change, after.capture),
+        checked=check_between(change, after.capture) if tabled else None,
         spread=spread_change(before.capture, after.capture, (old.R, new.R)),
+        turned=turned,
     )
 
 
-def unmeasured(axis: str, before: Evaluation, change: TableChange, push: PushRecord) -> AxisVerdict:
+def unmeasured(axis: str, before: Evaluation, change: TableChange, *, pushed: bool) -> AxisVerdict:
     """An axis that was not measured again: nothing was pushed, or there is no instrument to prove it with."""
-    pushed = push.outcome in PUSHED
     said = words("W-VERDICT-UNPROVED") if pushed else change.skipped or words("W-VERDICT-NOTHING")
     return AxisVerdict(axis, before.unit, before, before, improved=False, within_prediction=False, words=said)
 
@@ -97,11 +111,24 @@ def _over_travel(after: Evaluation) -> str:
     return " " + words("W-VERDICT-TRAVEL", **sizes)
 
 
-def _smaller(before: Evaluation, after: Evaluation) -> int:
-    if before.M is None or after.M is None:
+def _reversal(before: Evaluation, after: Evaluation, *, worse: bool) -> str:
+    """B, R and A before and after, and what of A scatter alone leaves."""
+    figures = {
+        f"{name}_{when}": "-" if value is None else f"{value:.2f}"
+        for when, one in (("before", before), ("after", after))
+        for name, value in (("B", one.B), ("R", one.R), ("A", one.A))
+    }
+    U, left = after.U.get("B", float("nan")), scatter_alone(after)
+    code = "W-VERDICT-REVERSAL-WORSE" if worse else "W-VERDICT-REVERSAL"
+    return words(code, **figures, B_U=f"{U:.2f}", scatter="-" if left is None else f"{left:.2f}", unit=after.unit)
+
+
+def _smaller(before: Evaluation, after: Evaluation, name: Literal["M", "B"]) -> int:
+    was, is_now = getattr(before, name), getattr(after, name)
+    if was is None or is_now is None:
         return 0
-    doubt = float(np.hypot(before.U.get("M", 0.0), after.U.get("M", 0.0)))
-    change = before.M - after.M
+    doubt = float(np.hypot(before.U.get(name, 0.0), after.U.get(name, 0.0)))
+    change = was - is_now
     return 0 if abs(change) <= doubt else int(np.sign(change))
 
 
@@ -110,8 +137,22 @@ def _U_of_change(before: Evaluation, after: Evaluation) -> float:
     return float(np.hypot(before.U.get("M", np.inf), after.U.get("M", np.inf)))
 
 
+def _reversal_holds(after: Evaluation, turned: TableChange | None) -> bool:
+    """Whether B is at every target what was predicted of it; a place with one approach alone tells nothing."""
+    if turned is None:
+        return True
+    if not _same_targets(after, turned):
+        return False
+    off = np.abs(after.B_i - turned.predicted) - WIDEN * turned.predicted_U
+    return not bool(np.any(off[np.isfinite(off)] > 0.0))
+
+
+def _same_targets(after: Evaluation, change: TableChange) -> bool:
+    return len(change.targets) == len(after.targets) and np.allclose(change.targets, after.targets, atol=1e-6)
+
+
 def _prediction_holds(after: Evaluation, change: TableChange) -> bool:
-    if len(change.targets) != len(after.targets) or not np.allclose(change.targets, after.targets, atol=1e-6):
+    if not _same_targets(after, change):
         return False
     difference = mean_of_both(after) - change.predicted
     difference -= float(np.nanmedian(difference))

@@ -48,11 +48,16 @@ async def disable_site(
 
 
 def order_named(axis: AxisSection, table: str) -> DisableOrder:
-    """The table of an axis that is meant: none, or as people name it. Raises ConfigError (E-DISABLE-TABLE)."""
+    """The table of an axis that is meant: its own by no word, its reversal or a cross table as people name them.
+
+    Raises ConfigError (E-DISABLE-TABLE).
+    """
     plain = table.removeprefix(f"{axis.name}-").lower()
     cross = spoken().cross_index(plain)
     if cross is not None:
         return DisableOrder(0, "cross", axis.name, cross)
+    if plain == spoken().reversal_key:
+        return DisableOrder(0, "reversal", axis.name, axis.encoder)
     if plain not in ("", spoken().own_key, axis.name.lower()):
         raise ConfigError("E-DISABLE-TABLE", "--table", table=table, axis=axis.name)
     return DisableOrder(0, "axis", axis.name, axis.encoder)

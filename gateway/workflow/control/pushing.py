@@ -54,18 +54,22 @@ Done = TypeVar("Done")
 async def apply_proposal(at: Bench, proposal: Proposal, measured: Mapping[str, MeasuredAxis]) -> Verdict:
     """Push every change of a proposal, measure the pushed axes again and judge.
 
-    Axis tables come first and are judged on the axis before any cross table is pushed: each axis' own deviation is
-    judged without what the tooth asks of it. Raises WriteRefused, VerifyError (rolled back) or RollbackFailed
-    (held) at the first layer with a table that was not committed, after everything about it is stored; with any reason
-    against any table at the start, nothing at all is written.
+    Each axis' own tables and then its reversal come first and are judged together, by measuring the axis once, before
+    any cross table is pushed: its own deviation is judged without what the tooth asks of it. Raises WriteRefused,
+    VerifyError (rolled back) or RollbackFailed (held) at the first layer with a table that was not committed, after
+    everything about it is stored; with any reason against any table at the start, nothing at all is written.
     """
     demand_todays(at.folder)
     await _nothing_against(at, proposal, measured)
     done = _Done(take_up(at, proposal))
     own = [change for change in proposal.changes if change.layer == "axis"]
-    await _push(at, own, measured, done)
+    await _push(at, [change for change in own if change.new.kind != "reversal"], measured, done)
+    for change in own:
+        if change.new.kind == "reversal":  # it needs no restart, and is read and proved by itself
+            await _push(at, [change], measured, done)
     at.folder.set_state("pushed")
-    verdicts = [await _verify(at, change, measured[change.axis], done.records[change.name]) for change in own]
+    axes = dict.fromkeys(change.axis for change in own)
+    verdicts = [await _verify(at, [one for one in own if one.axis == name], measured[name], done) for name in axes]
     await _push(at, [change for change in proposal.changes if change.layer == "cross"], measured, done)
     verdict = judge(tuple(verdicts), tuple(done.records.values()), tuple(done.proofs))
     at.folder.put(stages.VERDICT, verdict, tuple(at.folder.digest(stages.push(name)) for name in done.records))
@@ -220,13 +224,17 @@ def push_context(at: Bench, axis: AxisSection, capture: Capture | None) -> PushC
     )
 
 
-async def _verify(at: Bench, change: TableChange, before: MeasuredAxis, push: PushRecord) -> AxisVerdict:
-    measurable = push.outcome in PUSHED and at.supervisor.controller.capabilities.stops
+async def _verify(at: Bench, changes: Sequence[TableChange], before: MeasuredAxis, done: _Done) -> AxisVerdict:
+    """Measure an axis once with everything of its own layer in, and judge it."""
+    pushed = [one for one in changes if done.records[one.name].outcome in PUSHED]
+    change = next((one for one in changes if one.new.kind == "axis"), changes[0])
+    turned = next((one for one in pushed if one.new.kind == "reversal"), None)
+    measurable = bool(pushed) and at.supervisor.controller.capabilities.stops
     again = live_again(at.axis(change.axis), change.targets) if measurable else None
     if again is None:
-        return unmeasured(change.axis, before.evaluation, change, push)
+        return unmeasured(change.axis, before.evaluation, change, pushed=bool(pushed))
     after = await measure_axis(at, again, "after")
-    return judge_measured(change, before, after)
+    return judge_measured(change, before, after, turned=turned)
 
 
 async def push_run(

@@ -79,6 +79,9 @@ async def _shown(at: Bench, done: Committed, context: PushContext) -> Outcome:
 def _difference(done: Committed) -> list[str]:
     """What the table would become, at the points of the larger of both."""
     new, old = done.new, done.old
+    if new.table.kind == "reversal":
+        was, becomes = (effective(one).deviations[0] for one in (new, old))
+        return [f"  {was:+9.3f} -> {becomes:+9.3f} {new.table.deviation_unit}"]
     places = max((new.table, old.table), key=lambda table: len(table.deviations)).positions
     now, then = acting(effective(new), places), acting(effective(old), places)
     unit = new.table.deviation_unit

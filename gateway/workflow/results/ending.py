@@ -60,14 +60,14 @@ def outcome_of(
 ) -> Outcome:
     """Gather what a run's end shows."""
     rows = tuple(row for axis, pair in evaluations.items() for row in _rows(axis, *pair))
-    lines = [f"{change.axis}: {change.skipped}" for change in proposal.changes if change.skipped]
+    lines = [f"{change.name}: {change.skipped}" for change in proposal.changes if change.skipped]
     lines += [f"{axis.axis}: {axis.words}" for axis in verdict.axes] if verdict is not None else proposal.warnings
     lines += [f"run folder: {run_folder}", f"report: {paths.html}"]
     worse = verdict is not None and verdict.outcome == "worse"
     data = {
         "outcome": verdict.outcome if verdict is not None else "not-pushed",
         "axes": {axis: _data(*pair) for axis, pair in evaluations.items()},
-        "not_corrected": {change.axis: change.skipped for change in proposal.changes if change.skipped},
+        "not_corrected": {change.name: change.skipped for change in proposal.changes if change.skipped},
         "warnings": list(proposal.warnings),
         "report": paths.as_data(),
     }

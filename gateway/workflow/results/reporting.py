@@ -23,6 +23,7 @@ from gateway.report import (
     FileUsed,
     InstrumentNote,
     ReportMaterial,
+    TableMaterial,
     ToothMaterial,
     as_json,
     before_after_png,
@@ -34,12 +35,13 @@ from gateway.report.missing import PUSHED
 from gateway.store import RunFolder
 from gateway.workflow import stages
 from gateway.workflow.axes.measure import budget_of
+from gateway.workflow.axes.propose import size_of
 from gateway.workflow.bench import site_recorded
 from gateway.workflow.errors21.setups import planned
 from gateway.workflow.results.conformity import judged
 from gateway.workflow.results.overview import index_html, results_csv
 from gateway.workflow.results.particulars import particulars_of, was_simulated
-from gateway.workflow.results.tooth import found, tooth_of
+from gateway.workflow.results.tooth import found, proof_of, tooth_of
 
 WRITTEN = ("report.", "calibration-report.", "results.csv", "index.html")
 
@@ -176,6 +178,7 @@ def _axis(
     change = _change(proposal, name)
     component = found(folder, stages.component(name), Component)
     findings = (change.skipped,) if change is not None and change.skipped else ()
+    beside = _beside(folder, proposal, verdict, name)
     return AxisMaterial(
         axis=name,
         letter=axis.letter,
@@ -190,7 +193,8 @@ def _axis(
         sign_proof=_proof(verdict, name),
         sense_proof=before.sense if before is not None else None,
         verdict=_axis_verdict(verdict, name),
-        findings=findings,
+        beside=beside,
+        findings=(*findings, *(f"{one.change.name}: {one.change.skipped or size_of(one.change)}" for one in beside)),
         acting=found(folder, stages.acting(name), ActingCheck),
         budget=budget_of(before) if before is not None else None,
         course_before=_course(folder, stages.raw(name, "before"), _setup_raw(site, axis)),
@@ -214,6 +218,18 @@ def _setup_raw(site: SiteFile, axis: AxisSection) -> str:
 def _change(proposal: Proposal | None, axis: str) -> TableChange | None:
     changes = proposal.changes if proposal is not None else ()
     return next((change for change in changes if change.name == axis), None)
+
+
+def _beside(
+    folder: RunFolder, proposal: Proposal | None, verdict: Verdict | None, axis: str
+) -> tuple[TableMaterial, ...]:
+    """What of an axis' own layer is beside its table: the reversal."""
+    changes = proposal.changes if proposal is not None else ()
+    mine = [one for one in changes if (one.axis, one.layer) == (axis, "axis") and one.new.kind != "axis"]
+    proofs = verdict.proofs if verdict is not None else ()
+    return tuple(
+        TableMaterial(one, found(folder, stages.push(one.name), PushRecord), proof_of(proofs, one)) for one in mine
+    )
 
 
 def _proof(verdict: Verdict | None, axis: str) -> SignProof | None:

@@ -18,7 +18,8 @@ def outlooks(own: Sequence[TableChange], cross: Sequence[TableChange]) -> tuple[
     Measured was while no cross table acted between the site's axes, so what is proposed is all that will.
     """
     proposed = [one for one in cross if not one.skipped]
-    return tuple(_outlook(one, [other for other in proposed if other.axis == one.axis]) for one in own)
+    tables = [one for one in own if one.new.kind == "axis"]
+    return tuple(_outlook(one, [other for other in proposed if other.axis == one.axis]) for one in tables)
 
 
 def told_of(found: Sequence[AxisOutlook]) -> Iterator[str]:

@@ -171,7 +171,7 @@ class _Task:
             plan,
             model,
             _shop(at.site.work, measured, letters, grinding),
-            tuple(_lettered(change.new, letters) for change in own if not change.skipped),
+            tuple(_lettered(one.new, letters) for one in own if one.new.kind == "axis" and not one.skipped),
             tuple(_lettered(one, letters) for one in (*acting, *acting_cross(at, live))),
             live,
             {letter: name for name, letter in letters.items()},

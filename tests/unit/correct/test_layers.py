@@ -16,7 +16,6 @@ from gateway.correct.flank.wheel_places import places_of_grid, places_of_points
 from gateway.correct.part.fromgear import correct_from_gear, fit_places, visible
 from gateway.correct.plan.layers import correct
 from gateway.correct.plan.records import record
-from gateway.correct.plan.reversal import reversal_advice
 from gateway.correct.solve.floor import floor
 from gateway.errors import ModelError
 from gateway.gear.first_order import flank_abg, judged
@@ -26,7 +25,6 @@ from gateway.gear.linear import linear_flank
 from gateway.model.layout import chain_of
 from gateway.model.motion import Fourier
 from gateway.model.preset import TWENTY_ONE, yk7350b
-from gateway.table import Grid
 from tests.sizes import few
 from tests.unit.correct.machines import PLAN, as_errors, corrected_flank, machine
 from tests.unit.gear.machines import DISC, RV40E
@@ -128,34 +126,6 @@ def test_the_floor_goes_down_step_by_step_and_no_correction_is_below_it() -> Non
 def test_alpha_is_told_in_arcsec_per_um() -> None:
     grinding, grid = machine(1)
     assert floor(grinding, grid).alpha_arcsec_per_um == pytest.approx(3.2, abs=0.3)
-
-
-def test_reversal_is_advice_and_a_pair_where_it_varies() -> None:
-    at = np.linspace(0.0, 200.0, 11)
-    grid = Grid(0.0, 200.0, 20.0)
-    even = reversal_advice("X1", "mm", at, np.full(11, -3.0), 0.5, grid, resolution=1e-4, reference=0.0)
-    assert even.pair is None
-    assert even.backlash == pytest.approx(0.003)
-    varying = -3.0 + 2.0 * np.sin(at / 30.0)
-    B = varying.copy()
-    B[4] = np.nan
-    found = reversal_advice(
-        "X1", "mm", at, B, 0.5, grid, resolution=1e-4, reference=0.0, live_backlash=0.001, indices=(4, 5)
-    )
-    assert found.pair is not None
-    plus, minus = found.pair
-    assert (plus.direction, minus.direction, plus.index, minus.index) == (1, -1, 4, 5)
-    assert plus.input_axis == plus.output_axis == "X1"
-    np.testing.assert_allclose(np.array(plus.deviations), -np.array(minus.deviations), atol=1e-12)
-    assert plus.deviations[0] == 0.0
-    spread = np.array(plus.deviations) - np.array(minus.deviations)
-    wanted = varying - varying[0]
-    np.testing.assert_allclose(spread, wanted, atol=0.9)
-    assert found.backlash == pytest.approx(0.001 - np.nanmean(B) / 1e3)
-    quiet = reversal_advice("X1", "mm", at, np.full(11, 0.1), 0.5, grid, resolution=1e-4, reference=0.0)
-    assert quiet.backlash is None
-    with pytest.raises(ModelError, match="E-CORRECT-REVERSAL"):
-        reversal_advice("X1", "mm", at, B, 0.0, grid, resolution=1e-4, reference=0.0)
 
 
 @pytest.mark.parametrize("seed", [1, 3])

@@ -16,7 +16,7 @@ from drivers.types.abilities import Marker, TableLimits
 from drivers.types.machine import AxisState
 from drivers.types.orders import SignProof
 from drivers.types.sensing import Ambient
-from drivers.types.tables import LiveSet, LiveTable, TemperatureShift
+from drivers.types.tables import LiveSet, LiveTable, TemperatureShift, reversal_of
 from gateway.domain.proposals import Approval
 from gateway.interlocks import PushFacts, needed, refusals, warnings
 from gateway.interlocks.measured import allowed_drift_k
@@ -142,6 +142,7 @@ MORE: list[tuple[str, PushFacts]] = [
     ("E-INT-CROSS-POINTS", replace(CROSS, limits=TableLimits(8, 1e-6, 0.2, 1.0))),
     ("E-INT-CROSS-POINTS", replace(CROSS, limits=TableLimits(0, 1e-6, 0.2, 1.0))),
     ("E-INT-TYPE", cross(table_type=1)),
+    ("E-INT-KIND", replace(GOOD, change=replace(CHANGE, new=reversal_of("X1", "mm", -2.4)), proof=replace(PROOF, kind="reversal"))),
     ("E-INT-DIRECTION", cross(direction=2)),
     ("E-INT-SELF", cross(input_axis="X1")),
     ("E-INT-INDEX", replace(CROSS, live=beside(LiveTable(replace(WAVE, input_axis="C1"), True)))),
