@@ -12,6 +12,8 @@ from drivers.types.stops import Stop
 from drivers.types.tables import CompensationTable, reversal_of
 from gateway.axes import AxisRecord
 
+ROUNDS = 6
+"""Four stops make one step, so one reading out of line must not decide: the median of so many does not heed it."""
 _WAYS = (1, -1, 1)  # the first stop switches and is not read; the two others give B
 
 

@@ -26,6 +26,7 @@ from drivers.units import deviation_unit
 from gateway.axes import AxisRecord
 from gateway.domain.proposals import TableChange
 from gateway.errors import RollbackFailed, StillOn, VerifyError, WriteRefused
+from gateway.evaluate.behaviour.repetitions import MAD_TO_SIGMA
 from gateway.push import conversation, reversalproof
 from gateway.push.asking import ask
 from gateway.push.beginning import Task, begun
@@ -43,6 +44,7 @@ PEAK = 3.0
 WITHIN = 0.2
 TIMES_U = 4.0
 TIMES = 3
+MEDIAN_U = 1.2533  # a median scatters by so much more than a mean
 ReadStop = Callable[[Stop], Awaitable[tuple[float, float]]]
 
 
@@ -215,7 +217,7 @@ async def _measured(work: Work, order: PushOrder, peak: float, read_stop: ReadSt
     """Off and on three times while the input axis stands at the peak."""
     context = work.context
     trial = order.table if order.table.kind == "reversal" else None
-    stops = reversalproof.stops_at(peak, TIMES) if trial is not None else _stops(context, peak)
+    stops = reversalproof.stops_at(peak, reversalproof.ROUNDS) if trial is not None else _stops(context, peak)
     readings: list[tuple[float, float]] = []
 
     async def read(stop: Stop, _reached: StopReached) -> None:
@@ -244,12 +246,19 @@ def _say_switching(context: PushContext, order: PushOrder) -> None:
 
 
 def steps_of(readings: list[tuple[float, float]]) -> Steps:
-    """Mean of the on-minus-off differences of (value, u) pairs, off first; u from the larger of u and scatter."""
+    """Mean of the on-minus-off differences of (value, u) pairs, off first; u from the larger of u and scatter.
+
+    Of more than three the median, and their scatter without what lies out of line.
+    """
     off, on = np.array(readings[0::2]), np.array(readings[1::2])
     each = on[:, 0] - off[:, 0]
     stated = float(np.sqrt(np.sum(on[:, 1] ** 2 + off[:, 1] ** 2))) / each.size
-    scatter = float(np.std(each, ddof=1)) / float(np.sqrt(each.size))
-    return Steps(float(np.mean(each)), max(stated, scatter), tuple(float(value) for value in each))
+    root, told = float(np.sqrt(each.size)), tuple(float(value) for value in each)
+    if each.size <= TIMES:
+        return Steps(float(np.mean(each)), max(stated, float(np.std(each, ddof=1)) / root), told)
+    centre = float(np.median(each))
+    scatter = MEDIAN_U * MAD_TO_SIGMA * float(np.median(np.abs(each - centre))) / root
+    return Steps(centre, max(stated, scatter), told)
 
 
 def _judged(context: PushContext, steps: Steps, kind: TableKind) -> SignProof:

@@ -115,14 +115,15 @@ def test_a_measured_run_proposes_both_layers_and_the_flank_they_make(tmp_path: P
     found, stored, told, truth = run_virtual(job)
     flank = found.tooth.prediction
     print(found.as_data(), told, sep="\n")
-    assert [change.name for change in stored.changes[:3]] == ["X1", "Z1", "C1"]
-    cross = {change.new.name: change.new.index for change in stored.changes[3:]}
+    own = ["X1", "X1-reversal", "Z1", "Z1-reversal", "C1", "C1-reversal"]
+    assert [change.name for change in stored.changes[:6]] == own
+    cross = {change.new.name: change.new.index for change in stored.changes[6:]}
     assert set(cross) == {"X1(Z1)", "X1(C1)", "C1(Z1)", "C1(C1)"}
     assert sorted(cross.values()) == [0, 1, 2, 3]
     # Nothing refuses the push: signs are proved first, and the rest are warnings.
     assert [line for line in told if line.startswith(("E-", "W-INT-SLOPE"))] == []
     assert flank.u_um <= 0.25
-    tables = tuple(change.new for change in stored.changes if not change.skipped)
+    tables = tuple(one.new for one in stored.changes if not one.skipped and one.new.kind != "reversal")
     gear = CycloidGear(**truth.cell.part.gear.model_dump())  # type: ignore[union-attr]
     before, after = (set_right(ground_flank(truth, one), gear) for one in ((), tables))
     print(f"true {before.rms_um:.3f} -> {after.rms_um:.3f}")

@@ -34,7 +34,7 @@ from tests.selftested import cell_running
 
 BLOCK_S = 1.0
 # How often a run may do what it must not repeat when it goes on after a stop.
-ONCE = {"P-SETUP": 28, "P-PROPOSED": 7, "P-PUSH-ACTIVATE": 12, "P-GRIND-DONE": 3, "P-EVALUATED": 3}
+ONCE = {"P-SETUP": 28, "P-PROPOSED": 10, "P-PUSH-ACTIVATE": 12, "P-GRIND-DONE": 3, "P-EVALUATED": 3}
 Edit = Callable[[Cell, str], str]
 Figures = Mapping[str, float]
 

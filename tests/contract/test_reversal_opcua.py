@@ -49,6 +49,7 @@ async def test_a_reversal_acts_as_documented_and_is_taken_back(keys: Path, tmp_p
         # An axis that stays 2.4 um behind when it comes from the other side: the encoder must lead by as much.
         assert on.nck.get("$MA_BACKLASH[0,X1]") == pytest.approx(0.0024, abs=1e-9)
         assert lead(on, 1) - lead(on, -1) == pytest.approx(2.4, abs=1e-6)
+        assert on.nck.get("$MA_BACKLASH_MODE[0,X1]") == 2, "no cross table may take it up where the axis stands"
         again = await pushed(on, tmp_path)
         assert again.outcome == "already-applied"
         other = await pushed(on, tmp_path, 1.0)

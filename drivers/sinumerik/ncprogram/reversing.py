@@ -2,7 +2,9 @@
 
 One value, so half of it can never stand in the control: it is written only behind the release. What acts is MD32450 x
 MD32452 (parameter set 0, that of an axis which is no spindle); so the program divides by that factor and compares the
-product. Sources: texts of MD32450 and MD32452; activation NEW CONF by the same.
+product. With bit 1 of MD32454 off, a cross table that moves the standing axis a micrometre back would take up the whole
+value there, in the middle of a stroke: a value that is loaded sets that bit, a way back leaves it. Sources: texts of
+MD32450, MD32452 and MD32454; activation NEW CONF by the same.
 """
 
 from __future__ import annotations
@@ -34,14 +36,22 @@ def tried(table: CompensationTable, on: bool) -> list[str]:
     return ["STOPRE", f"{name}={value_text(value)}/{share}", "NEWCONF", "STOPRE"]
 
 
-def assignment(order: PushOrder) -> str:
-    """The block that writes the value; it acts from the next NEWCONF on."""
-    (value,) = tables.values_of(order)
-    return f"{datum(order.table.index, order.table.output_axis)}={value_text(value)}/{factor(order.table.output_axis)}"
+def mode(encoder: int, axis: str) -> str:
+    """MD32454 of an axis' measuring system: bit 1 keeps the value from answering to movements of other tables."""
+    return f"$MA_BACKLASH_MODE[{encoder},{axis}]"
 
 
-def other(order: PushOrder) -> str:
-    """The condition that what stands there, with the factor, is another value."""
+def assignments(order: PushOrder) -> list[str]:
+    """The blocks that write the value; it acts from the next NEWCONF on."""
     (value,) = tables.values_of(order)
-    acts = f"{datum(order.table.index, order.table.output_axis)}*{factor(order.table.output_axis)}"
-    return f"ABS({acts}-({value_text(value)}))>{value_text(_HALF_UNIT)}"
+    encoder, axis = order.table.index, order.table.output_axis
+    deaf = [f"{mode(encoder, axis)}={mode(encoder, axis)} B_OR 2"] if order.purpose == "table" else []
+    return [*deaf, f"{datum(encoder, axis)}={value_text(value)}/{factor(axis)}"]
+
+
+def wrong(order: PushOrder) -> list[str]:
+    """Conditions that what stands there, with the factor, is another value, or answers to other tables' movements."""
+    (value,) = tables.values_of(order)
+    encoder, axis = order.table.index, order.table.output_axis
+    hears = [f"({mode(encoder, axis)} B_AND 2)==0"] if order.purpose == "table" else []
+    return [*hears, f"ABS({datum(encoder, axis)}*{factor(axis)}-({value_text(value)}))>{value_text(_HALF_UNIT)}"]

@@ -100,13 +100,13 @@ def switched_on(orders: Sequence[PushOrder], variable: str, held: str) -> list[s
 
 def _on(order: PushOrder) -> list[str]:
     if order.table.kind == "reversal":
-        return [reversing.assignment(order)]
+        return reversing.assignments(order)
     return [f"{switch}=1" for switch in switches(order.table)]
 
 
 def _not_on(order: PushOrder) -> list[str]:
     if order.table.kind == "reversal":
-        return [reversing.other(order)]
+        return reversing.wrong(order)
     return [f"{switch}<>1" for switch in switches(order.table)]
 
 

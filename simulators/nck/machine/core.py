@@ -143,7 +143,7 @@ class Core:
             axis.encoders_referenced[encoder] = axis.spec.absolute_encoder and adjusted
         axis.moved = False
         axis.backlash.dynamic_on = False
-        if not int(self.data.effective("$MA_BACKLASH_MODE", axis.index)) & 1:
+        if not int(self.data.effective("$MA_BACKLASH_MODE", axis.active_encoder, axis.index)) & 1:
             axis.backlash.forget_direction()
 
     def _rebuild_memory(self) -> None:

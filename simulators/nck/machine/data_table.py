@@ -64,7 +64,7 @@ DATA: dict[str, DataSpec] = {
     CEC_ENABLE: DataSpec("a", "bool", "newconf", False),
     BACKLASH: _length("na"),
     "$MA_BACKLASH_FACTOR": DataSpec("na", "real", "newconf", 1.0, low=0.01, high=100.0, count=6),
-    "$MA_BACKLASH_MODE": DataSpec("a", "int", "newconf", 0, low=0, high=3),
+    "$MA_BACKLASH_MODE": DataSpec("na", "int", "newconf", 0, low=0, high=3, count=2),
     "$MA_BACKLASH_DYN": _length("na"),
     "$MA_BACKLASH_DYN_MAX_VELO": _real("a", 1.0, 0.0, 100.0),
     "$MA_ENC_CHANGE_TOL": _length("a", 0.1, 0.0),

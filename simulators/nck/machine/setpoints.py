@@ -148,7 +148,7 @@ class Setpoints:
     ) -> None:
         """MD32454 bit 1 = 0: movements of the additional setpoint take up backlash too."""
         how = self.take_up(axis.index)
-        deaf = int(self._data.effective("$MA_BACKLASH_MODE", axis.index)) & 2
+        deaf = int(self._data.effective("$MA_BACKLASH_MODE", axis.active_encoder, axis.index)) & 2
         if how.whole(1) == how.whole(-1) or deaf or not self._spec.backlash_reacts_to_cec:
             return
         axis.backlash.forget_plans(how, now)

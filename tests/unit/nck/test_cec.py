@@ -179,7 +179,7 @@ async def test_backlash_leads_the_encoder_in_each_direction() -> None:
 @pytest.mark.parametrize(("mode", "taken_up"), [(0, True), (2, False)])
 async def test_compensation_takes_up_backlash_unless_told_not_to(mode: int, taken_up: bool) -> None:
     async with on_bench() as bench:
-        extra = f"$MA_BACKLASH[0,X1]=0.008\n$MA_BACKLASH_MODE[X1]={mode}\n"
+        extra = f"$MA_BACKLASH[0,X1]=0.008\n$MA_BACKLASH_MODE[0,X1]={mode}\n"
         await load(bench, table(0, "Z1", "X1", [0.0, 0.01], 0.0, 100.0), "X1", extra=extra)
         await move(bench, "X10")
         await move(bench, "Z100")

@@ -196,7 +196,7 @@ async def test_point_07_cylinder_errors_are_added_to_the_two_points() -> None:
 async def test_point_08_backlash(mode: int, reverses: bool) -> None:
     async with on_bench() as bench:
         text = table(0, "Z1", "X1", [0.0, 0.010], 0.0, 100.0)
-        extra = f"$MA_BACKLASH[0,X1]=0.004 $MA_BACKLASH_FACTOR[0,X1]=2 $MA_BACKLASH_MODE[X1]={mode}\n"
+        extra = f"$MA_BACKLASH[0,X1]=0.004 $MA_BACKLASH_FACTOR[0,X1]=2 $MA_BACKLASH_MODE[0,X1]={mode}\n"
         await load(bench, text, "X1", extra=extra)
         await move(bench, "X50")
         assert encoder(bench, "X1") == pytest.approx(50.004, abs=1e-9), "the encoder leads"
@@ -227,7 +227,7 @@ async def test_point_08_dynamic_backlash_comes_slowly_and_half_in_each_direction
 async def test_point_08_power_on_forgets_the_direction_unless_mode_bit_0() -> None:
     async with on_bench() as bench:
         for mode, lead in ((0, 0.002), (1, -0.002)):
-            await bench.run(f"$MA_BACKLASH[0,X1]=0.004 $MA_BACKLASH_MODE[X1]={mode}\nNEWCONF\nG0 X10\nX-5\nM30")
+            await bench.run(f"$MA_BACKLASH[0,X1]=0.004 $MA_BACKLASH_MODE[0,X1]={mode}\nNEWCONF\nG0 X10\nX-5\nM30")
             bench.nck.power_cycle()
             await bench.sleep(11.0)
             bench.nck.core.axis("X1").referenced = True
