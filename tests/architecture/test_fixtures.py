@@ -12,6 +12,18 @@ TESTS = Path(__file__).parents[1]
 JUDGED = "test_what_tables_and_set_up_values_can_cure_leaves_nothing"
 WHOLLY_LONG = {
     (
+        "test_reversals.py",
+        "test_a_constant_reversal_is_gone_at_and_between_the_targets",
+    ): "test_the_demo_machines_rotary_axis_gets_better_as_promised",
+    (
+        "test_reversals.py",
+        "test_a_reversal_within_its_scatter_is_left_alone_and_said_to_be",
+    ): "tests/unit/correct/test_reversal.py",
+    (
+        "test_reversals.py",
+        "test_what_depends_on_the_position_stays_and_is_never_larger",
+    ): "tests/unit/correct/test_reversal.py",
+    (
         "test_more_targets.py",
         "test_a_run_measures_more_where_its_axis_hides_something",
     ): "tests/unit/table/test_more_targets.py",

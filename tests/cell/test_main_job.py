@@ -25,6 +25,7 @@ def _rotary_as_promised(judged: Judged) -> None:
     assert after["M"] <= 0.1 * before["M"]
     assert after["M"] <= 1.5
     assert after["E"] <= after["M"] + after["B"] + 0.3
+    assert after["B"] <= 0.5 * before["B"]
 
 
 def _linear_as_promised(judged: Judged, axis: str) -> None:

@@ -57,6 +57,9 @@ TWO = replace(GOOD, change=STEEP, plan=PLAN, actor="first", approvals=(GIVEN,))
 Z_STATE = AxisState("Z1", 0.0, True, True, 0.0, 0.0, "mm")
 C_STATE = AxisState("C1", 0.0, True, True, 0.0, 0.0, "deg")
 BOTH = replace(STATE, axes={**STATE.axes, "Z1": Z_STATE, "C1": C_STATE})
+REVERSED = replace(
+    GOOD, change=replace(CHANGE, new=reversal_of("X1", "mm", -2.4)), proof=replace(PROOF, kind="reversal")
+)
 WAVE = replace(NEW, kind="cross", input_axis="Z1", index=3)
 CEC_PROOF = SignProof(MACHINE, "cross", "X1", 0.99, 0.02, -1, "2026-11-20T10:00:00+00:00")
 HELD = replace(WAVE, index=5)
@@ -142,7 +145,7 @@ MORE: list[tuple[str, PushFacts]] = [
     ("E-INT-CROSS-POINTS", replace(CROSS, limits=TableLimits(8, 1e-6, 0.2, 1.0))),
     ("E-INT-CROSS-POINTS", replace(CROSS, limits=TableLimits(0, 1e-6, 0.2, 1.0))),
     ("E-INT-TYPE", cross(table_type=1)),
-    ("E-INT-KIND", replace(GOOD, change=replace(CHANGE, new=reversal_of("X1", "mm", -2.4)), proof=replace(PROOF, kind="reversal"))),
+    ("E-INT-KIND", REVERSED),
     ("E-INT-DIRECTION", cross(direction=2)),
     ("E-INT-SELF", cross(input_axis="X1")),
     ("E-INT-INDEX", replace(CROSS, live=beside(LiveTable(replace(WAVE, input_axis="C1"), True)))),
