@@ -92,7 +92,7 @@ def _why_not(
     sizes = {"B": f"{advice.largest:.2g}", "U": f"{advice.U:.2g}", "mean": f"{advice.mean:+.2g}", "unit": unit}
     if advice.within:
         return told("S-REVERSAL-WITHIN", axis, **sizes)
-    if can.table("reversal") is None:
+    if can.table("reversal") is None or not can.stops:  # its sign is proved by coming from both sides, by a program
         return told("S-REVERSAL-KIND", axis, **sizes)
     if advice.constant == 0.0:
         return told("S-REVERSAL-NO-GAIN", axis, **sizes)
