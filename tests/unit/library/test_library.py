@@ -34,6 +34,25 @@ def test_every_python_block_of_the_handbook_runs(page: str, block: str, monkeypa
     exec(compile(block, page, "exec"), {})  # noqa: S102  the page is ours
 
 
+@pytest.mark.parametrize(
+    "notebook", sorted((ROOT / "examples" / "notebooks").glob("*.ipynb")), ids=lambda one: one.stem
+)
+def test_every_notebook_runs_from_above_to_below(
+    notebook: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("examples", "tests"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    monkeypatch.chdir(tmp_path)
+    cells = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
+    known: dict[str, object] = {}
+    for cell in (one for one in cells if one["cell_type"] == "code"):
+        assert cell["outputs"] == [], "stored without what it printed"
+        exec(compile("".join(cell["source"]), f"{notebook.name}:{cell['id']}", "exec"), known)  # noqa: S102  ours
+    pages = list(tmp_path.glob("out/report.html"))
+    assert len(pages) == (notebook.stem == "from-a-file-to-a-report")
+    assert all("B" in page.read_text(encoding="utf-8") for page in pages)
+
+
 def test_it_is_the_commands_numbers() -> None:
     told = CliRunner().invoke(app, ["study", str(GEAR), str(ERRORS), "--trajectories", "2", "--json"])
     shown = json.loads(told.output)
