@@ -19,7 +19,7 @@ test: rules
 	$(MAKE) --no-print-directory -j2 types tests
 
 tests: $(VENV)/developed
-	$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal -m "not soak and not interop and not long and not services and not browser"
+	$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal -m "not soak and not interop and not long and not services and not browser and not release"
 
 # Both at a time: each takes one core. The words of one never stand in those of the other.
 check: $(VENV)/developed
