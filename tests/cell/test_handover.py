@@ -29,6 +29,7 @@ from gateway.workflow.control.rolling_back import roll_back_site
 from gateway.workflow.control.verifying import verify_table
 from gateway.workflow.loop.run import run_site
 from gateway.workflow.outcome import Outcome
+from gateway.workflow.showing import narrowed
 from simulators.cell import Cell
 from simulators.cell.judge import Judge
 from tests.cell.bench import short
@@ -57,7 +58,7 @@ class Story:
         async with bench(self.site, self.path, self.folder, self.clock, silence) as at:
             moment = datetime.now(UTC).isoformat()
             proof = SignProof(at.machine, "axis", "C1", -1.0, 0.01, 1, moment)
-            taken = consents.take_up(at, self.folder.get(stages.PROPOSAL, Proposal))
+            taken = consents.take_up(at, narrowed(self.folder.get(stages.PROPOSAL, Proposal), ("C1",)))
             context = consents.consented(at, change, push_context(at, at.axis("C1"), None), taken[change.name])
             context = replace(context, actor=actor, proof=proof, approvals_needed=2)
             consents.begin(at, change, context)
@@ -139,10 +140,10 @@ def test_approved_pushed_compared_taken_back(tmp_path: Path) -> None:
         untouched = await at.tables()
         shown = await show_plan(at.folder, **at.asked)
         assert any("360.000" in line for line in shown.points)
-        assert [row[0] for row in shown.rows] == ["C1"]
+        assert [row[0] for row in shown.rows] == ["C1", "C1-reversal"]
         with pytest.raises(WriteRefused):
             await approve_plan(at.folder, table="C1", typed_name="another", clock=at.clock, actor="ann")
-        given = await approve_plan(at.folder, table="", typed_name=at.site.site.name, clock=at.clock, actor="ann")
+        given = await approve_plan(at.folder, table="C1", typed_name=at.site.site.name, clock=at.clock, actor="ann")
         assert await at.tables() == untouched
         assert Approvals(at.folder.path).unused() == given
         assert await at.push("bob") == "committed"
@@ -181,14 +182,15 @@ def test_approved_pushed_compared_taken_back(tmp_path: Path) -> None:
 
         look, done = "verify-table-looked", [entry["action"] for entry in audit.entries(at.root)]
         assert done == [
-            *("propose", "approve", "approval-used", "push-start", "push-begun", "push-ending", "push-committed"),
+            *("propose", "propose", "approve", "approval-used"),  # the axis' table and its reversal; one is taken
+            *("push-start", "push-begun", "push-ending", "push-committed"),
             *("table-as-pushed", look, "rollback-looked"),
             *("disable-looked", "disable-start", "disable-off", "table-differs", look, "disable-start"),
             *("disable-already-off", "table-differs", look),
             *("rollback-start", "push-begun", "rollback-refused", "table-as-pushed", look),
             *("rollback-start", "push-begun", "push-ending", "rollback-committed", "table-as-pushed", look),
         ]
-        given_by, used, start = list(audit.entries(at.root))[1:4]
+        given_by, used, start = list(audit.entries(at.root))[2:5]
         assert used["details"]["approval"] == given_by["details"]["approval"]
         assert given_by["actor"] == "ann"
         assert (start["actor"], start["details"]["approved_by"]) == (audit.os_user(), "ann")

@@ -63,7 +63,9 @@ async def _changes(at: Bench, axis: AxisSection, item: MeasuredAxis) -> tuple[Ta
     at.folder.put(stages.component(axis.name), shown.doubted, (item.digest,))
     controller = at.supervisor.controller
     limits = await controller.table_limits(axis.name, "axis", axis.encoder)
-    turned = reversal_change(axis, shown, capture.live, can=controller.capabilities, resolution=limits.resolution)
+    seen = bool(axis.measure.instrument) or at.proofs.find(at.machine, "reversal", axis.name) is not None
+    resolution = limits.resolution
+    turned = reversal_change(axis, shown, capture.live, can=controller.capabilities, resolution=resolution, seen=seen)
     change = change_of(axis, shown, capture.live, limits, turned=turned)
     against = () if change.skipped else not_worth_it(capture, change)
     own = replace(change, skipped="; ".join(one.words for one in against)) if against else change

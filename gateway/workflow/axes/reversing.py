@@ -57,21 +57,24 @@ def reversal_of_capture(axis: AxisSection, shown: Structure) -> SeenReversal | N
 
 
 def reversal_change(
-    axis: AxisSection, shown: Structure, live: LiveSet, can: Capabilities, resolution: float
+    axis: AxisSection, shown: Structure, live: LiveSet, *, can: Capabilities, resolution: float, seen: bool
 ) -> TableChange | None:
     """The change of an axis' constant reversal; ``skipped`` says why there is none; None where nothing tells B.
 
-    ``resolution`` is the control's, in the axis unit. ``predicted`` (m,) is B as it will be at the targets, with
+    ``resolution`` is the control's, in the axis unit; ``seen``: its sign is proved, or an instrument can show it.
+    ``predicted`` (m,) is B as it will be at the targets, with
     ``predicted_U``. What lies within its scatter is left alone, and so is what a constant would not make smaller.
     """
-    seen = reversal_of_capture(axis, shown)
-    if seen is None:
+    found = reversal_of_capture(axis, shown)
+    if found is None:
         return None
-    advice, old, unit = seen.advice, live.reversal, shown.capture.unit
+    advice, old, unit = found.advice, live.reversal, shown.capture.unit
     step = resolution * deviation_scale(axis.unit)
     acts = old.table.deviations[0]
     wanted = round(float(np.rint((acts + advice.constant) / step)) * step, 9) + 0.0
     skipped = _why_not(axis.name, unit, advice, can, largest=Limits.of(axis.unit).reversal, wanted=wanted)
+    if not skipped and not seen:
+        skipped = told("S-REVERSAL-PROOF", axis.name, B=f"{advice.largest:.2g}", unit=unit)
     taken = 0.0 if skipped else wanted - acts
     return TableChange(
         axis=axis.name,
@@ -80,8 +83,8 @@ def reversal_change(
         old_enabled=old.enabled,
         base_digest=live.digest,
         targets=shown.capture.targets,
-        predicted=seen.B - taken,
-        predicted_U=COVERAGE * np.hypot(seen.u * np.sqrt(2.0), 2.0 * shown.capture.unsteady_u),
+        predicted=found.B - taken,
+        predicted_U=COVERAGE * np.hypot(found.u * np.sqrt(2.0), 2.0 * shown.capture.unsteady_u),
         skipped=skipped,
     )
 
