@@ -53,7 +53,7 @@ def begun(tasks: Sequence[Task], purpose: Purpose) -> Iterator[tuple[Work, ...]]
 
 def _work(whole: Transaction, task: Task, tasks: Sequence[Task]) -> Work:
     change = task.change
-    others = (other.change.new for other in tasks if other is not task and other.change.axis == change.axis)
+    others = [other.change for other in tasks if other is not task]
     return Work(
         task.context,
         whole,
@@ -62,7 +62,8 @@ def _work(whole: Transaction, task: Task, tasks: Sequence[Task]) -> Work:
         agreeing_position=task.agreeing_position,
         restore_to=LiveTable(change.old, change.old_enabled),
         of=change.name if len(tasks) > 1 else "",
-        beside=tuple(others),
+        beside=tuple(other.new for other in others if other.axis == change.axis),
+        along=tuple(other.new for other in others if other.axis != change.axis),
     )
 
 

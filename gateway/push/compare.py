@@ -102,7 +102,8 @@ def aside(live: LiveSet, tables: Sequence[CompensationTable]) -> LiveSet:
         return live
     gone = {table.index for table in tables if table.kind == "cross"}
     kinds = {table.kind for table in tables if table.output_axis == live.axis}
-    off = LiveTable(dataclasses.replace(live.own.table, deviations=(0.0,) * len(live.own.table.deviations)), False)
+    nothing: dict[str, Any] = {"minimum": 0.0, "maximum": 0.0, "step": 0.0, "deviations": (0.0,)}
+    off = LiveTable(dataclasses.replace(live.own.table, **nothing, places=(), reverse=(), modulo=False), enabled=False)
     return dataclasses.replace(
         live,
         own=off if "axis" in kinds else live.own,

@@ -121,7 +121,7 @@ def _still_there(work: Work, live: LiveSet, base: LiveSet) -> None:
     if not same_table(wanted, found, work.allowed):
         different = differences(wanted.table, found.table, work.allowed) or ("the switch is off",)
         raise VerifyError("E-PUSH-OVERWRITTEN", work.axis, axis=work.axis, first=different[0])
-    base, live = aside(base, work.beside), aside(live, work.beside)  # each of those is proved by itself
+    base, live = aside(base, work.siblings), aside(live, work.siblings)  # each of those is proved by itself
     switches = [one.enabled for one in rest_of(base, wanted.table)]
     again = [one.enabled for one in rest_of(live, wanted.table)]
     if not same_rest(base, live, wanted.table, work.allowed) or switches != again:

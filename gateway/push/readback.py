@@ -59,7 +59,7 @@ def fault_of(work: Work, order: PushOrder, read: ReadBack, backup: LiveSet) -> V
         different.append(words("W-PUSH-CONTROL-DIFFERS"))
     if different:
         return VerifyError("E-PUSH-READBACK", axis, count=len(different), first=different[0])
-    if not same_rest(aside(backup, work.beside), aside(read.found, work.beside), order.table, work.allowed):
+    if not same_rest(aside(backup, work.siblings), aside(read.found, work.siblings), order.table, work.allowed):
         raise VerifyError("E-PUSH-COUPLED", axis, axis=axis)
     return None
 

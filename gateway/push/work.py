@@ -48,7 +48,8 @@ class Work:
     """One table of a push in progress: ``change`` is wanted, ``restore_to`` must be live again if it fails.
 
     ``whole`` is its transaction; ``of`` its name among the journal's entries ("": it is the only one), ``beside`` the
-    other tables of the transaction that move the same output axis, ``acting`` those of them that act by now.
+    other tables of the transaction that move the same output axis, ``acting`` those of them that act by now, ``along``
+    those that move other axes.
     ``base`` is all that was live before, ``base_digest`` what remains of it in a later process.
     ``confirmed`` says that two independent readings agree on ``restore_to``: it goes back to nothing else.
     ``coupled`` says that other cross tables of the output axis, none of this transaction, were on before, so that they
@@ -68,6 +69,7 @@ class Work:
     restore_to: LiveTable
     of: str = ""
     beside: tuple[CompensationTable, ...] = ()
+    along: tuple[CompensationTable, ...] = ()
     acting: tuple[CompensationTable, ...] = ()
     coupled: bool = False
     again: bool = False
@@ -89,6 +91,11 @@ class Work:
     def axis(self) -> str:
         """Machine axis name of the output."""
         return self.change.axis
+
+    @property
+    def siblings(self) -> tuple[CompensationTable, ...]:
+        """The other tables of the transaction: each is compared by itself, so none of them is a change from outside."""
+        return (*self.beside, *self.along)
 
     @property
     def name(self) -> str:

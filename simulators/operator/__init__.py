@@ -16,7 +16,7 @@ SETUP = re.compile(r"TRUEFLANK SETUP (?P<component>\S+) ON (?P<letter>[A-Z])$")
 BLANK = re.compile(r"TRUEFLANK LOAD BLANK(?: .*)?$")
 UNLOAD = re.compile(r"TRUEFLANK UNLOAD PART(?: .*)?$")
 LOADED = re.compile(r"TRUEFLANK LOADED .+ NC START WHEN R(?P<number>\d+)=(?P<value>-?\d+(?:\.\d+)?)$")
-ACTIVATE = re.compile(r"TRUEFLANK ACTIVATE NCK RESET AND REFERENCE (?P<axis>\S+)$")
+ACTIVATE = re.compile(r"TRUEFLANK ACTIVATE NCK RESET AND REFERENCE (?P<axis>\S+( \S+)*)$")
 SELF_TEST = re.compile(r"TRUEFLANK SELF-TEST PRESS NC START$")
 RESET, ACTIVE, INTERRUPTED = 0, 1, 2
 LOOK_S = 0.5

@@ -57,7 +57,7 @@ def test_c_deviates_on_purpose_as_predicted_and_a_wrong_prediction_is_seen(tmp_p
             async with bench(site, path, folder, clock, silence) as at:
                 store_equipment(at)
                 measured = {"C1": await measure_axis(at, at.axis("C1"), "before")}
-                (own,) = await axis_changes(at, measured)
+                own, *_ = await axis_changes(at, measured)
                 live, new = measured["C1"].capture.live, over_itself()
                 assert live is not None
                 cross = TableChange(

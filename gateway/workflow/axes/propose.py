@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from drivers.errors import words
+from drivers.limits import ACCESS_LEVEL
 from drivers.types.abilities import TableLimits
 from drivers.types.tables import LiveSet
 from drivers.units import deviation_scale
@@ -19,6 +20,7 @@ from gateway.evaluate.behaviour.repetitions import RobustMeans
 from gateway.interlocks import not_worth_it
 from gateway.table import Grid, MeasuredMeans
 from gateway.table import propose as propose_table
+from gateway.table.limits import told
 from gateway.table.proposal import InstrumentU
 from gateway.workflow import stages
 from gateway.workflow.axes.coarse import cannot_hold
@@ -63,13 +65,23 @@ async def _changes(at: Bench, axis: AxisSection, item: MeasuredAxis) -> tuple[Ta
     at.folder.put(stages.component(axis.name), shown.doubted, (item.digest,))
     controller = at.supervisor.controller
     limits = await controller.table_limits(axis.name, "axis", axis.encoder)
-    seen = bool(axis.measure.instrument) or at.proofs.find(at.machine, "reversal", axis.name) is not None
-    resolution = limits.resolution
-    turned = reversal_change(axis, shown, capture.live, can=controller.capabilities, resolution=resolution, seen=seen)
+    against, resolution = await _against_reversal(at, axis), limits.resolution
+    turned = reversal_change(
+        axis, shown, capture.live, can=controller.capabilities, resolution=resolution, against=against
+    )
     change = change_of(axis, shown, capture.live, limits, turned=turned)
     against = () if change.skipped else not_worth_it(capture, change)
     own = replace(change, skipped="; ".join(one.words for one in against)) if against else change
     return (own, turned) if turned is not None else (own,)
+
+
+async def _against_reversal(at: Bench, axis: AxisSection) -> str:
+    """Why a reversal of this axis could not be pushed here, whatever was measured; "" where it could."""
+    proved = at.proofs.find(at.machine, "reversal", axis.name) is not None
+    if not proved and not axis.measure.instrument:
+        return told("S-REVERSAL-PROOF", axis.name)
+    level = (await at.supervisor.controller.state()).access_level
+    return told("S-REVERSAL-ACCESS", axis.name, level=level, needed=ACCESS_LEVEL) if level > ACCESS_LEVEL else ""
 
 
 def change_of(

@@ -57,11 +57,11 @@ def reversal_of_capture(axis: AxisSection, shown: Structure) -> SeenReversal | N
 
 
 def reversal_change(
-    axis: AxisSection, shown: Structure, live: LiveSet, *, can: Capabilities, resolution: float, seen: bool
+    axis: AxisSection, shown: Structure, live: LiveSet, *, can: Capabilities, resolution: float, against: str
 ) -> TableChange | None:
     """The change of an axis' constant reversal; ``skipped`` says why there is none; None where nothing tells B.
 
-    ``resolution`` is the control's, in the axis unit; ``seen``: its sign is proved, or an instrument can show it.
+    ``resolution`` is the control's, in the axis unit; ``against`` says why none can be pushed here ("": one can).
     ``predicted`` (m,) is B as it will be at the targets, with
     ``predicted_U``. What lies within its scatter is left alone, and so is what a constant would not make smaller.
     """
@@ -73,8 +73,7 @@ def reversal_change(
     acts = old.table.deviations[0]
     wanted = round(float(np.rint((acts + advice.constant) / step)) * step, 9) + 0.0
     skipped = _why_not(axis.name, unit, advice, can, largest=Limits.of(axis.unit).reversal, wanted=wanted)
-    if not skipped and not seen:
-        skipped = told("S-REVERSAL-PROOF", axis.name, B=f"{advice.largest:.2g}", unit=unit)
+    skipped = skipped or against
     taken = 0.0 if skipped else wanted - acts
     return TableChange(
         axis=axis.name,
