@@ -63,7 +63,11 @@ def _filled(tables: tuple[LiveTable, ...]) -> tuple[LiveTable, ...]:
 
 
 def _all_off(tables: tuple[LiveTable, ...]) -> tuple[LiveTable, ...]:
-    return tuple(dataclasses.replace(one, enabled=False) for one in tables)
+    return tuple(_off(one) for one in tables)
+
+
+def _off(one: LiveTable) -> LiveTable:
+    return dataclasses.replace(one, enabled=False)
 
 
 def _not_this(live: LiveSet, table: CompensationTable) -> tuple[LiveTable, ...]:
@@ -97,10 +101,15 @@ def with_table(live: LiveSet, table: CompensationTable) -> LiveSet:
 
 
 def aside(live: LiveSet, tables: Sequence[CompensationTable]) -> LiveSet:
-    """The set without these tables: they are judged by themselves. For comparison only."""
+    """The set without these tables: they are judged by themselves. For comparison only.
+
+    To write a cross table all of its output are switched: of other axes' tables those switches are left out as well.
+    """
     if not tables:
         return live
+    switched = {table.output_axis for table in tables if table.kind == "cross"}
     gone = {table.index for table in tables if table.kind == "cross"}
+    others = (one for one in live.others if one.table.index not in gone)
     kinds = {table.kind for table in tables if table.output_axis == live.axis}
     nothing: dict[str, Any] = {"minimum": 0.0, "maximum": 0.0, "step": 0.0, "deviations": (0.0,)}
     off = LiveTable(dataclasses.replace(live.own.table, **nothing, places=(), reverse=(), modulo=False), enabled=False)
@@ -109,7 +118,7 @@ def aside(live: LiveSet, tables: Sequence[CompensationTable]) -> LiveSet:
         own=off if "axis" in kinds else live.own,
         cross=tuple(one for one in live.cross if one.table.index not in gone),
         backlash=0.0 if "reversal" in kinds else live.backlash,
-        others=tuple(one for one in live.others if one.table.index not in gone),
+        others=tuple(_off(one) if one.table.output_axis in switched else one for one in others),
         digest="",
     )
 
