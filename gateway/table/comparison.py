@@ -97,7 +97,12 @@ def taken_by_cross(tables: Iterable[CompensationTable], axis: str, at: FloatArra
 
 
 def acting(table: CompensationTable, positions: FloatArray) -> FloatArray:
-    """Deviations a table cancels at positions; one that was never loaded has no range and cancels nothing."""
+    """Deviations a table cancels at positions; one that was never loaded has no range and cancels nothing.
+
+    A reversal has one value, which holds everywhere.
+    """
+    if table.kind == "reversal":
+        return np.full(positions.shape, table.deviations[0])
     if len(table.deviations) < 2 or table.maximum <= table.minimum:
         return np.zeros_like(positions)
     return np.asarray(table.at(positions))

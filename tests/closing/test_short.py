@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from drivers.clock import LoopClock
+from gateway import audit
 from gateway.config import load_site
 from gateway.say import silence
 from gateway.store import RunFolder
@@ -58,6 +59,7 @@ def test_a_short_plan_ends_at_the_floor_of_its_machine(tmp_path: Path, name: str
     assert found.done_twice == ()
     assert found.after_um < 0.5 * found.set_right_um
     assert found.outcome == "better"
+    assert audit.standing(tmp_path / "runs", file.machine.serial).alarms == {}
 
 
 async def test_a_plan_from_files_ends_with_a_proposal_for_the_tooth(tmp_path: Path) -> None:

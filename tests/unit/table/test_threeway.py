@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.types.tables import CompensationTable, LiveTable
+from drivers.types.tables import CompensationTable, LiveTable, reversal_of
 from gateway.table.threeway import compare
 
 BEFORE = CompensationTable("axis", "C1", "C1", 0.0, 360.0, 90.0, (0.0, 1.0, 2.0, 1.0, 0.0), True, 0, "deg", "deg")
@@ -57,6 +57,15 @@ def test_what_was_to_be_off_and_a_first_table_taken_back() -> None:
     assert compare(ON, off, ON, ALLOWED).kind == "before"
     never = compare(off, ON, off, ALLOWED)
     assert never.kind == "before"
+
+
+@pytest.mark.parametrize(("value", "kind"), [(-1.4, "as-approved"), (0.0, "before"), (-0.7, "differs")])
+def test_a_reversal_is_compared_by_its_one_value(value: float, kind: str) -> None:
+    pushed, before = (LiveTable(reversal_of("X1", "mm", one), enabled=one != 0.0) for one in (-1.4, 0.0))
+    live = LiveTable(reversal_of("X1", "mm", value), enabled=value != 0.0)
+    found = compare(live, pushed, before, ALLOWED)
+    assert found.kind == kind
+    assert [place.live for place in found.places] == ([] if kind == "as-approved" else [value])
 
 
 @given(
