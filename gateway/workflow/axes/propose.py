@@ -65,9 +65,9 @@ async def _changes(at: Bench, axis: AxisSection, item: MeasuredAxis) -> tuple[Ta
     at.folder.put(stages.component(axis.name), shown.doubted, (item.digest,))
     controller = at.supervisor.controller
     limits = await controller.table_limits(axis.name, "axis", axis.encoder)
-    against, resolution = await _against_reversal(at, axis), limits.resolution
+    barred, resolution = await _against_reversal(at, axis), limits.resolution
     turned = reversal_change(
-        axis, shown, capture.live, can=controller.capabilities, resolution=resolution, against=against
+        axis, shown, capture.live, can=controller.capabilities, resolution=resolution, against=barred
     )
     change = change_of(axis, shown, capture.live, limits, turned=turned)
     against = () if change.skipped else not_worth_it(capture, change)
