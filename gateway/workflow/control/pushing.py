@@ -17,7 +17,7 @@ from gateway.config import AxisSection
 from gateway.domain.captures import Capture
 from gateway.domain.outcomes import AxisVerdict, PushRecord, Verdict
 from gateway.domain.proposals import Proposal, TableChange
-from gateway.errors import StoreError, WriteRefused
+from gateway.errors import StoreError, VerifyError, WriteRefused
 from gateway.interlocks import Refusal
 from gateway.push import Asked, PushContext, Stays, ask, outcome_error, push_tables, together
 from gateway.push.records.journal import JOURNALS
@@ -92,16 +92,31 @@ class _Done:
 async def _push(at: Bench, changes: Sequence[TableChange], measured: Mapping[str, MeasuredAxis], done: _Done) -> None:
     """One layer, in as few transactions as the control allows. Raises for the first table that was not committed."""
     known = {name: item.capture for name, item in measured.items()}
-    for change in changes:
-        if not change.skipped and table_context(at, change.new, None).proof is None:
-            context = table_context(at, change.new, known.get(change.axis))
-            await _kept(at, (change,), prove(at, change, replace(context, log=Witness(at))))
+    changes = [await _signed(at, change, known.get(change.axis)) for change in changes]
     wishes = [(change, table_context(at, change.new, known.get(change.axis))) for change in changes]
     for wish in wishes:
         if wish[0].skipped:
             await _handed_over(at, (wish,), done)
     for group in together([wish for wish in wishes if not wish[0].skipped]):
         await _handed_over(at, group, done)
+
+
+async def _signed(at: Bench, change: TableChange, capture: Capture | None) -> TableChange:
+    """The change, its sign proved; a reversal that is too small to be told from the scatter is left out instead.
+
+    Without it the axis keeps what it had, and its tables are worth having: they need not fail with it.
+    """
+    context = table_context(at, change.new, capture)
+    if change.skipped or context.proof is not None:
+        return change
+    try:
+        await _kept(at, (change,), prove(at, change, replace(context, log=Witness(at))))
+    except VerifyError as error:
+        if change.new.kind != "reversal" or error.code != "E-PUSH-NO-PROOF":
+            raise
+        at.say("P-PUSH-REFUSED", axis=change.name, reason=str(error))
+        return replace(change, skipped=str(error))
+    return change
 
 
 async def _handed_over(at: Bench, group: Sequence[tuple[TableChange, PushContext]], done: _Done) -> None:
