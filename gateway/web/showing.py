@@ -17,6 +17,7 @@ from drivers.terms import spoken_texts
 from gateway.approve import Approvals
 from gateway.audience import kind_of
 from gateway.views.figured import figures_by, known_standards
+from gateway.views.modelled import flank_at, model_of
 from gateway.web.doors import needs, site_of
 from gateway.web.reading import run_of
 
@@ -24,6 +25,7 @@ open_routes = APIRouter(include_in_schema=False)
 routes = APIRouter(prefix="/api/v1", tags=["page"], dependencies=[Depends(needs("viewer"))])
 KINDS = {".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
 Limits = Annotated[str, Query(max_length=400, description="parameter:limit, comma between, e.g. E:12,R:4")]
+Sizes = Annotated[str, Query(max_length=600, description="error:multiple, comma between, e.g. EXX:0.5,B0Z:0")]
 Word = Annotated[str, Query(max_length=100)]
 
 
@@ -90,12 +92,26 @@ def figures(
 ) -> dict[str, Any]:
     """An axis' figures by a standard ("" is the stored evaluation), with U, judged against limits that are given."""
     folder = run_of(site_of(request, site), run)
-    return figures_by(folder, axis, phase, name=standard, limits=_limits(limits))
+    return figures_by(folder, axis, phase, name=standard, limits=_pairs("limits", limits))
 
 
-def _limits(text: str) -> dict[str, float]:
+@routes.get("/sites/{site}/runs/{run}/model")
+def model(request: Request, site: str, run: str) -> dict[str, Any]:
+    """A run's errors with their bands; with the site's gear their effects on the tooth, cures, what to measure next."""
+    at = site_of(request, site)
+    return model_of(run_of(at, run), at.site, at.path)
+
+
+@routes.get("/sites/{site}/runs/{run}/flank")
+def flank(request: Request, site: str, run: str, sizes: Sizes = "") -> dict[str, Any]:
+    """The flank that the run's errors would leave uncorrected, with some of them at other sizes; um, + surplus."""
+    at = site_of(request, site)
+    return flank_at(run_of(at, run), at.site, at.path, _pairs("sizes", sizes))
+
+
+def _pairs(key: str, text: str) -> dict[str, float]:
     pairs = [part.partition(":") for part in text.split(",") if part]
     try:
         return {name: float(value) for name, _, value in pairs}
     except ValueError as error:
-        raise TrueflankError("E-WEB-BODY", "web", why="limits: NAME:NUMBER,NAME:NUMBER") from error
+        raise TrueflankError("E-WEB-BODY", "web", why=f"{key}: NAME:NUMBER,NAME:NUMBER") from error

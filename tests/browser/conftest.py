@@ -4,6 +4,4 @@ from __future__ import annotations
 
 from importlib.util import find_spec
 
-collect_ignore = (
-    [] if find_spec("playwright") and find_spec("axe_playwright_python") else ["test_day.py", "test_screens.py"]
-)
+collect_ignore_glob = [] if find_spec("playwright") and find_spec("axe_playwright_python") else ["test_*.py"]

@@ -33,7 +33,7 @@ SECRET = "a long sentence"
 PIN = "246802"
 PICTURES = Path(os.environ.get("TRUEFLANK_PICTURES", ".browser"))
 expect.set_options(timeout=PATIENCE_MS)
-SCREENS = ("connect", "capture", "evaluate", "correct", "push", "report")
+SCREENS = ("connect", "capture", "evaluate", "model", "correct", "push", "report")
 
 
 @contextmanager
@@ -133,6 +133,7 @@ class Person:
                     "before => document.querySelector('#now.ask')?.textContent !== before", arg=text
                 )
             elif self.page.request.get(where).json()["state"] != "running":
+                assert not until, f"command {job} ended without {until}"
                 return
             self.page.wait_for_timeout(POLL_MS)
         raise AssertionError(f"nothing came of command {job}")

@@ -37,7 +37,7 @@ def test_every_screen_in_every_language_and_size(tmp_path: Path) -> None:
             anna.page.locator("#machine").wait_for()
             for screen in SCREENS:
                 anna.go(screen)
-                anna.page.locator("main .panel h2, main .panel tr").first.wait_for()
+                anna.page.locator("main .panel h2, main .panel tr, main .empty").first.wait_for()
                 anna.keep(f"{screen}-{language}-{size[0]}")
                 faults += [f"{screen} {language} {size[0]}: {one}" for one in (*anna.heard(), *anna.cut())]
             anna.page.context.close()

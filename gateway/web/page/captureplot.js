@@ -34,5 +34,5 @@ export function plotOf(box) {
   } });
   show(box, h("div", { class: "row head" }, h("h2", {}, t("capture.plot", { axis: axis.axis })), h("span", { class: "legend" }, h("i", { class: "up" }, "▷"), t("chart.up"), h("i", { class: "down" }, "◁"), t("chart.down")),
     h("label", { class: "inline" }, t("capture.tolerance"), tolerance, u)),
-  plot({ x, y, width: 760, height: Math.max(300, Math.round(760 * (box.clientHeight - 80) / Math.max(box.clientWidth - 24, 1))), label: t("capture.plot", { axis: axis.axis }), xName: `${t("chart.target")} [${unit(axis.unit)}]`, yName: `${t("chart.deviation")} [${u}]`, nodes }));
+  plot({ x, y, label: t("capture.plot", { axis: axis.axis }), xName: `${t("chart.target")} [${unit(axis.unit)}]`, yName: `${t("chart.deviation")} [${u}]`, nodes }));
 }

@@ -2,7 +2,9 @@
 import { s } from "./dom.js";
 import { number } from "./figures.js";
 
-const ROOM = { left: 62, right: 14, top: 12, bottom: 40 };
+// Room around the curves, in heights of the root's letters: numbers stay as large as all other text.
+const ROOM = { left: 4.2, right: 1, top: 0.8, bottom: 2.8 };
+const letter = () => parseFloat(getComputedStyle(document.documentElement).fontSize);
 
 // A round step so that about `count` of them fill the span.
 export function ticks(low, high, count) {
@@ -23,26 +25,30 @@ export function limits(values, room = 0.08) {
   return [low - more, high + more];
 }
 
-// A picture of a fixed inner size that scales with its place. `x` and `y` are [low, high].
-export function plot({ x, y, width = 760, height = 420, label, xName, yName, nodes }) {
-  const inner = { left: ROOM.left, right: width - ROOM.right, top: ROOM.top, bottom: height - ROOM.bottom };
+// A picture that fills its place, drawn anew when that changes. `x` and `y` are [low, high]; `nodes` draws what is in it.
+export function plot({ label, ...what }) {
+  const picture = s("svg", { class: "plot", role: "img", "aria-label": label });
+  new ResizeObserver(() => drawn(picture, what)).observe(picture);
+  return picture;
+}
+
+function drawn(picture, { x, y, xName, yName, nodes }) {
+  const [{ clientWidth: width, clientHeight: height }, em] = [picture, letter()];
+  if (!width || !height) return;
+  const inner = { left: ROOM.left * em, right: width - ROOM.right * em, top: ROOM.top * em, bottom: height - ROOM.bottom * em };
   const px = (value) => inner.left + ((value - x[0]) / (x[1] - x[0])) * (inner.right - inner.left);
   const py = (value) => inner.bottom - ((value - y[0]) / (y[1] - y[0])) * (inner.bottom - inner.top);
-  const picture = s("svg", { viewBox: `0 0 ${width} ${height}`, class: "plot", role: "img", "aria-label": label });
-  const [across, up] = [ticks(...x, 8), ticks(...y, 6)];
-  for (const at of up.at) {
-    picture.append(s("line", { class: at === 0 ? "zero" : "grid", x1: inner.left, x2: inner.right, y1: py(at), y2: py(at) }),
-      s("text", { x: inner.left - 8, y: py(at) + 4, class: "tick end" }, number(at, up.digits)));
-  }
-  for (const at of across.at) {
-    picture.append(s("line", { class: "grid", x1: px(at), x2: px(at), y1: inner.top, y2: inner.bottom }),
-      s("text", { x: px(at), y: inner.bottom + 16, class: "tick middle" }, number(at, across.digits)));
-  }
-  picture.append(s("rect", { class: "border", x: inner.left, y: inner.top, width: inner.right - inner.left, height: inner.bottom - inner.top }),
-    s("text", { x: (inner.left + inner.right) / 2, y: height - 6, class: "name middle" }, xName),
-    s("text", { x: 14, y: (inner.top + inner.bottom) / 2, class: "name middle", transform: `rotate(-90 14 ${(inner.top + inner.bottom) / 2})` }, yName));
-  for (const node of nodes({ px, py, inner })) if (node) picture.append(node);
-  return picture;
+  const [across, up] = [ticks(...x, Math.max(2, Math.round((inner.right - inner.left) / (6 * em)))), ticks(...y, Math.max(2, Math.round((inner.bottom - inner.top) / (3.5 * em))))];
+  picture.setAttribute("viewBox", `0 0 ${width} ${height}`);
+  picture.replaceChildren(
+    ...up.at.flatMap((at) => [s("line", { class: at === 0 ? "zero" : "grid", x1: inner.left, x2: inner.right, y1: py(at), y2: py(at) }),
+      s("text", { x: inner.left - em / 2, y: py(at) + em / 4, class: "tick end" }, number(at, up.digits))]),
+    ...across.at.flatMap((at) => [s("line", { class: "grid", x1: px(at), x2: px(at), y1: inner.top, y2: inner.bottom }),
+      s("text", { x: px(at), y: inner.bottom + em, class: "tick middle" }, number(at, across.digits))]),
+    s("rect", { class: "border", x: inner.left, y: inner.top, width: inner.right - inner.left, height: inner.bottom - inner.top }),
+    s("text", { x: (inner.left + inner.right) / 2, y: height - em / 2, class: "name middle" }, xName),
+    s("text", { x: em, y: (inner.top + inner.bottom) / 2, class: "name middle", transform: `rotate(-90 ${em} ${(inner.top + inner.bottom) / 2})` }, yName),
+    ...nodes({ px, py, inner }).filter(Boolean));
 }
 
 const points = (xs, ys, px, py) => xs.map((one, at) => [px(one), py(ys[at])]).filter(([, y]) => Number.isFinite(y)).map(([x, y]) => `${x.toFixed(1)},${y.toFixed(1)}`);

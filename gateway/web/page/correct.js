@@ -4,7 +4,7 @@ import { band, level, limits, line, plot } from "./charts.js";
 import { h, show } from "./dom.js";
 import { array, number, unit, when } from "./figures.js";
 import { record } from "./evaluate.js";
-import { base, on, state } from "./state.js";
+import { base, chosen, on, state } from "./state.js";
 import { t, told } from "./words.js";
 
 export const correct = { open };
@@ -44,7 +44,7 @@ function open(root) {
 async function drawAll(head, body) {
   const runs = await proposals();
   if (!runs.length) return show(body, h("p", { class: "empty" }, t("correct.none")));
-  const run = runs.find((one) => one.run_id === asked.run) ?? runs[0];
+  const run = chosen(asked, runs);
   asked.run = run.run_id;
   const proposal = await record(run.run_id, "proposal");
   asked.change = Math.min(asked.change, proposal.changes.length - 1);
@@ -54,7 +54,7 @@ async function drawAll(head, body) {
   const change = proposal.changes[asked.change];
   const axis = state.plan.axes.find((one) => one.axis === change.new.input_axis) ?? state.plan.axes[0];
   if (!change.new.deviations.length || change.skipped) return show(body, h("div", { class: "panel" }, h("p", { class: "empty" }, change.skipped || t("correct.none"))));
-  show(body, h("div", { class: "panel stack" }, tables(change, axis), predicted(change, axis)), h("div", { class: "panel" }, facts(change, axis, proposal)));
+  show(body, h("div", { class: "panel plots" }, tables(change, axis), predicted(change, axis)), h("div", { class: "panel", tabindex: 0, role: "region", "aria-label": t("correct.facts") }, facts(change, axis, proposal)));
 }
 
 function tables(change, axis) {
@@ -65,7 +65,7 @@ function tables(change, axis) {
   const u = deviationUnit(change);
   const nodes = (place) => [level(0, place, "zero"), line(xs, old, place, "old"), line(xs, fresh, place, "new"), line(xs, difference, place, "difference")];
   return [h("div", { class: "row head" }, h("h2", {}, t("correct.table", { name: nameOf(change) })), h("span", { class: "legend" }, h("i", { class: "old" }, "┄"), t("correct.old"), h("i", { class: "new" }, "━"), t("correct.new"), h("i", { class: "difference" }, "·"), t("correct.difference"))),
-    plot({ x: limits(xs, 0.02), y: limits([...fresh, ...old, ...difference, 0]), height: 330, label: t("correct.table", { name: nameOf(change) }), xName: `${change.new.input_axis} [${unit(axis.unit)}]`, yName: `[${u}]`, nodes })];
+    plot({ x: limits(xs, 0.02), y: limits([...fresh, ...old, ...difference, 0]), label: t("correct.table", { name: nameOf(change) }), xName: `${change.new.input_axis} [${unit(axis.unit)}]`, yName: `[${u}]`, nodes })];
 }
 
 const deviationUnit = (change) => unit(change.new.output_unit === "deg" ? "arcsec" : "um");
@@ -75,7 +75,7 @@ function predicted(change, axis) {
   if (!xs.length) return null;
   const [low, high] = [means.map((one, at) => one - half[at]), means.map((one, at) => one + half[at])];
   const nodes = (place) => [level(0, place, "zero"), band(xs, low, high, place, "new"), line(xs, means, place, "new")];
-  return [h("h2", {}, t("correct.predicted", { axis: change.axis })), plot({ x: limits(xs, 0.02), y: limits([...low, ...high, 0]), height: 240, label: t("correct.predicted", { axis: change.axis }), xName: `${change.new.input_axis} [${unit(axis.unit)}]`, yName: `[${deviationUnit(change)}]`, nodes })];
+  return [h("h2", {}, t("correct.predicted", { axis: change.axis })), plot({ x: limits(xs, 0.02), y: limits([...low, ...high, 0]), label: t("correct.predicted", { axis: change.axis }), xName: `${change.new.input_axis} [${unit(axis.unit)}]`, yName: `[${deviationUnit(change)}]`, nodes })];
 }
 
 function facts(change, axis, proposal) {

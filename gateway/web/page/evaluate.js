@@ -4,7 +4,7 @@ import { band, level, limits, line, mark, plot } from "./charts.js";
 import { shown } from "./dialogs.js";
 import { h, show } from "./dom.js";
 import { array, number, signed, unit, when } from "./figures.js";
-import { base, on, state } from "./state.js";
+import { base, chosen, on, state } from "./state.js";
 import { t, told } from "./words.js";
 
 export const evaluate = { open };
@@ -36,7 +36,7 @@ function open(root) {
 async function drawAll(head, body) {
   const runs = await measuredRuns();
   if (!runs.length) return show(body, h("p", { class: "empty" }, t("evaluate.none")));
-  const run = runs.find((one) => one.run_id === asked.run) ?? runs[0];
+  const run = chosen(asked, runs);
   const sets = run.stages.filter((stage) => stage.startsWith("evaluation-")).map((stage) => stage.slice(11).match(/^(.*)-([^-]+)$/)).filter(Boolean);
   asked.run = run.run_id;
   const set = sets.find(([, axis, phase]) => axis === asked.axis && phase === asked.phase) ?? sets[0];
@@ -51,7 +51,7 @@ async function drawAll(head, body) {
   const evaluation = await record(asked.run, `evaluation-${asked.axis}-${asked.phase}`);
   const capture = await record(asked.run, `capture-${asked.axis}-${asked.phase}`);
   const figures = await at(`figures/${encodeURIComponent(asked.axis)}?${new URLSearchParams({ phase: asked.phase, standard: asked.standard, limits: limitText() })}`);
-  show(body, h("div", { class: "panel" }, curve(evaluation, capture)), h("div", { class: "panel figures" }, table(figures, { evaluation, capture, again })));
+  show(body, h("div", { class: "panel plots" }, curve(evaluation, capture)), h("div", { class: "panel figures" }, table(figures, { evaluation, capture, again })));
 }
 
 function choose(name, value) {
@@ -63,7 +63,7 @@ const limitKey = () => `limits ${asked.axis} ${asked.standard}`;
 const limitsKept = () => JSON.parse(localStorage.getItem(limitKey()) ?? "{}");
 const limitText = () => Object.entries(limitsKept()).map(([name, value]) => `${name}:${value}`).join(",");
 
-export function curve(evaluation, capture, height = 460) {
+export function curve(evaluation, capture) {
   const [x, up, down] = [array(evaluation.targets), array(evaluation.mean_up), array(evaluation.mean_down)];
   const [su, sd] = [array(evaluation.s_up), array(evaluation.s_down)];
   const add = (means, spreads, times) => means.map((one, i) => one + times * spreads[i]);
@@ -78,7 +78,7 @@ export function curve(evaluation, capture, height = 460) {
     line(x, up, place, "up"), line(x, down, place, "down")];
   const axis = capture?.axis_unit === "deg" ? "°" : "mm";
   return [h("div", { class: "row head" }, h("h2", {}, `${capture?.component ?? ""} · ${capture?.axis ?? ""}`), h("span", { class: "legend" }, h("i", { class: "up" }, "▷"), t("chart.up"), h("i", { class: "down" }, "◁"), t("chart.down"), h("span", {}, `· ${t("chart.band")}`))),
-    plot({ x: limits(x, 0.02), y: limits([...bands.flat(), ...readings.flat(2), ...(half ? [half, -half] : [])]), height, label: t("evaluate.curve"), xName: `${t("chart.target")} [${axis}]`, yName: `${t("chart.deviation")} [${u}]`, nodes })];
+    plot({ x: limits(x, 0.02), y: limits([...bands.flat(), ...readings.flat(2), ...(half ? [half, -half] : [])]), label: t("evaluate.curve"), xName: `${t("chart.target")} [${axis}]`, yName: `${t("chart.deviation")} [${u}]`, nodes })];
 }
 
 const VERDICT = { pass: ["✔", "pass"], fail: ["✖", "fail"], "not decidable": ["?", "open"] };

@@ -11,9 +11,11 @@ export function lamps(axis, kinds, running) {
   const own = begun >= 0 ? kinds.slice(begun) : kinds;
   const wrong = own.find((one) => WRONG.includes(one));
   const done = STEPS.filter((one) => own.includes(one));
-  const next = STEPS.find((one) => !own.includes(one));
-  const look = (step) => (own.includes(step) ? "done" : wrong && step === next ? "wrong" : running && done.length && step === next ? "next" : "open");
-  const symbol = { done: "✔", wrong: "✖", next: "▶", open: "○" };
+  const next = STEPS.find((_one, at) => !own.some((kind) => STEPS.indexOf(kind) >= at));
+  // A step that a later one overtook was not needed: a reversal alone asks for no restart.
+  const last = Math.max(-1, ...done.map((one) => STEPS.indexOf(one)));
+  const look = (step) => (own.includes(step) ? "done" : STEPS.indexOf(step) < last ? "spared" : wrong && step === next ? "wrong" : running && done.length && step === next ? "next" : "open");
+  const symbol = { done: "✔", spared: "–", wrong: "✖", next: "▶", open: "○" };
   return h("div", { class: "lamps" }, axis && h("b", { class: "axis" }, axis), h("ol", {}, STEPS.map((step, at) =>
-    h("li", { class: look(step) }, h("span", { "aria-hidden": "true" }, symbol[look(step)]), ` ${at + 1} ${t(`lamp.${step.toLowerCase()}`)}`))), wrong && h("strong", { class: "fault", role: "alert" }, t(`lamp.${wrong.toLowerCase()}`)));
+    h("li", { class: look(step) }, h("span", { "aria-hidden": "true" }, symbol[look(step)]), ` ${at + 1} ${t(`lamp.${step.toLowerCase()}`)}`, look(step) === "spared" && h("small", {}, t("lamp.spared"))))), wrong && h("strong", { class: "fault", role: "alert" }, t(`lamp.${wrong.toLowerCase()}`)));
 }

@@ -4,12 +4,18 @@ import { click, loss } from "./sounds.js";
 import { base, changed, state } from "./state.js";
 
 let source = null;
+// What stands in the service as it was after the last command: a page that never saw a short one asks for it too.
+let coming = Promise.resolve();
 
 export function listen(expired) {
   source?.close();
   source = new EventSource(`${base()}/stream`);
   const hear = (kind, take) => source.addEventListener(kind, (event) => take(JSON.parse(event.data), event));
-  source.onopen = () => { state.offline = false; changed("frame"); };
+  source.onopen = () => {
+    if (state.offline) again();
+    state.offline = false;
+    changed("frame");
+  };
   source.onerror = () => {
     state.offline = true;
     changed("frame");
@@ -22,8 +28,11 @@ export function listen(expired) {
   hear("ambient", (data) => { state.ambient = { ...data, at: Date.now() }; changed("ambient"); });
   hear("waiting", (data) => { state.waiting = data; changed("waiting"); });
   hear("taken", taken);
-  hear("lost", (data) => { state.lost += data.frames; refresh(); });
+  hear("ended", again);
+  hear("lost", (data) => { state.lost += data.frames; again(); });
 }
+
+const again = () => { coming = refresh().catch(() => {}); };
 
 export const deaf = () => source?.close();
 
@@ -33,10 +42,10 @@ function picture(data) {
   state.ask = data.run?.ask ?? null;
   if (data.run) state.steps = data.run.steps;
   if (data.run && data.run.started_utc !== before?.run?.started_utc) begin();
-  const shown = () => changed("frame", "status");
+  const shown = () => changed("frame", "status", "jobs");
   // What a command came to is asked for first: nobody is shown its end with the answer of the one before.
-  if (before?.run && !data.run) refresh().catch(shown);
-  else shown();
+  if (before?.run && !data.run) coming.then(shown);
+  else changed("frame", "status");
 }
 
 function begin() {

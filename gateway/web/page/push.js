@@ -7,7 +7,7 @@ import { h, show } from "./dom.js";
 import { when } from "./figures.js";
 import { lamps } from "./lamps.js";
 import { refresh } from "./live.js";
-import { base, changed, may, on, state } from "./state.js";
+import { base, changed, chosen, may, on, state } from "./state.js";
 import { say, t, told } from "./words.js";
 
 export const push = { open };
@@ -27,7 +27,7 @@ function open(root) {
 async function plan(box) {
   const runs = await proposals();
   if (!runs.length) return show(box, h("p", { class: "empty" }, t("correct.none")));
-  const run = runs.find((one) => one.run_id === asked.run) ?? runs[0];
+  const run = chosen(asked, runs);
   asked.run = run.run_id;
   const proposal = await record(run.run_id, "proposal");
   const busy = Boolean(state.status.run);

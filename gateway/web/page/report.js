@@ -5,7 +5,7 @@ import { curve, measuredRuns, record } from "./evaluate.js";
 import { h, show } from "./dom.js";
 import { array, number, unit, when } from "./figures.js";
 import { limits, level, line, plot } from "./charts.js";
-import { base, may, on, state } from "./state.js";
+import { base, chosen, may, on, state } from "./state.js";
 import { t, told } from "./words.js";
 
 export const report = { open };
@@ -22,7 +22,7 @@ function open(root) {
 async function drawAll(head, body) {
   const runs = await measuredRuns();
   if (!runs.length) return show(body, h("p", { class: "empty" }, t("evaluate.none")));
-  const run = runs.find((one) => one.run_id === asked.run) ?? runs.find((one) => one.stages.includes("verdict")) ?? runs[0];
+  const run = chosen(asked, runs, runs.find((one) => one.stages.includes("verdict")) ?? runs[0]);
   asked.run = run.run_id;
   const axes = [...new Set(run.stages.filter((one) => one.startsWith("evaluation-")).map((one) => one.slice(11).replace(/-[^-]+$/, "")))];
   if (!axes.includes(asked.axis)) [asked.axis] = axes;
@@ -35,7 +35,7 @@ async function drawAll(head, body) {
   const [before, after] = [await kept(run, "before"), await kept(run, "after")];
   const verdict = run.stages.includes("verdict") ? await record(run.run_id, "verdict") : null;
   const own = verdict?.axes.find((one) => one.axis === asked.axis);
-  show(body, h("div", { class: "panel stack" }, verdict && band(verdict), compared(before, after)), h("div", { class: "panel" }, figures(before, after), own && h("p", { class: "verdict-words" }, own.words), h("h2", {}, t("report.other")), await other(run, runs, before)));
+  show(body, h("div", { class: "panel plots" }, verdict && band(verdict), compared(before, after)), h("div", { class: "panel", tabindex: 0, role: "region", "aria-label": t("frame.report") }, figures(before, after), own && h("p", { class: "verdict-words" }, own.words), h("h2", {}, t("report.other")), await other(run, runs, before)));
 }
 
 async function kept(run, phase) {
@@ -66,7 +66,7 @@ function overlay(sets, capture) {
   const means = sets.map(([look, name, one]) => ({ look, name, x: array(one.targets), up: array(one.mean_up), down: array(one.mean_down) }));
   const nodes = (place) => [level(0, place, "zero"), ...means.flatMap((one) => [line(one.x, one.up, place, one.look), line(one.x, one.down, place, `${one.look} dashed`)])];
   return [h("div", { class: "row head" }, h("h2", {}, `${capture.component} · ${capture.axis}`), h("span", { class: "legend" }, means.map((one) => [h("i", { class: one.look }, "━"), h("span", {}, one.name)]), h("span", {}, `· ${t("report.dashed")}`))),
-    plot({ x: limits(means.flatMap((one) => one.x), 0.02), y: limits([...means.flatMap((one) => [...one.up, ...one.down]), 0]), height: 460, label: `${capture.component} ${capture.axis}`, xName: `${t("chart.target")} [${unit(capture.axis_unit)}]`, yName: `${t("chart.deviation")} [${u}]`, nodes })];
+    plot({ x: limits(means.flatMap((one) => one.x), 0.02), y: limits([...means.flatMap((one) => [...one.up, ...one.down]), 0]), label: `${capture.component} ${capture.axis}`, xName: `${t("chart.target")} [${unit(capture.axis_unit)}]`, yName: `${t("chart.deviation")} [${u}]`, nodes })];
 }
 
 function figures(before, after) {

@@ -11,7 +11,11 @@ export function signIn(enter) {
 }
 
 export function languages(changed) {
-  const choose = async (event) => { await speak(event.target.value); changed(); };
+  const choose = async (event) => {
+    if (event.target.value === document.documentElement.lang) return;
+    await speak(event.target.value);
+    changed();
+  };
   const options = Object.entries(LANGUAGES).map(([code, name]) => h("option", { value: code, selected: code === language() }, name));
   return h("label", { class: "language" }, h("span", { class: "hidden" }, t("frame.language")), h("select", { id: "language", onchange: choose }, options));
 }

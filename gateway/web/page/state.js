@@ -27,3 +27,9 @@ function tell() {
 
 export const base = () => `/api/v1/sites/${encodeURIComponent(state.site)}`;
 export const may = (...roles) => roles.some((role) => state.me?.roles.includes(role));
+
+// The run that a person chose, until a newer one is there: nobody goes on with yesterday's without a choice of today.
+export function chosen(asked, runs, usual = runs[0]) {
+  if (asked.newest !== runs[0].run_id) Object.assign(asked, { newest: runs[0].run_id, run: "" });
+  return runs.find((one) => one.run_id === asked.run) ?? usual;
+}

@@ -1,0 +1,147 @@
+// The errors of the machine with their bands, what each does to the tooth, and the flank as it would be with others.
+import { get } from "./api.js";
+import { band, level, limits, line, plot } from "./charts.js";
+import { h, s, show, write } from "./dom.js";
+import { number, unit, when } from "./figures.js";
+import { unrolled } from "./flankmap.js";
+import { base, chosen, on, state } from "./state.js";
+import { t, told } from "./words.js";
+
+export const model = { open };
+const asked = { run: "", error: "", sizes: {} };
+const at = (path) => get(`${base()}/runs/${encodeURIComponent(asked.run)}/${path}`);
+
+function open(root) {
+  const [head, body] = [h("div", { class: "panel choose" }), h("div", { class: "two" })];
+  show(root, head, body);
+  let shownRun = null;
+  const draw = (anew) => drawAll(head, body, anew ? null : shownRun).then((run) => { shownRun = run; }, (error) => show(body, h("p", { class: "fault", role: "alert" }, told(error))));
+  draw();
+  return on("status", () => draw());
+}
+
+// A run's errors never change: what a person has set stays as it is until another run is there or is chosen.
+async function drawAll(head, body, before) {
+  const { runs } = await get(`${base()}/runs?most=50`);
+  const able = runs.filter((one) => !one.problem && one.stages.includes("errors"));
+  if (!able.length) return show(body, h("p", { class: "empty" }, t("model.none")));
+  const run = chosen(asked, able);
+  const key = `${run.run_id} ${able.length} ${document.documentElement.lang}`;
+  if (key === before) return key;
+  if (asked.run !== run.run_id) Object.assign(asked, { run: run.run_id, sizes: {} });
+  const choose = (event) => { Object.assign(asked, { run: event.target.value, sizes: {} }); drawAll(head, body, null); };
+  show(head, h("label", { class: "inline" }, t("evaluate.run"), h("select", { id: "pick-run", onchange: choose }, able.map((one) => h("option", { value: one.run_id, selected: one === run }, `${when(one.created_utc)} · ${one.state}`)))),
+    h("span", { class: "gap" }), h("button", { id: "as-measured", onclick: () => { asked.sizes = {}; drawAll(head, body, null); } }, t("model.as_measured")));
+  drawRun(body, await at("model"));
+  return key;
+}
+
+function drawRun(body, found) {
+  const curve = h("div", { class: "panel plots curve" });
+  const flank = found.tooth && flankOf(found.tooth);
+  const rows = ordered(found);
+  const pick = (name) => {
+    asked.error = name;
+    for (const one of body.querySelectorAll("button.error")) one.setAttribute("aria-pressed", String(one.textContent === name));
+    curveOf(curve, found.errors.find((one) => one.name === name));
+  };
+  show(body, h("div", { class: "panel errors" }, h("h2", {}, t("model.errors", { count: rows.filter((one) => one.state === "measured").length, all: rows.length })), table(rows, found, { pick, flank }), found.said.map((one) => h("p", { class: "muted" }, one))),
+    h("div", { class: "stack fill" }, flank ? flank.panel : h("p", { class: "panel empty" }, told(found.why)), curve, found.tooth && next(found.tooth)));
+  pick(rows.some((one) => one.name === asked.error) ? asked.error : rows[0].name);
+  flank?.ask();
+}
+
+// The error that spoils the tooth most comes first; without a gear they stand in the usual order.
+function ordered(found) {
+  const places = (found.tooth?.ranking ?? []).map((one) => one.error);
+  const place = (one) => (places.includes(one.name) ? places.indexOf(one.name) : places.length);
+  return [...found.errors].sort((a, b) => place(a) - place(b));
+}
+
+function table(rows, found, { pick, flank }) {
+  const most = Math.max(...(found.tooth?.ranking ?? []).map((one) => one.high_um), 1e-9);
+  const heads = ["model.error", "model.curve", "model.range", ...(found.tooth ? ["model.effect", "model.try"] : [])];
+  return h("table", { class: "errors" }, h("thead", {}, h("tr", {}, heads.map((one) => h("th", {}, t(one))))), h("tbody", {}, rows.map((row) =>
+    h("tr", { "data-error": row.name }, h("td", {}, h("button", { class: "error", "aria-pressed": "false", onclick: () => pick(row.name) }, row.name)), h("td", {}, spark(row)), h("td", { class: "num range" }, range(row)),
+      found.tooth && [h("td", { class: "effect" }, effect(found.tooth.ranking.find((one) => one.error === row.name), most), cure(found.tooth.cures.find((one) => one.error === row.name))), slider(row, found.tooth.sizes[row.name], flank)]))));
+}
+
+const range = (row) => [h("span", { "data-low": row.name }, row.state === "measured" && row.curve === null ? number(row.low) : `${number(row.low)} … ${number(row.high)}`), h("br"), h("small", {}, `${row.state === "measured" ? `U ${number(row.U)}` : t("model.assumed")} ${unit(row.unit)}`)];
+
+function spark(row) {
+  if (!row.curve) return h("span", { class: "muted" }, row.state === "measured" ? t("model.constant") : "");
+  const { at: xs, value, U } = row.curve;
+  const y = limits([...value.map((one, i) => one + U[i]), ...value.map((one, i) => one - U[i]), 0], 0.02);
+  const place = { px: (one) => (100 * (one - xs[0])) / (xs[xs.length - 1] - xs[0]), py: (one) => 32 - (32 * (one - y[0])) / (y[1] - y[0]), inner: { left: 0, right: 100 } };
+  return s("svg", { class: "spark", viewBox: "0 0 100 32", preserveAspectRatio: "none", "aria-hidden": "true" }, level(0, place, "grid"), band(xs, value.map((one, i) => one - U[i]), value.map((one, i) => one + U[i]), place, "new"), line(xs, value, place, "new"));
+}
+
+// Morris mu* with its interval as a bar; the number is the record's.
+function effect(rank, most) {
+  if (!rank) return h("span", { class: "muted" }, "–");
+  const x = (value) => (100 * value) / most;
+  const places = rank.rank[0] === rank.rank[1] ? `${rank.rank[0]}` : `${rank.rank[0]}–${rank.rank[1]}`;
+  return [h("span", { class: "tag" }, h("b", { "data-effect": rank.error }, number(rank.mu_star_um)), ` µm · ${t("model.rank", { places })}`),
+    s("svg", { class: "bar", viewBox: "0 0 100 8", preserveAspectRatio: "none", "aria-hidden": "true" }, s("rect", { class: "whole", x: 0, y: 1, width: x(rank.mu_star_um), height: 6 }), s("line", { class: "interval", x1: x(rank.low_um), x2: x(rank.high_um), y1: 4, y2: 4 }))];
+}
+
+const cure = (one) => one && h("small", {}, h("b", { class: "tag" }, one.by), ` · ${t("model.left", { left: number(one.floor_um) })}`);
+
+function slider(row, size, flank) {
+  if (!size) return h("td", {}, h("span", { class: "muted" }, "–"));
+  const value = asked.sizes[row.name] ?? size.at;
+  const told_ = h("output", { class: "num" }, `× ${number(value)}`);
+  const moved = (event) => {
+    asked.sizes[row.name] = Number(event.target.value);
+    write(told_, `× ${number(asked.sizes[row.name])}`);
+    flank.ask();
+  };
+  return h("td", { class: "try" }, h("input", { type: "range", min: size.low, max: size.high, step: 0.05, value, "aria-label": t("model.times", { name: row.name }), "data-try": row.name, oninput: moved }), told_);
+}
+
+// The newest question is answered; those that were overtaken are never asked.
+function flankOf(tooth) {
+  const canvas = h("canvas", { class: "flank", role: "img", "aria-label": t("model.flank") });
+  const [rms, largest] = [h("b", { id: "flank-rms" }), h("b", { id: "flank-largest" })];
+  const said = h("p", { class: "fault", role: "alert" });
+  const panel = h("div", { class: "panel flank" }, h("div", { class: "row head" }, h("h2", {}, t("model.flank")), h("span", {}, "RMS ", rms, ` µm · ${t("model.largest")} `, largest, " µm")), canvas, h("p", { class: "muted" }, `${tooth.gear}. ${t("model.unrolled")}`), said);
+  let [busy, again, last] = [false, false, null];
+  const draw = () => last && unrolled(canvas, last);
+  new ResizeObserver(draw).observe(canvas);
+  const ask = async () => {
+    again = true;
+    if (busy) return;
+    busy = true;
+    while (again) {
+      again = false;
+      const sizes = Object.entries(asked.sizes).map(([name, value]) => `${name}:${value}`).join(",");
+      try {
+        last = await at(`flank?${new URLSearchParams({ sizes })}`);
+        said.textContent = "";
+        draw();
+        write(rms, number(last.rms_um));
+        write(largest, number(last.largest_um));
+        panel.dataset.sizes = sizes;
+      } catch (error) {
+        said.textContent = told(error);
+      }
+    }
+    busy = false;
+  };
+  return { panel, ask };
+}
+
+function curveOf(box, row) {
+  if (!row.curve) return show(box, h("h2", {}, row.name), h("p", {}, `${row.state === "measured" ? `${number(row.low)} ± ${number(row.U)}` : `± ${number(row.high)}`} ${unit(row.unit)}`), h("p", { class: "muted" }, row.how));
+  const { at: xs, value, U } = row.curve;
+  const [low, high] = [value.map((one, i) => one - U[i]), value.map((one, i) => one + U[i])];
+  show(box, h("div", { class: "row head" }, h("h2", {}, `${row.name} · ${row.curve.axis}`), h("span", { class: "legend" }, t("model.band"))),
+    plot({ x: limits(xs, 0.01), y: limits([...low, ...high, 0]), label: row.name, xName: `${row.curve.axis} [${unit(row.curve.unit)}]`, yName: `[${unit(row.unit)}]`, nodes: (place) => [level(0, place, "zero"), band(xs, low, high, place, "new"), line(xs, value, place, "new")] }));
+}
+
+function next(tooth) {
+  const limit = number(tooth.threshold_um, 1);
+  const open = tooth.next.filter((one) => !one.measured && one.change_um > tooth.threshold_um).slice(0, 4);
+  return h("div", { class: "panel next" }, h("h2", {}, t("model.next")), !open.length && h("p", {}, t("model.enough", { limit })),
+    open.length > 0 && h("ul", { class: "lines" }, open.map((one) => h("li", {}, h("b", { "data-next": one.name }, one.name), ` ${t("model.may_change", { change: number(one.change_um) })}`))));
+}

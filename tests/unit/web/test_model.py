@@ -1,0 +1,98 @@
+"""A run's error model as the page asks for it: the record's figures, and a flank that adds up."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from drivers.units import arcsec_to_rad, mm_to_um
+from gateway.model.known import ErrorModel
+from gateway.model.preset import TWENTY_ONE
+from gateway.store import Store
+from tests.unit.components.site import site_of
+from tests.unit.report import closing
+from tests.unit.web.client import Client
+from tests.unit.web.services import TOKEN, offered
+
+GEAR = """
+name = "small"
+[gear]
+rp = 64.0
+rrp = 3.0
+a = 1.3
+zp = 40
+zc = 39
+b = 10.0
+[grinding]
+centre_distance_mm = 160.0
+"""
+WORK = {"gear": "gear.toml", "height_mm": 150.0}
+RUN = "/api/v1/sites/grinder/runs"
+
+
+def asking(folder: Path, model: ErrorModel, **more: Any) -> tuple[Client, str]:
+    """A service with one run that holds this model, and the path of that run."""
+    (folder / "gear.toml").write_text(GEAR, encoding="utf-8")
+    offer = offered(folder, site_of([], **more))
+    run = Store(folder).create("grinder")
+    run.put("errors", model)
+    return Client(offer.app, headers={"Authorization": f"Bearer {TOKEN}"}), f"{RUN}/{run.run_id}"
+
+
+def flank(client: Client, run: str, sizes: str) -> Any:
+    answer = client.get(f"{run}/flank?sizes={sizes}")
+    assert answer.status_code == 200, answer.text
+    return np.array(answer.json()["deviation_um"])
+
+
+def test_every_error_has_its_range_its_u_its_place_and_its_cure(tmp_path: Path) -> None:
+    model = closing.errors()
+    client, run = asking(tmp_path, model, work=WORK)
+    told = client.get(f"{run}/model").json()
+    rows = {one["name"]: one for one in told["errors"]}
+    assert set(rows) >= set(TWENTY_ONE)
+    located = {one.name: one for one in model.locations}["B0Z"]
+    assert (rows["B0Z"]["low"], rows["B0Z"]["U"], rows["B0Z"]["curve"]) == (located.value, 2 * located.u, None)
+    curve = rows["EXC"]["curve"]
+    assert (min(curve["value"]), max(curve["value"])) == pytest.approx(
+        (rows["EXC"]["low"], rows["EXC"]["high"]), abs=0.02
+    )
+    assert max(curve["U"]) <= rows["EXC"]["U"] + 1e-3
+    assert {one["error"] for one in told["tooth"]["ranking"]} == {one["error"] for one in told["tooth"]["cures"]}
+    assert told["tooth"]["sizes"]["EXC"] == {"low": 0.0, "high": 2.0, "at": 1.0}
+    assert told["tooth"]["sizes"]["EAZ"] == {"low": -1.0, "high": 1.0, "at": 0.0}, "only assumed: within its span"
+    assert [one["name"] for one in told["tooth"]["next"] if not one["measured"]] == ["EAZ"]
+
+
+def test_a_flank_follows_the_sizes_that_are_asked_for(tmp_path: Path) -> None:
+    """Nothing leaves nothing, halves add up, and an index error of 1 arcsec moves the flank by its lever."""
+    model = closing.errors()
+    client, run = asking(tmp_path, model, work=WORK)
+    names = [name for name in model.measured if name in TWENTY_ONE]
+    none = ",".join(f"{name}:0" for name in names)
+    assert np.max(np.abs(flank(client, run, none))) < 1e-3
+    whole, half = flank(client, run, ""), flank(client, run, ",".join(f"{name}:0.5" for name in names))
+    assert np.max(np.abs(whole)) > 1.0
+    assert half == pytest.approx(whole / 2.0, abs=0.02)
+    alone = ",".join(f"{name}:{2.0 if name == 'ECC' else 0.0}" for name in names)
+    turned = flank(client, run, alone)
+    component = model.motion("ECC")
+    assert component is not None
+    largest = np.sum(np.abs(component.coefficients)) * arcsec_to_rad(2.0) * mm_to_um(64.0)
+    assert 0.0 < np.max(np.abs(turned)) < largest
+
+
+def test_what_is_not_there_is_said(tmp_path: Path) -> None:
+    client, run = asking(tmp_path, replace(closing.errors(), said=("one",)))
+    told = client.get(f"{run}/model").json()
+    assert (told["tooth"], told["why"]["code"], told["said"]) == (None, "E-CLOSE-WORK", ["one"])
+    (tmp_path / "b").mkdir()
+    client, run = asking(tmp_path / "b", closing.errors(), work=WORK)
+    for sizes in ("EXC:2.01", "EQQ:1", "EXC", "EXC:nan", "EXC:inf"):
+        assert client.get(f"{run}/flank?sizes={sizes}").status_code == 422, sizes
+    other = Store(tmp_path / "b").create("grinder").run_id
+    assert client.get(f"{RUN}/{other}/model").status_code == 404
