@@ -45,6 +45,7 @@ def _loaded(place: str) -> Any:
 
 _UA = "drivers.sinumerik.opcua.settings:UaSettings"
 _MODBUS = "drivers.sinumerik.mailbox.settings:ModbusSettings"
+_LINUXCNC = "drivers.linuxcnc.settings:LinuxCncSettings"
 _BRIDGE = "drivers.bridge.settings:BridgeSettings"
 
 
@@ -57,6 +58,8 @@ _OWN = (
     DriverSpec("sinumerik-opcua-survey", "survey", "drivers.sinumerik.opcua.survey:UaSurvey"),
     DriverSpec("sinumerik-opcua-trust", "trust", "drivers.sinumerik.opcua.trust:UaTrust"),
     DriverSpec("sinumerik-modbus", "controller", "drivers.sinumerik.mailbox.device:SinumerikModbus", _MODBUS),
+    DriverSpec("linuxcnc-agent", "controller", "drivers.linuxcnc.device:LinuxCnc", _LINUXCNC),
+    DriverSpec("linuxcnc-agent-doctor", "doctor", "drivers.linuxcnc.doctor:LinuxCncDoctor"),
     DriverSpec("umd", "instrument", "drivers.umd.device:UmdCounter", "drivers.umd.settings:UmdSettings"),
     DriverSpec("bridge", "instrument", "drivers.bridge.device:BridgeInstrument", _BRIDGE),
     DriverSpec("bridge-gear", "gear-inspector", "drivers.bridge.gear:BridgeGear", _BRIDGE),
@@ -77,6 +80,7 @@ _OWN = (
     DriverSpec("gear-csv", "gear-file", "drivers.files.gear:GearCsvFormat"),
     DriverSpec("gde", "gear-file", "drivers.files.gde:GdeFormat"),
     DriverSpec("sinumerik-terms", "terms", "drivers.sinumerik.terms:SINUMERIK"),
+    DriverSpec("linuxcnc-terms", "terms", "drivers.linuxcnc.terms:LINUXCNC"),
     DriverSpec("sinumerik-tables", "table-file", "drivers.sinumerik.tablefile.format:TableFiles"),
     DriverSpec("linuxcnc", "table-exchange", "drivers.exchange.linuxcnc:LinuxCncScrew"),
     DriverSpec("twincat", "table-exchange", "drivers.exchange.twincat:TwinCatList"),

@@ -17,6 +17,7 @@ ENTRIES = (
     "simulators.cell.__main__",
     "simulators.pytest_plugin",
     "drivers.registry",
+    "drivers.linuxcnc.agent.__main__",
     "drivers.contract",
     "trueflank",
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import tempfile
 from collections.abc import AsyncIterator, Callable, Coroutine
 from dataclasses import replace
 from pathlib import Path
@@ -20,7 +21,7 @@ from drivers.contract.subject import ContractBroken, Moment, Subject
 from drivers.ports.controller import Controller
 from drivers.types.orders import PushBatch, PushOrder, ReadBack, SignProof
 from drivers.types.tables import LiveSet, LiveTable
-from tests.contract import modbus_stage, opcua_stage
+from tests.contract import linuxcnc_stage, modbus_stage, opcua_stage
 from tests.contract.fileroad import CAPABILITIES, FileRoad, Machine, curve
 from tests.sizes import long
 
@@ -79,10 +80,19 @@ def files_subject(device: FileRoad, machine: Machine, clock: LoopClock) -> Subje
     return Subject(device, curve(), "X", False, 0.0, person)
 
 
+@contextlib.asynccontextmanager
+async def on_linuxcnc(_folder: Path) -> AsyncIterator[Subject]:
+    """LinuxCNC by the agent on its host: somebody restarts it."""
+    with tempfile.TemporaryDirectory() as folder:
+        async with linuxcnc_stage.subject(Path(folder)) as found:
+            yield found
+
+
 ROADS: dict[str, Callable[[Path], contextlib.AbstractAsyncContextManager[Subject]]] = {
     "sinumerik-opcua": on_opcua,
     "sinumerik-opcua with gaps": on_opcua_with_gaps,
     "sinumerik-modbus": on_mailbox,
+    "linuxcnc-agent": on_linuxcnc,
     "file-road": on_files,
 }
 

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Install the peers of `make interop`: Debian packages when root, node-opcua by npm from the committed lock, parsers of
-# structured text into the environment of the Python that is named (one of them is compiled where there is no wheel).
+# structured text into the environment of the Python that is named (one of them is compiled where there is no wheel),
+# LinuxCNC's kernel from Debian.
 # What cannot be had is said in a line "NOT RUN"; with TRUEFLANK_INTEROP=all that ends the run.
 set -uo pipefail
 cd "$(dirname "$0")"
@@ -59,6 +60,11 @@ if [ -n "${1:-}" ] && ! has_parsers "$1"; then
     "$1" -m pip install --quiet --disable-pip-version-check --require-hashes -r ../../locks/peers.lock
     has_parsers "$1" || absent "the parsers of structured text (pip could not install blark and tree-sitter-iec61131-3-st)"
 fi
+
+if ! command -v linuxcnc >/dev/null && [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null; then
+    DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends linuxcnc-uspace >/dev/null 2>&1 || true
+fi
+command -v linuxcnc >/dev/null || absent "the LinuxCNC kernel (Debian package linuxcnc-uspace; not root, or no apt)"
 
 if [ "$missing" = 1 ] && [ "${TRUEFLANK_INTEROP:-}" = all ]; then
     echo "interop: everything must run here"

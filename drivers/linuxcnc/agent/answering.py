@@ -1,0 +1,110 @@
+"""One line in, one line out: the token, what was asked, and the answer or the refusal as JSON."""
+
+from __future__ import annotations
+
+import hmac
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from drivers.linuxcnc.agent.kernel import Kernel
+from drivers.linuxcnc.agent.lives import Life
+from drivers.linuxcnc.agent.refusal import AgentRefusal
+from drivers.linuxcnc.agent.screwfiles import ScrewFiles, durable, read
+
+PROTOCOL = 1
+MOST_LINE = 8 << 20
+PROGRAM = "trueflank-"
+
+
+class Agent:
+    """Answers for one INI file. ``find`` gives the kernel of this life, or refuses; ``life`` says whether it runs."""
+
+    def __init__(self, token: str, find: Callable[[], Kernel], life: Callable[[], Life | None]) -> None:
+        self._token, self._find, self._life = token, find, life
+        self._kernel: Kernel | None = None
+        self._of: Life | None = None
+        self._can: dict[str, Callable[[dict[str, Any]], Any]] = {
+            "hello": self._hello,
+            "identify": self._identify,
+            "state": lambda _asked: self._now().state(),
+            "tables": self._tables,
+            "marker": lambda _asked: self._files().marker(),
+            "begin": lambda asked: self._files().begin(asked["transaction"], asked["head"], asked["joints"]),
+            "before": lambda asked: self._files().before(asked["transaction"], asked["joint"]),
+            "put": lambda asked: self._files().put(asked["transaction"], asked["joint"], asked["text"]),
+            "commit": lambda asked: self._files().commit(asked["transaction"], asked["digests"]),
+            "clear": lambda asked: self._files().clear(asked["joint"]),
+            "finish": lambda asked: self._files().finish(asked["transaction"], asked["state"]),
+            "program": self._program,
+            "lower": lambda asked: self._now().lower(asked["go"], asked["leave"]),
+            "release": lambda asked: self._now().let_go(asked["go"], asked["echo"], asked["counter"]),
+            "leave": lambda asked: self._now().leave(asked["go"], asked["leave"]),
+        }
+
+    def line(self, data: bytes) -> bytes:
+        """The answer to one line, with its line end. Never raises."""
+        number: object = None
+        try:
+            asked = json.loads(data)
+            number = asked.get("id")
+            if not hmac.compare_digest(str(asked.get("token", "")).encode(), self._token.encode()):
+                raise AgentRefusal("E-LCNC-TOKEN")
+            if asked.get("do") not in self._can:
+                raise AgentRefusal("E-LCNC-ASKED", asked=str(asked.get("do"))[:40])
+            told: dict[str, Any] = {"ok": self._can[asked["do"]](asked)}
+        except AgentRefusal as error:
+            told = {"code": error.code, "fields": error.fields}
+        except (ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
+            told = {"code": "E-LCNC-ASKED", "fields": {"asked": f"{type(error).__name__}: {error}"[:80]}}
+        except OSError as error:
+            told = {"code": "E-LCNC-FILE", "fields": {"file": str(error.filename), "why": str(error.strerror)}}
+        return json.dumps({"id": number, **told}).encode() + b"\n"
+
+    def _now(self) -> Kernel:
+        """The kernel that runs now. Raises E-LCNC-DOWN."""
+        life = self._life()
+        if life is None:
+            raise AgentRefusal("E-LCNC-DOWN", why="no process milltask")
+        if self._kernel is None or life != self._of:
+            self._kernel, self._of = self._find(), life
+        return self._kernel
+
+    def _files(self) -> ScrewFiles:
+        kernel = self._now()
+        return ScrewFiles(kernel.ini_path.parent, lambda joint: kernel.screw(joint)[0], self._life)
+
+    def _hello(self, _asked: dict[str, Any]) -> dict[str, Any]:
+        life = self._life()
+        return {"agent": PROTOCOL, "life": life.name if life is not None else ""}
+
+    def _identify(self, _asked: dict[str, Any]) -> dict[str, Any]:
+        kernel, marker = self._now(), self._files().marker()
+        return {
+            "agent": PROTOCOL,
+            "machine": kernel.machine,
+            "name": marker["machine"],
+            "version": kernel.version,
+            "ini": str(kernel.ini_path),
+            "joints": kernel.joints(),
+        }
+
+    def _tables(self, asked: dict[str, Any]) -> dict[str, Any]:
+        kernel, files = self._now(), self._files()
+        joint = kernel.joint(asked["axis"])
+        return {
+            "acting": files.acting(joint) if kernel.screw(joint)[0] is not None else "",
+            "standing": files.standing(joint) if kernel.screw(joint)[0] is not None else "",
+            "joint": kernel.joints()[joint],
+        }
+
+    def _program(self, asked: dict[str, Any]) -> str:
+        """Place a program beside the INI file, show it to the operator, and read it back."""
+        kernel, name = self._now(), str(asked["name"])
+        if not name.isalnum():
+            raise AgentRefusal("E-LCNC-ASKED", asked=name[:40])
+        place: Path = kernel.ini_path.parent / f"{PROGRAM}{name}.ngc"
+        durable(place, str(asked["text"]).encode())
+        kernel.select(place)
+        return read(place).decode()

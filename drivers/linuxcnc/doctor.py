@@ -1,0 +1,76 @@
+"""The doctor of the LinuxCNC road: port, token, kernel, INI file, joints, files and pins; changes nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+from urllib.parse import urlsplit
+
+from drivers.checks import CheckLine, Wanted, failed, fine, unknown, wrong
+from drivers.clock import Clock
+from drivers.errors import TrueflankError
+from drivers.exchange.linuxcnc import MOST_ROWS
+from drivers.linuxcnc.screw import live_of, unit_of
+from drivers.linuxcnc.settings import LinuxCncSettings
+from drivers.linuxcnc.wire import AgentWire
+
+_CHECKS = {"E-LCNC-DOWN": "kernel", "E-LCNC-KINS": "kinematics", "E-LCNC-PIN": "HAL pins", "E-LCNC-MARKER": "marker"}
+
+
+class LinuxCncDoctor:
+    """Settings as the controller's; every question is a read."""
+
+    def __init__(self, name: str, url: str, settings: Mapping[str, Any], clock: Clock) -> None:
+        self.name = name
+        self._url = url
+        self._settings = LinuxCncSettings.read(settings, name)
+        self._wire = AgentWire(url, self._settings, clock, name)
+
+    async def examine(self, wanted: Wanted, timeout_s: float) -> tuple[CheckLine, ...]:
+        """Every line in the order of the road. Where the road ends, the last line says what could not be asked."""
+        plain = self._settings.unprotected(self._url)
+        lines = [wrong("W-LCNC-UNPROTECTED", "protection")] if plain else []
+        try:
+            await self._wire.open(timeout_s)
+            lines.append(fine("W-LCNC-AGENT", "agent", host=urlsplit(self._url).netloc))
+            lines += await self._kernel(wanted)
+        except TrueflankError as error:
+            lines += [failed(error, _CHECKS.get(error.code, "agent")), unknown("W-DOC-NOT-REACHED", "rest")]
+        finally:
+            await self._wire.close()
+        return tuple(lines)
+
+    async def _kernel(self, wanted: Wanted) -> list[CheckLine]:
+        said = await self._wire.read("identify")
+        serial = f"{said['machine']}-{said['name']}"
+        lines = [fine("W-LCNC-KERNEL", "kernel", version=said["version"], ini=said["ini"])]
+        if wanted.serial and wanted.serial != serial:
+            lines.append(wrong("E-LCNC-SERIAL", "fingerprint", wanted=wanted.serial, found=serial))
+        else:
+            lines.append(fine("W-LCNC-SERIAL", "fingerprint", found=serial))
+        joints = {joint["letter"]: joint for joint in said["joints"]}
+        for axis in wanted.axes:
+            lines += await self._axis(axis.name, axis.points, joints)
+        state = await self._wire.read("state")
+        most = max(self._settings.count_output, self._settings.echo_output)
+        if len(state["aout"]) <= most:
+            lines.append(wrong("E-LCNC-OUTPUT", "HAL pins", output=most, known=len(state["aout"])))
+        return lines
+
+    async def _axis(self, letter: str, points: int, joints: Mapping[str, Any]) -> list[CheckLine]:
+        if letter not in joints:
+            return [wrong("E-LCNC-AXIS", f"axis {letter}", axis=letter, known=" ".join(joints))]
+        joint, check = joints[letter], f"joint {joints[letter]['joint']}"
+        told = {"axis": letter, "joint": joint["joint"]}
+        lines = [] if joint["homed"] else [unknown("W-LCNC-NOT-HOMED", check, **told)]
+        if not joint["file"]:
+            return [*lines, wrong("E-LCNC-NO-FILE", check, joint=joint["joint"])]
+        if points > MOST_ROWS:
+            given = {"needed": points, "reserved": MOST_ROWS, "memory": "COMP_FILE"}
+            return [*lines, wrong("E-COMP-POINTS", check, **given)]
+        try:
+            live = live_of((await self._wire.read("tables", axis=letter))["acting"], joint, joint["file"])
+        except TrueflankError as error:
+            return [*lines, failed(error, check)]
+        rows = len(live.own.table.deviations) if live.own.enabled else 0
+        return [*lines, fine("W-LCNC-FILE", check, **told, unit=unit_of(joint), file=joint["file"], rows=rows)]
