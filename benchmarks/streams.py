@@ -23,11 +23,11 @@ import serial
 
 from drivers.bridge.device import BridgeInstrument
 from drivers.clock import LoopClock
-from drivers.envelope import Envelope
 from drivers.umd.codec import CODE, DATA, DISPLACEMENT, SEQUENCE, VELOCITY, UmdCodec, encode_rows
 from drivers.umd.counting import UmdCounting
 from drivers.umd.device import UmdCounter
 from drivers.umd.settings import UmdSettings
+from gateway.daemon.looking import Looking
 from gateway.store.rawstream import RawRecorder, StreamFacts
 
 LINES = 600_000
@@ -397,11 +397,12 @@ async def watched(port: int) -> tuple[float, float]:
     """(seconds, megabytes grown) while an hour of samples passes through driver and live picture."""
     device = BridgeInstrument("laser", f"tcp://127.0.0.1:{port}", {}, LoopClock())
     await device.open(30.0)
-    picture, seen, before = Envelope(), 0, 0.0
+    seen, before = 0, 0.0
+    looking = Looking(lambda _kind, _told: None, LoopClock())
     start = perf_counter()
     async with aclosing(device.blocks()) as stream:  # type: ignore[type-var]
         async for block in stream:
-            picture.take(block.time_s, block.values[:, 0])
+            looking.samples("laser", block)
             seen += len(block)
             if not before and seen >= FRAMES * FRAME:
                 before = most_memory_mb()

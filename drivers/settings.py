@@ -131,7 +131,7 @@ def in_words(one: Mapping[str, Any], given: object = "") -> str:
     kind, limits = str(one["type"]), one.get("ctx") or {}
     if kind == "tuple_type" and isinstance(given, dict):
         return words("W-CFG-MANY", key=one["loc"][-1])
-    if kind == "model_type" and isinstance(given, list):
+    if kind == "model_type" and isinstance(given, list) and all(isinstance(one, dict) for one in given):
         return words("W-CFG-ONE", key=one["loc"][-1])
     if kind in _KINDS:
         return words(_KINDS[kind])

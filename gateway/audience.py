@@ -86,6 +86,7 @@ DETAIL = (
     "P-PUSH-PROOF-OFF",
     "P-PUSH-REFUSED",
     "P-PUSH-STEP",
+    "P-SIGN-PROVED",
     "P-WATCH-SAME",
 )
 KINDS = {

@@ -208,7 +208,7 @@ class ToothProposal:
 
     ``eccentricity_um`` (x, y) and ``tilt_arcsec`` (a, b) say how the work should be moved on its table, where that
     would help. ``b_left`` is the share of B that nothing can cure on this gear. ``axes`` are how the
-    axes will deviate with everything acting.
+    axes will deviate with everything acting. ``background`` are those of ``said`` that ask nothing of anybody.
     """
 
     setup: SetupValues
@@ -220,6 +220,7 @@ class ToothProposal:
     tilt_arcsec: tuple[float, float] = (0.0, 0.0)
     said: tuple[str, ...] = ()
     axes: tuple[AxisOutlook, ...] = ()
+    background: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -40,6 +40,8 @@ def decoded(data: bytes) -> str:
     """The text of UTF-8 bytes, without the mark some editors write first. Raises ValueError naming what it is else."""
     if data.startswith(_WIDE) or data[:400].count(0) > len(data[:400]) // 4:
         raise ValueError(words("W-TOML-UTF16"))
+    if b"\0" in data:
+        raise ValueError(words("W-TOML-BINARY"))
     try:
         return data.removeprefix(_MARK).decode("utf-8")
     except UnicodeDecodeError as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,7 +15,7 @@ from drivers.local.tomlfile import decoded, no_numbers, read_bounded
 from gateway.config.faults import Fault, SiteFaults
 from gateway.config.judging import rule_faults
 from gateway.config.keyfaults import broken, key_faults
-from gateway.config.places import places_in
+from gateway.config.places import held, places_in
 from gateway.config.sections import SiteFile
 from gateway.config.seen import seen
 from gateway.config.tomlfaults import read_tree
@@ -68,6 +69,7 @@ def read_site(path: Path) -> SiteReading:
     if not text_read:
         return _nothing(broken_lines, text)
     site, found = _judged(tree, partial=bool(broken_lines))
+    found = tuple(one for one in found if not _named_there(one, tree, text, broken_lines))
     site = None if broken_lines else site
     told = placed((*broken_lines, *found), text_read)
     faults = tuple(fault for fault in told if not fault.doubt)
@@ -110,6 +112,15 @@ def _judged(tree: dict[str, Any], *, partial: bool) -> tuple[SiteFile | None, tu
     if partial:
         found = [one for one in found if not _is_absent(one, tree)]
     return (None if numbers else site), _each_once(found)
+
+
+def _named_there(fault: Fault, tree: dict[str, Any], text: str, broken_lines: Sequence[Fault]) -> bool:
+    """Whether a line that cannot be read says the very word that is not known: it may define it."""
+    word, rows = held(tree, fault.path), text.split("\n")
+    if not isinstance(word, str) or not word:
+        return False
+    form = re.compile(rf"\b{re.escape(word)}\b")
+    return any(form.search(rows[one.line - 1]) for one in broken_lines if one.line)
 
 
 def _is_absent(fault: Fault, tree: dict[str, Any]) -> bool:

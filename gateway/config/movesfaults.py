@@ -8,7 +8,7 @@ from typing import Any
 from drivers.errors import words
 from gateway.config.faults import Fault
 from gateway.config.keyfaults import broken
-from gateway.config.rules import bounds, is_pair
+from gateway.config.rules import bounds, is_pair, within
 
 _SAFE = ("moves", "safe")
 
@@ -24,8 +24,10 @@ def moves_faults(tree: Mapping[str, Any], site: Any) -> Iterator[Fault]:
             yield broken(tree, (*_SAFE, name), words("W-CFG-TRAVEL"))
         elif name in axes:
             low, high = bounds(axes[name])
-            if place[1] <= low or place[0] >= high:
-                yield broken(tree, (*_SAFE, name), words("W-CFG-OUTSIDE", low=low, high=high))
+            beyond = not (within(place[0], low, high) and within(place[1], low, high))
+            if beyond:
+                apart = place[1] <= low or place[0] >= high
+                yield broken(tree, (*_SAFE, name), words("W-CFG-OUTSIDE", low=low, high=high), doubt=not apart)
     dresser = getattr(site.work, "dresser", None)
     known = [*axes, *([dresser] if isinstance(dresser, str) and dresser else [])]
     missing = [name for name in known if name not in given]

@@ -1,4 +1,4 @@
-"""Where each key and each value of a TOML text stands; for texts that tomllib has read."""
+"""Where each key and each value of a TOML text stands; what stands behind the first thing that is no TOML has none."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Path = tuple[str | int, ...]
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 _BLANK = re.compile(r"[ \t]*")
 _EMPTY = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
-_PLAIN = re.compile(r"[^,\]}#\n]*")
+_PLAIN = re.compile(r"[^,\]}#\n]+")
 _TEXTS = (
     re.compile(r'"""(?:\\.|[^\\])*?"""+', re.DOTALL),
     re.compile(r"'''.*?'''+", re.DOTALL),

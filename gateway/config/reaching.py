@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
+from ipaddress import ip_address
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -18,6 +19,8 @@ from gateway.config.sections import SiteFile
 INSTRUMENTS = ("instrument", GEAR_MACHINE)
 _PORTLESS = {"opc.tcp"}
 _NUMBERED = {"tcp", "socket", "opc.tcp"}
+_DOTTED = re.compile(r"[\d.]+")
+"""A host of digits and points alone must be four numbers up to 255: no name is made so."""
 _SERIAL = re.compile(r"COM[0-9]+|/dev/.+", re.IGNORECASE)
 
 
@@ -78,8 +81,9 @@ def _address(tree: Mapping[str, Any], section: Any, kinds: tuple[str, ...]) -> I
 def _is_host(url: str, *, needs_port: bool) -> bool:
     try:
         parts = urlsplit(url)
-        return (
-            bool(parts.hostname) and (parts.port is not None or not needs_port) and parts.port != 0 and " " not in url
-        )
+        host, has_port = parts.hostname or "", parts.port is not None or not needs_port
+        if _DOTTED.fullmatch(host):
+            ip_address(host)
+        return bool(host) and has_port and parts.port != 0 and " " not in url
     except ValueError:
         return False

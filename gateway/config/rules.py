@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from itertools import pairwise
 from typing import Any
 
 from drivers import registry
@@ -36,6 +37,11 @@ def is_pair(value: Any) -> bool:
 def within(value: Any, low: float, high: float) -> bool:
     """Whether a position lies in a range, its ends included."""
     return not isinstance(value, int | float) or low - NEAR <= value <= high + NEAR
+
+
+def is_below(value: Any, other: Any) -> bool:
+    """Whether both are numbers, the first less than the second."""
+    return isinstance(value, int | float) and isinstance(other, int | float) and value < other
 
 
 def no_such(tree: Mapping[str, Any], path: Path, what: str, known: Iterable[str]) -> Fault:
@@ -74,7 +80,20 @@ def target_faults(tree: Mapping[str, Any], axis: Any, targets: Any, overrun: Any
                 yield broken(tree, (*targets.place, "positions", number), words("W-CFG-AGAIN"))
         if len(targets.positions) == 1:
             yield broken(tree, (*targets.place, "positions"), words("W-CFG-TWO"))
+    yield from _order(tree, targets)
     yield from _overrun(tree, axis, given, overrun)
+
+
+def _order(tree: Mapping[str, Any], targets: Any) -> Iterator[Fault]:
+    """An end of the range that is left out, and positions that fall: both are read, and may not be meant."""
+    missing = [key for key in ("first", "last") if targets.count and key not in held(tree, targets.place)]
+    for key in missing:
+        yield broken(tree, targets.place, words("W-CFG-LEFT-OUT", key=key, value=0), doubt=True)
+    if targets.count and not missing and is_below(targets.last, targets.first):
+        yield broken(tree, (*targets.place, "first"), words("W-CFG-RISING"), doubt=True)
+    listed = targets.positions if isinstance(targets.positions, list) else []
+    if any(is_below(now, before) for before, now in pairwise(listed)):
+        yield broken(tree, (*targets.place, "positions"), words("W-CFG-RISING"), doubt=True)
 
 
 def _overrun(tree: Mapping[str, Any], axis: Any, given: Mapping[Path, Any], overrun: Any) -> Iterator[Fault]:

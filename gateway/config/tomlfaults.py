@@ -13,10 +13,26 @@ from gateway.config.faults import Fault
 MOST = 20
 _PUT_IN = "#"
 _PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
-_COMMA = re.compile(r"(?:=|[\[,{]|\d\.\.)\s*[+-]?\d+,\d+\s*(?:#.*)?$")
 _BACKSLASH = re.compile(r'"[^"]*\\[^"]*"?')
+_HEADER = re.compile(r"[^\w\"'=#]*\[")
 _WORD = re.compile(r"=\s*([A-Za-z_][^\s#,\]}]*)")
-_DATE = re.compile(r"=\s*\d+\.\d+\.\d+")
+LINE_END = "Illegal character '\\n'"
+_TEXT_ENDS = (LINE_END, 'Expected "\'"')
+LOOK_BACK = 50
+_MEANT = (
+    ("W-CFG-STRAIGHT", re.compile("[\u201c\u201d\u201e\u2018\u2019\u201a\u00ab\u00bb]")),
+    ("W-CFG-INVISIBLE", re.compile("[\u00a0\u1680\u2000-\u200f\u2028-\u202f\u205f-\u2064\u3000\ufeff]")),
+    ("W-CFG-MINUS", re.compile("[\u2010-\u2015\u2212]")),
+    ("W-CFG-POINTS", re.compile(r"=\s*[+-]?(?:\d+\.\d+\.\d+|\d{1,3}(?:,\d{3})+\.\d)")),
+    ("W-CFG-COMMA", re.compile(r"(?:=|[\[,{]|\d\.\.)\s*[+-]?\d+,\d+$")),
+    ("W-CFG-HEADER", re.compile(r"^\s*\[")),
+    ("W-CFG-EQUALS", re.compile(r"^[^=]*$|^\s*[\w.-]+\s*:")),
+    ("W-CFG-NO-VALUE", re.compile(r"=$")),
+    ("W-CFG-COMMENT", re.compile(r"=.*\s(?://|--|/\*|;\s*\w)")),
+    ("W-CFG-DIGITS", re.compile(r"[=\[,]\s*[+-]?(?:0\d|\.\d|\d+\.(?![\d.]))")),
+    ("W-CFG-UNIT", re.compile(r"=\s*[+-]?\d[\d.]*\s*[A-Za-z\u00b0\u00b5\u03bc%]")),
+)
+"""What a line looks like without its comment, and what was probably meant; the first that fits is told."""
 
 
 def read_tree(text: str) -> tuple[dict[str, Any], tuple[Fault, ...], str]:
@@ -27,7 +43,7 @@ def read_tree(text: str) -> tuple[dict[str, Any], tuple[Fault, ...], str]:
             tree = tomllib.loads(text)
             return {key: part for key, part in tree.items() if not key.startswith(_PUT_IN)}, tuple(faults), text
         except ValueError as error:
-            why, line, column = _said(str(error), text)
+            why, line, column = _opened(text, *_said(str(error), text))
             # An end of the document, or a line twice: there is no place behind which reading could go on.
             if line <= last or len(faults) >= MOST:
                 return {}, tuple(faults) or (_fault(text, why, line, column),), ""
@@ -49,6 +65,28 @@ def _said(message: str, text: str) -> tuple[str, int, int]:
     return why, line, _line(text, line).find(opening) + 1
 
 
+def _opened(text: str, why: str, line: int, column: int) -> tuple[str, int, int]:
+    """The same, about where that begins which is not closed: tomllib tells where it looked for the end."""
+    if why in _TEXT_ENDS:
+        quote = '"' if why == LINE_END else "'"
+        if quote == "'":
+            line = max((at for at, row in enumerate(text.split("\n"), 1) if row.count(quote) % 2), default=0)
+        row = _line(text, line)
+        return why, line, max(row.find(quote, row.find("=")) + 1, 1)
+    if not why.startswith("Unclosed"):
+        return why, line, column
+    for number in range(line, max(line - LOOK_BACK, 0), -1):
+        value = _bare(_line(text, number)).partition("=")[2]
+        if value.count("[") > value.count("]") or value.count("{") > value.count("}"):
+            return why, number, _line(text, number).find(value.strip()) + 1
+    return why, line, column
+
+
+def _bare(row: str) -> str:
+    """The line without its comment."""
+    return row.partition("#")[0]
+
+
 def _line(text: str, line: int) -> str:
     return text.split("\n")[line - 1].rstrip("\r") if line else ""
 
@@ -56,7 +94,7 @@ def _line(text: str, line: int) -> str:
 def _without(text: str, line: int) -> str:
     """The text with the line taken out; a header is replaced, or what follows would join another section."""
     lines = text.split("\n")
-    lines[line - 1] = f'["{_PUT_IN}{line}"]' if lines[line - 1].lstrip().startswith("[") else ""
+    lines[line - 1] = f'["{_PUT_IN}{line}"]' if _HEADER.match(lines[line - 1]) else ""
     return "\n".join(lines)
 
 
@@ -76,17 +114,23 @@ def _meant(row: str, why: str) -> str:
     """What is probably meant, in words; "" where nothing is known."""
     if _is_twice(why):
         return words("W-CFG-TWICE", key=shown(row.partition("=")[0].strip()))
+    if why in _TEXT_ENDS:
+        return words("W-CFG-UNCLOSED-TEXT")
+    if why.startswith("Illegal character"):
+        return words("W-CFG-INVISIBLE")
     if "\\" in why or "escape" in why.lower() or ("hex" in why and _BACKSLASH.search(row)):
         return words("W-CFG-BACKSLASH")
-    if _COMMA.search(row):
-        return words("W-CFG-COMMA")
+    bare = _bare(row).rstrip()
+    for code, form in _MEANT:
+        if form.search(bare):
+            return words(code)
+    if why.startswith("Unclosed"):
+        return words("W-CFG-UNCLOSED")
     word = _WORD.search(row)
     if word and word[1].lower() in ("true", "false", "yes", "no", "on", "off"):
         return words("W-CFG-TRUE")
+    if word and word[1].lower() in ("null", "none", "nil"):
+        return words("W-CFG-NO-VALUE")
     if word:
         return words("W-CFG-QUOTES", word=shown(word[1]))
-    if _DATE.search(row):
-        return words("W-CFG-POINTS")
-    if ";" in row.partition("#")[0]:
-        return words("W-CFG-SEMICOLON")
-    return ""
+    return words("W-CFG-SEMICOLON") if ";" in bare else ""

@@ -32,12 +32,18 @@ def work_faults(tree: Mapping[str, Any], site: Any) -> Iterator[Fault]:
 
 def _axes(tree: Mapping[str, Any], site: Any, work: Any) -> Iterator[Fault]:
     kinds = {name: axis.kind for axis in site.axes for name in (axis.letter, axis.name) if isinstance(name, str)}
+    names = {name: axis.name for axis in site.axes for name in (axis.letter, axis.name) if isinstance(name, str)}
+    taken: dict[str, str] = {}
     for role, kind in _ROLES.items():
         wanted = getattr(work, role)
         if isinstance(wanted, str) and wanted not in kinds and held(tree, (*work.place, role)) is not None:
             yield no_such(tree, (*work.place, role), "axis", kinds)
         elif isinstance(wanted, str) and kinds.get(wanted) not in (kind, None):
             yield broken(tree, (*work.place, role), words("W-CFG-ROLE", kind=kind))
+        elif isinstance(wanted, str) and names.get(wanted) in taken:
+            yield broken(tree, (*work.place, role), words("W-CFG-ROLE-TAKEN", role=taken[names[wanted]]))
+        if isinstance(wanted, str) and wanted in names:
+            taken.setdefault(names[wanted], role)
 
 
 def _inspector(tree: Mapping[str, Any], site: Any, work: Any) -> Iterator[Fault]:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from drivers.errors import words
+from gateway.domain.outcomes import ActingCheck, AxisVerdict
 from gateway.domain.values import COVERAGE
 from gateway.report.material import ReportMaterial, ToothMaterial
 from gateway.report.missing import PUSHED, missing
@@ -15,6 +16,29 @@ from gateway.report.tooth.rows import cure_rows, setup_rows
 from gateway.report.tooth.sentences import known
 
 
+def axis_lines(verdicts: Iterable[AxisVerdict]) -> tuple[str, ...]:
+    """What became of each axis: one line for all that improved as predicted, every word where one did not."""
+    found = tuple(verdicts)
+    well = ", ".join(one.axis for one in found if _well(one))
+    rest = tuple(f"{one.axis}: {one.words}" for one in found if not _well(one))
+    return (*((words("S-REPORT-AXES", names=well),) if well else ()), *rest)
+
+
+def _well(verdict: AxisVerdict) -> bool:
+    return verdict.improved and verdict.within_prediction
+
+
+def details(verdicts: Iterable[AxisVerdict], acting: Iterable[ActingCheck] = ()) -> tuple[str, ...]:
+    """What `axis_lines` leaves to the report, and the checks with every table acting that held."""
+    told = [f"{one.axis}: {one.words}" for one in verdicts if _well(one)]
+    return (*told, *(one.words for one in acting if one.held))
+
+
+def acting_lines(acting: Iterable[ActingCheck]) -> tuple[str, ...]:
+    """What short checks with every table acting said, where that was not as predicted."""
+    return tuple(one.words for one in acting if not one.held)
+
+
 def tooth_lines(report: ReportMaterial) -> tuple[str, ...]:
     """For people, one line each; nothing for a run without tooth or errors."""
     tooth = report.tooth
@@ -22,8 +46,8 @@ def tooth_lines(report: ReportMaterial) -> tuple[str, ...]:
         return ()
     if tooth.kind == "errors":
         return tuple(line for line in (known(error_rows(tooth.errors)) if tooth.errors else "", tooth.advice) if line)
-    axes = [f"{axis.axis}: {axis.verdict.words}" for axis in report.axes if axis.verdict is not None]
-    axes += [axis.acting.words for axis in report.axes if axis.acting is not None]
+    axes = axis_lines(axis.verdict for axis in report.axes if axis.verdict is not None)
+    axes += acting_lines(axis.acting for axis in report.axes if axis.acting is not None)
     verdict = (tooth.verdict.words,) if tooth.verdict is not None else ()
     return (*axes, *_tables(tooth), *_setup(tooth), *_incurable(tooth), *missing(report), *verdict, figure(tooth))
 

@@ -10,14 +10,14 @@ from drivers.errors import words
 
 WORSE_EXIT = 9
 LIMIT_EXCEEDED, CANNOT_TELL = 13, 21
-BEFORE_AFTER = ("axis", "parameter", "before", "after", "unit", "change")
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
     """A finished run: the rows of its table, with ``headings`` for each column, what is said, and where all is kept.
 
-    ``points`` are lines for who asks for every interpolation point.
+    ``points`` are lines for who asks for every interpolation point, ``details`` for who wants to read everything that
+    the report says.
     """
 
     state: str
@@ -27,8 +27,9 @@ class Outcome:
     data: dict[str, Any]
     exit_code: int = 0
     title: str = "before and after (ISO 230-2:2014)"
-    headings: tuple[str, ...] = BEFORE_AFTER
+    headings: tuple[str, ...] = ()
     points: tuple[str, ...] = ()
+    details: tuple[str, ...] = ()
 
     def as_data(self) -> dict[str, Any]:
         """The outcome as JSON data."""

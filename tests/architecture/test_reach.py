@@ -1,4 +1,4 @@
-"""What tests judge is what runs: every module is reached from an entry point, or waits for one by name."""
+"""What tests judge is what runs: every module is reached from an entry point."""
 
 from __future__ import annotations
 
@@ -22,10 +22,6 @@ ENTRIES = (
     "trueflank",
 )
 PURE = ("evaluate", "correct", "model", "gear", "sensitivity", "guard")
-AWAITED = {
-    "drivers.envelope": "a long stream on the web page",
-}
-"""Modules that no entry point reaches yet, and the use that will: this list only shrinks."""
 ALONE = {
     "cosine_error_mm": "a worked case; no step of a run takes it off",
     "drift_removed": "a worked case; the run levels passes and judges steadiness instead",
@@ -91,10 +87,8 @@ def _reached() -> set[str]:
     return seen
 
 
-def test_every_module_is_reached_from_an_entry_point_or_waits_for_one() -> None:
-    unreached = set(_sources()) - _reached()
-    assert sorted(unreached - set(AWAITED)) == [], "nothing but tests reaches these: take them out"
-    assert sorted(set(AWAITED) - unreached) == [], "these are reached now, or gone: take them off the list"
+def test_every_module_is_reached_from_an_entry_point() -> None:
+    assert sorted(set(_sources()) - _reached()) == [], "nothing but tests reaches these: take them out"
 
 
 def _definitions(code: str) -> Iterator[str]:
@@ -108,6 +102,6 @@ def _definitions(code: str) -> Iterator[str]:
 def test_public_functions_of_the_pure_rooms_are_named_by_the_product() -> None:
     words = Counter(word for code in _sources().values() for word in re.findall(r"\b\w+\b", code))
     rooms = tuple(f"gateway.{room}" for room in PURE)
-    judged = [code for name, code in _sources().items() if name.startswith(rooms) and name not in AWAITED]
+    judged = [code for name, code in _sources().items() if name.startswith(rooms)]
     names = {name for code in judged for name in _definitions(code)}
     assert sorted(name for name in names if words[name] == 1) == sorted(ALONE)

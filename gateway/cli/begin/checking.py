@@ -34,7 +34,7 @@ class CheckedSite:
         """What the file asks for that will do for no push, or only just."""
         from gateway.workflow.axes.beforehand import remarks
 
-        return remarks(self.site) if self.site is not None else ()
+        return remarks(self.site) if self.site is not None and not self.faults else ()
 
 
 def check_command(

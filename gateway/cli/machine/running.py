@@ -9,6 +9,8 @@ from typing import Any
 import typer
 
 from drivers.clock import Clock, LoopClock
+from drivers.errors import words
+from gateway.cli import voice
 from gateway.cli.onward import after_look, after_run, next_step
 from gateway.cli.options import load_site
 from gateway.cli.screen.telling import progress
@@ -101,6 +103,11 @@ def recover_command(site: Path, apply: bool, machine: str, *, take: str = "", as
         next_step(f"recover {site} --apply --machine {tree.site.name}" if undone else f"verify-table {site}")
 
 
+def _counted(details: tuple[str, ...]) -> tuple[str, ...]:
+    """How many lines more there are: the report has them all."""
+    return (words("S-RUN-DETAILS", count=len(details)),) if details else ()
+
+
 def show_outcome(outcome: Any, *, as_json: bool, points: bool = False, onward: str = "") -> None:
     """Print what a workflow handed back, and the command to go on with; end with its exit code."""
     if as_json:
@@ -109,6 +116,8 @@ def show_outcome(outcome: Any, *, as_json: bool, points: bool = False, onward: s
         if outcome.rows:
             show_table(outcome.title, outcome.headings, outcome.rows)
         for line in outcome.points if points else ():
+            echo(line)
+        for line in outcome.details if voice.now() is voice.Voice.VERBOSE else _counted(outcome.details):
             echo(line)
         for line in outcome.lines:
             echo(line)

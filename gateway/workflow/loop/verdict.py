@@ -15,7 +15,7 @@ from gateway.tooth import ToothProposal, ToothVerdict
 from gateway.workflow import stages
 from gateway.workflow.outcome import WORSE_EXIT, Outcome
 from gateway.workflow.results.conformity import conforming
-from gateway.workflow.results.ending import lines_of, outcome_of
+from gateway.workflow.results.ending import details_of, lines_of, outcome_of
 from gateway.workflow.results.reporting import ReportPaths, material_of, write_report
 
 R = TypeVar("R")
@@ -42,10 +42,11 @@ def closed(folder: RunFolder, site: SiteFile) -> Outcome:
     tooth = folder.get(stages.TOOTH, ToothProposal)
     *told, figure = lines_of(material)
     untried = proposal.warnings if verdict is None else ()
-    lines = (*tooth.said, *told, *untried, *plain.lines[-2:], figure)
+    needed = (line for line in tooth.said if line not in tooth.background)
+    lines = (*needed, *told, *untried, *plain.lines[-2:], figure)
     worse = plain.exit_code or (judged is not None and judged.outcome == "worse")
     data = plain.data | _tooth(judged) | _details(paths, tooth)
-    done = replace(plain, lines=lines, data=data, exit_code=WORSE_EXIT if worse else 0)
+    done = replace(plain, lines=lines, details=details_of(material), data=data, exit_code=WORSE_EXIT if worse else 0)
     return conforming(done, material.judged)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -10,9 +10,9 @@ from gateway.domain.figures import Evaluation
 from gateway.domain.outcomes import ActingCheck, Verdict
 from gateway.domain.proposals import Proposal
 from gateway.report import ReportMaterial, parameter_rows
-from gateway.report.lines import tooth_lines
-from gateway.report.parameters import PARAMETERS
-from gateway.report.sentences import number, percent, still_on
+from gateway.report.lines import acting_lines, axis_lines, details, tooth_lines
+from gateway.report.parameters import PARAMETERS, ParameterRow
+from gateway.report.sentences import number, still_on
 from gateway.store import RunFolder
 from gateway.workflow import stages
 from gateway.workflow.axes.measure import MeasuredAxis
@@ -37,17 +37,22 @@ def finish(
     done = outcome_of(
         folder.state, str(folder.path), evaluations=pairs, proposal=proposal, verdict=verdict, paths=paths
     )
-    return conforming(replace(done, lines=(*_acting(folder, measured), *done.lines)), material.judged)
-
-
-def _acting(folder: RunFolder, axes: Iterable[str]) -> tuple[str, ...]:
-    """What short checks with every table acting said."""
-    return tuple(folder.get(stages.acting(one), ActingCheck).words for one in axes if folder.has(stages.acting(one)))
+    acting = [folder.get(stages.acting(one), ActingCheck) for one in measured if folder.has(stages.acting(one))]
+    told = details(verdict.axes if verdict is not None else (), acting)
+    return conforming(replace(done, lines=(*acting_lines(acting), *done.lines), details=told), material.judged)
 
 
 def lines_of(material: ReportMaterial) -> tuple[str, ...]:
     """What a run did for axes and tooth; the last line is the tooth's figure."""
     return (*still_on(material), *tooth_lines(material))
+
+
+def details_of(material: ReportMaterial) -> tuple[str, ...]:
+    """What `lines_of` leaves to the report."""
+    axes = material.axes
+    acting = (one.acting for one in axes if one.acting is not None)
+    background = material.tooth.proposal.background if material.tooth and material.tooth.proposal else ()
+    return (*details((one.verdict for one in axes if one.verdict is not None), acting), *background)
 
 
 def outcome_of(
@@ -59,9 +64,8 @@ def outcome_of(
     paths: ReportPaths,
 ) -> Outcome:
     """Gather what a run's end shows."""
-    rows = tuple(row for axis, pair in evaluations.items() for row in _rows(axis, *pair))
     lines = [f"{change.name}: {change.skipped}" for change in proposal.changes if change.skipped]
-    lines += [f"{axis.axis}: {axis.words}" for axis in verdict.axes] if verdict is not None else proposal.warnings
+    lines += axis_lines(verdict.axes) if verdict is not None else proposal.warnings
     lines += [f"run folder: {run_folder}", f"report: {paths.html}"]
     worse = verdict is not None and verdict.outcome == "worse"
     data = {
@@ -74,18 +78,28 @@ def outcome_of(
     return Outcome(
         state=state,
         run_folder=run_folder,
-        rows=rows,
+        rows=_rows(evaluations),
+        headings=("", *(f"{axis}, {before.unit}" for axis, (before, _) in evaluations.items())),
         lines=tuple(lines),
         data=data,
         exit_code=WORSE_EXIT if worse else 0,
     )
 
 
-def _rows(axis: str, before: Evaluation, after: Evaluation | None) -> list[tuple[str, str, str, str, str, str]]:
-    return [
-        (row.axis, row.parameter, number(row.before), number(row.after), row.unit, percent(row.change_pct))
-        for row in parameter_rows(axis, before, after)
+def _rows(evaluations: Mapping[str, tuple[Evaluation, Evaluation | None]]) -> tuple[tuple[str, ...], ...]:
+    """One row a figure, one column an axis: before -> after, or what was measured once."""
+    axes = [
+        {row.parameter: row for row in parameter_rows(axis, before, after)}
+        for axis, (before, after) in evaluations.items()
     ]
+    names = dict.fromkeys(name for rows in axes for name in rows)
+    return tuple((name, *(_cell(rows.get(name)) for rows in axes)) for name in names)
+
+
+def _cell(row: ParameterRow | None) -> str:
+    if row is None:
+        return ""
+    return number(row.before) if row.after is None else f"{number(row.before)} → {number(row.after)}"
 
 
 def _data(before: Evaluation, after: Evaluation | None) -> dict[str, Any]:

@@ -42,7 +42,7 @@ from gateway.workflow.bench import Bench
 from gateway.workflow.errors21.components import grids
 from gateway.workflow.tooth.crosstables import acting_cross, cross_changes, places_of
 from gateway.workflow.tooth.everything import outlooks, told_of
-from gateway.workflow.tooth.sentences import measure_better, told
+from gateway.workflow.tooth.sentences import explained, measure_better, told
 
 PROFILE, WIDTH = 11, 5
 
@@ -109,11 +109,11 @@ async def propose_tooth(
         tilt_arcsec=found.moved.tilt_arcsec,
     )
     left = (*nowhere, *(task.alone(plan, outlook) if nowhere else ()), *_left_alone(own))
-    tooth = replace(tooth, said=told(tooth, model, found=found, gains=gains, left_alone=left))
     worst = dominant(task.grinding, task.grid, model, outlook.flank)
+    needed = (*told(tooth, model, found=found, gains=gains, left_alone=left), *measure_better(worst))
     axes = outlooks(own, cross)
-    said = (*tooth.said, *_drifting(task.shop, at.site.work), *_noisy(measured), *measure_better(worst))
-    tooth = replace(tooth, axes=axes, said=(*said, *told_of(axes)))
+    why = (*explained(tooth, model, found), *_drifting(task.shop, at.site.work), *_noisy(measured), *told_of(axes))
+    tooth = replace(tooth, axes=axes, said=(*needed, *why), background=why)
     at.folder.put(stages.TOOTH, tooth, (at.folder.digest(stages.PROPOSAL), *parents))
     return proposal, tooth
 

@@ -11,14 +11,29 @@ from gateway.correct.outlook.too_coarse import Dominant
 from gateway.correct.plan.layers import LayeredCorrection
 from gateway.domain.values import COVERAGE
 from gateway.model.known import ErrorModel
-from gateway.tooth import ToothProposal
+from gateway.tooth import CureRecord, ToothProposal
 
 
 def told(
     tooth: ToothProposal, model: ErrorModel, found: LayeredCorrection, gains: Outlook, left_alone: Sequence[str]
 ) -> tuple[str, ...]:
-    """In words; ``gains`` is the outlook of the cross tables, proposed or not, ``left_alone`` what was said before."""
-    return (*left_alone, *_gain(found, gains), *found.said, *_mechanical(tooth), *_unknown(tooth, model), *_work(tooth))
+    """What people need, in words.
+
+    ``gains`` is the outlook of the cross tables, proposed or not, ``left_alone`` what was said before.
+    """
+    return (*left_alone, *_gain(found, gains), *_mechanical(tooth), *_unknown(tooth, model), *_work(tooth))
+
+
+def explained(tooth: ToothProposal, model: ErrorModel, found: LayeredCorrection) -> tuple[str, ...]:
+    """What explains the proposal and asks nothing of anybody, in words."""
+    said = [*found.said]
+    if not _beyond(tooth):
+        said.append(words("S-TOOTH-ALL-CURED", limit=f"{THRESHOLD_UM:g}"))
+    said.append(words("S-TOOTH-B-LEFT", share=f"{100.0 * tooth.b_left:.0f}"))
+    sizes = _sizes(tooth, model)
+    if sizes and max(sizes.values()) <= THRESHOLD_UM:
+        said.append(words("S-TOOTH-UNKNOWN-NONE", count=len(sizes), limit=f"{THRESHOLD_UM:g}"))
+    return tuple(said)
 
 
 def measure_better(worst: Dominant | None) -> tuple[str, ...]:
@@ -42,22 +57,23 @@ def _gain(found: LayeredCorrection, gains: Outlook) -> Iterator[str]:
 
 
 def _mechanical(tooth: ToothProposal) -> Iterator[str]:
-    beyond = [one for one in tooth.cures if one.floor_um > THRESHOLD_UM]
-    for one in beyond:
+    for one in _beyond(tooth):
         yield words("S-TOOTH-MECHANICAL", name=one.error, rms=f"{one.rms_um:.2f}", left=f"{one.floor_um:.2f}")
-    if not beyond:
-        yield words("S-TOOTH-ALL-CURED", limit=f"{THRESHOLD_UM:g}")
-    yield words("S-TOOTH-B-LEFT", share=f"{100.0 * tooth.b_left:.0f}")
+
+
+def _beyond(tooth: ToothProposal) -> list[CureRecord]:
+    return [one for one in tooth.cures if one.floor_um > THRESHOLD_UM]
 
 
 def _unknown(tooth: ToothProposal, model: ErrorModel) -> Iterator[str]:
-    parts = tooth.prediction.parts_um
-    sizes = {one.name: parts.get(one.name, 0.0) for one in model.unknown}
-    for name, size in sorted(sizes.items(), key=lambda item: -item[1]):
+    for name, size in sorted(_sizes(tooth, model).items(), key=lambda item: -item[1]):
         if size > THRESHOLD_UM:
             yield words("S-TOOTH-UNKNOWN", name=name, u=f"{size:.2f}")
-    if sizes and max(sizes.values()) <= THRESHOLD_UM:
-        yield words("S-TOOTH-UNKNOWN-NONE", count=len(sizes), limit=f"{THRESHOLD_UM:g}")
+
+
+def _sizes(tooth: ToothProposal, model: ErrorModel) -> dict[str, float]:
+    """What each error that was not measured may do to the flank, um (RMS)."""
+    return {one.name: tooth.prediction.parts_um.get(one.name, 0.0) for one in model.unknown}
 
 
 def _work(tooth: ToothProposal) -> Iterator[str]:

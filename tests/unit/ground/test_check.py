@@ -145,6 +145,10 @@ MISTAKES = [
     ('axis = "X1"', 'axis = "X2"', 63, 8, "did you mean X1?"),
     ('name = "grinder-7"', 'name = "../grinder"', 2, 8, "without blanks"),
     ('name = "laser"', 'name = "CON"', 15, 8, "a device name"),
+    (":4840", ":70000", 6, 7, "65535"),
+    ("192.168.214.1", "192.168.214.256", 6, 7, "needs a host"),
+    ("{ first = -400.0, last = 0.0, count = 21, offset_fraction = 0.2 }", "[-400, 0]", 33, 11, "its own keys"),
+    ('axis = "X1"', 'axis = "X"', 63, 8, "did you mean X1?"),
     ("[controller]", "[controler]", 4, 1, "did you mean controller?"),
     ("[controller]", "[[controller]]", 4, 1, "single brackets"),
     ('[[axes]]\nname = "C1"', '[[axis]]\nname = "C1"', 42, 1, "did you mean axes?"),
@@ -161,6 +165,33 @@ BROKEN = [
     ("[axes.table]", "[site]", 37, "twice"),
     ("travel = [-420.0, 20.0]", "travel = [-420.0; 20.0]", 28, "comma"),
     ("stable = 0.5", "stable = 1.000.0", 35, "one decimal point"),
+    ("feed = 6000.0", "feed = 6,000.0", 34, "no separators between thousands"),
+    ('letter = "X"', 'letter = "X  # the infeed', 26, "no closing quote"),
+    ('letter = "X"', "letter = 'X  # the infeed", 26, "no closing quote"),
+    ("travel = [-420.0, 20.0]", "travel = [-420.0, 20.0  # mm", 28, "not closed"),
+    ("travel = [-420.0, 20.0]", "travel = [-420.0 20.0]", 28, "a comma is missing"),
+    ("park = { C1 = 0.0 }", "park = { C1 = 0.0", 66, "not closed"),
+    ('letter = "X"', "letter = \u201cX\u201d", 26, "straight quotes"),
+    ('letter = "X"', 'letter\u00a0= "X"', 26, "does not break"),
+    ('letter = "X"', 'letter = "X\x07"', 26, "invisible"),
+    ("[moves]", "\ufeff[moves]", 68, "invisible"),
+    ("minimum = -400.0", "minimum = \u2212400.0", 38, "minus sign of the keyboard"),
+    ("feed = 6000.0", "feed: 6000.0", 34, "key = value"),
+    ("feed = 6000.0", "feed 6000.0", 34, "key = value"),
+    ("feed = 6000.0", "feed =  # mm/min", 34, "the value is missing"),
+    ("feed = 6000.0", "feed = null", 34, "the value is missing"),
+    ("feed = 6000.0", "feed = 6000.0 // mm/min", 34, "begin a comment with #"),
+    ("feed = 6000.0", "feed = 6000 mm/min", 34, "the number alone"),
+    ("stable = 0.5", "stable = .5", 35, "before and behind the decimal point"),
+    ("[axes.table]", "[axes.table", 37, "alone in [ ]"),
+]
+
+# (old, new, line, words of the doubt)
+DOUBTS = [
+    ("first = -400.0, last = 0.0", "first = 0.0, last = -400.0", 33, "rising order"),
+    ("first = 0.0, last = 345.0, count = 24", "positions = [0.0, 90.0, 45.0]", 52, "rising order"),
+    ("first = 0.0, last = 345.0, count = 24", "first = 10.0, count = 24", 52, "last is left out"),
+    ("X1 = [-400.0, 0.0]", "X1 = [-500.0, 0.0]", 69, "travel -420 to 20"),
 ]
 
 
@@ -206,6 +237,38 @@ def test_what_is_no_toml_is_told_with_what_was_meant(folder: Path, old: str, new
     assert told in first.error("f").what
 
 
+@pytest.mark.parametrize(("old", "new", "line", "told"), DOUBTS)
+def test_what_is_unusual_is_told_and_does_not_refuse_the_file(
+    folder: Path, old: str, new: str, line: int, told: str
+) -> None:
+    found = checked(written(folder, changed(old, new)))
+    assert found.faults == ()
+    assert [told in str(one.error("f")) for one in found.doubts if one.line == line] == [True]
+
+
+def test_a_name_on_a_line_that_cannot_be_read_is_no_fault_elsewhere(folder: Path) -> None:
+    found = checked(written(folder, changed('name = "X1"', "name = \u201cX1\u201d")))
+    assert [fault.line for fault in found.faults] == [25]
+
+
+def test_no_axis_serves_twice_in_the_work(folder: Path) -> None:
+    work = '[work]\ngear = "gear.toml"\nheight_mm = 150.0\ninfeed = "X"\nstroke = "X1"\nindex = "C"\n'
+    found = checked(written(folder, f"{WHOLE}\n{work}"))
+    told = {fault.path: str(fault.error("f")) for fault in found.faults}
+    assert "this axis is the infeed axis already" in told["work", "stroke"]
+
+
+def test_a_set_up_of_no_axis_is_told_by_the_command(folder: Path) -> None:
+    done = CliRunner().invoke(app, ["check", str(written(folder, changed('axis = "X1"', 'axis = "Q1"')))])
+    assert done.exit_code == 2
+    assert "there is no axis of that name" in done.output
+
+
+@pytest.mark.parametrize("end", ["= [1,", "= [= 1", "= { a = , }", "= [}", '= "'])
+def test_places_come_to_an_end_in_whatever_is_no_toml(end: str) -> None:
+    assert places_in(f"a = 1\nb {end}\nc = 2\n").of(("a",)) == (1, 5)
+
+
 def test_all_faults_come_at_once_those_of_broken_lines_among_them(folder: Path) -> None:
     text = WHOLE
     for old, new in (
@@ -232,6 +295,7 @@ def test_marks_and_line_ends_of_windows_are_read(folder: Path, change: object) -
     [
         (WHOLE.encode("utf-16"), "UTF-16"),
         (WHOLE.encode("utf-16-le"), "UTF-16"),
+        (b"\x7fELF\x02\x01\x01\0" + WHOLE.encode(), "no text"),
         (f"# Gerät\n{WHOLE}".encode("latin-1"), "Latin-1 (Windows-1252): byte 0xe4, ä, in line 1, column 6"),
     ],
 )

@@ -15,7 +15,7 @@ from drivers.types.values import FloatArray
 from gateway.model.preset import TWENTY_ONE
 from gateway.report import ReportMaterial, ToothMaterial, as_json
 from gateway.report.drawings.flank import flank_maps
-from gateway.report.lines import tooth_lines
+from gateway.report.lines import axis_lines, details, tooth_lines
 from gateway.report.missing import missing
 from gateway.report.tooth.cured import shares
 from gateway.report.tooth.flank import close_up, shown, states, top_of, traces
@@ -247,6 +247,21 @@ def test_parts_pushes_and_axes_that_are_missing_are_named(material: ReportMateri
         "Proposed but not in the control: X1-cec0, X1-cec1, C1-cec2, C1-cec3.",
         "Part “trial” was ground but not inspected: the set-up values were not tried on a part.",
     )
+
+
+def test_axes_that_improved_as_predicted_share_one_line_and_the_others_keep_every_word(
+    material: ReportMaterial,
+) -> None:
+    first, second = (axis.verdict for axis in material.axes[:2])
+    assert first is not None
+    assert second is not None
+    well, other = replace(first, improved=True, within_prediction=True), replace(second, within_prediction=False)
+    told = axis_lines((well, replace(well, axis="C1"), other))
+    assert told == (
+        f"{well.axis}, C1: improved by more than the uncertainty, as predicted at every target (k = 3)",
+        f"{other.axis}: {other.words}",
+    )
+    assert details((well, other)) == (f"{well.axis}: {well.words}",)
 
 
 def test_the_last_line_is_the_tooths_figure(material: ReportMaterial) -> None:
