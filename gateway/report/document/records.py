@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import zip_longest
 
+from drivers.errors import catalogue
 from gateway.report.document.content import Block, Bullets, Heading, Paragraph, PictureBlock, TableBlock, Whole
 from gateway.report.document.words import Tongue
 from gateway.report.drawings import plots
@@ -100,16 +102,24 @@ def _pushes(report: ReportMaterial, t: Tongue) -> Iterator[Block]:
     for name, push in pushed:
         transaction = t("transaction", number=push.transaction)
         yield Heading(f"{name}: {t('push_' + push.outcome)} ({transaction})", 2)
-        yield _steps(push.steps)
+        yield _steps(push.steps, t.language)
 
 
-def _steps(steps: tuple[str, ...]) -> TableBlock:
+def _steps(steps: tuple[str, ...], language: str) -> TableBlock:
     """When and what, in two columns of lines; the details of each step stay in the record."""
+    names = step_names(language)
     told = [found.groups() if (found := STEP.match(step)) else ("", step) for step in steps]
-    rows = [(when, what.partition(":")[0]) for when, what in told]
+    rows = [(when, names.get(what.partition(":")[0], what.partition(":")[0])) for when, what in told]
     half = -(-len(rows) // 2)
     pairs = zip_longest(rows[:half], rows[half:], fillvalue=("", ""))
     return TableBlock((), tuple((*left, *right) for left, right in pairs), "llll", dense=True, wide=(1, 3))
+
+
+@functools.cache
+def step_names(language: str) -> Mapping[str, str]:
+    """The steps of a push as records hold them, in English, to what they are called in a language."""
+    told = {**catalogue(), **catalogue(language)}
+    return {texts["what"]: told[code]["what"] for code, texts in catalogue().items() if code.startswith("W-STEP-")}
 
 
 def _all_tables(report: ReportMaterial) -> tuple[TableMaterial, ...]:

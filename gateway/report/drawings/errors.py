@@ -131,7 +131,7 @@ def plane(figure: Figure, rows: Sequence[CureRow]) -> None:
     known = [(one, one.mu_star_um, one.sigma_um) for one in rows if one.mu_star_um is not None]
     points = [(one, along, up) for one, along, up in known if up is not None]
     panel = figure.subplots(1, 1)
-    figure.subplots_adjust(left=0.1, right=0.98, top=0.96, bottom=0.2)
+    figure.subplots_adjust(left=0.14, right=0.98, top=0.96, bottom=0.2)
     calm(panel, zero=False)
     edge = max((along for _, along, _ in points), default=0.0) or 1.0
     top = max((up for *_, up in points), default=0.0)

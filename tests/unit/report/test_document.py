@@ -18,11 +18,13 @@ from matplotlib.text import Text
 from drivers.types.identity import Identity
 from gateway.cli.control.connecting import report_font
 from gateway.errors import StoreError
+from gateway.push.records.steps import SAID, step_words
 from gateway.report import InstrumentNote, ReportMaterial
 from gateway.report.document import words
 from gateway.report.document.content import Document, FactsBlock, Pair, TableBlock, Whole
 from gateway.report.document.pdf import Attached, cjk_font, fonts_for, pdf
 from gateway.report.document.plain import as_plain
+from gateway.report.document.records import step_names
 from gateway.report.document.web import page
 from gateway.report.document.whole import document
 from gateway.report.drawings import positioning
@@ -165,6 +167,14 @@ def test_a_report_in_another_language_is_whole(language: str) -> None:
     shown = list(glyphs(pdf(made, WRITTEN)))
     assert len(shown) > 1000
     assert shown.count(0) == 0
+
+
+@pytest.mark.parametrize("language", ["de", "zh"])
+def test_each_step_of_a_push_has_its_name_in_each_language(language: str) -> None:
+    names = step_names(language)
+    assert set(names) == {step_words(kind) for kind in SAID}
+    assert not set(names) & set(names.values())
+    assert step_names("de")["old table backed up"] == "alte Tabelle gesichert"
 
 
 def test_nothing_that_a_stranger_names_becomes_markup() -> None:
