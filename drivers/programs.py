@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol, runtime_checkable
 
@@ -128,6 +128,23 @@ class SelfTests(Protocol):
         """Wait for its end and read its report; what stopped it is a result, not an error.
 
         Raises DeadlineExceeded (nobody started it), and what the wire raises.
+        """
+        ...
+
+
+@runtime_checkable
+class ForeseesPlans(Protocol):
+    """A controller that puts stop plans which follow one another into one program, so that one press starts them."""
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether the plan prepared last goes on in the program that runs already: nobody needs to start it."""
+        ...
+
+    async def foresee(self, plans: Sequence[StopPlan]) -> None:
+        """These plans will be prepared, in this order, as far as nothing comes between; none: nothing follows.
+
+        A program that waits for its next plan is asked to end by any other plan, order or program, and by this call.
         """
         ...
 

@@ -48,6 +48,7 @@ ASK = (
     "P-INSPECT-CLAMP",
     "P-JOG-SETUP",
     "P-JOG-STOP",
+    "P-MOUNT",
     "P-PUSH-ACTIVATE",
     "P-PUSH-DISABLE",
     "P-PUSH-EFFECT",

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from drivers.errors import DeviceRefused, TrueflankError
 from drivers.ports.controller import Controller
+from drivers.programs import ForeseesPlans
 from drivers.types.orders import SignProof, TableQuestion
 from drivers.types.stops import Stop, StopPlan, StopReached
 from drivers.types.values import Approach
@@ -60,11 +61,7 @@ async def walk(controller: Controller, plan: StopPlan, at_stop: AtStop, patience
     await controller.prepare_stops(plan)
     counter = 0
     try:
-        await tell_motion(controller, say)
-        if plan.setup:
-            say("P-START-SETUP", axis=plan.axis, program=plan.name, setup=plan.setup)
-        else:
-            say("P-START", axis=plan.axis, program=plan.name)
+        await _tell_start(controller, plan, say)
         for index, stop in enumerate(plan.stops):
             timeout_s = patience.start_s if index == 0 else patience.stop_s
             reached = await controller.wait_stop(counter, timeout_s)
@@ -81,6 +78,20 @@ async def walk(controller: Controller, plan: StopPlan, at_stop: AtStop, patience
         with contextlib.suppress(TrueflankError):
             await controller.abort_program()
         raise
+
+
+async def _tell_start(controller: Controller, plan: StopPlan, say: Say) -> None:
+    """What moves and what a person does for it; nothing where the program goes on by itself: that was said before."""
+    goes_on = isinstance(controller, ForeseesPlans) and controller.goes_on
+    if goes_on and not plan.setup:
+        return
+    await tell_motion(controller, say)
+    if goes_on:
+        say("P-MOUNT", axis=plan.axis, setup=plan.setup)
+    elif plan.setup:
+        say("P-START-SETUP", axis=plan.axis, program=plan.name, setup=plan.setup)
+    else:
+        say("P-START", axis=plan.axis, program=plan.name)
 
 
 def _check(plan: StopPlan, index: int, stop: Stop, reached: StopReached, counter: int) -> None:

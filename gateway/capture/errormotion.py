@@ -192,7 +192,7 @@ async def capture_error(rig: ErrorRig) -> RawCapture:
     found = ErrorCollection(rig, targets)
     started = clock.utc().isoformat(timespec="seconds")
     async with ErrorReadings(rig) as readings:
-        plan = measuring_plan(axis, targets, "", name=f"TFMEAS{axis.letter}")
+        plan = measuring_plan(axis, targets, "")
         await Visits(rig, found, readings).all(plan, len(targets))
         found.ambients.append(air := await rig.instrument.ambient())
         onlooker().ambient(rig.instrument.name, air)

@@ -70,7 +70,7 @@ async def capture_axis(
     found.stands = axis.measure.standstill
     started = clock.utc().isoformat(timespec="seconds")
     async with Readings(rig.instrument, clock, combine) as readings:
-        plan = measuring_plan(axis, targets, "", name=f"TFMEAS{axis.letter}", checks=checks)
+        plan = measuring_plan(axis, targets, "", checks=checks)
         visits = Visits(rig, found, readings)
         await visits.all(plan, len(targets))
         while True:

@@ -18,6 +18,11 @@ from gateway.walk import AtStop, Patience, walk
 SETTLE_TIMEOUT_S = 60.0
 
 
+def setup_of(axis: AxisSection) -> str:
+    """The operator's message for mounting the optics of what is measured of an axis."""
+    return f"TRUEFLANK SETUP {axis.measure.component} ON {axis.letter}"
+
+
 @dataclass(frozen=True, slots=True)
 class Rig:
     """One axis set up to be measured."""
@@ -32,7 +37,7 @@ class Rig:
     @property
     def setup(self) -> str:
         """The operator's message for mounting the optics."""
-        return f"TRUEFLANK SETUP {self.axis.measure.component} ON {self.axis.letter}"
+        return setup_of(self.axis)
 
     @property
     def window(self) -> Window:

@@ -6,7 +6,7 @@ import numpy as np
 
 from drivers.errors import ConfigError, UnsupportedDevice
 from drivers.ports.instruments import Instrument, RotaryCalibrator
-from drivers.types.stops import Stop, StopReached
+from drivers.types.stops import Stop, StopPlan, StopReached
 from drivers.types.values import Approach, FloatArray
 from gateway.capture.readings import Readings, StopReading, Window
 from gateway.capture.rig import Rig
@@ -17,6 +17,12 @@ from gateway.errors import Unstable
 
 TOLERANCE = 0.01
 ROTARY_JOG_DEG = 0.1
+
+
+def sense_plan(axis: AxisSection, setup: str) -> StopPlan:
+    """The moves that prove an instrument's sense; ``setup`` is what MSG says before ("": nothing)."""
+    jog = ROTARY_JOG_DEG if axis.kind == "rotary" else axis.measure.jog
+    return jog_plan(axis, jog_start(axis, jog), jog, setup)
 
 
 async def prove_sense(rig: Rig) -> SenseProof:
@@ -40,7 +46,7 @@ class _Doubtful(UnsupportedDevice):
 
 async def _linear(rig: Rig) -> SenseProof:
     axis, jog = rig.axis, rig.axis.measure.jog
-    plan = jog_plan(axis, jog_start(axis, jog), jog, rig.setup)
+    plan = sense_plan(axis, rig.setup)
     seen: list[float] = []
     async with Readings(rig.instrument, rig.clock, first_channel) as readings:
 
@@ -80,7 +86,7 @@ async def _rotary(rig: Rig, setup: str) -> SenseProof:
     axis, calibrator, jog = rig.axis, rig.instrument, ROTARY_JOG_DEG
     if not isinstance(calibrator, RotaryCalibrator) or "laser_deg" not in calibrator.channels:
         raise ConfigError("E-CAP-CALIBRATOR", calibrator.name, axis=axis.name)
-    plan = jog_plan(axis, jog_start(axis, jog), jog, setup)
+    plan = sense_plan(axis, setup)
     laser, device = calibrator.channels.index("laser_deg"), calibrator.channels.index("device_deg")
     seen: list[FloatArray] = []
     async with Readings(calibrator, rig.clock, lambda values: values[:, laser]) as readings:

@@ -85,12 +85,12 @@ def _of_window(window: WorkingWindow) -> FloatArray:
 
 
 def measuring_plan(
-    axis: AxisSection, at: FloatArray, setup: str, *, name: str, checks: tuple[int, ...] = ()
+    axis: AxisSection, at: FloatArray, setup: str, *, name: str = "", checks: tuple[int, ...] = ()
 ) -> StopPlan:
     """All visits of the axis' cycle; labels are target indices, those of ``checks`` are visited twice only."""
     every = visits(axis.measure.cycle, at, axis.measure.repetitions)
     stops = tuple(stop for stop in every if stop.label not in checks or stop.repetition < CHECK_REPETITIONS)
-    return plan_of(axis, stops, setup, name=name, dwell_s=axis.measure.dwell_s)
+    return plan_of(axis, stops, setup, name=name or f"TFMEAS{axis.letter}", dwell_s=axis.measure.dwell_s)
 
 
 def jog_plan(axis: AxisSection, start: float, jog: float, setup: str) -> StopPlan:

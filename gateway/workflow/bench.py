@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Collection, Iterator, Mapping
+from collections.abc import AsyncIterator, Collection, Iterator, Mapping, Sequence
 from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass, replace
 from importlib import metadata
@@ -15,8 +15,9 @@ from drivers.clock import Clock
 from drivers.errors import ConfigError, TrueflankError
 from drivers.local.names import shown
 from drivers.local.scrub import without_secrets_text
-from drivers.programs import Origin, ProgramText, SaysMotion, SendsPrograms
+from drivers.programs import ForeseesPlans, Origin, ProgramText, SaysMotion, SendsPrograms
 from drivers.types.identity import MachineIdentity
+from drivers.types.stops import StopPlan
 from gateway import stopping
 from gateway.axes import AxisRecord
 from gateway.broker import borrowed
@@ -65,6 +66,11 @@ class Bench:
             patience=self.patience,
             say=self.say,
         )
+
+    async def foresee(self, plans: Sequence[StopPlan]) -> None:
+        """What will be visited next, in order, for a control that makes one program of it; none: nothing follows."""
+        if isinstance(self.supervisor.controller, ForeseesPlans):
+            await self.supervisor.controller.foresee(plans)
 
     def axis(self, name: str) -> AxisSection:
         """An axis of the site by its machine name."""

@@ -7,6 +7,7 @@ every wait by the abort word or a time limit. Blocks: the reference programs of 
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
@@ -52,22 +53,65 @@ class Setting:
     guards: tuple[Guard, ...] = ()
 
 
-def measuring(plan: StopPlan, token: int, setting: Setting) -> str:
-    """The program of a `StopPlan`; ``token`` is echoed so that an older program's words are never taken.
+Parts = Sequence[tuple[StopPlan, Setting]]
+"""Plans that one program visits one after the other, each with what its own axes need."""
 
+
+def measuring(plan: StopPlan, token: int, setting: Setting) -> str:
+    """The program of one `StopPlan`. As `chained`."""
+    return chained(((plan, setting),), token)
+
+
+def chained(parts: Parts, token: int) -> str:
+    """The program of several plans; ``token`` is echoed so that an older program's words are never taken.
+
+    Stops count on from plan to plan. The next plan begins once the last stop of the one before is echoed: whoever
+    follows the program lets it wait there for as long as it takes.
     Raises LocalProtocolError (E-PROGRAM-NAME, E-PROGRAM-MESSAGE, E-PROGRAM-EMPTY).
     """
+    for plan, _ in parts:
+        _check(plan)
+    words = parts[0][1].words
+    out = [f"DEF INT {backup.VARIABLES}, {_ROUND}, {_WAITED}", section("modal states, R words"), *PREPARE]
+    out += [f"{words.name(word)}=0" for word in (Word.COUNTER, Word.ECHO, Word.MISMATCHES, Word.RELEASE)]
+    out += [f"{words.name(Word.TRANSACTION)}={token}"]
+    for (plan, setting), saves in zip(parts, saving_plans([plan for plan, _ in parts]), strict=True):
+        out += _part(plan, token, setting, saves=saves)
+    out += ["STOPRE", phase_block(words, Phase.FINISHED), "M30", section("ways out")]
+    out += [f"{_LEFT}:", "STOPRE", phase_block(words, Phase.LEFT), "M30"]
+    guards = dict.fromkeys(guard for plan, setting in parts if plan.stops for guard in setting.guards)
+    out += [*away(words, guards), *file_failed(words, _FAILED)]
+    return text_of(headed(_head(parts, token), out))
+
+
+def _check(plan: StopPlan) -> None:
     check_names(plan.axis, plan.letter, plan.compensated_axis)
     if not _MESSAGE.fullmatch(plan.setup):
         raise LocalProtocolError("E-PROGRAM-MESSAGE", plan.name, text=plan.setup)
     if not plan.stops and not plan.save_tables:
         raise LocalProtocolError("E-PROGRAM-EMPTY", plan.name)
+
+
+def saving_plans(plans: Sequence[StopPlan]) -> tuple[bool, ...]:
+    """Which of the plans of one program write the live tables anew.
+
+    Not one that goes on where the tables of its axis were saved already: nobody was at the machine in between.
+    """
+    out: list[bool] = []
+    known: tuple[str, int] | None = None
+    for plan in plans:
+        its = (plan.compensated_axis, plan.encoder)
+        out.append(plan.save_tables and (bool(plan.setup) or its != known))
+        switched = any(stop.switch is not None for stop in plan.stops)
+        known = None if switched else its if plan.save_tables else known
+    return tuple(out)
+
+
+def _part(plan: StopPlan, token: int, setting: Setting, *, saves: bool) -> list[str]:
     words = setting.words
-    out = [f"DEF INT {backup.VARIABLES}, {_ROUND}, {_WAITED}", section("modal states, R words"), *PREPARE]
-    out += [f"{words.name(word)}=0" for word in (Word.COUNTER, Word.ECHO, Word.MISMATCHES, Word.RELEASE)]
-    out += [f"{words.name(Word.TRANSACTION)}={token}", phase_block(words, Phase.BACKING_UP), "STOPRE"]
+    out = [section(plan.name), phase_block(words, Phase.BACKING_UP), "STOPRE"]
     out += [unless_aborted(words, _LEFT)]
-    if plan.save_tables:
+    if saves:
         saving = Saving(
             section="LIVE", number=token, axis=plan.compensated_axis, encoder=plan.encoder, memory=setting.memory
         )
@@ -75,26 +119,27 @@ def measuring(plan: StopPlan, token: int, setting: Setting) -> str:
     out += [section("measuring"), "STOPRE", phase_block(words, Phase.MEASURING)]
     if plan.setup:
         out += [f'MSG("{plan.setup}")', "M0", 'MSG("")', "STOPRE", unless_aborted(words, _LEFT)]
-    out += [*guarded(words, setting.guards), *_stops(plan, setting)] if plan.stops else []
-    out += ["STOPRE", phase_block(words, Phase.FINISHED), "M30", section("ways out")]
-    out += [f"{_LEFT}:", "STOPRE", phase_block(words, Phase.LEFT), "M30"]
-    out += [*(away(words, setting.guards) if plan.stops else []), *file_failed(words, _FAILED)]
-    return text_of(headed(_head(plan, token, setting), out))
+    return out + ([*guarded(words, setting.guards), *stops_of(plan, setting)] if plan.stops else [])
 
 
-def _head(plan: StopPlan, token: int, setting: Setting) -> Head:
-    switched = any(stop.switch is not None for stop in plan.stops)
-    stops = f"{len(plan.stops)} stops of {plan.axis}" if plan.stops else "the live tables are saved"
-    what = f"{plan.name}, {stops}" + (", one table switched" if switched else "")
-    saved = f"Saves what acts on {plan.compensated_axis} in {file_path('LIVE', plan.compensated_axis)}."
-    also = ("Switching a table moves its axis by the table's value. " if switched else "") + saved * plan.save_tables
+def _head(parts: Parts, token: int) -> Head:
+    plans = [plan for plan, _ in parts]
+    first = plans[0]
+    switched = any(stop.switch is not None for plan in plans for stop in plan.stops)
+    count = sum(len(plan.stops) for plan in plans)
+    axes = " and ".join(dict.fromkeys(plan.axis for plan in plans if plan.stops))
+    stops = f"{count} stops of {axes}" if count else "the live tables are saved"
+    what = f"{first.name}, {stops}" + (f" in {len(plans)} parts" if len(plans) > 1 else "")
+    what += ", one table switched" if switched else ""
+    also = "Switching a table moves its axis by the table's value. " if switched else ""
+    for axis in dict.fromkeys(plan.compensated_axis for plan in plans if plan.save_tables):
+        also += f"Saves what acts on {axis} in {file_path('LIVE', axis)}. "
     told = SWITCHED if switched else STANDING
-    return Head(
-        program_path("MEAS", plan.compensated_axis), what, number=token, stops=told, origin=setting.origin, also=also
-    )
+    path = program_path("MEAS", first.compensated_axis)
+    return Head(path, what, number=token, stops=told, origin=parts[0][1].origin, also=also.rstrip())
 
 
-def _stops(plan: StopPlan, setting: Setting) -> list[str]:
+def stops_of(plan: StopPlan, setting: Setting) -> list[str]:
     """All stops: one loop over the repetitions when they are alike, written out one by one else."""
     motion = Motion(plan.letter, setting.modulo, plan.feed, plan.overrun)
     rounds = [tuple(group) for _, group in groupby(plan.stops, key=lambda stop: stop.repetition)]

@@ -17,14 +17,13 @@ from drivers.clock import Clock
 from drivers.errors import TrueflankError, UnsupportedDevice
 from drivers.limits import VALUE_RESOLUTION, largest_value
 from drivers.ports.devices import Tell
-from drivers.programs import NOBODY, Origin, ProgramText, SelfTest, SelfTested
+from drivers.programs import Origin, ProgramText, SelfTest, SelfTested
 from drivers.sinumerik.ncprogram.measuring import Setting
 from drivers.sinumerik.ncprogram.words import Word
-from drivers.sinumerik.opcua import encoders
 from drivers.sinumerik.opcua.dialogue import Dialogue
 from drivers.sinumerik.opcua.disabling import Disabling
 from drivers.sinumerik.opcua.grinding import PartGrinding
-from drivers.sinumerik.opcua.guarded import GuardsPrograms
+from drivers.sinumerik.opcua.guarded import RunsPlans
 from drivers.sinumerik.opcua.leaving import Leaver, Leaving
 from drivers.sinumerik.opcua.machine import Configuration, MachineReader
 from drivers.sinumerik.opcua.measuring import Measuring
@@ -42,7 +41,6 @@ from drivers.types.abilities import Capabilities, Marker, TableLimits
 from drivers.types.identity import Identity, MachineIdentity
 from drivers.types.machine import MachineState
 from drivers.types.orders import DisableOrder, PushBatch, PushOrder, ReadBack, SignProof, SwitchReading, TableQuestion
-from drivers.types.stops import StopPlan, StopReached
 from drivers.types.tables import CompensationTable, LiveSet
 from drivers.types.values import Sense
 from drivers.workpiece import GrindPlan
@@ -61,7 +59,7 @@ CAPABILITIES = Capabilities(
 )
 
 
-class SinumerikOpcUa(Leaver, GuardsPrograms):
+class SinumerikOpcUa(Leaver, RunsPlans):
     """Driver "sinumerik-opcua": settings in `drivers.sinumerik.opcua.settings.UaSettings`."""
 
     def __init__(self, name: str, url: str, settings: Mapping[str, Any], clock: Clock) -> None:
@@ -82,7 +80,6 @@ class SinumerikOpcUa(Leaver, GuardsPrograms):
             *parts, channel=self._settings.channel, clock=clock, where=name, reopen=self._open_again
         )
         self._configuration = Configuration((), (), ())
-        self._origin = NOBODY
 
     # ---- device -------------------------------------------------------------------------------------
 
@@ -148,47 +145,13 @@ class SinumerikOpcUa(Leaver, GuardsPrograms):
 
     # ---- measuring ----------------------------------------------------------------------------------
 
-    async def prepare_stops(self, plan: StopPlan) -> None:
-        """Send, read back and select a plan's program. Raises UnsupportedDevice (E-NC-ENCODER...), as `Measuring`."""
-        setting = await self._setting(plan.axis, plan.compensated_axis, plan.encoder, rotary=plan.rotary)
-        await self._check_encoder(plan.compensated_axis, plan.encoder, said=plan.encoder_said)
-        await self._measuring.prepare(plan, replace(setting, guards=await self._guards(plan.axis)))
-        self._grinding.plan = None
-        self._goes({plan.letter: (plan.axis, plan.unit)})
-
-    async def _setting(self, axis: str, compensated: str, encoder: int, *, rotary: bool) -> Setting:
-        """What the programs must know: ``axis`` is the one that moves."""
-        configuration = self._configuration
-        number = configuration.number(axis, self.name)
-        return Setting(
-            words=self._settings.words,
-            memory=await self._reader.memory(configuration, compensated, encoder),
-            modulo=configuration.is_modulo(axis, rotary=rotary),
-            axis_number=number,
-            approach_feed=self.places.feed(configuration.units[axis]),
-            wait_limit_s=self._settings.wait_limit_s,
-            origin=self._origin,
-        )
-
-    async def _check_encoder(self, axis: str, encoder: int, *, said: bool) -> None:
-        """The site file's measuring system must be the one that acts. Raises UnsupportedDevice (E-NC-ENCODER...)."""
-        found = await self._reader.encoders(self._configuration, axis)
-        encoders.check(found, axis, encoder, self.name, said=said)
-
-    async def wait_stop(self, after: int, timeout_s: float) -> StopReached | None:
-        """Wait for a counter above ``after``; None when the program has ended. Raises as `Measuring.wait`."""
-        return await self._measuring.wait(after, timeout_s, self._configuration)
-
-    async def release_stop(self, counter: int) -> None:
-        """Echo the counter. Never retried."""
-        await self._measuring.release(counter)
-
     async def abort_program(self) -> None:
         """Set the abort word: a program of ours that waits, now or at its start, leaves to its end.
 
         Raises DeviceRefused (E-NC-ANOTHER) with nothing written when another gateway's program stands there.
         """
         await self._dialogue.check_own()
+        self._measuring.cut()
         await self._dialogue.write({Word.ABORT: 1.0})
         self._dialogue.pace.again()
 
@@ -214,7 +177,7 @@ class SinumerikOpcUa(Leaver, GuardsPrograms):
         """Send, read back and select the program. Raises as `prepare_stops`."""
         setting = await self._setting(order.axis, order.axis, order.encoder, rotary=False)
         await self._check_encoder(order.axis, order.encoder, said=order.encoder_said)
-        self._other_program()
+        await self._other_program()
         await self._self_testing.prepare(order, setting)
 
     async def wait_self_test(self, order: SelfTest, timeout_s: float) -> SelfTested:
@@ -222,14 +185,15 @@ class SinumerikOpcUa(Leaver, GuardsPrograms):
         machine, utc = await self.identify(), self._clock.utc().isoformat(timespec="seconds")
         return await self._self_testing.tested(order, timeout_s, machine=machine, utc=utc)
 
-    def _other_program(self) -> None:
+    async def _other_program(self) -> None:
         """What is sent next neither measures nor grinds: tables saved before are no answer any more."""
+        await self._measuring.leave()
         self._measuring.forget()
         self._grinding.plan, self.going = None, ()
 
     async def prepare_grinding(self, plan: GrindPlan) -> str:
         """Place the set-up values, send, read back and select the program. Raises as its `prepare`."""
-        self._measuring.forget()
+        await self._other_program()
         self._grinding.guards = await self._guards(*(axis.name for axis in plan.axes))
         text = await self._grinding.prepare(plan, self._configuration)
         self._grinds(plan, self._configuration.units)
@@ -250,7 +214,7 @@ class SinumerikOpcUa(Leaver, GuardsPrograms):
             if order.purpose != "restore":
                 await self._check_encoder(table.output_axis, encoder, said=order.encoder_said)
             loads.append((order, replace(setting, guards=self._all_guards())))
-        self._other_program()
+        await self._other_program()
         await self._pushing.prepare(loads)
         self._goes({order.letter: (order.table.input_axis, order.table.input_unit) for order in batch})
 
@@ -288,7 +252,7 @@ class SinumerikOpcUa(Leaver, GuardsPrograms):
         """Send, read back and select the program that switches off. Raises as `Disabling.prepare`."""
         encoder = 0 if order.kind == "cross" else order.index
         setting = await self._setting(order.axis, order.axis, encoder, rotary=False)
-        self._other_program()
+        await self._other_program()
         await self._disabling.prepare(order, setting)
 
     async def wait_disabled(self, order: DisableOrder, timeout_s: float) -> SwitchReading:

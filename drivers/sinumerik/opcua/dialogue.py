@@ -112,6 +112,10 @@ class Dialogue:
         self._mine.add(float(number))
         self.pace.again()
 
+    def watch(self, axis_number: int) -> None:
+        """The program goes on with another axis."""
+        self._axes = (axis_number,)
+
     def another(self, seen: Glance) -> bool:
         """Whether a program that is not of this conversation stands in the words; never before our own first one."""
         return bool(self._mine) and seen.word(Word.TRANSACTION) not in (0.0, *self._mine)

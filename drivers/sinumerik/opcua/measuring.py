@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import secrets as random_source
+from collections.abc import Sequence
 
 from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded, DeviceRefused
 from drivers.sinumerik.ncprogram import measuring as measuring_program
-from drivers.sinumerik.ncprogram.backup import Memory, Saving
+from drivers.sinumerik.ncprogram.backup import Saving
 from drivers.sinumerik.ncprogram.legal import legal
-from drivers.sinumerik.ncprogram.measuring import Setting
+from drivers.sinumerik.ncprogram.measuring import Parts, Setting, saving_plans
 from drivers.sinumerik.ncprogram.words import Phase, Word, program_path
 from drivers.sinumerik.opcua.dialogue import Dialogue, Glance, file_refused
 from drivers.sinumerik.opcua.machine import Configuration
@@ -21,48 +22,131 @@ from drivers.types.tables import LiveSet
 from drivers.units import deviation_scale
 
 QUIET_PART, QUIET_S = 0.6, 2.0
+LEAVES_S, LOOK_S = 5.0, 0.25
+# One program holds so many: 20 kB of text each, as a control's memory for programs is small.
+MOST_PLANS = 24
 _SAVED = (Phase.MEASURING, Phase.FINISHED, Phase.LEFT)
 _OVER = (Phase.FINISHED, Phase.LEFT)
 
 
 class Measuring:
-    """The measuring part of the driver; it shares dialogue and transfer with the others."""
+    """The measuring part of the driver; it shares dialogue and transfer with the others.
+
+    A program may hold several plans. It waits at the last stop of each, whose echo is `held` back until the next one
+    is prepared. Counters are those of the plan outside, and count on through all plans inside.
+    """
 
     def __init__(self, dialogue: Dialogue, transfer: Transfer, clock: Clock, where: str) -> None:
         self._dialogue = dialogue
         self._transfer = transfer
         self._clock = clock
         self._where = where
-        self._plan: StopPlan | None = None
-        self._token, self._memory = 0, Memory(0)
+        self._parts: Parts = ()
+        self._place = self._base = self._token = 0
+        self._held: int | None = None
+        self._coming: tuple[StopPlan, ...] = ()
         self._saved = self._ended = False
         self._moving_since: float | None = None
         self._move_s = 0.0
 
-    def forget(self) -> None:
-        """Another kind of program is about to be sent: no plan's tables are to be had any more."""
-        self._plan, self._saved = None, False
+    @property
+    def _plan(self) -> StopPlan | None:
+        return self._parts[self._place][0] if self._parts else None
 
-    async def prepare(self, plan: StopPlan, setting: Setting) -> None:
-        """Send, read back and select the program of a plan.
+    def forget(self) -> None:
+        """The program is none of a plan, or asked to end: no tables are to be had, and nothing waits any more."""
+        self._parts, self._saved, self._held = (), False, None
+
+    def cut(self) -> None:
+        """The program is asked to end: no plan follows in it."""
+        self._parts, self._held = self._parts[: self._place + 1], None
+
+    async def leave(self) -> None:
+        """Another kind of program is about to be sent: one that waits for its next plan ends first."""
+        if self._held is not None:
+            self.cut()
+            await self._dialogue.check_own()
+            await self._dialogue.write({Word.ABORT: 1.0})
+            end = self._clock.now() + LEAVES_S
+            while (await self._dialogue.look()).channel is not ChannelStatus.RESET and self._clock.now() < end:
+                await self._clock.sleep(LOOK_S)
+
+    async def foresee(self, plans: Sequence[StopPlan]) -> None:
+        """As `ForeseesPlans.foresee`."""
+        await self.leave()
+        self._coming = tuple(plan for plan in plans if plan.stops)
+
+    def following(self, plan: StopPlan) -> tuple[StopPlan, ...]:
+        """The plan and those foreseen to follow it, as many as go into one program."""
+        if plan not in self._coming:
+            return (plan,)
+        first = self._coming.index(plan)
+        return self._coming[first : first + MOST_PLANS]
+
+    async def goes_on(self, plan: StopPlan) -> bool:
+        """Whether the program that runs waits for this plan."""
+        following = self._parts[self._place + 1 :]
+        if self._held is None or not following or following[0][0] != plan:
+            return False
+        seen = await self._dialogue.look()
+        return seen.channel is ChannelStatus.ACTIVE and seen.word(Word.TRANSACTION) == self._token
+
+    async def go_on(self) -> None:
+        """Echo the last stop of the plan before: the program begins with the next one. Never retried."""
+        held, self._held = self._held, None
+        before = [plan for plan, _ in self._parts]
+        self._base += len(before[self._place].stops)
+        self._place += 1
+        self._saved = self._saved and not saving_plans(before)[self._place]
+        self._begun(self._parts[self._place])
+        self._dialogue.watch(self._parts[self._place][1].axis_number)
+        await self._dialogue.write({Word.ECHO: float(held or 0)})
+        self._dialogue.pace.again()
+
+    def _begun(self, part: tuple[StopPlan, Setting]) -> None:
+        if part[0] in self._coming:
+            self._coming = self._coming[self._coming.index(part[0]) + 1 :]
+        self._moving_since, self._move_s = None, 0.0
+
+    async def prepare(self, parts: Parts) -> None:
+        """Send, read back and select the program of plans.
 
         Raises DeviceRefused (E-NC-NOT-RESET and other refusals), and as `legal`, before anything was written.
         """
+        plan, setting = parts[0]
         token = random_source.randbelow(899_999) + 100_000
         path = program_path("MEAS", plan.compensated_axis)
-        passed = legal(path, measuring_program.measuring(plan, token, setting), setting.memory.axes)
+        passed = legal(path, measuring_program.chained(parts, token), setting.memory.axes)
         await self._dialogue.begin(setting.axis_number, token, path)
-        self._plan, self._token, self._saved, self._ended = plan, token, False, False
-        self._memory = setting.memory
-        self._moving_since, self._move_s = None, 0.0
+        self._parts, self._token, self._saved, self._ended = tuple(parts), token, False, False
+        self._place = self._base = 0
+        self._held = None
+        self._begun(parts[0])
         await self._transfer.send(passed)
         await self._transfer.select(path)
+
+    def stretch(self) -> Parts:
+        """The plan prepared last and those that follow it before a person is asked again."""
+        rest = self._parts[self._place :]
+        asked = [place for place, (plan, _) in enumerate(rest) if place and plan.setup]
+        return rest[: asked[0]] if asked else rest
+
+    def _waits_for_next(self, counter: int) -> bool:
+        """Whether all stops of this plan are done and another plan follows in the same program."""
+        return counter - self._base == self._stops and self._place + 1 < len(self._parts)
+
+    @property
+    def _stops(self) -> int:
+        return len(self._plan.stops) if self._plan is not None else 0
 
     async def wait(self, after: int, timeout_s: float, configuration: Configuration) -> StopReached | None:
         """Wait for a counter above ``after`` with the axis in position; None when the program has ended.
 
         Raises DeadlineExceeded (E-NC-NO-STOP), DeviceRefused (E-NC-ALARM, E-NC-FILE), and what the wire raises.
         """
+        after += self._base
+        if self._waits_for_next(after):
+            return None
         end = self._clock.now() + timeout_s
         before: Glance | None = None
         looks = 0
@@ -91,7 +175,8 @@ class Measuring:
         self._dialogue.check_places(seen)
         if seen.phase == Phase.FILE_FAILED:
             raise file_refused(seen, self._where, self._plan.compensated_axis if self._plan else "")
-        self._saved = self._saved or seen.phase in _SAVED
+        begun = not self._place or seen.word(Word.COUNTER) > self._base
+        self._saved = self._saved or (begun and seen.phase in _SAVED)
 
     @staticmethod
     def _is_stop(seen: Glance, after: int) -> bool:
@@ -109,7 +194,7 @@ class Measuring:
         compensated = self._plan.compensated_axis if self._plan else ""
         scale = deviation_scale(configuration.units.get(compensated, "mm"))
         return StopReached(
-            counter=round(seen.word(Word.COUNTER)),
+            counter=round(seen.word(Word.COUNTER)) - self._base,
             repetition=round(seen.word(Word.REPETITION)),
             label=round(seen.word(Word.LABEL)),
             approach=1 if seen.word(Word.APPROACH) > 0 else -1,
@@ -119,7 +204,11 @@ class Measuring:
         )
 
     async def release(self, counter: int) -> None:
-        """Echo the counter. Never retried."""
+        """Echo the counter, unless the program shall wait there for its next plan. Never retried."""
+        counter += self._base
+        if self._waits_for_next(counter):
+            self._held = counter
+            return
         await self._dialogue.write({Word.ECHO: float(counter)})
         self._moving_since = self._clock.now()
         self._dialogue.pace.again(min(QUIET_PART * self._move_s, QUIET_S))
@@ -142,5 +231,11 @@ class Measuring:
                 self._note_progress(seen)
         if plan is None or plan.compensated_axis != axis or not self._saved or not plan.save_tables:
             raise DeviceRefused("E-NC-NOT-SAVED", self._where, axis=axis)
-        saving = Saving(section="LIVE", number=self._token, axis=axis, encoder=plan.encoder, memory=self._memory)
+        saving = Saving(
+            section="LIVE",
+            number=self._token,
+            axis=axis,
+            encoder=plan.encoder,
+            memory=self._parts[self._place][1].memory,
+        )
         return await live_tables(self._transfer, saving, configuration)

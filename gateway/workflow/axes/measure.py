@@ -12,14 +12,16 @@ from drivers import registry
 from drivers.errors import ConfigError, UnsupportedDevice
 from drivers.terms import spoken
 from drivers.types.results import MeasuredSet
+from drivers.types.stops import StopPlan
 from drivers.types.tables import LiveSet
 from drivers.types.values import CompensatedFor, FloatArray
 from drivers.units import deviation_unit
 from gateway.capture.corrected import from_file, from_live
 from gateway.capture.live import capture_axis
 from gateway.capture.retaking import demand_complete
-from gateway.capture.sense import prove_sense
-from gateway.capture.targets import between_places, targets_of
+from gateway.capture.rig import setup_of
+from gateway.capture.sense import prove_sense, sense_plan
+from gateway.capture.targets import between_places, measuring_plan, targets_of, with_checks
 from gateway.config import AxisSection, Targets
 from gateway.domain.captures import Capture
 from gateway.domain.equipment import Equipment, Item, SenseProof
@@ -122,6 +124,12 @@ async def _live(at: Bench, axis: AxisSection, phase: stages.Phase) -> tuple[Capt
     if phase == "before":  # afterwards the table is in the control, and what was measured of it is judged as it is
         demand_complete(capture)
     return capture, (digest,)
+
+
+def plans_of_axis(axis: AxisSection, phase: stages.Phase) -> list[StopPlan]:
+    """What measuring an axis live sends at first: the proof of the instrument's sense, then all visits."""
+    targets, checks = with_checks(targets_of(axis), check_stops(axis, phase))
+    return [sense_plan(axis, setup_of(axis)), measuring_plan(axis, targets, "", checks=checks)]
 
 
 def more_targets(at: Bench, axis: AxisSection, proof: SenseProof, already: CompensatedFor) -> MoreTargets:

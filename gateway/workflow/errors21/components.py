@@ -30,7 +30,7 @@ from gateway.workflow import stages
 from gateway.workflow.aftercare import look_at
 from gateway.workflow.axes.measure import fetch_tables, store_equipment
 from gateway.workflow.bench import Bench, bench, new_run
-from gateway.workflow.errors21.setupcapture import measure_setup, stands_name
+from gateway.workflow.errors21.setupcapture import coming, measure_setup, stands_name
 from gateway.workflow.errors21.setups import Planned, chosen, planned, spans
 
 MEASURING, PARTIAL, MEASURED, STOPPED = "measuring", "partly-measured", "measured", "stopped"
@@ -144,6 +144,7 @@ async def _walk(at: Bench, left: Sequence[Planned], *, resumed: bool) -> None:
     store_equipment(at)
     at.folder.set_state(MEASURING)
     tables: dict[str, LiveSet] = {}
+    await at.foresee(coming(at.site, left))
     for number, one in enumerate(left):
         at.say("P-SETUP-PLAN", setup=one.key, number=number + 1, total=len(left))
         await at.supervisor.hold(instruments_of([one]))
@@ -151,6 +152,7 @@ async def _walk(at: Bench, left: Sequence[Planned], *, resumed: bool) -> None:
         if capture.axis not in known:
             await look_at(at, capture.live)
         _same_tables(known, capture, one.key)
+    await at.foresee(())
     at.folder.set_state(PARTIAL)
 
 

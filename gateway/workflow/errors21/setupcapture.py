@@ -3,25 +3,27 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from drivers.terms import spoken
-from drivers.types.stops import Stop, StopReached
+from drivers.types.stops import Stop, StopPlan, StopReached
 from drivers.types.tables import LiveSet
 from gateway.capture.corrected import from_live
 from gateway.capture.errormotion import LARGEST, ErrorRig, capture_error, channel_of, error_capture
 from gateway.capture.live import capture_axis
 from gateway.capture.mounting import prove_mounting
 from gateway.capture.retaking import demand_complete
+from gateway.capture.rig import setup_of
 from gateway.capture.sense import prove_sense
-from gateway.capture.targets import plan_of
+from gateway.capture.targets import jog_plan, jog_start, measuring_plan, plan_of, targets_of
+from gateway.config import AxisSection, SiteFile
 from gateway.domain.captures import Capture
 from gateway.errors import CaptureError
 from gateway.store import Maps
 from gateway.walk import walk
 from gateway.workflow import stages
-from gateway.workflow.axes.measure import check_stops, fetch_tables, more_targets
+from gateway.workflow.axes.measure import check_stops, fetch_tables, more_targets, plans_of_axis
 from gateway.workflow.bench import Bench
 from gateway.workflow.errors21.filesetup import capture_of, read_setup
 from gateway.workflow.errors21.setups import Planned
@@ -53,6 +55,26 @@ async def measure_setup(at: Bench, one: Planned, tables: dict[str, LiveSet] | No
     return capture
 
 
+def coming(site: SiteFile, left: Sequence[Planned]) -> tuple[StopPlan, ...]:
+    """What the control will be sent for these set-ups, in order, as long as no reading asks for more."""
+    axes = {axis.name: axis for axis in site.axes}
+    out: list[StopPlan] = []
+    for one in left:
+        if one.setup.source == "live":
+            out += [_parking(axes[name], place) for name, place in sorted(one.setup.park.items())]
+            out += plans_of_axis(one.axis, "before") if one.positioning else _error_plans(one)
+    return tuple(out)
+
+
+def _error_plans(one: Planned) -> list[StopPlan]:
+    jog = jog_plan(one.axis, jog_start(one.axis, one.jog), one.jog, setup_of(one.axis))
+    return [jog, measuring_plan(one.axis, targets_of(one.axis), "")]
+
+
+def _parking(axis: AxisSection, place: float) -> StopPlan:
+    return plan_of(axis, (Stop(place, 1),), "", name=f"TFPARK{axis.letter}", dwell_s=0.1, save=False)
+
+
 async def _park(at: Bench, one: Planned) -> None:
     """Bring the other axes to where they must stand; writes nothing but the program."""
 
@@ -60,8 +82,7 @@ async def _park(at: Bench, one: Planned) -> None:
         return None
 
     for name, place in sorted(one.setup.park.items()):
-        axis = at.axis(name)
-        plan = plan_of(axis, (Stop(place, 1),), "", name=f"TFPARK{axis.letter}", dwell_s=0.1, save=False)
+        plan = _parking(at.axis(name), place)
         await walk(at.supervisor.controller, plan, at_stop=at_stop, patience=at.patience, say=at.say)
 
 

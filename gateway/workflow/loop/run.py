@@ -11,7 +11,7 @@ from gateway.config import SiteFile
 from gateway.say import Say
 from gateway.workflow import selftests
 from gateway.workflow.aftercare import standing_alarms
-from gateway.workflow.axes.measure import measure_axis, store_equipment
+from gateway.workflow.axes.measure import measure_axis, plans_of_axis, store_equipment
 from gateway.workflow.axes.propose import propose
 from gateway.workflow.bench import Bench, bench, check_name, new_run, with_axes
 from gateway.workflow.control.pushing import apply_proposal
@@ -51,7 +51,10 @@ async def _work(at: Bench, *, apply: bool) -> Outcome:
     if apply:
         selftests.demand(at)
     store_equipment(at)
+    live = [axis for axis in at.site.axes if axis.measure.file is None]
+    await at.foresee([plan for axis in live for plan in plans_of_axis(axis, "before")])
     measured = {axis.name: await measure_axis(at, axis, "before") for axis in at.site.axes}
+    await at.foresee(())
     proposal = await propose(at, measured)
     at.folder.set_state("proposed")
     verdict = await apply_proposal(at, proposal, measured) if apply else None

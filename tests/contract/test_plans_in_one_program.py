@@ -1,0 +1,108 @@
+"""Stop plans that follow one another: one press for those that need no person, one for each mounting."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from drivers.errors import DeviceRefused
+from drivers.types.stops import Stop, StopPlan, StopReached
+from drivers.types.values import Approach
+from gateway.walk import Patience, walk
+from tests.contract.opcua_stage import SPEC, Stage, on_stage, plan
+from tests.contract.test_safe_places import PLACES, Told
+
+PATIENCE = Patience(60.0, 60.0)
+JOG = plan((Stop(0.0, 1), Stop(10.0, 1, 0, 1)), setup="TRUEFLANK SETUP ECC ON C", save_tables=True)
+ROUND: tuple[tuple[float, Approach], ...] = ((0.0, 1), (90.0, 1), (90.0, -1))
+ALL = plan(tuple(Stop(place, way, turn, 0) for turn in range(2) for place, way in ROUND))
+OF_X = replace(JOG, name="TX", axis="X1", letter="X", unit="mm", rotary=False, setup="TRUEFLANK SETUP EXX ON X")
+TWICE = (JOG, replace(ALL, save_tables=True), OF_X)
+
+
+async def visited(on: Stage, one: StopPlan, told: Told) -> list[tuple[float, float]]:
+    """Where the axis stood at each stop by the control itself, beside where the plan wanted it; press if asked to."""
+    seen: list[tuple[float, float]] = []
+
+    async def at_stop(_index: int, stop: Stop, reached: StopReached) -> None:
+        assert reached.target == stop.target
+        seen.append((stop.target, float(on.nck.get(f"$AA_IM[{one.axis}]"))))
+
+    def say(code: str, /, **fields: object) -> None:
+        told(code, **fields)
+        if code in ("P-START", "P-START-SETUP"):
+            on.pressed.append("start")
+            on.press()
+
+    await walk(on.device, one, at_stop, PATIENCE, say)
+    return seen
+
+
+async def test_one_start_and_one_press_for_each_mounting(keys: Path) -> None:
+    async with on_stage(SPEC, folder=keys) as on:
+        told = Told()
+        on.device.keep_to(PLACES)
+        await on.device.foresee(TWICE)
+        for one in TWICE:
+            for wanted, stood in await visited(on, one, told):
+                assert stood == pytest.approx(wanted, abs=1e-6)
+            assert (await on.device.saved_tables(one.axis)).axis == one.axis
+        assert on.pressed == ["start", "setup", "setup"]
+        assert on.nck.channel_status == 0
+    asked = [code for code, _ in told if code in ("P-START", "P-START-SETUP", "P-MOUNT")]
+    assert asked == ["P-START-SETUP", "P-MOUNT"]
+    goes = [fields["axis"] for code, fields in told if code in ("P-MOVE-BETWEEN", "P-MOVE-TURNS", "P-MOVE-TO")]
+    assert goes == ["C1", "X1"]  # the first text names both of what C does, the next one what X does
+
+
+async def test_the_control_shows_what_the_text_asks_to_mount(keys: Path) -> None:
+    async with on_stage(SPEC, folder=keys) as on:
+        told, shown = Told(), []
+        start = on.nck.nc_start
+
+        def pressed() -> bool:
+            shown.append(on.nck.message)
+            return bool(start())
+
+        on.nck.nc_start = pressed  # type: ignore[method-assign]
+        await on.device.foresee(TWICE)
+        for one in TWICE:
+            await visited(on, one, told)
+    assert shown == ["", *(fields["setup"] for code, fields in told if code in ("P-START-SETUP", "P-MOUNT"))]
+
+
+async def test_another_program_ends_the_one_that_waits_for_its_next_plan(keys: Path) -> None:
+    async with on_stage(SPEC, folder=keys) as on:
+        told, again = Told(), replace(ALL, name="AGAIN", stops=(Stop(90.0, -1),))
+        await on.device.foresee(TWICE)
+        for one in (JOG, again, *TWICE[1:]):
+            await visited(on, one, told)
+        assert on.pressed == ["start", "setup", "start", "start", "setup"]
+
+
+async def test_a_program_that_waits_ends_when_nothing_follows_and_a_reset_at_the_panel_is_borne(keys: Path) -> None:
+    async with on_stage(SPEC, folder=keys) as on:
+        told = Told()
+        await on.device.foresee(TWICE)
+        await visited(on, JOG, told)
+        assert on.nck.channel_status == 1
+        await on.device.foresee(())
+        assert on.nck.channel_status == 0
+        await on.device.foresee(TWICE)
+        await visited(on, JOG, told)
+        on.nck.channel_reset()
+        await visited(on, ALL, told)
+        assert on.pressed == ["start", "setup", "start", "setup", "start"]
+
+
+async def test_an_axis_that_left_its_place_while_something_was_mounted_ends_the_program(keys: Path) -> None:
+    async with on_stage(SPEC, folder=keys) as on:
+        told = Told()
+        on.device.keep_to(PLACES)
+        await on.device.foresee((JOG, OF_X))
+        await visited(on, JOG, told)
+        await on.clock.sleep(float(on.nck.core.move({on.nck.core.axis("Z1").index: 500.0}, None)) + 0.5)
+        with pytest.raises(DeviceRefused, match="E-NC-AWAY"):
+            await visited(on, OF_X, told)
