@@ -9,7 +9,7 @@ from gateway.push.asking import Asked, ask
 from gateway.push.context import PushContext
 from gateway.push.places import together
 from gateway.push.plan import plan_hash
-from gateway.push.signproof import prove_sign
+from gateway.push.signproof import ReadStop, prove_sign
 from gateway.push.transaction import Stays, push_table, push_tables
 from gateway.push.undo.finding import PushFinding
 from gateway.push.undo.recovery import look, recover, unfinished
@@ -18,6 +18,7 @@ __all__ = [
     "Asked",
     "PushContext",
     "PushFinding",
+    "ReadStop",
     "Stays",
     "ask",
     "look",

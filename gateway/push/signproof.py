@@ -126,12 +126,14 @@ async def prove_sign(
     setup: str = "",
     kind: TableKind = "axis",
     index: int = 0,
+    live: LiveSet | None = None,
 ) -> SignProof:
     """Prove the sign of one kind of table on one output axis, on the grid of the input axis; the caller keeps it.
 
     `read_stop` gives the settled reading of the *output* axis at a stop in um or arcsec, positive as the axis
     counts, and its u; only differences matter. ``setup`` is the operator's message for mounting the optics;
-    ``index`` the number of the cross table to borrow.
+    ``index`` the number of the cross table to borrow; ``live`` what acts on the output axis where that was read just
+    now, without a proof of any sign (None: it is read).
     Raises WriteRefused (E-PUSH-REFUSED), VerifyError (E-PUSH-NO-PROOF, E-PUSH-SIGN), RollbackFailed
     (E-PUSH-HELD), UnsupportedDevice (E-PUSH-NO-SWITCHING), BusyError, StoreError, and what port or reading raise;
     the old table is then live again.
@@ -144,7 +146,7 @@ async def prove_sign(
     folder = journal.machine_folder(raw.journals, raw.machine.serial)
     with machine_lock(folder):
         await _allowed(raw, _change(table, None), None)
-        live = await conversation.read_live(raw)
+        live = live if live is not None else await conversation.read_live(raw)
         change = _change(table, live)
         asked = await _allowed(raw, change, live)
         task = Task(change, raw, asked.limits, agreeing_position=asked.place, marker=asked.marker)

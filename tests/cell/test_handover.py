@@ -23,8 +23,8 @@ from gateway.store import Store
 from gateway.workflow import consents, stages
 from gateway.workflow.bench import bench, store_of
 from gateway.workflow.control.approving import approve_plan, show_plan
+from gateway.workflow.control.contexts import push_context
 from gateway.workflow.control.disabling import disable_site
-from gateway.workflow.control.pushing import push_context
 from gateway.workflow.control.rolling_back import roll_back_site
 from gateway.workflow.control.verifying import verify_table
 from gateway.workflow.loop.run import run_site

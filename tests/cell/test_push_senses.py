@@ -24,7 +24,7 @@ from gateway.push.compare import table_in
 from gateway.say import silence
 from gateway.workflow.axes.measure import fetch_tables
 from gateway.workflow.bench import Bench, bench, new_run
-from gateway.workflow.control import proving, pushing
+from gateway.workflow.control import contexts, proving
 from simulators.cell import Cell
 from simulators.cellfile import load_cell
 from tests.cell.bench import short
@@ -58,12 +58,13 @@ def wave(function: Any, source: str, low: float, high: float, peak: float) -> Co
 async def pushed(at: Bench, table: CompensationTable, before: tuple[CompensationTable, ...]) -> PushRecord:
     """Prove the sign with the laser, then push."""
     live = await fetch_tables(at, at.axis("X1"))
-    context = pushing.table_context(at, table, None)
+    context = contexts.table_context(at, table, None)
     proof = context.proof
     old = table_in(signed(live, proof.sign if proof is not None else 1), table)
     change = TableChange("X1", old.table, table, old.enabled, live.digest, NOTHING, NOTHING, NOTHING, base=live)
-    proof = proof or await proving.prove(at, change, context)
-    context = pushing.table_context(at, table, None)
+    if proof is None:
+        proof = await proving.prove(at, change, context, await proving.mount(at, at.axis("X1")))
+    context = contexts.table_context(at, table, None)
     return await push_table(change, replace(context, proof=proof, approvals_needed=1, pushed=before))
 
 

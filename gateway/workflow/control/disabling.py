@@ -23,7 +23,7 @@ from gateway.push.undo.recovery import unfinished
 from gateway.say import Say
 from gateway.workflow.bench import Bench, bench, check_name, run_or_look
 from gateway.workflow.consents import looked, tell, why_of, word_of
-from gateway.workflow.control.pushing import push_context
+from gateway.workflow.control.contexts import push_context
 from gateway.workflow.outcome import Outcome
 
 

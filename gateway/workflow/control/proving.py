@@ -1,19 +1,24 @@
-"""The sign proof in a run: the output axis' instrument mounted, its sense proved, then the sign of the table's kind."""
+"""Sign proofs in a run: an axis' instrument mounted once, its sense proved, then the sign of every kind it sees."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, replace
 
+from drivers.ports.instruments import Recounting, RotaryCalibrator
 from drivers.types.orders import SignProof
 from drivers.types.stops import Stop
+from drivers.types.tables import LiveSet
 from drivers.units import deviation_scale
 from gateway.capture.live import combined
 from gateway.capture.readings import Readings
+from gateway.capture.rig import Rig
 from gateway.capture.sense import prove_sense
 from gateway.config import AxisSection
 from gateway.domain.proposals import TableChange
 from gateway.errors import WriteRefused
-from gateway.push import PushContext, prove_sign
+from gateway.push import PushContext, ReadStop, prove_sign
 from gateway.workflow.bench import Bench
 from gateway.workflow.consents import proving
 
@@ -27,29 +32,57 @@ def provable(at: Bench, axis: AxisSection) -> bool:
     return bool(axis.measure.instrument) and can.switches_now
 
 
-async def prove(at: Bench, change: TableChange, context: PushContext) -> SignProof:
-    """Mount the output axis' instrument again, prove its sense, then the sign of the table's kind.
+@dataclass(slots=True)
+class Mounted:
+    """An axis' instrument, mounted, its sense proved: it sees every sign of a table that moves this axis.
 
-    Raises WriteRefused (E-RUN-NO-PROOF) where nothing can see the output axis.
+    ``live`` is what acts on the axis as the moves that proved the sense saved it; good for the first proof alone.
     """
-    axis, table = at.axis(change.axis), change.new
+
+    rig: Rig
+    sense: int
+    live: LiveSet | None
+
+    @asynccontextmanager
+    async def reading(self) -> AsyncIterator[ReadStop]:
+        """What it reads at a stop, from a new datum: between two proofs a push moves the axis at its own feed."""
+        rig, axis = self.rig, self.rig.axis
+        combine = combined(axis, rig.instrument, self.sense)
+        window = replace(rig.window, settle_s=SWITCH_SETTLE_S)
+        scale = deviation_scale(axis.unit)
+        if isinstance(rig.instrument, RotaryCalibrator):
+            await rig.instrument.hold()
+            await rig.instrument.track()
+        if isinstance(rig.instrument, Recounting):
+            await rig.instrument.set_datum()
+        async with Readings(rig.instrument, rig.clock, combine) as readings:
+
+            async def read_stop(_stop: Stop) -> tuple[float, float]:
+                reading = await readings.settled(window)
+                value = float(combine(reading.values[None, :])[0])
+                return value * scale, float(reading.sigma.max()) * scale / reading.count**0.5
+
+            yield read_stop
+
+
+async def mount(at: Bench, axis: AxisSection) -> Mounted:
+    """Mount the axis' instrument and prove its sense. Raises WriteRefused (E-RUN-NO-PROOF) where there is none."""
     if not provable(at, axis):
         raise WriteRefused("E-RUN-NO-PROOF", axis.name)
     at.say("P-SIGN", axis=axis.name)
     rig = at.rig(axis)
     sense = await prove_sense(rig)
-    combine = combined(axis, rig.instrument, sense.sense)
-    window = replace(rig.window, settle_s=SWITCH_SETTLE_S)
-    scale = deviation_scale(axis.unit)
-    async with Readings(rig.instrument, at.clock, combine) as readings:
+    live = await rig.controller.saved_tables(axis.name) if rig.controller.capabilities.stops else None
+    return Mounted(rig, sense.sense, live)
 
-        async def read_stop(_stop: Stop) -> tuple[float, float]:
-            reading = await readings.settled(window)
-            value = float(combine(reading.values[None, :])[0])
-            return value * scale, float(reading.sigma.max()) * scale / reading.count**0.5
 
-        grid = at.axis(table.input_axis).table
-        proving(at, change)
+async def prove(at: Bench, change: TableChange, context: PushContext, eye: Mounted) -> SignProof:
+    """Prove the sign of the table's kind with the output axis' instrument mounted. Raises as `prove_sign`."""
+    table = change.new
+    grid = at.axis(table.input_axis).table
+    proving(at, change)
+    live, eye.live = eye.live, None
+    async with eye.reading() as read_stop:
         proof = await prove_sign(
             context,
             grid.minimum,
@@ -58,7 +91,8 @@ async def prove(at: Bench, change: TableChange, context: PushContext) -> SignPro
             read_stop=read_stop,
             kind=table.kind,
             index=table.index,
+            live=live,
         )
     at.proofs.save(proof)
-    at.say("P-SIGN-PROVED", axis=axis.name, slope=f"{proof.slope:+.3f}")
+    at.say("P-SIGN-PROVED", axis=eye.rig.axis.name, slope=f"{proof.slope:+.3f}")
     return proof

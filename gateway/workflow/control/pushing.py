@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import asyncio
-from collections.abc import Awaitable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
@@ -12,22 +11,19 @@ from drivers.errors import TrueflankError, words
 from drivers.types.orders import SignProof
 from drivers.types.sensing import Ambient
 from drivers.types.tables import CompensationTable
-from gateway.approve import risk_taken
 from gateway.config import AxisSection
-from gateway.domain.captures import Capture
-from gateway.domain.outcomes import AxisVerdict, PushRecord, Verdict
+from gateway.domain.outcomes import PushRecord, Verdict
 from gateway.domain.proposals import Proposal, TableChange
-from gateway.errors import StoreError, VerifyError, WriteRefused
+from gateway.errors import StoreError, WriteRefused
 from gateway.interlocks import Refusal
 from gateway.push import Asked, PushContext, Stays, ask, outcome_error, push_tables, together
-from gateway.push.records.journal import JOURNALS
 from gateway.say import Say
 from gateway.store import RunFolder
 from gateway.workflow import stages
 from gateway.workflow.aftercare import in_push, standing_alarms
 from gateway.workflow.axes.acting import check_acting
-from gateway.workflow.axes.measure import MeasuredAxis, live_again, measure_axis
-from gateway.workflow.axes.verdict import PUSHED, judge, judge_measured, unmeasured
+from gateway.workflow.axes.measure import MeasuredAxis
+from gateway.workflow.axes.verdict import PUSHED, judge
 from gateway.workflow.bench import Bench, bench, check_name, site_of
 from gateway.workflow.consents import (
     Taken,
@@ -35,18 +31,18 @@ from gateway.workflow.consents import (
     consented,
     demand_todays,
     ended,
-    failed,
     refused,
     take_up,
     tell,
 )
-from gateway.workflow.control.proving import provable, prove
+from gateway.workflow.control.contexts import kept, table_context
+from gateway.workflow.control.judging import judged
+from gateway.workflow.control.proving import provable
+from gateway.workflow.control.signing import signed
 from gateway.workflow.control.stored import stored_axes
 from gateway.workflow.outcome import Outcome, alarmed
 from gateway.workflow.results.ending import finish
-from gateway.workflow.selftests import last_of
 from gateway.workflow.showing import narrowed, once, shown
-from gateway.workflow.witness import Witness
 
 Done = TypeVar("Done")
 
@@ -62,16 +58,16 @@ async def apply_proposal(at: Bench, proposal: Proposal, measured: Mapping[str, M
     demand_todays(at.folder)
     await _nothing_against(at, proposal, measured)
     done = _Done(take_up(at, proposal))
-    own = [change for change in proposal.changes if change.layer == "axis"]
+    changes = await signed(at, proposal.changes, measured)
+    own = [change for change in changes if change.layer == "axis"]
     await _push(at, [change for change in own if change.new.kind != "reversal"], measured, done)
     for change in own:
         if change.new.kind == "reversal":  # it needs no restart, and is read and proved by itself
             await _push(at, [change], measured, done)
     at.folder.set_state("pushed")
-    axes = dict.fromkeys(change.axis for change in own)
-    verdicts = [await _verify(at, [one for one in own if one.axis == name], measured[name], done) for name in axes]
-    await _push(at, [change for change in proposal.changes if change.layer == "cross"], measured, done)
-    verdict = judge(tuple(verdicts), tuple(done.records.values()), tuple(done.proofs))
+    verdicts = await judged(at, own, measured, done.records)
+    await _push(at, [change for change in changes if change.layer == "cross"], measured, done)
+    verdict = judge(verdicts, tuple(done.records.values()), tuple(done.proofs))
     at.folder.put(stages.VERDICT, verdict, tuple(at.folder.digest(stages.push(name)) for name in done.records))
     return verdict
 
@@ -92,7 +88,6 @@ class _Done:
 async def _push(at: Bench, changes: Sequence[TableChange], measured: Mapping[str, MeasuredAxis], done: _Done) -> None:
     """One layer, in as few transactions as the control allows. Raises for the first table that was not committed."""
     known = {name: item.capture for name, item in measured.items()}
-    changes = [await _signed(at, change, known.get(change.axis)) for change in changes]
     wishes = [(change, table_context(at, change.new, known.get(change.axis))) for change in changes]
     for wish in wishes:
         if wish[0].skipped:
@@ -101,28 +96,10 @@ async def _push(at: Bench, changes: Sequence[TableChange], measured: Mapping[str
         await _handed_over(at, group, done)
 
 
-async def _signed(at: Bench, change: TableChange, capture: Capture | None) -> TableChange:
-    """The change, its sign proved; a reversal that is too small to be told from the scatter is left out instead.
-
-    Without it the axis keeps what it had, and its tables are worth having: they need not fail with it.
-    """
-    context = table_context(at, change.new, capture)
-    if change.skipped or context.proof is not None:
-        return change
-    try:
-        await _kept(at, (change,), prove(at, change, replace(context, log=Witness(at))))
-    except VerifyError as error:
-        if change.new.kind != "reversal" or error.code != "E-PUSH-NO-PROOF":
-            raise
-        at.say("P-PUSH-REFUSED", axis=change.name, reason=str(error))
-        return replace(change, skipped=str(error))
-    return change
-
-
 async def _handed_over(at: Bench, group: Sequence[tuple[TableChange, PushContext]], done: _Done) -> None:
     wishes = [(change, await _ready(at, change, context, done)) for change, context in group]
     changes = [change for change, _ in wishes]
-    records = await _kept(at, changes, _begun(at, wishes))
+    records = await kept(at, changes, _begun(at, wishes))
     for change, record in zip(changes, records, strict=True):
         if not change.skipped:
             tell(at, ended(at, change, record))
@@ -170,17 +147,6 @@ def _may_stay(at: Bench) -> Stays:
     return lambda _changes: not at.folder.has(stages.TOOTH)
 
 
-async def _kept(at: Bench, changes: Sequence[TableChange], work: Awaitable[Done]) -> Done:
-    """Keep in the audit log how a push or sign proof ended that leaves no record, a stop from outside included."""
-    try:
-        return await work
-    except (TrueflankError, asyncio.CancelledError) as error:
-        for change in changes:
-            if not change.skipped:
-                tell(at, failed(at, change, error))
-        raise
-
-
 async def _nothing_against(at: Bench, proposal: Proposal, measured: Mapping[str, MeasuredAxis]) -> None:
     """Ask about every table before the first is touched. Raises WriteRefused (E-PUSH-REFUSED) with every reason."""
     told: dict[str, list[str]] = {}
@@ -207,49 +173,6 @@ async def _ambient(at: Bench, change: TableChange) -> Ambient | None:
     """What the axis' instrument reads of its environment now; None where the axis has none."""
     name = at.axis(change.axis).measure.instrument
     return await at.supervisor.instrument(name).ambient() if name else None
-
-
-def table_context(at: Bench, table: CompensationTable, capture: Capture | None) -> PushContext:
-    """What a push of this very table works with: its axes, and the proof of its kind if there is one."""
-    context = push_context(at, at.axis(table.output_axis), capture)
-    other = at.facts(at.axis(table.input_axis)) if table.input_axis != table.output_axis else None
-    return replace(context, input=other, proof=at.proofs.find(at.machine, table.kind, table.output_axis))
-
-
-def push_context(at: Bench, axis: AxisSection, capture: Capture | None) -> PushContext:
-    """What a push of this axis works with; the operator's consent was checked before the bench was opened."""
-    operator, name = at.site.operator, at.site.site.name
-    return PushContext(
-        controller=at.supervisor.controller,
-        clock=at.clock,
-        folder=at.folder,
-        journals=at.store.root / JOURNALS,
-        axis=at.facts(axis),
-        machine=at.machine,
-        typed_name=name,
-        site_name=name,
-        capture=capture,
-        start_timeout_s=operator.start_timeout_s,
-        stop_timeout_s=operator.stop_timeout_s,
-        approvals_needed=at.site.site.approvals,
-        access_level_needed=at.site.controller.access_level,
-        say=at.say,
-        self_test=last_of(at, axis),
-        risk_taken=risk_taken(),
-    )
-
-
-async def _verify(at: Bench, changes: Sequence[TableChange], before: MeasuredAxis, done: _Done) -> AxisVerdict:
-    """Measure an axis once with everything of its own layer in, and judge it."""
-    pushed = [one for one in changes if done.records[one.name].outcome in PUSHED]
-    change = next((one for one in changes if one.new.kind == "axis"), changes[0])
-    turned = next((one for one in pushed if one.new.kind == "reversal"), None)
-    measurable = bool(pushed) and at.supervisor.controller.capabilities.stops
-    again = live_again(at.axis(change.axis), change.targets) if measurable else None
-    if again is None:
-        return unmeasured(change.axis, before.evaluation, change, pushed=bool(pushed))
-    after = await measure_axis(at, again, "after")
-    return judge_measured(change, before, after, turned=turned)
 
 
 async def push_run(

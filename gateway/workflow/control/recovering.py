@@ -21,7 +21,7 @@ from gateway.push.undo.recovery import look, recover, unfinished
 from gateway.say import Say
 from gateway.workflow.bench import Bench, bench, check_name, run_or_look
 from gateway.workflow.consents import looked, not_recovered, recovered, tell
-from gateway.workflow.control.pushing import push_context, table_context
+from gateway.workflow.control.contexts import push_context, table_context
 from gateway.workflow.leaving import LeftFinding, clear
 from gateway.workflow.witness import Witness
 

@@ -22,7 +22,7 @@ from gateway.say import Say
 from gateway.table.comparison import acting, effective
 from gateway.workflow.bench import Bench, bench, check_name, run_or_look
 from gateway.workflow.consents import audit_problem, looked, tell, why_of, word_of
-from gateway.workflow.control.pushing import table_context
+from gateway.workflow.control.contexts import table_context
 from gateway.workflow.outcome import Outcome
 from gateway.workflow.witness import Witness
 

@@ -22,7 +22,7 @@ from gateway.workflow import stages
 from gateway.workflow.aftercare import Look, compare_with, expected_of, keep_looks
 from gateway.workflow.bench import Bench, bench, kept_in, run_or_look
 from gateway.workflow.consents import looked
-from gateway.workflow.control.pushing import push_context
+from gateway.workflow.control.contexts import push_context
 from gateway.workflow.control.rolling_back import context_of
 from gateway.workflow.outcome import Outcome
 

@@ -1,0 +1,54 @@
+"""Every pushed axis measured again, once, with everything of its own layer in, and judged."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from gateway.config import AxisSection
+from gateway.domain.outcomes import AxisVerdict, PushRecord
+from gateway.domain.proposals import TableChange
+from gateway.workflow.axes.measure import MeasuredAxis, live_again, measure_axis, plans_of_axis
+from gateway.workflow.axes.verdict import PUSHED, judge_measured, unmeasured
+from gateway.workflow.bench import Bench
+
+Records = Mapping[str, PushRecord]
+"""How each change ended, by its name."""
+
+
+async def judged(
+    at: Bench, own: Sequence[TableChange], before: Mapping[str, MeasuredAxis], records: Records
+) -> tuple[AxisVerdict, ...]:
+    """A verdict for each axis of the changes ``own``, in order. Raises as `measure_axis`."""
+    mine = {name: [one for one in own if one.axis == name] for name in dict.fromkeys(one.axis for one in own)}
+    again = [_again(at, changes, records) for changes in mine.values()]
+    await at.foresee([plan for axis in again if axis is not None for plan in plans_of_axis(axis, "after")])
+    verdicts = [
+        await _verdict(at, changes, axis, before[name], records)
+        for (name, changes), axis in zip(mine.items(), again, strict=True)
+    ]
+    await at.foresee(())
+    return tuple(verdicts)
+
+
+def _again(at: Bench, changes: Sequence[TableChange], records: Records) -> AxisSection | None:
+    """How an axis is measured after its tables were pushed; None where none was, or nothing can measure it."""
+    change = _judged_by(changes)
+    pushed = any(records[one.name].outcome in PUSHED for one in changes)
+    measurable = pushed and at.supervisor.controller.capabilities.stops
+    return live_again(at.axis(change.axis), change.targets) if measurable else None
+
+
+def _judged_by(changes: Sequence[TableChange]) -> TableChange:
+    return next((one for one in changes if one.new.kind == "axis"), changes[0])
+
+
+async def _verdict(
+    at: Bench, changes: Sequence[TableChange], again: AxisSection | None, before: MeasuredAxis, records: Records
+) -> AxisVerdict:
+    pushed = [one for one in changes if records[one.name].outcome in PUSHED]
+    change = _judged_by(changes)
+    turned = next((one for one in pushed if one.new.kind == "reversal"), None)
+    if again is None:
+        return unmeasured(change.axis, before.evaluation, change, pushed=bool(pushed))
+    after = await measure_axis(at, again, "after")
+    return judge_measured(change, before, after, turned=turned)
