@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tests.closing.identified import Identified
+from tests.closing.presses import Presses
 
 FloatArray = NDArray[np.float64]
 FLOOR_FACTOR = 1.15
@@ -59,7 +60,8 @@ class MachineResult:
     that may. ``u_um`` is the predicted standard uncertainty of the flank, ``predicted_um`` and ``rms_u_um`` mean and
     standard deviation of the RMS it predicts. ``points`` are (truth - prediction) / u of every judged point.
     ``axes`` gives M before and after by machine axis. ``b_left`` is what the run says beforehand and what the parts
-    then show. ``failed`` is the code of the error that ended the run, "" if none did.
+    then show. ``presses`` is what the run asked of the operator. ``failed`` is the code of the error that ended the
+    run, "" if none did.
     """
 
     name: str
@@ -78,6 +80,7 @@ class MachineResult:
     rms_u_um: float = 1.0
     points: Normalised = field(default_factory=Normalised)
     components: tuple[Identified, ...] = ()
+    presses: Presses = field(default_factory=Presses)
     axes: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     b_left: tuple[float, float] = (0.0, 0.0)
     done_twice: tuple[str, ...] = ()

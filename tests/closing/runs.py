@@ -28,6 +28,7 @@ from simulators.grinding import WorkPiece
 from simulators.nck.machine import compensation as table
 from tests.closing.identified import Curve, FloatArray, identified
 from tests.closing.judge import CROSS, OWN, Machine, b_left_on, floor, kept_floor, places, places_at, rms
+from tests.closing.presses import Presses
 from tests.closing.record import MachineResult, Normalised
 from tests.closing.tables import Grid
 from tests.selftested import cell_running
@@ -59,11 +60,16 @@ class Watched:
     folder: Path = Path()
     parts: dict[str, Ground] = field(default_factory=dict)
     said: list[str] = field(default_factory=list)
+    presses: Presses = field(default_factory=Presses)
     _began: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.presses.log = self.cell.operator.log
 
     def say(self, code: str, /, **fields: object) -> None:
         """The run's progress."""
         self.said.append(code)
+        self.presses.told(code, fields)
         if code == "P-RUN":
             self.folder = Path(str(fields["folder"]))
         if code == "P-PART":
@@ -201,6 +207,7 @@ def judged(done: Closed, blank: MachineResult, *, least: bool = True) -> Machine
         done_twice=tuple(sorted(code for code in ONCE if done.watched.said.count(code) > most(code, done.cell.file))),
         outcome=verdict.outcome,
         words=verdict.words,
+        presses=done.watched.presses,
     )
 
 

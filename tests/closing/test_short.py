@@ -24,6 +24,9 @@ from tests.closing.runs import BLOCK_S, run_machine
 from tests.selftested import cell_running
 
 LIVE = {"EXX", "EZZ", "ECC"}
+# NCK resets, presses of NC START beyond those that confirm what was mounted or clamped, mountings, blanks: the most
+# that the short plan of the shipped cell may ask for. Signs cost most: five resets, 8 loads and as many ways back.
+ASKED = (7, 119, 10, 3)
 
 
 def short(cell: Cell, text: str) -> str:
@@ -59,6 +62,10 @@ def test_a_short_plan_ends_at_the_floor_of_its_machine(tmp_path: Path, name: str
     assert found.done_twice == ()
     assert found.after_um < 0.5 * found.set_right_um
     assert found.outcome == "better"
+    print(found.presses.listed())
+    done = [sum(one.startswith(word) for one in found.presses.handled) for word in ("mounted ", "clamped ")]
+    asked = (len(found.presses.resets), len(found.presses.starts), *done)
+    assert name != "demo" or all(count <= most for count, most in zip(asked, ASKED, strict=True)), asked
     assert audit.standing(tmp_path / "runs", file.machine.serial).alarms == {}
 
 

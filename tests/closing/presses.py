@@ -1,0 +1,54 @@
+"""What a run asks of the person at the machine, counted by what the operator's own hands did, each with its cause."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+from gateway.audience import ASK
+
+DONE_BY_HAND = ("mounted ", "clamped ", "took the part off")
+
+
+@dataclass
+class Presses:
+    """NCK resets, and presses of NC START, by what the run had last asked for; what was mounted or clamped, in order.
+
+    A press that confirms a mounting or a clamping is part of that, and counts in ``handled`` alone.
+    """
+
+    log: list[str] = field(default_factory=list)
+    resets: list[str] = field(default_factory=list)
+    starts: list[str] = field(default_factory=list)
+    handled: list[str] = field(default_factory=list)
+    _seen: int = 0
+    _cause: str = "nothing"
+
+    def told(self, code: str, fields: Mapping[str, object]) -> None:
+        """The run said something: what was pressed until now was for what it had asked before."""
+        self.take()
+        if code in ASK or code == "P-NC-READ":
+            what = fields.get("program") or fields.get("part") or ""
+            self._cause = " ".join(str(word) for word in (code, fields.get("axis", ""), what) if word)
+
+    def take(self) -> None:
+        """Sort what the operator has done since the last look."""
+        for place in range(self._seen, len(self.log)):
+            done, before = self.log[place], self.log[place - 1] if place else ""
+            if done == "NCK RESET":
+                self.resets.append(self._cause)
+            elif done == "NC START" and not before.startswith(DONE_BY_HAND):
+                self.starts.append(self._cause)
+            elif done.startswith(("mounted ", "clamped ")):
+                self.handled.append(done)
+        self._seen = len(self.log)
+
+    def listed(self) -> str:
+        """Every count with its causes, for people."""
+        rows = [("NCK reset", self.resets), ("NC START", self.starts), ("mounted or clamped", self.handled)]
+        return "\n".join(f"{name}: {len(what)}{_causes(what)}" for name, what in rows)
+
+
+def _causes(what: Iterable[str]) -> str:
+    return "".join(f"\n  {count:3} {cause}" for cause, count in sorted(Counter(what).items()))
