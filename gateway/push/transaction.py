@@ -93,7 +93,7 @@ async def _pushed(wishes: Sequence[Wish], stays: Stays) -> tuple[PushRecord, ...
         with begun(tasks, "table") as works:
             ended = await _push(works, stays)
             for outcome in dict.fromkeys(ended[work] for work in works):
-                names = ", ".join(work.name for work in works if ended[work] == outcome)
+                names = ", ".join(work.change.name for work in works if ended[work] == outcome)
                 context.say("P-PUSH-END", axis=names, outcome=outcome)
             return tuple(work.record(ended[work], told=True) for work in works)
 

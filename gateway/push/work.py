@@ -207,7 +207,7 @@ class Work:
     def record(self, outcome: Outcome, *, told: bool = False) -> PushRecord:
         """What happened, for the run folder; said to people unless that was ``told`` of several tables at once."""
         if not told:
-            self.context.say("P-PUSH-END", axis=self.name, outcome=outcome)
+            self.context.say("P-PUSH-END", axis=self.change.name, outcome=outcome)
         steps = tuple(self.steps)
         return PushRecord(
             self.whole.number, self.axis, outcome=outcome, steps=steps, backup_path=self.backup_path, effect=self.effect

@@ -60,7 +60,10 @@ async def test_a_reversal_acts_as_documented_and_is_taken_back(keys: Path, tmp_p
 async def test_the_factor_of_the_control_is_no_part_of_the_reversal(keys: Path, tmp_path: Path) -> None:
     async with on_stage(SPEC, folder=keys) as on, starting(on):
         on.nck.set("$MA_BACKLASH_FACTOR[0,X1]", 2.0, 0)
-        assert (await pushed(on, tmp_path)).outcome == "committed"
+        told: list[tuple[str, object]] = []
+        say = lambda code, /, **fields: told.append((code, fields.get("axis")))  # noqa: E731
+        assert (await pushed(on, tmp_path, say=say)).outcome == "committed"
+        assert ("P-PUSH-END", "X1-reversal") in told, "X1 is the axis' table"
         assert on.nck.get("$MA_BACKLASH[0,X1]") == pytest.approx(0.0012, abs=1e-9)
         assert lead(on, 1) - lead(on, -1) == pytest.approx(2.4, abs=1e-6)
         live = await live_of_running(on)
