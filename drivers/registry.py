@@ -56,6 +56,7 @@ _OWN = (
     DriverSpec("sinumerik-opcua-program", "program", "drivers.sinumerik.opcua.grinding:preview"),
     DriverSpec("sinumerik-opcua-paper", "paper", "drivers.sinumerik.opcua.paper:on_paper"),
     DriverSpec("sinumerik-opcua-survey", "survey", "drivers.sinumerik.opcua.survey:UaSurvey"),
+    DriverSpec("sinumerik-opcua-prober", "prober", "drivers.sinumerik.opcua.probing.prober:UaProber"),
     DriverSpec("sinumerik-opcua-trust", "trust", "drivers.sinumerik.opcua.trust:UaTrust"),
     DriverSpec("sinumerik-modbus", "controller", "drivers.sinumerik.mailbox.device:SinumerikModbus", _MODBUS),
     DriverSpec("linuxcnc-agent", "controller", "drivers.linuxcnc.device:LinuxCnc", _LINUXCNC),

@@ -125,6 +125,16 @@ class ControlPanel:
         """How many programs have been selected so far."""
         return int(self._nck.selections)
 
+    @property
+    def selected(self) -> str:
+        """The program on the screen."""
+        return str(self._nck.selected)
+
+    @property
+    def in_alarm(self) -> bool:
+        """Whether an alarm stands that RESET clears."""
+        return any(alarm.clear == "reset" for alarm in self._nck.alarms)
+
     def r_parameter(self, number: int) -> float:
         """An R parameter as the screen shows it."""
         return float(self._nck.get(f"R[{number}]"))

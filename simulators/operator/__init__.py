@@ -18,8 +18,9 @@ UNLOAD = re.compile(r"TRUEFLANK UNLOAD PART(?: .*)?$")
 LOADED = re.compile(r"TRUEFLANK LOADED .+ NC START WHEN R(?P<number>\d+)=(?P<value>-?\d+(?:\.\d+)?)$")
 ACTIVATE = re.compile(r"TRUEFLANK ACTIVATE NCK RESET AND REFERENCE (?P<axis>\S+( \S+)*)$")
 SELF_TEST = re.compile(r"TRUEFLANK SELF-TEST PRESS NC START$")
+PROBE = "_N_TFPROBE_"  # programs that are meant to be refused: the person who tries them presses RESET
 RESET, ACTIVE, INTERRUPTED = 0, 1, 2
-LOOK_S = 0.5
+LOOK_S, READS_S = 0.5, 10.0  # between two looks; to read an alarm and note its number
 KEYS = ("RESET", "NC START", "NCK RESET")
 # Kept in the same box: what someone takes who takes the wrong ones.
 WRONG = {
@@ -92,6 +93,9 @@ class Operator:
                 await self._mind(self._panel)
             if status == RESET and self._control.selections != self._started:
                 await self._begin()
+            elif status == INTERRUPTED and self._control.in_alarm and PROBE in self._control.selected:
+                await self._clock.sleep(READS_S)
+                self.press("RESET")
             elif status == INTERRUPTED and self._control.message != done:
                 done = self._control.message
                 await self._act(done)

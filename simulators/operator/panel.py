@@ -23,6 +23,16 @@ class ShownControl(Protocol):
         """How many programs have been selected so far."""
         ...
 
+    @property
+    def selected(self) -> str:
+        """The program that is selected."""
+        ...
+
+    @property
+    def in_alarm(self) -> bool:
+        """Whether an alarm stands that RESET clears."""
+        ...
+
     def r_parameter(self, number: int) -> float:
         """An R parameter as the screen shows it."""
         ...

@@ -52,6 +52,22 @@ WHOLLY_LONG = {
         "test_measured_without_check_stops_it_is_found_after_the_push",
     ): "test_a_wave_that_looks_like_the_first_harmonic_is_refused_before_anything_is_written",
     (
+        "test_conform_command.py",
+        "test_the_written_test_fails_until_the_double_says_the_same",
+    ): "test_a_comparison_leaves_session_test_and_rows",
+    (
+        "test_leniencies.py",
+        "test_every_question_is_answered_and_the_double_agrees_with_itself",
+    ): "test_reading_questions_alone_need_nobody_at_the_machine",
+    (
+        "test_leniencies.py",
+        "test_forty_leniencies_in_one_copy_are_named_and_nothing_else",
+    ): "test_leniencies_that_reading_alone_can_tell_are_named",
+    (
+        "test_leniencies.py",
+        "test_the_second_shipped_cell_poses_as_an_unknown_control",
+    ): "test_leniencies_that_reading_alone_can_tell_are_named",
+    (
         "test_families.py",
         "test_a_short_run_on_a_machine_of_a_family",
     ): "test_what_is_proposed_to_a_machine_of_a_family_makes_it_better",

@@ -42,7 +42,7 @@ DOORS = {
     "serial": 1,
     "sqlalchemy": 4,
     "starlette": 8,
-    "typer": 38,
+    "typer": 39,
     "typst": 1,
     "uvicorn": 1,
 }

@@ -154,6 +154,15 @@ class UaSession(UaConnection):
             self._break("the session is gone")
         check_written([path for path, _ in values], names, self._where)
 
+    async def offer(self, path: str, value: Any, kind: str, timeout_s: float, *, stamped: bool = False) -> str:
+        """Write one variable as another type, or with a time stamp, and say by which status: for who asks what a
+
+        server refuses. Never retried.
+        """
+        item = requests.typed(self._node(path), value, kind, self._clock.utc() if stamped else None)
+        (found,) = await self._request(timeout_s, "write", path, lambda it: requests.write(it, [item], 1))
+        return requests.status_name(found)
+
     async def call(self, method: str, arguments: Arguments, timeout_s: float) -> Any:
         """Call a method found at login; its one result, None if it has none. Never retried."""
         if method not in self._methods:

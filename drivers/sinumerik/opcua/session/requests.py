@@ -112,12 +112,12 @@ async def write(client: Any, items: Sequence[Any], most: int) -> list[Any]:
     return found
 
 
-def typed(node: Any, value: Any, kind: str) -> Any:
-    """A value to write: typed, without time stamps."""
+def typed(node: Any, value: Any, kind: str, stamp: datetime | None = None) -> Any:
+    """A value to write: typed, without time stamps unless one is given."""
     item = ua.WriteValue()
     item.NodeId = node
     item.AttributeId = ua.AttributeIds.Value
-    item.Value = ua.DataValue(ua.Variant(value, ua.VariantType[kind]))
+    item.Value = ua.DataValue(ua.Variant(value, ua.VariantType[kind]), SourceTimestamp=stamp)
     return item
 
 

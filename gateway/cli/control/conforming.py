@@ -1,0 +1,111 @@
+"""The command `conform`: what a control says to written questions, beside what its double says to them."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from drivers.clock import LoopClock
+from drivers.errors import ConfigError, words
+from drivers.probes import ALLOWANCES, Allowance, ProbedSession, differences, read_session
+from gateway.cli.options import JsonOption, SiteArgument
+from gateway.cli.show import echo, show_json
+from gateway.cli.stopping import run_to_end
+
+DIFFERENT = 13
+SPEED = 20.0
+
+AllowOption = Annotated[str, typer.Option("--allow", help="read asks, move starts programs, write also offers values.")]
+
+
+def conform_command(
+    site: SiteArgument,
+    allow: AllowOption = "read",
+    machine: Annotated[str, typer.Option(help="The machine's name, typed to confirm --allow write.")] = "",
+    session: Annotated[
+        Path | None, typer.Option("--session", help="Replay this recorded session; the control is not asked.")
+    ] = None,
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder for session, test and rows.")] = Path(
+        "conform"
+    ),
+    cell: Annotated[str, typer.Option(help="The double: cell file, or the name of a shipped cell.")] = "demo",
+    record_only: Annotated[bool, typer.Option("--record-only", help="Ask the control alone; no double.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Ask the control and its double the same questions; exit code 13 and a failing test where they differ."""
+    from gateway.conform import written
+
+    told = _silent if as_json else _told
+    control = read_session(session) if session is not None else _recorded(site, allowance(allow), machine, told)
+    double = None if record_only else _double(control, cell, told)
+    found = differences(control, double) if double is not None else ()
+    files = written(output, control, found, cell)
+    asked = sum(answer.asked for answer in control.answers)
+    if as_json:
+        lines = [{"name": one.probe.name, "control": one.control, "double": one.double} for one in found]
+        show_json({"asked": asked, "differences": lines, "files": [str(file) for file in files]})
+    else:
+        for one in found:
+            echo(one.line)
+        told_end = "nothing was compared" if double is None else f"{len(found)} differ"
+        echo(f"{asked} of {len(control.answers)} questions answered, {told_end}; {', '.join(map(str, files))}")
+    if found:
+        raise typer.Exit(DIFFERENT)
+
+
+def allowance(text: str) -> Allowance:
+    """An allowance as it was typed. Raises ConfigError (E-ACCEPT-ALLOW)."""
+    for one in ALLOWANCES:
+        if text == one:
+            return one
+    raise ConfigError("E-ACCEPT-ALLOW", "--allow", given=text, known=", ".join(ALLOWANCES))
+
+
+def _recorded(site: Path, allow: Allowance, machine: str, told: Any) -> ProbedSession:
+    from gateway import audit
+    from gateway.broker import borrowed
+    from gateway.config import load_site
+    from gateway.conform import prober_of, recorded
+    from gateway.workflow.bench import check_name, store_of
+
+    tree, clock = load_site(site), LoopClock()
+    check_name(tree, allow == "write", machine)
+    prober_of(tree, clock)
+    root = store_of(tree, site).root
+
+    async def main() -> ProbedSession:
+        async with borrowed(root, "conform", clock):
+            if allow != "read":
+                audit.record(root, "conform", clock=clock, serial=tree.controller.serial, details={"allow": allow})
+            return await recorded(tree, allow, clock, told)
+
+    return run_to_end(main())
+
+
+def _double(control: ProbedSession, cell: str, told: Any) -> ProbedSession:
+    """The double's answers, from a simulated cell with the key switch where the control had it."""
+    from gateway.cli.demonstration import CellAsked, cell_process
+    from gateway.config import load_site
+    from gateway.conform import replayed
+
+    with tempfile.TemporaryDirectory(prefix="trueflank-double-") as folder:
+        path = Path(folder) / "site.toml"
+        with cell_process(CellAsked(cell, path, SPEED, road="opcua")) as child:
+            order = {"set": "access_level", "value": int(control.about.get("access_level", "2"))}
+            if child.stdin is not None and child.stdout is not None:
+                child.stdin.write(json.dumps(order) + "\n")
+                child.stdin.flush()
+                child.stdout.readline()
+            return run_to_end(replayed(load_site(path), control, LoopClock(), told))
+
+
+def _told(code: str, /, **fields: object) -> None:
+    echo(words(code, **fields))
+
+
+def _silent(_code: str, /, **_fields: object) -> None:
+    """The result alone is printed."""
