@@ -153,7 +153,7 @@ class UaProber:
             if found.status:
                 return f"{NOT_ASKED}it cannot be read: {found.status}"
             value = int(found.value) if kind.startswith(("Int", "UInt")) else found.value
-        return await self._session.offer(path, value, kind, self._timeout_s, stamped=more == "stamped")
+        return await self._session.try_write(path, value, kind, self._timeout_s, stamped=more == "stamped")
 
     async def _replaced(self) -> str:
         """Whether a file that is sent twice is fetched as it was sent last."""

@@ -99,7 +99,7 @@ class Runs:
             await meanwhile(text)
         finally:
             word = nodes.r_parameter(self.settings.words.number(Word.RELEASE), self.settings.channel)
-            await self.session.offer(word, float(number), "Double", self.reader.timeout_s)
+            await self.session.try_write(word, float(number), "Double", self.reader.timeout_s)
         await self._cleared(await self._until(self._ended(number), LONGEST_S))
 
     # ---- steps -------------------------------------------------------------------------------------

@@ -154,7 +154,7 @@ class UaSession(UaConnection):
             self._break("the session is gone")
         check_written([path for path, _ in values], names, self._where)
 
-    async def offer(self, path: str, value: Any, kind: str, timeout_s: float, *, stamped: bool = False) -> str:
+    async def try_write(self, path: str, value: Any, kind: str, timeout_s: float, *, stamped: bool = False) -> str:
         """Write one variable as another type, or with a time stamp, and say by which status: for who asks what a
 
         server refuses. Never retried.
