@@ -16,7 +16,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from collections.abc import Callable, Coroutine, Iterator, Sequence
+from collections.abc import Callable, Coroutine, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -116,9 +116,7 @@ class CellStarter:
         self._running.append(cell)
         return cell
 
-    def in_memory(
-        self, main: Callable[[Any], Coroutine[Any, Any, T]], source: str | Path = "demo", **options: Any
-    ) -> T:
+    def in_memory(self, main: Callable[[Any], Coroutine[Any, Any, T]], source: Any = "demo", **options: Any) -> T:
         """Run `main(cell)` beside a cell in one process and virtual time; options as for simulators.cell.Cell.
 
         ``wires`` is "memory" unless told otherwise.
@@ -155,3 +153,43 @@ def trueflank_cell(tmp_path: Path) -> Iterator[CellStarter]:
     starter = CellStarter(tmp_path)
     yield starter
     starter.stop()
+
+
+class FaultBox:
+    """What the fixture `trueflank_faults` gives: the list of faults, and a cell that has some of them."""
+
+    def __init__(self, starter: CellStarter) -> None:
+        from simulators.faultlist import named_faults  # noqa: PLC0415 - pytest loads this file on every run
+
+        self._starter = starter
+        self.known = {one.name: one.meaning for one in named_faults().values()}
+
+    def in_memory(
+        self,
+        main: Callable[[Any], Coroutine[Any, Any, T]],
+        faults: Mapping[str, Any],
+        source: str | Path = "demo",
+        wire: str = "laser",
+        **options: Any,
+    ) -> T:
+        """As `trueflank_cell.in_memory`, with these faults by name; those of the wire are of instrument ``wire``.
+
+        Raises ValueError for a name or a value that does not exist.
+        """
+        from simulators.cellfile import load_cell  # noqa: PLC0415
+        from simulators.faultlist import faulty  # noqa: PLC0415
+
+        cell_file, more, manners = faulty(load_cell(source), faults, wire)
+
+        async def whole(cell: Any) -> T:
+            for name, value in manners.items():
+                setattr(cell.server.manners, name, value)
+            return await main(cell)
+
+        return self._starter.in_memory(whole, cell_file, **{**options, **more})
+
+
+@pytest.fixture
+def trueflank_faults(trueflank_cell: CellStarter) -> FaultBox:
+    """Faults of the double by name: `trueflank_faults.known` says what each means, `in_memory` plays them."""
+    return FaultBox(trueflank_cell)

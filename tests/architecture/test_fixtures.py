@@ -52,6 +52,18 @@ WHOLLY_LONG = {
         "test_measured_without_check_stops_it_is_found_after_the_push",
     ): "test_a_wave_that_looks_like_the_first_harmonic_is_refused_before_anything_is_written",
     (
+        "test_checks.py",
+        "test_an_instrument_that_counts_the_wrong_optics_is_not_accepted",
+    ): "test_what_is_wrong_fails_with_the_next_step",
+    (
+        "test_plugin.py",
+        "test_the_shipped_suite_accepts_a_cell_and_leaves_junit_and_a_sheet",
+    ): "test_what_can_be_read_is_accepted_and_what_lies_above_is_said",
+    (
+        "test_plugin.py",
+        "test_writing_asks_for_the_machines_name_and_the_example_runs",
+    ): "test_a_fault_by_its_name_is_played",
+    (
         "test_conform_command.py",
         "test_the_written_test_fails_until_the_double_says_the_same",
     ): "test_a_comparison_leaves_session_test_and_rows",

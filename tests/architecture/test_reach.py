@@ -15,6 +15,8 @@ ENTRIES = (
     "gateway.cli.__main__",
     "gateway.daemon",
     "simulators.cell.__main__",
+    "gateway.acceptance.pytest_plugin",
+    "gateway.acceptance.suite",
     "simulators.pytest_plugin",
     "drivers.registry",
     "drivers.linuxcnc.agent.__main__",

@@ -1,0 +1,110 @@
+"""`pytest --trueflank-site SITE --allow read|move|write`: the shipped acceptance as tests, with JUnit and a sheet.
+
+Without tests named on the command line the shipped suite is run. Tests of your own say what they need by
+`@pytest.mark.trueflank_allow("move")`; what lies above the allowance is skipped and said.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from drivers.probes import ALLOWANCES, allows
+
+SUITE = Path(__file__).with_name("suite.py")
+MARK = "trueflank_allow"
+RESULTS: pytest.StashKey[list[Any]] = pytest.StashKey()
+SITE: pytest.StashKey[Any] = pytest.StashKey()
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """The options of an acceptance."""
+    group = parser.getgroup("trueflank")
+    group.addoption("--trueflank-site", default="", metavar="SITE", help="accept this site (its TOML file)")
+    group.addoption("--allow", default="read", choices=ALLOWANCES, help="what an acceptance may do (default: read)")
+    group.addoption("--trueflank-machine", default="", metavar="NAME", help="the machine's name, for --allow write")
+    group.addoption(
+        "--trueflank-sheet", default="acceptance.html", metavar="FILE", help="the sheet to sign (default: %(default)s)"
+    )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Load the site, check the consent, and choose the shipped suite where no test is named."""
+    config.addinivalue_line("markers", f"{MARK}(allowance): what a test of yours needs: read, move or write")
+    config.stash[RESULTS] = []
+    given = config.getoption("--trueflank-site")
+    if not given:
+        return
+    from drivers.errors import TrueflankError  # noqa: PLC0415 - pytest loads this file on every run
+    from gateway.config import load_site  # noqa: PLC0415
+    from gateway.workflow.bench import check_name  # noqa: PLC0415
+
+    path = Path(given).resolve()
+    try:
+        site = load_site(path)
+        check_name(site, config.getoption("--allow") == "write", config.getoption("--trueflank-machine"))
+    except TrueflankError as error:
+        hint = " (--trueflank-machine)" if error.code == "E-RUN-NAME" else ""
+        raise pytest.UsageError(f"{error}{hint}") from error
+    config.stash[SITE] = (site, path)
+    if config.args_source is not pytest.Config.ArgsSource.ARGS:
+        config.args = [str(SUITE)]
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skip what lies above the allowance."""
+    mark = item.get_closest_marker(MARK)
+    needed = mark.args[0] if mark is not None and mark.args else "read"
+    if needed not in ALLOWANCES:
+        raise pytest.UsageError(f"{MARK} takes one of {', '.join(ALLOWANCES)}, not {needed!r}")
+    given = item.config.getoption("--allow")
+    if mark is not None and not allows(given, needed):
+        pytest.skip(f"needs --allow {needed}; this run has --allow {given}")
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """One test for each check and axis of the site."""
+    if "trueflank_case" not in metafunc.fixturenames:
+        return
+    from gateway.acceptance.judging import case_name, cases  # noqa: PLC0415
+
+    site, _ = metafunc.config.stash.get(SITE, (None, None))
+    found = list(cases(site)) if site is not None else []
+    metafunc.parametrize("trueflank_case", found, ids=[case_name(*one).replace(" ", "-") for one in found])
+
+
+def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
+    """Write the sheet and say where it is."""
+    results = config.stash[RESULTS]
+    if not results:
+        return
+    from gateway.acceptance.sheet import sheet_text  # noqa: PLC0415
+    from gateway.acceptance.working import about  # noqa: PLC0415
+
+    site, _ = config.stash[SITE]
+    path = Path(config.getoption("--trueflank-sheet"))
+    path.write_text(sheet_text(results, about(site, config.getoption("--allow"))), encoding="utf-8")
+    terminalreporter.write_line(f"the sheet to sign: {path}")
+
+
+@pytest.fixture
+def trueflank_site(request: pytest.FixtureRequest) -> Any:
+    """The site file of --trueflank-site, read; a test that needs it is skipped without."""
+    if SITE not in request.config.stash:
+        pytest.skip("say --trueflank-site SITE")
+    return request.config.stash[SITE][0]
+
+
+@pytest.fixture
+def trueflank_desk(request: pytest.FixtureRequest) -> Any:
+    """The site with a clock: `async with trueflank_desk.bench() as at` opens its control."""
+    if SITE not in request.config.stash:
+        pytest.skip("say --trueflank-site SITE")
+    from drivers.clock import LoopClock  # noqa: PLC0415
+    from gateway.acceptance.working import SiteDesk  # noqa: PLC0415
+    from gateway.say import silence  # noqa: PLC0415
+
+    site, path = request.config.stash[SITE]
+    return SiteDesk(site, path, LoopClock(), silence)

@@ -1,0 +1,52 @@
+"""Where a check works: the site, its devices opened for the check alone; and how one ended."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Collection
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+
+from drivers.clock import Clock
+from drivers.probes import Allowance
+from gateway.config import SiteFile
+from gateway.say import Say
+from gateway.workflow.bench import Bench, bench, run_or_look
+
+
+class NotHere(Exception):
+    """A check that this site has nothing for; the text says why."""
+
+
+@dataclass(frozen=True, slots=True)
+class SiteDesk:
+    """A site under acceptance. Whoever makes one has the consent that its checks need."""
+
+    site: SiteFile
+    site_path: Path
+    clock: Clock
+    say: Say
+
+    @asynccontextmanager
+    async def bench(self, instruments: Collection[str] = ()) -> AsyncIterator[Bench]:
+        """The control and these instruments, open; a run folder is left only where an instrument was at work."""
+        state = "accepting"
+        with run_or_look(self.site, self.site_path, state, look=not instruments) as folder:
+            at = bench(
+                self.site,
+                self.site_path,
+                folder=folder,
+                clock=self.clock,
+                say=self.say,
+                instruments=tuple(instruments),
+            )
+            async with at as opened:
+                yield opened
+            folder.set_state("accepted")
+
+
+def about(site: SiteFile, allow: Allowance) -> dict[str, str]:
+    """The head of the sheet."""
+    names = {"site": site.site.name, "serial number of the control": site.controller.serial}
+    return {**names, "allowance": allow, "trueflank": metadata.version("trueflank"), "date": ""}

@@ -1,0 +1,62 @@
+"""The command `accept`: the shipped acceptance of a site, within an allowance, and the sheet to sign."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from drivers.clock import LoopClock
+from drivers.errors import ConfigError, words
+from gateway.cli.control.conforming import allowance
+from gateway.cli.options import JsonOption, SiteArgument
+from gateway.cli.show import echo, show_json
+from gateway.cli.stopping import run_to_end
+
+NOT_ACCEPTED = 13
+
+
+def accept_command(
+    site: SiteArgument,
+    allow: Annotated[
+        str, typer.Option("--allow", help="read looks, move also jogs, write also tries a table and puts it back.")
+    ] = "read",
+    machine: Annotated[str, typer.Option(help="The machine's name, typed to confirm --allow write.")] = "",
+    sheet: Annotated[Path, typer.Option(help="Where the sheet to sign goes (HTML).")] = Path("acceptance.html"),
+    as_json: JsonOption = False,
+) -> None:
+    """Accept a site: every check within the allowance, and a sheet to sign; exit code 13 where one fails."""
+    from gateway.acceptance.judging import cases, run_check
+    from gateway.acceptance.sheet import CheckResult, sheet_text
+    from gateway.acceptance.working import SiteDesk, about
+    from gateway.config import load_site
+    from gateway.workflow.bench import check_name
+
+    tree, given, clock = load_site(site), allowance(allow), LoopClock()
+    check_name(tree, given == "write", machine)
+
+    def say(code: str, /, **fields: object) -> None:
+        if not as_json:
+            echo(f"  {words(code, **fields)}")
+
+    async def main() -> list[CheckResult]:
+        results: list[CheckResult] = []
+        for check, axis in cases(tree):
+            result = await run_check(check, axis, SiteDesk(tree, site, clock, say), given)
+            results.append(result)
+            if not as_json:
+                echo(f"{result.outcome:<8} {result.name}: {result.said}")
+        return results
+
+    results: list[Any] = run_to_end(main())
+    try:
+        sheet.write_text(sheet_text(results, about(tree, given)), encoding="utf-8")
+    except OSError as error:
+        raise ConfigError("E-CLI-WRITE", str(sheet), why=str(error)) from error
+    if as_json:
+        show_json({"allow": given, "results": [one.as_record() for one in results], "sheet": str(sheet)})
+    else:
+        echo(f"the sheet to sign: {sheet}")
+    if any(one.outcome == "failed" for one in results):
+        raise typer.Exit(NOT_ACCEPTED)

@@ -1,0 +1,58 @@
+"""The plugin and the example package, run as a person runs them."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from importlib.metadata import entry_points
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+from simulators.pytest_plugin import CellStarter
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "own-acceptance" / "tests"
+PLUGIN = "gateway.acceptance.pytest_plugin"
+
+
+def ran(folder: Path, *given: str) -> subprocess.CompletedProcess[str]:
+    named = any(point.value == PLUGIN for point in entry_points(group="pytest11"))
+    plugin = () if named else ("-p", PLUGIN)
+    command = [sys.executable, "-m", "pytest", "-q", "-rs", "-p", "no:cacheprovider", *plugin, *given]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=280, check=False)
+
+
+@pytest.mark.long
+def test_the_shipped_suite_accepts_a_cell_and_leaves_junit_and_a_sheet(
+    trueflank_cell: CellStarter, tmp_path: Path
+) -> None:
+    cell = trueflank_cell("zero", speed=100.0)
+    ended = ran(tmp_path, "--trueflank-site", str(cell.site), "--junitxml", "out.xml")
+    # A new cell has not passed the self-test: that alone fails, and what lies above reading is skipped.
+    failed = [line for line in ended.stdout.splitlines() if line.startswith("FAILED")]
+    assert ended.returncode == 1, ended.stdout + ended.stderr
+    assert failed == []  # -rs names the skipped alone
+    suite = ElementTree.parse(tmp_path / "out.xml").getroot()  # noqa: S314 - written by our own pytest
+    told = {
+        case.get("name", ""): {one.get("name"): one.get("value") for one in case.iter("property")}
+        for case in suite.iter("testcase")
+    }
+    assert {name for name, one in told.items() if one["outcome"] == "failed"} == {
+        name for name in told if "self-test" in name
+    }
+    assert told["test_acceptance[identity]"]["outcome"] == "passed"
+    assert all(one["outcome"] == "skipped" for one in told.values() if one["allow"] != "read")
+    assert "Accepted by" in (tmp_path / "acceptance.html").read_text()
+
+
+@pytest.mark.long
+def test_writing_asks_for_the_machines_name_and_the_example_runs(trueflank_cell: CellStarter, tmp_path: Path) -> None:
+    cell = trueflank_cell("zero", speed=100.0)
+    refused = ran(tmp_path, "--trueflank-site", str(cell.site), "--allow", "write")
+    assert refused.returncode == 4
+    assert "E-RUN-NAME" in refused.stderr
+    assert "--trueflank-machine" in refused.stderr
+    own = ran(tmp_path, str(EXAMPLE), "--trueflank-site", str(cell.site), "-p", "no:xdist")
+    assert own.returncode == 0, own.stdout + own.stderr
+    assert "4 passed" in own.stdout
