@@ -56,6 +56,15 @@ def rad_to_arcsec(value: T) -> T:
     return value * ARCSEC_PER_RAD
 
 
+def arcsec_of_path(path_mm: NDArray[np.float64], spacing_mm: float) -> NDArray[np.float64]:
+    """Angle (n,) in arcsec of angular optics whose reflectors stand ``spacing_mm`` apart: arcsin(difference / spacing).
+
+    ``path_mm`` (n,) is how much farther one reflector is than the other; NaN where no angle makes that difference.
+    """
+    sine = np.asarray(path_mm, np.float64) / spacing_mm
+    return rad_to_arcsec(np.arcsin(np.where(np.abs(sine) <= 1.0, sine, np.nan)))
+
+
 def arcsec_to_rad(value: T) -> T:
     """Seconds of arc to radians."""
     return value / ARCSEC_PER_RAD

@@ -10,7 +10,7 @@ import csv
 import io
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 from typing import Any, Literal, cast
 
@@ -34,6 +34,7 @@ from drivers.units import (
     um_to_mm,
 )
 
+MARKS = (";", "\t", ",")
 _BREAK = re.compile(r"\r\n|\n|\r")
 TARGET_UNITS: dict[str, tuple[AxisUnit, float]] = {
     "mm": ("mm", 1.0),
@@ -101,6 +102,11 @@ class ColumnMap:
         """Whether targets and readings are of different kinds: pitch over mm, run-out over deg."""
         return TARGET_UNITS[self.target_unit][0] != READING_UNITS[self.reading_unit][0]
 
+    @property
+    def needed(self) -> int:
+        """How many columns a line has at least."""
+        return max(self.target, self.deviation, self.measured, self.run, self.direction_column)
+
     def limits(self) -> tuple[tuple[str, bool, str], ...]:
         """See `drivers.files.declared.Declared`."""
         ways = ("column", "runs", "order", "up", "down")
@@ -114,7 +120,7 @@ class ColumnMap:
             ("reading_unit", self.reading_unit in READING_UNITS, f"must be one of {', '.join(READING_UNITS)}"),
             ("sense", self.sense in (1, -1), "must be 1 or -1"),
             ("skip", self.skip >= 0, "must be 0 or more"),
-            ("separator", len(self.separator) <= 1, "must be one character, or empty for blanks"),
+            ("separator", len(self.separator) <= 1, "must be one character, or empty: as the lines show, else blanks"),
         )
 
 
@@ -133,6 +139,7 @@ def read_columns(text: str, columns: ColumnMap, where: str) -> MeasuredSet:
     Raises FileFormatError (E-FILE-LINE with the line and reason, E-FILE-ROWS).
     """
     lines = list(enumerate(_BREAK.split(text), start=1))[columns.skip :]
+    columns = _as_written(columns, [line for _, line in lines if line.strip()])
     rows = [_row(line, columns, at, where) for at, line in lines if line.strip()]
     if not rows:
         raise FileFormatError("E-FILE-ROWS", where)
@@ -143,6 +150,17 @@ def read_columns(text: str, columns: ColumnMap, where: str) -> MeasuredSet:
     missing = int(np.isnan(deviations).sum())
     warnings = (*((f"{missing} readings are missing",) if missing else ()), *end_doubts(text))
     return MeasuredSet(targets, deviations * scale, unit, header=header, warnings=warnings)
+
+
+def _as_written(columns: ColumnMap, lines: list[str]) -> ColumnMap:
+    """The map with the marks that nobody declared but every line shows: what separates cells, a decimal comma."""
+    if not columns.separator and lines:
+        found = next((mark for mark in MARKS if all(mark in line for line in lines)), "")
+        few = any(len(line.split()) < columns.needed for line in lines)
+        columns = replace(columns, separator=found) if found != "," or few else columns
+    body = "".join(lines)
+    comma = columns.separator != "," and "," in body and "." not in body
+    return replace(columns, decimal_comma=columns.decimal_comma or comma)
 
 
 def _wrong(where: str, line: int, why: str) -> FileFormatError:
@@ -160,9 +178,8 @@ def _cells(line: str, separator: str) -> list[str]:
 
 def _row(line: str, columns: ColumnMap, at: int, where: str) -> _Row:
     cells = _cells(line, columns.separator)
-    needed = max(columns.target, columns.deviation, columns.measured, columns.run, columns.direction_column)
-    if len(cells) < needed:
-        raise _wrong(where, at, f"{len(cells)} columns, but column {needed} is needed")
+    if len(cells) < columns.needed:
+        raise _wrong(where, at, f"{len(cells)} columns, but column {columns.needed} is needed")
     target = _number(cells[columns.target - 1], columns, at, where)
     reading = _number(cells[(columns.deviation or columns.measured) - 1], columns, at, where)
     run = whole(cells[columns.run - 1]) if columns.run else 0

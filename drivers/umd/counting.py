@@ -15,7 +15,6 @@ from drivers.umd.numerals import IntArray
 from drivers.umd.sequence import Ordered, SequenceOrder
 from drivers.umd.settings import UmdSettings
 
-CHANNELS = ("displacement_mm",)
 PHASE_ERRORS = 0x7E00
 WRAP = 1 << 32
 LEARN_MOVING = 4096
@@ -174,7 +173,10 @@ class UmdCounting:
     ) -> list[SampleBlock]:
         time_s = np.asarray(ticks / self.sample_rate_hz, np.float64)
         scale = self._settings.mm_per_count(self.counts_per_cycle or 1)
-        values = np.asarray(position * scale, np.float64)[:, None]
+        values = self._settings.reading(np.asarray(position * scale, np.float64))[:, None]
+        if np.isnan(values).any():
+            marks = {**marks, "beyond the optics": np.isnan(values[:, 0])}
+            values = np.nan_to_num(values)
         valid = ~np.logical_or.reduce(tuple(marks.values())) if marks else np.ones(len(ticks), np.bool_)
         lost = ordered.steps - 1
         cuts = [0, *(int(at) for at in _gaps(ordered)), len(ticks)]
@@ -187,7 +189,7 @@ class UmdCounting:
             gap = int(lost[start])
             blocks.append(
                 SampleBlock(
-                    channels=CHANNELS,
+                    channels=self._settings.channels,
                     time_s=time_s[part],
                     values=values[part],
                     valid=valid[part],

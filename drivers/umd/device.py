@@ -21,7 +21,7 @@ from drivers.types.identity import Identity
 from drivers.types.sensing import Ambient, Optics, SampleBlock
 from drivers.types.values import CompensatedFor
 from drivers.umd.codec import UmdCodec, UmdLines
-from drivers.umd.counting import CHANNELS, UmdCounting
+from drivers.umd.counting import UmdCounting
 from drivers.umd.settings import UmdSettings
 
 # One round of uMD0's low-speed codes; after that the firmware version is not waited for any longer.
@@ -51,8 +51,11 @@ class UmdCounter:
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """("displacement_mm",): optical path in mm, of vacuum unless `compensated_for` says otherwise."""
-        return CHANNELS
+        """("displacement_mm",): optical path in mm, of vacuum unless `compensated_for` says otherwise.
+
+        ("angle_arcsec",) where the settings name angular optics.
+        """
+        return self._settings.channels
 
     @property
     def compensated_for(self) -> CompensatedFor:

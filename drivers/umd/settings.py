@@ -4,13 +4,18 @@ from __future__ import annotations
 
 from typing import ClassVar, Literal
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from drivers.settings import WIRES, DriverSettings, Rule
+from drivers.units import arcsec_of_path
 
 # Vacuum wavelength of the XL/ML lasers, nm; reproduces the Env factor of a real result file to its last digit.
 VACUUM_WAVELENGTH_NM = 632.990577
 MM_PER_NM = 1e-6
+USUAL_AIR = 1.00027
+"""Index of air for a difference of paths: shop air differs from it by 30 ppm at most, 0.1 arcsec in a degree."""
 
 
 class UmdSettings(DriverSettings):
@@ -35,6 +40,15 @@ class UmdSettings(DriverSettings):
     compensated_for: Literal["", "nothing", "air", "air+material"] = Field(
         default="", description="corrections that count_size_nm already contains; left out without count_size_nm"
     )
+    optics_spacing_mm: float = Field(
+        default=0.0,
+        ge=0,
+        le=1000,
+        description="angular optics: distance of their two reflectors, mm; readings are then angles; 0: linear optics",
+    )
+    optics_factor: float = Field(
+        default=1.0, ge=0.9, le=1.1, description="calibrated factor on that distance, from the optics' certificate"
+    )
     axis: int = Field(default=1, ge=1, le=3, description="channel of the counter")
     sample_rate_hz: float = Field(default=0.0, ge=0, description="samples a second; 0: as the counter says")
     max_speed_mm_s: float = Field(default=4000.0, gt=0, description="a faster step is rejected, mm/s")
@@ -45,7 +59,27 @@ class UmdSettings(DriverSettings):
         """The scaling says what it holds, and only it."""
         allowed = ("nothing", "air", "air+material") if self.count_size_nm > 0 else ("", "nothing")
         why = "must say nothing, air or air+material with count_size_nm, and be left out without"
-        return (("compensated_for", self.compensated_for in allowed, why),)
+        return (
+            ("compensated_for", self.compensated_for in allowed, why),
+            ("optics_factor", self.optics_factor == 1.0 or self.angular, "needs optics_spacing_mm"),
+        )
+
+    @property
+    def angular(self) -> bool:
+        """Whether the counts are differences of path between the reflectors of angular optics."""
+        return self.optics_spacing_mm > 0
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """What the readings are."""
+        return ("angle_arcsec",) if self.angular else ("displacement_mm",)
+
+    def reading(self, path_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The optical path (n,) in mm as it is, or the angle in arcsec that angular optics make of it; NaN: none."""
+        if not self.angular:
+            return path_mm
+        index = USUAL_AIR if self.compensation == "nothing" else 1.0
+        return arcsec_of_path(path_mm / index, self.optics_spacing_mm * self.optics_factor)
 
     @property
     def compensation(self) -> Literal["nothing", "air", "air+material"]:

@@ -196,3 +196,18 @@ def test_numbers_of_a_pos_file_behind_a_damaged_line_are_not_lost_in_silence() -
     text = "Position\tForward Directional Avg Error\n0\t0.001\nx5\t0.1\n10\t0.002\n"
     with pytest.raises(FileFormatError, match="line 4"):
         parse_pos(text, "x")
+
+
+@pytest.mark.parametrize("mark", [";", "\t", " "])
+def test_marks_that_nobody_declared_are_those_of_the_lines(mark: str) -> None:
+    rows = [
+        ("Pos", "Run", "Err"),
+        ("-400,5", "1", "-0,8"),
+        ("0,0", "1", "1,25"),
+        ("0,0", "2", "1,5"),
+        ("-400,5", "2", "0"),
+    ]
+    text = "\n".join(mark.join(row) for row in rows) + "\n"
+    found = read_columns(text, ColumnMap(target=1, run=2, deviation=3), "export.csv")
+    assert found.targets.tolist() == [-400.5, 0.0]
+    assert found.deviations[:, 0, 0].tolist() == [-0.8, 1.25]

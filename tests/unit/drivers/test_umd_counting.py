@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -72,6 +74,24 @@ def test_settings_set_the_size_of_a_count(keys: dict[str, object], mm: float) ->
     assert joined(counter.take(UmdLines(rows_of(np.array([1000]), 64))))[1][0] == pytest.approx(1000 * mm, rel=1e-12)
 
 
+@pytest.mark.parametrize(("factor", "degrees"), [(1.0, 1.0), (1.0, -9.0), (1.002, 5.0)])
+def test_angular_optics_make_the_arcsine_of_the_path_difference(factor: float, degrees: float) -> None:
+    """dL = S sin(theta), S the distance of the reflectors, dL in air (the maker's paper on rotary calibration)."""
+    counter = ready(optics_spacing_mm=30.0, optics_factor=factor)
+    difference_mm = 30.0 * factor * math.sin(math.radians(degrees))
+    counts = np.array([round(difference_mm * 1.00027 / (LAMBDA_NM / 8 * 1e-6))])
+    (block,) = counter.take(UmdLines(rows_of(np.append([0], counts), 64, velocity=False)))
+    assert block.channels == ("angle_arcsec",)
+    assert block.values[-1, 0] == pytest.approx(3600.0 * degrees, abs=0.6)
+
+
+def test_a_path_that_no_angle_makes_is_no_reading() -> None:
+    counter = ready(optics_spacing_mm=30.0, max_speed_mm_s=1e9)
+    (block,) = counter.take(UmdLines(rows_of(np.array([0, 400_000]), 64, velocity=False)))
+    assert block.valid.tolist() == [True, False]
+    assert "beyond the optics" in block.events[0]
+
+
 @pytest.mark.parametrize(
     ("keys", "code"),
     [
@@ -83,6 +103,8 @@ def test_settings_set_the_size_of_a_count(keys: dict[str, object], mm: float) ->
         ({"compensated_for": "air"}, "E-CFG-SETTING-VALUE"),
         ({"count_size_nm": 10.0}, "E-CFG-SETTING-VALUE"),
         ({"count_size_nm": -1.0}, "E-CFG-SETTING-VALUE"),
+        ({"optics_factor": 1.01}, "E-CFG-SETTING-VALUE"),
+        ({"optics_spacing_mm": -30.0}, "E-CFG-SETTING-VALUE"),
     ],
 )
 def test_wrong_settings_are_refused(keys: dict[str, object], code: str) -> None:
