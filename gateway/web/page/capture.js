@@ -31,6 +31,12 @@ export function channelUnit(name) {
 
 const DIGITS = { mm: 4, um: 2, deg: 4, arcsec: 2 };
 
+// A command reads one instrument at a time; where none is at work every instrument tells, and the first axis' own is shown.
+function instrumentNow() {
+  const own = state.plan.axes[0].instrument;
+  return state.status.run || !(own in state.readings) ? state.active : own;
+}
+
 function readout(box) {
   const big = h("output", { class: "digits", id: "reading" });
   const small = h("span", { class: "unit" });
@@ -41,7 +47,7 @@ function readout(box) {
   const seen = h("small", { class: "sequence", id: "sequence" });
   show(box, h("div", { class: "row" }, which, beam, bar), h("div", { class: "row big" }, big, small), h("div", { class: "row" }, deviation, seen));
   return () => {
-    const data = state.readings[state.active];
+    const data = state.readings[instrumentNow()];
     const axis = state.plan.axes.find((one) => one.axis === state.status.run?.axis);
     const fresh = data && Date.now() - data.at < 2000;
     const name = data?.channels[0];

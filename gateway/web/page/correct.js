@@ -5,7 +5,7 @@ import { h, show } from "./dom.js";
 import { array, number, unit, when } from "./figures.js";
 import { record } from "./evaluate.js";
 import { base, chosen, on, state } from "./state.js";
-import { t, told } from "./words.js";
+import { plain, t, told } from "./words.js";
 
 export const correct = { open };
 const asked = { run: "", change: 0 };
@@ -15,7 +15,8 @@ export async function proposals() {
   return runs.filter((one) => !one.problem && one.stages.includes("proposal"));
 }
 
-export const nameOf = (change) => (change.new.kind === "axis" ? change.axis : `${change.axis}(${change.new.input_axis}) ${change.new.index}`);
+const NAMES = { axis: (change) => change.axis, reversal: (change) => `${change.axis}-reversal` };
+export const nameOf = (change) => (NAMES[change.new.kind] ?? ((one) => `${one.axis}(${one.new.input_axis}) ${one.new.index}`))(change);
 
 // Where a table has its points; between them the control goes straight, beyond them it keeps the last value.
 export function grid(table) {
@@ -53,7 +54,7 @@ async function drawAll(head, body) {
     h("div", { class: "tabs", role: "group", "aria-label": t("correct.tables") }, proposal.changes.map((one, at) => h("button", { "aria-pressed": String(at === asked.change), onclick: () => { asked.change = at; again(); } }, nameOf(one)))));
   const change = proposal.changes[asked.change];
   const axis = state.plan.axes.find((one) => one.axis === change.new.input_axis) ?? state.plan.axes[0];
-  if (!change.new.deviations.length || change.skipped) return show(body, h("div", { class: "panel" }, h("p", { class: "empty" }, change.skipped || t("correct.none"))));
+  if (!change.new.deviations.length || change.skipped) return show(body, h("div", { class: "panel" }, h("p", { class: "empty" }, plain(change.skipped) || t("correct.none"))));
   show(body, h("div", { class: "panel plots" }, tables(change, axis), predicted(change, axis)), h("div", { class: "panel", tabindex: 0, role: "region", "aria-label": t("correct.facts") }, facts(change, axis, proposal)));
 }
 
@@ -88,6 +89,6 @@ function facts(change, axis, proposal) {
     [t("correct.most"), `${number(most)} ${u}`], [t("correct.before"), t(change.old_enabled ? "correct.was_on" : "correct.was_off")], [t("correct.made"), when(proposal.created_utc)]];
   const findings = [...change.findings, ...proposal.warnings];
   return [h("h2", {}, t("correct.facts")), h("dl", { class: "facts" }, rows.map(([name, text]) => h("div", {}, h("dt", {}, name), h("dd", {}, text)))),
-    h("h2", {}, t("correct.findings")), findings.length ? h("ul", { class: "findings" }, findings.map((one) => h("li", {}, `▲ ${one}`))) : h("p", {}, `✔ ${t("correct.clean")}`),
+    h("h2", {}, t("correct.findings")), findings.length ? h("ul", { class: "findings" }, findings.map((one) => h("li", {}, `▲ ${plain(one)}`))) : h("p", {}, `✔ ${t("correct.clean")}`),
     h("p", { class: "muted" }, t("correct.setup_apart"))];
 }

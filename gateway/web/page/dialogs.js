@@ -7,7 +7,7 @@ function ask(title, parts, keys) {
   return new Promise((answer) => {
     const box = h("dialog", { "aria-labelledby": "asked" });
     const over = (value) => { box.close(); box.remove(); answer(value); };
-    box.append(h("h2", { id: "asked" }, title), ...parts, h("div", { class: "keys" }, keys(over, box)));
+    box.append(h("h2", { id: "asked" }, title), ...parts.flat(2).filter(Boolean), h("div", { class: "keys" }, keys(over, box)));
     box.addEventListener("cancel", () => over(null));
     document.body.append(box);
     box.showModal();

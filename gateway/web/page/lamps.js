@@ -17,5 +17,5 @@ export function lamps(axis, kinds, running) {
   const look = (step) => (own.includes(step) ? "done" : STEPS.indexOf(step) < last ? "spared" : wrong && step === next ? "wrong" : running && done.length && step === next ? "next" : "open");
   const symbol = { done: "✔", spared: "–", wrong: "✖", next: "▶", open: "○" };
   return h("div", { class: "lamps" }, axis && h("b", { class: "axis" }, axis), h("ol", {}, STEPS.map((step, at) =>
-    h("li", { class: look(step) }, h("span", { "aria-hidden": "true" }, symbol[look(step)]), ` ${at + 1} ${t(`lamp.${step.toLowerCase()}`)}`, look(step) === "spared" && h("small", {}, t("lamp.spared"))))), wrong && h("strong", { class: "fault", role: "alert" }, t(`lamp.${wrong.toLowerCase()}`)));
+    h("li", { class: look(step) }, h("span", { "aria-hidden": "true" }, symbol[look(step)]), h("span", {}, `${at + 1} ${t(`lamp.${step.toLowerCase()}`)}`, look(step) === "spared" && [h("br"), h("small", {}, t("lamp.spared"))])))), wrong && h("strong", { class: "fault", role: "alert" }, t(`lamp.${wrong.toLowerCase()}`)));
 }

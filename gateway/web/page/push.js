@@ -7,8 +7,9 @@ import { h, show } from "./dom.js";
 import { when } from "./figures.js";
 import { lamps } from "./lamps.js";
 import { refresh } from "./live.js";
+import { field } from "./signin.js";
 import { base, changed, chosen, may, on, state } from "./state.js";
-import { say, t, told } from "./words.js";
+import { plain, say, t, told } from "./words.js";
 
 export const push = { open };
 const asked = { run: "" };
@@ -33,7 +34,7 @@ async function plan(box) {
   const busy = Boolean(state.status.run);
   const needed = state.file.site.approvals;
   show(box, h("h2", {}, t("push.plan")), h("label", { class: "inline" }, t("evaluate.run"), h("select", { id: "pick-run", onchange: (event) => { asked.run = event.target.value; plan(box); } }, runs.map((one) => h("option", { value: one.run_id, selected: one === run }, `${when(one.created_utc)} · ${one.state}`)))),
-    h("ul", { class: "moves" }, proposal.changes.map((one) => h("li", {}, h("b", {}, nameOf(one)), ` ${one.skipped || t("push.replaces", { points: one.new.deviations.length, old: t(one.old_enabled ? "correct.was_on" : "correct.was_off") })}`))),
+    h("ul", { class: "moves" }, proposal.changes.map((one) => h("li", {}, h("b", {}, nameOf(one)), ` ${plain(one.skipped) || t("push.replaces", { points: one.new.deviations.length, old: t(one.old_enabled ? "correct.was_on" : "correct.was_off") })}`))),
     h("p", {}, t(needed > 1 ? "push.two" : "push.one")),
     h("p", { id: "approved" }, state.approved[run.run_id]?.until > Date.now() ? `✔ ${t("push.approved_by", { names: state.approved[run.run_id].by.join(", ") })}` : `○ ${t("push.not_approved")}`),
     h("div", { class: "keys start" },
@@ -62,9 +63,14 @@ async function approve(run) {
 
 async function write(run) {
   const moves = newestPlan(run);
-  const machine = await machineTyped(t("push.write"), [h("p", {}, t("push.write_what")), moves.length > 0 && h("ul", { class: "moves" }, moves.map((one) => h("li", {}, one)))], state.site);
-  if (machine) give("push", { run, apply: true, machine });
+  const risk = riskAsked(run);
+  const machine = await machineTyped(t("push.write"), [h("p", {}, t("push.write_what")), risk && [h("p", { class: "warn" }, `▲ ${state.status.unprotected}`), field(t("push.risk", { word: RISK }), risk)], moves.length > 0 && h("ul", { class: "moves" }, moves.map((one) => h("li", {}, plain(one))))], state.site);
+  if (machine) give("push", { run, apply: true, machine, risk: risk ? risk.value.trim() : "" });
 }
+
+// One person alone on a connection that others can read and change types that they take this risk.
+const RISK = "unprotected";
+const riskAsked = (run) => state.status.unprotected && state.file.site.approvals < 2 && !(state.approved[run]?.until > Date.now()) && h("input", { id: "typed-risk", autocomplete: "off", spellcheck: "false" });
 
 // What the last look at this plan told: which way things will move, and what is against it.
 function newestPlan(run) {
@@ -86,7 +92,7 @@ function back(box) {
   if (box.dataset.key === key) return;
   box.dataset.key = key;
   show(box, h("h2", {}, t("push.ways_back")),
-    held.map((one) => h("p", { class: one.loud ? "fault" : "warn", role: "alert" }, `${one.loud ? "✖" : "▲"} ${one.words}`)),
+    held.map((one) => h("p", { class: one.loud ? "fault" : "warn", role: "alert" }, `${one.loud ? "✖" : "▲"} ${plain(one.words)}`)),
     h("div", { class: "keys start" }, h("button", { id: "recover", class: held.length ? "primary" : null, disabled: busy || !may("operator", "service"), onclick: () => give("recover", {}) }, t("push.recover")),
       held.length > 0 && h("button", { id: "recover-apply", class: "danger", disabled: busy || !may("operator", "service"), onclick: () => applied("recover", {}, t("push.recover_apply")) }, t("push.recover_apply"))),
     tables.length ? h("table", {}, h("thead", {}, h("tr", {}, [t("push.table"), t("push.id"), t("push.since"), t("push.state"), ""].map((one) => h("th", {}, one)))),
@@ -113,5 +119,5 @@ function answer(box) {
   if (box.dataset.key === key) return;
   box.dataset.key = key;
   const head = run ? t("push.at_work") : job ? `${t(`kind.${job.kind.replace("-", "_")}`)}: ${t(`job.${job.state}`)}` : t("push.no_answer");
-  show(box, h("h2", {}, head), error && h("p", { class: "fault", id: "refused", role: "alert" }, told(error)), h("ul", { class: "lines" }, lines.map((one) => h("li", {}, one))));
+  show(box, h("h2", {}, head), error && h("p", { class: "fault", id: "refused", role: "alert" }, told(error)), h("ul", { class: "lines" }, lines.map((one) => h("li", {}, plain(one)))));
 }

@@ -6,6 +6,7 @@ import { h, show } from "./dom.js";
 import { array, number, unit, when } from "./figures.js";
 import { limits, level, line, plot } from "./charts.js";
 import { base, chosen, may, on, state } from "./state.js";
+import { trends } from "./trends.js";
 import { t, told } from "./words.js";
 
 export const report = { open };
@@ -31,7 +32,7 @@ async function drawAll(head, body) {
   const link = (name, text) => h("a", { class: "key", href: `${base()}/runs/${encodeURIComponent(run.run_id)}/${name}`, target: "_blank", rel: "noopener" }, text);
   show(head, h("label", { class: "inline" }, t("evaluate.run"), h("select", { id: "pick-run", onchange: (event) => { asked.run = event.target.value; again(); } }, runs.map((one) => h("option", { value: one.run_id, selected: one === run }, `${when(one.created_utc)} · ${one.state}`)))),
     h("div", { class: "tabs", role: "group", "aria-label": t("evaluate.axis") }, axes.map((one) => h("button", { "aria-pressed": String(one === asked.axis), onclick: () => { asked.axis = one; again(); } }, one))),
-    h("span", { class: "gap" }), h("button", { id: "make-report", disabled: busy || !may("operator"), onclick: () => made(run.run_id) }, t("report.make")), link("report", t("report.open")), link("files/report.json", "JSON"), link("files/results.csv", "CSV"));
+    h("span", { class: "gap" }), h("button", { id: "trends", onclick: trends }, t("trends.open")), h("button", { id: "make-report", disabled: busy || !may("operator"), onclick: () => made(run.run_id) }, t("report.make")), link("report", t("report.open")), link("files/report.json", "JSON"), link("files/results.csv", "CSV"));
   const [before, after] = [await kept(run, "before"), await kept(run, "after")];
   const verdict = run.stages.includes("verdict") ? await record(run.run_id, "verdict") : null;
   const own = verdict?.axes.find((one) => one.axis === asked.axis);

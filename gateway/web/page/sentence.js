@@ -1,6 +1,6 @@
 // The one large sentence: what to do now, and what more there is to know about it.
 import { state } from "./state.js";
-import { say, t, told } from "./words.js";
+import { plain, say, t, told } from "./words.js";
 
 export function sentence() {
   const found = chosen();
@@ -10,17 +10,18 @@ export function sentence() {
 function chosen() {
   const { status, ask } = state;
   const held = status.held.find((one) => one.loud);
-  if (held) return { loud: "bad", head: t("now.held_on"), more: held.words };
   if (status.run && state.beam === "lost") return { loud: "bad", head: t("now.beam"), more: ask ? capital(say(ask.code, ask.fields, 0, ask.words)) : newest() };
-  if (status.run && ask) return { loud: "ask", head: capital(say(ask.code, ask.fields, 0, ask.words)), more: moving(ask) };
+  if (status.run && ask) return { loud: "ask", head: capital(say(ask.code, ask.fields, 0, ask.words)), more: moving(ask) || plain(held?.words) };
+  // Whoever recovers a held push is asked to press: that stands above what is wrong until then.
+  if (held) return { loud: "bad", head: t("now.held_on"), more: plain(held.words) };
   if (status.run) return { loud: "", head: t("now.wait"), more: newest() };
   if (status.left.length) return { loud: "attention", head: told(status.left[0]), more: t("now.left") };
   if (status.trouble) return { loud: "attention", head: told(status.trouble), more: "" };
   // What is closed is just being opened again, after a command.
   const away = status.devices.find((one) => ["lost", "failed"].includes(one.state) || (one.state === "closed" && one.error));
   if (away) return { loud: "attention", head: t("now.device", { name: away.name }), more: told(away.error) };
-  if (status.held.length) return { loud: "attention", head: t("now.held"), more: status.held[0].words };
-  if (status.alarms.length) return { loud: "attention", head: status.alarms[0], more: status.due };
+  if (status.held.length) return { loud: "attention", head: t("now.held"), more: plain(status.held[0].words) };
+  if (status.alarms.length) return { loud: "attention", head: plain(status.alarms[0]), more: status.due };
   if (status.failure) return { loud: "attention", head: told(status.failure), more: "" };
   return { loud: "", head: next(), more: status.due };
 }

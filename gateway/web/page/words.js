@@ -39,6 +39,9 @@ export function say(code, fields, part = 0, otherwise = "") {
   return known ? shown(filled(known[part], fields)) : otherwise || code;
 }
 
+// A finished sentence without codes and the places beside them, which are for logs.
+export const plain = (text) => shown(String(text ?? "").replace(/\b[EPRSW](-[A-Z0-9]+)+(?: \[[^\]]*\])?: /g, ""));
+
 export const kindOf = (code) => texts.codes[code]?.[2] ?? "result";
 
 // An error record of the service: what happened, and what to do.
