@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from types import MappingProxyType
 
 from drivers.errors import TransportError, TrueflankError
+from drivers.programs import ForeseesPlans
 from drivers.types.abilities import TableLimits
 from drivers.types.machine import ChannelStatus
 from drivers.types.orders import PushOrder
@@ -128,20 +129,41 @@ def approach_to(context: PushContext, position: float, direction: int = 0) -> Ap
     return approach_in(context.moved, position)
 
 
-async def visit(context: PushContext, plan: StopPlan, at_stop: AtStop, order: PushOrder | None = None) -> None:
+Ask = tuple[str, Mapping[str, object]]
+"""What asks a person for a press: a code and its fields."""
+
+
+async def visit(
+    context: PushContext, plan: StopPlan, at_stop: AtStop, order: PushOrder | None = None, ask: Ask = ("", {})
+) -> None:
     """Be at each stop of a plan; `at_stop` is awaited while the axis stands.
 
     By a program of ours, or by the operator's hand where the road runs none; ``order`` names the table that
-    stops switch there. Raises what `gateway.walk.walk` and `byhand.visit_by_hand` raise.
+    stops switch there. ``ask`` is said in place of the program's own words, after what will move; a plan that goes on
+    in the program that runs asks for nothing. Raises what `gateway.walk.walk` and `byhand.visit_by_hand` raise.
     """
 
     async def note(_index: int, stop: Stop, found: StopReached) -> None:
         await at_stop(stop, found)
 
+    def say(code: str, /, **fields: object) -> None:
+        if code.startswith("P-MOVE-"):
+            context.say(code, **fields)
+        elif code in ("P-START", "P-START-SETUP") and ask[0]:
+            context.say(ask[0], **ask[1])
+
     if context.controller.capabilities.stops:
-        await walk(context.controller, plan, note, Patience(context.start_timeout_s, context.stop_timeout_s))
-    else:
-        await visit_by_hand(context, plan, at_stop, order)
+        await walk(context.controller, plan, note, Patience(context.start_timeout_s, context.stop_timeout_s), say)
+        return
+    if ask[0]:
+        context.say(ask[0], **ask[1])
+    await visit_by_hand(context, plan, at_stop, order)
+
+
+async def foresee(context: PushContext, plans: Sequence[StopPlan]) -> None:
+    """As `ForeseesPlans.foresee`, where the controller makes one program of what follows."""
+    if isinstance(context.controller, ForeseesPlans):
+        await context.controller.foresee(plans)
 
 
 async def connect_again(context: PushContext) -> None:

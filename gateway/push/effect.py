@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from drivers.types.stops import Stop, StopReached
+from drivers.types.stops import Stop, StopPlan, StopReached
 from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from drivers.units import deviation_scale
 from gateway.errors import VerifyError
@@ -53,16 +53,22 @@ async def prove_effect(work: Work, positions: tuple[float, ...], base: LiveSet) 
     async def at_stop(_stop: Stop, reached: StopReached) -> None:
         shown.append(await _look(work, base, reached))
 
-    context.say("P-PUSH-EFFECT", axis=context.moved.name, count=len(positions))
-    places = (*positions, work.agreeing_position) if context.controller.capabilities.stops else positions
-    # The input axis of a cross table ends where it disturbs the next table of the same output least.
-    stops = conversation.stops_at(context, places if table.kind == "cross" else positions)
     order = work.order(table, True, "table", work.whole.number)
-    await conversation.visit(context, conversation.plan_of(context, "TFEFFECT", stops), at_stop, order)
+    ask = ("P-PUSH-EFFECT", {"axis": context.moved.name, "count": len(positions)})
+    await conversation.visit(context, effect_plan(work, positions), at_stop, order, ask)
     work.effect = _judged(work, table, shown)
     live = await context.controller.saved_tables(context.axis.name, context.proof)
     _still_there(work, live, base)
     await work.same_machine()
+
+
+def effect_plan(work: Work, positions: tuple[float, ...]) -> StopPlan:
+    """The stops of one proof of effect; no table is switched there."""
+    context = work.context
+    places = (*positions, work.agreeing_position) if context.controller.capabilities.stops else positions
+    # The input axis of a cross table ends where it disturbs the next table of the same output least.
+    stops = conversation.stops_at(context, places if work.change.new.kind == "cross" else positions)
+    return conversation.plan_of(context, "TFEFFECT", stops)
 
 
 async def _look(work: Work, base: LiveSet, reached: StopReached) -> _Shown:

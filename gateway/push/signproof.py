@@ -226,11 +226,11 @@ async def _measured(work: Work, order: PushOrder, peak: float, read_stop: ReadSt
         if trial is None or stop.switch is None:
             readings.append(await read_stop(stop))
 
-    context.say("P-PUSH-SIGN", axis=context.axis.name, position=peak)
     switched = order.table.index if order.table.kind == "cross" else None
     _say_switching(context, order)
     plan = conversation.plan_of(context, "TFSIGN", stops=stops, setup=setup, cross_table=switched, reversal=trial)
-    await conversation.visit(context, plan, read, order)
+    ask = ("P-PUSH-SIGN", {"axis": context.axis.name, "position": peak})
+    await conversation.visit(context, plan, read, order, ask)
     return steps_of(reversalproof.reversals(readings) if trial is not None else readings)
 
 
