@@ -33,8 +33,13 @@ class ScrewLoading:
         return Marker(said["transaction"], said["state"], said["head"])
 
     async def acting(self, axis: str) -> LiveSet:
-        """What acts on an axis: the file that this life of the kernel read. Raises DeviceRefused (E-LCNC-EDITED)."""
+        """What acts on an axis: the file that this life of the kernel read, and that the next one will read.
+
+        Raises DeviceRefused (E-LCNC-EDITED; E-LCNC-PENDING: what acts now is not what a restart brings).
+        """
         said = await self._wire.read("tables", axis=axis)
+        if said["acting"] != said["standing"]:
+            raise DeviceRefused("E-LCNC-PENDING", self._where, axis=axis)
         return live_of(said["acting"], said["joint"], axis)
 
     async def _joint(self, axis: str) -> Mapping[str, Any]:
@@ -52,7 +57,7 @@ class ScrewLoading:
             text_of(order.table, said["joint"])
             if not said["joint"]["file"]:
                 raise DeviceRefused("E-LCNC-NO-FILE", self._where, joint=said["joint"]["joint"])
-            if said["acting"] != said["standing"]:
+            if said["acting"] != said["standing"] and order.purpose != "restore":
                 raise DeviceRefused("E-LCNC-PENDING", self._where, axis=order.table.output_axis)
             joints.append(said["joint"]["joint"])
         await self._wire.write("begin", transaction=batch[0].transaction, head=batch[0].head, joints=joints)

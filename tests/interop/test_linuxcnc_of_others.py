@@ -14,7 +14,7 @@ import pytest
 
 from drivers.contract import CHECKS
 from drivers.contract.subject import Moment, Subject
-from drivers.errors import TooManyPoints
+from drivers.errors import DeviceRefused, TooManyPoints
 from drivers.linuxcnc.device import LinuxCnc
 from drivers.types.orders import PushOrder
 from drivers.types.stops import Stop, StopPlan
@@ -108,7 +108,10 @@ async def test_a_table_makes_the_slide_true_in_both_directions_and_one_row_too_m
         assert read.agreed
         assert read.found.own.table.deviations == pytest.approx(table.deviations, abs=1e-6)
         await device.activate((order,), (order,))
-        assert not (await device.saved_tables("X")).own.enabled  # the old one acts until the restart
+        with pytest.raises(DeviceRefused) as caught:  # the old one acts until the restart, and it is said
+            await device.saved_tables("X")
+        assert caught.value.code == "E-LCNC-PENDING"
+        assert (await host.person("mdi", "G0 X150"))["trim"][0] == 0.0
         await person("restart", device.restarted((order,), 30.0))
         assert (await device.saved_tables("X")).own.enabled
         await device.finish_push((order,), "committed")

@@ -200,13 +200,14 @@ def test_written_values_are_read_back() -> None:
 @pytest.mark.parametrize("path", EXAMPLES, ids=[path.stem for path in EXAMPLES])
 def test_every_example_is_valid_once_its_secrets_are_there(tmp_path: Path, path: Path) -> None:
     lacking = {fault.path[-1] for fault in checked(path).faults}
-    assert lacking <= {"password_file", "server_certificate"}
+    assert lacking <= {"password_file", "server_certificate", "token_file"}
     copy = tmp_path / "sites" / path.name
     copy.parent.mkdir()
     copy.write_bytes(path.read_bytes())
     (tmp_path / "gears").symlink_to(ROOT / "examples" / "gears")
-    (copy.parent / "password.txt").touch(mode=0o600)
-    (copy.parent / "password.txt").write_text("secret")
+    for secret in ("password.txt", "token.txt"):
+        (copy.parent / secret).touch(mode=0o600)
+        (copy.parent / secret).write_text("secret-0123456789")
     (copy.parent / "control.der").write_bytes(b"\x30\x82")
     found = checked(copy)
     assert (found.faults, found.doubts) == ((), ())
@@ -215,7 +216,7 @@ def test_every_example_is_valid_once_its_secrets_are_there(tmp_path: Path, path:
 
 def test_there_is_an_example_for_each_kind_of_owner() -> None:
     names = [path.stem for path in EXAMPLES]
-    assert names == ["files-only", "five-axes", "mailbox-grinder", "mill-three-axes", "opcua-grinder"]
+    assert names == ["files-only", "five-axes", "linuxcnc-mill", "mailbox-grinder", "mill-three-axes", "opcua-grinder"]
 
 
 def test_the_page_of_reference_is_that_of_the_code() -> None:
