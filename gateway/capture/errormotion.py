@@ -20,8 +20,8 @@ from drivers.types.values import FloatArray
 from drivers.units import ARCSEC_PER_DEG, UM_PER_MM, DeviationUnit
 from gateway.capture.collecting import Collection
 from gateway.capture.diagnosis import UnexpectedValue
-from gateway.capture.gathered.raw import RawCapture, raw_capture
-from gateway.capture.live import Visits
+from gateway.capture.gathered.raw import RawCapture
+from gateway.capture.live import More, Visits, visited
 from gateway.capture.readings import History, Readings, StopReading, Window
 from gateway.capture.rig import SETTLE_TIMEOUT_S, Rig
 from gateway.capture.targets import measuring_plan, targets_of
@@ -31,7 +31,6 @@ from gateway.domain.equipment import SenseProof
 from gateway.errors import CaptureError, Unstable
 from gateway.evaluate.behaviour.repetitions import robust_means
 from gateway.evaluate.optics import corrections
-from gateway.live import onlooker
 
 UNITS: dict[DeviationUnit, dict[str, float]] = {
     "um": {"_um": 1.0, "_mm": UM_PER_MM},
@@ -185,25 +184,23 @@ class ErrorCollection(Collection):
         raise CaptureError("E-SETUP-TOUCHED", self._axis.name, shift=shift, largest=f"{self._largest:g}")
 
 
-async def capture_error(rig: ErrorRig) -> RawCapture:
-    """Visit every stop with proven optics. Raises as `capture_axis`, CaptureError (E-SETUP-DEAD)."""
-    axis, clock = rig.axis, rig.clock
+async def capture_error(rig: ErrorRig, more: More | None = None) -> RawCapture:
+    """Visit every stop with proven optics, and as long as ``more`` names places, these before the set-up is left.
+
+    Raises as `capture_axis`, CaptureError (E-SETUP-DEAD).
+    """
+    axis = rig.axis
     targets = targets_of(axis)
     found = ErrorCollection(rig, targets)
-    started = clock.utc().isoformat(timespec="seconds")
+    plan = measuring_plan(axis, targets, "")
+
+    def judge(raw: RawCapture) -> None:
+        """A reading that never changed comes from no sensor that is alive."""
+        if float(np.ptp(raw.values[..., rig.column])) == 0.0 and not np.any(raw.window_sigma):
+            raise CaptureError("E-SETUP-DEAD", rig.instrument.name, count=found.times.size)
+
     async with ErrorReadings(rig) as readings:
-        plan = measuring_plan(axis, targets, "")
-        await Visits(rig, found, readings).all(plan, len(targets))
-        found.ambients.append(air := await rig.instrument.ambient())
-        onlooker().ambient(rig.instrument.name, air)
-        found.ambient_times.append(readings.latest_s)
-        lost = readings.lost
-        found.notes.extend(f"the instrument said: {event}" for event in dict.fromkeys(readings.events))
-    if float(np.ptp(found.values[..., rig.column])) == 0.0 and not np.any(found.sigmas):
-        raise CaptureError("E-SETUP-DEAD", rig.instrument.name, count=found.times.size)
-    live = await rig.controller.saved_tables(axis.name)
-    ended = clock.utc().isoformat(timespec="seconds")
-    return raw_capture(found, targets, channels=rig.instrument.channels, live=live, times=(started, ended), lost=lost)
+        return await visited(Visits(rig, found, readings), plan, more, judge)
 
 
 def error_capture(rig: ErrorRig, raw: RawCapture, sense: Literal[1, -1], *, absolute: bool = False) -> Capture:

@@ -68,26 +68,31 @@ async def capture_axis(
         axis=axis, targets=targets, channels=rig.instrument.channels, combine=combine, proof=proof, checks=checks
     )
     found.stands = axis.measure.standstill
-    started = clock.utc().isoformat(timespec="seconds")
     async with Readings(rig.instrument, clock, combine) as readings:
         plan = measuring_plan(axis, targets, "", checks=checks)
         visits = Visits(rig, found, readings)
-        await visits.all(plan, len(targets))
-        while True:
-            raw = await _so_far(rig, found, readings, started, visits)
-            places = np.empty(0) if more is None else more(raw)
-            if not places.size:
-                return raw
-            found = await visits.widened(Widening.of(found, axis, places))
+        return await visited(visits, plan, more, lambda raw: check_applied(raw.live, visits.shown))
 
 
-async def _so_far(rig: Rig, found: Collection, readings: Readings, started: str, visits: Visits) -> RawCapture:
+async def visited(visits: Visits, plan: StopPlan, more: More | None, judge: Callable[[RawCapture], None]) -> RawCapture:
+    """Every stop of a plan, then as long as ``more`` names places these; ``judge`` raises on what cannot be kept."""
+    started = visits.rig.clock.utc().isoformat(timespec="seconds")
+    await visits.all(plan, visits.first.size)
+    while True:
+        judge(raw := await _so_far(visits, started))
+        places = np.empty(0) if more is None else more(raw)
+        if not places.size:
+            return raw
+        await visits.widened(Widening.of(visits.found, visits.rig.axis, places))
+
+
+async def _so_far(visits: Visits, started: str) -> RawCapture:
     """What is captured by now, and the tables it was captured under."""
+    rig, found, readings = visits.rig, visits.found, visits.readings
     found.ambients.append(air := await rig.instrument.ambient())
     onlooker().ambient(rig.instrument.name, air)
     found.ambient_times.append(readings.latest_s)
     live = await rig.controller.saved_tables(rig.axis.name)
-    check_applied(live, visits.shown)
     ended = rig.clock.utc().isoformat(timespec="seconds")
     events = tuple(f"the instrument said: {event}" for event in dict.fromkeys(readings.events))
     raw = raw_capture(
@@ -106,9 +111,9 @@ class Visits:
     """Visits every stop of a plan, if need be in several programs."""
 
     def __init__(self, rig: Rig, found: Collection, readings: Readings) -> None:
-        self._rig = rig
-        self._found = found
-        self._readings = readings
+        self.rig = rig
+        self.found = found
+        self.readings = readings
         self._recoveries = rig.axis.measure.beam_recoveries
         self._taken = 0
         self._per_pass = 1
@@ -128,43 +133,43 @@ class Visits:
 
     async def widened(self, wide: Widening) -> Collection:
         """The collection with more targets, visited now; as it was where that does not succeed."""
-        self._found, self._taken, self._per_pass = wide.found, 0, wide.added.size + wide.anchors.size
+        self.found, self._taken, self._per_pass = wide.found, 0, wide.added.size + wide.anchors.size
         try:
             await self._through(wide.plan, last_round=False)
         except (Unstable, BeamObstructed):
             await self._program_ended()
-        self._found, told = wide.end()
-        self._found.notes.append(told)
+        self.found, told = wide.end()
+        self.found.notes.append(told)
         await self._out_of_line_again(wide.plan)
-        return self._found
+        return self.found
 
     async def _out_of_line_again(self, plan: StopPlan) -> None:
         again: Retake | None = None
-        for number in range(1, self._rig.axis.measure.retakes + 1):
-            again = Retake.of(self._found, again)
+        for number in range(1, self.rig.axis.measure.retakes + 1):
+            again = Retake.of(self.found, again)
             if again is None:
                 return
-            self._rig.say("P-CAP-OUT-OF-LINE", axis=plan.axis, count=len(again.cells), round=number)
+            self.rig.say("P-CAP-OUT-OF-LINE", axis=plan.axis, count=len(again.cells), round=number)
             await self._taken_again(plan, again)
 
     async def _taken_again(self, plan: StopPlan, again: Retake) -> None:
-        again.begin(self._found)
+        again.begin(self.found)
         try:
             await self._through(replace(plan, name=f"TFAGAIN{plan.letter}", stops=again.stops), last_round=False)
         except (Unstable, BeamObstructed):
             await self._program_ended()
-        self._found.notes.append(again.end(self._found))
+        self.found.notes.append(again.end(self.found))
 
     async def _all_read(self, plan: StopPlan) -> None:
         again = replace(plan, name=f"TFAGAIN{plan.letter}")
-        rounds = self._rig.axis.measure.retakes
+        rounds = self.rig.axis.measure.retakes
         await self._through(plan, last_round=not rounds)
         for number in range(1, rounds + 1):
-            missing = self._found.missing(plan.stops)
+            missing = self.found.missing(plan.stops)
             if not missing:
                 return
-            self._rig.say("P-CAP-RETAKE", axis=plan.axis, count=len(missing), round=number)
-            self._found.notes.append(f"{len(missing)} unsettled reading(s) were measured again")
+            self.rig.say("P-CAP-RETAKE", axis=plan.axis, count=len(missing), round=number)
+            self.found.notes.append(f"{len(missing)} unsettled reading(s) were measured again")
             await self._through(replace(again, stops=missing), last_round=number == rounds)
 
     async def _through(self, plan: StopPlan, *, last_round: bool) -> None:
@@ -173,28 +178,28 @@ class Visits:
         while True:
             try:
                 at_stop = self._at_stop(last_round=last_round)
-                await walk(self._rig.controller, part, at_stop=at_stop, patience=self._rig.patience, say=self._rig.say)
+                await walk(self.rig.controller, part, at_stop=at_stop, patience=self.rig.patience, say=self.rig.say)
                 return
             except BeamObstructed:
-                if not self._recoveries or self._found.datum is None:
+                if not self._recoveries or self.found.datum is None:
                     raise
             await self._program_ended()
             part = self._resumed(plan)
 
     async def _program_ended(self) -> None:
         """The program was asked to leave; another may be sent once the channel is in reset."""
-        rig = self._rig
+        rig = self.rig
         async with rig.clock.deadline(rig.patience.stop_s, rig.axis.name):
             while (await rig.controller.state()).channel is not ChannelStatus.RESET:
                 await rig.clock.sleep(POLL_S)
 
     def _resumed(self, plan: StopPlan) -> StopPlan:
         self._recoveries -= 1
-        datum = self._found.datum.target if self._found.datum is not None else plan.stops[0].target
-        left = self._found.missing(plan.stops)
-        self._rig.say("P-CAP-BEAM", axis=plan.axis, left=len(left), total=len(plan.stops))
+        datum = self.found.datum.target if self.found.datum is not None else plan.stops[0].target
+        left = self.found.missing(plan.stops)
+        self.rig.say("P-CAP-BEAM", axis=plan.axis, left=len(left), total=len(plan.stops))
         first = Stop(datum, 1, DATUM_REPETITION, 0)
-        return replace(plan, name=f"TFDATUM{plan.letter}", stops=(first, *left), setup=self._rig.setup)
+        return replace(plan, name=f"TFDATUM{plan.letter}", stops=(first, *left), setup=self.rig.setup)
 
     def _at_stop(self, *, last_round: bool) -> AtStop:
         async def at_stop(index: int, stop: Stop, reached: StopReached) -> None:
@@ -202,19 +207,19 @@ class Visits:
             if stop.repetition == DATUM_REPETITION:
                 await self._set_datum_anew(stop)
                 return
-            if self._found.datum is None:
-                self._readings.datum()
+            if self.found.datum is None:
+                self.readings.datum()
             try:
                 await self._take(stop, first=index == 0)
-                await self._found.stand(stop, self._readings, self._rig)
+                await self.found.stand(stop, self.readings, self.rig)
             except Unstable as error:
                 self._explain(stop, error)
-                if last_round or self._found.datum is None:
+                if last_round or self.found.datum is None:
                     raise
                 self._in_a_row += 1
                 if self._in_a_row > MOST_UNSETTLED:
                     raise self._what_happened(error) from error
-                self._rig.say("P-CAP-UNSETTLED", axis=self._rig.axis.name, target=stop.target)
+                self.rig.say("P-CAP-UNSETTLED", axis=self.rig.axis.name, target=stop.target)
 
         return at_stop
 
@@ -223,11 +228,11 @@ class Visits:
         if str(error.fields.get("missing", "")).startswith("sigma"):
             return error
         self._in_a_row = 0
-        return BeamObstructed("E-CAP-COUNT", self._rig.instrument.name, stops=MOST_UNSETTLED + 1)
+        return BeamObstructed("E-CAP-COUNT", self.rig.instrument.name, stops=MOST_UNSETTLED + 1)
 
     def _explain(self, stop: Stop, error: Unstable) -> None:
         """Raise what a reading that is not there really means, where that can be told."""
-        axis, found = self._rig.axis.name, self._found
+        axis, found = self.rig.axis.name, self.found
         self._still = self._still + 1 if error.fields.get("missing") == NOT_MOVED else 0
         if self._still >= FROZEN_TARGETS:
             self._still = 0
@@ -244,19 +249,17 @@ class Visits:
             raise known from error
 
     async def _take(self, stop: Stop, *, first: bool) -> None:
-        found = self._found
-        air = await self._rig.instrument.ambient() if self._taken % self._per_pass == 0 else None
+        found = self.found
+        air = await self.rig.instrument.ambient() if self._taken % self._per_pass == 0 else None
         if air is not None:
-            onlooker().ambient(self._rig.instrument.name, air)
+            onlooker().ambient(self.rig.instrument.name, air)
         if air is not None and found.datum is None:
-            found.admit(air, self._rig.instrument)
+            found.admit(air, self.rig.instrument)
         expected = found.expectation(stop)
-        if expected is not None and isinstance(self._rig.instrument, TypedInstrument):
-            self._rig.instrument.expect(f"{self._rig.axis.name} {stop.target:g}", *expected)
+        if expected is not None and isinstance(self.rig.instrument, TypedInstrument):
+            self.rig.instrument.expect(f"{self.rig.axis.name} {stop.target:g}", *expected)
         departed = found.departure(stop, first=first)
-        found.take(
-            stop, reading := await self._readings.settled(self._rig.window, expect=expected, moved_from=departed)
-        )
+        found.take(stop, reading := await self.readings.settled(self.rig.window, expect=expected, moved_from=departed))
         if air is not None:
             found.ambients.append(air)
             found.ambient_times.append(reading.time_s)
@@ -265,10 +268,10 @@ class Visits:
         self._still = 0
 
     async def _set_datum_anew(self, stop: Stop) -> None:
-        if isinstance(self._rig.instrument, RotaryCalibrator):
-            await self._rig.instrument.track()
-        if isinstance(self._rig.instrument, Recounting):
-            await self._rig.instrument.set_datum()
-        self._readings.datum()
-        self._found.set_anew(stop, await self._readings.settled(self._rig.window))
-        self._found.notes.append(f"the beam was lost after {self._taken} readings, and a new datum was set")
+        if isinstance(self.rig.instrument, RotaryCalibrator):
+            await self.rig.instrument.track()
+        if isinstance(self.rig.instrument, Recounting):
+            await self.rig.instrument.set_datum()
+        self.readings.datum()
+        self.found.set_anew(stop, await self.readings.settled(self.rig.window))
+        self.found.notes.append(f"the beam was lost after {self._taken} readings, and a new datum was set")

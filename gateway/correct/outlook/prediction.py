@@ -28,6 +28,7 @@ from gateway.gear.flank import FlankGrid, flank_figure
 from gateway.gear.grinding import Grinding
 from gateway.gear.setright import set_right
 from gateway.model.known import ErrorModel
+from gateway.table.chances import Chance
 from gateway.tooth import FlankMap, FlankPrediction
 
 DRAWS = 4000
@@ -37,17 +38,24 @@ DRAWS = 4000
 class Outlook:
     """A prediction, and what the tooth's tables gain: RMS with axis tables alone less RMS after, both set right, um.
 
-    ``gain_u_um`` is the standard deviation of that gain: both flanks have the same doubts.
+    ``gain_u_um`` is the standard deviation of that gain, for both flanks have the same doubts; ``worse`` is how likely
+    the flank gets worse (0 to 1).
     """
 
     flank: FlankPrediction
     gain_um: float
     gain_u_um: float
+    worse: float
+
+    @property
+    def sure(self) -> bool:
+        """Whether the flank gets better by more than the gain's uncertainty (k = 2)."""
+        return self.gain_um > COVERAGE * self.gain_u_um
 
     @property
     def worth(self) -> bool:
-        """Whether the flank gets better by more than the gain's uncertainty (k = 2)."""
-        return self.gain_um > COVERAGE * self.gain_u_um
+        """Whether the gain is more than its standard uncertainty and harm unlikely: the rule of an axis' own table."""
+        return self.sure or Chance(self.gain_um, self.gain_u_um, self.worse).worth
 
 
 def predict(
@@ -85,7 +93,7 @@ def predict(
         parts_um=_parts(doubt, drawn.squares),
     )
     gains = drawn.rms[0] - drawn.rms[1]
-    return Outlook(flank, float(np.mean(gains)), float(np.std(gains)))
+    return Outlook(flank, float(np.mean(gains)), float(np.std(gains)), float(np.mean(gains < 0.0)))
 
 
 def flank_map(grinding: Grinding, grid: FlankGrid) -> FlankMap:

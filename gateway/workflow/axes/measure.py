@@ -134,7 +134,8 @@ def plans_of_axis(axis: AxisSection, phase: stages.Phase) -> list[StopPlan]:
 
 def more_targets(at: Bench, axis: AxisSection, proof: SenseProof, already: CompensatedFor) -> MoreTargets:
     """What names more targets for an axis of the site while its capture stands. Raises as `tooth_places`."""
-    return MoreTargets(axis, proof, already, at.say, tooth=tooth_places(at.site, at.site_path, axis))
+    tooth = tooth_places(at.site, at.site_path, axis)
+    return MoreTargets(axis, lambda raw: from_live(axis, raw, proof, already), at.say, tooth=tooth)
 
 
 def check_stops(axis: AxisSection, phase: stages.Phase) -> FloatArray:

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from drivers.types.values import CompensatedFor, FloatArray
-from gateway.capture.corrected import from_live
+from drivers.types.values import FloatArray
 from gateway.capture.gathered.raw import RawCapture
 from gateway.capture.gathered.widening import affordable, cost_s
 from gateway.config import AxisSection
 from gateway.domain.captures import Capture
-from gateway.domain.equipment import SenseProof
 from gateway.model.components import value
 from gateway.say import Say
 from gateway.table import Grid
@@ -23,27 +22,28 @@ from gateway.workflow.axes.structure import Structure, structure_of
 MOST_ROUNDS = 3
 AT_LEAST = 1.0 / 3.0  # of the targets are added in a round: a wave is told by many places, not by the best few
 FEWEST = 3
-TOOTH = 0.5  # of the weight is where the tooth is ground, the rest anywhere on the axis
+TOOTH = 0.5  # of a positioning's weight is where the tooth is ground, the rest anywhere on the axis
 
 
 @dataclass
 class MoreTargets:
     """Asked after each round of an axis' capture: which places shall be targets too. Counts what the rounds cost.
 
-    ``tooth`` are places of the axis where the work is ground, in its unit; empty: it has none.
+    ``corrected`` makes deviations of what was read. ``tooth`` are places of the axis where the work is ground, in its
+    unit; empty: it has none. ``share`` of the weight lies there.
     """
 
     axis: AxisSection
-    proof: SenseProof
-    already: CompensatedFor
+    corrected: Callable[[RawCapture], Capture]
     say: Say
     tooth: FloatArray = field(default_factory=lambda: np.empty(0))
+    share: float = TOOTH
     spent_s: float = 0.0
     rounds: int = 0
 
     def __call__(self, raw: RawCapture) -> FloatArray:
-        """Places (k,), none where the curve follows the axis, or where no time is left. Raises as `from_live`."""
-        return self.wanted(from_live(self.axis, raw, self.proof, self.already))
+        """Places (k,), none where the curve follows the axis, or where no time is left."""
+        return self.wanted(self.corrected(raw))
 
     def wanted(self, capture: Capture) -> FloatArray:
         """The same of what was captured, corrected."""
@@ -65,13 +65,13 @@ class MoreTargets:
         return TableDoubt(possible.lattice, curves, held, self._weights(possible.lattice))
 
     def _weights(self, lattice: FloatArray) -> FloatArray:
-        """What each place counts: the whole axis, and twice where the tooth is ground."""
+        """What each place counts: the whole axis, and more where the tooth is ground."""
         even = np.full(lattice.size, 1.0 / lattice.size)
         period = 360.0 if self.axis.modulo else np.inf
         away = np.abs(self.tooth[:, None] - lattice[None, :])
         near = np.minimum(away, np.abs(period - away % period) if self.axis.modulo else away) <= self.axis.table.step
         used = near.sum(axis=0).astype(np.float64)
-        return even if not used.any() else (1.0 - TOOTH) * even + TOOTH * used / used.sum()
+        return even if not used.any() else (1.0 - self.share) * even + self.share * used / used.sum()
 
     def _chosen(self, shown: Structure, doubt: TableDoubt) -> FloatArray:
         capture, gap = shown.capture, shown.seen.gap

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 
 from drivers.terms import spoken
@@ -11,6 +11,7 @@ from drivers.types.stops import Stop, StopPlan, StopReached
 from drivers.types.tables import LiveSet
 from gateway.capture.corrected import from_live
 from gateway.capture.errormotion import LARGEST, ErrorRig, capture_error, channel_of, error_capture
+from gateway.capture.gathered.raw import RawCapture
 from gateway.capture.live import capture_axis
 from gateway.capture.mounting import prove_mounting
 from gateway.capture.retaking import demand_complete
@@ -20,10 +21,13 @@ from gateway.capture.targets import jog_plan, jog_start, measuring_plan, plan_of
 from gateway.config import AxisSection, SiteFile
 from gateway.domain.captures import Capture
 from gateway.errors import CaptureError
+from gateway.model.axis import LOCATIONS
 from gateway.store import Maps
 from gateway.walk import walk
 from gateway.workflow import stages
 from gateway.workflow.axes.measure import check_stops, fetch_tables, more_targets, plans_of_axis
+from gateway.workflow.axes.more import MoreTargets
+from gateway.workflow.axes.toothplaces import tooth_places
 from gateway.workflow.bench import Bench
 from gateway.workflow.errors21.filesetup import capture_of, read_setup
 from gateway.workflow.errors21.setups import Planned
@@ -126,11 +130,23 @@ async def _error(at: Bench, one: Planned) -> tuple[Capture, tuple[str, ...]]:
     rig = error_rig(at, one)
     proved = at.folder.put(stages.setup_proof(one.key), await prove_mounting(rig))
     without_cross(await rig.controller.saved_tables(one.axis.name), at.moved)
-    raw = await capture_error(rig)
+    absolute = one.setup.name in ("X0C", "Y0C")
+
+    def corrected(raw: RawCapture) -> Capture:
+        return error_capture(rig, raw, one.setup.sense, absolute=absolute)
+
+    raw = await capture_error(rig, _finer(at, rig.axis, one.setup.name, corrected))
     digest = at.folder.put(stages.setup_raw(one.key), raw, (proved,))
     at.folder.write_text(f"tables-{one.key}{spoken().tables_suffix}", raw.live.native)
-    absolute = one.setup.name in ("X0C", "Y0C")
-    return error_capture(rig, raw, one.setup.sense, absolute=absolute), (digest,)
+    return corrected(raw), (digest,)
+
+
+def _finer(at: Bench, axis: AxisSection, name: str, corrected: Callable[[RawCapture], Capture]) -> MoreTargets | None:
+    """More targets for an error motion, where the tooth is ground alone; a location is one number and needs none."""
+    tooth = tooth_places(at.site, at.site_path, axis)
+    if name[:2] in LOCATIONS or not tooth.size:
+        return None
+    return MoreTargets(axis, corrected, at.say, tooth=tooth, share=1.0)
 
 
 def error_rig(at: Bench, one: Planned) -> ErrorRig:

@@ -34,6 +34,7 @@ from gateway.gear.grinding import Grinding
 from gateway.model.known import ErrorModel, chain_of_errors
 from gateway.study.files import load_gear
 from gateway.study.machine import gear_of
+from gateway.table.limits import told as finding
 from gateway.tooth import ToothProposal
 from gateway.workflow import stages
 from gateway.workflow.axes.measure import MeasuredAxis
@@ -97,6 +98,8 @@ async def propose_tooth(
     plan, nowhere = await task.placed(at)
     found, outlook, gains = task.worked_out(plan)
     cross = await cross_changes(at, found.optimum.tables, task.grinding.chain, live=live, adds=False)
+    if not gains.sure:
+        cross = tuple(_labelled(one, gains) for one in cross)
     parents = (at.folder.digest(stages.ERRORS), *(item.digest for item in measured.values()))
     proposal = keep(at, (*own, *cross), parents)
     tooth = ToothProposal(
@@ -127,6 +130,12 @@ def _with_between(model: ErrorModel, at: Bench) -> ErrorModel:
     }
     motions = (replace(one, residual_rms=max(one.residual_rms, seen.get(one.name, 0.0))) for one in model.motions)
     return replace(model, motions=tuple(motions))
+
+
+def _labelled(change: TableChange, gains: Outlook) -> TableChange:
+    """A cross table whose gain is likely but not certain: a second person is asked."""
+    figures = {"gain": f"{gains.gain_um:.2f}", "u": f"{gains.gain_u_um:.2f}", "worse": f"{100.0 * gains.worse:.0f}"}
+    return replace(change, findings=(*change.findings, finding("W-TOOTH-CHANCE", change.name, **figures)))
 
 
 def _left_alone(own: Sequence[TableChange]) -> tuple[str, ...]:

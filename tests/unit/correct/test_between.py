@@ -55,6 +55,27 @@ def test_structure_shorter_than_the_targets_show_counts_in_full() -> None:
     assert 0.5 < missed / told < 1.6
 
 
+def test_a_hollow_of_a_worn_guide_counts_where_it_lies() -> None:
+    """Three or four targets lie in a hollow where the wheel works; twenty others know nothing of it."""
+    rng, normalised = np.random.default_rng(5), []
+    for _ in range(300):
+        length, depth, at = rng.uniform(35.0, 60.0), rng.uniform(4.0, 8.0), rng.uniform(140.0, 160.0)
+
+        def hollow(q: np.ndarray, length: float = length, depth: float = depth, at: float = at) -> np.ndarray:
+            within = np.abs(q - at) < length / 2.0
+            return np.where(within, -depth * (1.0 + np.cos(2.0 * np.pi * (q - at) / length)) / 2.0, 0.0)
+
+        targets = np.linspace(0.0, 300.0, 21)
+        targets[1:-1] += rng.uniform(-3.0, 3.0, 19)
+        means = hollow(targets) + rng.normal(0.0, U_UM, targets.size)
+        found = fit_polygon(targets, means, U_UM, name="EXZ", axis="Z", axis_unit="mm")
+        z = 150.0 + np.linspace(-FACE_MM, FACE_MM, 17)
+        told = np.hypot(*slope_and_bow(found, 2.0 * FACE_MM, 150.0))
+        normalised.append(float(np.std(hollow(z) - value(found, z))) / told)
+    print(f"{np.sqrt(np.mean(np.square(normalised))):.2f}, at most {max(normalised):.2f}")
+    assert 0.5 < np.sqrt(np.mean(np.square(normalised))) < 1.25
+
+
 def test_a_smooth_fit_counts_what_its_targets_scatter_about_it() -> None:
     smooth = Component("EXZ", "Z", "mm", "polynomial", (0.0, 300.0), np.zeros(3), np.zeros((3, 3)), residual_rms=0.4)
     assert np.hypot(*slope_and_bow(smooth, FACE_MM)) == pytest.approx(0.4)

@@ -81,9 +81,7 @@ class Machine:
     def judged(self) -> Judged:
         """Captured, widened as long as the run asks for it, proposed; judged on a fine grid by the truth."""
         said: list[dict[str, Any]] = []
-        more = MoreTargets(
-            self.axis, cast(Any, None), "nothing", lambda code, /, **fields: said.append(fields | {"code": code})
-        )
+        more = MoreTargets(self.axis, cast(Any, None), lambda code, /, **fields: said.append(fields | {"code": code}))
         targets = targets_of(self.axis)
         capture = self.captured(targets)
         while (places := more.wanted(capture)).size:
