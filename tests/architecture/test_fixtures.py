@@ -80,6 +80,10 @@ WHOLLY_LONG = {
         "test_the_second_shipped_cell_poses_as_an_unknown_control",
     ): "test_leniencies_that_reading_alone_can_tell_are_named",
     (
+        "test_more_targets.py",
+        "test_a_worn_guide_gets_more_targets_where_the_tooth_is_ground",
+    ): "test_a_hollow_of_a_worn_guide_counts_where_it_lies",
+    (
         "test_families.py",
         "test_a_short_run_on_a_machine_of_a_family",
     ): "test_what_is_proposed_to_a_machine_of_a_family_makes_it_better",
