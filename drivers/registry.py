@@ -46,6 +46,7 @@ def _loaded(place: str) -> Any:
 _UA = "drivers.sinumerik.opcua.settings:UaSettings"
 _MODBUS = "drivers.sinumerik.mailbox.settings:ModbusSettings"
 _LINUXCNC = "drivers.linuxcnc.settings:LinuxCncSettings"
+_OFFLINE = "drivers.sinumerik.offline.settings:OfflineSettings"
 _BRIDGE = "drivers.bridge.settings:BridgeSettings"
 
 
@@ -61,6 +62,8 @@ _OWN = (
     DriverSpec("sinumerik-modbus", "controller", "drivers.sinumerik.mailbox.device:SinumerikModbus", _MODBUS),
     DriverSpec("linuxcnc-agent", "controller", "drivers.linuxcnc.device:LinuxCnc", _LINUXCNC),
     DriverSpec("linuxcnc-agent-doctor", "doctor", "drivers.linuxcnc.doctor:LinuxCncDoctor"),
+    DriverSpec("sinumerik-offline", "controller", "drivers.sinumerik.offline.device:SinumerikOffline", _OFFLINE),
+    DriverSpec("sinumerik-offline-doctor", "doctor", "drivers.sinumerik.offline.doctor:OfflineDoctor"),
     DriverSpec("umd", "instrument", "drivers.umd.device:UmdCounter", "drivers.umd.settings:UmdSettings"),
     DriverSpec("bridge", "instrument", "drivers.bridge.device:BridgeInstrument", _BRIDGE),
     DriverSpec("bridge-gear", "gear-inspector", "drivers.bridge.gear:BridgeGear", _BRIDGE),

@@ -87,6 +87,12 @@ class FutureSchema(StoreError):
     """A stored record was written by a newer program."""
 
 
+class CarryFirst(TrueflankError):
+    """Nothing failed: a program must be carried to the control and run there before the work can go on."""
+
+    exit_code = 15
+
+
 class SignInRefused(TrueflankError):
     """Who asks is not known, has not the role, or tried too often; they must sign in, or somebody else must ask."""
 

@@ -48,15 +48,22 @@ def push(
     apply: ApplyOption = False,
     machine: MachineOption = "",
     risk: RiskOption = "",
+    offline: Annotated[
+        bool, typer.Option("--offline", help="Write programs for a person to carry to the control, then end.")
+    ] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="With --offline: go on with the files that were brought back.")
+    ] = False,
     store: StoreOption = Path("runs"),
     as_json: JsonOption = False,
 ) -> None:
     """Show a stored proposal's difference and every refusal; with --apply write it and measure again."""
     from gateway.approve import risking
     from gateway.cli.machine.running import PushAsked, push_run_command
+    from gateway.workflow.carrying import way_of
 
     asked = PushAsked(tuple(axis or ()), apply, machine, points)
-    with risking(risk):
+    with risking(risk), way_of(offline=offline, resume=resume):
         push_run_command(run_folder, store, asked, as_json=as_json)
 
 

@@ -11,9 +11,11 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any, TypeVar
 
+from drivers.carried import ToCarry
 from drivers.clock import LoopClock
 from drivers.errors import words
 from gateway.cli.show import echo
+from gateway.errors import CarryFirst
 from gateway.stopping import INTERRUPTED, LONGEST_S, TERMINATED, StopAsked, obey
 
 T = TypeVar("T")
@@ -35,7 +37,12 @@ def run_to_end(work: Coroutine[Any, Any, T], *, stop: StopAsked | None = None, e
             return await obey(work, asked, LoopClock(), ends_itself=ends_itself)
 
     with asyncio.Runner() as runner:
-        return runner.run(main())
+        try:
+            return runner.run(main())
+        except ToCarry as out:
+            why = out.why or words("W-OFF-NOTHING")
+            folder = str(out.folder)
+            raise CarryFirst("E-OFF-CARRY", folder, program=out.program, folder=folder, why=why) from None
 
 
 @contextmanager

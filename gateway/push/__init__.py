@@ -5,7 +5,7 @@ from __future__ import annotations
 from drivers.errors import TrueflankError
 from gateway.domain.outcomes import PushRecord
 from gateway.errors import RollbackFailed, StillOn, VerifyError, WriteRefused
-from gateway.push.asking import Asked, ask
+from gateway.push.asking import Asked, ask, ended_before, goes_on
 from gateway.push.context import PushContext
 from gateway.push.places import together
 from gateway.push.plan import plan_hash
@@ -21,6 +21,8 @@ __all__ = [
     "ReadStop",
     "Stays",
     "ask",
+    "ended_before",
+    "goes_on",
     "look",
     "outcome_error",
     "plan_hash",

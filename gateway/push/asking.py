@@ -93,6 +93,23 @@ def under_key(context: PushContext) -> tuple[journal.JournalRead, ...]:
     return next(with_key, ())
 
 
+def waiting(context: PushContext) -> journal.JournalRead | None:
+    """The transaction under the context's key that has not ended, where such a one is to go on; None else."""
+    parts = under_key(context) if context.resumes else ()
+    whole = (parts[0].whole or parts[0]) if parts else None
+    return whole if whole is not None and not whole.finished else None
+
+
+def ended_before(context: PushContext) -> bool:
+    """Whether a push under the context's key had ended already when it is taken up again: it has been told."""
+    return goes_on(context) and waiting(context) is None
+
+
+def goes_on(context: PushContext) -> bool:
+    """Whether a push under the context's key was begun before and is taken up again, ended or not."""
+    return context.resumes and bool(under_key(context))
+
+
 def unfinished_names(context: PushContext) -> tuple[str, ...]:
     """Names of journals of this machine that did not end."""
     folder = journal.machine_folder(context.journals, context.machine.serial)

@@ -17,6 +17,8 @@ from gateway.push.compare import table_facts
 from gateway.push.context import PushContext
 from gateway.push.plan import plan_hash
 from gateway.push.records import journal, numbering
+from gateway.push.records.replaying import ReplayedJournal, foretold
+from gateway.push.unexpected import quiet_in_replay
 from gateway.push.work import Purpose, Transaction, Work, seed_of
 
 
@@ -32,16 +34,19 @@ class Task:
 
 
 @contextmanager
-def begun(tasks: Sequence[Task], purpose: Purpose) -> Iterator[tuple[Work, ...]]:
+def begun(
+    tasks: Sequence[Task], purpose: Purpose, waits: journal.JournalRead | None = None
+) -> Iterator[tuple[Work, ...]]:
     """A new transaction for all these tables of one machine: number, journal, each table's first entry.
 
-    The journal is set aside once every table has ended.
+    With ``waits``, its journal, one that was begun before goes on. The journal is set aside once every table has ended.
     """
     context = tasks[0].context
     folder = journal.machine_folder(context.journals, context.machine.serial)
     journal.tidy(folder, context.log.begun if context.log is not None else None)
-    number = numbering.allocate(folder, seed_of(context))
-    kept, before = journal.Journal.create(folder, number), tasks[0].marker
+    number = waits.number if waits is not None else numbering.allocate(folder, seed_of(context))
+    kept = ReplayedJournal.follow(waits) if waits is not None else journal.Journal.create(folder, number)
+    before = tasks[0].marker
     whole = Transaction(folder, kept, number, purpose=purpose, before=before)
     works = tuple(_work(whole, task, tasks) for task in tasks)
     with closed_at_the_end(works):
@@ -55,7 +60,7 @@ def _work(whole: Transaction, task: Task, tasks: Sequence[Task]) -> Work:
     change = task.change
     others = [other.change for other in tasks if other is not task]
     return Work(
-        task.context,
+        quiet_in_replay(task.context, whole.journal),
         whole,
         change=change,
         limits=task.limits,
@@ -96,7 +101,8 @@ def _announce(works: Sequence[Work]) -> None:
     try:
         for work in works:
             if work.context.log is not None:
-                work.note("AUDITED", audit=work.context.log.begin(work.whole.number, work.change))
+                said = foretold(work.whole.journal, "AUDITED", "audit")
+                work.note("AUDITED", audit=said or work.context.log.begin(work.whole.number, work.change))
     except TrueflankError as error:
         abort(works, str(error))
         raise

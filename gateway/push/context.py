@@ -26,6 +26,11 @@ from gateway.say import Say, silence
 class Keeper(Protocol):
     """Where texts are kept for good: a run folder. Returns the path once the text is durable."""
 
+    @property
+    def path(self) -> Path:
+        """The folder."""
+        ...
+
     def write_text(self, name: str, text: str) -> Path:
         """Keep a text exactly as given."""
         ...
@@ -82,7 +87,7 @@ class PushContext:
     as read before anything is disabled, cross tables as deviations, and answers with the alarms that stand then.
 
     ``self_test`` is the last one of the output axis (None: this store knows none). ``risk_taken``: who pushes has typed
-    the risk of a connection that is not protected.
+    the risk of a connection that is not protected. ``resumes``: what was begun under ``key`` and has not ended goes on.
 
     ``journals`` is the folder of all machines' journals; ``machine`` the fingerprint the run was made on;
     ``typed_name`` what the operator gave as the machine's name, ``site_name`` what it must be. Timeouts in s of
@@ -123,6 +128,7 @@ class PushContext:
     consent_utc: datetime | None = None
     self_test: SelfTested | None = None
     risk_taken: bool = False
+    resumes: bool = False
 
     @property
     def moved(self) -> AxisRecord:

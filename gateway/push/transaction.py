@@ -19,7 +19,7 @@ from gateway.errors import StoreError, VerifyError
 from gateway.interlocks import MAX_JUMP, Refusal
 from gateway.interlocks.facts import no
 from gateway.push import conversation
-from gateway.push.asking import NOTHING, Asked, ask, refused, still_allowed, under_key, with_all
+from gateway.push.asking import NOTHING, Asked, ask, refused, still_allowed, under_key, waiting, with_all
 from gateway.push.beginning import Task, abort, begun
 from gateway.push.compare import effect_positions, table_in
 from gateway.push.context import PushContext
@@ -30,7 +30,9 @@ from gateway.push.plan import plan_hash
 from gateway.push.readback import is_coupled
 from gateway.push.records import journal
 from gateway.push.records.lock import machine_lock
+from gateway.push.records.replaying import replaying
 from gateway.push.snapshot import already, snapshot
+from gateway.push.undo.leasing import leased
 from gateway.push.undo.restoring import all_back, still_held
 from gateway.push.unexpected import foreseen, unheard
 from gateway.push.work import Outcome, Work, note_all
@@ -82,6 +84,8 @@ async def _pushed(wishes: Sequence[Wish], stays: Stays) -> tuple[PushRecord, ...
         known = tuple(record for record in earlier if record is not None)
         if len(known) == len(wishes):
             return known
+        if (waits := waiting(context)) is not None:
+            return await _all_of(await leased(wishes, waits), stays, waits)
         places = common_places(wishes)
         answers = [await _answer(change, one, places[one.moved.name]) for change, one in wishes]
         if any(_against(asked) for asked in answers):
@@ -90,12 +94,18 @@ async def _pushed(wishes: Sequence[Wish], stays: Stays) -> tuple[PushRecord, ...
             Task(change, one, asked.limits, agreeing_position=asked.agreeing_position or 0.0, marker=asked.marker)
             for (change, one), asked in zip(wishes, answers, strict=True)
         ]
-        with begun(tasks, "table") as works:
-            ended = await _push(works, stays)
-            for outcome in dict.fromkeys(ended[work] for work in works):
-                names = ", ".join(work.change.name for work in works if ended[work] == outcome)
-                context.say("P-PUSH-END", axis=names, outcome=outcome)
-            return tuple(work.record(ended[work], told=True) for work in works)
+        return await _all_of(tasks, stays)
+
+
+async def _all_of(
+    tasks: Sequence[Task], stays: Stays, waits: journal.JournalRead | None = None
+) -> tuple[PushRecord, ...]:
+    with begun(tasks, "table", waits) as works:
+        ended = await _push(works, stays)
+        for outcome in dict.fromkeys(ended[work] for work in works):
+            names = ", ".join(work.change.name for work in works if ended[work] == outcome)
+            tasks[0].context.say("P-PUSH-END", axis=names, outcome=outcome)
+        return tuple(work.record(ended[work], told=True) for work in works)
 
 
 async def _answer(change: TableChange, context: PushContext, place: float | None) -> Asked:
@@ -151,7 +161,7 @@ async def _push(works: Sequence[Work], stays: Stays) -> dict[Work, Outcome]:
     there: dict[Work, Outcome] = {work: "already-applied" for work in works if already(work, bases[work])}
     abort(tuple(there), "the table is already live and enabled")
     left = tuple(work for work in works if work not in there)
-    if not left or any(reasons[work] for work in left):
+    if not left or (any(reasons[work] for work in left) and not replaying(left[0].whole.journal)):
         return there | _refuse(left, reasons)
     _leave_out(left, there, bases)
     return there | await _exchange(left, bases, stays)

@@ -14,6 +14,8 @@ from dataclasses import replace
 from drivers.errors import TrueflankError
 from gateway.errors import Unexpected
 from gateway.push.context import PushContext
+from gateway.push.records.journal import Journal
+from gateway.push.records.replaying import replaying
 
 
 @contextmanager
@@ -40,6 +42,17 @@ def _cancels() -> int:
     """How many wish from outside that this task ends."""
     task = asyncio.current_task()
     return task.cancelling() if task is not None else 0
+
+
+def quiet_in_replay(context: PushContext, kept: Journal) -> PushContext:
+    """The context with a voice that does not tell again what was told before this work was taken up again."""
+    say = context.say
+
+    def told(code: str, /, **fields: object) -> None:
+        if not replaying(kept):
+            say(code, **fields)
+
+    return replace(context, say=told)
 
 
 def unheard(context: PushContext) -> PushContext:

@@ -17,6 +17,7 @@ from gateway.errors import BusyError, StoreError, VerifyError
 from gateway.push.compare import tolerance
 from gateway.push.context import PushContext
 from gateway.push.records import journal, numbering
+from gateway.push.records.replaying import foretold, replaying
 from gateway.push.records.steps import step_words
 from gateway.push.unexpected import foreseen
 from gateway.stopping import current
@@ -159,8 +160,9 @@ class Work:
         )
 
     def fresh_number(self) -> int:
-        """Another transaction number of this machine."""
-        return numbering.allocate(self.whole.folder, seed_of(self.context))
+        """Another transaction number of this machine; in work that goes on the one that was given here before."""
+        known = foretold(self.whole.journal, "DISABLE", "order")
+        return int(known) if known else numbering.allocate(self.whole.folder, seed_of(self.context))
 
     async def same_machine(self) -> None:
         """The fingerprint once more. Raises VerifyError (E-PUSH-OTHER-MACHINE)."""
@@ -201,6 +203,8 @@ class Work:
 
     def kept(self, name: str, text: str) -> str:
         """Keep a text for good; returns its run folder and name: a record holds no path of this computer."""
+        if replaying(self.whole.journal) and (self.context.folder.path / name).exists():
+            return f"{self.context.folder.path.name}/{name}"
         path = self.context.folder.write_text(name, text)
         return f"{path.parent.name}/{path.name}"
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections.abc import AsyncIterator, Collection, Iterator, Mapping, Sequence
 from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass, replace
@@ -11,10 +12,12 @@ from pathlib import Path
 from shutil import copytree
 from tempfile import TemporaryDirectory
 
+from drivers.carried import Carried
 from drivers.clock import Clock
 from drivers.errors import ConfigError, TrueflankError
 from drivers.local.names import shown
 from drivers.local.scrub import without_secrets_text
+from drivers.ports.controller import Controller
 from drivers.programs import ForeseesPlans, Origin, ProgramText, SaysMotion, SendsPrograms
 from drivers.types.identity import MachineIdentity
 from drivers.types.stops import StopPlan
@@ -210,6 +213,9 @@ async def _opened(
     store = store_of(site, site_path)
     supervisor = Supervisor(site, clock, only=used, book=SentBook(store.root / JOURNALS, site.controller.serial))
     supervisor.trace_into(folder.path / "traces")
+    road = supervisor.controller
+    if isinstance(road, Carried):
+        say("P-OFF-CARRY", folder=str(road.stick / "carry"), back=str(road.stick / "back"))
     try:
         machine = await supervisor.open_all()
         folder.set_state("opened", machine=machine)
@@ -218,8 +224,8 @@ async def _opened(
         if isinstance(supervisor.controller, SaysMotion):
             supervisor.controller.keep_to(site.moves.places)
         say("P-OPEN", site=site.site.name, serial=machine.serial, count=len(supervisor.picture()))
-        if road := supervisor.controller.capabilities.unprotected:
-            say("P-UNPROTECTED", road=road)
+        if wire := supervisor.controller.capabilities.unprotected:
+            say("P-UNPROTECTED", road=wire)
         if not supervisor.left.clear:
             say("P-LEFT", words=supervisor.left.words)
         yield Bench(
@@ -233,13 +239,23 @@ async def _opened(
             clock=clock,
             say=say,
         )
+        conclude(supervisor.controller)
     except (TrueflankError, asyncio.CancelledError) as error:
         await leave(supervisor, folder, store=store, clock=clock, say=say, why=error)
+        if isinstance(error, TrueflankError):
+            with contextlib.suppress(TrueflankError):
+                conclude(supervisor.controller)
         raise
     finally:
         with stopping.current().leaving():
             await supervisor.close_all()
         folder.adopt(*(folder.path / "traces").glob("*"))
+
+
+def conclude(controller: Controller) -> None:
+    """Work with a control that files are carried to has ended: they are set aside. Raises ConfigError."""
+    if isinstance(controller, Carried):
+        controller.conclude()
 
 
 def origin_of(site: SiteFile, run: str = "") -> Origin:

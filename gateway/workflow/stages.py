@@ -15,6 +15,7 @@ GUARD = "guard"
 TOOTH = "tooth"
 TOOTH_VERDICT = "tooth-verdict"
 FROM_GEAR = "from-gear"
+CARRIED = "carried-push"
 
 
 def raw(axis: str, phase: Phase) -> str:

@@ -84,7 +84,8 @@ class Cell:
         self.mailbox = MailboxPanel(self.plc) if self.plc is not None else None
         axes = [axis.name for axis in self.file.axes]
         self.operator = Operator(
-            spec=self.file.operator,
+            # Where files are carried, one person does all of it.
+            spec=self.file.operator.model_copy(update={"auto": self.file.operator.auto and self.roads.porter is None}),
             control=self.panel,
             bench=self.bench,
             clock=clock,

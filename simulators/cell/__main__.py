@@ -49,7 +49,9 @@ def arguments(given: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--flip", action="store_true", help="reverse the sign of every error")
     parser.add_argument("--plan", action="store_true", help="name every set-up and the work in the site file")
     parser.add_argument("--filed", action="store_true", help="with --plan: all set-ups come from tables")
-    parser.add_argument("--road", choices=("opcua", "modbus", "both"), default="", help="ways into the control")
+    parser.add_argument(
+        "--road", choices=("opcua", "modbus", "both", "carried"), default="", help="ways into the control"
+    )
     parser.add_argument("--framer", choices=("tcp", "rtu"), help="the PLC speaks Modbus TCP or RTU (socket://)")
     parser.add_argument("--plc-port", help="the PLC's TCP port (default: a free one) or serial port (then RTU)")
     parser.add_argument("--plc-client-url", help="what the site file names instead, e.g. the cable's other end")

@@ -12,6 +12,7 @@ from simulators.faults import FaultPlan
 from simulators.modbus import PlcStation, station_of
 from simulators.nck.control import Nck
 from simulators.opcua import SinumerikServer
+from simulators.operator.porter import Porter
 
 USER = "trueflank"
 # In virtual time nobody is kept waiting by a slow poll, and every poll costs the test real time.
@@ -30,6 +31,8 @@ class Roads:
         own = {"users": {USER: self.password}, "folder": str(folder / "control")}
         self.server = SinumerikServer(nck, clock, own | file.machine.opcua)
         around = plan.around if plan is not None else None
+        self.stick = folder / "carried"
+        self.porter = Porter(nck, clock, self.stick) if "carried" in self.names else None
         self.plc = station_of(nck, clock, file.machine.modbus, around) if "modbus" in self.names else None
         self._site = file.site
         self._nck = nck
@@ -42,9 +45,13 @@ class Roads:
             await self.server.start()
         if self.plc is not None:
             await self.plc.start(self._mailbox_url(self.plc))
+        if self.porter is not None:
+            self.porter.start()
 
     async def stop(self) -> None:
         """Stop listening."""
+        if self.porter is not None:
+            await self.porter.stop()
         if self.plc is not None:
             await self.plc.stop()
         await self.server.stop()
@@ -58,7 +65,7 @@ class Roads:
 
     def sections(self) -> dict[str, dict[str, Any]]:
         """Road -> driver, url and settings for a site file, the first road first."""
-        makers = {"opcua": self._opcua_section, "modbus": self._modbus_section}
+        makers = {"opcua": self._opcua_section, "modbus": self._modbus_section, "carried": self._carried_section}
         return {name: makers[name]() for name in self.names}
 
     def _mailbox_url(self, plc: PlcStation) -> str:
@@ -83,6 +90,13 @@ class Roads:
             "url": self.server.url,
             "settings": settings | self._site.controller_settings,
         }
+
+    def _carried_section(self) -> dict[str, Any]:
+        """No wire at all: the operator carries files."""
+        axes = " ".join(axis.name for axis in self._nck.spec.axes)
+        settings: dict[str, Any] = {"folder": str(self.stick.resolve()), "axes": axes}
+        settings["cross_tables"] = len(self._nck.spec.cec_points)
+        return {"driver": "sinumerik-offline", "url": "carried://stick", "settings": settings}
 
     def _modbus_section(self) -> dict[str, Any]:
         if self.plc is None:

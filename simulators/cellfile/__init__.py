@@ -172,7 +172,7 @@ class CellMachine(CellSection):
     )
     opcua: dict[str, Any] = Field(default_factory=dict, description="settings of the OPC UA server")
     modbus: dict[str, Any] = Field(default_factory=dict, description="simulators.modbus.switches.PlcSettings")
-    roads: tuple[Literal["opcua", "modbus"], ...] = Field(
+    roads: tuple[Literal["opcua", "modbus", "carried"], ...] = Field(
         default=("opcua",), min_length=1, description="ways into the control; the site file has the first"
     )
 

@@ -134,6 +134,14 @@ WHOLLY_LONG = {
         "test_a_short_plan_ends_at_the_floor_of_its_machine",
     ): "test_a_plan_from_files_ends_with_a_proposal_for_the_tooth",
     ("test_wire.py", "test_the_gateway_killed_between_the_two_halves"): "test_killed_in_a_fresh_process",
+    (
+        "test_site_by_files.py",
+        "test_a_table_goes_in_by_files_and_comes_out_again",
+    ): "test_each_step_is_a_process_of_its_own",
+    (
+        "test_site_by_files.py",
+        "test_what_waits_for_its_files_is_not_begun_twice",
+    ): "test_the_live_tables_come_back_by_files",
 }
 """Tests that leave `make test` whole, and the smaller one of the same code that stays.
 

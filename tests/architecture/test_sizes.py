@@ -34,7 +34,7 @@ DOORS = {
     "matplotlib": 13,
     "pandas": 1,
     "prometheus_client": 1,
-    "pydantic": 23,
+    "pydantic": 24,
     "pymodbus": 1,
     "pytest": 3,
     "rich": 2,

@@ -62,11 +62,11 @@ CAPABILITIES = Capabilities(
 class SinumerikOpcUa(Leaver, RunsPlans):
     """Driver "sinumerik-opcua": settings in `drivers.sinumerik.opcua.settings.UaSettings`."""
 
-    def __init__(self, name: str, url: str, settings: Mapping[str, Any], clock: Clock) -> None:
-        self.name = name
-        self._clock = clock
-        self._settings = UaSettings.read(settings, name)
-        self._session = UaSession(url, clock, name)
+    def __init__(
+        self, name: str, url: str, settings: Mapping[str, Any], clock: Clock, session: UaSession | None = None
+    ) -> None:
+        self.name, self._clock, self._settings = name, clock, UaSettings.read(settings, name)
+        self._session = session or UaSession(url, clock, name)
         self._reader = MachineReader(self._session, self._settings, name)
         self._transfer = Transfer(self._session, self._settings.channel, name)
         self._dialogue = Dialogue(self._session, self._reader, self._settings, clock=clock, where=name)

@@ -191,7 +191,11 @@ class Dialogue:
     async def wait(self, longest_s: float | None = None) -> None:
         """Let time pass until the next look, ``longest_s`` at most."""
         pause = self.pace.step()
-        await self._clock.sleep(pause if longest_s is None else min(pause, longest_s))
+        await self._session.rest(pause if longest_s is None else min(pause, longest_s))
+
+    def fresh_number(self) -> int:
+        """As `UaSession.fresh_number`."""
+        return self._session.fresh_number()
 
     def fresh_alarms(self, seen: Glance) -> frozenset[int]:
         """Alarms that came up since `begin`, those that stop no program among them."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import secrets as random_source
 from collections.abc import Mapping
 from typing import Any
 
@@ -70,7 +69,7 @@ class PartGrinding:
         check_plan(plan)
         numbers = [configuration.number(axis.name, self._where) for axis in plan.axes]
         setting = await self._setting(plan, configuration)
-        token = random_source.randbelow(899_999) + 100_000
+        token = self._dialogue.fresh_number()
         path = program_path("GRIND", plan.index.name)
         passed = legal(path, grinding_program.grinding(plan, token, setting), configuration.names)
         await self._dialogue.begin(numbers[0], token, path)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import secrets as random_source
 from collections.abc import Sequence
 
 from drivers.clock import Clock
@@ -114,7 +113,7 @@ class Measuring:
         Raises DeviceRefused (E-NC-NOT-RESET and other refusals), and as `legal`, before anything was written.
         """
         plan, setting = parts[0]
-        token = random_source.randbelow(899_999) + 100_000
+        token = self._dialogue.fresh_number()
         path = program_path("MEAS", plan.compensated_axis)
         passed = legal(path, measuring_program.chained(parts, token), setting.memory.axes)
         await self._dialogue.begin(setting.axis_number, token, path)

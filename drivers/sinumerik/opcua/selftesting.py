@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import secrets as random_source
-
 from drivers.errors import DeviceRefused, words
 from drivers.programs import SelfTest, SelfTested
 from drivers.sinumerik.ncprogram import selftest as program
@@ -38,7 +36,7 @@ class SelfTesting:
         Raises DeviceRefused (E-NC-NOT-RESET) with nothing written while a program runs or waits, and as `legal`.
         """
         path = program_path("SELF", order.axis)
-        number = random_source.randbelow(899_999) + 100_000
+        number = self._dialogue.fresh_number()
         text = program.self_test(order.axis, order.encoder, number=number, setting=setting)
         passed = legal(path, text, setting.memory.axes)
         self._number, self._words = number, program.words_of(order.axis, order.encoder, setting)

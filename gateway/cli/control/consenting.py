@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from drivers.carried import PieceOfWork, carrying
 from drivers.terms import spoken
 from gateway.cli.onward import after_dry, next_step
 from gateway.cli.options import ApplyOption, JsonOption, MachineOption, RunArgument, SiteArgument, StoreOption
@@ -81,7 +82,8 @@ def verify_table_command(
     folder = store_of(tree, site).open(run) if run else None
     with progress(quiet=as_json, at=(tree, site)) as say:
         asked: dict[str, Any] = {"table": axis, "run": folder, "say": say}
-        outcome = run_to_end(_main(lambda clock: verify_table(tree, site, clock=clock, **asked)))
+        with carrying(PieceOfWork(f"verify-table {axis} {run}", "go-on", ends=True)):
+            outcome = run_to_end(_main(lambda clock: verify_table(tree, site, clock=clock, **asked)))
     onward = f"rollback {site} --axis {axis or 'AXIS'}" if outcome.exit_code else f"audit verify {site}"
     show_outcome(outcome, as_json=as_json, onward=onward)
 

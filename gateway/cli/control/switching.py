@@ -23,6 +23,7 @@ def disable(
     as_json: JsonOption = False,
 ) -> None:
     """Say what a table does to its axis now; with --apply switch it off and read that back. Writes no value."""
+    from drivers.carried import PieceOfWork, carrying
     from drivers.clock import LoopClock
     from gateway.broker import taking
     from gateway.cli.machine.running import show_outcome
@@ -36,7 +37,7 @@ def disable(
     with progress(quiet=as_json, at=(tree, site)) as say:
 
         async def main() -> Any:
-            with taking(take):
+            with taking(take), carrying(PieceOfWork("disable", "instead")):
                 return await disable_site(tree, site, clock=LoopClock(), say=say, **asked)
 
         outcome = run_to_end(main())

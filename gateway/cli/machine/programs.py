@@ -83,6 +83,7 @@ def self_tested(
     site: Path, axis: str = "", *, quiet: bool, clock: Clock | None = None, own_operator: bool = False
 ) -> Any:
     """Test a site's control, and what came of it; the demo does this first, as anybody must."""
+    from drivers.carried import PieceOfWork, carrying
     from gateway.cli.screen.telling import progress
     from gateway.cli.stopping import run_to_end
     from gateway.config import load_site
@@ -94,4 +95,5 @@ def self_tested(
         async def main() -> Any:
             return await self_test_site(tree, site, axis=axis, clock=used, say=say)
 
-        return run_to_end(main())
+        with carrying(PieceOfWork(f"self-test {axis}", "go-on", ends=True)):
+            return run_to_end(main())

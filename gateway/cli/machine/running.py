@@ -79,13 +79,14 @@ def push_run_command(run_folder: str, store: Path, asked: PushAsked, *, as_json:
 
 def recover_command(site: Path, apply: bool, machine: str, *, take: str = "", as_json: bool) -> None:
     """Say what an interrupted push left; with apply put the old table back."""
+    from drivers.carried import PieceOfWork, carrying
     from gateway.broker import taking
     from gateway.workflow.control.recovering import recover_site
 
     tree = load_site(site)
 
     async def main(say: Say) -> Any:
-        with taking(take):
+        with taking(take), carrying(PieceOfWork("recover", "instead")):
             return await recover_site(tree, site, apply=apply, machine_name=machine, clock=LoopClock(), say=say)
 
     with progress(quiet=as_json, at=(tree, site)) as say:

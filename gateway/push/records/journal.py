@@ -19,7 +19,7 @@ import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Self
 
 from drivers.local.names import stem
 from drivers.local.ownfiles import made_folder, opened, read_own
@@ -127,7 +127,7 @@ class Journal:
         return cls(path, file, 0, _START)
 
     @classmethod
-    def reopen(cls, found: JournalRead) -> Journal:
+    def reopen(cls, found: JournalRead) -> Self:
         """Go on with a journal; a torn end is cut off. Its end is read afresh: another table's part may have grown."""
         found = read(found.path)
         try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from drivers.carried import Carried
 from gateway.config import AxisSection
 from gateway.domain.outcomes import AxisVerdict, PushRecord
 from gateway.domain.proposals import TableChange
@@ -34,7 +35,8 @@ def _again(at: Bench, changes: Sequence[TableChange], records: Records) -> AxisS
     """How an axis is measured after its tables were pushed; None where none was, or nothing can measure it."""
     change = _judged_by(changes)
     pushed = any(records[one.name].outcome in PUSHED for one in changes)
-    measurable = pushed and at.supervisor.controller.capabilities.stops
+    controller = at.supervisor.controller
+    measurable = pushed and controller.capabilities.stops and not isinstance(controller, Carried)
     return live_again(at.axis(change.axis), change.targets) if measurable else None
 
 

@@ -6,7 +6,8 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
 
-from drivers.ports.instruments import Recounting, RotaryCalibrator
+from drivers.carried import Carried, at_work
+from drivers.ports.instruments import Recounting, RotaryCalibrator, TypedInstrument
 from drivers.types.orders import SignProof
 from drivers.types.stops import Stop
 from drivers.types.tables import LiveSet
@@ -28,8 +29,16 @@ SWITCH_SETTLE_S = 8.0
 
 def provable(at: Bench, axis: AxisSection) -> bool:
     """Whether a push can prove a sign itself: an instrument sees the output axis, and the table can be switched."""
-    can = at.supervisor.controller.capabilities
-    return bool(axis.measure.instrument) and can.switches_now
+    controller = at.supervisor.controller
+    if isinstance(controller, Carried) and (at_work().ends or not _typed(at, axis)):
+        return False  # an instrument cannot be read while the axis stands at a stop of a program that was carried
+    return bool(axis.measure.instrument) and controller.capabilities.switches_now
+
+
+def _typed(at: Bench, axis: AxisSection) -> bool:
+    return bool(axis.measure.instrument) and isinstance(
+        at.supervisor.instrument(axis.measure.instrument), TypedInstrument
+    )
 
 
 @dataclass(slots=True)

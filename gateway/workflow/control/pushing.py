@@ -16,15 +16,15 @@ from gateway.domain.outcomes import PushRecord, Verdict
 from gateway.domain.proposals import Proposal, TableChange
 from gateway.errors import StoreError, WriteRefused
 from gateway.interlocks import Refusal
-from gateway.push import Asked, PushContext, Stays, ask, outcome_error, push_tables, together
+from gateway.push import Asked, PushContext, Stays, ask, ended_before, goes_on, outcome_error, push_tables, together
 from gateway.say import Say
 from gateway.store import RunFolder
-from gateway.workflow import stages
+from gateway.workflow import carrying, stages
 from gateway.workflow.aftercare import in_push, standing_alarms
 from gateway.workflow.axes.acting import check_acting
 from gateway.workflow.axes.measure import MeasuredAxis
 from gateway.workflow.axes.verdict import PUSHED, judge
-from gateway.workflow.bench import Bench, bench, check_name, site_of
+from gateway.workflow.bench import Bench, bench, check_name, conclude, site_of
 from gateway.workflow.consents import (
     Taken,
     begin,
@@ -56,8 +56,27 @@ async def apply_proposal(at: Bench, proposal: Proposal, measured: Mapping[str, M
     everything about it is stored; with any reason against any table at the start, nothing at all is written.
     """
     demand_todays(at.folder)
+    done = await _starting(at, proposal, measured)
+    try:
+        verdict = await _applied(at, proposal, measured, done)
+    except TrueflankError:
+        carrying.ended(at, done.going)
+        raise
+    carrying.ended(at, done.going)
+    return verdict
+
+
+async def _starting(at: Bench, proposal: Proposal, measured: Mapping[str, MeasuredAxis]) -> _Done:
+    """Nothing speaks against it, and its approvals are used up; what waits for carried files was asked before."""
+    going = carrying.going_on(at)
+    if going is not None:
+        return _Done(going.taken, going=going)
     await _nothing_against(at, proposal, measured)
-    done = _Done(take_up(at, proposal))
+    approvals = take_up(at, proposal)
+    return _Done(approvals, going=carrying.begun(at, approvals))
+
+
+async def _applied(at: Bench, proposal: Proposal, measured: Mapping[str, MeasuredAxis], done: _Done) -> Verdict:
     changes = await signed(at, proposal.changes, measured)
     own = [change for change in changes if change.layer == "axis"]
     await _push(at, [change for change in own if change.new.kind != "reversal"], measured, done)
@@ -83,6 +102,7 @@ class _Done:
     records: dict[str, PushRecord] = field(default_factory=dict)
     tables: list[CompensationTable] = field(default_factory=list)
     proofs: list[SignProof] = field(default_factory=list)
+    going: carrying.CarriedPush | None = None
 
 
 async def _push(at: Bench, changes: Sequence[TableChange], measured: Mapping[str, MeasuredAxis], done: _Done) -> None:
@@ -99,9 +119,13 @@ async def _push(at: Bench, changes: Sequence[TableChange], measured: Mapping[str
 async def _handed_over(at: Bench, group: Sequence[tuple[TableChange, PushContext]], done: _Done) -> None:
     wishes = [(change, await _ready(at, change, context, done)) for change, context in group]
     changes = [change for change, _ in wishes]
+    wishes = [(change, carrying.keyed(context, done.going, changes)) for change, context in wishes]
+    known = all(ended_before(context) for _, context in wishes)
     records = await kept(at, changes, _begun(at, wishes))
+    if not known:
+        conclude(at.supervisor.controller)
     for change, record in zip(changes, records, strict=True):
-        if not change.skipped:
+        if not change.skipped and not known:
             tell(at, ended(at, change, record))
         done.records[change.name] = record
         if record.outcome in PUSHED:
@@ -121,7 +145,7 @@ async def _handed_over(at: Bench, group: Sequence[tuple[TableChange, PushContext
 
 async def _begun(at: Bench, wishes: Sequence[tuple[TableChange, PushContext]]) -> tuple[PushRecord, ...]:
     for change, context in wishes:
-        if not change.skipped:
+        if not change.skipped and not goes_on(context):
             begin(at, change, context)
     return await push_tables(wishes, _may_stay(at))
 
@@ -189,12 +213,13 @@ async def push_run(
     demand_todays(folder)
     measured = stored_axes(folder, proposal)
     try:
-        async with bench(site, path, folder=folder, clock=clock, say=say) as at:
-            if not apply:
-                return await _show(at, proposal, measured)
-            verdict = await apply_proposal(at, proposal, measured)
-            await check_acting(at)
-            return alarmed(finish(folder, measured, proposal, verdict), standing_alarms(at))
+        with carrying.carried_for(folder, site.controller.driver, apply=apply):
+            async with bench(site, path, folder=folder, clock=clock, say=say) as at:
+                if not apply:
+                    return await _show(at, proposal, measured)
+                verdict = await apply_proposal(at, proposal, measured)
+                await check_acting(at)
+                return alarmed(finish(folder, measured, proposal, verdict), standing_alarms(at))
     except TrueflankError as error:
         folder.set_state("failed", error=error.as_record())
         raise

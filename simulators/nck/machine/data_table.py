@@ -88,6 +88,8 @@ DATA: dict[str, DataSpec] = {
     IS_METRIC: DataSpec("", "bool", "power_on", True),
     "$MN_CONVERT_SCALING_SYSTEM": DataSpec("", "bool", "power_on", False),
     "$MN_AXCONF_MACHAX_NAME_TAB": DataSpec("n", "text", "never", ""),
+    "$MN_HW_SERIAL_NUMBER": DataSpec("n", "text", "never", "", count=2),
+    "$MN_VERSION_INFO": DataSpec("n", "text", "never", "", count=4),
     "$MN_INFO_FREE_MEM_STATIC": DataSpec("", "int", "never", 1_000_000),
     "$MN_LEN_PROTOCOL_FILE": DataSpec("", "int", "now", 1, low=1, high=100000),
     "$MN_PROTOCOL_FILE_MODE": DataSpec("", "int", "now", 0, low=0, high=1),

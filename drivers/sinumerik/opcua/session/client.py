@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import functools
+import secrets as random_source
 from collections.abc import Sequence
 from datetime import datetime
 from typing import Any
@@ -86,6 +87,16 @@ class UaSession(UaConnection):
             owner = node_id(parent, self._index)
             found = await requests.methods(client, owner)
             self._methods |= {name: (owner, node) for name, node in found.items()}
+
+    # ---- time and chance: another road has its own ----------------------------------------------------
+
+    async def rest(self, seconds: float) -> None:
+        """Let time pass until the control is looked at again."""
+        await self._clock.sleep(seconds)
+
+    def fresh_number(self) -> int:
+        """Six digits that name a program, so that an older one's words and files are never taken for its own."""
+        return random_source.randbelow(899_999) + 100_000
 
     # ---- requests -----------------------------------------------------------------------------------
 

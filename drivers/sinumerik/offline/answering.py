@@ -1,0 +1,117 @@
+"""Whether what was brought back answers a step: every file there, whole, of this very run, and what a person typed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from drivers.errors import FileFormatError
+from drivers.local.tomlfile import parse_toml
+from drivers.sinumerik.ncprogram.backup import END_WORD
+from drivers.sinumerik.ncprogram.legal import legal
+from drivers.sinumerik.offline import report
+from drivers.sinumerik.offline.folder import SEEN_FILE, CarriedStep, bare, stick_name
+from drivers.sinumerik.offline.image import SeenControl
+from drivers.sinumerik.offline.report import PATHS, SEEN, TOLD, ReportAsked, ToldReport
+
+_ENABLES = "_N_TFENAB_"
+
+
+def judge(path: str, text: str, axes: Iterable[str]) -> None:
+    """A program as it is carried must be legal too. Raises LocalProtocolError (E-PROGRAM-ILLEGAL)."""
+    legal(path, text, axes)
+
+
+def restarts(steps: Sequence[CarriedStep]) -> bool:
+    """Whether the control must be restarted before the newest step: the one before it switched tables on."""
+    return len(steps) > 1 and _ENABLES in steps[-2].path and _ENABLES not in steps[-1].path
+
+
+def taken(step: CarriedStep, brought: Mapping[str, str], asked: ReportAsked, where: str) -> CarriedStep | None:
+    """The step with what answers it; None where nothing was brought at all.
+
+    The report of the looking program answers in place of the program's own: then the control tells where it stands.
+    Raises FileFormatError: E-OFF-MISSING (a file is not there), E-OFF-OTHER (of another step), E-OFF-SEEN, E-SAVED-CUT,
+    E-SAVED-COUNT, E-OFF-REPORT.
+    """
+    if not brought:
+        return None
+    if step.look == step.number:
+        return _taken(step, brought, asked, SEEN, where)
+    try:
+        return _taken(step, brought, asked, TOLD, where)
+    except FileFormatError:
+        seen = brought.get(_bare(PATHS[SEEN]), "")
+        if not seen.startswith(report.first_line(SEEN, step.look)):
+            raise
+    return _taken(step, brought, asked, SEEN, where)
+
+
+def _taken(step: CarriedStep, brought: Mapping[str, str], asked: ReportAsked, kind: str, where: str) -> CarriedStep:
+    """The step by one of the two reports; by that of the looking program with what else there is and is whole."""
+    number, wanted = (step.look, (PATHS[SEEN],)) if kind == SEEN else (step.number, step.files)
+    missing = [path for path in wanted if _bare(path) not in brought]
+    if missing:
+        names = ", ".join(stick_name(path) for path in missing)
+        raise FileFormatError("E-OFF-MISSING", where, names=names, there=", ".join(sorted(brought)))
+    answers = {path: brought[_bare(path)] for path in wanted}
+    typed = _typed(brought, step.number, where)
+    whole = replace(step, answers=answers, typed={**typed, "kind": kind, "number": number})
+    image_of(whole, asked, where)
+    for path in step.files:
+        if path in PATHS.values():
+            continue
+        try:
+            _check_whole(brought.get(_bare(path), ""), f"{where}: {stick_name(path)}")
+        except FileFormatError:
+            if kind == TOLD:
+                raise
+        else:
+            whole.answers[path] = brought[_bare(path)]
+    return whole
+
+
+def _bare(path: str) -> str:
+    return bare(path.rpartition("/")[2])
+
+
+def image_of(step: CarriedStep, asked: ReportAsked, where: str) -> SeenControl:
+    """How the control stood by an answered step. Raises FileFormatError as `report.read`."""
+    kind, number = str(step.typed["kind"]), int(step.typed["number"])
+    place = f"{where}: {stick_name(PATHS[kind])}"
+    found: ToldReport = report.read(step.answers[PATHS[kind]], place, kind=kind, number=number, names=asked.names)
+    alarms, level = tuple(step.typed["alarms"]), int(step.typed["access_level"])
+    return SeenControl(found, asked, alarms=alarms, access_level=level, program=step.path).checked(where)
+
+
+def _check_whole(text: str, where: str) -> None:
+    """Whether a file of tables has its begin, its end and as many lines as it says; whose it is the driver asks.
+
+    What it must hold, line by line, is judged when it is read.
+    """
+    lines = [line.rstrip() for line in text.rstrip().splitlines()]
+    first = lines[0].split() if lines else []
+    if len(first) < 3 or first[0] != ";TRUEFLANK" or lines[-1] != END_WORD:
+        raise FileFormatError("E-SAVED-CUT", where, line=len(lines) or 1, text=(lines[-1] if lines else "")[:60])
+    if first[1] != "SELF":
+        report.check_ends(lines, where, lines[0], f"{first[1]} {first[2]}")
+
+
+def _typed(brought: Mapping[str, str], number: int, where: str) -> dict[str, Any]:
+    """What the person typed of the control's screen. Raises FileFormatError (E-OFF-SEEN)."""
+    text = brought.get(SEEN_FILE.upper())
+    if text is None:
+        raise FileFormatError("E-OFF-MISSING", where, names=SEEN_FILE, there=", ".join(sorted(brought)))
+    try:
+        tree = parse_toml(text)
+    except ValueError as error:
+        raise FileFormatError("E-OFF-SEEN", where, key="the file", why=str(error)) from error
+    if tree.get("step") != number:
+        raise FileFormatError("E-OFF-OTHER", f"{where}: {SEEN_FILE}", found=f"step {tree.get('step')}", wanted=number)
+    alarms, level = tree.get("alarms"), tree.get("access_level")
+    if not isinstance(alarms, list) or not all(type(one) is int and 0 < one < 1_000_000 for one in alarms):
+        raise FileFormatError("E-OFF-SEEN", where, key="alarms", why="a list of alarm numbers, [] for none")
+    if type(level) is not int or not 0 <= level <= 7:
+        raise FileFormatError("E-OFF-SEEN", where, key="access_level", why="a number from 0 to 7")
+    return {"alarms": alarms, "access_level": level}

@@ -1,0 +1,298 @@
+"""The session of a control without a wire: reads come from what was brought back, writes go along in what is carried.
+
+Work with a control is the same sequence of questions each time it is begun again, so each step that was carried answers
+where it answered before; the first one without an answer is what a person has to carry now. Nothing is sent twice: a
+step that was composed stays as it is, and a program that differs from it is refused.
+"""
+
+from __future__ import annotations
+
+import secrets as random_source
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from datetime import datetime
+from typing import Any
+
+from drivers.carried import PieceOfWork, ToCarry, at_work
+from drivers.clock import Clock
+from drivers.errors import DeadlineExceeded, DeviceRefused, FileFormatError, LinkBroken, UnsupportedDevice
+from drivers.sinumerik.ncprogram.words import Word
+from drivers.sinumerik.offline import answering, composing
+from drivers.sinumerik.offline.folder import CarriedStep, StepFolder, stick_name
+from drivers.sinumerik.offline.image import SeenControl
+from drivers.sinumerik.offline.report import ReportAsked
+from drivers.sinumerik.offline.sheet import carried_files
+from drivers.sinumerik.opcua.session import nodes, requests
+from drivers.sinumerik.opcua.session.client import Arguments, UaSession
+from drivers.sinumerik.opcua.session.requests import AlarmEvent, Reading
+from drivers.sinumerik.opcua.session.secrets import Secrets
+from drivers.sinumerik.opcua.settings import UaSettings
+
+LOOK = "/_N_MPF_DIR/_N_TFSEE_MPF"
+LOOK_S = 1.0
+QUIET_S = 30.0
+"""How long what was brought back is looked at for what cannot come of it any more."""
+
+
+class CarriedSession(UaSession):
+    """Settings as the road's; ``folder`` keeps the steps of `drivers.carried.at_work`."""
+
+    def __init__(self, folder: StepFolder, asked: ReportAsked, settings: UaSettings, clock: Clock, where: str) -> None:
+        super().__init__("carried://", clock, where)
+        self._folder, self._asked_for, self._settings = folder, asked, settings
+        self._open = self.suspended = False
+        self._steps: list[CarriedStep] = []
+        self._at = 0
+        self._image: SeenControl | None = None
+        self._programs: dict[str, str] = {}
+        self._files: dict[str, str] = {}
+        self._pending: CarriedStep | None = None
+        self._quiet_s = 0.0
+        self._drawn: list[int] = []
+
+    # ---- opening and closing ------------------------------------------------------------------------
+
+    @property
+    def is_open(self) -> bool:
+        """Whether requests can be made; no more once a person has to carry something."""
+        return self._open and not self.suspended
+
+    @property
+    def methods(self) -> frozenset[str]:
+        """What stands for the wire's methods."""
+        return frozenset({"CopyFileToServer", "CopyFileFromServer", "Select"})
+
+    async def open(self, secrets: Secrets, timeout_s: float) -> None:
+        """From the beginning of the work under way.
+
+        Raises ToCarry where the control was never seen, BusyError (E-OFF-BEGUN) while other work waits for its files,
+        ConfigError (E-OFF-NONE, E-OFF-FOLDER), FileFormatError.
+        """
+        del secrets, timeout_s
+        self._folder.prepare()
+        self._begin(at_work())
+        self._steps, self._at, self._pending = self._folder.steps(), 0, None
+        self._programs, self._files, self._drawn, self.suspended = {}, {}, [], False
+        last = self._folder.last()
+        self._image = answering.image_of(last, self._asked_for, self._where) if last is not None else None
+        if self._image is not None and last is not None:
+            self._image.queued = {int(number): value for number, value in last.given.items()}
+        self._open = True
+        if self._image is None:
+            await self._introduced()
+
+    def _begin(self, work: PieceOfWork) -> None:
+        waits = self._folder.work()
+        if work.start == "instead" or (waits is not None and not waits and not work.ends):
+            self._folder.conclude(self._folder.newest())
+        elif waits is not None and not (waits == work.name and work.start == "go-on"):
+            raise DeviceRefused("E-OFF-BEGUN", self._where, what=waits or "another command")
+        self._folder.call(work.name)
+
+    async def close(self) -> None:
+        """What the control is still to be told goes along in the next program; nothing else to let go of."""
+        if self._open and not self.suspended and not self._steps:
+            last = self._folder.last()
+            if last is not None and self._image is not None:
+                self._folder.keep_last(self._with_queue(last))
+        self._open = False
+
+    async def beside(self, timeout_s: float) -> UaSession:
+        """No second one. Raises UnsupportedDevice (E-UA-ABSENT)."""
+        raise UnsupportedDevice("E-UA-ABSENT", self._where, status="no wire", what=f"a second session in {timeout_s} s")
+
+    async def _introduced(self) -> None:
+        """The first step of all: look at the control."""
+        await self.looked("introduction")
+
+    async def looked(self, why: str, *, restart: bool = False) -> None:
+        """A step of the looking program alone, ``restart``: after a restart of the control. Raises as `rest`."""
+        self._pending = self._next(
+            LOOK, why, lambda number: composing.looking(number, self._asked_for), restart=restart
+        )
+        while self._pending is not None:
+            await self.rest(LOOK_S)
+
+    # ---- requests -----------------------------------------------------------------------------------
+
+    @property
+    def image(self) -> SeenControl:
+        """How the control stood when it was seen last."""
+        if self._image is None:
+            raise LinkBroken("E-UA-BROKEN", self._where, why="nothing of the control was ever brought back")
+        return self._image
+
+    async def read(self, paths: Sequence[str], timeout_s: float) -> list[Reading]:
+        """As `UaSession.read`."""
+        return requests.judged(await self.survey(paths, timeout_s), self._where)
+
+    async def survey(self, paths: Sequence[str], timeout_s: float) -> list[Reading]:
+        """As `UaSession.survey`."""
+        del timeout_s
+        return self.image.read(paths, self._settings)
+
+    async def read_aged(self, paths: Sequence[str], timeout_s: float) -> list[Reading]:
+        """As `read`: the control was seen when its last program ended."""
+        return await self.read(paths, timeout_s)
+
+    async def server_time(self, timeout_s: float) -> datetime | None:
+        """None: nobody tells."""
+        del timeout_s
+        return None
+
+    async def user_may_write(self, path: str, timeout_s: float) -> bool | None:
+        """None: only the programs themselves find out."""
+        del path, timeout_s
+        return None
+
+    async def alarm_events(self, timeout_s: float) -> list[AlarmEvent] | None:
+        """None: a person types them."""
+        del timeout_s
+        return None
+
+    async def write(self, values: Sequence[tuple[str, Any]], timeout_s: float) -> None:
+        """R parameters: they go along in the next program. Raises DeviceRefused (E-OFF-WRITE) for anything else."""
+        del timeout_s
+        echo = self._settings.words.number(Word.ECHO)
+        for path, value in values:
+            address = nodes.parse(path)
+            if address is None or address.name != "R" or not address.elements:
+                raise DeviceRefused("E-OFF-WRITE", self._where, what=path)
+            number = address.elements[0]
+            self.image.queued[number] = float(value)
+            if number == echo:
+                self.image.echoed(float(value))
+        self._quiet_s = 0.0
+
+    async def call(self, method: str, arguments: Arguments, timeout_s: float) -> Any:
+        """Files there and back, and which program runs next. Raises as `UaSession.call`."""
+        del timeout_s
+        path = nodes.from_file(str(arguments[0][0])) or str(arguments[0][0])
+        if method == "CopyFileToServer":
+            self._programs[path] = bytes(arguments[1][0]).decode("ascii")
+            return None
+        if method == "CopyFileFromServer":
+            text = self._programs.get(path, self._files.get(path))
+            if text is None:
+                raise DeviceRefused("E-UA-FILE", self._where, status="BadNotFound", what=path)
+            return text.encode("latin-1")
+        if method == "Select":
+            self._select(path)
+            return 0
+        raise UnsupportedDevice("E-UA-ABSENT", self._where, status="no wire", what=method)
+
+    def fresh_number(self) -> int:
+        """A number for a program; the same for the same step each time the work is begun again."""
+        known = self._steps[self._at].drawn if self._at < len(self._steps) else []
+        if len(self._drawn) >= len(known):
+            self._drawn.append(_any_number())
+        else:
+            self._drawn.append(known[len(self._drawn)])
+        return self._drawn[-1]
+
+    # ---- steps --------------------------------------------------------------------------------------
+
+    def _select(self, path: str) -> None:
+        text = self._programs.get(path)
+        if text is None:
+            raise DeviceRefused("E-NC-NO-PROGRAM", self._where, path=path)
+        image, given = self.image, dict(self.image.queued)
+
+        def compose(number: int) -> str:
+            told = (self._asked_for, image.serial.strip(), image.chain, given)
+            return composing.composed(text, number, *told)
+
+        self._pending = self._next(path, text, compose, given)
+        image.program = path
+        self._quiet_s = 0.0
+
+    def _next(
+        self,
+        path: str,
+        sent: str,
+        compose: Callable[[int], str],
+        given: dict[int, float] | None = None,
+        *,
+        restart: bool = False,
+    ) -> CarriedStep:
+        """The step at this place of the work: as it was composed before, or composed, kept and laid out now."""
+        digest = composing.digest(sent)
+        place, self._at = self._at, self._at + 1
+        drawn, self._drawn = self._drawn, []
+        if place < len(self._steps):
+            step = self._steps[place]
+            if (step.path, step.sent) != (path, digest):
+                raise DeviceRefused("E-OFF-DIVERGED", self._where, step=place + 1, was=step.path, now=path)
+            return step
+        number = _any_number()
+        look = number if path == LOOK else _any_number()
+        text = compose(number)
+        answering.judge(path, text, self._asked_for.axes)
+        kept = {str(name): value for name, value in (given or {}).items()}
+        step = CarriedStep(number, path, digest, files=composing.files_of(text), look=look, given=kept, drawn=drawn)
+        step.restart = restart or answering.restarts([*self._steps, step])
+        self._steps.append(step)
+        self._folder.keep(place + 1, step)
+        self._folder.lay_out(carried_files(place + 1, step, text, composing.looking(step.look, self._asked_for)))
+        return step
+
+    async def rest(self, seconds: float) -> None:
+        """A wait of the road: for the files of the step that is out, or for what they show.
+
+        Raises ToCarry while a step is out and the work ends here, DeadlineExceeded (E-OFF-NOT-RUN) when nothing that
+        was brought back can show what is waited for.
+        """
+        step = self._pending
+        if step is None:
+            self._quiet_s += seconds
+            if self._quiet_s > QUIET_S:
+                raise DeadlineExceeded("E-OFF-NOT-RUN", self._where, program=stick_name(self.image.program))
+            await self._clock.sleep(seconds)
+            return
+        why = self._answer(step)
+        if self._pending is None:
+            return
+        if at_work().ends:
+            self.suspended = True
+            raise ToCarry(self._folder.carry, stick_name(step.path), self._folder.sheet, why)
+        self._folder.complain(why)
+        await self._clock.sleep(max(seconds, LOOK_S))
+
+    def _answer(self, step: CarriedStep) -> str:
+        """Take what was brought back for a step, if it is whole; else why not ("" for nothing at all)."""
+        try:
+            if not step.answered:
+                taken = answering.taken(step, self._folder.brought(), self._asked_for, str(self._folder.back))
+                if taken is None:
+                    return ""
+                self._folder.keep(self._at, taken)
+                self._steps[self._at - 1] = step = taken
+            image = answering.image_of(step, self._asked_for, self._where)
+        except FileFormatError as error:
+            return str(error)
+        image.stop = 0 if image.report.stops else None
+        self._files.update(step.answers)
+        self._image, self._pending, self._quiet_s = image, None, 0.0
+        return ""
+
+    def conclude(self) -> None:
+        """The work under way has ended. What is still queued goes along in the next program."""
+        if not self._open:
+            return  # this session has taken up nothing
+        last = self._folder.newest()
+        self._folder.conclude(self._with_queue(last) if last is not None and self._image is not None else last)
+        self._steps, self._at, self._pending = [], 0, None
+
+    def _with_queue(self, step: CarriedStep) -> CarriedStep:
+        given = {str(number): value for number, value in self.image.queued.items()}
+        return replace(step, given=given)
+
+    @property
+    def under_way(self) -> bool:
+        """Whether a step of work is on the disk."""
+        return bool(self._folder.steps())
+
+
+def _any_number() -> int:
+    """Six digits that name a step or a program: an older one is not taken for it."""
+    return random_source.randbelow(899_999) + 100_000

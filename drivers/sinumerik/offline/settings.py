@@ -1,0 +1,49 @@
+"""What a site file may say about a control that is reached by carrying files."""
+
+from __future__ import annotations
+
+import re
+from typing import Any, ClassVar
+
+from pydantic import Field
+
+from drivers.settings import DriverSettings, FolderPathText, Rule
+from drivers.sinumerik.ncprogram.words import COUNT
+from drivers.sinumerik.opcua.session import nodes
+
+_AXIS = re.compile(r"[A-Z_][A-Z0-9_]{0,31}")
+MOST_AXES, MOST_TABLES = 31, 62
+
+
+class OfflineSettings(DriverSettings):
+    """Keys under ``[controller.settings]`` of a control that is reached by carrying files."""
+
+    addresses: ClassVar[tuple[str, ...]] = ("carried",)
+    folder: FolderPathText = Field(default="carried", description="folder of what is carried to the control and back")
+    axes: str = Field(
+        default="", description="names of all machine axes in the control's own order (MD10000), blanks between them"
+    )
+    cross_tables: int = Field(default=0, ge=0, le=MOST_TABLES, description="how many CEC tables have memory (MD18342)")
+    r_first: int = Field(
+        default=80, ge=3, le=nodes.R_LAST - COUNT, description=f"first of {COUNT} R parameters that are ours alone"
+    )
+
+    def rules(self) -> tuple[Rule, ...]:
+        """Axis names go into programs."""
+        names = self.names
+        good = 0 < len(set(names)) == len(names) <= MOST_AXES and all(_AXIS.fullmatch(name) for name in names)
+        return (("axes", good, 'must name every axis of the control once, as "X1 Z1 C1"'),)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The axes by their numbers."""
+        return tuple(self.axes.split())
+
+    @property
+    def road(self) -> dict[str, Any]:
+        """The settings that the programs and their conversation are written by.
+
+        No file comes out of a control while a program waits there, so each half is a program of its own.
+        """
+        pace = {"poll_s": 0.2, "fast_poll_s": 0.02, "stale_s": 0.0}
+        return {"security": "None", "two_programs": True, "r_first": self.r_first, **pace}
