@@ -23,8 +23,8 @@ from gateway.push.signproof import triangle_of
 from gateway.say import silence
 from gateway.workflow.axes.measure import fetch_tables
 from gateway.workflow.bench import Bench
-from gateway.workflow.control.proving import provable, prove
-from gateway.workflow.control.pushing import table_context
+from gateway.workflow.control.contexts import table_context
+from gateway.workflow.control.proving import mount, provable, prove
 from gateway.workflow.selftests import untested
 from gateway.workflow.witness import Witness
 
@@ -154,7 +154,8 @@ async def _proof(at: Bench, axis: AxisSection, before: LiveSet) -> float:
         predicted=nothing,
         predicted_U=nothing,
     )
-    return (await prove(at, change, replace(table_context(at, table, None), log=Witness(at)))).slope
+    context = replace(table_context(at, table, None), log=Witness(at))
+    return (await prove(at, change, context, await mount(at, axis))).slope
 
 
 def _measured(desk: SiteDesk, name: str) -> AxisSection:

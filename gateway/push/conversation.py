@@ -153,7 +153,8 @@ async def visit(
             context.say(ask[0], **ask[1])
 
     if context.controller.capabilities.stops:
-        await walk(context.controller, plan, note, Patience(context.start_timeout_s, context.stop_timeout_s), say)
+        patience = Patience(context.start_timeout_s, context.stop_timeout_s)
+        await walk(context.controller, plan, note, patience=patience, say=say)
         return
     if ask[0]:
         context.say(ask[0], **ask[1])

@@ -55,7 +55,7 @@ async def prove_effect(work: Work, positions: tuple[float, ...], base: LiveSet) 
 
     order = work.order(table, True, "table", work.whole.number)
     ask = ("P-PUSH-EFFECT", {"axis": context.moved.name, "count": len(positions)})
-    await conversation.visit(context, effect_plan(work, positions), at_stop, order, ask)
+    await conversation.visit(context, effect_plan(work, positions), at_stop, order, ask=ask)
     work.effect = _judged(work, table, shown)
     live = await context.controller.saved_tables(context.axis.name, context.proof)
     _still_there(work, live, base)

@@ -230,7 +230,7 @@ async def _measured(work: Work, order: PushOrder, peak: float, read_stop: ReadSt
     _say_switching(context, order)
     plan = conversation.plan_of(context, "TFSIGN", stops=stops, setup=setup, cross_table=switched, reversal=trial)
     ask = ("P-PUSH-SIGN", {"axis": context.axis.name, "position": peak})
-    await conversation.visit(context, plan, read, order, ask)
+    await conversation.visit(context, plan, read, order, ask=ask)
     return steps_of(reversalproof.reversals(readings) if trial is not None else readings)
 
 

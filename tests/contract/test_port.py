@@ -23,6 +23,7 @@ from drivers.types.orders import PushBatch, PushOrder, ReadBack, SignProof
 from drivers.types.tables import LiveSet, LiveTable
 from tests.contract import linuxcnc_stage, modbus_stage, opcua_stage
 from tests.contract.fileroad import CAPABILITIES, FileRoad, Machine, curve
+from tests.offline.world import offline_world
 from tests.sizes import long
 
 
@@ -88,10 +89,30 @@ async def on_linuxcnc(_folder: Path) -> AsyncIterator[Subject]:
             yield found
 
 
+@contextlib.asynccontextmanager
+async def on_stick(_folder: Path) -> AsyncIterator[Subject]:
+    """The 840D without a wire: a person carries programs there, runs them, and brings what they wrote."""
+
+    async def person(_moment: Moment, work: Coroutine[Any, Any, Any]) -> Any:
+        return await work
+
+    with tempfile.TemporaryDirectory() as folder:
+        async with offline_world(LoopClock(), Path(folder), old=None) as world:
+            world.porter.start()
+            device = world.driver()
+            await device.open(5.0)
+            try:
+                yield Subject(device, world.new, "X", False, 0.0, person, allowed=0.002, timeout_s=3600.0)
+            finally:
+                await device.close()
+                await world.porter.stop()
+
+
 ROADS: dict[str, Callable[[Path], contextlib.AbstractAsyncContextManager[Subject]]] = {
     "sinumerik-opcua": on_opcua,
     "sinumerik-opcua with gaps": on_opcua_with_gaps,
     "sinumerik-modbus": on_mailbox,
+    "sinumerik-offline": on_stick,
     "linuxcnc-agent": on_linuxcnc,
     "file-road": on_files,
 }

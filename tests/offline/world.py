@@ -21,6 +21,7 @@ from tests.push.uaworld import X_SPEC, Z_SPEC
 from tests.push.world import NEW, OLD
 
 URL = "carried://stick"
+BEFORE = LiveTable(OLD, True)
 
 
 class OfflineWorld:
@@ -45,20 +46,20 @@ class OfflineWorld:
 
 @contextlib.asynccontextmanager
 async def offline_world(
-    clock: Clock, folder: Path, new: CompensationTable = NEW, **switches: Any
+    clock: Clock, folder: Path, new: CompensationTable = NEW, old: LiveTable | None = BEFORE, **switches: Any
 ) -> AsyncIterator[OfflineWorld]:
-    """A machine that is switched on, referenced, in AUTO, with the old table live."""
-    old = LiveTable(OLD, True)
+    """A machine that is switched on, referenced, in AUTO, with the old table live; None: it holds nothing yet."""
     spec = NckSpec((X_SPEC, Z_SPEC))
     nck = Nck(replace(spec, access_level=2, files_max_bytes=65536, **switches), clock)
-    held: Any = nck.core.memory.eec[0, 0]
-    content = content_of(old.table, len(held.points))
-    held.points = list(content.points)
-    held.minimum, held.maximum, held.step, held.is_modulo = content.shape
+    if old is not None:
+        held: Any = nck.core.memory.eec[0, 0]
+        content = content_of(old.table, len(held.points))
+        held.points = list(content.points)
+        held.minimum, held.maximum, held.step, held.is_modulo = content.shape
     await nck.start()
-    nck.core.data.store(ENC_ENABLE, (0, 0), old.enabled)
+    nck.core.data.store(ENC_ENABLE, (0, 0), old is not None and old.enabled)
     nck.core.newconf()
-    made = OfflineWorld(nck, clock, folder, old, new)
+    made = OfflineWorld(nck, clock, folder, old or BEFORE, new)
     await made.porter.ready()
     try:
         yield made

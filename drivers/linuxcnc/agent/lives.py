@@ -8,6 +8,7 @@ from pathlib import Path
 
 PROC = Path("/proc")
 TASK = "milltask"
+ENDED = "ZX"  # a process that has ended is listed until its parent asks for it
 
 
 @dataclass(frozen=True)
@@ -23,8 +24,9 @@ def running() -> Life | None:
     for folder in PROC.glob("[0-9]*"):
         try:
             words = (folder / "stat").read_text().rpartition(")")
-            if words[0].partition("(")[2] == TASK:
-                ticks = int(words[2].split()[19])
+            rest = words[2].split()
+            if words[0].partition("(")[2] == TASK and rest[0] not in ENDED:
+                ticks = int(rest[19])
                 return Life(f"{folder.name}-{ticks}", _boot_s() + ticks / os.sysconf("SC_CLK_TCK"))
         except OSError:  # it ended while we looked
             continue

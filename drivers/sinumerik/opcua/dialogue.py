@@ -89,10 +89,8 @@ class Dialogue:
     async def begin(self, axis_number: int, number: int, program: str, others: tuple[int, ...] = ()) -> None:
         """Clear all words for a new program, noted by its number first; remember the alarms that were there before it.
 
-        ``others`` are axes that it moves too: a glance calls the axis referenced when all are.
-
-        Raises DeviceRefused (E-NC-NOT-RESET) when the channel is not in reset, and what the book raises when the
-        program cannot be noted: nothing is written then.
+        ``others`` are axes that it moves too: a glance calls the axis referenced when all are. Raises DeviceRefused
+        (E-NC-NOT-RESET) when the channel is not in reset, and what the book raises; nothing is written then.
         """
         self._axes = (axis_number, *others)
         seen = await self.look()

@@ -31,6 +31,7 @@ class Screen:
         self.r: dict[int, float] = {}
         self.pressed: list[str] = []
         self.ready = True
+        self.in_alarm, self.selected = False, ""
         self.axes: set[str] = set()
 
     def r_parameter(self, number: int) -> float:
