@@ -98,7 +98,10 @@ async def _limits(desk: SiteDesk, name: str) -> str:
 
 async def _rights(desk: SiteDesk, _axis: str) -> str:
     """Nothing is written: the server is asked whether this user may."""
-    prober = prober_of(desk.site, desk.clock)
+    try:
+        prober = prober_of(desk.site, desk.clock)
+    except ConfigError as error:
+        raise NotHere("this connection has no user of its own whose rights could be asked") from error
     wanted = tuple(one for one in prober.probes("read") if one.name == "right-to-machine-datum")
     session = await prober.ask(wanted, silence, desk.site.controller.timeout_s, START_S)
     said = session.said("right-to-machine-datum")

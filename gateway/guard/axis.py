@@ -11,7 +11,7 @@ from drivers.units import DeviationUnit
 from gateway.domain.figures import Component
 from gateway.domain.values import COVERAGE, FloatArray, component_unit
 from gateway.guard.verdict import Change, GuardVerdict, judged, margin_factor, told, unknown
-from gateway.model.components import is_periodic, standard_uncertainty, value
+from gateway.model.components import is_periodic, motion_uncertainty, value
 
 FEWEST = 3
 SAME = 1e-4
@@ -35,7 +35,7 @@ class Approved:
     def at(self, places: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Values and standard uncertainties (k,) at places (k,)."""
         values = value(self.curve, places)
-        u = np.hypot(standard_uncertainty(self.curve, places), self.curve.residual_rms)
+        u = motion_uncertainty(self.curve, places)
         for index, target in enumerate(self.targets):
             same = np.abs(places - target) < SAME
             if np.isfinite(self.means[index]) and np.isfinite(self.u[index]):

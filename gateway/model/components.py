@@ -41,6 +41,14 @@ def standard_uncertainty(component: Component, positions: ArrayLike) -> FloatArr
     return np.sqrt(np.maximum(variance, 0.0)).reshape(at.shape)
 
 
+def motion_uncertainty(component: Component, positions: ArrayLike) -> FloatArray:
+    """Standard uncertainty of the error motion itself at positions: of the fit, and of what it does not follow.
+
+    A constant through readings that change by much is well known as a constant, and says little of any one place.
+    """
+    return np.hypot(standard_uncertainty(component, positions), component.residual_rms)
+
+
 def at_datum(component: Component, reference: float) -> Component:
     """The component with its value at the reference taken off everywhere; its uncertainty is zero there.
 

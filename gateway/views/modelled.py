@@ -20,7 +20,7 @@ from gateway.domain.figures import Component
 from gateway.domain.values import COVERAGE
 from gateway.gear.flank import FlankGrid, flank_grid
 from gateway.gear.grinding import Grinding
-from gateway.model.components import is_periodic, standard_uncertainty, value
+from gateway.model.components import is_periodic, motion_uncertainty, value
 from gateway.model.known import ErrorModel, chain_of_errors
 from gateway.report.tooth.errors import error_rows
 from gateway.sensitivity.outputs import Scaled
@@ -116,7 +116,7 @@ def _times(one: Sized, size: float) -> Scaled | float:
 def _curve(one: Component, systematic: float) -> dict[str, Any]:
     low, high = (0.0, 360.0) if is_periodic(one) else one.domain
     at = np.linspace(low, high, POINTS)
-    U = COVERAGE * np.hypot(standard_uncertainty(one, at), systematic)
+    U = COVERAGE * np.hypot(motion_uncertainty(one, at), systematic)
     return {"axis": one.axis, "unit": one.axis_unit, "at": _list(at), "value": _list(value(one, at)), "U": _list(U)}
 
 

@@ -19,13 +19,19 @@ from tests.selftested import keep
 
 
 def accepted(
-    folder: Path, names: tuple[str, ...], allow: Allowance = "read", *, tested: bool = True, change: Any = None
+    folder: Path,
+    names: tuple[str, ...],
+    allow: Allowance = "read",
+    *,
+    tested: bool = True,
+    change: Any = None,
+    road: str = "opcua",
 ) -> dict[str, CheckResult]:
     """Results of these checks by their names, on the smallest cell."""
 
     async def main() -> dict[str, CheckResult]:
         clock = LoopClock()
-        async with cell_running("zero", folder, clock, wires="memory") as cell:
+        async with cell_running("zero", folder, clock, wires="memory", road=road) as cell:
             if tested:
                 keep(cell.site_path, cell.file)
             if change is not None:
@@ -47,6 +53,14 @@ def test_what_can_be_read_is_accepted_and_what_lies_above_is_said(tmp_path: Path
     assert {name: word for name, word in told.items() if name not in above and word != "passed"} == {}
     assert found["motion X1"].said == "needs --allow move; this acceptance has --allow read"
     assert "V4.94" in found["identity"].said
+
+
+def test_a_mailbox_is_accepted_too_and_what_it_does_not_have_is_skipped(tmp_path: Path) -> None:
+    found = accepted(tmp_path, ("connection", "identity", "axis", "limits", "rights"), road="modbus")
+    print({name: (one.outcome, one.said) for name, one in found.items()})
+    assert {name for name, one in found.items() if one.outcome == "failed"} == set()
+    assert found["rights"].outcome == "skipped"
+    assert found["identity"].outcome == "passed"
 
 
 def test_what_is_wrong_fails_with_the_next_step(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from drivers.types.values import FloatArray
 from gateway.domain.figures import Component
 from gateway.domain.proposals import TableChange
 from gateway.domain.values import COVERAGE
-from gateway.model.components import is_periodic, standard_uncertainty, value
+from gateway.model.components import is_periodic, motion_uncertainty, value
 from gateway.model.known import ErrorModel, Unknown
 from gateway.model.preset import MOTION_NAMES
 from gateway.report.drawings.curves import FAINT, INK, NEW, OLD, QUIET, RULE, calm, limits, plain_name
@@ -78,7 +78,7 @@ def _motion(panel: Axes, one: Component, systematic: float) -> None:
     low, high = (0.0, 360.0) if is_periodic(one) else one.domain
     at = np.linspace(low, high, POINTS)
     values = value(one, at)
-    U = COVERAGE * np.hypot(standard_uncertainty(one, at), systematic)
+    U = COVERAGE * np.hypot(motion_uncertainty(one, at), systematic)
     _small(panel, f"{one.name}  {one.unit}")
     panel.fill_between(at, values - U, values + U, color=NEW, alpha=0.18, lw=0)
     panel.plot(at, values, color=NEW, lw=1.1)

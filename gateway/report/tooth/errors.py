@@ -10,7 +10,7 @@ import numpy as np
 from drivers.units import DeviationUnit
 from gateway.domain.figures import Component
 from gateway.domain.values import COVERAGE
-from gateway.model.components import is_periodic, standard_uncertainty, value
+from gateway.model.components import is_periodic, motion_uncertainty, value
 from gateway.model.known import ErrorModel
 from gateway.model.preset import TWENTY_ONE
 
@@ -63,7 +63,7 @@ def _motion(one: Component, systematic: float) -> ErrorRow:
     low, high = (0.0, 360.0) if is_periodic(one) else one.domain
     at = np.linspace(low, high, POINTS)
     values = value(one, at)
-    U = COVERAGE * float(np.hypot(np.max(standard_uncertainty(one, at)), systematic))
+    U = COVERAGE * float(np.hypot(np.max(motion_uncertainty(one, at)), systematic))
     least, most = float(values.min()), float(values.max())
     how = _fitted(one, low, high)
     return ErrorRow(one.name, one.unit, low=least, high=most, U=U, state="measured", how=how)

@@ -10,7 +10,7 @@ import pytest
 from gateway.domain.figures import Component
 from gateway.errors import ModelError, NotIdentifiable
 from gateway.model import components, fit
-from gateway.model.components import at_datum, design, standard_uncertainty, value
+from gateway.model.components import at_datum, design, motion_uncertainty, standard_uncertainty, value
 from gateway.model.regression import weighted
 
 LINEAR = {"name": "EXX", "axis": "X", "axis_unit": "mm"}
@@ -176,3 +176,12 @@ def test_a_handful_of_targets_is_fitted(m: int) -> None:
     at = np.linspace(0.0, 100.0, m)
     found = fit.fit_positioning(at, 0.1 * at, 0.05, kind="linear", **LINEAR)
     assert np.abs(value(found, at) - 0.1 * at).max() < 6.0
+
+
+def test_readings_that_no_curve_follows_leave_every_place_in_doubt() -> None:
+    """Nothing is left of a constant at its datum, and its own uncertainty is zero; the motion is as rough as it was."""
+    rough = np.random.default_rng(3).normal(0.0, 6.0, Q.size)
+    found = fit.fit_positioning(Q, rough, 0.2, name="EAX", axis="X", axis_unit="mm", kind="linear", reference=0.0)
+    missed = np.abs(value(found, Q) - (rough - rough[Q == 0.0]))
+    assert np.mean(missed <= 2.0 * motion_uncertainty(found, Q)) > 0.8
+    assert np.mean(missed <= 2.0 * standard_uncertainty(found, Q)) < 0.5
