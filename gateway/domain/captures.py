@@ -56,6 +56,7 @@ class Conditions:
 
     ``feed`` in mm/min or deg/min, ``overrun`` in mm or deg. ``stated`` are uncertainties from certificates (k = 2) by
     key: um_per_m, arcsec, kelvin. ``compensation`` names the tables that acted, "-" for none, "" where unknown.
+    ``stands`` is where the site's axes stood before the axis began to move, by letter, mm or deg.
     """
 
     feed: float | None = None
@@ -65,6 +66,7 @@ class Conditions:
     operator: str = ""
     compensation: str = ""
     stated: Mapping[str, float] = field(default_factory=dict)
+    stands: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from gateway.domain.captures import Capture
 from gateway.errors import WriteRefused
+from gateway.store import RunFolder
+from gateway.workflow import stages
 from simulators.cell import Cell
 from simulators.cell.judge import Judge
 from tests.cell.bench import Judged, main_job, short
@@ -40,6 +43,11 @@ def test_the_demo_machines_rotary_axis_gets_better_as_promised(tmp_path: Path) -
     for kind in ("html", "json", "picture"):
         assert Path(judged.outcome.data["report"][kind]).stat().st_size > 1000
     kept = sorted(tmp_path.rglob("sent-*.MPF"))
+    run_of = RunFolder(Path(judged.outcome.run_folder))
+    for phase in ("before", "after"):
+        conditions = run_of.get(stages.capture("C1", phase), Capture).conditions
+        assert conditions is not None
+        assert {"X", "Y", "Z", "C"} >= set(conditions.stands) >= {"C"}
     assert {"TFMEAS_C1.MPF", "TFPUSH_C1.MPF"} == {path.name[9:] for path in kept}
     heads = [path.read_text(encoding="ascii").splitlines()[1] for path in kept if "TF" in path.name]
     run = kept[0].parent.parent.name

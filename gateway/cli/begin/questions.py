@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
+import textwrap
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -32,12 +34,18 @@ class Asker:
             return answer
         text = catalogue()[code]
         echo(f"\n{text['what']}", bold=True)
-        echo(f"  {text['do']}")
+        echo(_indented(text["do"]))
         while True:
             answer = _typed(key, default, secret=secret)
             if not (why := judge(answer)):
                 return answer
             echo(f"  {why}", colour="yellow")
+
+
+def _indented(text: str) -> str:
+    """Two columns in, broken between words where a terminal would break anywhere."""
+    wide = shutil.get_terminal_size().columns if sys.stdout.isatty() else sys.maxsize
+    return textwrap.fill(text, wide, initial_indent="  ", subsequent_indent="  ", break_on_hyphens=False)
 
 
 def _typed(key: str, default: str, *, secret: bool) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from drivers.types.sensing import Ambient
 from gateway.domain.captures import Capture, Conditions
@@ -156,10 +156,10 @@ def _capturing(report: ReportMaterial, t: Tongue) -> tuple[Block, ...]:
     )
     if not rows:
         return ()
-    head = (t("axis"), t("state"), t("feed"), t("overrun"), t("dwell"), t("cycle"), t("acting_tables"))
+    head = (t("axis"), t("state"), t("feed"), t("overrun"), t("dwell"), t("cycle"), t("acting_tables"), t("other_axes"))
     said = next(one for axis in report.axes for one in _conditions(axis) if one is not None)
     warm = (Paragraph(t("warm_up", said=said.warm_up), "small"),) if said.warm_up else ()
-    return (TableBlock(head, rows, "llrrrll", dense=True, wide=(6,)), *warm)
+    return (TableBlock(head, rows, "llrrrlll", dense=True, wide=(6, 7)), *warm)
 
 
 def _conditions(axis: AxisMaterial) -> tuple[Conditions | None, ...]:
@@ -178,7 +178,18 @@ def _taken(axis: AxisMaterial, state: str, capture: Capture) -> tuple[str, ...]:
         _in(said.dwell_s, "s"),
         capture.cycle,
         said.compensation or ABSENT,
+        _others(axis.axis, said.stands),
     )
+
+
+def _others(axis: str, stands: Mapping[str, float]) -> str:
+    """Where the axes stood that did not move: "Z 150 mm, C 0 deg"."""
+    others = (
+        f"{letter} {place:.4g} {UNIT['deg' if letter in 'ABC' else 'mm']}"
+        for letter, place in stands.items()
+        if not axis.startswith(letter)
+    )
+    return ", ".join(others) or ABSENT
 
 
 def _in(value: float | None, unit: str) -> str:

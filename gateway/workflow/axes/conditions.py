@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from datetime import date
 
@@ -10,12 +11,22 @@ from gateway.config import AxisSection, SiteFile
 from gateway.domain.captures import Capture, Conditions
 from gateway.errors import CaptureError
 from gateway.say import Say
+from gateway.workflow.bench import Bench
 
 STATED = ("um_per_m", "arcsec", "kelvin")
 
 
-def with_conditions(capture: Capture, axis: AxisSection, site: SiteFile) -> Capture:
-    """The capture with what acted on it and on its uncertainty; one from a file has no feed and no dwell."""
+async def stands(at: Bench) -> dict[str, float]:
+    """Where the site's axes stand now, by letter. Raises what the wire raises."""
+    axes = (await at.supervisor.controller.state()).axes
+    return {axis.letter: axes[axis.name].position for axis in at.site.axes if axis.name in axes}
+
+
+def with_conditions(capture: Capture, axis: AxisSection, site: SiteFile, stood: Mapping[str, float]) -> Capture:
+    """The capture with what acted on it and on its uncertainty, and where the axes ``stood`` by letter.
+
+    One from a file has no feed and no dwell, and nobody knows where the other axes stood.
+    """
     own = axis.measure.file is None
     return replace(
         capture,
@@ -27,6 +38,7 @@ def with_conditions(capture: Capture, axis: AxisSection, site: SiteFile) -> Capt
             operator=site.report.operator,
             compensation=_acting(capture.live),
             stated=stated(site, axis.measure.instrument),
+            stands=stood,
         ),
     )
 

@@ -42,7 +42,7 @@ from gateway.table.proposal import InstrumentU
 from gateway.walk import question
 from gateway.workflow import stages
 from gateway.workflow.aftercare import look_at
-from gateway.workflow.axes.conditions import tell_overdue, with_conditions
+from gateway.workflow.axes.conditions import stands, tell_overdue, with_conditions
 from gateway.workflow.axes.line import on_its_line, told
 from gateway.workflow.axes.more import MoreTargets
 from gateway.workflow.axes.toothplaces import tooth_places
@@ -82,11 +82,13 @@ def _notices(at: Bench, name: str) -> tuple[str, ...]:
 async def measure_axis(at: Bench, axis: AxisSection, phase: stages.Phase) -> MeasuredAxis:
     """Measure one axis and store every step before the next. Raises what capture and evaluation raise."""
     at.say("P-MEASURE", axis=axis.name, component=axis.measure.component, phase=phase)
+    stood: dict[str, float] = {}
     if axis.measure.file is not None:
         capture, parents = await _from_file(at, axis)
     else:
+        stood = await stands(at)
         capture, parents = await _live(at, axis, phase)
-    capture = with_conditions(on_its_line(capture, axis, at.site, at.folder), axis, at.site)
+    capture = with_conditions(on_its_line(capture, axis, at.site, at.folder), axis, at.site, stood)
     measured = evaluated(at.folder, axis, phase=phase, capture=capture, parents=parents)
     if phase == "before":
         await look_at(at, capture.live)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
@@ -30,7 +29,7 @@ from gateway.workflow import stages
 from gateway.workflow.aftercare import look_at
 from gateway.workflow.axes.measure import fetch_tables, store_equipment
 from gateway.workflow.bench import Bench, bench, new_run
-from gateway.workflow.errors21.setupcapture import coming, measure_setup, stands_name
+from gateway.workflow.errors21.setupcapture import coming, measure_setup, stood
 from gateway.workflow.errors21.setups import Planned, chosen, planned, spans
 
 MEASURING, PARTIAL, MEASURED, STOPPED = "measuring", "partly-measured", "measured", "stopped"
@@ -187,7 +186,7 @@ def conclude(site: SiteFile, folder: RunFolder, tooth: Tooth | None) -> PlanOutc
     captures = [folder.get(stages.setup(one.key), Capture) for one in done]
     rotary = [axis.name for axis in site.axes if axis.kind == "rotary"]
     measurements = [
-        one.measurement(capture.targets, capture.deviations, rotary, _stood(site, folder, one))
+        one.measurement(capture.targets, capture.deviations, rotary, stood(site, folder, one))
         for one, capture in zip(done, captures, strict=True)
     ]
     usual = site.assumed
@@ -207,14 +206,6 @@ def conclude(site: SiteFile, folder: RunFolder, tooth: Tooth | None) -> PlanOutc
         open=opened,
         advice=advice,
     )
-
-
-def _stood(site: SiteFile, folder: RunFolder, one: Planned) -> dict[str, float]:
-    """Where the axes stood when a set-up began, by letter; of a file what its `park` says."""
-    name = stands_name(one.key)
-    if name in folder.facts["files"]:
-        return dict(json.loads(folder.read_text(name)))
-    return {axis.letter: one.setup.park[axis.name] for axis in site.axes if axis.name in one.setup.park}
 
 
 def grids(site: SiteFile) -> tuple[AxisGrid, ...]:

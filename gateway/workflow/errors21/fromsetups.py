@@ -10,6 +10,7 @@ from gateway.workflow import stages
 from gateway.workflow.axes.conditions import with_conditions
 from gateway.workflow.axes.line import on_its_line
 from gateway.workflow.axes.measure import MeasuredAxis, evaluated
+from gateway.workflow.errors21.setupcapture import stood
 from gateway.workflow.errors21.setups import planned
 
 
@@ -23,7 +24,7 @@ def axes_measured(folder: RunFolder, site: SiteFile) -> dict[str, MeasuredAxis]:
     for one in planned(site):
         if one.positioning and folder.has(stages.setup(one.key)):
             capture = on_its_line(folder.get(stages.setup(one.key), Capture), one.axis, site, folder)
-            capture = with_conditions(capture, one.axis, site)
+            capture = with_conditions(capture, one.axis, site, stood(site, folder, one))
             parents = (folder.digest(stages.setup(one.key)),)
             found[one.axis.name] = evaluated(folder, one.axis, phase="before", capture=capture, parents=parents)
     if not found:

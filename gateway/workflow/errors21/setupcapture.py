@@ -22,9 +22,10 @@ from gateway.config import AxisSection, SiteFile
 from gateway.domain.captures import Capture
 from gateway.errors import CaptureError
 from gateway.model.axis import LOCATIONS
-from gateway.store import Maps
+from gateway.store import Maps, RunFolder
 from gateway.walk import walk
 from gateway.workflow import stages
+from gateway.workflow.axes.conditions import stands
 from gateway.workflow.axes.measure import check_stops, fetch_tables, more_targets, plans_of_axis
 from gateway.workflow.axes.more import MoreTargets
 from gateway.workflow.axes.toothplaces import tooth_places
@@ -51,7 +52,7 @@ async def measure_setup(at: Bench, one: Planned, tables: dict[str, LiveSet] | No
         capture, parents = await _from_file(at, one, tables if tables is not None else {})
     else:
         await _park(at, one)
-        at.folder.write_text(stands_name(one.key), json.dumps(await _stands(at)))
+        at.folder.write_text(stands_name(one.key), json.dumps(await stands(at)))
         capture, parents = await (_positioning(at, one) if one.positioning else _error(at, one))
         demand_complete(capture)
     at.folder.write_text(f"setup-{one.key}.json", one.setup.model_dump_json())
@@ -90,15 +91,17 @@ async def _park(at: Bench, one: Planned) -> None:
         await walk(at.supervisor.controller, plan, at_stop=at_stop, patience=at.patience, say=at.say)
 
 
-async def _stands(at: Bench) -> dict[str, float]:
-    """Where the site's axes stand now, by letter."""
-    axes = (await at.supervisor.controller.state()).axes
-    return {axis.letter: axes[axis.name].position for axis in at.site.axes if axis.name in axes}
-
-
 def stands_name(key: str) -> str:
     """The file that keeps where all axes stood when a set-up began."""
     return f"stands-{key}.json"
+
+
+def stood(site: SiteFile, folder: RunFolder, one: Planned) -> dict[str, float]:
+    """Where the axes stood when a set-up began, by letter; of a file what its `park` says."""
+    name = stands_name(one.key)
+    if name in folder.facts["files"]:
+        return dict(json.loads(folder.read_text(name)))
+    return {axis.letter: one.setup.park[axis.name] for axis in site.axes if axis.name in one.setup.park}
 
 
 def without_cross(live: LiveSet, moved: Collection[str]) -> None:

@@ -144,6 +144,9 @@ def test_an_overdue_calibration_warns_and_refuses_where_the_site_says_so(tmp_pat
         tell_overdue(strict, date(2026, 3, 2), say)
 
 
+STOOD = {"X": -10.0, "Z": 150.0, "C": 90.0}
+
+
 def stored(folder: Path, path: Path) -> RunFolder:
     """A run of that site with one axis measured."""
     run = Store(folder / "runs").create("mill", {"site_file": str(path)})
@@ -152,7 +155,9 @@ def stored(folder: Path, path: Path) -> RunFolder:
     assert axis.before is not None
     assert axis.capture_before is not None
     run.put(stages.evaluation("X1", "before"), axis.before)
-    run.put(stages.capture("X1", "before"), replace(axis.capture_before, conditions=Conditions(feed=1000.0)))
+    run.put(
+        stages.capture("X1", "before"), replace(axis.capture_before, conditions=Conditions(feed=1000.0, stands=STOOD))
+    )
     return run
 
 
@@ -161,7 +166,15 @@ def test_the_report_ends_with_its_verdict_and_tells_equipment_and_conditions(tmp
     run = stored(tmp_path, path)
     path.unlink()  # the run's own copy is enough, at any later time
     told = "\n".join(texts(document(material_of(run)).blocks))
-    for word in ("C-7, Lab, 2025-03-01", "0.2 um/m, 0.06 K", "Grinders", "2019", "1000 mm/min", "does not conform"):
+    for word in (
+        "C-7, Lab, 2025-03-01",
+        "0.2 um/m, 0.06 K",
+        "Grinders",
+        "2019",
+        "1000 mm/min",
+        "does not conform",
+        "C 90 deg, Z 150 mm",
+    ):
         assert word in told
     shown = CliRunner().invoke(app, ["report", str(run.path), "--json"])
     assert shown.exit_code == 13, shown.output
