@@ -2,13 +2,14 @@
 
 A polygon's own corners tell: each misses the line between its neighbours. Neighbours that miss alike, or hardly unlike,
 belong to waves of three target distances and more, of which a polygon leaves little; the rest is shorter than the
-targets can show and counts in full. A face that few targets lie over may be where a guide is worn: then its nearest
-targets and those of the whole travel are asked, and the worse of the two counts.
+targets can show and counts in full. Where a face has few targets of its own, a guide may be worn just there: what a
+curve through all targets bows away from the polygon over the face counts beside what the whole travel tells.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from drivers.types.values import FloatArray
 from gateway.domain.figures import Component
@@ -17,6 +18,8 @@ FEWEST = 6  # targets that tell neighbours apart
 LONG = -0.5  # cosine of a wave's phase from target to target: three distances
 # Of such a wave's misses, RMS: slope over one target distance and bow over its square that a polygon leaves of it.
 SLOPE, BOW = 0.227, 0.109
+# A spline tells most of a hollow that few targets lie in, not all: so much more than it shows is to be expected.
+BENT, ACROSS = 1.5, 17
 
 
 def slope_and_bow(one: Component, face_mm: float, middle: float | None = None) -> tuple[float, float]:
@@ -25,22 +28,27 @@ def slope_and_bow(one: Component, face_mm: float, middle: float | None = None) -
     A smooth fit leaves what its targets scatter about it (``residual_rms``), of any length: half of it each. Where a
     working window lies around the face's ``middle`` (in the axis' unit), its targets tell and no others.
     """
-    nodes, here = nodes_of(one), near(one, face_mm, middle)
+    here = near(one, face_mm, middle)
     if here is None:
         return one.residual_rms / 2.0**0.5, one.residual_rms / 2.0**0.5
-    asked = (here,) if _spans(nodes[here], face_mm, middle) else (here, slice(0, nodes.size))
-    found = [_over_face(one, face_mm, part) for part in asked]
-    return max(slope for slope, _ in found), max(bow for _, bow in found)
-
-
-def _over_face(one: Component, face_mm: float, here: slice) -> tuple[float, float]:
-    """Slope and bow by these corners alone; few misses know their own spread badly (GUM Supplement 1, 6.4.9)."""
-    long, short = long_and_short(one, here)
     nodes = nodes_of(one)[here]
+    long, short = long_and_short(one, here)
     share, half = min(1.0, face_mm / float(np.mean(np.diff(nodes)))), short / 2.0**0.5
-    missed = nodes.size - 2
-    few = (missed / (missed - 2)) ** 0.5
-    return few * float(np.hypot(SLOPE * share * long, half)), few * float(np.hypot(BOW * share**2 * long, half))
+    slope, bow = float(np.hypot(SLOPE * share * long, half)), float(np.hypot(BOW * share**2 * long, half))
+    if middle is None or nodes.size < nodes_of(one).size:
+        return slope, bow
+    seen = _bent(one, face_mm, middle)
+    return float(np.hypot(slope, BENT * seen[0])), float(np.hypot(bow, BENT * seen[1]))
+
+
+def _bent(one: Component, face_mm: float, middle: float) -> tuple[float, float]:
+    """RMS over a face of slope and bow that a natural cubic spline through the corners has beside the polygon."""
+    x = np.linspace(-1.0, 1.0, ACROSS)
+    at, nodes = middle + x * face_mm / 2.0, nodes_of(one)
+    beside = CubicSpline(nodes, one.coefficients, bc_type="natural")(at) - np.interp(at, nodes, one.coefficients)
+    shapes = np.stack([np.ones(ACROSS), 3.0**0.5 * x, 5.0**0.5 * 0.5 * (3.0 * x**2 - 1.0)], axis=1)
+    _, slope, bow = np.linalg.lstsq(shapes, beside, rcond=None)[0]
+    return abs(float(slope)), abs(float(bow))
 
 
 def nodes_of(one: Component) -> FloatArray:
@@ -49,7 +57,7 @@ def nodes_of(one: Component) -> FloatArray:
 
 
 def near(one: Component, face_mm: float, middle: float | None) -> slice | None:
-    """The corners that tell of a face: those over it and one beside it, or as many as are needed; None if few."""
+    """The corners that tell of a face: those over it and one beside it where they are enough, else all; None if few."""
     nodes = nodes_of(one)
     if nodes.size < FEWEST:
         return None
@@ -57,10 +65,7 @@ def near(one: Component, face_mm: float, middle: float | None) -> slice | None:
         return slice(0, nodes.size)
     first = max(int(np.searchsorted(nodes, middle - face_mm / 2.0)) - 1, 0)
     last = min(int(np.searchsorted(nodes, middle + face_mm / 2.0, side="right")) + 1, nodes.size)
-    while last - first < FEWEST:
-        before = last == nodes.size or (first > 0 and middle - nodes[first - 1] < nodes[last] - middle)
-        first, last = (first - 1, last) if before else (first, last + 1)
-    return slice(first, last)
+    return slice(first, last) if last - first >= FEWEST else slice(0, nodes.size)
 
 
 def long_and_short(one: Component, here: slice) -> tuple[float, float]:
@@ -72,12 +77,6 @@ def long_and_short(one: Component, here: slice) -> tuple[float, float]:
     # Independent values of variance w miss by 1.5 w, neighbours by -w together; the longest of the others by LONG.
     short = min(max(LONG * square - along, 0.0) / (1.0 + 1.5 * LONG), square / 1.5)
     return float(np.sqrt(max(square - 1.5 * short, 0.0))), float(np.sqrt(short))
-
-
-def _spans(nodes: FloatArray, face_mm: float, middle: float | None) -> bool:
-    """Whether so many targets are a face's own, and not borrowed from beside it."""
-    over = middle is None or np.sum(np.abs(nodes - middle) <= face_mm / 2.0) + 2 >= FEWEST
-    return bool(over)
 
 
 def _skipping(nodes: FloatArray) -> FloatArray:
