@@ -197,18 +197,12 @@ def _deviations(measured: Any, asked: EvaluationOptions, path: Path) -> tuple[An
 
 
 def _budget(measured: Any, asked: EvaluationOptions) -> tuple[Any, tuple[str, ...]]:
-    from drivers.units import deviation_unit
     from gateway.evaluate.optics import air
-    from gateway.evaluate.uncertainty.budget import file_budget
+    from gateway.evaluate.uncertainty.budget import measured_budget
 
-    sensors = measured.ambient_start.material_degc
-    read = sum(sensors) / len(sensors) if sensors else None
     given = asked.material_degc
-    material = read if given is None else air.required("material_degc", given, "--material-degc")
-    stated = (asked.expansion_ppm_per_k, measured.expansion_ppm_per_k, 11.5)
-    alpha = next(value for value in stated if value is not None)
-    travel = float(measured.targets.max() - measured.targets.min())
-    return file_budget(deviation_unit(measured.axis_unit), travel, material, alpha)
+    material = None if given is None else air.required("material_degc", given, "--material-degc")
+    return measured_budget(measured, material, asked.expansion_ppm_per_k)
 
 
 def _outcome(outcome: Any) -> dict[str, Any]:

@@ -6,9 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from math import hypot, sqrt
 
+import numpy as np
 import scipy
 
-from drivers.units import DeviationUnit
+from drivers.types.results import MeasuredSet
+from drivers.units import DeviationUnit, deviation_unit
 from gateway.errors import ModelError
 
 LABEL = "U (k = 2): GUM, own coefficients"
@@ -118,6 +120,21 @@ def file_budget(
         eve_um=eve,
     )
     return budget, tuple(notes)
+
+
+def measured_budget(
+    measured: MeasuredSet, material_degc: float | None = None, expansion_ppm_per_k: float | None = None
+) -> tuple[Budget, tuple[str, ...]]:
+    """`file_budget` of one result file: by what is given, else by what it says itself."""
+    sensors = measured.ambient_start.material_degc
+    read = sum(sensors) / len(sensors) if sensors else None
+    stated = (expansion_ppm_per_k, measured.expansion_ppm_per_k, 11.5)
+    return file_budget(
+        deviation_unit(measured.axis_unit),
+        float(np.ptp(measured.targets)),
+        read if material_degc is None else material_degc,
+        next(value for value in stated if value is not None),
+    )
 
 
 def expanded(n: int, eve: float, systematic: float, targets: int = 1) -> Mapping[str, float]:

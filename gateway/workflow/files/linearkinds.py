@@ -16,6 +16,7 @@ from gateway.evaluate.geometry.angular import COMPONENTS, Kind, angular_motion
 from gateway.evaluate.geometry.squareness import Plane, SquarenessRuns, from_runs, of_plane, reversed_square
 from gateway.evaluate.geometry.straightness import Reference, StraightnessRun, straightness
 from gateway.evaluate.standards import iso230_2
+from gateway.evaluate.uncertainty.budget import measured_budget
 from gateway.workflow.files.kindrecords import (
     Drawn,
     Figure,
@@ -40,8 +41,11 @@ def positioning(files: Files, _asked: KindQuestion) -> KindAnswer:
     unit: DeviationUnit = "um" if files[0].measured.axis_unit == "mm" else "arcsec"
     unit_of("positioning", files, unit)
     figures, curves = [], []
+    notes: dict[str, None] = {}
     for one in files:
-        found = iso230_2.evaluate(one.measured.targets, one.measured.deviations, unit)
+        budget, supposed = measured_budget(one.measured)
+        notes |= dict.fromkeys(supposed)
+        found = iso230_2.evaluate(one.measured.targets, one.measured.deviations, unit, budget=budget)
         stated = {"A": found.A, "E": found.E, "M": found.M, "R": found.R, "B": found.B}
         figures += [
             Figure(f"{one.label} {key}", value, unit, found.U.get(key))
@@ -58,7 +62,7 @@ def positioning(files: Files, _asked: KindQuestion) -> KindAnswer:
         figures=tuple(figures),
         curves=tuple(curves),
         axes=axes,
-        notes=SCATTER_ONLY,
+        notes=tuple(notes),
     )
 
 

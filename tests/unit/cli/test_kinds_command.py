@@ -123,3 +123,15 @@ def test_what_cannot_be_evaluated_is_said(tmp_path: Path) -> None:
     assert refused(plain, "--kind", "harmonics") == "E-KIND-UNIT"
     assert refused("--kind", "straightness") == "E-CLI-NO-FILES"
     assert answer(plain, "--plot", tmp_path / "x.png")["x.csv E"] == pytest.approx(4.0)
+
+
+def test_a_picture_changes_no_figure_and_no_uncertainty(tmp_path: Path) -> None:
+    """Drawn or not, positioning is judged with the whole budget of its file."""
+    made = table(tmp_path / "x.csv", "mm", "um", PLACES, lambda x, way, turn: 0.02 * x + 0.1 * turn)
+    plain = RUNNER.invoke(app, ["evaluate", str(made), "--json"], catch_exceptions=False)
+    drawn = RUNNER.invoke(app, ["evaluate", str(made), "--plot", str(tmp_path / "x.svg"), "--json"])
+    (alone,) = json.loads(plain.output)
+    U = {one["name"].rpartition(" ")[2]: one["U"] for one in json.loads(drawn.output)["figures"]}
+    assert {name: pytest.approx(value) for name, value in U.items()} == {name: alone["U"][name] for name in U}
+    assert set(U) == {"A", "E", "M", "R", "B"}
+    assert U["M"] > 1.0
