@@ -46,7 +46,7 @@ function drawRun(body, found) {
     curveOf(curve, found.errors.find((one) => one.name === name));
   };
   show(body, h("div", { class: "panel errors" }, h("h2", {}, t("model.errors", { count: rows.filter((one) => one.state === "measured").length, all: rows.length })), table(rows, found, { pick, flank }), found.said.map((one) => h("p", { class: "muted" }, one))),
-    h("div", { class: "stack fill" }, flank ? flank.panel : h("p", { class: "panel empty" }, told(found.why)), curve, found.tooth && next(found.tooth)));
+    h("div", { class: "stack fill", tabindex: 0, role: "region", "aria-label": t("model.flank") }, flank ? flank.panel : h("p", { class: "panel empty" }, told(found.why)), curve, found.tooth && next(found.tooth)));
   pick(rows.some((one) => one.name === asked.error) ? asked.error : rows[0].name);
   flank?.ask();
 }
