@@ -61,10 +61,14 @@ if [ -n "${1:-}" ] && ! has_parsers "$1"; then
     has_parsers "$1" || absent "the parsers of structured text (pip could not install blark and tree-sitter-iec61131-3-st)"
 fi
 
+# Not every computer can have a CNC kernel: where it is missing that is said, and nothing else fails for it.
 if ! command -v linuxcnc >/dev/null && [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null; then
-    DEBIAN_FRONTEND=noninteractive apt-get install -y -q --no-install-recommends linuxcnc-uspace >/dev/null 2>&1 || true
+    export DEBIAN_FRONTEND=noninteractive
+    apt-get install -y -q --no-install-recommends linuxcnc-uspace >/dev/null 2>&1 ||
+        { apt-get update -q && apt-get install -y -q --no-install-recommends linuxcnc-uspace; } >/dev/null 2>&1 || true
 fi
-command -v linuxcnc >/dev/null || absent "the LinuxCNC kernel (Debian package linuxcnc-uspace; not root, or no apt)"
+command -v linuxcnc >/dev/null ||
+    echo "interop: NOT RUN: the LinuxCNC kernel (Debian package linuxcnc-uspace; not root, or no apt)"
 
 if [ "$missing" = 1 ] && [ "${TRUEFLANK_INTEROP:-}" = all ]; then
     echo "interop: everything must run here"
