@@ -38,7 +38,7 @@ DOORS = {
     "pymodbus": 1,
     "pytest": 3,
     "rich": 2,
-    "scipy": 16,
+    "scipy": 17,
     "serial": 1,
     "sqlalchemy": 4,
     "starlette": 8,

@@ -9,7 +9,7 @@ curve through all targets bows away from the polygon over the face counts beside
 from __future__ import annotations
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 
 from drivers.types.values import FloatArray
 from gateway.domain.figures import Component
@@ -45,7 +45,8 @@ def _bent(one: Component, face_mm: float, middle: float) -> tuple[float, float]:
     """RMS over a face of slope and bow that a natural cubic spline through the corners has beside the polygon."""
     x = np.linspace(-1.0, 1.0, ACROSS)
     at, nodes = middle + x * face_mm / 2.0, nodes_of(one)
-    beside = CubicSpline(nodes, one.coefficients, bc_type="natural")(at) - np.interp(at, nodes, one.coefficients)
+    curve = scipy.interpolate.CubicSpline(nodes, one.coefficients, bc_type="natural")
+    beside = curve(at) - np.interp(at, nodes, one.coefficients)
     shapes = np.stack([np.ones(ACROSS), 3.0**0.5 * x, 5.0**0.5 * 0.5 * (3.0 * x**2 - 1.0)], axis=1)
     _, slope, bow = np.linalg.lstsq(shapes, beside, rcond=None)[0]
     return abs(float(slope)), abs(float(bow))
