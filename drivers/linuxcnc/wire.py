@@ -58,7 +58,7 @@ class AgentWire:
             matches=lambda ask, answer: answer.id in (None, ask.id),
         )
         try:
-            said = await self.write("hello")
+            said = await self._asked_once("hello")
             if said["agent"] != PROTOCOL:
                 raise UnsupportedDevice("E-LCNC-PROTOCOL", self._where, found=said["agent"], known=PROTOCOL)
         except BaseException:
@@ -75,15 +75,23 @@ class AgentWire:
         """Ask for something that changes nothing; where the line is broken, or breaks now, over a fresh one."""
         if self._link is not None and self._link.failure is None:
             try:
-                return await self.write(do, **told)
+                return await self._asked_once(do, **told)
             except TransportError as error:
                 if error.code != _CLOSED:
                     raise
         await self.open(self._settings.reply_s)
-        return await self.write(do, **told)
+        return await self._asked_once(do, **told)
 
     async def write(self, do: str, **told: Any) -> Any:
-        """Ask once. Raises DeadlineExceeded (outcome unknown), TransportError, DeviceRefused (E-LCNC-...)."""
+        """Ask once; a line that broke while nothing was asked is made anew before, for nothing of this was sent yet.
+
+        Raises DeadlineExceeded (outcome unknown), TransportError, DeviceRefused (E-LCNC-...).
+        """
+        if self._link is not None and self._link.failure is not None:
+            await self.open(self._settings.reply_s)
+        return await self._asked_once(do, **told)
+
+    async def _asked_once(self, do: str, **told: Any) -> Any:
         if self._link is None:
             raise TransportError("E-LINK-CLOSED", self._where, why="this end is closed")
         self._asked += 1

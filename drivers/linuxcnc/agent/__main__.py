@@ -44,9 +44,12 @@ def _found() -> Kernel:
 
 
 def _serve(listener: socket.socket, token: str) -> None:
-    """One gateway after the other, until this life of the kernel ends."""
+    """One gateway after the other, until this life of the kernel ends.
+
+    Of another life nothing is told here: whoever hears of it goes on asking, and this child is about to leave.
+    """
     mine = running()
-    agent = Agent(token, _found, running)
+    agent = Agent(token, _found, lambda: mine if running() == mine else None)
     listener.settimeout(LOOK_S)
     while running() == mine:
         try:
