@@ -10,6 +10,9 @@ from typing import Any, TypeVar
 from drivers.clock import LoopClock, run_virtual
 
 T = TypeVar("T")
+# The standard library's child watcher tells the loop that a child has ended before its own thread ends: a thread that
+# is on its way out gets this long, one that stays is a leak.
+THREAD_END_S = 5.0
 
 
 def run_clean(main: Callable[[], Coroutine[Any, Any, T]], *, virtual: bool) -> T:
@@ -27,5 +30,7 @@ def run_clean(main: Callable[[], Coroutine[Any, Any, T]], *, virtual: bool) -> T
 
     result = run_virtual(watched) if virtual else asyncio.run(watched())
     assert left == []
-    assert set(threading.enumerate()) <= before
+    for thread in set(threading.enumerate()) - before:
+        thread.join(THREAD_END_S)
+        assert not thread.is_alive(), f"{thread.name} is left"
     return result
