@@ -31,3 +31,8 @@ def after_look(refused: bool, folder: str, machine: str) -> str:
 def after_dry(command: str, place: str, axis: str, machine: str) -> str:
     """After saying what a command would do: the same with consent."""
     return f"{command} {place} --axis {axis} --apply --machine {machine}"
+
+
+def repeat(command: str) -> None:
+    """Say that faults were told above, and the command that looks again."""
+    echo(f"next: correct what is wrong above, then trueflank {command}")

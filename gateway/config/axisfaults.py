@@ -11,7 +11,7 @@ from drivers.errors import words
 from drivers.local.names import shown
 from gateway.config.faults import Fault
 from gateway.config.keyfaults import broken
-from gateway.config.rules import LINEAR, ROTARY, bounds, instrument_faults, target_faults, within
+from gateway.config.rules import LINEAR, ROTARY, TURN_DEG, bounds, instrument_faults, is_pair, target_faults, within
 
 MOTION = re.compile(r"E[A-Z][A-Z]")
 
@@ -31,6 +31,8 @@ def _axis(tree: Mapping[str, Any], axis: Any) -> Iterator[Fault]:
         yield broken(tree, (*place, "kind"), words("W-CFG-KIND", letter=letter, kind=right))
     if axis.modulo and axis.kind == "linear":
         yield broken(tree, (*place, "modulo"), words("W-CFG-MODULO"))
+    elif axis.modulo and is_pair(axis.travel) and not (axis.travel[0] >= 0.0 and axis.travel[1] <= TURN_DEG):
+        yield broken(tree, (*place, "travel"), words("W-CFG-MODULO-TRAVEL"))
     if isinstance(axis.name, str) and axis.name[:1] in LINEAR + ROTARY and axis.name[:1] != letter and axis.letter:
         yield broken(tree, (*place, "letter"), words("W-CFG-OTHER-LETTER", name=shown(axis.name)), doubt=True)
     low, high = bounds(axis)

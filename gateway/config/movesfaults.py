@@ -31,5 +31,10 @@ def moves_faults(tree: Mapping[str, Any], site: Any) -> Iterator[Fault]:
     dresser = getattr(site.work, "dresser", None)
     known = [*axes, *([dresser] if isinstance(dresser, str) and dresser else [])]
     missing = [name for name in known if name not in given]
+    for name in given:
+        # An axis of the control that the file measures nothing of may well have a place: only a likely slip is told.
+        if name not in known and (meant := [one for one in missing if one[:1] == name[:1].upper()]):
+            missing.remove(meant[0])
+            yield broken(tree, (*_SAFE, name), words("W-CFG-PLACE-MEANT", meant=meant[0]), doubt=True)
     if missing:
         yield broken(tree, _SAFE, words("W-CFG-NO-PLACE", axes=", ".join(missing), first=missing[0]), doubt=True)

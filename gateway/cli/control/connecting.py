@@ -13,7 +13,7 @@ from drivers.checks import CertificateView, CheckLine, TrustView, Wanted, Wanted
 from drivers.clock import Clock, LoopClock
 from drivers.errors import TrueflankError, words
 from drivers.leftover import Sent
-from gateway.cli.onward import next_step
+from gateway.cli.onward import next_step, repeat
 from gateway.cli.options import JsonOption, SiteArgument, TakeOption
 from gateway.cli.show import echo, show_json
 from gateway.cli.stopping import run_to_end
@@ -39,7 +39,10 @@ def doctor_command(site: SiteArgument, take: TakeOption = "", as_json: JsonOptio
             echo(f"{MARKS[line.outcome]:<14} {line.check}: {line.what}", colour=colour)
             if line.fix:
                 echo(f"{'':<14} -> {line.fix}")
-        next_step(f"self-test {site}" if well else f"doctor {site}")
+        if well:
+            next_step(f"self-test {site}")
+        else:
+            repeat(f"doctor {site}")
     if not well:
         raise typer.Exit(NOT_ALL_WELL)
 

@@ -134,6 +134,7 @@ MISTAKES = [
     ("travel = [-420.0, 20.0]", "travel = [-420.0, 20.0]\nreference = 30.0", 29, 13, "zero there"),
     ("travel = [-420.0, 20.0]", "travel = [-420.0, 20.0]\nmodulo = true", 29, 10, "only a rotary axis"),
     ("travel = [-420.0, 20.0]", "travel = [-420.0, 20.0]\nencoder = 2", 29, 11, "1 at most"),
+    ("travel = [0.0, 360.0]", "travel = [0.0, 720.0]", 47, 10, "from 0 to 360 deg"),
     ('instrument = "ring"', 'instrument = "rign"', 50, 14, "did you mean ring?"),
     ('url = "COM5"', 'url = "COM"', 17, 7, "COM3"),
     ('url = "COM5"', 'url = "http://laser"', 17, 7, "socket://"),
@@ -192,6 +193,8 @@ DOUBTS = [
     ("first = 0.0, last = 345.0, count = 24", "positions = [0.0, 90.0, 45.0]", 52, "rising order"),
     ("first = 0.0, last = 345.0, count = 24", "first = 10.0, count = 24", 52, "last is left out"),
     ("X1 = [-400.0, 0.0]", "X1 = [-500.0, 0.0]", 69, "travel -420 to 20"),
+    ("C1 = [0.0, 360.0]", "C11 = [0.0, 360.0]", 69, "did you mean C1?"),
+    ("C1 = [0.0, 360.0], ", "", 69, "no safe place for C1"),
 ]
 
 
