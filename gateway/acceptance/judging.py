@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from drivers.errors import TrueflankError, words
+from drivers.errors import TrueflankError
 from drivers.probes import Allowance, allows
 from gateway.acceptance.checks import CHECKS, AcceptanceCheck
-from gateway.acceptance.sheet import CheckResult, Outcome
+from gateway.acceptance.results import CheckResult, Outcome, seen
 from gateway.acceptance.working import NotHere, SiteDesk
 from gateway.config import SiteFile
 
@@ -28,12 +28,12 @@ async def run_check(check: AcceptanceCheck, axis: str, desk: SiteDesk, allow: Al
     """One check; what lies above the allowance is skipped and said. Only our own errors are results."""
     outcome: Outcome = "passed"
     if not allows(allow, check.allow):
-        outcome, said = "skipped", words("W-ACCEPT-ABOVE", needed=check.allow, given=allow)
+        outcome, line = "skipped", seen("above", needed=check.allow, given=allow)
     else:
         try:
-            said = await check.work(desk, axis)
+            line = await check.work(desk, axis)
         except NotHere as reason:
-            outcome, said = "skipped", str(reason)
+            outcome, line = "skipped", reason.why
         except TrueflankError as error:
-            outcome, said = "failed", str(error)
-    return CheckResult(case_name(check, axis), check.allow, what=check.what, outcome=outcome, said=said)
+            outcome, line = "failed", seen("wrong", error=str(error))
+    return CheckResult(check.name, axis, check.allow, outcome=outcome, seen=line)

@@ -26,8 +26,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     group.addoption("--allow", default="read", choices=ALLOWANCES, help="what an acceptance may do (default: read)")
     group.addoption("--trueflank-machine", default="", metavar="NAME", help="the machine's name, for --allow write")
     group.addoption(
-        "--trueflank-sheet", default="acceptance.html", metavar="FILE", help="the sheet to sign (default: %(default)s)"
+        "--trueflank-sheet",
+        default="acceptance.html",
+        metavar="FILE",
+        help="the sheet to sign, .html or .pdf (default: %(default)s)",
     )
+    group.addoption("--trueflank-language", default="", metavar="en|de|zh", help="of the sheet (default: the site's)")
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -38,6 +42,7 @@ def pytest_configure(config: pytest.Config) -> None:
     if not given:
         return
     from drivers.errors import TrueflankError  # noqa: PLC0415 - pytest loads this file on every run
+    from gateway.acceptance.sheet import check_sheet  # noqa: PLC0415
     from gateway.config import load_site  # noqa: PLC0415
     from gateway.workflow.bench import check_name  # noqa: PLC0415
 
@@ -45,6 +50,7 @@ def pytest_configure(config: pytest.Config) -> None:
     try:
         site = load_site(path)
         check_name(site, config.getoption("--allow") == "write", config.getoption("--trueflank-machine"))
+        check_sheet(Path(config.getoption("--trueflank-sheet")), config.getoption("--trueflank-language"))
     except TrueflankError as error:
         hint = " (--trueflank-machine)" if error.code == "E-RUN-NAME" else ""
         raise pytest.UsageError(f"{error}{hint}") from error
@@ -80,12 +86,12 @@ def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> Non
     results = config.stash[RESULTS]
     if not results:
         return
-    from gateway.acceptance.sheet import sheet_text  # noqa: PLC0415
-    from gateway.acceptance.working import about  # noqa: PLC0415
+    from drivers.clock import LoopClock  # noqa: PLC0415
+    from gateway.acceptance.sheet import Occasion, write_sheet  # noqa: PLC0415
 
-    site, _ = config.stash[SITE]
-    path = Path(config.getoption("--trueflank-sheet"))
-    path.write_text(sheet_text(results, about(site, config.getoption("--allow"))), encoding="utf-8")
+    path, (site, site_path) = Path(config.getoption("--trueflank-sheet")), config.stash[SITE]
+    allow, language = config.getoption("--allow"), config.getoption("--trueflank-language")
+    write_sheet(path, results, Occasion(site, site_path, allow, LoopClock().utc(), language=language))
     terminalreporter.write_line(f"the sheet to sign: {path}")
 
 

@@ -2,53 +2,137 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass
-from html import escape
-from typing import Literal
+import hashlib
+import json
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from datetime import datetime
+from importlib import metadata
+from pathlib import Path
 
+from drivers.errors import ConfigError
 from drivers.probes import Allowance
-
-Outcome = Literal["passed", "failed", "skipped"]
-
-_STYLE = (
-    "body{font:11pt sans-serif;max-width:60em;margin:2em auto}table{border-collapse:collapse;width:100%}"
-    "td,th{border:1px solid #999;padding:.3em;text-align:left;vertical-align:top}.failed{font-weight:bold}"
-    ".sign td{height:3em}"
+from gateway.acceptance.results import OUTCOMES, CheckResult
+from gateway.config import SiteFile
+from gateway.report.document.content import (
+    Band,
+    Block,
+    Document,
+    FactsBlock,
+    Heading,
+    Letterhead,
+    Paragraph,
+    Signatures,
+    State,
+    TableBlock,
+    Whole,
 )
+from gateway.report.document.web import page
+from gateway.report.document.words import LANGUAGES, Tongue
+from gateway.report.particulars import Particulars
+from gateway.workflow.results.particulars import particulars_of
+
+ENDINGS = (".html", ".pdf")
+DIGITS = 6
 
 
 @dataclass(frozen=True, slots=True)
-class CheckResult:
-    """How one check ended: ``said`` is what was seen, what was wrong and what to do, or why it was skipped."""
+class Occasion:
+    """What a sheet is about: the site, the allowance, the moment in UTC, and the language ("": the site file's)."""
 
-    name: str
+    site: SiteFile
+    site_path: Path
     allow: Allowance
-    what: str
-    outcome: Outcome
-    said: str
-
-    def as_record(self) -> dict[str, str]:
-        """The result as data."""
-        return {"check": self.name, "allow": self.allow, "what": self.what, "outcome": self.outcome, "said": self.said}
+    moment: datetime
+    language: str = ""
 
 
-def sheet_text(results: Collection[CheckResult], about: Mapping[str, str]) -> str:
-    """The sheet as one HTML page that prints; ``about`` names site, machine, date, allowance and version."""
-    head = "".join(f"<tr><th>{escape(key)}</th><td>{escape(value)}</td></tr>" for key, value in about.items())
-    rows = "".join(
-        f'<tr class="{one.outcome}"><td>{escape(one.name)}</td><td>{escape(one.what)}</td>'
-        f"<td>{one.outcome}</td><td>{escape(one.said)}</td></tr>"
+def check_sheet(path: Path, language: str) -> None:
+    """Before anything is asked of a machine: raise ConfigError (E-ACCEPT-SHEET, E-REPORT-LANGUAGE, E-REPORT-EXTRA)."""
+    if path.suffix.lower() not in ENDINGS:
+        raise ConfigError("E-ACCEPT-SHEET", str(path), known=", ".join(ENDINGS))
+    if language and language not in LANGUAGES:
+        raise ConfigError("E-REPORT-LANGUAGE", "accept", language=language, known=", ".join(LANGUAGES))
+    if path.suffix.lower() == ".pdf":
+        try:
+            import gateway.report.document.pdf  # noqa: F401, PLC0415 - an extra that only paper needs
+        except ModuleNotFoundError as error:
+            raise ConfigError("E-REPORT-EXTRA", str(path), library=error.name) from error
+
+
+def write_sheet(path: Path, results: Collection[CheckResult], of: Occasion) -> None:
+    """The sheet as PDF or HTML, as its name ends. Raises ConfigError (E-CLI-WRITE) and what the PDF raises."""
+    made = sheet(results, of)
+    if path.suffix.lower() == ".pdf":
+        from gateway.report.document.pdf import pdf  # noqa: PLC0415 - as above
+
+        data = pdf(made, of.moment)
+    else:
+        data = page(made).encode()
+    try:
+        path.write_bytes(data)
+    except OSError as error:
+        raise ConfigError("E-CLI-WRITE", str(path), why=str(error)) from error
+
+
+def sheet(results: Collection[CheckResult], of: Occasion) -> Document:
+    """The sheet's content. Raises ConfigError (E-REPORT-LANGUAGE)."""
+    said = particulars_of(of.site, of.site_path)
+    t = Tongue(of.language or said.language)
+    made = Document(
+        title=t("accept_title"),
+        number="",
+        language=t.language,
+        letterhead=Letterhead(said.maker.laboratory, said.maker.address, said.maker.logo, said.maker.logo_ending),
+        blocks=(_facts(of, said, t), _answer(results, t), *_table(results, t), _signatures(t)),
+        page_of=t("page_of", n="{n}", m="{m}"),
+        number_word=t("number_word"),
+        foot=t("foot", site=of.site.site.name, software=f"trueflank {metadata.version('trueflank')}"),
+        simulated=t("simulated") if of.site.site.simulated else "",
+        simulated_said=t("accept_simulated") if of.site.site.simulated else "",
+    )
+    records = [one.as_record() for one in results]
+    digest = hashlib.sha256(json.dumps([records, of.moment.isoformat()]).encode()).hexdigest()
+    return replace(made, number=f"{of.moment:%Y%m%d}-{digest[:DIGITS]}")
+
+
+def _facts(of: Occasion, said: Particulars, t: Tongue) -> Block:
+    own = said.machine
+    machine = " ".join(str(part) for part in (own.maker, own.type, own.number, own.year) if part)
+    rows = (
+        (t("accept_site"), of.site.site.name),
+        (t("accept_machine"), machine),
+        (t("accept_serial"), of.site.controller.serial),
+        (t("accept_allowance"), f"{of.allow}: {t(f'accept_allow_{of.allow}')}"),
+        (t("accept_moment"), f"{of.moment:%Y-%m-%d %H:%M} UTC"),
+        (t("accept_place"), said.parties.place),
+    )
+    return FactsBlock(rows, columns=1)
+
+
+def _answer(results: Collection[CheckResult], t: Tongue) -> Band:
+    count = {one: sum(result.outcome == one for result in results) for one in OUTCOMES}
+    state: State = "bad" if count["failed"] else "open" if count["skipped"] else "good"
+    lines = (t("accept_count", **count), *((t("accept_skipped_said"),) if count["skipped"] else ()))
+    return Band(state, t("accept_outcome_failed" if count["failed"] else "accept_outcome_passed"), lines)
+
+
+def _table(results: Collection[CheckResult], t: Tongue) -> tuple[Block, ...]:
+    head = tuple(t(f"accept_head_{name}") for name in ("check", "what", "outcome", "seen"))
+    rows = tuple(
+        (
+            f"{t(f'accept_name_{one.check}')} {one.axis}".strip(),
+            t(f"accept_what_{one.check}"),
+            t(f"accept_outcome_{one.outcome}"),
+            one.seen.told(t),
+        )
         for one in results
     )
-    count = {word: sum(one.outcome == word for one in results) for word in ("passed", "failed", "skipped")}
-    summary = ", ".join(f"{number} {word}" for word, number in count.items())
-    people = "".join(f"<tr><td>{who}</td><td></td><td></td></tr>" for who in ("Tested by", "Accepted by"))
-    return (
-        '<!doctype html><html lang="en"><meta charset="utf-8"><title>Site acceptance</title>'
-        f"<style>{_STYLE}</style><h1>Site acceptance</h1><table>{head}</table><p>{summary}</p>"
-        f"<table><tr><th>check</th><th>looks at</th><th>result</th><th>seen</th></tr>{rows}</table>"
-        '<h2>Signatures</h2><table class="sign">'
-        f"<tr><th></th><th>name, date</th><th>signature</th></tr>{people}</table>"
-        "<p>A skipped check says nothing about the machine.</p></html>\n"
-    )
+    strong = tuple(number for number, one in enumerate(results) if one.outcome == "failed")
+    english = (Paragraph(t("accept_english"), "small"),) if strong and t("accept_english") else ()
+    return (Heading(t("accept_checks")), TableBlock(head, rows, "llll", strong, dense=True, wide=(1, 3)), *english)
+
+
+def _signatures(t: Tongue) -> Block:
+    who = Signatures((t("accept_tested_by"), t("accept_accepted_by")), t("place_and_date"))
+    return Whole((Heading(t("release")), who))

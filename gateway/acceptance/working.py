@@ -5,18 +5,22 @@ from __future__ import annotations
 from collections.abc import AsyncIterator, Collection
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
-from importlib import metadata
 from pathlib import Path
 
 from drivers.clock import Clock
-from drivers.probes import Allowance
+from gateway.acceptance.results import seen
 from gateway.config import SiteFile
 from gateway.say import Say
 from gateway.workflow.bench import Bench, bench, run_or_look
 
 
 class NotHere(Exception):
-    """A check that this site has nothing for; the text says why."""
+    """A check that this site has nothing for; ``why`` says it."""
+
+    def __init__(self, key: str, /, **fields: object) -> None:
+        """The line by its key and fields, as `seen` has them."""
+        super().__init__(key)
+        self.why = seen(key, **fields)
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,9 +48,3 @@ class SiteDesk:
             async with at as opened:
                 yield opened
             folder.set_state("accepted")
-
-
-def about(site: SiteFile, allow: Allowance) -> dict[str, str]:
-    """The head of the sheet."""
-    names = {"site": site.site.name, "serial number of the control": site.controller.serial}
-    return {**names, "allowance": allow, "trueflank": metadata.version("trueflank"), "date": ""}

@@ -2,20 +2,29 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from drivers.clock import LoopClock, run_virtual
+from drivers.errors import ConfigError
 from drivers.probes import Allowance
+from gateway.acceptance.checks import CHECKS
 from gateway.acceptance.judging import cases, run_check
-from gateway.acceptance.sheet import CheckResult, sheet_text
-from gateway.acceptance.working import SiteDesk, about
+from gateway.acceptance.results import CheckResult, seen
+from gateway.acceptance.sheet import Occasion, check_sheet, sheet, write_sheet
+from gateway.acceptance.working import SiteDesk
 from gateway.config import load_site
+from gateway.report.document.web import page
+from gateway.report.document.words import catalogue_of
 from gateway.say import silence
 from simulators.cell import Cell, cell_running
 from tests.selftested import keep
+
+DAY = datetime(2026, 3, 2, 8, 30, tzinfo=UTC)
 
 
 def accepted(
@@ -83,17 +92,59 @@ def test_an_instrument_that_counts_the_wrong_optics_is_not_accepted(tmp_path: Pa
     assert found["motion X1"].outcome == "failed"
 
 
-def test_the_sheet_shows_every_result_and_lines_to_sign(tmp_path: Path) -> None:
-    result = CheckResult("axis <X1>", "read", what="known", outcome="failed", said="no axis & no limit")
+@pytest.fixture(scope="module")
+def of(tmp_path_factory: pytest.TempPathFactory) -> Occasion:
+    """The smallest cell's site, on one day."""
+    folder = tmp_path_factory.mktemp("site")
 
-    async def main() -> dict[str, str]:
-        async with cell_running("zero", tmp_path, LoopClock(), wires="memory") as cell:
-            return about(load_site(cell.site_path), "move")
+    async def main() -> Occasion:
+        async with cell_running("zero", folder, LoopClock(), wires="memory") as cell:
+            return Occasion(load_site(cell.site_path), cell.site_path, "move", DAY)
 
-    head = run_virtual(main)
-    text = sheet_text([result], head)
-    assert "axis &lt;X1&gt;" in text
-    assert "no axis &amp; no limit" in text
-    assert "0 passed, 1 failed, 0 skipped" in text
-    assert head["site"] in text
+    return run_virtual(main)
+
+
+IDENTITY = {"serial": "7", "version": "V4", "axes": "X1", "unit": "metric"}
+RESULTS = (
+    CheckResult("axis", "X1", "read", outcome="failed", seen=seen("wrong", error="no axis <X1> & no limit")),
+    CheckResult("rights", "", "read", outcome="skipped", seen=seen("no-user")),
+    CheckResult("identity", "", "read", outcome="passed", seen=seen("identity", **IDENTITY)),
+)
+
+
+def test_the_sheet_shows_every_result_and_lines_to_sign(of: Occasion, tmp_path: Path) -> None:
+    write_sheet(tmp_path / "sheet.html", RESULTS, of)
+    text = (tmp_path / "sheet.html").read_text(encoding="utf-8")
+    assert "no axis &lt;X1&gt; &amp; no limit" in text
+    assert "1 passed, 1 failed, 1 skipped" in text
+    assert of.site.site.name in text
+    assert "2026-03-02 08:30 UTC" in text
+    assert "SIMULATED" in text
     assert "Accepted by" in text
+
+
+def test_the_sheet_is_written_in_every_language_as_page_and_on_paper(of: Occasion, tmp_path: Path) -> None:
+    told = {}
+    for language, word in (("en", "skipped"), ("de", "ausgelassen"), ("zh", "跳过")):
+        one = replace(of, language=language)
+        told[language] = texts = page(sheet(RESULTS, one))
+        assert word in texts
+    assert "此连接没有可查询权限的用户" in told["zh"]
+    english = {text for key, text in catalogue_of("en").items() if key.startswith("accept_") and len(text) > 12}
+    assert {text for text in english if text in told["de"] or text in told["zh"]} == set()
+    write_sheet(tmp_path / "sheet.pdf", RESULTS, replace(of, language="de"))
+    assert (tmp_path / "sheet.pdf").read_bytes().startswith(b"%PDF-1.7")
+
+
+def test_every_check_has_its_words() -> None:
+    english = catalogue_of("en")
+    assert [
+        one.name for one in CHECKS if not {f"accept_name_{one.name}", f"accept_what_{one.name}"} <= set(english)
+    ] == []
+
+
+@pytest.mark.parametrize(("name", "language", "code"), [("a.txt", "", "SHEET"), ("a.html", "fr", "LANGUAGE")])
+def test_a_sheet_that_cannot_be_written_is_refused_first(name: str, language: str, code: str) -> None:
+    with pytest.raises(ConfigError) as refused:
+        check_sheet(Path(name), language)
+    assert refused.value.code.endswith(code)

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from drivers.clock import LoopClock
-from drivers.errors import ConfigError, words
+from drivers.errors import words
 from gateway.cli.control.conforming import allowance
 from gateway.cli.options import JsonOption, SiteArgument
 from gateway.cli.show import echo, show_json
@@ -23,18 +23,21 @@ def accept_command(
         str, typer.Option("--allow", help="read looks, move also jogs, write also tries a table and puts it back.")
     ] = "read",
     machine: Annotated[str, typer.Option(help="The machine's name, typed to confirm --allow write.")] = "",
-    sheet: Annotated[Path, typer.Option(help="Where the sheet to sign goes (HTML).")] = Path("acceptance.html"),
+    sheet: Annotated[Path, typer.Option(help="Where the sheet to sign goes: .html or .pdf.")] = Path("acceptance.html"),
+    language: Annotated[str, typer.Option(help="Of the sheet: en, de or zh; left out: as the site file says.")] = "",
     as_json: JsonOption = False,
 ) -> None:
     """Accept a site: every check within the allowance, and a sheet to sign; exit code 13 where one fails."""
     from gateway.acceptance.judging import cases, run_check
-    from gateway.acceptance.sheet import CheckResult, sheet_text
-    from gateway.acceptance.working import SiteDesk, about
+    from gateway.acceptance.results import CheckResult
+    from gateway.acceptance.sheet import Occasion, check_sheet, write_sheet
+    from gateway.acceptance.working import SiteDesk
     from gateway.config import load_site
     from gateway.workflow.bench import check_name
 
     tree, given, clock = load_site(site), allowance(allow), LoopClock()
     check_name(tree, given == "write", machine)
+    check_sheet(sheet, language)
 
     def say(code: str, /, **fields: object) -> None:
         if not as_json:
@@ -50,10 +53,7 @@ def accept_command(
         return results
 
     results: list[Any] = run_to_end(main())
-    try:
-        sheet.write_text(sheet_text(results, about(tree, given)), encoding="utf-8")
-    except OSError as error:
-        raise ConfigError("E-CLI-WRITE", str(sheet), why=str(error)) from error
+    write_sheet(sheet, results, Occasion(tree, site, given, clock.utc(), language=language))
     if as_json:
         show_json({"allow": given, "results": [one.as_record() for one in results], "sheet": str(sheet)})
     else:
