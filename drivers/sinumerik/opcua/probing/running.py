@@ -194,7 +194,8 @@ def _ending(seen: _Seen, number: int, standing: frozenset[int], *, echo: bool) -
 
 
 def _listing(probes: Sequence[Probe]) -> str:
-    out = [";TRUEFLANK PROBE", "DEF INT UERR", "DEF STRING[200] ULINE[2]", "{phase}={number}", "STOPRE"]
+    out = [";TRUEFLANK PROBE", "DEF INT UERR", "DEF STRING[200] ULINE[2]", "DEF REAL USPAN"]
+    out += ["{phase}={number}", "STOPRE"]
     out += ['DELETE(UERR,"{file}")', 'WRITE(UERR,"{file}",";{number}")']
     for probe in probes:
         *blocks, value = map(str, probe.ask)
