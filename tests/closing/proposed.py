@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -38,7 +38,8 @@ FloatArray = NDArray[np.float64]
 @dataclass(frozen=True, slots=True)
 class Tried:
     """True flanks before and with the proposed tables, set-up values right in both, RMS in um; ``missed_um`` of the
-    prediction, whose standard uncertainty is ``u_um``. ``axes``: M of X1 and Z1 before and with their tables, um.
+    prediction, whose standard uncertainty is ``u_um``, split by ``parts_um``. ``axes``: M of X1 and Z1 before and with
+    their tables, um.
     """
 
     before_um: float
@@ -47,6 +48,7 @@ class Tried:
     u_um: float
     axes: Mapping[str, tuple[float, float]]
     run: Path
+    parts_um: Mapping[str, float] = field(default_factory=dict)
 
 
 async def tried(file: CellFile, folder: Path, *, report: bool = True) -> Tried:
@@ -77,7 +79,7 @@ def _judged(truth: Truth, tables: Sequence[CompensationTable], tooth: ToothPropo
     last = at.set_right(at.flank(ground(truth, part, seat, corrections=corrections(tables))))
     missed = rms(last - at.set_right(at.turned_off(said.after.deviation_um)))
     axes = {name: _ranges(truth, name, tables) for name in ("X1", "Z1")}
-    return Tried(rms(first), rms(last), missed_um=missed, u_um=said.u_um, axes=axes, run=run)
+    return Tried(rms(first), rms(last), missed_um=missed, u_um=said.u_um, axes=axes, run=run, parts_um=said.parts_um)
 
 
 def corrections(tables: Sequence[CompensationTable]) -> dict[str, Any]:

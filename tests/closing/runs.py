@@ -23,6 +23,7 @@ from gateway.workflow import stages
 from gateway.workflow.loop.tooth_loop import AFTER, BEFORE, close_site
 from gateway.workflow.outcome import Outcome
 from simulators.cell import Cell
+from simulators.cell.filed import write_filed_site
 from simulators.cellfile import CellFile
 from simulators.grinding import WorkPiece
 from simulators.nck.machine import compensation as table
@@ -139,6 +140,17 @@ async def closed(
     outcome = await run(resume)
     axes = {name: (before[name], cell.figures(name, step=0.5)["M"]) for name in names}
     return Closed(cell, site, RunFolder(Path(outcome.run_folder)), watched, axes, acted=acted)
+
+
+def quick(cell: Cell, text: str) -> str:
+    """Every set-up as a file that the cell's bench wrote, and few targets where a push is judged on the axis."""
+    path = cell.site_path
+    path.write_text(text, encoding="utf-8")
+    write_filed_site(cell, path)
+    axes, rest = path.read_text(encoding="utf-8").split("[[setups]]", 1)
+    for dense, sparse in (("count = 21", "count = 9"), ("count = 24", "count = 12"), ("s = 5", "s = 3")):
+        axes = axes.replace(dense, sparse)
+    return f"{axes}[[setups]]{rest}"
 
 
 def acting(cell: Cell) -> dict[str, Curve]:

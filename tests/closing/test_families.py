@@ -14,21 +14,22 @@ import pytest
 
 from gateway.store import RunFolder
 from gateway.workflow import stages
-from simulators.cell import Cell
-from simulators.cell.filed import write_filed_site
 from tests.closing.families import FAMILIES, relative
 from tests.closing.honestpage import write
 from tests.closing.honesty import broken as dishonest
 from tests.closing.honesty import spreads
+from tests.closing.kept import Kept, state_of_code
 from tests.closing.pool import Job, prove
 from tests.closing.proof import machine_row
 from tests.closing.proposed import tried
 from tests.closing.record import MachineResult
-from tests.closing.runs import run_machine
+from tests.closing.runs import quick, run_machine
 from tests.closing.told import unfit
 from tests.sizes import few
 
-DOCS = Path(__file__).parents[2] / "docs"
+ROOT = Path(__file__).parents[2]
+DOCS, KEPT = ROOT / "docs", ROOT / ".families"
+FEW = "11-lobe disc"
 WORKERS = 2
 MOST = 20  # of a family
 TRIED = ("tilting", "coarse", "noisy")
@@ -36,17 +37,6 @@ DEFAULT = 3  # of these in `make test`; the others in `make long`
 REPORTED = TRIED[0]  # its report is written and read; drawing takes as long again as all the rest
 LEAST = 0.3
 SURE = 2.0
-
-
-def quick(cell: Cell, text: str) -> str:
-    """Every set-up as a file that the cell's bench wrote, and few targets where a push is judged on the axis."""
-    path = cell.site_path
-    path.write_text(text, encoding="utf-8")
-    write_filed_site(cell, path)
-    axes, rest = path.read_text(encoding="utf-8").split("[[setups]]", 1)
-    for dense, sparse in (("count = 21", "count = 9"), ("count = 24", "count = 12"), ("s = 5", "s = 3")):
-        axes = axes.replace(dense, sparse)
-    return f"{axes}[[setups]]{rest}"
 
 
 def broken(one: MachineResult) -> list[str]:
@@ -67,7 +57,7 @@ def broken(one: MachineResult) -> list[str]:
 @pytest.mark.parametrize("family", few([*TRIED, *(one for one in FAMILIES if one not in TRIED)], DEFAULT))
 async def test_what_is_proposed_to_a_machine_of_a_family_makes_it_better(tmp_path: Path, family: str) -> None:
     """The smaller one of a closing run: from files, nothing is written, and the truth grinds with the tables."""
-    found = await tried(relative(family, 1, "11-lobe disc"), tmp_path, report=family == REPORTED)
+    found = await tried(relative(family, 1, FEW), tmp_path, report=family == REPORTED)
     print(found)
     assert found.after_um < 0.8 * found.before_um
     assert found.missed_um < SURE * found.u_um
@@ -80,7 +70,7 @@ async def test_what_is_proposed_to_a_machine_of_a_family_makes_it_better(tmp_pat
 @pytest.mark.parametrize("family", ["wearing", "noisy", "coarse"])
 def test_a_short_run_on_a_machine_of_a_family(tmp_path: Path, family: str) -> None:
     """On a disc of few lobes; every file that it leaves is fit to be read."""
-    file = relative(family, 1, "11-lobe disc")
+    file = relative(family, 1, FEW)
     found = run_machine(file, file.seed, tmp_path, short=True, edit=quick)
     print(found)
     assert broken(found) == []
@@ -96,7 +86,7 @@ def test_a_short_run_on_a_machine_of_a_family(tmp_path: Path, family: str) -> No
 def test_machines_of_families_get_better_and_their_uncertainties_are_honest(tmp_path: Path) -> None:
     """One of each family at a time, so that the page, written anew after every machine, tells of all of them early."""
     count = min(int(os.environ.get("TRUEFLANK_MACHINES", "20")), MOST)
-    wanted = [Job(seed, family=family) for seed in range(1, count + 1) for family in FAMILIES]
+    wanted = families_jobs(count)
     command = "make families" if count == MOST else f"make families N={count}"
     page = Path(os.environ.get("TRUEFLANK_PROOF") or DOCS)
     found: dict[str, list[MachineResult]] = {family: [] for family in FAMILIES}
@@ -106,9 +96,15 @@ def test_machines_of_families_get_better_and_their_uncertainties_are_honest(tmp_
         found[one.name.rsplit("-", 1)[0]].append(one)
         write(found, page, command, len(wanted))
 
-    results = prove(wanted, tmp_path, WORKERS, heard)
+    results = prove(wanted, tmp_path, WORKERS, heard, Kept(KEPT / state_of_code(), MachineResult))
     assert [line for one in results for line in broken(one)] == []
     assert dishonest(spreads(found)) == []
+
+
+def families_jobs(count: int) -> list[Job]:
+    """Short runs on the disc of few lobes, one of each family at a time, and at last a whole one of each family."""
+    short = [Job(seed, family=family, gear=FEW, short=True) for seed in range(2, count + 1) for family in FAMILIES]
+    return [*short, *(Job(1, family=family) for family in FAMILIES)]
 
 
 def test_what_no_reader_should_meet_is_found(tmp_path: Path) -> None:

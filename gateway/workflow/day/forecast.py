@@ -9,8 +9,9 @@ from drivers.types.tables import CompensationTable
 from gateway.correct.flank.noise import noise_patterns
 from gateway.correct.outlook.flank_uncertainty import Shop
 from gateway.correct.outlook.next_setup import doubts
-from gateway.correct.outlook.prediction import predict
-from gateway.correct.plan.layers import correct
+from gateway.correct.outlook.prediction import Outlook, predict
+from gateway.correct.outlook.worthwhile import worthwhile
+from gateway.correct.plan.layers import LayeredCorrection, correct
 from gateway.correct.plan.plan import AxisGrid, Plan
 from gateway.gear.flank import flank_grid
 from gateway.gear.grinding import Grinding
@@ -58,13 +59,13 @@ def forecast(model: ErrorModel, work: ToothWork, grids: tuple[AxisGrid, ...]) ->
     grid = flank_grid(work.gear, profile=PROFILE, width=WIDTH)
     plan = Plan(grids, zeros=("X",))
     plan = replace(plan, noise=noise_patterns(grinding, grid, doubts(model, chain, plan)))
-    found = correct(grinding, grid, plan=plan)
-    outlook = predict(grinding, grid, plan=plan, model=model, found=found, shop=Shop())
-    if found.cross and not outlook.worth:
-        plan = replace(plan, cross=())
-        found = correct(grinding, grid, plan=plan)
-        outlook = predict(grinding, grid, plan=plan, model=model, found=found, shop=Shop())
-    flank = outlook.flank
+
+    def worked_out(tried: Plan) -> tuple[LayeredCorrection, Outlook]:
+        found = correct(grinding, grid, plan=tried)
+        return found, predict(grinding, grid, plan=tried, model=model, found=found, shop=Shop())
+
+    chosen = worthwhile(plan, worked_out)
+    found, flank = chosen.found, chosen.outlook.flank
     return ToothForecast(
         before_um=set_right(flank.before, work.gear).rms_um,
         with_own_um=set_right(flank.with_own, work.gear).rms_um,

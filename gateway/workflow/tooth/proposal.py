@@ -20,6 +20,7 @@ from gateway.correct.outlook.next_setup import Tooth, doubts
 from gateway.correct.outlook.prediction import Outlook, predict
 from gateway.correct.outlook.ranking import cure_errors, rank_errors
 from gateway.correct.outlook.too_coarse import dominant
+from gateway.correct.outlook.worthwhile import worthwhile
 from gateway.correct.plan.layers import LayeredCorrection, correct
 from gateway.correct.plan.plan import CROSS, Plan, cross_specs
 from gateway.correct.plan.records import record
@@ -43,7 +44,7 @@ from gateway.workflow.bench import Bench
 from gateway.workflow.errors21.components import grids
 from gateway.workflow.tooth.crosstables import acting_cross, cross_changes, places_of
 from gateway.workflow.tooth.everything import outlooks, told_of
-from gateway.workflow.tooth.sentences import explained, measure_better, told
+from gateway.workflow.tooth.sentences import doubted, explained, measure_better, told
 
 PROFILE, WIDTH = 11, 5
 
@@ -96,7 +97,8 @@ async def propose_tooth(
     live = {name: item.capture.live for name, item in measured.items() if item.capture.live is not None}
     task = _Task.of(at, model, measured, work, own=own, live=live)
     plan, nowhere = await task.placed(at)
-    found, outlook, gains = task.worked_out(plan)
+    chosen = worthwhile(plan, task.one)
+    found, outlook, gains = chosen.found, chosen.outlook, chosen.told
     cross = await cross_changes(at, found.optimum.tables, task.grinding.chain, live=live, adds=False)
     if not gains.sure:
         cross = tuple(_labelled(one, gains) for one in cross)
@@ -111,7 +113,7 @@ async def propose_tooth(
         eccentricity_um=found.moved.eccentricity_um,
         tilt_arcsec=found.moved.tilt_arcsec,
     )
-    left = (*nowhere, *(task.alone(plan, outlook) if nowhere else ()), *_left_alone(own))
+    left = (*nowhere, *(task.alone(plan, outlook) if nowhere else ()), *_left_alone(own), *doubted(chosen))
     worst = dominant(task.grinding, task.grid, model, outlook.flank)
     needed = (*told(tooth, model, found=found, gains=gains, left_alone=left), *measure_better(worst))
     axes = outlooks(own, cross)
@@ -210,23 +212,17 @@ class _Task:
         found = correct(self.grinding, self.grid, plan=plan, live=self.acted, own=self.own)
         return float(found.optimum.best.rms)
 
-    def worked_out(self, plan: Plan) -> tuple[LayeredCorrection, Outlook, Outlook]:
-        """The correction, without cross tables where they gain too little; its outlook, and that with cross tables."""
-        found, outlook = self._one(plan)
-        if outlook.worth or not found.optimum.tables:
-            return found, outlook, outlook
-        return (*self._one(replace(plan, cross=())), outlook)
-
     def alone(self, plan: Plan, outlook: Outlook) -> tuple[str, ...]:
         """What stays on the flank where the control has no place for any cross table, and what these would leave."""
         if plan.cross:
             return ()
-        _, could = self._one(self.plan)
+        _, could = self.one(self.plan)
         return (
             words("S-TOOTH-ALONE", left=f"{outlook.flank.after.rms_um:.2f}", least=f"{could.flank.after.rms_um:.2f}"),
         )
 
-    def _one(self, plan: Plan) -> tuple[LayeredCorrection, Outlook]:
+    def one(self, plan: Plan) -> tuple[LayeredCorrection, Outlook]:
+        """The correction of a plan and its outlook."""
         found = correct(self.grinding, self.grid, plan=plan, live=self.acted, own=self.own)
         return found, predict(self.grinding, self.grid, plan=plan, model=self.model, found=found, shop=self.shop)
 

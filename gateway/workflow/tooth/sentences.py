@@ -8,6 +8,7 @@ from drivers.errors import words
 from gateway.correct.outlook.next_setup import THRESHOLD_UM
 from gateway.correct.outlook.prediction import Outlook
 from gateway.correct.outlook.too_coarse import Dominant
+from gateway.correct.outlook.worthwhile import Worthwhile
 from gateway.correct.plan.layers import LayeredCorrection
 from gateway.domain.values import COVERAGE
 from gateway.model.known import ErrorModel
@@ -46,6 +47,15 @@ def measure_better(worst: Dominant | None) -> tuple[str, ...]:
     at = worst.window
     places = {"first": f"{at.first:.1f}", "last": f"{at.last:.1f}", "step": f"{at.step:.3g}", "unit": at.unit}
     return (words("S-TOOTH-COARSE", **sizes, **places, left=f"{at.left_um:.2f}"),)
+
+
+def doubted(chosen: Worthwhile) -> tuple[str, ...]:
+    """Which cross tables stay away because the flank may get worse with them, in words."""
+    whole = chosen.whole
+    figures = {"gain": f"{whole.gain_um:.2f}", "U": f"{COVERAGE * whole.gain_u_um:.2f}"}
+    worse = f"{100.0 * whole.worse:.0f}"
+    names = ", ".join(chosen.left_out)
+    return (words("S-TOOTH-DOUBTED", names=names, worse=worse, **figures),) if names else ()
 
 
 def _gain(found: LayeredCorrection, gains: Outlook) -> Iterator[str]:
