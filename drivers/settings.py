@@ -97,6 +97,11 @@ class DriverSettings(BaseModel):
         del url
         return ""
 
+    @property
+    def plans_together(self) -> int:
+        """How many stop plans a person starts with one press; 0 where none is started by a program."""
+        return 0
+
     @classmethod
     def _fault(cls, one: Mapping[str, Any]) -> SettingFault:
         key = ".".join(map(str, one["loc"]))

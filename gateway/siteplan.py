@@ -1,4 +1,4 @@
-"""What a site file says of measuring: targets, set-ups of every error, what is assumed, the work, the drift guard."""
+"""What a site file says of measuring: targets, set-ups, what is assumed, the work, the drift guard, people's times."""
 
 from __future__ import annotations
 
@@ -246,3 +246,39 @@ class GuardSection(Section):
     repetitions: Whole = Field(default=3, ge=2, le=MOST_REPETITIONS, description="repetitions per target")
     mounting_um: Number = Field(default=0.2, ge=0, description="repeatability of a mounting, um")
     mounting_arcsec: Number = Field(default=0.2, ge=0, description="repeatability of a mounting, arcsec")
+
+
+class OperatorTimes(Section):
+    """How long the run waits for people, in seconds of the gateway's clock."""
+
+    start_timeout_s: Number = Field(
+        default=600.0, gt=0, le=604800.0, description="longest wait for the operator's start, s"
+    )
+    stop_timeout_s: Number = Field(
+        default=120.0, gt=0, le=604800.0, description="longest wait for the axis at its next stop, s"
+    )
+
+
+class DayTimes(Section):
+    """What work by hand and restarts take at this machine: a forecast of the day counts with them, nothing waits so.
+
+    Feeds, dwell, settling and averaging stand with the axes, hours of a test part under `[work]`.
+    """
+
+    start_s: Number = Field(default=15.0, ge=0, le=3600.0, description="to read the text and start the program, s")
+    mounting_min: Number = Field(
+        default=15.0, ge=0, le=1440.0, description="to mount and align the optics of one set-up, min"
+    )
+    restart_s: Number = Field(
+        default=240.0, ge=0, le=7200.0, description="a restart of the control, until every axis is referenced again, s"
+    )
+    clamping_min: Number = Field(default=3.0, ge=0, le=1440.0, description="to clamp a blank or take it off, min")
+    inspection_min: Number = Field(
+        default=20.0, ge=0, le=1440.0, description="to bring a part to the gear inspection and inspect it, min"
+    )
+    warm_up_min: Number = Field(
+        default=30.0,
+        ge=0,
+        le=1440.0,
+        description="warm-up before the first reading, min",
+    )

@@ -8,11 +8,13 @@ from typing import Annotated
 import typer
 
 from drivers.terms import spoken
+from gateway.cli.machine.dayplan import show_day_of_run
 from gateway.cli.options import (
     ApplyOption,
     AxesOption,
     JsonOption,
     MachineOption,
+    PlanOption,
     RiskOption,
     RunArgument,
     SiteArgument,
@@ -31,9 +33,13 @@ def run(
     apply: ApplyOption = False,
     machine: MachineOption = "",
     risk: RiskOption = "",
+    plan: PlanOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Measure every axis, propose tables; with --apply push them, measure again and prove it."""
+    if plan:
+        show_day_of_run(site, tuple(axis or ()), apply=apply, as_json=as_json)
+        return
     from gateway.approve import risking
     from gateway.cli.machine.running import run_site_command
 

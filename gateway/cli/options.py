@@ -24,6 +24,10 @@ RiskOption = Annotated[
 AxesOption = Annotated[
     list[str] | None, typer.Option("--axis", help="Only this machine axis; may be repeated.", show_default=False)
 ]
+PlanOption = Annotated[
+    bool,
+    typer.Option("--plan", help="Show the day beforehand: mountings, presses, restarts, hours; touch no device."),
+]
 TablesOption = Annotated[
     list[str] | None,
     typer.Option("--axis", help="Only this axis or table, as the proposal names it; may be repeated."),

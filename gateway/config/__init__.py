@@ -7,25 +7,34 @@ from __future__ import annotations
 
 from gateway.config.faults import Fault, SiteFaults
 from gateway.config.loading import SiteReading, load_site, read_site
-from gateway.config.reaching import open_road
+from gateway.config.reaching import open_road, plans_together
 from gateway.config.reference import schema
 from gateway.config.sections import (
     AxisSection,
     ControllerSection,
     InstrumentSection,
     MeasureSection,
-    OperatorTimes,
     Site,
     SiteFile,
     TableSection,
 )
 from gateway.config.service import MqttSection
-from gateway.siteplan import AssumedSection, GuardSection, SetupSection, Targets, WorkingWindow, WorkSection
+from gateway.siteplan import (
+    AssumedSection,
+    DayTimes,
+    GuardSection,
+    OperatorTimes,
+    SetupSection,
+    Targets,
+    WorkingWindow,
+    WorkSection,
+)
 
 __all__ = [
     "AssumedSection",
     "AxisSection",
     "ControllerSection",
+    "DayTimes",
     "Fault",
     "GuardSection",
     "InstrumentSection",
@@ -43,6 +52,7 @@ __all__ = [
     "WorkingWindow",
     "load_site",
     "open_road",
+    "plans_together",
     "read_site",
     "schema",
 ]

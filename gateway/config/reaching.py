@@ -11,6 +11,7 @@ from urllib.parse import urlsplit
 from drivers import registry
 from drivers.errors import words
 from drivers.local.names import shown
+from drivers.settings import DriverSettings
 from gateway.config.faults import Fault, called
 from gateway.config.keyfaults import broken
 from gateway.config.rules import GEAR_MACHINE
@@ -34,11 +35,24 @@ def reach_faults(tree: Mapping[str, Any], site: Any) -> Iterator[Fault]:
 
 def open_road(site: SiteFile) -> str:
     """Why others on the network could read or change what passes to the control, in words; "" where they cannot."""
+    told = _told(site)
+    return "" if told is None else told.unprotected(site.controller.url)
+
+
+def plans_together(site: SiteFile) -> int:
+    """How many stop plans a person starts with one press; 0 where the road runs no programs of ours."""
+    told = _told(site)
+    return 0 if told is None else told.plans_together
+
+
+def _told(site: SiteFile) -> DriverSettings | None:
+    """What the site file tells the control's driver; None where the driver has no model or a setting is wrong."""
     spec = registry.known("controller").get(site.controller.driver)
     model = spec.load_settings() if spec is not None else None
     if model is None or model.faults(site.controller.settings):
-        return ""
-    return str(model.model_validate(dict(site.controller.settings)).unprotected(site.controller.url))
+        return None
+    told: DriverSettings = model.model_validate(dict(site.controller.settings))
+    return told
 
 
 def _reached(tree: Mapping[str, Any], section: Any, roles: tuple[str, ...]) -> Iterator[Fault]:

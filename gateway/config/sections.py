@@ -18,11 +18,13 @@ from gateway.siteplan import (
     MOST_POINTS,
     MOST_REPETITIONS,
     AssumedSection,
+    DayTimes,
     Flag,
     GuardSection,
     MaybeName,
     Name,
     Number,
+    OperatorTimes,
     Section,
     SetupSection,
     Targets,
@@ -260,17 +262,6 @@ class MovesSection(Section):
         return SafePlaces(ranges, self.feed_mm, self.feed_deg)
 
 
-class OperatorTimes(Section):
-    """How long the run waits for people, in seconds of the gateway's clock."""
-
-    start_timeout_s: Number = Field(
-        default=600.0, gt=0, le=604800.0, description="longest wait for the operator's start, s"
-    )
-    stop_timeout_s: Number = Field(
-        default=120.0, gt=0, le=604800.0, description="longest wait for the axis at its next stop, s"
-    )
-
-
 class SiteFile(Section):
     """A whole site file."""
 
@@ -281,6 +272,7 @@ class SiteFile(Section):
     )
     axes: tuple[AxisSection, ...] = Field(min_length=1, max_length=MOST_AXES, description="what is measured")
     operator: OperatorTimes = Field(default=OperatorTimes(), description="how long people are waited for")
+    times: DayTimes = Field(default=DayTimes(), description="what a day's work takes, for the forecast of a day")
     moves: MovesSection = Field(default=MovesSection(), description="where axes may stand while tables are pushed")
     setups: tuple[SetupSection, ...] = Field(
         default=(), max_length=MOST_SETUPS, description="errors beyond the positioning of the axes"

@@ -8,12 +8,12 @@ from __future__ import annotations
 import csv
 import io
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
 from drivers.errors import ConfigError, words
 from drivers.programs import DwellPlan
+from gateway.capture.duration import plan_s
 from gateway.capture.targets import measuring_plan, targets_of
 from gateway.config import AxisSection, SiteFile
 from gateway.domain.values import FloatArray
@@ -61,10 +61,9 @@ def feed_of(axis: AxisSection, at: FloatArray, wish: DwellWish) -> float:
 
 def said(axis: AxisSection, plan: DwellPlan) -> str:
     """What a person should know of this program: stops, hours, and a feed that is not the site's."""
-    stops = plan.stops.stops
-    way = sum(abs(b.target - a.target) + 2 * plan.stops.overrun for a, b in pairwise(stops))
-    hours = (way / plan.stops.feed * 60.0 + plan.dwell_s * len(stops)) / 3600.0
-    text = words("P-DWELL-PLAN", axis=axis.name, stops=len(stops), dwell=f"{plan.dwell_s:g}", hours=f"{hours:.1f}")
+    count = len(plan.stops.stops)
+    hours = plan_s(replace(plan.stops, dwell_s=plan.dwell_s), 0.0) / 3600.0
+    text = words("P-DWELL-PLAN", axis=axis.name, stops=count, dwell=f"{plan.dwell_s:g}", hours=f"{hours:.1f}")
     if plan.stops.feed < axis.measure.feed:
         feed, own = f"{plan.stops.feed:g}", f"{axis.measure.feed:g}"
         text += words("P-DWELL-FEED", feed=feed, own=own)

@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import fields
 from typing import Any
 
 from simulators.cellfile import CellAxis, CellFile, Part, Setup
+from simulators.cellfile.part import InspectionMachine
+from simulators.nck.spec import NckSpec
+
+_BOOT_S = next(one.default for one in fields(NckSpec) if one.name == "boot_s")
+_POINTS_PER_SPACE = 110  # two flanks, five lines of eleven points
 
 
 def site_text(
@@ -29,6 +35,7 @@ def site_text(
         parts.append(section("operator", site.operator))
     # Nothing stands in the way of a simulated wheel: every axis may be anywhere in its travel.
     safe = {axis.name: [0.0, 360.0] if axis.modulo else list(axis.travel) for axis in cell.axes}
+    parts.append(section("times", _times(cell)))
     parts.append(section("moves", {"safe": safe, **site.moves}))
     parts += [_instrument(cell, name, url) for name, url in urls.items()]
     axes = [axis for axis in cell.axes if axis.measure is not None and axis.table is not None]
@@ -36,6 +43,18 @@ def site_text(
     if site.plan:
         parts += _plan(cell, {axis.letter: axis.name for axis in axes}, gear)
     return "\n".join(parts)
+
+
+def _times(cell: CellFile) -> dict[str, Any]:
+    """How quick this cell's person, control and gear inspection are, for who reckons a day at it."""
+    who, gear = cell.operator, next((one for one in cell.instruments if isinstance(one, InspectionMachine)), None)
+    boot_s = cell.machine.switches.get("boot_s", _BOOT_S)
+    times = {"start_s": who.start_delay_s, "restart_s": who.activate_delay_s + boot_s, "warm_up_min": 0.0}
+    times |= {"mounting_min": round(who.setup_delay_s / 60.0, 3), "clamping_min": round(who.load_delay_s / 60.0, 3)}
+    if gear is not None and cell.part is not None:
+        points = _POINTS_PER_SPACE * cell.part.gear.zc
+        times["inspection_min"] = round(points * gear.seconds_per_point / 60.0, 3)
+    return times
 
 
 def _patience(cell: CellFile) -> dict[str, Any]:

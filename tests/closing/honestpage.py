@@ -39,7 +39,7 @@ def document(families: Mapping[str, Results], command: str, wanted: int) -> str:
             f"Written by the run itself on {max((one.utc for one in whole), default='')[:10]}, with {versions()}.",
             f"Repeat with `{command}`.",
             "",
-            f"{done}, {sum(one.virtual_s for one in whole) / 3600.0:.0f} machine hours in "
+            f"{done}, {sum(one.hours for one in whole):.0f} machine hours in "
             f"{sum(one.wall_s for one in whole) / 60.0:.0f} minutes of computing; {len(failed)} ended with an error.",
             "",
             row(["figure", "machines of", "machines", "mean", "standard deviation", "allowed", ""]),

@@ -15,19 +15,23 @@ DONE_BY_HAND = ("mounted ", "clamped ", "took the part off")
 class Presses:
     """NCK resets, and presses of NC START, by what the run had last asked for; what was mounted or clamped, in order.
 
-    A press that confirms a mounting or a clamping is part of that, and counts in ``handled`` alone.
+    A press that confirms a mounting or a clamping is part of that, and counts in ``handled`` alone. ``extra_min`` is
+    what the run said that further targets would take.
     """
 
     log: list[str] = field(default_factory=list)
     resets: list[str] = field(default_factory=list)
     starts: list[str] = field(default_factory=list)
     handled: list[str] = field(default_factory=list)
+    extra_min: float = 0.0
     _seen: int = 0
     _cause: str = "nothing"
 
     def told(self, code: str, fields: Mapping[str, object]) -> None:
         """The run said something: what was pressed until now was for what it had asked before."""
         self.take()
+        if code == "P-MORE-TARGETS":
+            self.extra_min += float(str(fields["minutes"]))
         if code in ASK or code == "P-NC-READ":
             what = fields.get("program") or fields.get("part") or ""
             self._cause = " ".join(str(word) for word in (code, fields.get("axis", ""), what) if word)
@@ -43,6 +47,12 @@ class Presses:
             elif done.startswith(("mounted ", "clamped ")):
                 self.handled.append(done)
         self._seen = len(self.log)
+
+    @property
+    def counts(self) -> tuple[int, int, int, int]:
+        """Mountings, blanks, starts and restarts."""
+        mounted, clamped = (sum(one.startswith(word) for one in self.handled) for word in ("mounted ", "clamped "))
+        return mounted, clamped, len(self.starts), len(self.resets)
 
     def listed(self) -> str:
         """Every count with its causes, for people."""

@@ -26,8 +26,9 @@ table takes the work's own eccentricity, which changes at every clamping (*least
 sqrt((1.15 floor)^2 + u^2); *u* the standard uncertainty of the flank as predicted. *z points* is the standard
 deviation of (true - predicted deviation) / u over the points of the last part, *z RMS* is (true - predicted
 RMS) / its predicted standard deviation. *worst motion* is the error motion that uses most of what is allowed,
-in per cent of that. M in um, of C in arcsec, with all tables acting. Hours are those of the machine, s those of
-the computer."""
+in per cent of that. M in um, of C in arcsec, with all tables acting. Hours are those of the machine: the moves and
+readings of the run, with the times that a site file supposes for people and restarts where it says nothing
+(`[times]`: a mounting takes 15 min, an NCK reset 4 min). s are those of the computer."""
 
 
 def write(results: Results, folder: Path, command: str, name: str = "proof") -> Path:
@@ -51,7 +52,7 @@ def document(results: Results, command: str, picture: str) -> str:
         f"Written by the run itself on {max(one.utc for one in results)[:10]}, with {versions()}.",
         f"Repeat with `{command}`.",
         "",
-        f"{len(results)} machines, {sum(one.virtual_s for one in results) / 3600.0:.0f} machine hours in "
+        f"{len(results)} machines, {sum(one.hours for one in results):.0f} machine hours in "
         f"{sum(one.wall_s for one in results) / 60.0:.0f} minutes of computing.",
         "",
         "| criterion | | what breaks it |",
@@ -111,7 +112,7 @@ def machine_row(one: MachineResult) -> str:
     axes = ", ".join(f"{before:.1f} -> {after:.1f}" for before, after in one.axes.values())
     cells = [one.name, one.gear, *(f"{figure:.2f}" for figure in figures), f"{one.predicted_um:.2f}"]
     cells += [f"{one.scalar:+.1f}", f"{one.points.deviation:.2f}", f"{part.name} {100 * part.off / part.limit:.0f} %"]
-    return row([*cells, axes, one.outcome, f"{one.virtual_s / 3600.0:.1f}", f"{one.wall_s:.0f}"])
+    return row([*cells, axes, one.outcome, f"{one.hours:.1f}", f"{one.wall_s:.0f}"])
 
 
 def row(cells: Sequence[str]) -> str:

@@ -60,8 +60,9 @@ class MachineResult:
     that may. ``u_um`` is the predicted standard uncertainty of the flank, ``predicted_um`` and ``rms_u_um`` mean and
     standard deviation of the RMS it predicts. ``points`` are (truth - prediction) / u of every judged point.
     ``axes`` gives M before and after by machine axis. ``b_left`` is what the run says beforehand and what the parts
-    then show. ``presses`` is what the run asked of the operator. ``failed`` is the code of the error that ended the
-    run, "" if none did.
+    then show. ``presses`` is what the run asked of the operator. ``virtual_s`` is what it took in the cell, ``hours``
+    with the usual times of a site file instead of those of the double. ``failed`` is the code of the error that ended
+    the run, "" if none did.
     """
 
     name: str
@@ -87,6 +88,7 @@ class MachineResult:
     outcome: str = ""
     words: str = ""
     virtual_s: float = 0.0
+    hours: float = 0.0
     wall_s: float = 0.0
     failed: str = ""
 

@@ -30,6 +30,7 @@ from simulators.nck.machine import compensation as table
 from tests.closing.identified import Curve, FloatArray, identified
 from tests.closing.judge import CROSS, OWN, Machine, b_left_on, floor, kept_floor, places, places_at, rms
 from tests.closing.presses import Presses
+from tests.closing.reckoned import usual_hours
 from tests.closing.record import MachineResult, Normalised
 from tests.closing.tables import Grid
 from tests.selftested import cell_running
@@ -180,6 +181,7 @@ async def close_machine(
 ) -> MachineResult:
     """The whole run on one machine, judged; an error of ours that ended it is its result. On a virtual loop."""
     clock, began = LoopClock(), perf_counter()
+    start_s = clock.now()
     assert file.part is not None
     blank = MachineResult(file.name, seed, file.part.name, file.part.gear.zc, short, clock.utc().isoformat())
     async with cell_running(file, folder, clock, wires="memory", block_s=BLOCK_S) as cell:
@@ -187,7 +189,9 @@ async def close_machine(
             result = judged(await closed(cell, clock, edit, absent_at, remedy), blank, least=least)
         except TrueflankError as error:
             result = replace(blank, failed=f"{error.code} {error.where}")
-        return replace(result, virtual_s=clock.now(), wall_s=perf_counter() - began)
+        took_s = clock.now() - start_s
+        hours = usual_hours(load_site(cell.site_path).times, result.presses, took_s)
+        return replace(result, virtual_s=took_s, hours=hours, wall_s=perf_counter() - began)
 
 
 def judged(done: Closed, blank: MachineResult, *, least: bool = True) -> MachineResult:

@@ -73,7 +73,8 @@ class SinumerikOpcUa(Leaver, RunsPlans):
         parts = (self._dialogue, self._reader, self._transfer)
         self._pushing = Pushing(*parts, settings=self._settings, clock=clock, where=name)
         self._disabling = Disabling(*parts, pushing=self._pushing, where=name)
-        self._measuring = Measuring(self._dialogue, self._transfer, clock=clock, where=name)
+        together = self._settings.plans_together
+        self._measuring = Measuring(self._dialogue, self._transfer, clock=clock, where=name, together=together)
         self._self_testing = SelfTesting(self._dialogue, self._transfer, pushing=self._pushing, where=name)
         self._grinding = PartGrinding(*parts, settings=self._settings, clock=clock, where=name)
         self._leaving = Leaving(

@@ -22,8 +22,6 @@ from drivers.units import deviation_scale
 
 QUIET_PART, QUIET_S = 0.6, 2.0
 LEAVES_S, LOOK_S = 5.0, 0.25
-# One program holds so many: 20 kB of text each, as a control's memory for programs is small.
-MOST_PLANS = 24
 _SAVED = (Phase.MEASURING, Phase.FINISHED, Phase.LEFT)
 _OVER = (Phase.FINISHED, Phase.LEFT)
 
@@ -31,15 +29,16 @@ _OVER = (Phase.FINISHED, Phase.LEFT)
 class Measuring:
     """The measuring part of the driver; it shares dialogue and transfer with the others.
 
-    A program may hold several plans. It waits at the last stop of each, whose echo is `held` back until the next one
-    is prepared. Counters are those of the plan outside, and count on through all plans inside.
+    A program may hold several plans, ``together`` at most. It waits at the last stop of each, whose echo is `held`
+    back until the next one is prepared. Counters are those of the plan outside, and count on through all plans inside.
     """
 
-    def __init__(self, dialogue: Dialogue, transfer: Transfer, clock: Clock, where: str) -> None:
+    def __init__(self, dialogue: Dialogue, transfer: Transfer, clock: Clock, where: str, *, together: int) -> None:
         self._dialogue = dialogue
         self._transfer = transfer
         self._clock = clock
         self._where = where
+        self._together = together
         self._parts: Parts = ()
         self._place = self._base = self._token = 0
         self._held: int | None = None
@@ -80,7 +79,7 @@ class Measuring:
         if plan not in self._coming:
             return (plan,)
         first = self._coming.index(plan)
-        return self._coming[first : first + MOST_PLANS]
+        return self._coming[first : first + self._together]
 
     async def goes_on(self, plan: StopPlan) -> bool:
         """Whether the program that runs waits for this plan."""

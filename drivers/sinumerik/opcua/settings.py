@@ -57,6 +57,13 @@ class UaSettings(DriverSettings):
     fast_poll_s: float = Field(
         default=0.002, ge=0.001, le=5.0, description="time between the first questions after a step, s; poll_s at most"
     )
+    plans_per_program: int = Field(
+        default=24,
+        ge=1,
+        le=200,
+        description="most stop plans in one program, each about 20 kB of text: what the control's memory for programs "
+        "holds; more of them are fewer presses of NC START",
+    )
     wait_limit_s: float = Field(default=14400.0, ge=60.0, description="time after which an abandoned program ends, s")
     stale_s: float = Field(
         default=1.0, ge=0.0, description="maximum age of the machine state by the server's time, s; 0: any"
@@ -87,6 +94,11 @@ class UaSettings(DriverSettings):
         """OPC UA without signature and encryption."""
         del url
         return "" if self.secured else words("W-UA-UNPROTECTED")
+
+    @property
+    def plans_together(self) -> int:
+        """As many as one program holds."""
+        return self.plans_per_program
 
     @property
     def secured(self) -> bool:

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from drivers.types.stops import StopPlan
 from drivers.types.values import FloatArray
 from gateway.capture.collecting import READ, Collection
+from gateway.capture.duration import reading_s
 from gateway.capture.targets import measuring_plan, plan_of
 from gateway.config import AxisSection
 from gateway.evaluate.behaviour.repetitions import pass_offsets
 
 ANCHORS = 5  # so many known targets are visited again
-HANDSHAKE_S = 1.0  # from a reading to the next move, and until the stream has caught up
 Indices = NDArray[np.int64]
 
 
@@ -89,7 +89,7 @@ def cost_s(axis: AxisSection, count: int, span: float) -> float:
     By the site's own feed, dwell, settling and averaging, with the targets visited again on the way.
     """
     measure = axis.measure
-    stop_s = measure.dwell_s + measure.settle_s + measure.average_s + HANDSHAKE_S
+    stop_s = measure.dwell_s + reading_s(measure)
     way = 2.0 * (span + 2.0 * measure.overrun) / measure.feed * 60.0
     return measure.repetitions * (2.0 * (count + ANCHORS) * stop_s + way)
 

@@ -8,9 +8,10 @@ from typing import Annotated, Any
 import typer
 
 from drivers.clock import Clock, LoopClock
+from gateway.cli.machine.dayplan import show_day_of_closing
 from gateway.cli.machine.running import show_outcome
 from gateway.cli.onward import after_run
-from gateway.cli.options import ApplyOption, JsonOption, MachineOption, RiskOption, SiteArgument
+from gateway.cli.options import ApplyOption, JsonOption, MachineOption, PlanOption, RiskOption, SiteArgument
 from gateway.cli.screen.telling import progress
 from gateway.cli.stopping import run_to_end
 from gateway.say import Say
@@ -22,9 +23,15 @@ def close_command(
     machine: MachineOption = "",
     risk: RiskOption = "",
     resume: Annotated[str, typer.Option(help="Go on with this run: folder or id.", show_default=False)] = "",
+    plan: PlanOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Measure all errors, propose tables for the tooth; with --apply grind, push, grind again and prove it."""
+    if plan and resume:
+        raise typer.BadParameter("--plan shows a whole day: leave --resume away", param_hint="--resume")
+    if plan:
+        show_day_of_closing(site, apply=apply, as_json=as_json)
+        return
     from gateway.approve import risking
 
     with risking(risk):

@@ -39,6 +39,14 @@ OPTICS = {
     ("rotary", "um"): ("straightness", "unknown"),
     ("rotary", "arcsec"): ("angular", "straightness", "unknown"),
 }
+ARTEFACTS = {"B0Z": "square", "A0C": "bar", "B0C": "bar", "X0C": "ball", "Y0C": "ball"}
+
+
+def optics_of(one: Planned) -> str:
+    """What is mounted for a set-up: linear, rotary, straightness or angular optics, or an artefact by its kind."""
+    if one.positioning:
+        return one.axis.kind
+    return ARTEFACTS.get(one.setup.name) or OPTICS[one.axis.kind, one.unit][0]
 
 
 async def measure_setup(at: Bench, one: Planned, tables: dict[str, LiveSet] | None = None) -> Capture:

@@ -1,0 +1,84 @@
+"""What measuring, proving and pushing ask of a person, by the programs that each sends; pure.
+
+The one place that counts them beforehand. `tests/closing` compares it with what a run asked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import ceil
+
+from drivers.types.stops import StopPlan
+from gateway.capture.duration import HANDSHAKE_S, plan_s, reading_s
+from gateway.config import AxisSection, SiteFile
+from gateway.push.reversalproof import ROUNDS
+from gateway.push.signproof import TIMES
+from gateway.workflow.control.proving import SWITCH_SETTLE_S
+from gateway.workflow.loop.dayplan import Asks
+
+PROGRAM_S = 5.0
+"""To send a program, write and compare its tables, and bring its files back."""
+TOUCHED = 5
+"""About so many places prove the effect of a table."""
+
+
+def visiting(plans: Sequence[StopPlan], axis: AxisSection) -> float:
+    """Seconds of the stops of an axis' plans, each of them read."""
+    standing = reading_s(axis.measure)
+    return sum(plan_s(plan, standing) for plan in plans)
+
+
+def begun(count: int, together: int, cause: str) -> Asks:
+    """The presses that begin the programs of ``count`` plans, of which one program holds ``together``."""
+    return Asks((cause,) * ceil(count / together))
+
+
+def reading_tables(axis: str) -> Asks:
+    """What acts on an axis, saved by a program that moves nothing."""
+    return Asks((f"read the tables of {axis}",), (), PROGRAM_S)
+
+
+def pushing(site: SiteFile, tables: Sequence[tuple[AxisSection, AxisSection]], name: str) -> Asks:
+    """One transaction of tables, each as (output, input): read, load, release, one restart, one proof of effect."""
+    outputs = dict.fromkeys(out.name for out, _ in tables)
+    inputs = {over.name: over for _, over in tables}
+    reads = Asks()
+    for output in outputs:
+        reads = reads.plus(reading_tables(output))
+    moved = sum(0.5 * _across_s(site, axis) for axis in inputs.values())
+    shown = sum(_across_s(site, over) + TOUCHED * (over.measure.dwell_s + HANDSHAKE_S) for _, over in tables)
+    presses = (f"load {name}", f"switch on {name}", f"effect of {name}")
+    return reads.plus(Asks(presses, (f"switch on {name}",), 3 * PROGRAM_S + moved + shown))
+
+
+def reversing(site: SiteFile, axis: AxisSection, name: str) -> Asks:
+    """A constant reversal: it acts without a restart, and is read again instead of shown."""
+    loaded = Asks((f"load {name}", f"switch on {name}"), (), 2 * PROGRAM_S + 0.5 * _across_s(site, axis))
+    return reading_tables(axis.name).plus(loaded).plus(reading_tables(axis.name))
+
+
+def proving(site: SiteFile, out: AxisSection, over: AxisSection, kind: str, *, first: bool) -> Asks:
+    """The sign of one kind of table: a trial table loaded, switched at its peak, and taken back.
+
+    What acts on the output axis was saved while the ``first`` one's instrument was proved.
+    """
+    name = f"trial {kind} table of {out.name}"
+    stops = 6 * ROUNDS if kind == "reversal" else 2 * TIMES
+    read = 4 * ROUNDS if kind == "reversal" else stops
+    turned = (stops - read) * 2.0 * over.measure.overrun / _feed(site, over) * 60.0
+    stood = read * (SWITCH_SETTLE_S + out.measure.average_s + over.measure.dwell_s + HANDSHAKE_S)
+    moved = 2.0 * 0.5 * _across_s(site, over)
+    presses = (f"load {name}", f"switch on {name}", f"stops of {name}")
+    there = Asks(presses, () if kind == "reversal" else (f"switch on {name}",), 3 * PROGRAM_S + moved + stood + turned)
+    back = Asks((f"load what was before {name}", f"end {name}"), (), 2 * PROGRAM_S)
+    before = Asks() if first else reading_tables(out.name)
+    return before.plus(there).plus(reading_tables(out.name)).plus(back).plus(reading_tables(out.name))
+
+
+def _feed(site: SiteFile, axis: AxisSection) -> float:
+    return min(axis.measure.feed, site.moves.places.feed(axis.unit))
+
+
+def _across_s(site: SiteFile, axis: AxisSection) -> float:
+    """Seconds across an axis' table at the feed of a push."""
+    return (axis.table.maximum - axis.table.minimum) / _feed(site, axis) * 60.0

@@ -1,0 +1,183 @@
+"""The day of `run` and `close` as a forecast from the site file alone: no device is opened, nothing is stored."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+
+from drivers.errors import ConfigError
+from drivers.types.stops import StopPlan
+from gateway.capture.rig import setup_of
+from gateway.capture.sense import sense_plan
+from gateway.capture.targets import measuring_plan, targets_of
+from gateway.config import AxisSection, SiteFile, plans_together
+from gateway.correct.plan.plan import CROSS
+from gateway.model.axis import LOCATIONS
+from gateway.tooth import SetupValues
+from gateway.workflow.axes.guard import short_check
+from gateway.workflow.axes.measure import plans_of_axis
+from gateway.workflow.bench import with_axes
+from gateway.workflow.errors21.setupcapture import coming, optics_of
+from gateway.workflow.errors21.setups import Planned, chosen, planned
+from gateway.workflow.loop.asking import begun, proving, pushing, reading_tables, reversing, visiting
+from gateway.workflow.loop.dayplan import Asks, DayPlan, Piece, Stage, ToMount
+from gateway.workflow.part.grinding import gear_of_site, grind_plan
+from gateway.workflow.part.inspecting import inspector_name
+from gateway.workflow.tooth.proposal import work_of
+
+Told = Iterator[Piece]
+
+
+def day_of_run(site: SiteFile, *, apply: bool, axes: Collection[str] = ()) -> DayPlan:
+    """The day of `run` with these axes, all where none is named.
+
+    Raises ConfigError (E-RUN-AXIS; E-DAY-ROAD where no program of ours runs).
+    """
+    day = _Day(with_axes(site, axes))
+    return day.plan("run", (*day.warm_up(), *day.axes_measured(), *(day.applied(cross=False) if apply else ())))
+
+
+def day_of_closing(site: SiteFile, site_path: Path, *, apply: bool) -> DayPlan:
+    """The day of `close`. Raises as `close_site` does before it opens a device, and ConfigError (E-DAY-ROAD)."""
+    work_of(site, site_path)
+    day = _Day(site)
+    pieces = [*day.warm_up(), *day.setups_measured()]
+    if apply:
+        inspector_name(site)
+        part_s = grind_plan(site, gear_of_site(site, site_path), SetupValues()).seconds
+        pieces += [day.part("before", part_s), *day.applied(cross=True), *day.acting()]
+        pieces += [day.part("trial", part_s), day.part("after", part_s)]
+    return day.plan("close", pieces)
+
+
+@dataclass(frozen=True)
+class _Day:
+    """What the pieces of a site's day are made from."""
+
+    site: SiteFile
+
+    @property
+    def together(self) -> int:
+        """Raises ConfigError (E-DAY-ROAD)."""
+        found = plans_together(self.site)
+        if not found:
+            raise ConfigError("E-DAY-ROAD", self.site.site.name, driver=self.site.controller.driver)
+        return found
+
+    def plan(self, command: str, pieces: Iterable[Piece]) -> DayPlan:
+        """All of it."""
+        every = tuple(pieces)
+        return DayPlan(self.site.site.name, command, self.site.times, every, most_extra_h=self._extra_h(every))
+
+    def _extra_h(self, pieces: Iterable[Piece]) -> float:
+        """At most so many hours for targets that readings ask for, and for the same targets measured again."""
+        most = {axis.name: axis.measure.extra_hours for axis in self.site.axes}
+        read = [one.mounting for one in pieces if one.mounting is not None and one.stage.startswith("measure")]
+        return sum(most[one.axis] for one in read if one.component[:2] not in LOCATIONS)
+
+    def warm_up(self) -> Told:
+        """Before the first reading."""
+        yield Piece("warm-up", "machine and instruments", Asks(), hand_s=60.0 * self.site.times.warm_up_min)
+
+    def axes_measured(self) -> Told:
+        """Axis by axis; those of files have their tables read by a program, which ends the one that waits."""
+        for from_file, axes in groupby(self.site.axes, key=lambda axis: axis.measure.file is not None):
+            if from_file:
+                for axis in axes:
+                    yield Piece("measure", f"tables of {axis.name}", reading_tables(axis.name))
+            else:
+                yield from self.measured("measure", [(axis, plans_of_axis(axis, "before")) for axis in axes])
+
+    def setups_measured(self) -> Told:
+        """Every set-up in the order of the plan, files first."""
+        todo = chosen(planned(self.site), ())
+        files = [one.axis.name for one in todo if one.setup.source == "file"]
+        for name in dict.fromkeys(files):
+            yield Piece("measure", f"tables of {name}", reading_tables(name))
+        count = 0
+        for one in todo:
+            if one.setup.source == "live":
+                plans = coming(self.site, [one])
+                yield self._setup(one, plans, count)
+                count += len(plans)
+
+    def _setup(self, one: Planned, plans: Sequence[StopPlan], before: int) -> Piece:
+        asks = self._begun(before, len(plans)).plus(Asks(machine_s=visiting(plans, one.axis)))
+        return Piece("measure", one.key, asks, _mounting_of(one))
+
+    def _begun(self, before: int, count: int) -> Asks:
+        """The programs that begin with the next ``count`` plans after ``before`` others."""
+        first = -(-before // self.together)
+        last = -(-(before + count) // self.together)
+        return Asks(("begin measuring",) * (last - first))
+
+    def measured(self, stage: Stage, axes: Sequence[tuple[AxisSection, Sequence[StopPlan]]]) -> Told:
+        """Axes one after the other in one row of programs, each with its own mounting."""
+        count = 0
+        for axis, plans in axes:
+            asks = self._begun(count, len(plans)).plus(Asks(machine_s=visiting(plans, axis)))
+            yield Piece(stage, axis.name, asks, _own_mounting(axis))
+            count += len(plans)
+
+    def part(self, name: str, part_s: float) -> Piece:
+        """A part ground, taken off and inspected."""
+        asks = Asks((f"grind part {name}",), machine_s=part_s)
+        return Piece("part", name, asks, clampings=1, hand_s=60.0 * self.site.times.inspection_min)
+
+    def applied(self, *, cross: bool) -> Told:
+        """Signs, the axes' own tables, the axes again, and the cross tables."""
+        own = [axis for axis in self.site.axes if axis.measure.instrument]
+        tables = [(out, over) for out, over in self._cross()] if cross else []
+        for axis in own:
+            yield self._signs(axis, [over for out, over in tables if out == axis])
+        if own:
+            yield Piece("push", "axis tables", pushing(self.site, [(axis, axis) for axis in own], "axis tables"))
+        for axis in own:
+            yield Piece("push", f"{axis.name} reversal", reversing(self.site, axis, f"{axis.name} reversal"))
+        yield from self.measured("measure again", [(axis, plans_of_axis(axis, "after")) for axis in own])
+        if tables:
+            yield Piece("push", "cross tables", pushing(self.site, tables, "cross tables"))
+
+    def _cross(self) -> Iterator[tuple[AxisSection, AxisSection]]:
+        """Every cross table that may be proposed, as (output, input)."""
+        by_letter = {axis.letter: axis for axis in self.site.axes if axis.measure.instrument}
+        return ((by_letter[out], by_letter[over]) for out, over in CROSS if {out, over} <= set(by_letter))
+
+    def _signs(self, axis: AxisSection, cross_inputs: Sequence[AxisSection]) -> Piece:
+        """All signs that one mounted instrument sees; of cross tables one sign holds for every input axis."""
+        sense = sense_plan(axis, setup_of(axis))
+        asks = begun(1, 1, f"prove the instrument on {axis.name}").plus(Asks(machine_s=visiting([sense], axis)))
+        asks = asks.plus(proving(self.site, axis, axis, "axis", first=True))
+        asks = asks.plus(proving(self.site, axis, axis, "reversal", first=False))
+        for over in cross_inputs[:1]:
+            asks = asks.plus(proving(self.site, axis, over, "cross", first=False))
+        return Piece("sign proofs", axis.name, asks, _own_mounting(axis))
+
+    def acting(self) -> Told:
+        """An axis with a cross table over itself, at few targets, once every table acts."""
+        for out, over in self._cross():
+            if out == over:
+                few = short_check(out, targets_of(out), self.site.guard)
+                plans = [sense_plan(out, setup_of(out)), measuring_plan(few, targets_of(few), "")]
+                asks = begun(len(plans), 1, f"measure {out.name} with every table")
+                yield Piece(
+                    "measure again", out.name, asks.plus(Asks(machine_s=visiting(plans, out))), _own_mounting(out)
+                )
+
+
+def _mounting_of(one: Planned) -> ToMount:
+    setup = one.setup
+    return ToMount(
+        setup.component,
+        one.axis.name,
+        setup.instrument,
+        optics_of(one),
+        park=dict(setup.park),
+        offset_mm=setup.offset_mm,
+    )
+
+
+def _own_mounting(axis: AxisSection) -> ToMount:
+    return ToMount(axis.measure.component, axis.name, axis.measure.instrument, axis.kind)
