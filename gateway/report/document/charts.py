@@ -9,10 +9,8 @@ from gateway.report.document.content import Block, Heading, Pair, Paragraph, Pic
 from gateway.report.document.words import Tongue
 from gateway.report.drawings import positioning
 from gateway.report.material import AxisMaterial, Judged, ReportMaterial
-from gateway.report.parameters import PARAMETERS, Parameter
+from gateway.report.parameters import PARAMETERS
 from gateway.report.sentences import UNIT, number
-
-NAMES: dict[Parameter, str] = {"M_travel": "M, travel"}
 
 
 def axes(report: ReportMaterial, t: Tongue) -> tuple[Block, ...]:
@@ -55,7 +53,7 @@ def _chart(axis: AxisMaterial, capture: Capture | None, found: Evaluation | None
 def _figures(axis: AxisMaterial, judged: tuple[Judged, ...], t: Tongue) -> TableBlock:
     """One row a state, one column a figure: value and U (k = 2) beside it; the limits beneath where there are any."""
     unit: DeviationUnit = axis.deviation_unit
-    head = ("", *(f"{NAMES.get(name, name)}" for name in PARAMETERS), t("unit"))
+    head = ("", *(t.known(f"figure_{name}", name) for name in PARAMETERS), t("unit"))
     states = ((t("as_found"), axis.before), (t("as_left"), axis.after))
     rows = [_row(state, found, unit) for state, found in states if found is not None]
     limits = {one.decision.parameter: one.decision for one in judged if one.of == axis.axis}

@@ -149,7 +149,7 @@ def conditions(report: ReportMaterial, t: Tongue) -> tuple[Block, ...]:
 def _capturing(report: ReportMaterial, t: Tongue) -> tuple[Block, ...]:
     """How the readings were taken: feed, overrun, dwell, cycle, and which tables acted."""
     rows = tuple(
-        _taken(axis, t(key), capture)
+        _taken(axis, t(key), capture, t)
         for axis in report.axes
         for key, capture in (("as_found", axis.capture_before), ("as_left", axis.capture_after))
         if capture is not None and capture.conditions is not None
@@ -167,7 +167,7 @@ def _conditions(axis: AxisMaterial) -> tuple[Conditions | None, ...]:
     return tuple(one.conditions for one in captures if one is not None)
 
 
-def _taken(axis: AxisMaterial, state: str, capture: Capture) -> tuple[str, ...]:
+def _taken(axis: AxisMaterial, state: str, capture: Capture, t: Tongue) -> tuple[str, ...]:
     said = capture.conditions or Conditions()
     unit = UNIT[axis.unit]
     return (
@@ -176,7 +176,7 @@ def _taken(axis: AxisMaterial, state: str, capture: Capture) -> tuple[str, ...]:
         _in(said.feed, f"{unit}/min"),
         _in(said.overrun, unit),
         _in(said.dwell_s, "s"),
-        capture.cycle,
+        t(f"cycle_{capture.cycle}"),
         said.compensation or ABSENT,
         _others(axis.axis, said.stands),
     )
@@ -185,11 +185,15 @@ def _taken(axis: AxisMaterial, state: str, capture: Capture) -> tuple[str, ...]:
 def _others(axis: str, stands: Mapping[str, float]) -> str:
     """Where the axes stood that did not move: "Z 150 mm, C 0 deg"."""
     others = (
-        f"{letter} {place:.4g} {UNIT['deg' if letter in 'ABC' else 'mm']}"
+        f"{letter} {_minus(f'{place:.4g}')} {UNIT['deg' if letter in 'ABC' else 'mm']}"
         for letter, place in stands.items()
         if not axis.startswith(letter)
     )
     return ", ".join(others) or ABSENT
+
+
+def _minus(text: str) -> str:
+    return text.replace("-", "−")
 
 
 def _in(value: float | None, unit: str) -> str:

@@ -58,4 +58,5 @@ def _value(value: object) -> object:
 
 
 def _text(text: str) -> str:
-    return visible(MICRO.sub("µm", text))
+    # What records and terminals write in ASCII.
+    return visible(MICRO.sub("µm", text).replace(" +- ", " ± ").replace(" +/- ", " ± ").replace(" -> ", " → "))

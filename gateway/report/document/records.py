@@ -14,9 +14,9 @@ from gateway.report.document.words import Tongue
 from gateway.report.drawings import plots
 from gateway.report.drawings import tooth as drawings
 from gateway.report.material import AxisMaterial, ReportMaterial, TableMaterial, ToothMaterial
-from gateway.report.sentences import UNIT, number, shortest, signed
+from gateway.report.sentences import ABSENT, UNIT, number, shortest, signed
 from gateway.report.tooth.errors import error_rows
-from gateway.report.tooth.rows import cure_rows, table_rows
+from gateway.report.tooth.rows import TableRow, cure_rows, table_rows
 
 STEP = re.compile(r"^\d{4}-\d\d-\d\dT(\d\d:\d\d:\d\d)[^ ]* (.*)$", re.DOTALL)
 
@@ -71,8 +71,8 @@ def _tables(tooth: ToothMaterial, t: Tongue) -> Iterator[Block]:
             one.name,
             one.table,
             str(one.points),
-            f"{shortest(one.minimum)} … {shortest(one.maximum)} / {shortest(one.step)} {UNIT[one.input_unit]}",
-            f"{signed(one.low)} … {signed(one.high)} {UNIT[one.unit]}",
+            _grid(one),
+            _span(one),
             t(f"push_{one.outcome}") if one.outcome else t("push_none"),
         )
         for one in rows
@@ -83,11 +83,23 @@ def _tables(tooth: ToothMaterial, t: Tongue) -> Iterator[Block]:
         told,
         "llrlll",
         dense=True,
-        wide=(3, 5),
+        wide=(5,),
     )
     svg = drawings.tables(tooth)
     if svg:
         yield PictureBlock(svg, drawings.WIDE, t("tables_said"))
+
+
+def _grid(one: TableRow) -> str:
+    """Where the points stand; one value alone, a reversal, stands nowhere."""
+    if one.points == 1:
+        return ABSENT
+    return f"{shortest(one.minimum)} … {shortest(one.maximum)} / {shortest(one.step)} {UNIT[one.input_unit]}"
+
+
+def _span(one: TableRow) -> str:
+    values = signed(one.low) if one.points == 1 else f"{signed(one.low)} … {signed(one.high)}"
+    return f"{values} {UNIT[one.unit]}"
 
 
 def _pushes(report: ReportMaterial, t: Tongue) -> Iterator[Block]:

@@ -24,7 +24,7 @@ def tooth(report: ReportMaterial, t: Tongue) -> tuple[Block, ...]:
     if picture:
         found.append(PictureBlock(picture, PICTURE_MM, t("tooth_picture")))
     change, figures = _change(material, t), _figures(material, t)
-    found += [Pair(change, figures, 0.56)] if change and figures else [*change, *figures]
+    found += [Pair(change, figures, 0.48)] if change and figures else [*change, *figures]
     found += _setup(material, t)
     return tuple(found) if len(found) > 1 else ()
 

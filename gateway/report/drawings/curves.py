@@ -113,7 +113,7 @@ def _legend() -> dict[str, Any]:
 
 
 def table_change(figure: FigureBase, change: TableChange) -> None:
-    """Old and new table as steps; beneath, what is new minus old at the new table's points."""
+    """Old and new table at their points, with the straight lines between that act; beneath, new minus old."""
     top, low = figure.subplots(2, 1, sharex=True, height_ratios=(2.1, 1.0))
     figure.subplots_adjust(left=0.075, right=0.99, top=0.9, bottom=0.14, hspace=0.13)
     unit = SIGN[change.new.deviation_unit]
@@ -124,12 +124,12 @@ def table_change(figure: FigureBase, change: TableChange) -> None:
     old = np.asarray(change.old.deviations, dtype=np.float64)
     new = np.asarray(change.new.deviations, dtype=np.float64)
     state = "" if change.old_enabled else " (was disabled)"
-    top.step(change.old.positions, old, where="mid", color=OLD, lw=1.0, label=f"old{state}")
-    top.step(points, new, where="mid", color=NEW, lw=1.2, label="new")
+    top.plot(change.old.positions, old, ".-", ms=3, color=OLD, lw=1.0, label=f"old{state}")
+    top.plot(points, new, ".-", ms=3, color=NEW, lw=1.2, label="new")
     top.legend(**_legend(), bbox_to_anchor=(1.0, 1.16), ncols=2)
     difference = new - change.old.at(points)
-    low.fill_between(points, difference, step="mid", color=NEW, alpha=0.25, lw=0)
-    low.step(points, difference, where="mid", color=NEW, lw=0.9)
+    low.fill_between(points, difference, color=NEW, alpha=0.25, lw=0)
+    low.plot(points, difference, color=NEW, lw=0.9)
     low.set_xlabel(f"{plain_name(change.new.input_axis)}  {change.new.input_unit}", labelpad=2)
     figure.align_ylabels([top, low])
 

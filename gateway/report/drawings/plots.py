@@ -53,7 +53,7 @@ def before_after(axis: AxisMaterial) -> str:
 
 
 def table_change(axis: AxisMaterial) -> str:
-    """SVG: old and new table as steps, the difference beneath; "" when no new table was proposed."""
+    """SVG: old and new table, the difference beneath; "" when no new table was proposed."""
     change = axis.change
     if change is None or change.skipped:
         return ""

@@ -20,7 +20,8 @@ const shown = (text) => text.replace(/(?<![\w\-./="`])(um|degC)(?![\w\-="`])/g, 
 // A format of the catalogue: {name}, {name:.2f}, {name:+.1f}, {name:g}.
 function filled(text, fields) {
   return text.replace(/\{(\w+)(?:![a-z])?(?::([^}]*))?\}/g, (_all, name, form) => {
-    const value = fields?.[name] ?? texts.terms[name];
+    const given = fields?.[name] ?? texts.terms[name];
+    const value = name === "outcome" && `ended.${given}` in texts.page ? t(`ended.${given}`) : given;
     if (value === undefined) return `<${name}>`;
     if (!form || !Number.isFinite(Number(value))) return String(value);
     const digits = /\.(\d)f/.exec(form)?.[1];

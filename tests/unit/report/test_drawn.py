@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from typing import get_args, get_type_hints
 
 import pytest
+from matplotlib.figure import Figure
 
+from gateway.domain.captures import Capture
 from gateway.report.document.drawn import MARK, in_language
 from gateway.report.document.web import page
 from gateway.report.document.whole import document
 from gateway.report.document.words import catalogue_of
-from tests.unit.report import closing
+from gateway.report.drawings.curves import table_change
+from tests.unit.report import closing, synthetic
 
 DRAWN = re.compile(r"<text\b[^>]*>([^<]+)</text>")
 
@@ -39,3 +43,27 @@ def test_no_english_word_is_left_in_a_drawing_of_a_whole_report(language: str) -
     }
     assert left == set()
     assert len(DRAWN.findall(page(document(material)))) > 100
+
+
+def test_a_table_is_drawn_as_it_acts_with_straight_lines_between_its_points() -> None:
+    change = synthetic.axis_material("X1", "mm").change
+    assert change is not None
+    figure = Figure()
+    table_change(figure, change)
+    top = figure.axes[0]
+    old, new = top.get_lines()[-2:]
+    assert [one.get_drawstyle() for one in (old, new)] == ["default", "default"]
+    assert list(new.get_ydata()) == list(change.new.deviations)
+    assert list(new.get_xdata()) == list(change.new.positions)
+
+
+def test_every_cycle_and_figure_has_its_name_in_every_language() -> None:
+    cycles = get_args(get_type_hints(Capture)["cycle"])
+    assert len(cycles) == 3
+    for language in ("en", "de", "zh"):
+        assert {f"cycle_{one}" for one in cycles} | {"figure_M_travel"} <= set(catalogue_of(language))
+    material = closing.material()
+    said = replace(material.particulars, language="de")
+    german = page(document(replace(material, particulars=said)))
+    assert "M, Weg" in german
+    assert "M, travel" not in german

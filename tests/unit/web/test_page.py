@@ -5,12 +5,13 @@ from __future__ import annotations
 import re
 import string
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 
 from drivers.errors import catalogue
 from drivers.languages import LANGUAGES, page_texts
+from gateway.push.work import Outcome
 from gateway.store import Store
 from tests.unit.report.synthetic import axis_material
 from tests.unit.web.client import Client
@@ -46,6 +47,12 @@ def test_a_translated_code_is_one_that_exists_and_has_its_fields(language: str) 
         assert {part: _fields(text) for part, text in entry.items()} == {
             part: _fields(text) for part, text in english[code].items()
         }, code
+
+
+def test_every_end_of_a_push_has_its_words_in_every_language() -> None:
+    ends = {f"ended.{one}" for one in get_args(Outcome)}
+    for language in LANGUAGES:
+        assert {key for key in page_texts(language) if key.startswith("ended.")} == ends
 
 
 def test_every_sentence_that_a_script_asks_for_is_there_and_none_is_left_over() -> None:
