@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal, Protocol, runtime_checkable
 
 from drivers.ports.devices import Device, Tell
@@ -168,4 +169,13 @@ class Controller(Device, Protocol):
 
     async def finish_push(self, batch: PushBatch, state: Literal["committed", "held", "none"]) -> None:
         """Leave the marker in its last state (none: nothing is left of it) and end the talk about this batch."""
+        ...
+
+
+@runtime_checkable
+class ReadsTogether(Protocol):
+    """A controller that reads the tables of several axes by one program, so that one press starts it."""
+
+    async def live_tables_of(self, questions: Sequence[TableQuestion], tell: Tell) -> tuple[LiveSet, ...]:
+        """As `Controller.live_tables`, an answer for each question in order; at least one. Raises as it does."""
         ...

@@ -7,6 +7,7 @@ from collections.abc import Awaitable, Callable, Mapping, Sequence
 from types import MappingProxyType
 
 from drivers.errors import TransportError, TrueflankError
+from drivers.ports.controller import ReadsTogether
 from drivers.programs import ForeseesPlans
 from drivers.types.abilities import TableLimits
 from drivers.types.machine import ChannelStatus
@@ -82,6 +83,16 @@ async def read_live(context: PushContext) -> LiveSet:
     patience = Patience(context.start_timeout_s, context.stop_timeout_s)
     asked = question(context.axis, patience, context.proof)
     return await context.controller.live_tables(asked, context.say)
+
+
+async def read_all(contexts: Sequence[PushContext]) -> tuple[LiveSet, ...]:
+    """As `read_live`, of several axes of one machine in order; by one program where the road makes one of it."""
+    first = contexts[0]
+    if not isinstance(first.controller, ReadsTogether):
+        return tuple([await read_live(context) for context in contexts])
+    patience = Patience(first.start_timeout_s, first.stop_timeout_s)
+    asked = [question(context.axis, patience, context.proof) for context in contexts]
+    return await first.controller.live_tables_of(asked, first.say)
 
 
 def plan_of(

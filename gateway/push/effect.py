@@ -8,7 +8,7 @@ way of multiplying must fit all positions.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,7 +20,10 @@ from gateway.interlocks import value_at
 from gateway.interlocks.facts import rest_of
 from gateway.interlocks.table import steepest
 from gateway.push import conversation
-from gateway.push.compare import aside, same_rest, same_table, table_in
+from gateway.push.asking import with_all
+from gateway.push.compare import aside, effect_positions, same_rest, same_table, table_in
+from gateway.push.loading import Faults
+from gateway.push.snapshot import live_of
 from gateway.push.work import Work
 from gateway.table.comparison import differences
 
@@ -38,16 +41,58 @@ class _Shown:
     found: float
 
 
-async def prove_effect(work: Work, positions: tuple[float, ...], base: LiveSet) -> None:
+async def prove_all(works: Sequence[Work], bases: dict[Work, LiveSet], faults: Faults) -> None:
+    """Each table that moves while it is proved by one program; then reversals, by what that program has read.
+
+    What one table lacks joins ``faults``. Raises VerifyError where it is the only one, and what the port raises.
+    """
+    moved = [work for work in works if work.change.new.kind != "reversal"]
+    places = {work: _places(work, bases[work]) for work in works}
+    await conversation.foresee(works[0].context, [effect_plan(work, places[work]) for work in moved])
+    seen: dict[str, LiveSet] = {}
+    for work in moved:
+        live = await _proved(work, bases[work], places[work], faults)
+        if live is not None and work.change.new.kind == "axis":
+            seen[work.axis] = live
+    await conversation.foresee(works[0].context, ())
+    still = [work for work in works if work not in moved]
+    unseen = [work for work in still if work.axis not in seen]
+    seen |= dict(zip([work.axis for work in unseen], await live_of(unseen), strict=True)) if unseen else {}
+    for work in still:
+        await _proved(work, bases[work], places[work], faults, seen[work.axis])
+
+
+def _places(work: Work, base: LiveSet) -> tuple[float, ...]:
+    axis, old = work.context.moved, table_in(base, work.change.new)
+    return effect_positions(work.change.new, old, axis.room, axis.overrun)
+
+
+async def _proved(
+    work: Work, base: LiveSet, places: tuple[float, ...], faults: Faults, seen: LiveSet | None = None
+) -> LiveSet | None:
+    try:
+        live = await prove_effect(work, places, with_all(base, work.acting), seen)
+    except VerifyError as fault:
+        if not work.of:
+            raise
+        faults[work] = fault
+        return None
+    work.note("EFFECT", shown=[list(place) for place in work.effect])
+    return live
+
+
+async def prove_effect(work: Work, positions: tuple[float, ...], base: LiveSet, seen: LiveSet | None = None) -> LiveSet:
     """Visit positions and compare what the controller says it applies with the table; then read all once more.
 
+    What was read is returned. ``seen`` was read of its axis after all had been switched on: enough for a reversal.
     Raises VerifyError (E-PUSH-EFFECT, E-PUSH-OVERWRITTEN, E-PUSH-COUPLED) and what the port raises.
     """
     context, table = work.context, work.change.new
     if table.kind == "reversal":  # no control shows what it takes up: the value is read anew, its effect is measured
-        _still_there(work, await conversation.read_live(context), base)
+        live = seen if seen is not None else await conversation.read_live(context)
+        _still_there(work, live, base)
         await work.same_machine()
-        return
+        return live
     shown: list[_Shown] = []
 
     async def at_stop(_stop: Stop, reached: StopReached) -> None:
@@ -60,6 +105,7 @@ async def prove_effect(work: Work, positions: tuple[float, ...], base: LiveSet) 
     live = await context.controller.saved_tables(context.axis.name, context.proof)
     _still_there(work, live, base)
     await work.same_machine()
+    return live
 
 
 def effect_plan(work: Work, positions: tuple[float, ...]) -> StopPlan:

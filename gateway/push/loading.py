@@ -251,7 +251,8 @@ async def _activated(loads: Loads, together: PushBatch) -> None:
     if not acting or all(order.table.kind == "reversal" for order in together):
         return
     context = loads[0].work.context
-    context.say("P-PUSH-ACTIVATE", axis=_names(acting))
+    restarted = tuple(one for one in acting if one.order.table.kind != "reversal")
+    context.say("P-PUSH-ACTIVATE", axis=_names(restarted or acting))
     await context.controller.restarted(_batch(acting), context.start_timeout_s)
     for one in acting:
         one.work.note("ACTIVATED", order=one.order.transaction)

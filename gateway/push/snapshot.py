@@ -15,17 +15,19 @@ from gateway.push.work import Work
 
 async def snapshot(works: Sequence[Work]) -> tuple[LiveSet, ...]:
     """The live tables, kept as read, before anything is disabled; of each output axis once."""
-    read: dict[tuple[str, int], LiveSet] = {}
-    out: list[LiveSet] = []
-    for work in works:
-        key = (work.axis, work.context.sense)
-        if key not in read:
-            read[key] = await conversation.read_live(work.context)
-        keep(work, read[key])
+    read = await live_of(works)
+    for work, live in zip(works, read, strict=True):
+        keep(work, live)
         if work.context.on_live is not None:
-            work.context = replace(work.context, alarms=work.context.on_live(read[key]))
-        out.append(read[key])
-    return tuple(out)
+            work.context = replace(work.context, alarms=work.context.on_live(live))
+    return read
+
+
+async def live_of(works: Sequence[Work]) -> tuple[LiveSet, ...]:
+    """What is live on each table's output axis, read afresh; of each axis once, and together where the road can."""
+    asked = {(work.axis, work.context.sense): work.context for work in works}
+    read = dict(zip(asked, await conversation.read_all(tuple(asked.values())), strict=True))
+    return tuple(read[work.axis, work.context.sense] for work in works)
 
 
 def keep(work: Work, live: LiveSet) -> None:

@@ -19,11 +19,10 @@ from gateway.errors import StoreError, VerifyError
 from gateway.interlocks import MAX_JUMP, Refusal
 from gateway.interlocks.facts import no
 from gateway.push import conversation
-from gateway.push.asking import NOTHING, Asked, ask, refused, still_allowed, under_key, waiting, with_all
+from gateway.push.asking import NOTHING, Asked, ask, refused, still_allowed, under_key, waiting
 from gateway.push.beginning import Task, abort, begun
-from gateway.push.compare import effect_positions, table_in
 from gateway.push.context import PushContext
-from gateway.push.effect import effect_plan, prove_effect
+from gateway.push.effect import prove_all
 from gateway.push.loading import Faults, TableLoad, load, release
 from gateway.push.places import common_places
 from gateway.push.plan import plan_hash
@@ -256,29 +255,8 @@ async def _write(works: Sequence[Work], bases: dict[Work, LiveSet], faults: Faul
         tables = {other.work.change.new for other in passed}
         one.work.acting = tuple(table for table in one.work.beside if table in tables)
     await release(passed, tuple(one.order for one in loads))
-    places = {one.work: _places(one.work, bases[one.work]) for one in passed}
-    plans = [effect_plan(work, where) for work, where in places.items() if work.change.new.kind != "reversal"]
-    await conversation.foresee(works[0].context, plans)
-    for work, where in places.items():
-        await _proved(work, bases[work], where, faults)
-    await conversation.foresee(works[0].context, ())
+    await prove_all([one.work for one in passed], bases, faults)
     _may_stay(works, faults, stays)
-
-
-def _places(work: Work, base: LiveSet) -> tuple[float, ...]:
-    axis, old = work.context.moved, table_in(base, work.change.new)
-    return effect_positions(work.change.new, old, axis.room, axis.overrun)
-
-
-async def _proved(work: Work, base: LiveSet, places: tuple[float, ...], faults: Faults) -> None:
-    try:
-        await prove_effect(work, places, with_all(base, work.acting))
-    except VerifyError as fault:
-        if not work.of:
-            raise
-        faults[work] = fault
-        return
-    work.note("EFFECT", shown=[list(place) for place in work.effect])
 
 
 def _may_stay(works: Sequence[Work], faults: Faults, stays: Stays) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
@@ -157,8 +157,12 @@ class SinumerikOpcUa(Leaver, RunsPlans):
         self._dialogue.pace.again()
 
     async def live_tables(self, question: TableQuestion, tell: Tell) -> LiveSet:
-        """By a program of one stop that the operator starts. Raises as `read_live`."""
-        return await read_live(self, question, tell)
+        """By a program that the operator starts; it moves nothing. Raises as `read_live`."""
+        return (await read_live(self, (question,), tell))[0]
+
+    async def live_tables_of(self, questions: Sequence[TableQuestion], tell: Tell) -> tuple[LiveSet, ...]:
+        """As `drivers.ports.controller.ReadsTogether.live_tables_of`. Raises as `read_live`."""
+        return await read_live(self, questions, tell)
 
     def tables_by(self, live: LiveSet, proof: SignProof | None) -> LiveSet:
         """As `tables.tables_by`."""

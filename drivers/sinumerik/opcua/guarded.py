@@ -86,10 +86,20 @@ class RunsPlans(GuardsPrograms):
         if self.goes_on:
             await self._measuring.go_on()
         else:
-            await self._measuring.leave()
-            await self._measuring.prepare(await self._parts(self._measuring.following(plan)))
+            await self._send(self._measuring.following(plan))
         self._grinding.plan = None
         self._visits(self._measuring.stretch())
+
+    async def prepare_reading(self, plans: Sequence[StopPlan]) -> None:
+        """As `prepare_stops`, of plans without any stop: one program that saves the tables of each. Moves nothing."""
+        self.goes_on = False
+        await self._send(plans)
+        self._grinding.plan = None
+        self._visits(())
+
+    async def _send(self, plans: Sequence[StopPlan]) -> None:
+        await self._measuring.leave()
+        await self._measuring.prepare(await self._parts(plans))
 
     async def foresee(self, plans: Sequence[StopPlan]) -> None:
         """As `drivers.programs.ForeseesPlans.foresee`."""

@@ -131,7 +131,7 @@ class Measuring:
 
     def _waits_for_next(self, counter: int) -> bool:
         """Whether all stops of this plan are done and another plan follows in the same program."""
-        return counter - self._base == self._stops and self._place + 1 < len(self._parts)
+        return 0 < self._stops == counter - self._base and self._place + 1 < len(self._parts)
 
     @property
     def _stops(self) -> int:
@@ -222,18 +222,19 @@ class Measuring:
 
     async def saved_tables(self, axis: str, configuration: Configuration) -> LiveSet:
         """The live tables the last program wrote before moving. Raises DeviceRefused (E-NC-NOT-SAVED, E-UA-FILE...)."""
-        plan = self._plan
-        if plan is not None and plan.compensated_axis == axis and plan.save_tables and not self._saved:
+        part = self._saves(axis)
+        if part is not None and not self._saved:
             seen = await self._dialogue.look()
             if seen.word(Word.TRANSACTION) == self._token:
                 self._note_progress(seen)
-        if plan is None or plan.compensated_axis != axis or not self._saved or not plan.save_tables:
+        if part is None or not self._saved:
             raise DeviceRefused("E-NC-NOT-SAVED", self._where, axis=axis)
-        saving = Saving(
-            section="LIVE",
-            number=self._token,
-            axis=axis,
-            encoder=plan.encoder,
-            memory=self._parts[self._place][1].memory,
-        )
+        plan, setting = part
+        saving = Saving(section="LIVE", number=self._token, axis=axis, encoder=plan.encoder, memory=setting.memory)
         return await live_tables(self._transfer, saving, configuration)
+
+    def _saves(self, axis: str) -> tuple[StopPlan, Setting] | None:
+        """The part under way where it saves what acts on an axis; any such part of a program that moved nothing."""
+        still = self._ended and not any(plan.stops for plan, _ in self._parts)
+        known = self._parts if still else self._parts[self._place : self._place + 1]
+        return next((one for one in known if one[0].compensated_axis == axis and one[0].save_tables), None)

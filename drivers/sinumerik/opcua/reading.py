@@ -1,9 +1,10 @@
-"""The live tables of an axis where only a program can save them: it moves nothing; and the words for who starts it."""
+"""The live tables of axes where only a program can save them: it moves nothing; and the words for who starts it."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
+from collections.abc import Sequence
 from typing import Protocol
 
 from drivers.errors import DeviceRefused, TrueflankError
@@ -21,8 +22,8 @@ class RunsStops(Protocol):
 
     name: str
 
-    async def prepare_stops(self, plan: StopPlan) -> None:
-        """As `Controller.prepare_stops`."""
+    async def prepare_reading(self, plans: Sequence[StopPlan]) -> None:
+        """As `Controller.prepare_stops`, of plans without any stop: one program for all of them."""
         ...
 
     async def wait_stop(self, after: int, timeout_s: float) -> StopReached | None:
@@ -54,21 +55,23 @@ def plan_of(question: TableQuestion) -> StopPlan:
     )
 
 
-async def read_live(device: RunsStops, question: TableQuestion, tell: Tell) -> LiveSet:
-    """Select that program, let a person start it, and read what it saved; a program that waits is asked to end.
+async def read_live(device: RunsStops, questions: Sequence[TableQuestion], tell: Tell) -> tuple[LiveSet, ...]:
+    """Select one program for all axes, let a person start it, and read what it saved; one that waits is asked to end.
 
     Raises DeviceRefused (E-NC-READ-STOP) for a program that is not this one, (E-NC-NOT-SAVED) for one that ended
     early, and what the calls raise.
     """
-    await device.prepare_stops(plan_of(question))
-    tell("P-NC-READ", axis=question.axis)
+    plans = [plan_of(question) for question in questions]
+    names = ", ".join(dict.fromkeys(question.axis for question in questions))
+    await device.prepare_reading(tuple(dict.fromkeys(plans)))
+    tell("P-NC-READ", axis=names)
     try:
-        reached = await device.wait_stop(0, question.start_s)
+        reached = await device.wait_stop(0, max(question.start_s for question in questions))
         if reached is not None:
             told = f"stop {reached.counter} at {reached.target}"
-            raise DeviceRefused("E-NC-READ-STOP", device.name, axis=question.axis, found=told)
+            raise DeviceRefused("E-NC-READ-STOP", device.name, axis=names, found=told)
     except (TrueflankError, asyncio.CancelledError):
         with contextlib.suppress(TrueflankError):
             await device.abort_program()
         raise
-    return await device.saved_tables(question.axis, question.proof)
+    return tuple([await device.saved_tables(question.axis, question.proof) for question in questions])

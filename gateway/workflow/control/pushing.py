@@ -50,7 +50,7 @@ Done = TypeVar("Done")
 async def apply_proposal(at: Bench, proposal: Proposal, measured: Mapping[str, MeasuredAxis]) -> Verdict:
     """Push every change of a proposal, measure the pushed axes again and judge.
 
-    Each axis' own tables and then its reversal come first and are judged together, by measuring the axis once, before
+    Each axis' own tables and its reversal come first and are judged together, by measuring the axis once, before
     any cross table is pushed: its own deviation is judged without what the tooth asks of it. Raises WriteRefused,
     VerifyError (rolled back) or RollbackFailed (held) at the first layer with a table that was not committed, after
     everything about it is stored; with any reason against any table at the start, nothing at all is written.
@@ -79,10 +79,7 @@ async def _starting(at: Bench, proposal: Proposal, measured: Mapping[str, Measur
 async def _applied(at: Bench, proposal: Proposal, measured: Mapping[str, MeasuredAxis], done: _Done) -> Verdict:
     changes = await signed(at, proposal.changes, measured)
     own = [change for change in changes if change.layer == "axis"]
-    await _push(at, [change for change in own if change.new.kind != "reversal"], measured, done)
-    for change in own:
-        if change.new.kind == "reversal":  # it needs no restart, and is read and proved by itself
-            await _push(at, [change], measured, done)
+    await _push(at, own, measured, done)
     at.folder.set_state("pushed")
     verdicts = await judged(at, own, measured, done.records)
     await _push(at, [change for change in changes if change.layer == "cross"], measured, done)

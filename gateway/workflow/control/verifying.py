@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -35,7 +36,7 @@ async def verify_table(
     """The live table by its name against the last committed push, or against what a run proposed.
 
     Changes no compensation, and leaves a run folder only where something differs. Where the road runs programs the
-    operator starts one for each axis, which saves its tables. Without ``table`` every table that a committed push left.
+    operator starts one, which saves the tables of all axes. Without ``table`` every table that a committed push left.
     What is not as pushed is an alarm, and the outcome's exit code is 9. Raises ConfigError (E-RUN-AXIS),
     StoreError (E-VERIFY-NOTHING), and what the port raises.
     """
@@ -55,8 +56,8 @@ async def _against_pushes(at: Bench, table: str) -> Outcome:
         raise StoreError("E-VERIFY-NOTHING", str(at.store.root), table=table or "any table", serial=at.machine.serial)
     looks: list[Look] = []
     suffix = spoken().program_suffix
-    for axis in dict.fromkeys(one.push.axis for one in wanted):
-        live = await read_axis(at, axis)
+    names = tuple(dict.fromkeys(one.push.axis for one in wanted))
+    for axis, live in zip(names, await read_axes(at, names), strict=True):
         at.folder.write_text(f"live-tables{suffix}" if table else f"live-tables-{axis}{suffix}", live.native)
         found = compare_with(wanted, live)
         keep_looks(at, found)
@@ -80,10 +81,9 @@ def _outcome(at: Bench, table: str, looks: list[Look]) -> Outcome:
     )
 
 
-async def read_axis(at: Bench, axis: str) -> LiveSet:
-    """The live tables of an axis as stored; with programs the operator starts one that saves them."""
-    section = at.axis(axis)
-    return await conversation.read_live(push_context(at, section, None))
+async def read_axes(at: Bench, names: Sequence[str]) -> tuple[LiveSet, ...]:
+    """The live tables of axes as stored; with programs the operator starts one that saves those of all."""
+    return await conversation.read_all([push_context(at, at.axis(name), None) for name in names])
 
 
 async def _against_run(at: Bench, table: str, run: RunFolder) -> Outcome:

@@ -420,10 +420,14 @@ class Controller(KeepsPlaces):
             self.machine.end()
         self._end("abort_program", number)
 
+    async def prepare_reading(self, plans: Sequence[StopPlan]) -> None:
+        (plan,) = plans
+        await self.prepare_stops(plan)
+
     async def live_tables(self, question: TableQuestion, tell: Tell) -> LiveSet:
         if self.by_hand:
             return await self.saved_tables(question.axis, question.proof)
-        return await read_live(self, question, tell)
+        return (await read_live(self, (question,), tell))[0]
 
     def tables_by(self, live: LiveSet, proof: SignProof | None) -> LiveSet:
         return tables.tables_by(live, proof)
