@@ -11,7 +11,7 @@ from drivers.types.sensing import Ambient
 from drivers.types.values import FloatArray
 from gateway.domain.captures import Capture
 from gateway.domain.proposals import TableChange
-from gateway.evaluate.behaviour.repetitions import good_readings
+from gateway.evaluate.behaviour.repetitions import good_readings, lost, pass_offsets
 from gateway.interlocks.facts import ROUNDING, PushFacts, Refusal, Rule, no
 from gateway.interlocks.limits import (
     CROSS_DRIFT_K,
@@ -171,11 +171,15 @@ def _remaining(capture: Capture, change: TableChange) -> Iterator[Refusal]:
 
 
 def _in_line(capture: Capture) -> FloatArray:
-    """The deviations (m, n, 2) without readings out of line: the table was not fitted to these either."""
+    """The deviations (m, n, 2) without readings out of line, or of approaches that do not agree.
+
+    The table was not fitted to these either.
+    """
     deviations = np.array(capture.deviations, dtype=np.float64)
     for target, repetition, approach in capture.suspects:
         deviations[target, repetition, approach] = np.nan
-    return deviations
+    level = deviations - pass_offsets(deviations)[None, :, :]
+    return np.where(lost(level)[:, None, :], np.nan, deviations)
 
 
 def _pooled(deviations: FloatArray) -> float:

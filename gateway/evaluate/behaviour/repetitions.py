@@ -27,7 +27,8 @@ class RobustMeans:
     ``mean`` is the mean of both approaches (one approach less half the median reversal where the other
     is missing), ``u`` its standard uncertainty from ``s``, the pooled standard deviation of one reading
     with passes levelled. ``pass_offsets`` (n, 2) is the common shift of each pass. ``suspects`` lists
-    (target, repetition, approach index) left out here; the ISO evaluation keeps them.
+    (target, repetition, approach index) left out here; the ISO evaluation keeps them. An approach whose readings do
+    not agree among themselves is left out too, where the other one of its target is known (`lost`).
     """
 
     mean_up: FloatArray
@@ -52,6 +53,7 @@ def robust_means(targets: ArrayLike, deviations: ArrayLike) -> RobustMeans:
     level = x - offsets[None, :, :]
     out = _suspects(level)
     kept = np.where(out, np.nan, level)
+    kept = np.where(lost(kept)[:, None, :], np.nan, kept)
     up, down = readings.means(kept).T
     s = _pooled(kept)
     mean, u = _both(up, down, readings.counts(kept), s)
@@ -68,8 +70,33 @@ def good_readings(deviations: ArrayLike, suspects: Iterable[tuple[int, int, int]
 
 
 def in_doubt(level: FloatArray) -> NDArray[np.bool_]:
-    """Which levelled readings (m, n, 2) are worth taking again: nearly suspects, and both of two that disagree."""
-    return np.asarray(_suspects(level, DOUBT) | _disagreeing(level))
+    """Which levelled readings (m, n, 2) are worth taking again: nearly suspects, and all where no most agree."""
+    wild = _unsettled(level, DOUBT)[:, None, :] & np.isfinite(level)
+    return np.asarray(_suspects(level, DOUBT) | _disagreeing(level) | wild)
+
+
+def lost(level: FloatArray) -> NDArray[np.bool_]:
+    """Targets and approaches (m, 2) whose levelled readings (m, n, 2) do not agree, while those of the other one do.
+
+    The other approach and the reversal tell more of such a place. A target that scatters whichever way it is reached
+    is known no better from either, and stays.
+    """
+    wild = _unsettled(level)
+    there = readings.counts(level) > 0
+    return np.asarray(wild & (there & ~wild)[:, ::-1])
+
+
+def _unsettled(level: FloatArray, share: float = 1.0) -> NDArray[np.bool_]:
+    """Targets and approaches (m, 2) of three and more levelled readings of which no most agree, as all others do.
+
+    Nobody can say which of them is right: most do not lie within 6 robust standard deviations of their median.
+    """
+    distance, _ = _from_others(level)
+    limit = share * SUSPECT_FACTOR * _scale_of(distance)
+    with np.errstate(invalid="ignore"):
+        near = np.sum(np.abs(level - _median(level, axis=1)[:, None, :]) <= limit, axis=1)
+    count = readings.counts(level)
+    return np.asarray((count >= 3) & (2 * near <= count) & (limit > 0.0))
 
 
 def _disagreeing(level: FloatArray) -> NDArray[np.bool_]:
@@ -105,23 +132,29 @@ def _median(values: FloatArray, axis: int) -> FloatArray:
 
 
 def _suspects(level: FloatArray, share: float = 1.0) -> NDArray[np.bool_]:
+    distance, spread = _from_others(level)
+    far, apart = share * SUSPECT_FACTOR * _scale_of(distance), share * OTHERS_FACTOR * spread
+    with np.errstate(invalid="ignore"):
+        return np.asarray((distance > far) & (distance > apart))
+
+
+def _from_others(level: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """How far each reading (m, n, 2) lies from the median of its repetitions, and how far those spread; NaN if few."""
     n = level.shape[1]
-    out = np.zeros(level.shape, dtype=np.bool_)
-    if n < 3:
-        return out
     distance, spread = np.full(level.shape, np.nan), np.full(level.shape, np.nan)
-    for j in range(n):
+    for j in range(n if n >= 3 else 0):
         others = np.delete(level, j, axis=1)
         enough = np.isfinite(others).sum(axis=1) >= 2
         centre = np.where(enough, _median(others, axis=1), np.nan)
         distance[:, j] = np.abs(level[:, j] - centre)
         spread[:, j] = MAD_TO_SIGMA * _median(np.abs(others - centre[:, None]), axis=1)
+    return distance, spread
+
+
+def _scale_of(distance: FloatArray) -> float:
+    """Robust standard deviation of distances; NaN where they are too few to tell."""
     known = distance[np.isfinite(distance)]
-    if known.size < 3:
-        return out
-    far, apart = share * SUSPECT_FACTOR * _scale(known), share * OTHERS_FACTOR * spread
-    with np.errstate(invalid="ignore"):
-        return np.asarray((distance > far) & (distance > apart))
+    return _scale(known) if known.size >= 3 else float("nan")
 
 
 def _scale(known: FloatArray) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gateway.evaluate.behaviour.repetitions import robust_means
+from gateway.evaluate.behaviour.repetitions import in_doubt, robust_means
 
 
 def run(seed: int, m: int = 24, n: int = 5, noise: float = 0.15) -> tuple[np.ndarray, np.ndarray]:
@@ -56,7 +56,29 @@ def test_a_drift_shared_by_each_pass_is_no_suspicion() -> None:
 def test_a_target_that_scatters_is_not_an_outlier() -> None:
     _, x = run(3, n=5)
     x[4] += np.array([-4.0, 5.0, 1.0, -5.0, 3.0])[:, None]
-    assert robust_means(np.arange(24.0), x).suspects == ()
+    found = robust_means(np.arange(24.0), x)
+    assert found.suspects == ()
+    np.testing.assert_allclose(found.mean_up[4], (x - found.pass_offsets[None])[4, :, 0].mean())
+    assert found.s > 0.3
+
+
+@pytest.mark.parametrize("n", [3, 5])
+def test_a_place_whose_readings_do_not_agree_is_taken_again_and_left_to_the_other_way(n: int) -> None:
+    """Two of three, or three of five, off by other amounts: no reading stands out, and none is right by itself."""
+    curve, x = run(7, n=n)
+    x[4, :, 1] += np.array([0.0, 3.5, -5.0, 3.9, -0.2])[:n]
+    found = robust_means(np.arange(24.0), x)
+    assert found.suspects == ()
+    assert found.s == pytest.approx(0.15, rel=0.2)
+    assert found.mean[4] == pytest.approx(curve[4], abs=5.0 * 0.15 / np.sqrt(n))
+    assert found.u[4] == pytest.approx(found.s / np.sqrt(n))
+    doubted = in_doubt(x - found.pass_offsets[None])
+    assert doubted[4, :, 1].all()
+    assert doubted.sum() == n
+
+
+def test_nothing_is_taken_again_of_clean_readings() -> None:
+    assert sum(int(in_doubt(run(seed, n=3)[1]).sum()) for seed in range(60)) <= 2
 
 
 def test_readings_alike_to_the_last_digit_are_not_outliers() -> None:
