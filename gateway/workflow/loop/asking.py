@@ -33,28 +33,21 @@ def begun(count: int, together: int, cause: str) -> Asks:
     return Asks((cause,) * ceil(count / together))
 
 
-def reading_tables(axis: str) -> Asks:
-    """What acts on an axis, saved by a program that moves nothing."""
-    return Asks((f"read the tables of {axis}",), (), PROGRAM_S)
+def reading_tables(what: str) -> Asks:
+    """What acts on an axis, or on all axes of a transaction, saved by a program that moves nothing."""
+    return Asks((f"read the tables of {what}",), (), PROGRAM_S)
 
 
 def pushing(site: SiteFile, tables: Sequence[tuple[AxisSection, AxisSection]], name: str) -> Asks:
-    """One transaction of tables, each as (output, input): read, load, release, one restart, one proof of effect."""
-    outputs = dict.fromkeys(out.name for out, _ in tables)
+    """One transaction of tables, each as (output, input), and of what reversals go with them.
+
+    One read of all their axes, one load, one release, one restart, one proof of effect.
+    """
     inputs = {over.name: over for _, over in tables}
-    reads = Asks()
-    for output in outputs:
-        reads = reads.plus(reading_tables(output))
     moved = sum(0.5 * _across_s(site, axis) for axis in inputs.values())
     shown = sum(_across_s(site, over) + TOUCHED * (over.measure.dwell_s + HANDSHAKE_S) for _, over in tables)
     presses = (f"load {name}", f"switch on {name}", f"effect of {name}")
-    return reads.plus(Asks(presses, (f"switch on {name}",), 3 * PROGRAM_S + moved + shown))
-
-
-def reversing(site: SiteFile, axis: AxisSection, name: str) -> Asks:
-    """A constant reversal: it acts without a restart, and is read again instead of shown."""
-    loaded = Asks((f"load {name}", f"switch on {name}"), (), 2 * PROGRAM_S + 0.5 * _across_s(site, axis))
-    return reading_tables(axis.name).plus(loaded).plus(reading_tables(axis.name))
+    return reading_tables(name).plus(Asks(presses, (f"switch on {name}",), 3 * PROGRAM_S + moved + shown))
 
 
 def proving(site: SiteFile, out: AxisSection, over: AxisSection, kind: str, *, first: bool) -> Asks:

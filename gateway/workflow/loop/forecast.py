@@ -21,7 +21,7 @@ from gateway.workflow.axes.measure import plans_of_axis
 from gateway.workflow.bench import with_axes
 from gateway.workflow.errors21.setupcapture import coming, optics_of
 from gateway.workflow.errors21.setups import Planned, chosen, planned
-from gateway.workflow.loop.asking import begun, proving, pushing, reading_tables, reversing, visiting
+from gateway.workflow.loop.asking import begun, proving, pushing, reading_tables, visiting
 from gateway.workflow.loop.dayplan import Asks, DayPlan, Piece, Stage, ToMount
 from gateway.workflow.part.grinding import gear_of_site, grind_plan
 from gateway.workflow.part.inspecting import inspector_name
@@ -133,9 +133,8 @@ class _Day:
         for axis in own:
             yield self._signs(axis, [over for out, over in tables if out == axis])
         if own:
-            yield Piece("push", "axis tables", pushing(self.site, [(axis, axis) for axis in own], "axis tables"))
-        for axis in own:
-            yield Piece("push", f"{axis.name} reversal", reversing(self.site, axis, f"{axis.name} reversal"))
+            asks = pushing(self.site, [(axis, axis) for axis in own], "axis tables")
+            yield Piece("push", "axis tables and reversals", asks)
         yield from self.measured("measure again", [(axis, plans_of_axis(axis, "after")) for axis in own])
         if tables:
             yield Piece("push", "cross tables", pushing(self.site, tables, "cross tables"))
