@@ -18,8 +18,7 @@ import numpy as np
 
 from drivers.errors import ConfigError, FileFormatError
 from drivers.files.declared import declared
-from drivers.files.numbers import beyond, decimal, whole
-from drivers.files.size import no_readings
+from drivers.files.numbers import beyond, decimal, no_readings, whole
 from drivers.files.text import end_doubts
 from drivers.types.results import MeasuredSet
 from drivers.types.values import FloatArray

@@ -11,11 +11,12 @@ import numpy as np
 
 from drivers.errors import ConfigError, FileFormatError
 from drivers.files.columns import TARGET_UNITS, ColumnMap, read_columns
-from drivers.files.csvlayout import COLUMNS, DIRECTIONS, UNITS, Layout, cells, layout
+from drivers.files.csvlayout import COLUMNS, UNITS, Layout, cells, layout
 from drivers.files.csvtext import table_text
-from drivers.files.numbers import beyond, decimal, whole
+from drivers.files.headwords import DIRECTIONS
+from drivers.files.indexed import is_indexed, parse_indexed
+from drivers.files.numbers import beyond, decimal, no_readings, whole
 from drivers.files.signature import heading, signature_of
-from drivers.files.size import no_readings
 from drivers.files.text import decode, end_doubts, read_bytes
 from drivers.types.results import MeasuredSet
 from drivers.types.values import FloatArray
@@ -57,7 +58,13 @@ class CsvFormat:
         text = decode(read_bytes(path), self._codepage, where)
         if self._columns is not None:
             return read_columns(text, self._columns, where)
-        return parse_csv(text, self._unit, where, mixed=self._mixed)
+        try:
+            return parse_csv(text, self._unit, where, mixed=self._mixed)
+        except FileFormatError as error:
+            other = _chinese(path) if error.code == "E-FILE-CSV-HEADER" else ""
+            if not other:
+                raise
+            return parse_csv(other, self._unit, where, mixed=self._mixed)
 
     def signature(self, path: Path) -> str:
         """What tables of the same layout have in common, "" for one without a heading. Raises FileFormatError."""
@@ -72,11 +79,22 @@ class CsvFormat:
         return table_text(measured)
 
 
+def _chinese(path: Path) -> str:
+    """The text of a PC in China, "" where it can be none: a heading that nobody understands may be in its code page."""
+    data = read_bytes(path)
+    try:
+        return "" if data.isascii() else data.decode("gb18030")
+    except UnicodeDecodeError:
+        return ""
+
+
 def parse_csv(text: str, unit: str, where: str, *, mixed: bool = False) -> MeasuredSet:
     """A whole table, pure. Every (target, direction, repetition) may occur once; missing ones are NaN.
 
     ``mixed``: pitch over mm or run-out over deg; the record's unit is then that of the deviations.
     """
+    if is_indexed(text):
+        return parse_indexed(text, where)
     lines = [
         (at, line)
         for at, line in enumerate(_BREAK.split(text), start=1)
@@ -102,29 +120,52 @@ def _wrong(where: str, line: int, why: str) -> FileFormatError:
 def _impossible(lines: list[tuple[int, str]], found: Layout, where: str) -> FileFormatError:
     """The first line whose numbers no measurement can hold."""
     for at, line in lines:
-        (target, _way, _repetition), value = _reading(line, found, at, where)
-        one, other = _converted(np.array([target]), np.array([[[value]]]), found)
-        if beyond(one.item(), other.item()):
-            return _wrong(where, at, f"target {target:g} with {found.reading} {value:g} is no measurement")
+        for (target, _way, _repetition), value in _reading(line, found, at, where):
+            one, other = _converted(np.array([target]), np.array([[[value]]]), found)
+            if beyond(one.item(), other.item()):
+                return _wrong(where, at, f"target {target:g} with {found.reading} {value:g} is no measurement")
     return FileFormatError("E-FILE-ROWS", where)
 
 
 def _readings(lines: list[tuple[int, str]], found: Layout, where: str) -> dict[tuple[float, int, int], float]:
     readings: dict[tuple[float, int, int], float] = {}
     for at, line in lines:
-        key, value = _reading(line, found, at, where)
-        if key in readings:
-            raise _wrong(where, at, f"target {key[0]:g}, repetition {key[2]} in this direction occurs twice")
-        readings[key] = value
+        for key, value in _reading(line, found, at, where):
+            if key in readings:
+                raise _wrong(where, at, f"target {key[0]:g}, repetition {key[2]} in this direction occurs twice")
+            readings[key] = value
     if not readings:
         raise FileFormatError("E-FILE-ROWS", where)
     return readings
 
 
-def _reading(line: str, found: Layout, at: int, where: str) -> tuple[tuple[float, int, int], float]:
+Key = tuple[float, int, int]
+
+
+def _reading(line: str, found: Layout, at: int, where: str) -> list[tuple[Key, float]]:
+    """(target, way, repetition) and value: one of a row, or one of each pass."""
     row = cells(line, found.separator)
     if len(row) != found.width:
         raise _wrong(where, at, f"{len(row)} columns, but the header names {found.width}")
+    return _of_passes(row, found, at, where) if found.passes else [_of_row(row, found, at, where)]
+
+
+def _of_passes(row: list[str], found: Layout, at: int, where: str) -> list[tuple[Key, float]]:
+    """An empty cell is a reading that was not taken."""
+    target = decimal(row[0], comma=found.comma)
+    if target is None:
+        raise _wrong(where, at, f"{row[0]!r} is not a target")
+    readings = []
+    for column, way, number in found.passes:
+        value = decimal(row[column], comma=found.comma)
+        if value is None and row[column]:
+            raise _wrong(where, at, f"{row[column]!r} is not a {found.reading}")
+        if value is not None:
+            readings.append(((float(target), way, number), float(value)))
+    return readings
+
+
+def _of_row(row: list[str], found: Layout, at: int, where: str) -> tuple[Key, float]:
     target_text, way_text, repetition_text, value_text = (row[column] for column in found.columns)
     target, value = decimal(target_text, comma=found.comma), decimal(value_text, comma=found.comma)
     way, repetition = DIRECTIONS.get(way_text.lower()), whole(repetition_text)

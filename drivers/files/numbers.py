@@ -1,9 +1,18 @@
-"""Numbers as files print them: plain decimals, with a comma only where no point occurs at all."""
+"""Numbers as files print them: plain decimals, a comma only where no point occurs at all; and room for them.
+
+A short file may claim a huge grid: it is refused before it gets one.
+"""
 
 from __future__ import annotations
 
 import re
 
+import numpy as np
+
+from drivers.errors import FileFormatError
+from drivers.types.values import FloatArray
+
+MOST_READINGS = 4_000_000
 LONGEST_FIXED = 18
 # Of a target in mm or deg, of a deviation in um or arcsec: a kilometre that the axis is off is no measurement.
 FARTHEST = 1e9
@@ -37,3 +46,13 @@ def fixed(value: float) -> str:
     """Six decimals as capture programs print them, or as many as it takes to give the same double back."""
     text = f"{value:.6f}"
     return text if float(text) == value and len(text) < LONGEST_FIXED else repr(value)
+
+
+def no_readings(targets: int, repetitions: int, where: str) -> FloatArray:
+    """Room for readings of both directions, all NaN, shape (targets, repetitions, 2).
+
+    Raises FileFormatError (E-FILE-SIZE) where the file asks for more than any measurement has.
+    """
+    if 2 * targets * repetitions > MOST_READINGS:
+        raise FileFormatError("E-FILE-SIZE", where, targets=targets, repetitions=repetitions, limit=MOST_READINGS)
+    return np.full((targets, repetitions, 2), np.nan)

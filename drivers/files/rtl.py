@@ -12,8 +12,8 @@ import numpy as np
 
 from drivers.errors import ConfigError, FileFormatError
 from drivers.files.environment import KEYS, environment, environment_words
+from drivers.files.numbers import no_readings
 from drivers.files.rtltext import RtlText, lookup, parse, render
-from drivers.files.size import no_readings
 from drivers.files.text import decode, read_bytes
 from drivers.types.results import MeasuredSet
 from drivers.types.values import FloatArray

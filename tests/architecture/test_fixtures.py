@@ -133,6 +133,10 @@ WHOLLY_LONG = {
         "test_short.py",
         "test_a_short_plan_ends_at_the_floor_of_its_machine",
     ): "test_a_plan_from_files_ends_with_a_proposal_for_the_tooth",
+    (
+        "test_switches.py",
+        "test_ways_of_one_control_are_told_apart_and_nothing_else_is",
+    ): "test_leniencies_that_reading_alone_can_tell_are_named",
     ("test_wire.py", "test_the_gateway_killed_between_the_two_halves"): "test_killed_in_a_fresh_process",
     (
         "test_site_by_files.py",

@@ -33,6 +33,26 @@ pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="unshare is Linux'"),
 ]
 NEWER = "0.1.1"
+CONSENT = """
+import sys
+from drivers.clock import LoopClock
+from gateway import audit
+from gateway.approve import Approvals
+from gateway.domain.proposals import Approval
+from gateway.store import Store
+from gateway.store.records import encode, sha256
+
+folder = Store(sys.argv[1]).open("latest")
+approvals = Approvals(folder.path)
+for actor in sys.argv[2:]:
+    days = ("2026-03-02T08:00:00+00:00", "2026-03-02T08:10:00+00:00")
+    given = Approval(actor, "a" * 64, "b" * 64, "7", *days, folder.run_id)
+    said = {"run": folder.run_id, "approval": sha256(encode(given))}
+    audit.record(folder.path.parent, "approve", clock=LoopClock(), actor=actor, role="approver", serial="7",
+                 plan_hash=given.plan_hash, base_hash=given.base_digest, details=said)
+    approvals.keep(given)
+print("approved by:", *(one.actor for one in approvals.unused()))
+"""
 
 
 def _bundle(ending: str) -> Path:
@@ -87,6 +107,11 @@ def _contents(folder: Path) -> dict[str, str]:
     return {str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
 
 
+def _consents(home: Path, version: str, cwd: Path, *words: str | Path) -> str:
+    """Who approved the latest run, as an installed version reads it, after those that are named have."""
+    return run(home / "versions" / version / "bin" / "python", "-c", CONSENT, *words, cwd=cwd)
+
+
 def test_it_installs_and_starts_without_a_network_and_other_versions_keep_what_people_made(
     unpacked: Path, tmp_path: Path
 ) -> None:
@@ -95,8 +120,12 @@ def test_it_installs_and_starts_without_a_network_and_other_versions_keep_what_p
     demo_starts(home, tmp_path, before=CUT)
     people = tmp_path / "demo"
     runs = people / "runs"
+    run(home / "trueflank", "import", ROOT / "tests" / "golden" / "files" / "basic.rtl", "--store", runs, cwd=tmp_path)
+    assert "approved by: ada bob" in _consents(home, "0.1.0", tmp_path, runs, "ada", "bob")
+    shown = run(home / "trueflank", "runs", "show", "latest", "--store", runs, cwd=tmp_path)
     made = _contents(people)
-    assert any("audit" in name for name in made), made.keys()
+    for kept in ("audit", "approvals/approval-", "/run.json", "site.toml", "self-tests"):
+        assert any(kept in name for name in made), (kept, made.keys())
 
     later = _newer(unpacked, tmp_path)
     for bundle, version in ((later, NEWER), (unpacked, "0.1.0")):
@@ -104,6 +133,8 @@ def test_it_installs_and_starts_without_a_network_and_other_versions_keep_what_p
         assert f"trueflank {version}" in run(*CUT, home / "trueflank", "--version", cwd=tmp_path)
         run(*CUT, home / "trueflank", "check", people / "site.toml", cwd=tmp_path)
         run(*CUT, home / "trueflank", "audit", "verify", runs, cwd=tmp_path)
+        assert run(*CUT, home / "trueflank", "runs", "show", "latest", "--store", runs, cwd=tmp_path) == shown
+        assert "approved by: ada bob" in _consents(home, version, tmp_path, runs)
         assert _contents(people) == made
     assert sorted(path.name for path in (home / "versions").iterdir()) == ["0.1.0", NEWER]
 

@@ -49,6 +49,8 @@ Air temp   : 20.1 20.2 0
 EOF::
 """
 CSV = [
+    b"Target [mm];Run 1 fwd [um];Run 1 rev [um];Run 2 fwd [um]\n0;0.5;1.25;0.75\n10;-1.5;0.25;\n",
+    b"UNIT=mm\nTGT_DATA[1]=0\nTGT_DATA[2]=10\nREF_DATA_FWD[1,1]=0.0005\nREF_DATA_BWD[2,1]=9.9985\n",
     b"target,direction,repetition,deviation\n0,+,1,0.5\n10,+,1,1.25\n10,-,1,-1.5\n0,-,1,0.25\n",
     b"target_mm;direction;run;position_mm\n0;up;1;0,0015\n10;up;1;10,25\n10;down;1;9,5\n",
     b"target_deg\tdirection\tcycle\tdeviation_arcsec\n0\tforward\t1\t0.5\n90\tbackward\t2\t-1\n",

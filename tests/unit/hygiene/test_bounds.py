@@ -10,7 +10,7 @@ import pytest
 from drivers.bridge.fields import Fields
 from drivers.errors import ConfigError, FileFormatError, RemoteProtocolError, TableError
 from drivers.files.csvmap import CsvFormat
-from drivers.files.size import MOST_READINGS, no_readings
+from drivers.files.numbers import MOST_READINGS, no_readings
 from drivers.local.tomlfile import MOST_BYTES, parse_toml, read_toml
 from drivers.sinumerik.opcua.machine import Configuration, MachineReader
 from drivers.sinumerik.opcua.session.requests import Reading
