@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from gateway.daemon.beginning import begin
 from gateway.daemon.daily import Daily
 from gateway.daemon.desk import Devices
 from gateway.daemon.jobs import RunStarter
 from gateway.daemon.served import ServedPlace, Serving
 from gateway.daemon.serving import serve, service_of
 
-__all__ = ["Daily", "Devices", "RunStarter", "ServedPlace", "Serving", "serve", "service_of"]
+__all__ = ["Daily", "Devices", "RunStarter", "ServedPlace", "Serving", "begin", "serve", "service_of"]

@@ -196,7 +196,7 @@ class ServedPlace:
         self._looking.begin()
         job.begin(lease.run)
         job.stop_at = lease.stop
-        await _either(free, job.ended)
+        await either(free, job.ended)
 
     async def work(self, stop: asyncio.Event) -> None:
         """Devices, commands and the watch folder until ``stop``."""
@@ -254,7 +254,8 @@ class ServedPlace:
             await self._clock.sleep(STATE_S)
 
 
-async def _either(*events: asyncio.Event) -> None:
+async def either(*events: asyncio.Event) -> None:
+    """Wait for the first of these."""
     waits = [asyncio.create_task(event.wait()) for event in events]
     try:
         await asyncio.wait(waits, return_when=asyncio.FIRST_COMPLETED)

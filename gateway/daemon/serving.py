@@ -4,28 +4,28 @@ from __future__ import annotations
 
 import asyncio
 import socket
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Coroutine, Sequence
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 import scipy
 
 from drivers.clock import Clock
 from drivers.errors import ConfigError, DeadlineExceeded
 from gateway import audit
-from gateway.broker import Broker, Lease, locked, token_of
+from gateway.broker import Broker, Lease, locked
 from gateway.daemon.daily import each_day
 from gateway.daemon.desk import interrupt, left_in_order
+from gateway.daemon.doorkeeping import doors_of, noting, sessions_of
 from gateway.daemon.listening import GRACE_S, PageServer, listener_on, more_files, server_of, url_of
 from gateway.daemon.logs import logged_into
 from gateway.daemon.notify import Notifier, keep_telling
 from gateway.daemon.served import ServedPlace, Serving, software
 from gateway.store.logbook import LogBook
-from gateway.users import Sessions, Tries, UserAccounts
-from gateway.web import Doorkeeping, Service, create_app
+from gateway.users import Sessions, UserAccounts
+from gateway.web import Service, create_app
 
-SECRET_TRIES, SECRET_WITHIN_S = 5, 60.0
-REQUESTS, REQUESTS_WITHIN_S = 600, 10.0
 LATER_S = 3.0
 
 
@@ -38,11 +38,13 @@ async def serve(
     port: int = 8617,
     ready: Callable[[str], None] = lambda _url: None,
     accounts: UserAccounts | None = None,
+    sessions: Sessions | None = None,
 ) -> None:
     """Open and watch the devices of all sites and serve their pages until `stop` is set; ends within 3 s of it.
 
     A run at work leaves its machine in order first, which is bounded by `gateway.stopping.LONGEST_S`.
-    ``ready`` gets the page's url once it answers. Accounts, certificate and host names are those of the first site.
+    ``ready`` gets the page's url once it answers. Accounts, certificate and host names are those of the first site;
+    ``sessions`` are those of people who have signed in already.
     Raises ConfigError (E-WEB-BIND, E-WEB-PORT, E-WEB-FILES, E-WEB-NAMES), BusyError (E-WEB-LOCKED), StoreError.
     """
     more_files()
@@ -56,12 +58,12 @@ async def serve(
         secure = certificate is not None
         listener = held.enter_context(listener_on(host, port, secure=secure))
         places = _places(sites, clock)
-        service = service_of(places, clock, accounts or UserAccounts(first.store.root), secure=secure)
+        service = service_of(places, clock, accounts or UserAccounts(first.store.root), sessions, secure=secure)
         server = server_of(create_app(service), certificate, key)
         broker = Broker(Lending(places), clock)
         async with broker.open(roots):
             url = url_of(listener, secure=secure)
-            await _together(server, listener, places, clock=clock, stop=stop, ready=lambda: ready(url))
+            await together(server, listener, places, clock=clock, until=stop.wait(), ready=lambda: ready(url))
 
 
 def _loaded() -> tuple[object, ...]:
@@ -85,28 +87,24 @@ def _tls(first: Serving) -> tuple[Path | None, Path | None]:
     return first.path.parent / wanted.certificate, first.path.parent / wanted.key
 
 
-def service_of(places: dict[str, ServedPlace], clock: Clock, accounts: UserAccounts, *, secure: bool) -> Service:
+def service_of(
+    places: dict[str, ServedPlace],
+    clock: Clock,
+    accounts: UserAccounts,
+    sessions: Sessions | None = None,
+    *,
+    secure: bool,
+) -> Service:
     """What the pages serve, and who may come in. Raises StoreError."""
     first = next(iter(places.values()))
     wanted, root = first.site.service, first.store.root
-    doors = Doorkeeping(
-        accounts=accounts,
-        sessions=Sessions(clock.now, wanted.signout_min * 60.0),
-        terminal=token_of(root),
-        tries=Tries(clock.now, SECRET_TRIES, SECRET_WITHIN_S),
-        asks=Tries(clock.now, REQUESTS, REQUESTS_WITHIN_S),
-        hosts=wanted.hosts,
-        secure=secure,
-    )
-    doors.accounts.first_token()
-
-    def note(action: str, *, actor: str = "", details: dict[str, object] | None = None) -> str:
-        return audit.note(root, action, clock=clock, actor=actor, role="service", details=details)
+    doors = doors_of(root, clock, accounts, sessions or sessions_of(clock, wanted), hosts=wanted.hosts, secure=secure)
 
     def health() -> dict[str, object]:
         alarms = [alarm for place in places.values() for alarm in place.alarms]
         return {"status": "alarm", "alarms": alarms} if alarms else {"status": "ok"}
 
+    note = noting(root, clock)
     return Service(places, doors=doors, clock=clock, health=health, note=note, software=software())
 
 
@@ -125,15 +123,16 @@ class Lending:
         raise ConfigError("E-BROKER-SITE", "broker", root=lease.root)
 
 
-async def _together(
+async def together(
     server: PageServer,
     listener: socket.socket,
     places: dict[str, ServedPlace],
     *,
     clock: Clock,
-    stop: asyncio.Event,
+    until: Coroutine[Any, Any, object],
     ready: Callable[[], None],
 ) -> None:
+    """Pages and sites until ``until`` is over, then all ended; ``ready`` is told once the pages answer."""
     over, notifier = asyncio.Event(), Notifier()
 
     async def announced() -> None:
@@ -147,7 +146,7 @@ async def _together(
     page = asyncio.create_task(server.serve(sockets=[listener]), name="page")
     logs = {(place.store.root, place.site.service.syslog) for place in places.values() if place.site.service.syslog}
     days = [each_day(place.desk, place.daily, clock) for place in places.values() if place.daily is not None]
-    others = [asyncio.create_task(one) for one in (stop.wait(), announced(), keep_telling(notifier, clock), *days)]
+    others = [asyncio.create_task(one) for one in (until, announced(), keep_telling(notifier, clock), *days)]
     others += [asyncio.create_task(audit.forward(root, server, clock)) for root, server in sorted(logs)]
     try:
         await asyncio.wait((page, *works, others[0]), return_when=asyncio.FIRST_COMPLETED)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Protocol
 
 from drivers.errors import TrueflankError
@@ -136,10 +136,12 @@ class ResultRow:
 
 @dataclass(frozen=True, slots=True)
 class HeldView:
-    """A push that did not end, in words; ``loud`` unless a read-back said last that its table is off."""
+    """A push that did not end, by the catalogue; ``loud`` unless a read-back said last that its table is off."""
 
     words: str
     loud: bool
+    code: str = ""
+    fields: Mapping[str, object] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from gateway.errors import BusyError, SignInRefused, WriteRefused
 from gateway.report.sentences import visible, when
 from gateway.users import Person
 from gateway.views import StatusView
-from gateway.web import commanding, finding, metrics, reading, showing, signing
+from gateway.web import beginning, commanding, finding, metrics, reading, showing, signing
 from gateway.web.doors import needs, service_of, site_of
 from gateway.web.gate import Gate
 from gateway.web.ports import Service
@@ -45,6 +45,12 @@ STATUS = {
     "E-USER-ROLE": 422,
     "E-USER-PASSWORD": 422,
     "E-USER-PIN": 422,
+    "E-WEB-SITE-THERE": 409,
+    "E-INIT-EXISTS": 409,
+    "E-INIT-ENDED": 422,
+    "E-TRUST-OTHER": 422,
+    "E-TRUST-NO-SECURITY": 409,
+    "E-CFG-DRIVER": 409,
     "E-USER-LAST": 409,
     "E-WEB-TOKEN": 401,
     "E-WEB-LOGIN": 401,
@@ -75,6 +81,7 @@ def routed() -> FastAPI:
     for router in (
         signing.open_routes,
         signing.routes,
+        beginning.routes,
         showing.open_routes,
         showing.routes,
         reading.routes,
@@ -108,7 +115,7 @@ def _add_open(app: FastAPI) -> None:
 
 def _picture(request: Request, site: str) -> StatusView:
     sites = service_of(request).sites
-    return site_of(request, site or next(iter(sites))).picture()
+    return site_of(request, site or next(iter(sites), "")).picture()
 
 
 def _add_pages(app: FastAPI) -> None:

@@ -44,6 +44,19 @@ class UserBody(Body):
     pin: Secret = ""
 
 
+class SiteAnswers(Body):
+    """What was answered so far, by the questions' keys; ``anew`` asks the control again."""
+
+    answers: Annotated[dict[Text, Secret], Field(max_length=40)] = {}
+    anew: bool = False
+
+
+class Thumbprint(Body):
+    """SHA-256 or SHA-1 of a certificate, whole, as the control's own display shows it."""
+
+    thumbprint: Text
+
+
 class Plain(Body):
     """A command that takes nothing."""
 

@@ -77,6 +77,26 @@ class ServedSite(Protocol):
         ...
 
 
+class SiteMaking(Protocol):
+    """The questions of `init`, where a service has no site file yet."""
+
+    def ask(self, answers: Mapping[str, str], who: str, *, anew: bool = False) -> Mapping[str, Any]:
+        """The next question behind these answers, with what was found; it blocks while the control is asked."""
+        ...
+
+    def write(self, answers: Mapping[str, str], who: str) -> Mapping[str, Any]:
+        """Write the site file. Raises ConfigError."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Making:
+    """A site file in the making; ``made`` is set once it is written."""
+
+    site: SiteMaking
+    made: asyncio.Event
+
+
 @dataclass(frozen=True, slots=True)
 class Doorkeeping:
     """Everything that decides who may come in.
@@ -105,4 +125,5 @@ class Service:
     health: Callable[[], dict[str, object]]
     note: Callable[..., str]
     software: str
+    making: Making | None = None
     keys: dict[str, tuple[str, Any]] = field(default_factory=dict)

@@ -85,9 +85,18 @@ class Hall:
 
 @contextmanager
 def hall(
-    folder: Path, edit: Callable[[str], str], *, cell: str = "demo", speed: float = 100.0, tested: bool = False
+    folder: Path,
+    edit: Callable[[str], str],
+    *,
+    cell: str = "demo",
+    speed: float = 100.0,
+    tested: bool = False,
+    served: bool = True,
 ) -> Iterator[Hall]:
-    """A cell and its service; ``edit`` changes the site file before the service reads it."""
+    """A cell and its service; ``edit`` changes the site file before the service reads it.
+
+    Without ``served`` the service is the caller's to start.
+    """
     path = folder / "hall" / "site.toml"
     path.parent.mkdir(parents=True)
     words = [sys.executable, "-m", "simulators.cell", cell, "--site", str(path), "--speed", str(speed)]
@@ -98,7 +107,8 @@ def hall(
             path.write_text(edit(path.read_text(encoding="utf-8")), encoding="utf-8")
             if tested:
                 keep(path, load_cell(cell))
-            at.serve()
+            if served:
+                at.serve()
             yield at
         finally:
             if at.service is not None:

@@ -177,7 +177,7 @@ class Person:
         return found
 
 
-# What is wider than its box; keys lower than 52 px, or 69 on the large screen; a page that must be scrolled.
+# What is wider than its box; keys lower than 52 px, or 69 on the large screen; a page that must be scrolled; a command.
 LAYOUT = """() => {
   const large = innerWidth >= 1800, low = large ? 69 : 52, found = [];
   const seen = (one) => one.offsetParent && !one.closest('.hidden');
@@ -193,6 +193,8 @@ LAYOUT = """() => {
     if (over(one) && getComputedStyle(one).display !== 'inline') says('cut', one);
   for (const one of every('.top, .rail, .low, .now, .screen, .panel')) if (over(one)) says('wide', one);
   if (document.documentElement.scrollHeight > innerHeight + 1) found.push('the whole page scrolls');
+  const ordered = /trueflank (recover|disable|rollback|push|approve|doctor|trust|self-test|run|measure|verify-table|report)\\b/.exec(document.body.innerText);
+  if (ordered) found.push(`a command and no key of the page: ${ordered[0]}`);
   const top = document.querySelector('.top');
   if (top && top.clientHeight > (large ? 100 : 76)) found.push(`the bar above has ${top.clientHeight} px`);
   return found;

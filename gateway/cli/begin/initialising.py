@@ -27,8 +27,7 @@ def init_command(
     answer: AnswerOption = None,
 ) -> None:
     """Write a commented site file: a few questions, the rest is read from the control; nothing moves."""
-    if file.exists() or file.is_symlink():
-        raise ConfigError("E-INIT-EXISTS", str(file))
+    absent(file)
     if not file.parent.is_dir():
         raise ConfigError("E-INIT-FOLDER", str(file), folder=str(file.parent))
     if from_cell:
@@ -39,12 +38,24 @@ def init_command(
         from gateway.cli.begin.wizard import wizard_text
 
         text = wizard_text(file, Asker(answers(answer or []), yes))
+    keep(file, text)
+    echo("\n" + words("P-INIT-WRITTEN", file=file))
+    found = checked(file)
+    tell(found, file, [], as_json=False)
+    echo(words("P-INIT-NEXT" if not found.faults else "P-INIT-LEFT", file=file))
+
+
+def absent(file: Path) -> None:
+    """Nothing stands there yet. Raises ConfigError (E-INIT-EXISTS)."""
+    if file.exists() or file.is_symlink():
+        raise ConfigError("E-INIT-EXISTS", str(file))
+
+
+def keep(file: Path, text: str) -> None:
+    """Write a new site file. Raises ConfigError (E-INIT-EXISTS, E-INIT-WRITE)."""
+    absent(file)
     try:
         with file.open("x", encoding="utf-8") as written:
             written.write(text)
     except OSError as error:
         raise ConfigError("E-INIT-WRITE", str(file), why=error.strerror or str(error)) from error
-    echo("\n" + words("P-INIT-WRITTEN", file=file))
-    found = checked(file)
-    tell(found, file, [], as_json=False)
-    echo(words("P-INIT-NEXT" if not found.faults else "P-INIT-LEFT", file=file))

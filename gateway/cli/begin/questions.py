@@ -1,21 +1,71 @@
-"""Questions of the command line: each has a default and says why it is asked; answers may come beforehand."""
+"""Questions for a site file: each has a default and says why it is asked; asked at a terminal or given beforehand."""
 
 from __future__ import annotations
 
 import shutil
 import sys
 import textwrap
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Coroutine, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol, TypeVar
 
 import typer
 
-from drivers.errors import ConfigError, catalogue
+from drivers.errors import ConfigError, catalogue, words
 from drivers.local.names import shown
+from gateway.audit import os_user
 from gateway.cli.show import echo
+from gateway.cli.stopping import run_to_end
 
-Judge = Callable[[str], str]
-"""An answer to "" where it will do, else to why not."""
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class Why:
+    """Why an answer will not do, by the catalogue."""
+
+    code: str
+    fields: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def words(self) -> str:
+        """In English words."""
+        return words(self.code, **self.fields)
+
+
+def why(code: str, /, **fields: object) -> Why:
+    """Why an answer will not do."""
+    return Why(code, fields)
+
+
+Judge = Callable[[str], Why | None]
+"""An answer to None where it will do, else to why not."""
+
+
+class Questioner(Protocol):
+    """Whoever asks the questions of a site file: a terminal, or the page of a service that has no site yet."""
+
+    @property
+    def who(self) -> str:
+        """The person who answers, for the records."""
+        ...
+
+    def ask(self, key: str, code: str, default: str, judge: Judge = ..., *, secret: bool = False) -> str:
+        """The answer to one question, which the judge lets pass."""
+        ...
+
+    def tell(self, code: str, *, loud: bool = False, **fields: object) -> None:
+        """Say what was found between the questions."""
+        ...
+
+    def found(self, what: tuple[object, ...], work: Callable[[], Coroutine[Any, Any, T]]) -> T:
+        """What a device answers; ``what`` names everything that the answer depends on. Raises what the work raises."""
+        ...
+
+
+def anything(_text: str) -> Why | None:
+    """Every answer will do."""
+    return None
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,21 +75,34 @@ class Asker:
     given: Mapping[str, str]
     silent: bool
 
-    def ask(self, key: str, code: str, default: str, judge: Judge = lambda _text: "", *, secret: bool = False) -> str:
+    @property
+    def who(self) -> str:
+        """Whoever is at the terminal."""
+        return os_user()
+
+    def tell(self, code: str, *, loud: bool = False, **fields: object) -> None:
+        """On the terminal."""
+        echo(words(code, **fields), colour="yellow" if loud else None)
+
+    def found(self, _what: tuple[object, ...], work: Callable[[], Coroutine[Any, Any, T]]) -> T:
+        """Asked each time."""
+        return run_to_end(work())
+
+    def ask(self, key: str, code: str, default: str, judge: Judge = anything, *, secret: bool = False) -> str:
         """The answer to one question. Raises ConfigError (E-INIT-ANSWER, E-INIT-ENDED)."""
         if key in self.given or self.silent:
             answer = self.given.get(key, default)
-            if why := judge(answer):
-                raise ConfigError("E-INIT-ANSWER", "init", key=key, answer=shown(answer), why=why)
+            if wrong := judge(answer):
+                raise ConfigError("E-INIT-ANSWER", "init", key=key, answer=shown(answer), why=wrong.words)
             return answer
         text = catalogue()[code]
         echo(f"\n{text['what']}", bold=True)
         echo(_indented(text["do"]))
         while True:
             answer = _typed(key, default, secret=secret)
-            if not (why := judge(answer)):
+            if (wrong := judge(answer)) is None:
                 return answer
-            echo(f"  {why}", colour="yellow")
+            echo(f"  {wrong.words}", colour="yellow")
 
 
 def _indented(text: str) -> str:
@@ -67,5 +130,5 @@ def answers(given: list[str]) -> dict[str, str]:
 
 KEYS = (
     *("road", "name", "url", "user", "password", "thumbprint", "serial"),
-    *("axes", "travel", "laser", "calibrator", "gear", "optics"),
+    *("axes", "travel", "safe", "laser", "calibrator", "gear", "optics"),
 )

@@ -14,7 +14,7 @@ from drivers.errors import TrueflankError, words
 from drivers.local.names import is_name, shown
 from drivers.local.ownfiles import opened
 from drivers.types.moves import FEED_DEG, FEED_MM
-from gateway.cli.begin.questions import Asker
+from gateway.cli.begin.questions import Questioner, Why, why
 from gateway.cli.begin.siteparts import (
     OPTICS,
     ROTARY,
@@ -30,8 +30,6 @@ from gateway.cli.begin.siteparts import (
     work_tree,
 )
 from gateway.cli.begin.surveying import surveyed
-from gateway.cli.show import echo
-from gateway.cli.stopping import run_to_end
 
 TIMEOUT_S = 10.0
 ROADS = {"opcua": "sinumerik-opcua", "mailbox": "sinumerik-modbus", "files": "sinumerik-opcua"}
@@ -45,9 +43,10 @@ TYPED = ("manual", "terminal://")
 """What an instrument without a driver is: a person reads it and types."""
 _NUMBER = re.compile(r"[+-]?\d+(?:\.\d+)?")
 _TRAVEL = re.compile(r"(\w+)\s+([+-]?\d+(?:\.\d+)?)\s+([+-]?\d+(?:\.\d+)?)")
+_PLACE = re.compile(_TRAVEL.pattern + r"|\w+\s+any")
 
 
-def wizard_text(file: Path, asker: Asker) -> str:
+def wizard_text(file: Path, asker: Questioner) -> str:
     """The text of a site file by answers. Raises ConfigError (E-INIT-ANSWER, E-INIT-ENDED)."""
     from gateway.config.writing import site_text
 
@@ -63,14 +62,15 @@ def wizard_text(file: Path, asker: Asker) -> str:
     plans = used_letters([planned(axis, travel, pair) for axis, travel in axes])
     tree: dict[str, Any] = {"site": {"name": name, "store": STORE}, "controller": control, "instruments": instruments}
     tree["axes"] = [axis_tree(plan) for plan in plans]
-    tree["moves"] = {"safe": {}, "feed_mm": FEED_MM, "feed_deg": FEED_DEG}
+    safe = {} if road == "files" else _safe(asker, [axis.name for axis, _ in axes])
+    tree["moves"] = {"safe": safe, "feed_mm": FEED_MM, "feed_deg": FEED_DEG}
     if grinds(plans):
         _gear(asker, tree, plans, folder, facts)
     version = facts.version if facts else words("P-INIT-UNREAD")
     return site_text(tree, words("P-INIT-HEAD", name=name, version=version, road=road), notes)
 
 
-def _control(asker: Asker, road: str, folder: Path) -> dict[str, Any]:
+def _control(asker: Questioner, road: str, folder: Path) -> dict[str, Any]:
     control: dict[str, Any] = {"driver": ROADS[road], "url": URLS["opcua"], "serial": ""}
     if road == "files":
         return control | {"settings": {"security": "None"}}
@@ -81,7 +81,7 @@ def _control(asker: Asker, road: str, folder: Path) -> dict[str, Any]:
     return control | {"settings": settings | _password(asker, folder) | {"server_certificate": CERTIFICATE}}
 
 
-def _password(asker: Asker, folder: Path) -> dict[str, str]:
+def _password(asker: Questioner, folder: Path) -> dict[str, str]:
     """Where the password is; a typed one goes into a file that only its owner reads, and into no site file."""
     place = folder / PASSWORD
     if place.exists():
@@ -94,7 +94,7 @@ def _password(asker: Asker, folder: Path) -> dict[str, str]:
     return {"password_file": PASSWORD}
 
 
-def _facts(road: str, control: dict[str, Any], folder: Path, asker: Asker) -> ControlFacts | None:
+def _facts(road: str, control: dict[str, Any], folder: Path, asker: Questioner) -> ControlFacts | None:
     """What the control tells; None, with the reason said, where it cannot be asked now."""
     if road == "files":
         return None
@@ -104,50 +104,46 @@ def _facts(road: str, control: dict[str, Any], folder: Path, asker: Asker) -> Co
     try:
         if road == "opcua" and not _trusted(control, settings, folder, asker):
             return None
-        asked = surveyed(control["driver"], control["url"], settings, clock=LoopClock(), timeout_s=TIMEOUT_S)
-        facts = run_to_end(asked)
+        at = (control["driver"], control["url"])
+        facts = asker.found(
+            ("survey", *at, str(settings)), lambda: surveyed(*at, settings, clock=LoopClock(), timeout_s=TIMEOUT_S)
+        )
     except TrueflankError as error:
-        echo(words("P-INIT-NO-CONTROL", why=str(error)), colour="yellow")
+        asker.tell("P-INIT-NO-CONTROL", loud=True, why=str(error))
         return None
     names = " ".join(axis.name for axis in facts.axes)
-    echo(words("P-INIT-FOUND", serial=facts.serial, version=facts.version, units=facts.unit_system, axes=names))
+    told: dict[str, Any] = {"serial": facts.serial, "version": facts.version, "units": facts.unit_system, "axes": names}
+    asker.tell("P-INIT-FOUND", **told)
     return facts
 
 
-def _trusted(control: dict[str, Any], settings: dict[str, Any], folder: Path, asker: Asker) -> bool:
+def _trusted(control: dict[str, Any], settings: dict[str, Any], folder: Path, asker: Questioner) -> bool:
     """Whether the certificate that the control shows is accepted: a person typed its thumbprint."""
-    from gateway import audit
+    from gateway.workflow.control.trusting import accept
 
     clock = LoopClock()
     trust = registry.load(f"{control['driver']}-trust", "trust")("control", control["url"], settings, clock)
-    view: TrustView = run_to_end(trust.show(TIMEOUT_S))
+    view: TrustView = asker.found(("trust", control["url"]), lambda: trust.show(TIMEOUT_S))
     if view.equal:
         return True
-    echo(words("P-INIT-SHOWN", subject=view.shown.subject, sha256=view.shown.sha256, sha1=view.shown.sha1))
+    asker.tell("P-INIT-SHOWN", subject=view.shown.subject, sha256=view.shown.sha256, sha1=view.shown.sha1)
 
-    def judge(text: str) -> str:
-        return "" if not text or view.shown.is_called(text) else words("W-INIT-THUMBPRINT")
+    def judge(text: str) -> Why | None:
+        return None if not text or view.shown.is_called(text) else why("W-INIT-THUMBPRINT")
 
     typed = asker.ask("thumbprint", "P-INIT-THUMBPRINT", "", judge)
     if not typed:
-        echo(words("P-INIT-NOT-TRUSTED"), colour="yellow")
+        asker.tell("P-INIT-NOT-TRUSTED", loud=True)
         return False
-    store = folder / STORE
-    audit.demand(store)
-
-    async def accept() -> None:
-        await trust.accept(typed, audit.os_user(), TIMEOUT_S)
-        told = {"url": view.url, "sha256": view.shown.sha256, "subject": view.shown.subject}
-        audit.record(store, "trust-accept", clock=clock, role="service", details=told)
-
-    run_to_end(accept())
+    how: dict[str, Any] = {"clock": clock, "timeout_s": TIMEOUT_S}
+    asker.found(("accept", typed), lambda: accept(trust, folder / STORE, typed, asker.who, **how))
     return True
 
 
 Ranged = list[tuple[ControlAxis, tuple[float, float]]]
 
 
-def _axes(asker: Asker, facts: ControlFacts | None) -> tuple[Ranged, dict[str, str]]:
+def _axes(asker: Questioner, facts: ControlFacts | None) -> tuple[Ranged, dict[str, str]]:
     """The axes to be measured with their travel, and which keys the control told."""
     known = {axis.name: axis for axis in facts.axes} if facts else {}
     asked = asker.ask("axes", "P-INIT-AXES", " ".join(known) or USUAL_AXES, lambda text: _axis_names(text, known))
@@ -164,11 +160,25 @@ def _axes(asker: Asker, facts: ControlFacts | None) -> tuple[Ranged, dict[str, s
     return [(axis, axis.travel or typed.get(axis.name) or usual[axis.name]) for axis in chosen], notes
 
 
+def _safe(asker: Questioner, names: Sequence[str]) -> dict[str, Any]:
+    """Where each axis may stand while programs move others; what is left out is asked before a push."""
+
+    def judge(text: str) -> Why | None:
+        parts = [part.strip() for part in text.split(",")] if text.strip() else []
+        right = all(_PLACE.fullmatch(part) and part.split()[0] in names for part in parts)
+        ordered = all(low < high for low, high in _ranges(text).values())
+        return None if right and ordered else why("W-INIT-SAFE", names=", ".join(names))
+
+    text = asker.ask("safe", "P-INIT-SAFE", "", judge)
+    anywhere = dict.fromkeys(re.findall(r"(\w+)\s+any", text), "any")
+    return anywhere | {name: list(ends) for name, ends in _ranges(text).items()}
+
+
 def _guessed(name: str) -> ControlAxis:
     return ControlAxis(name, "deg" if letter_of(name) in ROTARY else "mm")
 
 
-def _instruments(asker: Asker, road: str, units: set[str]) -> list[dict[str, Any]]:
+def _instruments(asker: Questioner, road: str, units: set[str]) -> list[dict[str, Any]]:
     """What measures linear axes, and what measures rotary ones."""
     if road == "files":
         return [{"name": "typed", "driver": "manual", "url": "terminal://"}]
@@ -183,7 +193,7 @@ def _instruments(asker: Asker, road: str, units: set[str]) -> list[dict[str, Any
 
 
 def _gear(
-    asker: Asker, tree: dict[str, Any], axes: Sequence[AxisToMeasure], folder: Path, facts: ControlFacts | None
+    asker: Questioner, tree: dict[str, Any], axes: Sequence[AxisToMeasure], folder: Path, facts: ControlFacts | None
 ) -> None:
     """The gear that is ground, and the set-ups of the errors that further optics show; nothing where there is none."""
     answer = asker.ask("gear", "P-INIT-GEAR", NONE, lambda text: _gear_file(text, folder))
@@ -213,43 +223,44 @@ def _own_gear(folder: Path) -> str:
 
 
 def _one_of(allowed: tuple[str, ...]) -> Any:
-    return lambda text: "" if text in allowed else words("W-CFG-ONE-OF", allowed=", ".join(allowed))
+    return lambda text: None if text in allowed else why("W-CFG-ONE-OF", allowed=", ".join(allowed))
 
 
-def _something(text: str) -> str:
-    return "" if text.strip() else words("W-CFG-MISSING")
+def _something(text: str) -> Why | None:
+    return None if text.strip() else why("W-CFG-MISSING")
 
 
-def _machine_name(text: str) -> str:
-    return "" if is_name(text) and re.fullmatch(r"[A-Za-z0-9_.-]+", text) else words("W-CFG-SITE-NAME")
+def _machine_name(text: str) -> Why | None:
+    return None if is_name(text) and re.fullmatch(r"[A-Za-z0-9_.-]+", text) else why("W-CFG-SITE-NAME")
 
 
 def _parted(text: str) -> list[str]:
     return [name for name in re.split(r"[\s,;]+", text) if name]
 
 
-def _axis_names(text: str, known: dict[str, ControlAxis]) -> str:
+def _axis_names(text: str, known: dict[str, ControlAxis]) -> Why | None:
     names = _parted(text)
     wrong = [name for name in names if not is_name(name) or (known and name not in known)]
     if wrong or not names or len(set(names)) < len(names):
-        return words("W-INIT-AXES", wrong=shown(", ".join(wrong) or text), known=" ".join(known) or USUAL_AXES)
-    return ""
+        usual = " ".join(known) or USUAL_AXES
+        return why("W-INIT-AXES", wrong=shown(", ".join(wrong) or text), known=usual)
+    return None
 
 
 def _ranges(text: str) -> dict[str, tuple[float, float]]:
     return {name: (float(low), float(high)) for name, low, high in _TRAVEL.findall(text)}
 
 
-def _travel(text: str, names: list[str]) -> str:
+def _travel(text: str, names: list[str]) -> Why | None:
     found = _ranges(text)
     right = all(name in found and found[name][0] < found[name][1] for name in names)
-    return "" if right else words("W-INIT-TRAVEL", names=", ".join(names))
+    return None if right else why("W-INIT-TRAVEL", names=", ".join(names))
 
 
-def _instrument(text: str) -> str:
+def _instrument(text: str) -> Why | None:
     parts, known = text.split(maxsplit=1), registry.known("instrument")
     right = len(parts) == 2 and parts[0] in known
-    return "" if right else words("W-INIT-INSTRUMENT", known=", ".join(known))
+    return None if right else why("W-INIT-INSTRUMENT", known=", ".join(known))
 
 
 def _with_height(text: str) -> tuple[str, float]:
@@ -258,24 +269,24 @@ def _with_height(text: str) -> tuple[str, float]:
     return (name.strip(), float(height)) if name and _NUMBER.fullmatch(height) else (text.strip(), 0.0)
 
 
-def _gear_file(text: str, folder: Path) -> str:
+def _gear_file(text: str, folder: Path) -> Why | None:
     from gateway.study.files import load_gear
 
     name, _ = _with_height(text)
     if text == NONE or name == SAMPLE:
-        return ""
+        return None
     try:
         load_gear(folder / name)
     except (TrueflankError, OSError) as error:
-        return words("W-INIT-GEAR", why=str(error))
-    return ""
+        return why("W-INIT-GEAR", why=str(error))
+    return None
 
 
-def _optics(text: str) -> str:
+def _optics(text: str) -> Why | None:
     if text == NONE:
-        return ""
+        return None
     parts = [part.split(maxsplit=1) for part in text.split(",")]
     names = [part[0] for part in parts if part]
     if len(names) < len(parts) or len(set(names)) < len(names) or not set(names) <= set(OPTICS):
-        return words("W-INIT-OPTICS", known=", ".join(OPTICS))
-    return next(filter(None, (_instrument(part[1]) for part in parts if len(part) > 1)), "")
+        return why("W-INIT-OPTICS", known=", ".join(OPTICS))
+    return next(filter(None, (_instrument(part[1]) for part in parts if len(part) > 1)), None)

@@ -67,8 +67,9 @@ async def examined(tree: Any, site: Path, clock: Clock) -> tuple[CheckLine, ...]
 
 def show_command(site: SiteArgument, as_json: JsonOption = False) -> None:
     """What the server shows now, what is pinned, and whether they are equal; exit code 5 when they are not."""
-    tree = load(site)
-    view: TrustView = run_to_end(port(tree, "trust", LoopClock()).show(tree.controller.timeout_s))
+    from gateway.workflow.control.trusting import shown_by
+
+    view = run_to_end(shown_by(load(site), LoopClock()))
     tell(view, as_json=as_json)
     if not view.equal:
         raise typer.Exit(NOT_ALL_WELL)
@@ -77,19 +78,9 @@ def show_command(site: SiteArgument, as_json: JsonOption = False) -> None:
 def accept_command(site: SiteArgument, thumbprint: ThumbprintOption, as_json: JsonOption = False) -> None:
     """Pin the certificate that the server shows now, if its thumbprint is the one you read at the control."""
     from gateway import audit
-    from gateway.workflow.bench import store_of
+    from gateway.workflow.control.trusting import accepted
 
-    tree, clock = load(site), LoopClock()
-    trust, root = port(tree, "trust", clock), store_of(tree, site).root
-    audit.demand(root)
-
-    async def main() -> TrustView:
-        view: TrustView = await trust.accept(thumbprint, audit.person(), tree.controller.timeout_s)
-        told = {"url": view.url, "sha256": view.shown.sha256, "subject": view.shown.subject}
-        audit.record(root, "trust-accept", clock=clock, role="service", details=told)
-        return view
-
-    tell(run_to_end(main()), as_json=as_json)
+    tell(run_to_end(accepted(load(site), site, thumbprint, who=audit.person(), clock=LoopClock())), as_json=as_json)
 
 
 def load(site: Path) -> Any:
@@ -100,7 +91,7 @@ def load(site: Path) -> Any:
 
 
 def port(tree: Any, role: str, clock: Clock) -> Any:
-    """Doctor or trust of the site's control, by its driver's name. Raises ConfigError (E-CFG-DRIVER)."""
+    """What a role of the site's control is, by its driver's name. Raises ConfigError (E-CFG-DRIVER)."""
     controller = tree.controller
     factory = registry.load(f"{controller.driver}-{role}", role)
     return factory(tree.site.name, controller.url, controller.settings, clock)

@@ -2,49 +2,88 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from drivers.clock import LoopClock
+from drivers.errors import words
 from gateway.cli.options import load_site
 from gateway.cli.show import echo
 from gateway.cli.stopping import run_to_end
 from gateway.say import Say
 
+SITE = "site.toml"
+"""The site file of a folder."""
+
 
 def serve_command(
-    sites: Annotated[list[Path], typer.Argument(metavar="SITE...", help="Site files (TOML).", show_default=False)],
+    sites: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="SITE...", help="Site files (TOML), or a folder: its site.toml.", show_default=False),
+    ] = None,
     host: Annotated[str, typer.Option(help="Address to listen on; beyond this computer only with TLS.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=0, max=65535, help="0 takes a free one.")] = 8617,
 ) -> None:
-    """Open and watch the devices of these sites, serve their pages, and lend the devices to commands."""
-    from gateway.daemon import serve
+    """Open and watch the devices of these sites, serve their pages, and lend the devices to commands.
+
+    Without a site file in the folder the page asks what a site file needs, writes it and goes on.
+    """
     from gateway.daemon.logs import JournalForm
     from gateway.stopping import StopAsked
-    from gateway.users import first_token_path
 
     journal = logging.StreamHandler()
     journal.setFormatter(JournalForm())
     logging.basicConfig(level=logging.WARNING, handlers=[journal])
-    clock, stopped = LoopClock(), StopAsked()
-    serving = [_serving(load_site(path), path, clock) for path in sites]
-    first = first_token_path(serving[0].store.root)
+    files, stopped = [_file(one) for one in sites or [Path()]], StopAsked()
+    run_to_end(_served(files, host, port, LoopClock(), stopped.asked), stop=stopped, ends_itself=True)
+    if stopped.told:
+        raise stopped.error()
+
+
+def _file(site: Path) -> Path:
+    return site / SITE if site.is_dir() else site
+
+
+async def _served(files: list[Path], host: str, port: int, clock: LoopClock, stop: asyncio.Event) -> None:
+    """The page that asks for a site file where there is none, then the sites."""
+    from gateway.daemon import serve
+
+    sessions = None
+    if len(files) == 1 and files[0].name == SITE and files[0].parent.is_dir() and not files[0].exists():
+        sessions, port = await _begun(files[0], host, port, clock, stop)
+        if stop.is_set():
+            return
+    serving = [_serving(load_site(path), path, clock) for path in files]
+    first, names = serving[0].store.root, ", ".join(one.site.site.name for one in serving)
+    await serve(serving, clock=clock, stop=stop, host=host, port=port, ready=_telling(names, first), sessions=sessions)
+
+
+async def _begun(file: Path, host: str, port: int, clock: LoopClock, stop: asyncio.Event) -> Any:
+    from gateway.cli.begin.atpage import SiteMaker
+    from gateway.daemon import begin
+
+    maker = SiteMaker(file)
+    name = words("P-SERVE-NO-SITE", file=file)
+    return await begin(
+        maker, maker.root, clock=clock, stop=stop, host=host, port=port, ready=_telling(name, maker.root)
+    )
+
+
+def _telling(names: str, root: Path) -> Callable[[str], None]:
+    """Says where the page is, once it answers."""
+    from gateway.users import first_token_path
 
     def ready(url: str) -> None:
-        names = ", ".join(one.site.site.name for one in serving)
+        first = first_token_path(root)
         more = f"first start: make an account there with the token in {first}; " if first.exists() else ""
         echo(f"{names}: {url}   ({more}Ctrl-C ends)")
 
-    run_to_end(
-        serve(serving, clock=clock, stop=stopped.asked, host=host, port=port, ready=ready),
-        stop=stopped,
-        ends_itself=True,
-    )
-    if stopped.told:
-        raise stopped.error()
+    return ready
 
 
 def _serving(tree: Any, path: Path, clock: LoopClock) -> Any:

@@ -5,17 +5,21 @@ import { h, show } from "./dom.js";
 import { when } from "./figures.js";
 import { accounts } from "./people.js";
 import { base, may, on, state } from "./state.js";
-import { t, told } from "./words.js";
+import { trust } from "./trust.js";
+import { say, t, told } from "./words.js";
 
 export const connect = { open };
 const MARK = { open: "✔", "in use": "▶", lost: "▲", failed: "✖", closed: "○", ok: "✔", failed_check: "✖" };
 
 function open(root) {
-  const parts = { devices: h("div", { class: "panel" }), doctor: h("div", { class: "panel" }), people: h("div", { class: "panel" }) };
-  show(root, h("div", { class: "two" }, h("div", { class: "stack" }, parts.devices, may("service") ? parts.people : null), parts.doctor));
+  const parts = { devices: h("div", { class: "panel" }), doctor: h("div", { class: "panel" }), people: h("div", { class: "panel" }), trust: h("div", { class: "panel" }) };
+  show(root, h("div", { class: "two" }, h("div", { class: "stack" }, parts.devices, may("service") ? [parts.trust, parts.people] : null), parts.doctor));
   const draw = () => { devices(parts.devices); doctor(parts.doctor); };
   draw();
-  if (may("service")) accounts(parts.people);
+  if (may("service")) {
+    trust(parts.trust);
+    accounts(parts.people);
+  }
   const ends = [on("frame", draw), on("jobs", draw)];
   return () => { for (const end of ends) end(); };
 }
@@ -40,5 +44,11 @@ function doctor(box) {
   const examine = () => post(`${base()}/commands/doctor`).catch((error) => shown(t("connect.examine"), [h("p", { class: "fault" }, told(error))]));
   show(box, h("h2", {}, t("connect.doctor")), h("button", { id: "doctor", class: "primary", disabled: busy || !may("operator", "service"), onclick: examine }, t("connect.examine")),
     job?.error && h("p", { class: "fault", role: "alert" }, told(job.error)), lines.length > 0 && h("p", {}, bad.length ? `▲ ${t("connect.bad", { count: bad.length })}` : `✔ ${t("connect.well", { count: lines.length })}`),
-    h("ul", { class: "checks" }, [...bad, ...lines.filter((one) => one.outcome === "ok")].map((one) => h("li", { class: one.outcome === "ok" ? "ok" : "bad" }, h("span", { class: "mark", "aria-hidden": "true" }, one.outcome === "ok" ? "✔" : "✖"), h("div", {}, h("b", {}, one.check), ` ${one.what}`, one.fix && h("p", { class: "fix" }, `→ ${one.fix}`))))));
+    h("ul", { class: "checks" }, [...bad, ...lines.filter((one) => one.outcome === "ok")].map((one) => h("li", { class: one.outcome === "ok" ? "ok" : "bad" }, h("span", { class: "mark", "aria-hidden": "true" }, one.outcome === "ok" ? "✔" : "✖"), h("div", {}, h("b", {}, checkName(one.check)), ` ${say(one.code, one.fields, 0, one.what)}`, one.fix && h("p", { class: "fix" }, `→ ${say(one.code, one.fields, 1, one.fix)}`))))));
+}
+
+// An axis' own name is none of the catalogue's.
+function checkName(name) {
+  const found = t(`check.${name.toLowerCase().replace(/[ -]/g, "_")}`);
+  return found.startsWith("[") ? name : found;
 }

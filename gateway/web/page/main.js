@@ -3,6 +3,7 @@ import { get, setKey } from "./api.js";
 import { h, show } from "./dom.js";
 import { build } from "./frame.js";
 import { deaf, listen, refresh } from "./live.js";
+import { setUp } from "./setup.js";
 import { signIn } from "./signin.js";
 import { state } from "./state.js";
 import { language, speak } from "./words.js";
@@ -24,6 +25,7 @@ export async function enter() {
   setKey(me.csrf ?? "");
   state.me = me;
   state.sites = await get("/api/v1/sites");
+  if (!state.sites.length) return show(root, setUp(enter));
   const wanted = localStorage.getItem("site");
   state.site = (state.sites.find((one) => one.site === wanted) ?? state.sites[0]).site;
   await load();

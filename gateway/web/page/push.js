@@ -1,10 +1,11 @@
 // Into the control: what will move, who agrees, the nine steps, and the ways back, always in reach.
 import { post } from "./api.js";
-import { machineTyped, secondPerson, shown } from "./dialogs.js";
+import { confirmed, machineTyped, secondPerson, shown } from "./dialogs.js";
 import { nameOf, proposals } from "./correct.js";
 import { record } from "./evaluate.js";
 import { h, show } from "./dom.js";
 import { when } from "./figures.js";
+import { capital, heldWords } from "./sentence.js";
 import { lamps } from "./lamps.js";
 import { refresh } from "./live.js";
 import { field } from "./signin.js";
@@ -92,15 +93,18 @@ function back(box) {
   if (box.dataset.key === key) return;
   box.dataset.key = key;
   show(box, h("h2", {}, t("push.ways_back")),
-    held.map((one) => h("p", { class: one.loud ? "fault" : "warn", role: "alert" }, `${one.loud ? "✖" : "▲"} ${plain(one.words)}`)),
+    held.map((one) => h("p", { class: one.loud ? "fault" : "warn", role: "alert" }, `${one.loud ? "✖" : "▲"} ${capital(heldWords(one))}`)),
     h("div", { class: "keys start" }, h("button", { id: "recover", class: held.length ? "primary" : null, disabled: busy || !may("operator", "service"), onclick: () => give("recover", {}) }, t("push.recover")),
-      held.length > 0 && h("button", { id: "recover-apply", class: "danger", disabled: busy || !may("operator", "service"), onclick: () => applied("recover", {}, t("push.recover_apply")) }, t("push.recover_apply"))),
+      held.length > 0 && h("button", { id: "recover-apply", class: "danger", disabled: busy || !may("operator", "service"), onclick: () => applied("recover", {}, t("push.recover_apply")) }, t("push.recover_apply")),
+      h("button", { id: "verify", disabled: busy || !may("operator") || !tables.length, onclick: compare }, t("push.verify"))),
     tables.length ? h("table", {}, h("thead", {}, h("tr", {}, [t("push.table"), t("push.id"), t("push.since"), t("push.state"), ""].map((one) => h("th", {}, one)))),
       h("tbody", {}, tables.map((one) => h("tr", {}, h("td", {}, h("b", {}, one.table)), h("td", {}, one.id.slice(0, 6)), h("td", {}, h("small", {}, when(one.utc))), h("td", {}, one.enabled ? `● ${t("push.on")}` : `○ ${t("frame.off")}`),
         h("td", { class: "keys" }, h("button", { class: "off", "data-table": one.table, disabled: busy || !may("operator", "service"), onclick: () => disable(one) }, t("push.disable")), h("button", { class: "back", "data-table": one.table, disabled: busy || !may("operator"), onclick: () => applied("roll-back", { table: one.table }, t("push.roll_back")) }, t("push.roll_back"))))))) : h("p", { class: "empty" }, t("frame.no_tables")));
 }
 
 const disable = (one) => applied("disable", { axis: one.axis, table: one.kind === "axis" ? "" : one.table.split("-").slice(1).join("-") }, `${t("push.disable")}: ${one.table}`);
+
+const compare = async () => { if (await confirmed(t("push.verify"), t("push.verify_what"))) give("verify-table", {}); };
 
 // First what it will do, then the machine's name.
 async function applied(path, body, title) {

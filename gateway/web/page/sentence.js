@@ -11,16 +11,16 @@ function chosen() {
   const { status, ask } = state;
   const held = status.held.find((one) => one.loud);
   if (status.run && state.beam === "lost") return { loud: "bad", head: t("now.beam"), more: ask ? capital(say(ask.code, ask.fields, 0, ask.words)) : newest() };
-  if (status.run && ask) return { loud: "ask", head: capital(say(ask.code, ask.fields, 0, ask.words)), more: moving(ask) || plain(held?.words) };
+  if (status.run && ask) return { loud: "ask", head: capital(say(ask.code, ask.fields, 0, ask.words)), more: moving(ask) || held ? heldWords(held) : "" };
   // Whoever recovers a held push is asked to press: that stands above what is wrong until then.
-  if (held) return { loud: "bad", head: t("now.held_on"), more: plain(held.words) };
+  if (held) return { loud: "bad", head: t("now.held_on"), more: heldWords(held) };
   if (status.run) return { loud: "", head: t("now.wait"), more: newest() };
   if (status.left.length) return { loud: "attention", head: told(status.left[0]), more: t("now.left") };
   if (status.trouble) return { loud: "attention", head: told(status.trouble), more: "" };
   // What is closed is just being opened again, after a command.
   const away = status.devices.find((one) => ["lost", "failed"].includes(one.state) || (one.state === "closed" && one.error));
   if (away) return { loud: "attention", head: t("now.device", { name: away.name }), more: told(away.error) };
-  if (status.held.length) return { loud: "attention", head: t("now.held"), more: plain(status.held[0].words) };
+  if (status.held.length) return { loud: "attention", head: t("now.held"), more: heldWords(status.held[0]) };
   if (status.alarms.length) return { loud: "attention", head: plain(status.alarms[0]), more: status.due };
   if (status.failure) return { loud: "attention", head: told(status.failure), more: "" };
   return { loud: "", head: next(), more: status.due };
@@ -46,4 +46,6 @@ function moving(ask) {
   return told ? capital(say(told.code, told.fields, 0, told.words)) : "";
 }
 
-const capital = (text) => text.charAt(0).toUpperCase() + text.slice(1);
+export const heldWords = (one) => say(one.code, one.fields, 0, plain(one.words));
+
+export const capital = (text) => text.charAt(0).toUpperCase() + text.slice(1);

@@ -37,11 +37,27 @@ export function t(key, fields) {
 
 export function say(code, fields, part = 0, otherwise = "") {
   const known = texts.codes[code];
-  return known ? shown(filled(known[part], fields)) : otherwise || code;
+  return known ? atPage(shown(filled(known[part], fields))) : atPage(otherwise) || code;
+}
+
+// Commands that the catalogue names, and the key of the page that does the same, with its screen.
+const KEYS = {
+  "recover --apply": ["push.recover_apply", "frame.push"], recover: ["push.recover", "frame.push"], disable: ["push.disable", "frame.push"],
+  rollback: ["push.roll_back", "frame.push"], push: ["push.show", "frame.push"], approve: ["push.approve", "frame.push"], doctor: ["connect.examine", "frame.connect"],
+  "trust show": ["trust.look", "frame.connect"], "trust accept": ["trust.accept", "frame.connect"], trust: ["trust.look", "frame.connect"], "self-test": ["capture.self_test", "frame.capture"],
+  run: ["capture.measure_axes", "frame.capture"], measure: ["capture.measure_errors", "frame.capture"], "verify-table": ["push.verify", "frame.push"], report: ["report.make", "frame.report"],
+};
+const COMMAND = /`?\btrueflank (trust show|trust accept|[a-z][a-z-]*)((?: (?:SITE\b|NAME\b|\.\.\.|--[a-z-]+|(?<=--axis )[\w-]+))*)`?(?: with the site file)?/g;
+
+function atPage(text) {
+  return String(text).replace(COMMAND, (all, name, more) => {
+    const key = KEYS[more.includes("--apply") && `${name} --apply` in KEYS ? `${name} --apply` : name];
+    return key ? t("order.key", { key: t(key[0]), screen: t(key[1]) }) : all;
+  });
 }
 
 // A finished sentence without codes and the places beside them, which are for logs.
-export const plain = (text) => shown(String(text ?? "").replace(/\b[EPRSW](-[A-Z0-9]+)+(?: \[[^\]]*\])?: /g, ""));
+export const plain = (text) => atPage(shown(String(text ?? "").replace(/\b[EPRSW](-[A-Z0-9]+)+(?: \[[^\]]*\])?: /g, "")));
 
 export const kindOf = (code) => texts.codes[code]?.[2] ?? "result";
 

@@ -11,6 +11,7 @@ import pytest
 
 from drivers.errors import catalogue
 from drivers.languages import LANGUAGES, page_texts
+from gateway.audience import Audience, kind_of
 from gateway.push.work import Outcome
 from gateway.store import Store
 from tests.unit.report.synthetic import axis_material
@@ -18,7 +19,8 @@ from tests.unit.web.client import Client
 from tests.unit.web.services import TOKEN, offered
 from tests.unit.web.test_daemon import SITE
 
-PAGE = Path(__file__).parents[3] / "gateway" / "web" / "page"
+ROOT = Path(__file__).parents[3]
+PAGE = ROOT / "gateway" / "web" / "page"
 BEARER = {"Authorization": f"Bearer {TOKEN}"}
 LITERAL = re.compile(r"""\bt\(\s*(?:[^"`()]*\? )?"([a-z_]+\.[a-z_\-]+)"(?: : "([a-z_]+\.[a-z_\-]+)")?""")
 FOREIGN = re.compile(r"(?:src|href)=\"(?!/)|https?://(?!www\.w3\.org)|innerHTML|eval\(| style=")
@@ -53,6 +55,37 @@ def test_every_end_of_a_push_has_its_words_in_every_language() -> None:
     ends = {f"ended.{one}" for one in get_args(Outcome)}
     for language in LANGUAGES:
         assert {key for key in page_texts(language) if key.startswith("ended.")} == ends
+
+
+# What tells a person at the machine something while a command works, what the doctor finds, and what `init` asks.
+AT_WORK = frozenset({Audience.ASK, Audience.STEP, Audience.MOVE, Audience.LOUD})
+SPOKEN = re.compile(r"[EW]-DOC-|R-HELD-|W-LEFT-[A-Z]+$|W-STEP-|[PW]-INIT-[A-Z-]+$|P-(?:PUSH|SELF-TEST|CAP)-")
+# Words for the terminal alone: the cell's console, what `init` writes into its file or says of its own command.
+TERMINAL = re.compile(
+    r"P-(?:CELL|CONFORM|CAP-LIVE|LEGAL|SERVE)|P-INIT-(?:TOLD|UNREAD|HEAD|CELL-HEAD|WRITTEN|NEXT|LEFT)"
+    r"|P-(?:LEFT|WATCH-LINK|CLOSE-NOTHING)$|W-LEFT-(?:CLOSED|SESSION)"
+)
+
+
+@pytest.mark.parametrize("language", [one for one in LANGUAGES if one != "en"])
+def test_what_a_person_at_the_machine_is_told_is_in_every_language(language: str) -> None:
+    known = {code for code in catalogue() if SPOKEN.match(code) or (code[0] == "P" and kind_of(code) in AT_WORK)}
+    assert len(known) > 150
+    assert {code for code in known if not TERMINAL.match(code)} - set(catalogue(language)) == set()
+
+
+def _checks() -> set[str]:
+    """What each line of a doctor is called, by its source; an axis' own name stands for itself."""
+    made = re.compile(r"""\b(?:fine|wrong|unknown|failed)\(\s*(?:"[A-Z-]+"|error|one\.code),\s*"([^"]+)\"""")
+    files = [*(ROOT / "drivers").glob("*/**/doctor.py"), *(ROOT / "drivers").glob("*/**/bedside/*.py")]
+    files.append(ROOT / "gateway" / "cli" / "control" / "connecting.py")
+    return {name for path in files for name in made.findall(path.read_text(encoding="utf-8"))}
+
+
+def test_every_check_of_the_doctor_has_a_name_on_the_page() -> None:
+    found = _checks()
+    assert len(found) > 25
+    assert {re.sub("[ -]", "_", f"check.{name.lower()}") for name in found} - set(page_texts("en")) == set()
 
 
 def test_every_sentence_that_a_script_asks_for_is_there_and_none_is_left_over() -> None:

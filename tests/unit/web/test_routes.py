@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 
 import pytest
@@ -73,7 +74,7 @@ def test_a_table_that_is_still_on_stands_first_and_loudest(client: Callable[...,
     assert text.index("Held, still on") < text.index(loud.words) < text.index(calm.words) < text.index("Devices")
     assert f"<strong>{loud.words}</strong>" in answer.text
     data = client(lambda: status(run=None, held=(loud, calm))).get("/api/v1/sites/hall-3/status").json()
-    assert (data["state"], data["held"][0]) == ("still-on", {"words": loud.words, "loud": True})
+    assert (data["state"], data["held"][0]) == ("still-on", asdict(loud))
     assert (
         client(lambda: status(run=None, held=(calm,))).get("/api/v1/sites/hall-3/status").json()["state"] == "attention"
     )

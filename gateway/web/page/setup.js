@@ -1,0 +1,82 @@
+// Where the service has no site file yet: the questions of `init`, one after the other, then the file.
+import { get, post } from "./api.js";
+import { h, show } from "./dom.js";
+import { languages } from "./signin.js";
+import { say, t, told } from "./words.js";
+
+const ROADS = ["opcua", "mailbox", "files"];
+const AGAIN_MS = 500;
+
+export function setUp(enter) {
+  const box = h("main", { class: "signin setup" });
+  const answers = {};
+  const said = h("p", { class: "fault", role: "alert" });
+  let seen = { asked: [], told: [], question: null, file: "" };
+  let busy = false;
+
+  const ask = async (anew = false) => {
+    busy = true;
+    draw();
+    said.textContent = "";
+    try {
+      seen = await post("/api/v1/site-file/question", { answers, anew });
+    } catch (error) {
+      said.textContent = told(error);
+    }
+    busy = false;
+    draw();
+    document.getElementById("answer")?.focus();
+  };
+  const give = (key, answer) => { answers[key] = answer; ask(); };
+  // Back to a question: it and what came behind it is asked again; what was said there stays as the default.
+  const back = (at) => {
+    const gone = seen.asked.slice(at);
+    kept = Object.fromEntries(gone.map((one) => [one.key, one.answer]));
+    for (const one of gone) delete answers[one.key];
+    ask();
+  };
+  let kept = {};
+  const make = async () => {
+    busy = true;
+    draw();
+    try {
+      const made = await post("/api/v1/site-file", { answers });
+      if (made.made) return waits(made);
+      show(said, ...made.faults.map((one) => h("span", { class: "line" }, told(one))));
+    } catch (error) {
+      said.textContent = told(error);
+    }
+    busy = false;
+    draw();
+  };
+  const waits = async (made) => {
+    show(box, h("div", { class: "row head" }, h("h1", {}, "trueflank")), h("section", { class: "card", id: "written" }, h("h2", {}, t("setup.written")), h("p", {}, made.file), h("p", {}, t("setup.opens")), h("progress", { "aria-label": t("setup.opens") })));
+    while (!(await get("/api/v1/sites").catch(() => [])).length) await new Promise((over) => setTimeout(over, AGAIN_MS));
+    enter();
+  };
+  const ways = () => [seen.asked.length > 0 && h("button", { type: "button", id: "back", onclick: () => back(seen.asked.length - 1) }, t("dialog.back")),
+    seen.told.some((one) => one.loud) && h("button", { type: "button", id: "anew", onclick: () => ask(true) }, t("setup.anew"))];
+  const draw = () => show(box, h("div", { class: "row head" }, h("h1", {}, "trueflank"), languages(draw)),
+    h("section", { class: "card", tabindex: 0, role: "region", "aria-label": t("setup.title", { file: "" }) }, h("small", {}, t("setup.title", { file: seen.file })), ...found(seen), busy ? h("p", { id: "asking" }, t("setup.asks")) : question(seen, kept, { give, make, ways }), said),
+    seen.asked.length > 0 && given(seen, back, busy));
+  ask();
+  return box;
+}
+
+// What was found at the control behind the last answer; what went wrong there stays.
+const found = (seen) => seen.told.filter((one) => one.loud || one.after === seen.asked.length).map((one) => h("p", { class: one.loud ? "warn found" : "found" }, say(one.code, one.fields).trim()));
+
+function question(seen, kept, { give, make, ways }) {
+  const now = seen.question;
+  if (!now) return h("div", { class: "stack" }, h("h2", {}, t("setup.all")), h("p", {}, t("setup.all_what")), h("div", { class: "keys" }, ways(), h("button", { class: "primary", id: "make", onclick: make }, t("setup.make"))));
+  const head = [h("h2", { id: "question" }, say(now.code)), h("p", {}, say(now.code, {}, 1)), now.wrong && h("p", { class: "fault", role: "alert" }, `${say(now.wrong.code, now.wrong.fields)}.`)];
+  if (now.key === "road") return h("div", { class: "stack" }, head, h("div", { class: "keys start" }, ROADS.map((one) => h("button", { id: `road-${one}`, onclick: () => give("road", one) }, t(`setup.${one}`)))));
+  const send = (event) => { event.preventDefault(); give(now.key, new FormData(event.target).get("answer").trim()); };
+  const usual = now.answer || kept[now.key] || now.default;
+  return h("form", { onsubmit: send, class: "stack" }, head, h("input", { id: "answer", name: "answer", "aria-labelledby": "question", type: now.secret ? "password" : "text", autocomplete: "off", spellcheck: "false", value: usual }), h("div", { class: "keys" }, ways(), h("button", { class: "primary", id: "next" }, t("setup.next"))));
+}
+
+function given(seen, back, busy) {
+  return h("section", { class: "card", tabindex: 0, role: "region", "aria-label": t("setup.given") }, h("h2", {}, t("setup.given")), h("table", {}, h("tbody", {}, seen.asked.map((one, at) =>
+    h("tr", {}, h("td", {}, say(one.code)), h("td", {}, h("b", {}, one.secret ? "••••" : one.answer || "–")), h("td", { class: "num" }, h("button", { disabled: busy, onclick: () => back(at) }, t("setup.change"))))))));
+}

@@ -1,0 +1,152 @@
+"""From an empty folder to a machine that answers, by the page alone: account, questions, certificate, self-test."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cryptography import x509
+from cryptography.hazmat.primitives.hashes import SHA1, SHA256
+from playwright.sync_api import Browser, expect
+
+from drivers.languages import LANGUAGES
+from gateway.cli.begin.checking import checked
+from gateway.cli.begin.wizard import STORE
+from gateway.config import load_site
+from gateway.users import first_token_path
+from tests.browser.hall import Hall, hall
+from tests.browser.person import CHROMIUM, LARGE, SMALL, Person, chromium, opened
+from tests.browser.test_day import SOMETHING, looked_at
+
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.timeout(900),
+    pytest.mark.skipif(not CHROMIUM.exists(), reason="NOT RUN: no Chromium here (Debian package chromium)"),
+]
+
+
+class EmptyHall(Hall):
+    """A hall whose service has no site file yet."""
+
+    @property
+    def token(self) -> str:
+        """Beside the store that there will be."""
+        return first_token_path(self.path.parent / STORE).read_text(encoding="ascii").strip()
+
+
+def _empty(at: Hall, folder: Path) -> EmptyHall:
+    folder.mkdir()
+    found = EmptyHall(at.cell, folder / "site.toml")
+    found.serve()
+    return found
+
+
+def _known(path: Path) -> dict[str, Any]:
+    """What stands on the control's display and on the instruments' plates: here in the cell's own site file."""
+    site = load_site(path)
+    settings = site.controller.settings
+    certificate = x509.load_der_x509_certificate(Path(settings["server_certificate"]).read_bytes())
+    devices = {one.name: f"{one.driver} {one.url}" for one in site.instruments}
+    return {
+        "url": site.controller.url,
+        "user": settings["user"],
+        "password": Path(settings["password_file"]).read_text(encoding="utf-8").strip(),
+        "sha1": certificate.fingerprint(SHA1()).hex(),  # noqa: S303 - as older dialogs show it
+        "sha256": certificate.fingerprint(SHA256()).hex(":").upper(),
+        "calibrator": devices["calibrator"],
+    }
+
+
+def _answers(anna: Person, key: str, text: str) -> None:
+    """To the question that is open; its key is known by the answer's place."""
+    page = anna.page
+    with page.expect_response(lambda one: one.url.endswith("/site-file/question")) as sent:
+        page.locator("#answer").fill(text)
+        page.locator("#next").click()
+    told = sent.value.json()
+    assert key in [one["key"] for one in told["asked"]], told["question"]
+    expect(page.locator("#asking")).to_have_count(0)
+
+
+def test_an_empty_computer_comes_to_a_machine_that_answers(tmp_path: Path) -> None:
+    with hall(tmp_path, str, speed=150.0, served=False) as cell, chromium() as browser:
+        known, at = _known(cell.path), _empty(cell, tmp_path / "pc")
+        try:
+            _begun(at, browser, known)
+        finally:
+            at.kill()
+
+
+def _begun(at: Hall, browser: Browser, known: dict[str, Any]) -> None:
+    anna = Person(opened(browser, at), at, "anna")
+    anna.page.locator("main summary").click()
+    form = anna.page.locator("#first")
+    for name, text in (("token", at.token), ("name", "anna"), ("password", "a long sentence")):
+        form.locator(f"[name={name}]").fill(text)
+    form.locator("button").click()
+    _asked(anna, known)
+    _every_look(anna, browser)
+    anna.page.locator("#make").click()
+    anna.page.locator("#machine").wait_for()
+    found = checked(at.path)
+    assert (found.faults, found.doubts) == ((), ())
+    assert load_site(at.path).site.name == "hall-9"
+    _trusts_anew(anna, at, known)
+    anna.go("connect")
+    expect(anna.page.locator("td.state.open")).to_have_count(2)
+    anna.go("capture")
+    assert anna.done(anna.give("#self-test"))["error"] is None
+    looked_at(anna, "beginning-self-tested")
+
+
+def _asked(anna: Person, known: dict[str, Any]) -> None:
+    anna.page.locator("#road-opcua").click()
+    expect(anna.page.locator("#asking")).to_have_count(0)
+    anna.page.locator("#answer").fill("hall 9")
+    anna.page.locator("#next").click()
+    anna.sees(".setup .fault", SOMETHING)
+    looked_at(anna, "beginning-wrong-name")
+    for key, text in (("name", "hall-9"), ("url", known["url"]), ("user", known["user"])):
+        _answers(anna, key, text)
+    _answers(anna, "password", known["password"])
+    anna.sees(".found", known["sha256"])
+    looked_at(anna, "beginning-thumbprint")
+    anna.page.locator("#answer").fill("AA:BB")
+    anna.page.locator("#next").click()
+    anna.sees(".setup .fault", SOMETHING)
+    anna.page.locator("#answer").fill(known["sha1"])
+    anna.page.locator("#next").click()
+    anna.sees(".found", "X1")
+    _answers(anna, "axes", "C1")
+    _answers(anna, "calibrator", known["calibrator"])
+    _answers(anna, "safe", "C1 any")
+    anna.page.locator("#make").wait_for()
+
+
+def _every_look(anna: Person, browser: Browser) -> None:
+    """The page with every answer given, in each language and both sizes."""
+    for size in (SMALL, LARGE):
+        anna.page.set_viewport_size({"width": size[0], "height": size[1]})
+        for language in LANGUAGES:
+            anna.page.locator("#language").select_option(language)
+            anna.page.wait_for_function("code => document.documentElement.lang === code", arg=language)
+            looked_at(anna, f"beginning-answered-{language}-{size[0]}")
+    anna.page.set_viewport_size({"width": SMALL[0], "height": SMALL[1]})
+    anna.page.locator("#language").select_option("en")
+
+
+def _trusts_anew(anna: Person, at: Hall, known: dict[str, Any]) -> None:
+    """The pinned certificate is lost: the page shows the control's own beside it and pins it again."""
+    Path(load_site(at.path).controller.settings["server_certificate"]).unlink()
+    anna.go("connect")
+    anna.page.locator("#trust").click()
+    anna.sees("#trusted", "▲")
+    form = anna.page.locator("#accept")
+    form.locator("input").fill("00" * 32)
+    form.locator("button").click()
+    anna.sees("main .fault", SOMETHING)
+    form.locator("input").fill(known["sha256"])
+    form.locator("button").click()
+    anna.sees("#trusted", "✔")
+    looked_at(anna, "beginning-trusted")

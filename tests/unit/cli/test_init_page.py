@@ -1,0 +1,62 @@
+"""The questions of `init` for the page: gone through again with every answer, and a file that is never written over."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from drivers.errors import ConfigError
+from gateway.cli.begin.atpage import SiteMaker
+from gateway.cli.begin.checking import checked
+
+FILES = {"road": "files", "name": "old-1", "serial": "S7", "axes": "C1", "travel": "C1 0 360"}
+SILENT = {"road": "opcua", "name": "g", "url": "opc.tcp://127.0.0.1:9", "user": "u"}
+
+
+def test_each_answer_leads_to_the_next_question_and_a_wrong_one_stays_open(tmp_path: Path) -> None:
+    maker = SiteMaker(tmp_path / "site.toml")
+    assert maker.ask({}, "anna")["question"]["key"] == "road"
+    wrong = maker.ask({"road": "files", "name": "a b"}, "anna")["question"]
+    assert (wrong["key"], wrong["answer"], wrong["wrong"]["code"]) == ("name", "a b", "W-CFG-SITE-NAME")
+    done = maker.ask(FILES, "anna")
+    assert done["question"] is None
+    assert [one["key"] for one in done["asked"]] == list(FILES)
+
+
+def test_the_file_is_the_one_that_init_writes_and_none_is_written_over(tmp_path: Path) -> None:
+    maker = SiteMaker(tmp_path / "site.toml")
+    with pytest.raises(ConfigError, match="E-INIT-ENDED"):
+        maker.write({"road": "files"}, "anna")
+    assert maker.write(FILES, "anna")["made"]
+    assert [axis.name for axis in checked(tmp_path / "site.toml").site.axes] == ["C1"]
+    with pytest.raises(ConfigError, match="E-INIT-EXISTS"):
+        maker.write(FILES, "anna")
+
+
+def test_a_password_can_be_given_anew_is_never_told_back_and_one_that_was_there_is_kept(tmp_path: Path) -> None:
+    maker = SiteMaker(tmp_path / "site.toml")
+    told = [maker.ask({**SILENT, "password": one}, "anna") for one in ("first", "second")]
+    assert (tmp_path / "password.txt").read_text() == "second\n"
+    assert "first" not in str(told)
+    assert "second" not in str(told)
+    assert [one["code"] for one in told[1]["told"]] == ["P-INIT-NO-CONTROL"]
+    later = SiteMaker(tmp_path / "site.toml").ask({**SILENT, "password": "third"}, "anna")
+    assert "password" not in [one["key"] for one in later["asked"]]
+    assert (tmp_path / "password.txt").read_text() == "second\n"
+
+
+def test_where_axes_may_stand_is_asked_for_a_control_that_programs_move(tmp_path: Path) -> None:
+    answers = {
+        **SILENT,
+        "password": "p",
+        "serial": "S7",
+        "axes": "C1",
+        "travel": "C1 0 360",
+        "calibrator": "manual t://",
+    }
+    maker = SiteMaker(tmp_path / "site.toml")
+    assert maker.ask({**answers, "safe": "C1 20 10"}, "anna")["question"]["wrong"]["code"] == "W-INIT-SAFE"
+    assert maker.ask({**answers, "safe": "X9 any"}, "anna")["question"]["key"] == "safe"
+    assert maker.write({**answers, "safe": "C1 -5 5.5"}, "anna")["made"]
+    assert checked(tmp_path / "site.toml").site.moves.safe == {"C1": (-5.0, 5.5)}
