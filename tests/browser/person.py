@@ -193,9 +193,9 @@ LAYOUT = """() => {
     if (over(one) && getComputedStyle(one).display !== 'inline') says('cut', one);
   for (const one of every('.top, .rail, .low, .now, .screen, .panel')) if (over(one)) says('wide', one);
   if (document.documentElement.scrollHeight > innerHeight + 1) found.push('the whole page scrolls');
-  const commands = ['recover', 'disable', 'rollback', 'push', 'approve', 'doctor', 'trust', 'self-test', 'run', 'measure',
-    'verify-table', 'report'];
-  const ordered = new RegExp(`trueflank (${commands.join('|')})\\b`).exec(document.body.innerText);
+  const commands = ['recover', 'disable', 'rollback', 'push', 'approve', 'doctor', 'trust', 'self-test', 'run',
+    'measure', 'verify-table', 'report'];
+  const ordered = new RegExp(`trueflank (${commands.join('|')})(?![a-z-])`).exec(document.body.innerText);
   if (ordered) found.push(`a command and no key of the page: ${ordered[0]}`);
   const top = document.querySelector('.top');
   if (top && top.clientHeight > (large ? 100 : 76)) found.push(`the bar above has ${top.clientHeight} px`);
