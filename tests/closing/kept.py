@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic, TypeVar
 
-from gateway.store.encoding import read_typed, write_typed
+from pydantic import TypeAdapter
 
 ROOT = Path(__file__).parents[2]
 RUN = ("gateway", "drivers", "simulators")
-JUDGES = ("families", "machines", "runs", "judge", "tables", "identified", "record", "proposed")
+JUDGES = "families", "others", "machines", "runs", "judge", "tables", "identified", "record", "proposed", "trials"
 T = TypeVar("T")
 
 
@@ -37,15 +37,19 @@ class Kept(Generic[T]):
         path = self._path(name)
         if not path.exists():
             return None
-        found: T = read_typed(json.loads(path.read_bytes()), self.kind, name, str(path))
-        return found
+        return TypeAdapter(self.kind).validate_python(json.loads(path.read_bytes()))
+
+    def all(self) -> list[T]:
+        """Every result there is, by name."""
+        names = sorted(path.stem for path in self.folder.glob("*.json"))
+        return [one for name in names if (one := self.get(name)) is not None]
 
     def put(self, name: str, result: T) -> None:
         """Whole or not at all: a run may be killed at any instant."""
         path = self._path(name)
         path.parent.mkdir(parents=True, exist_ok=True)
         beside = path.with_suffix(".part")
-        beside.write_text(json.dumps(write_typed(result, self.kind, name)), encoding="utf-8")
+        beside.write_text(json.dumps(TypeAdapter(self.kind).dump_python(result)), encoding="utf-8")
         beside.replace(path)
 
     def _path(self, name: str) -> Path:

@@ -19,17 +19,18 @@ from tests.closing.honestpage import write
 from tests.closing.honesty import broken as dishonest
 from tests.closing.honesty import spreads
 from tests.closing.kept import Kept, state_of_code
+from tests.closing.others import other
 from tests.closing.pool import Job, prove
 from tests.closing.proof import machine_row
 from tests.closing.proposed import tried
 from tests.closing.record import MachineResult
 from tests.closing.runs import quick, run_machine
 from tests.closing.told import unfit
+from tests.closing.trials import FEW, OTHER, Trial, harmed, of_trials, try_all
 from tests.sizes import few
 
 ROOT = Path(__file__).parents[2]
 DOCS, KEPT = ROOT / "docs", ROOT / ".families"
-FEW = "11-lobe disc"
 WORKERS = 2
 MOST = 20  # of a family
 TRIED = ("tilting", "coarse", "noisy")
@@ -54,10 +55,11 @@ def broken(one: MachineResult) -> list[str]:
     return said + [f"{one.name}: M of {axis} from {m} to {n}" for axis, (m, n) in linear.items() if n > m + LEAST]
 
 
-@pytest.mark.parametrize("family", few([*TRIED, *(one for one in FAMILIES if one not in TRIED)], DEFAULT))
+@pytest.mark.parametrize("family", few([*TRIED, *(one for one in FAMILIES if one not in TRIED), OTHER], DEFAULT))
 async def test_what_is_proposed_to_a_machine_of_a_family_makes_it_better(tmp_path: Path, family: str) -> None:
     """The smaller one of a closing run: from files, nothing is written, and the truth grinds with the tables."""
-    found = await tried(relative(family, 1, FEW), tmp_path, report=family == REPORTED)
+    file = other(1) if family == OTHER else relative(family, 1, FEW)
+    found = await tried(file, tmp_path, report=family == REPORTED)
     print(found)
     assert found.after_um < 0.8 * found.before_um
     assert found.missed_um < SURE * found.u_um
@@ -84,19 +86,33 @@ def test_a_short_run_on_a_machine_of_a_family(tmp_path: Path, family: str) -> No
 @pytest.mark.soak
 @pytest.mark.timeout(0)
 def test_machines_of_families_get_better_and_their_uncertainties_are_honest(tmp_path: Path) -> None:
-    """One of each family at a time, so that the page, written anew after every machine, tells of all of them early."""
+    """One of each family at a time, so that the page, written anew after every machine, tells of all of them early.
+
+    Trials come first: they are short. What was found is kept in .families while the code stays as it is.
+    """
     count = min(int(os.environ.get("TRUEFLANK_MACHINES", "20")), MOST)
     wanted = families_jobs(count)
     command = "make families" if count == MOST else f"make families N={count}"
     page = Path(os.environ.get("TRUEFLANK_PROOF") or DOCS)
     found: dict[str, list[MachineResult]] = {family: [] for family in FAMILIES}
 
+    trials: list[Trial] = []
+
+    def told(one: Trial) -> None:
+        trials.append(one)
+        write(found, page, command, len(wanted), trials)
+
     def heard(one: MachineResult) -> None:
         print(machine_row(one), flush=True)
         found[one.name.rsplit("-", 1)[0]].append(one)
-        write(found, page, command, len(wanted))
+        write(found, page, command, len(wanted), trials)
 
-    results = prove(wanted, tmp_path, WORKERS, heard, Kept(KEPT / state_of_code(), MachineResult))
+    kept = KEPT / state_of_code()
+    tries = [(family, seed) for seed in range(1, count + 1) for family in (*FAMILIES, OTHER)]
+    try_all(tries, tmp_path, WORKERS, Kept(kept / "trials", Trial), told)
+    results = prove(wanted, tmp_path, WORKERS, heard, Kept(kept, MachineResult))
+    assert [line for one in trials for line in harmed(one)] == []
+    assert dishonest(of_trials({"all": trials})) == []
     assert [line for one in results for line in broken(one)] == []
     assert dishonest(spreads(found)) == []
 

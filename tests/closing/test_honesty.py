@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.closing.honestpage import document
 from tests.closing.honesty import FAMILY, broken, normalised, of_expanded, of_values, spreads
+from tests.closing.kept import JUDGES, Kept, state_of_code
 from tests.closing.record import MachineResult, Normalised
+from tests.closing.trials import Trial, harmed, of_trials
 
 
 def machines(kind: str, scale: float, count: int = 20) -> list[MachineResult]:
@@ -64,3 +67,39 @@ def test_the_page_tells_every_family_and_what_breaks_it() -> None:
     assert "Broken: points of Abbe" in text
     assert "| points | mild | 20 |" in text
     assert sum(line.startswith("| mild |") for line in text.splitlines()) == 20
+
+
+def test_what_a_machine_gave_is_kept_exactly_and_for_the_same_code_only(tmp_path: Path) -> None:
+    one = machines("mild", 1.0, 1)[0]
+    one = replace(one, u_um=float("inf"), axes={"X1": (1.0, 0.1)})
+    kept = Kept(tmp_path / "kept", MachineResult)
+    assert kept.get("mild-1") is None
+    kept.put("mild-1", one)
+    assert kept.get("mild-1") == one
+    assert kept.all() == [one]
+    for folder in ("gateway", "drivers", "simulators", "tests/closing"):
+        (tmp_path / folder).mkdir(parents=True)
+    for name in JUDGES:
+        (tmp_path / f"tests/closing/{name}.py").write_text("", encoding="utf-8")
+    before = state_of_code(tmp_path)
+    assert state_of_code(tmp_path) == before
+    (tmp_path / "gateway/a.py").write_text("x = 1", encoding="utf-8")
+    assert state_of_code(tmp_path) != before
+
+
+def test_trials_are_judged_by_what_acts_in_them_and_by_what_they_harm() -> None:
+    fair = [Trial(f"fair-{n}", 1.0, 0.2, 0.1, 0.5, 0.1, {"X1": (2.0, 0.3)}) for n in range(12)]
+    unsure = [replace(one, name=one.name.replace("fair", "unsure"), acting_u_um=0.3) for one in fair]
+    assert broken(of_trials({"fair": fair})) == []
+    assert [line.split(":")[0] for line in broken(of_trials({"unsure": unsure}))] == [
+        "errors alone of all",
+        "errors alone of unsure",
+    ]
+    assert harmed(fair[0]) == []
+    worse = Trial("bad-1", 1.0, 1.2, 1.0, 0.2, 0.1, {"X1": (2.0, 2.5)})
+    assert len(harmed(worse)) == 3
+    assert harmed(Trial("bad-2", failed="E-INT-INCOMPLETE X1")) == ["bad-2: E-INT-INCOMPLETE X1"]
+    text = document({}, "make families N=20", 9, [*fair, *unsure, worse])
+    assert "25 machines, 0 ended with an error; the flank of 24 got better" in text
+    assert "Broken: bad-1: flank from 1.00 to 1.20 um." in text
+    assert "| fair-3 | 1.00 | 0.20 | 0.10 | 0.10 | 0.50 | 1.00 | 2.0 -> 0.3 |" in text

@@ -16,10 +16,14 @@ from gateway.domain.figures import Component
 
 FEWEST = 6  # targets that tell neighbours apart
 LONG = -0.5  # cosine of a wave's phase from target to target: three distances
+MAD_TO_SIGMA = 1.4826
 # Of such a wave's misses, RMS: slope over one target distance and bow over its square that a polygon leaves of it.
 SLOPE, BOW = 0.227, 0.109
 # A spline tells most of a hollow that few targets lie in, not all: so much more than it shows is to be expected.
 BENT, ACROSS = 1.5, 17
+# Mean target distances beside a face from which a hollow that targets see still reaches it, and how many standard
+# deviations of the usual misses a target further away may miss by.
+BESIDE, USUAL = 2.0, 4.0
 
 
 def slope_and_bow(one: Component, face_mm: float, middle: float | None = None) -> tuple[float, float]:
@@ -32,7 +36,7 @@ def slope_and_bow(one: Component, face_mm: float, middle: float | None = None) -
     if here is None:
         return one.residual_rms / 2.0**0.5, one.residual_rms / 2.0**0.5
     nodes = nodes_of(one)[here]
-    long, short = long_and_short(one, here)
+    long, short = long_and_short(one, here, None if middle is None else around(one, face_mm, middle))
     share, half = min(1.0, face_mm / float(np.mean(np.diff(nodes)))), short / 2.0**0.5
     slope, bow = float(np.hypot(SLOPE * share * long, half)), float(np.hypot(BOW * share**2 * long, half))
     if middle is None or nodes.size < nodes_of(one).size:
@@ -69,10 +73,24 @@ def near(one: Component, face_mm: float, middle: float | None) -> slice | None:
     return slice(first, last) if last - first >= FEWEST else slice(0, nodes.size)
 
 
-def long_and_short(one: Component, here: slice) -> tuple[float, float]:
-    """RMS of what the inner targets miss by long waves, and RMS of structure too short for them."""
-    rows = _skipping(nodes_of(one)[here])
+def around(one: Component, face_mm: float, middle: float) -> tuple[float, float]:
+    """From where to where targets see what reaches the face."""
+    beside = face_mm / 2.0 + BESIDE * float(np.mean(np.diff(nodes_of(one))))
+    return middle - beside, middle + beside
+
+
+def long_and_short(one: Component, here: slice, reaching: tuple[float, float] | None = None) -> tuple[float, float]:
+    """RMS of what the inner targets miss by long waves, and RMS of structure too short for them.
+
+    A fault of a guide at one place beyond what is ``reaching`` the face counts no more there than usual misses do.
+    """
+    nodes = nodes_of(one)[here]
+    rows = _skipping(nodes)
     missed, doubt = rows @ one.coefficients[here], rows @ one.covariance[here, here] @ rows.T
+    if reaching is not None:
+        far = (nodes[1:-1] < reaching[0]) | (nodes[1:-1] > reaching[1])
+        most = USUAL * MAD_TO_SIGMA * float(np.median(np.abs(missed)))
+        missed = np.where(far, np.clip(missed, -most, most), missed)
     square = max(float(np.mean(missed**2) - np.mean(np.diag(doubt))), 0.0)
     along = float(np.mean(missed[1:] * missed[:-1]) - np.mean(np.diag(doubt, 1)))
     # Independent values of variance w miss by 1.5 w, neighbours by -w together; the longest of the others by LONG.

@@ -13,7 +13,7 @@ from math import hypot, pi
 import numpy as np
 
 from drivers.units import AxisUnit, mm_to_um
-from gateway.correct.outlook.face_residual import long_and_short, near, nodes_of
+from gateway.correct.outlook.face_residual import around, long_and_short, near, nodes_of
 from gateway.correct.outlook.flank_uncertainty import between_targets
 from gateway.correct.outlook.next_setup import THRESHOLD_UM
 from gateway.correct.outlook.prediction import rows_of, without_setup
@@ -106,7 +106,7 @@ def _left(one: Component, face: float, middle: float, step: float) -> float:
     if here is None:  # a smooth fit: of any length down to its targets' distance, which it does not keep
         return (pi * step / face) ** 2 / 2.0
     apart = float(np.mean(np.diff(nodes_of(one)[here])))
-    long, short = long_and_short(one, here)
+    long, short = long_and_short(one, here, around(one, face, middle))
     whole = hypot(long, short)
     if whole <= 0.0:
         return 1.0
