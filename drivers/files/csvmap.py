@@ -14,7 +14,7 @@ from drivers.files.columns import TARGET_UNITS, ColumnMap, read_columns
 from drivers.files.csvlayout import COLUMNS, UNITS, Layout, cells, layout
 from drivers.files.csvtext import table_text
 from drivers.files.headwords import DIRECTIONS
-from drivers.files.indexed import is_indexed, parse_indexed
+from drivers.files.indexed import indexed, is_indexed
 from drivers.files.numbers import beyond, decimal, no_readings, whole
 from drivers.files.signature import heading, signature_of
 from drivers.files.text import decode, end_doubts, read_bytes
@@ -24,6 +24,7 @@ from drivers.units import deviation_scale, deviation_unit, typed_unit
 
 _BREAK = re.compile(r"\r\n|\n|\r")
 MOST_REPETITIONS = 10_000
+Key = tuple[float, int, int]
 # Beyond these a column is doubted: its unit, or whether it holds what its name says.
 LARGEST = {"mm": 5000.0, "deg": 1000.0}
 
@@ -94,7 +95,7 @@ def parse_csv(text: str, unit: str, where: str, *, mixed: bool = False) -> Measu
     ``mixed``: pitch over mm or run-out over deg; the record's unit is then that of the deviations.
     """
     if is_indexed(text):
-        return parse_indexed(text, where)
+        return _by_indices(text, where)
     lines = [
         (at, line)
         for at, line in enumerate(_BREAK.split(text), start=1)
@@ -103,11 +104,24 @@ def parse_csv(text: str, unit: str, where: str, *, mixed: bool = False) -> Measu
     if not lines:
         raise FileFormatError("E-FILE-CSV-HEADER", where, found="nothing", columns=", ".join(COLUMNS))
     found = layout(lines[0], lines[1:], unit, where, mixed=mixed)
-    readings = _readings(lines[1:], found, where)
-    targets, deviations = _arranged(readings, where)
-    targets, deviations = _converted(targets, deviations, found)
+    rows = [(at, key, value) for at, line in lines[1:] for key, value in _reading(line, found, at, where)]
+    return _set_of(rows, found, where, text)
+
+
+def _by_indices(text: str, where: str) -> MeasuredSet:
+    unit, rows = indexed(text, where)
+    found = Layout(
+        separator="", width=0, columns=(0, 0, 0, 0), reading="position", target_unit=unit, unit=unit, comma=False
+    )
+    return _set_of(rows, found, where, text)
+
+
+def _set_of(rows: list[tuple[int, Key, float]], found: Layout, where: str, text: str) -> MeasuredSet:
+    """Line, (target, way, repetition) and value of every reading, as one record."""
+    targets, values = _arranged(_readings(rows, where), where)
+    targets, deviations = _converted(targets, values, found)
     if beyond(float(np.max(np.abs(targets))), float(np.nanmax(np.abs(deviations)))):
-        raise _impossible(lines[1:], found, where)
+        raise _impossible(rows, found, where)
     header = {"Unit": found.unit} if found.reading == "deviation" else {"Unit": found.unit, "Reading": "position"}
     warnings = (*_warnings(deviations, found), *end_doubts(text))
     return MeasuredSet(targets, deviations, found.axis_unit, header=header, warnings=warnings)
@@ -117,29 +131,24 @@ def _wrong(where: str, line: int, why: str) -> FileFormatError:
     return FileFormatError("E-FILE-LINE", where, line=line, why=why)
 
 
-def _impossible(lines: list[tuple[int, str]], found: Layout, where: str) -> FileFormatError:
+def _impossible(rows: list[tuple[int, Key, float]], found: Layout, where: str) -> FileFormatError:
     """The first line whose numbers no measurement can hold."""
-    for at, line in lines:
-        for (target, _way, _repetition), value in _reading(line, found, at, where):
-            one, other = _converted(np.array([target]), np.array([[[value]]]), found)
-            if beyond(one.item(), other.item()):
-                return _wrong(where, at, f"target {target:g} with {found.reading} {value:g} is no measurement")
+    for at, (target, _way, _repetition), value in rows:
+        one, other = _converted(np.array([target]), np.array([[[value]]]), found)
+        if beyond(one.item(), other.item()):
+            return _wrong(where, at, f"target {target:g} with {found.reading} {value:g} is no measurement")
     return FileFormatError("E-FILE-ROWS", where)
 
 
-def _readings(lines: list[tuple[int, str]], found: Layout, where: str) -> dict[tuple[float, int, int], float]:
-    readings: dict[tuple[float, int, int], float] = {}
-    for at, line in lines:
-        for key, value in _reading(line, found, at, where):
-            if key in readings:
-                raise _wrong(where, at, f"target {key[0]:g}, repetition {key[2]} in this direction occurs twice")
-            readings[key] = value
+def _readings(rows: list[tuple[int, Key, float]], where: str) -> dict[Key, float]:
+    readings: dict[Key, float] = {}
+    for at, key, value in rows:
+        if key in readings:
+            raise _wrong(where, at, f"target {key[0]:g}, repetition {key[2]} in this direction occurs twice")
+        readings[key] = value
     if not readings:
         raise FileFormatError("E-FILE-ROWS", where)
     return readings
-
-
-Key = tuple[float, int, int]
 
 
 def _reading(line: str, found: Layout, at: int, where: str) -> list[tuple[Key, float]]:

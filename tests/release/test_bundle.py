@@ -34,7 +34,7 @@ pytestmark = [
 ]
 NEWER = "0.1.1"
 CONSENT = """
-import sys
+import asyncio, sys
 from drivers.clock import LoopClock
 from gateway import audit
 from gateway.approve import Approvals
@@ -42,16 +42,19 @@ from gateway.domain.proposals import Approval
 from gateway.store import Store
 from gateway.store.records import encode, sha256
 
-folder = Store(sys.argv[1]).open("latest")
-approvals = Approvals(folder.path)
-for actor in sys.argv[2:]:
-    days = ("2026-03-02T08:00:00+00:00", "2026-03-02T08:10:00+00:00")
-    given = Approval(actor, "a" * 64, "b" * 64, "7", *days, folder.run_id)
-    said = {"run": folder.run_id, "approval": sha256(encode(given))}
-    audit.record(folder.path.parent, "approve", clock=LoopClock(), actor=actor, role="approver", serial="7",
-                 plan_hash=given.plan_hash, base_hash=given.base_digest, details=said)
-    approvals.keep(given)
-print("approved by:", *(one.actor for one in approvals.unused()))
+async def main():
+    folder = Store(sys.argv[1]).open("latest")
+    approvals = Approvals(folder.path)
+    for actor in sys.argv[2:]:
+        days = ("2026-03-02T08:00:00+00:00", "2026-03-02T08:10:00+00:00")
+        given = Approval(actor, "a" * 64, "b" * 64, "7", *days, folder.run_id)
+        said = {"run": folder.run_id, "approval": sha256(encode(given))}
+        audit.record(folder.path.parent, "approve", clock=LoopClock(), actor=actor, role="approver", serial="7",
+                     plan_hash=given.plan_hash, base_hash=given.base_digest, details=said)
+        approvals.keep(given)
+    print("approved by:", *(one.actor for one in approvals.unused()))
+
+asyncio.run(main())
 """
 
 

@@ -144,6 +144,7 @@ def test_an_empty_cell_of_a_pass_is_a_missing_reading(tmp_path: Path) -> None:
         ("TGT_DATA[1]=0\nREF_DATA_FWD[1,1]=1e30\n", "no measurement"),
         ("TGT_DATA[1]=0\nUNIT=furlong\n", "furlong"),
         ("TGT_DATA[1]=0\n", "E-FILE-ROWS"),
+        ("TGT_DATA[1]=0\nTGT_DATA[2]=0.0\nREF_DATA_FWD[1,1]=0\nREF_DATA_FWD[2,1]=0\n", "occurs twice"),
     ],
 )
 def test_indices_that_do_not_fit_are_refused_with_their_line(text: str, why: str, tmp_path: Path) -> None:
