@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol, runtime_checkable
+from typing import Literal, Protocol, runtime_checkable
 
 from drivers.types.identity import MachineIdentity
 from drivers.types.moves import Movement, SafePlaces
@@ -164,4 +164,17 @@ class SaysMotion(Protocol):
 
     async def motion(self) -> Movement:
         """What the selected program will move, and where all axes stand, read afresh. Raises as `Controller.state`."""
+        ...
+
+
+Moment = Literal["release", "restart", "clamp", "unclamp", "self-test"]
+"""When a program waits for a person: for the second start, a restart, a blank, the part, the self-test's start."""
+
+
+@runtime_checkable
+class ShowsMessages(Protocol):
+    """A controller whose programs show a person what they wait for."""
+
+    def message(self, moment: Moment) -> str:
+        """What the control shows then, read from the program that was sent last; "" where that does not wait so."""
         ...

@@ -1,13 +1,13 @@
 """Every motion said before the press: what goes from where to where, and where all other axes stand.
 
-Read from the control at that moment. What a program moves the driver reads from the program's own blocks.
+Read from the control at that moment. What a program moves, and what it shows, the driver reads from its own blocks.
 """
 
 from __future__ import annotations
 
 from drivers.errors import words
 from drivers.ports.controller import Controller
-from drivers.programs import SaysMotion
+from drivers.programs import Moment, SaysMotion, ShowsMessages
 from drivers.types.moves import NEAR, AxisStands, Going, Movement, SafePlaces
 from drivers.units import wrap_deg
 from gateway.say import Say
@@ -35,6 +35,12 @@ def say_motion(motion: Movement, say: Say) -> None:
     others = [one for one in motion.stands if one.axis not in goes]
     if others:
         say("P-MOVE-OTHERS", others="; ".join(standing_words(one) for one in others))
+
+
+def shown_there(controller: Controller, moment: Moment) -> str:
+    """What the control itself shows while it waits for a person, as a bracket behind our words; "" where nothing."""
+    message = controller.message(moment) if isinstance(controller, ShowsMessages) else ""
+    return words("W-SHOWN-THERE", message=message) if message else ""
 
 
 def standing_words(one: AxisStands) -> str:

@@ -11,7 +11,7 @@ from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from gateway.errors import VerifyError, WriteRefused
 from gateway.interlocks import PushFacts, refusals
 from gateway.interlocks.facts import rest_of, value_at
-from gateway.moving import places_of, shown, standing_words, tell_motion
+from gateway.moving import places_of, shown, shown_there, standing_words, tell_motion
 from gateway.push import conversation
 from gateway.push.asking import with_all
 from gateway.push.byhand import room_of, stand_at
@@ -237,7 +237,8 @@ async def release(loads: Loads, batch: PushBatch | None = None) -> None:
         if one.order.enable:
             amount = await _worth(one.work, one.order.table, LiveTable(one.order.table, True))
             _say_moves("P-MOVE-SWITCH-ON", one.work, one.order, amount)
-    context.say("P-PUSH-RELEASE", axis=_names(loads), transaction=passed[0].transaction)
+    there = shown_there(context.controller, "release")
+    context.say("P-PUSH-RELEASE", axis=_names(loads), transaction=passed[0].transaction, shown=there)
     for one, enabled in zip(loads, await context.controller.confirm(passed, context.start_timeout_s), strict=True):
         if enabled != one.order.enable:
             raise VerifyError("E-PUSH-SWITCH", one.work.axis, wanted=one.order.enable, found=enabled)
@@ -252,7 +253,7 @@ async def _activated(loads: Loads, together: PushBatch) -> None:
         return
     context = loads[0].work.context
     restarted = tuple(one for one in acting if one.order.table.kind != "reversal")
-    context.say("P-PUSH-ACTIVATE", axis=_names(restarted or acting))
+    context.say("P-PUSH-ACTIVATE", axis=_names(restarted or acting), shown=shown_there(context.controller, "restart"))
     await context.controller.restarted(_batch(acting), context.start_timeout_s)
     for one in acting:
         one.work.note("ACTIVATED", order=one.order.transaction)

@@ -38,6 +38,7 @@ from drivers.workpiece import (
 )
 
 _MESSAGE = re.compile(r"[A-Za-z0-9 ()=.,:_/+-]{1,60}")
+LOAD, UNLOAD = "TRUEFLANK LOAD BLANK", "TRUEFLANK UNLOAD PART"
 _LEFT, _FAILED, _REFUSED, _STALE = "TF_LEFT", "TF_FAILED", "TF_REFUSED", "TF_STALE"
 _STOPS = "retract X by hand, stop the wheel, press RESET; the part is scrap. No table was written."
 NEVER_GIVEN = 999_999
@@ -99,7 +100,7 @@ def _text(plan: GrindPlan, token: int, setting: GrindSetting, *, saves: bool) ->
             )
     out += [section("wheel clear, blank"), "STOPRE", phase_block(words, Phase.GRINDING)]
     out += [*guarded(words, setting.guards), *_clear(plan)]
-    out += [*_person(f"TRUEFLANK LOAD BLANK {plan.part}"), unless_aborted(words, _LEFT)]
+    out += [*_person(f"{LOAD} {plan.part}"), unless_aborted(words, _LEFT)]
     out += [
         section("space by space"),
         *([plan.wheel_on] if plan.wheel_on else []),
@@ -108,7 +109,7 @@ def _text(plan: GrindPlan, token: int, setting: GrindSetting, *, saves: bool) ->
     ]
     out += [
         section("part out"),
-        *_person(f"TRUEFLANK UNLOAD PART {plan.part}"),
+        *_person(f"{UNLOAD} {plan.part}"),
         phase_block(words, Phase.FINISHED),
         "M30",
     ]

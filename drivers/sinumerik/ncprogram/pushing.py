@@ -30,6 +30,7 @@ from drivers.types.orders import PushBatch, PushOrder
 Loads = Sequence[tuple[PushOrder, Setting]]
 """Each order with what its own axes need: memory of its output, feed and kind of its input."""
 
+LOADED = "TRUEFLANK LOADED"
 ACTIVATE = "TRUEFLANK ACTIVATE NCK RESET AND REFERENCE"
 _MOST_NAMED = 5
 _HELD, _LEFT, _FAILED, _COMPARE = "TF_HELD", "TF_LEFT", "TF_FAILED", "TF_COMPARE"
@@ -42,7 +43,7 @@ def loaded_message(batch: PushBatch, words: Words) -> str:
     """The operator's message at the M0 between the two halves."""
     release = f"{words.name(Word.RELEASE)}={batch[0].transaction}"
     names = " ".join(order.table.name for order in batch)
-    return f"TRUEFLANK LOADED {names if len(batch) <= _MOST_NAMED else f'{len(batch)} TABLES'} NC START WHEN {release}"
+    return f"{LOADED} {names if len(batch) <= _MOST_NAMED else f'{len(batch)} TABLES'} NC START WHEN {release}"
 
 
 def activate_message(batch: PushBatch) -> str:

@@ -25,6 +25,7 @@ from drivers.sinumerik.ncprogram.measuring import (
 )
 from drivers.sinumerik.ncprogram.words import Phase, Word, Words, file_path, program_path
 
+PRESS = "TRUEFLANK SELF-TEST PRESS NC START"
 _LEFT, _FAILED = "TF_LEFT", "TF_FAILED"
 _OLD, _LINE = "UOLD", "ULINE"
 _STOPS = "press RESET: nothing that acts was written. R{counter} holds the number of the trial that was not passed."
@@ -133,7 +134,7 @@ def _trials(axis: str, encoder: int, path: str, setting: Setting) -> Iterator[Tr
     for table in backup.reserved_tables(memory)[:1]:
         yield _product(table)
     yield _room(path, saving)
-    yield Trial("MSG AND M0", ('MSG("TRUEFLANK SELF-TEST PRESS NC START")', "M0", 'MSG("")', "STOPRE"), "TRUE")
+    yield Trial("MSG AND M0", (f'MSG("{PRESS}")', "M0", 'MSG("")', "STOPRE"), "TRUE")
 
 
 def _read(saving: Saving) -> Iterator[str]:

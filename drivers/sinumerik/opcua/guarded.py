@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from drivers.programs import NOBODY
+from drivers.programs import NOBODY, Moment
 from drivers.sinumerik.ncprogram.grinding import placed
 from drivers.sinumerik.ncprogram.guarding import Guard, going, guards_of
 from drivers.sinumerik.ncprogram.measuring import Parts, Setting, stops_of
+from drivers.sinumerik.ncprogram.messages import message
 from drivers.sinumerik.opcua import encoders
 from drivers.sinumerik.opcua.dialogue import Dialogue
 from drivers.sinumerik.opcua.grinding import PartGrinding
@@ -48,6 +49,10 @@ class GuardsPrograms(KeepsPlaces):
             elif plan.stops:
                 safe.discard(plan.axis)
         return out
+
+    def message(self, moment: Moment) -> str:
+        """What the control shows then, by the program that was sent last."""
+        return message(self._transfer.text, moment)
 
     def _all_guards(self) -> tuple[Guard, ...]:
         """Of every axis that has a safe place."""

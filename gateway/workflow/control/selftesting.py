@@ -9,6 +9,7 @@ from drivers.errors import DeviceRefused, TrueflankError, words
 from drivers.programs import SelfTest, SelfTested, SelfTests
 from gateway import audit
 from gateway.config import AxisSection, SiteFile
+from gateway.moving import shown_there
 from gateway.say import Say
 from gateway.store import SelfTestBook
 from gateway.workflow.bench import Bench, bench, new_run
@@ -40,7 +41,7 @@ async def _tested(at: Bench, controller: SelfTests, axis: AxisSection) -> SelfTe
     """One axis: sent, started by a person, read and kept, in the audit log too."""
     order = SelfTest(axis.name, axis.encoder, axis.encoder_said)
     await controller.prepare_self_test(order)
-    at.say("P-SELF-TEST", axis=axis.name)
+    at.say("P-SELF-TEST", axis=axis.name, shown=shown_there(at.supervisor.controller, "self-test"))
     found = await controller.wait_self_test(order, at.patience.start_s)
     SelfTestBook(at.store.root).save(found)
     told = {"axis": axis.name, "run": at.folder.run_id, "version": found.machine.version, "missed": found.missed}

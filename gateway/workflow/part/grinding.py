@@ -15,7 +15,7 @@ from drivers.workpiece import GrindAxis, GrindPlan, check_plan
 from gateway.config import AxisSection, SiteFile, WorkSection
 from gateway.domain.equipment import Equipment
 from gateway.errors import IllegalTransition, WriteRefused
-from gateway.moving import tell_motion
+from gateway.moving import shown_there, tell_motion
 from gateway.say import Say
 from gateway.store import RunFolder
 from gateway.store.disk import checked_name
@@ -193,7 +193,7 @@ async def _followed(at: Bench, plan: GrindPlan, part: str) -> str:
     wait, patience = at.supervisor.controller.wait_ground, at.patience
     done = await wait(-1, patience.start_s)
     started = _utc(at)
-    at.say("P-GRIND-BEGUN", part=part)
+    at.say("P-GRIND-BEGUN", part=part, shown=shown_there(at.supervisor.controller, "clamp"))
     while done is not None:
         person = done in (0, plan.spaces)
         reached = await wait(done, patience.start_s if person else patience.stop_s)
@@ -207,7 +207,8 @@ async def _followed(at: Bench, plan: GrindPlan, part: str) -> str:
 
 def _tell(at: Bench, part: str, before: int, done: int, total: int) -> None:
     if done == total:
-        at.say("P-GRIND-DONE", part=part, total=total)
+        shown = shown_there(at.supervisor.controller, "unclamp")
+        at.say("P-GRIND-DONE", part=part, total=total, shown=shown)
     elif done // TELL_EVERY > before // TELL_EVERY:
         at.say("P-GRIND-SPACE", part=part, done=done, total=total)
 

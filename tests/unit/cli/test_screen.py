@@ -162,7 +162,7 @@ def test_the_panel_says_what_to_do_and_since_when_in_every_width(width: int) -> 
         Console(file=drawn, width=width).print(panel.drawn())
     text = drawn.getvalue()
     assert all(len(line) <= width for line in text.splitlines())
-    for part in ("2 of 28", "mount what it asks for", "press", "waiting for this 0:42", "set-up 3 of 28"):
+    for part in ("2 of 28", "Mount what the control asks for", "Press", "waiting for this 0:42", "set-up 3 of 28"):
         assert part in " ".join(text.replace("\u2502", " ").split()), part
     assert "X1: sign proved" in told.getvalue()
 
