@@ -43,6 +43,7 @@ from gateway.workflow.control.stored import stored_axes
 from gateway.workflow.outcome import Outcome, alarmed
 from gateway.workflow.results.ending import finish
 from gateway.workflow.showing import narrowed, once, shown
+from gateway.workflow.tooth.remaining import remaining
 
 Done = TypeVar("Done")
 
@@ -162,10 +163,22 @@ async def _ready(at: Bench, change: TableChange, context: PushContext, done: _Do
 def _may_stay(at: Bench) -> Stays:
     """Whether part of a layer may stay when the rest failed.
 
-    An axis' own table was predicted for that axis alone. What part of the tables does to a tooth was not: they were
-    found together, and where one cures what another brings, part of them may be worse than none.
+    An axis' own table was predicted for that axis alone. Tables for a tooth were found together: where one cures what
+    another brings, part of them may be worse than none. So the flank that they leave is worked out first; what cannot
+    be worked out does not stay.
     """
-    return lambda _changes: not at.folder.has(stages.TOOTH)
+
+    def stays(changes: Sequence[TableChange]) -> bool:
+        if not at.folder.has(stages.TOOTH):
+            return True
+        found = remaining(at, changes)
+        if found is None:
+            return False
+        figures = {"with_them": f"{found.with_them_um:.2f}", "without": f"{found.without_um:.2f}"}
+        at.say("P-PUSH-REST-FLANK", names=", ".join(one.name for one in changes), **figures)
+        return found.harmless
+
+    return stays
 
 
 async def _nothing_against(at: Bench, proposal: Proposal, measured: Mapping[str, MeasuredAxis]) -> None:
