@@ -31,7 +31,7 @@ from drivers.sinumerik.opcua.pushing import Pushing
 from drivers.sinumerik.opcua.reading import read_live
 from drivers.sinumerik.opcua.selftesting import SelfTesting
 from drivers.sinumerik.opcua.session.client import UaSession
-from drivers.sinumerik.opcua.session.secrets import secrets_of
+from drivers.sinumerik.opcua.session.secrets import secrets_of, writing_of
 from drivers.sinumerik.opcua.settings import UaSettings
 from drivers.sinumerik.opcua.transfer import Transfer
 from drivers.sinumerik.tablefile import tables
@@ -91,7 +91,8 @@ class SinumerikOpcUa(Leaver, RunsPlans):
         """
         self._reader.timeout_s = self._transfer.timeout_s = timeout_s
         secrets = await asyncio.to_thread(secrets_of, self._settings, self.name)
-        await self._session.open(secrets, timeout_s)
+        writing = await asyncio.to_thread(writing_of, self._settings, secrets, self.name)
+        await self._session.open(secrets, timeout_s, writing)
         try:
             machine = await self.identify()
         except BaseException:

@@ -15,11 +15,12 @@ from drivers.clock import Clock
 from drivers.errors import DeviceRefused, TrueflankError
 from drivers.sinumerik.opcua.bedside.bed import Bedside
 from drivers.sinumerik.opcua.bedside.examination import at_the_bed
+from drivers.sinumerik.opcua.bedside.server import reads_alone
 from drivers.sinumerik.opcua.machine import MachineReader
 from drivers.sinumerik.opcua.session.certificates import KeyPair, load
 from drivers.sinumerik.opcua.session.client import UaSession
 from drivers.sinumerik.opcua.session.login import Offer, no_policy
-from drivers.sinumerik.opcua.session.secrets import secrets_of
+from drivers.sinumerik.opcua.session.secrets import secrets_of, writing_of
 from drivers.sinumerik.opcua.settings import UaSettings
 from drivers.sinumerik.opcua.trust import last_record, view
 from drivers.sinumerik.reach import host_and_port, reach
@@ -126,14 +127,18 @@ class UaDoctor:
             if secrets.own is not None:
                 lines += await asyncio.to_thread(_own, secrets.own, self._clock.utc())
             await self._session.open(secrets, timeout_s)
+            lines.append(self._logged_in(self._settings.user))
+            writing = await asyncio.to_thread(writing_of, self._settings, secrets, self.name)
+            if writing is not None:
+                lines += await reads_alone(self._session, timeout_s)
+                await self._session.open(writing, timeout_s)
+                lines.append(self._logged_in(writing.user))
         except TrueflankError as error:
             return [*lines, failed(error, _part_of_login(error))]
-        return [
-            *lines,
-            fine(
-                "W-DOC-LOGIN", "login", user=self._settings.user or "(anonymous)", policy=self._session.policy or "None"
-            ),
-        ]
+        return lines
+
+    def _logged_in(self, user: str) -> CheckLine:
+        return fine("W-DOC-LOGIN", "login", user=user or "(anonymous)", policy=self._session.policy or "None")
 
 
 def _own(pair: KeyPair, now: datetime) -> list[CheckLine]:

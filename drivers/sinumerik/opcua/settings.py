@@ -30,6 +30,13 @@ class UaSettings(DriverSettings):
     password: str = Field(default="", description="for programs only: a site file names password_file or password_env")
     password_file: FilePathText = Field(default="", description="file that holds the password, one line")
     password_env: VariableText = Field(default="", description="environment variable that holds the password")
+    writing_user: str = Field(
+        default="",
+        description="second user, for what writes: logged in before the first program or R parameter is written, and "
+        "logged out with the end of the command; left out: user does all",
+    )
+    writing_password_file: FilePathText = Field(default="", description="file that holds its password, one line")
+    writing_password_env: VariableText = Field(default="", description="environment variable that holds its password")
     security: Literal["best", "Aes256_Sha256_RsaPss", "Basic256Sha256", "None"] = Field(
         default=BEST,
         description="best: the better policy that the server offers; each but None signs and encrypts",
@@ -77,6 +84,7 @@ class UaSettings(DriverSettings):
         return (
             ("server_certificate", pinned, "must name the server's certificate: nothing is trusted unseen"),
             ("password_file", self._one_password(), "give one of password_file, password_env and password"),
+            ("writing_user", self._apart(), "must be another user than user, with writing_password_file or _env"),
             ("r_setup", self._free(), f"must be 0 .. {nodes.R_LAST - 2}, clear of the 20 from r_first on, or -1"),
             ("fast_poll_s", self.fast_poll_s <= self.poll_s, "must be 0.001 s .. poll_s"),
             ("serial_node", nodes.parse(self.serial_node) is not None, "is no node path of this control"),
@@ -112,6 +120,11 @@ class UaSettings(DriverSettings):
 
     def _one_password(self) -> bool:
         return sum(map(bool, (self.password, self.password_file, self.password_env))) <= 1
+
+    def _apart(self) -> bool:
+        """Whether the writing account is another one, with one password; or there is none."""
+        given = sum(map(bool, (self.writing_password_file, self.writing_password_env)))
+        return self.writing_user != self.user and given == 1 if self.writing_user else not given
 
     def _free(self) -> bool:
         """Whether the set-up values have R parameters of their own."""

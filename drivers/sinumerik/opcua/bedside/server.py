@@ -11,11 +11,13 @@ from drivers.sinumerik.ncprogram.words import program_path
 from drivers.sinumerik.opcua.bedside.bed import Bedside
 from drivers.sinumerik.opcua.session import alarms as standing_alarms
 from drivers.sinumerik.opcua.session import nodes
+from drivers.sinumerik.opcua.session.client import UaSession
 from drivers.sinumerik.opcua.session.files import FileNodes
 
 CLOCK_LIMIT_S = 60.0
 READING = ("StateRead", "TeaRead", "SeaRead")
 WRITING = ("StateWrite", "FsRead", "FsWrite", "ApWrite")
+CHANGING = ("StateWrite", "FsWrite", "ApWrite")
 SURPLUS = ("SinuWriteAll", "TeaWrite", "SeaWrite", "DriveWrite", "PlcWrite", "FrameWrite", "ToolWrite", "RandomWrite")
 
 
@@ -67,6 +69,20 @@ async def rights(bed: Bedside) -> list[CheckLine]:
     if surplus:
         return [wrong("E-DOC-SURPLUS", "rights", surplus=", ".join(surplus))]
     return [fine("W-DOC-RIGHTS", "rights", rights=", ".join(sorted(rights)))]
+
+
+async def reads_alone(session: UaSession, timeout_s: float) -> list[CheckLine]:
+    """Whether the account that reads, where another one writes, can do no more than read. Nothing is tried."""
+    if "GetMyAccessRights" not in session.methods:
+        return [unknown("W-DOC-RIGHTS-UNKNOWN", "reading user")]
+    found = _listed(await session.call("GetMyAccessRights", [], timeout_s))
+    missing = [right for right in READING if "SinuReadAll" not in found and right not in found]
+    surplus = [right for right in (*CHANGING, *SURPLUS) if right in found]
+    if missing:
+        return [wrong("E-DOC-RIGHTS", "reading user", missing=", ".join(missing))]
+    if surplus:
+        return [wrong("E-DOC-READER-WRITES", "reading user", surplus=", ".join(surplus))]
+    return [fine("W-DOC-READER", "reading user", rights=", ".join(sorted(found)))]
 
 
 def _listed(answer: Any) -> frozenset[str]:

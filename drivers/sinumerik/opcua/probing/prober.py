@@ -17,7 +17,7 @@ from drivers.sinumerik.opcua.probing.roles import Roles, found_roles
 from drivers.sinumerik.opcua.probing.running import Runs
 from drivers.sinumerik.opcua.session import nodes
 from drivers.sinumerik.opcua.session.client import UaSession
-from drivers.sinumerik.opcua.session.secrets import secrets_of
+from drivers.sinumerik.opcua.session.secrets import secrets_of, writing_of
 from drivers.sinumerik.opcua.settings import UaSettings
 
 _ROLE = "a role this control has not: "
@@ -45,7 +45,8 @@ class UaProber:
         """
         self._timeout_s = timeout_s
         secrets = await asyncio.to_thread(secrets_of, self._settings, self.name)
-        await self._session.open(secrets, timeout_s)
+        writing = await asyncio.to_thread(writing_of, self._settings, secrets, self.name)
+        await self._session.open(secrets, timeout_s, writing)
         try:
             reader = MachineReader(self._session, self._settings, self.name)
             reader.timeout_s = timeout_s

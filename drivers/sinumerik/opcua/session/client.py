@@ -27,6 +27,8 @@ Arguments = Sequence[tuple[Any, str]]
 
 _TOO_MANY = "BadTooManyOperations"
 _GOOD = 0
+_TELLING = ("GetMyAccessRights",)
+"""Methods that only tell something of the user himself."""
 
 
 class UaSession(UaConnection):
@@ -38,6 +40,7 @@ class UaSession(UaConnection):
         self._limits = ServerLimits()
         self._spaces: tuple[int, ...] = (0,)
         self._methods: dict[str, tuple[Any, Any]] = {}
+        self._writing: Secrets | None = None
 
     @property
     def name_space(self) -> int:
@@ -51,19 +54,34 @@ class UaSession(UaConnection):
 
     # ---- opening and closing ------------------------------------------------------------------------
 
-    async def open(self, secrets: Secrets, timeout_s: float) -> None:
+    async def open(self, secrets: Secrets, timeout_s: float, writing: Secrets | None = None) -> None:
         """Log in and find name space, limits and methods. An older session is closed first.
 
-        Raises TransportError (E-UA-CONNECT), DeadlineExceeded, DeviceRefused (E-UA-LOGIN, E-UA-SESSIONS, and as
-        `login.check_trust`), UnsupportedDevice (E-UA-NAMESPACE), RemoteProtocolError.
+        ``writing`` is another account: it is logged in instead before the first write or call, and with the session it
+        is gone. Raises TransportError (E-UA-CONNECT), DeadlineExceeded, DeviceRefused (E-UA-LOGIN, E-UA-SESSIONS, and
+        as `login.check_trust`), UnsupportedDevice (E-UA-NAMESPACE), RemoteProtocolError.
         """
         await self.close()
-        self._secrets = secrets
+        self._writing = writing
         async with self._clock.deadline(timeout_s, self._where), self._lock:
-            policies = await login.check_trust(secrets, self._asked, self._clock.utc(), self._where)
-            client, opened_at = await self._logged_in(secrets, policies)
-            await self._translated("read", "the namespace", self._look_around(client, opened_at))
+            await self._enter(secrets)
+
+    async def _enter(self, secrets: Secrets) -> None:
+        self._secrets = secrets
+        policies = await login.check_trust(secrets, self._asked, self._clock.utc(), self._where)
+        client, opened_at = await self._logged_in(secrets, policies)
+        await self._translated("read", "the namespace", self._look_around(client, opened_at))
         self._alive = asyncio.get_running_loop().create_task(self._keep_alive(), name=f"keep-alive of {self._where}")
+
+    async def _arm(self, timeout_s: float) -> None:
+        """The account that may write takes the place of the one that reads; whoever asks meanwhile waits."""
+        if self._writing is None:
+            return
+        async with self._clock.deadline(timeout_s, self._where), self._lock:
+            writing, self._writing = self._writing, None
+            if writing is not None and self.is_open:
+                await self.close()
+                await self._enter(writing)
 
     async def beside(self, timeout_s: float) -> UaSession:
         """A second session with the same login, for what must not disturb this one. Raises as `open`."""
@@ -156,6 +174,7 @@ class UaSession(UaConnection):
         none was written; DeviceRefused (E-UA-PARTIAL) naming every one that was not when others were.
         """
         check_numbers(values, self._where)
+        await self._arm(timeout_s)
         items = [requests.typed(self._node(path), value, nodes.kind_of(path)) for path, value in values]
         most = self._limits.write
         found = await self._request(timeout_s, "write", values[0][0], lambda it: requests.write(it, items, most))
@@ -170,12 +189,15 @@ class UaSession(UaConnection):
 
         server refuses. Never retried.
         """
+        await self._arm(timeout_s)
         item = requests.typed(self._node(path), value, kind, self._clock.utc() if stamped else None)
         (found,) = await self._request(timeout_s, "write", path, lambda it: requests.write(it, [item], 1))
         return requests.status_name(found)
 
     async def call(self, method: str, arguments: Arguments, timeout_s: float) -> Any:
         """Call a method found at login; its one result, None if it has none. Never retried."""
+        if method not in _TELLING:
+            await self._arm(timeout_s)
         if method not in self._methods:
             raise UnsupportedDevice("E-UA-ABSENT", self._where, status="not offered", what=method)
         results = await self._call(*self._methods[method], method, arguments, timeout_s)
@@ -183,6 +205,7 @@ class UaSession(UaConnection):
 
     async def invoke(self, owner: str, method: str, arguments: Arguments, timeout_s: float) -> list[Any]:
         """Call the method ``owner.method`` of a file or folder node; all its results. Never retried."""
+        await self._arm(timeout_s)
         there = self._node(owner), self._node(f"{owner}.{method}")
         return await self._call(*there, f"{owner}.{method}", arguments, timeout_s)
 

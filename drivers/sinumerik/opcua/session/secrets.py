@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from cryptography import x509
@@ -36,14 +36,8 @@ def secrets_of(settings: UaSettings, where: str) -> Secrets:
 
     Raises ConfigError (E-UA-SECRET, E-UA-SECRET-ENV, E-UA-UNPINNED) naming key, file and why.
     """
-    password = settings.password
-    if settings.password_env:
-        password = os.environ.get(settings.password_env, "")
-        if not password:
-            raise ConfigError("E-UA-SECRET-ENV", where, name=shown(settings.password_env))
-    if settings.password_file:
-        content = _content("password_file", settings.password_file, where)
-        password = content.decode("utf-8", errors="replace").strip("\r\n")
+    told = _password(settings.password_env, settings.password_file, "password_file", where)
+    password = settings.password if told is None else told
     if not settings.secured:
         return Secrets(settings.user, password)
     path = settings.server_certificate
@@ -59,6 +53,27 @@ def secrets_of(settings: UaSettings, where: str) -> Secrets:
     except OSError as error:
         raise ConfigError("E-UA-SECRET", where, key="client_folder", path=str(folder), why=str(error)) from error
     return Secrets(user=settings.user, password=password, pinned=pinned, own=own, policies=settings.policies)
+
+
+def writing_of(settings: UaSettings, secrets: Secrets, where: str) -> Secrets | None:
+    """The same login of the account that writes; None where one account does all. Raises as `secrets_of`."""
+    if not settings.writing_user:
+        return None
+    key = "writing_password_file"
+    told = _password(settings.writing_password_env, settings.writing_password_file, key, where)
+    return replace(secrets, user=settings.writing_user, password=told or "")
+
+
+def _password(variable: str, path: str, key: str, where: str) -> str | None:
+    """From a file or the environment; None where neither is named."""
+    if path:
+        return _content(key, path, where).decode("utf-8", errors="replace").strip("\r\n")
+    if not variable:
+        return None
+    found = os.environ.get(variable, "")
+    if not found:
+        raise ConfigError("E-UA-SECRET-ENV", where, name=shown(variable))
+    return found
 
 
 def client_folder(settings: UaSettings) -> Path:
