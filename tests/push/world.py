@@ -55,12 +55,16 @@ NEVER = CompensationTable("axis", "X1", "X1", 0.0, 0.0, 0.0, (0.0,))
 
 @dataclass(frozen=True)
 class Scene:
-    """What the machine is like. ``strict`` asks for NCK reset and reference run; ``cross`` pushes a CEC table."""
+    """What the machine is like. ``strict`` asks for NCK reset and reference run; ``cross`` pushes a CEC table.
+
+    ``both``: the axis has memory for a table of its own beside it, never loaded.
+    """
 
     old_on: bool = True
     never: bool = False
     strict: bool = False
     cross: bool = False
+    both: bool = False
     sign: int = 1
     points: int = 0
     plc: Mapping[str, Any] = field(default_factory=dict)
@@ -209,7 +213,7 @@ async def world(scene: Scene, clock: Clock | None = None, around: Around | None 
 
 def _spec(scene: Scene) -> NckSpec:
     count = scene.points or POINTS
-    axis = replace(X_SPEC, eec_points=(0 if scene.cross else count, 0))
+    axis = replace(X_SPEC, eec_points=(count if scene.both or not scene.cross else 0, 0))
     changes = {"cec_sign": scene.sign, "strict_activation": scene.strict, **scene.nck}
     cec = (count,) if scene.cross else ()
     return NckSpec((axis, Z_SPEC) if scene.cross else (axis,), cec_points=cec, access_level=2, **changes)
