@@ -16,13 +16,39 @@ from drivers.errors import catalogue
 from gateway.cli import app
 from gateway.cli.begin.checking import checked
 from gateway.cli.files.commandpage import page
+from simulators.pytest_plugin import CellStarter
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 README = ROOT / "README.md"
 BLOCK = re.compile(r"^```(\w*)\n(.*?)^```", re.DOTALL | re.MULTILINE)
-ALONE = ("check", "commands", "convert", "diff", "evaluate", "explain", "lint", "schema", "init")
-"""Commands that need neither a machine nor minutes of computing; `check` without --connect."""
+ALONE = ("check", "commands", "convert", "diff", "evaluate", "explain", "lint", "program", "schema")
+"""Commands that need neither a machine nor minutes of computing: run here, in the order of each page."""
+AT_A_CELL = ("accept", "check", "conform", "doctor", "recover", "self-test", "trust")
+"""Commands that look at a control: run at a simulated one, over its wires, in the long tests."""
+PARSED = {
+    "audit": "the tutorial is done whole by tests/release/test_handbook.py",
+    "close": "an hour of machine time: tests/closing",
+    "day": "asks of every file: tests/unit/day does it with the files of a day",
+    "demo": "minutes: tests/release starts it, tests/cell and tests/closing run what it runs",
+    "guard": "a run of before: tests/cell/test_grinding.py",
+    "init": "asks at a control: tests/unit/cli, tests/contract/test_init.py",
+    "measure": "a machine and its instruments: tests/closing/test_short.py",
+    "push": "consent and a machine: tests/push, and the tutorial in tests/release",
+    "report": "a run of before: tests/unit/report, and the tutorial in tests/release",
+    "run": "a machine and its instruments: tests/cell, and the tutorial in tests/release",
+    "serve": "ends when it is ended: tests/services, tests/browser",
+    "simulate": "ends when it is ended: the tutorial in tests/release",
+    "study": "minutes of computing: tests/unit/study",
+    "teach": "ends when it is ended: tests/unit/cli",
+}
+"""What is parsed here and not run, and which test does it instead."""
+NEEDS = {
+    "convert latest": "a run with an error model: tests/unit/exchange",
+    "accept --allow move": "a person mounts instruments: tests/acceptance",
+    "accept --allow write": "as move",
+}
+"""Of commands that are run, the calls that are not."""
 VERDICTS = (13, 21)  # of `evaluate --limit`: beyond the limit, not decidable
 
 
@@ -74,7 +100,17 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "site.toml").write_text(site, encoding="utf-8")
     (tmp_path / "control.der").write_bytes(b"\x30\x82")
     golden = ROOT / "tests" / "golden" / "files"
-    (tmp_path / "laser.rtl").write_bytes((golden / "basic.rtl").read_bytes())
+    for name in ("laser.rtl", "X-axis.rtl"):
+        (tmp_path / name).write_bytes((golden / "basic.rtl").read_bytes())
+    for name, unit in {"X-straight": "um", "along-x": "um", "along-y": "um", "X-pitch": "arcsec"}.items():
+        rows = [
+            f"{50 * at},{way},{run},{0.1 * at * at + 0.01 * run}"
+            for run in (1, 2, 3)
+            for way in "+-"
+            for at in range(6)
+        ]
+        text = "\n".join((f"target_mm,direction,repetition,deviation_{unit}", *rows, ""))
+        (tmp_path / f"{name}.csv").write_text(text, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("TRUEFLANK_PASSWORD", "x")
     return tmp_path
@@ -86,17 +122,53 @@ def test_the_site_file_of_the_readme_is_valid_and_short(folder: Path) -> None:
     assert len((folder / "site.toml").read_text(encoding="utf-8").splitlines()) <= 15
 
 
-def test_every_command_of_the_readme_that_needs_no_machine_runs(folder: Path) -> None:
+def _left_out(words: list[str]) -> bool:
+    """Whether a call is one of `NEEDS`: its command, and the next words that tell it."""
+    return any(key.split()[0] == words[0] and set(key.split()[1:]) <= set(words) for key in NEEDS)
+
+
+def _to_run(commands: tuple[str, ...]) -> list[tuple[str, list[str]]]:
+    """The calls of these commands; `check` looks at a control with --connect alone."""
+    found = [(where, words) for where, words in _calls() if words[0] in commands and not _left_out(words)]
+    looking = commands is AT_A_CELL
+    return [(where, words) for where, words in found if words[0] != "check" or ("--connect" in words) == looking]
+
+
+def test_every_command_of_a_block_is_run_or_its_reason_is_said() -> None:
+    used = {words[0] for _where, words in _calls()}
+    assert used <= {*ALONE, *AT_A_CELL, *PARSED}
+    assert set(PARSED) - used == set()
+    assert set(PARSED) & {*ALONE, *AT_A_CELL} == set()
+    assert all(any(_left_out(words) and words[0] == key.split()[0] for _w, words in _calls()) for key in NEEDS)
+    named = re.findall(r"tests/[\w/.]+", " ".join((*PARSED.values(), *NEEDS.values())))
+    assert [name for name in named if not (ROOT / name.rstrip(".")).exists()] == []
+
+
+def test_every_command_that_needs_no_machine_runs(folder: Path) -> None:
     ran = 0
-    for where, words in _calls():
-        if where != "README.md" or words[0] not in ALONE or "--connect" in words or words == ["init"]:
-            continue
+    for where, words in _to_run(ALONE):
         if words[0] == "diff":
             (folder / words[2]).write_bytes((folder / words[1]).read_bytes())
         ended = CliRunner().invoke(app, words)
-        assert ended.exit_code in (0, *VERDICTS), f"{words}: {ended.output}\n{ended.exception!r}"
+        assert ended.exit_code in (0, *VERDICTS), f"{where}: {words}: {ended.output}\n{ended.exception!r}"
         ran += 1
-    assert ran >= 5
+    assert ran >= 12
+
+
+@pytest.mark.long
+def test_every_command_that_looks_at_a_control_runs_at_a_simulated_one(
+    trueflank_cell: CellStarter, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cell = trueflank_cell("zero", speed=200.0)
+    assert cell.site.name == "site.toml"
+    monkeypatch.chdir(cell.site.parent)
+    done: set[str] = set()
+    for where, words in sorted(_to_run(AT_A_CELL), key=lambda call: call[1][0] != "self-test"):
+        if " ".join(words) not in done:
+            ended = CliRunner().invoke(app, words)
+            assert ended.exit_code == 0, f"{where}: {words}: {ended.output}\n{ended.exception!r}"
+        done.add(" ".join(words))
+    assert len(done) >= len(AT_A_CELL)
 
 
 def test_the_page_of_commands_is_current() -> None:

@@ -134,6 +134,10 @@ WHOLLY_LONG = {
         "test_a_short_plan_ends_at_the_floor_of_its_machine",
     ): "test_a_plan_from_files_ends_with_a_proposal_for_the_tooth",
     (
+        "test_documented_commands.py",
+        "test_every_command_that_looks_at_a_control_runs_at_a_simulated_one",
+    ): "test_every_command_of_a_block_is_taken_by_the_command_line",
+    (
         "test_switches.py",
         "test_ways_of_one_control_are_told_apart_and_nothing_else_is",
     ): "test_leniencies_that_reading_alone_can_tell_are_named",
