@@ -83,8 +83,9 @@ def _answer(one: Any, language: str, questions: Any, said: Any) -> Any:
         value = _value(one, typed)
         if value is not None:
             return value
-        again = words("W-DAY-AGAIN", typed=typed, known=", ".join(one.choices) or one.key)
-        echo(f"  {again}", colour="yellow")
+        wrong = "W-DAY-NUMBER" if one.key in NUMBERS else "W-DAY-AGAIN"
+        again = catalogue(language).get(wrong) or catalogue()[wrong]
+        echo(f"  {again['what'].format_map({'typed': typed, 'known': ', '.join(one.choices)})}", colour="yellow")
 
 
 def _value(one: Any, typed: str) -> Any:
@@ -93,13 +94,20 @@ def _value(one: Any, typed: str) -> Any:
         left = typed.lower() in NO
         return not left if (left or (typed.lower() in YES and "yes" in one.choices)) else None
     if one.key in NUMBERS:
-        try:
-            return float(typed.replace(",", "."))
-        except ValueError:
-            return None
+        return _number(typed)
     if one.choices:
         return next((choice for choice in one.choices if choice.lower() == typed.lower()), None)
     return typed or None
+
+
+def _number(typed: str) -> float | None:
+    from gateway.workflow.day.answers import possible
+
+    try:
+        number = float(typed.replace(",", "."))
+    except ValueError:
+        return None
+    return number if possible(number) else None
 
 
 def _refusal(questions: Any, said: Any) -> ConfigError:

@@ -5,6 +5,7 @@ Three places: [all] holds for every file, [axes.X1] for the files of an axis, [f
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -33,6 +34,8 @@ KEYS: Mapping[str, tuple[type, ...]] = {
     "offset": (list,),
     "own_angle": (int, float),
 }
+FARTHEST = 1e6
+"""The largest number an answer can be, mm, deg, um or arcsec: a kilometre."""
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 
 
@@ -104,8 +107,10 @@ def _judged(own: Any, place: str, where: str) -> dict[str, Value]:
         if wanted is None:
             known = ", ".join(KEYS) + guess(key, list(KEYS))
             raise ConfigError("E-DAY-KEY", where, place=shown(place), key=shown(key), known=known)
-        if not isinstance(value, wanted) or (isinstance(value, bool) and bool not in wanted):
+        right = isinstance(value, wanted) and (not isinstance(value, bool) or bool in wanted)
+        if not right or not all(possible(one) for one in _numbers(value)):
             needs = " or ".join(one.__name__ for one in wanted)
+            needs += f", from -{FARTHEST:g} to {FARTHEST:g}" if right else ""
             raise ConfigError("E-DAY-ANSWER", where, place=shown(place), key=key, value=shown(str(value)), known=needs)
     return dict(own)
 
@@ -113,3 +118,13 @@ def _judged(own: Any, place: str, where: str) -> dict[str, Value]:
 def keep(answers: Answers) -> None:
     """Write the answers; what stood there gives way. Raises StoreError (E-STORE-DISK)."""
     write_whole(Path(answers.where), answers.text.encode())
+
+
+def possible(number: float) -> bool:
+    """Whether a number can be a place, an offset or an uncertainty: finite, and no more than `FARTHEST`."""
+    return math.isfinite(number) and abs(number) <= FARTHEST
+
+
+def _numbers(value: object) -> list[float]:
+    inside = value.values() if isinstance(value, dict) else value if isinstance(value, list) else [value]
+    return [one for one in inside if isinstance(one, int | float) and not isinstance(one, bool)]

@@ -101,8 +101,10 @@ def test_what_is_open_is_refused_with_the_lines_that_would_answer_it(tmp_path: P
 
 def test_answers_are_asked_once_and_remembered(tmp_path: Path) -> None:
     small(tmp_path, "x_pos.rtl", "z tilt 2.rta")
-    told = asked(tmp_path, "--language", "de", typed="+\n0,0\nlight years\nmrad\nEBZ\n+\n0\n+\n")
+    told = asked(tmp_path, "--language", "de", typed="+\n1e400\n0,0\nlight years\nmrad\nEBZ\n+\n0\n+\n")
     assert told.exit_code == 0, told.output
+    assert "'1e400' ist keine Position" in told.output
+    assert "'light years' geht nicht; möglich: mrad" in told.output
     assert "In welcher Einheit" in told.output
     assert "light years" in told.output
     kept = (tmp_path / "day.answers.toml").read_text(encoding="utf-8")
@@ -155,6 +157,8 @@ def test_a_layout_that_nobody_described_is_refused_with_its_first_lines(tmp_path
         ("[all]\nunits = 1\n", "E-DAY-KEY"),
         ("[all]\nunit = 1\n", "E-DAY-ANSWER"),
         ('[files."x_pos.rtl"]\nerror = "EQQ"\n', "E-DAY-ANSWER"),
+        ("[axes.X1]\ndatum = 1e7\n", "E-DAY-ANSWER"),
+        ('[files."x_pos.rtl"]\noffset = [0.0, 1e9, 0.0]\n', "E-DAY-ANSWER"),
         ('[files."x_pos.rtl"]\nerror = "EBX"\n[axes.X1]\ndatum=0\n', "E-DAY-UNIT-OF"),
         ('[files."gone.rtl"]\nuse = false\n', "E-DAY-NO-FILE"),
         ("[all\n", "E-DAY-ANSWERS"),
