@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TypeVar
 
-from drivers.sinumerik.standing import KeepsPlaces
+from drivers.standing import KeepsPlaces
 from drivers.types.moves import SafePlaces
 
 Device = TypeVar("Device", bound=KeepsPlaces)

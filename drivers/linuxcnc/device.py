@@ -16,10 +16,12 @@ from drivers.exchange.linuxcnc import MOST_ROWS
 from drivers.limits import VALUE_RESOLUTION, largest_value
 from drivers.linuxcnc.loading import ScrewLoading
 from drivers.linuxcnc.measuring import StopProgram
+from drivers.linuxcnc.program import going_of
 from drivers.linuxcnc.screw import unit_of
 from drivers.linuxcnc.settings import LinuxCncSettings
 from drivers.linuxcnc.wire import AgentWire
 from drivers.ports.devices import Tell
+from drivers.standing import KeepsPlaces
 from drivers.terms import TableKind
 from drivers.types.abilities import Capabilities, Marker, TableAbility, TableLimits
 from drivers.types.identity import Identity, MachineIdentity
@@ -42,7 +44,7 @@ CAPABILITIES = Capabilities(
 )
 
 
-class LinuxCnc:
+class LinuxCnc(KeepsPlaces):
     """Driver "linuxcnc-agent": settings in `drivers.linuxcnc.settings.LinuxCncSettings`; url tcp://host:port."""
 
     def __init__(self, name: str, url: str, settings: Mapping[str, Any], clock: Clock) -> None:
@@ -108,6 +110,7 @@ class LinuxCnc:
     async def prepare_stops(self, plan: StopPlan) -> None:
         """Place, read back and select a plan's program. Raises as `StopProgram.prepare`."""
         await self._measuring.prepare(plan)
+        self.going = (going_of(plan),)
 
     async def wait_stop(self, after: int, timeout_s: float) -> StopReached | None:
         """Wait for a counter above ``after``; None when the program has ended. Raises as `StopProgram.wait`."""
@@ -133,9 +136,9 @@ class LinuxCnc:
     # ---- tables -------------------------------------------------------------------------------------
 
     async def live_tables(self, question: TableQuestion, tell: Tell) -> LiveSet:
-        """As `saved_tables`: no program is needed for it."""
+        """As `saved_tables`: no program is needed for it; the next start's file where the question says ``loaded``."""
         del tell
-        return await self.saved_tables(question.axis, question.proof)
+        return await (self._loading.standing if question.loaded else self._loading.acting)(question.axis)
 
     def tables_by(self, live: LiveSet, proof: SignProof | None) -> LiveSet:
         """It has no cross tables, so there is nothing to turn."""
@@ -155,6 +158,7 @@ class LinuxCnc:
     async def stage(self, batch: PushBatch) -> None:
         """Judge every table, keep what stands, set the marker. Raises as `ScrewLoading.begin`."""
         await self._loading.begin(batch)
+        self.going = ()
 
     async def read_back(self, batch: PushBatch, timeout_s: float) -> tuple[ReadBack, ...]:
         """Old and new; the new file lies beside the one that acts."""
@@ -177,7 +181,7 @@ class LinuxCnc:
         return tuple(order.enable for order in passed)
 
     async def restarted(self, passed: PushBatch, timeout_s: float) -> None:
-        """A new life of the kernel runs with its axes homed. Raises DeadlineExceeded (E-LCNC-RESTART)."""
+        """The files that stand are what the kernel read, its axes homed. Raises DeadlineExceeded (E-LCNC-RESTART)."""
         await self._loading.restarted([order.table.output_axis for order in passed], timeout_s)
 
     async def switch(self, order: PushOrder, enable: bool, timeout_s: float) -> None:
@@ -186,9 +190,9 @@ class LinuxCnc:
         raise UnsupportedDevice("E-LCNC-SWITCHING", self.name)
 
     async def switch_reading(self, order: DisableOrder) -> SwitchReading:
-        """Whether the file that acts has rows, and the acting value."""
-        live, state = await self.saved_tables(order.axis), await self.state()
-        return SwitchReading(live.own.enabled, state.axes[order.axis].encoder_compensation)
+        """Whether the file that acts has rows, None while another waits for the next start; and the acting value."""
+        live, state = await self._loading.standing(order.axis), await self.state()
+        return SwitchReading(None if live.waits else live.own.enabled, state.axes[order.axis].encoder_compensation)
 
     async def prepare_disable(self, order: DisableOrder) -> None:
         """See that the axis has a file. Raises DeviceRefused (E-LCNC-NO-FILE, E-LCNC-BUSY)."""

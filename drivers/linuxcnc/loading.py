@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded, DeviceRefused, TransportError
-from drivers.linuxcnc.screw import EMPTY, live_of, text_of
+from drivers.linuxcnc.screw import EMPTY, live_of, off_text, text_of
 from drivers.linuxcnc.settings import LinuxCncSettings
 from drivers.linuxcnc.wire import AgentWire
 from drivers.types.abilities import Marker
@@ -23,7 +24,6 @@ class ScrewLoading:
 
     def __init__(self, wire: AgentWire, settings: LinuxCncSettings, clock: Clock, where: str) -> None:
         self._wire, self._settings, self._clock, self._where = wire, settings, clock, where
-        self._life = ""
 
     async def marker(self) -> Marker:
         """What the host keeps of the last push. Raises DeviceRefused (E-LCNC-MARKER)."""
@@ -38,12 +38,19 @@ class ScrewLoading:
         Raises DeviceRefused (E-LCNC-EDITED; E-LCNC-PENDING: what acts now is not what a restart brings).
         """
         said = await self._wire.read("tables", axis=axis)
-        if said["acting"] != said["standing"]:
+        if _waits(said):
             raise DeviceRefused("E-LCNC-PENDING", self._where, axis=axis)
         return live_of(said["acting"], said["joint"], axis)
 
-    async def _joint(self, axis: str) -> Mapping[str, Any]:
-        found: Mapping[str, Any] = (await self._wire.read("tables", axis=axis))["joint"]
+    async def standing(self, axis: str) -> LiveSet:
+        """What the next start reads: off as long as the kernel that runs read another file. Raises as `acting`."""
+        said = await self._wire.read("tables", axis=axis)
+        waits = _waits(said)
+        found = live_of(said["standing"], said["joint"], axis, enabled=not waits)
+        return replace(found, waits=waits)
+
+    async def _said(self, order: PushOrder) -> Mapping[str, Any]:
+        found: Mapping[str, Any] = await self._wire.read("tables", axis=order.table.output_axis)
         return found
 
     async def begin(self, batch: PushBatch) -> None:
@@ -53,11 +60,11 @@ class ScrewLoading:
         """
         joints = []
         for order in batch:
-            said = await self._wire.read("tables", axis=order.table.output_axis)
+            said = await self._said(order)
             text_of(order.table, said["joint"])
             if not said["joint"]["file"]:
                 raise DeviceRefused("E-LCNC-NO-FILE", self._where, joint=said["joint"]["joint"])
-            if said["acting"] != said["standing"] and order.purpose != "restore":
+            if _waits(said) and order.purpose != "restore":
                 raise DeviceRefused("E-LCNC-PENDING", self._where, axis=order.table.output_axis)
             joints.append(said["joint"]["joint"])
         await self._wire.write("begin", transaction=batch[0].transaction, head=batch[0].head, joints=joints)
@@ -67,8 +74,8 @@ class ScrewLoading:
         return tuple([await self._load(order) for order in batch])
 
     async def _load(self, order: PushOrder) -> ReadBack:
-        joint = await self._joint(order.table.output_axis)
-        sent = _staged(order, joint)
+        said = await self._said(order)
+        joint, sent = said["joint"], _staged(order, said)
         told = {"transaction": order.transaction, "joint": joint["joint"]}
         found = await self._wire.write("put", **told, text=sent)
         new = live_of(found, joint, "read-back", enabled=False)
@@ -76,53 +83,67 @@ class ScrewLoading:
 
     async def backup(self, batch: PushBatch) -> tuple[LiveSet, ...]:
         """What stood before the batch. Raises DeviceRefused (E-LCNC-KEPT)."""
-        return tuple([await self._before(order, await self._joint(order.table.output_axis)) for order in batch])
+        return tuple([await self._before(order, (await self._said(order))["joint"]) for order in batch])
 
     async def _before(self, order: PushOrder, joint: Mapping[str, Any]) -> LiveSet:
         said = await self._wire.read("before", transaction=order.transaction, joint=joint["joint"])
         return live_of(said, joint, "back-up")
 
     async def take_over(self, passed: PushBatch) -> None:
-        """The staged files take the old ones' place; an order that does not enable leaves a file without rows."""
+        """The staged files take the old ones' place; an order that does not enable leaves one that corrects nothing."""
         digests: dict[str, str] = {}
-        self._life = (await self._wire.read("hello"))["life"]
         for order in passed:
-            joint = await self._joint(order.table.output_axis)
-            text = _staged(order, joint) if order.enable else EMPTY
-            if not order.enable:
+            said = await self._said(order)
+            joint, text = said["joint"], _staged(order, said)
+            if not order.enable and order.purpose != "restore":
+                text = off_text(joint)
                 await self._wire.write("put", transaction=order.transaction, joint=joint["joint"], text=text)
             digests[str(joint["joint"])] = hashlib.sha256(text.encode()).hexdigest()
         await self._wire.write("commit", transaction=passed[0].transaction, digests=digests)
 
     async def clear(self, axis: str) -> None:
-        """A file without rows in the place of the axis' own; acts after the restart."""
-        joint = await self._joint(axis)
-        self._life = (await self._wire.read("hello"))["life"]
-        await self._wire.write("clear", joint=joint["joint"])
+        """A file that corrects nothing in the place of the axis' own; acts after the restart."""
+        joint = (await self._wire.read("tables", axis=axis))["joint"]
+        await self._wire.write("clear", joint=joint["joint"], text=off_text(joint))
 
     async def restarted(self, axes: Sequence[str], timeout_s: float) -> None:
-        """Another life of the kernel runs, and these axes are homed in it. Raises DeadlineExceeded (E-LCNC-RESTART)."""
+        """The kernel that runs read the files that stand, and these axes are homed in it.
+
+        Raises DeadlineExceeded (E-LCNC-RESTART), DeviceRefused (E-LCNC-EDITED).
+        """
         end = self._clock.now() + timeout_s
-        while not await self._new_life(axes):
+        while not await self._at_work(axes):
             if self._clock.now() >= end:
                 raise DeadlineExceeded("E-LCNC-RESTART", self._where, axes=", ".join(axes), timeout_s=timeout_s)
             await self._clock.sleep(self._settings.poll_s)
 
-    async def _new_life(self, axes: Sequence[str]) -> bool:
+    async def _at_work(self, axes: Sequence[str]) -> bool:
         try:
-            life = (await self._wire.read("hello"))["life"]
-            if life in ("", self._life):
-                return False
-            joints = (await self._wire.read("state"))["joints"]
-        except TransportError:  # it is stopping or starting: only the new life can tell
+            found = [await self._wire.read("tables", axis=axis) for axis in axes]
+        except TransportError:  # it is stopping or starting
             return False
-        return all(joint["homed"] for joint in joints if joint["letter"] in axes)
+        return all(one["joint"]["homed"] and not _waits(one) for one in found)
 
     async def finish(self, batch: PushBatch, state: str) -> None:
         """The marker's last state."""
         await self._wire.write("finish", transaction=batch[0].transaction, state=state)
 
 
-def _staged(order: PushOrder, joint: Mapping[str, Any]) -> str:
-    """The file of an order; one point is no table: what was never loaded goes back as a file without rows."""
-    return EMPTY if len(order.table.deviations) < 2 else text_of(order.table, joint)
+def _waits(said: Mapping[str, Any]) -> bool:
+    """Whether the next start brings something else than what acts."""
+    acts, stands = (live_of(said[name], said["joint"], "file") for name in ("acting", "standing"))
+    return acts.digest != stands.digest
+
+
+def _staged(order: PushOrder, said: Mapping[str, Any]) -> str:
+    """The file of an order. What acts, or stands, goes back as it was written, BACKLASH alone without any row."""
+    joint = said["joint"]
+    if order.purpose == "restore":
+        wanted = (order.table, order.enable)
+        for text in (said["acting"], said["standing"], EMPTY):
+            found = live_of(text, joint, "file").own
+            if (found.table, found.enabled) == wanted:
+                return str(text)
+        if not order.enable:
+            return off_text(joint)
+    return off_text(joint) if len(order.table.deviations) < 2 else text_of(order.table, joint)

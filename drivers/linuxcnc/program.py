@@ -7,11 +7,13 @@ Moves are in machine coordinates (G53), a rotary axis alone moves in deg/min (G9
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from drivers.exchange.lines import comment
 from drivers.linuxcnc.settings import LinuxCncSettings
+from drivers.types.moves import Going
 from drivers.types.stops import Stop, StopPlan
 
 SPAN = 10_000
@@ -19,6 +21,7 @@ LAST = SPAN - 1
 """StopCounts of one program lie in a span of their own, so that an output left by another program is none of them."""
 ECHO_S = 10
 _SAME = 1e-9
+_MOVE = re.compile(r"G53 G1 [A-Z](?P<place>-?[\d.]+) F[\d.]+")
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +80,20 @@ def _wait(plan: StopPlan, number: int, counts: StopCounts, settings: LinuxCncSet
         f"M68 E{settings.echo_output} Q{counts.of(number)}",
         f"M66 P{settings.go_input} L4 Q{ECHO_S}",
     ]
+
+
+def going_of(plan: StopPlan) -> Going:
+    """What the program does with its axis, read from its own moves."""
+    places = [float(_MOVE.fullmatch(block)["place"]) for blocks in legs(plan) for block in blocks]  # type: ignore[index]
+    return Going(
+        plan.axis,
+        plan.unit,
+        first=places[0],
+        last=places[-1],
+        low=min(places),
+        high=max(places),
+        feeds=(plan.feed, plan.feed),
+    )
 
 
 def legs(plan: StopPlan) -> Iterator[list[str]]:

@@ -42,16 +42,30 @@ def text_of(table: CompensationTable, joint: Mapping[str, Any]) -> str:
     return LinuxCncScrew().text((table,), FORMS[joint["type"]], ())
 
 
+def off_text(joint: Mapping[str, Any]) -> str:
+    """The file that corrects nothing. Without rows BACKLASH acts, so where there is one it has two rows of no trim."""
+    if not joint["backlash"]:
+        return EMPTY
+    ends = (joint["minimum"], joint["maximum"])
+    rows = [f"{end:.6f} {end:.6f} {end:.6f}" if joint["type"] == 0 else f"{end:.6f} 0 0" for end in ends]
+    return "\n".join(rows) + f"\n{EMPTY}"
+
+
+def _is_off(text: str) -> bool:
+    """Whether it is a file of `off_text`: what its rows hold is for the kernel, and no table."""
+    return text.endswith(EMPTY)
+
+
 def _has_rows(text: str) -> bool:
     return bool(text.strip()) and not text.lstrip().startswith("#")
 
 
 def _own(text: str, joint: Mapping[str, Any], where: str) -> LiveTable:
     letter, unit = joint["letter"], unit_of(joint)
-    if _has_rows(text):
+    if _has_rows(text) and not _is_off(text):
         (table,) = LinuxCncScrew().read(text, where, ReadAs(letter, unit, FORMS[joint["type"]]))
         return LiveTable(_even(table), enabled=True)
-    half = joint["backlash"] / 2.0 * deviation_scale(unit)
+    half = 0.0 if _is_off(text) and text != EMPTY else joint["backlash"] / 2.0 * deviation_scale(unit)
     nothing = replace(reversal_of(letter, unit, 0.0), kind="axis")
     if not half:
         return LiveTable(nothing, enabled=False)

@@ -56,8 +56,13 @@ class Capabilities:
 
     @property
     def switches_now(self) -> bool:
-        """Whether a table can be switched while the control runs, as a proof of its sign needs."""
+        """Whether a table can be switched while the control runs."""
         return self.switched != "by-restart"
+
+    @property
+    def proves_signs(self) -> bool:
+        """Whether a sign can be proved: by switching a table, or by the same stops before and after a restart."""
+        return self.switches_now or self.stops
 
     def shown(self, kind: TableKind, value: float) -> tuple[float, ...]:
         """What the control may show where tables of a kind add up to a value; the ways keep their order."""

@@ -17,7 +17,8 @@ class TableQuestion:
     """Which tables act on ``axis`` (``letter`` in programs), measured by ``encoder``.
 
     Where only a program of ours can read them it moves nothing; a person has ``start_s`` to start it. Cross tables come
-    as deviations by ``proof``, and as they are stored where that is None.
+    as deviations by ``proof``, and as they are stored where that is None. ``loaded``: where a control puts tables to
+    work at its start, those that wait for it are asked for; else they are refused while they wait.
     """
 
     axis: str
@@ -27,6 +28,7 @@ class TableQuestion:
     encoder: int = 0
     start_s: float = 600.0
     proof: SignProof | None = None
+    loaded: bool = False
 
 
 @dataclass(frozen=True, slots=True)

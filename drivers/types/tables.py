@@ -129,7 +129,7 @@ class LiveSet:
     this axis, ``others`` those of other outputs, as far as they are known. Cross tables are deviations by the proof
     that was given with the question or order, in its ``sense``; without a proof they hold the stored values.
     ``temperature`` is what else moves the axis, read beside the tables and no part of the digest; None where the road
-    cannot tell.
+    cannot tell. ``waits``: ``own`` is off until the control's next start puts it to work; another acts until then.
     """
 
     axis: str
@@ -141,6 +141,7 @@ class LiveSet:
     others: tuple[LiveTable, ...] = ()
     sense: Sense = 1
     temperature: TemperatureShift | None = None
+    waits: bool = False
 
     @property
     def reversal(self) -> LiveTable:

@@ -19,6 +19,7 @@ from drivers.types.moves import SafePlaces
 from drivers.types.orders import SignProof
 from drivers.types.sensing import Ambient
 from drivers.types.tables import CompensationTable, LiveSet, LiveTable
+from drivers.types.values import Approach
 from drivers.units import AxisUnit
 from gateway.axes import AxisRecord
 from gateway.domain.captures import Capture
@@ -167,7 +168,9 @@ class PushFacts:
 
     @property
     def modes(self) -> tuple[str, ...]:
-        """Where the operator's hand moves the axes the control may be in JOG as well."""
+        """Where no program loads the tables the control may be in JOG as well; any mode where a restart does it."""
+        if not self.can.switches_now:
+            return (*self.request.modes, "JOG", "MDI")
         return self.request.modes if self.can.stops else (*self.request.modes, "JOG")
 
     @property
@@ -214,11 +217,12 @@ def no(code: str, **fields: object) -> Iterator[Refusal]:
     yield Refusal(code, fields)
 
 
-def value_at(table: CompensationTable, position: float) -> float:
-    """Deviation of a table at a position in its input axis' unit; a table never loaded (step 0) is zero."""
-    if table.step <= 0 or not any(table.deviations):
+def value_at(table: CompensationTable, position: float, approach: Approach = 1) -> float:
+    """Deviation of a table at a position in its input axis' unit, reached by ``approach``; never loaded: zero."""
+    loaded = table.step > 0 or bool(table.places)
+    if not loaded or not any((*table.deviations, *table.reverse)):
         return 0.0
-    return float(table.at(np.array([position]))[0])
+    return float(table.at(np.array([position]), approach)[0])
 
 
 def rest_of(live: LiveSet, table: CompensationTable) -> tuple[LiveTable, ...]:

@@ -71,9 +71,9 @@ def _access(facts: PushFacts) -> Iterator[Refusal]:
 
 
 def _jump(facts: PushFacts) -> Iterator[Refusal]:
-    """What switching on will do, this table and those that come on with it."""
+    """What switching on will do, this table and those that come on with it; after a restart the motors are off."""
     axis = facts.input_state
-    if axis is None or (facts.purpose == "restore" and not facts.change.old_enabled):
+    if axis is None or not facts.can.switches_now or (facts.purpose == "restore" and not facts.change.old_enabled):
         return
     alone = value_at(facts.table, axis.position)
     jump = max(alone, alone + others_now(facts), key=abs)

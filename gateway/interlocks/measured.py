@@ -27,6 +27,7 @@ from gateway.interlocks.limits import (
     SPOILT_SHARE,
 )
 from gateway.interlocks.table import largest_change
+from gateway.table.comparison import apart
 
 
 def _age(facts: PushFacts) -> Iterator[Refusal]:
@@ -165,9 +166,21 @@ def _remaining(capture: Capture, change: TableChange) -> Iterator[Refusal]:
     if change.predicted.size < 2:
         return
     measured, predicted = _spread(_means(capture.deviations)), _spread(change.predicted)
+    if change.new.reverse:
+        measured, predicted = _both_ways(capture, change)
     if not predicted <= measured * (MAX_REMAINING + 1e-9):
         fields = {"predicted": round(predicted, 3), "measured": round(measured, 3), "limit": 100.0 * MAX_REMAINING}
         yield from no("E-INT-GAIN", axis=change.axis, unit=change.new.deviation_unit, **fields)
+
+
+def _both_ways(capture: Capture, change: TableChange) -> tuple[float, float]:
+    """Spread over both directions of travel, as measured and as it will be, where a table has a curve for each."""
+    ways = np.stack([_means(capture.deviations[:, :, side : side + 1]) for side in (0, 1)])
+    if ways.shape[1] != change.targets.size:
+        return _spread(_means(capture.deviations)), _spread(change.predicted)
+    taken = apart(change.new, change.targets) - (apart(change.old, change.targets) if change.old_enabled else 0.0)
+    half = (ways[0] - ways[1] - taken) / 2.0
+    return _spread(ways.ravel()), _spread(np.concatenate([change.predicted + half, change.predicted - half]))
 
 
 def _in_line(capture: Capture) -> FloatArray:

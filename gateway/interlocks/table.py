@@ -8,6 +8,7 @@ import numpy as np
 
 from drivers.terms import spoken
 from drivers.types.tables import CompensationTable
+from drivers.types.values import Approach
 from drivers.units import deviation_scale
 from gateway.domain.proposals import TableChange
 from gateway.interlocks.facts import ROUNDING, PushFacts, Refusal, Rule, no, value_at
@@ -66,8 +67,8 @@ def _findings(facts: PushFacts) -> Iterator[Refusal]:
 
 def _values(facts: PushFacts) -> Iterator[Refusal]:
     table, unit = facts.table, facts.table.deviation_unit
-    values = np.asarray(table.deviations, dtype=np.float64)
-    if values.size == 0 or not np.all(np.isfinite(values)):
+    values = np.asarray((*table.deviations, *table.reverse), dtype=np.float64)
+    if not table.deviations or not np.all(np.isfinite(values)):
         yield from no("E-INT-FINITE", table=table.name)
         return
     largest, bounds = float(np.max(np.abs(values))), facts.bounds
@@ -78,16 +79,17 @@ def _values(facts: PushFacts) -> Iterator[Refusal]:
     if slope > bounds.slope + ROUNDING:
         limit, per = bounds.slope, table.input_unit
         yield from no("E-INT-SLOPE", table=table.name, slope=round(slope, 4), limit=limit, unit=unit, per=per)
-    if table.modulo and abs(values[0] - values[-1]) > bounds.reference:
-        yield from no("E-INT-MODULO", table=table.name, first=values[0], last=values[-1], unit=unit)
+    for curve in (table.deviations, table.reverse):
+        if table.modulo and curve and abs(curve[0] - curve[-1]) > bounds.reference:
+            yield from no("E-INT-MODULO", table=table.name, first=curve[0], last=curve[-1], unit=unit)
 
 
 def steepest(table: CompensationTable) -> float:
     """Largest slope between points, deviation unit per input axis unit; 0 where there is none."""
-    values = np.asarray(table.deviations, dtype=np.float64)
-    if not table.step > 0 or values.size < 2:
+    if not table.step > 0 or len(table.deviations) < 2:
         return 0.0
-    return float(np.max(np.abs(np.diff(values)))) / table.step
+    curves = [np.asarray(one, dtype=np.float64) for one in (table.deviations, table.reverse) if one]
+    return max(float(np.max(np.abs(np.diff(one)))) for one in curves) / table.step
 
 
 def _turn(facts: PushFacts) -> Iterator[Refusal]:
@@ -98,7 +100,8 @@ def _turn(facts: PushFacts) -> Iterator[Refusal]:
 
 
 def _reference(facts: PushFacts) -> Iterator[Refusal]:
-    value = value_at(facts.table, facts.request.moved.reference)
+    place = facts.request.moved.reference
+    value = (value_at(facts.table, place, 1) + value_at(facts.table, place, -1)) / 2.0
     if not abs(value) <= facts.bounds.reference + ROUNDING:
         fields = {"reference": facts.request.moved.reference, "value": value, "limit": facts.bounds.reference}
         yield from no("E-INT-REF-VALUE", table=facts.table.name, unit=facts.table.deviation_unit, **fields)
@@ -109,9 +112,14 @@ def largest_change(change: TableChange) -> float:
     old = change.old if change.old_enabled else None
     if change.new.kind == "reversal":
         return abs(change.new.deviations[0] - (old.deviations[0] if old is not None else 0.0))
-    places = np.asarray(change.new.positions)
-    before = np.array([value_at(old, place) for place in places]) if old is not None else np.zeros(places.shape)
-    changes = np.abs(np.asarray(change.new.deviations, dtype=np.float64) - before)
+    return max(_largest_one_way(old, change.new, 1), _largest_one_way(old, change.new, -1))
+
+
+def _largest_one_way(old: CompensationTable | None, new: CompensationTable, approach: Approach) -> float:
+    places = np.asarray(new.positions)
+    curve = new.reverse if approach < 0 and new.reverse else new.deviations
+    before = np.array([value_at(old, place, approach) for place in places]) if old else np.zeros(places.shape)
+    changes = np.abs(np.asarray(curve, dtype=np.float64) - before)
     return float(np.max(changes[np.isfinite(changes)], initial=0.0))
 
 

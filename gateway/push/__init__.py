@@ -9,10 +9,11 @@ from gateway.push.asking import Asked, ask, ended_before, goes_on
 from gateway.push.context import PushContext
 from gateway.push.places import together
 from gateway.push.plan import plan_hash
-from gateway.push.signproof import ReadStop, prove_sign
+from gateway.push.signproof import prove_sign
 from gateway.push.transaction import Stays, push_table, push_tables
 from gateway.push.undo.finding import PushFinding
 from gateway.push.undo.recovery import look, recover, unfinished
+from gateway.push.work import ReadStop
 
 __all__ = [
     "Asked",

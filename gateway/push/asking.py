@@ -10,8 +10,8 @@ from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import TableChange
 from gateway.interlocks import PushFacts, Refusal, needed, refusals, warnings
-from gateway.push import conversation
-from gateway.push.compare import agreeing_position, same_set, table_in, with_table
+from gateway.push import compare, conversation
+from gateway.push.compare import same_set, table_in, with_table
 from gateway.push.context import PushContext
 from gateway.push.plan import plan_hash
 from gateway.push.records import journal
@@ -73,7 +73,7 @@ def _asked(facts: PushFacts, limits: TableLimits, place: float | None) -> Asked:
 
 def place_for(old: LiveTable, change: TableChange, context: PushContext) -> float | None:
     """Where the input axis must stand for the switching of old and new."""
-    return agreeing_position(old, change.new, context.moved.reference, context.moved.room)
+    return compare.place_for(old, change.new, context.moved, context.controller.capabilities)
 
 
 def _key_taken(change: TableChange, context: PushContext) -> str:

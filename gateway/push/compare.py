@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from drivers.types.abilities import TableLimits
+from drivers.types.abilities import Capabilities, TableLimits
 from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from drivers.units import deviation_scale
+from gateway.axes import AxisRecord
 from gateway.interlocks import MAX_JUMP, value_at
 from gateway.interlocks.facts import rest_of
 from gateway.table.comparison import GRID_TOLERANCE, PARTS, differences
@@ -141,6 +142,13 @@ def _point(table: CompensationTable, number: int) -> float | None:
     return table.deviations[number] if number < len(table.deviations) else None
 
 
+def place_for(old: LiveTable, new: CompensationTable, axis: AxisRecord, can: Capabilities) -> float | None:
+    """Where the input axis must stand for the switching of old and new; anywhere where only a restart switches."""
+    if not can.switches_now:
+        return float(np.clip(axis.reference, *axis.room))
+    return agreeing_position(old, new, axis.reference, axis.room)
+
+
 def agreeing_position(
     old: LiveTable, new: CompensationTable, reference: float, travel: tuple[float, float]
 ) -> float | None:
@@ -214,13 +222,6 @@ def _slopes(table: CompensationTable, places: np.ndarray[Any, Any]) -> np.ndarra
     near = table.step / 4.0
     rise = [value_at(table, place + near) - value_at(table, place - near) for place in places]
     return np.sign(np.round(np.array(rise), 9))
-
-
-def steepest(table: CompensationTable) -> float:
-    """Largest slope between points, deviation unit per axis unit."""
-    if table.step <= 0 or len(table.deviations) < 2:
-        return 0.0
-    return float(np.max(np.abs(np.diff(np.asarray(table.deviations))))) / table.step
 
 
 def table_facts(table: CompensationTable) -> dict[str, Any]:

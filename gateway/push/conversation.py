@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Awaitable, Callable, Mapping, Sequence
+from dataclasses import replace
 from types import MappingProxyType
 
 from drivers.errors import TransportError, TrueflankError
@@ -11,7 +12,7 @@ from drivers.ports.controller import ReadsTogether
 from drivers.programs import ForeseesPlans
 from drivers.types.abilities import TableLimits
 from drivers.types.machine import ChannelStatus
-from drivers.types.orders import PushOrder
+from drivers.types.orders import PushOrder, TableQuestion
 from drivers.types.stops import Stop, StopPlan, StopReached
 from drivers.types.tables import CompensationTable, LiveSet
 from drivers.types.values import Approach
@@ -80,9 +81,17 @@ async def read_live(context: PushContext) -> LiveSet:
 
     Raises what the port raises: DeadlineExceeded when nobody starts the program, DeviceRefused on an alarm.
     """
+    return await context.controller.live_tables(_question(context), context.say)
+
+
+async def read_loaded(context: PushContext) -> LiveSet:
+    """As `read_live`; a table that waits for the control's next start stands in the place of the one that acts."""
+    return await context.controller.live_tables(replace(_question(context), loaded=True), context.say)
+
+
+def _question(context: PushContext) -> TableQuestion:
     patience = Patience(context.start_timeout_s, context.stop_timeout_s)
-    asked = question(context.axis, patience, context.proof)
-    return await context.controller.live_tables(asked, context.say)
+    return question(context.axis, patience, context.proof)
 
 
 async def read_all(contexts: Sequence[PushContext]) -> tuple[LiveSet, ...]:
@@ -126,11 +135,12 @@ def plan_of(
     )
 
 
-def stops_at(context: PushContext, positions: tuple[float, ...]) -> tuple[Stop, ...]:
-    """Stops at these positions, each approached from inside the travel."""
-    return tuple(
-        Stop(position, approach_to(context, position), label=label) for label, position in enumerate(positions)
-    )
+def stops_at(context: PushContext, positions: tuple[float, ...], *, both: bool = False) -> tuple[Stop, ...]:
+    """Stops at these positions, each approached from inside the travel, or from ``both`` sides one after the other."""
+    if not both:
+        return tuple(Stop(place, approach_to(context, place), label=label) for label, place in enumerate(positions))
+    sides: tuple[Approach, Approach] = (1, -1)
+    return tuple(Stop(place, side, label=label) for label, place in enumerate(positions) for side in sides)
 
 
 def approach_to(context: PushContext, position: float, direction: int = 0) -> Approach:

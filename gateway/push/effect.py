@@ -113,14 +113,17 @@ def effect_plan(work: Work, positions: tuple[float, ...]) -> StopPlan:
     context = work.context
     places = (*positions, work.agreeing_position) if context.controller.capabilities.stops else positions
     # The input axis of a cross table ends where it disturbs the next table of the same output least.
-    stops = conversation.stops_at(context, places if work.change.new.kind == "cross" else positions)
+    table = work.change.new
+    stops = conversation.stops_at(context, places if table.kind == "cross" else positions, both=bool(table.reverse))
     return conversation.plan_of(context, "TFEFFECT", stops)
 
 
 async def _look(work: Work, base: LiveSet, reached: StopReached) -> _Shown:
     table = work.change.new
     if table.kind == "axis":
-        return _Shown(reached.target, (value_at(table, reached.target),), reached.encoder_compensation)
+        return _Shown(
+            reached.target, (value_at(table, reached.target, reached.approach),), reached.encoder_compensation
+        )
     rest = (one.table for one in rest_of(aside(base, work.beside), table) if one.enabled)
     acting = [table, *rest, *(one for one in work.acting if one.kind == "cross")]
     places = {table.input_axis: reached.target}

@@ -57,9 +57,10 @@ async def load(loads: Loads) -> Faults:
     await context.controller.stage(batch)
     await _check_marker(first, batch[0])
     await tell_motion(context.controller, context.say)
-    for one in loads:
-        await _say_switch(one)
-    context.say("P-PUSH-LOAD", axis=_names(loads), transaction=batch[0].transaction)
+    if context.controller.capabilities.switches_now:
+        for one in loads:
+            await _say_switch(one)
+        context.say("P-PUSH-LOAD", axis=_names(loads), transaction=batch[0].transaction)
     kept = await _kept_before(loads)
     for one in loads:
         one.work.begun = True
@@ -232,13 +233,7 @@ async def release(loads: Loads, batch: PushBatch | None = None) -> None:
     for one in loads:
         one.work.note("ENABLE", order=one.order.transaction, enable=one.order.enable)
     await context.controller.activate(together, passed)
-    await tell_motion(context.controller, context.say)
-    for one in loads:
-        if one.order.enable:
-            amount = await _worth(one.work, one.order.table, LiveTable(one.order.table, True))
-            _say_moves("P-MOVE-SWITCH-ON", one.work, one.order, amount)
-    there = shown_there(context.controller, "release")
-    context.say("P-PUSH-RELEASE", axis=_names(loads), transaction=passed[0].transaction, shown=there)
+    await _ask_release(loads)
     for one, enabled in zip(loads, await context.controller.confirm(passed, context.start_timeout_s), strict=True):
         if enabled != one.order.enable:
             raise VerifyError("E-PUSH-SWITCH", one.work.axis, wanted=one.order.enable, found=enabled)
@@ -252,11 +247,28 @@ async def _activated(loads: Loads, together: PushBatch) -> None:
     if not acting or all(order.table.kind == "reversal" for order in together):
         return
     context = loads[0].work.context
-    restarted = tuple(one for one in acting if one.order.table.kind != "reversal")
-    context.say("P-PUSH-ACTIVATE", axis=_names(restarted or acting), shown=shown_there(context.controller, "restart"))
+    if context.controller.capabilities.switches_now:
+        restarted = tuple(one for one in acting if one.order.table.kind != "reversal")
+        there = shown_there(context.controller, "restart")
+        context.say("P-PUSH-ACTIVATE", axis=_names(restarted or acting), shown=there)
     await context.controller.restarted(_batch(acting), context.start_timeout_s)
     for one in acting:
         one.work.note("ACTIVATED", order=one.order.transaction)
+
+
+async def _ask_release(loads: Loads) -> None:
+    """What the second press moves; where a restart switches, that restart, unless what is back acts anyhow."""
+    context, told = loads[0].work.context, {"axis": _names(loads), "transaction": loads[0].order.transaction}
+    if not context.controller.capabilities.switches_now:
+        if any([(await conversation.read_loaded(one.work.context)).waits for one in loads]):
+            context.say("P-PUSH-NEXT-START", **told)
+        return
+    await tell_motion(context.controller, context.say)
+    for one in loads:
+        if one.order.enable:
+            amount = await _worth(one.work, one.order.table, LiveTable(one.order.table, True))
+            _say_moves("P-MOVE-SWITCH-ON", one.work, one.order, amount)
+    context.say("P-PUSH-RELEASE", shown=shown_there(context.controller, "release"), **told)
 
 
 async def _ask_again(one: TableLoad) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from drivers.types.tables import LiveTable
 from gateway.domain.proposals import TableChange
 from gateway.interlocks import MAX_JUMP, value_at
-from gateway.push.compare import agreeing_position
+from gateway.push.compare import place_for
 from gateway.push.context import PushContext
 
 Wish = tuple[TableChange, PushContext]
@@ -27,10 +27,10 @@ def _inputs(wishes: Sequence[Wish]) -> tuple[str, ...]:
 
 def _place(wishes: Sequence[Wish]) -> float | None:
     """As `agreeing_position`, of several: each place that suits one is tried on the others, the nearest first."""
-    axis = wishes[0][1].moved
-    if len(wishes) == 1:
-        change = wishes[0][0]
-        return agreeing_position(LiveTable(change.old, change.old_enabled), change.new, axis.reference, axis.room)
+    change, context = wishes[0]
+    axis, can = context.moved, context.controller.capabilities
+    if len(wishes) == 1 or not can.switches_now:
+        return place_for(LiveTable(change.old, change.old_enabled), change.new, axis, can)
     low, high = axis.room
     points = {place for change, _ in wishes for place in change.new.positions if low <= place <= high}
     tried = [float(np.clip(axis.reference, low, high)), *sorted(points, key=lambda one: abs(one - axis.reference))]

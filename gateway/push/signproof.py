@@ -4,12 +4,11 @@ A triangle table, zero at the reference and both ends, peak 3 um or 3 arcsec, is
 input axis stands at the peak while the table is switched off and on three times and the output axis is measured.
 The mean step must be the peak within 20 % and more than four times its uncertainty. An axis table: it must be
 negative, as the manual says. A cross table: no public text settles the sign, so it is what is measured. What was there
-is restored.
+is restored. Where only a restart switches tables, the same stops are measured before and after it (`proofs.restart`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, replace
 from math import ceil, floor
 from typing import Any
@@ -33,19 +32,19 @@ from gateway.push.beginning import Task, begun
 from gateway.push.compare import table_in
 from gateway.push.context import PushContext
 from gateway.push.loading import TableLoad, load, release
+from gateway.push.proofs import restart
 from gateway.push.records import journal
 from gateway.push.records.lock import machine_lock
 from gateway.push.snapshot import keep
 from gateway.push.undo.restoring import roll_back
 from gateway.push.unexpected import foreseen, unheard
-from gateway.push.work import Work
+from gateway.push.work import Reading, ReadStop, Work
 
 PEAK = 3.0
 WITHIN = 0.2
 TIMES_U = 4.0
 TIMES = 3
 MEDIAN_U = 1.2533  # a median scatters by so much more than a mean
-ReadStop = Callable[[Stop], Awaitable[tuple[float, float]]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +121,7 @@ async def prove_sign(
     minimum: float,
     maximum: float,
     step: float,
-    read_stop: ReadStop,
+    reading: Reading,
     setup: str = "",
     kind: TableKind = "axis",
     index: int = 0,
@@ -130,10 +129,10 @@ async def prove_sign(
 ) -> SignProof:
     """Prove the sign of one kind of table on one output axis, on the grid of the input axis; the caller keeps it.
 
-    `read_stop` gives the settled reading of the *output* axis at a stop in um or arcsec, positive as the axis
-    counts, and its u; only differences matter. ``setup`` is the operator's message for mounting the optics;
-    ``index`` the number of the cross table to borrow; ``live`` what acts on the output axis where that was read just
-    now, without a proof of any sign (None: it is read).
+    ``reading`` gives settled readings of the *output* axis at stops in um or arcsec, positive as the axis counts, and
+    their u, once for each run of stops; only differences within one matter. ``setup`` is the operator's message for
+    mounting the optics; ``index`` the number of the cross table to borrow; ``live`` what acts on the output axis where
+    that was read just now, without a proof of any sign (None: it is read).
     Raises WriteRefused (E-PUSH-REFUSED), VerifyError (E-PUSH-NO-PROOF, E-PUSH-SIGN), RollbackFailed
     (E-PUSH-HELD), UnsupportedDevice (E-PUSH-NO-SWITCHING), BusyError, StoreError, and what port or reading raise;
     the old table is then live again.
@@ -141,17 +140,19 @@ async def prove_sign(
     raw = replace(unheard(context), proof=None)
     can = raw.controller.capabilities
     table, peak = triangle(raw, minimum, maximum=maximum, step=step, kind=kind, index=index)
-    if not can.switches_now:
+    if not can.proves_signs:
         raise UnsupportedDevice("E-PUSH-NO-SWITCHING", raw.axis.name, table=table.name)
     folder = journal.machine_folder(raw.journals, raw.machine.serial)
     with machine_lock(folder):
         await _allowed(raw, _change(table, None), None)
         live = live if live is not None else await conversation.read_live(raw)
+        if not can.switches_now:
+            table = restart.against(table, live, raw, peak)
         change = _change(table, live)
         asked = await _allowed(raw, change, live)
         task = Task(change, raw, asked.limits, agreeing_position=asked.place, marker=asked.marker)
         with begun((task,), "sign-proof") as (work,):
-            steps = await _proved(work, live, peak=peak, read_stop=read_stop, setup=setup)
+            steps = await _proved(work, live, peak=peak, reading=reading, setup=setup)
     return _judged(raw, steps, kind)
 
 
@@ -188,16 +189,23 @@ async def _allowed(context: PushContext, change: TableChange, live: LiveSet | No
     return _Allowed(asked.limits, asked.agreeing_position, asked.marker)
 
 
-async def _proved(work: Work, live: LiveSet, peak: float, read_stop: ReadStop, setup: str) -> Steps:
+async def _proved(work: Work, live: LiveSet, peak: float, reading: Reading, setup: str) -> Steps:
     """TableLoad the triangle, measure, and put the old table back whatever happened."""
     keep(work, live)
     failure: TrueflankError | None = None
     try:
         with foreseen(work.axis):
+            now = work.context.controller.capabilities.switches_now
+            before = () if now else await restart.differences(work, peak, reading, setup)
             order = work.order(work.change.new, True, "sign-proof", work.whole.number)
             await load((TableLoad(work, order, live),))
             await release((TableLoad(work, order, live),))
-            steps = await _measured(work, order, peak=peak, read_stop=read_stop, setup=setup)
+            if now:
+                async with reading() as read_stop:
+                    steps = await _measured(work, order, peak=peak, read_stop=read_stop, setup=setup)
+            else:
+                after = await restart.differences(work, peak, reading, "")
+                steps = Steps(*restart.step(before, after, restart.change(work, peak), PEAK))
             work.note("MEASURED", mean=steps.mean, u=steps.u, each=list(steps.each))
     except TrueflankError as error:
         failure = error

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
+from contextlib import AbstractAsyncContextManager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
@@ -10,6 +11,7 @@ from typing import Literal
 from drivers.errors import TrueflankError, words
 from drivers.types.abilities import Marker, TableLimits
 from drivers.types.orders import PushBatch, PushOrder
+from drivers.types.stops import Stop
 from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import TableChange
@@ -22,6 +24,10 @@ from gateway.push.records.steps import step_words
 from gateway.push.unexpected import foreseen
 from gateway.stopping import current
 
+ReadStop = Callable[[Stop], Awaitable[tuple[float, float]]]
+"""The settled reading of an axis at a stop, um or arcsec, positive as the axis counts, and its u."""
+Reading = Callable[[], AbstractAsyncContextManager[ReadStop]]
+"""An instrument that begins to read anew: a push, or a restart, moves the axis at its own feed."""
 Purpose = Literal["table", "sign-proof", "restore"]
 Outcome = Literal["committed", "already-applied", "rolled-back", "held", "held-on", "refused", "skipped"]
 

@@ -41,7 +41,7 @@ def effective(live: LiveTable) -> CompensationTable:
     """The table that acts: all zero while it is switched off."""
     if live.enabled:
         return live.table
-    return replace(live.table, deviations=(0.0,) * len(live.table.deviations))
+    return replace(live.table, deviations=(0.0,) * len(live.table.deviations), reverse=())
 
 
 def unlike(
@@ -97,7 +97,7 @@ def taken_by_cross(tables: Iterable[CompensationTable], axis: str, at: FloatArra
 
 
 def acting(table: CompensationTable, positions: FloatArray) -> FloatArray:
-    """Deviations a table cancels at positions; one that was never loaded has no range and cancels nothing.
+    """Deviations a table cancels at positions, the mean of both directions of travel; one never loaded cancels nothing.
 
     A reversal has one value, which holds everywhere.
     """
@@ -105,4 +105,11 @@ def acting(table: CompensationTable, positions: FloatArray) -> FloatArray:
         return np.full(positions.shape, table.deviations[0])
     if len(table.deviations) < 2 or table.maximum <= table.minimum:
         return np.zeros_like(positions)
-    return np.asarray(table.at(positions))
+    return np.asarray((table.at(positions, 1) + table.at(positions, -1)) / 2.0)
+
+
+def apart(table: CompensationTable, positions: FloatArray) -> FloatArray:
+    """What a table cancels more of at positions in the positive than in the negative direction: its part of B."""
+    if not table.reverse or table.maximum <= table.minimum:
+        return np.zeros_like(positions)
+    return np.asarray(table.at(positions, 1) - table.at(positions, -1))

@@ -66,6 +66,8 @@ def _merged(
         modulo=axis.modulo,
         input_unit=axis.unit,
         output_unit=axis.unit,
+        places=(),
+        reverse=(),
     )
 
 

@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import bisect
 import configparser
+import itertools
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -63,6 +65,8 @@ class Machine:
         self.aout = [0.0] * 4
         self.position, self.trim = [0.0] * 3, [0.0] * 3
         self.homed = False
+        self.fresh = False
+        self.program: Iterator[tuple[int, bool]] | None = None
         self.file, self.mode, self.interp = "", self.MODE_MANUAL, self.INTERP_IDLE
 
     def start(self) -> None:
@@ -119,8 +123,56 @@ class Machine:
         if pin in self.linked:
             raise RuntimeError("pin is connected to a signal")
         self.inputs[pin] = value == "1"
-        if pin == "motion.digital-in-00" and self.inputs[pin]:  # a program that waits says its count back
-            self.aout[1] = self.aout[0]
+        self._go_on()
+
+    # ---- a program --------------------------------------------------------------------------------
+
+    def shown(self) -> str:
+        """The program on the screen."""
+        return Path(self.file).read_text()
+
+    def cycle_start(self) -> None:
+        """The person's button: the program that is shown runs to its first wait."""
+        if self.fresh and self.interp == self.INTERP_IDLE:
+            self.fresh = False
+            self.program = self._program(Path(self.file).read_text().splitlines())
+            self.interp = self.INTERP_WAITING
+            self._go_on()
+
+    def _go_on(self) -> None:
+        """As far as the inputs let it."""
+        if self.program is None:
+            return
+        for pin, high in self.program:
+            if self.inputs.get(f"motion.digital-in-{pin:02}", False) != high:
+                # what it waits for is asked again at the next change of an input
+                self.program = itertools.chain([(pin, high)], self.program)
+                return
+        self.program, self.interp = None, self.INTERP_IDLE
+
+    def _program(self, lines: list[str]) -> Iterator[tuple[int, bool]]:
+        """The few words that programs of stops have; it yields the input that it waits for."""
+        passed, skipping = 0.0, False
+        for line in lines:
+            words = {word[0]: word[1:] for word in line.split() if word[0] != "("}
+            if " IF " in line:
+                skipping = not (passed < 0.0 if "LT 0" in line else passed > 0.5)
+            elif line.endswith("ENDIF"):
+                skipping = False
+            elif skipping:
+                continue
+            elif line.strip() == "M2":
+                return
+            elif line.startswith("G53"):
+                letter = next(word for word in words if word in "XYA")
+                self.move("XYA".index(letter), float(words[letter]))
+            elif line.strip().startswith("M68"):
+                self.aout[int(words["E"])] = float(words["Q"])
+            elif line.startswith("M66"):
+                pin = int(words["P"])
+                if words["L"] != "0":
+                    yield pin, words["L"] == "3"
+                passed = float(self.inputs.get(f"motion.digital-in-{pin:02}", False))
 
 
 class _Stat:
@@ -163,7 +215,7 @@ class _Command:
 
     def program_open(self, path: str) -> None:
         if self._machine.mode == Machine.MODE_AUTO:
-            self._machine.file = path
+            self._machine.file, self._machine.fresh = path, True
 
 
 def _read(path: Path, kind: int) -> list[Row]:

@@ -17,10 +17,17 @@ from drivers.linuxcnc.agent.answering import Agent
 from drivers.linuxcnc.agent.kernel import Kernel
 from drivers.linuxcnc.device import LinuxCnc
 from drivers.transport import ByteTransport, serve
+from drivers.units import AxisUnit
 from tests.contract.fileroad import curve
 from tests.contract.linuxcnc_double import Machine
 
 TOKEN = "0123456789abcdef"
+
+
+class Killed(BaseException):
+    """kill -9: nothing that runs may catch it."""
+
+
 _NAMES = itertools.count()
 
 
@@ -70,7 +77,12 @@ async def on_stage(folder: Path) -> AsyncIterator[Stage]:
             while True:
                 *lines, held = (held + await wire.read(1 << 16)).split(b"\n")
                 for line in lines:
-                    await wire.write(stage.agent.line(line))
+                    try:
+                        answer = stage.agent.line(line)
+                    except Killed:  # the process is gone, and started again
+                        stage.new_agent()
+                        return
+                    await wire.write(answer)
 
     listener = await serve(url, converse, clock)
     try:
@@ -89,6 +101,6 @@ async def subject(folder: Path, axis: str = "X") -> AsyncIterator[Subject]:
         async def person(moment: Moment, work: Coroutine[Any, Any, Any]) -> Any:
             return await (work if moment in ("read", "start") else on.restarting(work))
 
-        unit = "deg" if axis == "A" else "mm"
+        unit: AxisUnit = "deg" if axis == "A" else "mm"
         table = replace(curve(), input_axis=axis, output_axis=axis, input_unit=unit, output_unit=unit)
         yield Subject(on.device, table, axis, axis == "A", 0.0, person)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections.abc import AsyncIterator
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -155,7 +156,7 @@ async def test_the_sign_is_measured_on_the_output_axis(keys: Path, tmp_path: Pat
             return float(here) * 1000.0, 0.05
 
         async with starting(on):
-            found = await prove_sign(context, 0.0, 400.0, 50.0, read, kind="cross", index=1)
+            found = await prove_sign(context, 0.0, 400.0, 50.0, lambda: nullcontext(read), kind="cross", index=1)
         assert (found.sign, found.kind, found.output_axis) == (sign, "cross", "X1")
         assert found.slope == pytest.approx(-sign, abs=0.05)
         assert (await live_of(on, tmp_path)).cross == ()

@@ -35,7 +35,7 @@ class Agent:
             "before": lambda asked: self._files().before(asked["transaction"], asked["joint"]),
             "put": lambda asked: self._files().put(asked["transaction"], asked["joint"], asked["text"]),
             "commit": lambda asked: self._files().commit(asked["transaction"], asked["digests"]),
-            "clear": lambda asked: self._files().clear(asked["joint"]),
+            "clear": lambda asked: self._files().clear(asked["joint"], asked["text"]),
             "finish": lambda asked: self._files().finish(asked["transaction"], asked["state"]),
             "program": self._program,
             "lower": lambda asked: self._now().lower(asked["go"], asked["leave"]),

@@ -18,7 +18,6 @@ from drivers.linuxcnc.agent.lives import Life
 from drivers.linuxcnc.agent.refusal import AgentRefusal
 
 MARKER, NEW, BEFORE, ACTING = "trueflank-marker.json", ".new", ".before", ".acting"
-EMPTY = b"# no compensation\n"
 MOST_BYTES = 1 << 20
 SLACK_S = 1.0  # btime is whole seconds
 
@@ -114,7 +113,7 @@ class ScrewFiles:
         return self._text(path)
 
     def _ours(self, path: Path, replaced: dict[str, Any]) -> None:
-        if replaced["digest"] != _digest(read(path)):
+        if _digest(read(path)) not in (replaced["digest"], replaced.get("was")):
             raise AgentRefusal("E-LCNC-EDITED", file=str(path))
 
     @staticmethod
@@ -186,16 +185,17 @@ class ScrewFiles:
         acts, replaced = self.acting(joint), marker["replaced"]
         durable(path.with_name(path.name + ACTING), acts.encode())
         if life is not None:
-            # Noted before the rename: should we die between, the digest does not fit and nothing is claimed.
-            self._keep({**marker, "replaced": {**replaced, str(joint): {"life": life.name, "digest": _digest(new)}}})
+            # Noted before the rename, with both: should we die between, what acts is known all the same.
+            both = {"life": life.name, "digest": _digest(new), "was": _digest(read(path))}
+            self._keep({**marker, "replaced": {**replaced, str(joint): both}})
         durable(path, new)
         path.with_name(path.name + NEW).unlink(missing_ok=True)
 
-    def clear(self, joint: int) -> None:
-        """A file without rows takes the old one's place, which is kept; the marker's transaction stays."""
+    def clear(self, joint: int, text: str) -> None:
+        """A file that corrects nothing takes the old one's place, which is kept; the marker's transaction stays."""
         path = self.path(joint)
         durable(path.with_name(path.name + BEFORE), read(path))
-        self._take_over(joint, path, EMPTY)
+        self._take_over(joint, path, text.encode())
 
     def finish(self, transaction: int, state: str) -> None:
         """Leave the marker in its last state."""

@@ -24,9 +24,9 @@ from drivers.sinumerik.mailbox.reader import MailboxReader
 from drivers.sinumerik.mailbox.settings import ModbusSettings
 from drivers.sinumerik.mailbox.switching import Switching
 from drivers.sinumerik.mailbox.wire import ModbusWire
-from drivers.sinumerik.standing import KeepsPlaces
 from drivers.sinumerik.tablefile import tables
 from drivers.sinumerik.tablefile.held import HELD, REVERSAL
+from drivers.standing import KeepsPlaces
 from drivers.terms import TableKind
 from drivers.types.abilities import Capabilities, Marker, TableLimits
 from drivers.types.identity import Identity, MachineIdentity

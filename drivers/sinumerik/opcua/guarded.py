@@ -17,7 +17,7 @@ from drivers.sinumerik.opcua.machine import Configuration, MachineReader
 from drivers.sinumerik.opcua.measuring import Measuring
 from drivers.sinumerik.opcua.settings import UaSettings
 from drivers.sinumerik.opcua.transfer import Transfer
-from drivers.sinumerik.standing import KeepsPlaces
+from drivers.standing import KeepsPlaces
 from drivers.types.stops import StopPlan, StopReached
 from drivers.units import AxisUnit
 from drivers.workpiece import GrindPlan

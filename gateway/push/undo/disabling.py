@@ -96,7 +96,9 @@ async def _carried_out(context: PushContext, order: DisableOrder) -> tuple[Switc
             conversation.ask_release(context)
             await context.controller.prepare_disable(order)
             await tell_motion(context.controller, context.say)
-            if context.controller.capabilities.stops:
+            if not context.controller.capabilities.switches_now:
+                context.say("P-PUSH-DISABLE-START", axis=context.axis.name, table=order.name)
+            elif context.controller.capabilities.stops:
                 context.say("P-PUSH-DISABLE", axis=context.axis.name, table=order.name)
             found = await context.controller.wait_disabled(order, context.start_timeout_s)
     except TrueflankError as error:
@@ -105,7 +107,7 @@ async def _carried_out(context: PushContext, order: DisableOrder) -> tuple[Switc
 
 
 def _say_how_far(context: PushContext, order: DisableOrder, found: SwitchReading | None) -> None:
-    if found is not None and not found.off:
+    if found is not None and not found.off and context.controller.capabilities.switches_now:
         acting, unit = round(found.acting, 3), _unit(context)
         context.say("P-PUSH-DISABLE-MOVES", axis=order.axis, table=order.name, acting=acting, unit=unit)
 

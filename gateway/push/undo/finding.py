@@ -68,12 +68,16 @@ class PushFinding:
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """What the controller says: the table in question, whether its neighbours are on, and its marker."""
+    """What the controller says: the table in question, whether its neighbours are on, its marker, and whether it waits.
+
+    ``waits``: the table stands for the control's next start, and another acts until then.
+    """
 
     live: LiveTable
     neighbours_on: bool = False
     marker: Marker | None = None
     marker_ours: bool = True
+    waits: bool = False
 
 
 def verdict(found: JournalRead, live: LiveTable | Seen | None, allowed: float, meant: Meant = as_kept) -> PushFinding:
@@ -134,6 +138,8 @@ def _tries(found: JournalRead) -> int:
 
 def _by_content(found: JournalRead, seen: Seen, allowed: float, meant: Meant) -> tuple[str, Action]:
     old, new = tables_of(found, meant)
+    if seen.waits:
+        return ("R-PUSH-WAITS", "restore") if announced(found, "ENABLE") else ("R-PUSH-FOREIGN", "none")
     if not differences(old.table, seen.live.table, allowed):
         return _is_old(old, seen, found)
     if not differences(new, seen.live.table, allowed):

@@ -22,7 +22,7 @@ from gateway.errors import VerifyError, WriteRefused
 from gateway.interlocks.facts import rest_of
 from gateway.push import conversation
 from gateway.push.beginning import closed_at_the_end
-from gateway.push.compare import agreeing_position, aside, effect_positions, table_in, tolerance
+from gateway.push.compare import aside, effect_positions, place_for, table_in, tolerance
 from gateway.push.context import PushContext
 from gateway.push.effect import prove_effect
 from gateway.push.records import journal
@@ -79,11 +79,11 @@ async def _see(found: JournalRead, context: PushContext) -> tuple[Seen | None, f
         return None, 0.0
     _old, new = tables_of(found, context.meant)
     limits = await context.controller.table_limits(context.axis.name, new.kind, new.index)
-    live = await conversation.read_live(context)
+    live = await conversation.read_loaded(context)
     marker = await context.controller.marker() if context.controller.capabilities.marker else None
     ours = marker is None or marker.transaction in journal.orders_of(found) or _known(context, marker)
     neighbours = _neighbours_on(aside(live, _beside(found, context)), new)
-    return Seen(table_in(live, new), neighbours, marker, ours), tolerance(limits, new)
+    return Seen(table_in(live, new), neighbours, marker, ours, waits=live.waits), tolerance(limits, new)
 
 
 def _beside(found: JournalRead, context: PushContext) -> tuple[CompensationTable, ...]:
@@ -116,7 +116,7 @@ def _neighbours_on(live: LiveSet, table: CompensationTable) -> bool:
 def _place(found: JournalRead, context: PushContext) -> float:
     old, new = tables_of(found, context.meant)
     axis = context.moved
-    place = agreeing_position(old, new, axis.reference, axis.room)
+    place = place_for(old, new, axis, context.controller.capabilities)
     return axis.reference if place is None else place
 
 

@@ -112,19 +112,21 @@ def _tell(work: Work, why: str, *, off: bool) -> None:
 async def _is_whole(work: Work) -> bool:
     """Whether what is enabled is known to be the old table as it was, or the new one that this push released.
 
-    Read where no program is needed for it, else as it was read last; what cannot be told is not whole.
+    Read where no program is needed for it, else as it was read last; what cannot be told is not whole. Where the old
+    table waits for the control's next start, nothing better can stand there.
     """
-    found = work.seen
-    if not work.context.controller.capabilities.stops:
+    found, can, old = work.seen, work.context.controller.capabilities, work.restore_to
+    if not can.stops or not can.switches_now:
         try:
             with foreseen(work.axis):
-                live = await conversation.read_live(work.context)
+                live = await conversation.read_loaded(work.context)
         except TrueflankError:
             return False
         found = table_in(live, work.change.new)
+        if live.waits:
+            return not differences(old.table, found.table, work.allowed)
     if found is None or not found.enabled:
         return False
-    old = work.restore_to
     if old.enabled and not differences(old.table, found.table, work.allowed):
         return True
     released = "ENABLE" in journal.read(work.whole.journal.path).part(work.of).kinds
@@ -140,11 +142,11 @@ async def _restore(work: Work) -> None:
     await work.context.clock.sleep(SETTLE_S)
     await work.only_ours()
     await _asked(work)
-    live = await conversation.read_live(work.context)
+    live = await conversation.read_loaded(work.context)
     work.again = work.again or is_beside(live, work)
     found = work.seen = table_in(live, work.change.new)
     before = as_before(work, live)
-    if before and not _doubted(work):
+    if before and not live.waits and not _doubted(work):
         return
     if not before and found.enabled and differences(work.change.new, found.table, work.allowed):
         raise VerifyError("E-PUSH-FOREIGN", work.axis, axis=work.axis)

@@ -9,7 +9,7 @@ import numpy as np
 
 from drivers.errors import words
 from drivers.limits import ACCESS_LEVEL
-from drivers.types.abilities import TableLimits
+from drivers.types.abilities import Capabilities, TableLimits
 from drivers.types.tables import LiveSet
 from drivers.units import deviation_scale
 from gateway.config import AxisSection
@@ -23,9 +23,10 @@ from gateway.table import propose as propose_table
 from gateway.table.limits import told
 from gateway.table.proposal import InstrumentU
 from gateway.workflow import stages
+from gateway.workflow.axes.bothways import in_directions, left_of
 from gateway.workflow.axes.coarse import cannot_hold
 from gateway.workflow.axes.measure import MeasuredAxis
-from gateway.workflow.axes.reversing import reversal_change
+from gateway.workflow.axes.reversing import reversal_change, reversal_of_capture
 from gateway.workflow.axes.structure import Structure, structure_of
 from gateway.workflow.bench import Bench
 from gateway.workflow.consents import proposed, tell
@@ -69,10 +70,21 @@ async def _changes(at: Bench, axis: AxisSection, item: MeasuredAxis) -> tuple[Ta
     turned = reversal_change(
         axis, shown, capture.live, can=controller.capabilities, resolution=resolution, against=barred
     )
+    seen = reversal_of_capture(axis, shown) if _in_columns(controller.capabilities) else None
+    if seen is not None and turned is not None:
+        turned = left_of(turned, seen)
     change = change_of(axis, shown, capture.live, limits, turned=turned)
+    if seen is not None:
+        change, turned = in_directions(axis, change, capture.live, limits=limits, seen=seen), None
     against = () if change.skipped else not_worth_it(capture, change)
     own = replace(change, skipped="; ".join(one.words for one in against)) if against else change
     return (own, turned) if turned is not None else (own,)
+
+
+def _in_columns(can: Capabilities) -> bool:
+    """Whether its own table holds a curve for each direction, so that a reversal needs no place of its own."""
+    own = can.table("axis")
+    return own is not None and own.directions == "columns"
 
 
 async def _against_reversal(at: Bench, axis: AxisSection) -> str:

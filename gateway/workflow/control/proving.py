@@ -28,11 +28,11 @@ SWITCH_SETTLE_S = 8.0
 
 
 def provable(at: Bench, axis: AxisSection) -> bool:
-    """Whether a push can prove a sign itself: an instrument sees the output axis, and the table can be switched."""
+    """Whether a push can prove a sign itself: an instrument sees the output axis, on a road that lets it."""
     controller = at.supervisor.controller
     if isinstance(controller, Carried) and (at_work().ends or not _typed(at, axis)):
         return False  # an instrument cannot be read while the axis stands at a stop of a program that was carried
-    return bool(axis.measure.instrument) and controller.capabilities.switches_now
+    return bool(axis.measure.instrument) and controller.capabilities.proves_signs
 
 
 def _typed(at: Bench, axis: AxisSection) -> bool:
@@ -57,7 +57,8 @@ class Mounted:
         """What it reads at a stop, from a new datum: between two proofs a push moves the axis at its own feed."""
         rig, axis = self.rig, self.rig.axis
         combine = combined(axis, rig.instrument, self.sense)
-        window = replace(rig.window, settle_s=SWITCH_SETTLE_S)
+        still = rig.controller.capabilities.switches_now
+        window = replace(rig.window, settle_s=SWITCH_SETTLE_S) if still else rig.window
         scale = deviation_scale(axis.unit)
         if isinstance(rig.instrument, RotaryCalibrator):
             await rig.instrument.hold()
@@ -91,17 +92,16 @@ async def prove(at: Bench, change: TableChange, context: PushContext, eye: Mount
     grid = at.axis(table.input_axis).table
     proving(at, change)
     live, eye.live = eye.live, None
-    async with eye.reading() as read_stop:
-        proof = await prove_sign(
-            context,
-            grid.minimum,
-            maximum=grid.maximum,
-            step=grid.step,
-            read_stop=read_stop,
-            kind=table.kind,
-            index=table.index,
-            live=live,
-        )
+    proof = await prove_sign(
+        context,
+        grid.minimum,
+        maximum=grid.maximum,
+        step=grid.step,
+        reading=eye.reading,
+        kind=table.kind,
+        index=table.index,
+        live=live,
+    )
     at.proofs.save(proof)
     at.say("P-SIGN-PROVED", axis=eye.rig.axis.name, slope=f"{proof.slope:+.3f}")
     return proof

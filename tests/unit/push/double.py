@@ -16,9 +16,9 @@ from drivers.clock import LoopClock
 from drivers.errors import DeadlineExceeded, DeviceRefused, UnsupportedDevice
 from drivers.ports.devices import Tell
 from drivers.sinumerik.opcua.reading import read_live
-from drivers.sinumerik.standing import KeepsPlaces
 from drivers.sinumerik.tablefile import tables
 from drivers.sinumerik.tablefile.held import HELD
+from drivers.standing import KeepsPlaces
 from drivers.types.abilities import Capabilities, Marker, TableLimits
 from drivers.types.identity import Identity, MachineIdentity
 from drivers.types.machine import AxisState, ChannelStatus, MachineState

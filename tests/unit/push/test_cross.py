@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -281,7 +282,9 @@ def prove(at: Bench, cec_sign: int, gain: float = 1.0, noise: float = 0.02, u: f
     async def read(_stop: Stop) -> tuple[float, float]:
         return 55.0 - gain * cec_sign * at.machine.crossing + float(rng.normal(0.0, noise)), u
 
-    return run_virtual(lambda: prove_sign(at.context, 0.0, 400.0, 50.0, read, kind="cross", index=WAVE.index))
+    return run_virtual(
+        lambda: prove_sign(at.context, 0.0, 400.0, 50.0, lambda: nullcontext(read), kind="cross", index=WAVE.index)
+    )
 
 
 @ROADS
@@ -318,7 +321,7 @@ def test_an_eec_sign_is_proved_by_the_panel_too(tmp_path: Path) -> None:
     async def read(_stop: Stop) -> tuple[float, float]:
         return -at.machine.compensation, 0.05
 
-    proved = run_virtual(lambda: prove_sign(at.context, 0.0, 400.0, 50.0, read))
+    proved = run_virtual(lambda: prove_sign(at.context, 0.0, 400.0, 50.0, lambda: nullcontext(read)))
     assert (proved.kind, proved.sign) == ("axis", 1)
     assert at.machine.own == LiveTable(OLD, enabled=True)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -38,7 +39,9 @@ def prove(at: Bench, gain: float = -1.0, noise: float = 0.02, u: float = 0.05, *
     async def read(_stop: Stop) -> tuple[float, float]:
         return 123.0 + gain * at.machine.compensation + float(rng.normal(0.0, noise)), u
 
-    return run_virtual(lambda: prove_sign(replace(at.context, proof=None, **context), 0.0, 400.0, 50.0, read))
+    return run_virtual(
+        lambda: prove_sign(replace(at.context, proof=None, **context), 0.0, 400.0, 50.0, lambda: nullcontext(read))
+    )
 
 
 @pytest.mark.parametrize("old", [OLD_ON, LiveTable(OLD, enabled=False), LiveTable(NEVER, enabled=False)])
@@ -87,7 +90,7 @@ def test_a_lost_beam_restores_too(tmp_path: Path) -> None:
         raise BeamObstructed("E-CAP-BEAM", "laser", at_s=1.0)
 
     with pytest.raises(BeamObstructed):
-        run_virtual(lambda: prove_sign(at.context, 0.0, 400.0, 50.0, read))
+        run_virtual(lambda: prove_sign(at.context, 0.0, 400.0, 50.0, lambda: nullcontext(read)))
     assert at.machine.own == OLD_ON
 
 
@@ -131,7 +134,7 @@ def test_the_order_of_switching(tmp_path: Path) -> None:
         return -at.machine.compensation, 0.05
 
     at.controller.faults[("read_back", 9, "after")] = changing()
-    run_virtual(lambda: prove_sign(at.context, 0.0, 400.0, 50.0, read))
+    run_virtual(lambda: prove_sign(at.context, 0.0, 400.0, 50.0, lambda: nullcontext(read)))
     assert [switch for switch, _place in seen] == [False, True] * 3
     assert len({place for _switch, place in seen}) == 1
 
