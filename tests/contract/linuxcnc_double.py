@@ -64,8 +64,7 @@ class Machine:
         self.inputs: dict[str, bool] = {}
         self.aout = [0.0] * 4
         self.position, self.trim = [0.0] * 3, [0.0] * 3
-        self.homed = False
-        self.fresh = False
+        self.homed = self.fresh = False
         self.program: Iterator[tuple[int, bool]] | None = None
         self.file, self.mode, self.interp = "", self.MODE_MANUAL, self.INTERP_IDLE
 
@@ -73,7 +72,8 @@ class Machine:
         """Read the files; a missing one keeps the kernel from starting."""
         self.starts += 1
         known = self._ini()
-        self.rows = [_read(self.folder / known[f"JOINT_{joint}"]["COMP_FILE"], self._kind(joint)) for joint in range(3)]
+        files = [known[f"JOINT_{joint}"].get("COMP_FILE") for joint in range(3)]
+        self.rows = [_read(self.folder / file, self._kind(at)) if file else [] for at, file in enumerate(files)]
         self.life = Life(f"life-{self.starts}", time.time())  # noqa: TID251 - files of a disk have its time
 
     def restart(self) -> None:

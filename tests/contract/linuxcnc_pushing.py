@@ -48,7 +48,7 @@ async def person(on: Stage, root: Path, heard: list[str]) -> AsyncIterator[PushC
                 continue
             if {"P-PUSH-NEXT-START", "P-PUSH-DISABLE-START"} & set(heard[done:]):
                 done = len(heard)
-                on.machine.restart()
+                await on.restart()
             on.machine.cycle_start()
 
     machine = await on.device.identify()

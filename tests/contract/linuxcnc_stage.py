@@ -12,7 +12,8 @@ from typing import Any
 
 from drivers.clock import Clock, LoopClock
 from drivers.contract.subject import Moment, Subject
-from drivers.errors import TransportError
+from drivers.errors import DeadlineExceeded, TransportError
+from drivers.linuxcnc.agent.__main__ import LOOK_S
 from drivers.linuxcnc.agent.answering import Agent
 from drivers.linuxcnc.agent.kernel import Kernel
 from drivers.linuxcnc.device import LinuxCnc
@@ -53,8 +54,16 @@ class Stage:
         """Somebody restarts LinuxCNC after a while."""
         task = asyncio.ensure_future(work)
         await self.clock.sleep(3.0)
-        self.machine.restart()
+        await self.restart()
         return await task
+
+    async def restart(self) -> None:
+        """A person's: it is down for a while, then up without a home; the agent's lines end with the old life."""
+        self.machine.stop()
+        await self.clock.sleep(2.0)
+        self.machine.start()
+        await self.clock.sleep(1.0)
+        self.machine.homed = True
 
 
 def agent_of(machine: Machine) -> Agent:
@@ -72,10 +81,16 @@ async def on_stage(folder: Path) -> AsyncIterator[Stage]:
     stage = Stage(machine, agent_of(machine), device, clock, url, token)
 
     async def converse(wire: ByteTransport) -> None:
-        held = b""
+        """As the agent's child: it looks twice a second whether its life of the kernel is over, and leaves then."""
+        held, mine = b"", stage.machine.life
         with contextlib.suppress(TransportError):
-            while True:
-                *lines, held = (held + await wire.read(1 << 16)).split(b"\n")
+            while stage.machine.life is mine:
+                try:
+                    async with clock.deadline(LOOK_S, url):
+                        held += await wire.read(1 << 16)
+                except DeadlineExceeded:
+                    continue
+                *lines, held = held.split(b"\n")
                 for line in lines:
                     try:
                         answer = stage.agent.line(line)

@@ -28,7 +28,7 @@ from tests.interop.linuxcnc_host import ROOT, TOKEN, Host
 
 EXAMPLE = ROOT / "examples" / "sites" / "linuxcnc-mill.toml"
 JOINTS = {"X1": 0, "C1": 3}
-LOOK_S, LATE_S, BLOCK_S, MOUNT_S, RUN_S = 0.02, 0.1, 0.05, 1.0, 560.0
+LOOK_S, LATE_S, BLOCK_S, MOUNT_S, RUN_S = 0.02, 0.1, 0.05, 1.0, 1800.0
 CELL: dict[str, Any] = {
     "name": "plant",
     "axes": [
