@@ -15,8 +15,9 @@ from typing import Any, TypeVar
 from drivers.errors import ConfigError, TrueflankError
 from gateway.cli.begin.checking import checked
 from gateway.cli.begin.initialising import keep
+from gateway.cli.begin.keys import PASSWORD
 from gateway.cli.begin.questions import Judge, Why, anything
-from gateway.cli.begin.wizard import PASSWORD, STORE, wizard_text
+from gateway.cli.begin.wizard import STORE, wizard_text
 from gateway.cli.stopping import run_to_end
 
 T = TypeVar("T")

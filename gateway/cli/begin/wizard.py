@@ -14,6 +14,7 @@ from drivers.errors import TrueflankError, words
 from drivers.local.names import is_name, shown
 from drivers.local.ownfiles import opened
 from drivers.types.moves import FEED_DEG, FEED_MM
+from gateway.cli.begin.keys import password, token
 from gateway.cli.begin.questions import Questioner, Why, why
 from gateway.cli.begin.siteparts import (
     OPTICS,
@@ -32,9 +33,11 @@ from gateway.cli.begin.siteparts import (
 from gateway.cli.begin.surveying import surveyed
 
 TIMEOUT_S = 10.0
-ROADS = {"opcua": "sinumerik-opcua", "mailbox": "sinumerik-modbus", "files": "sinumerik-opcua"}
+_UA, _PLC, _AGENT = "sinumerik-opcua", "sinumerik-modbus", "linuxcnc-agent"
+ROADS = {"opcua": _UA, "mailbox": _PLC, "linuxcnc": _AGENT, "files": _UA}
 URLS = {"opcua": "opc.tcp://192.168.214.1:4840", "mailbox": "tcp://192.168.214.1:502"}
-PASSWORD, CERTIFICATE, VARIABLE = "password.txt", "control.der", "TRUEFLANK_PASSWORD"
+URLS |= {"linuxcnc": "tcp://127.0.0.1:5011"}
+CERTIFICATE = "control.der"
 STORE = "runs"
 USUAL_AXES = "X1 Z1 C1"
 USUAL_TRAVEL = (0.0, 500.0)
@@ -77,21 +80,10 @@ def _control(asker: Questioner, road: str, folder: Path) -> dict[str, Any]:
     control["url"] = asker.ask("url", "P-INIT-URL", URLS[road], _something)
     if road == "mailbox":
         return control | {"settings": {"unit": 1, "word_order": "high-first"}}
+    if road == "linuxcnc":
+        return control | {"settings": token(asker, folder)}
     settings = {"user": asker.ask("user", "P-INIT-USER", "OpcUaClient")}
-    return control | {"settings": settings | _password(asker, folder) | {"server_certificate": CERTIFICATE}}
-
-
-def _password(asker: Questioner, folder: Path) -> dict[str, str]:
-    """Where the password is; a typed one goes into a file that only its owner reads, and into no site file."""
-    place = folder / PASSWORD
-    if place.exists():
-        return {"password_file": PASSWORD}
-    password = asker.ask("password", "P-INIT-PASSWORD", "", secret=True)
-    if not password:
-        return {"password_env": VARIABLE}
-    with opened(place, "wb", secret=True) as file:
-        file.write(f"{password}\n".encode())
-    return {"password_file": PASSWORD}
+    return control | {"settings": settings | password(asker, folder) | {"server_certificate": CERTIFICATE}}
 
 
 def _facts(road: str, control: dict[str, Any], folder: Path, asker: Questioner) -> ControlFacts | None:
@@ -99,7 +91,7 @@ def _facts(road: str, control: dict[str, Any], folder: Path, asker: Questioner) 
     if road == "files":
         return None
     settings = dict(control["settings"])
-    for key in ("password_file", "server_certificate"):
+    for key in ("password_file", "server_certificate", "token_file"):
         settings |= {key: str(folder / settings[key])} if key in settings else {}
     try:
         if road == "opcua" and not _trusted(control, settings, folder, asker):

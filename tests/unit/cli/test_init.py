@@ -43,7 +43,7 @@ def test_an_owner_of_files_gets_a_checked_file_from_three_answers(tmp_path: Path
 def test_every_question_says_why_it_is_asked_and_a_wrong_answer_is_asked_again(tmp_path: Path) -> None:
     done = ran(tmp_path, typed="opc\nfiles\nmy grinder\nm1\nS7\nX1 X1\nY B\nX 0 1\nY -100 200, B -20 120\n")
     assert done.exit_code == 0, done.output
-    assert "must be opcua, mailbox, files" in done.output
+    assert "must be opcua, mailbox, linuxcnc, files" in done.output
     assert "Nothing is written to a machine with another serial number" in done.output
     site = load_site(tmp_path / "site.toml")
     assert [(axis.name, axis.kind, axis.travel) for axis in site.axes] == [
@@ -231,6 +231,18 @@ def test_the_schema_holds_the_settings_of_every_driver() -> None:
         for name, model in settings_models(role).items():
             assert set(whole["$defs"][f"Settings-{name}"]["properties"]) == set(model.model_fields)
     assert len(whole["$defs"]["InstrumentSection"]["allOf"]) >= 5
+
+
+def test_an_owner_of_linuxcnc_gets_a_checked_file_and_a_token_for_the_agent(tmp_path: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as closed:
+        port = closed.getsockname()[1]
+    given = ("road=linuxcnc", f"url=tcp://127.0.0.1:{port}", "axes=X A", "travel=X 0 300, A 0 360")
+    done = ran(tmp_path, "--yes", *(word for one in given for word in ("--answer", one)))
+    assert done.exit_code == 0, done.output
+    token = tmp_path / "token.txt"
+    assert token.stat().st_mode & 0o077 == 0
+    assert len(token.read_text().strip()) >= 16
+    assert checked(tmp_path / "site.toml").faults == ()
 
 
 def test_an_owner_of_a_mailbox_gets_a_checked_file_though_no_plc_answers_yet(tmp_path: Path) -> None:
