@@ -45,7 +45,8 @@ soak: $(VENV)/developed
 	TRUEFLANK_MACHINES=$(N) TRUEFLANK_PROOF=$(PROOF) \
 		$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal -m "soak or long"
 
-# Families of hard machines alone, N of each (20 at most): how honest the uncertainties are, into docs/families.md.
+# Families of hard machines alone, N of each (20 at most): how honest the uncertainties are, into docs/families.md. What
+# a machine gave is kept in .families: stopped, it goes on from there as long as the code is the same.
 families: $(VENV)/developed
 	TRUEFLANK_MACHINES=$(N) TRUEFLANK_PROOF=$(PROOF) \
 		$(BIN)/python -m pytest -q -s -n 0 -m soak tests/closing/test_families.py
@@ -149,4 +150,4 @@ $(VENV)/developed: pyproject.toml locks/dev.lock
 	touch $@ $(VENV)/installed
 
 clean:
-	rm -rf $(VENV) $(TOOLS) dist demo .browser .mypy_cache .ruff_cache .pytest_cache
+	rm -rf $(VENV) $(TOOLS) dist demo .browser .families .mypy_cache .ruff_cache .pytest_cache

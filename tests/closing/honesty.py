@@ -35,7 +35,7 @@ def of_expanded(true: FloatArray, said: FloatArray, U: FloatArray) -> FloatArray
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """Normalised errors of one kind of figure over some machines: their mean and their standard deviation about it."""
+    """Normalised errors of one kind of figure over some machines: their mean, and ``deviation`` ``by`` what it is told."""
 
     what: str
     family: str
@@ -43,6 +43,7 @@ class Spread:
     mean: float
     deviation: float
     limits: tuple[float, float]
+    by: str = "standard deviation"
 
     @property
     def judged(self) -> bool:
@@ -59,7 +60,7 @@ class Spread:
         """For a row of the page."""
         told = "" if self.judged else ", too few to be judged"
         return (
-            f"{self.what} of {self.family}: standard deviation {self.deviation:.2f}, mean {self.mean:+.2f}, "
+            f"{self.what} of {self.family}: {self.by} {self.deviation:.2f}, mean {self.mean:+.2f}, "
             f"{self.machines} machines (allowed {self.limits[0]} to {self.limits[1]}{told})"
         )
 

@@ -1,8 +1,9 @@
 """Closing runs on machines beyond the class, family by family: nothing gets worse, and what was predicted comes true.
 
 `make test` tries on a true machine what is proposed to it, `make long` on one of every family, and sends three through
-short runs; `make soak N=20`, or `make families N=20` alone, sends so many of each family (20 at most) through whole
-ones, judges how honest their uncertainties are, and writes docs/families.md.
+short runs. `make soak N=20`, or `make families N=20` alone, takes so many of each family (20 at most): each is tried on
+its truth and goes through a short run, one of each family through a whole one. It judges how honest their uncertainties
+are, and writes docs/families.md.
 """
 
 from __future__ import annotations

@@ -124,4 +124,4 @@ def _spread(family: str, trials: Sequence[Trial], limits: tuple[float, float]) -
     ratios = [one.ratio for one in trials]
     count = max(len(ratios), 1)
     mean, square = sum(ratios) / count, sum(ratio**2 for ratio in ratios) / count
-    return Spread("errors alone", family, len(ratios), mean, square**0.5, limits)
+    return Spread("errors alone", family, len(ratios), mean, square**0.5, limits, by="root mean square")
