@@ -35,7 +35,7 @@ def of_expanded(true: FloatArray, said: FloatArray, U: FloatArray) -> FloatArray
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """Normalised errors of one kind of figure over some machines: their mean, and ``deviation`` ``by`` what it is told."""
+    """Normalised errors of one kind of figure over some machines: their mean, and ``deviation``, named by ``by``."""
 
     what: str
     family: str
