@@ -193,6 +193,8 @@ LAYOUT = """() => {
     if (over(one) && getComputedStyle(one).display !== 'inline') says('cut', one);
   for (const one of every('.top, .rail, .low, .now, .screen, .panel')) if (over(one)) says('wide', one);
   if (document.documentElement.scrollHeight > innerHeight + 1) found.push('the whole page scrolls');
+  const um = document.documentElement.lang === 'de' && /[a-zäöü,;:] µm [a-zäöü0-9]/.exec(document.body.innerText);
+  if (um) found.push(`a word taken for a unit: ${um[0]}`);
   const commands = ['recover', 'disable', 'rollback', 'push', 'approve', 'doctor', 'trust', 'self-test', 'run',
     'measure', 'verify-table', 'report'];
   const ordered = new RegExp(`trueflank (${commands.join('|')})(?![a-z-])`).exec(document.body.innerText);

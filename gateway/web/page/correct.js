@@ -5,7 +5,7 @@ import { h, show } from "./dom.js";
 import { array, number, unit, when } from "./figures.js";
 import { record } from "./evaluate.js";
 import { base, chosen, on, state } from "./state.js";
-import { plain, t, told } from "./words.js";
+import { plain, stateOf, t, told } from "./words.js";
 
 export const correct = { open };
 const asked = { run: "", change: 0 };
@@ -50,7 +50,7 @@ async function drawAll(head, body) {
   const proposal = await record(run.run_id, "proposal");
   asked.change = Math.min(asked.change, proposal.changes.length - 1);
   const again = () => drawAll(head, body);
-  show(head, h("label", { class: "inline" }, t("evaluate.run"), h("select", { id: "pick-run", onchange: (event) => { asked.run = event.target.value; again(); } }, runs.map((one) => h("option", { value: one.run_id, selected: one === run }, `${when(one.created_utc)} · ${one.state}`)))),
+  show(head, h("label", { class: "inline" }, t("evaluate.run"), h("select", { id: "pick-run", onchange: (event) => { asked.run = event.target.value; again(); } }, runs.map((one) => h("option", { value: one.run_id, selected: one === run }, `${when(one.created_utc)} · ${stateOf(one)}`)))),
     h("div", { class: "tabs", role: "group", "aria-label": t("correct.tables") }, proposal.changes.map((one, at) => h("button", { "aria-pressed": String(at === asked.change), onclick: () => { asked.change = at; again(); } }, nameOf(one)))));
   const change = proposal.changes[asked.change];
   const axis = state.plan.axes.find((one) => one.axis === change.new.input_axis) ?? state.plan.axes[0];

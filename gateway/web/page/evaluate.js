@@ -5,7 +5,7 @@ import { shown } from "./dialogs.js";
 import { h, show } from "./dom.js";
 import { array, number, signed, unit, when } from "./figures.js";
 import { base, chosen, on, state } from "./state.js";
-import { t, told } from "./words.js";
+import { stateOf, t, told } from "./words.js";
 
 export const evaluate = { open };
 const asked = { run: "", axis: "", phase: "", standard: "" };
@@ -45,7 +45,7 @@ async function drawAll(head, body) {
   const again = () => drawAll(head, body);
   const pick = (name, options, value) => h("label", { class: "inline" }, t(`evaluate.${name}`), h("select", { id: `pick-${name}`, onchange: (event) => { choose(name, event.target.value); again(); } },
     options.map(([key, text]) => h("option", { value: key, selected: key === value }, text))));
-  show(head, pick("run", runs.map((one) => [one.run_id, `${when(one.created_utc)} · ${one.state}`]), asked.run),
+  show(head, pick("run", runs.map((one) => [one.run_id, `${when(one.created_utc)} · ${stateOf(one)}`]), asked.run),
     pick("axis", sets.map(([, axis, phase]) => [`${axis} ${phase}`, `${axis} · ${t(`phase.${phase}`)}`]), `${asked.axis} ${asked.phase}`),
     pick("standard", [["", t("evaluate.stored")], ...standards.map((one) => [one.name, one.name])], asked.standard));
   const evaluation = await record(asked.run, `evaluation-${asked.axis}-${asked.phase}`);

@@ -5,7 +5,7 @@ import { h, s, show, write } from "./dom.js";
 import { number, unit, when } from "./figures.js";
 import { unrolled } from "./flankmap.js";
 import { base, chosen, on, state } from "./state.js";
-import { t, told } from "./words.js";
+import { stateOf, t, told } from "./words.js";
 
 export const model = { open };
 const asked = { run: "", error: "", sizes: {} };
@@ -30,7 +30,7 @@ async function drawAll(head, body, before) {
   if (key === before) return key;
   if (asked.run !== run.run_id) Object.assign(asked, { run: run.run_id, sizes: {} });
   const choose = (event) => { Object.assign(asked, { run: event.target.value, sizes: {} }); drawAll(head, body, null); };
-  show(head, h("label", { class: "inline" }, t("evaluate.run"), h("select", { id: "pick-run", onchange: choose }, able.map((one) => h("option", { value: one.run_id, selected: one === run }, `${when(one.created_utc)} · ${one.state}`)))),
+  show(head, h("label", { class: "inline" }, t("evaluate.run"), h("select", { id: "pick-run", onchange: choose }, able.map((one) => h("option", { value: one.run_id, selected: one === run }, `${when(one.created_utc)} · ${stateOf(one)}`)))),
     h("span", { class: "gap" }), h("button", { id: "as-measured", onclick: () => { asked.sizes = {}; drawAll(head, body, null); } }, t("model.as_measured")));
   drawRun(body, await at("model"));
   return key;

@@ -10,7 +10,7 @@ import { lamps } from "./lamps.js";
 import { refresh } from "./live.js";
 import { field } from "./signin.js";
 import { base, changed, chosen, may, on, state } from "./state.js";
-import { plain, say, t, told } from "./words.js";
+import { plain, say, stateOf, t, told } from "./words.js";
 
 export const push = { open };
 const asked = { run: "" };
@@ -34,7 +34,7 @@ async function plan(box) {
   const proposal = await record(run.run_id, "proposal");
   const busy = Boolean(state.status.run);
   const needed = state.file.site.approvals;
-  show(box, h("h2", {}, t("push.plan")), h("label", { class: "inline" }, t("evaluate.run"), h("select", { id: "pick-run", onchange: (event) => { asked.run = event.target.value; plan(box); } }, runs.map((one) => h("option", { value: one.run_id, selected: one === run }, `${when(one.created_utc)} · ${one.state}`)))),
+  show(box, h("h2", {}, t("push.plan")), h("label", { class: "inline" }, t("evaluate.run"), h("select", { id: "pick-run", onchange: (event) => { asked.run = event.target.value; plan(box); } }, runs.map((one) => h("option", { value: one.run_id, selected: one === run }, `${when(one.created_utc)} · ${stateOf(one)}`)))),
     h("ul", { class: "moves" }, proposal.changes.map((one) => h("li", {}, h("b", {}, nameOf(one)), ` ${plain(one.skipped) || t("push.replaces", { points: one.new.deviations.length, old: t(one.old_enabled ? "correct.was_on" : "correct.was_off") })}`))),
     h("p", {}, t(needed > 1 ? "push.two" : "push.one")),
     h("p", { id: "approved" }, state.approved[run.run_id]?.until > Date.now() ? `✔ ${t("push.approved_by", { names: state.approved[run.run_id].by.join(", ") })}` : `○ ${t("push.not_approved")}`),

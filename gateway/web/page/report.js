@@ -7,7 +7,7 @@ import { array, number, unit, when } from "./figures.js";
 import { limits, level, line, plot } from "./charts.js";
 import { base, chosen, may, on, state } from "./state.js";
 import { trends } from "./trends.js";
-import { t, told } from "./words.js";
+import { stateOf, t, told } from "./words.js";
 
 export const report = { open };
 const asked = { run: "", axis: "" };
@@ -30,7 +30,7 @@ async function drawAll(head, body) {
   const again = () => drawAll(head, body);
   const busy = state.status.run?.run_id === run.run_id;
   const link = (name, text) => h("a", { class: "key", href: `${base()}/runs/${encodeURIComponent(run.run_id)}/${name}`, target: "_blank", rel: "noopener" }, text);
-  show(head, h("label", { class: "inline" }, t("evaluate.run"), h("select", { id: "pick-run", onchange: (event) => { asked.run = event.target.value; again(); } }, runs.map((one) => h("option", { value: one.run_id, selected: one === run }, `${when(one.created_utc)} · ${one.state}`)))),
+  show(head, h("label", { class: "inline" }, t("evaluate.run"), h("select", { id: "pick-run", onchange: (event) => { asked.run = event.target.value; again(); } }, runs.map((one) => h("option", { value: one.run_id, selected: one === run }, `${when(one.created_utc)} · ${stateOf(one)}`)))),
     h("div", { class: "tabs", role: "group", "aria-label": t("evaluate.axis") }, axes.map((one) => h("button", { "aria-pressed": String(one === asked.axis), onclick: () => { asked.axis = one; again(); } }, one))),
     h("span", { class: "gap" }), h("button", { id: "trends", onclick: trends }, t("trends.open")), h("button", { id: "make-report", disabled: busy || !may("operator"), onclick: () => made(run.run_id) }, t("report.make")), link("report", t("report.open")), link("files/report.json", "JSON"), link("files/results.csv", "CSV"));
   const [before, after] = [await kept(run, "before"), await kept(run, "after")];
@@ -89,5 +89,5 @@ async function other(run, runs, before) {
     const stage = `evaluation-${asked.axis}-before`;
     show(place, overlay([["old", when(run.created_utc), before.evaluation], ["new", event.target.value.slice(0, 15), await record(event.target.value, stage)]], before.capture));
   };
-  return h("div", {}, h("label", { class: "inline" }, t("report.with"), h("select", { id: "pick-other", onchange: pick }, h("option", { value: "" }, "–"), rest.map((one) => h("option", { value: one.run_id }, `${when(one.created_utc)} · ${one.state}`)))), place);
+  return h("div", {}, h("label", { class: "inline" }, t("report.with"), h("select", { id: "pick-other", onchange: pick }, h("option", { value: "" }, "–"), rest.map((one) => h("option", { value: one.run_id }, `${when(one.created_utc)} · ${stateOf(one)}`)))), place);
 }

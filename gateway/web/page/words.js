@@ -15,7 +15,9 @@ export async function speak(code) {
   document.documentElement.lang = code;
 }
 
-const shown = (text) => text.replace(/(?<![\w\-./="`])(um|degC)(?![\w\-="`])/g, (found) => (found === "um" ? "µm" : "°C"));
+// "um" is also a German word: there it is a unit only behind a number or in front of a sign.
+const UNIT = { de: /(?<=[\d)>] ?|\bin )um(?![\w\-="`])|(?<![\w\-./="`])degC(?![\w\-="`])/g, usual: /(?<![\w\-./="`])(?:um|degC)(?![\w\-="`])/g };
+const shown = (text) => text.replace(UNIT[document.documentElement.lang] ?? UNIT.usual, (found) => (found === "um" ? "µm" : "°C"));
 
 // A format of the catalogue: {name}, {name:.2f}, {name:+.1f}, {name:g}.
 function filled(text, fields) {
@@ -37,7 +39,15 @@ export function t(key, fields) {
 
 export function say(code, fields, part = 0, otherwise = "") {
   const known = texts.codes[code];
+  const own = t(`instead.${code}_${part ? "do" : "what"}`, fields);
+  if (!own.startsWith("[")) return own;
   return known ? atPage(shown(filled(known[part], fields))) : atPage(otherwise) || code;
+}
+
+// What a run came to, in its state's word.
+export function stateOf(run) {
+  const found = t(`runstate.${run.state}`);
+  return found.startsWith("[") ? run.state : found;
 }
 
 // Commands that the catalogue names, and the key of the page that does the same, with its screen.

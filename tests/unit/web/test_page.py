@@ -82,6 +82,14 @@ def _checks() -> set[str]:
     return {name for path in files for name in made.findall(path.read_text(encoding="utf-8"))}
 
 
+def test_every_state_of_a_run_has_its_word_on_the_page() -> None:
+    files = (ROOT / "gateway" / "workflow").glob("**/*.py")
+    text = "\n".join(path.read_text(encoding="utf-8") for path in files)
+    found = set(re.findall(r"""set_state\("([a-z-]+)\"""", text))
+    assert len(found) > 8
+    assert {f"runstate.{one}" for one in found} - set(page_texts("en")) == set()
+
+
 def test_every_check_of_the_doctor_has_a_name_on_the_page() -> None:
     found = _checks()
     assert len(found) > 25
