@@ -10,8 +10,13 @@ LANGUAGES = {"en": "English", "zh": "中文", "de": "Deutsch"}
 
 
 @functools.cache
-def page_texts(language: str) -> dict[str, str]:
-    """The sentences of the operator's page by their keys, e.g. "push.arm"; `language` is one of `LANGUAGES`."""
-    file = resources.files("drivers").joinpath("messages", "page", f"{language}.toml")
+def texts_of(room: str, language: str) -> dict[str, str]:
+    """The sentences of a page by their keys, e.g. "push.arm"; ``room`` is page or panel."""
+    file = resources.files("drivers").joinpath("messages", room, f"{language}.toml")
     found = tomllib.loads(file.read_text(encoding="utf-8"))
-    return {f"{room}.{key}": text for room, texts in found.items() for key, text in texts.items()}
+    return {f"{part}.{key}": text for part, texts in found.items() for key, text in texts.items()}
+
+
+def page_texts(language: str) -> dict[str, str]:
+    """The sentences of the operator's page."""
+    return texts_of("page", language)

@@ -1,6 +1,19 @@
 // Presses what is pressed and shows how the machine stands, twice a second.
 const at = (id) => document.getElementById(id);
-const CHANNEL = ["● reset", "▶ runs", "❚❚ stands at a stop"];
+const CHANNEL = [["●", "reset"], ["▶", "runs"], ["❚❚", "stands"]];
+const LANGUAGES = { en: "English", zh: "中文", de: "Deutsch" };
+let texts = {};
+const t = (key) => texts[`panel.${key}`] ?? `[${key}]`;
+
+async function speak(code) {
+  texts = await (await fetch(`/words/${code}.json`)).json();
+  localStorage.setItem("language", code);
+  document.documentElement.lang = code;
+  document.title = t("title");
+  for (const one of document.querySelectorAll("[data-text]")) one.textContent = t(one.dataset.text);
+  for (const one of document.querySelectorAll("[data-label]")) one.setAttribute("aria-label", t(one.dataset.label));
+  at("language").replaceChildren(...Object.entries(LANGUAGES).map(([value, textContent]) => Object.assign(document.createElement("option"), { value, textContent, selected: value === code })));
+}
 
 async function give(line) {
   const answer = await (await fetch("/do", { method: "POST", headers: { "content-type": "text/plain" }, body: line })).json();
@@ -19,13 +32,13 @@ async function look() {
   try {
     now = await (await fetch("/machine")).json();
   } catch {
-    at("message").textContent = "The machine does not answer: the training has ended.";
+    at("message").textContent = t("gone");
     return;
   }
   at("name").textContent = now.name;
-  at("message").textContent = now.message || "no message";
-  const facts = { Channel: CHANNEL[now.channel], Mode: now.mode, Program: now.selected.split("/").pop() || "–", Alarms: now.alarms.join(" ") || "none",
-    ...Object.fromEntries(Object.entries(now.positions).map(([axis, value]) => [axis, value.toFixed(3)])), "Done last": now.operator.at(-1) ?? "–" };
+  at("message").textContent = now.message || t("no_message");
+  const facts = { [t("channel")]: `${CHANNEL[now.channel][0]} ${t(CHANNEL[now.channel][1])}`, [t("mode")]: now.mode, [t("program")]: now.selected.split("/").pop() || "–", [t("alarms")]: now.alarms.join(" ") || t("none"),
+    ...Object.fromEntries(Object.entries(now.positions).map(([axis, value]) => [axis, value.toFixed(3)])), [t("last")]: now.operator.at(-1) ?? "–" };
   at("facts").replaceChildren(...Object.entries(facts).map(([name, value]) => {
     const pair = document.createElement("div");
     pair.append(Object.assign(document.createElement("dt"), { textContent: name }), Object.assign(document.createElement("dd"), { textContent: value }));
@@ -45,5 +58,8 @@ for (const key of document.querySelectorAll("[data-do]")) key.onclick = () => gi
 for (const key of document.querySelectorAll("[data-instrument]")) key.onclick = () => give(`${key.dataset.instrument} ${at("instrument").value}`);
 at("mount").onclick = () => give(`mount ${at("mounting").value}`);
 at("auto").onchange = (event) => give(`auto ${event.target.checked ? "on" : "off"}`);
+at("language").onchange = (event) => speak(event.target.value).then(look);
+const kept = localStorage.getItem("language") ?? navigator.language.slice(0, 2);
+await speak(kept in LANGUAGES ? kept : "en");
 await look();
 setInterval(look, 500);

@@ -10,6 +10,7 @@ from urllib.parse import urlsplit
 
 from drivers.clock import LoopClock
 from drivers.errors import TransportError
+from drivers.languages import LANGUAGES, texts_of
 from drivers.transport import ByteTransport, Listener, serve
 from simulators.cell import Cell
 
@@ -19,6 +20,7 @@ FILES = {
     "/panel.js": ("panel.js", "text/javascript"),
     "/panel.css": ("panel.css", "text/css"),
 }
+WORDS = {f"/words/{language}.json": language for language in LANGUAGES}
 HEAD_BYTES, BODY_BYTES = 8192, 2048
 HEADERS = (
     "content-security-policy: default-src 'self'; base-uri 'none'; frame-ancestors 'none'\r\n"
@@ -59,6 +61,8 @@ async def _answer(wire: ByteTransport, cell: Cell, answered: Answered, port: int
     if method == "GET" and path in FILES:
         name, kind = FILES[path]
         return _sent(200, kind, resources.files("simulators.cell").joinpath(name).read_bytes())
+    if method == "GET" and path in WORDS:
+        return _sent(200, "application/json", json.dumps(texts_of("panel", WORDS[path])).encode())
     return _sent(404, "text/plain", b"nothing here")
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +11,7 @@ import httpx
 import pytest
 
 from drivers.clock import LoopClock
+from drivers.languages import LANGUAGES, texts_of
 from simulators.cell import cell_running
 from simulators.cell.__main__ import answered
 from simulators.cell.judge import Judge
@@ -50,3 +53,15 @@ async def test_keys_of_the_panel_do_what_the_same_words_do_and_nobody_else_press
                 assert (await person.get("/../panel.py")).status_code == 404
         finally:
             await panel.close()
+
+
+def test_the_console_has_every_sentence_in_every_language() -> None:
+    folder = resources.files("simulators.cell")
+    html, script = (folder.joinpath(name).read_text(encoding="utf-8") for name in ("panel.html", "panel.js"))
+    asked = {f"panel.{key}" for key in re.findall(r'data-(?:text|label)="(\w+)"', html)}
+    asked |= {
+        f"panel.{key}" for key in re.findall(r'\bt\("(\w+)"\)|\["[^"]+", "(\w+)"\]', script) for key in key if key
+    }
+    assert len(asked) > 25
+    assert {language: set(texts_of("panel", language)) for language in LANGUAGES} == dict.fromkeys(LANGUAGES, asked)
+    assert not re.search(r">[A-Z][a-z]+ [a-z]", html.partition("<body>")[2]), "no sentence stands in the page itself"
