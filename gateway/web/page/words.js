@@ -74,7 +74,6 @@ export const kindOf = (code) => texts.codes[code]?.[2] ?? "result";
 // An error record of the service: what happened, and what to do.
 export function told(error) {
   if (!error) return "";
-  const what = say(error.code, error.fields, 0, error.what);
-  const todo = say(error.code, error.fields, 1, error.do);
-  return todo ? `${what}. ${todo[0].toUpperCase()}${todo.slice(1)}.` : `${what}.`;
+  const parts = [say(error.code, error.fields, 0, error.what), say(error.code, error.fields, 1, error.do)].map(plain);
+  return parts.filter(Boolean).map((one) => `${one[0].toUpperCase()}${one.slice(1).replace(/\.$/, "")}.`).join(" ");
 }
