@@ -73,7 +73,7 @@ def _connected(anna: Person, page: Page) -> None:
         form.locator("button").click()
         page.locator("td b", has_text=name).wait_for()
     assert anna.done(anna.give("#doctor"))["exit_code"] == 5, "the self-test is missing, and is said"
-    anna.sees("ul.checks li.bad .fix", "self-test")
+    anna.sees("ul.checks li.bad .fix", "Self-test")
     looked_at(anna, "day-02-connect")
 
 
