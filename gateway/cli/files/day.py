@@ -182,7 +182,7 @@ def _make(found: Any, gathering: Any, said: Any, *, site: Path, connect: bool, l
         show_json({**data, "report": report, "setups": list(keys)})
         return
     _tell(outcome, report)
-    _onward(outcome, f"day {gathering.folder} --site {site} --connect")
+    _onward(outcome, "" if connect else f"day {gathering.folder} --site {site} --connect")
 
 
 def _report(folder: Path, language: str) -> Mapping[str, object]:
@@ -240,7 +240,9 @@ def _onward(outcome: Any, connected: str) -> None:
     if outcome.proposal is not None:
         next_step(f"push {outcome.run_folder}")
     else:
-        next_step(f"measure {outcome.site_file} --plan" if outcome.plan.remaining else connected)
+        onward = f"measure {outcome.site_file} --plan" if outcome.plan.remaining else connected
+        if onward:
+            next_step(onward)
 
 
 def _size(change: Mapping[str, float], name: str) -> str:
