@@ -42,13 +42,13 @@ async def test_a_five_axis_machine_from_an_empty_folder(tmp_path: Path) -> None:
     try:
         shown = certificates.load(await asyncio.to_thread(Path(server.certificate).read_bytes))
         thumbprint = certificates.short_fingerprint(shown).lower()
-        typed = ["opcua", "five", server.url, "trueflank", PASSWORD, "00:11", thumbprint, "", "", "", ""]
+        typed = ["opcua", "five", server.url, "trueflank", PASSWORD, "00:11", thumbprint, "", "", "", "", ""]
         (tmp_path / "mine").mkdir()
         path = tmp_path / "mine" / "site.toml"
         done = await asyncio.to_thread(CliRunner().invoke, app, ["init", str(path)], input="\n".join(typed) + "\n")
         assert done.exit_code == 0, done.output
         assert "this is not the thumbprint" in done.output
-        assert len(typed) - 1 + 2 <= 12, "questions, and the commands init and check"
+        assert len(typed) - 1 + 2 <= 13, "questions, and the commands init and check"
         found = checked(path)
         assert found.faults == ()
         assert [one.path for one in found.doubts] == [("moves", "safe")]
