@@ -61,6 +61,7 @@ ASK = (
     "P-PUSH-RESTART",
     "P-PUSH-SIGN",
     "P-PUSH-SIGN-STOPS",
+    "P-PUSH-TRIALS",
     "P-SELF-TEST",
     "P-START",
     "P-START-SETUP",

@@ -20,12 +20,12 @@ from gateway.config import AxisSection
 from gateway.conform import prober_of
 from gateway.domain.proposals import TableChange
 from gateway.errors import VerifyError
-from gateway.push.signproof import triangle_of
+from gateway.push.trials import triangle_of
 from gateway.say import silence
 from gateway.workflow.axes.measure import fetch_tables
 from gateway.workflow.bench import Bench
 from gateway.workflow.control.contexts import table_context
-from gateway.workflow.control.proving import mount, provable, prove
+from gateway.workflow.control.proving import BenchEyes, provable, prove
 from gateway.workflow.selftests import untested
 from gateway.workflow.witness import Witness
 
@@ -161,7 +161,10 @@ async def _proof(at: Bench, axis: AxisSection, before: LiveSet) -> float:
         predicted_U=nothing,
     )
     context = replace(table_context(at, table, None), log=Witness(at))
-    return (await prove(at, change, context, await mount(at, axis))).slope
+    (found,) = await prove(at, ((change, context),), BenchEyes(at))
+    if isinstance(found, VerifyError):
+        raise found
+    return found.slope
 
 
 def _measured(desk: SiteDesk, name: str) -> AxisSection:

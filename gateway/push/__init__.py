@@ -9,17 +9,20 @@ from gateway.push.asking import Asked, ask, ended_before, goes_on
 from gateway.push.context import PushContext
 from gateway.push.places import together
 from gateway.push.plan import plan_hash
-from gateway.push.signproof import prove_sign
+from gateway.push.signproof import prove_sign, prove_signs
 from gateway.push.transaction import Stays, push_table, push_tables
+from gateway.push.trials import SignQuestion, quiet
 from gateway.push.undo.finding import PushFinding
 from gateway.push.undo.recovery import look, recover, unfinished
-from gateway.push.work import ReadStop
+from gateway.push.work import Reading, ReadStop
 
 __all__ = [
     "Asked",
     "PushContext",
     "PushFinding",
     "ReadStop",
+    "Reading",
+    "SignQuestion",
     "Stays",
     "ask",
     "ended_before",
@@ -28,8 +31,10 @@ __all__ = [
     "outcome_error",
     "plan_hash",
     "prove_sign",
+    "prove_signs",
     "push_table",
     "push_tables",
+    "quiet",
     "recover",
     "together",
     "unfinished",

@@ -22,7 +22,7 @@ from drivers.types.tables import CompensationTable
 from gateway.capture.targets import jog_plan, jog_start, measuring_plan, plan_of, targets_of, with_checks
 from gateway.config import AxisSection, SiteFile
 from gateway.domain.proposals import Proposal
-from gateway.push.signproof import TIMES, triangle_of
+from gateway.push.trials import TIMES, triangle_of
 from gateway.tooth import SetupValues
 from gateway.walk import Patience, question
 from gateway.workflow.axes.measure import check_stops
@@ -196,7 +196,7 @@ def _order(
         table,
         letter=moved.letter,
         rotary=moved.kind == "rotary",
-        enable=True,
+        enable=purpose == "table",
         agreeing_position=moved.reference,
         purpose=purpose,
         proof=proof,
@@ -209,7 +209,7 @@ def _proof(axis: AxisSection) -> Iterator[tuple[str, Order]]:
     order = _order(axis, table, "sign-proof")
     yield f"{axis.letter}-triangle", (order,)
     stops = tuple(
-        Stop(peak, 1, repetition=number // 2, label=number, switch=bool(number % 2)) for number in range(2 * TIMES)
+        Stop(peak, 1, repetition=number // 2, label=number, switch=bool(number % 2)) for number in range(2 * TIMES + 1)
     )
     setup = f"TRUEFLANK SETUP {axis.measure.component} ON {axis.letter}"
     switching: StopPlan = plan_of(axis, stops, setup, name=f"TFSIGN{axis.letter}", dwell_s=axis.measure.dwell_s)

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from drivers.clock import LoopClock, run_virtual
+from drivers.types.orders import SignProof
 from drivers.types.tables import CompensationTable
 from gateway.config import load_site
 from gateway.domain.outcomes import PushRecord
@@ -63,7 +64,9 @@ async def pushed(at: Bench, table: CompensationTable, before: tuple[Compensation
     old = table_in(signed(live, proof.sign if proof is not None else 1), table)
     change = TableChange("X1", old.table, table, old.enabled, live.digest, NOTHING, NOTHING, NOTHING, base=live)
     if proof is None:
-        proof = await proving.prove(at, change, context, await proving.mount(at, at.axis("X1")))
+        (found,) = await proving.prove(at, ((change, context),), proving.BenchEyes(at))
+        assert isinstance(found, SignProof)
+        proof = found
     context = contexts.table_context(at, table, None)
     return await push_table(change, replace(context, proof=proof, approvals_needed=1, pushed=before))
 

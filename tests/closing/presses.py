@@ -60,5 +60,15 @@ class Presses:
         return "\n".join(f"{name}: {len(what)}{_causes(what)}" for name, what in rows)
 
 
+def by_kind(starts: Iterable[str]) -> Counter[str]:
+    """How many presses each code asked for, those for a program of stops by what it is for (TFMORE, TFAGAIN...)."""
+    return Counter(_kind(*cause.split()) for cause in starts)
+
+
+def _kind(code: str, *rest: str) -> str:
+    program = next((word[:-1] for word in rest if word.startswith("TF")), "")
+    return f"{code} {program}" if code.startswith("P-START") else code
+
+
 def _causes(what: Iterable[str]) -> str:
     return "".join(f"\n  {count:3} {cause}" for cause, count in sorted(Counter(what).items()))

@@ -158,13 +158,16 @@ def _second_half(loads: Loads) -> list[str]:
     out += guarded(words, setting.guards)
     out += [*_go(loads), "STOPRE", f"{_HALF}=2", f"GOTOF {_COMPARE}", f"{_COMPARE}_2:"]
     out += [f"IF ({_PASSED} B_AND {_GOOD})<>{_PASSED} GOTOF {_HELD}"]
+    at_once = all(order.table.kind == "reversal" for order in orders)  # it acts from NEWCONF on
     if not any(order.enable for order in orders):
-        return [*out, *switching.others_again(orders, _HELD, _ALONE)]
-    out += switching.switched_on(orders, _PASSED, _HELD)
-    if all(order.table.kind == "reversal" for order in orders):  # it acts from NEWCONF on
-        return [*out, phase_block(words, Phase.ENABLED), "M30"]
-    out += [phase_block(words, Phase.ENABLED), f'MSG("{activate_message(orders)}")']
-    return [*out, "M0", 'MSG("")', "M30"]
+        if at_once or orders[0].purpose != "sign-proof":
+            return [*out, *switching.others_again(orders, _HELD, _ALONE)]
+        out += [*switching.outputs_again(orders, _HELD), "STOPRE", phase_block(words, Phase.ENDED_DISABLED)]
+    else:
+        out += [*switching.switched_on(orders, _PASSED, _HELD), phase_block(words, Phase.ENABLED)]
+        if at_once:
+            return [*out, "M30"]
+    return [*out, f'MSG("{activate_message(orders)}")', "M0", 'MSG("")', "M30"]
 
 
 def _section(loads: Loads, body: list[str]) -> list[str]:

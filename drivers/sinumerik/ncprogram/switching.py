@@ -117,12 +117,18 @@ def _coupled(orders: Sequence[PushOrder]) -> tuple[str, ...]:
 
 def others_again(orders: Sequence[PushOrder], held: str, alone: str) -> list[str]:
     """The end of a batch that leaves all its tables off: other tables of a CEC output get their switch back."""
+    again = outputs_again(orders, held)
+    return [*again, f"GOTOF {alone}"] if again else [f"GOTOF {held}"]
+
+
+def outputs_again(orders: Sequence[PushOrder], held: str) -> list[str]:
+    """The switches of CEC outputs on, every table of the batch off; nothing where no output needs it."""
     again = _coupled(orders)
-    if not again:
-        return [f"GOTOF {held}"]
     on = [f"{switch}=1" for switch in again]
-    return [*on, "NEWCONF", "STOPRE", *(f"IF {switch}<>1 GOTOF {held}" for switch in again), f"GOTOF {alone}"]
+    return [*on, "NEWCONF", "STOPRE", *(f"IF {switch}<>1 GOTOF {held}" for switch in again)] if again else []
 
 
 def _is_coupled(order: PushOrder) -> bool:
-    return order.table.kind == "cross" and order.coupled
+    """A trial table that is left off is switched at stops by its own switch alone: its output is on for that."""
+    tried = order.purpose == "sign-proof" and not order.enable
+    return order.table.kind == "cross" and (order.coupled or tried)

@@ -150,8 +150,9 @@ async def _recovered(found: JournalRead, context: PushContext, action: Literal["
         work = _work(found, context, _whole(found, context), limits)
         with closed_at_the_end((work,)):
             if finding.action == "restore":
-                alike = [_work(part, context, work.whole, limits) for part in _alike(found, context)]
-                await second_readings((work, *alike))
+                alike = _alike(found, context)
+                theirs = [_work(part, context, work.whole, await _limits(part, context)) for part in alike]
+                await second_readings((work, *theirs))
             return await _carry_out(work, finding, action)
 
 
@@ -168,10 +169,8 @@ def _closed(found: JournalRead, finding: PushFinding) -> PushRecord:
 
 def _alike(found: JournalRead, context: PushContext) -> list[JournalRead]:
     """Other tables of the transaction whose back-up stands in the same file: a way back writes over it."""
-    kind = tables_of(found, context.meant)[1].kind
     left = [part for part in _others(found) if not part.finished]
-    tables = [(part, tables_of(part, context.meant)[1]) for part in left]
-    return [part for part, table in tables if table.output_axis == context.axis.name and table.kind == kind]
+    return [part for part in left if tables_of(part, context.meant)[1].output_axis == context.axis.name]
 
 
 def _whole(found: JournalRead, context: PushContext) -> Transaction:

@@ -141,7 +141,7 @@ async def _restore(work: Work) -> None:
     # What a failed load left under way must have come to rest before anything is read, compared or written.
     await work.context.clock.sleep(SETTLE_S)
     await work.only_ours()
-    await _asked(work)
+    await asked_to_restore(work)
     live = await conversation.read_loaded(work.context)
     work.again = work.again or is_beside(live, work)
     found = work.seen = table_in(live, work.change.new)
@@ -250,7 +250,7 @@ def as_before(work: Work, live: LiveSet) -> bool:
     return same and (work.change.new.kind != "cross" or is_coupled(live, work) == work.coupled)
 
 
-async def _asked(work: Work) -> None:
+async def asked_to_restore(work: Work) -> None:
     """The interlocks of a restore. Raises WriteRefused (E-PUSH-REFUSED) with every reason."""
     change = replace(work.change, new=work.restore_to.table)
     context, place = work.context, work.agreeing_position

@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
 
 from drivers.carried import Carried, at_work
 from drivers.ports.instruments import Recounting, RotaryCalibrator, TypedInstrument
 from drivers.types.orders import SignProof
-from drivers.types.stops import Stop
-from drivers.types.tables import LiveSet
+from drivers.types.stops import Stop, StopPlan
 from drivers.units import deviation_scale
 from gateway.capture.live import combined
 from gateway.capture.readings import Readings
-from gateway.capture.rig import Rig
-from gateway.capture.sense import prove_sense
+from gateway.capture.rig import Rig, setup_of
+from gateway.capture.sense import prove_sense, sense_plan
 from gateway.config import AxisSection
 from gateway.domain.proposals import TableChange
-from gateway.errors import WriteRefused
-from gateway.push import PushContext, ReadStop, prove_sign
+from gateway.errors import VerifyError, WriteRefused
+from gateway.push import PushContext, Reading, ReadStop, SignQuestion, prove_signs, quiet
 from gateway.workflow.bench import Bench
 from gateway.workflow.consents import proving
 
@@ -41,16 +40,12 @@ def _typed(at: Bench, axis: AxisSection) -> bool:
     )
 
 
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class Mounted:
-    """An axis' instrument, mounted, its sense proved: it sees every sign of a table that moves this axis.
-
-    ``live`` is what acts on the axis as the moves that proved the sense saved it; good for the first proof alone.
-    """
+    """An axis' instrument, mounted, its sense proved: it sees every sign of a table that moves this axis."""
 
     rig: Rig
     sense: int
-    live: LiveSet | None
 
     @asynccontextmanager
     async def reading(self) -> AsyncIterator[ReadStop]:
@@ -75,33 +70,56 @@ class Mounted:
             yield read_stop
 
 
-async def mount(at: Bench, axis: AxisSection) -> Mounted:
-    """Mount the axis' instrument and prove its sense. Raises WriteRefused (E-RUN-NO-PROOF) where there is none."""
+@dataclass(slots=True)
+class BenchEyes:
+    """The instruments of a bench's axes, each mounted when its axis' turn has come; it stays until the next one's."""
+
+    at: Bench
+    last: Mounted | None = None
+
+    def plans(self, axis: str) -> Sequence[StopPlan]:
+        """The moves that prove the instrument's sense."""
+        section = self.at.axis(axis)
+        return () if self._seen_by_last(axis) else (sense_plan(section, setup_of(section)),)
+
+    async def on(self, axis: str) -> Reading:
+        """Mount it and prove its sense. Raises WriteRefused (E-RUN-NO-PROOF) where there is none."""
+        if self.last is None or not self._seen_by_last(axis):
+            self.last = await _mount(self.at, self.at.axis(axis))
+        return self.last.reading
+
+    def _seen_by_last(self, axis: str) -> bool:
+        return self.last is not None and self.last.rig.axis.name == axis
+
+
+async def _mount(at: Bench, axis: AxisSection) -> Mounted:
     if not provable(at, axis):
         raise WriteRefused("E-RUN-NO-PROOF", axis.name)
     at.say("P-SIGN", axis=axis.name)
     rig = at.rig(axis)
-    sense = await prove_sense(rig)
-    live = await rig.controller.saved_tables(axis.name) if rig.controller.capabilities.stops else None
-    return Mounted(rig, sense.sense, live)
+    return Mounted(rig, (await prove_sense(rig)).sense)
 
 
-async def prove(at: Bench, change: TableChange, context: PushContext, eye: Mounted) -> SignProof:
-    """Prove the sign of the table's kind with the output axis' instrument mounted. Raises as `prove_sign`."""
-    table = change.new
-    grid = at.axis(table.input_axis).table
-    proving(at, change)
-    live, eye.live = eye.live, None
-    proof = await prove_sign(
-        context,
-        grid.minimum,
-        maximum=grid.maximum,
-        step=grid.step,
-        reading=eye.reading,
-        kind=table.kind,
-        index=table.index,
-        live=live,
-    )
-    at.proofs.save(proof)
-    at.say("P-SIGN-PROVED", axis=eye.rig.axis.name, slope=f"{proof.slope:+.3f}")
-    return proof
+async def prove(
+    at: Bench, wishes: Sequence[tuple[TableChange, PushContext]], eyes: BenchEyes
+) -> tuple[SignProof | VerifyError, ...]:
+    """Prove the sign of each table's kind on its output axis; what was proved is stored. Raises as `prove_signs`."""
+    for change, _ in wishes:
+        if not provable(at, at.axis(change.axis)):
+            raise WriteRefused("E-RUN-NO-PROOF", change.axis)
+    for change, context in wishes:
+        if not quiet(context):  # its table will act from the restart on: what needs the axis as it is comes before
+            await eyes.on(change.axis)
+    for change, _ in wishes:
+        proving(at, change)
+    found = await prove_signs([_question(at, change, context) for change, context in wishes], eyes)
+    for proof in found:
+        if isinstance(proof, SignProof):
+            at.proofs.save(proof)
+            at.say("P-SIGN-PROVED", axis=proof.output_axis, slope=f"{proof.slope:+.3f}")
+    return found
+
+
+def _question(at: Bench, change: TableChange, context: PushContext) -> SignQuestion:
+    table, grid = change.new, at.axis(change.new.input_axis).table
+    return SignQuestion(context, grid.minimum, maximum=grid.maximum, step=grid.step, kind=table.kind, index=table.index)

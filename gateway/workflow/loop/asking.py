@@ -11,13 +11,13 @@ from math import ceil
 from drivers.types.stops import StopPlan
 from gateway.capture.duration import HANDSHAKE_S, plan_s, reading_s
 from gateway.config import AxisSection, SiteFile
-from gateway.push.reversalproof import ROUNDS
-from gateway.push.signproof import TIMES
+from gateway.push.trials import ROUNDS, TIMES
 from gateway.workflow.control.proving import SWITCH_SETTLE_S
 from gateway.workflow.loop.dayplan import Asks
 
 PROGRAM_S = 5.0
 """To send a program, write and compare its tables, and bring its files back."""
+EVERY = "all axes"
 TOUCHED = 5
 """About so many places prove the effect of a table."""
 
@@ -50,22 +50,23 @@ def pushing(site: SiteFile, tables: Sequence[tuple[AxisSection, AxisSection]], n
     return reading_tables(name).plus(Asks(presses, (f"switch on {name}",), 3 * PROGRAM_S + moved + shown))
 
 
-def proving(site: SiteFile, out: AxisSection, over: AxisSection, kind: str, *, first: bool) -> Asks:
-    """The sign of one kind of table: a trial table loaded, switched at its peak, and taken back.
+def trials_in() -> Asks:
+    """The trial tables of all signs: read what is live, loaded, left off, and one restart lets them act when on."""
+    return reading_tables(EVERY).plus(Asks(("load trial tables", "end trial tables"), ("trial tables",), 2 * PROGRAM_S))
 
-    What acts on the output axis was saved while the ``first`` one's instrument was proved.
-    """
-    name = f"trial {kind} table of {out.name}"
+
+def trials_out() -> Asks:
+    """What was live before, back by one program, and read again; no restart where none of it was on."""
+    return Asks(("load what was before", "end what was before"), (), 2 * PROGRAM_S).plus(reading_tables(EVERY))
+
+
+def proving(site: SiteFile, out: AxisSection, over: AxisSection, kind: str) -> Asks:
+    """One trial table switched at its peak: it goes on in the program that proved the instrument."""
     stops = 6 * ROUNDS if kind == "reversal" else 2 * TIMES
     read = 4 * ROUNDS if kind == "reversal" else stops
     turned = (stops - read) * 2.0 * over.measure.overrun / _feed(site, over) * 60.0
     stood = read * (SWITCH_SETTLE_S + out.measure.average_s + over.measure.dwell_s + HANDSHAKE_S)
-    moved = 2.0 * 0.5 * _across_s(site, over)
-    presses = (f"load {name}", f"switch on {name}", f"stops of {name}")
-    there = Asks(presses, () if kind == "reversal" else (f"switch on {name}",), 3 * PROGRAM_S + moved + stood + turned)
-    back = Asks((f"load what was before {name}", f"end {name}"), (), 2 * PROGRAM_S)
-    before = Asks() if first else reading_tables(out.name)
-    return before.plus(there).plus(reading_tables(out.name)).plus(back).plus(reading_tables(out.name))
+    return Asks(machine_s=0.5 * _across_s(site, over) + stood + turned)
 
 
 def _feed(site: SiteFile, axis: AxisSection) -> float:

@@ -21,7 +21,7 @@ from gateway.workflow.axes.measure import plans_of_axis
 from gateway.workflow.bench import with_axes
 from gateway.workflow.errors21.setupcapture import coming, optics_of
 from gateway.workflow.errors21.setups import Planned, chosen, planned
-from gateway.workflow.loop.asking import begun, proving, pushing, reading_tables, visiting
+from gateway.workflow.loop.asking import begun, proving, pushing, reading_tables, trials_in, trials_out, visiting
 from gateway.workflow.loop.dayplan import Asks, DayPlan, Piece, Stage, ToMount
 from gateway.workflow.part.grinding import gear_of_site, grind_plan
 from gateway.workflow.part.inspecting import inspector_name
@@ -130,8 +130,7 @@ class _Day:
         """Signs, the axes' own tables, the axes again, and the cross tables."""
         own = [axis for axis in self.site.axes if axis.measure.instrument]
         tables = [(out, over) for out, over in self._cross()] if cross else []
-        for axis in own:
-            yield self._signs(axis, [over for out, over in tables if out == axis])
+        yield from self._signed(own, tables)
         if own:
             asks = pushing(self.site, [(axis, axis) for axis in own], "axis tables")
             yield Piece("push", "axis tables and reversals", asks)
@@ -144,15 +143,22 @@ class _Day:
         by_letter = {axis.letter: axis for axis in self.site.axes if axis.measure.instrument}
         return ((by_letter[out], by_letter[over]) for out, over in CROSS if {out, over} <= set(by_letter))
 
-    def _signs(self, axis: AxisSection, cross_inputs: Sequence[AxisSection]) -> Piece:
-        """All signs that one mounted instrument sees; of cross tables one sign holds for every input axis."""
-        sense = sense_plan(axis, setup_of(axis))
-        asks = begun(1, 1, f"prove the instrument on {axis.name}").plus(Asks(machine_s=visiting([sense], axis)))
-        asks = asks.plus(proving(self.site, axis, axis, "axis", first=True))
-        asks = asks.plus(proving(self.site, axis, axis, "reversal", first=False))
-        for over in cross_inputs[:1]:
-            asks = asks.plus(proving(self.site, axis, over, "cross", first=False))
-        return Piece("sign proofs", axis.name, asks, _own_mounting(axis))
+    def _signed(self, own: Sequence[AxisSection], tables: Sequence[tuple[AxisSection, AxisSection]]) -> Told:
+        """The signs of all axes in one transaction; of cross tables one sign holds for every input axis."""
+        if not own:
+            return
+        yield Piece("sign proofs", "trial tables", trials_in())
+        count = 0
+        for axis in own:
+            cross = [(over, "cross") for out, over in tables if out == axis][:1]
+            kinds = [(axis, "axis"), (axis, "reversal"), *cross]
+            sense = Asks(machine_s=visiting([sense_plan(axis, setup_of(axis))], axis))
+            asks = self._begun(count, 1 + len(kinds)).plus(sense)
+            for over, kind in kinds:
+                asks = asks.plus(proving(self.site, axis, over, kind))
+            yield Piece("sign proofs", axis.name, asks, _own_mounting(axis))
+            count += 1 + len(kinds)
+        yield Piece("sign proofs", "tables of before", trials_out())
 
     def acting(self) -> Told:
         """An axis with a cross table over itself, at few targets, once every table acts."""

@@ -225,7 +225,7 @@ class Machine:
             if order.enable:
                 self.put(table, enabled=True, axis_on=True)
                 self.phase, self.channel = 5, ChannelStatus.INTERRUPTED
-            elif table.kind == "cross" and order.coupled:
+            elif table.kind == "cross" and (order.coupled or order.purpose == "sign-proof"):
                 self.put(table, enabled=False, axis_on=True)
         if self.phase != 5:
             self.end()

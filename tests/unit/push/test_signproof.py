@@ -18,7 +18,7 @@ from gateway.axes import AxisRecord
 from gateway.errors import RollbackFailed, VerifyError, WriteRefused
 from gateway.interlocks import value_at
 from gateway.push import prove_sign
-from gateway.push.signproof import PEAK, steps_of, triangle
+from gateway.push.trials import PEAK, steps_of, triangle
 from tests.unit.push.double import (
     MACHINE,
     NEVER,

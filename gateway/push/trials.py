@@ -1,0 +1,287 @@
+"""What a sign proof puts into the control, and what its readings say: small tables, steps, the verdict on them; pure.
+
+A triangle table, zero at the reference and both ends, peak 3 um or 3 arcsec. The mean step of switching it must be the
+peak within 20 % and more than four times its uncertainty. An axis table: it must be negative, as the manual says. A
+cross table: no public text settles the sign, so it is what is measured. A reversal: a trial value as large while the
+axis goes away and comes back: what changes is B = mean(+) - mean(-), so it does not matter whether a control takes
+a new value up at once or at the next turn.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import ceil, floor
+from typing import Any, Protocol
+
+import numpy as np
+
+from drivers.errors import TableError, UnsupportedDevice
+from drivers.terms import TableKind
+from drivers.types.orders import SignProof
+from drivers.types.stops import Stop, StopPlan
+from drivers.types.tables import CompensationTable, LiveSet, reversal_of
+from drivers.units import deviation_unit
+from gateway.axes import AxisRecord
+from gateway.domain.proposals import TableChange
+from gateway.errors import VerifyError
+from gateway.evaluate.behaviour.repetitions import MAD_TO_SIGMA
+from gateway.push import conversation
+from gateway.push.compare import table_in
+from gateway.push.context import PushContext
+from gateway.push.unexpected import unheard
+from gateway.push.work import Reading
+
+PEAK = 3.0
+WITHIN = 0.2
+TIMES_U = 4.0
+TIMES = 3
+MEDIAN_U = 1.2533  # a median scatters by so much more than a mean
+ROUNDS = 6
+"""Four stops make one step, so one reading out of line must not decide: the median of so many does not heed it."""
+_WAYS = (1, -1, 1)  # the first stop switches and is not read; the two others give B
+
+
+class Eyes(Protocol):
+    """Instruments that see output axes, each mounted when its axis' turn has come."""
+
+    def plans(self, axis: str) -> Sequence[StopPlan]:
+        """What mounting will visit, for a control that makes one program of plans."""
+        ...
+
+    async def on(self, axis: str) -> Reading:
+        """Mount it: what then opens, for each table, the settled readings of this axis.
+
+        A reading is of the *output* axis at a stop in um or arcsec, positive as the axis counts, with its u; only
+        differences matter.
+        """
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class SignQuestion:
+    """Which sign to prove: of a kind of table on the context's output axis, on this grid of its input axis.
+
+    ``index`` is the number of the cross table to borrow.
+    """
+
+    context: PushContext
+    minimum: float
+    maximum: float
+    step: float
+    kind: TableKind = "axis"
+    index: int = 0
+
+
+def quiet(context: PushContext) -> bool:
+    """Whether trial tables stay off but at their own stops: where programs of ours switch them."""
+    can = context.controller.capabilities
+    return can.stops and can.switches_now
+
+
+@dataclass(frozen=True, slots=True)
+class AlreadyOn:
+    """Eyes that see already."""
+
+    reading: Reading
+
+    def plans(self, _axis: str) -> Sequence[StopPlan]:
+        """Nothing to visit."""
+        return ()
+
+    async def on(self, _axis: str) -> Reading:
+        """The reading it was made with."""
+        return self.reading
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TrialTable:
+    """One question with its table, and where that has its peak."""
+
+    question: SignQuestion
+    context: PushContext
+    table: CompensationTable
+    peak: float
+
+    def change(self, live: LiveSet | None) -> TableChange:
+        """Before the live table is known the triangle is asked about as if nothing were live."""
+        nothing = np.zeros(0)
+        held = table_in(live, self.table) if live is not None else None
+        old, enabled = (held.table, held.enabled) if held is not None else (self.table, False)
+        digest = live.digest if live is not None else ""
+        return TableChange(
+            self.table.output_axis,
+            old,
+            new=self.table,
+            old_enabled=enabled,
+            base_digest=digest,
+            targets=nothing,
+            predicted=nothing,
+            predicted_U=nothing,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Steps:
+    """What switching on did: mean step in um or arcsec, positive when the axis moved positive, and its u."""
+
+    mean: float
+    u: float
+    each: tuple[float, ...]
+
+
+def triangle(
+    context: PushContext,
+    minimum: float,
+    maximum: float,
+    step: float,
+    kind: TableKind = "axis",
+    index: int = 0,
+) -> tuple[CompensationTable, float]:
+    """The proof's table on the input axis' grid, and where its peak is; ``index`` is the cross table's number.
+
+    Zero at the reference (and its two neighbours when it lies between points), at both ends and everywhere
+    outside the longer side of the reference. Raises TableError (E-PUSH-TRIANGLE) when no peak fits.
+    """
+    return triangle_of(context.moved, context.axis, minimum=minimum, maximum=maximum, step=step, kind=kind, index=index)
+
+
+def triangle_of(
+    axis: AxisRecord,
+    output: AxisRecord,
+    minimum: float,
+    maximum: float,
+    step: float,
+    kind: TableKind = "axis",
+    index: int = 0,
+) -> tuple[CompensationTable, float]:
+    """As `triangle`, for an input ``axis`` and an ``output`` axis without a machine to push to."""
+    if kind == "reversal":
+        return reversal_of(output.name, output.unit, PEAK, output.encoder), float(np.mean(output.room))
+    count = round((maximum - minimum) / step) + 1
+    at = min(max((axis.reference - minimum) / step, 0.0), float(count - 1))
+    below, above = (0, floor(at + 1e-9)), (ceil(at - 1e-9), count - 1)
+    first, last = max(below, above, key=lambda side: side[1] - side[0])
+    peak = _peak(axis.room, minimum, step=step, first=first, last=last)
+    if not first < peak < last:
+        grid: dict[str, Any] = {"minimum": minimum, "maximum": maximum, "step": step}
+        raise TableError("E-PUSH-TRIANGLE", axis.name, axis=axis.name, **grid)
+    values = np.interp(np.arange(count), [first, peak, last], [0.0, PEAK, 0.0])
+    table = CompensationTable(
+        kind,
+        axis.name,
+        output_axis=output.name,
+        minimum=minimum,
+        maximum=maximum,
+        step=step,
+        deviations=tuple(round(float(value), 3) for value in values),
+        modulo=axis.modulo,
+        index=output.encoder if kind == "axis" else index,
+        input_unit=axis.unit,
+        output_unit=output.unit,
+    )
+    return table, minimum + peak * step
+
+
+def _peak(travel: tuple[float, float], minimum: float, step: float, first: int, last: int) -> int:
+    """The grid point nearest to the middle of the side that the axis can reach."""
+    low = max(first + 1, ceil((travel[0] - minimum) / step))
+    high = min(last - 1, floor((travel[1] - minimum) / step))
+    return min(max((first + last) // 2, low), high) if low <= high else first
+
+
+def trial_of(question: SignQuestion) -> TrialTable:
+    """The question's trial table. Raises TableError (E-PUSH-TRIANGLE), UnsupportedDevice (E-PUSH-NO-SWITCHING)."""
+    context = replace(unheard(question.context), proof=None)
+    table, peak = triangle(
+        context,
+        question.minimum,
+        maximum=question.maximum,
+        step=question.step,
+        kind=question.kind,
+        index=question.index,
+    )
+    if not context.controller.capabilities.proves_signs:
+        raise UnsupportedDevice("E-PUSH-NO-SWITCHING", context.axis.name, table=table.name)
+    return TrialTable(question, context, table, peak)
+
+
+def stops_of(context: PushContext, table: CompensationTable, peak: float) -> tuple[Stop, ...]:
+    """Off and on three times while the input axis stands at the peak; a reversal is come to from both sides.
+
+    Where programs switch, one stop more leaves it off: `is_read` says which of them are read.
+    """
+    approach = conversation.approach_to(context, peak)
+    if table.kind == "reversal":
+        read = _both_sides(peak, ROUNDS)
+    else:
+        read = tuple(
+            Stop(peak, approach, repetition=number // 2, label=number, switch=bool(number % 2))
+            for number in range(2 * TIMES)
+        )
+    last = Stop(peak, approach, repetition=read[-1].repetition + 1, label=0, switch=False)
+    return (*read, last) if quiet(context) else read
+
+
+def is_read(table: CompensationTable, stop: Stop) -> bool:
+    """Whether the instrument is read at this stop of `stops_of`."""
+    if table.kind == "reversal":
+        return stop.switch is None
+    return stop.repetition < TIMES
+
+
+def steps_of(readings: list[tuple[float, float]]) -> Steps:
+    """Mean of the on-minus-off differences of (value, u) pairs, off first; u from the larger of u and scatter.
+
+    Of more than three the median, and their scatter without what lies out of line.
+    """
+    off, on = np.array(readings[0::2]), np.array(readings[1::2])
+    each = on[:, 0] - off[:, 0]
+    stated = float(np.sqrt(np.sum(on[:, 1] ** 2 + off[:, 1] ** 2))) / each.size
+    root, told = float(np.sqrt(each.size)), tuple(float(value) for value in each)
+    if each.size <= TIMES:
+        return Steps(float(np.mean(each)), max(stated, float(np.std(each, ddof=1)) / root), told)
+    centre = float(np.median(each))
+    scatter = MEDIAN_U * MAD_TO_SIGMA * float(np.median(np.abs(each - centre))) / root
+    return Steps(centre, max(stated, scatter), told)
+
+
+def judged(context: PushContext, steps: Steps, kind: TableKind) -> SignProof:
+    """The proof of a kind of table on an output axis. Raises VerifyError (E-PUSH-NO-PROOF, E-PUSH-SIGN)."""
+    axis = context.axis
+    size_right = abs(abs(steps.mean) - PEAK) <= max(WITHIN * PEAK, 2.0 * steps.u if kind == "reversal" else 0.0)
+    if not size_right or not abs(steps.mean) > TIMES_U * steps.u:
+        told: dict[str, Any] = {"mean": round(steps.mean, 3), "u": round(steps.u, 3), "peak": PEAK}
+        raise VerifyError("E-PUSH-NO-PROOF", axis.name, axis=axis.name, unit=deviation_unit(axis.unit), **told)
+    if kind != "cross" and steps.mean > 0:
+        told = {"mean": round(steps.mean, 3), "unit": deviation_unit(axis.unit)}
+        raise VerifyError("E-PUSH-SIGN", axis.name, axis=axis.name, **told)
+    moment = context.clock.utc().isoformat(timespec="seconds")
+    sign = SignProof.sign_of(steps.mean)
+    return SignProof(
+        context.machine,
+        kind,
+        output_axis=axis.name,
+        slope=steps.mean / PEAK,
+        slope_u=steps.u / PEAK,
+        sign=sign,
+        date_utc=moment,
+    )
+
+
+def _both_sides(place: float, times: int) -> tuple[Stop, ...]:
+    """Off, then on, each measured from - and from +; as often as asked."""
+    one_round = [(way, number, on) for on in (False, True) for number, way in enumerate(_WAYS)]
+    return tuple(
+        Stop(place, 1 if way > 0 else -1, repetition, label, switch=on if number == 0 else None)
+        for repetition in range(times)
+        for label, (way, number, on) in enumerate(one_round)
+    )
+
+
+def reversals(readings: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    """B with its u from readings after - and + in turn, off and on alternating as `steps_of` wants them."""
+    after = np.asarray(readings, dtype=np.float64).reshape(-1, 2, 2)
+    B = after[:, 1, 0] - after[:, 0, 0]
+    u = np.hypot(after[:, 1, 1], after[:, 0, 1])
+    return [(float(value), float(doubt)) for value, doubt in zip(B, u, strict=True)]
