@@ -87,6 +87,7 @@ DETAIL = (
     "P-GRIND-SETUP",
     "P-GRIND-TABLES",
     "P-HIDDEN",
+    "P-REVERSAL-VARIES",
     "P-PART-DONE",
     "P-PUSH-PROOF-OFF",
     "P-PUSH-REFUSED",

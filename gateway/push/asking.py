@@ -164,5 +164,7 @@ def unchanged(context: PushContext, change: TableChange, live: LiveSet, allowed:
     base = change.base or (context.capture.live if context.capture is not None else None)
     if base is None or base.digest != change.base_digest or base.axis != live.axis:
         return False
-    expected = with_all(context.controller.tables_by(base, context.proof), context.pushed)
+    known = context.controller.tables_by(base, context.proof)
+    pushed = [context.controller.table_by(one, 1, context.proof) for one in context.pushed]
+    expected = with_all(known, pushed)
     return same_set(expected, live, allowed)

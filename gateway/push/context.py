@@ -73,8 +73,8 @@ class PushContext:
     """Everything a push may use.
 
     ``axis`` is the table's output axis, ``input`` its input axis where that is another (a cross table). ``proof`` must
-    be that of the table's kind and output axis. ``pushed`` are tables this run has committed before: they are
-    expected in the live set although the capture did not see them.
+    be that of the table's kind and output axis. ``pushed`` are tables this run has committed before, as
+    stored: they are expected in the live set although the capture did not see them.
 
     ``actor`` is who pushes, ``approvals`` who else agreed, ``approvals_needed`` how many people the site asks
     for (None: one, two when anything warns). ``audit_broken`` says why the audit cannot be trusted. ``key`` is

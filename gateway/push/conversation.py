@@ -135,10 +135,13 @@ def plan_of(
     )
 
 
-def stops_at(context: PushContext, positions: tuple[float, ...], *, both: bool = False) -> tuple[Stop, ...]:
-    """Stops at these positions, each approached from inside the travel, or from ``both`` sides one after the other."""
+def stops_at(
+    context: PushContext, positions: tuple[float, ...], *, both: bool = False, direction: int = 0
+) -> tuple[Stop, ...]:
+    """Stops at these positions, each as `approach_to`, or from ``both`` sides one after the other."""
     if not both:
-        return tuple(Stop(place, approach_to(context, place), label=label) for label, place in enumerate(positions))
+        sides_of = [(place, approach_to(context, place, direction)) for place in positions]
+        return tuple(Stop(place, side, label=label) for label, (place, side) in enumerate(sides_of))
     sides: tuple[Approach, Approach] = (1, -1)
     return tuple(Stop(place, side, label=label) for label, place in enumerate(positions) for side in sides)
 

@@ -95,8 +95,8 @@ async def prove_effect(work: Work, positions: tuple[float, ...], base: LiveSet, 
         return live
     shown: list[_Shown] = []
 
-    async def at_stop(_stop: Stop, reached: StopReached) -> None:
-        shown.append(await _look(work, base, reached))
+    async def at_stop(stop: Stop, reached: StopReached) -> None:
+        shown.append(await _look(work, base, stop, reached))
 
     order = work.order(table, True, "table", work.whole.number)
     ask = ("P-PUSH-EFFECT", {"axis": context.moved.name, "count": len(positions)})
@@ -114,18 +114,21 @@ def effect_plan(work: Work, positions: tuple[float, ...]) -> StopPlan:
     places = (*positions, work.agreeing_position) if context.controller.capabilities.stops else positions
     # The input axis of a cross table ends where it disturbs the next table of the same output least.
     table = work.change.new
-    stops = conversation.stops_at(context, places if table.kind == "cross" else positions, both=bool(table.reverse))
+    where = places if table.kind == "cross" else positions
+    stops = conversation.stops_at(context, where, both=bool(table.reverse), direction=table.direction)
     return conversation.plan_of(context, "TFEFFECT", stops)
 
 
-async def _look(work: Work, base: LiveSet, reached: StopReached) -> _Shown:
+async def _look(work: Work, base: LiveSet, stop: Stop, reached: StopReached) -> _Shown:
     table = work.change.new
     if table.kind == "axis":
         return _Shown(
             reached.target, (value_at(table, reached.target, reached.approach),), reached.encoder_compensation
         )
     rest = (one.table for one in rest_of(aside(base, work.beside), table) if one.enabled)
-    acting = [table, *rest, *(one for one in work.acting if one.kind == "cross")]
+    every = (table, *rest, *(one for one in work.acting if one.kind == "cross"))
+    # One for a single direction of the axis that moves acts only where that axis came from.
+    acting = [one for one in every if one.input_axis != table.input_axis or one.direction in (0, stop.approach)]
     places = {table.input_axis: reached.target}
     if len(acting) > 1:
         state = await work.context.controller.state()

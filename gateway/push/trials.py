@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import ceil, floor
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from drivers.terms import TableKind
 from drivers.types.orders import SignProof
 from drivers.types.stops import Stop, StopPlan
 from drivers.types.tables import CompensationTable, LiveSet, reversal_of
+from drivers.types.values import Approach
 from drivers.units import deviation_unit
 from gateway.axes import AxisRecord
 from gateway.domain.proposals import TableChange
@@ -62,7 +63,7 @@ class Eyes(Protocol):
 class SignQuestion:
     """Which sign to prove: of a kind of table on the context's output axis, on this grid of its input axis.
 
-    ``index`` is the number of the cross table to borrow.
+    ``index`` is the number of the cross table to borrow, ``direction`` that of travel in which it is to act (0: both).
     """
 
     context: PushContext
@@ -71,6 +72,7 @@ class SignQuestion:
     step: float
     kind: TableKind = "axis"
     index: int = 0
+    direction: Approach | Literal[0] = 0
 
 
 def quiet(context: PushContext) -> bool:
@@ -201,6 +203,7 @@ def trial_of(question: SignQuestion) -> TrialTable:
         kind=question.kind,
         index=question.index,
     )
+    table = replace(table, direction=question.direction) if question.kind == "cross" else table
     if not context.controller.capabilities.proves_signs:
         raise UnsupportedDevice("E-PUSH-NO-SWITCHING", context.axis.name, table=table.name)
     return TrialTable(question, context, table, peak)
@@ -211,7 +214,7 @@ def stops_of(context: PushContext, table: CompensationTable, peak: float) -> tup
 
     Where programs switch, one stop more leaves it off: `is_read` says which of them are read.
     """
-    approach = conversation.approach_to(context, peak)
+    approach = conversation.approach_to(context, peak, table.direction)
     if table.kind == "reversal":
         read = _both_sides(peak, ROUNDS)
     else:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from drivers.types.tables import LiveSet
+from drivers.types.tables import CompensationTable, LiveSet
 from drivers.units import DeviationUnit
 from gateway.domain.values import FloatArray
 from gateway.table.chances import Chance
@@ -16,13 +16,20 @@ OUTWEIGHS = 2.0
 
 
 def other_layer(axis: str, live: LiveSet) -> str:
-    """One by the axis' own position looks like its deviation; by another axis' position it is a constant here."""
+    """One by the axis' own position looks like its deviation; by another axis' position it is a constant here.
+
+    One of each direction is a reversal: half of it up and half of it down leave the mean of both as it is.
+    """
     acted = [
         str(one.table.index)
         for one in live.cross
-        if one.enabled and one.table.input_axis == one.table.output_axis and any(one.table.deviations)
+        if one.enabled and _by_itself(one.table) and any(one.table.deviations)
     ]
     return told("S-COMP-CROSS-ON", axis, tables=", ".join(acted)) if acted else ""
+
+
+def _by_itself(table: CompensationTable) -> bool:
+    return table.input_axis == table.output_axis and table.direction == 0
 
 
 def unseen(axis: str, unit: DeviationUnit, hidden: float, taken: float, chance: Chance | None = None) -> str:

@@ -13,12 +13,14 @@ from tests.cell.bench import main_job, short
 
 
 def lagging(axis: str, B: float, scatter: float = 0.0, tilt: float = 0.0) -> CellFile:
-    """The demo machine with this reversal of one axis, um or arcsec, and ``tilt`` more of it to each end."""
+    """The demo machine with this reversal of one axis, um or arcsec, and ``tilt`` more of it to each end, or once round."""
     raw = load_cell("demo").model_dump()
     for one in raw["axes"]:
         if one["name"] == axis:
             middle, half = sum(one["travel"]) / 2.0, (one["travel"][1] - one["travel"][0]) / 2.0
-            along = {"kind": "polynomial", "coefficients": [0.0, tilt], "center": middle, "scale": half}
+            along: dict[str, Any] = {"kind": "harmonic", "order": 1, "amplitude": tilt, "phase_deg": 30.0}
+            if one["kind"] == "linear":
+                along = {"kind": "polynomial", "coefficients": [0.0, tilt], "center": middle, "scale": half}
             one["reversal"] = [{"kind": "constant", "value": B}, *([along] if tilt else [])]
             one |= {"hysteresis": None, "scatter": scatter}
     return CellFile.model_validate(raw)
@@ -69,8 +71,24 @@ def test_a_reversal_within_its_scatter_is_left_alone_and_said_to_be(tmp_path: Pa
 
 @pytest.mark.long
 @pytest.mark.timeout(900)
-def test_what_depends_on_the_position_stays_and_is_never_larger(tmp_path: Path) -> None:
-    judged, told = run_on(tmp_path, lagging("X1", -3.0, tilt=1.5), "X1")
+@pytest.mark.parametrize(("axis", "B", "tilt"), [("X1", -3.0, 1.5), ("C1", 1.5, -1.0)])
+def test_what_depends_on_the_position_goes_into_a_pair_of_tables(
+    tmp_path: Path, axis: str, B: float, tilt: float
+) -> None:
+    judged, told = run_on(tmp_path, lagging(axis, B, tilt=tilt), axis)
+    U = told["parameters"]["B"]["after_u"]
+    assert judged.after[axis]["B"] <= U + 0.1 * judged.before[axis]["B"]
+    assert judged.after[axis]["M"] <= 0.3 * judged.before[axis]["M"]
+    assert judged.outcome.data["outcome"] == "better"
+    assert [one["push"]["outcome"] for one in told["beside"]] == ["committed"] * 3
+
+
+@pytest.mark.long
+@pytest.mark.timeout(900)
+def test_without_room_for_a_pair_what_depends_on_the_position_stays_and_is_never_larger(tmp_path: Path) -> None:
+    cell = lagging("X1", -3.0, tilt=1.5)
+    cell = cell.model_copy(update={"machine": cell.machine.model_copy(update={"cec_points": (100, 0, 0, 0)})})
+    judged, told = run_on(tmp_path, cell, "X1")
     U = told["parameters"]["B"]["after_u"]
     assert judged.after["X1"]["B"] <= 0.6 * judged.before["X1"]["B"]
     assert judged.after["X1"]["B"] <= 1.5 + U + 0.1 * judged.before["X1"]["B"]

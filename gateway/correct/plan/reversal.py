@@ -1,7 +1,8 @@
-"""Reversal of an axis: what the control's constant reversal takes of it, and what stays.
+"""Reversal of an axis: what the control's constant reversal takes, and what varies with position as a pair of tables.
 
-B = mean(+) - mean(-) at each position (ISO 230-2). The constant takes its mean, and nothing that lies within what B
-scatters by at one place. Pure.
+B = mean(+) - mean(-) at each position (ISO 230-2). The constant takes its mean, or beside a pair its value at the
+reference; a pair of cross tables of the axis over itself, one for each direction, takes plus and minus half of the
+rest. Nothing is taken twice, and nothing that lies within what B scatters by at one place. Pure.
 """
 
 from __future__ import annotations
@@ -11,11 +12,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from drivers.types.tables import CompensationTable
+from drivers.types.values import FloatArray
+from drivers.units import AxisUnit
 from gateway.domain.figures import Component
 from gateway.domain.values import COVERAGE
 from gateway.errors import ModelError
 from gateway.model.components import value
+from gateway.table import Grid, project
 from gateway.table.merging import travelled
+from gateway.table.projection import zeroed
 from gateway.table.proposal import band
 
 SHARE = 0.1  # of the largest |B|: less than this may stay of what depends on position
@@ -81,3 +87,34 @@ def _depends(curve: Component) -> bool:
     fitted = value(curve, at)
     U = np.hypot(band(curve, at), COVERAGE * curve.residual_rms)
     return bool(np.any(np.abs(fitted - np.mean(fitted)) > U))
+
+
+def reversal_pair(
+    curve: Component, unit: AxisUnit, grid: Grid, *, reference: float, modulo: bool
+) -> tuple[CompensationTable, CompensationTable]:
+    """The pair for what the curve is more than at the reference: +half coming from -, -half coming from +.
+
+    Both are zero at the reference, not rounded, and have no number until they have a place. Raises as
+    `gateway.table.project`.
+    """
+    at_reference = float(value(curve, reference))
+    projected = project(lambda q: 0.5 * (value(curve, q) - at_reference), grid, modulo=modulo)
+    half = zeroed(projected, grid, reference, modulo=modulo)
+    up, down = (_table(curve.axis, unit, grid, sign * half, modulo, sign) for sign in (1, -1))
+    return up, down
+
+
+def _table(axis: str, unit: AxisUnit, grid: Grid, values: FloatArray, modulo: bool, sign: int) -> CompensationTable:
+    return CompensationTable(
+        kind="cross",
+        input_axis=axis,
+        output_axis=axis,
+        minimum=grid.minimum,
+        maximum=grid.maximum,
+        step=grid.step,
+        deviations=tuple(float(one) for one in values),
+        modulo=modulo,
+        input_unit=unit,
+        output_unit=unit,
+        direction=1 if sign > 0 else -1,
+    )

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from drivers.errors import words
-from drivers.limits import ACCESS_LEVEL
 from drivers.types.abilities import Capabilities, TableLimits
 from drivers.types.tables import LiveSet
 from drivers.units import deviation_scale
@@ -20,13 +19,13 @@ from gateway.evaluate.behaviour.repetitions import RobustMeans
 from gateway.interlocks import not_worth_it
 from gateway.table import Grid, MeasuredMeans
 from gateway.table import propose as propose_table
-from gateway.table.limits import told
 from gateway.table.proposal import InstrumentU
 from gateway.workflow import stages
 from gateway.workflow.axes.bothways import in_directions, left_of
 from gateway.workflow.axes.coarse import cannot_hold
 from gateway.workflow.axes.measure import MeasuredAxis
-from gateway.workflow.axes.reversing import reversal_change, reversal_of_capture
+from gateway.workflow.axes.pairs import reversal_changes
+from gateway.workflow.axes.reversing import reversal_of_capture
 from gateway.workflow.axes.structure import Structure, structure_of
 from gateway.workflow.bench import Bench
 from gateway.workflow.consents import proposed, tell
@@ -41,7 +40,11 @@ async def propose(at: Bench, measured: Mapping[str, MeasuredAxis]) -> Proposal:
 
 async def axis_changes(at: Bench, measured: Mapping[str, MeasuredAxis]) -> tuple[TableChange, ...]:
     """The changes of every measured axis, its table and its reversal, the fit stored. Raises TableError, ModelError."""
-    return tuple([change for name, item in measured.items() for change in await _changes(at, at.axis(name), item)])
+    found: list[TableChange] = []
+    for name, item in measured.items():
+        taken = {one.new.index for one in found if one.new.kind == "cross"}
+        found += await _changes(at, at.axis(name), item, taken)
+    return tuple(found)
 
 
 def keep(at: Bench, changes: tuple[TableChange, ...], parents: tuple[str, ...]) -> Proposal:
@@ -55,7 +58,7 @@ def keep(at: Bench, changes: tuple[TableChange, ...], parents: tuple[str, ...]) 
     return proposal
 
 
-async def _changes(at: Bench, axis: AxisSection, item: MeasuredAxis) -> tuple[TableChange, ...]:
+async def _changes(at: Bench, axis: AxisSection, item: MeasuredAxis, taken: Collection[int]) -> list[TableChange]:
     capture = item.capture
     if capture.live is None:
         raise CaptureError("E-RUN-LIVE", axis.name)
@@ -64,36 +67,25 @@ async def _changes(at: Bench, axis: AxisSection, item: MeasuredAxis) -> tuple[Ta
     at.say("P-HIDDEN", axis=axis.name, words=hidden.words)
     at.folder.put(stages.hidden(axis.name), hidden, (item.digest,))
     at.folder.put(stages.component(axis.name), shown.doubted, (item.digest,))
-    controller = at.supervisor.controller
-    limits = await controller.table_limits(axis.name, "axis", axis.encoder)
-    barred, resolution = await _against_reversal(at, axis), limits.resolution
-    turned = reversal_change(
-        axis, shown, capture.live, can=controller.capabilities, resolution=resolution, against=barred
-    )
-    seen = reversal_of_capture(axis, shown) if _in_columns(controller.capabilities) else None
+    can = at.supervisor.controller.capabilities
+    limits = await at.supervisor.controller.table_limits(axis.name, "axis", axis.encoder)
+    beside = await reversal_changes(at, axis, shown, capture.live, resolution=limits.resolution, taken=taken)
+    turned = next(iter(beside), None)
+    seen = reversal_of_capture(axis, shown) if _in_columns(can) else None
     if seen is not None and turned is not None:
         turned = left_of(turned, seen)
     change = change_of(axis, shown, capture.live, limits, turned=turned)
     if seen is not None:
-        change, turned = in_directions(axis, change, capture.live, limits=limits, seen=seen), None
+        change, beside = in_directions(axis, change, capture.live, limits=limits, seen=seen), ()
     against = () if change.skipped else not_worth_it(capture, change)
     own = replace(change, skipped="; ".join(one.words for one in against)) if against else change
-    return (own, turned) if turned is not None else (own,)
+    return [own, *beside]
 
 
 def _in_columns(can: Capabilities) -> bool:
     """Whether its own table holds a curve for each direction, so that a reversal needs no place of its own."""
     own = can.table("axis")
     return own is not None and own.directions == "columns"
-
-
-async def _against_reversal(at: Bench, axis: AxisSection) -> str:
-    """Why a reversal of this axis could not be pushed here, whatever was measured; "" where it could."""
-    proved = at.proofs.find(at.machine, "reversal", axis.name) is not None
-    if not proved and not axis.measure.instrument:
-        return told("S-REVERSAL-PROOF", axis.name)
-    level = (await at.supervisor.controller.state()).access_level
-    return told("S-REVERSAL-ACCESS", axis.name, level=level, needed=ACCESS_LEVEL) if level > ACCESS_LEVEL else ""
 
 
 def change_of(

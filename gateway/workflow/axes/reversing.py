@@ -1,14 +1,15 @@
-"""What a captured axis' reversal asks for: the change of its constant reversal, or why there is none."""
+"""What a captured axis' reversal asks for: the change of its constant reversal, a pair of tables, or why none."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from drivers.limits import Limits
 from drivers.types.abilities import Capabilities
-from drivers.types.tables import LiveSet
+from drivers.types.tables import LiveSet, LiveTable
 from drivers.types.values import FloatArray
 from drivers.units import DeviationUnit, deviation_scale
 from gateway.config import AxisSection
@@ -16,7 +17,10 @@ from gateway.correct.plan.reversal import ReversalAdvice, reversal_advice
 from gateway.domain.figures import Component
 from gateway.domain.proposals import TableChange
 from gateway.domain.values import COVERAGE
+from gateway.model.components import value
 from gateway.model.means import fit_means
+from gateway.table import effective
+from gateway.table.comparison import acting
 from gateway.table.limits import told
 from gateway.workflow.axes.structure import Structure
 
@@ -57,23 +61,36 @@ def reversal_of_capture(axis: AxisSection, shown: Structure) -> SeenReversal | N
 
 
 def reversal_change(
-    axis: AxisSection, shown: Structure, live: LiveSet, *, can: Capabilities, resolution: float, against: str
-) -> TableChange | None:
-    """The change of an axis' constant reversal; ``skipped`` says why there is none; None where nothing tells B.
+    axis: AxisSection,
+    shown: Structure,
+    live: LiveSet,
+    *,
+    seen: SeenReversal,
+    can: Capabilities,
+    resolution: float,
+    against: str,
+    pair: Sequence[TableChange] = (),
+) -> TableChange:
+    """The change of an axis' constant reversal; ``skipped`` says why there is none.
 
-    ``resolution`` is the control's, in the axis unit; ``against`` says why none can be pushed here ("": one can).
-    ``predicted`` (m,) is B as it will be at the targets, with
-    ``predicted_U``. What lies within its scatter is left alone, and so is what a constant would not make smaller.
+    ``resolution`` is the control's, in the axis unit; ``against`` says why none can be pushed here ("": one can);
+    ``pair`` are the tables, one for each direction, that take what varies with the position: the constant then takes B
+    at the reference. ``predicted`` (m,) is B as it will be at the targets with all of them, with ``predicted_U``. What
+    lies within its scatter is left alone, and so is what a constant would not make smaller.
     """
-    found = reversal_of_capture(axis, shown)
-    if found is None:
-        return None
-    advice, old, unit = found.advice, live.reversal, shown.capture.unit
+    advice, old, unit = seen.advice, live.reversal, shown.capture.unit
     step = resolution * deviation_scale(axis.unit)
     acts = old.table.deviations[0]
-    wanted = round(float(np.rint((acts + advice.constant) / step)) * step, 9) + 0.0
-    skipped = _why_not(axis.name, unit, advice, can, largest=Limits.of(axis.unit).reversal, wanted=wanted)
+    constant = float(value(seen.curve, axis.reference)) if pair else advice.constant
+    wanted = round(float(np.rint((acts + constant) / step)) * step, 9) + 0.0
+    skipped = "" if pair else _why_not(axis.name, unit, advice, can)
+    if not skipped and abs(wanted) > Limits.of(axis.unit).reversal:
+        limit = f"{Limits.of(axis.unit).reversal:g}"
+        skipped = told("S-REVERSAL-LARGE", axis.name, wanted=f"{wanted:+.3g}", limit=limit, unit=unit)
+    if not skipped and pair and wanted == acts:
+        skipped = told("S-REVERSAL-PAIR", axis.name)
     skipped = skipped or against
+    targets = shown.capture.targets
     taken = 0.0 if skipped else wanted - acts
     return TableChange(
         axis=axis.name,
@@ -81,16 +98,23 @@ def reversal_change(
         new=old.table if skipped else replace(old.table, deviations=(wanted,)),
         old_enabled=old.enabled,
         base_digest=live.digest,
-        targets=shown.capture.targets,
-        predicted=found.B - taken,
-        predicted_U=COVERAGE * np.hypot(found.u * np.sqrt(2.0), 2.0 * shown.capture.unsteady_u),
+        targets=targets,
+        predicted=seen.B - taken - by_direction(pair, targets),
+        predicted_U=COVERAGE * np.hypot(seen.u * np.sqrt(2.0), 2.0 * shown.capture.unsteady_u),
         skipped=skipped,
     )
 
 
-def _why_not(
-    axis: str, unit: DeviationUnit, advice: ReversalAdvice, can: Capabilities, *, largest: float, wanted: float
-) -> str:
+def by_direction(pair: Sequence[TableChange], at: FloatArray) -> FloatArray:
+    """What tables for one direction each change of B = mean(+) - mean(-) at positions (m,), um or arcsec."""
+    found = np.zeros_like(at)
+    for one in pair:
+        before = LiveTable(one.old, enabled=one.old_enabled)
+        found += one.new.direction * (acting(one.new, at) - acting(effective(before), at))
+    return found
+
+
+def _why_not(axis: str, unit: DeviationUnit, advice: ReversalAdvice, can: Capabilities) -> str:
     sizes = {"B": f"{advice.largest:.2g}", "U": f"{advice.U:.2g}", "mean": f"{advice.mean:+.2g}", "unit": unit}
     if advice.within:
         return told("S-REVERSAL-WITHIN", axis, **sizes)
@@ -98,6 +122,4 @@ def _why_not(
         return told("S-REVERSAL-KIND", axis, **sizes)
     if advice.constant == 0.0:
         return told("S-REVERSAL-NO-GAIN", axis, **sizes)
-    if abs(wanted) > largest:
-        return told("S-REVERSAL-LARGE", axis, wanted=f"{wanted:+.3g}", limit=f"{largest:g}", unit=unit)
     return ""

@@ -40,6 +40,11 @@ def _again(at: Bench, changes: Sequence[TableChange], records: Records) -> AxisS
     return live_again(at.axis(change.axis), change.targets) if measurable else None
 
 
+def _turned(changes: Sequence[TableChange]) -> TableChange | None:
+    """What is predicted of B: it stands at the change of the constant, with what a pair of tables takes."""
+    return next((one for one in changes if one.new.kind == "reversal"), None)
+
+
 def _judged_by(changes: Sequence[TableChange]) -> TableChange:
     return next((one for one in changes if one.new.kind == "axis"), changes[0])
 
@@ -49,7 +54,7 @@ async def _verdict(
 ) -> AxisVerdict:
     pushed = [one for one in changes if records[one.name].outcome in PUSHED]
     change = _judged_by(changes)
-    turned = next((one for one in pushed if one.new.kind == "reversal"), None)
+    turned = _turned(changes) if any(one.new.kind != "axis" for one in pushed) else None
     if again is None:
         return unmeasured(change.axis, before.evaluation, change, pushed=bool(pushed))
     after = await measure_axis(at, again, "after")

@@ -122,4 +122,12 @@ async def prove(
 
 def _question(at: Bench, change: TableChange, context: PushContext) -> SignQuestion:
     table, grid = change.new, at.axis(change.new.input_axis).table
-    return SignQuestion(context, grid.minimum, maximum=grid.maximum, step=grid.step, kind=table.kind, index=table.index)
+    return SignQuestion(
+        context,
+        grid.minimum,
+        maximum=grid.maximum,
+        step=grid.step,
+        kind=table.kind,
+        index=table.index,
+        direction=table.direction,
+    )

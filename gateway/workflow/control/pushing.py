@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
@@ -122,12 +123,13 @@ async def _handed_over(at: Bench, group: Sequence[tuple[TableChange, PushContext
     records = await kept(at, changes, _begun(at, wishes))
     if not known:
         conclude(at.supervisor.controller)
-    for change, record in zip(changes, records, strict=True):
+    for (change, context), record in zip(wishes, records, strict=True):
         if not change.skipped and not known:
             tell(at, ended(at, change, record))
         done.records[change.name] = record
         if record.outcome in PUSHED:
-            done.tables.append(change.new)
+            proved, controller = context.sense, at.supervisor.controller
+            done.tables.append(controller.table_by(change.new, proved, None))
     failures = [outcome_error(record) for record in records]
     failure = next((one for one in failures if one is not None), None)
     try:
@@ -169,6 +171,8 @@ def _may_stay(at: Bench) -> Stays:
     """
 
     def stays(changes: Sequence[TableChange]) -> bool:
+        if not _both_of_each_pair(changes):
+            return False
         if not at.folder.has(stages.TOOTH):
             return True
         found = remaining(at, changes)
@@ -179,6 +183,12 @@ def _may_stay(at: Bench) -> Stays:
         return found.harmless
 
     return stays
+
+
+def _both_of_each_pair(changes: Sequence[TableChange]) -> bool:
+    """Whether no table for one direction of travel stands alone: half of a reversal moves the mean of both."""
+    ways = Counter((one.new.input_axis, one.new.output_axis) for one in changes if one.new.direction)
+    return all(count == 2 for count in ways.values())
 
 
 async def _nothing_against(at: Bench, proposal: Proposal, measured: Mapping[str, MeasuredAxis]) -> None:

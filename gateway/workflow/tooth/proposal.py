@@ -38,11 +38,12 @@ from gateway.study.machine import gear_of
 from gateway.table.limits import told as finding
 from gateway.tooth import ToothProposal
 from gateway.workflow import stages
+from gateway.workflow.axes.crossplaces import places_of
 from gateway.workflow.axes.measure import MeasuredAxis
 from gateway.workflow.axes.propose import axis_changes, keep
 from gateway.workflow.bench import Bench
 from gateway.workflow.errors21.components import grids
-from gateway.workflow.tooth.crosstables import acting_cross, cross_changes, places_of
+from gateway.workflow.tooth.crosstables import acting_cross, cross_changes
 from gateway.workflow.tooth.everything import outlooks, told_of
 from gateway.workflow.tooth.sentences import doubted, explained, measure_better, told
 
@@ -96,10 +97,11 @@ async def propose_tooth(
     model = _with_between(model, at)
     live = {name: item.capture.live for name, item in measured.items() if item.capture.live is not None}
     task = _Task.of(at, model, measured, work, own=own, live=live)
-    plan, nowhere = await task.placed(at)
+    paired = [one.new.index for one in own if one.new.kind == "cross" and not one.skipped]
+    plan, nowhere = await task.placed(at, paired)
     chosen = worthwhile(plan, task.one)
     found, outlook, gains = chosen.found, chosen.outlook, chosen.told
-    cross = await cross_changes(at, found.optimum.tables, task.grinding.chain, live=live, adds=False)
+    cross = await cross_changes(at, found.optimum.tables, task.grinding.chain, live=live, adds=False, spoken_for=paired)
     if not gains.sure:
         cross = tuple(_labelled(one, gains) for one in cross)
     parents = (at.folder.digest(stages.ERRORS), *(item.digest for item in measured.values()))
@@ -188,16 +190,16 @@ class _Task:
             {letter: name for name, letter in letters.items()},
         )
 
-    async def placed(self, at: Bench) -> tuple[Plan, tuple[str, ...]]:
-        """The plan with the cross tables that the control has room for, and why not the others."""
+    async def placed(self, at: Bench, paired: Sequence[int]) -> tuple[Plan, tuple[str, ...]]:
+        """The plan with the cross tables that have room beside the ``paired`` numbers, and why the others have none."""
         chain = self.grinding.chain
         able = tuple(one for one in CROSS if self.names.get(one[0]) in self.live and self.plan.has(one[1]))
         specs = cross_specs(chain, replace(self.plan, cross=able))
         blank = [Table(spec.grid, np.zeros_like(spec.grid.nodes)) for spec in specs]
         records = [record(chain, one, "cross", names=self.names) for one in blank]
-        places = await places_of(at, records, self.live)
+        places = await places_of(at, records, self.live, spoken_for=paired)
         if any(place.full for place in places):
-            places = await places_of(at, records, self.live, self._by_gain(able))
+            places = await places_of(at, records, self.live, self._by_gain(able), paired)
         cross = tuple(one for one, place in zip(able, places, strict=True) if not place.reason)
         return replace(self.plan, cross=cross), tuple(place.reason for place in places if place.reason)
 

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gateway.correct.plan.reversal import reversal_advice
+from gateway.correct.plan.reversal import reversal_advice, reversal_pair
 from gateway.domain.figures import Component
 from gateway.errors import ModelError
 from gateway.model.means import fit_means
+from gateway.table import Grid
 
 AT = np.linspace(0.0, 200.0, 21)
 u = 0.05
@@ -68,3 +69,19 @@ def test_a_reversal_without_its_uncertainty_is_refused() -> None:
         reversal_advice(curve(B), B, 0.0)
     with pytest.raises(ModelError, match="E-CORRECT-REVERSAL"):
         reversal_advice(curve(B), np.full(21, np.nan), u)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_depends_on_the_position_goes_to_a_pair_and_the_rest_to_the_constant(seed: int) -> None:
+    B = seen(-3.0 + 2.0 * np.sin(AT / 30.0), seed)
+    B[4] = np.nan
+    fitted = curve(B)
+    assert reversal_advice(fitted, B, u).depends
+    up, down = reversal_pair(fitted, "mm", Grid(0.0, 200.0, 10.0), reference=0.0, modulo=False)
+    assert (up.direction, down.direction) == (1, -1)
+    assert (up.input_axis, up.output_axis, up.kind) == ("X1", "X1", "cross")
+    assert up.deviations[0] == pytest.approx(0.0, abs=1e-9)
+    np.testing.assert_allclose(np.array(up.deviations), -np.array(down.deviations), atol=1e-9)
+    # Coming from - the first acts, coming from + the second: their difference and the constant are all of B.
+    taken = np.array(up.deviations) - np.array(down.deviations) - 3.0
+    np.testing.assert_allclose(taken, -3.0 + 2.0 * np.sin(up.positions / 30.0), atol=0.3)
