@@ -21,7 +21,11 @@ WHOLLY_LONG = {
     ): "tests/unit/correct/test_reversal.py",
     (
         "test_reversals.py",
-        "test_what_depends_on_the_position_stays_and_is_never_larger",
+        "test_what_depends_on_the_position_goes_into_a_pair_of_tables",
+    ): "tests/unit/correct/test_reversal.py",
+    (
+        "test_reversals.py",
+        "test_without_room_for_a_pair_what_depends_on_the_position_stays_and_is_never_larger",
     ): "tests/unit/correct/test_reversal.py",
     (
         "test_more_targets.py",

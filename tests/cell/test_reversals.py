@@ -13,7 +13,7 @@ from tests.cell.bench import main_job, short
 
 
 def lagging(axis: str, B: float, scatter: float = 0.0, tilt: float = 0.0) -> CellFile:
-    """The demo machine with this reversal of one axis, um or arcsec, and ``tilt`` more of it to each end, or once round."""
+    """The demo machine with this reversal of one axis, um or arcsec; ``tilt`` more to each end, or once round."""
     raw = load_cell("demo").model_dump()
     for one in raw["axes"]:
         if one["name"] == axis:

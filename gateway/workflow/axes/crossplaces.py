@@ -18,12 +18,14 @@ from gateway.push.compare import table_in
 from gateway.table import check, effective
 from gateway.table.comparison import acting
 from gateway.table.projection import quantised
-from gateway.workflow.axes.seating import seated
 from gateway.workflow.bench import Bench
 
 TABLES = 62  # the highest numbers that any control has, and so all that are tried
 NOTHING = np.zeros(0)
 EMPTY = 8  # numbers without memory, one after the other, after which no more are looked for
+
+Rooms = Mapping[int, Mapping[int, int]]
+"""Points of every free table number, by the number of the table that asks: the same memory may differ by axis."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,3 +214,31 @@ def _known(at: Bench, table: CompensationTable, live: Mapping[str, LiveSet]) -> 
     moving = [one for one in mine.cross if one.table.input_axis in at.moved]
     acts = any(one.enabled and any(one.table.deviations) for one in moving)
     return not acts or at.proofs.find(at.machine, "cross", table.output_axis) is not None
+
+
+def seated(needs: Mapping[int, int], rooms: Rooms, ranked: Sequence[int] = ()) -> Mapping[int, int]:
+    """A free number for each table that gets one; ``needs`` are points by table.
+
+    Where there is no room for all, those come first that are ``ranked`` first; else the largest.
+    """
+    chosen: list[int] = []
+    for one in ranked or _largest_first(needs, needs):
+        if _seats(needs, rooms, [*chosen, one]) is not None:
+            chosen.append(one)
+    return _seats(needs, rooms, chosen) or {}
+
+
+def _largest_first(needs: Mapping[int, int], which: Sequence[int] | Mapping[int, int]) -> list[int]:
+    return sorted(which, key=lambda one: (-needs[one], one))
+
+
+def _seats(needs: Mapping[int, int], rooms: Rooms, which: Sequence[int]) -> Mapping[int, int] | None:
+    """All of these in a place of their own, or None where one has none."""
+    found: dict[int, int] = {}
+    for one in _largest_first(needs, which):
+        free = {number: points for number, points in rooms[one].items() if number not in found.values()}
+        enough = [number for number, points in free.items() if points >= needs[one]]
+        if not enough:
+            return None
+        found[one] = min(enough, key=lambda number: (free[number], number))
+    return found

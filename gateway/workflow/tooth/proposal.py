@@ -199,7 +199,7 @@ class _Task:
         records = [record(chain, one, "cross", names=self.names) for one in blank]
         places = await places_of(at, records, self.live, spoken_for=paired)
         if any(place.full for place in places):
-            places = await places_of(at, records, self.live, self._by_gain(able), paired)
+            places = await places_of(at, records, self.live, self._by_gain(able), spoken_for=paired)
         cross = tuple(one for one, place in zip(able, places, strict=True) if not place.reason)
         return replace(self.plan, cross=cross), tuple(place.reason for place in places if place.reason)
 

@@ -20,7 +20,7 @@ from gateway.correct.flank.tables import Table, TableGrid
 from gateway.domain.proposals import TableChange
 from gateway.errors import CaptureError
 from gateway.model.preset import yk7350b
-from gateway.workflow.axes.seating import seated
+from gateway.workflow.axes.crossplaces import seated
 from gateway.workflow.tooth.crosstables import acting_cross, cross_changes
 from gateway.workflow.tooth.proposal import _Task
 from tests.signed import proof_of
