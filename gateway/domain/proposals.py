@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -46,6 +47,18 @@ class TableChange:
     def name(self) -> str:
         """The table among all of a proposal, as people name it: "X1", and for a cross table its number too."""
         return spoken().name(self.new.kind, self.axis, self.new.index)
+
+
+def torn(chosen: Sequence[TableChange], among: Sequence[TableChange]) -> tuple[str, ...]:
+    """Names of ``among`` that are missing from ``chosen``: a pair for two directions and its constant go together.
+
+    Half of a pair moves the mean of both directions, and the constant beside a pair is B at one place.
+    """
+    paired = {one.axis for one in among if one.new.direction and one.layer == "axis" and not one.skipped}
+    together = [one for one in among if one.axis in paired and one.layer == "axis" and one.new.kind != "axis"]
+    touched = {one.axis for one in chosen if one.name in {other.name for other in together}}
+    here = {one.name for one in chosen}
+    return tuple(one.name for one in together if one.axis in touched and not one.skipped and one.name not in here)
 
 
 @dataclass(frozen=True, slots=True)

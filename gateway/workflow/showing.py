@@ -11,7 +11,7 @@ import numpy as np
 from drivers.errors import ConfigError, words
 from drivers.limits import Limits
 from drivers.local.names import shown as shown_name
-from gateway.domain.proposals import Proposal, TableChange
+from gateway.domain.proposals import Proposal, TableChange, torn
 from gateway.interlocks.table import largest_change, steepest
 from gateway.store import RunFolder
 from gateway.workflow.outcome import Outcome
@@ -47,12 +47,15 @@ def shown(folder: RunFolder, proposal: Proposal, refusals: Mapping[str, list[str
 
 
 def narrowed(proposal: Proposal, tables: Collection[str]) -> Proposal:
-    """The proposal of these tables alone, by their names. Raises ConfigError (E-RUN-AXIS)."""
+    """The proposal of these tables alone, by their names. Raises ConfigError (E-RUN-AXIS, E-RUN-PAIR)."""
     known = [change.name for change in proposal.changes]
     for name in tables:
         if name not in known:
             raise ConfigError("E-RUN-AXIS", "proposal", axis=shown_name(name), known=", ".join(known))
     chosen = tuple(change for change in proposal.changes if change.name in tables)
+    missing = torn(chosen, proposal.changes)
+    if missing:
+        raise ConfigError("E-RUN-PAIR", chosen[0].axis, missing=", ".join(missing))
     return replace(proposal, changes=chosen) if chosen else proposal
 
 

@@ -126,7 +126,7 @@ async def test_cross_tables_one_after_the_other_make_the_machine_move_as_they_sa
         async with starting(on):
             first = await push_table(change_of(base, WAVE, sign), context)
             assert first.outcome == "committed", first.steps
-            turned = replace(context, input=C_AXIS, pushed=(WAVE,))
+            turned = replace(context, input=C_AXIS, pushed=(on.device.table_by(WAVE, context.sense, None),))
             second = await push_table(change_of(base, TURN, sign), turned)
             assert second.outcome == "committed", second.steps
         assert await on.device.marker() == Marker(second.transaction, "committed")

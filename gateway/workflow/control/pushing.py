@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
@@ -14,7 +13,7 @@ from drivers.types.sensing import Ambient
 from drivers.types.tables import CompensationTable
 from gateway.config import AxisSection
 from gateway.domain.outcomes import PushRecord, Verdict
-from gateway.domain.proposals import Proposal, TableChange
+from gateway.domain.proposals import Proposal, TableChange, torn
 from gateway.errors import StoreError, WriteRefused
 from gateway.interlocks import Refusal
 from gateway.push import Asked, PushContext, Stays, ask, ended_before, goes_on, outcome_error, push_tables, together
@@ -171,7 +170,7 @@ def _may_stay(at: Bench) -> Stays:
     """
 
     def stays(changes: Sequence[TableChange]) -> bool:
-        if not _both_of_each_pair(changes):
+        if torn(changes, at.folder.get(stages.PROPOSAL, Proposal).changes):
             return False
         if not at.folder.has(stages.TOOTH):
             return True
@@ -183,12 +182,6 @@ def _may_stay(at: Bench) -> Stays:
         return found.harmless
 
     return stays
-
-
-def _both_of_each_pair(changes: Sequence[TableChange]) -> bool:
-    """Whether no table for one direction of travel stands alone: half of a reversal moves the mean of both."""
-    ways = Counter((one.new.input_axis, one.new.output_axis) for one in changes if one.new.direction)
-    return all(count == 2 for count in ways.values())
 
 
 async def _nothing_against(at: Bench, proposal: Proposal, measured: Mapping[str, MeasuredAxis]) -> None:

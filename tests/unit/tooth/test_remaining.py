@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 from drivers.types.tables import CompensationTable
+from drivers.types.values import Sense
 from gateway.correct.outlook.prediction import flank_map
 from gateway.correct.plan.layers import LayeredCorrection, correct
 from gateway.domain.outcomes import PushRecord
-from gateway.domain.proposals import TableChange
+from gateway.domain.proposals import TableChange, torn
 from gateway.gear.flank import flank_grid
 from gateway.gear.grinding import Grinding
 from gateway.gear.setright import set_right
@@ -129,3 +130,22 @@ def test_tables_that_acted_before_are_taken_off_first() -> None:
     assert found is not None
     assert found.with_them_um == pytest.approx(found.without_um, abs=1e-9)
     assert found.harmless
+
+
+def test_a_reversal_and_its_pair_go_together() -> None:
+    plain = own()[0]
+    ways: tuple[tuple[int, Sense], ...] = ((4, 1), (5, -1))
+    up, down = (
+        replace(plain, new=replace(plain.new, kind="cross", index=index, input_axis=plain.axis, direction=way))
+        for index, way in ways
+    )
+    turned = replace(plain, new=replace(plain.new, kind="reversal"))
+    every = (plain, turned, up, down)
+    stays = pushing._may_stay(bench([], every))
+    assert stays(every)
+    assert stays((plain,))
+    assert not stays((plain, up))
+    assert not stays((plain, turned))
+    assert not stays((up, down))
+    assert torn((turned, up), every) == (down.name,)
+    assert torn((turned,), (plain, turned)) == ()
