@@ -24,8 +24,7 @@ from gateway.workflow import stages
 from gateway.workflow.axes.bothways import in_directions, left_of
 from gateway.workflow.axes.coarse import cannot_hold
 from gateway.workflow.axes.measure import MeasuredAxis
-from gateway.workflow.axes.pairs import reversal_changes
-from gateway.workflow.axes.reversing import reversal_of_capture
+from gateway.workflow.axes.reversing import reversal_changes, reversal_of_capture
 from gateway.workflow.axes.structure import Structure, structure_of
 from gateway.workflow.bench import Bench
 from gateway.workflow.consents import proposed, tell
