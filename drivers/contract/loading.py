@@ -23,9 +23,15 @@ async def _to_work(subject: Subject, order: PushOrder) -> bool:
     controller = subject.controller
     await controller.activate((order,), (order,))
     enabled: tuple[bool, ...] = await subject.person("release", controller.confirm((order,), subject.timeout_s))
-    if enabled == (True,):
+    if enabled == (True,) or _tried_later(subject, order):
         await subject.person("restart", controller.restarted((order,), subject.timeout_s))
     return enabled == (True,)
+
+
+def _tried_later(subject: Subject, order: PushOrder) -> bool:
+    """A trial table that is left off waits for the restart as well, where programs switch it at their stops."""
+    can = subject.controller.capabilities
+    return order.purpose == "sign-proof" and not order.enable and can.stops and can.switches_now
 
 
 async def loads_and_acts(subject: Subject) -> None:

@@ -62,13 +62,13 @@ class CarriedSession(UaSession):
         """What stands for the wire's methods."""
         return frozenset({"CopyFileToServer", "CopyFileFromServer", "Select"})
 
-    async def open(self, secrets: Secrets, timeout_s: float) -> None:
-        """From the beginning of the work under way.
+    async def open(self, secrets: Secrets, timeout_s: float, writing: Secrets | None = None) -> None:
+        """From the beginning of the work under way; nobody logs in.
 
         Raises ToCarry where the control was never seen, BusyError (E-OFF-BEGUN) while other work waits for its files,
         ConfigError (E-OFF-NONE, E-OFF-FOLDER), FileFormatError.
         """
-        del secrets, timeout_s
+        del secrets, timeout_s, writing
         self._folder.prepare()
         self._begin(at_work())
         self._steps, self._at, self._pending = self._folder.steps(), 0, None
