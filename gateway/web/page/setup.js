@@ -4,7 +4,7 @@ import { h, show } from "./dom.js";
 import { languages } from "./signin.js";
 import { say, t, told } from "./words.js";
 
-const ROADS = ["opcua", "mailbox", "files"];
+const ROADS = ["opcua", "mailbox", "linuxcnc", "files"];
 const AGAIN_MS = 500;
 
 export function setUp(enter) {

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import json
+import re
+from importlib import resources
 from pathlib import Path
 
 import pytest
 
 from drivers.errors import ConfigError
+from drivers.languages import page_texts
 from gateway.cli.begin.atpage import SiteMaker
 from gateway.cli.begin.checking import checked
+from gateway.cli.begin.wizard import ROADS
 
 FILES = {"road": "files", "name": "old-1", "serial": "S7", "axes": "C1", "travel": "C1 0 360"}
 SILENT = {"road": "opcua", "name": "g", "url": "opc.tcp://127.0.0.1:9", "user": "u"}
@@ -60,3 +65,11 @@ def test_where_axes_may_stand_is_asked_for_a_control_that_programs_move(tmp_path
     assert maker.ask({**answers, "safe": "X9 any"}, "anna")["question"]["key"] == "safe"
     assert maker.write({**answers, "safe": "C1 -5 5.5"}, "anna")["made"]
     assert checked(tmp_path / "site.toml").site.moves.safe == {"C1": (-5.0, 5.5)}
+
+
+def test_the_page_has_a_key_for_each_road() -> None:
+    script = resources.files("gateway.web").joinpath("page", "setup.js").read_text(encoding="utf-8")
+    shown = re.search(r"const ROADS = (\[[^]]*\]);", script)
+    assert shown is not None
+    assert json.loads(shown[1]) == list(ROADS)
+    assert {f"setup.{road}" for road in ROADS} - set(page_texts("en")) == set()
