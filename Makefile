@@ -8,7 +8,7 @@ export OPENBLAS_NUM_THREADS := 1
 # Tests start many processes: each would compile the whole source again.
 export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: demo test tests check rules types long soak families attacks interop services browser bench clean \
+.PHONY: demo test tests check rules types long soak families attacks interop kernel services browser bench clean \
 	lock package sbom vulnerabilities bundle docs
 
 demo: $(VENV)/installed
@@ -43,7 +43,7 @@ N ?= 20
 PROOF ?= docs
 soak: $(VENV)/developed
 	TRUEFLANK_MACHINES=$(N) TRUEFLANK_PROOF=$(PROOF) \
-		$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal -m "soak or long"
+		$(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal -m "(soak or long) and not interop"
 
 # Families of hard machines alone, N of each (20 at most): how honest the uncertainties are, into docs/families.md. What
 # a machine gave is kept in .families: stopped, it goes on from there as long as the code is the same.
@@ -61,7 +61,12 @@ attacks: $(VENV)/developed
 # Peers nobody here wrote: node-opcua, libmodbus, mbpoll, two parsers of structured text. What is not installed and cannot be is said and skipped.
 interop: $(VENV)/developed
 	tests/interop/prepare.sh $(abspath $(BIN)/python)
-	$(BIN)/python -m pytest -q -n 0 -m interop tests/interop
+	$(BIN)/python -m pytest -q -n 0 -m "interop and not soak" tests/interop
+
+# A whole run on LinuxCNC's own kernel with its mill in HAL; half an hour at most, for the kernel keeps its own time.
+kernel: $(VENV)/developed
+	tests/interop/prepare.sh $(abspath $(BIN)/python)
+	$(BIN)/python -m pytest -q -n 0 -m "interop and soak" tests/interop
 
 # The service with servers of others: PostgreSQL and mosquitto from Debian, started by the tests on loopback; every
 # route fuzzed.

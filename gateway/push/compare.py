@@ -43,10 +43,13 @@ def same_set(one: LiveSet, two: LiveSet, allowed: float) -> bool:
     return all(same_table(first, second, allowed) for first, second in pairs)
 
 
-def same_rest(one: LiveSet, two: LiveSet, table: CompensationTable, allowed: float) -> bool:
+def same_rest(
+    one: LiveSet, two: LiveSet, table: CompensationTable, allowed: float, beside: Sequence[CompensationTable] = ()
+) -> bool:
     """Whether everything but ``table`` is the same. A cross table's push switches all tables of its output: those
-    switches are then left out."""
-    cross = table.kind == "cross"
+    switches are then left out, also where one of those ``beside`` it is such a table."""
+    others = any(each.kind == "cross" and each.output_axis == one.axis for each in beside)
+    cross = table.kind == "cross" or others
     turned = table.kind != "reversal" and abs(one.backlash - two.backlash) > GRID_TOLERANCE
     if turned or (table.kind != "axis" and not same_table(one.own, two.own, allowed)):
         return False

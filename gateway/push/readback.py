@@ -59,7 +59,8 @@ def fault_of(work: Work, order: PushOrder, read: ReadBack, backup: LiveSet) -> V
         different.append(words("W-PUSH-CONTROL-DIFFERS"))
     if different:
         return VerifyError("E-PUSH-READBACK", axis, count=len(different), first=different[0])
-    if not same_rest(aside(backup, work.siblings), aside(read.found, work.siblings), order.table, work.allowed):
+    before, now = aside(backup, work.siblings), aside(read.found, work.siblings)
+    if not same_rest(before, now, order.table, work.allowed, work.siblings):
         raise VerifyError("E-PUSH-COUPLED", axis, axis=axis)
     return None
 

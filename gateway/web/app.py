@@ -12,7 +12,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from starlette.exceptions import HTTPException
 from starlette.responses import HTMLResponse, JSONResponse, Response
 
-from drivers.errors import DeadlineExceeded, TrueflankError
+from drivers.errors import ConfigError, DeadlineExceeded, TrueflankError
 from gateway.errors import BusyError, SignInRefused, WriteRefused
 from gateway.report.sentences import visible, when
 from gateway.users import Person
@@ -150,7 +150,7 @@ def _status(error: TrueflankError) -> int:
         return STATUS[error.code]
     if isinstance(error, SignInRefused):
         return 403
-    return 409 if isinstance(error, (BusyError, WriteRefused)) else 503
+    return 409 if isinstance(error, (BusyError, WriteRefused, ConfigError)) else 503
 
 
 async def _ours(_request: Request, error: Exception) -> Response:

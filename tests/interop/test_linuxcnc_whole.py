@@ -12,7 +12,8 @@ import pytest
 from tests.interop.linuxcnc_cell import Person, command, instruments, site_of
 from tests.interop.linuxcnc_host import Host, running
 
-pytestmark = [pytest.mark.interop, pytest.mark.wall_time]
+# Far longer than the rest of `make interop`: the kernel keeps its own time. `make kernel` runs it.
+pytestmark = [pytest.mark.interop, pytest.mark.soak, pytest.mark.wall_time, pytest.mark.timeout(1800)]
 
 QUICK = {
     r'first = 0\.0, last = 300\.0, count = "iso230-2"': "first = 0.0, last = 80.0, count = 9",
