@@ -44,7 +44,7 @@ def same_set(one: LiveSet, two: LiveSet, allowed: float) -> bool:
 
 
 def same_rest(
-    one: LiveSet, two: LiveSet, table: CompensationTable, allowed: float, beside: Sequence[CompensationTable] = ()
+    one: LiveSet, two: LiveSet, table: CompensationTable, allowed: float, *, beside: Sequence[CompensationTable] = ()
 ) -> bool:
     """Whether everything but ``table`` is the same. A cross table's push switches all tables of its output: those
     switches are then left out, also where one of those ``beside`` it is such a table."""

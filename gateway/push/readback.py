@@ -60,7 +60,7 @@ def fault_of(work: Work, order: PushOrder, read: ReadBack, backup: LiveSet) -> V
     if different:
         return VerifyError("E-PUSH-READBACK", axis, count=len(different), first=different[0])
     before, now = aside(backup, work.siblings), aside(read.found, work.siblings)
-    if not same_rest(before, now, order.table, work.allowed, work.siblings):
+    if not same_rest(before, now, order.table, work.allowed, beside=work.siblings):
         raise VerifyError("E-PUSH-COUPLED", axis, axis=axis)
     return None
 

@@ -145,11 +145,12 @@ class Person:
         self._clock = LoopClock()
 
     async def hears(self, line: str) -> None:
-        if "restart of LinuxCNC" in line and "reference the axes" in line:
+        told = line.lower()
+        if "restart of linuxcnc" in told and "reference the axes" in told:
             self.restarts += 1
             await self.host.restart()
-        elif "press Cycle Start" in line:
+        elif "press cycle start" in told:
             await self.host.person("start")
-            if "mount" in line:
+            if "mount" in told:
                 await self._clock.sleep(MOUNT_S)
                 await self.host.person("start")
