@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Callable, Iterator
 from datetime import datetime, timedelta
 from functools import cached_property
@@ -24,6 +25,8 @@ _GOOD = ua.StatusCode()
 
 class SinumerikSession(InternalSession):
     """A session whose reads, writes and calls in our name space go to the NCK."""
+
+    _limit_s = 0.0
 
     @property
     def _home(self) -> Any:
@@ -187,12 +190,20 @@ class SinumerikSession(InternalSession):
     def _callers(self) -> LoopClock:
         return LoopClock()
 
+    async def create_session(
+        self, params: ua.CreateSessionParameters, sockname: tuple[str, int] | None = None
+    ) -> ua.CreateSessionResult:
+        """As asyncua, whose connections watch their session too, by the wall's clock: they are given no limit."""
+        made = await super().create_session(params, sockname)
+        self._limit_s, self.session_timeout = made.RevisedSessionTimeout / 1000.0, math.inf
+        return made
+
     def touch(self) -> None:
         """A request has come."""
         self._last_activity = self._callers.now()
 
     async def _timeout_loop(self) -> None:
-        limit_s = self.session_timeout or 0.0
+        limit_s = self._limit_s
         while self.state is not SessionState.Closed:
             left_s = limit_s - (self._callers.now() - self._last_activity)
             if left_s <= 0:

@@ -6,11 +6,14 @@ import asyncio
 import contextlib
 import itertools
 import random
+import time
 from collections.abc import AsyncIterator, Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from asyncua.server import uaprocessor
 
 from drivers.errors import DeadlineExceeded, DeviceRefused, LinkBroken, TransportError, TrueflankError
 from drivers.sinumerik.opcua.session import login, nodes
@@ -130,6 +133,18 @@ async def test_fault_47_a_session_is_kept_alive_and_its_loss_is_told(keys: Path)
         await refused(on.device.state(), "E-UA-BROKEN")
         await on.device.open(5.0)
         assert (await on.device.state()).mode == "AUTO"
+
+
+async def test_a_session_ends_by_the_loop_s_time_however_long_the_computer_took(
+    keys: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In virtual time the wall's clock says how busy the computer is: asyncua's own watchdog must not judge by it."""
+    late = itertools.count(time.monotonic(), 100.0)
+    async with on_stage(folder=keys, server={"session_timeout_s": 20.0}) as on:
+        monkeypatch.setattr(uaprocessor, "time", SimpleNamespace(monotonic=lambda: next(late)))
+        for _ in range(10):
+            await on.clock.sleep(3.0)
+            assert (await on.device.state()).mode == "AUTO"
 
 
 async def test_fault_48_49_a_restarted_server_with_another_name_space_index(keys: Path) -> None:
