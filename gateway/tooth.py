@@ -201,6 +201,11 @@ class AxisOutlook:
     M_alone: float
     moved_by: Mapping[str, float]
 
+    @property
+    def spoilt(self) -> bool:
+        """Whether a cross table over the axis itself changes its curve."""
+        return self.M_alone != self.M
+
 
 @dataclass(frozen=True, slots=True)
 class ToothProposal:

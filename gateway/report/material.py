@@ -22,7 +22,7 @@ from gateway.evaluate.uncertainty.budget import Budget
 from gateway.gear.cycloid import CycloidGear
 from gateway.model.known import ErrorModel
 from gateway.report.particulars import Particulars
-from gateway.tooth import GearProposal, GroundPart, InspectedFlank, ToothProposal, ToothVerdict
+from gateway.tooth import AxisOutlook, GearProposal, GroundPart, InspectedFlank, ToothProposal, ToothVerdict
 
 Outcome = Literal["better", "unchanged", "worse", "not-pushed", "pushed", "measured", "inspected"]
 Kind = Literal["errors", "part", "closing"]
@@ -61,7 +61,7 @@ class AxisMaterial:
     ``axis`` is the controller's name (X1), ``letter`` the axis letter (X), ``unit`` mm or deg; deviations
     are in um or arcsec. ``change`` is that of its own table, ``beside`` what else is corrected on the axis itself: its
     reversal. ``findings`` say what was found but not corrected, and what becomes of the reversal, in words; ``acting``
-    is the short check with every table acting. ``budget`` is what U rests on.
+    is the short check with every table acting, ``outlook`` what was predicted of it. ``budget`` is what U rests on.
     """
 
     axis: str
@@ -80,6 +80,7 @@ class AxisMaterial:
     verdict: AxisVerdict | None = None
     findings: tuple[str, ...] = ()
     acting: ActingCheck | None = None
+    outlook: AxisOutlook | None = None
     budget: Budget | None = None
     course_before: AmbientCourse | None = None
     course_after: AmbientCourse | None = None

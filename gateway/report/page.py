@@ -44,6 +44,7 @@ class AxisPage:
     curve: Markup
     table: Markup
     prediction: Markup
+    acting: Markup
     polar: Markup
     points: tuple[Point, ...]
     values: tuple[tuple[float, float, float], ...]
@@ -98,6 +99,7 @@ def _axis_page(axis: AxisMaterial) -> AxisPage:
         curve=_drawn(plots.before_after(axis)),
         table=_drawn(plots.table_change(axis)),
         prediction=_drawn(plots.prediction(axis)),
+        acting=_drawn(plots.acting(axis)),
         polar=_drawn(plots.polar(axis)),
         points=_points(axis),
         values=_values(axis.change),

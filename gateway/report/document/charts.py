@@ -7,10 +7,13 @@ from gateway.domain.captures import Capture
 from gateway.domain.figures import Evaluation
 from gateway.report.document.content import Block, Heading, Pair, Paragraph, PictureBlock, TableBlock, Whole
 from gateway.report.document.words import Tongue
-from gateway.report.drawings import positioning
+from gateway.report.drawings import plots, positioning
 from gateway.report.material import AxisMaterial, Judged, ReportMaterial
 from gateway.report.parameters import PARAMETERS
 from gateway.report.sentences import UNIT, number
+from gateway.tooth import AxisOutlook
+
+ACTING_MM = 182.0
 
 
 def axes(report: ReportMaterial, t: Tongue) -> tuple[Block, ...]:
@@ -34,12 +37,20 @@ def _axis(axis: AxisMaterial, judged: tuple[Judged, ...], t: Tongue) -> Whole:
 
 def _acting(axis: AxisMaterial, t: Tongue) -> tuple[Block, ...]:
     """The axis with every table acting, cross tables too, which spoil it on purpose for the tooth."""
-    found = axis.acting
+    found, said = axis.acting, axis.outlook
+    drawn = plots.acting(axis, words=False)
+    picture: tuple[Block, ...] = (PictureBlock(drawn, ACTING_MM, t("acting_picture")),) if drawn else ()
     if found is None:
-        return ()
+        return (Paragraph(_predicted(said, t), "small"), *picture) if said is not None else ()
     held = {True: "acting_held", False: "acting_missed", None: "acting_other"}[found.held]
     told = {"M": number(found.M), "U": number(found.M_U), "predicted": number(found.M_predicted)}
-    return (Paragraph(t(held, **told, unit=UNIT[found.unit]), "small"),)
+    return (Paragraph(t(held, **told, unit=UNIT[found.unit]), "small"), *picture)
+
+
+def _predicted(said: AxisOutlook, t: Tongue) -> str:
+    """Where no short check was made: the curve was not changed, nothing was pushed, or there is no instrument."""
+    told = {"M": number(said.M), "U": number(said.M_U), "unit": UNIT[said.unit]}
+    return t("acting_spoilt", alone=number(said.M_alone), **told) if said.spoilt else t("acting_alone", **told)
 
 
 def _chart(axis: AxisMaterial, capture: Capture | None, found: Evaluation | None, state: str) -> tuple[Block, ...]:

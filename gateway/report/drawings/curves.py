@@ -17,6 +17,7 @@ from gateway.domain.figures import Evaluation
 from gateway.domain.proposals import TableChange
 from gateway.domain.values import FloatArray
 from gateway.report.material import AxisMaterial
+from gateway.tooth import AxisOutlook
 
 INK = "#22282e"
 QUIET = "#6d757d"
@@ -152,6 +153,30 @@ def prediction(figure: FigureBase, axis: AxisMaterial, change: TableChange) -> N
     panel.legend(**_legend(), bbox_to_anchor=(1.0, 1.18 if wide else 1.13), ncols=3)
     panel.set_ylabel(f"deviation  {SIGN[axis.deviation_unit]}")
     panel.set_xlabel(f"{plain_name(axis.letter)}  {axis.unit}", labelpad=2)
+
+
+def acting(figure: FigureBase, axis: AxisMaterial, outlook: AxisOutlook, *, words: bool) -> None:
+    """The axis with every table acting as predicted, U (k = 2), beside its own table alone, and as a check found it.
+
+    Without ``words`` only units are drawn: a caption in the reader's language says the rest.
+    """
+    panel = figure.subplots(1, 1)
+    figure.subplots_adjust(left=0.075, right=0.99, top=0.87, bottom=0.18)
+    calm(panel)
+    order = np.argsort(outlook.targets, kind="stable")
+    at, curve, U = outlook.targets[order], outlook.deviation[order], outlook.U[order]
+    panel.fill_between(at, curve - U, curve + U, color=OLD, alpha=0.3, lw=0, label="± U (k = 2)")
+    panel.plot(at, curve, color=OLD, lw=1.0, label="predicted")
+    if axis.change is not None and outlook.spoilt:
+        own = np.argsort(axis.change.targets, kind="stable")
+        alone = axis.change.predicted[own]
+        panel.plot(axis.change.targets[own], alone, ":", color=INK, lw=1.0, label="own table alone")
+    if axis.acting is not None:
+        panel.plot(axis.acting.targets, axis.acting.measured, "o", color=NEW, ms=2.8, mew=0, label="measured")
+    if words:
+        panel.legend(**_legend(), bbox_to_anchor=(1.0, 1.18), ncols=4)
+    panel.set_ylabel(f"{'deviation  ' if words else ''}{SIGN[axis.deviation_unit]}")
+    panel.set_xlabel(f"{plain_name(axis.letter)}  {axis.unit if words or not axis.rotary else '°'}", labelpad=2)
 
 
 def _on_prediction(after: Evaluation, change: TableChange) -> FloatArray:

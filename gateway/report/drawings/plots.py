@@ -69,6 +69,15 @@ def prediction(axis: AxisMaterial) -> str:
     return svg(size, lambda figure: curves.prediction(figure, axis, change), f"Prediction of {axis.axis}")
 
 
+def acting(axis: AxisMaterial, *, words: bool = True) -> str:
+    """SVG: the axis with every table acting, predicted and checked; "" where no cross table changes its curve."""
+    outlook = axis.outlook
+    if outlook is None or not outlook.spoilt or outlook.targets.size == 0:
+        return ""
+    name = f"Everything acting on {axis.axis}"
+    return svg((182, 52), lambda figure: curves.acting(figure, axis, outlook, words=words), name)
+
+
 def polar(axis: AxisMaterial) -> str:
     """SVG: mean deviation of a rotary axis around its turn, before and after; "" for a linear axis."""
     if not axis.rotary or (axis.before is None and axis.after is None):

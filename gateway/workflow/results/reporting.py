@@ -33,6 +33,7 @@ from gateway.report import (
 from gateway.report.material import AmbientCourse, Outcome
 from gateway.report.missing import PUSHED
 from gateway.store import RunFolder
+from gateway.tooth import AxisOutlook, ToothProposal
 from gateway.workflow import stages
 from gateway.workflow.axes.measure import budget_of
 from gateway.workflow.axes.propose import size_of
@@ -196,10 +197,17 @@ def _axis(
         beside=beside,
         findings=(*findings, *(f"{one.change.name}: {one.change.skipped or size_of(one.change)}" for one in beside)),
         acting=found(folder, stages.acting(name), ActingCheck),
+        outlook=_outlook(folder, name),
         budget=budget_of(before) if before is not None else None,
         course_before=_course(folder, stages.raw(name, "before"), _setup_raw(site, axis)),
         course_after=_course(folder, stages.raw(name, "after")),
     )
+
+
+def _outlook(folder: RunFolder, axis: str) -> AxisOutlook | None:
+    """How the axis is to deviate with everything that the run proposes for the tooth."""
+    tooth = found(folder, stages.TOOTH, ToothProposal)
+    return next((one for one in tooth.axes if one.axis == axis), None) if tooth is not None else None
 
 
 def _course(folder: RunFolder, *of: str) -> AmbientCourse | None:

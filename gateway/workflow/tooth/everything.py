@@ -26,7 +26,7 @@ def told_of(found: Sequence[AxisOutlook]) -> Iterator[str]:
     """What cross tables make of an axis, in words; nothing of an axis that none acts on."""
     for one in found:
         fields = {"axis": one.axis, "M": f"{one.M:.2f}", "U": f"{one.M_U:.2f}", "unit": one.unit}
-        if one.M_alone != one.M:
+        if one.spoilt:
             yield words("S-TOOTH-AXIS-ACTING", alone=f"{one.M_alone:.2f}", **fields)
         for name, size in one.moved_by.items():
             yield words("S-TOOTH-AXIS-MOVED", other=name, size=f"{size:.2f}", **fields)
