@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import os
 from collections.abc import AsyncIterator, Collection, Iterator, Mapping, Sequence
 from contextlib import asynccontextmanager, contextmanager
 from dataclasses import dataclass, replace
@@ -106,12 +107,29 @@ def store_of(site: SiteFile, site_path: Path) -> Store:
 def new_run(site: SiteFile, site_path: Path, store: Store | None = None) -> RunFolder:
     """A run folder that remembers the site file: its path and its text as it was, without any secret.
 
-    In the site's store, or in another one.
+    In the site's store, or in another one. The path is seen from the run's own folder, so that no record tells how this
+    computer's folders are called; a folder for a short time may be elsewhere, and tells the whole.
     """
-    store = store or store_of(site, site_path)
-    folder = store.create(site.site.name, {"site_file": str(site_path.resolve())})
+    path = site_path.resolve()
+    told = str(path) if store is not None else _from_run(path, store_of(site, site_path).root)
+    folder = (store or store_of(site, site_path)).create(site.site.name, {"site_file": told})
     folder.write_text(KEPT, without_secrets_text(site_path.read_text(encoding="utf-8")))
     return folder
+
+
+def _from_run(path: Path, root: Path) -> str:
+    """A path as the runs of a store see it; whole where no way leads there (another drive)."""
+    try:
+        return Path(os.path.relpath(path, root / "run")).as_posix()
+    except ValueError:
+        return str(path)
+
+
+def site_path_of(folder: RunFolder) -> Path | None:
+    """Where the site file of a stored run lies; None where the run was made without one."""
+    plan = folder.plan
+    told = str(plan["site_file"]) if isinstance(plan, Mapping) and plan.get("site_file") else ""
+    return (folder.path / told).resolve() if told else None
 
 
 @contextmanager
@@ -140,10 +158,9 @@ def kept_in(at: Bench) -> str:
 
 def site_of(folder: RunFolder) -> tuple[SiteFile, Path]:
     """The site a stored run was made at, read afresh. Raises ConfigError when its file is gone or wrong."""
-    plan = folder.plan
-    if not isinstance(plan, Mapping) or not plan.get("site_file"):
+    path = site_path_of(folder)
+    if path is None:
         raise ConfigError("E-RUN-NO-SITE", str(folder.path))
-    path = Path(str(plan["site_file"]))
     return load_site(path), path
 
 
@@ -152,8 +169,7 @@ def site_recorded(folder: RunFolder) -> tuple[SiteFile, Path]:
 
     A copy that today's rules refuse gives way to the file it was made from. Raises as `site_of`.
     """
-    plan = folder.plan
-    path = Path(str(plan["site_file"])) if isinstance(plan, Mapping) and plan.get("site_file") else None
+    path = site_path_of(folder)
     try:
         return load_site(folder.path / KEPT), path or folder.path / KEPT
     except ConfigError:

@@ -127,7 +127,9 @@ def families_jobs(count: int) -> list[Job]:
 def test_what_no_reader_should_meet_is_found(tmp_path: Path) -> None:
     run = tmp_path / "runs" / "one"
     run.mkdir(parents=True)
-    (run / "fit.json").write_text('{"n": 1.5, "word": "information, none", "site_file": "/x"}', encoding="utf-8")
+    (run / "fit.json").write_text(
+        '{"n": 1.5, "word": "information, none", "site_file": "../../site.toml"}', encoding="utf-8"
+    )
     (run / "fit.html").write_text("<path d='nan'/><p>in range</p>", encoding="utf-8")
     assert unfit(run) == []
     (run / "a.json").write_text('{"n": NaN, "m": -Infinity}', encoding="utf-8")

@@ -59,6 +59,7 @@ class PushAsked:
 def push_run_command(run_folder: str, store: Path, asked: PushAsked, *, as_json: bool) -> None:
     """Show a stored proposal against the live machine, or apply it."""
     from gateway.store import Store
+    from gateway.workflow.bench import site_path_of
     from gateway.workflow.control.pushing import push_run
 
     folder = Store(store).open(run_folder)
@@ -71,7 +72,7 @@ def push_run_command(run_folder: str, store: Path, asked: PushAsked, *, as_json:
         outcome = run_to_end(main(say))
     machine = asked.machine or str(folder.facts["site"])
     if asked.apply:
-        onward = after_run(outcome.state, outcome.run_folder, str(folder.plan["site_file"]), machine)
+        onward = after_run(outcome.state, outcome.run_folder, str(site_path_of(folder)), machine)
     else:
         onward = after_look(bool(outcome.data["refused"]), outcome.run_folder, machine)
     show_outcome(outcome, as_json=as_json, points=asked.points, onward=onward)

@@ -12,7 +12,8 @@ from drivers.local.scrub import HIDDEN, has_user, without_secrets, without_secre
 from drivers.sinumerik.opcua.session.secrets import secrets_of
 from drivers.sinumerik.opcua.settings import UaSettings
 from gateway.config import load_site
-from gateway.workflow.bench import new_run
+from gateway.store import RunFolder
+from gateway.workflow.bench import new_run, site_of
 from tests.unit.ground.test_config import GOOD
 
 SECRET = "hunter2-correct-horse"
@@ -100,6 +101,17 @@ def test_a_run_folder_keeps_the_site_file_without_what_slipped_through(tmp_path:
     assert SECRET not in kept.read_text("site.toml")
     assert kept.read_text("site.toml").endswith(GOOD)
     assert all(SECRET.encode() not in file.read_bytes() for file in kept.path.iterdir())
+
+
+def test_a_run_folder_names_no_folder_of_this_computer_and_finds_its_site_wherever_both_go(tmp_path: Path) -> None:
+    (tmp_path / "hall").mkdir()
+    path = site(tmp_path / "hall", GOOD)
+    kept = new_run(load_site(path), path)
+    assert all(str(tmp_path).encode() not in file.read_bytes() for file in kept.path.iterdir())
+    assert site_of(kept)[1] == path
+    moved = (tmp_path / "hall").rename(tmp_path / "elsewhere")
+    again = RunFolder(moved / kept.path.relative_to(tmp_path / "hall"))
+    assert site_of(again)[1] == moved / "site.toml"
 
 
 def test_records_of_settings_hide_at_every_depth() -> None:
