@@ -50,7 +50,7 @@ def check_command(
     found = checked(site)
     rows: Sequence[tuple[str, ...]] = ()
     if connect and not found.faults:
-        rows, limits = run_to_end(_asked(found.site))
+        rows, limits = run_to_end(asked(found.site, site))
         found = replace(found, faults=in_order(placed(limits, found.text)))
     tell(found, site, rows, as_json=as_json)
     if found.faults:
@@ -75,22 +75,28 @@ def in_order(faults: Sequence[Any]) -> tuple[Any, ...]:
     return tuple(sorted(faults, key=lambda one: (one.line, one.column)))
 
 
-async def _asked(site: Any) -> tuple[Sequence[tuple[str, ...]], tuple[Any, ...]]:
-    """Every device's identity, and what the control says against the file. Raises DevicesFailed."""
+async def asked(site: Any, path: Path) -> tuple[Sequence[tuple[str, ...]], tuple[Any, ...]]:
+    """Every device's identity, and what the control says against the file; a service that has the devices lends them.
+
+    Raises DevicesFailed, and what `gateway.broker.borrowed` raises.
+    """
+    from gateway.broker import borrowed
     from gateway.cli.begin.surveying import surveyed
     from gateway.supervisor import Supervisor
+    from gateway.workflow.bench import store_of
 
     clock, control = LoopClock(), site.controller
-    supervisor = Supervisor(site, clock)
-    try:
-        await supervisor.open_all()
-        seen = [one for one in supervisor.picture() if one.identity is not None]
-    finally:
-        await supervisor.close_all()
+    async with borrowed(store_of(site, path).root, "check", clock):
+        supervisor = Supervisor(site, clock)
+        try:
+            await supervisor.open_all()
+            seen = [one for one in supervisor.picture() if one.identity is not None]
+        finally:
+            await supervisor.close_all()
+        facts = await surveyed(control.driver, control.url, control.settings, clock=clock, timeout_s=control.timeout_s)
     rows: list[tuple[str, ...]] = [
         (one.name, one.identity.model, one.identity.serial, one.identity.firmware) for one in seen if one.identity
     ]
-    facts = await surveyed(control.driver, control.url, control.settings, clock=clock, timeout_s=control.timeout_s)
     return rows, tuple(against_control(site, facts))
 
 

@@ -13,6 +13,7 @@ from drivers.clock import Clock
 from drivers.errors import ConfigError, LimitPassed, TrueflankError, UnsupportedDevice
 from drivers.ports.instruments import Instrument
 from drivers.recordings import Recording
+from gateway.broker import borrowed
 from gateway.capture.dynamic import DynamicCapture
 from gateway.capture.dynamicrecords import Ended, LiveView, Sink, StreamShape, Trigger, unit_of
 from gateway.config import InstrumentSection, SiteFile
@@ -22,7 +23,7 @@ from gateway.say import Say
 from gateway.store import RunFolder
 from gateway.store.rawstream import RawRecorder, StreamFacts, open_stream
 from gateway.workflow.axes.dynamicpicture import draw
-from gateway.workflow.bench import new_run
+from gateway.workflow.bench import new_run, store_of
 
 PICTURE, STATE = "dynamic.png", "captured"
 # Settling looks at the whole record at once; a longer one is cut by its trigger or recorded shorter.
@@ -108,12 +109,14 @@ async def capture_dynamic(
 ) -> DynamicOutcome:
     """Record, evaluate, draw and keep. Whatever fails, what was recorded before stays readable.
 
-    Raises ConfigError (E-DYN-INSTRUMENT), CaptureError (E-CAP-TRIGGER, E-CAP-CLOCK), what the instrument raises.
+    While a gateway serves this site, it lends the devices. Raises ConfigError (E-DYN-INSTRUMENT), CaptureError
+    (E-CAP-TRIGGER, E-CAP-CLOCK), what the instrument and `gateway.broker.borrowed` raise.
     """
     section = _section(site, wish.instrument)
     folder = new_run(site, site_path)
     try:
-        ended, path, notes = await _recorded(section, wish, clock, folder, say)
+        async with borrowed(store_of(site, site_path).root, folder.run_id, clock, say) as told:
+            ended, path, notes = await _recorded(section, wish, clock, folder, told)
     except TrueflankError as error:
         folder.set_state("failed", error=error.as_record())
         raise
