@@ -24,18 +24,33 @@ def rebuilt(index: RunIndex, store: Store) -> int:
 
 
 def caught_up(index: RunIndex, store: Store) -> int:
-    """What has changed since the last time; returns how many runs were read. Raises StoreError."""
+    """What has changed since the last time; returns how many runs were put in. Raises StoreError.
+
+    A run whose file is as it was when this index looked last is not read again: a store of years is looked through in
+    the time that its list takes.
+    """
     index.open()
-    known, runs = index.seals(), store.runs()
+    with index.turn:
+        return _caught_up(index, store)
+
+
+def _caught_up(index: RunIndex, store: Store) -> int:
+    known, marks = index.seals(), store.marks()
     changed = 0
-    for run in runs:
+    for run_id, mark in marks.items():
+        if run_id in known and index.looked.get(run_id) == (mark, known[run_id]):
+            continue
+        run = store.summary(run_id)
         seal = seal_of(run)
-        if known.get(run.run_id) != seal:
+        if known.get(run_id) != seal:
             _put(index, run, seal)
             changed += 1
-    gone = sorted(set(known) - {run.run_id for run in runs})
+        index.looked[run_id] = (mark, seal)
+    gone = sorted(set(known) - set(marks))
     if gone:
         index.drop(gone)
+    for run_id in set(index.looked) - set(marks):
+        del index.looked[run_id]
     return changed
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import platform
+import threading
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -47,6 +48,10 @@ class RunIndex:
         self.gateway = gateway_name(root)
         self._own = not url
         self._is_open = False
+        self.looked: dict[str, tuple[tuple[int, ...], str]] = {}
+        """Each run's mark (`Store.marks`) and seal when it was read last."""
+        self.turn = threading.Lock()
+        """Who lets it catch up: one thread at a time."""
         self._engine = _engine(url or index_url(root))
 
     def open(self) -> None:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import re
 import secrets
 from collections.abc import Callable
 from datetime import UTC, datetime
 from importlib import metadata
+from itertools import islice
 from pathlib import Path
 
 from drivers.local.names import is_file_name, shown
@@ -78,18 +81,36 @@ class Store:
         raise StoreError("E-STORE-RUN", str(self.root), run=shown(run), matches=len(matches))
 
     def runs(self) -> tuple[RunSummary, ...]:
-        """All runs, oldest first; one that cannot be read is listed with its problem."""
-        return tuple(_summary(path) for path in self._folders())
+        """All runs, oldest first; one that cannot be read is listed with its problem. Reads a file of each."""
+        return tuple(self.summary(path.name) for path in self._folders())
+
+    def summary(self, run_id: str) -> RunSummary:
+        """The line of one run; one that cannot be read has its problem there."""
+        path = self.root / run_id
+        try:
+            return RunFolder(path).summary()
+        except StoreError as error:
+            return RunSummary(run_id, path, state="unreadable", problem=str(error))
+
+    def newest(self, most: int, before: str = "") -> tuple[str, ...]:
+        """Ids of the newest runs, newest first, behind the id ``before``; no run is read. Raises StoreError."""
+        names = (name for name in self._names() if not before or name < before)
+        return tuple(islice((name for name in names if (self.root / name / RUN_FILE).exists()), most))
+
+    def marks(self) -> dict[str, tuple[int, ...]]:
+        """What changes whenever a run's own file does, by its id, oldest first; no run is read. Raises StoreError."""
+        found: dict[str, tuple[int, ...]] = {}
+        for name in reversed(self._names()):
+            with contextlib.suppress(OSError):
+                at = os.stat(self.root / name / RUN_FILE)
+                found[name] = (at.st_mtime_ns, at.st_size, at.st_ino)
+        return found
+
+    def _names(self) -> list[str]:
+        """Everything that may be a run, newest first: an id begins with its time."""
+        with disk_errors(self.root):
+            return sorted(os.listdir(self.root), reverse=True) if self.root.is_dir() else []
 
     def _folders(self) -> list[Path]:
         with disk_errors(self.root):
-            if not self.root.is_dir():
-                return []
-            return sorted(path for path in self.root.iterdir() if (path / RUN_FILE).exists())
-
-
-def _summary(path: Path) -> RunSummary:
-    try:
-        return RunFolder(path).summary()
-    except StoreError as error:
-        return RunSummary(path.name, path, state="unreadable", problem=str(error))
+            return [self.root / name for name in reversed(self._names()) if (self.root / name / RUN_FILE).exists()]

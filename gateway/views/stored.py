@@ -23,18 +23,18 @@ MOST_RUNS = 10
 
 def newest_runs(store: Store) -> tuple[PastRun, ...]:
     """The last runs, newest first; one that cannot be read is shown with its problem."""
-    return tuple(_past(store, run_id) for run_id in _newest(store))
+    return tuple(_past(store, run_id) for run_id in store.newest(MOST_RUNS))
 
 
 def last_result(store: Store) -> tuple[ResultRow, ...]:
     """The before/after table of the newest run that has a verdict; empty when none of the last has."""
-    tables = (_table(store, run_id) for run_id in _newest(store))
+    tables = (_table(store, run_id) for run_id in store.newest(MOST_RUNS))
     return next((table for table in tables if table), ())
 
 
 def last_acting(store: Store) -> tuple[ActingRow, ...]:
     """Each axis with every table acting, of the newest run that has a verdict; empty where it served no tooth."""
-    newest = next((one for one in _newest(store) if _table(store, one)), "")
+    newest = next((one for one in store.newest(MOST_RUNS) if _table(store, one)), "")
     try:
         return _acting(RunFolder(store.root / newest)) if newest else ()
     except StoreError:
@@ -77,12 +77,6 @@ def sealed_file(folder: RunFolder, name: str) -> bytes:
     if sha256(data) != known[at]:
         raise CorruptRecord("E-STORE-HASH", str(folder.path / at), stage=name)
     return data
-
-
-def _newest(store: Store) -> list[str]:
-    # Ids begin with the time, so their order is the order of the runs.
-    found = [path.parent.name for path in store.root.glob(f"*/{RUN_FILE}")]
-    return sorted(found, reverse=True)[:MOST_RUNS]
 
 
 def _past(store: Store, run_id: str) -> PastRun:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections import deque
 from collections.abc import AsyncIterator
 from dataclasses import asdict
@@ -13,7 +14,9 @@ from starlette.responses import HTMLResponse, Response, StreamingResponse
 from drivers.errors import TrueflankError
 from drivers.local.names import is_file_name, shown
 from gateway import audit
+from gateway.errors import StoreError
 from gateway.store import RunFolder, SelfTestBook
+from gateway.store.folder import RUN_FILE
 from gateway.users import Person
 from gateway.views import as_data
 from gateway.views.measuring import plan_of
@@ -61,9 +64,10 @@ def runs(
     request: Request, site: str, most: Annotated[int, Query(ge=1, le=500)] = 50, before: str = ""
 ) -> dict[str, Any]:
     """Stored runs, newest first; ``before`` goes on behind a run id."""
-    every = [one for one in reversed(site_of(request, site).store.runs()) if not before or one.run_id < before]
-    listed = [{**asdict(one), "path": str(one.path)} for one in every[:most]]
-    return {"runs": listed, "more": len(every) > most}
+    store = site_of(request, site).store
+    found = store.newest(most + 1, before)
+    listed = [{**asdict(one), "path": str(one.path)} for one in map(store.summary, found[:most])]
+    return {"runs": listed, "more": len(found) > most}
 
 
 @routes.get("/sites/{site}/runs/{run}")
@@ -167,8 +171,7 @@ async def _while_signed_in(request: Request, frames: AsyncIterator[str], *, bear
 
 def run_of(at: ServedSite, run: str) -> RunFolder:
     """A run of a site's store by its id, and by nothing else. Raises TrueflankError (E-WEB-RUN)."""
-    if is_file_name(run):
-        for one in at.store.runs():
-            if one.run_id == run and not one.problem:
-                return RunFolder(one.path)
+    with contextlib.suppress(StoreError):
+        if is_file_name(run) and (at.store.root / run / RUN_FILE).is_file():
+            return RunFolder(at.store.root / run)
     raise TrueflankError("E-WEB-RUN", "web", run=shown(run))

@@ -15,7 +15,7 @@ from gateway import audit
 from gateway.errors import StoreError
 from gateway.index import IndexedFigure, IndexedRun, RunIndex, caught_up, compared, due_of, index_url, rebuilt
 from gateway.index.schema import METADATA
-from gateway.store import RunFolder, Store
+from gateway.store import RunFolder, RunSummary, Store
 from tests.unit.audit.log import Moments
 from tests.unit.report.synthetic import axis_material
 
@@ -44,6 +44,30 @@ def test_an_index_says_what_the_folders_say_and_follows_them(tmp_path: Path) -> 
     shutil.rmtree(tmp_path / second)
     assert caught_up(index, store) == 0
     assert [one["run_id"] for one in index.search()] == [first]
+
+
+def test_what_did_not_change_is_not_read_again_and_what_the_database_lost_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store, index = Store(tmp_path), RunIndex(tmp_path)
+    runs = [measured(store, "X1") for _run in range(3)]
+    caught_up(index, store)
+    read: list[str] = []
+    summary = Store.summary
+
+    def noted(self: Store, run_id: str) -> RunSummary:
+        read.append(run_id)
+        return summary(self, run_id)
+
+    monkeypatch.setattr(Store, "summary", noted)
+    assert caught_up(index, store) == 0
+    assert read == []
+    store.open(runs[1]).set_state("pushed")
+    assert caught_up(index, store) == 1
+    RunIndex(tmp_path).drop(runs[:1])  # by another program
+    assert caught_up(index, store) == 1
+    assert read == [runs[1], runs[0]]
+    assert {one["run_id"] for one in index.search()} == set(runs)
 
 
 def test_a_trend_has_each_figure_with_its_u_in_the_order_of_time(tmp_path: Path) -> None:

@@ -107,6 +107,9 @@ def test_unreadable_runs_never_break_the_list(tmp_path: Path) -> None:
     runs = store.runs()
     assert [bool(run.problem) for run in runs] == [True, True, True, False]
     assert "E-STORE-FUTURE" in runs[2].problem
+    ids = sorted((one.run_id for one in folders), reverse=True)
+    assert (store.newest(3), store.newest(9, before=ids[1])) == (tuple(ids[:3]), tuple(ids[2:]))
+    assert list(store.marks()) == ids[::-1]
     with pytest.raises(FutureSchema):
         store.open(folders[2].run_id)
 
