@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
+from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine, Mapping
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -18,6 +18,7 @@ from gateway.daemon.daily import Daily
 from gateway.daemon.desk import Desk, Devices
 from gateway.daemon.hub import Hub
 from gateway.daemon.jobs import RunStarter
+from gateway.daemon.lasting import lasting
 from gateway.daemon.looking import Looking
 from gateway.daemon.telling import figures_told, publisher_of
 from gateway.index import RunIndex, caught_up, index_of
@@ -200,10 +201,14 @@ class ServedPlace:
 
     async def work(self, stop: asyncio.Event) -> None:
         """Devices, commands and the watch folder until ``stop``."""
-        others = [self._tell_states(), self._watch_folder(stop), self._keep_index()]
+        others: dict[str, Callable[[], Coroutine[object, object, None]]] = {
+            "telling states": self._tell_states,
+            "the watch folder": lambda: self._watch_folder(stop),
+            "the index": self._keep_index,
+        }
         if self._outgoing is not None:
-            others.append(self._outgoing.work())
-        beside = [asyncio.create_task(one) for one in others]
+            others["messages for other systems"] = self._outgoing.work
+        beside = [asyncio.create_task(lasting(*one, self._clock, self.hub.tell)) for one in others.items()]
         try:
             await self.desk.work(stop)
         finally:

@@ -6,6 +6,7 @@ import asyncio
 import socket
 from collections.abc import Callable, Coroutine, Sequence
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +19,11 @@ from gateway.broker import Broker, Lease, locked
 from gateway.daemon.daily import each_day
 from gateway.daemon.desk import interrupt, left_in_order
 from gateway.daemon.doorkeeping import doors_of, noting, sessions_of
+from gateway.daemon.lasting import lasting
 from gateway.daemon.listening import GRACE_S, PageServer, listener_on, more_files, server_of, url_of
 from gateway.daemon.logs import logged_into
 from gateway.daemon.notify import Notifier, keep_telling
-from gateway.daemon.served import ServedPlace, Serving, software
+from gateway.daemon.served import ServedPlace, Serving, either, software
 from gateway.store.logbook import LogBook
 from gateway.users import Sessions, UserAccounts
 from gateway.web import Service, create_app
@@ -142,12 +144,19 @@ async def together(
         await clock.sleep(LATER_S)
         await asyncio.to_thread(_loaded)
 
-    works = [asyncio.create_task(place.work(over), name=name) for name, place in places.items()]
+    async def worked(place: ServedPlace) -> None:
+        # The page first: what pushes left must be seen soon, and the library of a control takes its time to load.
+        await either(server.listening, over)
+        await place.work(over)
+
+    works = [asyncio.create_task(worked(place), name=name) for name, place in places.items()]
     page = asyncio.create_task(server.serve(sockets=[listener]), name="page")
     logs = {(place.store.root, place.site.service.syslog) for place in places.values() if place.site.service.syslog}
-    days = [each_day(place.desk, place.daily, clock) for place in places.values() if place.daily is not None]
-    others = [asyncio.create_task(one) for one in (until, announced(), keep_telling(notifier, clock), *days)]
-    others += [asyncio.create_task(audit.forward(root, server, clock)) for root, server in sorted(logs)]
+    days = [partial(each_day, place.desk, place.daily, clock) for place in places.values() if place.daily is not None]
+    sent = [partial(audit.forward, root, server, clock) for root, server in sorted(logs)]
+    others = [asyncio.create_task(one) for one in (until, announced(), keep_telling(notifier, clock))]
+    others += [asyncio.create_task(lasting("the daily comparison", one, clock)) for one in days]
+    others += [asyncio.create_task(lasting("audit records for the server of logs", one, clock)) for one in sent]
     try:
         await asyncio.wait((page, *works, others[0]), return_when=asyncio.FIRST_COMPLETED)
     finally:

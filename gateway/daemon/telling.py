@@ -41,9 +41,9 @@ def figures_told(store: Store, run_id: str) -> dict[str, Any]:
     told: dict[str, Any] = {"run_id": run_id, "serial": "", "figures": []}
     try:
         folder = store.open(run_id)
-        found = [asdict(one) for one in figures_of("", folder)]
+        found, serial = [asdict(one) for one in figures_of("", folder)], folder.summary().machine
     except StoreError:
         return told  # the run's own pages say what is damaged
     wanted = ("subject", "phase", "parameter", "value", "expanded", "unit")
     figures = [{key: one[key] for key in wanted} for one in found]
-    return told | {"serial": str(folder.facts.get("machine", "")), "figures": figures}
+    return told | {"serial": serial, "figures": figures}

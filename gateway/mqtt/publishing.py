@@ -68,13 +68,12 @@ class Publisher:
         self._news.set()
 
     async def work(self) -> None:
-        """Keep and send, for ever."""
-        keeping = asyncio.create_task(self._keep())
+        """Keep and send, for ever; a fault of one ends both."""
         try:
-            await self._send()
+            async with asyncio.TaskGroup() as both:
+                both.create_task(self._keep())
+                both.create_task(self._send())
         finally:
-            keeping.cancel()
-            await asyncio.gather(keeping, return_exceptions=True)
             with contextlib.suppress(TrueflankError):
                 self._keep_now()  # the last words of a service that ends
 
