@@ -38,6 +38,13 @@ class DevicePicture:
     error: TrueflankError | None = None
 
 
+def unopened(site: SiteFile, clock: Clock) -> tuple[DevicePicture, ...]:
+    """Every device of a site before anything was loaded for it."""
+    since = clock.utc().isoformat(timespec="seconds")
+    named = ((Supervisor.CONTROLLER, site.controller.driver), *((one.name, one.driver) for one in site.instruments))
+    return tuple(DevicePicture(name=name, driver=driver, state="closed", since_utc=since) for name, driver in named)
+
+
 class DevicesFailed(TrueflankError):
     """One or more devices did not open; ``causes`` holds each device's own error."""
 

@@ -6,7 +6,8 @@ from gateway.daemon.beginning import begin
 from gateway.daemon.daily import Daily
 from gateway.daemon.desk import Devices
 from gateway.daemon.jobs import RunStarter
+from gateway.daemon.late import LateDevices
 from gateway.daemon.served import ServedPlace, Serving
 from gateway.daemon.serving import serve, service_of
 
-__all__ = ["Daily", "Devices", "RunStarter", "ServedPlace", "Serving", "begin", "serve", "service_of"]
+__all__ = ["Daily", "Devices", "LateDevices", "RunStarter", "ServedPlace", "Serving", "begin", "serve", "service_of"]

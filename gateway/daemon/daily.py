@@ -19,19 +19,20 @@ TRY_AGAIN_S = 3600.0
 class Daily:
     """What is to be compared each day from ``hour`` o'clock (UTC) on.
 
-    ``due`` names the tables not compared since; ``job`` compares them all, None where the road needs a person for it:
-    then it is only said, and nothing is ever started. ``alarms`` are the differences that stand.
+    ``due`` names the tables not compared since; ``job`` compares them all. Whether it may is what ``alone`` says: false
+    where the road needs a person, and then it is only said and never started; None as long as that is not known.
     """
 
     hour: int
     due: Callable[[], tuple[str, ...]]
-    job: RunStarter | None = None
+    job: RunStarter
+    alone: Callable[[], bool | None]
     tables: tuple[str, ...] = field(default=(), init=False)
 
     @property
     def words(self) -> str:
         """What a person must do; "" where there is nothing, or this program does it."""
-        if not self.tables or self.job is not None:
+        if not self.tables or self.alone() is not False:
             return ""
         return words("W-VERIFY-DUE", hour=f"{self.hour:02d}", tables=", ".join(self.tables))
 
@@ -42,7 +43,7 @@ async def each_day(desk: Desk, daily: Daily, clock: Clock) -> None:
     while True:
         with contextlib.suppress(TrueflankError):
             daily.tables = daily.due()
-        if daily.tables and daily.job is not None and desk.run is None and clock.now() - tried_at >= TRY_AGAIN_S:
+        if daily.tables and daily.alone() and desk.run is None and clock.now() - tried_at >= TRY_AGAIN_S:
             tried_at = clock.now()
             with contextlib.suppress(TrueflankError):  # the desk shows why a job failed
                 await desk.start(daily.job)

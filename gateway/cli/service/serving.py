@@ -88,16 +88,20 @@ def _telling(names: str, root: Path) -> Callable[[str], None]:
 
 def _serving(tree: Any, path: Path, clock: LoopClock) -> Any:
     """A site with everything that the daemon does for it."""
-    from gateway.daemon import Serving
+    from gateway.daemon import LateDevices, Serving
     from gateway.push.records.journal import JOURNALS
     from gateway.push.records.sent import SentBook
-    from gateway.supervisor import Supervisor
+    from gateway.supervisor import Supervisor, unopened
     from gateway.workflow.aftercare import StandingAlarms
     from gateway.workflow.bench import store_of
     from gateway.workflow.files.importing import watcher_of
 
     store, serial, folder = store_of(tree, path), tree.controller.serial, tree.service.watch
-    devices = Supervisor(tree, clock, book=SentBook(store.root / JOURNALS, serial))
+
+    def made() -> Supervisor:
+        return Supervisor(tree, clock, book=SentBook(store.root / JOURNALS, serial))
+
+    devices = LateDevices(made, unopened(tree, clock))
 
     async def doctor(say: Say) -> object:
         return await _examined(tree, path, clock, say)
@@ -125,12 +129,14 @@ def _daily(tree: Any, path: Path, store: Any, devices: Any, clock: LoopClock) ->
     if not tree.site.verify_each_day:
         return None
 
+    def alone() -> bool | None:
+        # With programs every reading is a start by the operator: it is told as due, and nothing starts by itself.
+        return None if devices.made is None else not devices.made.controller.capabilities.stops
+
     async def compare(say: Say) -> object:
         return await verify_table(tree, path, table="", run=None, clock=clock, say=say)
 
-    # With programs every reading is a start by the operator: it is told as due, and nothing starts by itself.
-    job = None if devices.controller.capabilities.stops else compare
-    return Daily(hour, lambda: due(store, serial, clock.utc(), hour), job)
+    return Daily(hour, lambda: due(store, serial, clock.utc(), hour), compare, alone)
 
 
 async def _examined(tree: Any, path: Path, clock: LoopClock, _say: Say) -> object:

@@ -167,7 +167,7 @@ async def test_the_daemon_compares_by_itself_or_says_that_it_is_due(alone: bool)
         done.append(clock.utc())
         raise BusyError("E-WEB-BUSY", "daemon", run="r-0")
 
-    daily = Daily(6, lambda: ("X1",) if clock.utc().hour >= 6 else (), job if alone else None)
+    daily = Daily(6, lambda: ("X1",) if clock.utc().hour >= 6 else (), job, lambda: alone)
     desk: Any = Watcher(clock)
     task = asyncio.create_task(each_day(desk, daily, clock))
     await clock.sleep(3600.0 - LOOK_EVERY_S)

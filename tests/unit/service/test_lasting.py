@@ -1,9 +1,10 @@
-"""What goes on beside the devices goes on after a fault, and the fault is kept and told."""
+"""What goes on beside the page: drivers loaded in their own time, work that a fault ended begun again and told."""
 
 from __future__ import annotations
 
 import asyncio
 import logging
+import threading
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,10 +12,14 @@ from typing import Any
 import pytest
 
 from drivers.clock import LoopClock
+from drivers.errors import ConfigError
+from gateway.daemon import LateDevices
 from gateway.daemon.lasting import AGAIN_S, lasting
 from gateway.daemon.telling import figures_told
 from gateway.store import Store
 from tests.unit.report.synthetic import MACHINE, axis_material
+from tests.unit.web.pictures import Seen
+from tests.unit.web.test_daemon import Devices
 
 
 async def test_work_that_a_fault_ended_begins_again_and_the_fault_is_known(caplog: pytest.LogCaptureFixture) -> None:
@@ -60,3 +65,48 @@ def test_figures_for_other_systems_name_the_machine_by_its_serial_number(tmp_pat
     told = figures_told(store, run.run_id)
     assert told["serial"] == MACHINE.serial
     assert {one["parameter"] for one in told["figures"]} >= {"E", "A"}
+
+
+@pytest.mark.wall_time
+async def test_devices_are_made_once_and_shown_as_closed_until_then() -> None:
+    go_on, made = threading.Event(), []
+
+    def make() -> Devices:
+        assert go_on.wait(60.0)
+        made.append(Devices())
+        return made[-1]
+
+    late = LateDevices(make, (Seen("laser", "umd", "closed"),))
+    opening = asyncio.create_task(late.open_all())
+    await LoopClock().sleep(0.01)  # the loop turns while they are loaded
+    assert [one.state for one in late.picture()] == ["closed"]
+    opening.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await opening
+    await late.close_all()
+    go_on.set()
+    await late.open_all()
+    assert [one.state for one in late.picture()] == ["open"]
+    stop = asyncio.Event()
+    stop.set()
+    await late.watch(stop)
+    await late.close_all()
+    assert made[0].calls == ["open", "watch", "close"]
+    assert made == [late.made]
+
+
+@pytest.mark.wall_time
+async def test_devices_that_cannot_be_made_are_trouble_and_the_watch_waits_for_the_end() -> None:
+    def make() -> Devices:
+        raise ConfigError("E-CFG-DRIVER", "nonsense", role="controller", known="none")
+
+    late, stop = LateDevices(make, ()), asyncio.Event()
+    for _try in range(2):
+        with pytest.raises(ConfigError):
+            await late.open_all()
+    watch = asyncio.create_task(late.watch(stop))
+    await LoopClock().sleep(0.01)
+    assert not watch.done()
+    stop.set()
+    await watch
+    await late.close_all()
