@@ -11,7 +11,7 @@ from typing import Self
 import numpy as np
 
 from drivers.clock import Clock
-from drivers.errors import BeamObstructed, DeadlineExceeded, TrueflankError
+from drivers.errors import BeamObstructed, DeadlineExceeded, TrueflankError, words
 from drivers.ports.instruments import Instrument
 from drivers.types.sensing import SampleBlock
 from drivers.types.values import FloatArray
@@ -19,7 +19,7 @@ from gateway import live
 from gateway.errors import Unstable
 
 # Which condition is missing, in words that others compare.
-NOT_MOVED = "the axis has not been seen to move"
+NOT_MOVED = words("W-WAIT-MOVE")
 MOST_EVENTS = 20
 History = Callable[[FloatArray], FloatArray]
 
@@ -176,7 +176,7 @@ class Readings:
         await self._next_block(window.timeout_s)
         left_at = self._left_since(moved_from)
         begin = self.latest_s + window.settle_s
-        missing = "no samples"
+        missing = words("W-WAIT-SAMPLES")
         while self._clock.now() - start_wait < window.timeout_s:
             self._check_beam()
             if left_at is None:
@@ -213,7 +213,7 @@ class Readings:
     ) -> tuple[str, StopReading | None]:
         time_s, values = self._between(begin, begin + window.average_s)
         if len(time_s) < 3:
-            return "too few samples in the window", None
+            return words("W-WAIT-FEW"), None
         combined = self._combine(values)
         sigma, mean = float(np.std(combined, ddof=1)), float(np.mean(combined))
         if left_at is None or left_at > begin:
@@ -222,9 +222,9 @@ class Readings:
         off = 0.0 if expect is None else window.off(mean, expect[0])
         if expect is not None and abs(off) > expect[1]:
             self._read = expect[0] + off, expect[0]
-            return f"reading {mean:.6f} is not within {expect[1]:.6f} of {expect[0]:.6f}", None
+            return words("W-WAIT-PLACE", read=f"{mean:.6f}", room=f"{expect[1]:.6f}", wanted=f"{expect[0]:.6f}"), None
         if sigma > window.stable or self._drifts(combined, sigma, window.stable):
-            return f"sigma {sigma:.3g} is above {window.stable:.3g}", None
+            return words("W-WAIT-SIGMA", sigma=f"{sigma:.3g}", limit=f"{window.stable:.3g}"), None
         centre = float(np.mean(time_s))
         return "", StopReading(values.mean(axis=0), values.std(axis=0, ddof=1), len(time_s), centre)
 

@@ -53,11 +53,13 @@ def texts(language: str) -> Response:
 
 
 def _words(language: str) -> dict[str, Any]:
-    known = {**catalogue(), **catalogue(language)}
+    own = {} if language == "en" else catalogue(language)
+    known = {**catalogue(), **own}
     return {
         "page": dict(page_texts(language)),
         "codes": {code: [one["what"], one["do"], kind_of(code).value] for code, one in known.items()},
         "terms": spoken_texts(),
+        "english": {code: [one["what"], one["do"]] for code, one in catalogue().items() if code in own},
     }
 
 

@@ -6,14 +6,12 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Final, Literal
 
+from drivers.errors import words
 from gateway.errors import ModelError
 
 Word = Literal["pass", "fail", "not decidable"]
 Interval = tuple[float, float]
-RULE: Final = (
-    "ISO 14253-1, guard band U (k = 2): pass if |value| + U and the upper end of the Monte Carlo interval are within "
-    "the limit, fail if |value| - U and the lower end are beyond it"
-)
+RULE: Final = words("W-EVAL-RULE")
 
 
 @dataclass(frozen=True, slots=True)

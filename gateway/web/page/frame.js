@@ -8,7 +8,7 @@ import { screens } from "./screens.js";
 import { hush, quiet } from "./sounds.js";
 import { base, changed, may, on, state } from "./state.js";
 import { sentence } from "./sentence.js";
-import { t, told } from "./words.js";
+import { plain, t, told } from "./words.js";
 
 export function build({ again, load }) {
   const top = h("header", { class: "top" });
@@ -56,7 +56,7 @@ function drawTop(top, more) {
   show(top,
     h("div", { class: "machine" }, machine(more), h("small", {}, state.tables?.serial ?? "")),
     status.simulated && h("strong", { class: "chip simulated" }, t("frame.simulated")),
-    status.unprotected && h("strong", { class: "chip bad unprotected", title: status.unprotected }, t("frame.unprotected")),
+    status.unprotected && h("strong", { class: "chip bad unprotected", title: plain(status.unprotected) }, t("frame.unprotected")),
     state.offline && h("strong", { class: "chip bad", role: "alert" }, `▲ ${t("frame.offline")}`),
     !status.held.length && h("span", { class: `chip state ${status.state}` }, mark(status.state), ` ${t(`state.${status.state}`)}`),
     control && chip(control.state.replace(" ", "-"), t("frame.control"), [mark(control.state), ` ${standing(control, status.control)}`], control.driver),

@@ -5,7 +5,7 @@ import { h, s, show, write } from "./dom.js";
 import { number, unit, when } from "./figures.js";
 import { unrolled } from "./flankmap.js";
 import { base, chosen, on, state } from "./state.js";
-import { stateOf, t, told } from "./words.js";
+import { plain, stateOf, t, told } from "./words.js";
 
 export const model = { open };
 const asked = { run: "", error: "", sizes: {} };
@@ -45,7 +45,7 @@ function drawRun(body, found) {
     for (const one of body.querySelectorAll("button.error")) one.setAttribute("aria-pressed", String(one.textContent === name));
     curveOf(curve, found.errors.find((one) => one.name === name));
   };
-  show(body, h("div", { class: "panel errors" }, h("h2", {}, t("model.errors", { count: rows.filter((one) => one.state === "measured").length, all: rows.length })), table(rows, found, { pick, flank }), found.said.map((one) => h("p", { class: "muted" }, one))),
+  show(body, h("div", { class: "panel errors" }, h("h2", {}, t("model.errors", { count: rows.filter((one) => one.state === "measured").length, all: rows.length })), table(rows, found, { pick, flank }), found.said.map((one) => h("p", { class: "muted" }, plain(one)))),
     h("div", { class: "stack fill", tabindex: 0, role: "region", "aria-label": t("model.flank") }, flank ? flank.panel : h("p", { class: "panel empty" }, told(found.why)), curve, found.tooth && next(found.tooth)));
   pick(rows.some((one) => one.name === asked.error) ? asked.error : rows[0].name);
   flank?.ask();
@@ -132,7 +132,7 @@ function flankOf(tooth) {
 }
 
 function curveOf(box, row) {
-  if (!row.curve) return show(box, h("h2", {}, row.name), h("p", {}, `${row.state === "measured" ? `${number(row.low)} ± ${number(row.U)}` : `± ${number(row.high)}`} ${unit(row.unit)}`), h("p", { class: "muted" }, row.how));
+  if (!row.curve) return show(box, h("h2", {}, row.name), h("p", {}, `${row.state === "measured" ? `${number(row.low)} ± ${number(row.U)}` : `± ${number(row.high)}`} ${unit(row.unit)}`), h("p", { class: "muted" }, plain(row.how)));
   const { at: xs, value, U } = row.curve;
   const [low, high] = [value.map((one, i) => one - U[i]), value.map((one, i) => one + U[i])];
   show(box, h("div", { class: "row head" }, h("h2", {}, `${row.name} · ${row.curve.axis}`), h("span", { class: "legend" }, t("model.band"))),

@@ -65,7 +65,7 @@ async function approve(run) {
 async function write(run) {
   const moves = newestPlan(run);
   const risk = riskAsked(run);
-  const machine = await machineTyped(t("push.write"), [h("p", {}, t("push.write_what")), risk && [h("p", { class: "warn" }, `▲ ${state.status.unprotected}`), field(t("push.risk", { word: RISK }), risk)], moves.length > 0 && h("ul", { class: "moves" }, moves.map((one) => h("li", {}, plain(one))))], state.site);
+  const machine = await machineTyped(t("push.write"), [h("p", {}, t("push.write_what")), risk && [h("p", { class: "warn" }, `▲ ${plain(state.status.unprotected)}`), field(t("push.risk", { word: RISK }), risk)], moves.length > 0 && h("ul", { class: "moves" }, moves.map((one) => h("li", {}, plain(one))))], state.site);
   if (machine) give("push", { run, apply: true, machine, risk: risk ? risk.value.trim() : "" });
 }
 

@@ -21,9 +21,9 @@ function chosen() {
   const away = status.devices.find((one) => ["lost", "failed"].includes(one.state) || (one.state === "closed" && one.error));
   if (away) return { loud: "attention", head: t("now.device", { name: away.name }), more: told(away.error) };
   if (status.held.length) return { loud: "attention", head: t("now.held"), more: heldWords(status.held[0]) };
-  if (status.alarms.length) return { loud: "attention", head: plain(status.alarms[0]), more: status.due };
+  if (status.alarms.length) return { loud: "attention", head: plain(status.alarms[0]), more: plain(status.due) };
   if (status.failure) return { loud: "attention", head: told(status.failure), more: "" };
-  return { loud: "", head: next(), more: status.due };
+  return { loud: "", head: next(), more: plain(status.due) };
 }
 
 function next() {
@@ -37,7 +37,7 @@ function next() {
 
 function newest() {
   const last = state.said[state.said.length - 1];
-  return last ? capital(say(last.code, last.fields, 0, last.words)) : state.status.run.words;
+  return last ? capital(say(last.code, last.fields, 0, last.words)) : plain(state.status.run.words);
 }
 
 // What will move from where to where: what was said of it just before the person was asked.

@@ -1,7 +1,10 @@
 // Every sentence in the person's language, from the one catalogue of the product.
 import { get } from "./api.js";
+import { teller } from "./retold.js";
 
-let texts = { page: {}, codes: {}, terms: {} };
+let texts = { page: {}, codes: {}, terms: {}, english: {} };
+// What was made in English, in the person's language.
+let retold = (text) => text;
 export const LANGUAGES = { en: "English", zh: "中文", de: "Deutsch" };
 
 export function language() {
@@ -11,13 +14,16 @@ export function language() {
 
 export async function speak(code) {
   texts = await get(`/static/words/${code}.json`);
+  const english = Object.entries(texts.english).map(([one, parts]) => [one, parts.map((text) => text.replace(UNIT.usual, symbolOf))]);
+  retold = english.length ? teller(Object.fromEntries(english), texts.terms, (one, part, fields) => shown(filled(texts.codes[one][part], fields))) : (text) => text;
   localStorage.setItem("language", code);
   document.documentElement.lang = code;
 }
 
 // "um" is also a German word: there it is a unit only behind a number or in front of a sign.
 const UNIT = { de: /(?<=[\d)>] ?|\bin )um(?![\w\-="`])|(?<![\w\-./="`])degC(?![\w\-="`])/g, usual: /(?<![\w\-./="`])(?:um|degC)(?![\w\-="`])/g };
-const shown = (text) => text.replace(UNIT[document.documentElement.lang] ?? UNIT.usual, (found) => (found === "um" ? "µm" : "°C"));
+const symbolOf = (found) => (found === "um" ? "µm" : "°C");
+const shown = (text) => text.replace(UNIT[document.documentElement.lang] ?? UNIT.usual, symbolOf);
 
 // A format of the catalogue: {name}, {name:.2f}, {name:+.1f}, {name:g}.
 function filled(text, fields) {
@@ -25,7 +31,7 @@ function filled(text, fields) {
     const given = fields?.[name] ?? texts.terms[name];
     const value = name === "outcome" && `ended.${given}` in texts.page ? t(`ended.${given}`) : given;
     if (value === undefined) return `<${name}>`;
-    if (!form || !Number.isFinite(Number(value))) return String(value);
+    if (!form || !Number.isFinite(Number(value))) return retold(String(value));
     const digits = /\.(\d)f/.exec(form)?.[1];
     const plain = digits ? Number(value).toFixed(Number(digits)) : String(Number(Number(value).toPrecision(6)));
     return form.startsWith("+") && Number(value) >= 0 ? `+${plain}` : plain;
@@ -41,7 +47,7 @@ export function say(code, fields, part = 0, otherwise = "") {
   const known = texts.codes[code];
   const own = t(`instead.${code}_${part ? "do" : "what"}`, fields);
   if (!own.startsWith("[")) return own;
-  return known ? atPage(shown(filled(known[part], fields))) : atPage(otherwise) || code;
+  return known ? atPage(shown(filled(known[part], fields))) : atPage(retold(otherwise)) || code;
 }
 
 // What a run came to, in its state's word.
@@ -67,7 +73,7 @@ function atPage(text) {
 }
 
 // A finished sentence without codes and the places beside them, which are for logs.
-export const plain = (text) => atPage(shown(String(text ?? "").replace(/\b[EPRSW](-[A-Z0-9]+)+(?: \[[^\]]*\])?: /g, "")));
+export const plain = (text) => atPage(retold(shown(String(text ?? "").replace(/\b[EPRSW](-[A-Z0-9]+)+(?: \[[^\]]*\])?: /g, ""))));
 
 export const kindOf = (code) => texts.codes[code]?.[2] ?? "result";
 
