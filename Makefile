@@ -105,7 +105,7 @@ LOCK := $(TOOLS)/bin/uv pip compile -q --universal --python-version 3.11 --gener
 lock: $(TOOLS)/installed
 	$(LOCK) $(UPGRADE) pyproject.toml --all-extras --group build -o locks/peers.lock
 	$(LOCK) -c locks/peers.lock pyproject.toml --extra sim --extra report -o requirements.lock
-	$(LOCK) -c locks/peers.lock pyproject.toml --extra dev --extra cluster --extra report --group build -o locks/dev.lock
+	$(LOCK) -c locks/peers.lock pyproject.toml --extra dev --extra cluster --extra report --extra browser --group build -o locks/dev.lock
 	$(LOCK) -c locks/peers.lock --group build -o locks/build.lock
 	$(LOCK) -c locks/peers.lock $(UPGRADE) --group tools -o locks/tools.lock
 

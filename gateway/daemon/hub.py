@@ -18,22 +18,30 @@ BEAT_S = 10.0
 Tell = Callable[[str, Mapping[str, object]], None]
 
 
-class StreamListener:
-    """One page: a bounded queue of frames; when it is full the oldest goes and is counted."""
+PASSING = frozenset({"reading", "ambient", "waiting"})
+"""What the next one of its kind replaces: a slow page loses these first."""
 
-    def __init__(self, most: int = LONGEST_QUEUE) -> None:
-        self._frames: deque[str] = deque()
+
+class StreamListener:
+    """One page: a bounded queue of frames; when it is full the oldest goes, passing ones first, and is counted.
+
+    ``picture`` is asked for when frames were lost: a page that lost a word knows how everything is now.
+    """
+
+    def __init__(self, picture: Callable[[], str], most: int = LONGEST_QUEUE) -> None:
+        self._frames: deque[tuple[str, bool]] = deque()
+        self._picture = picture
         self._most = most
         self._news = asyncio.Event()
         self.lost = 0
         self.over = False
 
-    def put(self, frame: str) -> None:
+    def put(self, frame: str, *, passing: bool = False) -> None:
         """One more frame; never waits."""
         if len(self._frames) >= self._most:
-            self._frames.popleft()
+            del self._frames[next((at for at, (_frame, goes) in enumerate(self._frames) if goes), 0)]
             self.lost += 1
-        self._frames.append(frame)
+        self._frames.append((frame, passing))
         self._news.set()
 
     def end(self) -> None:
@@ -42,7 +50,10 @@ class StreamListener:
         self._news.set()
 
     async def next(self, clock: Clock) -> str:
-        """What there is to send now: what was lost is told first; "" ends. A beat where nothing comes."""
+        """What there is to send now; "" ends. A beat where nothing comes.
+
+        What was lost is told first, and everything as it is now last.
+        """
         if not self._frames and not self.over:
             self._news.clear()
             try:
@@ -51,8 +62,9 @@ class StreamListener:
             except DeadlineExceeded:
                 return ": beat\n\n"
         told = [frame_of("lost", {"frames": self.lost})] if self.lost else []
+        anew = [self._picture()] if self.lost else []
         self.lost = 0
-        found = "".join((*told, *self._frames))
+        found = "".join((*told, *(frame for frame, _passing in self._frames), *anew))
         self._frames.clear()
         return found
 
@@ -87,7 +99,7 @@ class Hub:
         frame = frame_of(kind, {"utc": utc, **data}, self._number)
         for listener in self._listeners:
             before = listener.lost
-            listener.put(frame)
+            listener.put(frame, passing=kind in PASSING)
             self.dropped += listener.lost - before
 
     def hear(self, code: str, fields: Mapping[str, object]) -> None:
@@ -110,12 +122,15 @@ class Hub:
         """A new listener. Raises BusyError (E-WEB-STREAMS) where too many listen already."""
         if len(self._listeners) >= MOST_LISTENERS:
             raise BusyError("E-WEB-STREAMS", "stream", most=MOST_LISTENERS)
-        listener = StreamListener()
+        listener = StreamListener(self._now)
         self._listeners.add(listener)
-        listener.put(frame_of("picture", self._picture(), self._number))
+        listener.put(self._now())
         if self._over:
             listener.end()
         return listener
+
+    def _now(self) -> str:
+        return frame_of("picture", self._picture(), self._number)
 
     async def stream(self, listener: StreamListener) -> AsyncIterator[str]:
         """What a listener is sent, until it leaves or the gateway ends."""

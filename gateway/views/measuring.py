@@ -6,17 +6,30 @@ from typing import Any
 
 from gateway.capture.targets import targets_of
 from gateway.config import AxisSection, SiteFile
+from gateway.model.axis import Axis
+from gateway.model.chain import Element
+from gateway.model.preset import yk7350b
 from gateway.workflow.errors21.setups import Planned, planned, remountings
 
 
 def plan_of(site: SiteFile) -> dict[str, Any]:
-    """Axes with their targets, set-ups in their order; positions in the axis' own unit (mm or deg)."""
+    """Axes with their targets, set-ups in their order, positions in the axis' own unit (mm or deg); and the chain.
+
+    ``chain`` names the axes from the bed outward to the work and to the wheel, each with its direction.
+    """
+    chain = yk7350b()
     setups = planned(site) if site.setups else ()
     return {
         "axes": [_axis(axis) for axis in site.axes],
         "setups": [_setup(one) for one in setups],
         "remountings": remountings(setups) if setups else 0,
+        "chain": {"work": _links(chain.work), "tool": _links(chain.tool)},
     }
+
+
+def _links(elements: tuple[Element, ...]) -> list[dict[str, Any]]:
+    axes = [one for one in elements if isinstance(one, Axis)]
+    return [{"letter": one.name, "kind": one.kind, "direction": [float(part) for part in one.vector]} for one in axes]
 
 
 def _axis(axis: AxisSection) -> dict[str, Any]:

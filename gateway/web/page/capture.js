@@ -111,8 +111,18 @@ function togo(run) {
   const made = run.done - pace.first;
   const left = made > 0 ? ((run.total - run.done) * (Date.now() - pace.at)) / 1000 / made : null;
   const setup = state.said.filter((one) => one.fields.number && one.kind === "step").slice(-1)[0];
-  return [h("span", {}, `${t("capture.setup_left")}: ${left === null ? "–" : clock(left)}`),
+  const whole = dayLeft(run, setup);
+  return [h("span", {}, `${t("capture.setup_left")}: ${left === null ? "–" : clock(left)}`), whole !== null && h("span", {}, `${t("capture.day_left")}: ${clock(whole)}`),
     setup && h("span", {}, t("capture.setup_of", { number: setup.fields.number, total: setup.fields.total }))];
+}
+
+// From how long the parts before this one took: set-ups of a day, or axes of a run.
+function dayLeft(run, setup) {
+  const axes = state.plan.axes.map((one) => one.axis);
+  const [number, total] = setup ? [Number(setup.fields.number), Number(setup.fields.total)] : [axes.indexOf(run.axis) + 1, axes.length];
+  const made = number - 1 + run.done / run.total;
+  if (!(made > 0) || total < 2) return null;
+  return Math.max(0, ((Date.now() - Date.parse(run.started_utc)) / 1000 / made) * (total - made));
 }
 
 function commands(box) {
@@ -125,7 +135,7 @@ function commands(box) {
     if (await confirmed(title, what)) post(`${base()}/commands/${path}`, body).catch((error) => shown(title, [h("p", { class: "fault" }, told(error))]));
   };
   const key_ = (id, path, body) => h("button", { id, class: id === "measure-axes" ? "primary" : null, disabled: Boolean(run) || !allowed, onclick: give(path, body, t(`capture.${id.replace("-", "_")}`), t(`capture.${id.replace("-", "_")}_what`)) }, t(`capture.${id.replace("-", "_")}`));
-  show(box, key_("self-test", "self-test", { axis: "" }), key_("measure-axes", "run", {}), state.plan.setups.length > 0 && key_("measure-errors", "measure", { setups: [], resume: "" }),
+  show(box, key_("self-test", "self-test", { axis: "" }), key_("measure-axes", "run", {}), state.plan.setups.length > 0 && key_("measure-errors", "measure", { setups: [], resume: "" }), state.plan.setups.length > 0 && state.file.work && key_("tooth-loop", "close", {}),
     h("button", { id: "mounting", onclick: () => shown(t("capture.mounting"), [mounting()]) }, t("capture.mounting")),
     h("button", { id: "note", disabled: !may("operator", "approver"), onclick: note }, t("capture.note")));
 }

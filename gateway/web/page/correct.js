@@ -5,10 +5,11 @@ import { h, show } from "./dom.js";
 import { array, number, unit, when } from "./figures.js";
 import { record } from "./evaluate.js";
 import { base, chosen, on, state } from "./state.js";
+import { predictedTooth } from "./tooth.js";
 import { plain, stateOf, t, told } from "./words.js";
 
 export const correct = { open };
-const asked = { run: "", change: 0 };
+const asked = { run: "", change: 0, tooth: false };
 
 export async function proposals() {
   const { runs } = await get(`${base()}/runs?most=50`);
@@ -50,8 +51,11 @@ async function drawAll(head, body) {
   const proposal = await record(run.run_id, "proposal");
   asked.change = Math.min(asked.change, proposal.changes.length - 1);
   const again = () => drawAll(head, body);
+  const tooth = asked.tooth && run.stages.includes("tooth");
   show(head, h("label", { class: "inline" }, t("evaluate.run"), h("select", { id: "pick-run", onchange: (event) => { asked.run = event.target.value; again(); } }, runs.map((one) => h("option", { value: one.run_id, selected: one === run }, `${when(one.created_utc)} · ${stateOf(one)}`)))),
-    h("div", { class: "tabs", role: "group", "aria-label": t("correct.tables") }, proposal.changes.map((one, at) => h("button", { "aria-pressed": String(at === asked.change), onclick: () => { asked.change = at; again(); } }, nameOf(one)))));
+    h("div", { class: "tabs", role: "group", "aria-label": t("correct.tables") }, proposal.changes.map((one, at) => h("button", { "aria-pressed": String(!tooth && at === asked.change), onclick: () => { Object.assign(asked, { change: at, tooth: false }); again(); } }, nameOf(one))),
+      run.stages.includes("tooth") && h("button", { id: "tooth", "aria-pressed": String(tooth), onclick: () => { asked.tooth = true; again(); } }, t("tooth.tooth"))));
+  if (tooth) return show(body, ...await predictedTooth(run));
   const change = proposal.changes[asked.change];
   const axis = state.plan.axes.find((one) => one.axis === change.new.input_axis) ?? state.plan.axes[0];
   if (!change.new.deviations.length || change.skipped) return show(body, h("div", { class: "panel" }, h("p", { class: "empty" }, plain(change.skipped) || t("correct.none"))));
@@ -59,8 +63,10 @@ async function drawAll(head, body) {
 }
 
 function tables(change, axis) {
-  const xs = grid(change.new);
-  const fresh = change.new.deviations;
+  // Each point of either table: between them both go straight.
+  const [first, last] = [change.new.minimum, change.new.maximum];
+  const xs = [...new Set([...grid(change.new), ...(change.old_enabled ? grid(change.old).filter((one) => one >= first && one <= last) : [])])].sort((a, b) => a - b);
+  const fresh = xs.map((one) => valueAt(change.new, one));
   const old = xs.map((one) => (change.old_enabled ? valueAt(change.old, one) : 0));
   const difference = fresh.map((one, at) => one - old[at]);
   const u = deviationUnit(change);

@@ -51,7 +51,7 @@ async function drawAll(head, body) {
   const evaluation = await record(asked.run, `evaluation-${asked.axis}-${asked.phase}`);
   const capture = await record(asked.run, `capture-${asked.axis}-${asked.phase}`);
   const figures = await at(`figures/${encodeURIComponent(asked.axis)}?${new URLSearchParams({ phase: asked.phase, standard: asked.standard, limits: limitText() })}`);
-  show(body, h("div", { class: "panel plots" }, curve(evaluation, capture)), h("div", { class: "panel figures" }, table(figures, { evaluation, capture, again })));
+  show(body, h("div", { class: "panel plots" }, curve(evaluation, capture)), h("div", { class: "panel figures" }, table(figures, { evaluation, capture, again, says: standards.find((one) => one.name === figures.standard)?.says ?? "" })));
 }
 
 function choose(name, value) {
@@ -83,7 +83,7 @@ export function curve(evaluation, capture) {
 
 const VERDICT = { pass: ["✔", "pass"], fail: ["✖", "fail"], "not decidable": ["?", "open"] };
 
-function table(figures, { evaluation, capture, again }) {
+function table(figures, { evaluation, capture, again, says }) {
   const u = unit(figures.unit);
   const limit = (row) => h("input", { type: "number", min: 0, step: 0.1, inputmode: "decimal", id: `limit-${row.parameter}`, "aria-label": t("evaluate.limit_of", { name: row.parameter }), value: row.limit ?? "", onchange: (event) => {
     const found = limitsKept();
@@ -98,7 +98,7 @@ function table(figures, { evaluation, capture, again }) {
     return h("span", { class: `verdict ${look}` }, `${symbol} ${t(`verdict.${look}`)}`);
   };
   return [h("h2", {}, figures.standard), h("table", {}, h("thead", {}, h("tr", {}, h("th", {}, t("evaluate.figure")), h("th", {}, `[${u}]`), h("th", {}, "U (k=2)"), h("th", {}, t("evaluate.limit")), h("th", {}, t("evaluate.verdict")))),
-    h("tbody", {}, [...figures.rows].sort((a, b) => rank(a) - rank(b)).map((row) => h("tr", {}, h("th", { scope: "row" }, symbol(row.parameter)), h("td", { class: "num" }, h("button", { class: "number", "data-figure": row.parameter, "aria-label": t("evaluate.behind", { name: row.parameter }), onclick: () => behind(row, { evaluation, capture, u, figures }) }, number(row.value))), h("td", { class: "num" }, number(row.U)), h("td", {}, limit(row)), h("td", {}, verdict(row)))))),
+    h("tbody", {}, [...figures.rows].sort((a, b) => rank(a) - rank(b)).map((row) => h("tr", {}, h("th", { scope: "row" }, symbol(row.parameter)), h("td", { class: "num" }, h("button", { class: "number", "data-figure": row.parameter, "aria-label": t("evaluate.behind", { name: row.parameter }), onclick: () => behind(row, { evaluation, capture, u, figures, says }) }, number(row.value))), h("td", { class: "num" }, number(row.U)), h("td", {}, limit(row)), h("td", {}, verdict(row)))))),
   figures.flags.length > 0 && h("details", {}, h("summary", {}, t("evaluate.notes", { count: figures.flags.length })), h("ul", {}, figures.flags.map((one) => h("li", {}, plain(one))))), h("p", { class: "muted" }, plain(figures.rule))];
 }
 
@@ -113,13 +113,36 @@ const FORMULA = {
   A: "A = max(x̄ᵢ + 2 sᵢ) − min(x̄ᵢ − 2 sᵢ),  ↑ ↓", A_up: "A↑ = max(x̄ᵢ↑ + 2 sᵢ↑) − min(x̄ᵢ↑ − 2 sᵢ↑)", A_down: "A↓ = max(x̄ᵢ↓ + 2 sᵢ↓) − min(x̄ᵢ↓ − 2 sᵢ↓)",
 };
 
+// The places of the table that decide a figure: "row column", columns as they stand there.
+function used(name, { up, down, su, sd, b }) {
+  const all = up.map((_one, i) => i);
+  const ways = name.endsWith("_up") ? [0] : name.endsWith("_down") ? [1] : [0, 1];
+  const [means, spreads] = [[up, down], [su, sd]];
+  const marks = new Set();
+  const mark_ = (i, ...columns) => { for (const column of columns) marks.add(`${i} ${column}`); };
+  const extreme = (value, list = all.flatMap((i) => ways.map((way) => [i, way]))) => list.filter((one) => Number.isFinite(value(one))).reduce((best, one) => (best === null || value(one) > value(best) ? one : best), null) ?? [];
+  const ends = (times) => [1, -1].map((sign) => extreme(([i, way]) => sign * means[way][i] + times * spreads[way][i]));
+  const row = (value) => extreme(([i]) => value(i), all.map((i) => [i]))[0];
+  const kind = name.split("_")[0];
+  if (kind === "E") for (const [i, way] of ends(0)) mark_(i, way);
+  if (kind === "A") for (const [i, way] of ends(2)) mark_(i, way, way + 2);
+  if (kind === "M") for (const sign of [1, -1]) mark_(row((i) => sign * (up[i] + down[i])), 0, 1);
+  if (name === "B") mark_(row((i) => Math.abs(b[i])), 4);
+  if (name === "B_mean") for (const i of all) mark_(i, 4);
+  if (name === "R") mark_(row((i) => Math.max(2 * su[i] + 2 * sd[i] + Math.abs(b[i]), 4 * su[i], 4 * sd[i])), 2, 3, 4);
+  else if (kind === "R") mark_(row((i) => spreads[ways[0]][i]), ways[0] + 2);
+  return marks;
+}
+
 // The formula and the readings it was made of.
-function behind(row, { evaluation, capture, u, figures }) {
+function behind(row, { evaluation, capture, u, figures, says }) {
   const [x, up, down, su, sd, b] = ["targets", "mean_up", "mean_down", "s_up", "s_down", "B_i"].map((name) => array(evaluation[name]));
   const own = figures.standard === evaluation.standard;
-  const cells = (values, digits = 2) => values.map((one) => h("td", { class: "num" }, signed(one, digits)));
-  const rows = x.map((one, i) => h("tr", {}, h("td", { class: "num" }, number(one, 3)), cells([up[i], down[i], su[i], sd[i], b[i]])));
-  shown(`${row.parameter} = ${number(row.value, 3)} ${u}`, [own && FORMULA[row.parameter] ? h("p", { class: "formula" }, FORMULA[row.parameter]) : h("p", {}, figures.standard),
+  const columns = [up, down, su, sd, b];
+  const marked = own ? used(row.parameter, { up, down, su, sd, b }) : new Set();
+  const cell = (i, column) => h("td", { class: `num ${marked.has(`${i} ${column}`) ? "used" : ""}` }, column === 2 || column === 3 ? number(columns[column][i]) : signed(columns[column][i]));
+  const rows = x.map((one, i) => h("tr", {}, h("td", { class: "num" }, number(one, 3)), columns.map((_one, column) => cell(i, column))));
+  shown(`${row.parameter} = ${number(row.value, 3)} ${u}`, [(own || says.startsWith("= ISO 230-2:")) && FORMULA[row.parameter] && h("p", { class: "formula" }, FORMULA[row.parameter]), !own && h("p", {}, `${figures.standard} ${plain(says)}`), marked.size > 0 && h("p", { class: "muted" }, t("evaluate.used")),
     h("p", {}, t("evaluate.readings", { count: array(capture.deviations).length, repetitions: array(capture.deviations)[0]?.length ?? 0 })),
     h("div", { class: "scroll", tabindex: "0" }, h("table", {}, h("thead", {}, h("tr", {}, [t("chart.target"), "x̄↑", "x̄↓", "s↑", "s↓", "B"].map((one) => h("th", {}, one)))), h("tbody", {}, rows)))]);
 }

@@ -58,11 +58,17 @@ function drawTop(top, more) {
     status.simulated && h("strong", { class: "chip simulated" }, t("frame.simulated")),
     status.unprotected && h("strong", { class: "chip bad unprotected", title: plain(status.unprotected) }, t("frame.unprotected")),
     state.offline && h("strong", { class: "chip bad", role: "alert" }, `▲ ${t("frame.offline")}`),
-    !status.held.length && h("span", { class: `chip state ${status.state}` }, mark(status.state), ` ${t(`state.${status.state}`)}`),
+    !status.held.length && stands(status),
     control && chip(control.state.replace(" ", "-"), t("frame.control"), [mark(control.state), ` ${standing(control, status.control)}`], control.driver),
     status.control?.alarms.length > 0 && chip("bad", t("frame.alarms"), [`▲ ${status.control.alarms.slice(0, 3).join(" ")}`]),
     status.left.length > 0 && h("span", { class: "chip attention" }, `▲ ${t("frame.left")}`),
     tables(), held(), h("span", { class: "gap" }), consent(), menu(more));
+}
+
+// After a command the devices are opened again of themselves: that asks for nobody's attention.
+function stands(status) {
+  const opening = status.state === "attention" && !sentence().loud;
+  return opening ? h("span", { class: "chip state opening" }, `○ ${t("state.opening")}`) : h("span", { class: `chip state ${status.state}` }, mark(status.state), ` ${t(`state.${status.state}`)}`);
 }
 
 // How the control stands: channel and mode where it was asked, else whether it answers.
@@ -128,7 +134,7 @@ function drawNow(now) {
   const key = JSON.stringify([loud, head, more, document.documentElement.lang]);
   if (now.dataset.key === key) return;
   now.dataset.key = key;
-  now.className = `now ${loud}`;
+  now.className = `now ${loud}${head.length > 90 ? " long" : ""}`;
   show(now, h("h1", {}, head), more && h("p", {}, more));
 }
 

@@ -29,7 +29,8 @@ export function listen(expired) {
   hear("waiting", (data) => { state.waiting = data; changed("waiting"); });
   hear("taken", taken);
   hear("ended", again);
-  hear("lost", (data) => { state.lost += data.frames; again(); });
+  // What was lost stands in the picture that follows, but for the readings of the plot.
+  hear("lost", (data) => { state.lost += data.frames; readings(); again(); });
 }
 
 const again = () => { coming = refresh().catch(() => {}); };
@@ -52,6 +53,10 @@ function begin() {
   state.said = [];
   state.waiting = null;
   state.beam = "";
+  readings();
+}
+
+function readings() {
   get(`${base()}/taken`).then((found) => { state.taken = found; changed("taken"); }, () => {});
 }
 

@@ -38,7 +38,7 @@ async function plan(box) {
     h("ul", { class: "moves" }, proposal.changes.map((one) => h("li", {}, h("b", {}, nameOf(one)), ` ${plain(one.skipped) || t("push.replaces", { points: one.new.deviations.length, old: t(one.old_enabled ? "correct.was_on" : "correct.was_off") })}`))),
     h("p", {}, t(needed > 1 ? "push.two" : "push.one")),
     h("p", { id: "approved" }, state.approved[run.run_id]?.until > Date.now() ? `✔ ${t("push.approved_by", { names: state.approved[run.run_id].by.join(", ") })}` : `○ ${t("push.not_approved")}`),
-    h("div", { class: "keys start" },
+    h("div", { class: "keys start three" },
       h("button", { id: "show-plan", disabled: busy || !may("operator"), onclick: () => give("push", { run: run.run_id }) }, `1 · ${t("push.show")}`),
       h("button", { id: "approve", disabled: busy, onclick: () => approve(run.run_id) }, `2 · ${t("push.approve")}`),
       h("button", { id: "write", class: "primary", disabled: busy || !may("operator"), onclick: () => write(run.run_id) }, `3 · ${t("push.write")}`)));
@@ -112,12 +112,14 @@ async function applied(path, body, title) {
   if (machine) give(path, { ...body, apply: true, machine });
 }
 
+// Where the files of a run are is no answer at a machine.
+const PLACES = /^(run folder|report): /;
 const OWN = ["push", "disable", "roll-back", "recover", "verify-table"];
 
 function answer(box) {
   const job = state.jobs.find((one) => OWN.includes(one.kind));
   const run = state.status.run;
-  const lines = run ? state.said.filter((one) => !["count", "detail"].includes(one.kind)).slice(-12).map((one) => say(one.code, one.fields, 0, one.words)) : (job?.lines ?? []);
+  const lines = run ? state.said.filter((one) => !["count", "detail"].includes(one.kind)).slice(-12).map((one) => say(one.code, one.fields, 0, one.words)) : ((job?.lines ?? []).filter((one) => !PLACES.test(one)));
   const error = run ? null : job?.error;
   const key = JSON.stringify([lines, error, job?.job, Boolean(run), document.documentElement.lang]);
   if (box.dataset.key === key) return;

@@ -6,11 +6,12 @@ import { h, show } from "./dom.js";
 import { array, number, unit, when } from "./figures.js";
 import { limits, level, line, plot } from "./charts.js";
 import { base, chosen, may, on, state } from "./state.js";
+import { verifiedTooth } from "./tooth.js";
 import { trends } from "./trends.js";
 import { plain, stateOf, t, told } from "./words.js";
 
 export const report = { open };
-const asked = { run: "", axis: "" };
+const asked = { run: "", axis: "", tooth: false };
 
 function open(root) {
   const [head, body] = [h("div", { class: "panel choose" }), h("div", { class: "two" })];
@@ -28,11 +29,15 @@ async function drawAll(head, body) {
   const axes = [...new Set(run.stages.filter((one) => one.startsWith("evaluation-")).map((one) => one.slice(11).replace(/-[^-]+$/, "")))];
   if (!axes.includes(asked.axis)) [asked.axis] = axes;
   const again = () => drawAll(head, body);
+  const inspected = run.stages.includes("inspected-before");
+  const tooth = asked.tooth && inspected;
   const busy = state.status.run?.run_id === run.run_id;
   const link = (name, text) => h("a", { class: "key", href: `${base()}/runs/${encodeURIComponent(run.run_id)}/${name}`, target: "_blank", rel: "noopener" }, text);
   show(head, h("label", { class: "inline" }, t("evaluate.run"), h("select", { id: "pick-run", onchange: (event) => { asked.run = event.target.value; again(); } }, runs.map((one) => h("option", { value: one.run_id, selected: one === run }, `${when(one.created_utc)} · ${stateOf(one)}`)))),
-    h("div", { class: "tabs", role: "group", "aria-label": t("evaluate.axis") }, axes.map((one) => h("button", { "aria-pressed": String(one === asked.axis), onclick: () => { asked.axis = one; again(); } }, one))),
+    h("div", { class: "tabs", role: "group", "aria-label": t("evaluate.axis") }, axes.map((one) => h("button", { "aria-pressed": String(!tooth && one === asked.axis), onclick: () => { Object.assign(asked, { axis: one, tooth: false }); again(); } }, one)),
+      inspected && h("button", { id: "tooth", "aria-pressed": String(tooth), onclick: () => { asked.tooth = true; again(); } }, t("tooth.tooth"))),
     h("span", { class: "gap" }), h("button", { id: "trends", onclick: trends }, t("trends.open")), h("button", { id: "make-report", disabled: busy || !may("operator"), onclick: () => made(run.run_id) }, t("report.make")), link("report", t("report.open")), link("files/report.json", "JSON"), link("files/results.csv", "CSV"));
+  if (tooth) return show(body, ...await verifiedTooth(run));
   const [before, after] = [await kept(run, "before"), await kept(run, "after")];
   const verdict = run.stages.includes("verdict") ? await record(run.run_id, "verdict") : null;
   const own = verdict?.axes.find((one) => one.axis === asked.axis);

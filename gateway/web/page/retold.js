@@ -23,6 +23,12 @@ function pattern(code, part, text, terms) {
   return weight < LEAST ? null : { code, part, names, weight, first: first.toLowerCase(), test: new RegExp(source + end, "iys") };
 }
 
+function boundary(text, at) {
+  BOUNDARY.lastIndex = at;
+  const next = BOUNDARY.exec(text);
+  return next ? next.index + next[0].length : text.length;
+}
+
 export function teller(english, terms, fill) {
   const every = Object.entries(english).flatMap(([code, parts]) => parts.map((text, part) => text && pattern(code, part, text, terms)));
   const patterns = every.filter(Boolean).sort((one, other) => other.weight - one.weight);
@@ -47,9 +53,7 @@ export function teller(english, terms, fill) {
         made += text[at] !== small[at] ? large(own) : own;
         at += match[0].length;
       }
-      BOUNDARY.lastIndex = at;
-      const next = BOUNDARY.exec(text);
-      const end = next ? next.index + next[0].length : text.length;
+      const end = hit && !/\w/.test(text[at] ?? " ") ? at + /^(?:->|[^\p{L}\p{N}<`-])*/u.exec(text.slice(at))[0].length : boundary(text, at);
       made += text.slice(at, end);
       at = end;
     }

@@ -1,6 +1,6 @@
 // The one large sentence: what to do now, and what more there is to know about it.
 import { state } from "./state.js";
-import { plain, say, t, told } from "./words.js";
+import { plain, say, t, told, toldApart } from "./words.js";
 
 export function sentence() {
   const found = chosen();
@@ -16,22 +16,23 @@ function chosen() {
   if (held) return { loud: "bad", head: t("now.held_on"), more: heldWords(held) };
   if (status.run) return { loud: "", head: t("now.wait"), more: newest() };
   if (status.left.length) return { loud: "attention", head: told(status.left[0]), more: t("now.left") };
-  if (status.trouble) return { loud: "attention", head: told(status.trouble), more: "" };
+  if (status.trouble) return { loud: "attention", ...parts(status.trouble) };
   // What is closed is just being opened again, after a command.
   const away = status.devices.find((one) => ["lost", "failed"].includes(one.state) || (one.state === "closed" && one.error));
   if (away) return { loud: "attention", head: t("now.device", { name: away.name }), more: told(away.error) };
   if (status.held.length) return { loud: "attention", head: t("now.held"), more: heldWords(status.held[0]) };
   if (status.alarms.length) return { loud: "attention", head: plain(status.alarms[0]), more: plain(status.due) };
-  if (status.failure) return { loud: "attention", head: told(status.failure), more: "" };
+  if (status.failure) return { loud: "attention", ...parts(status.failure) };
   return { loud: "", head: next(), more: plain(status.due) };
 }
 
 function next() {
   const states = state.status.last_runs.filter((one) => !one.problem).map((one) => one.state);
-  if (!states.includes("self-tested") && !states.some((one) => one !== "self-tested")) return t("now.self_test");
+  if (!states.includes("self-tested") && !states.some((one) => one !== "self-tested")) return t(state.screen === "capture" ? "now.self_test_here" : "now.self_test");
   const newest = state.status.last_runs.find((one) => !one.problem && one.state !== "self-tested");
-  if (!newest) return t("now.measure");
+  if (!newest) return t(state.screen === "capture" ? "now.measure_here" : "now.measure");
   if (newest.state === "proposed") return t("now.correct");
+  if (["better", "unchanged", "worse"].includes(newest.state)) return t("now.verify");
   return t("now.ready");
 }
 
@@ -44,6 +45,12 @@ function newest() {
 function moving(ask) {
   const told = state.said.filter((one) => /-MOVES$|^P-MOVE/.test(one.code) && one.code !== ask.code).slice(-1)[0];
   return told ? capital(say(told.code, told.fields, 0, told.words)) : "";
+}
+
+// What happened, large; what to do about it, below.
+function parts(error) {
+  const [head, more] = toldApart(error);
+  return { head, more };
 }
 
 export const heldWords = (one) => say(one.code, one.fields, 0, plain(one.words));

@@ -79,7 +79,10 @@ export const kindOf = (code) => texts.codes[code]?.[2] ?? "result";
 
 // An error record of the service: what happened, and what to do.
 export function told(error) {
-  if (!error) return "";
+  return error ? toldApart(error).filter(Boolean).join(" ") : "";
+}
+
+export function toldApart(error) {
   const parts = [say(error.code, error.fields, 0, error.what), say(error.code, error.fields, 1, error.do)].map(plain);
-  return parts.filter(Boolean).map((one) => `${one[0].toUpperCase()}${one.slice(1).replace(/\.$/, "")}.`).join(" ");
+  return parts.map((one) => one && `${one[0].toUpperCase()}${one.slice(1).replace(/[.。]$/, "")}${document.documentElement.lang === "zh" ? "。" : "."}`);
 }

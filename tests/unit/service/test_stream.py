@@ -36,15 +36,23 @@ async def test_a_page_gets_the_picture_then_what_happens_in_order() -> None:
 
 
 async def test_a_slow_page_loses_the_oldest_is_told_and_slows_nobody() -> None:
-    hub = Hub(LoopClock(), dict)
+    now = {"step": "first"}
+    hub = Hub(LoopClock(), lambda: now)
     slow, quick = hub.join(), hub.join()
     await quick.next(LoopClock())
-    for number in range(LONGEST_QUEUE + 49):
+    hub.hear("P-START", {"axis": "X1", "program": "TFMEASX"})
+    await quick.next(LoopClock())
+    now["step"] = "second"
+    for number in range(LONGEST_QUEUE + 48):
         hub.tell("reading", {"number": number})
         assert told(await quick.next(LoopClock()))[-1][1]["number"] == number
     events = told(await slow.next(LoopClock()))
     assert events[0] == ("lost", {"frames": 50})
-    assert [data["number"] for _kind, data in events[1:]] == list(range(49, LONGEST_QUEUE + 49))
+    assert [kind for kind, _data in events[1:3]] == ["picture", "said"], (
+        "a word outlives what the next reading replaces"
+    )
+    assert [data["number"] for _kind, data in events[3:-1]] == list(range(50, LONGEST_QUEUE + 48))
+    assert events[-1] == ("picture", {"step": "second"})
     assert (hub.dropped, quick.lost) == (50, 0)
 
 

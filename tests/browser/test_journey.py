@@ -1,0 +1,117 @@
+"""A short way through the page in Chromium, in `make test`: first sign-in, self-test, and a stored run on each screen.
+
+The whole day is `make browser`'s. Where there is no Chromium this is skipped, with a line that says so.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import expect
+
+from gateway.domain.proposals import Proposal
+from gateway.workflow import stages
+from simulators.cell.site import section
+from tests.browser.hall import Hall, hall
+from tests.browser.person import CHROMIUM, SCREENS, Person, chromium, opened
+from tests.browser.records import figures_of, newest, text
+from tests.browser.test_day import looked_at, site
+from tests.unit.report import closing, synthetic
+
+pytestmark = pytest.mark.skipif(not CHROMIUM.exists(), reason="NOT RUN: no Chromium here (Debian package chromium)")
+# Said in English by a record and by the service; a template of the catalogue, filled.
+TOLD = """async ([code, fields, language]) => {
+  const { plain, speak } = await import('/static/page/words.js');
+  const english = (await (await fetch('/static/words/en.json')).json()).codes[code][0];
+  await speak(language);
+  const made = english.replace(/\\{(\\w+)\\}/g, (_all, name) => fields[name]);
+  return plain(`${made}. The prediction held at every target within k = 3.`);
+}"""
+
+
+def ground(text: str) -> str:
+    """The cell's short site with its gear as the work."""
+    return "\n".join((site(text), section("work", {"gear": "site.gear.toml", "height_mm": 150.0})))
+
+
+def stored(at: Hall) -> None:
+    """A run with everything that the screens show."""
+    run, axis, tooth = at.store.create("demo-grinder"), synthetic.axis_material("C1", "deg"), closing.tooth()
+    assert axis.before is not None
+    assert axis.change is not None
+    for phase, capture, evaluation in (
+        ("before", axis.capture_before, axis.before),
+        ("after", axis.capture_after, axis.after),
+    ):
+        run.put(f"capture-C1-{phase}", capture)
+        run.put(f"evaluation-C1-{phase}", evaluation)
+    run.put(stages.ERRORS, closing.errors())
+    run.put(stages.TOOTH, closing.proposal())
+    run.put(stages.PROPOSAL, Proposal(synthetic.MACHINE, (axis.change,), (), "2026-03-02T11:00:00+00:00"))
+    for part in ("before", "after"):
+        run.put(stages.inspected(part), next(one.inspected for one in tooth.parts if one.inspected.part == part))
+    run.put(stages.TOOTH_VERDICT, tooth.verdict)
+    run.set_state("proposed")
+
+
+def test_a_person_signs_in_tests_the_control_and_looks_at_every_screen(tmp_path: Path) -> None:
+    wrong: list[str] = []
+    with hall(tmp_path, ground, speed=150.0) as at, chromium() as browser:
+        stored(at)
+        anna = Person(opened(browser, at), at, "anna")
+        anna.page.on("pageerror", lambda error: wrong.append(str(error)))
+        anna.first()
+        for screen in SCREENS:
+            anna.go(screen)
+            anna.page.locator("main .panel h2, main .panel tr").first.wait_for()
+        _numbers(anna)
+        _mountings(anna)
+        assert anna.done(anna.give("#self-test"))["error"] is None
+        _told(anna)
+    assert wrong == []
+
+
+def _numbers(anna: Person) -> None:
+    """Of axis and tooth, before and after, as the records hold them."""
+    page, run = anna.page, newest(anna.at, stages.TOOTH)
+    anna.go("evaluate")
+    shown = figures_of(run, "C1", "before")
+    for name in "ERBAM":
+        expect(page.locator(f"[data-figure='{name}']")).to_have_text(shown[name])
+    page.locator("[data-figure=E]").click()
+    expect(page.locator("dialog td.used")).to_have_count(2)
+    page.locator("#yes").click()
+    anna.go("correct")
+    page.locator("#tooth").click()
+    predicted = closing.proposal().prediction
+    for name, flank in (("before", predicted.before), ("own", predicted.with_own), ("after", predicted.after)):
+        expect(page.locator(f"[data-flank={name}]")).to_have_text(text(flank.rms_um))
+    looked_at(anna, "journey-correct-tooth")
+    anna.go("report")
+    page.locator("#tooth").click()
+    for part in closing.tooth().parts:
+        if part.inspected.part in ("before", "after"):
+            expect(page.locator(f"[data-flank={part.inspected.part}]")).to_have_text(text(part.inspected.fitted.rms_um))
+    looked_at(anna, "journey-report-tooth")
+
+
+def _mountings(anna: Person) -> None:
+    """Each has its drawing, and what moves is marked in it."""
+    anna.go("capture")
+    anna.page.locator("#mounting").click()
+    choose = anna.page.locator("#which-mounting")
+    for key in [str(one.get_attribute("value")) for one in choose.locator("option").all()]:
+        choose.select_option(key)
+        assert anna.page.locator(".drawing .moving").count() > 0, key
+        anna.keep(f"journey-mounting-{key}")
+    looked_at(anna, "journey-mounting")
+    anna.page.locator("#yes").click()
+
+
+def _told(anna: Person) -> None:
+    """Sentences that were made in English are told in the person's language."""
+    fields = {"table": "C1", "needed": "2", "have": "1", "why": "this site asks for it"}
+    told = anna.page.evaluate(TOLD, ["E-INT-APPROVAL-MISSING", fields, "de"])
+    assert told.startswith("Tabelle C1 braucht 2 Personen, freigegeben haben 1")
+    assert told.endswith("Die Vorhersage traf an jedem Ziel innerhalb k = 3 zu.")
