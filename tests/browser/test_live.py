@@ -11,7 +11,7 @@ from playwright.sync_api import Browser, BrowserContext, Page, ViewportSize
 
 from gateway.daemon.looking import EVERY_S
 from tests.browser.hall import hall
-from tests.browser.person import CHROMIUM, PATIENCE_MS, SMALL, Person, chromium, opened
+from tests.browser.person import CHROMIUM, PATIENCE_MS, PICTURES, SMALL, Person, chromium, opened
 from tests.browser.test_day import site
 
 pytestmark = [
@@ -23,9 +23,10 @@ PAGES = 8
 SPEED = 5.0
 SOON_MS = 200.0
 ENOUGH = 50
+NEWEST = 1
 # When each reading was told and heard, and when its number stood on the screen; all by this computer's clock.
 WATCH = """() => {
-  window.seen = { told: {}, heard: {}, shown: {}, lost: 0 };
+  window.seen = { told: {}, heard: {}, shown: {}, behind: [], lost: 0 };
   const listen = EventSource.prototype.addEventListener;
   EventSource.prototype.addEventListener = function (kind, take) {
     if (kind === 'reading') listen.call(this, kind, (event) => {
@@ -38,10 +39,12 @@ WATCH = """() => {
   };
   new MutationObserver(() => {
     const number = document.querySelector('#sequence')?.textContent.slice(1);
-    if (number && !(number in window.seen.shown)) window.seen.shown[number] = Date.now();
+    if (!number || number in window.seen.shown) return;
+    window.seen.shown[number] = Date.now();
+    window.seen.behind.push(Object.keys(window.seen.heard).filter((one) => Number(one) > Number(number)).length);
   }).observe(document, { subtree: true, childList: true, characterData: true });
 }"""
-ANEW = "() => { window.seen = { told: {}, heard: {}, shown: {}, lost: 0 }; }"
+ANEW = "() => { window.seen = { told: {}, heard: {}, shown: {}, behind: [], lost: 0 }; }"
 BARE = "url => { new EventSource(url).addEventListener('reading', () => {}); }"
 
 
@@ -93,18 +96,22 @@ def test_a_reading_is_on_eight_screens_soon_and_no_page_is_left_behind(tmp_path:
 def _judged(every: list[dict[str, Any]], bare: dict[str, Any]) -> None:
     """A reading waits in the service for a tenth of a second at most, then crosses the wire and is drawn.
 
-    What else this computer does slows the bare client as well: the middle one of all delays may be that much later.
-    The quickest tenth keeps the time without any allowance.
+    What else this computer does slows the bare client as well: what is quickest of both is compared. However slow the
+    computer is, what stands on a screen is the newest reading that this page has heard, or the one before it.
     """
-    floor = statistics.median(_delays(bare, "heard"))
-    delays = [one for seen in every for one in _delays(seen, "shown")]
-    waits = 1000.0 * EVERY_S
-    said = f"floor {floor:.0f} ms, shown {statistics.quantiles(delays, n=10)} ms"
-    assert statistics.median(delays) + waits < SOON_MS + floor, said
-    assert statistics.quantiles(delays, n=10)[0] + waits < SOON_MS, said
+    floor = statistics.quantiles(_delays(bare, "heard"), n=10)
+    delays = statistics.quantiles([one for seen in every for one in _delays(seen, "shown")], n=10)
+    said = f"floor {_tenths(floor)} ms, shown {_tenths(delays)} ms"
+    PICTURES.mkdir(parents=True, exist_ok=True)
+    (PICTURES / "live.txt").write_text(f"tenths of all delays on {len(every)} screens: {said}\n", encoding="utf-8")
+    assert delays[0] + 1000.0 * EVERY_S < SOON_MS + floor[0], said
     for seen in every:
         assert seen["lost"] == 0, "no sample of the instrument is lost"
-        assert len(_delays(seen, "shown")) >= len(seen["told"]) / 2, "ten a second are told: five a second are shown"
+        assert statistics.quantiles(seen["behind"], n=10)[-1] <= NEWEST, seen["behind"]
+
+
+def _tenths(times: list[float]) -> str:
+    return " ".join(f"{one:.0f}" for one in times)
 
 
 def _delays(seen: dict[str, Any], when: str) -> list[float]:
