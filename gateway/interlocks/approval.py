@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from datetime import datetime
 
+from drivers.errors import words
 from gateway.domain.proposals import Approval
 from gateway.interlocks.facts import ROUNDING, PushFacts, Refusal, Rule, no
 from gateway.interlocks.limits import APPROVED_AHEAD, APPROVED_FOR, MAX_AGE, WARN_AGE
@@ -100,7 +101,7 @@ def _agreed(facts: PushFacts) -> Iterator[Refusal]:
     found = [one for problem in problems.values() for one in problem]
     yield from found
     if not found:
-        why = "; ".join(warning.words for warning in warnings(facts)) or "this site asks for it"
+        why = "; ".join(warning.words for warning in warnings(facts)) or words("W-INT-APPROVAL-ASKED")
         yield from no("E-INT-APPROVAL-MISSING", table=facts.table.name, needed=wanted, have=len(people) + 1, why=why)
 
 

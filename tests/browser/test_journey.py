@@ -11,6 +11,7 @@ import pytest
 from playwright.sync_api import expect
 
 from gateway.domain.proposals import Proposal
+from gateway.tooth import InspectedFlank
 from gateway.workflow import stages
 from simulators.cell.site import section
 from tests.browser.hall import Hall, hall
@@ -50,7 +51,7 @@ def stored(at: Hall) -> None:
     run.put(stages.TOOTH, closing.proposal())
     run.put(stages.PROPOSAL, Proposal(synthetic.MACHINE, (axis.change,), (), "2026-03-02T11:00:00+00:00"))
     for part in ("before", "after"):
-        run.put(stages.inspected(part), next(one.inspected for one in tooth.parts if one.inspected.part == part))
+        run.put(stages.inspected(part), next(one.flank for one in tooth.parts if one.part == part))
     run.put(stages.TOOTH_VERDICT, tooth.verdict)
     run.set_state("proposed")
 
@@ -90,9 +91,9 @@ def _numbers(anna: Person) -> None:
     looked_at(anna, "journey-correct-tooth")
     anna.go("report")
     page.locator("#tooth").click()
-    for part in closing.tooth().parts:
-        if part.inspected.part in ("before", "after"):
-            expect(page.locator(f"[data-flank={part.inspected.part}]")).to_have_text(text(part.inspected.fitted.rms_um))
+    for part in ("before", "after"):
+        flank = run.get(stages.inspected(part), InspectedFlank).fitted
+        expect(page.locator(f"[data-flank={part}]")).to_have_text(text(flank.rms_um))
     looked_at(anna, "journey-report-tooth")
 
 

@@ -30,8 +30,8 @@ function facts(one) {
   const instrument = state.file.instruments.find((other) => other.name === one.instrument);
   const rows = [[t("drawing.measures"), `${one.component}: ${t(`component.${motion(one.component)}`, { axis: one.axis, about: one.component[1] })}`],
     [t("drawing.instrument"), `${one.instrument} (${instrument?.driver ?? ""}${instrument?.serial ? `, ${instrument.serial}` : ""})`],
-    [t("drawing.travel"), `${axis.travel[0]} … ${axis.travel[1]} ${axis.kind === "rotary" ? "°" : "mm"}`],
-    offset && [t("drawing.offset"), `X ${offset[0]}, Y ${offset[1]}, Z ${offset[2]} mm`], [t("drawing.positive"), t(axis.kind === "rotary" ? "drawing.positive_rotary" : "drawing.positive_linear", { axis: axis.letter })]];
+    [t("drawing.travel"), `${axis.travel[0]} … ${axis.travel[1]} ${axis.kind === "rotary" ? "°" : "mm"}`.replaceAll("-", "−")],
+    offset && [t("drawing.offset"), `X ${offset[0]}, Y ${offset[1]}, Z ${offset[2]} mm`.replaceAll("-", "−")], [t("drawing.positive"), t(axis.kind === "rotary" ? "drawing.positive_rotary" : "drawing.positive_linear", { axis: axis.letter })]];
   return h("dl", { class: "facts" }, rows.filter(Boolean).map(([name, text]) => h("div", {}, h("dt", {}, name), h("dd", {}, text))));
 }
 

@@ -69,9 +69,9 @@ function level(axis, kind, { end }) {
 function upright(axis, kind, end) {
   const optics = OPTICS[kind];
   const x = end.x;
-  return [box("laser", x - 24, BED - 44, 48, 44), label(x + 32, BED - 24, t("drawing.laser")), s("line", { class: "light", x1: x, x2: x, y1: BED - 44, y2: end.y + 20 }),
-    box("optic", x - 22, BED - 96, 44, 36), label(x + 110, BED - 72, t(`drawing.fixed_${optics}`)),
-    s("g", { transform: `rotate(-90 ${x} ${end.y})` }, reflector(end)), label(x - 130, end.y + 6, t(`drawing.moving_${optics}`), "end"),
+  return [box("laser", x - 24, BED - 44, 48, 44), label(x - 32, BED - 18, t("drawing.laser"), "end"), s("line", { class: "light", x1: x, x2: x, y1: BED - 44, y2: end.y + 20 }),
+    box("optic", x - 22, BED - 96, 44, 36), label(x - 30, BED - 72, t(`drawing.fixed_${optics}`), "end"),
+    s("g", { transform: `rotate(-90 ${x} ${end.y})` }, reflector(end)), label(x - 30, end.y + 6, t(`drawing.moving_${optics}`), "end"),
     arrow(x, 196, x, 130), tip(x, 120, "l-8,16 h16 z"), label(x - 50, 136, `+${axis.letter}`, "title")];
 }
 
@@ -84,5 +84,5 @@ function turning(axis, kind, { end }, wheel) {
       box("optic", 186, place.y - 22, 40, 44), box("stand", 199, place.y + 22, 14, BED - place.y - 22), label(186, place.y - 62, t("drawing.fixed_angle")),
       box("optic", place.x - 42, place.y - 30, 84, 74), label(place.x - 62, place.y - 42, t("drawing.calibrator")), ...turn];
   return [s("circle", { class: "optic", cx: place.x, cy: place.y, r: 32 }), box("stand", place.x - 10, place.y + 32, 20, 12), label(place.x - 62, place.y - 44, t("drawing.artefact")),
-    box("laser", wheel.x - 34, wheel.y - 16, 56, 32), s("line", { class: "light", x1: wheel.x - 34, x2: place.x + 30, y1: wheel.y, y2: place.y - 10 }), label(wheel.x - 60, wheel.y - 26, t("drawing.laser")), ...turn];
+    box("laser", wheel.x - 34, wheel.y - 16, 56, 32), s("line", { class: "light", x1: wheel.x - 34, x2: place.x + 30, y1: wheel.y, y2: place.y - 10 }), label(wheel.x + 22, wheel.y - 26, t("drawing.laser"), "end"), ...turn];
 }

@@ -79,7 +79,7 @@ export const kindOf = (code) => texts.codes[code]?.[2] ?? "result";
 
 // An error record of the service: what happened, and what to do.
 export function told(error) {
-  return error ? toldApart(error).filter(Boolean).join(" ") : "";
+  return error ? toldApart(error).filter(Boolean).join(document.documentElement.lang === "zh" ? "" : " ") : "";
 }
 
 export function toldApart(error) {
