@@ -27,7 +27,7 @@ FLAGS = (
     "--disable-sync",
 )
 SMALL, LARGE = (1280, 1024), (1920, 1080)
-PATIENCE_MS = 90_000
+PATIENCE_MS = 180_000
 POLL_MS = 300
 SECRET = "a long sentence"
 PIN = "246802"

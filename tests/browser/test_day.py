@@ -19,7 +19,7 @@ from tests.cell.bench import short
 
 pytestmark = [
     pytest.mark.browser,
-    pytest.mark.timeout(1500),
+    pytest.mark.timeout(3000),
     pytest.mark.skipif(not CHROMIUM.exists(), reason="NOT RUN: no Chromium here (Debian package chromium)"),
 ]
 SOMETHING = re.compile(r"\S")

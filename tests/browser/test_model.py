@@ -21,7 +21,7 @@ from tests.unit.report import closing
 
 pytestmark = [
     pytest.mark.browser,
-    pytest.mark.timeout(600),
+    pytest.mark.timeout(1800),
     pytest.mark.skipif(not CHROMIUM.exists(), reason="NOT RUN: no Chromium here (Debian package chromium)"),
 ]
 AT_ONCE_MS = 200.0

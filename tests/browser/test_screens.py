@@ -16,7 +16,7 @@ from tests.browser.test_day import looked_at, site
 
 pytestmark = [
     pytest.mark.browser,
-    pytest.mark.timeout(1500),
+    pytest.mark.timeout(3000),
     pytest.mark.skipif(not CHROMIUM.exists(), reason="NOT RUN: no Chromium here (Debian package chromium)"),
 ]
 FILLED = "() => [...document.querySelectorAll('main .panel:not(.choose)')].every((one) => one.childNodes.length)"
