@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from drivers.errors import words
 from drivers.units import DeviationUnit
 from gateway.domain.figures import Component
 from gateway.domain.values import COVERAGE
@@ -15,7 +16,7 @@ from gateway.model.known import ErrorModel
 from gateway.model.preset import TWENTY_ONE
 
 POINTS = 201
-NOBODY = "not measured: anywhere within this span with the same chance"
+NOBODY = words("W-ERROR-ASSUMED")
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,4 +71,5 @@ def _motion(one: Component, systematic: float) -> ErrorRow:
 
 
 def _fitted(one: Component, low: float, high: float) -> str:
-    return f"{one.basis} over {low:g} to {high:g} {one.axis_unit}, {one.residual_rms:.2g} {one.unit} RMS not in it"
+    ends = {"low": f"{low:g}", "high": f"{high:g}", "axis_unit": one.axis_unit}
+    return words("W-ERROR-FITTED", basis=one.basis, rest=f"{one.residual_rms:.2g}", unit=one.unit, **ends)

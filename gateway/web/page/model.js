@@ -85,7 +85,15 @@ function effect(rank, most) {
     s("svg", { class: "bar", viewBox: "0 0 100 8", preserveAspectRatio: "none", "aria-hidden": "true" }, s("rect", { class: "whole", x: 0, y: 1, width: x(rank.mu_star_um), height: 6 }), s("line", { class: "interval", x1: x(rank.low_um), x2: x(rank.high_um), y1: 4, y2: 4 }))];
 }
 
-const cure = (one) => one && h("small", {}, h("b", { class: "tag" }, one.by), ` · ${t("model.left", { left: number(one.floor_um) })}`);
+const CURES = { "mechanical only": "cure.mechanical", "none needed": "cure.none", "X zero": "cure.x_zero", "C zero": "cure.c_zero", "dressing offset": "cure.dressing" };
+
+// What cures an error, in words; a table stands by its name.
+function cureOf(by) {
+  const [, own, part] = /^(.*?)( in part)?$/.exec(by);
+  return `${own in CURES ? t(CURES[own]) : own}${part ? ` ${t("cure.in_part")}` : ""}`;
+}
+
+const cure = (one) => one && h("small", {}, h("b", { class: "tag" }, cureOf(one.by)), ` · ${t("model.left", { left: number(one.floor_um) })}`);
 
 function slider(row, size, flank) {
   if (!size) return h("td", {}, h("span", { class: "muted" }, "–"));
