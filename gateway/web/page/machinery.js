@@ -5,16 +5,16 @@ import { state } from "./state.js";
 import { t } from "./words.js";
 
 const BED = 372;
-const PLACES = { work: 360, tool: 610 };
+const PLACES = { work: 360, aside: 250, tool: 610 };
 const label = (x, y, text, look = "") => s("text", { class: `caption ${look}`, x, y }, text);
 const box = (look, x, y, width, height) => s("rect", { class: look, x, y, width, height });
 
 export function machinery(axis, kind) {
   const { work, tool } = sides(axis);
   const side = tool.some((one) => one.letter === axis.letter) ? "tool" : "work";
-  const [left, right] = [stack(work, "work", axis.letter), stack(tool, "tool", axis.letter)];
-  const at = side === "work" ? left : right;
   const own = (side === "work" ? work : tool).find((one) => one.letter === axis.letter);
+  const [left, right] = [stack(work, own.direction[2] && side === "tool" ? "aside" : "work", axis.letter), stack(tool, "tool", axis.letter)];
+  const at = side === "work" ? left : right;
   return [box("bed", 16, BED, 728, 30), label(30, BED + 20, t("drawing.bed")), ...left.parts, ...right.parts,
     ...(own.kind === "revolute" ? turning(axis, kind, at, right.end) : own.direction[2] ? upright(axis, kind, right.end) : level(axis, kind, at)),
     label(24, 60, `${t("drawing.chain")}: ${path(work)} ${t("drawing.work")}; ${path(tool)} ${t("drawing.wheel")}`, "small")];
