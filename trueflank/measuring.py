@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -13,12 +14,13 @@ from drivers.errors import ConfigError
 from drivers.types.results import MeasuredSet
 from drivers.units import AxisUnit, DeviationUnit, deviation_unit
 from gateway.domain.figures import Component
-from gateway.domain.values import FloatArray
+from gateway.domain.values import FloatArray, component_unit
 from gateway.evaluate.standards.readings import checked, counts, means, standard_deviations
 from gateway.evaluate.standards.registry import evaluate_by
 from gateway.model.components import standard_uncertainty, value
 from gateway.model.means import fit_means
 from trueflank.frames import frame
+from trueflank.given import axis_unit_of, motion_name, of_kind, path_given, units_fit
 
 SHOWN = {"um": "µm", "arcsec": "arcsec"}
 
@@ -27,7 +29,9 @@ SHOWN = {"um": "µm", "arcsec": "arcsec"}
 class Measured:
     """Deviations (m, n, 2) in um or arcsec at targets (m,) in mm or deg: repetition, then approach + and -.
 
-    NaN where a reading is missing. ``source`` is the file; ``warnings`` say what it leaves in doubt.
+    Deviation = measured - target. NaN where a reading is missing. ``source`` is the file, ``warnings`` say what it
+    leaves in doubt. ``name`` is the error's ISO 230-1 name where it is known: EBX is in arcsec over mm. Lists are taken
+    too. Raises ModelError (E-EVAL-...) for readings that do not fit, ConfigError (E-LIBRARY-KIND, E-LIBRARY-NAME).
     """
 
     targets: FloatArray
@@ -35,11 +39,23 @@ class Measured:
     axis_unit: AxisUnit
     source: str = ""
     warnings: tuple[str, ...] = ()
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        if self.axis_unit not in ("mm", "deg"):
+            given = repr(self.axis_unit)
+            raise ConfigError(
+                "E-LIBRARY-KIND", "axis_unit", call="tf.Measured", wanted="an axis unit", given=given, how="mm or deg"
+            )
+        if self.name:
+            units_fit(motion_name(self.name, "Measured"), self.axis_unit, self.unit, "Measured")
+        for key, values in zip(("targets", "deviations"), checked(self.targets, self.deviations), strict=True):
+            object.__setattr__(self, key, values)
 
     @property
     def unit(self) -> DeviationUnit:
-        """Unit of the deviations: um over mm, arcsec over deg."""
-        return deviation_unit(self.axis_unit)
+        """Unit of the deviations: of the error's name, else um over mm and arcsec over deg."""
+        return component_unit(self.name, self.axis_unit)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data; a missing reading is None."""
@@ -50,6 +66,7 @@ class Measured:
             "deviations": there.tolist(),
             "axis_unit": self.axis_unit,
             "unit": self.unit,
+            "name": self.name,
             "source": self.source,
             "warnings": list(self.warnings),
         }
@@ -70,28 +87,42 @@ class Measured:
         m, n, _ = self.deviations.shape
         low, high = float(self.targets[0]), float(self.targets[-1])
         where = f" from {self.source}" if self.source else ""
-        return f"Measured({m} targets x {n} repetitions, {low:g} .. {high:g} {self.axis_unit}{where})"
+        told = f"{self.name}: " if self.name else ""
+        return f"Measured({told}{m} targets x {n} repetitions, {low:g} .. {high:g} {self.axis_unit}{where})"
 
 
-def read(path: str | Path, *, unit: str = "") -> Measured:
-    """A result file (.rtl, .rta, .pos, .csv) with its positions as the file counts them.
+def read(
+    path: str | Path, *, name: str = "", unit: str = "", columns: Mapping[str, str | int] | None = None
+) -> Measured:
+    """A result file (.rtl, .rta, .pos, .csv): targets in mm or deg as the file counts them, deviations in um or arcsec.
 
-    ``unit`` of an .rta file's deviations, which it does not say: mrad, urad or arcsec. Raises ConfigError,
-    FileFormatError with line and reason.
+    ``name`` is the error's ISO 230-1 name; a pitch over mm (EBX) or a run-out over deg needs it. ``unit`` of an .rta
+    file's deviations, which it does not say: mrad, urad or arcsec. ``columns`` of a table whose heading does not say
+    them, counted from 1: ``{"target": 1, "measured": 2}``. Raises ConfigError, FileFormatError with line and reason.
     """
     from gateway.workflow.files.importing import How, read_file
 
-    found = read_file(Path(path), How(unit)).content
+    path_given(path, "read")
+    axis = axis_unit_of(motion_name(name, "read")) if name else None
+    mixed = axis is not None and component_unit(name, axis) != deviation_unit(axis)
+    got = read_file(Path(path), How(unit, columns=columns, mixed=mixed))
+    found = got.content
     if not isinstance(found, MeasuredSet):
         raise ConfigError("E-CLI-KIND", str(path), kind=type(found).__name__)
-    return Measured(found.targets, found.deviations, found.axis_unit, Path(path).name, warnings=tuple(found.warnings))
+    # Angles over lengths come with the angles' unit alone, and a rotary file may hold pitch: the name says the rest.
+    counted = axis if axis is not None and (mixed or got.driver == "rta") else found.axis_unit
+    if name:
+        units_fit(name, counted, deviation_unit(found.axis_unit), "read")
+    return Measured(
+        found.targets, found.deviations, counted, Path(path).name, warnings=tuple(found.warnings), name=name
+    )
 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Evaluated:
     """Figures by name (A, E, R, B, M ...) with expanded uncertainties ``U`` (k = 2), um or arcsec; None: not to be had.
 
-    U holds the scatter of the readings; what is unknown of the instrument is not in a file.
+    ``unit`` says which. U holds the scatter of the readings; what is unknown of the instrument is not in a file.
     """
 
     standard: str
@@ -101,6 +132,9 @@ class Evaluated:
     notes: tuple[str, ...]
 
     def __getitem__(self, name: str) -> float | None:
+        """One figure. Raises KeyError that names those there are."""
+        if name not in self.values:
+            raise KeyError(f"{name}: no such figure; there are {', '.join(self.values)}")
         return self.values[name]
 
     def to_dict(self) -> dict[str, Any]:
@@ -123,13 +157,17 @@ class Evaluated:
         return f"Evaluated({self.standard}: {told} {SHOWN[self.unit]})"
 
 
-def evaluate(measured: Measured, standard: str = "2014", *, monte_carlo: bool = False, seed: int = 1) -> Evaluated:
-    """Figures to ISO 230-2 (edition 2014, 2006, 1997, 1988) or another standard by name; U by law or by Monte Carlo.
+def evaluate(
+    measured: Measured, standard: str | int = "2014", *, monte_carlo: bool = False, seed: int = 1
+) -> Evaluated:
+    """Figures in um or arcsec to ISO 230-2 (edition 2014, 2006, 1997, 1988) or another standard by name.
 
-    Raises ModelError as `gateway.evaluate.standards.registry.evaluate_by`.
+    U (k = 2) by law or by Monte Carlo. Raises ConfigError (E-LIBRARY-KIND), and ModelError as
+    `gateway.evaluate.standards.registry.evaluate_by`.
     """
+    of_kind(measured, Measured, "evaluate")
     found = evaluate_by(
-        standard, measured.targets, measured.deviations, measured.unit, seed=seed, monte_carlo=monte_carlo
+        str(standard), measured.targets, measured.deviations, measured.unit, seed=seed, monte_carlo=monte_carlo
     )
     return Evaluated(
         standard=found.standard.name,
@@ -142,7 +180,10 @@ def evaluate(measured: Measured, standard: str = "2014", *, monte_carlo: bool = 
 
 @dataclass(frozen=True, slots=True, repr=False)
 class ErrorMotion:
-    """A fitted error motion, um or arcsec over mm or deg; call it with positions of any shape."""
+    """A fitted error motion, um or arcsec over mm or deg; call it with positions of any shape.
+
+    Outside the measured range a turning axis repeats and any other holds its end value: nothing is extrapolated.
+    """
 
     component: Component
 
@@ -192,26 +233,41 @@ class ErrorMotion:
 
 
 def fit(
-    measured: Measured, name: str, *, kind: Literal["linear", "rotary", ""] = "", modulo: bool = False
+    measured: Measured, name: str = "", *, kind: Literal["linear", "rotary", ""] = "", modulo: bool = False
 ) -> ErrorMotion:
-    """The curve of a measured axis, as a run fits it: the mean of both directions, order chosen by the data.
+    """The curve of a measured axis, um or arcsec over mm or deg, as a run fits it: the mean of both directions.
 
-    ``name`` is the error's ISO 230-1 name; ``modulo`` for an axis that turns endlessly. Raises ModelError,
-    NotIdentifiable (E-MODEL-POINTS).
+    Its order is chosen by the data. ``name`` is the error's ISO 230-1 name, that of the readings where they have one;
+    ``kind`` "linear" for a rotary axis measured over a part of a turn; ``modulo`` for one that turns endlessly.
+    Raises ConfigError (E-LIBRARY-KIND, E-LIBRARY-NAME, E-LIBRARY-UNIT), ModelError, NotIdentifiable (E-MODEL-POINTS).
     """
-    at, x = checked(measured.targets, measured.deviations)
+    of_kind(measured, Measured, "fit")
+    name = motion_name(name or measured.name, "fit")
+    units_fit(name, measured.axis_unit, measured.unit, "fit")
+    at, x = measured.targets, measured.deviations
     way, s, n = means(x), standard_deviations(x), counts(x)
     both = np.nanmean(way, axis=1)
     scatter = float(np.sqrt(np.nanmean(s**2))) if np.isfinite(s).any() else 0.0
     u = np.maximum(scatter / np.sqrt(np.maximum(n.sum(axis=1), 1)), 1e-3)
-    chosen: Literal["linear", "rotary"] = kind or ("rotary" if measured.axis_unit == "deg" else "linear")
+    turns = measured.axis_unit == "deg"
+    if kind not in ("", "linear", "rotary") or (kind == "rotary" and not turns):
+        raise ConfigError(
+            "E-LIBRARY-KIND", name, call="tf.fit", wanted="a kind of axis", given=repr(kind),
+            how='"linear", or "rotary" where targets are in deg',
+        )  # fmt: skip
+    chosen: Literal["linear", "rotary"] = kind or ("rotary" if turns else "linear")
     return ErrorMotion(
         fit_means(at, both, u, name=name, axis=name[-1:], axis_unit=measured.axis_unit, kind=chosen, modulo=modulo)
     )
 
 
 def report(run: str | Path, store: str | Path = "runs") -> Path:
-    """Write a stored run's report again; the path of its HTML page. ``run`` is a folder, an id or "latest"."""
+    """Write a stored run's report again; the path of its HTML page. ``run`` is a folder, an id or "latest".
+
+    Lengths in the report are in mm, deviations in um or arcsec. Raises ConfigError (E-LIBRARY-KIND), StoreError.
+    """
+    path_given(run, "report")
+    path_given(store, "report")
     from gateway.store import Store
     from gateway.workflow.results.reporting import write_report
 

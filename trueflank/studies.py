@@ -16,6 +16,7 @@ from gateway.study.machine import error_names, grid_of, grinding_of, plan_of, tr
 from gateway.study.work import Study, corrected
 from gateway.study.work import study as worked
 from trueflank.frames import frame
+from trueflank.given import of_kind
 from trueflank.tooth import Gear, Machine
 
 
@@ -42,10 +43,13 @@ class Ranking:
 def rank(
     machine: Machine, gear: Gear, *, output: str = "rms", spans: str = "measured", trajectories: int = 20, seed: int = 1
 ) -> Ranking:
-    """Rank the errors by Morris screening over the machine's own sizes ("measured") or equal ones ("equal").
+    """Rank the errors by Morris screening: their effect in um on one output of the flank.
 
-    Raises ModelError (E-SENS-OUTPUT).
+    ``spans``: the machine's own sizes ("measured") or equal ones of um and arcsec ("equal"). Raises ConfigError
+    (E-LIBRARY-KIND), ModelError (E-SENS-OUTPUT, E-SENS-SIZE).
     """
+    of_kind(machine, Machine, "rank")
+    of_kind(gear, Gear, "rank")
     if output not in OUTPUTS or spans not in ("measured", "equal"):
         known = ", ".join((*OUTPUTS, "measured", "equal"))
         raise ModelError("E-SENS-OUTPUT", "rank", output=f"{output}, {spans}", known=known)
@@ -93,11 +97,17 @@ class Corrected:
 
     def __repr__(self) -> str:
         names = ", ".join(one.name for one in self.tables)
-        return f"Corrected(RMS {self.rms_before:.3f} -> {self.rms_after:.3f} µm by {names})"
+        return f"Corrected(RMS {self.rms_before:.3f} -> {self.rms_after:.3f} µm by {names or 'no table'})"
 
 
 def correct(machine: Machine, gear: Gear) -> Corrected:
-    """The best axis tables, cross tables and set-up values for this gear on this machine. Raises ModelError."""
+    """The best axis tables, cross tables and set-up values for this gear on this machine.
+
+    Points of tables in um or arcsec over mm or deg, the flank's RMS in um. Raises ConfigError (E-LIBRARY-KIND),
+    ModelError.
+    """
+    of_kind(machine, Machine, "correct")
+    of_kind(gear, Gear, "correct")
     grinding, found = corrected(gear.data, machine.data)
     return Corrected(
         tables=(*found.own, *found.cross),
@@ -110,7 +120,7 @@ def correct(machine: Machine, gear: Gear) -> Corrected:
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Studied:
-    """Everything that `trueflank study` tells: each error alone, ranking, cures, before and after."""
+    """Everything that `trueflank study` tells, in um: each error alone, ranking, cures, before and after."""
 
     found: Study
 
@@ -138,5 +148,10 @@ class Studied:
 
 
 def study(machine: Machine, gear: Gear, *, trajectories: int = 20, seed: int = 1) -> Studied:
-    """The whole study of a gear on a machine. Raises ModelError."""
+    """The whole study of a gear on a machine; what it tells of the flank is in um.
+
+    Raises ConfigError (E-LIBRARY-KIND), ModelError.
+    """
+    of_kind(machine, Machine, "study")
+    of_kind(gear, Gear, "study")
     return Studied(worked(gear.data, machine.data, r=trajectories, seed=seed))

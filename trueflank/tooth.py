@@ -9,15 +9,18 @@ from typing import Any
 
 import numpy as np
 
+from drivers.errors import ConfigError
 from drivers.units import mm_to_um, rad_to_arcsec, rad_to_deg
 from gateway.domain.values import FloatArray
 from gateway.errors import ModelError
+from gateway.evaluate.standards.readings import numbers
 from gateway.gear.envelope import exact
 from gateway.gear.first_order import judged
 from gateway.gear.flank import FlankGrid, flank_figure
 from gateway.study.files import ErrorFile, GearFile, load_errors, load_gear, validated
-from gateway.study.machine import gear_of, grid_of, grinding_of
+from gateway.study.machine import gear_of, grid_of, grinding_of, machine_of
 from trueflank.frames import frame
+from trueflank.given import motion_name, of_kind, path_given, units_fit
 from trueflank.measuring import ErrorMotion
 
 ORDERS = ("first", "second", "exact")
@@ -31,7 +34,8 @@ class Gear:
 
     @classmethod
     def load(cls, path: str | Path) -> Gear:
-        """From a gear file (TOML). Raises ConfigError with file, key and why."""
+        """From a gear file (TOML), lengths in mm. Raises ConfigError with file, key and why."""
+        path_given(path, "Gear.load")
         return cls(load_gear(Path(path)))
 
     @classmethod
@@ -63,7 +67,7 @@ Given = float | ErrorMotion | Mapping[str, Any] | tuple[Any, Any]
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Machine:
-    """The form grinder's chain (X, Z, C) with its errors, as in an error file."""
+    """The form grinder's chain (X, Z, C) with its errors: um or arcsec over mm or deg, as in an error file."""
 
     data: ErrorFile
 
@@ -74,19 +78,28 @@ class Machine:
 
         Constants and values in um or arcsec, positions in mm or deg. ``seed`` draws those that are not given. ``more``
         are other sections of an error file (``tables``, ``uncertainty``, ``bounds``, ``goal``, ``machine``).
-        Raises ConfigError (E-STUDY-VALUE).
+        Raises ConfigError (E-STUDY-VALUE, E-LIBRARY-KIND, E-LIBRARY-UNIT), ModelError (E-CHAIN-...).
         """
+        if errors is not None and not isinstance(errors, Mapping):
+            kind = type(errors).__name__
+            raise ConfigError(
+                "E-LIBRARY-KIND", "Machine", call="tf.Machine", wanted="errors by their names", given=f"a {kind}",
+                how='a dictionary: {"EXX": 5.0}',
+            )  # fmt: skip
         told: dict[str, Any] = {"name": name, **more}
-        told["errors"] = {key: _function(one) for key, one in (errors or {}).items()}
+        told["errors"] = {key: _function(key, one) for key, one in (errors or {}).items()}
         if seed is not None:
             told["seeded"] = {"seed": seed}
         elif not errors:
             told["errors"] = {"EXX": 0.0}
-        object.__setattr__(self, "data", validated(told, ErrorFile, name))
+        data = validated(told, ErrorFile, name)
+        machine_of(data)  # names and curves that cannot be are said now, not when a tooth is reckoned
+        object.__setattr__(self, "data", data)
 
     @classmethod
     def load(cls, path: str | Path) -> Machine:
-        """From an error file (TOML). Raises ConfigError with file, key and why."""
+        """From an error file (TOML), in um, arcsec, mm and deg. Raises ConfigError with file, key and why."""
+        path_given(path, "Machine.load")
         found = object.__new__(cls)
         object.__setattr__(found, "data", load_errors(Path(path)))
         return found
@@ -100,12 +113,18 @@ class Machine:
         return f"Machine({self.data.name}: {', '.join(self.data.errors) or 'no error given'}{drawn})"
 
 
-def _function(one: Given) -> Any:
+def _function(name: str, one: Given) -> Any:
     if isinstance(one, ErrorMotion):
+        units_fit(motion_name(name, "Machine"), one.component.axis_unit, one.unit, "Machine")
         at, values = one.points()
         return {"type": "pl", "q": at.tolist(), "v": values.tolist()}
     if isinstance(one, tuple):
-        at, values = (np.asarray(part, dtype=np.float64) for part in one)
+        if len(one) != 2:
+            raise ConfigError(
+                "E-LIBRARY-KIND", name, call="tf.Machine", wanted="a pair of positions and values",
+                given=f"{len(one)} parts", how="([0.0, 100.0], [0.0, 5.0])",
+            )  # fmt: skip
+        at, values = (numbers(key, part) for key, part in zip(("positions", "values"), one, strict=True))
         return {"type": "pl", "q": at.tolist(), "v": values.tolist()}
     return dict(one) if isinstance(one, Mapping) else one
 
@@ -146,10 +165,13 @@ class Flank:
 
 
 def flank(machine: Machine, gear: Gear, *, order: str = "second") -> Flank:
-    """What the machine's errors leave on every flank of the gear: first or second order, or the exact envelope.
+    """What the machine's errors leave on every flank of the gear, in um along its normal, surplus positive.
 
-    Raises ModelError (E-SENS-ORDER; those of chain and gear).
+    ``order``: "first", "second", or "exact" for the envelope itself. Raises ConfigError (E-LIBRARY-KIND), ModelError
+    (E-SENS-ORDER; those of chain and gear).
     """
+    of_kind(machine, Machine, "flank")
+    of_kind(gear, Gear, "flank")
     if order not in ORDERS:
         raise ModelError("E-SENS-ORDER", "flank", order=order, known=", ".join(ORDERS))
     grinding = grinding_of(gear.data, machine.data)

@@ -6,6 +6,7 @@ import json
 import re
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -103,12 +104,92 @@ def test_wrong_input_is_said(wrong, code: str) -> None:
     assert refused.value.code.startswith(code)
 
 
+GEAR_READ = tf.Gear.load(GEAR)
+READ = tf.read(FILE)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "code"),
+    [
+        (lambda: tf.read(None), "E-LIBRARY-KIND"),
+        (lambda: tf.evaluate(str(FILE)), "E-LIBRARY-KIND"),
+        (lambda: tf.evaluate(np.zeros((3, 2, 2))), "E-LIBRARY-KIND"),
+        (lambda: tf.fit(READ), "E-LIBRARY-NAME"),
+        (lambda: tf.fit(READ, "B0Z"), "E-LIBRARY-NAME"),
+        (lambda: tf.fit(READ, "EBX"), "E-LIBRARY-UNIT"),
+        (lambda: tf.fit(READ, "EXC"), "E-LIBRARY-UNIT"),
+        (lambda: tf.fit(READ, "EXX", kind="rotary"), "E-LIBRARY-KIND"),
+        (lambda: tf.Machine({"ECC": tf.fit(READ, "EXX")}), "E-LIBRARY-UNIT"),
+        (lambda: tf.Machine({"EXX": ([0.0], [1.0], [2.0])}), "E-LIBRARY-KIND"),
+        (lambda: tf.Machine({"EXX": ([0.0, 1.0], [1.0])}), "E-CHAIN-MOTION-DATA"),
+        (lambda: tf.Machine(["EXX"]), "E-LIBRARY-KIND"),
+        (lambda: tf.flank(GEAR_READ, tf.Machine()), "E-LIBRARY-KIND"),
+        (lambda: tf.rank(tf.Machine(), "gear.toml"), "E-LIBRARY-KIND"),
+        (lambda: tf.correct({"EXX": 1.0}, GEAR_READ), "E-LIBRARY-KIND"),
+        (lambda: tf.study(tf.Machine(), None), "E-LIBRARY-KIND"),
+        (lambda: tf.report(None), "E-LIBRARY-KIND"),
+        (lambda: tf.Measured([0.0, 1.0], np.zeros((3, 2, 2)), "mm"), "E-EVAL-SHAPE"),
+        (lambda: tf.Measured([0.0], np.zeros((1, 2, 2)), "inch"), "E-LIBRARY-KIND"),
+    ],
+)
+def test_what_is_given_to_the_wrong_call_is_said(wrong, code: str) -> None:
+    with pytest.raises(tf.TrueflankError) as refused:
+        wrong()
+    assert refused.value.code == code
+    assert "{" not in str(refused.value).replace("tf.Machine({...})", "").replace('{"EXX": 5.0}', "")
+
+
+def test_an_error_keeps_its_unit_from_the_file_to_the_tooth(tmp_path: Path) -> None:
+    rows = (
+        f"{at},{way},{turn},{at / 100 + turn / 100}" for turn in (1, 2) for way in "+-" for at in range(-250, -69, 30)
+    )
+    path = tmp_path / "pitch.csv"
+    path.write_text("\n".join(("target_mm,direction,repetition,deviation_arcsec", *rows, "")))
+    with pytest.raises(tf.TrueflankError, match="one is a length, one an angle"):
+        tf.read(path)
+    pitch = tf.read(path, name="EBX")
+    assert (pitch.unit, pitch.axis_unit) == ("arcsec", "mm")
+    with pytest.raises(tf.TrueflankError, match=r"EXC is in .m over deg, the readings are in arcsec over deg"):
+        tf.read(path, name="EXC")
+    with pytest.raises(tf.TrueflankError, match=r"the readings are in .m over mm"):
+        tf.read(FILE, name="ECC")
+    assert pitch.to_dict()["name"] == "EBX"
+    assert "arcsec" in repr(tf.evaluate(pitch))
+    motion = tf.fit(pitch)
+    assert (motion.name, motion.unit) == ("EBX", "arcsec")
+    assert tf.flank(tf.Machine({"EBX": motion}), GEAR_READ).rms < 5.0  # 2 arcsec and no micrometres: it stays small
+    np.testing.assert_allclose(motion([0.0, 500.0]), motion([-70.0, -70.0]))  # nothing is extrapolated
+
+
+def test_lists_are_readings_too_and_a_figure_that_is_not_there_is_said() -> None:
+    told = tf.evaluate(tf.Measured(READ.targets.tolist(), READ.deviations.tolist(), "mm"), 2014)
+    assert told["B"] == tf.evaluate(READ)["B"]
+    with pytest.raises(KeyError, match="there are B, B_mean"):
+        _ = told["Q"]
+
+
+def test_every_name_says_its_units_and_shows_itself_shortly() -> None:
+    names = [name for name in tf.__all__ if name != "TrueflankError"]
+    without = [name for name in names if not re.search(r"\b(um|mm|arcsec|deg)\b", getattr(tf, name).__doc__ or "")]
+    assert without == []
+    machine = tf.Machine(seed=1)
+    shown = [READ, tf.evaluate(READ), tf.fit(READ, "EXX"), machine, GEAR_READ, tf.flank(machine, GEAR_READ)]
+    shown += [tf.rank(machine, GEAR_READ, trajectories=1), tf.correct(machine, GEAR_READ)]
+    assert [one for one in map(repr, shown) if len(one) > 200 or "\n" in one or "array" in one] == []
+    for one in shown:
+        json.dumps(one.to_dict())
+
+
 def test_nothing_is_loaded_before_it_is_used() -> None:
     script = (
         "import sys, trueflank; print(sorted(set(sys.modules) & {'numpy', 'scipy', 'pydantic', 'pandas', 'gateway'}))"
     )
     told = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, cwd=ROOT, check=True)
     assert told.stdout.strip() == "[]"
+    start = time.perf_counter()
+    subprocess.run([sys.executable, "-c", "import trueflank"], cwd=ROOT, check=True)
+    bare = time.perf_counter() - start
+    assert bare < 3.0, "0.3 s where nothing else runs; here Python's own start is in it, and what runs beside"
     with pytest.raises(AttributeError, match="it has"):
         _ = tf.odd
     assert set(tf.__all__) <= set(dir(tf))

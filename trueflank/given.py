@@ -1,0 +1,61 @@
+"""What a caller gives, judged before anything is reckoned: its kind, its name, its units."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from drivers.errors import ConfigError
+from drivers.units import AxisUnit, DeviationUnit
+from gateway.domain.values import component_unit
+
+MOTION = re.compile(r"E[XYZABC][XYZUVWABC]")
+TURNING = "ABC"
+HOW = {
+    "Measured": 'tf.read(path), or tf.Measured(targets, deviations, "mm")',
+    "Machine": "tf.Machine({...}), or tf.Machine.load(path)",
+    "Gear": "tf.Gear.load(path), or tf.Gear.of(...)",
+}
+
+
+def of_kind(one: Any, wanted: type, call: str) -> None:
+    """Raise ConfigError (E-LIBRARY-KIND) where an argument is something else, say machine and gear exchanged."""
+    if not isinstance(one, wanted):
+        name = wanted.__name__
+        raise ConfigError(
+            "E-LIBRARY-KIND", call, call=f"tf.{call}", wanted=f"a tf.{name}", given=_said(one), how=HOW[name]
+        )
+
+
+def path_given(one: Any, call: str) -> None:
+    """Raise ConfigError (E-LIBRARY-KIND) where a path is no text and no path."""
+    if not isinstance(one, str) and not hasattr(one, "__fspath__"):
+        how = "the file's name as a text or a pathlib.Path"
+        raise ConfigError("E-LIBRARY-KIND", call, call=f"tf.{call}", wanted="a path", given=_said(one), how=how)
+
+
+def _said(one: Any) -> str:
+    kind = type(one)
+    return f"a tf.{kind.__name__}" if kind.__module__.startswith("trueflank") else f"a value of type {kind.__name__}"
+
+
+def motion_name(name: Any, call: str) -> str:
+    """The ISO 230-1 name of an error motion. Raises ConfigError (E-LIBRARY-NAME)."""
+    if not isinstance(name, str) or not MOTION.fullmatch(name):
+        raise ConfigError("E-LIBRARY-NAME", call, name=name)
+    return name
+
+
+def axis_unit_of(name: str) -> AxisUnit:
+    """The unit of positions of the axis whose error motion this is."""
+    return "deg" if name[2] in TURNING else "mm"
+
+
+def units_fit(name: str, axis_unit: AxisUnit, unit: DeviationUnit, call: str) -> None:
+    """Raise ConfigError (E-LIBRARY-UNIT) where readings in these units cannot be error motion ``name``."""
+    axis = axis_unit_of(name)
+    wanted = component_unit(name, axis)
+    if (axis, wanted) != (axis_unit, unit):
+        raise ConfigError(
+            "E-LIBRARY-UNIT", call, name=name, wanted=f"{wanted} over {axis}", given=f"{unit} over {axis_unit}"
+        )
