@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterator
 from functools import cache
@@ -10,7 +11,10 @@ from pathlib import Path
 import click
 import typer
 
+import trueflank as tf
+from drivers.errors import catalogue
 from gateway.cli import app
+from release import reference
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
@@ -105,10 +109,26 @@ def test_every_command_and_option_that_is_shown_exists() -> None:
 
 def test_every_page_stands_in_the_handbooks_list_and_every_entry_is_a_page() -> None:
     listed = re.findall(r": ([\w/-]+\.md)$", _text(ROOT / "mkdocs.yml"), re.MULTILINE)
-    generated = {"codes.md", "records.md", "routes.md"}
+    generated = set(reference.GENERATED)
     pages = {page.relative_to(ROOT / "docs").as_posix() for page in (ROOT / "docs").rglob("*.md")}
     assert set(listed) - generated == pages, "mkdocs.yml, nav"
     assert len(listed) == len(set(listed))
+
+
+def test_pages_made_from_the_code_hold_every_name() -> None:
+    routes, library = reference.routes(), reference.library()
+    told = json.loads(_text(ROOT / "docs" / "openapi.json"))["paths"]
+    assert [path for path, verbs in told.items() for verb in verbs if f"`{verb.upper()} {path}`" not in routes] == []
+    source = _text(ROOT / "gateway" / "web" / "metrics.py")
+    metrics = set(re.findall(r"\"(trueflank_\w+)\"", source))
+    assert len(metrics) >= 12
+    assert [name for name in metrics if f"`{name}" not in routes] == []
+    assert [name for name in tf.__all__ if f"`tf.{name}" not in library] == []
+    assert "``" not in library.replace("```", "")
+    records = reference.records()
+    assert {"Capture", "Evaluation", "Proposal"} <= set(re.findall(r"^## (\w+)$", records, re.MULTILINE))
+    codes = reference.codes()
+    assert [code for code in catalogue() if code.startswith("E-") and f"`{code}`" not in codes] == []
 
 
 def test_every_target_of_make_that_is_shown_exists() -> None:
