@@ -41,6 +41,9 @@ def pytest_configure(config: pytest.Config) -> None:
     given = config.getoption("--trueflank-site")
     if not given:
         return
+    # Two processes would be at one machine, and no one of them has all results for the sheet.
+    if hasattr(config, "workerinput") or getattr(config.option, "dist", "no") != "no":
+        raise pytest.UsageError("an acceptance is one process at one machine: give -n 0, without --dist")
     from drivers.errors import TrueflankError  # noqa: PLC0415 - pytest loads this file on every run
     from gateway.acceptance.sheet import check_sheet  # noqa: PLC0415
     from gateway.config import load_site  # noqa: PLC0415

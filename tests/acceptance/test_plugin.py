@@ -46,6 +46,13 @@ def test_the_shipped_suite_accepts_a_cell_and_leaves_junit_and_a_sheet(
     assert "Accepted by" in (tmp_path / "acceptance.html").read_text()
 
 
+def test_an_acceptance_by_several_processes_is_refused_before_anything_is_opened(tmp_path: Path) -> None:
+    (tmp_path / "site.toml").write_text("", encoding="utf-8")
+    ended = ran(tmp_path, "--trueflank-site", "site.toml", "-n", "2")
+    assert ended.returncode == 4, ended.stdout + ended.stderr
+    assert "one process at one machine: give -n 0" in ended.stderr
+
+
 @pytest.mark.long
 def test_writing_asks_for_the_machines_name_and_the_example_runs(trueflank_cell: CellStarter, tmp_path: Path) -> None:
     cell = trueflank_cell("zero", speed=100.0)
