@@ -39,6 +39,7 @@ TARGET_UNITS: dict[str, tuple[AxisUnit, float]] = {
     "mm": ("mm", 1.0),
     "um": ("mm", um_to_mm(1.0)),
     "m": ("mm", 1e3),
+    "nm": ("mm", um_to_mm(1e-3)),
     "inch": ("mm", MM_PER_INCH),
     "deg": ("deg", 1.0),
     "rad": ("deg", rad_to_deg(1.0)),
@@ -49,7 +50,9 @@ READING_UNITS: dict[str, tuple[AxisUnit, float]] = {
     "um": ("mm", 1.0),
     "mm": ("mm", mm_to_um(1.0)),
     "m": ("mm", mm_to_um(1000.0)),
+    "nm": ("mm", 1e-3),
     "inch": ("mm", mm_to_um(MM_PER_INCH)),
+    "uin": ("mm", mm_to_um(MM_PER_INCH * 1e-6)),
     "arcsec": ("deg", 1.0),
     "deg": ("deg", deg_to_arcsec(1.0)),
     "rad": ("deg", rad_to_arcsec(1.0)),
@@ -60,6 +63,7 @@ UP, DOWN = {"+", "+1", "1", "up", "forward", "f", "pos"}, {"-", "-1", "down", "b
 MOST_RUNS = 10_000
 
 Directions = Literal["column", "runs", "order", "up", "down"]
+PASSES = ("", "alternate", "halves", "up", "down")
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +72,9 @@ class ColumnMap:
 
     ``deviation`` or ``measured`` (then deviation = sense * measured - target) holds the reading. ``direction``:
     "column" (``direction_column``), "runs" (odd ``run`` forward, even reverse), "order" (the way the targets
-    go in the file) or one way only. ``sense`` -1 turns the readings' sign. ``skip`` lines stand before the rows.
+    go in the file) or one way only. ``passes``: every column from the reading on, to ``last`` (0: the end), is a pass;
+    "alternate" forward and reverse in turn, "halves" all forward ones first, or one way only. ``sense`` -1 turns the
+    readings' sign. ``skip`` lines stand before the rows.
     """
 
     target: int = 1
@@ -77,6 +83,8 @@ class ColumnMap:
     run: int = 0
     direction_column: int = 0
     direction: str = "order"
+    passes: str = ""
+    last: int = 0
     target_unit: str = "mm"
     reading_unit: str = "um"
     sense: int = 1
@@ -115,6 +123,12 @@ class ColumnMap:
             ("direction", self.direction in ways, f"must be one of {', '.join(ways)}"),
             ("direction_column", self.direction != "column" or self.direction_column >= 1, "must be a column from 1"),
             ("run", self.direction != "runs" or self.run >= 1, "must be a column from 1"),
+            ("passes", self.passes in PASSES, f"must be one of {', '.join(PASSES[1:])}"),
+            (
+                "last",
+                self.last == 0 or self.last >= max(self.deviation, self.measured),
+                "must be the last pass's column",
+            ),
             ("target_unit", self.target_unit in TARGET_UNITS, f"must be one of {', '.join(TARGET_UNITS)}"),
             ("reading_unit", self.reading_unit in READING_UNITS, f"must be one of {', '.join(READING_UNITS)}"),
             ("sense", self.sense in (1, -1), "must be 1 or -1"),
@@ -139,10 +153,14 @@ def read_columns(text: str, columns: ColumnMap, where: str) -> MeasuredSet:
     """
     lines = list(enumerate(_BREAK.split(text), start=1))[columns.skip :]
     columns = _as_written(columns, [line for _, line in lines if line.strip()])
-    rows = [_row(line, columns, at, where) for at, line in lines if line.strip()]
+    kept = [(at, line) for at, line in lines if line.strip()]
+    if columns.passes:
+        rows = [row for at, line in kept for row in _of_passes(line, columns, at, where)]
+    else:
+        rows = [_row(line, columns, at, where) for at, line in kept]
     if not rows:
         raise FileFormatError("E-FILE-ROWS", where)
-    ways = _ways(rows, columns, where)
+    ways = [row.way or 0 for row in rows] if columns.passes else _ways(rows, columns, where)
     targets, deviations = _arranged(rows, ways, columns, where)
     unit, scale = READING_UNITS[columns.reading_unit]
     header = {"Columns": ", ".join(f"{item.name}={getattr(columns, item.name)}" for item in fields(columns))}
@@ -186,6 +204,32 @@ def _row(line: str, columns: ColumnMap, at: int, where: str) -> _Row:
         raise _wrong(where, at, f"{cells[columns.run - 1]!r} is no run number")
     way = _way(cells[columns.direction_column - 1], at, where) if columns.direction == "column" else None
     return _Row(at, target, reading, run, way)
+
+
+def _of_passes(line: str, columns: ColumnMap, at: int, where: str) -> list[_Row]:
+    """One reading of each pass; an empty cell is one that was not taken."""
+    cells = _cells(line, columns.separator)
+    first = (columns.deviation or columns.measured) - 1
+    values = cells[first : columns.last or len(cells)]
+    if len(cells) < columns.needed or not values:
+        raise _wrong(where, at, f"{len(cells)} columns, but column {columns.needed} is needed")
+    if columns.passes in ("alternate", "halves") and len(values) % 2:
+        raise _wrong(where, at, f"{len(values)} passes, but as many forward as reverse are needed")
+    target = _number(cells[columns.target - 1], columns, at, where)
+    found = []
+    for place, cell in enumerate(values):
+        run, way = pass_in(place, len(values), columns.passes)
+        if cell:
+            found.append(_Row(at, target, _number(cell, columns, at, where), run, way))
+    return found
+
+
+def pass_in(place: int, count: int, passes: str) -> tuple[int, int]:
+    """Number, from 1, and way of the pass in this place."""
+    if passes == "alternate":
+        return place // 2 + 1, place % 2
+    half = count // 2
+    return (place % half + 1, place // half) if passes == "halves" else (place + 1, int(passes == "down"))
 
 
 def _number(cell: str, columns: ColumnMap, at: int, where: str) -> float:
@@ -239,7 +283,7 @@ def _arranged(rows: list[_Row], ways: list[int], columns: ColumnMap, where: str)
     numbers: dict[int, dict[int, int]] = {0: {}, 1: {}}
     for row, way in zip(rows, ways, strict=True):
         target = row.target * scale
-        if columns.run:
+        if columns.run or columns.passes:
             repetition = numbers[way].setdefault(row.run, len(numbers[way]))
         else:
             repetition = seen.get((target, way), 0)

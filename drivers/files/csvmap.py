@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,22 +10,27 @@ import numpy as np
 
 from drivers.errors import ConfigError, FileFormatError
 from drivers.files.columns import TARGET_UNITS, ColumnMap, read_columns
-from drivers.files.csvlayout import COLUMNS, UNITS, Layout, cells, layout
 from drivers.files.csvtext import table_text
-from drivers.files.headwords import DIRECTIONS
-from drivers.files.indexed import indexed, is_indexed
 from drivers.files.numbers import beyond, decimal, no_readings, whole
-from drivers.files.signature import heading, signature_of
-from drivers.files.text import decode, end_doubts, read_bytes
+from drivers.files.signature import signature_of
+from drivers.files.tables.headwords import DIRECTIONS
+from drivers.files.tables.indexed import indexed, is_indexed
+from drivers.files.tables.layout import COLUMNS, NONE, UNITS, Layout, layout, understood
+from drivers.files.tables.order import by_order, counted
+from drivers.files.tables.sheet import Row, Sheet, heading_of, sheet_of
+from drivers.files.text import decode, end_doubts, other_texts, read_bytes
 from drivers.types.results import MeasuredSet
 from drivers.types.values import FloatArray
 from drivers.units import deviation_scale, deviation_unit, typed_unit
 
-_BREAK = re.compile(r"\r\n|\n|\r")
 MOST_REPETITIONS = 10_000
 Key = tuple[float, int, int]
 # Beyond these a column is doubted: its unit, or whether it holds what its name says.
 LARGEST = {"mm": 5000.0, "deg": 1000.0}
+OPEN = {"reading_unit", "passes", "direction"}
+ROWS = ("runs", "up", "down")
+AGREE_UM, NEARLY = 1.0, 0.01
+"""Positions and deviations of one row may differ by so much, um or arcsec, and by a hundredth: rounding."""
 
 
 class CsvFormat:
@@ -34,7 +38,7 @@ class CsvFormat:
 
     Deviations are um over mm unless `unit`, or the column's own name (deviation_arcsec), says otherwise; positions are
     in the targets' unit. ``mixed`` lets angles stand over mm (pitch) and um over deg (run-out). A table in another
-    layout is read by declared `columns`.
+    layout is read by declared `columns`; where only `OPEN` keys are declared, its heading says the rest.
     """
 
     def __init__(
@@ -45,85 +49,85 @@ class CsvFormat:
         *,
         mixed: bool = False,
     ) -> None:
-        unit = typed_unit(unit)
+        beside = {key: str(value) for key, value in (columns or {}).items()} if set(columns or ()) <= OPEN else {}
+        unit = typed_unit(beside.get("reading_unit", unit))
         if unit and unit not in UNITS:
             raise ConfigError("E-FILE-UNIT", "csv", unit=unit, known=", ".join(UNITS))
         self._unit = unit
+        self._ways = beside.get("passes", "") or beside.get("direction", "")
         self._codepage = codepage
         self._mixed = mixed
-        self._columns = ColumnMap.read(columns, "csv", mixed=mixed) if columns is not None else None
+        declared = columns is not None and not beside
+        self._columns = ColumnMap.read(columns or {}, "csv", mixed=mixed) if declared else None
+        if beside:
+            ColumnMap.read({"deviation": 2, "run": 3, **(columns or {})}, "csv", mixed=True)  # judges the words
 
     def read(self, path: Path) -> MeasuredSet:
         """Read a file, by the declared columns if there are any. Raises FileFormatError with line and reason."""
         where = str(path)
-        text = decode(read_bytes(path), self._codepage, where)
+        data = read_bytes(path)
+        text = decode(data, self._codepage, where)
         if self._columns is not None:
             return read_columns(text, self._columns, where)
         try:
-            return parse_csv(text, self._unit, where, mixed=self._mixed)
+            return parse_csv(text, self._unit, where, mixed=self._mixed, ways=self._ways)
         except FileFormatError as error:
-            other = _chinese(path) if error.code == "E-FILE-CSV-HEADER" else ""
-            if not other:
+            if error.code != "E-FILE-CSV-HEADER":
                 raise
-            return parse_csv(other, self._unit, where, mixed=self._mixed)
+            # A heading that nobody understands may be in another country's code page.
+            other = next((one for one in other_texts(data) if sheet_of(one, understood, where)), None)
+            if other is None:
+                raise
+        return parse_csv(other, self._unit, where, mixed=self._mixed, ways=self._ways)
 
     def signature(self, path: Path) -> str:
         """What tables of the same layout have in common, "" for one without a heading. Raises FileFormatError."""
         return signature_of(decode(read_bytes(path), self._codepage, str(path)))
-
-    def heading(self, path: Path) -> str:
-        """The line that names the columns, "" where there is none."""
-        return (heading(decode(read_bytes(path), self._codepage, str(path))) or ("",))[-1]
 
     def text(self, measured: MeasuredSet) -> str:
         """A measured set as a table that `read` understands and a spreadsheet does not take for formulas."""
         return table_text(measured)
 
 
-def _chinese(path: Path) -> str:
-    """The text of a PC in China, "" where it can be none: a heading that nobody understands may be in its code page."""
-    data = read_bytes(path)
-    try:
-        return "" if data.isascii() else data.decode("gb18030")
-    except UnicodeDecodeError:
-        return ""
-
-
-def parse_csv(text: str, unit: str, where: str, *, mixed: bool = False) -> MeasuredSet:
+def parse_csv(text: str, unit: str, where: str, *, mixed: bool = False, ways: str = "") -> MeasuredSet:
     """A whole table, pure. Every (target, direction, repetition) may occur once; missing ones are NaN.
 
-    ``mixed``: pitch over mm or run-out over deg; the record's unit is then that of the deviations.
+    ``mixed``: pitch over mm or run-out over deg; the record's unit is then that of the deviations. ``ways`` of `PASSES`
+    or `ROWS` says what no column does.
     """
     if is_indexed(text):
         return _by_indices(text, where)
-    lines = [
-        (at, line)
-        for at, line in enumerate(_BREAK.split(text), start=1)
-        if line.strip() and not line.lstrip().startswith("#")
-    ]
-    if not lines:
-        raise FileFormatError("E-FILE-CSV-HEADER", where, found="nothing", columns=", ".join(COLUMNS))
-    found = layout(lines[0], lines[1:], unit, where, mixed=mixed)
-    rows = [(at, key, value) for at, line in lines[1:] for key, value in _reading(line, found, at, where)]
-    return _set_of(rows, found, where, text)
+    sheet = sheet_of(text, understood, where)
+    if sheet is None:
+        found = heading_of(text)[1][:80] or "nothing"
+        raise FileFormatError("E-FILE-CSV-HEADER", where, found=found, columns=", ".join(COLUMNS))
+    found_layout = layout(sheet, unit, where, mixed=mixed, ways=ways)
+    rows, notes = _rows(sheet, found_layout, ways, where)
+    return _set_of(rows, found_layout, where, text, said=sheet.said, notes=(*notes, *sheet.notes))
 
 
 def _by_indices(text: str, where: str) -> MeasuredSet:
     unit, rows = indexed(text, where)
-    found = Layout(
-        separator="", width=0, columns=(0, 0, 0, 0), reading="position", target_unit=unit, unit=unit, comma=False
-    )
+    found = Layout(columns=(0, 0, 0, 0), reading="position", target_unit=unit, unit=unit, comma=False)
     return _set_of(rows, found, where, text)
 
 
-def _set_of(rows: list[tuple[int, Key, float]], found: Layout, where: str, text: str) -> MeasuredSet:
-    """Line, (target, way, repetition) and value of every reading, as one record."""
+def _set_of(
+    rows: list[tuple[int, Key, float]],
+    found: Layout,
+    where: str,
+    text: str,
+    *,
+    said: Mapping[str, str] | None = None,
+    notes: tuple[str, ...] = (),
+) -> MeasuredSet:
+    """Line, (target, way, repetition) and value of every reading, as one record; ``said`` stood above the table."""
     targets, values = _arranged(_readings(rows, where), where)
     targets, deviations = _converted(targets, values, found)
     if beyond(float(np.max(np.abs(targets))), float(np.nanmax(np.abs(deviations)))):
         raise _impossible(rows, found, where)
-    header = {"Unit": found.unit} if found.reading == "deviation" else {"Unit": found.unit, "Reading": "position"}
-    warnings = (*_warnings(deviations, found), *end_doubts(text))
+    header = {**(said or {}), "Unit": found.unit} | ({"Reading": "position"} if found.reading == "position" else {})
+    warnings = (*_warnings(deviations, found), *notes, *end_doubts(text))
     return MeasuredSet(targets, deviations, found.axis_unit, header=header, warnings=warnings)
 
 
@@ -151,19 +155,41 @@ def _readings(rows: list[tuple[int, Key, float]], where: str) -> dict[Key, float
     return readings
 
 
-def _reading(line: str, found: Layout, at: int, where: str) -> list[tuple[Key, float]]:
-    """(target, way, repetition) and value: one of a row, or one of each pass."""
-    row = cells(line, found.separator)
-    if len(row) != found.width:
-        raise _wrong(where, at, f"{len(row)} columns, but the header names {found.width}")
-    return _of_passes(row, found, at, where) if found.passes else [_of_row(row, found, at, where)]
+def _rows(sheet: Sheet, found: Layout, ways: str, where: str) -> tuple[list[tuple[int, Key, float]], tuple[str, ...]]:
+    """Line, (target, way, repetition) and value of every reading, and a note of what the order alone told."""
+    for at, row in sheet.rows:
+        if len(row) != found.width:
+            raise _wrong(where, at, f"{len(row)} columns, but the header names {found.width}")
+    if found.passes:
+        return [(at, *one) for at, row in sheet.rows for one in _of_passes(row, found, at, where)], ()
+    read = [_of_row(row, found, at, where) for at, row in sheet.rows]
+    targets = [target for target, _way, _repetition, _value in read]
+    notes: tuple[str, ...] = ()
+    if found.columns[1] == NONE and ways in (ROWS if found.columns[2] != NONE else ROWS[1:]):
+        read = [(target, _way_of(run, ways), run, value) for target, _way, run, value in read]
+    elif found.columns[1] == NONE:
+        told = by_order(targets)
+        if told is None:
+            raise FileFormatError("E-FILE-CSV-RUNS", where, found=", ".join(sheet.heads)[:80])
+        read = [(target, way, number, value) for (target, _w, _r, value), (way, number) in zip(read, told, strict=True)]
+        notes = ("the order of the rows tells the directions: no column does",)
+    if found.columns[2] == NONE and not notes:
+        numbers = counted([(target, way) for target, way, _r, _value in read])
+        read = [(target, way, number, value) for (target, way, _r, value), number in zip(read, numbers, strict=True)]
+    rows = [((target, way, number), value) for target, way, number, value in read]
+    return [(at, *one) for (at, _row), one in zip(sheet.rows, rows, strict=True)], notes
 
 
-def _of_passes(row: list[str], found: Layout, at: int, where: str) -> list[tuple[Key, float]]:
+def _way_of(run: int, ways: str) -> int:
+    return (run + 1) % 2 if ways == "runs" else int(ways == "down")
+
+
+def _of_passes(row: Row, found: Layout, at: int, where: str) -> list[tuple[Key, float]]:
     """An empty cell is a reading that was not taken."""
-    target = decimal(row[0], comma=found.comma)
+    cell = row[found.columns[0]]
+    target = decimal(cell, comma=found.comma)
     if target is None:
-        raise _wrong(where, at, f"{row[0]!r} is not a target")
+        raise _wrong(where, at, f"{cell!r} is not a target")
     readings = []
     for column, way, number in found.passes:
         value = decimal(row[column], comma=found.comma)
@@ -174,10 +200,14 @@ def _of_passes(row: list[str], found: Layout, at: int, where: str) -> list[tuple
     return readings
 
 
-def _of_row(row: list[str], found: Layout, at: int, where: str) -> tuple[Key, float]:
-    target_text, way_text, repetition_text, value_text = (row[column] for column in found.columns)
+def _of_row(row: Row, found: Layout, at: int, where: str) -> tuple[float, int, int, float]:
+    """Target, way, repetition (0 where no column tells one) and reading."""
+    target_text, way_text, repetition_text, value_text = (
+        row[column] if column != NONE else "" for column in found.columns
+    )
     target, value = decimal(target_text, comma=found.comma), decimal(value_text, comma=found.comma)
-    way, repetition = DIRECTIONS.get(way_text.lower()), whole(repetition_text)
+    way = DIRECTIONS.get(way_text.lower()) if found.columns[1] != NONE else 0
+    repetition = whole(repetition_text) if found.columns[2] != NONE else 0
     for good, text, wanted in (
         (target is not None, target_text, "a target"),
         (way is not None, way_text, "a direction (+ - up down forward backward 1 -1)"),
@@ -186,7 +216,26 @@ def _of_row(row: list[str], found: Layout, at: int, where: str) -> tuple[Key, fl
     ):
         if not good:
             raise _wrong(where, at, f"{text!r} is not {wanted}")
-    return (float(target or 0.0), way or 0, repetition or 0), float(value or 0.0)
+    if found.beside != NONE:
+        _agree(row, found, (float(target or 0.0), float(value or 0.0)), at, where)
+    return float(target or 0.0), way or 0, repetition or 0, float(value or 0.0)
+
+
+def _agree(row: Row, found: Layout, read: tuple[float, float], at: int, where: str) -> None:
+    """Where a row has position and deviation, they say the same; else the table counts the other way round.
+
+    Raises FileFormatError (E-FILE-LINE).
+    """
+    position = decimal(row[found.beside], comma=found.comma)
+    kind, scale = TARGET_UNITS[found.target_unit]
+    if position is None or UNITS[found.unit][0] != kind:
+        return
+    said = read[1] * UNITS[found.unit][1]
+    difference = (float(position) - read[0]) * scale * deviation_scale(kind)
+    if abs(said - difference) > AGREE_UM + NEARLY * abs(difference):
+        unit = deviation_unit(kind)
+        why = f"the deviation is {said:g} {unit}, but position - target is {difference:g} {unit}"
+        raise _wrong(where, at, why)
 
 
 def _arranged(readings: dict[tuple[float, int, int], float], where: str) -> tuple[FloatArray, FloatArray]:

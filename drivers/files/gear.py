@@ -15,10 +15,10 @@ from typing import Any, TypeVar
 import numpy as np
 
 from drivers.errors import ConfigError, FileFormatError
-from drivers.files.csvlayout import cells
 from drivers.files.declared import declared
 from drivers.files.numbers import decimal, whole
 from drivers.files.signature import signature_of
+from drivers.files.tables.sheet import cells
 from drivers.files.text import decode, end_doubts, read_bytes
 from drivers.types.gears import GearInspection
 from drivers.units import MM_PER_INCH

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import codecs
+from collections.abc import Iterator
 from pathlib import Path
 
 from drivers.errors import FileFormatError, FileUnreadable
@@ -13,6 +14,8 @@ MARKS = (
     (codecs.BOM_UTF16_BE, "utf-16"),
 )
 LARGEST_BYTES = 64 << 20
+OTHER_CODEPAGES = ("gb18030", "cp1251", "cp1250", "cp932")
+SAMPLE, MOSTLY = 400, 0.7
 
 
 def read_bytes(path: Path) -> bytes:
@@ -32,10 +35,35 @@ def decode(data: bytes, codepage: str, where: str) -> str:
     for mark, encoding in MARKS:
         if data.startswith(mark):
             return _decode(data, encoding, where)
+    wide = _unmarked(data)
+    if wide:
+        return _decode(data, wide, where)
     try:
         return data.decode("utf-8")
     except UnicodeDecodeError:
         return _decode(data, codepage, where)
+
+
+def other_texts(data: bytes) -> Iterator[str]:
+    """The text as PCs of other countries would read bytes that are no UTF-8; none for those that are."""
+    try:
+        data.decode("utf-8")
+    except UnicodeDecodeError:
+        for codepage in OTHER_CODEPAGES:
+            try:
+                yield data.decode(codepage)
+            except UnicodeDecodeError:
+                continue
+
+
+def _unmarked(data: bytes) -> str:
+    """UTF-16 without its mark, by the empty half of nearly every letter; "" for any other text."""
+    head = data[:SAMPLE]
+    halves = head[0::2], head[1::2]
+    empty = [half.count(0) / len(half) if half else 0.0 for half in halves]
+    if len(data) % 2 or abs(empty[0] - empty[1]) < MOSTLY:
+        return ""
+    return "utf-16-be" if empty[0] > empty[1] else "utf-16-le"
 
 
 def _decode(data: bytes, encoding: str, where: str) -> str:

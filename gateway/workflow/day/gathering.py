@@ -16,14 +16,14 @@ from drivers.types.results import MeasuredSet
 from gateway.store import Maps
 from gateway.workflow.day.answers import Answers
 from gateway.workflow.files.columnwords import columns_of
-from gateway.workflow.files.importing import How, driver_of, read_file
+from gateway.workflow.files.importing import ASKS, How, driver_of, read_file
 
 MOST_FILES = 500
 HEAD_LINES, HEAD_BYTES, LINE = 5, 4096, 100
 # Layouts of a maker that no public document describes: never guessed at.
 UNDESCRIBED = (".rts", ".rtd", ".xc", ".capture")
 DYNAMIC, GEAR = ("rtx",), ("gde",)
-ASKED = {"E-FILE-RTA-UNIT": "unit", "E-IMPORT-COLUMNS": "columns"}
+ASKED = {"E-FILE-RTA-UNIT": "unit", **dict.fromkeys(ASKS.values(), "columns")}
 SKIPPED = ("answers.toml", ".ds_store", "thumbs.db", "desktop.ini")
 
 Kind = Literal["results", "dynamic", "gear", "undescribed", "other", "trouble", "open"]

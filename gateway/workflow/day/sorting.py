@@ -18,6 +18,11 @@ from gateway.workflow.day.naming import BY_ANSWER, Guessed, choices, guessed
 UNITS = ("mrad", "urad", "arcsec", "deg")
 WAYS = ("+", "-")
 YES_NO = ("yes", "no")
+COLUMN_QUESTIONS = {
+    "E-IMPORT-WAYS": "P-DAY-WAYS",
+    "E-IMPORT-RUNS": "P-DAY-RUNS",
+    "E-IMPORT-READINGS": "P-DAY-READINGS",
+}
 BARS = ("A0C", "B0C")
 TURN_DEG = 360.0
 NO_SETUP = {"dynamic": "W-DAY-DYNAMIC", "gear": "W-DAY-GEAR", "other": "W-DAY-OTHER"}
@@ -133,7 +138,8 @@ class _Sorter:
         if one.asks == "unit":
             self._ask(OpenQuestion("all", "unit", "P-DAY-UNIT", choices=UNITS, fields=fields))
         else:
-            self._ask(OpenQuestion(f"files.{one.name}", "columns", "P-DAY-COLUMNS", fields=fields))
+            code = COLUMN_QUESTIONS.get(one.error.code if one.error is not None else "", "P-DAY-COLUMNS")
+            self._ask(OpenQuestion(f"files.{one.name}", "columns", code, fields=fields))
 
     def _unreadable(self, one: DayFile) -> None:
         why = one.error.what if one.error is not None else ""

@@ -32,6 +32,13 @@ ROLES = ("file", "dynamic-file", "gear-file")
 # Endings of files whose driver has another name; tables of others come with any of these.
 OTHER_ENDINGS = {"xml": "gde", "txt": "csv", "dat": "csv", "tsv": "csv"}
 NEED_UNIT = ("rta", "rtx")
+# What a table leaves open, and the question that a person answers once for all tables with its heading.
+ASKS = {
+    "E-FILE-CSV-HEADER": "E-IMPORT-COLUMNS",
+    "E-FILE-CSV-WAYS": "E-IMPORT-WAYS",
+    "E-FILE-CSV-RUNS": "E-IMPORT-RUNS",
+    "E-FILE-CSV-UNIT": "E-IMPORT-READINGS",
+}
 STATE = "imported"
 CHUNK = 1 << 20
 Content = MeasuredSet | Recording | GearInspection
@@ -100,8 +107,8 @@ def endings() -> set[str]:
 def read_file(path: Path, how: How, maps: Maps | None = None, utc: Callable[[], datetime] | None = None) -> Read:
     """Read a file by what is said now or was said before; with ``utc`` what is said now is remembered.
 
-    Raises ConfigError (E-FILE-RTA-UNIT, E-FILE-RTX-UNIT: say the unit once; E-IMPORT-COLUMNS: say the columns
-    once; E-CLI-FILE), FileFormatError.
+    Raises ConfigError (E-FILE-RTA-UNIT, E-FILE-RTX-UNIT: say the unit once; E-IMPORT-COLUMNS and others of
+    `ASKS`: say the columns once; E-CLI-FILE), FileFormatError.
     """
     name = driver_of(path, how)
     factory = next(registry.known(role)[name] for role in ROLES if name in registry.known(role)).load()
@@ -174,10 +181,11 @@ class _Asker:
         try:
             content: Content = factory(**options, **self._mixed(name)).read(self._path)
         except FileFormatError as error:
-            if error.code != "E-FILE-CSV-HEADER":
+            if error.code not in ASKS:
                 raise
-            where, found = str(self._path), factory().heading(self._path) or error.fields.get("found")
-            raise ConfigError("E-IMPORT-COLUMNS", where, found=found, columns=error.fields["columns"]) from error
+            raise ConfigError(
+                ASKS[error.code], str(self._path), found=error.fields["found"], columns=error.fields.get("columns", "")
+            ) from error
         return content
 
     def _remembered_columns(self, keys: list[str]) -> tuple[Mapping[str, Value] | None, list[str]]:

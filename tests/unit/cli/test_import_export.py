@@ -33,7 +33,7 @@ from tests.unit.drivers.test_rtx_files import written
 
 GOLDEN = Path(__file__).parents[2] / "golden" / "files"
 RUNNER = CliRunner()
-FOREIGN = "Report\nNo;Soll;Ist;Lauf\n1;-10,0;-9,9990;1\n2;0,0;0,0010;1\n3;0,0;0,0005;2\n4;-10,0;-9,9985;2\n"
+FOREIGN = "Report\nNo;Theo;Laser;Gang\n1;-10,0;-9,9990;1\n2;0,0;0,0010;1\n3;0,0;0,0005;2\n4;-10,0;-9,9985;2\n"
 COLUMNS = ["target=2", "measured=3", "run=4", "direction=runs", "separator=semicolon", "decimal_comma=yes"]
 COLUMNS += ["reading_unit=mm", "skip=2"]
 SITE = (
@@ -56,6 +56,20 @@ def told(*words: str) -> Any:
         raise result.exception
     assert result.exit_code == 0, result.output
     return json.loads(result.stdout)
+
+
+def test_what_a_heading_leaves_open_is_one_question_and_one_word_answers_it(tmp_path: Path) -> None:
+    first, second = tmp_path / "a.csv", tmp_path / "b.csv"
+    heading = "Target (mm),Run 1 (um),Run 2 (um),Run 3 (um),Run 4 (um)\n"
+    first.write_text(f"{heading}0,0.5,1.5,1,2\n10,-0.5,2,0,1\n", encoding="utf-8")
+    second.write_text(f"{heading}0,0.25,1.5,1,2\n10,-0.5,2,0,1\n", encoding="utf-8")
+    assert refused("evaluate", str(first)) == "E-IMPORT-WAYS"
+    assert "--column passes=alternate" in RUNNER.invoke(app, ["import", str(first)]).output
+    told("import", str(first), "--column", "passes=alternate")
+    assert told("evaluate", str(second))[0]["targets"] == 2
+    second.write_text("target,deviation,run\n0,1,1\n10,2,1\n0,1,2\n10,2,2\n", encoding="utf-8")
+    assert refused("import", str(second)) == "E-IMPORT-RUNS"
+    told("import", str(second), "--column", "direction=up")
 
 
 def refused(*words: str) -> str:
@@ -99,7 +113,7 @@ def test_columns_are_said_once_for_a_heading_shown_and_forgotten_on_request(tmp_
     first.write_text(FOREIGN, encoding="utf-8")
     second.write_text(FOREIGN.replace("9,9990", "9,9980"), encoding="utf-8")
     assert refused("evaluate", str(first)) == "E-IMPORT-COLUMNS"
-    assert "No;Soll;Ist;Lauf" in RUNNER.invoke(app, ["import", str(first)]).output
+    assert "No;Theo;Laser;Gang" in RUNNER.invoke(app, ["import", str(first)]).output
     words = [word for column in COLUMNS for word in ("--column", column)]
     told("import", str(first), *words)
     notes = told("import", str(second))[0]["notes"]

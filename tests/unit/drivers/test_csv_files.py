@@ -72,11 +72,11 @@ def test_units(unit: str, axis_unit: str, factor: float) -> None:
 
 def test_a_unit_that_is_unknown_or_contradicts_the_header() -> None:
     with pytest.raises(ConfigError, match="E-FILE-UNIT"):
-        CsvFormat(unit="inch")
+        CsvFormat(unit="furlong")
     with pytest.raises(FileFormatError, match="line 1"):
         parse_csv(PLAIN.replace("deviation", "deviation_arcsec"), "um", "x")
     with pytest.raises(FileFormatError, match="line 1"):
-        parse_csv(PLAIN.replace("deviation", "deviation_inch"), "", "x")
+        parse_csv(PLAIN.replace("deviation", "deviation_furlong"), "", "x")
 
 
 @pytest.mark.parametrize(("old", "new", "code", "said"), [
@@ -97,6 +97,13 @@ def test_what_is_wrong_is_refused_by_its_line(old: str, new: str, code: str, sai
         parse_csv(PLAIN.replace(old, new, 1), "", "x")
     assert caught.value.code == code
     assert said in str(caught.value)
+
+
+def test_positions_beside_deviations_must_say_the_same() -> None:
+    text = "target_mm,position_mm,direction,run,deviation_um\n0,0.0012,+,1,1.2\n10,9.998,+,1,-2\n"
+    assert parse_csv(text, "", "x").deviations[:, 0, 0].tolist() == [1.2, -2.0]
+    with pytest.raises(FileFormatError, match=r"line 3: the deviation is 2 .*position - target is -2"):
+        parse_csv(text.replace("-2\n", "2\n"), "", "x")
 
 
 @pytest.mark.parametrize("text", ["", "\n\n", PLAIN.splitlines()[0]])

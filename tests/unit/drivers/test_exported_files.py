@@ -55,7 +55,7 @@ def test_angles_by_name_are_arcsec_and_mixtures_are_refused() -> None:
     with pytest.raises(FileFormatError, match="line 1"):
         parse_csv(angular.replace("deviation", "deviation_um"), "", "x")
     with pytest.raises(FileFormatError, match="E-FILE-CSV-HEADER"):
-        parse_csv(FIELD.replace("position_mm", "position_mm,deviation"), "", "x")
+        parse_csv(FIELD.replace("position_mm", "position_mm,actual"), "", "x")
 
 
 def test_a_column_that_cannot_be_what_it_says_is_doubted() -> None:

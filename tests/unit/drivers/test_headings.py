@@ -10,7 +10,7 @@ import pytest
 
 from drivers.errors import FileFormatError
 from drivers.files.csvmap import CsvFormat
-from drivers.files.headwords import HeadPass, head_cell, pass_of
+from drivers.files.tables.headwords import HeadPass, head_cell, pass_of
 
 # Made-up readings, um: by target (mm), then run 1 and 2, up and down each.
 READINGS = {
@@ -97,6 +97,75 @@ TABLES: dict[str, tuple[str, str]] = {
 }
 
 
+RUNS = ("+", "-")
+TABLES |= {
+    "french": (
+        long(
+            "Position cible (mm);Sens;Passage;Écart (µm)",
+            lambda t, n, w, v: f"{t};{['aller', 'retour'][w]};{n};{v}".replace(".", ","),
+        ),
+        "cp1252",
+    ),
+    "russian": (
+        long("Позиция, мм;Направление;Проход;Отклонение, мкм", lambda t, n, w, v: f"{t};{RUNS[w]};{n};{v}"),
+        "cp1251",
+    ),
+    "millionths of an inch": (
+        long(
+            "target (in),direction,run,deviation (uin)", lambda t, n, w, v: f"{t / 25.4!r},{RUNS[w]},{n},{v / 0.0254!r}"
+        ),
+        "utf-8",
+    ),
+    "a report above": (
+        "Positioning test;;\nMachine;Mill 7;\nDate: 2024-03-02;;\n;;\n"
+        + wide("Target [mm];Run 1 + [um];Run 1 - [um];Run 2 + [um];Run 2 - [um]", ";", in_turn),
+        "utf-8",
+    ),
+    "statistics below": (
+        wide("No.,Target [mm],up 1 [um],down 1 [um],up 2 [um],down 2 [um],Mean", ",", lambda t: (t, *in_turn(t), 0.5))
+        + "\nMean,,1,2,3,4,5\n",
+        "utf-8",
+    ),
+    "units below the names": (
+        long("Target,Direction,Run,Deviation\nmm,,,µm", lambda t, n, w, v: f"{t},{RUNS[w]},{n},{v}"),
+        "utf-16-le",
+    ),
+    "ways above the numbers": (
+        wide(",Forward,,Reverse,\nTarget [mm],1 [um],2 [um],1 [um],2 [um]", ",", by_way),
+        "utf-8-sig",
+    ),
+    "positions by pass": (
+        "Target,Run 1 +,Run 1 -,Run 2 +,Run 2 -\n"
+        + "".join(f"{t},{','.join(f'{t + v / 1000:.6f}' for v in in_turn(t))}\n" for t in READINGS),
+        "utf-8",
+    ),
+    "turned over": (
+        "Sollposition [mm];"
+        + ";".join(f"{t:g}" for t in READINGS)
+        + "".join(
+            f"\nLauf {run + 1} {'↑↓'[way]} [µm];" + ";".join(f"{READINGS[t][run][way]}" for t in READINGS)
+            for run in (0, 1)
+            for way in (0, 1)
+        )
+        + "\n",
+        "utf-8",
+    ),
+    "in the order of the rows": (
+        long("Target (mm),Measured (mm)", lambda t, n, w, v: f"{t},{t + v / 1000:.6f}"),
+        "utf-8",
+    ),
+    "for a web page": (
+        "| target_mm | direction | run | deviation_um |\n|---|---|---|---|\n"
+        + long("", lambda t, n, w, v: f"| {t} | {RUNS[w]} | {n} | {v} |").lstrip(),
+        "utf-8",
+    ),
+    "blanks between, heading as a remark": (
+        long("# target_mm direction run deviation_um", lambda t, n, w, v: f"{t} {RUNS[w]} {n} {v}"),
+        "utf-8",
+    ),
+}
+
+
 @pytest.mark.parametrize("name", TABLES)
 def test_one_measurement_in_every_layout_gives_the_same_numbers(name: str, tmp_path: Path) -> None:
     text, encoding = TABLES[name]
@@ -112,10 +181,7 @@ def test_one_measurement_in_every_layout_gives_the_same_numbers(name: str, tmp_p
 @pytest.mark.parametrize(
     "heading",
     [
-        "Position,Forward 1,Forward 2,Backward 1,Backward 2",  # neither unit nor what is read
-        "Target,Run 1 fwd [mm],Run 1 rev [mm],Run 2 fwd [mm],Run 2 rev [mm]",  # positions, or deviations in mm
         "Target,Run 1 fwd [um],Run 1 fwd [um],Run 2 fwd [um],Run 2 rev [um]",  # one pass twice
-        "Target,Run 1 [um],Run 2 [um],Run 3 [um],Run 4 [um]",  # which way is not said
         "Target,Run 1 fwd [um],Run 1 rev [um],Run 2 fwd [um],Temperature [um]",
         "Target,Run 1 fwd [um],Run 1 rev [mm],Run 2 fwd [um],Run 2 rev [um]",
     ],
@@ -125,6 +191,47 @@ def test_what_a_heading_leaves_open_is_not_guessed(heading: str, tmp_path: Path)
     file.write_text(wide(heading, ",", in_turn), encoding="utf-8")
     with pytest.raises(FileFormatError, match="E-FILE-CSV-HEADER"):
         CsvFormat().read(file)
+
+
+@pytest.mark.parametrize(
+    ("heading", "code"),
+    [
+        ("Position,Forward 1,Forward 2,Backward 1,Backward 2", "E-FILE-CSV-UNIT"),  # neither unit nor what is read
+        ("Target,Run 1 fwd [mm],Run 1 rev [mm],Run 2 fwd [mm],Run 2 rev [mm]", "E-FILE-CSV-UNIT"),  # positions or not
+        ("Target,Run 1 [um],Run 2 [um],Run 3 [um],Run 4 [um]", "E-FILE-CSV-WAYS"),
+    ],
+)
+def test_what_only_a_person_knows_is_asked_by_itself(heading: str, code: str, tmp_path: Path) -> None:
+    file = tmp_path / "axis.csv"
+    file.write_text(wide(heading, ",", in_turn), encoding="utf-8")
+    with pytest.raises(FileFormatError, match=code):
+        CsvFormat().read(file)
+    if code == "E-FILE-CSV-WAYS":
+        found = CsvFormat(columns={"passes": "alternate"}).read(file)
+        np.testing.assert_allclose(found.deviations, [READINGS[target] for target in sorted(READINGS)])
+        halves = CsvFormat(columns={"passes": "halves"}).read(file)
+        assert halves.deviations[0].tolist() == [[0.1, 0.3], [1.2, 1.6]]
+        whole = {"target": 1, "deviation": 2, "passes": "alternate"}
+        np.testing.assert_array_equal(CsvFormat(columns=whole).read(file).deviations, found.deviations)
+
+
+def test_words_above_a_table_are_kept_and_lines_below_it_told(tmp_path: Path) -> None:
+    file = tmp_path / "axis.csv"
+    file.write_text("Machine: Mill 7\ntarget,up [um],down [um]\n0,1,2\n9,1,2\n\nA,12\n", encoding="utf-8")
+    found = CsvFormat().read(file)
+    assert found.header["Machine"] == "Mill 7"
+    assert found.warnings == ("1 lines below the table are not read, the first is line 6",)
+    file.write_text("target,up [um],down [um]\n0,1,2\n\ntarget,up [um],down [um]\n0,1,2\n", encoding="utf-8")
+    with pytest.raises(FileFormatError, match="line 4: a second table"):
+        CsvFormat().read(file)
+
+
+def test_sweeps_that_all_go_one_way_tell_no_direction(tmp_path: Path) -> None:
+    file = tmp_path / "axis.csv"
+    file.write_text("target,deviation\n0,1\n9,2\n0,1\n9,2\n", encoding="utf-8")
+    with pytest.raises(FileFormatError, match="E-FILE-CSV-RUNS"):
+        CsvFormat().read(file)
+    assert CsvFormat(columns={"direction": "up"}).read(file).deviations.shape == (2, 2, 2)
 
 
 def test_an_empty_cell_of_a_pass_is_a_missing_reading(tmp_path: Path) -> None:

@@ -1,0 +1,192 @@
+"""What the cells of a table's heading say: which quantity, in which unit, of which pass; in the words of the field.
+
+English, German and Chinese, and the commonest of other languages, as spreadsheets and capture programs write them. A
+word that is not known says nothing.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Literal
+
+from drivers.files.columns import DOWN, READING_UNITS, TARGET_UNITS, UP
+
+Meaning = Literal["target", "direction", "repetition", "deviation", "position", ""]
+# "position" stands alone as a reading of the place, and as the target where the reading is something else.
+PLACE = "position"
+WORDS: dict[Meaning, str] = {
+    "target": (
+        "target, nominal, nominal value, commanded, command, setpoint, set, set point, p_i, p "
+        "i, soll, sollwert, ziel, sollposition, zielposition, 目标, 理论, 指令, 名义, 目標, position "
+        "cible, cible, consigne, position nominale, quota nominale, quota, posizione "
+        "nominale, posición objetivo, posición nominal, objetivo, pozycja zadana, позиция, "
+        "заданная позиция"
+    ),
+    "direction": (
+        "direction, approach, direction of approach, approach direction, dir, way, richtung, "
+        "anfahrrichtung, verfahrrichtung, 方向, sens, direzione, verso, dirección, sentido, "
+        "kierunek, направление"
+    ),
+    "repetition": (
+        "repetition, run, cycle, pass, repeat, run no, run number, j, lauf, zyklus, "
+        "wiederholung, messreihe, 次数, 循环, 重复, 趟, 回数, passage, ciclo, passata, pasada, "
+        "przejazd, проход, цикл"
+    ),
+    "deviation": (
+        "deviation, dev, error, positioning deviation, positioning error, x_ij, x ij, "
+        "abweichung, fehler, positionsabweichung, 偏差, 误差, 誤差, écart, erreur, scostamento, "
+        "errore, deviazione, desviación, odchyłka, отклонение"
+    ),
+    "position": (
+        "position, measured, measured value, actual, actual value, act, reading, pos, ist, "
+        "istwert, istposition, messwert, 实际, 实测, 测量值, 位置, position mesurée, mesure, quota "
+        "misurata, posizione misurata, posición medida, medida"
+    ),
+}
+_KNOWN: dict[str, Meaning] = {word: meaning for meaning, words in WORDS.items() for word in words.split(", ")}
+_PLACES = ("position", " position", " pos", "位置", "值", "点")
+UP_WORDS = (
+    "fwd, forwards, positive, positiv, vor, vorwärts, hin, auf, aufwärts, ↑, →, 正, 正向, 正程, aller, avanti, andata, "
+    "adelante, ida"
+)
+DOWN_WORDS = (
+    "bwd, rev, backwards, negative, negativ, zurück, rückwärts, rück, ab, abwärts, ↓, ←, 反, 反向, 负, 負, 负向, 反程, "
+    "retour, indietro, ritorno, atrás, vuelta"
+)
+UPWARD, DOWNWARD = UP | set(UP_WORDS.split(", ")), DOWN | set(DOWN_WORDS.split(", "))
+DIRECTIONS: dict[str, int] = dict.fromkeys(UPWARD, 0) | dict.fromkeys(DOWNWARD, 1)
+STATISTIC_WORDS = (
+    "mean, average, avg, std, stdev, sd, s, sigma, min, max, minimum, maximum, range, spread, median, result, "
+    "reversal, summary, results, mittel, mittelwert, standardabweichung, streuung, spannweite, umkehrspanne, ergebnis, "
+    "moyenne, média, media, promedio, 平均, 平均值, 标准差, 标准偏差, 最大, 最小, b, r, e, a, m, u"
+)
+STATISTICS = frozenset(STATISTIC_WORDS.split(", "))
+_SPELLED = {"micron": "um", "microns": "um", "мкм": "um", "微米": "um", "мм": "mm", "毫米": "mm", "in": "inch"}
+_SPELLED |= {"uinch": "uin", "°": "deg", "grad": "deg", "度": "deg", '"': "arcsec", "″": "arcsec", "角秒": "arcsec"}
+_BRACKET = re.compile(r"[\[(（]\s*([^\[\]()（）]{1,12}?)\s*[\])）]\s*$")
+_TAIL = re.compile(r"[_ ,/]+([a-zµμмк]+|[微毫]米)$")
+_TOKEN = re.compile(r"[\u4e00-\u9fff]+|[^\W\d_\u4e00-\u9fff]+|[0-9]+|[+\-↑↓→←]")
+_BESIDE = frozenset({"x", "i", "j", "d", "no", "nr", "第", "次", *_KNOWN}) - {PLACE}
+_INDEX = frozenset(
+    {"", "no", "no.", "nr", "nr.", "#", "n", "n°", "i", "index", "idx", "point", "pt", "punkt", "序号", "编号"}
+)
+
+
+@dataclass(frozen=True, slots=True)
+class HeadCell:
+    """One cell: ``meaning`` ("" where no known word stands), ``unit`` ("" unsaid), ``words`` without the unit."""
+
+    meaning: Meaning
+    unit: str
+    words: str
+
+
+@dataclass(frozen=True, slots=True)
+class HeadPass:
+    """A column of readings of one pass: its number (0: unsaid), its way, what it reads where a word says so."""
+
+    number: int
+    way: int
+    meaning: Meaning
+
+
+def head_cell(text: str) -> HeadCell:
+    """A cell of a heading."""
+    words, unit = _unit_apart(text.strip().lower())
+    words = " ".join(words.replace("_", " ").split()) if words != "p_i" else words
+    front, mark, rest = text.strip().lower().partition("_")
+    if mark and not unit and words not in _KNOWN and front in _KNOWN:
+        return HeadCell(_KNOWN[front], rest, front)  # a unit that nobody knows is refused by whoever reads it
+    return HeadCell(_meaning(words), unit, words)
+
+
+def pass_of(cell: HeadCell) -> HeadPass | None:
+    """The pass that a cell names, "Run 3 fwd", "x_i2↓", "Lauf 4 -", "反向3"; None where it names none, or more."""
+    tokens = _TOKEN.findall(cell.words)
+    tokens = [part for token in tokens for part in _chinese(token)]
+    ways = [token for token in tokens if token in DIRECTIONS and token[0] not in "0123456789"]
+    numbers = [token for token in tokens if token[0] in "0123456789"]
+    others = {token for token in tokens if token not in DIRECTIONS and token[0] not in "0123456789"}
+    if len(ways) != 1 or len(numbers) > 1 or not others <= _BESIDE:
+        return None
+    meanings = {_KNOWN[one] for one in others if one in _KNOWN} & {"deviation", "position"}
+    if len(meanings) > 1:
+        return None
+    return HeadPass(int(numbers[0][:6]) if numbers else 0, DIRECTIONS[ways[0]], meanings.pop() if meanings else "")
+
+
+def pass_of_text(text: str) -> bool:
+    """Whether a cell names a pass, or one way alone."""
+    return pass_of(head_cell(text)) is not None
+
+
+def names_run(text: str) -> bool:
+    """Whether a cell names a pass without its way: "Run 3 [um]", "4"."""
+    return run_of(head_cell(text)) > 0
+
+
+def run_of(cell: HeadCell) -> int:
+    """The number of a pass whose way the cell does not say, 0 where it names none."""
+    tokens = [part for token in _TOKEN.findall(cell.words) for part in _chinese(token)]
+    numbers = [token for token in tokens if token[0] in "0123456789"]
+    others = {token for token in tokens if token[0] not in "0123456789"}
+    return int(numbers[0][:6]) if len(numbers) == 1 and others <= _BESIDE else 0
+
+
+def is_way_or_unit(text: str) -> bool:
+    """Whether a cell is nothing but a direction, or a unit, in brackets or not."""
+    plain = text.strip().lower().strip("[]()（）").strip()
+    return plain in DIRECTIONS or bool(_unit(plain))
+
+
+def is_index(cell: HeadCell) -> bool:
+    """Whether a column only counts the rows, or is empty."""
+    return cell.words in _INDEX
+
+
+def is_statistic(text: str) -> bool:
+    """Whether a cell names a figure that was worked out of readings: a mean, a spread, a largest one."""
+    tokens = _TOKEN.findall(head_cell(text).words.replace("x\u0304", "mean"))
+    return bool(tokens) and tokens[0] in STATISTICS
+
+
+def _chinese(token: str) -> list[str]:
+    """A run of Chinese as the known words it consists of, or whole."""
+    if token in DIRECTIONS or token in _BESIDE or not "\u4e00" <= token[0] <= "\u9fff":
+        return [token]
+    known = sorted({*DIRECTIONS, *_BESIDE}, key=len, reverse=True)
+    found, rest = [], token
+    while rest:
+        word = next((one for one in known if rest.startswith(one)), "")
+        if not word:
+            return [token]
+        found.append(word)
+        rest = rest[len(word) :]
+    return found
+
+
+def _unit_apart(text: str) -> tuple[str, str]:
+    """The words and the unit: in brackets, or as the last word."""
+    for pattern in (_BRACKET, _TAIL):
+        found = pattern.search(text)
+        if found and (unit := _unit(found[1])):
+            return text[: found.start()].strip(), unit
+    found = _BRACKET.search(text)
+    # What stands in brackets and is no unit we know is said, not lost: whoever reads it refuses it.
+    return (text[: found.start()].strip(), found[1]) if found else (text, "")
+
+
+def _unit(text: str) -> str:
+    plain = text.replace("µ", "u").replace("μ", "u")
+    plain = _SPELLED.get(plain, plain)
+    return plain if plain in READING_UNITS or plain in TARGET_UNITS else ""
+
+
+def _meaning(words: str) -> Meaning:
+    if words in _KNOWN:
+        return _KNOWN[words]
+    for end in _PLACES:
+        if words.endswith(end) and (found := _KNOWN.get(words.removesuffix(end).strip())) in ("target", "position"):
+            return found
+    return ""

@@ -1,0 +1,44 @@
+"""Ways and repetitions of readings whose table names them in no column: by the order in which they were taken."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+FEWEST = 2
+
+
+def by_order(targets: Sequence[float]) -> list[tuple[int, int]] | None:
+    """(0 up or 1 down, repetition from 1) of each reading in its order; None where the order does not tell them.
+
+    It tells where the targets are swept whole, up and down in turn: the first target that comes again begins the next
+    sweep. Sweeps that all go one way may have been sorted by a program, and tell nothing.
+    """
+    sweeps: list[list[float]] = []
+    for target in targets:
+        if not sweeps or target in sweeps[-1]:
+            sweeps.append([])
+        sweeps[-1].append(target)
+    whole = {frozenset(sweep) for sweep in sweeps}
+    if len(sweeps) < FEWEST or len(whole) != 1 or len(sweeps[0]) < FEWEST:
+        return None
+    ways = []
+    for sweep in sweeps:
+        rising = {after > before for before, after in pairwise(sweep)}
+        if len(rising) != 1:
+            return None
+        ways.append(0 if rising == {True} else 1)
+    if any(before == after for before, after in pairwise(ways)):
+        return None
+    numbers = [ways[: at + 1].count(way) for at, way in enumerate(ways)]
+    return [(way, number) for sweep, way, number in zip(sweeps, ways, numbers, strict=True) for _target in sweep]
+
+
+def counted(keys: Sequence[tuple[float, int]]) -> list[int]:
+    """The repetition, from 1, of each reading: how often its target has come from its side so far."""
+    seen: dict[tuple[float, int], int] = {}
+    numbers = []
+    for key in keys:
+        seen[key] = seen.get(key, 0) + 1
+        numbers.append(seen[key])
+    return numbers

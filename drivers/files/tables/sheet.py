@@ -1,0 +1,190 @@
+"""Where a table stands in a text: its heading, the rows under it, what stands above and below; no meaning of a row.
+
+Spreadsheets and capture programs put titles above a table, units or directions in a second line of its heading,
+statistics below it, and some turn it over. What is not read is named, never lost.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from drivers.errors import FileFormatError
+from drivers.files.numbers import decimal
+from drivers.files.tables.headwords import is_statistic, is_way_or_unit, names_run, pass_of_text
+
+MARKS = (";", "\t", "|", ",")
+MOST_LINES, MOST_WORDS, LONGEST_WORD = 100, 40, 200
+FEWEST_TURNED = 2  # targets in a heading, before a table counts as turned over
+_BREAK = re.compile(r"\r\n|\n|\r")
+_RULE = re.compile(r"[\s|:+\-=_*]*\Z")
+_SEPARATED = re.compile(r"\s*sep=.\s*\Z", re.IGNORECASE)
+_WORDS = re.compile(r"\s*([^:=;,\t]{2,40}?)\s*[:=;,\t]\s*(\S.*)")
+
+Row = tuple[str, ...]
+Understands = Callable[[Row], int | None]
+"""The column of the targets where a heading is understood, else None."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sheet:
+    """``heads`` stand in line ``at``; ``rows`` are (line, cells); ``said`` are the pairs of words above the table."""
+
+    at: int
+    separator: str
+    heads: Row
+    rows: tuple[tuple[int, Row], ...]
+    said: Mapping[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+
+def cells(line: str, separator: str) -> list[str]:
+    """The cells of a line without the blanks about them, "" separates by blanks; none where its quotes are wrong."""
+    if not separator:
+        return line.split()
+    if separator == "|":
+        return [cell.strip() for cell in line.strip().strip("|").split("|")]
+    try:
+        return [cell.strip() for cell in next(csv.reader(io.StringIO(line), delimiter=separator, strict=True), [])]
+    except csv.Error:
+        return []
+
+
+def sheet_of(text: str, understands: Understands, where: str) -> Sheet | None:
+    """The first table whose heading is understood. Raises FileFormatError (E-FILE-LINE) where a second one follows."""
+    every = list(enumerate(_BREAK.split(text), start=1))
+    lines = [(at, line) for at, line in every if not _passed_over(line)]
+    remarks = [(at, line.lstrip("# \t")) for at, line in every[:MOST_LINES] if line.lstrip().startswith("#")]
+    for index in range(min(len(lines), MOST_LINES)):
+        found = _headed(lines, index, understands, where)
+        if found is not None:
+            return found
+    for at, line in remarks:
+        found = _headed([(at, line), *(one for one in lines if one[0] > at)], 0, understands, where)
+        if found is not None:
+            return found
+    return None
+
+
+def heading_of(text: str) -> tuple[int, str]:
+    """Line number and text of what is most likely a table's heading: the last words above the first numbers."""
+    best = (1, "")
+    for at, line in list(enumerate(_BREAK.split(text), start=1))[:MOST_LINES]:
+        if _passed_over(line) or not line.strip():
+            continue
+        numbers = sum(decimal(cell.replace(",", ".")) is not None for cell in re.split(r"[;\t|,\s]+", line) if cell)
+        if best[1] and numbers > 1:
+            break
+        best = (at, line.strip())
+    return best
+
+
+def _passed_over(line: str) -> bool:
+    """Remarks, rules between heading and rows, and a spreadsheet's word about its separator."""
+    text = line.strip()
+    return text.startswith("#") or bool(_SEPARATED.match(text)) or (len(text) > 1 and bool(_RULE.match(text)))
+
+
+def _headed(lines: Sequence[tuple[int, str]], index: int, understands: Understands, where: str) -> Sheet | None:
+    at, line = lines[index]
+    separator = next((mark for mark in MARKS if mark in line), "")
+    heads = _trimmed(cells(line, separator))
+    if len(heads) < FEWEST_TURNED:
+        return None
+    under = cells(lines[index + 1][1], separator) if index + 1 < len(lines) else []
+    both = _merged(heads, under)
+    for head, body in ((both, index + 2), (heads, index + 1)):
+        column = understands(head) if head else None
+        if column is not None:
+            rows, notes = _rows(lines[body:], separator, (head, column), understands, where)
+            return Sheet(at, separator, head, rows, _said(lines[:index]), notes)
+    turned = _turned(heads, [(number, cells(text, separator)) for number, text in lines[index + 1 :]])
+    if turned and understands(turned[0]) is not None:
+        return Sheet(at, separator, turned[0], tuple((at, row) for row in turned[1:]), _said(lines[:index]))
+    return None
+
+
+def _trimmed(row: list[str]) -> Row:
+    """Without the empty cells at the end that spreadsheets write."""
+    while row and not row[-1]:
+        row.pop()
+    return tuple(row)
+
+
+def _merged(upper: Row, lower: Sequence[str]) -> Row:
+    """A heading of two lines as one: units or directions stand under (or over) the names, over several columns once."""
+    lower = _trimmed(list(lower))
+    width = max(len(upper), len(lower))
+    top, low = [*upper, *[""] * (width - len(upper))], [*lower, *[""] * (width - len(lower))]
+    words = [cell for cell in low if cell]
+    if not words or decimal(low[0].replace(",", ".")) is not None:
+        return ()
+    above, below = ([is_way_or_unit(cell) or names_run(cell) for cell in row if cell] for row in (top[1:], low[1:]))
+    if not all(below) and not all(above):
+        return ()
+    for column in range(2, width):
+        top[column] = top[column] or (top[column - 1] if low[column] and pass_of_text(top[column - 1]) else "")
+    return tuple(f"{one} {other}".strip() for one, other in zip(top, low, strict=True))
+
+
+def _rows(
+    lines: Sequence[tuple[int, str]], separator: str, heading: tuple[Row, int], understands: Understands, where: str
+) -> tuple[tuple[tuple[int, Row], ...], tuple[str, ...]]:
+    """Rows of readings, and a note of what stands below them. Raises FileFormatError (E-FILE-LINE)."""
+    heads, column = heading
+    rows: list[tuple[int, Row]] = []
+    aside: list[int] = []
+    below = False
+    for at, line in lines:
+        row = cells(line, separator)
+        while len(row) > len(heads) and not row[-1]:
+            row.pop()
+        if not any(row) and line.strip(f"{separator} \t") == "":
+            below = bool(rows)
+            continue
+        known = decimal(row[column].replace(",", ".")) is not None if column < len(row) else False
+        first = next((cell for cell in row if cell), "")
+        if rows and not known and (below or is_statistic(first)):
+            if understands(_trimmed(list(row))) is not None or tuple(row) == heads:
+                raise FileFormatError(
+                    "E-FILE-LINE", where, line=at, why="a second table begins here: keep each in a file of its own"
+                )
+            aside.append(at)
+            continue
+        rows.append((at, tuple(row)))
+    notes = (f"{len(aside)} lines below the table are not read, the first is line {aside[0]}",) if aside else ()
+    return tuple(rows), notes
+
+
+def _turned(heads: Row, rows: Sequence[tuple[int, list[str]]]) -> tuple[Row, ...]:
+    """A table with the targets in its heading and a pass in each row, turned over; () where it is none."""
+    numbers = [decimal(cell.replace(",", ".")) is not None for cell in heads]
+    names = numbers.index(True) if True in numbers else 0
+    if not names or sum(numbers) < FEWEST_TURNED or not all(numbers[names:]):
+        return ()
+    kept = []
+    for _at, row in rows:
+        if not any(row):
+            break
+        if len(_trimmed(list(row))) > len(heads) or len(row) < len(heads):
+            return ()
+        kept.append(row[: len(heads)])
+    if not kept or not all(pass_of_text(" ".join(row[:names])) for row in kept):
+        return ()
+    title = heads[0] if names == 1 else "target"
+    head = (title, *(" ".join(cell for cell in row[:names] if cell) for row in kept))
+    return (head, *((heads[at], *(row[at] for row in kept)) for at in range(names, len(heads))))
+
+
+def _said(lines: Sequence[tuple[int, str]]) -> Mapping[str, str]:
+    """What a file says of itself above its table: "Machine: Mill 7"."""
+    found: dict[str, str] = {}
+    for _at, line in lines[:MOST_WORDS]:
+        pair = _WORDS.match(line)
+        value = pair[2].strip(' ";,\t|')[:LONGEST_WORD] if pair else ""
+        if pair and value:
+            found.setdefault(pair[1].strip(' "|'), value)
+    return found
