@@ -6,6 +6,7 @@ word that is not known says nothing.
 
 from __future__ import annotations
 
+import functools
 import re
 from dataclasses import dataclass
 from typing import Literal
@@ -91,6 +92,7 @@ class HeadPass:
     meaning: Meaning
 
 
+@functools.lru_cache(maxsize=1024)
 def head_cell(text: str) -> HeadCell:
     """A cell of a heading."""
     words, unit = _unit_apart(text.strip().lower())

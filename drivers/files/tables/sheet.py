@@ -24,6 +24,21 @@ _RULE = re.compile(r"[\s|:+\-=_*]*\Z")
 _SEPARATED = re.compile(r"\s*sep=.\s*\Z", re.IGNORECASE)
 _WORDS = re.compile(r"\s*([^:=;,\t]{2,40}?)\s*[:=;,\t]\s*(\S.*)")
 
+# What others write above a table, by the names that result files of capture programs have.
+CALLED: dict[str, str] = {
+    word: name
+    for name, words in {
+        "Machine": "machine, machine name, maschine, 机床, machine tool",
+        "Serial No": "serial no, serial number, machine serial number, seriennummer, maschinennummer, 序列号",
+        "By": "by, operator, measured by, bediener, prüfer, 操作员, 测量人",
+        "Date": "date, datum, measured on, test date, messdatum, 日期",
+        "Axis": "axis, axis name, achse, 轴, axe, asse, eje",
+        "Location": "location, place, ort, 地点",
+        "Title": "title, titel, 标题",
+    }.items()
+    for word in words.split(", ")
+}
+
 Row = tuple[str, ...]
 Understands = Callable[[Row], int | None]
 """The column of the targets where a heading is understood, else None."""
@@ -186,5 +201,6 @@ def _said(lines: Sequence[tuple[int, str]]) -> Mapping[str, str]:
         pair = _WORDS.match(line)
         value = pair[2].strip(' ";,\t|')[:LONGEST_WORD] if pair else ""
         if pair and value:
-            found.setdefault(pair[1].strip(' "|'), value)
+            name = pair[1].strip(' "|')
+            found.setdefault(CALLED.get(name.lower().rstrip("."), name), value)
     return found

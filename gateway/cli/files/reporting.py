@@ -45,7 +45,8 @@ def report(
         for line in lines:
             echo(line)
         echo(f"calibration report {made.number}: {made.pdf}")
-        next_step(f"report {what[0]} --language de" if not language else f"runs show {what[0]} --store {store}")
+        again = f"evaluate {what[0]}" if _files(what) else f"runs show {what[0]} --store {store}"
+        next_step(again if language else f"report {' '.join(what)} --language de")
     raise typer.Exit(of_verdicts(made.verdicts))
 
 

@@ -29,7 +29,7 @@ def axis_annex(report: ReportMaterial, t: Tongue) -> tuple[Block, ...]:
 def _axis(axis: AxisMaterial, t: Tongue) -> Iterator[Block]:
     parts = [*_targets(axis, t), *_environment(axis, t), *_uncertainty(axis, t), *_turn(axis, t)]
     if parts:
-        yield Heading(t("annex_axis", axis=axis.axis, component=axis.component))
+        yield Heading(t("annex_axis", axis=axis.axis, component=axis.component) if axis.component else axis.axis)
         yield from parts
 
 

@@ -14,6 +14,7 @@ from gateway.report.sentences import ABSENT, UNIT, number, percent, when
 from gateway.report.tooth.flank import before_after
 
 STATES: dict[Outcome, State] = {"better": "good", "worse": "bad", "not-pushed": "open"}
+RESULT_FILES, MOST_NAMED = ("result file", "imported"), 6
 SIGNS = {"pass": "✔", "fail": "✖", "not decidable": "?"}
 
 
@@ -31,9 +32,17 @@ def parties(report: ReportMaterial, t: Tongue) -> tuple[Block, ...]:
         (t("control"), _joined(report.machine.serial, report.machine.version)),
         (t("measured_on"), _span(report)),
         (t("run"), report.run_id),
+        (t("result_files"), _files(report)),
         (t("accreditation"), report.particulars.maker.accreditation),
     )
     return (FactsBlock(rows, 2),)
+
+
+def _files(report: ReportMaterial) -> str:
+    """The result files that were evaluated, by name; none for what was measured at the machine."""
+    names = [one.path for one in report.files if one.role in RESULT_FILES]
+    more = len(names) - MOST_NAMED
+    return ", ".join(names[:MOST_NAMED]) + (f" + {more}" if more > 0 else "")
 
 
 def _joined(*parts: str) -> str:

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 from itertools import zip_longest
 
 from drivers.errors import catalogue
+from drivers.terms import shown
 from gateway.report.document.content import Block, Bullets, Heading, Paragraph, PictureBlock, TableBlock, Whole
 from gateway.report.document.words import Tongue
 from gateway.report.drawings import plots
@@ -160,7 +161,7 @@ def _remarks(report: ReportMaterial, t: Tongue) -> Iterator[Block]:
     if said:
         yield Heading(t("remarks"))
         yield Paragraph(t("remarks_said"), "small")
-        yield Bullets(tuple(dict.fromkeys(said)))
+        yield Bullets(tuple(shown(line) for line in dict.fromkeys(said)))
 
 
 def _hashes(report: ReportMaterial, t: Tongue) -> Iterator[Block]:
@@ -170,4 +171,7 @@ def _hashes(report: ReportMaterial, t: Tongue) -> Iterator[Block]:
     if told:
         digest = hashlib.sha256("\n".join(sorted(told)).encode()).hexdigest()
         yield Heading(t("hashes"))
-        yield Paragraph(t("hashes_said", count=len(report.hashes), files=len(report.files), digest=digest), "small")
+        if report.hashes:
+            yield Paragraph(t("hashes_said", count=len(report.hashes), files=len(report.files), digest=digest), "small")
+        else:
+            yield Bullets(tuple(f"{one.path}: sha256 {one.sha256}" for one in report.files))

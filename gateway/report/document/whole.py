@@ -47,7 +47,7 @@ def document(material: ReportMaterial) -> Document:
         blocks=blocks,
         page_of=t("page_of", n="{n}", m="{m}"),
         number_word=t("number_word"),
-        foot=t("foot", site=material.site, software=material.software),
+        foot=t("foot", site=material.site, software=material.software) if material.site else material.software,
         simulated=t("simulated") if material.simulated else "",
         simulated_said=t("simulated_said") if material.simulated else "",
     )

@@ -49,7 +49,9 @@ def paint(figure: Figure, capture: Capture | None, found: Evaluation, letter: st
     low, high = limits([*drawn, np.asarray(spread)])
     panel.set_ylim(low, high)
     panel.yaxis.set_major_locator(MaxNLocator(5))
-    panel.set_xlabel(f"{plain_name(letter)}  {'mm' if found.unit == 'um' else '°'}", labelpad=1, fontsize=SMALLEST_PT)
+    panel.set_xlabel(
+        f"{plain_name(letter)}  {'mm' if found.unit == 'um' else '°'}".strip(), labelpad=1, fontsize=SMALLEST_PT
+    )
     panel.set_ylabel("µm" if found.unit == "um" else "arcsec", labelpad=1, fontsize=SMALLEST_PT)
     _marks(panel, found)
     _repeatability(panel, found)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib import metadata
 from pathlib import Path
 
 from drivers.errors import ConfigError
+from drivers.local.names import shown
 from drivers.types.identity import MachineIdentity
 from drivers.types.results import MeasuredSet
 from drivers.units import deviation_unit
@@ -24,6 +25,7 @@ from gateway.workflow.files.importing import MEASURED, STATE, How
 
 EXPANSION_PPM_PER_K = 11.5
 DOUBLE = "simulated"
+LONGEST_NAME = 32
 
 
 def imported(folder: RunFolder) -> bool:
@@ -57,7 +59,8 @@ def material_of_files(paths: Sequence[Path], how: How, store: Store) -> ReportMa
 
 
 def _material(found: Iterable[MeasuredItem], files: Sequence[FileUsed], run_id: str, created: str) -> ReportMaterial:
-    axes = tuple(_axis(place, item) for place, item in enumerate(found, 1))
+    found = tuple(found)
+    axes = tuple(_axis(name, item) for name, item in zip(_names(found), found, strict=True))
     heads = [item.header for item in (_measured(one) for one in found)]
     moments = sorted(head["Date"] for head in heads if head.get("Date"))
     first = moments[0] if moments else created
@@ -86,7 +89,17 @@ def _measured(item: MeasuredItem) -> MeasuredSet:
     return item.content
 
 
-def _axis(place: int, item: MeasuredItem) -> AxisMaterial:
+def _names(found: Sequence[MeasuredItem]) -> Iterator[str]:
+    """What each is called: the axis that its file names, else the file's name; a number behind what stands twice."""
+    seen: dict[str, int] = {}
+    for item in found:
+        name = _measured(item).header.get("Axis", "").strip() or Path(item.label).stem
+        name = shown(name)[:LONGEST_NAME]
+        seen[name] = seen.get(name, 0) + 1
+        yield name if seen[name] == 1 else f"{name} ({seen[name]})"
+
+
+def _axis(name: str, item: MeasuredItem) -> AxisMaterial:
     measured = _measured(item)
     unit = deviation_unit(measured.axis_unit)
     travel = float(measured.targets.max() - measured.targets.min())
@@ -95,7 +108,7 @@ def _axis(place: int, item: MeasuredItem) -> AxisMaterial:
     alpha = measured.expansion_ppm_per_k if measured.expansion_ppm_per_k is not None else EXPANSION_PPM_PER_K
     budget, supposed = file_budget(unit, travel, material, alpha)
     result = evaluate(measured.targets, measured.deviations, unit, budget=budget)
-    letter = measured.header.get("Axis", "").strip() or str(place)
+    letter = name if measured.header.get("Axis", "").strip() else ""
     done = item.corrections or corrections.begin(measured.compensated_for)
     notes = (
         *measured.warnings,
@@ -105,10 +118,10 @@ def _axis(place: int, item: MeasuredItem) -> AxisMaterial:
         *closure_notes(measured.targets, measured.deviations, unit),
     )
     return AxisMaterial(
-        axis=letter,
+        axis=name,
         letter=letter,
         unit=measured.axis_unit,
-        capture_before=_capture(letter, item.label, measured, done),
+        capture_before=_capture(name, item.label, measured, done),
         before=result,
         findings=tuple(dict.fromkeys(notes)),
         budget=budget,

@@ -1,0 +1,33 @@
+"""The report of result files alone: it names the files, and calls what no file names by its file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from gateway.report.document.whole import document
+from gateway.store import Store
+from gateway.workflow.files.importing import How
+from gateway.workflow.results.fromfiles import material_of_files
+
+TABLE = "target_mm,direction,run,deviation_um\n0,+,1,1\n9,+,1,2\n9,-,1,3\n0,-,1,2\n0,+,2,1\n9,+,2,3\n9,-,2,3\n0,-,2,1\n"
+
+
+def test_a_report_of_files_names_them_and_what_stands_above_their_tables(tmp_path: Path) -> None:
+    named, bare = tmp_path / "a.csv", tmp_path / "cross slide.csv"
+    named.write_text(f"Maschine;Mill 7\nSeriennummer;4711\nAchse;X\nDatum;2024-03-02\n{TABLE.replace(',', ';')}")
+    bare.write_text(TABLE)
+    found = material_of_files([named, bare], How(), Store(tmp_path / "runs"))
+    assert (found.site, found.machine.serial, found.started_utc) == ("Mill 7", "4711", "2024-03-02")
+    assert [axis.axis for axis in found.axes] == ["X", "cross slide"]
+    said = str(document(found).blocks)
+    assert "a.csv, cross slide.csv" in said
+    assert all(f"{one.path}: sha256 {one.sha256}" in said for one in found.files)
+    assert "report.json" not in said
+    assert "degC" not in said
+
+
+def test_two_files_of_one_axis_have_two_names(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        (tmp_path / f"{name}.csv").write_text(f"Axis: X\n{TABLE}")
+    found = material_of_files([tmp_path / "a.csv", tmp_path / "b.csv"], How(), Store(tmp_path / "runs"))
+    assert [axis.axis for axis in found.axes] == ["X", "X (2)"]
