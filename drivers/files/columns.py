@@ -19,6 +19,7 @@ import numpy as np
 from drivers.errors import ConfigError, FileFormatError
 from drivers.files.declared import declared
 from drivers.files.numbers import beyond, decimal, no_readings, whole
+from drivers.files.tables.order import PASSES, pass_in
 from drivers.files.text import end_doubts
 from drivers.types.results import MeasuredSet
 from drivers.types.values import FloatArray
@@ -63,7 +64,6 @@ UP, DOWN = {"+", "+1", "1", "up", "forward", "f", "pos"}, {"-", "-1", "down", "b
 MOST_RUNS = 10_000
 
 Directions = Literal["column", "runs", "order", "up", "down"]
-PASSES = ("", "alternate", "halves", "up", "down")
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,14 +222,6 @@ def _of_passes(line: str, columns: ColumnMap, at: int, where: str) -> list[_Row]
         if cell:
             found.append(_Row(at, target, _number(cell, columns, at, where), run, way))
     return found
-
-
-def pass_in(place: int, count: int, passes: str) -> tuple[int, int]:
-    """Number, from 1, and way of the pass in this place."""
-    if passes == "alternate":
-        return place // 2 + 1, place % 2
-    half = count // 2
-    return (place % half + 1, place // half) if passes == "halves" else (place + 1, int(passes == "down"))
 
 
 def _number(cell: str, columns: ColumnMap, at: int, where: str) -> float:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from drivers.errors import FileFormatError
-from drivers.files.columns import PASSES, READING_UNITS, TARGET_UNITS, pass_in
+from drivers.files.columns import READING_UNITS, TARGET_UNITS
 from drivers.files.numbers import decimal
 from drivers.files.tables.headwords import (
     PLACE,
@@ -24,6 +24,7 @@ from drivers.files.tables.headwords import (
     pass_of,
     run_of,
 )
+from drivers.files.tables.order import PASSES, pass_in
 from drivers.files.tables.sheet import Row, Sheet
 from drivers.units import AxisUnit
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 FEWEST = 2
+PASSES = ("", "alternate", "halves", "up", "down")
 
 
 def by_order(targets: Sequence[float]) -> list[tuple[int, int]] | None:
@@ -42,3 +43,11 @@ def counted(keys: Sequence[tuple[float, int]]) -> list[int]:
         seen[key] = seen.get(key, 0) + 1
         numbers.append(seen[key])
     return numbers
+
+
+def pass_in(place: int, count: int, passes: str) -> tuple[int, int]:
+    """Number, from 1, and way of the pass in this place."""
+    if passes == "alternate":
+        return place // 2 + 1, place % 2
+    half = count // 2
+    return (place % half + 1, place // half) if passes == "halves" else (place + 1, int(passes == "down"))

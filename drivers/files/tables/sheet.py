@@ -115,10 +115,11 @@ def _headed(lines: Sequence[tuple[int, str]], index: int, understands: Understan
         column = understands(head) if head else None
         if column is not None:
             rows, notes = _rows(lines[body:], separator, (head, column), understands, where)
-            return Sheet(at, separator, head, rows, _said(lines[:index]), notes)
+            return Sheet(at, separator=separator, heads=head, rows=rows, said=_said(lines[:index]), notes=notes)
     turned = _turned(heads, [(number, cells(text, separator)) for number, text in lines[index + 1 :]])
     if turned and understands(turned[0]) is not None:
-        return Sheet(at, separator, turned[0], tuple((at, row) for row in turned[1:]), _said(lines[:index]))
+        rows = tuple((at, row) for row in turned[1:])
+        return Sheet(at, separator=separator, heads=turned[0], rows=rows, said=_said(lines[:index]))
     return None
 
 

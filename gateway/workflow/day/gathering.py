@@ -15,8 +15,8 @@ from drivers.types.gears import GearInspection
 from drivers.types.results import MeasuredSet
 from gateway.store import Maps
 from gateway.workflow.day.answers import Answers
-from gateway.workflow.files.columnwords import columns_of
-from gateway.workflow.files.importing import ASKS, How, driver_of, read_file
+from gateway.workflow.files.columnwords import ASKS, columns_of
+from gateway.workflow.files.importing import How, driver_of, read_file
 
 MOST_FILES = 500
 HEAD_LINES, HEAD_BYTES, LINE = 5, 4096, 100

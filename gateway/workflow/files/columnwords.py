@@ -1,4 +1,4 @@
-"""A map of columns as a person types it: NAME=VALUE words."""
+"""A map of columns as a person types it: NAME=VALUE words; and what is asked where a table leaves something open."""
 
 from __future__ import annotations
 
@@ -6,6 +6,13 @@ from collections.abc import Sequence
 
 from drivers.errors import ConfigError
 
+# What a table leaves open, and the question that a person answers once for all tables with its heading.
+ASKS = {
+    "E-FILE-CSV-HEADER": "E-IMPORT-COLUMNS",
+    "E-FILE-CSV-WAYS": "E-IMPORT-WAYS",
+    "E-FILE-CSV-RUNS": "E-IMPORT-RUNS",
+    "E-FILE-CSV-UNIT": "E-IMPORT-READINGS",
+}
 WORDS: dict[str, str | bool] = {"tab": "\t", "semicolon": ";", "comma": ",", "blank": ""}
 WORDS |= {"yes": True, "true": True, "no": False, "false": False}
 

@@ -26,19 +26,12 @@ from gateway.watch.journal import WatchJournal
 from gateway.watch.listing import Folder
 from gateway.watch.watcher import Watcher
 from gateway.workflow.bench import store_of
+from gateway.workflow.files.columnwords import ASKS
 
 MEASURED, GEAR, DYNAMIC = "measured", "gear-inspection", "dynamic"
 ROLES = ("file", "dynamic-file", "gear-file")
-# Endings of files whose driver has another name; tables of others come with any of these.
 OTHER_ENDINGS = {"xml": "gde", "txt": "csv", "dat": "csv", "tsv": "csv"}
 NEED_UNIT = ("rta", "rtx")
-# What a table leaves open, and the question that a person answers once for all tables with its heading.
-ASKS = {
-    "E-FILE-CSV-HEADER": "E-IMPORT-COLUMNS",
-    "E-FILE-CSV-WAYS": "E-IMPORT-WAYS",
-    "E-FILE-CSV-RUNS": "E-IMPORT-RUNS",
-    "E-FILE-CSV-UNIT": "E-IMPORT-READINGS",
-}
 STATE = "imported"
 CHUNK = 1 << 20
 Content = MeasuredSet | Recording | GearInspection
