@@ -57,6 +57,8 @@ class DriverSettings(BaseModel):
     )
     addresses: ClassVar[tuple[str, ...]] = ()
     """Kinds of url that the driver opens, by scheme; "" is a serial port's own name; none named: any."""
+    typed: ClassVar[bool] = False
+    """Whether a person types the readings: of whatever the person reads."""
 
     @classmethod
     def read(cls, settings: Mapping[str, Any], where: str) -> Self:
@@ -102,6 +104,16 @@ class DriverSettings(BaseModel):
         """How many stop plans a person starts with one press; 0 where none is started by a program."""
         return 0
 
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """Units of what an instrument so set up can read ("mm", "um", "deg", "arcsec"); () where the device knows."""
+        return ()
+
+    @property
+    def machine_axes(self) -> tuple[str, ...]:
+        """Every axis of the control, where the settings name them; else ()."""
+        return ()
+
     @classmethod
     def _fault(cls, one: Mapping[str, Any]) -> SettingFault:
         key = ".".join(map(str, one["loc"]))
@@ -127,6 +139,12 @@ _KINDS = {
     "tuple_type": "W-CFG-LIST",
     "model_type": "W-CFG-SECTION",
     "dict_type": "W-CFG-SECTION",
+    "mapping_type": "W-CFG-SECTION",
+    "string_too_short": "W-CFG-NOT-EMPTY",
+    "date_type": "W-CFG-DATE-KIND",
+    "date_parsing": "W-CFG-DATE-KIND",
+    "date_from_datetime_parsing": "W-CFG-DATE-KIND",
+    "date_from_datetime_inexact": "W-CFG-DATE-KIND",
     "missing": "W-CFG-MISSING",
 }
 
@@ -152,6 +170,8 @@ def in_words(one: Mapping[str, Any], given: object = "") -> str:
         return words("W-CFG-BELOW", limit=_plain(limits["lt"]))
     if kind == "less_than_equal":
         return words("W-CFG-MOST", limit=_plain(limits["le"]))
+    if kind == "string_too_long":
+        return words("W-CFG-LONG", most=limits["max_length"])
     if kind in ("too_long", "too_short") and limits.get("field_type") == "Tuple":
         least = limits.get("min_length", limits.get("max_length"))
         return words("W-CFG-COUNT", least=least, found=limits["actual_length"])

@@ -156,11 +156,11 @@ class SetupSection(Section):
     @model_validator(mode="after")
     def _whole(self) -> SetupSection:
         if self.source == "live" and not self.instrument:
-            raise ValueError(f"{self.component}: a live set-up needs an instrument")
+            raise ValueError("a live set-up needs an instrument")
         if self.source == "file" and (self.path is None or self.datum is None):
-            raise ValueError(f"{self.component}: a file needs path and datum, the machine coordinate of its zero")
+            raise ValueError("a file needs path and datum, the machine coordinate of its zero")
         if self.source == "none" and self.assumed is None:
-            raise ValueError(f"{self.component}: what is not measured needs assumed, the half width it may have")
+            raise ValueError("what is not measured needs assumed, the half-width it may have")
         return self
 
     @property

@@ -21,6 +21,11 @@ class AttocubeSettings(DriverSettings):
     )
     timeout_s: float = Field(default=2.0, gt=0, description="longest wait for one answer, s")
 
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """Lengths."""
+        return ("mm",)
+
     def rules(self) -> tuple[Rule, ...]:
         """An index of air is 1 or a little more."""
         return (

@@ -14,6 +14,7 @@ from drivers.local.names import shown
 
 MOST_BYTES = 1 << 20
 _MARK = b"\xef\xbb\xbf"
+_WIDEST = (b"\xff\xfe\0\0", b"\0\0\xfe\xff")
 _WIDE = (b"\xff\xfe", b"\xfe\xff")
 
 
@@ -38,6 +39,8 @@ def read_bounded(path: Path) -> bytes:
 
 def decoded(data: bytes) -> str:
     """The text of UTF-8 bytes, without the mark some editors write first. Raises ValueError naming what it is else."""
+    if data.startswith(_WIDEST):
+        raise ValueError(words("W-TOML-UTF32"))
     if data.startswith(_WIDE) or data[:400].count(0) > len(data[:400]) // 4:
         raise ValueError(words("W-TOML-UTF16"))
     if b"\0" in data:

@@ -39,6 +39,7 @@ class ManualSettings(DriverSettings):
     )
 
     addresses: ClassVar[tuple[str, ...]] = ("terminal", "folder")
+    typed: ClassVar[bool] = True
 
     def rules(self) -> tuple[Rule, ...]:
         """A channel says its unit; a sense is a sign."""
@@ -59,6 +60,11 @@ class ManualSettings(DriverSettings):
     def mark(self) -> DecimalMark:
         """The decimal mark that is typed."""
         return self.decimal
+
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        """The channel's unit."""
+        return (self.unit,)
 
     @property
     def unit(self) -> str:

@@ -70,6 +70,11 @@ class UmdSettings(DriverSettings):
         return self.optics_spacing_mm > 0
 
     @property
+    def quantities(self) -> tuple[str, ...]:
+        """Lengths, or with angular optics angles."""
+        return ("arcsec",) if self.angular else ("mm",)
+
+    @property
     def channels(self) -> tuple[str, ...]:
         """What the readings are."""
         return ("angle_arcsec",) if self.angular else ("displacement_mm",)

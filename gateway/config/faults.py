@@ -10,6 +10,7 @@ from drivers.errors import ConfigError
 from gateway.config.places import Path, held
 
 _NAMED = {"axes": "axis", "instruments": "instrument"}
+_TITLED = {"equipment": ("equipment", "name"), "tolerances": ("tolerance of", "axis")}
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +63,10 @@ def called(tree: Any, path: Path) -> str:
     if path[0] in _NAMED and len(path) > 1:
         name = held(tree, (*path[:2], "name"))
         who = f"{_NAMED[str(path[0])]} {name if isinstance(name, str) and name else f'number {int(path[1]) + 1}'}"
+    elif path[0] in _TITLED and len(path) > 1:
+        what, key = _TITLED[str(path[0])]
+        name = held(tree, (*path[:2], key))
+        who = f"{what} {name if isinstance(name, str) and name else f'number {int(path[1]) + 1}'}"
     elif path[0] == "setups" and len(path) > 1:
         one = {key: held(tree, (*path[:2], key)) for key in ("component", "axis")}
         who = f"set-up {one['component'] or '?'} on {one['axis'] or '?'}"

@@ -52,6 +52,24 @@ def _twice(tree: Mapping[str, Any], sections: Iterable[Any], key: str, code: str
             yield broken(tree, (*section.place, key), words(code, number=first))
 
 
+def _escaped(tree: Mapping[str, Any], site: Any) -> Iterator[Fault]:
+    r"""A text in which a backslash became something else: "D:\new\table.txt" holds a line end and a tabulator."""
+    del site
+    for path, text in texts(tree):
+        if any(letter in _ESCAPED for letter in text):
+            yield broken(tree, path, words("W-CFG-ESCAPED"))
+
+
+def texts(tree: Any, path: Path = ()) -> Iterator[tuple[Path, str]]:
+    """Every text of a tree with its place."""
+    if isinstance(tree, str):
+        yield path, tree
+    elif isinstance(tree, Mapping | list):
+        for key, part in tree.items() if isinstance(tree, Mapping) else enumerate(tree):
+            yield from texts(part, (*path, key))
+
+
+_ESCAPED = "\a\b\t\n\f\r\v\x1b"
 Rule = Callable[[Mapping[str, Any], Any], Iterable[Fault]]
-_NOW: tuple[Rule, ...] = (_names, axis_faults, setup_faults, moves_faults, paper_faults)
+_NOW: tuple[Rule, ...] = (_names, _escaped, axis_faults, setup_faults, moves_faults, paper_faults)
 _LATER: tuple[Rule, ...] = (reach_faults, work_faults)

@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from typing import Any, get_args
+from functools import cache
+from typing import Any, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
+from drivers import registry
 from drivers.errors import words
 from drivers.local.names import closest, guess, shown
 from drivers.local.scrub import has_user, is_secret
 from drivers.settings import in_words
 from gateway.config.faults import Fault, called
 from gateway.config.places import Path, held
-from gateway.config.sections import AxisSection, SiteFile, TableSection
-from gateway.siteplan import MOST_TARGETS, Targets, WorkingWindow
+from gateway.config.sections import AxisSection, MeasureSection, SiteFile, TableSection
+from gateway.siteplan import MOST_TARGETS, SetupSection, Targets, WorkingWindow
 
 _PATTERNS = {
+    "country": "W-CFG-COUNTRY",
+    "syslog": "W-CFG-SYSLOG",
+    "prefix": "W-CFG-TOPIC",
     "letter": "W-CFG-LETTER",
     "dresser_letter": "W-CFG-LETTER",
     "component": "W-CFG-COMPONENT",
@@ -24,6 +29,24 @@ _PATTERNS = {
 }
 
 
+# What people call a key.
+_CALLED = {
+    "url": ("address", "host", "ip", "port", "hostname"),
+    "driver": ("type", "model", "protocol"),
+    "travel": ("range", "limits", "stroke", "min", "max", "low", "high", "lower", "upper"),
+    "minimum": ("min", "low", "lower", "start", "first", "from"),
+    "maximum": ("max", "high", "upper", "end", "last", "to"),
+    "feed": ("speed", "velocity", "feedrate"),
+    "repetitions": ("runs", "cycles", "repeats"),
+    "step": ("interval", "spacing", "pitch"),
+    "first": ("start", "from", "min", "low"),
+    "last": ("end", "to", "max", "high"),
+    "count": ("points", "number", "steps"),
+    "component": ("error", "motion"),
+    "name": ("id", "machine"),
+}
+# Keys of a section whose own keys are names, not keys that we know.
+_NAMED_BY_PEOPLE = ("settings", "park", "safe", "limits")
 # Where a rule of a whole section stands in it.
 _MEANT: dict[type[BaseModel] | None, Path] = {
     AxisSection: ("travel",),
@@ -62,11 +85,55 @@ def _fault(tree: Mapping[str, Any], one: Mapping[str, Any]) -> Fault:
     path = _in_tree(one["loc"])
     if one["type"] == "extra_forbidden":
         known = sorted(model.model_fields) if (model := model_at(path[:-1])) is not None else []
-        fields = {"key": shown(called(tree, path)), "known": ", ".join(known) + guess(str(path[-1]), known)}
+        fields = {"key": shown(called(tree, path)), "known": ", ".join(known) + _meaning(str(path[-1]), known)}
         return Fault(path, "E-CFG-KEY", fields, on_key=True)
+    if one["type"] == "missing" and path and isinstance(path[-1], int):
+        path = path[:-1]
     if one["type"] == "value_error":
-        path += _MEANT.get(model_at(path), ())
+        model = model_at(path)
+        path += _MEANT.get(model, ()) or _left_out(model, held(tree, path))
     return broken(tree, path, _why(tree, path, one))
+
+
+def _left_out(model: type[BaseModel] | None, section: Any) -> Path:
+    """The key that a section lacks beside those it has, as its own rule says."""
+    if model is MeasureSection:
+        wanted = ("file_datum",) if "file" in section else ("instrument", "targets")
+    elif model is SetupSection:
+        by_source = {"live": ("instrument",), "file": ("path", "datum"), "none": ("assumed",)}
+        wanted = by_source.get(section.get("source", "live"), ())
+    else:
+        return ()
+    return tuple(key for key in wanted if section.get(key) in (None, ""))[:1]
+
+
+def _meaning(key: str, known: list[str]) -> str:
+    """What a key that a section has not was probably to be: another one of it, or the same one of another section."""
+    meant = next((name for name, called_so in _CALLED.items() if key.lower() in called_so and name in known), "")
+    if meant:
+        return words("W-CFG-GUESS", word=meant)
+    there = sorted(name for name, keys in _sections().items() if key in keys)
+    return guess(key, known) or (words("W-CFG-ELSEWHERE", places=", ".join(there)) if there else "")
+
+
+@cache
+def _sections() -> dict[str, tuple[str, ...]]:
+    """The keys of every section, by its header; those of a driver's settings among them."""
+    found: dict[str, tuple[str, ...]] = {}
+
+    def add(name: str, model: type[BaseModel], *, many: bool) -> None:
+        found[f"[[{name}]]" if many else f"[{name}]"] = tuple(model.model_fields)
+        for key, field in model.model_fields.items():
+            if (inner := section_of(field.annotation)) is not None:
+                add(f"{name}.{key}", inner, many=is_list(field.annotation))
+
+    for key, field in SiteFile.model_fields.items():
+        if (inner := section_of(field.annotation)) is not None:
+            add(key, inner, many=is_list(field.annotation))
+    for role, name in (("controller", "[controller.settings]"), ("instrument", "settings of the instrument")):
+        models = [spec.load_settings() for spec in registry.known(role).values()]
+        found[name] = tuple(key for model in models if model is not None for key in model.model_fields)
+    return found
 
 
 def _meant(path: Path) -> Path:
@@ -96,21 +163,43 @@ def _in_tree(loc: tuple[Any, ...]) -> Path:
     path: Path = ()
     for part in loc:
         model = model_at(path)
-        if part == "[key]" or (
-            model is None and isinstance(part, str) and path and path[-1] not in ("settings", "park", "safe")
-        ):
+        if part == "[key]" or (model is None and isinstance(part, str) and path and path[-1] not in _NAMED_BY_PEOPLE):
             break
         path += (part,)
     return path
 
 
 def _why(tree: Any, path: Path, one: Mapping[str, Any]) -> str:
-    key, kind = path[-1] if path else "", one["type"]
+    key, kind, given = path[-1] if path else "", one["type"], held(tree, path)
+    needed = _needed(path)
+    if path[:2] == ("moves", "safe") and len(path) == 3 and kind in ("tuple_type", "literal_error"):
+        return words("W-CFG-PLACE-KIND") + guess(str(given).lower(), ("any",))
+    if needed and kind == "tuple_type":
+        return words("W-CFG-LIST-OF", least=needed)
+    if needed and isinstance(given, list) and kind == "missing":
+        return words("W-CFG-SHORT", least=needed, found=len(given))
     if kind == "string_pattern_mismatch" and key in _PATTERNS:
         return words(_PATTERNS[str(key)])
     if key == "count" and kind != "value_error":
         return words("W-CFG-TARGET-COUNT", most=MOST_TARGETS)
-    return in_words(one, held(tree, path))
+    return in_words(one, given)
+
+
+def _needed(path: Path) -> int:
+    """How many values a list at a place of the tree must have; 0 where any number will do, or it is none."""
+    for end in range(len(path), 0, -1):
+        model = model_at(path[: end - 1])
+        if model is not None:
+            field = model.model_fields.get(str(path[end - 1]))
+            return _length(field.annotation) if field is not None else 0
+    return 0
+
+
+def _length(annotation: Any) -> int:
+    parts = get_args(annotation)
+    if get_origin(annotation) is tuple:
+        return 0 if Ellipsis in parts else len(parts)
+    return next((found for one in parts if (found := _length(one))), 0)
 
 
 def model_at(path: Path) -> type[BaseModel] | None:
@@ -134,3 +223,7 @@ def section_of(annotation: Any) -> type[BaseModel] | None:
 def is_list(annotation: Any) -> bool:
     """Whether an annotation is a list of sections."""
     return section_of(annotation) is not None and getattr(annotation, "__origin__", None) is tuple
+
+
+LISTS = tuple(name for name, field in SiteFile.model_fields.items() if is_list(field.annotation))
+"""Sections of which there can be several."""

@@ -14,11 +14,14 @@ from drivers.local.names import guess, shown
 from drivers.local.tomlfile import decoded, no_numbers, read_bounded
 from gateway.config.faults import Fault, SiteFaults
 from gateway.config.judging import rule_faults
-from gateway.config.keyfaults import broken, key_faults
+from gateway.config.keyfaults import LISTS, broken, key_faults
 from gateway.config.places import held, places_in
 from gateway.config.sections import SiteFile
 from gateway.config.seen import seen
 from gateway.config.tomlfaults import read_tree
+
+START = (1, 1)
+"""Where a section is missed of which nothing stands in the file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,12 +65,14 @@ def read_site(path: Path) -> SiteReading:
     """Everything that the text of a site file tells. Raises ConfigError (E-CFG-READ, E-CFG-ENCODING)."""
     text = _text(path)
     try:
-        tree, broken_lines, text_read = read_tree(text)
+        tree, broken_lines, text_read = read_tree(text, LISTS)
     except RecursionError:
         why = {"why": words("W-TOML-DEEP"), "meant": ""}
         return _nothing((Fault((), "E-CFG-TOML", why),), text)
     if not text_read:
         return _nothing(broken_lines, text)
+    if not tree and not broken_lines:
+        return _nothing((Fault((), "E-CFG-NOTHING", line=1, column=1),), text)
     site, found = _judged(tree, partial=bool(broken_lines))
     found = tuple(one for one in found if not _named_there(one, tree, text, broken_lines))
     site = None if broken_lines else site
@@ -150,7 +155,7 @@ def placed(faults: Sequence[Fault], text: str) -> tuple[Fault, ...]:
     places = places_in(text)
     found = []
     for fault in faults:
-        place = None if fault.line else places.of(fault.path, key=fault.on_key)
+        place = None if fault.line else places.of(fault.path, key=fault.on_key) or (fault.path and START)
         found.append(replace(fault, line=place[0], column=place[1]) if place else fault)
     return tuple(sorted(found, key=lambda one: (one.line, one.column)))
 

@@ -8,6 +8,7 @@ from typing import Any
 from drivers.errors import words
 from gateway.config.faults import Fault
 from gateway.config.keyfaults import broken
+from gateway.config.places import held
 from gateway.config.rules import bounds, is_pair, within
 
 _SAFE = ("moves", "safe")
@@ -15,7 +16,8 @@ _SAFE = ("moves", "safe")
 
 def moves_faults(tree: Mapping[str, Any], site: Any) -> Iterator[Fault]:
     """Places that are no range or beyond the travel, and one doubt that names every axis without a place."""
-    given = site.moves.safe if isinstance(site.moves.safe, Mapping) else {}
+    written = held(tree, _SAFE)
+    given = written if isinstance(written, Mapping) else {}
     axes = {axis.name: axis for axis in site.axes if isinstance(axis.name, str)}
     for name, place in given.items():
         if not is_pair(place):

@@ -82,8 +82,8 @@ class _Reader:
             path += (name,)
             if many and number == len(parts):
                 self._tables[path] = self._tables.get(path, -1) + 1
+            self.found.keys.setdefault(path, start)
             if path in self._tables:
-                self.found.keys.setdefault(path, start)
                 path += (self._tables[path],)
         self.found.keys[path] = start
         self._at += 2 if many else 1

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from ipaddress import ip_address
 from typing import Any
 from urllib.parse import urlsplit
@@ -14,23 +14,86 @@ from drivers.local.names import shown
 from drivers.settings import DriverSettings
 from gateway.config.faults import Fault, called
 from gateway.config.keyfaults import broken
-from gateway.config.rules import GEAR_MACHINE
+from gateway.config.places import held
+from gateway.config.rules import GEAR_MACHINE, ROTARY, no_such
 from gateway.config.sections import SiteFile
 
 INSTRUMENTS = ("instrument", GEAR_MACHINE)
 _PORTLESS = {"opc.tcp"}
 _NUMBERED = {"tcp", "socket", "opc.tcp"}
+_OPEN_TO_MANY = {"terminal", "folder", "memory"}
 _DOTTED = re.compile(r"[\d.]+")
 """A host of digits and points alone must be four numbers up to 255: no name is made so."""
-_SERIAL = re.compile(r"COM[0-9]+|/dev/.+", re.IGNORECASE)
+_SERIAL = re.compile(r"COM[1-9][0-9]*|/dev/.+", re.IGNORECASE)
 
 
 def reach_faults(tree: Mapping[str, Any], site: Any) -> Iterator[Fault]:
     """Everything that control and instruments say wrong of their drivers."""
     if hasattr(site.controller, "place"):
         yield from _reached(tree, site.controller, ("controller",))
+        yield from _of_control(tree, site)
     for instrument in site.instruments:
         yield from _reached(tree, instrument, INSTRUMENTS)
+    yield from _shared(tree, site.instruments)
+    for section, wanted, what in _readings(site):
+        yield from _unreadable(tree, site, section, wanted, what)
+
+
+def _shared(tree: Mapping[str, Any], instruments: Iterable[Any]) -> Iterator[Fault]:
+    """An address that another instrument has: one of them is probably the other's copy."""
+    first: dict[str, str] = {}
+    for one in instruments:
+        wired = isinstance(one.url, str) and one.url and one.url.partition("://")[0] not in _OPEN_TO_MANY
+        if not wired or not isinstance(one.name, str):
+            continue
+        other = first.setdefault(one.url.lower(), one.name)
+        if other != one.name:
+            yield broken(tree, (*one.place, "url"), words("W-CFG-SAME-URL", other=shown(other)), doubt=True)
+
+
+def _of_control(tree: Mapping[str, Any], site: Any) -> Iterator[Fault]:
+    """What the control's driver is told of the axes, against the axes."""
+    told = told_to(site.controller, "controller")
+    if told is None:
+        return
+    encoder = getattr(told, "encoder", None)
+    for axis in site.axes:
+        path = (*axis.place, "name")
+        if told.machine_axes and isinstance(axis.name, str) and axis.name not in told.machine_axes:
+            yield no_such(tree, path, "axis of the control (controller.settings.axes)", told.machine_axes)
+        if encoder is not None and axis.encoder is not None and axis.encoder != encoder:
+            path = (*axis.place, "encoder") if "encoder" in held(tree, axis.place) else path
+            yield broken(tree, path, words("W-CFG-OTHER-ENCODER", axis=axis.encoder, driver=encoder), doubt=True)
+
+
+def _readings(site: Any) -> Iterator[tuple[Any, tuple[str, ...], str]]:
+    """Every section that reads an instrument, the units that will do for its error, and the error."""
+    for axis in site.axes:
+        measure = axis.measure
+        if getattr(measure, "file", "") is None and axis.kind in ("linear", "rotary"):
+            wanted = ("mm", "um") if axis.kind == "linear" else ("rotary",)
+            yield measure, wanted, str(measure.component)
+    for setup in site.setups:
+        name = str(setup.component)
+        if setup.source == "live" and len(name) >= 3 and name[1:] not in ("AA", "BB", "CC"):
+            angular = name[1] in ROTARY
+            yield setup, ("arcsec", "deg") if angular else ("mm", "um"), name
+
+
+def _unreadable(
+    tree: Mapping[str, Any], site: Any, section: Any, wanted: tuple[str, ...], error: str
+) -> Iterator[Fault]:
+    """An instrument whose settings say that it reads another quantity."""
+    own = next((one for one in site.instruments if one.name == section.instrument), None)
+    told = told_to(own, "instrument") if own is not None else None
+    if told is None or told.typed or not told.quantities or set(told.quantities) & set(wanted):
+        return
+    reads = " or ".join(told.quantities)
+    if wanted == ("rotary",):
+        why = words("W-CFG-NO-CALIBRATOR", reads=reads)
+    else:
+        why = words("W-CFG-QUANTITY", reads=reads, error=shown(error), needed=" or ".join(wanted))
+    yield broken(tree, (*section.place, "instrument"), why)
 
 
 def open_road(site: SiteFile) -> str:
@@ -47,11 +110,16 @@ def plans_together(site: SiteFile) -> int:
 
 def _told(site: SiteFile) -> DriverSettings | None:
     """What the site file tells the control's driver; None where the driver has no model or a setting is wrong."""
-    spec = registry.known("controller").get(site.controller.driver)
+    return told_to(site.controller, "controller")
+
+
+def told_to(section: Any, role: str) -> DriverSettings | None:
+    """What a section tells its driver; None where the driver has no model or a setting is wrong."""
+    spec = registry.known(role).get(section.driver) if isinstance(section.driver, str) else None
     model = spec.load_settings() if spec is not None else None
-    if model is None or model.faults(site.controller.settings):
+    if model is None or not isinstance(section.settings, Mapping) or model.faults(section.settings):
         return None
-    told: DriverSettings = model.model_validate(dict(site.controller.settings))
+    told: DriverSettings = model.model_validate(dict(section.settings))
     return told
 
 

@@ -84,6 +84,18 @@ def target_faults(tree: Mapping[str, Any], axis: Any, targets: Any, overrun: Any
     yield from _overrun(tree, axis, given, overrun)
 
 
+def target_positions(targets: Any) -> list[Any]:
+    """About where the axis stops, rising; () where that is not known. The standard's count is taken as five."""
+    if isinstance(targets.positions, list) and targets.positions:
+        found = [one for one in targets.positions if isinstance(one, int | float)]
+        return sorted(found)
+    count = 5 if isinstance(targets.count, str) else targets.count
+    if not isinstance(count, int) or count < 2 or targets.first is None or targets.last is None:
+        return []
+    low, high = min(targets.first, targets.last), max(targets.first, targets.last)
+    return [low + (high - low) * number / (count - 1) for number in range(count)]
+
+
 def _order(tree: Mapping[str, Any], targets: Any) -> Iterator[Fault]:
     """An end of the range that is left out, and positions that fall: both are read, and may not be meant."""
     missing = [key for key in ("first", "last") if targets.count and key not in held(tree, targets.place)]

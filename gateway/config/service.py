@@ -33,6 +33,13 @@ class MqttSection(Section):
         default=64, ge=1, le=4096, description="MB of messages that wait on the disk while the server is away"
     )
 
+    @field_validator("host")
+    @classmethod
+    def _plain_host(cls, host: str) -> str:
+        if _HOST.fullmatch(host) is None:
+            raise ValueError(words("W-CFG-HOSTNAME", host=host))
+        return host
+
     @model_validator(mode="after")
     def _one_password(self) -> MqttSection:
         if self.password_file is not None and self.password_env:

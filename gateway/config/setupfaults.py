@@ -9,8 +9,14 @@ from drivers.errors import words
 from drivers.local.names import guess
 from gateway.config.faults import Fault
 from gateway.config.keyfaults import broken
+from gateway.config.places import held
 from gateway.config.rules import bounds, instrument_faults, no_such, target_faults, within
 from gateway.siteplan import LOCATIONS
+
+SQUARE = "B0Z"
+_FILE = ("path", "unit", "datum", "file_axis_sense")
+_LIVE = ("instrument", "channel", "targets", "repetitions", "settle_s", "average_s", "stable", "jog", "sense")
+_IDLE = {"live": _FILE, "file": ("instrument", "channel", "jog"), "none": (*_FILE, *_LIVE)}
 
 
 def setup_faults(tree: Mapping[str, Any], site: Any) -> Iterator[Fault]:
@@ -29,10 +35,25 @@ def setup_faults(tree: Mapping[str, Any], site: Any) -> Iterator[Fault]:
             if None not in key and key in keys:
                 yield broken(tree, (*setup.place, "component"), words("W-CFG-SETUP-TWICE"))
             keys.append(key)
+    yield from _arms(tree, site.setups, axes)
+
+
+def _arms(tree: Mapping[str, Any], setups: Any, axes: Mapping[str, Any]) -> Iterator[Fault]:
+    """A square is measured along both its arms."""
+    found = {}
+    for one in setups:
+        letter = getattr(axes.get(str(one.axis)), "letter", None)
+        if one.component == SQUARE and one.source != "none" and letter in LOCATIONS[SQUARE]:
+            found[letter] = one
+    missing = set(LOCATIONS[SQUARE]) - set(found)
+    if len(found) == 1 and missing:
+        place = (*next(iter(found.values())).place, "component")
+        yield broken(tree, place, words("W-CFG-SECOND-ARM", axis=missing.pop()), doubt=True)
 
 
 def _on_axis(tree: Mapping[str, Any], setup: Any, axis: Any) -> Iterator[Fault]:
     yield from _component(tree, setup, axis.letter)
+    yield from _idle(tree, setup)
     if axis.kind == "rotary" and isinstance(setup.offset_mm, list) and any(setup.offset_mm[:2]):
         yield broken(tree, (*setup.place, "offset_mm"), words("W-CFG-OFFSET"))
     if setup.datum is not None and not within(setup.datum, *bounds(axis)):
@@ -52,6 +73,17 @@ def _component(tree: Mapping[str, Any], setup: Any, letter: Any) -> Iterator[Fau
             yield broken(tree, path, words("W-CFG-LOCATION", known=known))
     elif name[2] != letter:
         yield broken(tree, path, words("W-CFG-MOTION", of=name[2], letter=letter) + guess(name, (name[:2] + letter,)))
+
+
+def _idle(tree: Mapping[str, Any], setup: Any) -> Iterator[Fault]:
+    """Keys that have no effect with this source, or with this error."""
+    given = held(tree, setup.place)
+    idle = [(key, f'with source = "{setup.source}"') for key in _IDLE.get(setup.source, ())]
+    if isinstance(setup.component, str) and setup.component[1:2] != "0":
+        idle.append(("own_angle_arcsec", "beside a location error alone"))
+    for key, where in idle:
+        if key in given:
+            yield broken(tree, (*setup.place, key), words("W-CFG-IDLE", beside=where), doubt=True)
 
 
 def _parked(tree: Mapping[str, Any], setup: Any, axes: Mapping[str, Any]) -> Iterator[Fault]:

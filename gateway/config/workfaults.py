@@ -27,16 +27,40 @@ def work_faults(tree: Mapping[str, Any], site: Any) -> Iterator[Fault]:
         for number, value in enumerate(work.rough_mm):
             if value <= 0:
                 yield broken(tree, (*work.place, "rough_mm", number), words("W-CFG-ROUGH"))
+            elif number and value >= work.rough_mm[number - 1]:
+                yield broken(tree, (*work.place, "rough_mm", number), words("W-CFG-ROUGH-FALLS"))
+    yield from _dresser(tree, site, work)
     yield from _inspector(tree, site, work)
+
+
+def _dresser(tree: Mapping[str, Any], site: Any, work: Any) -> Iterator[Fault]:
+    """The dresser has an axis of its own, and programs call it by a letter that no other axis has."""
+    if not isinstance(work.dresser, str) or not work.dresser:
+        return
+    taken = {name: role for role in _ROLES for name in _both(site, getattr(work, role))}
+    if work.dresser in taken:
+        yield broken(tree, (*work.place, "dresser"), words("W-CFG-ROLE-TAKEN", role=taken[work.dresser]))
+        return
+    for axis in site.axes:
+        if axis.letter is not None and axis.letter == work.dresser_letter and axis.name != work.dresser:
+            place = "dresser_letter" if "dresser_letter" in held(tree, work.place) else "dresser"
+            yield broken(tree, (*work.place, place), words("W-CFG-DRESSER-LETTER", letter=axis.letter, axis=axis.name))
+
+
+def _both(site: Any, wanted: Any) -> tuple[str, ...]:
+    """Name and letter of the axis that is meant by either."""
+    return next(((axis.name, axis.letter) for axis in site.axes if wanted in (axis.name, axis.letter)), ())
 
 
 def _axes(tree: Mapping[str, Any], site: Any, work: Any) -> Iterator[Fault]:
     kinds = {name: axis.kind for axis in site.axes for name in (axis.letter, axis.name) if isinstance(name, str)}
     names = {name: axis.name for axis in site.axes for name in (axis.letter, axis.name) if isinstance(name, str)}
     taken: dict[str, str] = {}
+    # An axis whose name or letter is refused may be the one that is meant.
+    whole = all(isinstance(axis.name, str) and isinstance(axis.letter, str) for axis in site.axes)
     for role, kind in _ROLES.items():
         wanted = getattr(work, role)
-        if isinstance(wanted, str) and wanted not in kinds and held(tree, (*work.place, role)) is not None:
+        if whole and isinstance(wanted, str) and wanted not in kinds and held(tree, (*work.place, role)) is not None:
             yield no_such(tree, (*work.place, role), "axis", kinds)
         elif isinstance(wanted, str) and kinds.get(wanted) not in (kind, None):
             yield broken(tree, (*work.place, role), words("W-CFG-ROLE", kind=kind))

@@ -121,5 +121,5 @@ async def test_the_doctor_shows_that_the_reading_account_cannot_write(keys: Path
     ],
 )
 def test_half_an_account_is_refused(settings: dict[str, str]) -> None:
-    faults = UaSettings.faults({**settings, "security": "None"})
+    faults = UaSettings.faults({**settings, "password_env": "A", "security": "None"})
     assert [fault.key for fault in faults] == ["writing_user"]

@@ -35,6 +35,11 @@ class OfflineSettings(DriverSettings):
         return (("axes", good, 'must name every axis of the control once, as "X1 Z1 C1"'),)
 
     @property
+    def machine_axes(self) -> tuple[str, ...]:
+        """The axes by their numbers."""
+        return self.names
+
+    @property
     def names(self) -> tuple[str, ...]:
         """The axes by their numbers."""
         return tuple(self.axes.split())

@@ -84,6 +84,8 @@ class UaSettings(DriverSettings):
         return (
             ("server_certificate", pinned, "must name the server's certificate: nothing is trusted unseen"),
             ("password_file", self._one_password(), "give one of password_file, password_env and password"),
+            ("user", bool(self.user) or not self._passwords(), "must name who signs in with that password"),
+            ("password_file", not self.user or self._passwords() > 0, "is missing beside user: or give password_env"),
             ("writing_user", self._apart(), "must be another user than user, with writing_password_file or _env"),
             ("r_setup", self._free(), f"must be 0 .. {nodes.R_LAST - 2}, clear of the 20 from r_first on, or -1"),
             ("fast_poll_s", self.fast_poll_s <= self.poll_s, "must be 0.001 s .. poll_s"),
@@ -119,7 +121,11 @@ class UaSettings(DriverSettings):
         return POLICIES if self.security == BEST else (self.security,)
 
     def _one_password(self) -> bool:
-        return sum(map(bool, (self.password, self.password_file, self.password_env))) <= 1
+        return self._passwords() <= 1
+
+    def _passwords(self) -> int:
+        """How many passwords are given."""
+        return sum(map(bool, (self.password, self.password_file, self.password_env)))
 
     def _apart(self) -> bool:
         """Whether the writing account is another one, with one password; or there is none."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import stat
 from collections.abc import Iterator, Mapping
+from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import Any
 
@@ -12,17 +13,26 @@ from drivers import registry
 from drivers.errors import ConfigError, words
 from gateway.config import Fault, SiteReading
 from gateway.config.faults import called
+from gateway.config.keyfaults import broken
+from gateway.config.places import held
 
+LOGOS = (".svg", ".png", ".jpg", ".jpeg")
 FILE_ROLES = ("file", "gear-file")
 _OTHERS = stat.S_IRGRP | stat.S_IROTH
-MOST_CERTIFICATE = 1 << 20
+MOST_SECRET = 1 << 16
 
 
 def disk_faults(reading: SiteReading, path: Path) -> tuple[Fault, ...]:
     """Every file that is missing or wrong; those of keys that are wrong themselves are not looked for."""
     folder, tree, site = path.parent, reading.tree, reading.seen
-    found = [*_store(tree, site, folder), *_settings(tree, site, path), *_results(tree, site, folder)]
-    return (*found, *_gear(tree, site, folder))
+    found = [
+        *_store(tree, site, folder),
+        *_ports(tree, site),
+        *_settings(tree, site, path),
+        *_results(tree, site, folder),
+    ]
+    found += [*_service(tree, site, path), *_report(tree, site, folder), *_calibrations(tree, site)]
+    return (*found, *_gear(tree, site, folder), *_part(reading, path))
 
 
 def _fault(tree: Any, place: tuple[str | int, ...], file: Path, why: str, *, doubt: bool = False) -> Fault:
@@ -44,8 +54,18 @@ def unreadable(file: Path) -> str:
 
 def _store(tree: Any, site: Any, folder: Path) -> Iterator[Fault]:
     store = getattr(site.site, "store", None)
+    if store == "":
+        yield broken(tree, ("site", "store"), words("W-CFG-NOT-EMPTY"))
     if isinstance(store, str | Path) and (folder / store).exists() and not (folder / store).is_dir():
         yield _fault(tree, ("site", "store"), folder / store, words("W-CFG-NO-FOLDER"))
+
+
+def _ports(tree: Any, site: Any) -> Iterator[Fault]:
+    """Serial ports that this PC does not have now: not plugged in, or mistyped."""
+    for section in (site.controller, *site.instruments):
+        url = getattr(section, "url", None)
+        if isinstance(url, str) and url.startswith("/dev/") and os.name == "posix" and not Path(url).exists():
+            yield broken(tree, (*section.place, "url"), words("W-CFG-NO-PORT"), doubt=True)
 
 
 def _settings(tree: Any, site: Any, path: Path) -> Iterator[Fault]:
@@ -77,8 +97,21 @@ def _pointed(tree: Any, place: tuple[str | int, ...], path: Path, value: str, ki
             yield _fault(tree, place, file, why)
     elif kind == "certificate" and not _is_certificate(file):
         yield _fault(tree, place, file, words("W-CFG-NO-CERTIFICATE"))
+    elif kind == "secret" and (why := _no_secret(file)):
+        yield _fault(tree, place, file, why)
     elif kind == "secret" and os.name == "posix" and file.stat().st_mode & _OTHERS:
         yield _fault(tree, place, file, words("W-CFG-OPEN-SECRET"), doubt=True)
+
+
+def _no_secret(file: Path) -> str:
+    """Why a file is no secret in a text, in words; "" where it may be one."""
+    with file.open("rb") as opened:
+        data = opened.read(MOST_SECRET + 1)
+    try:
+        text = data.decode("utf-8-sig")
+    except ValueError:
+        return words("W-CFG-NO-SECRET")
+    return "" if len(data) <= MOST_SECRET and text.strip() and "\0" not in text else words("W-CFG-NO-SECRET")
 
 
 def _is_certificate(file: Path) -> bool:
@@ -86,6 +119,80 @@ def _is_certificate(file: Path) -> bool:
     with file.open("rb") as opened:
         first = opened.read(64).lstrip()
     return first[:1] == b"\x30" or first.startswith(b"-----BEGIN CERTIFICATE")
+
+
+def _service(tree: Any, site: Any, path: Path) -> Iterator[Fault]:
+    """Files of the service: its certificate and key, the address of its index, what it watches, its messages."""
+    service, place = site.service, ("service",)
+    keys = {"certificate": "certificate", "key": "secret", "index_url_file": "secret", "watch": "present"}
+    named = [(service, place, key, kind) for key, kind in keys.items()]
+    if hasattr(service.mqtt, "place"):
+        named += [(service.mqtt, (*place, "mqtt"), "password_file", "secret")]
+        named += [(service.mqtt, (*place, "mqtt"), "ca", "certificate")]
+        named += [(service.mqtt, (*place, "mqtt"), "password_env", "environment")]
+    for section, where, key, kind in named:
+        value = getattr(section, key)
+        if not isinstance(value, str) or not value:
+            continue
+        file = path.parent / value
+        if kind == "present":
+            if not file.is_dir():
+                why = words("W-CFG-NO-FOLDER") if file.exists() else words("W-CFG-NO-SUCH-FOLDER")
+                yield _fault(tree, (*where, key), file, why)
+        elif kind == "certificate" and (why := unreadable(file)):
+            yield _fault(tree, (*where, key), file, why)
+        else:
+            yield from _pointed(tree, (*where, key), path, value, kind)
+
+
+def _report(tree: Any, site: Any, folder: Path) -> Iterator[Fault]:
+    logo = getattr(site.report, "logo", None)
+    if isinstance(logo, str) and logo:
+        file = folder / logo
+        why = unreadable(file)
+        if not why and file.suffix.lower() not in LOGOS:
+            why = words("W-CFG-ENDING", known=", ".join(LOGOS))
+        if why:
+            yield _fault(tree, ("report", "logo"), file, why)
+
+
+def _calibrations(tree: Any, site: Any) -> Iterator[Fault]:
+    """Days of the register beside today."""
+    today = datetime.now(UTC).date()
+    for one in site.equipment:
+        for key, code in (("calibrated", "W-CFG-FUTURE"), ("due", "W-CFG-OVERDUE")):
+            day = getattr(one, key)
+            if isinstance(day, date) and (day > today if key == "calibrated" else day < today):
+                yield broken(tree, (*one.place, key), words(code, day=day.isoformat()), doubt=True)
+
+
+def _part(reading: SiteReading, path: Path) -> Iterator[Fault]:
+    """What forbids a test part, as the grinding itself would refuse it; only of a site that is right otherwise.
+
+    A place beyond the travel is a doubt: whoever grinds by the builder's own programs needs no such part.
+    """
+    site = reading.site
+    if site is None or reading.faults or site.work is None or unreadable(path.parent / site.work.gear):
+        return
+    from gateway.tooth import SetupValues
+    from gateway.workflow.part.grinding import gear_of_site, grind_plan
+
+    try:
+        grind_plan(site, gear_of_site(site, path), SetupValues())
+    except ConfigError as error:
+        if not error.code.startswith("E-GRIND"):
+            return
+        place = ("work", _key_of(site, error))
+        place = place if held(reading.tree, place) is not None else ("work",)
+        yield Fault(place, error.code, dict(error.fields), doubt=error.code == "E-GRIND-TRAVEL")
+
+
+def _key_of(site: Any, error: ConfigError) -> str:
+    """The key of [work] that a refusal of the grinding plan is about."""
+    if error.code == "E-GRIND-WHEEL":
+        return "wheel_on" if error.fields.get("words") == site.work.wheel_on else "wheel_off"
+    stroke = {one.name for one in site.axes if site.work.stroke in (one.name, one.letter)}
+    return "height_mm" if error.fields.get("axis") in stroke else str(error.fields.get("key", ""))
 
 
 def _results(tree: Any, site: Any, folder: Path) -> Iterator[Fault]:

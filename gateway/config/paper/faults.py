@@ -8,11 +8,13 @@ from typing import Any
 from drivers.errors import words
 from gateway.config.faults import Fault
 from gateway.config.keyfaults import broken
+from gateway.config.places import held
 from gateway.config.rules import no_such
 from gateway.errors import ModelError
 from gateway.evaluate.standards.flank_tolerances import FIGURES
 from gateway.evaluate.standards.registry import standard
 
+LEAST_LIMIT = 0.05
 OF_CLASS = ("module_mm", "diameter_mm", "width_mm")
 
 
@@ -24,12 +26,28 @@ def paper_faults(tree: Mapping[str, Any], site: Any) -> Iterator[Fault]:
             yield no_such(tree, (*one.place, "instrument"), "instrument", instruments)
         if one.calibrated and one.due and str(one.due) <= str(one.calibrated):
             yield broken(tree, (*one.place, "due"), words("W-CFG-DUE", calibrated=one.calibrated))
-    axes = [one.name for one in site.axes if isinstance(one.name, str)]
+    axes, limits = [axis.name for axis in site.axes if isinstance(axis.name, str)], set[tuple[str, str, str]]()
     for one in site.tolerances:
         if isinstance(one.axis, str) and one.axis not in axes:
             yield no_such(tree, (*one.place, "axis"), "axis", axes)
         yield from _figures(tree, one)
+        yield from _limits(tree, one, limits)
     yield from _gear(tree, site.gear_tolerance)
+
+
+def _limits(tree: Mapping[str, Any], one: Any, before: set[tuple[str, str, str]]) -> Iterator[Fault]:
+    """No limit at all, one that no machine keeps, or the same figure of one axis twice."""
+    if not isinstance(one.limits, Mapping):
+        return
+    if not one.limits:
+        yield broken(tree, (*one.place, "limits"), words("W-CFG-LIMITS-NONE"))
+    for name, limit in one.limits.items():
+        path, key = (*one.place, "limits", name), (str(one.axis), str(one.standard), name)
+        if isinstance(limit, int | float) and 0 < limit < LEAST_LIMIT:
+            yield broken(tree, path, words("W-CFG-UNIT-LIMIT"), doubt=True)
+        if key in before:
+            yield broken(tree, path, words("W-CFG-LIMIT-TWICE"))
+        before.add(key)
 
 
 def _figures(tree: Mapping[str, Any], one: Any) -> Iterator[Fault]:
@@ -54,5 +72,5 @@ def _gear(tree: Mapping[str, Any], one: Any) -> Iterator[Fault]:
     missing = [key for key in OF_CLASS if getattr(one, key) is None]
     if one.grade is not None and missing:
         yield broken(tree, (*one.place, "grade"), words("W-CFG-CLASS", missing=", ".join(missing)))
-    if one.grade is None and not one.limits:
+    if "grade" not in held(tree, one.place) and one.grade is None and not one.limits:
         yield broken(tree, one.place, words("W-CFG-NO-LIMIT"))

@@ -103,7 +103,7 @@ def test_check_reports_every_device_that_does_not_open_at_once(tmp_path: Path) -
     from tests.unit.ground.test_config import GOOD
 
     site = tmp_path / "site.toml"
-    settings = 'settings = { user = "u", security = "None" }\n\n[[instruments]]'
+    settings = 'settings = { security = "None" }\n\n[[instruments]]'
     text = GOOD.replace("opc.tcp://127.0.0.1:4840", "opc.tcp://127.0.0.1:9").replace("127.0.0.1:5001", "127.0.0.1:9")
     site.write_text(text.replace("\n[[instruments]]", settings, 1), encoding="utf-8")
     result = RUNNER.invoke(app, ["check", str(site), "--connect"])
