@@ -53,8 +53,30 @@ def check_command(
         rows, limits = run_to_end(asked(found.site, site))
         found = replace(found, faults=in_order(placed(limits, found.text)))
     tell(found, site, rows, as_json=as_json)
+    if not as_json:
+        lead_on(found, site, connected=connect)
     if found.faults:
         raise typer.Exit(WRONG_FILE)
+
+
+def lead_on(found: CheckedSite, path: Path, *, connected: bool) -> None:
+    """Say what to type after a check: the same again, the devices, the doctor, or the files of who has no wire."""
+    from gateway.cli.onward import next_step, repeat
+
+    if found.faults:
+        repeat(f"check {path}")
+    elif _by_files(found.site):
+        next_step(f"day FOLDER --site {path}")
+    else:
+        next_step(f"doctor {path}" if connected else f"check {path} --connect")
+
+
+def _by_files(site: Any) -> bool:
+    """Whether a site has neither an instrument on a wire nor places to push from: its owner brings result files."""
+    from gateway.config.reaching import told_to
+
+    told = [told_to(one, "instrument") for one in site.instruments]
+    return not site.moves.safe and all(one is not None and one.typed for one in told)
 
 
 def checked(path: Path) -> CheckedSite:

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from drivers.errors import ConfigError, words
-from gateway.cli.begin.checking import checked, tell
+from gateway.cli.begin.checking import checked, lead_on, tell
 from gateway.cli.begin.questions import Asker, answers
 from gateway.cli.show import echo
 
@@ -42,7 +42,7 @@ def init_command(
     echo("\n" + words("P-INIT-WRITTEN", file=file))
     found = checked(file)
     tell(found, file, [], as_json=False)
-    echo(words("P-INIT-NEXT" if not found.faults else "P-INIT-LEFT", file=file))
+    lead_on(found, file, connected=False)
 
 
 def absent(file: Path) -> None:
