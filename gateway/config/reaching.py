@@ -148,16 +148,31 @@ def _unknown(section: Any, role: str, names: list[str]) -> Fault:
 
 
 def _address(tree: Mapping[str, Any], section: Any, kinds: tuple[str, ...]) -> Iterator[Fault]:
-    """A kind of address that the driver does not open, or one without host or with a port that is none."""
-    url, place = section.url, (*section.place, "url")
-    if not isinstance(url, str) or not url or not kinds:
-        return
+    url = section.url
+    if isinstance(url, str) and url and (wrong := address_fault(url, kinds)):
+        code, fields = wrong
+        yield broken(tree, (*section.place, "url"), words(code, **fields))
+
+
+def address_fault(url: str, kinds: tuple[str, ...]) -> tuple[str, dict[str, str]] | None:
+    """Why a driver that opens these kinds of address does not open this one: code and fields; None where it does.
+
+    A kind that the driver does not open, an address without host, or one with a port that is none.
+    """
     scheme = url.partition("://")[0] if "://" in url else ""
-    if scheme not in kinds or (not scheme and not _SERIAL.fullmatch(url.strip())):
+    if kinds and (scheme not in kinds or (not scheme and not _SERIAL.fullmatch(url.strip()))):
         allowed = ", ".join(f"{kind}://..." if kind else "COM3, /dev/ttyUSB0" for kind in kinds if kind != "memory")
-        yield broken(tree, place, words("W-CFG-ADDRESS", allowed=allowed))
-    elif scheme in _NUMBERED and not _is_host(url, needs_port=scheme not in _PORTLESS):
-        yield broken(tree, place, words("W-CFG-HOST", scheme=scheme))
+        return "W-CFG-ADDRESS", {"allowed": allowed}
+    if kinds and scheme in _NUMBERED and not _is_host(url, needs_port=scheme not in _PORTLESS):
+        return "W-CFG-HOST", {"scheme": scheme}
+    return None
+
+
+def address_of(driver: str, role: str, url: str) -> tuple[str, dict[str, str]] | None:
+    """The same for a driver by its name; None for one that nobody knows."""
+    spec = registry.known(role).get(driver)
+    model = spec.load_settings() if spec is not None else None
+    return address_fault(url, model.addresses) if model is not None else None
 
 
 def _is_host(url: str, *, needs_port: bool) -> bool:

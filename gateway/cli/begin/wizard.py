@@ -77,7 +77,8 @@ def _control(asker: Questioner, road: str, folder: Path) -> dict[str, Any]:
     control: dict[str, Any] = {"driver": ROADS[road], "url": URLS["opcua"], "serial": ""}
     if road == "files":
         return control | {"settings": {"security": "None"}}
-    control["url"] = asker.ask("url", "P-INIT-URL", URLS[road], _something)
+    driver = ROADS[road]
+    control["url"] = asker.ask("url", "P-INIT-URL", URLS[road], lambda url: _reached(driver, "controller", url))
     if road == "mailbox":
         return control | {"settings": {"unit": 1, "word_order": "high-first"}}
     if road == "linuxcnc":
@@ -251,8 +252,16 @@ def _travel(text: str, names: list[str]) -> Why | None:
 
 def _instrument(text: str) -> Why | None:
     parts, known = text.split(maxsplit=1), registry.known("instrument")
-    right = len(parts) == 2 and parts[0] in known
-    return None if right else why("W-INIT-INSTRUMENT", known=", ".join(known))
+    if len(parts) != 2 or parts[0] not in known:
+        return why("W-INIT-INSTRUMENT", known=", ".join(known))
+    return _reached(parts[0], "instrument", parts[1])
+
+
+def _reached(driver: str, role: str, url: str) -> Why | None:
+    from gateway.config.reaching import address_of
+
+    wrong = address_of(driver, role, url)
+    return None if wrong is None else why(wrong[0], **wrong[1])
 
 
 def _with_height(text: str) -> tuple[str, float]:

@@ -58,9 +58,11 @@ def test_where_axes_may_stand_is_asked_for_a_control_that_programs_move(tmp_path
         "serial": "S7",
         "axes": "C1",
         "travel": "C1 0 360",
-        "calibrator": "manual t://",
+        "calibrator": "manual terminal://",
     }
     maker = SiteMaker(tmp_path / "site.toml")
+    wrong = maker.ask({**answers, "calibrator": "bridge 127.0.0.1:7001"}, "anna")["question"]
+    assert (wrong["key"], wrong["wrong"]["code"]) == ("calibrator", "W-CFG-ADDRESS")
     assert maker.ask({**answers, "safe": "C1 20 10"}, "anna")["question"]["wrong"]["code"] == "W-INIT-SAFE"
     assert maker.ask({**answers, "safe": "X9 any"}, "anna")["question"]["key"] == "safe"
     assert maker.write({**answers, "safe": "C1 -5 5.5"}, "anna")["made"]
