@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import re
 import tomllib
 from importlib import resources
 from typing import ClassVar
@@ -56,7 +57,7 @@ class TrueflankError(Exception):
         super().__init__(code, where, fields)
         self.code = code
         self.where = where
-        self.fields = fields
+        self.fields = {key: _plain(value) if key == "why" else value for key, value in fields.items()}
         self.retryable = retryable
 
     @property
@@ -81,6 +82,15 @@ class TrueflankError(Exception):
         """The error as data, for logs, run folders and ``--json``."""
         fields = {key: str(value) for key, value in self.fields.items()}
         return {"code": self.code, "where": self.where, "fields": fields, "what": self.what, "do": self.hint}
+
+
+_NUMBERED = re.compile(r"^\[(?:Errno|WinError) -?\d+\] (.+?)(?:: ['\"].*)?$", re.DOTALL)
+
+
+def _plain(why: object) -> object:
+    """An operating system's reason without its number and the path behind it: the place is said already."""
+    found = _NUMBERED.match(why) if isinstance(why, str) else None
+    return found[1] if found else why
 
 
 class _Fields(dict[str, object]):

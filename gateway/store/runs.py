@@ -66,7 +66,7 @@ class Store:
     def open(self, run: str | Path) -> RunFolder:
         """A run by its id, by the start of its id when only one matches, by its path, or `latest`.
 
-        Raises StoreError (E-STORE-RUN, E-STORE-LINK), CorruptRecord, FutureSchema.
+        Raises StoreError (E-STORE-EMPTY, E-STORE-RUN, E-STORE-LINK), CorruptRecord, FutureSchema.
         """
         inside = (self.root / run,) if is_file_name(str(run)) else ()
         for path in (*inside, Path(run)):
@@ -78,6 +78,8 @@ class Store:
             matches = folders[-1:]
         if len(matches) == 1:
             return RunFolder(matches[0])
+        if not folders:
+            raise StoreError("E-STORE-EMPTY", str(self.root))
         raise StoreError("E-STORE-RUN", str(self.root), run=shown(run), matches=len(matches))
 
     def runs(self) -> tuple[RunSummary, ...]:

@@ -22,7 +22,8 @@ def list_command(store: StoreOption = Path("runs"), as_json: JsonOption = False)
         show_json([asdict(one) for one in found])
         return
     if not found:
-        echo(f"no run in {store}")
+        echo(f"no run in {store}; another folder: --store")
+        next_step("run SITE")
         return
     rows = [(one.run_id, one.machine, one.problem or one.state, str(len(one.stages))) for one in found]
     show_table(f"{len(rows)} run(s) in {store}", ("run", "machine", "state", "records"), rows)
@@ -45,6 +46,11 @@ def show_command(run: RunArgument, store: StoreOption = Path("runs"), as_json: J
     for error in folder.errors:
         echo(f"{'ended by':12} {error.get('code', '')}: {error.get('what', '')}")
     next_step(f"logs --run {folder.run_id} --store {store}" if folder.errors else f"report {folder.path}")
+
+
+def latest_command(store: StoreOption = Path("runs"), as_json: JsonOption = False) -> None:
+    """Show the latest run of a store."""
+    show_command("latest", store, as_json)
 
 
 def remove_command(

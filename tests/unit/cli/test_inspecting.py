@@ -81,9 +81,9 @@ def test_a_file_is_inspected_and_guards_its_machine(tmp_path: Path) -> None:
     ("words", "code"),
     [
         (("inspect",), "E-INSPECT-INSPECTOR"),
-        (("inspect", "--run", "nothing"), "E-STORE-RUN"),
-        (("guard", "--gear", "--run", "nothing"), "E-STORE-RUN"),
-        (("correct", "--gear", "nothing"), "E-STORE-RUN"),
+        (("inspect", "--run", "nothing"), "E-STORE-EMPTY"),
+        (("guard", "--gear", "--run", "nothing"), "E-STORE-EMPTY"),
+        (("correct", "--gear", "nothing"), "E-STORE-EMPTY"),
     ],
 )
 def test_what_cannot_be_is_refused_before_anything_is_opened(tmp_path: Path, words: tuple[str, ...], code: str) -> None:

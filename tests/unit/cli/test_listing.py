@@ -8,6 +8,7 @@ from pathlib import Path
 
 from typer.testing import CliRunner
 
+from drivers.errors import TrueflankError
 from drivers.types.sensing import Ambient
 from gateway import audit
 from gateway.cli import app
@@ -46,13 +47,23 @@ def test_one_run_by_any_of_its_names(tmp_path: Path) -> None:
         told = RUNNER.invoke(app, ["runs", "show", name, "--store", str(tmp_path)])
         assert told.exit_code == 0
         assert wanted in told.stdout
-    shown = RUNNER.invoke(app, ["runs", "show", "latest", "--store", str(tmp_path)]).stdout
+    shown = RUNNER.invoke(app, ["runs", "latest", "--store", str(tmp_path)]).stdout
     assert "E-CAP-BEAM: the beam was lost" in shown
 
 
 def test_a_report_of_the_latest_run_of_an_empty_store_is_refused(tmp_path: Path) -> None:
     told = RUNNER.invoke(app, ["runs", "show", "latest", "--store", str(tmp_path)])
-    assert told.exit_code != 0
+    assert told.exit_code == 11
+    assert "E-STORE-EMPTY" in str(told.exception)
+
+
+def test_a_reason_of_the_operating_system_is_said_without_its_number(tmp_path: Path) -> None:
+    told = RUNNER.invoke(app, ["lint", str(tmp_path / "none.ini")])
+    assert str(told.exception).startswith(
+        f"E-CLI-READ [{tmp_path / 'none.ini'}]: the file cannot be read: No such file"
+    )
+    assert TrueflankError("E", why="[WinError 2] not there: 'C:\\x'").fields["why"] == "not there"
+    assert TrueflankError("E", why="[Errno 111] Connect call failed ('127.0.0.1', 9)").fields["why"].endswith("9)")
 
 
 def test_what_ended_a_run_stands_in_its_report(tmp_path: Path) -> None:

@@ -44,8 +44,8 @@ def test_the_plan_is_shown_in_its_order_and_nothing_is_opened(tmp_path: Path) ->
     ("arguments", "code"),
     [
         (["measure", "--setups", "EYC"], "E-SETUP-UNKNOWN"),
-        (["measure", "--resume", "nothing"], "E-STORE-RUN"),
-        (["guard", "--axis", "C1", "--run", "nothing"], "E-STORE-RUN"),
+        (["measure", "--resume", "nothing"], "E-STORE-EMPTY"),
+        (["guard", "--axis", "C1", "--run", "nothing"], "E-STORE-EMPTY"),
     ],
 )
 def test_what_cannot_be_is_refused_before_anything_is_opened(tmp_path: Path, arguments: list[str], code: str) -> None:
