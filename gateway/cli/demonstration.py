@@ -133,7 +133,7 @@ def run_cell(asked: CellAsked) -> None:
     with cell_process(asked) as child:
         echo(f"cell {asked.cell} runs at {asked.speed:g} x wall time; site file: {asked.site}")
         echo(f"try: trueflank check {asked.site} --connect   or   trueflank run {asked.site}")
-        echo(f"a simulated operator presses NC START; do it yourself: trueflank cell {asked.site}, or type here (help)")
+        echo(f"a simulated operator works at it; do so yourself: trueflank cell {asked.site}, or type here (help)")
         converse(child)
         try:
             child.wait()

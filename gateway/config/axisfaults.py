@@ -69,14 +69,14 @@ def _axis(tree: Mapping[str, Any], axis: Any) -> Iterator[Fault]:
 
 def _turn(tree: Mapping[str, Any], axis: Any, table: Any) -> Iterator[Fault]:
     """The table of an axis that turns without end covers one turn; any other holds its reference."""
-    ends = [getattr(table, key, None) for key in ("minimum", "maximum")]
-    if not all(isinstance(one, int | float) for one in ends):
+    low, high = (getattr(table, key, None) for key in ("minimum", "maximum"))
+    if not (isinstance(low, int | float) and isinstance(high, int | float)):
         return
-    if axis.modulo and abs(ends[1] - ends[0] - TURN_DEG) > NEAR:
+    if axis.modulo and abs(high - low - TURN_DEG) > NEAR:
         yield replace(broken(tree, (*table.place, "maximum"), words("W-CFG-TURN")), later=True)
-    elif not axis.modulo and axis.reference is not None and not within(axis.reference, *ends):
+    elif not axis.modulo and axis.reference is not None and not within(axis.reference, low, high):
         place = (*axis.place, "reference") if "reference" in held(tree, axis.place) else (*table.place, "minimum")
-        fields = {"reference": axis.reference, "low": ends[0], "high": ends[1]}
+        fields = {"reference": axis.reference, "low": low, "high": high}
         yield broken(tree, place, words("W-CFG-REFERENCE-TABLE", **fields), doubt=True)
 
 

@@ -98,7 +98,7 @@ def _fault(tree: Mapping[str, Any], one: Mapping[str, Any]) -> Fault:
 def _left_out(model: type[BaseModel] | None, section: Any) -> Path:
     """The key that a section lacks beside those it has, as its own rule says."""
     if model is MeasureSection:
-        wanted = ("file_datum",) if "file" in section else ("instrument", "targets")
+        wanted: tuple[str, ...] = ("file_datum",) if "file" in section else ("instrument", "targets")
     elif model is SetupSection:
         by_source = {"live": ("instrument",), "file": ("path", "datum"), "none": ("assumed",)}
         wanted = by_source.get(section.get("source", "live"), ())

@@ -155,7 +155,7 @@ def placed(faults: Sequence[Fault], text: str) -> tuple[Fault, ...]:
     places = places_in(text)
     found = []
     for fault in faults:
-        place = None if fault.line else places.of(fault.path, key=fault.on_key) or (fault.path and START)
+        place = places.of(fault.path, key=fault.on_key) or START if fault.path and not fault.line else None
         found.append(replace(fault, line=place[0], column=place[1]) if place else fault)
     return tuple(sorted(found, key=lambda one: (one.line, one.column)))
 

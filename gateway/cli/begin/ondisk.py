@@ -123,7 +123,8 @@ def _is_certificate(file: Path) -> bool:
 
 def _service(tree: Any, site: Any, path: Path) -> Iterator[Fault]:
     """Files of the service: its certificate and key, the address of its index, what it watches, its messages."""
-    service, place = site.service, ("service",)
+    service = site.service
+    place: tuple[str, ...] = ("service",)
     keys = {"certificate": "certificate", "key": "secret", "index_url_file": "secret", "watch": "present"}
     named = [(service, place, key, kind) for key, kind in keys.items()]
     if hasattr(service.mqtt, "place"):
@@ -182,7 +183,7 @@ def _part(reading: SiteReading, path: Path) -> Iterator[Fault]:
     except ConfigError as error:
         if not error.code.startswith("E-GRIND"):
             return
-        place = ("work", _key_of(site, error))
+        place: tuple[str, ...] = ("work", _key_of(site, error))
         place = place if held(reading.tree, place) is not None else ("work",)
         yield Fault(place, error.code, dict(error.fields), doubt=error.code == "E-GRIND-TRAVEL")
 
