@@ -122,7 +122,7 @@ class Person:
     def driven(self, job: int, until: str = "") -> None:
         """Presses NC START whenever the page asks for it, until the command has ended or something is on the screen."""
         where, asked = f"{self.at.url.rstrip('/')}/api/v1/sites/{self.site}/jobs/{job}", self.page.locator("#now.ask")
-        for _look in range(3 * PATIENCE_MS // POLL_MS):
+        for _look in range(6 * PATIENCE_MS // POLL_MS):
             text = asked.text_content() if asked.count() else ""
             # What was asked for stands below what was done before it: looked at in this order, nothing is missed.
             if until and self.page.locator(until).count():
@@ -130,7 +130,9 @@ class Person:
             if text and "START" in text:
                 self.at.do("nc start")
                 self.page.wait_for_function(
-                    "before => document.querySelector('#now.ask')?.textContent !== before", arg=text
+                    "before => document.querySelector('#now.ask')?.textContent !== before",
+                    arg=text,
+                    timeout=3 * PATIENCE_MS,
                 )
             elif self.page.request.get(where).json()["state"] != "running":
                 assert not until, f"command {job} ended without {until}"
