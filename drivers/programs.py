@@ -144,7 +144,8 @@ class ForeseesPlans(Protocol):
     async def foresee(self, plans: Sequence[StopPlan]) -> None:
         """These plans will be prepared, in this order, as far as nothing comes between; none: nothing follows.
 
-        A program that waits for its next plan is asked to end by any other plan, order or program, and by this call.
+        A program that waits for its next plan is asked to end by any other plan, order or program, and by this call
+        unless it waits for the first of these.
         """
         ...
 

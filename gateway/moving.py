@@ -71,6 +71,8 @@ def _say_going(going: Going, now: AxisStands | None, say: Say) -> None:
     else:
         ends = {"first": shown(going.first), "low": shown(going.low), "high": shown(going.high)}
         say("P-MOVE-BETWEEN", end=shown(going.last), **ends, **fields)
+    if going.further:
+        say("P-MOVE-FURTHER", axis=going.axis)
 
 
 def _there(going: Going, position: float) -> bool:

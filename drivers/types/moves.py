@@ -42,7 +42,8 @@ class Going:
 
     ``first`` and ``last`` place it is sent to, ``low`` and ``high`` the outermost, ``feeds`` the slowest and the
     fastest in unit/min. ``turns``: it also turns by steps, up to a whole turn.
-    ``goes_if_elsewhere``: the program leaves the move out where the axis stands there already.
+    ``goes_if_elsewhere``: the program leaves the move out where the axis stands there already. ``further``: more places
+    between the same ends may follow without another press, where readings ask for it.
     """
 
     axis: str
@@ -54,6 +55,7 @@ class Going:
     feeds: tuple[float, float]
     turns: bool = False
     goes_if_elsewhere: bool = False
+    further: bool = False
 
 
 @dataclass(frozen=True, slots=True)

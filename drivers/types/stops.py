@@ -32,6 +32,7 @@ class StopPlan:
     ``setup`` is the operator's message shown before the first move ("" for none).
     ``feed`` in mm/min or deg/min; ``overrun`` moves beyond reversal so that each stop is approached from
     its own side; ``dwell_s`` passes before each hand-shake; ``save_tables`` writes the live tables first.
+    ``further``: stops that a reading asks for may follow in the same program, between the ends of its own moves.
     ``output_axis`` ("": the axis that moves) is the one whose tables are saved and whose compensation is shown,
     ``encoder`` its measuring system, ``encoder_said`` whether a person named it; ``cross_table`` is the cross table
     that stops switch (None: its own), ``reversal`` the constant reversal that they switch in place of a table.
@@ -53,6 +54,7 @@ class StopPlan:
     cross_table: int | None = None
     encoder_said: bool = True
     reversal: CompensationTable | None = None
+    further: bool = False
 
     @property
     def compensated_axis(self) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -90,7 +91,8 @@ def measuring_plan(
     """All visits of the axis' cycle; labels are target indices, those of ``checks`` are visited twice only."""
     every = visits(axis.measure.cycle, at, axis.measure.repetitions)
     stops = tuple(stop for stop in every if stop.label not in checks or stop.repetition < CHECK_REPETITIONS)
-    return plan_of(axis, stops, setup, name=name or f"TFMEAS{axis.letter}", dwell_s=axis.measure.dwell_s)
+    plan = plan_of(axis, stops, setup, name=name or f"TFMEAS{axis.letter}", dwell_s=axis.measure.dwell_s)
+    return replace(plan, further=True)
 
 
 def jog_plan(axis: AxisSection, start: float, jog: float, setup: str) -> StopPlan:

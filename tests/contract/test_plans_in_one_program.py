@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from drivers.errors import DeviceRefused
+from drivers.sinumerik.ncprogram.words import Word
 from drivers.types.stops import Stop, StopPlan, StopReached
 from drivers.types.values import Approach
 from gateway.walk import Patience, walk
@@ -106,3 +107,69 @@ async def test_an_axis_that_left_its_place_while_something_was_mounted_ends_the_
         await on.clock.sleep(float(on.nck.core.move({on.nck.core.axis("Z1").index: 500.0}, None)) + 0.5)
         with pytest.raises(DeviceRefused, match="E-NC-AWAY"):
             await visited(on, OF_X, told)
+
+
+ENDS: tuple[tuple[float, Approach], ...] = ((10.0, 1), (200.0, 1), (200.0, -1), (10.0, -1))
+OPEN = replace(OF_X, setup="", further=True, stops=tuple(Stop(at, way) for at, way in ENDS), overrun=2.0)
+MORE = replace(OPEN, name="TFMOREX", further=False, stops=(Stop(55.5, 1, 3, 2), Stop(150.0, -1, 1, 4)))
+TURNED = replace(ALL, further=True)
+ROUNDS = replace(TURNED, name="TFAGAINC", stops=(Stop(0.0, -1, 1, 7), Stop(360.0, 1), Stop(90.0, -1)))
+
+
+async def test_further_stops_of_a_plan_need_no_press(keys: Path) -> None:
+    async with on_stage(SPEC, folder=keys) as on:
+        told = Told()
+        on.device.keep_to(PLACES)
+        await on.device.foresee((JOG, TURNED, OF_X, OPEN))
+        for one in (JOG, TURNED, ROUNDS, ROUNDS, OF_X, OPEN, MORE, replace(MORE, stops=MORE.stops[:1])):
+            for wanted, stood in await visited(on, one, told):
+                assert (stood - wanted) % 360.0 == pytest.approx(0.0, abs=1e-6)
+            assert (await on.device.saved_tables(one.axis)).axis == one.axis
+        assert on.pressed == ["start", "setup", "setup"]
+        assert on.nck.channel_status == 1
+        await on.device.foresee(())
+        assert on.nck.channel_status == 0
+    assert [fields["axis"] for code, fields in told if code == "P-MOVE-FURTHER"] == ["C1", "X1"]
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        pytest.param(replace(MORE, stops=(Stop(210.0, 1),)), id="beyond the ends"),
+        pytest.param(replace(MORE, feed=OPEN.feed + 1.0), id="faster"),
+        pytest.param(replace(MORE, stops=(Stop(20.0, 1, switch=True),)), id="switched"),
+        pytest.param(replace(MORE, setup=OF_X.setup), id="mounted anew"),
+        pytest.param(ROUNDS, id="another axis"),
+    ],
+)
+async def test_what_was_not_said_before_is_a_program_of_its_own(keys: Path, other: StopPlan) -> None:
+    async with on_stage(SPEC, folder=keys) as on:
+        await on.device.foresee((OPEN,))
+        await visited(on, OPEN, Told())
+        await visited(on, other, Told())
+        assert on.pressed[:2] == ["start", "start"]
+
+
+async def test_a_word_beyond_the_ends_moves_nothing(keys: Path) -> None:
+    """The program judges what it is sent by itself: whoever writes into its words leads the axis nowhere else."""
+    async with on_stage(SPEC, folder=keys) as on:
+        await on.device.foresee((OPEN,))
+        await visited(on, OPEN, Told())
+        stood = on.nck.get("$AA_IM[X1]")
+        first = on.device._settings.r_first
+        for word, value in ((Word.LEAD, 20.0), (Word.NEXT, 900.0), (Word.SIDE, 1.0)):
+            on.nck.set(f"R[{first + word}]", value, 0)
+        on.nck.set(f"R[{first + Word.ECHO}]", float(len(OPEN.stops)), 0)
+        await on.clock.sleep(30.0)
+        assert on.nck.channel_status == 0
+        assert on.nck.get("$AA_IM[X1]") == stood
+
+
+async def test_an_axis_that_left_its_place_stops_further_stops(keys: Path) -> None:
+    async with on_stage(SPEC, folder=keys) as on:
+        on.device.keep_to(PLACES)
+        await on.device.foresee((OPEN,))
+        await visited(on, OPEN, Told())
+        await on.clock.sleep(float(on.nck.core.move({on.nck.core.axis("Z1").index: 500.0}, None)) + 0.5)
+        with pytest.raises(DeviceRefused, match="E-NC-AWAY"):
+            await visited(on, MORE, Told())

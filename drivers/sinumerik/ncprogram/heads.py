@@ -92,11 +92,13 @@ def _moves(blocks: Iterable[str]) -> list[str]:
 
 def _of_letter(letter: str, moves: list[tuple[str, str]]) -> str:
     """X between -405.0 and 5.0, F 2000.0 to 6000.0 (machine coordinates, all else stands)."""
-    read = [_PLACE.fullmatch(place) for place, _ in moves]
+    asked = any(_R_WORD.search(place) for place, _ in moves)
+    read = [_PLACE.fullmatch(place) for place, _ in moves if not _R_WORD.search(place)]
     fixed = sorted(float(found[2]) for found in read if found and found[1] != "IC")
     spans = [f"to {fixed[0]}" if fixed[0] == fixed[-1] else f"between {fixed[0]} and {fixed[-1]}"] if fixed else []
     ways = [f"{letter} {span}" for span in spans]
     ways += ["by steps"] if any(found and found[1] == "IC" for found in read) else []
     ways += [f"{letter} to places from set-up values"] if not all(read) else []
+    ways += ["to places that readings ask for"] if asked else []
     feeds = sorted({float(feed) for _, feed in moves})
     return f"{', '.join(ways)}, F {feeds[0]:g}" + (f" to {feeds[-1]:g}" if len(feeds) > 1 else "")

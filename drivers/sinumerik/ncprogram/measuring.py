@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 
 from drivers.errors import LocalProtocolError
@@ -59,14 +59,14 @@ Parts = Sequence[tuple[StopPlan, Setting]]
 
 def measuring(plan: StopPlan, token: int, setting: Setting) -> str:
     """The program of one `StopPlan`. As `chained`."""
-    return chained(((plan, setting),), token)
+    return chained(((replace(plan, further=False), setting),), token)
 
 
 def chained(parts: Parts, token: int) -> str:
     """The program of several plans; ``token`` is echoed so that an older program's words are never taken.
 
     Stops count on from plan to plan. The next plan begins once the last stop of the one before is echoed: whoever
-    follows the program lets it wait there for as long as it takes.
+    follows the program lets it wait there for as long as it takes, and may send further stops of that plan meanwhile.
     Raises LocalProtocolError (E-PROGRAM-NAME, E-PROGRAM-MESSAGE, E-PROGRAM-EMPTY).
     """
     for plan, _ in parts:
@@ -119,7 +119,9 @@ def _part(plan: StopPlan, token: int, setting: Setting, *, saves: bool) -> list[
     out += [section("measuring"), "STOPRE", phase_block(words, Phase.MEASURING)]
     if plan.setup:
         out += [f'MSG("{plan.setup}")', "M0", 'MSG("")', "STOPRE", unless_aborted(words, _LEFT)]
-    return out + ([*guarded(words, setting.guards), *stops_of(plan, setting)] if plan.stops else [])
+    if not plan.stops:
+        return out
+    return [*out, *guarded(words, setting.guards), *stops_of(plan, setting), *_further(plan, setting)]
 
 
 def _head(parts: Parts, token: int) -> Head:
@@ -166,6 +168,38 @@ def _sequence(plan: StopPlan, motion: Motion, stops: tuple[Stop, ...], counter: 
     return out
 
 
+def _further(plan: StopPlan, setting: Setting) -> list[str]:
+    """Stops that a reading asks for: one after the other by the gateway's words, none outside the plan's own moves."""
+    if not plan.further:
+        return []
+    words, motion = setting.words, Motion(plan.letter, setting.modulo, plan.feed, plan.overrun)
+    side, lead, place = (words.name(word) for word in (Word.SIDE, Word.LEAD, Word.NEXT))
+    low, high = reach(plan, setting)
+    outside = [f"({one}<{number(low)}) OR ({one}>{number(high)})" for one in (lead, place)]
+    shown = {Word.APPROACH: side, Word.TARGET: place}
+    return [
+        section("further stops, where a reading asks for them"),
+        "STOPRE",
+        f"WHILE {side}<>0",
+        f"IF ({side}<>1) AND ({side}<>-1) GOTOF {_LEFT}",
+        *(f"IF {test} GOTOF {_LEFT}" for test in outside),
+        *guarded(words, setting.guards),
+        *motion.led(lead, place, side),
+        *_waiting(plan, shown, setting),
+        "STOPRE",
+        "ENDWHILE",
+    ]
+
+
+def reach(plan: StopPlan, setting: Setting) -> tuple[float, float]:
+    """The ends between which a plan moves its axis, in the axis unit; a whole turn where it turns endlessly."""
+    if setting.modulo:
+        return 0.0, 360.0
+    places = [stop.target for stop in plan.stops]
+    leads = [stop.target - stop.approach * plan.overrun for stop in plan.stops]
+    return min(*places, *leads), max(*places, *leads)
+
+
 def _switch(plan: StopPlan, stop: Stop) -> list[str]:
     if stop.switch is None:
         return []
@@ -178,13 +212,20 @@ def _switch(plan: StopPlan, stop: Stop) -> list[str]:
 
 
 def _handshake(plan: StopPlan, stop: Stop, repetition: str, setting: Setting) -> list[str]:
-    """Dwell, show where we are, count last, and wait until the count comes back."""
-    words = setting.words
+    """Show where we are as the plan has it."""
     shown = {
         Word.REPETITION: repetition,
         Word.LABEL: str(stop.label),
         Word.APPROACH: str(stop.approach),
         Word.TARGET: number(stop.target),
+    }
+    return _waiting(plan, shown, setting)
+
+
+def _waiting(plan: StopPlan, told: dict[Word, str], setting: Setting) -> list[str]:
+    """Dwell, show where we are, count last, and wait until the count comes back."""
+    words = setting.words
+    shown = told | {
         Word.ENCODER_COMPENSATION: f"$VA_ENC{plan.encoder + 1}_COMP_VAL[{plan.compensated_axis}]",
         Word.CROSS_COMPENSATION: f"$VA_CEC_COMP_VAL[{plan.compensated_axis}]",
     }

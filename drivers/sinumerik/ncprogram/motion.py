@@ -38,6 +38,15 @@ class Motion:
         """Go on by a distance."""
         return self._block(f"IC({number(distance)})")
 
+    def led(self, lead: str, place: str, side: str) -> list[str]:
+        """Go to the place that one variable holds, by way of that in another; ``side`` has the approach's sign."""
+        if not self.modulo:
+            return [self._block(lead), self._block(place)]
+        if not self.overrun:
+            return [self._block(f"DC({place})")]
+        ways = [self._block(f"{word}({place})") for word in ("ACP", "ACN")]
+        return [self._block(f"DC({lead})"), f"IF {side}>0", ways[0], "ELSE", ways[1], "ENDIF"]
+
     def toward(self, position: float, distance: float) -> list[str]:
         """Go to a position that lies ``distance`` (signed) ahead of where the axis stands."""
         if abs(distance) < _SAME:

@@ -13,7 +13,8 @@ class Word(IntEnum):
     """Place of each word, counted from the site's first R parameter.
 
     A push uses two of a measuring run's words for its tables, bit by bit from the first: which are as sent (the
-    program's word), which are released (the gateway's).
+    program's word), which are released (the gateway's). A measuring run uses a push's words for a further stop: where
+    the axis goes first, from which side it comes (0: no further stop), where it then stands.
     """
 
     COUNTER = 0
@@ -38,6 +39,9 @@ class Word(IntEnum):
     HEAD_LOW = 19
     GOOD = 2
     PASSED = 5
+    LEAD = 13
+    SIDE = 14
+    NEXT = 15
 
 
 # The marker outlives programs and sessions; odd numbers, so that no other use of these R parameters reads as one.

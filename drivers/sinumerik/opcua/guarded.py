@@ -66,7 +66,8 @@ class GuardsPrograms(KeepsPlaces):
         """As `_goes`, of these parts of the program alone."""
         blocks = [block for plan, setting in parts if plan.stops for block in stops_of(plan, setting)]
         axes = {plan.letter: (plan.axis, plan.unit) for plan, _ in parts}
-        self.going = going("\n".join(blocks), axes)
+        more = {plan.axis for plan, _ in parts if plan.further}
+        self.going = tuple(replace(one, further=one.axis in more) for one in going("\n".join(blocks), axes))
 
     def _goes(self, axes: Mapping[str, tuple[str, AxisUnit]], values: Mapping[str, float] | None = None) -> None:
         """What the program that was sent just now moves; arguments as of `going`."""
@@ -87,12 +88,16 @@ class RunsPlans(GuardsPrograms):
 
     async def prepare_stops(self, plan: StopPlan) -> None:
         """Send, read back and select a plan's program. Raises UnsupportedDevice (E-NC-ENCODER...), as `Measuring`."""
-        self.goes_on = await self._measuring.goes_on(plan)
+        further = await self._measuring.takes(plan)
+        self.goes_on = further or await self._measuring.goes_on(plan)
+        self._grinding.plan = None
+        if further:
+            await self._measuring.go_further(plan)
+            return
         if self.goes_on:
             await self._measuring.go_on()
         else:
             await self._send(self._measuring.following(plan))
-        self._grinding.plan = None
         self._visits(self._measuring.stretch())
 
     async def prepare_reading(self, plans: Sequence[StopPlan]) -> None:

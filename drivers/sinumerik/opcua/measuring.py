@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from drivers.clock import Clock
 from drivers.errors import DeadlineExceeded, DeviceRefused
 from drivers.sinumerik.ncprogram import measuring as measuring_program
 from drivers.sinumerik.ncprogram.backup import Saving
 from drivers.sinumerik.ncprogram.legal import legal
-from drivers.sinumerik.ncprogram.measuring import Parts, Setting, saving_plans
+from drivers.sinumerik.ncprogram.measuring import Parts, Setting, reach, saving_plans
 from drivers.sinumerik.ncprogram.words import Phase, Word, program_path
 from drivers.sinumerik.opcua.dialogue import Dialogue, Glance, file_refused
 from drivers.sinumerik.opcua.machine import Configuration
@@ -31,6 +32,7 @@ class Measuring:
 
     A program may hold several plans, ``together`` at most. It waits at the last stop of each, whose echo is `held`
     back until the next one is prepared. Counters are those of the plan outside, and count on through all plans inside.
+    Where a foreseen plan lets further stops follow, the program waits for them too, and ``further`` holds their plan.
     """
 
     def __init__(self, dialogue: Dialogue, transfer: Transfer, clock: Clock, where: str, *, together: int) -> None:
@@ -42,6 +44,7 @@ class Measuring:
         self._parts: Parts = ()
         self._place = self._base = self._token = 0
         self._held: int | None = None
+        self._further: StopPlan | None = None
         self._coming: tuple[StopPlan, ...] = ()
         self._saved = self._ended = False
         self._moving_since: float | None = None
@@ -53,11 +56,12 @@ class Measuring:
 
     def forget(self) -> None:
         """The program is none of a plan, or asked to end: no tables are to be had, and nothing waits any more."""
-        self._parts, self._saved, self._held = (), False, None
+        self._parts, self._saved, self._held, self._further = (), False, None, None
 
     def cut(self) -> None:
         """The program is asked to end: no plan follows in it."""
-        self._parts, self._held = self._parts[: self._place + 1], None
+        self._parts = [_closed(one) for one in self._parts[: self._place + 1]]
+        self._held = None
 
     async def leave(self) -> None:
         """Another kind of program is about to be sent: one that waits for its next plan ends first."""
@@ -71,30 +75,68 @@ class Measuring:
 
     async def foresee(self, plans: Sequence[StopPlan]) -> None:
         """As `ForeseesPlans.foresee`."""
-        await self.leave()
-        self._coming = tuple(plan for plan in plans if plan.stops)
+        coming = tuple(plan for plan in plans if plan.stops)
+        left = tuple(plan for plan, _ in self._parts[self._place + 1 :])
+        if self._held is None or not left or coming[: len(left)] != left:
+            await self.leave()
+        self._coming = coming
 
     def following(self, plan: StopPlan) -> tuple[StopPlan, ...]:
         """The plan and those foreseen to follow it, as many as go into one program."""
         if plan not in self._coming:
-            return (plan,)
+            return (replace(plan, further=False),)
         first = self._coming.index(plan)
         return self._coming[first : first + self._together]
 
     async def goes_on(self, plan: StopPlan) -> bool:
         """Whether the program that runs waits for this plan."""
         following = self._parts[self._place + 1 :]
-        if self._held is None or not following or following[0][0] != plan:
+        return bool(following) and following[0][0] == plan and await self._is_held()
+
+    async def _is_held(self) -> bool:
+        if self._held is None:
             return False
         seen = await self._dialogue.look()
         return seen.channel is ChannelStatus.ACTIVE and seen.word(Word.TRANSACTION) == self._token
+
+    async def takes(self, plan: StopPlan) -> bool:
+        """Whether the program waits for further stops, and these are some: of the same axis, within its moves."""
+        if self._held is None or not plan.stops or any(stop.switch is not None for stop in plan.stops):
+            return False
+        base, setting = self._parts[self._place]
+        alike = replace(base, name=plan.name, stops=plan.stops, setup="", further=plan.further)
+        low, high = reach(base, setting)
+        within = setting.modulo or all(low <= place <= high for place in reach(plan, setting))
+        return base.further and alike == plan and within and await self._is_held()
+
+    async def go_further(self, plan: StopPlan) -> None:
+        """Send the first of further stops. Never retried."""
+        self._base += self._stops
+        self._further = plan
+        self._moving_since, self._move_s = None, 0.0
+        held, self._held = self._held, None
+        await self._ask_further(0, held or 0)
+        self._dialogue.pace.again()
+
+    async def _ask_further(self, index: int, echo: int) -> None:
+        """Where the next further stop is, and only then that the one before is done."""
+        plan, setting = self._further or self._parts[self._place][0], self._parts[self._place][1]
+        stop = plan.stops[index]
+        lead = stop.target - stop.approach * plan.overrun
+        places = {Word.LEAD: lead, Word.NEXT: stop.target}
+        turned = {word: round(place, 6) % 360.0 if setting.modulo else place for word, place in places.items()}
+        told = {Word.REPETITION: float(stop.repetition), Word.LABEL: float(stop.label)}
+        await self._dialogue.write(told | turned | {Word.SIDE: float(stop.approach)})
+        await self._dialogue.write({Word.ECHO: float(echo)})
 
     async def go_on(self) -> None:
         """Echo the last stop of the plan before: the program begins with the next one. Never retried."""
         held, self._held = self._held, None
         before = [plan for plan, _ in self._parts]
-        self._base += len(before[self._place].stops)
-        self._place += 1
+        self._base += self._stops
+        if self._further is not None:
+            await self._dialogue.write({Word.SIDE: 0.0})
+        self._place, self._further = self._place + 1, None
         self._saved = self._saved and not saving_plans(before)[self._place]
         self._begun(self._parts[self._place])
         self._dialogue.watch(self._parts[self._place][1].axis_number)
@@ -118,7 +160,7 @@ class Measuring:
         await self._dialogue.begin(setting.axis_number, token, path)
         self._parts, self._token, self._saved, self._ended = tuple(parts), token, False, False
         self._place = self._base = 0
-        self._held = None
+        self._held = self._further = None
         self._begun(parts[0])
         await self._transfer.send(passed)
         await self._transfer.select(path)
@@ -130,12 +172,14 @@ class Measuring:
         return rest[: asked[0]] if asked else rest
 
     def _waits_for_next(self, counter: int) -> bool:
-        """Whether all stops of this plan are done and another plan follows in the same program."""
-        return 0 < self._stops == counter - self._base and self._place + 1 < len(self._parts)
+        """Whether all stops of this plan are done, and another plan or further stops may follow in the same program."""
+        more = self._place + 1 < len(self._parts) or (self._plan is not None and self._plan.further)
+        return 0 < self._stops == counter - self._base and more
 
     @property
     def _stops(self) -> int:
-        return len(self._plan.stops) if self._plan is not None else 0
+        plan = self._further or self._plan
+        return len(plan.stops) if plan is not None else 0
 
     async def wait(self, after: int, timeout_s: float, configuration: Configuration) -> StopReached | None:
         """Wait for a counter above ``after`` with the axis in position; None when the program has ended.
@@ -191,12 +235,15 @@ class Measuring:
     def _stop(self, seen: Glance, configuration: Configuration) -> StopReached:
         compensated = self._plan.compensated_axis if self._plan else ""
         scale = deviation_scale(configuration.units.get(compensated, "mm"))
+        counter, target = round(seen.word(Word.COUNTER)) - self._base, seen.word(Word.TARGET)
+        if self._further is not None and self._parts[self._place][1].modulo and 0 < counter <= self._stops:
+            target += 360.0 * round((self._further.stops[counter - 1].target - target) / 360.0)
         return StopReached(
-            counter=round(seen.word(Word.COUNTER)) - self._base,
+            counter=counter,
             repetition=round(seen.word(Word.REPETITION)),
             label=round(seen.word(Word.LABEL)),
             approach=1 if seen.word(Word.APPROACH) > 0 else -1,
-            target=seen.word(Word.TARGET),
+            target=target,
             encoder_compensation=seen.word(Word.ENCODER_COMPENSATION) * scale,
             cross_compensation=seen.word(Word.CROSS_COMPENSATION) * scale,
         )
@@ -207,7 +254,10 @@ class Measuring:
         if self._waits_for_next(counter):
             self._held = counter
             return
-        await self._dialogue.write({Word.ECHO: float(counter)})
+        if self._further is not None and counter - self._base < self._stops:
+            await self._ask_further(counter - self._base, counter)
+        else:
+            await self._dialogue.write({Word.ECHO: float(counter)})
         self._moving_since = self._clock.now()
         self._dialogue.pace.again(min(QUIET_PART * self._move_s, QUIET_S))
 
@@ -238,3 +288,7 @@ class Measuring:
         still = self._ended and not any(plan.stops for plan, _ in self._parts)
         known = self._parts if still else self._parts[self._place : self._place + 1]
         return next((one for one in known if one[0].compensated_axis == axis and one[0].save_tables), None)
+
+
+def _closed(part: tuple[StopPlan, Setting]) -> tuple[StopPlan, Setting]:
+    return replace(part[0], further=False), part[1]

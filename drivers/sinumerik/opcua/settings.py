@@ -65,7 +65,7 @@ class UaSettings(DriverSettings):
         default=0.002, ge=0.001, le=5.0, description="time between the first questions after a step, s; poll_s at most"
     )
     plans_per_program: int = Field(
-        default=24,
+        default=80,
         ge=1,
         le=200,
         description="most stop plans in one program, each about 20 kB of text: what the control's memory for programs "
