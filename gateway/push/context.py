@@ -15,6 +15,7 @@ from drivers.programs import SelfTested
 from drivers.types.identity import MachineIdentity
 from drivers.types.orders import SignProof
 from drivers.types.sensing import Ambient
+from drivers.types.stops import StopPlan
 from drivers.types.tables import CompensationTable, LiveSet
 from drivers.types.values import Sense
 from gateway.axes import AxisRecord
@@ -88,6 +89,7 @@ class PushContext:
 
     ``self_test`` is the last one of the output axis (None: this store knows none). ``risk_taken``: who pushes has typed
     the risk of a connection that is not protected. ``resumes``: what was begun under ``key`` and has not ended goes on.
+    ``follows`` are the stops that come next once the effect is proved: one program and one press hold both.
 
     ``journals`` is the folder of all machines' journals; ``machine`` the fingerprint the run was made on;
     ``typed_name`` what the operator gave as the machine's name, ``site_name`` what it must be. Timeouts in s of
@@ -129,6 +131,7 @@ class PushContext:
     self_test: SelfTested | None = None
     risk_taken: bool = False
     resumes: bool = False
+    follows: tuple[StopPlan, ...] = ()
 
     @property
     def moved(self) -> AxisRecord:

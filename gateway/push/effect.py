@@ -48,13 +48,15 @@ async def prove_all(works: Sequence[Work], bases: dict[Work, LiveSet], faults: F
     """
     moved = [work for work in works if work.change.new.kind != "reversal"]
     places = {work: _places(work, bases[work]) for work in works}
-    await conversation.foresee(works[0].context, [effect_plan(work, places[work]) for work in moved])
+    context = works[0].context
+    await conversation.foresee(context, [*(effect_plan(work, places[work]) for work in moved), *context.follows])
     seen: dict[str, LiveSet] = {}
     for work in moved:
         live = await _proved(work, bases[work], places[work], faults)
         if live is not None and work.change.new.kind == "axis":
             seen[work.axis] = live
-    await conversation.foresee(works[0].context, ())
+    if not context.follows:
+        await conversation.foresee(context, ())
     still = [work for work in works if work not in moved]
     unseen = [work for work in still if work.axis not in seen]
     seen |= dict(zip([work.axis for work in unseen], await live_of(unseen), strict=True)) if unseen else {}

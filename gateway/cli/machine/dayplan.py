@@ -42,6 +42,8 @@ def _show(day: Any, command: str, *, apply: bool, as_json: bool) -> None:
     echo(words("S-DAY-COUNTS", **counts))
     stages = ", ".join(f"{stage} {hours:.1f} h" for stage, hours in day.by_stage().items())
     echo(words("S-DAY-HOURS", hours=f"{day.hours:.1f}", stages=stages, extra=f"{day.most_extra_h:.1f}"))
+    if day.unprotected:
+        echo(words("P-UNPROTECTED", road=day.unprotected))
     echo(words("S-DAY-SUPPOSES" if apply else "S-DAY-NO-APPLY"))
     next_step(command + (" --apply --machine NAME" if apply else ""))
 

@@ -5,10 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from drivers.errors import words
+from drivers.types.stops import StopPlan
 from drivers.types.values import FloatArray
 from gateway.capture.corrected import from_live
 from gateway.capture.live import capture_axis
-from gateway.capture.sense import prove_sense
+from gateway.capture.rig import Rig
+from gateway.capture.sense import prove_sense, sense_plan
+from gateway.capture.targets import measuring_plan, targets_of
 from gateway.config import AxisSection, GuardSection
 from gateway.domain.captures import Capture
 from gateway.domain.outcomes import ActingCheck, PushRecord
@@ -28,6 +31,23 @@ from gateway.workflow.bench import Bench
 AS_APPROVED = "as-approved"
 
 
+def acting_plans(at: Bench) -> tuple[StopPlan, ...]:
+    """What `check_acting` will visit once every cross table of the run is in."""
+    if not at.supervisor.controller.capabilities.stops or not at.folder.has(stages.TOOTH):
+        return ()
+    tooth, proposal = at.folder.get(stages.TOOTH, ToothProposal), at.folder.get(stages.PROPOSAL, Proposal)
+    found: list[StopPlan] = []
+    for outlook in tooth.axes:
+        section = live_again(at.axis(outlook.axis), outlook.targets)
+        if section is not None and any(_over_itself(one, outlook.axis) for one in proposal.changes):
+            found += _plans(at.rig(places(section, outlook, at.site.guard)))
+    return tuple(found)
+
+
+def _plans(rig: Rig) -> tuple[StopPlan, ...]:
+    return sense_plan(rig.axis, rig.setup), measuring_plan(rig.axis, targets_of(rig.axis), "")
+
+
 async def check_acting(at: Bench) -> tuple[ActingCheck, ...]:
     """Measure each axis at few places whose own curve the cross tables of this run change, and store what it says.
 
@@ -43,7 +63,7 @@ async def check_acting(at: Bench) -> tuple[ActingCheck, ...]:
         if section is None or not spoilt(at.folder, proposal, outlook):
             continue
         if not at.folder.has(stages.acting(outlook.axis)):
-            await _checked(at, section, outlook)
+            await _checked(at, at.rig(places(section, outlook, at.site.guard)), outlook)
         found.append(at.folder.get(stages.acting(outlook.axis), ActingCheck))
     return tuple(found)
 
@@ -68,13 +88,13 @@ def places(section: AxisSection, outlook: AxisOutlook, guard: GuardSection) -> A
     return short_check(section, outlook.targets, guard, also=(int(np.argmax(known)), int(np.argmin(known))))
 
 
-async def _checked(at: Bench, section: AxisSection, outlook: AxisOutlook) -> None:
-    guard = at.site.guard
-    axis = places(section, outlook, guard)
+async def _checked(at: Bench, rig: Rig, outlook: AxisOutlook) -> None:
+    guard, axis = at.site.guard, rig.axis
     at.say("P-ACTING", axis=axis.name, count=len(axis.measure.targets.positions) if axis.measure.targets else 0)
-    rig = at.rig(axis)
+    await at.foresee(_plans(rig))
     proof = await prove_sense(rig)
     raw = await capture_axis(rig, proof)
+    await at.foresee(())
     digest = at.folder.put(stages.raw(axis.name, "acting"), raw)
     capture = on_its_line(from_live(axis, raw, proof, rig.instrument.compensated_for), axis, at.site, at.folder)
     parent = at.folder.put(stages.capture(axis.name, "acting"), capture, (digest,))

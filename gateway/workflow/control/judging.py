@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from drivers.carried import Carried
+from drivers.types.stops import StopPlan
 from gateway.config import AxisSection
 from gateway.domain.outcomes import AxisVerdict, PushRecord
 from gateway.domain.proposals import TableChange
@@ -16,11 +17,22 @@ Records = Mapping[str, PushRecord]
 """How each change ended, by its name."""
 
 
+def plans_again(at: Bench, own: Sequence[TableChange]) -> tuple[StopPlan, ...]:
+    """What `judged` will visit where each of these changes goes in."""
+    again = [_measured_again(at, changes) for changes in by_axis([one for one in own if not one.skipped]).values()]
+    return tuple(plan for axis in again if axis is not None for plan in plans_of_axis(axis, "after"))
+
+
+def by_axis(own: Sequence[TableChange]) -> dict[str, list[TableChange]]:
+    """The changes of each axis, in order."""
+    return {name: [one for one in own if one.axis == name] for name in dict.fromkeys(one.axis for one in own)}
+
+
 async def judged(
     at: Bench, own: Sequence[TableChange], before: Mapping[str, MeasuredAxis], records: Records
 ) -> tuple[AxisVerdict, ...]:
     """A verdict for each axis of the changes ``own``, in order. Raises as `measure_axis`."""
-    mine = {name: [one for one in own if one.axis == name] for name in dict.fromkeys(one.axis for one in own)}
+    mine = by_axis(own)
     again = [_again(at, changes, records) for changes in mine.values()]
     await at.foresee([plan for axis in again if axis is not None for plan in plans_of_axis(axis, "after")])
     verdicts = [
@@ -33,10 +45,13 @@ async def judged(
 
 def _again(at: Bench, changes: Sequence[TableChange], records: Records) -> AxisSection | None:
     """How an axis is measured after its tables were pushed; None where none was, or nothing can measure it."""
-    change = _judged_by(changes)
     pushed = any(records[one.name].outcome in PUSHED for one in changes)
-    controller = at.supervisor.controller
-    measurable = pushed and controller.capabilities.stops and not isinstance(controller, Carried)
+    return _measured_again(at, changes) if pushed else None
+
+
+def _measured_again(at: Bench, changes: Sequence[TableChange]) -> AxisSection | None:
+    change, controller = _judged_by(changes), at.supervisor.controller
+    measurable = controller.capabilities.stops and not isinstance(controller, Carried)
     return live_again(at.axis(change.axis), change.targets) if measurable else None
 
 

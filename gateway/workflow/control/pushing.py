@@ -10,6 +10,7 @@ from drivers.clock import Clock
 from drivers.errors import TrueflankError, words
 from drivers.types.orders import SignProof
 from drivers.types.sensing import Ambient
+from drivers.types.stops import StopPlan
 from drivers.types.tables import CompensationTable
 from gateway.config import AxisSection
 from gateway.domain.outcomes import PushRecord, Verdict
@@ -21,7 +22,7 @@ from gateway.say import Say
 from gateway.store import RunFolder
 from gateway.workflow import carrying, stages
 from gateway.workflow.aftercare import in_push, standing_alarms
-from gateway.workflow.axes.acting import check_acting
+from gateway.workflow.axes.acting import acting_plans, check_acting
 from gateway.workflow.axes.measure import MeasuredAxis
 from gateway.workflow.axes.verdict import PUSHED, judge
 from gateway.workflow.bench import Bench, bench, check_name, conclude, site_of
@@ -36,7 +37,7 @@ from gateway.workflow.consents import (
     tell,
 )
 from gateway.workflow.control.contexts import kept, table_context
-from gateway.workflow.control.judging import judged
+from gateway.workflow.control.judging import judged, plans_again
 from gateway.workflow.control.proving import provable
 from gateway.workflow.control.signing import signed
 from gateway.workflow.control.stored import stored_axes
@@ -80,12 +81,14 @@ async def _starting(at: Bench, proposal: Proposal, measured: Mapping[str, Measur
 async def _applied(at: Bench, proposal: Proposal, measured: Mapping[str, MeasuredAxis], done: _Done) -> Verdict:
     changes = await signed(at, proposal.changes, measured)
     own = [change for change in changes if change.layer == "axis"]
-    await _push(at, own, measured, done)
+    await _push(at, own, measured, done, plans_again(at, own))
     at.folder.set_state("pushed")
     verdicts = await judged(at, own, measured, done.records)
-    await _push(at, [change for change in changes if change.layer == "cross"], measured, done)
+    cross = [change for change in changes if change.layer == "cross"]
+    await _push(at, cross, measured, done, acting_plans(at))
     verdict = judge(verdicts, tuple(done.records.values()), tuple(done.proofs))
     at.folder.put(stages.VERDICT, verdict, tuple(at.folder.digest(stages.push(name)) for name in done.records))
+    await check_acting(at)
     return verdict
 
 
@@ -103,15 +106,26 @@ class _Done:
     going: carrying.CarriedPush | None = None
 
 
-async def _push(at: Bench, changes: Sequence[TableChange], measured: Mapping[str, MeasuredAxis], done: _Done) -> None:
-    """One layer, in as few transactions as the control allows. Raises for the first table that was not committed."""
+async def _push(
+    at: Bench,
+    changes: Sequence[TableChange],
+    measured: Mapping[str, MeasuredAxis],
+    done: _Done,
+    follows: tuple[StopPlan, ...],
+) -> None:
+    """One layer, in as few transactions as the control allows; ``follows`` are the stops that come after it.
+
+    Raises for the first table that was not committed.
+    """
     known = {name: item.capture for name, item in measured.items()}
     wishes = [(change, table_context(at, change.new, known.get(change.axis))) for change in changes]
     for wish in wishes:
         if wish[0].skipped:
             await _handed_over(at, (wish,), done)
-    for group in together([wish for wish in wishes if not wish[0].skipped]):
-        await _handed_over(at, group, done)
+    groups = together([wish for wish in wishes if not wish[0].skipped])
+    for number, group in enumerate(groups, start=1):
+        last = follows if number == len(groups) else ()
+        await _handed_over(at, [(change, replace(context, follows=last)) for change, context in group], done)
 
 
 async def _handed_over(at: Bench, group: Sequence[tuple[TableChange, PushContext]], done: _Done) -> None:
@@ -231,7 +245,6 @@ async def push_run(
                 if not apply:
                     return await _show(at, proposal, measured)
                 verdict = await apply_proposal(at, proposal, measured)
-                await check_acting(at)
                 return alarmed(finish(folder, measured, proposal, verdict), standing_alarms(at))
     except TrueflankError as error:
         folder.set_state("failed", error=error.as_record())

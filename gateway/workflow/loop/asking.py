@@ -6,7 +6,6 @@ The one place that counts them beforehand. `tests/closing` compares it with what
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import ceil
 
 from drivers.types.stops import StopPlan
 from gateway.capture.duration import HANDSHAKE_S, plan_s, reading_s
@@ -26,11 +25,6 @@ def visiting(plans: Sequence[StopPlan], axis: AxisSection) -> float:
     """Seconds of the stops of an axis' plans, each of them read."""
     standing = reading_s(axis.measure)
     return sum(plan_s(plan, standing) for plan in plans)
-
-
-def begun(count: int, together: int, cause: str) -> Asks:
-    """The presses that begin the programs of ``count`` plans, of which one program holds ``together``."""
-    return Asks((cause,) * ceil(count / together))
 
 
 def reading_tables(what: str) -> Asks:

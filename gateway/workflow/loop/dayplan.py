@@ -74,7 +74,8 @@ class Piece:
 class DayPlan:
     """All pieces in order, and the figures they are counted with.
 
-    It supposes that no reading is taken again and that every table is proposed and none refused.
+    It supposes that no reading is taken again and that every table is proposed and none refused. ``unprotected`` says
+    why others could read or change what passes to the control; "" where they cannot.
     """
 
     site: str
@@ -82,6 +83,7 @@ class DayPlan:
     times: DayTimes
     pieces: tuple[Piece, ...]
     most_extra_h: float = 0.0
+    unprotected: str = ""
 
     @property
     def mountings(self) -> tuple[ToMount, ...]:
@@ -122,6 +124,7 @@ class DayPlan:
         return {
             "site": self.site,
             "command": self.command,
+            "unprotected": self.unprotected,
             "hours": round(self.hours, 3),
             "most_extra_hours": round(self.most_extra_h, 3),
             "hours_by_stage": {stage: round(hours, 3) for stage, hours in self.by_stage().items()},

@@ -12,7 +12,7 @@ from drivers.types.stops import StopPlan
 from gateway.capture.rig import setup_of
 from gateway.capture.sense import sense_plan
 from gateway.capture.targets import measuring_plan, targets_of
-from gateway.config import AxisSection, SiteFile, plans_together
+from gateway.config import AxisSection, SiteFile, open_road, plans_together
 from gateway.correct.plan.plan import CROSS
 from gateway.model.axis import LOCATIONS
 from gateway.tooth import SetupValues
@@ -21,7 +21,7 @@ from gateway.workflow.axes.measure import plans_of_axis
 from gateway.workflow.bench import with_axes
 from gateway.workflow.errors21.setupcapture import coming, optics_of
 from gateway.workflow.errors21.setups import Planned, chosen, planned
-from gateway.workflow.loop.asking import begun, proving, pushing, reading_tables, trials_in, trials_out, visiting
+from gateway.workflow.loop.asking import proving, pushing, reading_tables, trials_in, trials_out, visiting
 from gateway.workflow.loop.dayplan import Asks, DayPlan, Piece, Stage, ToMount
 from gateway.workflow.part.grinding import gear_of_site, grind_plan
 from gateway.workflow.part.inspecting import inspector_name
@@ -68,8 +68,9 @@ class _Day:
 
     def plan(self, command: str, pieces: Iterable[Piece]) -> DayPlan:
         """All of it."""
-        every = tuple(pieces)
-        return DayPlan(self.site.site.name, command, self.site.times, every, most_extra_h=self._extra_h(every))
+        every, site = tuple(pieces), self.site
+        most = self._extra_h(every)
+        return DayPlan(site.site.name, command, site.times, every, most_extra_h=most, unprotected=open_road(site))
 
     def _extra_h(self, pieces: Iterable[Piece]) -> float:
         """At most so many hours for targets that readings ask for, and for the same targets measured again."""
@@ -113,9 +114,9 @@ class _Day:
         last = -(-(before + count) // self.together)
         return Asks(("begin measuring",) * (last - first))
 
-    def measured(self, stage: Stage, axes: Sequence[tuple[AxisSection, Sequence[StopPlan]]]) -> Told:
-        """Axes one after the other in one row of programs, each with its own mounting."""
-        count = 0
+    def measured(self, stage: Stage, axes: Sequence[tuple[AxisSection, Sequence[StopPlan]]], after: int = 0) -> Told:
+        """Axes one after the other in one row of programs, each with its own mounting; ``after`` so many plans."""
+        count = after
         for axis, plans in axes:
             asks = self._begun(count, len(plans)).plus(Asks(machine_s=visiting(plans, axis)))
             yield Piece(stage, axis.name, asks, _own_mounting(axis))
@@ -134,7 +135,7 @@ class _Day:
         if own:
             asks = pushing(self.site, [(axis, axis) for axis in own], "axis tables")
             yield Piece("push", "axis tables and reversals", asks)
-        yield from self.measured("measure again", [(axis, plans_of_axis(axis, "after")) for axis in own])
+        yield from self.measured("measure again", [(axis, plans_of_axis(axis, "after")) for axis in own], len(own))
         if tables:
             yield Piece("push", "cross tables", pushing(self.site, tables, "cross tables"))
 
@@ -161,15 +162,18 @@ class _Day:
         yield Piece("sign proofs", "tables of before", trials_out())
 
     def acting(self) -> Told:
-        """An axis with a cross table over itself, at few targets, once every table acts."""
+        """An axis with a cross table over itself, at few targets, once every table acts.
+
+        It goes on in the program that proved their effect. A calibrator does not outlast the reference run before.
+        """
+        count = len(list(self._cross()))
         for out, over in self._cross():
             if out == over:
                 few = short_check(out, targets_of(out), self.site.guard)
                 plans = [sense_plan(out, setup_of(out)), measuring_plan(few, targets_of(few), "")]
-                asks = begun(len(plans), 1, f"measure {out.name} with every table")
-                yield Piece(
-                    "measure again", out.name, asks.plus(Asks(machine_s=visiting(plans, out))), _own_mounting(out)
-                )
+                asks = self._begun(count, len(plans)).plus(Asks(machine_s=visiting(plans, out)))
+                yield Piece("measure again", out.name, asks, _own_mounting(out))
+                count += len(plans)
 
 
 def _mounting_of(one: Planned) -> ToMount:

@@ -24,14 +24,30 @@ def edited(path: Path, change: Callable[[str], str]) -> Path:
 
 
 def test_every_setup_is_mounted_once_and_programs_hold_as_many_as_the_site_says(tmp_path: Path) -> None:
-    """Two plans each, and four that park C: 60 plans are three programs of 24, or one of 200."""
-    path = site_file(tmp_path, "demo")
+    """Two plans each, and four that park C: 60 plans are three programs of 24, or one of the usual size."""
+    path = site_file(tmp_path, "demo", plans_per_program=24)
     day = day_of_closing(load_site(path), path, apply=False)
     assert len(day.mountings) == SETUPS
     assert [one.component for one in day.mountings][-3:] == ["ECC", "EXX", "EZZ"]
     assert (len(day.presses), day.resets, day.blanks) == (3, (), 0)
-    path = site_file(tmp_path, "demo", plans_per_program=200)
+    path = site_file(tmp_path, "demo")
     assert len(day_of_closing(load_site(path), path, apply=False).presses) == 1
+
+
+def test_what_is_measured_again_goes_on_in_the_program_that_proved_the_effect(tmp_path: Path) -> None:
+    path = site_file(tmp_path, "demo")
+    day = day_of_closing(load_site(path), path, apply=True)
+    acting = [piece for piece in day.pieces if piece.stage == "measure again" and piece.name == "C1"]
+    assert [piece.asks.presses for piece in acting] == [(), ()]
+
+
+def test_an_open_road_is_named_in_the_day(tmp_path: Path) -> None:
+    path = site_file(tmp_path, "demo")
+    shown = CliRunner().invoke(app, ["run", str(path), "--plan"], catch_exceptions=False).output
+    assert "UNPROTECTED" in shown
+    assert day_of_run(load_site(path), apply=False).as_data()["unprotected"]
+    path = site_file(tmp_path, "demo", security="best", server_certificate="control.der")
+    assert "UNPROTECTED" not in CliRunner().invoke(app, ["run", str(path), "--plan"], catch_exceptions=False).output
 
 
 def test_hours_follow_the_figures_of_the_site(tmp_path: Path) -> None:
