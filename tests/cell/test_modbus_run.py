@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import asyncio
+import json
 from pathlib import Path
 
 import pytest
 
+from drivers.types.identity import MachineIdentity
+from drivers.types.orders import SignProof
+from gateway.store import Proofs
 from simulators.cell import Cell
 from tests.cell.bench import main_job, short
+from tests.cell.test_reversals import lagging
+from tests.sizes import few
 
 
 def test_a_mailbox_site_pushes_what_a_result_file_tells(tmp_path: Path) -> None:
@@ -29,9 +35,39 @@ def test_a_mailbox_site_pushes_what_a_result_file_tells(tmp_path: Path) -> None:
 
     edit = short(("X1",), 24, 2, file=str(path), file_datum=-400.0)
     judged = main_job(tmp_path, during=during, edit=edit, heard=heard, road="modbus")
-    assert set(judged.outcome.data["not_corrected"]) == {"X1-reversal"}  # this road writes none
+    assert set(judged.outcome.data["not_corrected"]) == {"X1-reversal"}  # nothing has proved its sign
     assert judged.after["X1"]["M"] <= max(0.2 * judged.before["X1"]["M"], 2.5)
     assert [code for code, _fields in judged.said].count("P-SIGN-PROVED") == 1
+    assert all(jog.done() for jog in jogs)
+
+
+@pytest.mark.parametrize("B", few([-3.0, 6.0], 1))
+def test_a_mailbox_takes_a_reversal_whose_sign_is_proved_already(tmp_path: Path, B: float) -> None:
+    """As where OPC UA has proved it: table and constant go in one order, and both are right by the truth."""
+    path = tmp_path / "measured.rtl"
+    jogs: list[asyncio.Task[None]] = []
+
+    async def during(cell: Cell) -> None:
+        cell.write_result_file("X1", path)
+
+    def heard(cell: Cell, code: str, fields: dict[str, object]) -> None:
+        if code == "P-OPEN":
+            (run,) = (cell.site_path.parent / "runs").glob("*/run.json")
+            told = json.loads(run.read_text(encoding="utf-8"))["machine"]
+            machine = MachineIdentity(told["serial"], told["version"], tuple(axis.name for axis in cell.nck.spec.axes))
+            for kind in ("axis", "reversal"):
+                proof = SignProof(machine, kind, "X1", -1.0, 0.01, sign=1, date_utc=cell.clock.utc().isoformat())
+                Proofs(cell.site_path.parent / "runs").save(proof)
+        if code == "P-PUSH-JOG":
+            jog = cell.operator.jog(str(fields["axis"]), float(str(fields["position"])))
+            jogs.append(asyncio.get_running_loop().create_task(jog))
+
+    edit = short(("X1",), 24, 5, file=str(path), file_datum=-400.0)
+    judged = main_job(tmp_path, lagging("X1", B), during=during, edit=edit, heard=heard, road="modbus")
+    assert judged.outcome.data["not_corrected"] == {}
+    assert judged.after["X1"]["B"] <= 0.1 * judged.before["X1"]["B"] + 0.5
+    assert judged.after["X1"]["M"] <= max(0.2 * judged.before["X1"]["M"], 2.5)
+    assert [code for code, _fields in judged.said].count("P-SIGN-PROVED") == 0
     assert all(jog.done() for jog in jogs)
 
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drivers.limits import ACCESS_LEVEL, Limits
-from drivers.types.abilities import Capabilities
 from drivers.types.tables import CompensationTable, LiveSet, LiveTable
 from drivers.types.values import FloatArray
 from drivers.units import DeviationUnit, deviation_scale
@@ -69,14 +68,15 @@ def reversal_change(
     live: LiveSet,
     *,
     seen: SeenReversal,
-    can: Capabilities,
+    able: bool,
     resolution: float,
     against: str,
     pair: Sequence[TableChange] = (),
 ) -> TableChange:
     """The change of an axis' constant reversal; ``skipped`` says why there is none.
 
-    ``resolution`` is the control's, in the axis unit; ``against`` says why none can be pushed here ("": one can);
+    ``able``: the road takes one and its sign is, or can be, proved; ``resolution`` is the control's, in the axis unit;
+    ``against`` says why none can be pushed here ("": one can);
     ``pair`` are the tables, one for each direction, that take what varies with the position: the constant then takes B
     at the reference. ``predicted`` (m,) is B as it will be at the targets with all of them, with ``predicted_U``. What
     lies within its scatter is left alone, and so is what a constant would not make smaller.
@@ -86,7 +86,7 @@ def reversal_change(
     acts = old.table.deviations[0]
     constant = float(value(seen.curve, axis.reference)) if pair else advice.constant
     wanted = round(float(np.rint((acts + constant) / step)) * step, 9) + 0.0
-    skipped = "" if pair else _why_not(axis.name, unit, advice, can)
+    skipped = "" if pair else _why_not(axis.name, unit, advice, able=able)
     if not skipped and abs(wanted) > Limits.of(axis.unit).reversal:
         limit = f"{Limits.of(axis.unit).reversal:g}"
         skipped = told("S-REVERSAL-LARGE", axis.name, wanted=f"{wanted:+.3g}", limit=limit, unit=unit)
@@ -117,11 +117,11 @@ def by_direction(pair: Sequence[TableChange], at: FloatArray) -> FloatArray:
     return found
 
 
-def _why_not(axis: str, unit: DeviationUnit, advice: ReversalAdvice, can: Capabilities) -> str:
+def _why_not(axis: str, unit: DeviationUnit, advice: ReversalAdvice, *, able: bool) -> str:
     sizes = {"B": f"{advice.largest:.2g}", "U": f"{advice.U:.2g}", "mean": f"{advice.mean:+.2g}", "unit": unit}
     if advice.within:
         return told("S-REVERSAL-WITHIN", axis, **sizes)
-    if can.table("reversal") is None or not can.stops:  # its sign is proved by coming from both sides, by a program
+    if not able:
         return told("S-REVERSAL-KIND", axis, **sizes)
     if advice.constant == 0.0:
         return told("S-REVERSAL-NO-GAIN", axis, **sizes)
@@ -139,18 +139,21 @@ async def reversal_changes(
     seen = reversal_of_capture(axis, shown)
     if seen is None:
         return ()
-    against = await _against(at, axis)
+    proved = at.proofs.find(at.machine, "reversal", axis.name) is not None
+    against = await _against(at, axis, proved=proved)
     can = at.supervisor.controller.capabilities
     pair, why = ((), "") if against or not seen.advice.depends else await _pair(at, axis, seen, live, taken)
-    turned = reversal_change(axis, shown, live, seen=seen, can=can, resolution=resolution, against=against, pair=pair)
+    # Proving its sign takes coming from both sides, so a program.
+    able = can.table("reversal") is not None and (proved or can.stops)
+    given = (axis, shown, live)
+    turned = reversal_change(*given, seen=seen, able=able, resolution=resolution, against=against, pair=pair)
     if why:
         at.say("P-REVERSAL-VARIES", axis=axis.name, words=told(why, axis.name))
     return (turned, *pair)
 
 
-async def _against(at: Bench, axis: AxisSection) -> str:
+async def _against(at: Bench, axis: AxisSection, *, proved: bool) -> str:
     """Why a reversal of this axis could not be pushed here, whatever was measured; "" where it could."""
-    proved = at.proofs.find(at.machine, "reversal", axis.name) is not None
     if not proved and not axis.measure.instrument:
         return told("S-REVERSAL-PROOF", axis.name)
     level = (await at.supervisor.controller.state()).access_level
