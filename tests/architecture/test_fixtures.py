@@ -12,6 +12,10 @@ TESTS = Path(__file__).parents[1]
 JUDGED = "test_what_tables_and_set_up_values_can_cure_leaves_nothing"
 WHOLLY_LONG = {
     (
+        "test_asked.py",
+        "test_the_whole_demo_asks_for_what_is_listed_and_the_day_foretells_it",
+    ): "test_further_stops_of_a_plan_need_no_press",
+    (
         "test_reversals.py",
         "test_a_constant_reversal_is_gone_at_and_between_the_targets",
     ): "test_the_demo_machines_rotary_axis_gets_better_as_promised",

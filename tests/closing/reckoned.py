@@ -34,7 +34,7 @@ def usual_hours(simulated: DayTimes, presses: Presses, took_s: float) -> float:
     return (took_s + slower[0] - slower[1] + inspected + warm) / 3600.0
 
 
-def unlike(site_path: Path, presses: Presses, took_s: float) -> list[str]:
+def unlike(site_path: Path, presses: Presses, took_s: float, within: float = HOURS_WITHIN) -> list[str]:
     """Where the forecast of a closing run is not what the run took.
 
     Mountings, blanks, restarts, and every press but those of measuring are to be the same. Measuring may ask for one
@@ -60,7 +60,7 @@ def unlike(site_path: Path, presses: Presses, took_s: float) -> list[str]:
         said.append(f"presses of measuring: {least} foretold, {extra} unforeseen, {measured} pressed")
     # Further targets are visited once to be measured, and once more to judge the table that they made better.
     hours, was = day.hours + 2.0 * presses.extra_min / 60.0, took_s / 3600.0
-    if abs(hours - was) > HOURS_WITHIN * was:
+    if abs(hours - was) > within * was:
         said.append(f"{hours:.2f} h foretold, {was:.2f} h taken")
     return said
 

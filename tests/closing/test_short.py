@@ -35,10 +35,7 @@ PRESSED = {
     "P-PUSH-RELEASE": 4,
     "P-PUSH-EFFECT": 2,  # of each layer
     "P-GRIND-PREPARED": 3,  # of each part
-    "P-START-SETUP TFSENSE": 8,  # where a set-up begins, but those that the program before goes on to
-    "P-START TFAGAIN": 8,  # readings out of line are taken again
-    "P-START TFMORE": 5,  # targets where the curve is not seen closely enough
-    "P-START TFMEAS": 1,  # what is left of a set-up after those
+    "P-START-SETUP TFSENSE": 2,  # all set-ups; all sign proofs. The rest goes on in a program that runs
 }
 
 

@@ -98,6 +98,17 @@ async def test_a_program_that_waits_ends_when_nothing_follows_and_a_reset_at_the
         assert on.pressed == ["start", "setup", "start", "setup", "start"]
 
 
+async def test_a_program_goes_on_where_what_it_waits_for_is_foreseen_once_more(keys: Path) -> None:
+    async with on_stage(SPEC, folder=keys) as on:
+        told = Told()
+        await on.device.foresee(TWICE)
+        await visited(on, JOG, told)
+        await on.device.foresee((*TWICE[1:], ALL))
+        for one in TWICE[1:]:
+            await visited(on, one, told)
+        assert on.pressed == ["start", "setup", "setup"]
+
+
 async def test_an_axis_that_left_its_place_while_something_was_mounted_ends_the_program(keys: Path) -> None:
     async with on_stage(SPEC, folder=keys) as on:
         told = Told()
