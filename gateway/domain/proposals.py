@@ -11,6 +11,24 @@ from drivers.types.identity import MachineIdentity
 from drivers.types.tables import CompensationTable, LiveSet
 from gateway.domain.values import FloatArray
 
+MOST_HARM = 0.05  # a table that makes the axis worse more often than this is not proposed
+
+
+@dataclass(frozen=True, slots=True)
+class Chance:
+    """The gain expected of a table, RMS before less RMS after (about the mean), its standard uncertainty, and how
+    likely RMS or range of the axis get worse; in the deviation unit, and 0 to 1.
+    """
+
+    gain: float
+    u: float
+    worse: float
+
+    @property
+    def worth(self) -> bool:
+        """Whether the gain is more than its standard uncertainty and harm unlikely."""
+        return self.gain > self.u and self.worse < MOST_HARM
+
 
 @dataclass(frozen=True, slots=True)
 class TableChange:
@@ -22,7 +40,8 @@ class TableChange:
     ``axis`` is the output axis. A cross table's change names its table by ``new``: kind, index, input and output axis,
     direction, multiplication; its deviations are d of the output axis, whatever the machine's sign. ``targets``
     are then positions of the input axis. ``base`` is the live set the change was made on, where it is not that
-    of a capture of this axis.
+    of a capture of this axis. ``chance`` stands where the table leaves much of the axis, or where something stays
+    unseen: what it gains by all axes that explain the readings.
     """
 
     axis: str
@@ -36,6 +55,7 @@ class TableChange:
     findings: tuple[str, ...] = ()
     skipped: str = ""
     base: LiveSet | None = None
+    chance: Chance | None = None
 
     @property
     def layer(self) -> Literal["axis", "cross"]:

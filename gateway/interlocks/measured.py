@@ -150,7 +150,8 @@ def not_worth_it(capture: Capture, change: TableChange) -> tuple[Refusal, ...]:
     """Why this change of an axis' own table gains too little for what was measured; empty: it is worth writing.
 
     Twice the pooled standard deviation of one reading, those out of line left out, must be a third of the largest
-    correction at most, and what is predicted to remain half of what was measured.
+    correction at most, and what is predicted to remain half of what was measured; more may remain where the gain is
+    likely all the same (`Chance.worth`): of what the control's grid cannot hold, a table leaves the rest.
     """
     return (*_scattered(capture, change), *_remaining(capture, change))
 
@@ -163,7 +164,7 @@ def _scattered(capture: Capture, change: TableChange) -> Iterator[Refusal]:
 
 
 def _remaining(capture: Capture, change: TableChange) -> Iterator[Refusal]:
-    if change.predicted.size < 2:
+    if change.predicted.size < 2 or (change.chance is not None and change.chance.worth):
         return
     measured, predicted = _spread(_means(capture.deviations)), _spread(change.predicted)
     if change.new.reverse:

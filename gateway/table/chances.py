@@ -6,29 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gateway.domain.proposals import Chance
 from gateway.domain.values import FloatArray
 from gateway.model.components import hats, periodic_hats
 from gateway.table.projection import Grid
 
-MOST_HARM = 0.05  # a table that makes the axis worse more often than this is not proposed
+__all__ = ["Chance", "Possible", "TableDoubt", "chance_of", "held_by"]
+
 NEAR = 0.1  # of the usual gap: no new target so close to another
 BESIDE = 1e-9
-
-
-@dataclass(frozen=True, slots=True)
-class Chance:
-    """The gain expected of a table, RMS before less RMS after (about the mean), its standard uncertainty, and how
-    likely RMS or range of the axis get worse; in the deviation unit, and 0 to 1.
-    """
-
-    gain: float
-    u: float
-    worse: float
-
-    @property
-    def worth(self) -> bool:
-        """Whether the gain is more than its standard uncertainty and harm unlikely."""
-        return self.gain > self.u and self.worse < MOST_HARM
 
 
 @dataclass(frozen=True)

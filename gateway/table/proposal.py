@@ -102,10 +102,12 @@ def propose(
     new = merged(axis, component, live.own.table, acts, grid=grid, resolution=resolution, limit=limit)
     skipped = reasons.other_layer(axis.name, live) or _why_not(axis, component, measured, known, acts, new)
     findings: tuple[str, ...] = ()
+    chance = None
     if skipped:
         new = live.own.table
     else:
-        doubtful = _doubtful(axis, component, measured, known, acts, new)
+        chance = _risked(axis, component, measured, known, acts, new)
+        doubtful = _doubtful(axis, component, measured, chance, _taken(component, acts, new))
         findings = (*_coverage(axis, component, grid), *doubtful, *check(new, acts, limit, axis.name))
     return TableChange(
         axis=axis.name,
@@ -118,6 +120,7 @@ def propose(
         predicted_U=_predicted_U(axis, component, measured, known),
         findings=findings,
         skipped=skipped,
+        chance=chance,
     )
 
 
@@ -144,7 +147,7 @@ def _why_not(
     if largest <= 1.0 and hidden <= max(instrument.constant, COVERAGE * float(np.nanmax(measured.u))):
         return told("S-COMP-WITHIN-U", axis.name, bound=f"{bound:.2g}", unit=unit)
     if largest <= 1.0 or reasons.may_harm(hidden, taken):
-        chance = _chance(measured, instrument, acts, new)
+        chance = chance_for(measured.possible, instrument, acts, new)
         if chance is None or not chance.worth:
             return reasons.unseen(axis.name, unit, hidden, taken, chance=chance)
     before = float(np.nanmax(measured.means) - np.nanmin(measured.means))
@@ -159,33 +162,41 @@ def _why_not(
     return reasons.outweighed(axis.name, unit, means=measured.means, after=after, rest=measured.rest, U=U)
 
 
-def _doubtful(
+def _risked(
     axis: AxisRecord,
     component: Component,
     measured: MeasuredMeans,
     instrument: InstrumentU,
     acts: CompensationTable,
     new: CompensationTable,
+) -> Chance | None:
+    """The chance that a table is proposed by, where what stays unseen may do harm; None where it may not."""
+    chance = chance_for(measured.possible, instrument, acts, new)
+    harm = reasons.may_harm(_unseen(component, measured), _taken(component, acts, new))
+    return chance if harm or _significance(axis, component, instrument)[0] <= 1.0 else None
+
+
+def _doubtful(
+    axis: AxisRecord, component: Component, measured: MeasuredMeans, chance: Chance | None, taken: float
 ) -> tuple[str, ...]:
     """Warnings of a table that is proposed although something stays unseen between the targets."""
-    hidden, taken = _unseen(component, measured), _taken(component, acts, new)
-    chance = _chance(measured, instrument, acts, new)
-    if chance is not None and (reasons.may_harm(hidden, taken) or _significance(axis, component, instrument)[0] <= 1.0):
-        return (reasons.by_chance(axis.name, deviation_unit(axis.unit), hidden, chance),)
-    said = reasons.doubtful(axis.name, deviation_unit(axis.unit), hidden, taken)
+    hidden, unit = _unseen(component, measured), deviation_unit(axis.unit)
+    if chance is not None:
+        return (reasons.by_chance(axis.name, unit, hidden, chance),)
+    said = reasons.doubtful(axis.name, unit, hidden, taken)
     if said or measured.place is None:
         return said
-    return reasons.one_place(axis.name, deviation_unit(axis.unit), axis.unit, place=measured.place, taken=taken)
+    return reasons.one_place(axis.name, unit, axis.unit, place=measured.place, taken=taken)
 
 
-def _chance(
-    measured: MeasuredMeans, instrument: InstrumentU, acts: CompensationTable, new: CompensationTable
+def chance_for(
+    possible: Possible | None, instrument: InstrumentU, acts: CompensationTable, new: CompensationTable
 ) -> Chance | None:
-    """What the new table does to the axes that may be; the instrument may be off by its own share."""
-    if measured.possible is None:
+    """What a new table does to the axes that may be; the instrument may be off by its own share."""
+    if possible is None:
         return None
-    at = measured.possible.lattice
-    found = chance_of(measured.possible.curves, acting(new, at) - acting(acts, at))
+    at = possible.lattice
+    found = chance_of(possible.curves, acting(new, at) - acting(acts, at))
     return replace(found, u=float(np.hypot(found.u, instrument.constant / COVERAGE)))
 
 

@@ -46,6 +46,12 @@ def by_chance(axis: str, unit: DeviationUnit, hidden: float, chance: Chance) -> 
     return told("W-COMP-CHANCE", axis, hidden=f"{hidden:.2g}", unit=unit, **_figures(chance))
 
 
+def by_gain(axis: str, unit: DeviationUnit, before: float, left: float, chance: Chance) -> str:
+    """The label of a table that leaves more than half (RMS) of an axis and gains all the same: a second person too."""
+    sizes = {"before": f"{before:.2g}", "left": f"{left:.2g}"}
+    return told("W-COMP-LEAVES", axis, unit=unit, **sizes, **_figures(chance))
+
+
 def _figures(chance: Chance) -> dict[str, str]:
     return {"gain": f"{chance.gain:.2g}", "u": f"{chance.u:.2g}", "worse": f"{100.0 * chance.worse:.0f}"}
 

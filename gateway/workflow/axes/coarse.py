@@ -1,17 +1,23 @@
-"""What no table of an axis can hold, in words: its grid is too coarse, or the axis too steep; pure."""
+"""What no table of an axis can hold, in words, and whether one that holds little is worth writing; pure."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
 from drivers.errors import words
 from drivers.limits import Limits
+from drivers.types.tables import LiveTable
 from drivers.types.values import FloatArray
 from gateway.config import AxisSection
+from gateway.domain.proposals import TableChange
+from gateway.interlocks import not_worth_it
 from gateway.model.components import value
-from gateway.table import Grid
+from gateway.table import Grid, reasons
 from gateway.table.chances import held_by
-from gateway.table.proposal import InstrumentU
+from gateway.table.comparison import effective
+from gateway.table.proposal import InstrumentU, chance_for
 from gateway.workflow.axes.structure import Structure
 
 FINER = (2, 4, 5, 8, 10)
@@ -42,3 +48,28 @@ def cannot_hold(axis: AxisSection, shown: Structure) -> str:
 def _rest(axis: AxisSection, lattice: FloatArray, curve: FloatArray, step: float) -> float:
     held = held_by(Grid(axis.table.minimum, axis.table.maximum, step), lattice, modulo=axis.modulo)
     return float(np.std(curve - held @ curve))
+
+
+def if_worth(change: TableChange, shown: Structure, instrument: InstrumentU) -> TableChange:
+    """The change, labelled where its chances speak for it; or skipped with every reason why it gains too little."""
+    if change.skipped:
+        return change
+    against = not_worth_it(shown.capture, change)
+    if [one.code for one in against] == ["E-INT-GAIN"]:
+        change = by_its_chances(change, shown, instrument)
+        against = not_worth_it(shown.capture, change)
+    return replace(change, skipped="; ".join(one.words for one in against)) if against else change
+
+
+def by_its_chances(change: TableChange, shown: Structure, instrument: InstrumentU) -> TableChange:
+    """The change with its chance by all axes that explain the readings, labelled where that makes it worth writing.
+
+    A wrong sign or datum gains nothing on any of them. The label asks for a second person.
+    """
+    acts = effective(LiveTable(change.old, enabled=change.old_enabled))
+    chance = chance_for(shown.possible(), instrument, acts, change.new)
+    if chance is None or not chance.worth:
+        return change
+    before, left = float(np.nanstd(shown.means.mean)), float(np.nanstd(change.predicted))
+    label = reasons.by_gain(change.axis, change.new.deviation_unit, before, left, chance=chance)
+    return replace(change, chance=chance, findings=(*change.findings, label))

@@ -16,13 +16,12 @@ from gateway.domain.captures import Capture
 from gateway.domain.proposals import Proposal, TableChange
 from gateway.errors import CaptureError
 from gateway.evaluate.behaviour.repetitions import RobustMeans
-from gateway.interlocks import not_worth_it
 from gateway.table import Grid, MeasuredMeans
 from gateway.table import propose as propose_table
 from gateway.table.proposal import InstrumentU
 from gateway.workflow import stages
 from gateway.workflow.axes.bothways import in_directions, left_of
-from gateway.workflow.axes.coarse import cannot_hold
+from gateway.workflow.axes.coarse import cannot_hold, if_worth
 from gateway.workflow.axes.measure import MeasuredAxis
 from gateway.workflow.axes.reversing import reversal_changes, reversal_of_capture
 from gateway.workflow.axes.structure import Structure, structure_of
@@ -76,9 +75,7 @@ async def _changes(at: Bench, axis: AxisSection, item: MeasuredAxis, taken: Coll
     change = change_of(axis, shown, capture.live, limits, turned=turned)
     if seen is not None:
         change, beside = in_directions(axis, change, capture.live, limits=limits, seen=seen), ()
-    against = () if change.skipped else not_worth_it(capture, change)
-    own = replace(change, skipped="; ".join(one.words for one in against)) if against else change
-    return [own, *beside]
+    return [if_worth(change, shown, instrument_of(capture)), *beside]
 
 
 def _in_columns(can: Capabilities) -> bool:
@@ -109,13 +106,13 @@ def change_of(
         ),
         live=live,
         grid=Grid(axis.table.minimum, axis.table.maximum, axis.table.step),
-        instrument=_instrument(capture),
+        instrument=instrument_of(capture),
         resolution=limits.resolution * deviation_scale(axis.unit),
         reserved_points=limits.reserved_points,
     )
 
 
-def _instrument(capture: Capture) -> InstrumentU:
+def instrument_of(capture: Capture) -> InstrumentU:
     """The usual one; a rotary calibrator with what its certificate states."""
     stated = capture.conditions.stated if capture.conditions is not None else {}
     if capture.unit == "arcsec" and "arcsec" in stated:

@@ -17,7 +17,7 @@ from drivers.types.machine import AxisState
 from drivers.types.orders import SignProof
 from drivers.types.sensing import Ambient
 from drivers.types.tables import LiveSet, LiveTable, TemperatureShift, reversal_of
-from gateway.domain.proposals import Approval
+from gateway.domain.proposals import Approval, Chance
 from gateway.interlocks import PushFacts, needed, refusals, warnings
 from gateway.interlocks.measured import allowed_drift_k
 from gateway.push import conversation, plan_hash, push_table
@@ -314,6 +314,12 @@ def test_each_warning_asks_for_a_second_person(code: str, facts: PushFacts) -> N
     assert needed(facts) == 2
     assert warnings(facts)[0].words.startswith(code)
     assert codes(facts) == {"E-INT-APPROVAL-MISSING"}
+
+
+def test_a_small_gain_is_written_only_where_its_chances_speak_for_it() -> None:
+    little = replace(CHANGE, predicted=0.6 * np.array(NEW.deviations))
+    for chance, met in ((Chance(2.0, 0.2, 0.01), False), (Chance(0.1, 0.2, 0.01), True), (Chance(2.0, 0.2, 0.1), True)):
+        assert ("E-INT-GAIN" in codes(replace(GOOD, change=replace(little, chance=chance)))) == met
 
 
 def test_warmth_is_judged_by_what_is_read_now() -> None:

@@ -16,8 +16,9 @@ from gateway.domain.captures import Between, Capture
 from gateway.domain.proposals import TableChange
 from gateway.evaluate.optics import corrections
 from gateway.table.comparison import acting
+from gateway.workflow.axes.coarse import if_worth
 from gateway.workflow.axes.more import MoreTargets
-from gateway.workflow.axes.propose import change_of
+from gateway.workflow.axes.propose import change_of, instrument_of
 from gateway.workflow.axes.structure import structure_of
 from tests.unit.table.world import live, table
 
@@ -90,6 +91,7 @@ class Machine:
         shown = structure_of(self.axis, capture)
         limits = TableLimits(resolution=1e-6, max_value=1.0, reserved_points=5000)
         change = change_of(self.axis, shown, cast(Any, capture.live), limits)
+        change = if_worth(change, shown, instrument_of(capture))
         now = self.truth(self.lattice)
         then = now - acting(change.new, self.lattice) if not change.skipped else now
         return Judged(change, targets, said, now, then, self.lattice)

@@ -65,6 +65,19 @@ def test_without_the_hours_a_table_is_labelled_or_refused_and_never_worse(hours:
     assert hours or labels & {"S-COMP-HIDDEN", "W-COMP-HIDDEN", "W-COMP-CHANCE", "W-COMP-PLACE "}
 
 
+@pytest.mark.parametrize("seed", few(range(8), 2))
+def test_a_table_that_can_hold_less_than_half_of_an_axis_is_labelled_and_written_where_it_gains(seed: int) -> None:
+    """A screw's short wave stays whatever the table does; the slow part of the axis goes, and M with it."""
+    one = machine(seed, wave(8.0, 1.2), size=0.12).judged()
+    assert not one.change.skipped
+    assert one.change.chance is not None
+    assert one.change.chance.worth
+    assert any(finding.startswith("W-COMP-LEAVES") for finding in one.change.findings)
+    assert np.std(one.after) > 0.5 * np.std(one.before)
+    assert np.ptp(one.after) < 0.6 * np.ptp(one.before)
+    assert one.gain == pytest.approx(one.change.chance.gain, abs=2.0 * one.change.chance.u)
+
+
 def test_after_the_push_an_axis_is_measured_where_it_was_measured_before() -> None:
     axis = machine(3, wave(200.0, 1.0)).axis
     own = targets_of(axis)
