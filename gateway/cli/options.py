@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import islice
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,6 +10,7 @@ import typer
 
 from drivers.errors import ConfigError
 from drivers.local.names import allowed, is_name, shown
+from drivers.local.tomlfile import read_toml
 
 SiteArgument = Annotated[Path, typer.Argument(help="Site file (TOML).", show_default=False)]
 RunArgument = Annotated[
@@ -39,7 +41,32 @@ ROADS = ("", "opcua", "modbus", "both")
 TakeOption = Annotated[
     str, typer.Option(help="Why the devices are taken from a service that hangs.", show_default=False)
 ]
-StoreOption = Annotated[Path, typer.Option(help="Folder that holds the runs.")]
+USUAL_STORE = Path("runs")
+MOST_SITES = 50
+
+
+def store_here(given: Path) -> Path:
+    """The store that is meant where none is named: `runs` here, else that of the one site file here or a folder below.
+
+    With none or several of them it stays `runs`: no command takes another machine's run for the latest.
+    """
+    if given != USUAL_STORE or given.exists():
+        return given
+    sites = [one for form in ("*.toml", "*/*.toml") for one in islice(Path().glob(form), MOST_SITES)]
+    found = {store for site in sites if (store := _store_of(site)) is not None and store.is_dir()}
+    return found.pop() if len(found) == 1 else given
+
+
+def _store_of(site: Path) -> Path | None:
+    """Where a site file keeps its runs; None for a file that is no site file."""
+    try:
+        named = read_toml(site)["site"].get("store", str(USUAL_STORE))
+        return site.parent / named
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return None
+
+
+StoreOption = Annotated[Path, typer.Option(help="Folder that holds the runs.", callback=store_here)]
 
 
 def named(text: str) -> str:

@@ -6,6 +6,7 @@ import json
 from datetime import UTC, datetime
 from pathlib import Path
 
+import pytest
 from typer.testing import CliRunner
 
 from drivers.errors import TrueflankError
@@ -63,6 +64,20 @@ def test_a_reason_of_the_operating_system_is_said_without_its_number(tmp_path: P
     )
     assert TrueflankError("E", why="[WinError 2] not there: 'C:\\x'").fields["why"] == "not there"
     assert TrueflankError("E", why="[Errno 111] Connect call failed ('127.0.0.1', 9)").fields["why"].endswith("9)")
+
+
+def test_the_store_of_the_one_site_file_here_is_meant(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "cell").mkdir()
+    (tmp_path / "cell" / "site.toml").write_text('[site]\nname = "hall-3"\nstore = "kept"\n')
+    (tmp_path / "cell" / "gear.toml").write_text("[gear]\n")
+    _, second = a_store(tmp_path / "cell" / "kept")
+    monkeypatch.chdir(tmp_path)
+    assert second in RUNNER.invoke(app, ["runs", "latest"]).stdout
+    (tmp_path / "other.toml").write_text('[site]\nname = "hall-4"\nstore = "others"\n')
+    a_store(tmp_path / "others")
+    assert "no run in runs" in RUNNER.invoke(app, ["runs", "list"]).stdout
+    third = a_store(tmp_path / "runs")[1]
+    assert third in RUNNER.invoke(app, ["runs", "latest"]).stdout
 
 
 def test_what_ended_a_run_stands_in_its_report(tmp_path: Path) -> None:
