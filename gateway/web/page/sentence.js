@@ -11,7 +11,7 @@ function chosen() {
   const { status, ask } = state;
   const held = status.held.find((one) => one.loud);
   if (status.run && state.beam === "lost") return { loud: "bad", head: t("now.beam"), more: ask ? capital(say(ask.code, ask.fields, 0, ask.words)) : newest() };
-  if (status.run && ask) return { loud: "ask", head: capital(say(ask.code, ask.fields, 0, ask.words)), more: moving(ask) || held ? heldWords(held) : "" };
+  if (status.run && ask) return { loud: "ask", head: capital(say(ask.code, ask.fields, 0, ask.words)), more: moving(ask) || (held ? heldWords(held) : "") };
   // Whoever recovers a held push is asked to press: that stands above what is wrong until then.
   if (held) return { loud: "bad", head: t("now.held_on"), more: heldWords(held) };
   if (status.run) return { loud: "", head: t("now.wait"), more: newest() };

@@ -22,7 +22,10 @@ function tell() {
   const topics = due;
   due = new Set();
   const draws = new Set([...topics].flatMap((topic) => [...(listeners.get(topic) ?? [])]));
-  for (const draw of draws) draw();
+  // One that fails leaves the others their turn, and is a fault of the page that its console tells.
+  for (const draw of draws) {
+    try { draw(); } catch (error) { reportError(error); }
+  }
 }
 
 export const base = () => `/api/v1/sites/${encodeURIComponent(state.site)}`;
