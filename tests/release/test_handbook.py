@@ -13,7 +13,7 @@ import pytest
 
 from tests.release.placing import ROOT, clean, run
 
-pytestmark = [pytest.mark.release, pytest.mark.timeout(900)]
+pytestmark = [pytest.mark.release, pytest.mark.timeout(1800)]
 BUILDER = ROOT / ".tools" / "bin" / "mkdocs"
 BLOCK = re.compile(r"```\n(.*?)```", re.DOTALL)
 PAGES = ("tutorial.html", "codes.html", "records.html", "routes.html", "first-day.html", "site-file.html")
@@ -56,7 +56,7 @@ def test_the_tutorial_does_what_it_says(tmp_path: Path) -> None:
             assert machine.stdout is not None
             assert b"site.toml" in machine.stdout.readline()
             for command in commands[1:]:
-                told[" ".join(command[1:3])] = run(program, *command[1:], cwd=tmp_path, seconds=600)
+                told[" ".join(command[1:3])] = run(program, *command[1:], cwd=tmp_path, seconds=1500)
         finally:
             machine.terminate()
     assert "passed" in told["self-test site.toml"]
