@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import Any, Literal
 
 from drivers.clock import Clock
-from drivers.errors import DeviceRefused, UnsupportedDevice
+from drivers.errors import DeviceRefused, UnsupportedDevice, words
 from drivers.exchange.linuxcnc import MOST_ROWS
 from drivers.limits import VALUE_RESOLUTION, largest_value
 from drivers.linuxcnc.loading import ScrewLoading
@@ -39,9 +39,10 @@ CAPABILITIES = Capabilities(
     switched="by-restart",
     marker=True,
     consent="restart",
-    alarms=False,
     together=True,
 )
+EMERGENCY, FAULT = 1, 10
+"""LinuxCNC numbers no alarms: 1 is the emergency stop, 10 + n a fault of joint n."""
 
 
 class LinuxCnc(KeepsPlaces):
@@ -91,8 +92,10 @@ class LinuxCnc(KeepsPlaces):
         said = await self._wire.read("state")
         axes = {joint["letter"]: _axis(joint) for joint in said["joints"]}
         channel = ChannelStatus[said["channel"]]
-        told = {"message": "", "alarms": (), "access_level": 0, "program": said["program"]}
-        return MachineState(channel, said["mode"], axes=axes, **told)
+        alarms = [EMERGENCY] if said["emergency"] else []
+        alarms += [FAULT + joint["joint"] for joint in said["joints"] if joint["fault"]]
+        message = "; ".join(_alarm(number) for number in alarms)
+        return MachineState(channel, said["mode"], message, tuple(alarms), 0, axes, said["program"])
 
     async def table_limits(self, axis: str, kind: TableKind = "axis", index: int = 0) -> TableLimits:
         """256 rows where the INI file names a COMP_FILE, else none. Raises DeviceRefused (E-LCNC-AXIS)."""
@@ -211,6 +214,10 @@ class LinuxCnc(KeepsPlaces):
     async def finish_push(self, batch: PushBatch, state: Literal["committed", "held", "none"]) -> None:
         """Leave the marker in its last state."""
         await self._loading.finish(batch, state)
+
+
+def _alarm(number: int) -> str:
+    return words("W-LCNC-EMERGENCY") if number == EMERGENCY else words("W-LCNC-FAULT", joint=number - FAULT)
 
 
 def _axis(joint: Mapping[str, Any]) -> AxisState:

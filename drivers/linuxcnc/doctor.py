@@ -14,6 +14,8 @@ from drivers.linuxcnc.screw import live_of, unit_of
 from drivers.linuxcnc.settings import LinuxCncSettings
 from drivers.linuxcnc.wire import AgentWire
 
+SEEN = ("2.9",)
+"""Versions of which the rows of docs/controls.md were seen."""
 _CHECKS = {"E-LCNC-DOWN": "kernel", "E-LCNC-KINS": "kinematics", "E-LCNC-PIN": "HAL pins", "E-LCNC-MARKER": "marker"}
 
 
@@ -44,6 +46,8 @@ class LinuxCncDoctor:
         said = await self._wire.read("identify")
         serial = f"{said['machine']}-{said['name']}"
         lines = [fine("W-LCNC-KERNEL", "kernel", version=said["version"], ini=said["ini"])]
+        if not said["version"].startswith(SEEN):
+            lines.append(unknown("W-LCNC-VERSION", "kernel", version=said["version"], seen=", ".join(SEEN)))
         if wanted.serial and wanted.serial != serial:
             lines.append(wrong("E-LCNC-SERIAL", "fingerprint", wanted=wanted.serial, found=serial))
         else:
@@ -51,11 +55,19 @@ class LinuxCncDoctor:
         joints = {joint["letter"]: joint for joint in said["joints"]}
         for axis in wanted.axes:
             lines += await self._axis(axis.name, axis.points, joints)
-        state = await self._wire.read("state")
-        most = max(self._settings.count_output, self._settings.echo_output)
-        if len(state["aout"]) <= most:
-            lines.append(wrong("E-LCNC-OUTPUT", "HAL pins", output=most, known=len(state["aout"])))
-        return lines
+        if (await self._wire.read("state"))["emergency"]:
+            lines.append(unknown("W-LCNC-EMERGENCY", "emergency stop"))
+        return lines + await self._host([one.name for one in wanted.axes if joints.get(one.name, {}).get("file")])
+
+    async def _host(self, axes: list[str]) -> list[CheckLine]:
+        """Pins of the hand-shake, and what the agent's user may do with the files."""
+        inputs = [self._settings.go_input, self._settings.leave_input]
+        outputs = [self._settings.count_output, self._settings.echo_output]
+        said = await self._wire.read("look", axes=axes, **{"in": inputs, "out": outputs})
+        pins = [wrong("E-LCNC-PIN", "HAL pins", **one) for one in said["pins"]]
+        rights = [wrong("E-LCNC-FILE", "rights", **one) for one in said["rights"]]
+        pins = pins or [fine("W-LCNC-PINS", "HAL pins", inputs=_listed(inputs), outputs=_listed(outputs))]
+        return [*pins, *(rights or [fine("W-LCNC-RIGHTS", "rights")])]
 
     async def _axis(self, letter: str, points: int, joints: Mapping[str, Any]) -> list[CheckLine]:
         if letter not in joints:
@@ -74,3 +86,7 @@ class LinuxCncDoctor:
             return [*lines, failed(error, check)]
         rows = len(live.own.table.deviations) if live.own.enabled else 0
         return [*lines, fine("W-LCNC-FILE", check, **told, unit=unit_of(joint), file=joint["file"], rows=rows)]
+
+
+def _listed(pins: list[int]) -> str:
+    return ", ".join(f"{pin:02}" for pin in pins)

@@ -35,6 +35,7 @@ COMP_FILE_TYPE = 0
 COMP_FILE = a.comp
 COMP_FILE_TYPE = 1
 """
+HANDSHAKE = {f"motion.{kind}-{number:02}" for kind in ("digital-in", "analog-out") for number in range(4)}
 Row = tuple[float, float, float]
 
 
@@ -57,6 +58,8 @@ class Machine:
         self.rows: list[list[Row]] = [[], [], []]
         self.starts = 0
         self.linked: set[str] = set()
+        self.faults: set[int] = set()
+        self.emergency = False
         self.stop()
 
     def stop(self) -> None:
@@ -114,10 +117,19 @@ class Machine:
     def component(self, _name: str) -> Any:
         return SimpleNamespace(ready=lambda: None)
 
+    @property
+    def task_state(self) -> int:
+        return self.STATE_ESTOP if self.emergency else self.STATE_ON
+
     def get_value(self, pin: str) -> float:
+        if pin in HANDSHAKE:
+            return 0.0
         if not pin.startswith("joint.") or not pin.endswith(".backlash-filt"):
             raise RuntimeError(f"no pin {pin}")
         return self.trim[int(pin.split(".")[1])]
+
+    def pin_has_writer(self, pin: str) -> bool:
+        return pin in self.linked
 
     def set_p(self, pin: str, value: str) -> None:
         if pin in self.linked:
@@ -187,7 +199,7 @@ class _Stat:
         if machine.life is None:
             raise RuntimeError("emcStatusBuffer invalid")
         self.ini_filename, self.file = str(machine.ini_path), machine.file
-        self.interp_state, self.task_mode, self.task_state = machine.interp, machine.mode, machine.STATE_ON
+        self.interp_state, self.task_mode, self.task_state = machine.interp, machine.mode, machine.task_state
         self.paused, self.state, self.aout = False, machine.RCS_DONE, tuple(machine.aout)
         self.joint_actual_position = tuple(machine.position)
         self.joint = tuple(
@@ -197,6 +209,7 @@ class _Stat:
                 "min_position_limit": -100.0,
                 "max_position_limit": 500.0,
                 "homed": int(machine.homed),
+                "fault": int(number in machine.faults),
                 "inpos": 1,
             }
             for number in range(3)

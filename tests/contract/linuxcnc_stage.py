@@ -97,7 +97,7 @@ async def on_stage(folder: Path) -> AsyncIterator[Stage]:
                     except Killed:  # the process is gone, and started again
                         stage.new_agent()
                         return
-                    await wire.write(answer)
+                    await wire.write(answer.data)
 
     listener = await serve(url, converse, clock)
     try:

@@ -210,7 +210,7 @@ async def test_the_commands(keys: Path, tmp_path: Path) -> None:
     told = json.loads(said)
     assert (code, told["ok"]) == (0, True), [line for line in told["lines"] if line["outcome"] != "ok"]
     code, said = await asyncio.to_thread(command, "doctor")
-    assert (code, "WRONG" in said) == (0, False)
+    assert (code, "WRONG" in said, "next: trueflank run" in said) == (0, False, True)
     assert server.requests.changing == 0
     await server.stop()
     await nck.stop()

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import secrets
 import signal
 import socket
 import stat
@@ -15,17 +16,22 @@ import sys
 import time
 from pathlib import Path
 
-from drivers.linuxcnc.agent.answering import MOST_LINE, Agent
-from drivers.linuxcnc.agent.kernel import Kernel
-from drivers.linuxcnc.agent.lives import Life, running
+from drivers.linuxcnc.agent.answering import Agent
+from drivers.linuxcnc.agent.kernel import STARTING, Kernel
+from drivers.linuxcnc.agent.lines import Lines
+from drivers.linuxcnc.agent.lives import lives, running
 from drivers.linuxcnc.agent.refusal import AgentRefusal
 
-LEAST_TOKEN = 16
+LEAST_TOKEN, TOKEN_BYTES = 16, 24
 LOOK_S, AGAIN_S = 0.5, 0.3
 
 
 def _token(path: str) -> str:
-    """The token, from a file that is the owner's alone."""
+    """The token, from a file that is the owner's alone; where there is none, a new one."""
+    if not Path(path).exists():
+        with open(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8") as file:
+            file.write(f"{secrets.token_urlsafe(TOKEN_BYTES)}\n")
+        print(f"{path}: a new token. Copy this file to the folder of the site file.")
     if Path(path).stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO):
         sys.exit(f"{path}: others may read the token. Run: chmod 600 {path}")
     token = Path(path).read_text(encoding="utf-8").strip()
@@ -44,40 +50,28 @@ def _found() -> Kernel:
 
 
 def _serve(listener: socket.socket, token: str) -> None:
-    """One gateway after the other, until this life of the kernel ends.
+    """Every gateway that asks, until this life of the kernel or the parent ends.
 
     Of another life nothing is told here: whoever hears of it goes on asking, and this child is about to leave.
     """
-    mine = running()
-    agent = Agent(token, _found, lambda: mine if running() == mine else None)
-    listener.settimeout(LOOK_S)
-    while running() == mine:
-        try:
-            wire, _ = listener.accept()
-        except TimeoutError:
-            continue
-        with wire:
-            _talk(wire, agent, mine)
+    mine, parent, told = running(), os.getppid(), False
+    agent = Agent(token, _found, lambda: mine if lives(mine) else None)
+    lines = Lines(listener, agent.line)
+    while lives(mine) and os.getppid() == parent:
+        lines.turn(LOOK_S)
+        if not told and mine is not None:
+            told = _tells(agent)
 
 
-def _talk(wire: socket.socket, agent: Agent, mine: Life | None) -> None:
-    wire.settimeout(LOOK_S)
-    held = b""
-    while running() == mine:
-        try:
-            data = wire.recv(1 << 16)
-        except TimeoutError:
-            continue
-        except OSError:
-            return
-        held += data
-        if not data or len(held) > MOST_LINE:
-            return
-        *lines, held = held.split(b"\n")
-        for line in lines:
-            wire.settimeout(None)
-            wire.sendall(agent.line(line))
-            wire.settimeout(LOOK_S)
+def _tells(agent: Agent) -> bool:
+    """What this kernel and its joints are; whether it could be said yet."""
+    try:
+        print(*agent.facts(), sep="\n", flush=True)
+    except AgentRefusal as error:
+        if error.fields.get("why") == STARTING:
+            return False
+        print(error.code, *(f"{key}={value}" for key, value in error.fields.items()), flush=True)
+    return True
 
 
 def main() -> None:
@@ -87,8 +81,13 @@ def main() -> None:
     parser.add_argument("--listen", default="127.0.0.1:5011", help="address:port")
     told = parser.parse_args()
     host, _, port = told.listen.rpartition(":")
+    if not host or not port.isdigit():
+        parser.error(f"--listen {told.listen}: give an address and a port, as 127.0.0.1:5011")
     token = _token(told.token_file)
-    listener = socket.create_server((host, int(port)))
+    try:
+        listener = socket.create_server((host, int(port)))
+    except (OSError, OverflowError) as error:
+        sys.exit(f"{told.listen}: {error}. Is another agent running? Or give another port by --listen.")
     print(f"listening on {host}:{listener.getsockname()[1]}", flush=True)
     child = 0
 

@@ -10,6 +10,7 @@ from typing import Any
 from drivers.linuxcnc.agent.refusal import AgentRefusal
 
 LETTERS = "XYZABCUVW"
+STARTING = "it is starting"
 COMPONENT = "trueflank"
 ACK_S, PAUSE_S, SETTLE_S = 2.0, 0.002, 5.0
 
@@ -24,9 +25,9 @@ class Kernel:
         self._cnc, self._hal, self._sleep = linuxcnc, hal, sleep
         try:
             self._stat, self._command = linuxcnc.stat(), linuxcnc.command()
-            self._stat.poll()
+            self._poll()
             if not self._stat.ini_filename or not self._stat.joints:
-                raise AgentRefusal("E-LCNC-DOWN", why="it is starting")
+                raise AgentRefusal("E-LCNC-DOWN", why=STARTING)
             self._component = hal.component(COMPONENT)
             self._component.ready()
         except AgentRefusal:
@@ -36,6 +37,13 @@ class Kernel:
         self.ini_path = Path(self._stat.ini_filename)
         self._ini = linuxcnc.ini(str(self.ini_path))
         self.letters = self._letters()
+
+    def _poll(self) -> None:
+        """See the kernel as it is now. Raises E-LCNC-DOWN where it ends just then."""
+        try:
+            self._stat.poll()
+        except Exception as error:
+            raise AgentRefusal("E-LCNC-DOWN", why=str(error)) from error
 
     @property
     def version(self) -> str:
@@ -75,7 +83,7 @@ class Kernel:
 
     def joints(self) -> list[dict[str, Any]]:
         """What the INI file and the kernel say of each joint; limits in mm or deg."""
-        self._stat.poll()
+        self._poll()
         return [self._joint(number, letter) for number, letter in enumerate(self.letters)]
 
     def _joint(self, number: int, letter: str) -> dict[str, Any]:
@@ -92,6 +100,7 @@ class Kernel:
             "type": kind,
             "backlash": backlash,
             "homed": bool(one["homed"]),
+            "fault": bool(one["fault"]),
             "in_position": bool(one["inpos"]),
             "position": float(self._stat.joint_actual_position[number]),
             "trim": self._value(f"joint.{number}.backlash-filt"),
@@ -103,6 +112,19 @@ class Kernel:
         except Exception as error:
             raise AgentRefusal("E-LCNC-PIN", pin=pin, why=str(error)) from error
 
+    def pins(self, inputs: list[int], outputs: list[int]) -> list[dict[str, str]]:
+        """What is wrong with the pins of the hand-shake, one by one: missing, or an input that a signal drives."""
+        names = [(f"motion.digital-in-{int(one):02}", True) for one in inputs]
+        names += [(f"motion.analog-out-{int(one):02}", False) for one in outputs]
+        return [{"pin": name, "why": why} for name, driven in names if (why := self._trouble(name, driven))]
+
+    def _trouble(self, pin: str, driven: bool) -> str:
+        try:
+            self._value(pin)
+        except AgentRefusal as error:
+            return str(error.fields["why"])
+        return "a signal drives it" if driven and self._hal.pin_has_writer(pin) else ""
+
     def _set(self, pin: str, high: bool) -> None:
         try:
             self._hal.set_p(pin, "1" if high else "0")
@@ -111,7 +133,7 @@ class Kernel:
 
     def state(self) -> dict[str, Any]:
         """Interpreter, mode and every joint, read now. The error channel is left alone: who reads it takes from it."""
-        self._stat.poll()
+        self._poll()
         stat, cnc = self._stat, self._cnc
         modes = {cnc.MODE_MANUAL: "JOG", cnc.MODE_MDI: "MDI", cnc.MODE_AUTO: "AUTO"}
         idle = stat.interp_state == cnc.INTERP_IDLE
@@ -121,7 +143,7 @@ class Kernel:
             "mode": modes.get(stat.task_mode, ""),
             "on": stat.task_state == cnc.STATE_ON,
             "program": str(stat.file),
-            "fault": stat.state == cnc.RCS_ERROR,
+            "emergency": stat.task_state == cnc.STATE_ESTOP,
             "aout": [float(one) for one in stat.aout[:8]],
             "joints": self.joints(),
         }
@@ -130,14 +152,14 @@ class Kernel:
 
     def select(self, path: Path) -> None:
         """Show a program to the operator, ready to be started. Raises E-LCNC-BUSY, E-LCNC-SELECT."""
-        self._stat.poll()
+        self._poll()
         if self._stat.interp_state != self._cnc.INTERP_IDLE:
             raise AgentRefusal("E-LCNC-BUSY", program=str(self._stat.file))
         self._command.mode(self._cnc.MODE_AUTO)
         self._command.wait_complete(SETTLE_S)
         self._command.program_open(str(path))
         self._command.wait_complete(SETTLE_S)
-        self._stat.poll()
+        self._poll()
         if Path(self._stat.file) != path:
             raise AgentRefusal("E-LCNC-SELECT", program=path.name, found=str(self._stat.file))
 
@@ -151,7 +173,7 @@ class Kernel:
         self._set(f"motion.digital-in-{go:02}", True)
         try:
             for _ in range(int(ACK_S / PAUSE_S)):
-                self._stat.poll()
+                self._poll()
                 if round(self._stat.aout[echo]) == counter:
                     return
                 self._sleep(PAUSE_S)

@@ -123,6 +123,14 @@ class ScrewFiles:
         except UnicodeDecodeError as error:
             raise AgentRefusal("E-LCNC-FILE", file=str(path), why="it is no text") from error
 
+    def rights(self, joint: int) -> list[dict[str, str]]:
+        """What the user who runs the agent may not do that a load of this joint needs; no file is touched."""
+        path = self.path(joint)
+        wanted = [(path, os.R_OK, "it cannot be read"), (path.parent, os.W_OK | os.X_OK, "nothing can be written here")]
+        if path.parent != self._folder:
+            wanted.append((self._folder, os.W_OK | os.X_OK, "nothing can be written here"))
+        return [{"file": str(one), "why": why} for one, mode, why in wanted if not os.access(one, mode)]
+
     # ---- a transaction ----------------------------------------------------------------------------
 
     def begin(self, transaction: int, head: int, joints: list[int]) -> None:

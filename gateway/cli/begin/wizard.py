@@ -39,7 +39,8 @@ URLS = {"opcua": "opc.tcp://192.168.214.1:4840", "mailbox": "tcp://192.168.214.1
 URLS |= {"linuxcnc": "tcp://127.0.0.1:5011"}
 CERTIFICATE = "control.der"
 STORE = "runs"
-USUAL_AXES = "X1 Z1 C1"
+USUAL_AXES = {"linuxcnc": "X Y Z"}
+USUAL_GRINDER = "X1 Z1 C1"
 USUAL_TRAVEL = (0.0, 500.0)
 NONE, SAMPLE, GEAR = "none", "example", "gear.toml"
 TYPED = ("manual", "terminal://")
@@ -55,11 +56,11 @@ def wizard_text(file: Path, asker: Questioner) -> str:
 
     folder = file.resolve().parent
     road = asker.ask("road", "P-INIT-ROAD", "opcua", _one_of(tuple(ROADS)))
-    name = asker.ask("name", "P-INIT-NAME", "grinder", _machine_name)
+    name = asker.ask("name", "P-INIT-NAME", "mill" if road == "linuxcnc" else "grinder", _machine_name)
     control = _control(asker, road, folder)
     facts = _facts(road, control, folder, asker)
     control["serial"] = facts.serial if facts else asker.ask("serial", "P-INIT-SERIAL", "unknown", _something)
-    axes, notes = _axes(asker, facts)
+    axes, notes = _axes(asker, facts, USUAL_AXES.get(road, USUAL_GRINDER))
     instruments = _instruments(asker, road, {axis.unit for axis, _ in axes})
     pair = (instruments[0]["name"], instruments[-1]["name"])
     plans = used_letters([planned(axis, travel, pair) for axis, travel in axes])
@@ -136,10 +137,11 @@ def _trusted(control: dict[str, Any], settings: dict[str, Any], folder: Path, as
 Ranged = list[tuple[ControlAxis, tuple[float, float]]]
 
 
-def _axes(asker: Questioner, facts: ControlFacts | None) -> tuple[Ranged, dict[str, str]]:
-    """The axes to be measured with their travel, and which keys the control told."""
+def _axes(asker: Questioner, facts: ControlFacts | None, names: str) -> tuple[Ranged, dict[str, str]]:
+    """The axes to be measured with their travel, and which keys the control told; ``names`` where it told none."""
     known = {axis.name: axis for axis in facts.axes} if facts else {}
-    asked = asker.ask("axes", "P-INIT-AXES", " ".join(known) or USUAL_AXES, lambda text: _axis_names(text, known))
+    default = " ".join(known) or names
+    asked = asker.ask("axes", "P-INIT-AXES", default, lambda text: _axis_names(text, known, default))
     chosen = [known.get(name) or _guessed(name) for name in _parted(asked)]
     usual = {axis.name: (0.0, TURN) if axis.unit == "deg" else USUAL_TRAVEL for axis in chosen}
     untold = [axis.name for axis in chosen if axis.travel is None and not axis.modulo]
@@ -231,11 +233,10 @@ def _parted(text: str) -> list[str]:
     return [name for name in re.split(r"[\s,;]+", text) if name]
 
 
-def _axis_names(text: str, known: dict[str, ControlAxis]) -> Why | None:
+def _axis_names(text: str, known: dict[str, ControlAxis], usual: str) -> Why | None:
     names = _parted(text)
     wrong = [name for name in names if not is_name(name) or (known and name not in known)]
     if wrong or not names or len(set(names)) < len(names):
-        usual = " ".join(known) or USUAL_AXES
         return why("W-INIT-AXES", wrong=shown(", ".join(wrong) or text), known=usual)
     return None
 

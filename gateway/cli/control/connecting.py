@@ -40,7 +40,7 @@ def doctor_command(site: SiteArgument, take: TakeOption = "", as_json: JsonOptio
             if line.fix:
                 echo(f"{'':<14} -> {line.fix}")
         if well:
-            next_step(f"self-test {site}")
+            next_step(f"run {site}")  # where programs are tested, all is well only once they were
         else:
             repeat(f"doctor {site}")
     if not well:

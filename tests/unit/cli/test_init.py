@@ -237,13 +237,15 @@ def test_the_schema_holds_the_settings_of_every_driver() -> None:
 def test_an_owner_of_linuxcnc_gets_a_checked_file_and_a_token_for_the_agent(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as closed:
         port = closed.getsockname()[1]
-    given = ("road=linuxcnc", f"url=tcp://127.0.0.1:{port}", "axes=X A", "travel=X 0 300, A 0 360")
+    given = ("road=linuxcnc", f"url=tcp://127.0.0.1:{port}", "travel=X 0 300, Y 0 200, Z 0 100")
     done = ran(tmp_path, "--yes", *(word for one in given for word in ("--answer", one)))
     assert done.exit_code == 0, done.output
     token = tmp_path / "token.txt"
     assert token.stat().st_mode & 0o077 == 0
     assert len(token.read_text().strip()) >= 16
-    assert checked(tmp_path / "site.toml").faults == ()
+    found = checked(tmp_path / "site.toml")
+    assert found.faults == ()
+    assert [axis.name for axis in found.site.axes] == ["X", "Y", "Z"]
 
 
 def test_an_owner_of_a_mailbox_gets_a_checked_file_though_no_plc_answers_yet(tmp_path: Path) -> None:
