@@ -110,6 +110,7 @@ async def test_an_error_names_the_argument_that_the_server_refused() -> None:
         with pytest.raises(TrueflankError, match="argument 2: BadTypeMismatch") as caught:
             await on.device._session.call("Select", [("Nowhere/A.MPF", "String"), (1, "UInt16")], 5.0)
         assert "argument 1" not in caught.value.what
+        assert caught.value.code == "E-UA-TYPE"
 
 
 async def test_a_server_that_does_not_know_a_second_measuring_system() -> None:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import asyncio
 import base64
 import contextlib
+import importlib.util
 import json
 import os
 import shutil
 import socket
+import sys
 from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
@@ -47,6 +49,16 @@ def node_opcua() -> str:
     return str(found)
 
 
+def open62541() -> str:
+    """The path of this Python, when o6 is installed in it, which brings open62541."""
+    needed(importlib.util.find_spec("o6") is not None, "open62541 (Python package o6)")
+    return sys.executable
+
+
+SERVERS = {"node-opcua": (node_opcua, "uaserver.js"), "open62541": (open62541, "open62541_server.py")}
+"""Stacks nobody here wrote: what runs each, and its server."""
+
+
 def program(name: str, package: str) -> str:
     """The path of a program from a Debian package."""
     found = shutil.which(name)
@@ -76,7 +88,7 @@ async def ended(process: asyncio.subprocess.Process) -> None:
 
 
 def variables(axes: int, tables: int) -> dict[str, dict[str, Any]]:
-    """Every variable the driver reads or writes, as node-opcua is to offer it."""
+    """Every variable the driver reads or writes, as a peer is to offer it."""
     numbers = range(1, axes + 1)
     paths = [nodes.axis_name(place) for place in range(1, 32)]
     paths += [nodes.SERIAL_NUMBER, nodes.NCK_VERSION, nodes.BASIC_LENGTH_UNIT, nodes.ACCESS_LEVEL]
@@ -100,10 +112,11 @@ def variables(axes: int, tables: int) -> dict[str, dict[str, Any]]:
     return made
 
 
-class NodeServer:
-    """node-opcua's server; what its nodes hold is asked of the control double in this process."""
+class PeerServer:
+    """A server of another stack; what its nodes hold is asked of the control double in this process."""
 
-    def __init__(self, nck: Nck, users: dict[str, str]) -> None:
+    def __init__(self, stack: str, nck: Nck, users: dict[str, str]) -> None:
+        self._stack = stack
         self._space, self._methods = Space(nck), Methods(nck, 4)
         self._accounts = accounts_of(users)
         self._users = users
@@ -118,7 +131,8 @@ class NodeServer:
         self, folder: Path, trusted: list[Path], *, fillers: int = 0, most: int = 0, strict: bool = False
     ) -> None:
         """Start it; `url` and `certificate` are known afterwards."""
-        node = node_opcua()
+        runner, script = SERVERS[self._stack]
+        runs = runner()
         pair = own_key_pair(folder, "peer", URI, "127.0.0.1", server=True)
         pem = folder / "peer.pem"
         pem.write_bytes(load(pair.certificate.read_bytes()).public_bytes(Encoding.PEM))
@@ -145,7 +159,7 @@ class NodeServer:
             },
         }
         self._process = await asyncio.create_subprocess_exec(
-            node, str(HERE / "uaserver.js"), stdin=-1, stdout=-1, cwd=HERE, limit=64 * 2**20
+            runs, str(HERE / script), stdin=-1, stdout=-1, cwd=HERE, limit=64 * 2**20
         )
         self._say(config)
         ready = await self._hear()
@@ -198,11 +212,11 @@ class NodeServer:
 
 
 @contextlib.asynccontextmanager
-async def node_server(
-    nck: Nck, folder: Path, trusted: list[Path], users: dict[str, str], **options: Any
-) -> AsyncIterator[NodeServer]:
+async def peer_server(
+    stack: str, nck: Nck, folder: Path, trusted: list[Path], users: dict[str, str], **options: Any
+) -> AsyncIterator[PeerServer]:
     """A server for the length of a block."""
-    made = NodeServer(nck, users)
+    made = PeerServer(stack, nck, users)
     try:
         await made.start(folder, trusted, **options)
         yield made

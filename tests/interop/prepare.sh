@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Install the peers of `make interop`: Debian packages when root, node-opcua by npm from the committed lock, parsers of
-# structured text into the environment of the Python that is named (one of them is compiled where there is no wheel),
-# LinuxCNC's kernel from Debian.
+# Install the peers of `make interop`: Debian packages when root, node-opcua by npm from the committed lock, open62541 and
+# parsers of structured text into the environment of the Python that is named (a parser is compiled where there is no
+# wheel), LinuxCNC's kernel from Debian.
 # What cannot be had is said in a line "NOT RUN"; with TRUEFLANK_INTEROP=all that ends the run.
 set -uo pipefail
 cd "$(dirname "$0")"
@@ -55,9 +55,13 @@ fi
 has_parsers() {
     "$1" -c "import blark, tree_sitter, tree_sitter_iec61131_3_st" 2>/dev/null
 }
+has_open62541() {
+    "$1" -c "import importlib.util as it, sys; sys.exit(it.find_spec('o6') is None)"
+}
 
-if [ -n "${1:-}" ] && ! has_parsers "$1"; then
+if [ -n "${1:-}" ] && ! { has_parsers "$1" && has_open62541 "$1"; }; then
     "$1" -m pip install --quiet --disable-pip-version-check --require-hashes -r ../../locks/peers.lock
+    has_open62541 "$1" || absent "open62541 (pip could not install o6, which brings it)"
     has_parsers "$1" || absent "the parsers of structured text (pip could not install blark and tree-sitter-iec61131-3-st)"
 fi
 

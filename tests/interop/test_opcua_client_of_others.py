@@ -1,4 +1,4 @@
-"""A node-opcua client against our double of the control's server."""
+"""Clients of other stacks against our double of the control's server."""
 
 from __future__ import annotations
 
@@ -14,15 +14,17 @@ from drivers.sinumerik.opcua.session.certificates import own_key_pair
 from simulators.nck.control import Nck
 from simulators.opcua import SinumerikServer
 from tests.contract.opcua_stage import SPEC
-from tests.interop.peers import HERE, node_opcua
+from tests.interop.peers import HERE, node_opcua, open62541
 
 pytestmark = pytest.mark.interop
 URI = "urn:interop:client"
+CLIENTS = {"node-opcua": (node_opcua, "uaclient.js"), "open62541": (open62541, "open62541_client.py")}
 
 
-async def conversation(folder: Path, *, trusted: bool, name_space: int = 2) -> tuple[dict[str, Any], Nck]:
+async def conversation(stack: str, folder: Path, *, trusted: bool, name_space: int = 2) -> tuple[dict[str, Any], Nck]:
     """What the client saw, and the control afterwards."""
-    node = node_opcua()
+    runner, script = CLIENTS[stack]
+    runs = runner()
     clock = LoopClock()
     nck = Nck(SPEC, clock)
     await nck.start()
@@ -37,13 +39,13 @@ async def conversation(folder: Path, *, trusted: bool, name_space: int = 2) -> t
     pem.write_bytes(_pem(pair.certificate))
     config = {"url": server.url, "user": "trueflank", "password": "secret", "certificate": str(pem)}
     config |= {"key": str(pair.key), "uri": URI, "folder": str(folder / "pki"), "name": "Probe.mpf"}
-    config["denied"] = not trusted
+    config |= {"denied": not trusted, "server": str(server.certificate)}
     try:
         process = await asyncio.create_subprocess_exec(
-            node, str(HERE / "uaclient.js"), json.dumps(config), stdout=-1, cwd=HERE
+            runs, str(HERE / script), json.dumps(config), stdout=-1, cwd=HERE
         )
         try:
-            async with LoopClock().deadline(60.0, "node-opcua"):
+            async with LoopClock().deadline(60.0, stack):
                 out, _ = await process.communicate()
         finally:
             if process.returncode is None:
@@ -64,8 +66,9 @@ def _pem(path: Path) -> bytes:
     return load(path.read_bytes()).public_bytes(Encoding.PEM)
 
 
-def test_a_secure_session_reads_writes_copies_selects_and_sees_alarms(tmp_path: Path) -> None:
-    seen, nck = asyncio.run(conversation(tmp_path, trusted=True, name_space=4))
+@pytest.mark.parametrize("stack", CLIENTS)
+def test_a_secure_session_reads_writes_copies_selects_and_sees_alarms(stack: str, tmp_path: Path) -> None:
+    seen, nck = asyncio.run(conversation(stack, tmp_path, trusted=True, name_space=4))
     assert "BadUserAccessDenied" in seen["wrongPassword"]
     assert seen["index"] == 4
     assert seen["status"] == ["Good", 0]
@@ -85,7 +88,8 @@ def test_a_secure_session_reads_writes_copies_selects_and_sees_alarms(tmp_path: 
     assert ["oil level low", 500, "700000"] in seen["events"]
 
 
-def test_an_unknown_client_certificate_is_refused(tmp_path: Path) -> None:
-    seen, _ = asyncio.run(conversation(tmp_path, trusted=False))
+@pytest.mark.parametrize("stack", CLIENTS)
+def test_an_unknown_client_certificate_is_refused(stack: str, tmp_path: Path) -> None:
+    seen, _ = asyncio.run(conversation(stack, tmp_path, trusted=False))
     assert seen["denied"]
     assert seen["wrongPassword"]

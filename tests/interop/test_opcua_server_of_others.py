@@ -1,4 +1,4 @@
-"""Our OPC UA driver against node-opcua's server, with the control double's memory behind its nodes."""
+"""Our OPC UA driver against servers of other stacks, with the control double's memory behind their nodes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from drivers.sinumerik.opcua.settings import UaSettings
 from drivers.types.stops import Stop
 from simulators.nck.control import Nck
 from tests.contract.opcua_stage import ORDER, SPEC, Stage, plan
-from tests.interop.peers import NodeServer, node_server
+from tests.interop.peers import SERVERS, PeerServer, peer_server
 
 pytestmark = pytest.mark.interop
 USERS = {"trueflank": "secret"}
@@ -37,7 +37,7 @@ def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 class Across(Stage):
-    """A stage whose server is node-opcua."""
+    """A stage whose server is another stack's."""
 
     def settings(self, keys: Path, **more: Any) -> dict[str, Any]:
         certificate = str(self.server.certificate)
@@ -46,14 +46,14 @@ class Across(Stage):
 
 
 @contextlib.asynccontextmanager
-async def across(keys: Path, trusted: bool = True, **options: Any) -> AsyncIterator[Across]:
+async def across(stack: str, keys: Path, trusted: bool = True, **options: Any) -> AsyncIterator[Across]:
     clock = LoopClock(SPEED)
     nck = Nck(SPEC, clock)
     await nck.start()
     own = [keys / "ours" / "trueflank.der"] if trusted else []
     operator: asyncio.Task[None] | None = None
     try:
-        async with node_server(nck, keys / "peer", own, USERS, **options) as peer:
+        async with peer_server(stack, nck, keys / "peer", own, USERS, **options) as peer:
             made = Across(clock, nck, peer, None)  # type: ignore[arg-type]
             made.device = SinumerikOpcUa("840D", peer.url, made.settings(keys), LoopClock())
             operator = asyncio.get_running_loop().create_task(made.operate())
@@ -68,9 +68,9 @@ async def across(keys: Path, trusted: bool = True, **options: Any) -> AsyncItera
         await nck.stop()
 
 
-def run(act: Callable[[Across], Coroutine[Any, Any, None]], keys: Path, **options: Any) -> None:
+def run(act: Callable[[Across], Coroutine[Any, Any, None]], stack: str, keys: Path, **options: Any) -> None:
     async def main() -> None:
-        async with across(keys, **options) as made:
+        async with across(stack, keys, **options) as made:
             await act(made)
 
     asyncio.run(main())
@@ -83,7 +83,8 @@ async def refused(work: Any, code: str) -> TrueflankError:
     return caught.value
 
 
-def test_a_stop_program_and_a_whole_push_go_through(keys: Path) -> None:
+@pytest.mark.parametrize("stack", SERVERS)
+def test_a_stop_program_and_a_whole_push_go_through(stack: str, keys: Path) -> None:
     async def act(on: Across) -> None:
         identity = await on.device.open(10.0)
         assert (identity.serial, identity.firmware) == (SPEC.serial, SPEC.nck_version)
@@ -99,22 +100,24 @@ def test_a_stop_program_and_a_whole_push_go_through(keys: Path) -> None:
         assert live.own.enabled
         assert len(live.own.table.deviations) == len(ORDER.table.deviations)
 
-    run(act, keys)
+    run(act, stack, keys)
 
 
-def test_another_name_space_index_and_a_small_batch_limit(keys: Path) -> None:
+@pytest.mark.parametrize("stack", SERVERS)
+def test_another_name_space_index_and_a_small_batch_limit(stack: str, keys: Path) -> None:
     async def act(on: Across) -> None:
         await on.device.open(10.0)
         assert on.device._session.name_space == 6
-        assert on.device._session._limits.read == 7
+        assert on.device._session._limits.read == {"node-opcua": 7, "open62541": 65535}[stack]  # it has no limit to set
         assert len((await on.device.state()).axes) == 3
         await on.device.prepare_stops(plan((Stop(5.0, 1),)))
         assert on.nck.selected.endswith("TFMEAS_C1_MPF")
 
-    run(act, keys, fillers=4, most=7, strict=True)
+    run(act, stack, keys, fillers=4, most=7, strict=True)
 
 
-def test_wrong_password_unknown_certificates_and_other_refusals(keys: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("stack", SERVERS)
+def test_wrong_password_unknown_certificates_and_other_refusals(stack: str, keys: Path, tmp_path: Path) -> None:
     async def act(on: Across) -> None:
         def driver(**settings: Any) -> SinumerikOpcUa:
             return SinumerikOpcUa("840D", on.server.url, on.settings(keys, **settings), LoopClock())
@@ -145,7 +148,7 @@ def test_wrong_password_unknown_certificates_and_other_refusals(keys: Path, tmp_
         assert on.nck.get("R[90]") == 1.25
         await session.close()
 
-    run(act, keys)
+    run(act, stack, keys)
 
 
 async def replace_kind(session: UaSession, path: str, value: Any) -> None:
@@ -159,14 +162,15 @@ async def replace_kind(session: UaSession, path: str, value: Any) -> None:
         nodes.kind_of = original
 
 
-def test_a_server_that_ends_in_mid_conversation(keys: Path) -> None:
+@pytest.mark.parametrize("stack", SERVERS)
+def test_a_server_that_ends_in_mid_conversation(stack: str, keys: Path) -> None:
     async def act(on: Across) -> None:
         await on.device.open(10.0)
-        assert isinstance(on.server, NodeServer)
+        assert isinstance(on.server, PeerServer)
         await on.server.stop()
         with pytest.raises(TrueflankError) as caught:
             await on.device.state()
         assert not isinstance(caught.value, DeviceRefused)
         await refused(on.device.state(), "E-UA-BROKEN")
 
-    run(act, keys)
+    run(act, stack, keys)

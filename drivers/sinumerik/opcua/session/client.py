@@ -213,7 +213,7 @@ class UaSession(UaConnection):
         result = await self._request(timeout_s, "call", name, lambda it: requests.call(it, owner, node, arguments))
         if result.StatusCode.value != _GOOD:
             what = f"{name} {requests.shown(arguments)}{requests.refused_arguments(result)}".strip()
-            raise refusal(result.StatusCode.name, self._where, "call", what)
+            raise refusal(requests.status_of(result), self._where, "call", what)
         return [output.Value for output in result.OutputArguments or []]
 
     async def alarm_events(self, timeout_s: float) -> list[AlarmEvent] | None:
