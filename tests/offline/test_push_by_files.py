@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+import shutil
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -26,6 +27,7 @@ from tests.sizes import few
 
 LOOKING = PieceOfWork("look", "go-on", ends=True)
 PUSHING = PieceOfWork("push", "go-on", ends=True)
+REPORT = "TFTOLD.SPF"
 QUESTION = TableQuestion("X1", "X", "mm", rotary=False)
 Ended = PushRecord | ToCarry | TrueflankError
 
@@ -102,6 +104,53 @@ async def test_each_step_is_a_process_of_its_own(tmp_path: Path) -> None:
         kinds = ["LEASED", "SNAPSHOT", "DISABLE", "BACKUP", "LOADED", "ENABLE", "ENABLED", "ACTIVATED", "EFFECT"]
         assert list(done.kinds) == [*kinds, "COMMITTED"]
         assert world.sheet == ""
+        sound(world, wanted=True)
+
+
+def lost(now: Path, old: Path) -> None:
+    """The report fell off the stick."""
+    del old
+    (now / REPORT).unlink()
+
+
+def outdated(now: Path, old: Path) -> None:
+    """The report of the way before; of the first way there is none older, so it is lost."""
+    if (old / REPORT).exists():
+        shutil.copy(old / REPORT, now / REPORT)
+    else:
+        (now / REPORT).unlink()
+
+
+def damaged(now: Path, old: Path) -> None:
+    """A line of the report is gone."""
+    del old
+    lines = (now / REPORT).read_text().splitlines(keepends=True)
+    (now / REPORT).write_text("".join([*lines[:2], *lines[3:]]))
+
+
+@pytest.mark.parametrize("harm", few([outdated, lost, damaged]))
+async def test_a_report_that_is_no_answer_is_asked_for_again_at_every_step(
+    tmp_path: Path, harm: Callable[[Path, Path], None]
+) -> None:
+    """Named; nothing is run twice for it, and with the right file the push goes on to its end."""
+    async with offline_world(LoopClock(), tmp_path / "stick") as world:
+        live = await base(world)
+        ran: list[str] = []
+        back, old = world.folder / "back", tmp_path / "old"
+        while isinstance(ended := await once(world, tmp_path, live), ToCarry):
+            assert not ended.why
+            ran.append(ended.program)
+            await world.porter.goes()
+            harm(back, old)
+            again = await once(world, tmp_path, live)
+            assert isinstance(again, ToCarry)
+            assert again.program == ended.program
+            assert again.why.startswith(("E-OFF-", "E-SAVED-"))
+            world.porter.brings()
+            shutil.copytree(back, old, dirs_exist_ok=True)
+        assert isinstance(ended, PushRecord)
+        assert ended.outcome == "committed"
+        assert ran == ["TFMEAS_X1.MPF", "TFLOAD_X1.MPF", "TFENAB_X1.MPF", "TFMEAS_X1.MPF"]
         sound(world, wanted=True)
 
 
