@@ -95,7 +95,8 @@ class LinuxCnc(KeepsPlaces):
         alarms = [EMERGENCY] if said["emergency"] else []
         alarms += [FAULT + joint["joint"] for joint in said["joints"] if joint["fault"]]
         message = "; ".join(_alarm(number) for number in alarms)
-        return MachineState(channel, said["mode"], message, tuple(alarms), 0, axes, said["program"])
+        told = {"message": message, "alarms": tuple(alarms), "access_level": 0, "program": said["program"]}
+        return MachineState(channel, said["mode"], axes=axes, **told)
 
     async def table_limits(self, axis: str, kind: TableKind = "axis", index: int = 0) -> TableLimits:
         """256 rows where the INI file names a COMP_FILE, else none. Raises DeviceRefused (E-LCNC-AXIS)."""

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from drivers.linuxcnc.agent.kernel import Kernel
-from drivers.linuxcnc.agent.lines import Answer
+from drivers.linuxcnc.agent.lines import AgentReply
 from drivers.linuxcnc.agent.lives import Life
 from drivers.linuxcnc.agent.refusal import AgentRefusal
 from drivers.linuxcnc.agent.screwfiles import ScrewFiles, durable, read
@@ -46,7 +46,7 @@ class Agent:
             "leave": lambda asked: self._now().leave(asked["go"], asked["leave"]),
         }
 
-    def line(self, data: bytes) -> Answer:
+    def line(self, data: bytes) -> AgentReply:
         """The answer to one line. Never raises."""
         number: object = None
         trusted = False
@@ -65,7 +65,7 @@ class Agent:
             told = {"code": "E-LCNC-ASKED", "fields": {"asked": f"{type(error).__name__}: {error}"[:80]}}
         except OSError as error:
             told = {"code": "E-LCNC-FILE", "fields": {"file": str(error.filename), "why": str(error.strerror)}}
-        return Answer(json.dumps({"id": number if type(number) is int else None, **told}).encode() + b"\n", trusted)
+        return AgentReply(json.dumps({"id": number if type(number) is int else None, **told}).encode() + b"\n", trusted)
 
     def _now(self) -> Kernel:
         """The kernel that runs now. Raises E-LCNC-DOWN."""

@@ -14,7 +14,7 @@ FIRST_S, SEND_S = 5.0, 5.0
 MOST_FIRST, MOST_LINE = 4096, 8 << 20
 
 
-class Answer(NamedTuple):
+class AgentReply(NamedTuple):
     """One line back, with its end; ``trusted``: whoever asked showed the token."""
 
     data: bytes
@@ -34,7 +34,7 @@ class _Line:
 class Lines:
     """Every connection of one listener. ``answer`` makes an answer of a line."""
 
-    def __init__(self, listener: socket.socket, answer: Callable[[bytes], Answer]) -> None:
+    def __init__(self, listener: socket.socket, answer: Callable[[bytes], AgentReply]) -> None:
         self._listener, self._answer = listener, answer
         self._ready = selectors.DefaultSelector()
         self._ready.register(listener, selectors.EVENT_READ)
@@ -75,7 +75,7 @@ class Lines:
         line.wire.close()
 
     def _served(self, line: _Line) -> bool:
-        """Answer what is whole of what came; whether the line goes on."""
+        """AgentReply what is whole of what came; whether the line goes on."""
         try:
             data = line.wire.recv(1 << 16)
             *asked, line.held = (line.held + data).split(b"\n")

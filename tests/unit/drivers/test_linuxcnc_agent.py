@@ -15,7 +15,7 @@ from drivers.linuxcnc.agent import lines
 from drivers.linuxcnc.agent.__main__ import LEAST_TOKEN, _token
 from drivers.linuxcnc.agent.answering import Agent
 from drivers.linuxcnc.agent.kernel import Kernel
-from drivers.linuxcnc.agent.lines import FIRST_S, MOST_FIRST, MOST_LINES, Answer, Lines
+from drivers.linuxcnc.agent.lines import FIRST_S, MOST_FIRST, MOST_LINES, AgentReply, Lines
 from tests.contract.linuxcnc_double import Machine
 from tests.contract.linuxcnc_stage import TOKEN, agent_of
 
@@ -27,7 +27,7 @@ class Desk:
 
     def __init__(self, listener: socket.socket) -> None:
         self.address = listener.getsockname()
-        self.lines = Lines(listener, lambda data: Answer(data.upper() + b"\n", data == b"hello"))
+        self.lines = Lines(listener, lambda data: AgentReply(data.upper() + b"\n", data == b"hello"))
         self.now = 0.0
         self._wires: list[socket.socket] = []
 

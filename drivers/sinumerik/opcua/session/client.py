@@ -212,8 +212,10 @@ class UaSession(UaConnection):
     async def _call(self, owner: Any, node: Any, name: str, arguments: Arguments, timeout_s: float) -> list[Any]:
         result = await self._request(timeout_s, "call", name, lambda it: requests.call(it, owner, node, arguments))
         if result.StatusCode.value != _GOOD:
-            what = f"{name} {requests.shown(arguments)}{requests.refused_arguments(result)}".strip()
-            raise refusal(requests.status_of(result), self._where, "call", what)
+            refused = requests.refused_arguments(result)
+            # OPC 10000-4 tells a wrong type beside its argument, under a status of the call that says less.
+            status = "BadTypeMismatch" if "BadTypeMismatch" in refused else result.StatusCode.name
+            raise refusal(status, self._where, "call", f"{name} {requests.shown(arguments)}{refused}".strip())
         return [output.Value for output in result.OutputArguments or []]
 
     async def alarm_events(self, timeout_s: float) -> list[AlarmEvent] | None:

@@ -134,19 +134,9 @@ def shown(arguments: Sequence[tuple[Any, str]]) -> str:
     return " ".join(str(value) for value, kind in arguments if kind in ("String", "Int32"))
 
 
-def status_of(result: Any) -> str:
-    """The status of a call: where an argument had another type, that, which OPC 10000-4 tells beside the argument."""
-    known = _arguments(result)
-    return "BadTypeMismatch" if "BadTypeMismatch" in known else str(result.StatusCode.name)
-
-
-def _arguments(result: Any) -> list[str]:
-    return [status_name(status) for status in result.InputArgumentResults or []]
-
-
 def refused_arguments(result: Any) -> str:
     """Which arguments of a call the server names as wrong, and why; "" where it names none."""
-    statuses = _arguments(result)
+    statuses = [status_name(status) for status in result.InputArgumentResults or []]
     told = [f"argument {place}: {name}" for place, name in enumerate(statuses, start=1) if name != "Good"]
     return f" ({', '.join(told)})" if told else ""
 
