@@ -28,7 +28,7 @@ from tests.interop.linuxcnc_host import ROOT, TOKEN, Host
 
 EXAMPLE = ROOT / "examples" / "sites" / "linuxcnc-mill.toml"
 JOINTS = {"X1": 0, "C1": 3}
-LOOK_S, LATE_S, BLOCK_S, MOUNT_S, RUN_S = 0.02, 0.1, 0.05, 1.0, 1800.0
+LOOK_S, BLOCK_S, MOUNT_S, RUN_S = 0.01, 0.02, 1.0, 1800.0
 CELL: dict[str, Any] = {
     "name": "plant",
     "axes": [
@@ -46,38 +46,44 @@ CELL: dict[str, Any] = {
 }
 
 
-class Plant:
-    """Where the slides truly stood LATE_S ago (a simulators.optics.MotionSource): both ends are known by then."""
+class Plant(LoopClock):
+    """Where the slides truly stood (a simulators.optics.MotionSource), and the instruments' clock.
 
-    def __init__(self, host: Host, clock: LoopClock) -> None:
-        self._host, self._clock = host, clock
-        self._times: list[float] = [clock.now()]
+    That clock stands at the last look: what an instrument reads is known at both ends, however busy the computer is.
+    """
+
+    def __init__(self, host: Host) -> None:
+        super().__init__()
+        self._host = host
+        self._times: list[float] = [super().now()]
         self._true: list[list[float]] = [[0.0] * 4]
 
     async def watch(self) -> None:
         while True:
             with contextlib.suppress(OSError, ValueError, TypeError):
                 seen = await self._host.person("true")
-                self._times.append(self._clock.now())
                 self._true.append(seen["true"])
-                del self._times[:-500], self._true[:-500]
-            await self._clock.sleep(LOOK_S)
+                self._times.append(super().now())
+                del self._times[:-2000], self._true[:-2000]
+            await self.sleep(LOOK_S)
+
+    def now(self) -> float:
+        return self._times[-1]
 
     def encoder(self, axis: str, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        places = np.interp(times - LATE_S, self._times, [true[JOINTS[axis]] for true in self._true])
+        places = np.interp(times, self._times, [true[JOINTS[axis]] for true in self._true])
         return places, np.ones_like(places)
 
 
 @contextlib.asynccontextmanager
 async def instruments(host: Host) -> AsyncIterator[tuple[str, str]]:
     """Laser and calibrator mounted on the mill; their urls."""
-    clock = LoopClock()
-    plant = Plant(host, clock)
+    plant = Plant(host)
     bench = OpticsBench(Truth(CellFile.model_validate(CELL)), plant)
     for setup in bench.cell.setups:
         bench.mount(setup)
-    laser = UmdAnswerer(LaserCounter(bench.cell.instruments[0], bench), bench, clock, BLOCK_S)
-    calibrator = BridgeAnswerer(RotaryReader(bench.cell.instruments[1], bench), bench, clock, BLOCK_S)
+    laser = UmdAnswerer(LaserCounter(bench.cell.instruments[0], bench), bench, plant, BLOCK_S)
+    calibrator = BridgeAnswerer(RotaryReader(bench.cell.instruments[1], bench), bench, plant, BLOCK_S)
     watching = asyncio.get_running_loop().create_task(plant.watch())
     try:
         yield await laser.start("socket://127.0.0.1:0"), await calibrator.start("tcp://127.0.0.1:0")

@@ -58,7 +58,7 @@ class Person:
         self.command.wait_complete(LONG_S)
         still = 0
         while still < 5:  # another client's commands may have answered for ours: look until nothing moves
-            time.sleep(0.05)
+            time.sleep(0.02)
             self.stat.poll()
             idle = self.stat.interp_state == linuxcnc.INTERP_IDLE and self.stat.queue == 0
             still = still + 1 if idle and self.stat.inpos else 0
