@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import threading
 from collections.abc import Callable, Sequence
 from typing import Generic, TypeVar
 
@@ -12,6 +13,8 @@ from gateway.daemon.desk import Devices
 from gateway.views import SeenDevice
 
 D = TypeVar("D", bound=Devices)
+_ONE_AT_A_TIME = threading.Lock()
+"""Sites that begin together load the same modules."""
 
 
 class LateDevices(Generic[D]):
@@ -30,10 +33,14 @@ class LateDevices(Generic[D]):
     async def open_all(self) -> object:
         """Make them, then open every one. Raises what making and opening raise."""
         if self._coming is None:
-            self._coming = asyncio.ensure_future(asyncio.to_thread(self._make))
+            self._coming = asyncio.ensure_future(asyncio.to_thread(self._loaded))
         # Whoever cancels this does not stop the thread: the next opening takes what it made.
         self.made = await asyncio.shield(self._coming)
         return await self.made.open_all()
+
+    def _loaded(self) -> D:
+        with _ONE_AT_A_TIME:
+            return self._make()
 
     def picture(self) -> Sequence[SeenDevice]:
         """All devices as they are now."""

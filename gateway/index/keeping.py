@@ -127,13 +127,20 @@ class RunIndex:
         with self._at() as at:
             self._drop(at, runs)
 
+    def _turn(self, at: Connection) -> None:
+        """One program at a time writes a store's rows: the service that follows it, and `reindex` beside it."""
+        if at.dialect.name == "postgresql":
+            at.execute(select(func.pg_advisory_xact_lock(func.hashtext(self.gateway))))
+
     def _drop(self, at: Connection, runs: Sequence[str]) -> None:
+        self._turn(at)
         for table in (FIGURES, RUNS):
             at.execute(delete(table).where(table.c.gateway == self.gateway, table.c.run_id.in_(list(runs))))
 
     def clear(self) -> None:
         """Forget every run of this store."""
         with self._at() as at:
+            self._turn(at)
             for table in (FIGURES, RUNS):
                 at.execute(delete(table).where(table.c.gateway == self.gateway))
 

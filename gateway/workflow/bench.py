@@ -239,7 +239,8 @@ async def _opened(
             supervisor.controller.attend(origin_of(site, folder.run_id), _Kept(folder).keep)
         if isinstance(supervisor.controller, SaysMotion):
             supervisor.controller.keep_to(site.moves.places)
-        say("P-OPEN", site=site.site.name, serial=machine.serial, count=len(supervisor.picture()))
+        count = len(supervisor.picture())
+        say("P-OPEN", site=site.site.name, serial=machine.serial, count=count, run=folder.run_id)
         if wire := supervisor.controller.capabilities.unprotected:
             say("P-UNPROTECTED", road=wire)
         if not supervisor.left.clear:

@@ -111,6 +111,31 @@ def test_gateways_that_begin_together_make_one_index_and_keep_their_runs_apart(s
     assert len(index.search()) == 18
 
 
+def test_a_service_and_a_reindex_beside_it_are_in_nobodys_way(server: Server, tmp_path: Path) -> None:
+    store = Store(tmp_path / "runs")
+    for _run in range(6):
+        measured(store, "X1")
+    failed: list[Exception] = []
+
+    def work(anew: bool) -> None:
+        index = RunIndex(store.root, server.url)
+        try:
+            for _round in range(6):
+                (rebuilt if anew else caught_up)(index, store)
+        except (TrueflankError, SQLAlchemyError) as error:
+            failed.append(error)
+
+    threads = [threading.Thread(target=work, args=(anew,)) for anew in (True, False, True, False)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert failed == []
+    index = RunIndex(store.root, server.url)
+    caught_up(index, store)
+    assert len(index.search()) == len(index.trend("E", subject="X1")) == 6
+
+
 def test_a_database_that_dies_in_the_middle_loses_nothing(server: Server, tmp_path: Path) -> None:
     store = Store(tmp_path / "runs")
     index = RunIndex(store.root, server.url)

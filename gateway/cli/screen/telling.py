@@ -46,6 +46,8 @@ def progress(
         nonlocal run
         if code == "P-RUN":
             run = Path(str(fields["folder"])).name
+        elif code == "P-OPEN":
+            run = run or str(fields.get("run", ""))
         if log is not None:
             log.add(LEVELS.get(kind_of(code), "INFO"), code, fields, run=run)
 

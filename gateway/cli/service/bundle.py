@@ -34,7 +34,7 @@ from gateway.users import first_token_path
 
 MOST_FILE, MOST_ALL = 8_000_000, 200_000_000
 AUDIT_RECORDS = 1000
-LEFT = (".npy", ".bin", ".html", ".pdf", ".png", ".svg", ".db")
+LEFT = (".npy", ".f64", ".bin", ".html", ".pdf", ".png", ".svg", ".db")
 """Raw recordings, and pages that are made of what is taken."""
 _TRACE = re.compile(r"\.trace(\.\d+)?$")
 _POINTER = re.compile(r"_(file|env)$")
@@ -77,9 +77,9 @@ def _members(
     yield "audit.json", _json({"newest": records, "problem": str(audit.check(store.root).problem or "")})
     for found in _plain(store.root / JOURNALS):
         yield f"journal/{found.relative_to(store.root / JOURNALS).as_posix()}", read_own(found)
-    for run in store.runs()[-runs:] if runs else ():
-        for found in _plain(run.path):
-            yield f"runs/{run.run_id}/{found.relative_to(run.path).as_posix()}", read_own(found)
+    for run_id in reversed(store.newest(runs)):
+        for found in _plain(store.root / run_id):
+            yield f"runs/{run_id}/{found.relative_to(store.root / run_id).as_posix()}", read_own(found)
 
 
 def _plain(folder: Path) -> Iterator[Path]:

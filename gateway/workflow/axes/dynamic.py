@@ -114,6 +114,7 @@ async def capture_dynamic(
     """
     section = _section(site, wish.instrument)
     folder = new_run(site, site_path)
+    say("P-RUN", folder=str(folder.path))
     try:
         async with borrowed(store_of(site, site_path).root, folder.run_id, clock, say) as told:
             ended, path, notes = await _recorded(section, wish, clock, folder, told)

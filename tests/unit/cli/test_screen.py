@@ -7,6 +7,8 @@ import json
 import re
 import sys
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from rich.console import Console
@@ -112,6 +114,14 @@ def test_everything_is_kept_in_the_log_with_run_and_device(
     ]
     assert {line["run"] for line in kept} == {folder.run_id}
     assert json.dumps(kept).isascii()
+
+
+def test_a_command_that_makes_no_run_of_its_own_is_known_in_the_log_from_its_devices_on(tmp_path: Path) -> None:
+    site: Any = SimpleNamespace(site=SimpleNamespace(name="hall-3", store=tmp_path))
+    with progress(quiet=True, at=(site, tmp_path / "site.toml")) as say:
+        say("P-OPEN", site="hall-3", serial="S", count=1, run="r-1")
+        say("P-UNPROTECTED", road="Modbus")
+    assert [(line["code"], line["run"]) for line in lines_of(tmp_path)] == [("P-OPEN", "r-1"), ("P-UNPROTECTED", "r-1")]
 
 
 def test_a_scene_knows_what_to_do_since_when_and_how_long_it_takes() -> None:
