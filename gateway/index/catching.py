@@ -64,13 +64,15 @@ def _put(index: RunIndex, run: RunSummary, seal: str) -> None:
 
 
 def index_of(site: SiteFile, path: Path, store: Store) -> RunIndex:
-    """The index that a site file names. Raises ConfigError (E-INDEX-FILE)."""
+    """The index that a site file names. Raises ConfigError (E-INDEX-FILE, E-INDEX-EXTRA: its library is not there)."""
     file = site.service.index_url_file
     if file is None:
         return RunIndex(store.root)
     try:
         url = (path.parent / file).read_text(encoding="utf-8").strip()
         return RunIndex(store.root, url)
+    except ImportError as error:
+        raise ConfigError("E-INDEX-EXTRA", str(file), library=str(error.name)) from error
     except (OSError, ValueError, SQLAlchemyError) as error:
         # Never with the address itself: a password may stand in it.
         raise ConfigError("E-INDEX-FILE", str(file), why=type(error).__name__) from error

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import sys
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -13,11 +14,12 @@ from sqlalchemy import create_engine, inspect
 from drivers.errors import ConfigError
 from gateway import audit
 from gateway.errors import StoreError
-from gateway.index import IndexedFigure, IndexedRun, RunIndex, caught_up, compared, due_of, index_url, rebuilt
+from gateway.index import IndexedFigure, IndexedRun, RunIndex, caught_up, compared, due_of, index_of, index_url, rebuilt
 from gateway.index.schema import METADATA
 from gateway.store import RunFolder, RunSummary, Store
 from tests.unit.audit.log import Moments
 from tests.unit.report.synthetic import axis_material
+from tests.unit.web.test_daemon import SITE
 
 
 def measured(store: Store, axis: str, state: str = "proposed") -> str:
@@ -173,3 +175,16 @@ def test_a_database_that_is_away_is_an_error_without_its_address(tmp_path: Path)
         index.open()
     assert caught.value.code == "E-INDEX"
     assert "secret-word" not in json.dumps(caught.value.as_record())
+
+
+def test_a_database_whose_library_is_not_installed_is_a_message_without_its_address(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "index.url").write_text("postgresql+psycopg://u:hunter2@127.0.0.1:1/x", encoding="ascii")
+    monkeypatch.setitem(sys.modules, "psycopg", None)
+    service = SITE.service.model_copy(update={"index_url_file": Path("index.url")})
+    with pytest.raises(ConfigError) as caught:
+        index_of(SITE.model_copy(update={"service": service}), tmp_path / "site.toml", Store(tmp_path))
+    assert caught.value.code == "E-INDEX-EXTRA"
+    assert "psycopg" in str(caught.value)
+    assert "hunter2" not in str(caught.value)

@@ -31,6 +31,8 @@ SHORTEST_S = 0.5  # how often a server may make us show a sign of life, or renew
 _NO_CHANNEL = ("E-UA-TRUST-US", "E-UA-CONNECT")
 
 logging.getLogger("asyncua").addHandler(logging.NullHandler())
+# A peer knows our certificate by itself, not by a name of this computer in it: no word of that at each connection.
+logging.getLogger("asyncua.crypto.uacrypto").addFilter(lambda record: "in DNSNames" not in str(record.msg))
 
 
 def node_id(path: str, index: int) -> Any:
