@@ -246,7 +246,7 @@ async def test_files_and_selection_as_the_manual_says(keys: Path) -> None:
             await refused(send(name), "E-UA-REFUSED")
         assert await made.call("CopyFileFromServer", [(f"{FOLDER}/AB.MPF", "String")], 5.0) == b"M0\nM30\n"
         await refused(made.call("CopyFileFromServer", [(f"{FOLDER}/BC.MPF", "String")], 5.0), "E-UA-FILE")
-        await refused(made.call("CopyFileFromServer", [(7, "Int32")], 5.0), "E-UA-REFUSED")
+        await refused(made.call("CopyFileFromServer", [(7, "Int32")], 5.0), "E-UA-TYPE")
 
         async def select(name: str, channel: int = 1) -> Any:
             return await made.call("Select", [(f"{FOLDER}/{name}", "String"), (channel, "Int32")], 5.0)

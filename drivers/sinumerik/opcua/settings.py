@@ -85,7 +85,7 @@ class UaSettings(DriverSettings):
             ("server_certificate", pinned, "must name the server's certificate: nothing is trusted unseen"),
             ("password_file", self._one_password(), "give one of password_file, password_env and password"),
             ("user", bool(self.user) or not self._passwords(), "must name who signs in with that password"),
-            ("password_file", not self.user or self._passwords() > 0, "is missing beside user: or give password_env"),
+            ("password_file", not self.user or self._answered(), "is missing beside user: or give password_env"),
             ("writing_user", self._apart(), "must be another user than user, with writing_password_file or _env"),
             ("r_setup", self._free(), f"must be 0 .. {nodes.R_LAST - 2}, clear of the 20 from r_first on, or -1"),
             ("fast_poll_s", self.fast_poll_s <= self.poll_s, "must be 0.001 s .. poll_s"),
@@ -122,6 +122,10 @@ class UaSettings(DriverSettings):
 
     def _one_password(self) -> bool:
         return self._passwords() <= 1
+
+    def _answered(self) -> bool:
+        """Whether a password is given; an empty one only where it is written."""
+        return self._passwords() > 0 or "password" in self.model_fields_set
 
     def _passwords(self) -> int:
         """How many passwords are given."""
