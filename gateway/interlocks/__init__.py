@@ -9,7 +9,7 @@ from __future__ import annotations
 from gateway.interlocks.approval import APPROVED, needed, warnings
 from gateway.interlocks.cross import CROSS, CROSS_RELEASE
 from gateway.interlocks.facts import MAX_JUMP, PushFacts, Refusal, Rule, value_at
-from gateway.interlocks.machine import CONSENT, MACHINE, NAMED, RELEASE
+from gateway.interlocks.machine import CONSENT, MACHINE, NAMED, RELEASE, proves
 from gateway.interlocks.measured import MEASURED, MEASURED_CROSS, MEASURED_REVERSAL, aged, crowded, not_worth_it
 from gateway.interlocks.table import FITS, TABLE
 
@@ -21,6 +21,7 @@ __all__ = [
     "crowded",
     "needed",
     "not_worth_it",
+    "proves",
     "refusals",
     "value_at",
     "warnings",

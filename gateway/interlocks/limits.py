@@ -25,7 +25,10 @@ MAX_REMAINING = 0.5
 MAX_REPEATABILITY = 1.0 / 3.0
 COARSEST_UM = 1.0
 PROOF_WITHIN = 0.2
+PROOF_COVERAGE = 2.0
 PROOF_TIMES_U = 4.0
+# Midway between one and half or twice.
+PROOF_SIZES = (0.75, 1.5)
 
 MAX_JUMP = Limits.of("mm").jump
 # um or arcsec: by so little temperature compensation may have changed since the measurement.

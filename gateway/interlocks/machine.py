@@ -9,7 +9,13 @@ from drivers.types.machine import ChannelStatus
 from drivers.types.orders import SignProof
 from drivers.units import deviation_scale
 from gateway.interlocks.facts import ROUNDING, PushFacts, Refusal, Rule, no, others_now, value_at
-from gateway.interlocks.limits import PROOF_TIMES_U, PROOF_WITHIN, TEMPERATURE_MOVED
+from gateway.interlocks.limits import (
+    PROOF_COVERAGE,
+    PROOF_SIZES,
+    PROOF_TIMES_U,
+    PROOF_WITHIN,
+    TEMPERATURE_MOVED,
+)
 
 
 def _machine(facts: PushFacts) -> Iterator[Refusal]:
@@ -208,10 +214,20 @@ def _proof(facts: PushFacts) -> Iterator[Refusal]:
 
 
 def _sound(proof: SignProof) -> bool:
-    """The slope is one within 20 %, clear of its uncertainty, and says what the sign says."""
-    size = abs(proof.slope)
-    clear = abs(size - 1.0) <= PROOF_WITHIN + ROUNDING and size > PROOF_TIMES_U * proof.slope_u
-    return clear and proof.agrees
+    return proves(proof.slope, proof.slope_u) and proof.agrees
+
+
+def proves(slope: float, u: float) -> bool:
+    """Whether a measured step, ``slope`` of what was commanded with standard uncertainty ``u``, proves a sign.
+
+    Its size is one within 20 % or within its expanded uncertainty (k = 2), whichever is wider, so that an axis that
+    scatters can be proved. It is more than four times u, and nearer to one than to half or twice: an error of unit or
+    factor is not taken for scatter. Where either is not a number, nothing is proved.
+    """
+    size = abs(slope)
+    right = abs(size - 1.0) <= max(PROOF_WITHIN + ROUNDING, PROOF_COVERAGE * u)
+    least, most = PROOF_SIZES
+    return right and least <= size <= most and size > PROOF_TIMES_U * u
 
 
 MACHINE: tuple[Rule, ...] = (_machine, _units, _channel, _mode, _alarms, _axis, _axis_units, _access, _placed)

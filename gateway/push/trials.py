@@ -1,10 +1,10 @@
 """What a sign proof puts into the control, and what its readings say: small tables, steps, the verdict on them; pure.
 
-A triangle table, zero at the reference and both ends, peak 3 um or 3 arcsec. The mean step of switching it must be the
-peak within 20 % and more than four times its uncertainty. An axis table: it must be negative, as the manual says. A
-cross table: no public text settles the sign, so it is what is measured. A reversal: a trial value as large while the
-axis goes away and comes back: what changes is B = mean(+) - mean(-), so it does not matter whether a control takes
-a new value up at once or at the next turn.
+A triangle table, zero at the reference and both ends, peak 3 um or 3 arcsec. The mean step of switching it is judged by
+the rule that the interlock reads a stored proof with (`gateway.interlocks.proves`). An axis table: it must be negative,
+as the manual says. A cross table: no public text settles the sign, so it is what is measured. A reversal: a trial value
+as large while the axis goes away and comes back: what changes is B = mean(+) - mean(-), so it does not matter whether a
+control takes a new value up at once or at the next turn.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from gateway.axes import AxisRecord
 from gateway.domain.proposals import TableChange
 from gateway.errors import VerifyError
 from gateway.evaluate.behaviour.repetitions import MAD_TO_SIGMA
+from gateway.interlocks import proves
 from gateway.push import conversation
 from gateway.push.compare import table_in
 from gateway.push.context import PushContext
@@ -34,8 +35,6 @@ from gateway.push.unexpected import unheard
 from gateway.push.work import Reading
 
 PEAK = 3.0
-WITHIN = 0.2
-TIMES_U = 4.0
 TIMES = 3
 MEDIAN_U = 1.2533  # a median scatters by so much more than a mean
 ROUNDS = 6
@@ -252,8 +251,7 @@ def steps_of(readings: list[tuple[float, float]]) -> Steps:
 def judged(context: PushContext, steps: Steps, kind: TableKind) -> SignProof:
     """The proof of a kind of table on an output axis. Raises VerifyError (E-PUSH-NO-PROOF, E-PUSH-SIGN)."""
     axis = context.axis
-    size_right = abs(abs(steps.mean) - PEAK) <= max(WITHIN * PEAK, 2.0 * steps.u if kind == "reversal" else 0.0)
-    if not size_right or not abs(steps.mean) > TIMES_U * steps.u:
+    if not proves(steps.mean / PEAK, steps.u / PEAK):
         told: dict[str, Any] = {"mean": round(steps.mean, 3), "u": round(steps.u, 3), "peak": PEAK}
         raise VerifyError("E-PUSH-NO-PROOF", axis.name, axis=axis.name, unit=deviation_unit(axis.unit), **told)
     if kind != "cross" and steps.mean > 0:

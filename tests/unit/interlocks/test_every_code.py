@@ -123,6 +123,11 @@ MORE: list[tuple[str, PushFacts]] = [
     ("E-INT-NO-BASE", replace(GOOD, change=replace(CHANGE, base_digest=""))),
     ("E-INT-BAD-PROOF", replace(GOOD, proof=replace(PROOF, slope=-1.3))),
     ("E-INT-BAD-PROOF", replace(GOOD, proof=replace(PROOF, slope_u=0.3))),
+    ("E-INT-BAD-PROOF", replace(GOOD, proof=replace(PROOF, slope=-1.25, slope_u=0.12))),
+    *[("E-INT-BAD-PROOF", replace(GOOD, proof=replace(PROOF, slope=-0.5, slope_u=u))) for u in (0.01, 0.12, 0.25)],
+    *[("E-INT-BAD-PROOF", replace(GOOD, proof=replace(PROOF, slope=-2.0, slope_u=u))) for u in (0.01, 0.45, 0.5)],
+    ("E-INT-SIGN", replace(GOOD, proof=replace(PROOF, slope=1.25, slope_u=0.16, sign=-1))),
+    ("E-INT-BAD-PROOF", replace(GOOD, proof=replace(PROOF, slope=1.25, slope_u=0.16))),
     ("E-INT-BAD-PROOF", replace(CROSS, proof=replace(CEC_PROOF, sign=1))),
     ("E-INT-NO-PROOF", replace(CROSS, proof=PROOF)),
     ("E-INT-RESOLUTION", replace(GOOD, limits=TableLimits(100, 0.01, 1.0))),
@@ -226,6 +231,7 @@ def test_sound_cross_and_two_person_pushes_have_no_reason_against_them() -> None
     assert codes(CROSS) == set()
     assert codes(TWO) == set()
     assert codes(trial()) == set()
+    assert codes(replace(GOOD, proof=replace(PROOF, slope=-1.25, slope_u=0.16))) == set()  # as it agrees with 1 by U
     still = TemperatureShift(0.003, 1e-5, 20.0)
     assert codes(warmer(then=still, now=replace(still, constant=0.00305))) == set()
     assert codes(warmer(then=None, now=still)) == set()  # what was never read cannot be compared

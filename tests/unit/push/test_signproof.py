@@ -11,14 +11,15 @@ import pytest
 
 from drivers.clock import run_virtual
 from drivers.errors import BeamObstructed, TableError
+from drivers.terms import TableKind
 from drivers.types.orders import SignProof
 from drivers.types.stops import Stop
 from drivers.types.tables import LiveTable
 from gateway.axes import AxisRecord
 from gateway.errors import RollbackFailed, VerifyError, WriteRefused
-from gateway.interlocks import value_at
+from gateway.interlocks import proves, value_at
 from gateway.push import prove_sign
-from gateway.push.trials import PEAK, steps_of, triangle
+from gateway.push.trials import PEAK, Steps, judged, steps_of, triangle
 from tests.unit.push.double import (
     MACHINE,
     NEVER,
@@ -69,6 +70,9 @@ def test_proved_and_restored(tmp_path: Path, old: LiveTable) -> None:
         (-0.7, 0.02, 0.05, "E-PUSH-NO-PROOF"),
         (-1.3, 0.02, 0.05, "E-PUSH-NO-PROOF"),
         (-1.0, 0.02, 1.0, "E-PUSH-NO-PROOF"),
+        *[(-0.5, 0.0, u, "E-PUSH-NO-PROOF") for u in (0.05, 0.3, 0.45, 0.55, 1.0, 2.0)],
+        *[(-2.0, 0.0, u, "E-PUSH-NO-PROOF") for u in (0.05, 0.6, 1.2, 1.8, 1.85, 2.5)],
+        (1.25, 0.0, 0.588, "E-PUSH-SIGN"),
         (-1.0, float("nan"), 0.05, "E-PUSH-NO-PROOF"),
         (-1.0, 0.02, float("nan"), "E-PUSH-NO-PROOF"),
     ],
@@ -81,6 +85,38 @@ def test_no_proof_in_doubt(tmp_path: Path, gain: float, noise: float, u: float, 
         prove(at, gain, noise, u)
     assert caught.value.code == code
     assert at.machine.own == OLD_ON
+
+
+@pytest.mark.parametrize("kind", ["axis", "cross", "reversal"])
+def test_a_step_is_judged_with_its_uncertainty_and_the_interlock_takes_what_was_proved(
+    tmp_path: Path, kind: TableKind
+) -> None:
+    async def asked(slope: float, u: float) -> SignProof:
+        return judged(bench(tmp_path).context, Steps(slope * PEAK, u * PEAK, ()), kind)
+
+    found = run_virtual(lambda: asked(-1.25, 0.16))
+    assert (found.sign, found.slope, found.slope_u) == (1, pytest.approx(-1.25), pytest.approx(0.16))
+    assert proves(found.slope, found.slope_u)
+    for slope, u in (
+        (-1.25, 0.12),
+        (-0.75, 0.12),
+        (-1.25, 0.32),
+        (-0.7, 0.17),
+        (-1.6, 0.35),
+        (-0.5, 0.25),
+        (-2.0, 0.5),
+        (-1.0, np.nan),
+    ):
+        with pytest.raises(VerifyError) as caught:
+            run_virtual(lambda slope=slope, u=u: asked(slope, u))
+        assert caught.value.code == "E-PUSH-NO-PROOF"
+        assert not proves(slope, u)
+
+
+def test_whatever_the_uncertainty_a_proof_is_nearer_to_its_size_than_to_half_or_twice() -> None:
+    sizes = np.round(np.arange(0.0, 3.0, 0.01), 2)
+    taken = [size for size in sizes for u in np.linspace(0.0, 2.0, 401) if proves(-size, float(u))]
+    assert (min(taken), max(taken)) == (pytest.approx(0.75), pytest.approx(1.5))
 
 
 def test_a_lost_beam_restores_too(tmp_path: Path) -> None:
