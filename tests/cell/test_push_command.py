@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from drivers.clock import LoopClock, run_virtual
+from gateway import audit
 from gateway.config import load_site
 from gateway.errors import WriteRefused
 from gateway.say import silence
@@ -18,6 +19,11 @@ from gateway.workflow.loop.run import run_site
 from simulators.cell import cell_running
 from simulators.cell.judge import Judge
 from tests.cell.bench import short
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """Every file of a run folder."""
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
 def test_a_proposal_is_shown_then_pushed(tmp_path: Path) -> None:
@@ -39,7 +45,9 @@ def test_a_proposal_is_shown_then_pushed(tmp_path: Path) -> None:
             untouched = await judge.answer({"ask": "tables"}) == tables
             before = cell.figures("C1")["M"]
             pushed = await push_run(folder, apply=True, machine_name=site.site.name, clock=clock, say=silence)
+            whole = contents(folder.path)
             again = await push_run(folder, apply=False, machine_name="", clock=clock, say=silence)
+            assert contents(folder.path) == whole
             return {
                 "made": made,
                 "tested": tested,
@@ -49,6 +57,8 @@ def test_a_proposal_is_shown_then_pushed(tmp_path: Path) -> None:
                 "again": again,
                 "M": (before, cell.figures("C1")["M"]),
                 "steps": folder.stages,
+                "state": folder.state,
+                "last": list(audit.entries(folder.path.parent))[-1],
             }
 
     seen = run_virtual(job)
@@ -60,3 +70,5 @@ def test_a_proposal_is_shown_then_pushed(tmp_path: Path) -> None:
     assert seen["M"][1] < 0.7 * seen["M"][0]
     assert {"push-C1", "verdict", "capture-C1-after"} <= set(seen["steps"])
     assert seen["again"].data["refusals"]["C1"] == []
+    assert seen["state"] == seen["again"].state == "better"
+    assert seen["last"]["action"] == "push-looked"

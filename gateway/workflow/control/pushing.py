@@ -25,13 +25,14 @@ from gateway.workflow.aftercare import in_push, standing_alarms
 from gateway.workflow.axes.acting import acting_plans, check_acting
 from gateway.workflow.axes.measure import MeasuredAxis
 from gateway.workflow.axes.verdict import PUSHED, judge
-from gateway.workflow.bench import Bench, bench, check_name, conclude, site_of
+from gateway.workflow.bench import Bench, bench, check_name, conclude, run_or_look, site_of
 from gateway.workflow.consents import (
     Taken,
     begin,
     consented,
     demand_todays,
     ended,
+    looked,
     refused,
     take_up,
     tell,
@@ -231,24 +232,26 @@ async def push_run(
 ) -> Outcome:
     """A stored run's proposal against the live machine: difference and refusals; with `apply` the push itself.
 
-    ``tables`` by their names are the only ones; none named: all. Without `apply` nothing is written. Raises what
-    `run_site` raises, ConfigError (E-RUN-AXIS).
+    ``tables`` by their names are the only ones; none named: all. Without `apply` nothing is written, and the run stays
+    as it is however the look ends. Raises what `run_site` raises, ConfigError (E-RUN-AXIS).
     """
     site, path = site_of(folder)
     check_name(site, apply, machine_name)
     proposal = narrowed(folder.get(stages.PROPOSAL, Proposal), tables)
     demand_todays(folder)
     measured = stored_axes(folder, proposal)
-    try:
-        with carrying.carried_for(folder, site.controller.driver, apply=apply):
+    with carrying.carried_for(folder, site.controller.driver, apply=apply):
+        if not apply:
+            with run_or_look(site, path, "looking", look=True) as beside:
+                async with bench(site, path, folder=beside, clock=clock, say=say) as at:
+                    return await _show(replace(at, folder=folder), proposal, measured)
+        try:
             async with bench(site, path, folder=folder, clock=clock, say=say) as at:
-                if not apply:
-                    return await _show(at, proposal, measured)
                 verdict = await apply_proposal(at, proposal, measured)
                 return alarmed(finish(folder, measured, proposal, verdict), standing_alarms(at))
-    except TrueflankError as error:
-        folder.set_state("failed", error=error.as_record())
-        raise
+        except TrueflankError as error:
+            folder.set_state("failed", error=error.as_record())
+            raise
 
 
 def _proved_first(at: Bench, refusal: Refusal, axis: AxisSection) -> bool:
@@ -269,5 +272,5 @@ async def _show(at: Bench, proposal: Proposal, measured: Mapping[str, MeasuredAx
         against = against or any(not _proved_first(at, refusal, axis) for refusal in asked.refusals)
         told = [first if _proved_first(at, refusal, axis) else refusal.words for refusal in asked.refusals]
         refusals[change.name] = [*told, *(warning.words for warning in asked.warnings)]
-    at.folder.set_state("proposed")
+    looked(at, "push", run=at.folder.run_id, refused=against)
     return shown(at.folder, proposal, refusals, refused=against)

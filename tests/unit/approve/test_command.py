@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -102,3 +103,24 @@ def test_refused_leaves_nothing(run: RunFolder, typed: str, words: tuple[str, ..
     assert getattr(found, "code", "") == code
     assert Approvals(run.path).unused() == ()
     assert list(audit.entries(run.path.parent)) == []
+
+
+@pytest.mark.parametrize(
+    ("words", "code"),
+    [((), "E-SUP-OPEN"), (("--offline",), "E-OFF-ROAD"), (("--offline", "--apply", "--machine", "mill"), "E-OFF-ROAD")],
+)
+def test_a_look_that_fails_and_a_way_that_is_refused_leave_the_run_as_it_was(
+    run: RunFolder, words: tuple[str, ...], code: str
+) -> None:
+    cross = replace(CHANGE, new=replace(CHANGE.new, kind="cross", output_axis="X1"))
+    run.put(stages.PROPOSAL, Proposal(MACHINE, (cross,), (), "2026-11-21T10:00:00+00:00"))
+    run.set_state("better")
+    site = run.path.parents[1] / "site.toml"
+    site.write_text(
+        SITE.replace('url = "opc.tcp://127.0.0.1:1"', 'driver = "sinumerik-modbus"\nurl = "tcp://127.0.0.1:1"')
+    )
+    before = {path: path.read_bytes() for path in run.path.rglob("*") if path.is_file()}
+    found = CliRunner().invoke(app, ["push", str(run.path), *words]).exception
+    assert getattr(found, "code", found) == code
+    assert {path: path.read_bytes() for path in run.path.rglob("*") if path.is_file()} == before
+    assert (run.state, run.errors) == ("better", ())
