@@ -18,6 +18,7 @@ command -v "$python" >/dev/null 2>&1 || python=python3
     exit 2
 }
 mkdir -p "$there/versions"
+there=$(cd "$there" && pwd)
 new="$there/versions/$version"
 # A version stands whole or not at all: it is made beside, and carries its lock when it is whole. One that is there already
 # is only chosen again.
