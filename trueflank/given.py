@@ -16,6 +16,13 @@ HOW = {
     "Machine": "tf.Machine({...}), or tf.Machine.load(path)",
     "Gear": "tf.Gear.load(path), or tf.Gear.of(...)",
 }
+ASKS = {
+    "E-IMPORT-COLUMNS": "E-LIBRARY-COLUMNS",
+    "E-IMPORT-WAYS": "E-LIBRARY-WAYS",
+    "E-IMPORT-RUNS": "E-LIBRARY-RUNS",
+    "E-IMPORT-READINGS": "E-LIBRARY-READINGS",
+}
+"""What is asked about a table, by the code of the command line; here the answer is an argument of `read`."""
 
 
 def of_kind(one: Any, wanted: type, call: str) -> None:

@@ -20,7 +20,7 @@ from gateway.evaluate.standards.registry import evaluate_by
 from gateway.model.components import standard_uncertainty, value
 from gateway.model.means import fit_means
 from trueflank.frames import frame
-from trueflank.given import axis_unit_of, motion_name, of_kind, path_given, units_fit
+from trueflank.given import ASKS, axis_unit_of, motion_name, of_kind, path_given, units_fit
 
 SHOWN = {"um": "µm", "arcsec": "arcsec"}
 
@@ -98,14 +98,22 @@ def read(
 
     ``name`` is the error's ISO 230-1 name; a pitch over mm (EBX) or a run-out over deg needs it. ``unit`` of an .rta
     file's deviations, which it does not say: mrad, urad or arcsec. ``columns`` of a table whose heading does not say
-    them, counted from 1: ``{"target": 1, "measured": 2}``. Raises ConfigError, FileFormatError with line and reason.
+    them, counted from 1: ``{"target": 1, "measured": 2}``. Raises ConfigError (E-LIBRARY-COLUMNS, -WAYS, -RUNS and
+    -READINGS: ``columns`` answers them), FileFormatError with line and reason.
     """
     from gateway.workflow.files.importing import How, read_file
 
     path_given(path, "read")
     axis = axis_unit_of(motion_name(name, "read")) if name else None
     mixed = axis is not None and component_unit(name, axis) != deviation_unit(axis)
-    got = read_file(Path(path), How(unit, columns=columns, mixed=mixed))
+    try:
+        got = read_file(Path(path), How(unit, columns=columns, mixed=mixed))
+    except ConfigError as error:
+        if error.code not in ASKS:
+            raise
+        raise ConfigError(
+            ASKS[error.code], error.where, found=error.fields["found"], columns=error.fields["columns"]
+        ) from error
     found = got.content
     if not isinstance(found, MeasuredSet):
         raise ConfigError("E-CLI-KIND", str(path), kind=type(found).__name__)

@@ -139,6 +139,28 @@ def test_what_is_given_to_the_wrong_call_is_said(wrong, code: str) -> None:
     assert "{" not in str(refused.value).replace("tf.Machine({...})", "").replace('{"EXX": 5.0}', "")
 
 
+@pytest.mark.parametrize(
+    ("table", "code"),
+    [
+        ("a;b\n1;1.001\n2;2.002\n", "E-LIBRARY-COLUMNS"),
+        ("Position [mm];Run 1 [um];Run 2 [um]\n0;1;2\n10;2;3\n", "E-LIBRARY-WAYS"),
+    ],
+)
+def test_what_a_table_leaves_open_is_answered_by_the_argument_that_is_named(
+    table: str, code: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "table.csv"
+    path.write_text(table, encoding="utf-8")
+    with pytest.raises(tf.TrueflankError) as asked:
+        tf.read(path)
+    assert asked.value.code == code
+    assert "--column" not in str(asked.value)
+    (said,) = re.findall(r"columns=(\{.*?\})", asked.value.hint)
+    answers = json.loads(said)
+    found = tf.read(path, columns=answers if "passes" in answers else {**answers, "direction": "up"})
+    assert found.targets.size == 2
+
+
 def test_an_error_keeps_its_unit_from_the_file_to_the_tooth(tmp_path: Path) -> None:
     rows = (
         f"{at},{way},{turn},{at / 100 + turn / 100}" for turn in (1, 2) for way in "+-" for at in range(-250, -69, 30)
