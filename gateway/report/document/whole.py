@@ -58,9 +58,16 @@ def _main(material: ReportMaterial, t: Tongue) -> tuple[Block, ...]:
     said = (t("unprotected"),) if material.unprotected else ()
     warned = tuple(Paragraph(line, "strong") for line in (*still_on(material), *said))
     first = (*warned, *parties(material, t), *answer(material, t), *conformity(material, t))
-    middle = (*equipment(material, t), *axes(material, t), *tooth(material, t), *incurable(material, t))
-    told = (*first, *middle, *conditions(material, t), *methods(material, t))
-    return (*told, Whole((Heading(t("release")), Paragraph(t("release_said"), "small"), _signatures(material, t))))
+    # Conditions stand with the axes they belong to: they fill what the charts leave of a page.
+    of_axes = (*equipment(material, t), *axes(material, t), *conditions(material, t))
+    of_tooth = (*tooth(material, t), *incurable(material, t))
+    return (*first, *of_axes, *of_tooth, _release(material, t))
+
+
+def _release(material: ReportMaterial, t: Tongue) -> Whole:
+    """Whoever signs sees on the same page by which methods: the signatures never stand alone."""
+    told = (Heading(t("release")), Paragraph(t("release_said"), "small"), _signatures(material, t))
+    return Whole((*methods(material, t), *told))
 
 
 def _signatures(material: ReportMaterial, t: Tongue) -> Signatures:

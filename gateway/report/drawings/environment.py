@@ -11,7 +11,7 @@ from gateway.report.drawings.curves import INK, NEW, OLD, REVERSE, calm
 from gateway.report.drawings.plots import svg
 from gateway.report.material import AmbientCourse
 
-SIZE_MM = (90.0, 40.0)
+SIZE_MM = (90.0, 34.0)
 LEAST_READINGS = 3
 MATERIALS = (NEW, REVERSE, OLD)
 
@@ -25,7 +25,7 @@ def temperatures(course: AmbientCourse | None, name: str) -> str:
 
 def _paint(figure: Figure, course: AmbientCourse) -> None:
     panel = figure.subplots()
-    figure.subplots_adjust(left=0.14, right=0.86, top=0.95, bottom=0.24)
+    figure.subplots_adjust(left=0.14, right=0.86, top=0.95, bottom=0.28)
     calm(panel, zero=False)
     panel.tick_params(labelsize=8)
     minutes = (course.time_s - course.time_s[0]) / 60.0

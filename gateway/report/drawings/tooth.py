@@ -139,7 +139,7 @@ def _map_size(count: int) -> Size:
 
 
 def _motion_size(model: ErrorModel) -> Size:
-    return WIDE, 33.0 * -(-len(error_drawings.motion_names(model)) // error_drawings.COLUMNS)
+    return WIDE, 29.0 * -(-len(error_drawings.motion_names(model)) // error_drawings.COLUMNS)
 
 
 def _drawn(paint: Paint, size: Size, label: str) -> str:

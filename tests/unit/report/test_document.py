@@ -21,7 +21,7 @@ from gateway.errors import StoreError
 from gateway.push.records.steps import SAID, step_words
 from gateway.report import InstrumentNote, ReportMaterial
 from gateway.report.document import words
-from gateway.report.document.content import Document, FactsBlock, Pair, TableBlock, Whole
+from gateway.report.document.content import Document, FactsBlock, Heading, Pair, Signatures, TableBlock, Whole
 from gateway.report.document.pdf import Attached, cjk_font, fonts_for, pdf
 from gateway.report.document.plain import as_plain
 from gateway.report.document.records import step_names
@@ -111,6 +111,11 @@ def test_simulated_stands_on_every_page_and_nowhere_without_a_double(
     real = document(replace(material, simulated=False, axes=(), tooth=None))
     assert "SIMULATED" not in page(real)
     assert marked(pdf(real, WRITTEN)) == 0
+
+
+def test_signatures_stay_on_one_page_with_the_methods(made: Document) -> None:
+    end = next(one.blocks for one in made.blocks if isinstance(one, Whole) and isinstance(one.blocks[-1], Signatures))
+    assert [one.text for one in end if isinstance(one, Heading)] == ["Methods", "Release"]
 
 
 def test_pages_and_paper_say_the_same(made: Document) -> None:
