@@ -44,6 +44,8 @@ def _axis(axis: AxisMaterial) -> dict[str, object]:
 
 def plain(value: object) -> object:
     """Records, arrays and mappings as dicts, lists, numbers and text; what is not finite becomes None."""
+    if isinstance(value, np.ndarray) and value.dtype.kind in "fiub" and np.isfinite(value).all():
+        return value.tolist()  # most arrays: nothing in them needs a second look
     if isinstance(value, np.ndarray | np.generic):
         return plain(value.tolist())
     if is_dataclass(value) and not isinstance(value, type):
