@@ -18,7 +18,7 @@ from gateway.domain.values import FloatArray
 from gateway.report.drawings.curves import INK, NEW, QUIET, REVERSE, calm, limits, mean, plain_name
 from gateway.report.drawings.plots import svg
 
-SIZE_MM = (88.0, 46.0)
+SIZE_MM = (88.0, 43.0)
 SMALLEST_PT = 8.0
 READING = "#9aa4ad"
 MARGIN_OF_MARKS = 0.2
