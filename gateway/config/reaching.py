@@ -83,9 +83,11 @@ def _readings(site: Any) -> Iterator[tuple[Any, tuple[str, ...], str]]:
 def _unreadable(
     tree: Mapping[str, Any], site: Any, section: Any, wanted: tuple[str, ...], error: str
 ) -> Iterator[Fault]:
-    """An instrument whose settings say that it reads another quantity."""
+    """An instrument whose settings say that it reads another quantity, or that no run reads on a rotary axis."""
     own = next((one for one in site.instruments if one.name == section.instrument), None)
     told = told_to(own, "instrument") if own is not None else None
+    if told is not None and told.typed and wanted == ("rotary",):
+        yield broken(tree, (*section.place, "instrument"), words("W-CFG-TYPED-ROTARY"), doubt=True)
     if told is None or told.typed or not told.quantities or set(told.quantities) & set(wanted):
         return
     reads = " or ".join(told.quantities)

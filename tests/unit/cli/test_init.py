@@ -35,7 +35,8 @@ def test_an_owner_of_files_gets_a_checked_file_from_three_answers(tmp_path: Path
     assert "valid" in done.output
     found = checked(tmp_path / "site.toml")
     assert found.faults == ()
-    assert [one.path for one in found.doubts] == [("moves", "safe")], "no program asks where axes may stand"
+    typed, places = ("axes", 2, "measure", "instrument"), ("moves", "safe")
+    assert [one.path for one in found.doubts] == [typed, places], "C1 from files only; no program asks where axes stand"
     assert found.site.site.name == "old-1"
     assert [axis.name for axis in found.site.axes] == ["X1", "Z1", "C1"]
 
@@ -211,7 +212,10 @@ def test_every_example_is_valid_once_its_secrets_are_there(tmp_path: Path, path:
         (copy.parent / secret).write_text("secret-0123456789")
     (copy.parent / "control.der").write_bytes(b"\x30\x82")
     found = checked(copy)
-    assert (found.faults, found.doubts) == ((), ())
+    assert found.faults == ()
+    typed = {"carried-grinder", "files-only", "mailbox-grinder"}
+    told = [one.path for one in found.doubts]
+    assert told == ([("axes", 2, "measure", "instrument")] if path.stem in typed else []), "only C1 has typed readings"
     assert all("#" in line for line in path.read_text().splitlines() if line.strip() and not line.startswith("["))
 
 

@@ -264,6 +264,7 @@ DOUBTS = [
     ("first = -400.0, last = 0.0, count = 21", "first = -200.0, last = 0.0, count = 21", 38, "a push refuses"),
     ("count = 21, ", "count = 3, ", 33, "5 targets or more"),
     ('"tcp://127.0.0.1:7001"', '"COM5"', 22, "the address of laser too"),
+    ('"bridge"\nurl = "tcp://127.0.0.1:7001"', '"manual"\nurl = "terminal://"', 50, "from result files only"),
     ('"EYX"', '"B0Z"', 64, "second set-up, along Z"),
     ('url = "COM5"', 'url = "/dev/ttyUSB77"', 17, "no such port"),
     ("[moves]", "[[equipment]]\nname = 'head'\ndue = 2021-01-10\n[moves]", 70, "due on 2021-01-10"),
