@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 
 from gateway.cli.show import echo
 
+UNTESTED = frozenset({"E-INT-NO-SELF-TEST", "E-INT-OTHER-SELF-TEST", "E-INT-SELF-TEST"})
 PUSHED = ("better", "same", "committed", "pushed")
 
 
@@ -23,9 +25,11 @@ def after_run(state: str, folder: str, site: str, machine: str) -> str:
     return f"verify-table {site}" if state in PUSHED else f"runs show {Path(folder).name} --store {Path(folder).parent}"
 
 
-def after_look(refused: bool, folder: str, machine: str) -> str:
-    """After a look at a proposal: the push itself, or the same look once the reasons are gone."""
-    return f"push {folder}" if refused else f"push {folder} --apply --machine {machine}"
+def after_look(refused_by: Collection[str], folder: str, site: str, machine: str) -> str:
+    """After a look at a proposal: the push itself, the self-test it lacks, or the same look once no reason is left."""
+    if UNTESTED.intersection(refused_by):
+        return f"self-test {site}"
+    return f"push {folder}" if refused_by else f"push {folder} --apply --machine {machine}"
 
 
 def after_dry(command: str, place: str, axis: str, machine: str) -> str:

@@ -19,10 +19,12 @@ from gateway.workflow.outcome import Outcome
 HEADINGS = ("table", "unit", "points", "acts now", "new", "largest change", "steepest", "predicted (k=2)")
 
 
-def shown(folder: RunFolder, proposal: Proposal, refusals: Mapping[str, list[str]], *, refused: bool) -> Outcome:
+def shown(
+    folder: RunFolder, proposal: Proposal, refusals: Mapping[str, list[str]], *, refused_by: Collection[str]
+) -> Outcome:
     """What `push` without consent shows: peak, change, prediction and limits of each table, every reason against it.
 
-    ``refused``: one of the reasons would refuse the push; the others are told beforehand.
+    ``refused_by``: codes of the reasons that would refuse the push; the others are told beforehand.
     """
     rows = tuple(_row(change) for change in proposal.changes if not change.skipped)
     lines = [f"{names}: {reason}" for names, reason in once((c.name, refusals[c.name]) for c in proposal.changes)]
@@ -30,7 +32,8 @@ def shown(folder: RunFolder, proposal: Proposal, refusals: Mapping[str, list[str
     lines += [words("W-PUSH-FINE", tables=", ".join(fine))] if fine else []
     lines.append(words("W-PUSH-SHOWN"))
     data: dict[str, Any] = {
-        "refused": refused,
+        "refused": bool(refused_by),
+        "refused_by": sorted(refused_by),
         "refusals": dict(refusals),
         "not_corrected": {c.name: c.skipped for c in proposal.changes if c.skipped},
     }

@@ -9,6 +9,7 @@ import pytest
 
 from drivers.clock import LoopClock, run_virtual
 from gateway import audit
+from gateway.cli.onward import after_look
 from gateway.config import load_site
 from gateway.errors import WriteRefused
 from gateway.say import silence
@@ -39,6 +40,7 @@ def test_a_proposal_is_shown_then_pushed(tmp_path: Path) -> None:
             folder = Store(path.parent / site.site.store).open(made.run_folder)
             with pytest.raises(WriteRefused, match="E-INT-NO-SELF-TEST"):
                 await push_run(folder, apply=True, machine_name=site.site.name, clock=clock, say=silence)
+            untested = await push_run(folder, apply=False, machine_name="", clock=clock, say=silence)
             tables = await judge.answer({"ask": "tables"})
             tested = await self_test_site(site, path, axis="", clock=clock, say=silence)
             shown = await push_run(folder, apply=False, machine_name="", clock=clock, say=silence)
@@ -50,6 +52,7 @@ def test_a_proposal_is_shown_then_pushed(tmp_path: Path) -> None:
             assert contents(folder.path) == whole
             return {
                 "made": made,
+                "untested": untested,
                 "tested": tested,
                 "shown": shown,
                 "untouched": untouched,
@@ -64,6 +67,9 @@ def test_a_proposal_is_shown_then_pushed(tmp_path: Path) -> None:
     seen = run_virtual(job)
     assert any("until `trueflank self-test` has passed" in line for line in seen["made"].lines)
     assert "PRODUCT OF TABLE 0" in seen["tested"].data["axes"]["C1"]["passed"]
+    assert seen["untested"].data["refused_by"] == ["E-INT-NO-SELF-TEST"]
+    assert after_look(seen["untested"].data["refused_by"], "R", "S", "M") == "self-test S"
+    assert after_look(seen["shown"].data["refused_by"], "R", "S", "M") == "push R --apply --machine M"
     assert seen["untouched"]
     assert any("is proved first" in line for line in seen["shown"].lines)
     assert seen["pushed"].data["outcome"] == "better"

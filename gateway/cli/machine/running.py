@@ -74,7 +74,7 @@ def push_run_command(run_folder: str, store: Path, asked: PushAsked, *, as_json:
     if asked.apply:
         onward = after_run(outcome.state, outcome.run_folder, str(site_path_of(folder)), machine)
     else:
-        onward = after_look(bool(outcome.data["refused"]), outcome.run_folder, machine)
+        onward = after_look(outcome.data["refused_by"], outcome.run_folder, str(site_path_of(folder)), machine)
     show_outcome(outcome, as_json=as_json, points=asked.points, onward=onward)
 
 

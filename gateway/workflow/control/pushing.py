@@ -261,7 +261,7 @@ def _proved_first(at: Bench, refusal: Refusal, axis: AxisSection) -> bool:
 
 async def _show(at: Bench, proposal: Proposal, measured: Mapping[str, MeasuredAxis]) -> Outcome:
     refusals: dict[str, list[str]] = {}
-    against = False
+    against: set[str] = set()
     for change in proposal.changes:
         axis = at.axis(change.axis)
         if change.skipped:
@@ -269,8 +269,8 @@ async def _show(at: Bench, proposal: Proposal, measured: Mapping[str, MeasuredAx
             continue
         asked = await _asked(at, change, measured)
         first = words("W-RUN-PROOF-FIRST", axis=axis.name)
-        against = against or any(not _proved_first(at, refusal, axis) for refusal in asked.refusals)
+        against |= {refusal.code for refusal in asked.refusals if not _proved_first(at, refusal, axis)}
         told = [first if _proved_first(at, refusal, axis) else refusal.words for refusal in asked.refusals]
         refusals[change.name] = [*told, *(warning.words for warning in asked.warnings)]
-    looked(at, "push", run=at.folder.run_id, refused=against)
-    return shown(at.folder, proposal, refusals, refused=against)
+    looked(at, "push", run=at.folder.run_id, refused=bool(against))
+    return shown(at.folder, proposal, refusals, refused_by=against)
