@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Collection
 from pathlib import Path
 
+from drivers.checks import CheckLine
 from gateway.cli.show import echo
 
+NEVER_TESTED = frozenset({"W-DOC-UNTESTED", "W-OFF-UNSEEN"})
 UNTESTED = frozenset({"E-INT-NO-SELF-TEST", "E-INT-OTHER-SELF-TEST", "E-INT-SELF-TEST"})
 PUSHED = ("better", "same", "committed", "pushed")
 
@@ -40,3 +42,19 @@ def after_dry(command: str, place: str, axis: str, machine: str) -> str:
 def repeat(command: str) -> None:
     """Say that faults were told above, and the command that looks again."""
     echo(f"next: correct what is wrong above, then trueflank {command}")
+
+
+def after_doctor(lines: Collection[CheckLine], site: str) -> None:
+    """Say what to type after the doctor: itself again after a fault, the self-test that nobody has made, or a run.
+
+    What a road can never tell keeps nobody from a run.
+    """
+    outcomes = {line.outcome for line in lines}
+    if "wrong" in outcomes:
+        repeat(f"doctor {site}")
+    elif NEVER_TESTED.intersection(line.code for line in lines):
+        next_step(f"self-test {site}")
+    elif "unknown" in outcomes:
+        echo(f"next: check what it could not tell, then trueflank run {site}")
+    else:
+        next_step(f"run {site}")

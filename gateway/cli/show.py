@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import shutil
 import sys
+import textwrap
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -17,6 +19,27 @@ from drivers.terms import shown
 def echo(text: str = "", *, err: bool = False, colour: str | None = None, bold: bool = False) -> None:
     """Print a line: the one place from which words reach a terminal, so nothing in a name can steer one."""
     typer.secho(visible(shown(text)), fg=colour, bold=bold, err=err)
+
+
+def say_line(text: str, hang: int, *, err: bool = False, colour: str | None = None) -> None:
+    """Print a sentence; a terminal gets it broken between words, ``hang`` columns in after its first line."""
+    stream = sys.stderr if err else sys.stdout
+    if not stream.isatty():
+        echo(text, err=err, colour=colour)  # another program gets it as one line
+        return
+    echo(folded(visible(shown(text)), shutil.get_terminal_size().columns, hang), err=err, colour=colour)
+
+
+def folded(text: str, width: int, hang: int) -> str:
+    """Text in lines of ``width`` columns at most, broken at blanks alone: a path stays whole, for whoever copies it."""
+    filled = textwrap.TextWrapper(
+        width=max(width, hang + 20),
+        subsequent_indent=" " * hang,
+        break_long_words=False,
+        break_on_hyphens=False,
+        replace_whitespace=False,
+    )
+    return "\n".join(filled.fill(line) for line in text.split("\n"))
 
 
 def show_json(data: Any) -> None:
@@ -34,9 +57,14 @@ def show_error(error: TrueflankError, *, as_json: bool) -> None:
         return
     for _name, cause in causes or (("", error),):
         place = f" [{cause.where}]" if cause.where else ""
-        echo(f"{cause.code}{place}: {cause.what}", colour="red", err=True)
+        say_line(f"{cause.code}{place}: {cause.what}", 2, colour="red", err=True)
         if cause.hint:
-            echo(f"  -> {cause.hint}", err=True)
+            say_line(f"  -> {cause.hint}", 5, err=True)
+
+
+def counted(count: int, one: str, many: str) -> str:
+    """How many there are, in words: 1 axis, 2 axes."""
+    return f"{count} {one if count == 1 else many}"
 
 
 def show_table(title: str, headings: Sequence[str], rows: Iterable[Sequence[str]]) -> None:

@@ -13,7 +13,7 @@ from drivers.checks import ControlFacts
 from drivers.clock import LoopClock
 from drivers.errors import ConfigError, TrueflankError, words
 from gateway.cli.options import JsonOption, SiteArgument
-from gateway.cli.show import echo, show_json, show_table
+from gateway.cli.show import counted, echo, say_line, show_json, show_table
 from gateway.cli.stopping import run_to_end
 
 WRONG_FILE = ConfigError.exit_code
@@ -179,18 +179,19 @@ def tell(found: CheckedSite, path: Path, rows: Sequence[tuple[str, ...]], *, as_
     for doubt in found.doubts:
         _line(doubt.error(str(path)), "yellow")
     for remark in found.remarks:
-        echo(remark, colour="yellow")
+        say_line(remark, 2, colour="yellow")
     if found.faults:
         echo(words("W-CHECK-FAULTS", file=path, count=len(found.faults)), colour="red", bold=True)
         return
     tree = found.site
-    counts = {"axes": len(tree.axes), "instruments": len(tree.instruments)}
+    counts = {"axes": counted(len(tree.axes), "axis", "axes")}
+    counts["instruments"] = counted(len(tree.instruments), "instrument", "instruments")
     echo(words("W-CHECK-VALID", file=path, site=tree.site.name, **counts), colour="green")
     if rows:
         show_table("devices", DEVICE_KEYS, rows)
 
 
 def _line(error: TrueflankError, colour: str) -> None:
-    echo(f"{error.where}: {error.code}: {error.what}", colour=colour)
+    say_line(f"{error.where}: {error.code}: {error.what}", 2, colour=colour)
     if error.hint:
-        echo(f"  -> {error.hint}")
+        say_line(f"  -> {error.hint}", 5)

@@ -13,9 +13,9 @@ from drivers.checks import CertificateView, CheckLine, TrustView, Wanted, Wanted
 from drivers.clock import Clock, LoopClock
 from drivers.errors import TrueflankError, words
 from drivers.leftover import Sent
-from gateway.cli.onward import next_step, repeat
+from gateway.cli.onward import after_doctor
 from gateway.cli.options import JsonOption, SiteArgument, TakeOption
-from gateway.cli.show import echo, show_json
+from gateway.cli.show import echo, say_line, show_json
 from gateway.cli.stopping import run_to_end
 
 NOT_ALL_WELL = 5
@@ -36,13 +36,10 @@ def doctor_command(site: SiteArgument, take: TakeOption = "", as_json: JsonOptio
     else:
         for line in lines:
             colour = {"ok": "green", "wrong": "red"}.get(line.outcome, "yellow")
-            echo(f"{MARKS[line.outcome]:<14} {line.check}: {line.what}", colour=colour)
+            say_line(f"{MARKS[line.outcome]:<14} {line.check}: {line.what}", 15, colour=colour)
             if line.fix:
-                echo(f"{'':<14} -> {line.fix}")
-        if well:
-            next_step(f"run {site}")  # where programs are tested, all is well only once they were
-        else:
-            repeat(f"doctor {site}")
+                say_line(f"{'':<14} -> {line.fix}", 18)
+        after_doctor(lines, str(site))
     if not well:
         raise typer.Exit(NOT_ALL_WELL)
 

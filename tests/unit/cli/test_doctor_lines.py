@@ -5,8 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from drivers.checks import fine
+import pytest
+
+from drivers.checks import CheckLine, fine, unknown, wrong
 from gateway.cli.control.connecting import kept_tests
+from gateway.cli.onward import after_doctor
+from gateway.cli.show import counted, folded
 from gateway.config import load_site
 from gateway.store import SelfTestBook
 from gateway.workflow.bench import store_of
@@ -38,3 +42,37 @@ def test_the_mailbox_runs_none_so_none_is_asked_for(tmp_path: Path) -> None:
     site = load_site(path)
     mailbox = site.model_copy(update={"controller": site.controller.model_copy(update={"driver": "sinumerik-modbus"})})
     assert kept_tests(mailbox, path, ()) == ()
+
+
+FINE, BAD = fine("W-DOC-SERIAL", "serial number"), wrong("E-DOC-SERIAL", "serial number")
+UNTESTED, CLOSED = unknown("W-DOC-UNTESTED", "self-test kept"), unknown("W-DOC-UNITS-UNKNOWN", "units")
+
+
+@pytest.mark.parametrize(
+    ("lines", "told"),
+    [
+        ((FINE, BAD, UNTESTED), "next: correct what is wrong above, then trueflank doctor site.toml"),
+        ((FINE, CLOSED, UNTESTED), "next: trueflank self-test site.toml"),
+        ((FINE, CLOSED), "next: check what it could not tell, then trueflank run site.toml"),
+        ((FINE,), "next: trueflank run site.toml"),
+    ],
+)
+def test_the_last_line_names_a_fault_only_where_one_was_found(
+    lines: tuple[CheckLine, ...], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    after_doctor(lines, "site.toml")
+    assert capsys.readouterr().out == f"{told}\n"
+
+
+@pytest.mark.parametrize("width", [80, 100])
+def test_a_line_breaks_between_words_and_stays_under_its_sentence(width: int) -> None:
+    said = "could not tell self-test kept: " + "the well-known sentence of some words " * 6 + "x" * 120
+    *short, path = (lines := folded(said.strip(), width, 15).split("\n"))
+    assert all(len(line) <= width for line in short)
+    assert all(line[:15].isspace() != (line is lines[0]) for line in lines)
+    assert path.strip() == "x" * 120
+    assert " ".join(line.strip() for line in lines) == said
+
+
+def test_one_is_not_told_as_many() -> None:
+    assert [counted(number, "axis", "axes") for number in (0, 1, 2)] == ["0 axes", "1 axis", "2 axes"]
