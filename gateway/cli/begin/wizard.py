@@ -280,7 +280,8 @@ def _gear_file(text: str, folder: Path) -> Why | None:
     try:
         load_gear(folder / name)
     except (TrueflankError, OSError) as error:
-        return why("W-INIT-GEAR", why=str(error))
+        # The answer names the file already.
+        return why("W-INIT-GEAR", why=error.what if isinstance(error, TrueflankError) else error)
     return None
 
 
