@@ -82,10 +82,18 @@ async def _follow(
         ) from error
 
 
+def turning(axis: AxisSection, instrument: Instrument) -> RotaryCalibrator:
+    """The opened instrument of a rotary axis as what can hold, track and turn.
+
+    Raises ConfigError (E-CAP-CALIBRATOR): another instrument, typed readings among them.
+    """
+    if not isinstance(instrument, RotaryCalibrator) or "laser_deg" not in instrument.channels:
+        raise ConfigError("E-CAP-CALIBRATOR", instrument.name, axis=axis.name)
+    return instrument
+
+
 async def _rotary(rig: Rig, setup: str) -> SenseProof:
-    axis, calibrator, jog = rig.axis, rig.instrument, ROTARY_JOG_DEG
-    if not isinstance(calibrator, RotaryCalibrator) or "laser_deg" not in calibrator.channels:
-        raise ConfigError("E-CAP-CALIBRATOR", calibrator.name, axis=axis.name)
+    axis, calibrator, jog = rig.axis, turning(rig.axis, rig.instrument), ROTARY_JOG_DEG
     plan = sense_plan(axis, setup)
     laser, device = calibrator.channels.index("laser_deg"), calibrator.channels.index("device_deg")
     seen: list[FloatArray] = []

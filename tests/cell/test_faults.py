@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from drivers.errors import DeviceError, TableError, TransportError, TrueflankError
+from drivers.errors import ConfigError, DeviceError, TableError, TransportError, TrueflankError
 from gateway.errors import Incomplete, WriteRefused
 from gateway.supervisor import DevicesFailed
 from simulators.cell import Cell
@@ -177,3 +177,16 @@ def test_apply_without_the_machines_name_opens_nothing(tmp_path: Path) -> None:
     assert judged.outcome.data["outcome"] == "not-pushed"
     assert judged.outcome.state == "proposed"
     assert judged.before == judged.after
+
+
+def test_typed_readings_of_a_rotary_axis_are_refused_before_any_axis_is_measured(tmp_path: Path) -> None:
+    def edit(text: str) -> str:
+        site = short(("X1", "C1"))(text)
+        assert site.count('instrument = "calibrator"') == 1
+        own = '[[instruments]]\nname = "typed"\ndriver = "manual"\nurl = "terminal://"\n'
+        return site.replace('instrument = "calibrator"', 'instrument = "typed"') + own
+
+    heard: list[str] = []
+    _fails(tmp_path, ConfigError, "E-CAP-CALIBRATOR", edit=edit, heard=lambda _cell, code, _fields: heard.append(code))
+    assert "P-RUN" in heard
+    assert "P-STOP" not in heard

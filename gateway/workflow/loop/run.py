@@ -7,6 +7,7 @@ from pathlib import Path
 
 from drivers.clock import Clock
 from drivers.errors import TrueflankError
+from gateway.capture.sense import turning
 from gateway.config import SiteFile
 from gateway.say import Say
 from gateway.workflow import selftests
@@ -50,8 +51,11 @@ async def run_site(
 async def _work(at: Bench, *, apply: bool) -> Outcome:
     if apply:
         selftests.demand(at)
-    store_equipment(at)
     live = [axis for axis in at.site.axes if axis.measure.file is None]
+    for axis in live:
+        if axis.kind == "rotary":
+            turning(axis, at.rig(axis).instrument)  # before hours of the other axes
+    store_equipment(at)
     await at.foresee([plan for axis in live for plan in plans_of_axis(axis, "before")])
     measured = {axis.name: await measure_axis(at, axis, "before") for axis in at.site.axes}
     await at.foresee(())
