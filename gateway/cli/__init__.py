@@ -35,9 +35,11 @@ def first(
     _version_wanted: Annotated[
         bool, typer.Option("--version", help="Print the version.", callback=_version, is_eager=True, expose_value=False)
     ] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say only what must be heard.")] = False,
+    verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Say every step, as the log has it.")] = False,
 ) -> None:
-    """Begin every command with the plain voice."""
-    use(Voice.PLAIN)
+    """Begin every command with the plain voice, or with that asked for before its name."""
+    use(Voice.VERBOSE if verbose else Voice.QUIET if quiet else Voice.PLAIN)
 
 
 def main() -> None:

@@ -10,8 +10,9 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from gateway.cli import app
+from gateway.cli import app, voice
 from gateway.cli.lazily import entries, names, order
+from gateway.cli.voice import Voice
 
 RUN = CliRunner()
 ROOT = typer.main.get_command(app)
@@ -78,3 +79,14 @@ def test_every_command_can_be_quiet_or_verbose() -> None:
     for name in names():
         options = {one for parameter in command_of(name.split())[0].params for one in parameter.opts}  # type: ignore[attr-defined]
         assert {"-q", "-v", "--quiet", "--verbose"} <= options, name
+
+
+@pytest.mark.parametrize(
+    ("words", "chosen"),
+    [([], Voice.PLAIN), (["-q"], Voice.QUIET), (["-v"], Voice.VERBOSE), (["--verbose"], Voice.VERBOSE)],
+)
+def test_a_voice_is_chosen_before_the_commands_name_as_well_as_after(words: list[str], chosen: Voice) -> None:
+    for typed in ([*words, "explain", "E-CFG-READ"], ["explain", "E-CFG-READ", *words]):
+        assert RUN.invoke(app, typed).exit_code == 0
+        assert voice.now() is chosen
+    voice.use(Voice.PLAIN)
