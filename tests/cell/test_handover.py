@@ -182,7 +182,7 @@ def test_approved_pushed_compared_taken_back(tmp_path: Path) -> None:
 
         look, done = "verify-table-looked", [entry["action"] for entry in audit.entries(at.root)]
         assert done == [
-            *("propose", "propose", "approve", "approval-used"),  # the axis' table and its reversal; one is taken
+            *("propose", "propose", "push-looked", "approve", "approval-used"),  # one of two is taken
             *("push-start", "push-begun", "push-ending", "push-committed"),
             *("table-as-pushed", look, "rollback-looked"),
             *("disable-looked", "disable-start", "disable-off", "table-differs", look, "disable-start"),
@@ -190,7 +190,7 @@ def test_approved_pushed_compared_taken_back(tmp_path: Path) -> None:
             *("rollback-start", "push-begun", "rollback-refused", "table-as-pushed", look),
             *("rollback-start", "push-begun", "push-ending", "rollback-committed", "table-as-pushed", look),
         ]
-        given_by, used, start = list(audit.entries(at.root))[2:5]
+        given_by, used, start = list(audit.entries(at.root))[3:6]
         assert used["details"]["approval"] == given_by["details"]["approval"]
         assert given_by["actor"] == "ann"
         assert (start["actor"], start["details"]["approved_by"]) == (audit.os_user(), "ann")

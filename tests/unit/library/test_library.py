@@ -155,8 +155,8 @@ def test_what_a_table_leaves_open_is_answered_by_the_argument_that_is_named(
         tf.read(path)
     assert asked.value.code == code
     assert "--column" not in str(asked.value)
-    (said,) = re.findall(r"columns=(\{.*?\})", asked.value.hint)
-    answers = json.loads(said)
+    (said,) = re.findall(r"columns=dict\((.*?)\)", asked.value.hint)
+    answers = {key: json.loads(value) for key, value in re.findall(r'(\w+)=("\w+"|\d+)', said)}
     found = tf.read(path, columns=answers if "passes" in answers else {**answers, "direction": "up"})
     assert found.targets.size == 2
 
