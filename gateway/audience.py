@@ -60,6 +60,7 @@ ASK = (
     "P-PUSH-RESET",
     "P-PUSH-RESTART",
     "P-PUSH-SIGN",
+    "P-PUSH-SIGN-AGAIN",
     "P-PUSH-SIGN-STOPS",
     "P-PUSH-TRIALS",
     "P-SELF-TEST",

@@ -9,9 +9,10 @@ from gateway.push.asking import Asked, ask, ended_before, goes_on
 from gateway.push.context import PushContext
 from gateway.push.places import together
 from gateway.push.plan import plan_hash
+from gateway.push.proofs.switching import Steps, quiet
 from gateway.push.signproof import prove_sign, prove_signs
 from gateway.push.transaction import Stays, push_table, push_tables
-from gateway.push.trials import SignQuestion, quiet
+from gateway.push.trials import SignQuestion
 from gateway.push.undo.finding import PushFinding
 from gateway.push.undo.recovery import look, recover, unfinished
 from gateway.push.work import Reading, ReadStop
@@ -24,6 +25,7 @@ __all__ = [
     "Reading",
     "SignQuestion",
     "Stays",
+    "Steps",
     "ask",
     "ended_before",
     "goes_on",

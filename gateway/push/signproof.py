@@ -1,7 +1,7 @@
 """The sign proof: in which direction this machine applies a table, measured on the machine itself.
 
 Small tables (`gateway.push.trials`) of all axes and kinds are loaded by one transaction. Where programs of ours switch
-them, they are left off by it: each is on only at the stops where its own axis is measured, three times off and on.
+them, they are left off by it: each is on only at the stops where its own axis is measured (`proofs.switching`).
 A road without programs, or where a restart alone switches (`proofs.restart`), has one table at a time. What was there
 is restored, by one program where that goes well.
 """
@@ -15,41 +15,25 @@ from drivers.errors import TrueflankError
 from drivers.terms import TableKind
 from drivers.types.abilities import Marker, TableLimits
 from drivers.types.orders import SignProof
-from drivers.types.stops import Stop, StopPlan, StopReached
+from drivers.types.stops import StopPlan
 from drivers.types.tables import LiveSet
 from gateway.errors import RollbackFailed, StillOn, VerifyError, WriteRefused
 from gateway.push import conversation
 from gateway.push.asking import ask
 from gateway.push.beginning import Task, abort, begun
-from gateway.push.compare import table_in
 from gateway.push.context import PushContext
 from gateway.push.loading import TableLoad, load, release
 from gateway.push.places import common_places, together
 from gateway.push.proofs import restart
+from gateway.push.proofs.switching import PEAK, Steps, plan_of, quiet, switched
 from gateway.push.records import journal
 from gateway.push.records.lock import machine_lock
 from gateway.push.snapshot import keep
-from gateway.push.trials import (
-    PEAK,
-    ROUNDS,
-    TIMES,
-    AlreadyOn,
-    Eyes,
-    SignQuestion,
-    Steps,
-    TrialTable,
-    is_read,
-    judged,
-    quiet,
-    reversals,
-    steps_of,
-    stops_of,
-    trial_of,
-)
+from gateway.push.trials import AlreadyOn, Eyes, SignQuestion, TrialTable, judged, trial_of
 from gateway.push.undo.restoring import all_back
 from gateway.push.undo.together import taken_away
 from gateway.push.unexpected import foreseen
-from gateway.push.work import Outcome, Reading, ReadStop, Work
+from gateway.push.work import Outcome, Reading, Work
 
 Lives = Mapping[TrialTable, LiveSet]
 
@@ -227,63 +211,34 @@ async def _measured(
 ) -> dict[Work, Steps]:
     """Axis by axis, each with its instrument mounted once for all tables that move it."""
     axes = dict.fromkeys(work.axis for work in of)
-    mine = {axis: [work for work in of if work.axis == axis] for axis in axes}
-    context = next(iter(of)).context
-    plans = [[*eyes.plans(axis), *(_plan(work, of[work].peak) for work in mine[axis])] for axis in axes]
-    await conversation.foresee(context, [plan for several in plans for plan in several])
+    works = [work for axis in axes for work in of if work.axis == axis]
+    plans = _plans(of, works, eyes)
+    context = works[0].context
+    await conversation.foresee(context, _after(plans, works, 0))
     found: dict[Work, Steps] = {}
-    for axis in axes:
-        for work in mine[axis]:
-            if work not in before:
-                _say_switching(work)
-        reading = await eyes.on(axis)
-        for work in mine[axis]:
-            if work in before:
-                found[work] = steps = await _restarted(work, of[work].peak, reading, before[work])
-            else:
-                async with reading() as read_stop:
-                    found[work] = steps = await _switched(work, of[work].peak, read_stop)
-            work.note("MEASURED", mean=steps.mean, u=steps.u, each=list(steps.each))
+    reading: Reading | None = None
+    for place, work in enumerate(works):
+        if reading is None or work.axis != works[place - 1].axis:
+            reading = await eyes.on(work.axis)
+        trial = of[work]
+        if work in before:
+            steps = await _restarted(work, trial.peak, reading, before[work])
+        else:
+            follows = _after(plans, works, place + 1)
+            steps = await switched(work, trial.peak, reading, again=trial.question.again, follows=follows)
+        work.note("MEASURED", mean=steps.mean, u=steps.u, each=list(steps.each))
+        found[work] = steps
     await conversation.foresee(context, ())
     return found
 
 
-def _plan(work: Work, peak: float) -> StopPlan:
-    context, table = work.context, work.change.new
-    trial = table if table.kind == "reversal" else None
-    cross = table.index if table.kind == "cross" else None
-    return conversation.plan_of(
-        context, "TFSIGN", stops=stops_of(context, table, peak), cross_table=cross, reversal=trial
-    )
+def _plans(of: Mapping[Work, TrialTable], works: Sequence[Work], eyes: Eyes) -> dict[Work, list[StopPlan]]:
+    """What each visits, the first of an axis with what mounts its instrument."""
+    plans = {work: [plan_of(work, of[work].peak)] for work in works}
+    for first in {work.axis: work for work in reversed(works)}.values():
+        plans[first] = [*eyes.plans(first.axis), *plans[first]]
+    return plans
 
 
-async def _switched(work: Work, peak: float, read_stop: ReadStop) -> Steps:
-    """Off and on three times while the input axis stands at the peak."""
-    context, table, order = work.context, work.change.new, work.marked
-    readings: list[tuple[float, float]] = []
-
-    async def read(stop: Stop, _reached: StopReached) -> None:
-        if is_read(table, stop):
-            readings.append(await read_stop(stop))
-
-    ask = ("P-PUSH-SIGN", {"axis": context.axis.name, "position": peak})
-    await conversation.visit(context, _plan(work, peak), read, order, ask=ask)
-    await _as_loaded(work)
-    return steps_of(reversals(readings) if table.kind == "reversal" else readings)
-
-
-async def _as_loaded(work: Work) -> None:
-    """What that program saved before its stops: the trial table, off. Elsewhere it is read when it goes."""
-    if not quiet(work.context):
-        return
-    live = await work.context.controller.saved_tables(work.axis)
-    work.seen = table_in(live, work.change.new)
-    if work.seen.enabled:
-        raise VerifyError("E-PUSH-SWITCH", work.axis, wanted=False, found=True)
-
-
-def _say_switching(work: Work) -> None:
-    table = work.change.new
-    times = ROUNDS if table.kind == "reversal" else TIMES
-    told = {"count": times, "amount": PEAK, "deviation_unit": table.deviation_unit}
-    work.context.say("P-MOVE-SWITCHED", axis=work.axis, table=work.change.name, **told)
+def _after(plans: Mapping[Work, list[StopPlan]], works: Sequence[Work], place: int) -> list[StopPlan]:
+    return [plan for work in works[place:] for plan in plans[work]]

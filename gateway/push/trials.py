@@ -9,7 +9,7 @@ control takes a new value up at once or at the next turn.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import ceil, floor
 from typing import Any, Literal, Protocol
@@ -19,27 +19,18 @@ import numpy as np
 from drivers.errors import TableError, UnsupportedDevice
 from drivers.terms import TableKind
 from drivers.types.orders import SignProof
-from drivers.types.stops import Stop, StopPlan
+from drivers.types.stops import StopPlan
 from drivers.types.tables import CompensationTable, LiveSet, reversal_of
 from drivers.types.values import Approach
 from drivers.units import deviation_unit
 from gateway.axes import AxisRecord
 from gateway.domain.proposals import TableChange
 from gateway.errors import VerifyError
-from gateway.evaluate.behaviour.repetitions import MAD_TO_SIGMA
-from gateway.interlocks import proves
-from gateway.push import conversation
 from gateway.push.compare import table_in
 from gateway.push.context import PushContext
+from gateway.push.proofs.switching import PEAK, Steps
 from gateway.push.unexpected import unheard
 from gateway.push.work import Reading
-
-PEAK = 3.0
-TIMES = 3
-MEDIAN_U = 1.2533  # a median scatters by so much more than a mean
-ROUNDS = 6
-"""Four stops make one step, so one reading out of line must not decide: the median of so many does not heed it."""
-_WAYS = (1, -1, 1)  # the first stop switches and is not read; the two others give B
 
 
 class Eyes(Protocol):
@@ -58,11 +49,16 @@ class Eyes(Protocol):
         ...
 
 
+def _unheard(_steps: Steps) -> None:
+    """Nobody keeps it."""
+
+
 @dataclass(frozen=True, slots=True)
 class SignQuestion:
     """Which sign to prove: of a kind of table on the context's output axis, on this grid of its input axis.
 
     ``index`` is the number of the cross table to borrow, ``direction`` that of travel in which it is to act (0: both).
+    ``again`` hears the first steps where they prove nothing, before the table is switched once more.
     """
 
     context: PushContext
@@ -72,12 +68,7 @@ class SignQuestion:
     kind: TableKind = "axis"
     index: int = 0
     direction: Approach | Literal[0] = 0
-
-
-def quiet(context: PushContext) -> bool:
-    """Whether trial tables stay off but at their own stops: where programs of ours switch them."""
-    can = context.controller.capabilities
-    return can.stops and can.switches_now
+    again: Callable[[Steps], None] = _unheard
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,15 +111,6 @@ class TrialTable:
             predicted=nothing,
             predicted_U=nothing,
         )
-
-
-@dataclass(frozen=True, slots=True)
-class Steps:
-    """What switching on did: mean step in um or arcsec, positive when the axis moved positive, and its u."""
-
-    mean: float
-    u: float
-    each: tuple[float, ...]
 
 
 def triangle(
@@ -208,51 +190,12 @@ def trial_of(question: SignQuestion) -> TrialTable:
     return TrialTable(question, context, table, peak)
 
 
-def stops_of(context: PushContext, table: CompensationTable, peak: float) -> tuple[Stop, ...]:
-    """Off and on three times while the input axis stands at the peak; a reversal is come to from both sides.
-
-    Where programs switch, one stop more leaves it off: `is_read` says which of them are read.
-    """
-    approach = conversation.approach_to(context, peak, table.direction)
-    if table.kind == "reversal":
-        read = _both_sides(peak, ROUNDS)
-    else:
-        read = tuple(
-            Stop(peak, approach, repetition=number // 2, label=number, switch=bool(number % 2))
-            for number in range(2 * TIMES)
-        )
-    last = Stop(peak, approach, repetition=read[-1].repetition + 1, label=0, switch=False)
-    return (*read, last) if quiet(context) else read
-
-
-def is_read(table: CompensationTable, stop: Stop) -> bool:
-    """Whether the instrument is read at this stop of `stops_of`."""
-    if table.kind == "reversal":
-        return stop.switch is None
-    return stop.repetition < TIMES
-
-
-def steps_of(readings: list[tuple[float, float]]) -> Steps:
-    """Mean of the on-minus-off differences of (value, u) pairs, off first; u from the larger of u and scatter.
-
-    Of more than three the median, and their scatter without what lies out of line.
-    """
-    off, on = np.array(readings[0::2]), np.array(readings[1::2])
-    each = on[:, 0] - off[:, 0]
-    stated = float(np.sqrt(np.sum(on[:, 1] ** 2 + off[:, 1] ** 2))) / each.size
-    root, told = float(np.sqrt(each.size)), tuple(float(value) for value in each)
-    if each.size <= TIMES:
-        return Steps(float(np.mean(each)), max(stated, float(np.std(each, ddof=1)) / root), told)
-    centre = float(np.median(each))
-    scatter = MEDIAN_U * MAD_TO_SIGMA * float(np.median(np.abs(each - centre))) / root
-    return Steps(centre, max(stated, scatter), told)
-
-
 def judged(context: PushContext, steps: Steps, kind: TableKind) -> SignProof:
     """The proof of a kind of table on an output axis. Raises VerifyError (E-PUSH-NO-PROOF, E-PUSH-SIGN)."""
     axis = context.axis
-    if not proves(steps.mean / PEAK, steps.u / PEAK):
+    if not steps.prove:
         told: dict[str, Any] = {"mean": round(steps.mean, 3), "u": round(steps.u, 3), "peak": PEAK}
+        told["count"] = len(steps.each)
         raise VerifyError("E-PUSH-NO-PROOF", axis.name, axis=axis.name, unit=deviation_unit(axis.unit), **told)
     if kind != "cross" and steps.mean > 0:
         told = {"mean": round(steps.mean, 3), "unit": deviation_unit(axis.unit)}
@@ -268,21 +211,3 @@ def judged(context: PushContext, steps: Steps, kind: TableKind) -> SignProof:
         sign=sign,
         date_utc=moment,
     )
-
-
-def _both_sides(place: float, times: int) -> tuple[Stop, ...]:
-    """Off, then on, each measured from - and from +; as often as asked."""
-    one_round = [(way, number, on) for on in (False, True) for number, way in enumerate(_WAYS)]
-    return tuple(
-        Stop(place, 1 if way > 0 else -1, repetition, label, switch=on if number == 0 else None)
-        for repetition in range(times)
-        for label, (way, number, on) in enumerate(one_round)
-    )
-
-
-def reversals(readings: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """B with its u from readings after - and + in turn, off and on alternating as `steps_of` wants them."""
-    after = np.asarray(readings, dtype=np.float64).reshape(-1, 2, 2)
-    B = after[:, 1, 0] - after[:, 0, 0]
-    u = np.hypot(after[:, 1, 1], after[:, 0, 1])
-    return [(float(value), float(doubt)) for value, doubt in zip(B, u, strict=True)]

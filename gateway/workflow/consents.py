@@ -146,6 +146,11 @@ def proving(at: Bench, change: TableChange) -> None:
     _keep(at, change, "sign-proof-start", {})
 
 
+def proving_again(at: Bench, change: TableChange, mean: float, u: float, count: int) -> None:
+    """Keep that its table is switched as often again, and what the first ``count`` steps gave. Raises as `begin`."""
+    _keep(at, change, "sign-proof-again", {"mean": round(mean, 3), "u": round(u, 3), "steps": count})
+
+
 def refused(at: Bench, reasons: tuple[str, ...]) -> str:
     """Keep that a push was refused before it began; returns the log's problem in words ("": none)."""
     told = {"run": at.folder.run_id, "count": len(reasons), "reasons": "; ".join(reasons)}

@@ -22,7 +22,8 @@ from drivers.types.tables import CompensationTable
 from gateway.capture.targets import jog_plan, jog_start, measuring_plan, plan_of, targets_of, with_checks
 from gateway.config import AxisSection, SiteFile
 from gateway.domain.proposals import Proposal
-from gateway.push.trials import TIMES, triangle_of
+from gateway.push.proofs.switching import TIMES
+from gateway.push.trials import triangle_of
 from gateway.tooth import SetupValues
 from gateway.walk import Patience, question
 from gateway.workflow.axes.measure import check_stops

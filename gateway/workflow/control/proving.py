@@ -18,9 +18,9 @@ from gateway.capture.sense import prove_sense, sense_plan
 from gateway.config import AxisSection
 from gateway.domain.proposals import TableChange
 from gateway.errors import VerifyError, WriteRefused
-from gateway.push import PushContext, Reading, ReadStop, SignQuestion, prove_signs, quiet
+from gateway.push import PushContext, Reading, ReadStop, SignQuestion, Steps, prove_signs, quiet
 from gateway.workflow.bench import Bench
-from gateway.workflow.consents import proving
+from gateway.workflow.consents import proving, proving_again
 
 # Switching a table moves the axis by micrometres: no motion is seen, so the reading waits longer instead.
 SWITCH_SETTLE_S = 8.0
@@ -122,6 +122,10 @@ async def prove(
 
 def _question(at: Bench, change: TableChange, context: PushContext) -> SignQuestion:
     table, grid = change.new, at.axis(change.new.input_axis).table
+
+    def again(steps: Steps) -> None:
+        proving_again(at, change, mean=steps.mean, u=steps.u, count=len(steps.each))
+
     return SignQuestion(
         context,
         grid.minimum,
@@ -130,4 +134,5 @@ def _question(at: Bench, change: TableChange, context: PushContext) -> SignQuest
         kind=table.kind,
         index=table.index,
         direction=table.direction,
+        again=again,
     )

@@ -113,12 +113,14 @@ def test_every_end_leaves_its_record(at: Any, tmp_path: Path) -> None:
     assert consents.proposed(at, PROPOSAL) == ""
     assert consents.recovered(at, "R-PUSH-HALF", PushRecord(9, "X1", "rolled-back", (), "")) == ""
     consents.proving(at, CHANGE)
+    consents.proving_again(at, CHANGE, mean=-2.1234, u=0.5, count=3)
     found = list(audit.entries(tmp_path))
     assert found.pop(0)["action"] == audit.APPROVED
     assert [entry["action"] for entry in found] == [
         "push-start",
         *(f"push-{outcome}" for outcome in ends),
         *("push-failed", "push-refused", "propose", "recover-rolled-back", "sign-proof-start"),
+        "sign-proof-again",
     ]
     assert found[0]["details"]["approved_by"] == "ann"
     assert found[1]["plan_hash"] == found[0]["plan_hash"] != ""
@@ -127,4 +129,5 @@ def test_every_end_leaves_its_record(at: Any, tmp_path: Path) -> None:
     assert (plan["plan_hash"], plan["new_hash"]) == (found[0]["plan_hash"], found[0]["new_hash"])
     assert plan["details"]["proposal"] == at.folder.digest("proposal")
     assert at.folder.anchor.partition(":")[2] == plan["hash"]
+    assert {"mean": -2.123, "u": 0.5, "steps": 3}.items() <= found[-1]["details"].items()
     assert audit.sound(tmp_path)

@@ -18,8 +18,9 @@ from drivers.types.tables import LiveTable
 from gateway.axes import AxisRecord
 from gateway.errors import RollbackFailed, VerifyError, WriteRefused
 from gateway.interlocks import proves, value_at
-from gateway.push import prove_sign
-from gateway.push.trials import PEAK, Steps, judged, steps_of, triangle
+from gateway.push import SignQuestion, prove_sign, prove_signs
+from gateway.push.proofs.switching import PEAK, Steps, steps_of
+from gateway.push.trials import AlreadyOn, judged, triangle
 from tests.unit.push.double import (
     MACHINE,
     NEVER,
@@ -69,7 +70,7 @@ def test_proved_and_restored(tmp_path: Path, old: LiveTable) -> None:
         (0.0, 0.02, 0.05, "E-PUSH-NO-PROOF"),
         (-0.7, 0.02, 0.05, "E-PUSH-NO-PROOF"),
         (-1.3, 0.02, 0.05, "E-PUSH-NO-PROOF"),
-        (-1.0, 0.02, 1.0, "E-PUSH-NO-PROOF"),
+        (-1.0, 0.02, 2.0, "E-PUSH-NO-PROOF"),
         *[(-0.5, 0.0, u, "E-PUSH-NO-PROOF") for u in (0.05, 0.3, 0.45, 0.55, 1.0, 2.0)],
         *[(-2.0, 0.0, u, "E-PUSH-NO-PROOF") for u in (0.05, 0.6, 1.2, 1.8, 1.85, 2.5)],
         (1.25, 0.0, 0.588, "E-PUSH-SIGN"),
@@ -219,3 +220,63 @@ def test_uncertainty_is_the_larger_of_stated_and_seen() -> None:
     assert quiet.u == pytest.approx(np.sqrt(3 * (0.09 + 0.16)) / 3)
     loud = steps_of([(0.0, 0.0), (2.0, 0.0), (0.0, 0.0), (3.0, 0.0), (0.0, 0.0), (4.0, 0.0)])
     assert loud.u == pytest.approx(1.0 / np.sqrt(3))
+
+
+@pytest.mark.parametrize("bad", range(6))
+def test_one_reading_out_of_line_costs_as_many_steps_again_and_not_the_proof(tmp_path: Path, bad: int) -> None:
+    at = bench(tmp_path)
+    said: list[tuple[str, dict[str, object]]] = []
+    first: list[Steps] = []
+    count = 0
+
+    async def read(_stop: Stop) -> tuple[float, float]:
+        nonlocal count
+        count += 1
+        return -at.machine.compensation + (9.0 if count == bad + 1 else 0.0), 0.05
+
+    def say(code: str, /, **fields: object) -> None:
+        said.append((code, fields))
+
+    question = SignQuestion(replace(at.context, say=say), 0.0, maximum=400.0, step=50.0, again=first.append)
+    (found,) = run_virtual(lambda: prove_signs((question,), AlreadyOn(lambda: nullcontext(read))))
+    assert isinstance(found, SignProof)
+    assert found.slope == pytest.approx(-1.0)
+    assert count == 12
+    assert [len(one.each) for one in first] == [3]
+    told = [fields for code, fields in said if code == "P-PUSH-SIGN-AGAIN"]
+    assert [(one["count"], one["total"], one["mean"]) for one in told] == [(3, 6, round(first[0].mean, 3))]
+    assert {fields["most"] for code, fields in said if code == "P-MOVE-SWITCHED"} == {6}
+    (kept,) = journals_of(tmp_path)
+    assert kept.kinds.count("MEASURED") == 1
+    assert len(kept.latest("each")) == 6
+    assert at.machine.own == OLD_ON
+
+
+def test_steps_that_prove_at_once_are_not_repeated(tmp_path: Path) -> None:
+    at = bench(tmp_path)
+    count = 0
+
+    async def read(_stop: Stop) -> tuple[float, float]:
+        nonlocal count
+        count += 1
+        return -at.machine.compensation, 0.05
+
+    run_virtual(lambda: prove_sign(at.context, 0.0, 400.0, 50.0, lambda: nullcontext(read)))
+    assert count == 6
+
+
+def test_six_steps_prove_what_scatters_and_none_is_proved_wrong() -> None:
+    """Readings that scatter by 0.45 um, one of the first 8 um out of line: three steps prove nothing, six do."""
+    rng = np.random.default_rng(11)
+    open_at_three = open_at_six = 0
+    for _ in range(2000):
+        values = -PEAK * np.tile([0.0, 1.0], 6) + rng.normal(0.0, 0.45, 12)
+        values[rng.integers(6)] += 8.0
+        readings = [(float(value), 0.05) for value in values]
+        if not steps_of(readings[:6]).prove:
+            open_at_three += 1
+            found = steps_of(readings)
+            open_at_six += not found.prove
+            assert not (found.prove and found.mean > 0)
+    assert open_at_three == 2000
+    assert open_at_six < 100
