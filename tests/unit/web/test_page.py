@@ -59,7 +59,7 @@ def test_every_end_of_a_push_has_its_words_in_every_language() -> None:
 
 # What tells a person at the machine something while a command works, what the doctor finds, and what `init` asks.
 AT_WORK = frozenset({Audience.ASK, Audience.STEP, Audience.MOVE, Audience.LOUD})
-SPOKEN = re.compile(r"[EW]-DOC-|R-HELD-|W-LEFT-[A-Z]+$|W-STEP-|[PW]-INIT-[A-Z-]+$|P-(?:PUSH|SELF-TEST|CAP)-")
+SPOKEN = re.compile(r"[EW]-(?:DOC|LCNC)-|R-HELD-|W-LEFT-[A-Z]+$|W-STEP-|[PW]-INIT-[A-Z-]+$|P-(?:PUSH|SELF-TEST|CAP)-")
 # Words for the terminal alone: the cell's console, what `init` writes into its file or says of its own command.
 TERMINAL = re.compile(
     r"P-(?:CELL|CONFORM|CAP-LIVE|LEGAL|SERVE)|P-INIT-(?:TOLD|UNREAD|HEAD|CELL-HEAD|WRITTEN|NEXT|LEFT)"
