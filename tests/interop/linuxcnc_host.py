@@ -13,7 +13,7 @@ import os
 import shutil
 import signal
 import subprocess
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,7 @@ TOKEN = "interop-0123456789"
 START_S, END_S, PAUSE_S = 40.0, 20.0, 0.1
 NOBODY = 65534
 CAME_UP: list[Path] = []
+SCREWS = ("x.comp", "y.comp", "z.comp", "a.comp")
 
 
 def _as_nobody() -> list[str]:
@@ -38,7 +39,7 @@ def _as_nobody() -> list[str]:
 class Host:
     """One folder with the mill; `person` does what somebody in front of it does."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, files: Mapping[str, str]) -> None:
         self.folder = folder
         self._clock = LoopClock()
         self._kernel: asyncio.subprocess.Process | None = None
@@ -47,8 +48,8 @@ class Host:
         for one in (HERE / "linuxcnc").iterdir():
             if one.is_file():
                 shutil.copy(one, folder)
-        for name in ("x.comp", "y.comp", "a.comp", "mill.tbl"):
-            (folder / name).touch()
+        for name in (*SCREWS, "mill.tbl"):
+            (folder / name).write_text(files.get(name, ""))
         # All that a host needs of us: the agent's folder, and the two it lies in.
         agent = folder / "drivers" / "linuxcnc" / "agent"
         shutil.copytree(ROOT / "drivers" / "linuxcnc" / "agent", agent, ignore=shutil.ignore_patterns("__pycache__"))
@@ -169,10 +170,10 @@ async def _first(host: Host) -> None:
 
 
 @contextlib.asynccontextmanager
-async def running(folder: Path) -> AsyncIterator[Host]:
-    """Kernel up and homed, agent up."""
+async def running(folder: Path, files: Mapping[str, str] | None = None) -> AsyncIterator[Host]:
+    """Kernel up and homed with these screw files (none: empty ones), agent up."""
     kernel_there()
-    host = Host(folder)
+    host = Host(folder, files or {})
     try:
         await _first(host)
         await host.person("home")

@@ -1,7 +1,8 @@
 #!/usr/bin/python3
 """The person at the mill, as the display that LinuxCNC starts: does what a line of JSON asks, answers with one.
 
-`home`, `start` (Cycle Start, also after a pause), `mdi`, `errors`, `true` (where the slides truly stand), `quit`.
+`home`, `start` (Cycle Start), `resume` (the same after a pause), `mdi`, `walk`, `errors`, `true` (where
+the slides truly stand), `quit`.
 """
 
 import json
@@ -12,7 +13,7 @@ from pathlib import Path
 import hal
 import linuxcnc
 
-LONG_S = 30.0
+LONG_S, LOOK_S, STILL = 30.0, 0.01, 4
 
 
 class Person:
@@ -40,8 +41,19 @@ class Person:
         return list(self.stat.homed[:4])
 
     def _mode(self, mode: int) -> None:
-        self.command.mode(mode)
-        self.command.wait_complete(LONG_S)
+        self.stat.poll()
+        if self.stat.task_mode != mode:  # each wait costs a tenth of a second
+            self.command.mode(mode)
+            self.command.wait_complete(LONG_S)
+
+    def resume(self) -> str:
+        """Cycle Start once the program waits at its message."""
+        for _ in range(int(LONG_S / LOOK_S)):
+            self.stat.poll()
+            if self.stat.paused:
+                break
+            time.sleep(LOOK_S)
+        return self.start()
 
     def start(self) -> str:
         self.stat.poll()
@@ -53,16 +65,25 @@ class Person:
         return str(self.stat.file)
 
     def mdi(self, text: str) -> dict[str, list[float]]:
+        return self.walk([text])[0]
+
+    def walk(self, blocks: list[str]) -> list[dict[str, list[float]]]:
+        """What `true` says after each of these blocks."""
         self._mode(linuxcnc.MODE_MDI)
-        self.command.mdi(text)
-        self.command.wait_complete(LONG_S)
-        still = 0
-        while still < 5:  # another client's commands may have answered for ours: look until nothing moves
-            time.sleep(0.02)
-            self.stat.poll()
-            idle = self.stat.interp_state == linuxcnc.INTERP_IDLE and self.stat.queue == 0
-            still = still + 1 if idle and self.stat.inpos else 0
-        return self.true()
+        seen = []
+        for block in blocks:
+            self.command.mdi(block)
+            end, still = time.monotonic() + LONG_S, 0
+            while still < STILL:
+                if time.monotonic() > end:
+                    raise TimeoutError(block)
+                time.sleep(LOOK_S)
+                self.stat.poll()
+                taken = self.stat.echo_serial_number == self.command.serial
+                idle = self.stat.interp_state == linuxcnc.INTERP_IDLE and self.stat.queue == 0
+                still = still + 1 if taken and idle and self.stat.inpos else 0
+            seen.append(self.true())
+        return seen
 
     def stop(self) -> None:
         self.command.abort()
