@@ -151,6 +151,11 @@ def proving_again(at: Bench, change: TableChange, mean: float, u: float, count: 
     _keep(at, change, "sign-proof-again", {"mean": round(mean, 3), "u": round(u, 3), "steps": count})
 
 
+def left_out(at: Bench, change: TableChange, why: str) -> None:
+    """Keep that a run goes on without a table whose sign is not proved, or that is worth nothing without it."""
+    _keep(at, change, "push-left-out", {"why": why})
+
+
 def refused(at: Bench, reasons: tuple[str, ...]) -> str:
     """Keep that a push was refused before it began; returns the log's problem in words ("": none)."""
     told = {"run": at.folder.run_id, "count": len(reasons), "reasons": "; ".join(reasons)}

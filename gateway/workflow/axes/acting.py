@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from drivers.errors import words
@@ -31,15 +33,15 @@ from gateway.workflow.bench import Bench
 AS_APPROVED = "as-approved"
 
 
-def acting_plans(at: Bench) -> tuple[StopPlan, ...]:
-    """What `check_acting` will visit once every cross table of the run is in."""
+def acting_plans(at: Bench, cross: Sequence[TableChange]) -> tuple[StopPlan, ...]:
+    """What `check_acting` will visit once these cross tables are in."""
     if not at.supervisor.controller.capabilities.stops or not at.folder.has(stages.TOOTH):
         return ()
-    tooth, proposal = at.folder.get(stages.TOOTH, ToothProposal), at.folder.get(stages.PROPOSAL, Proposal)
+    tooth = at.folder.get(stages.TOOTH, ToothProposal)
     found: list[StopPlan] = []
     for outlook in tooth.axes:
         section = live_again(at.axis(outlook.axis), outlook.targets)
-        if section is not None and any(_over_itself(one, outlook.axis) for one in proposal.changes):
+        if section is not None and any(_over_itself(one, outlook.axis) for one in cross):
             found += _plans(at.rig(places(section, outlook, at.site.guard)))
     return tuple(found)
 

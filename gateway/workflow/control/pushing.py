@@ -46,6 +46,7 @@ from gateway.workflow.outcome import Outcome, alarmed
 from gateway.workflow.results.ending import finish
 from gateway.workflow.showing import narrowed, once, shown
 from gateway.workflow.tooth.remaining import remaining
+from gateway.workflow.tooth.without import predict_without
 
 Done = TypeVar("Done")
 
@@ -86,9 +87,10 @@ async def _applied(at: Bench, proposal: Proposal, measured: Mapping[str, Measure
     at.folder.set_state("pushed")
     verdicts = await judged(at, own, measured, done.records)
     cross = [change for change in changes if change.layer == "cross"]
-    await _push(at, cross, measured, done, acting_plans(at))
+    await _push(at, cross, measured, done, acting_plans(at, cross))
     verdict = judge(verdicts, tuple(done.records.values()), tuple(done.proofs))
     at.folder.put(stages.VERDICT, verdict, tuple(at.folder.digest(stages.push(name)) for name in done.records))
+    predict_without(at, proposal)
     await check_acting(at)
     return verdict
 

@@ -98,6 +98,7 @@ class _Loop:
             folder.set_state(verdict.outcome)
             return
         await check_acting(self.at)
+        tooth = folder.get(stages.TOOTH, ToothProposal)  # as it is with the tables that were pushed
         first = now.plus(self._expected(before, tooth))
         trial = await self._part(TRIAL, first)
         setup = first.plus(setup_from_part(trial, self.work.gear).setup)

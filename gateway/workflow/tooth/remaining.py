@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from drivers.types.tables import CompensationTable
@@ -48,21 +48,28 @@ def remaining(at: Bench, stay: Sequence[TableChange]) -> Remains | None:
         return None
     model = at.folder.get(stages.ERRORS, ErrorModel)
     names = {axis.letter: axis.name for axis in at.site.axes}
-    return flanks(model, work_of(at.site, at.site_path), names, before=_pushed(at.folder), stay=tables)
+    return flanks(model, work_of(at.site, at.site_path), names, before=pushed(at.folder), stay=tables)
+
+
+def machine_with(
+    model: ErrorModel, work: ToothWork, names: Mapping[str, str], changes: Sequence[TableChange]
+) -> Grinding:
+    """The fitted machine with these changes in; reversals change no flank. Pure. Raises ModelError."""
+    grinding = Grinding(chain_of_errors(model, height_mm=work.height_mm), work.gear, work.centre_distance_mm)
+    return with_tables(grinding, _added(grinding, [one for one in changes if one.new.kind != "reversal"], names))
 
 
 def flanks(
     model: ErrorModel,
     work: ToothWork,
-    names: dict[str, str],
+    names: Mapping[str, str],
     *,
     before: Sequence[TableChange],
     stay: Sequence[TableChange],
 ) -> Remains:
     """The same for a fitted machine; ``names`` gives machine axes by letter. Pure. Raises ModelError."""
-    grinding = Grinding(chain_of_errors(model, height_mm=work.height_mm), work.gear, work.centre_distance_mm)
-    acting = with_tables(grinding, _added(grinding, before, names))
-    rest = with_tables(acting, _added(grinding, stay, names))
+    acting = machine_with(model, work, names, before)
+    rest = with_tables(acting, _added(acting, stay, names))
     return Remains(_rms_um(rest, work), _rms_um(acting, work))
 
 
@@ -71,19 +78,19 @@ def _rms_um(machine: Grinding, work: ToothWork) -> float:
     return set_right(flank_map(machine, grid), work.gear).rms_um
 
 
-def _added(machine: Grinding, changes: Sequence[TableChange], names: dict[str, str]) -> list[Table]:
+def _added(machine: Grinding, changes: Sequence[TableChange], names: Mapping[str, str]) -> list[Table]:
     """What changes add to the tables that acted while the errors were measured."""
     found = [_share(machine, one.new, names, 1.0) for one in changes]
     found += [_share(machine, one.old, names, -1.0) for one in changes if one.old_enabled]
     return [one for one in found if one is not None]
 
 
-def _share(machine: Grinding, table: CompensationTable, names: dict[str, str], share: float) -> Table | None:
+def _share(machine: Grinding, table: CompensationTable, names: Mapping[str, str], share: float) -> Table | None:
     found = table_of(machine.chain, table, names)
     return None if found is None else Table(found.grid, share * found.values)
 
 
-def _pushed(folder: RunFolder) -> tuple[TableChange, ...]:
+def pushed(folder: RunFolder) -> tuple[TableChange, ...]:
     """What this run has put into the control before, reversals aside."""
     proposal = folder.get(stages.PROPOSAL, Proposal)
     held = {one.name: stages.push(one.name) for one in proposal.changes if folder.has(stages.push(one.name))}

@@ -1,0 +1,123 @@
+"""A run that goes on without some of its tables: which of the others still help the tooth, and what the flank will be.
+
+Tables for a tooth are found together, so the flank is worked out again with those that can be pushed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from drivers.errors import words
+from gateway.correct.outlook.prediction import flank_map
+from gateway.domain.proposals import Proposal, TableChange
+from gateway.gear.flank import flank_grid
+from gateway.gear.setright import set_right
+from gateway.model.known import ErrorModel
+from gateway.tooth import FlankMap, FlankPrediction, ToothProposal
+from gateway.workflow import stages
+from gateway.workflow.bench import Bench
+from gateway.workflow.tooth.proposal import PROFILE, WIDTH, ToothWork, work_of
+from gateway.workflow.tooth.remaining import SAME_UM, machine_with, pushed
+
+
+@dataclass(frozen=True, slots=True)
+class Tried:
+    """A fitted machine on which tables of a proposal are tried; ``names`` gives machine axes by letter."""
+
+    model: ErrorModel
+    work: ToothWork
+    names: Mapping[str, str]
+
+    def flank(self, changes: Sequence[TableChange]) -> FlankMap:
+        """The flank with these tables."""
+        machine = machine_with(self.model, self.work, self.names, changes)
+        return flank_map(machine, flank_grid(self.work.gear, profile=PROFILE, width=WIDTH))
+
+    def right(self, changes: Sequence[TableChange]) -> FlankMap:
+        """The same with its set-up values right."""
+        return set_right(self.flank(changes), self.work.gear)
+
+
+@dataclass(frozen=True, slots=True)
+class Rest:
+    """The tables that go on, and the flank's RMS with them, with every table and with none, um."""
+
+    changes: tuple[TableChange, ...]
+    rms_um: float
+    all_um: float
+    none_um: float
+
+
+def tried_on(at: Bench, changes: Sequence[TableChange]) -> Tried | None:
+    """The machine as this run measured it; None where no errors were measured, or a table is one of a product.
+
+    Raises ConfigError (E-CLOSE-WORK, E-STUDY-...), ModelError.
+    """
+    if not at.folder.has(stages.ERRORS) or any(one.new.multiply_by for one in changes):
+        return None
+    names = {axis.letter: axis.name for axis in at.site.axes}
+    return Tried(at.folder.get(stages.ERRORS, ErrorModel), work_of(at.site, at.site_path), names)
+
+
+def best_rest(tried: Tried, every: Sequence[TableChange], left: Sequence[TableChange]) -> Rest:
+    """Of ``left``, all of them or the axes' own alone, whichever leaves the better flank; none where both are worse.
+
+    A cross table is worth having with the tables that it was found with, so it may spoil what is left of them. Pure.
+    """
+    own = tuple(one for one in left if one.layer == "axis")
+    all_um, none_um = tried.right(every).rms_um, tried.right(()).rms_um
+    tries = [(changes, tried.right(changes).rms_um) for changes in (tuple(left), own)]
+    best, rms_um = min(tries, key=lambda one: one[1])
+    if rms_um > none_um + SAME_UM:
+        return Rest((), none_um, all_um, none_um)
+    return Rest(best, rms_um, all_um, none_um)
+
+
+def predict_without(at: Bench, proposal: Proposal) -> None:
+    """Where not every table of a proposal was pushed, the tooth's prediction becomes that of those which were.
+
+    What is predicted of an axis with everything acting goes where a table of it is missing.
+    """
+    every = [one for one in proposal.changes if not one.skipped and one.new.kind != "reversal"]
+    acting = pushed(at.folder)
+    names = {one.name for one in acting}
+    missing = [one for one in every if one.name not in names]
+    if not missing or not acting or not at.folder.has(stages.TOOTH):
+        return
+    tried = tried_on(at, every)
+    if tried is None:
+        return
+    tooth = at.folder.get(stages.TOOTH, ToothProposal)
+    at.folder.put(stages.TOOTH, revised(tooth, tried, every, acting), at.folder.parents(stages.TOOTH))
+
+
+def revised(
+    tooth: ToothProposal, tried: Tried, every: Sequence[TableChange], acting: Sequence[TableChange]
+) -> ToothProposal:
+    """The proposal as it is with the tables ``acting`` alone of ``every``; pure."""
+    names = {one.name for one in acting}
+    missing = [one for one in every if one.name not in names]
+    own = [[one for one in changes if one.layer == "axis"] for changes in (acting, every)]
+    now, was = tried.right(acting), tried.right(every)
+    told = tooth.prediction
+    found = _moved(told, now.deviation_um - was.deviation_um)
+    alone = told.with_own.deviation_um + tried.flank(own[0]).deviation_um - tried.flank(own[1]).deviation_um
+    figures = {"rest": f"{found.rms_um:.2f}", "all": f"{told.rms_um:.2f}"}
+    said = words("S-TOOTH-WITHOUT", names=", ".join(one.name for one in missing), **figures)
+    axes = {one.axis for one in missing}
+    return replace(
+        tooth,
+        prediction=replace(found, with_own=replace(told.with_own, deviation_um=alone)),
+        axes=tuple(one for one in tooth.axes if one.axis not in axes),
+        said=(said, *tooth.said),
+    )
+
+
+def _moved(told: FlankPrediction, change_um: np.ndarray) -> FlankPrediction:
+    """The flank after moved by a map: its doubts stay, and so what they add to its RMS in squares."""
+    after = replace(told.after, deviation_um=told.after.deviation_um + change_um)
+    doubt = max(told.rms_um**2 - told.after.rms_um**2, 0.0)
+    return replace(told, after=after, rms_um=float(np.sqrt(after.rms_um**2 + doubt)))

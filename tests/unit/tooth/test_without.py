@@ -1,0 +1,151 @@
+"""A table whose sign is not proved is left out; the run goes on with what still helps, and says what it costs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gateway.domain.proposals import TableChange
+from gateway.errors import VerifyError
+from gateway.gear.flank import flank_grid
+from gateway.gear.setright import set_right
+from gateway.tooth import FlankPrediction, SetupValues, ToothProposal
+from gateway.workflow import stages
+from gateway.workflow.control import signing
+from gateway.workflow.tooth import without
+from gateway.workflow.tooth.proposal import PROFILE, WIDTH
+from tests.unit.gear.machines import DISC
+from tests.unit.tooth.test_remaining import MODEL, WORK, cross, own, spoiling
+
+NAMES = {letter: letter for letter in "XZC"}
+TRIED = without.Tried(MODEL, WORK, NAMES)
+
+
+def every() -> tuple[TableChange, ...]:
+    return (*own(), *cross())
+
+
+def no_proof(axis: str) -> VerifyError:
+    return VerifyError("E-PUSH-NO-PROOF", axis, axis=axis, unit="um", mean=1.0, u=0.7, peak=3.0, count=6)
+
+
+class Store(dict[str, Any]):
+    """A run folder of these records."""
+
+    run_id = "a run"
+
+    def has(self, stage: str) -> bool:
+        return stage in self
+
+    def get(self, stage: str, _kind: object) -> Any:  # type: ignore[override]
+        return self[stage]
+
+
+class Said:
+    """What a bench says and what it keeps."""
+
+    def __init__(self, **records: object) -> None:
+        self.codes: list[str] = []
+        self.fields: list[dict[str, object]] = []
+        axes = [SimpleNamespace(name=letter, letter=letter) for letter in "XZC"]
+        self.bench: Any = SimpleNamespace(
+            folder=Store(records), site=SimpleNamespace(axes=axes), site_path=None, say=self.say
+        )
+
+    def say(self, code: str, **fields: object) -> None:
+        self.codes.append(code)
+        self.fields.append(fields)
+
+
+@pytest.fixture(autouse=True)
+def kept(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, str]]:
+    """What the audit log was told; the work of the site file is the disc."""
+    told: list[tuple[str, str]] = []
+    monkeypatch.setattr(without, "work_of", lambda _site, _path: WORK)
+    monkeypatch.setattr(signing, "left_out", lambda _at, change, why: told.append((change.name, why)))
+    return told
+
+
+@cache
+def rms_um(*names: str) -> float:
+    return TRIED.right([one for one in every() if one.name in names]).rms_um
+
+
+def test_an_axis_of_its_own_goes_on_without_another(kept: list[tuple[str, str]]) -> None:
+    """Nothing was asked for the tooth: each axis table was predicted for its axis alone."""
+    said = Said()
+    found = signing._without(said.bench, own(), {("X", "axis"): no_proof("X")})
+    assert [one.name for one in found] == [one.name for one in own()]
+    assert {one.name: bool(one.skipped) for one in found} == {one.name: one.axis == "X" for one in own()}
+    assert said.codes == ["P-PUSH-WITHOUT"]
+    ((name, why),) = kept
+    assert name == "X"
+    assert why.startswith("E-PUSH-NO-PROOF")
+
+
+def test_without_any_table_left_it_is_an_error() -> None:
+    with pytest.raises(VerifyError, match="E-PUSH-NO-PROOF"):
+        signing._without(Said().bench, own()[:1], {(own()[0].axis, "axis"): no_proof("X")})
+
+
+def test_a_sign_holds_for_all_cross_tables_of_its_axis() -> None:
+    several = [one for one in cross() if one.axis == "X"]
+    assert len(several) > 1
+    found = signing._without(Said().bench, every(), {("X", "cross"): no_proof("X")})
+    assert [one.name for one in found if one.skipped] == [one.name for one in several]
+
+
+def test_half_of_a_reversal_takes_the_other_with_it() -> None:
+    plain = own()[0]
+    turned = replace(plain, new=replace(plain.new, kind="reversal"))
+    up = replace(plain, new=replace(plain.new, kind="cross", index=4, input_axis=plain.axis, direction=1))
+    down = replace(up, new=replace(up.new, index=5, direction=-1))
+    changes = (plain, turned, up, down)
+    found = signing._without(Said().bench, changes, {(plain.axis, "cross"): no_proof(plain.axis)})
+    assert [bool(one.skipped) for one in found] == [False, True, True, True]
+    found = signing._without(Said().bench, (plain, turned), {(plain.axis, "reversal"): no_proof(plain.axis)})
+    assert [bool(one.skipped) for one in found] == [False, True]
+
+
+def test_of_tables_for_a_tooth_the_better_rest_goes_on_and_the_flank_is_said() -> None:
+    said = Said(**{stages.TOOTH: None, stages.ERRORS: MODEL})
+    lost = cross()[0]
+    found = signing._without(said.bench, every(), {(lost.axis, "cross"): no_proof(lost.axis)})
+    assert said.codes[0] == "P-PUSH-WITHOUT-FLANK"
+    going = [one.name for one in found if not one.skipped]
+    figures = said.fields[0]
+    assert float(str(figures["rest"])) == pytest.approx(rms_um(*going), abs=0.006)
+    assert float(str(figures["all"])) == pytest.approx(rms_um(*(one.name for one in every())), abs=0.006)
+    assert float(str(figures["none"])) == pytest.approx(rms_um(), abs=0.006)
+    assert rms_um(*going) <= rms_um() + 1e-6
+
+
+def test_what_spoils_without_the_lost_table_goes_too() -> None:
+    rest = without.best_rest(TRIED, (*every(), spoiling()), (*own(), spoiling()))
+    assert [one.name for one in rest.changes] == [one.name for one in own()]
+    worse = [
+        replace(one, new=replace(one.new, deviations=tuple(-5.0 * d for d in one.new.deviations))) for one in own()
+    ]
+    assert without.best_rest(TRIED, every(), worse).changes == ()
+
+
+def test_the_prediction_becomes_that_of_the_tables_that_were_pushed() -> None:
+    changes = every()
+    acting = [one for one in changes if one.axis != "X" or one.layer == "axis"]
+    whole, plain = TRIED.right(changes), TRIED.flank(own())
+    told = FlankPrediction(TRIED.flank(()), plain, whole, 0.1, 0.2, np.zeros(whole.deviation_um.shape), 0.5, 0.1)
+    found = without.revised(ToothProposal(SetupValues(), told), TRIED, changes, acting)
+    wanted = TRIED.right(acting)
+    assert found.prediction.after.deviation_um == pytest.approx(wanted.deviation_um, abs=1e-9)
+    doubt = 0.5**2 - whole.rms_um**2
+    assert found.prediction.rms_um == pytest.approx((wanted.rms_um**2 + max(doubt, 0.0)) ** 0.5)
+    assert found.prediction.with_own.deviation_um == pytest.approx(plain.deviation_um)
+    assert "not pushed" in found.said[0]
+    grid = flank_grid(DISC, profile=PROFILE, width=WIDTH)
+    assert whole.deviation_um.shape == grid.shape
+    assert set_right(whole, DISC).rms_um == pytest.approx(whole.rms_um, rel=1e-6)
