@@ -36,7 +36,7 @@ PUSH = {
     "held": "stopped before its end; the table reads back as off, and the backup is ready to be restored",
     "held-on": "held, still on: stopped before its end, and it is not verified which table acts; do not machine parts",
     "refused": "refused before anything was written",
-    "skipped": "nothing to write",
+    "skipped": "not written",
 }
 
 GLOSSARY = (

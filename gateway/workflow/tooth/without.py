@@ -12,10 +12,12 @@ import numpy as np
 
 from drivers.errors import words
 from gateway.correct.outlook.prediction import flank_map
+from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import Proposal, TableChange
 from gateway.gear.flank import flank_grid
 from gateway.gear.setright import set_right
 from gateway.model.known import ErrorModel
+from gateway.store import RunFolder
 from gateway.tooth import FlankMap, FlankPrediction, ToothProposal
 from gateway.workflow import stages
 from gateway.workflow.bench import Bench
@@ -90,8 +92,15 @@ def predict_without(at: Bench, proposal: Proposal) -> None:
     tried = tried_on(at, every)
     if tried is None:
         return
-    tooth = at.folder.get(stages.TOOTH, ToothProposal)
-    at.folder.put(stages.TOOTH, revised(tooth, tried, every, acting), at.folder.parents(stages.TOOTH))
+    tooth = revised(at.folder.get(stages.TOOTH, ToothProposal), tried, every, acting)
+    why = tuple(f"{one.name}: {step}" for one in missing for step in _reasons(at.folder, one))
+    at.folder.put(stages.TOOTH, replace(tooth, said=(*why, *tooth.said)), at.folder.parents(stages.TOOTH))
+
+
+def _reasons(folder: RunFolder, change: TableChange) -> tuple[str, ...]:
+    """Why a table of the run was not pushed, as its record has it."""
+    stage = stages.push(change.name)
+    return folder.get(stage, PushRecord).steps[-1:] if folder.has(stage) else ()
 
 
 def revised(

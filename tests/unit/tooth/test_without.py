@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gateway.domain.outcomes import PushRecord
 from gateway.domain.proposals import TableChange
 from gateway.errors import VerifyError
 from gateway.gear.flank import flank_grid
@@ -44,6 +45,12 @@ class Store(dict[str, Any]):
 
     def get(self, stage: str, _kind: object) -> Any:  # type: ignore[override]
         return self[stage]
+
+    def put(self, stage: str, record: object, _parents: tuple[str, ...]) -> None:
+        self[stage] = record
+
+    def parents(self, _stage: str) -> tuple[str, ...]:
+        return ()
 
 
 class Said:
@@ -149,3 +156,22 @@ def test_the_prediction_becomes_that_of_the_tables_that_were_pushed() -> None:
     grid = flank_grid(DISC, profile=PROFILE, width=WIDTH)
     assert whole.deviation_um.shape == grid.shape
     assert set_right(whole, DISC).rms_um == pytest.approx(whole.rms_um, rel=1e-6)
+
+
+def test_the_stored_prediction_is_revised_once_and_says_why() -> None:
+    changes, lost = every(), cross()[0]
+    whole = TRIED.right(changes)
+    told = FlankPrediction(TRIED.flank(()), TRIED.flank(own()), whole, 0.1, 0.2, whole.deviation_um, 0.5, 0.1)
+    said = Said(**{stages.TOOTH: ToothProposal(SetupValues(), told), stages.ERRORS: MODEL})
+    folder = said.bench.folder
+    proposal: Any = SimpleNamespace(changes=changes)
+    folder[stages.PROPOSAL] = proposal
+    folder |= {stages.push(one.name): PushRecord(1, one.axis, "committed", (), "") for one in changes}
+    without.predict_without(said.bench, proposal)
+    assert folder[stages.TOOTH].prediction is told
+    folder[stages.push(lost.name)] = PushRecord(0, lost.axis, "skipped", ("E-PUSH-NO-PROOF: too small",), "")
+    without.predict_without(said.bench, proposal)
+    found = folder[stages.TOOTH]
+    assert found.said[0] == f"{lost.name}: E-PUSH-NO-PROOF: too small"
+    wanted = TRIED.right([one for one in changes if one.name != lost.name])
+    assert found.prediction.after.deviation_um == pytest.approx(wanted.deviation_um, abs=1e-9)
